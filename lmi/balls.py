@@ -1,0 +1,125 @@
+"""Exact matrices and ball arithmetic: the only file that imports flint.
+
+Exact matrices are numpy object arrays of rationals, so that the papers' formulas (`+ - @ .T`) run
+on them unchanged. Ball matrices are `arb_mat`: every entry is a number with a proved error bound.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+from flint import arb, arb_mat, ctx, fmpq, fmpq_mat
+from numpy.typing import ArrayLike, NDArray
+
+Exact = NDArray[np.object_]
+PRECISIONS = (80, 160, 320)  # bits: raised in turn before a proof gives up
+
+
+def exact(values: ArrayLike | Exact) -> Exact:
+    """The rational numbers that floats (or exact entries) are; ValueError if not finite."""
+    array = np.asarray(values)
+    result = np.empty(array.shape, dtype=object)
+    for index, value in np.ndenumerate(array):
+        result[index] = rational(value)
+    return result
+
+
+def rational(value: Any) -> Any:
+    """One exact number."""
+    if isinstance(value, fmpq):
+        return value
+    number = float(value)
+    if not np.isfinite(number):
+        raise ValueError(f"only finite numbers have an exact value; got {number}")
+    return fmpq(*number.as_integer_ratio())
+
+
+def to_float(values: Exact) -> NDArray[np.float64]:
+    """Nearest binary64 numbers."""
+    return np.array([int(v.p) / int(v.q) for v in values.flat], dtype=np.float64).reshape(
+        values.shape
+    )
+
+
+@contextmanager
+def precision(bits: int) -> Iterator[None]:
+    """Work with this many bits inside the block."""
+    before = ctx.prec
+    ctx.prec = bits
+    try:
+        yield
+    finally:
+        ctx.prec = before
+
+
+def ball(values: Exact) -> Any:
+    """Ball matrix of an exact one, at the current precision."""
+    return arb_mat(_rational_matrix(values))
+
+
+def _rational_matrix(values: Exact) -> Any:
+    rows, columns = values.shape
+    return fmpq_mat(rows, columns, list(values.flat))
+
+
+def exp_times(F: Exact, theta: float) -> Any:
+    """Ball matrix e^{F theta} for an exact F and the exact number a float theta is."""
+    return arb_mat(_rational_matrix(F) * rational(theta)).exp()
+
+
+def certify_positive_definite(S: Any) -> bool:
+    """True only if the symmetric ball matrix S is positive definite for every choice inside.
+
+    False says nothing. Every pivot of L D L' must be certainly positive.
+    """
+    rows = [list(row) for row in S.tolist()]
+    n = len(rows)
+    for k in range(n):
+        pivot = rows[k][k]
+        if not pivot > 0:
+            return False
+        for i in range(k + 1, n):
+            factor = rows[i][k] / pivot
+            for j in range(k + 1, i + 1):
+                rows[i][j] = rows[i][j] - factor * rows[j][k]
+    return True
+
+
+def certify_negative(x: Any) -> bool:
+    """True only if the ball contains nothing but negative numbers."""
+    return bool(x < 0)
+
+
+def number(value: float) -> Any:
+    """Ball of a float, exactly."""
+    return arb(rational(value))
+
+
+def identity(n: int) -> Any:
+    """Ball identity matrix."""
+    return arb_mat(fmpq_mat(n, n, [fmpq(int(i == j)) for i in range(n) for j in range(n)]))
+
+
+def characteristic_polynomial(F: Exact) -> list[Any]:
+    """Exact coefficients, constant term first, of det(s I - F)."""
+    return list(_rational_matrix(F).charpoly().coeffs())
+
+
+def fixed_vector(blocks: list[Exact]) -> list[float] | None:
+    """A nonzero v with X v = 0 for every block X, exactly; None if there is none."""
+    stacked = np.vstack(blocks)
+    reduced, rank = _rational_matrix(stacked).rref()
+    columns = stacked.shape[1]
+    if rank == columns:
+        return None
+    table = reduced.tolist()
+    leading = [next(j for j in range(columns) if table[i][j] != 0) for i in range(rank)]
+    free = next(j for j in range(columns) if j not in leading)
+    vector = [fmpq(0)] * columns
+    vector[free] = fmpq(1)
+    for i, j in enumerate(leading):
+        vector[j] = -table[i][free]
+    return [int(v.p) / int(v.q) for v in vector]

@@ -1,0 +1,82 @@
+"""Is a matrix Hurwitz? Decided exactly: proved, or refuted with the mode."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from lmi.balls import (
+    ball,
+    certify_positive_definite,
+    characteristic_polynomial,
+    exact,
+    precision,
+    to_float,
+)
+from lmi.verdict import Verdict, proved, refuted
+
+Matrix = NDArray[np.float64]
+
+
+def prove_hurwitz(F: ArrayLike) -> Verdict:
+    """Every eigenvalue of F has a negative real part; F (n, n) floats or exact rationals.
+
+    A Lyapunov matrix checked in balls proves it. Otherwise Routh's test on the exact characteristic
+    polynomial decides, so that eigenvalues on the imaginary axis are refuted, not undecided.
+    """
+    numbers = exact(F)
+    approx = to_float(numbers)
+    with np.errstate(all="ignore"):
+        eigenvalues = np.linalg.eigvals(approx)
+        worst = complex(eigenvalues[np.argmax(eigenvalues.real)])
+        Q = lyapunov_matrix(approx, np.eye(len(approx)))
+    if Q is not None:
+        with precision(128):
+            Q_ball, F_ball = ball(exact(Q)), ball(numbers)
+            falling = -(F_ball.transpose() * Q_ball + Q_ball * F_ball)
+            if certify_positive_definite(Q_ball) and certify_positive_definite(falling):
+                return proved(method="Lyapunov matrix", approx_abscissa=worst.real)
+    if _routh(characteristic_polynomial(numbers)):
+        return proved(method="Routh's test, exact", approx_abscissa=worst.real)
+    reason = (
+        f"the flow has a mode that does not decay: eigenvalue {worst.real:.6g}"
+        f"{f' +- {abs(worst.imag):.6g}i' if worst.imag else ''}"
+    )
+    mode = {"real": worst.real, "imag": abs(worst.imag)}
+    return refuted({"eigenvalue": mode, "method": "Routh's test, exact", "reason": reason})
+
+
+def lyapunov_matrix(F: Matrix, P: Matrix) -> Matrix | None:
+    """Q of (F + a I)'Q + Q(F + a I) = -P with a half the decay rate of F; floats, n^2 unknowns.
+
+    None when F does not look Hurwitz or the equation cannot be solved.
+    """
+    n = len(F)
+    abscissa = float(np.linalg.eigvals(F).real.max())
+    if not abscissa < 0:
+        return None
+    shifted = F - 0.5 * abscissa * np.eye(n)
+    operator = np.kron(np.eye(n), shifted.T) + np.kron(shifted.T, np.eye(n))
+    try:
+        Q = np.linalg.solve(operator, -P.reshape(-1)).reshape(n, n)
+    except np.linalg.LinAlgError:
+        return None
+    return (Q + Q.T) / 2 if np.isfinite(Q).all() else None
+
+
+def _routh(coefficients: list[Any]) -> bool:
+    """Are all roots in the open left half-plane? Exact rationals, constant term first."""
+    falling = coefficients[::-1]
+    upper, lower = falling[0::2], falling[1::2]
+    if not upper[0] > 0:
+        return False
+    while lower:
+        if not lower[0] > 0:
+            return False
+        ratio = upper[0] / lower[0]
+        padded = lower + [0] * (len(upper) - len(lower))
+        following = [u - ratio * v for u, v in zip(upper[1:], padded[1:], strict=False)]
+        upper, lower = lower, following
+    return True

@@ -1,0 +1,139 @@
+"""One dwell time that destabilises: a theta with spectral radius >= 1, proved in balls.
+
+M(theta) = e^{F theta} H. A float scan proposes theta; the proof is one of: det(I - M) < 0 (a real
+eigenvalue above 1), det(I + M) < 0 (one below -1), a Stein inequality M'QM - Q > 0 with y'Qy > 0 for
+some y (then x'Qx grows along x+ = M x), or a vector that every M(theta) leaves in place, exactly.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from lmi.balls import (
+    PRECISIONS,
+    Exact,
+    ball,
+    certify_negative,
+    certify_positive_definite,
+    exact,
+    exp_times,
+    fixed_vector,
+    identity,
+    precision,
+    to_float,
+)
+from lmi.exponential import expm, exponential_grid
+from lmi.verdict import Verdict, refuted, undecided
+
+Matrix = NDArray[np.float64]
+
+_POINTS = 400
+_TRIED = 6
+
+
+def refute_spectral(F: ArrayLike, H: ArrayLike, low: float, high: float) -> Verdict:
+    """Refuted when some theta in [low, high] has spectral radius >= 1; otherwise undecided.
+
+    F, H: (n, n) floats or exact rationals. The witness holds theta (a float, taken exactly), the
+    radius (float, for reading) and the method of proof.
+    """
+    F_exact, H_exact = exact(F), exact(H)
+    if (still := _fixed(F_exact, H_exact)) is not None:
+        reason = "M(theta) has the eigenvalue 1 for every theta: a state that never decays"
+        return refuted({"theta": low, "spectral_radius": 1.0, "vector": still, "reason": reason,
+                        "method": "exact invariant vector"})  # fmt: skip
+    candidates = _worst_thetas(to_float(F_exact), to_float(H_exact), low, high)
+    for theta, radius in candidates:
+        if radius < 1:
+            break
+        for bits in PRECISIONS:
+            with precision(bits), np.errstate(all="ignore"):
+                method = _certify(F_exact, H_exact, theta)
+            if method:
+                reason = (
+                    f"at dwell time {theta!r} a jump and the flow after it have spectral radius "
+                    f"{radius:.9g} >= 1"
+                )
+                return refuted({"theta": theta, "spectral_radius": radius, "method": method,
+                                "reason": reason})  # fmt: skip
+    theta, radius = candidates[0] if candidates else (low, math.nan)
+    return undecided(f"largest spectral radius seen is {radius:.9g} at dwell time {theta!r}",
+                     theta=theta, spectral_radius=radius)  # fmt: skip
+
+
+def _fixed(F: Exact, H: Exact) -> list[float] | None:
+    """v with F v = 0 and H v = v, or a row vector with the same, exactly."""
+    unit = exact(np.eye(len(H)))
+    return fixed_vector([F, H - unit]) or fixed_vector([F.T, H.T - unit])
+
+
+def _worst_thetas(F: Matrix, H: Matrix, low: float, high: float) -> list[tuple[float, float]]:
+    """Dwell times with the largest spectral radii, in falling order: ends and refined maxima."""
+    with np.errstate(all="ignore"):
+        last = high if math.isfinite(high) else low + _horizon(F)
+        thetas = np.linspace(low, last, _POINTS)
+        step = (last - low) / (_POINTS - 1)
+        radii = _radii(exponential_grid(F, low, step, _POINTS) @ H)
+        inner = np.flatnonzero((radii[1:-1] >= radii[:-2]) & (radii[1:-1] >= radii[2:])) + 1
+        best = sorted(inner, key=lambda k: -radii[k])[:_TRIED]
+        found = [(low, float(_radii(expm(F * low) @ H))), (last, float(_radii(expm(F * last) @ H)))]
+        for k in best:
+            found.append(_refined(F, H, float(thetas[k - 1]), float(thetas[k + 1])))
+    finite = [(theta, radius) for theta, radius in found if math.isfinite(radius)]
+    return sorted(finite, key=lambda entry: -entry[1])
+
+
+def _horizon(F: Matrix) -> float:
+    """A dozen slowest time constants; for a flow that does not decay, some of its own time."""
+    eigenvalues = np.linalg.eigvals(F)
+    slow = float(np.abs(eigenvalues.real).min(initial=math.inf))
+    fast = max(float(np.abs(eigenvalues).max(initial=0.0)), 1e-6)
+    return 12.0 / min(max(slow, fast / 100), fast)
+
+
+def _radii(M: Matrix) -> Any:
+    finite = np.isfinite(M).all(axis=(-2, -1), keepdims=True)
+    radii = np.abs(np.linalg.eigvals(np.where(finite, M, 0.0))).max(axis=-1, initial=0.0)
+    return np.where(finite[..., 0, 0], radii, np.nan)
+
+
+def _refined(F: Matrix, H: Matrix, left: float, right: float) -> tuple[float, float]:
+    """Maximum of the radius between two points, by repeated subdivision."""
+    for _ in range(6):
+        thetas = np.linspace(left, right, 17)
+        radii = _radii(expm(F * thetas[:, None, None]) @ H)
+        k = int(np.nanargmax(radii)) if np.isfinite(radii).any() else 8
+        left, right = float(thetas[max(k - 1, 0)]), float(thetas[min(k + 1, 16)])
+    return float(thetas[k]), float(radii[k])
+
+
+def _certify(F: Exact, H: Exact, theta: float) -> str | None:
+    M = exp_times(F, theta) * ball(H)
+    unit = identity(len(H))
+    if certify_negative((unit - M).det()):
+        return "det(I - M) < 0: a real eigenvalue above 1"
+    if certify_negative((unit + M).det()):
+        return "det(I + M) < 0: a real eigenvalue below -1"
+    middle = np.array([[float(x) for x in row] for row in M.tolist()])
+    return _stein(M, middle) if np.isfinite(middle).all() else None
+
+
+def _stein(M: Any, middle: Matrix) -> str | None:
+    """Q of M'QM - Q = I: x'Qx grows strictly, and is positive somewhere."""
+    n = len(middle)
+    try:
+        Q = np.linalg.solve(np.kron(middle.T, middle.T) - np.eye(n * n), np.eye(n).reshape(-1))
+    except np.linalg.LinAlgError:
+        return None
+    Q = (Q.reshape(n, n) + Q.reshape(n, n).T) / 2
+    if not np.isfinite(Q).all():
+        return None
+    y = np.linalg.eigh(Q)[1][:, -1:]
+    Q_ball, y_ball = ball(exact(Q)), ball(exact(y))
+    grows = certify_positive_definite(M.transpose() * Q_ball * M - Q_ball)
+    positive = certify_positive_definite(y_ball.transpose() * Q_ball * y_ball)
+    return "Stein inequality: x'Qx grows along a solution" if grows and positive else None

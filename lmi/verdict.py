@@ -1,0 +1,45 @@
+"""Three answers: proved, refuted with a witness, undecided with the worst place."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+OUTCOMES = ("proved", "refuted", "undecided")
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """An outcome and what shows it; evidence is JSON-ready (infinity as "inf")."""
+
+    outcome: str
+    evidence: Mapping[str, Any]
+
+    def __post_init__(self) -> None:
+        if self.outcome not in OUTCOMES:
+            raise ValueError(f"outcome must be one of {', '.join(OUTCOMES)}; got {self.outcome!r}")
+
+    def __bool__(self) -> bool:
+        raise TypeError("a verdict has three values: compare .outcome")
+
+
+def proved(**evidence: Any) -> Verdict:
+    """The claim holds; the evidence says by which means."""
+    return Verdict("proved", evidence)
+
+
+def refuted(witness: Mapping[str, Any], **evidence: Any) -> Verdict:
+    """The claim is false; the witness was checked against the claim itself."""
+    return Verdict("refuted", {"witness": dict(witness), **evidence})
+
+
+def undecided(reason: str, **evidence: Any) -> Verdict:
+    """Neither could be shown; `reason` in words, and the worst place seen where there is one."""
+    return Verdict("undecided", {"reason": reason, **evidence})
+
+
+def overall(outcomes: Iterable[str]) -> str:
+    """Refuted if any is, else undecided if any is, else proved."""
+    found = set(outcomes)
+    return next((word for word in ("refuted", "undecided") if word in found), "proved")

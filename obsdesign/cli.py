@@ -1,0 +1,201 @@
+"""The command line: parse, one call, print. Heavy imports stay inside the commands.
+
+Exit codes: 0 proved or done, 1 refuted, 2 bad input or usage, 3 undecided.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+from typing import Any
+
+import click
+
+from obsdesign.errors import InputError
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(package_name="obsdesign")
+def cli() -> None:
+    """Observers for impulsive, sampled and unknown-input linear systems."""
+
+
+def main() -> None:
+    """Entry point: turns every expected failure into one line on stderr and an exit code."""
+    try:
+        code = cli.main(standalone_mode=False)
+    except (InputError, click.ClickException) as error:
+        text = error.format_message() if isinstance(error, click.ClickException) else str(error)
+        click.echo(f"obsdesign: {' '.join(text.split())}", err=True)
+        code = 2
+    except (click.Abort, KeyboardInterrupt):
+        code = 130
+    except BrokenPipeError:  # the reader of our output left: nothing to complain about
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        code = 0
+    sys.exit(code if isinstance(code, int) else 0)
+
+
+@cli.command()
+@click.argument("folder", default="obsdesign-demo")
+def demo(folder: str) -> int:
+    """Design, prove, simulate, run and plot a shipped example into FOLDER."""
+    from obsdesign.demo import run_demo
+
+    return run_demo(Path(folder))
+
+
+@cli.command()
+@click.argument("problem")
+@click.option("--kind", help="Observer kind; options of another kind in the file are dropped.")
+@click.option("-o", "--output", default="design.json", show_default=True, help="Design file.")
+@click.option("--allow-undecided", is_flag=True, help="Write a design with undecided claims too.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object on stdout.")
+def design(problem: str, kind: str | None, output: str, allow_undecided: bool, as_json: bool) -> int:
+    """Synthesise what PROBLEM leaves open, prove it, and write a design file."""
+    from obsdesign import workflow
+    from obsdesign.presentation import EXIT_CODES, answer, show
+    from obsdesign.problem import load_problem
+
+    loaded = load_problem(problem)
+    if kind is not None:
+        loaded, dropped = loaded.for_kind(kind)
+        if dropped:
+            click.echo(f"obsdesign: dropped for kind {kind}: {', '.join(dropped)}", err=True)
+    _writable(output)
+    outcome = workflow.investigate(loaded)
+    keep = outcome.verdict == "proved" or (outcome.verdict == "undecided" and allow_undecided)
+    written = output if keep and outcome.design else None
+    if outcome.design and written:
+        outcome.design.save(written)
+    if as_json:
+        gains = outcome.design.gains if outcome.design else {}
+        click.echo(answer("design", outcome, {**outcome.result, "file": written, "gains": gains}))
+    else:
+        show(outcome)
+        click.echo(f"written: {written}" if written else "nothing written")
+    return EXIT_CODES[outcome.verdict]
+
+
+@cli.command()
+@click.argument("design_file", metavar="DESIGN")
+@click.option("--paranoid", is_flag=True, help="Prove a second time by an independent method.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object on stdout.")
+def verify(design_file: str, paranoid: bool, as_json: bool) -> int:
+    """Prove everything in DESIGN again, from the file alone and without a solver."""
+    from obsdesign import workflow
+    from obsdesign.document import load_design
+    from obsdesign.presentation import EXIT_CODES, answer, show
+
+    outcome = workflow.verify(load_design(design_file), paranoid=paranoid)
+    if as_json:
+        click.echo(answer("verify", outcome, outcome.result))
+    else:
+        show(outcome)
+    return EXIT_CODES[outcome.verdict]
+
+
+@cli.command()
+@click.argument("source", metavar="PROBLEM_OR_DESIGN")
+@click.option("--until", type=float, help="End time.  [default: about ten dwell times]")
+@click.option("--step", type=float, help="Time between rows.  [default: the period, or about until/500]")
+@click.option("--initial", help="True initial state x1,...,xn.  [default: ones]")
+@click.option("--dwell", default="random", show_default=True, help="shortest, random, or a number.")
+@click.option("--disturbance", default="random", show_default=True,
+              help="zero, extreme, random or sine.")  # fmt: skip
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True)
+@click.option("--events", help="Write the true unknown impulses to this file.")
+@click.option("-o", "--output", default="data.csv", show_default=True, help="Data file.")
+def simulate(source: str, output: str, events: str | None, seed: int, **options: Any) -> int:
+    """Simulate the plant of a problem or design exactly, with its true state."""
+    import numpy as np
+
+    from obsdesign.document import write_text
+    from obsdesign.records import table_text
+    from obsdesign.simulation import simulate as run_simulation
+
+    plant = _plant(source)
+    if options["initial"] is not None:
+        options["initial"] = _numbers(options["initial"], "--initial")
+    if options["dwell"] not in ("shortest", "random"):
+        options["dwell"] = _numbers(options["dwell"], "--dwell (shortest, random or a number)")[0]
+    record = run_simulation(plant, rng=np.random.default_rng(seed), **options)
+    write_text(output, table_text(record.columns))
+    if events:
+        width = max(record.events.shape[1] - 1, 1)
+        names = ["t", *(["weight"] if width == 1 else [f"weight{i + 1}" for i in range(width)])]
+        columns = record.events.reshape(-1, width + 1).T
+        write_text(events, table_text(dict(zip(names, columns, strict=True))))
+    click.echo(f"written: {output}, {len(record.t)} rows until t = {record.t[-1]:g}"
+               if len(record.t) else f"written: {output}, no rows")  # fmt: skip
+    return 0
+
+
+@cli.command()
+@click.argument("design_file", metavar="DESIGN")
+@click.argument("data", required=False)
+@click.option("-o", "--output", help="Estimate file.  [default: standard output]")
+@click.option("--initial", help="x1,...,xn; for bounds x1_lo,x1_hi,... (required).")
+@click.option("--events", help="Write the impulses that were found to this file.")
+def run(design_file: str, data: str | None, output: str | None, initial: str | None, events: str | None) -> int:
+    """Execute DESIGN on DATA.csv, or row by row on standard input."""
+    from obsdesign.execution import execute
+
+    start = None if initial is None else _numbers(initial, "--initial")
+    counts = execute(design_file, data, output, start, events)
+    total = sum(counts.values())
+    told = ", ".join(f"{number} {status}" for status, number in counts.most_common())
+    click.echo(f"{total} rows: {told}", err=True)
+    return 0
+
+
+@cli.command()
+@click.argument("estimate")
+@click.argument("data", required=False)
+@click.option("-o", "--output", default="estimate.png", show_default=True, help="PNG or SVG file.")
+def plot(estimate: str, data: str | None, output: str) -> int:
+    """Picture an estimate file, against the true state where DATA.csv has it."""
+    from obsdesign.plotting import plot_estimate
+
+    plot_estimate(estimate, data, output)
+    click.echo(f"written: {output}")
+    return 0
+
+
+@cli.command()
+@click.argument("which", type=click.Choice(["problem", "design"]), default="problem")
+def schema(which: str) -> int:
+    """Print the JSON Schema of problem files or of design files."""
+    from importlib.resources import files
+
+    click.echo(files("obsdesign").joinpath(f"schema/{which}.schema.json").read_text("utf-8").rstrip())
+    return 0
+
+
+def _plant(source: str) -> Any:
+    """The plant of a problem file, or of the problem inside a design file."""
+    from obsdesign.document import FORMAT, load_design
+    from obsdesign.problem import Problem, load_problem
+
+    try:
+        is_design = source.endswith(".json") and f'"{FORMAT}"' in Path(source).read_text("utf-8")
+    except (OSError, UnicodeDecodeError):
+        is_design = False  # load_problem says what is wrong with the file
+    if is_design:
+        return Problem.from_dict(load_design(source).problem).plant
+    return load_problem(source).plant
+
+
+def _numbers(text: str, option: str) -> list[float]:
+    try:
+        return [float(part) for part in text.split(",")]
+    except ValueError:
+        raise InputError(f"{option} must be numbers separated by commas; got {text!r}.") from None
+
+
+def _writable(path: str) -> None:
+    """Refuse before minutes of work, not after."""
+    folder = Path(path).parent
+    if not folder.is_dir() or Path(path).is_dir():
+        raise InputError(f"{path}: cannot be written: no such folder, or a folder itself.")

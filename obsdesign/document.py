@@ -1,0 +1,213 @@
+"""The only file that knows the JSON of a design: what it holds, how it is signed and read.
+
+Numpy and the standard library only, so that the runtime can read designs anywhere. Format,
+version and digest are checked by hand here; the published JSON Schema is schema/design.schema.json.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import os
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from obsdesign.errors import InputError
+
+FORMAT = "obsdesign/design"
+VERSION = 1
+_KEYS = ("format", "version", "name", "kind", "problem", "gains", "claims", "guarantees",
+         "provenance", "digest")  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Claim:
+    """One hypothesis of the theorem behind a design.
+
+    source: paper, theorem, equation; verdict: proved | refuted | undecided; evidence: what shows
+    it (a certificate, a witness, the worst place), JSON-ready.
+    """
+
+    id: str
+    statement: str
+    source: str
+    verdict: str
+    evidence: Mapping[str, Any]
+
+    def to_dict(self) -> dict[str, Any]:
+        """The claim as it stands in a file."""
+        return {name: jsonable(getattr(self, name)) for name in self.__dataclass_fields__}
+
+
+@dataclass(frozen=True)
+class Design:
+    """A proved observer: the problem it answers, its gains, what is claimed and what is promised.
+
+    problem: the normalised problem as a dict; gains: arrays and scalars under the names of the
+    problem file; guarantees: {"statement", "given", "claims"} each.
+    """
+
+    name: str
+    kind: str
+    problem: Mapping[str, Any]
+    gains: Mapping[str, Any]
+    claims: tuple[Claim, ...]
+    guarantees: tuple[Mapping[str, Any], ...]
+    provenance: Mapping[str, Any]
+
+    def to_dict(self) -> dict[str, Any]:
+        """The document, digest included."""
+        body = {
+            "format": FORMAT,
+            "version": VERSION,
+            "name": self.name,
+            "kind": self.kind,
+            "problem": jsonable(self.problem),
+            "gains": jsonable(self.gains),
+            "claims": [claim.to_dict() for claim in self.claims],
+            "guarantees": jsonable(self.guarantees),
+            "provenance": jsonable(self.provenance),
+        }
+        return body | {"digest": digest(body)}
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the document; an existing file is replaced whole or not at all."""
+        write_text(path, json.dumps(self.to_dict(), indent=1, ensure_ascii=False, allow_nan=False))
+
+
+def jsonable(value: Any) -> Any:
+    """Arrays as lists, infinity as "inf", -0.0 as 0.0; NaN is our bug and raises ValueError."""
+    if isinstance(value, Mapping):
+        return {str(key): jsonable(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray):
+        return jsonable(value.tolist())
+    if isinstance(value, list | tuple):
+        return [jsonable(item) for item in value]
+    if isinstance(value, bool | np.bool_):
+        return bool(value)
+    if isinstance(value, float | np.floating):
+        number = float(value)
+        if math.isnan(number):
+            raise ValueError("NaN has no place in a design")
+        if math.isinf(number):
+            return "inf" if number > 0 else "-inf"
+        return number + 0.0
+    if isinstance(value, np.integer):
+        return int(value)
+    return value
+
+
+def arrays(value: Any) -> Any:
+    """Back from JSON: "inf" as a float, nested lists of numbers as read-only float arrays."""
+    if isinstance(value, Mapping):
+        return {key: arrays(item) for key, item in value.items()}
+    if value == "inf":
+        return math.inf
+    if isinstance(value, list):
+        plain = [arrays(item) for item in value]
+        if plain and all(isinstance(item, int | float | np.ndarray) for item in plain):
+            result = np.array(plain, dtype=np.float64)
+            result.setflags(write=False)
+            return result
+        return plain
+    return value
+
+
+def digest(body: Mapping[str, Any]) -> str:
+    """sha256 of the canonical text of everything but the digest."""
+    rest = {key: value for key, value in body.items() if key != "digest"}
+    text = json.dumps(
+        rest, sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False
+    )
+    return "sha256:" + hashlib.sha256(text.encode("utf-8")).hexdigest()
+
+
+def load_design(path: str | os.PathLike[str]) -> Design:
+    """Read a design file; InputError if it is not one, of another version, or was changed."""
+    try:
+        text = Path(path).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
+        raise InputError(f"{path}: cannot be read: {reason}.") from None
+    try:
+        body = json.loads(text, parse_constant=_refuse_constant)
+    except (ValueError, RecursionError) as error:
+        where = f" ({error})" if text.strip() else " (the file is empty)"
+        raise InputError(f"{path}: not a design file: not valid JSON{where}.") from None
+    return from_dict(body, str(path))
+
+
+def _refuse_constant(name: str) -> float:
+    raise ValueError(f"{name} is not allowed")
+
+
+def from_dict(body: Any, path: str = "design") -> Design:
+    """A design from its parsed JSON, checked for format, version, keys and digest."""
+    if not isinstance(body, dict) or body.get("format") != FORMAT:
+        found = body.get("format") if isinstance(body, dict) else type(body).__name__
+        raise InputError(
+            f"{path}: format must be {FORMAT!r}; got {found!r}. Is this a problem file?"
+        )
+    if type(body.get("version")) is not int or body["version"] != VERSION:
+        raise InputError(
+            f"{path}: version must be {VERSION}; got {body.get('version')!r}. "
+            "Was it written by a newer obsdesign?"
+        )
+    if missing := [key for key in _KEYS if key not in body]:
+        raise InputError(f"{path}: {missing[0]} is missing; a design file has it.")
+    if unknown := [key for key in body if key not in _KEYS]:
+        raise InputError(f"{path}: unknown key {unknown[0]!r} in a design file.")
+    expected = digest(body)
+    if body["digest"] != expected:
+        raise InputError(
+            f"{path}: digest does not match the content ({body['digest']!r}, content gives "
+            f"{expected!r}). The file was changed after it was written."
+        )
+    return _checked(body, path)
+
+
+def _checked(body: dict[str, Any], path: str) -> Design:
+    shapes = {"name": str, "kind": str, "problem": dict, "gains": dict, "claims": list,
+              "guarantees": list, "provenance": dict}  # fmt: skip
+    for key, shape in shapes.items():
+        if not isinstance(body[key], shape):
+            raise InputError(
+                f"{path}: {key} must be a {shape.__name__}; got {type(body[key]).__name__}."
+            )
+    for i, claim in enumerate(body["claims"]):
+        if not isinstance(claim, dict) or set(claim) != set(Claim.__dataclass_fields__):
+            raise InputError(
+                f"{path}: claims[{i}] must have exactly {', '.join(Claim.__dataclass_fields__)}."
+            )
+    return Design(
+        name=body["name"],
+        kind=body["kind"],
+        problem=body["problem"],
+        gains=arrays(body["gains"]),
+        claims=tuple(Claim(**claim) for claim in body["claims"]),
+        guarantees=tuple(body["guarantees"]),
+        provenance=body["provenance"],
+    )
+
+
+def write_text(path: str | os.PathLike[str], text: str) -> None:
+    """Write a whole file or leave the old one: through a neighbour that is renamed."""
+    target = Path(path)
+    try:
+        handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written: {error.strerror}.") from None
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8", newline="") as file:
+            file.write(text + "\n" if not text.endswith("\n") else text)
+        os.chmod(name, 0o644)
+        os.replace(name, target)
+    except OSError as error:
+        Path(name).unlink(missing_ok=True)
+        raise InputError(f"{path}: cannot be written: {error.strerror}.") from None

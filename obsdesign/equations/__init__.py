@@ -1,0 +1,1 @@
+"""The papers' formulas, each written once; numpy only, generic over float and exact arrays."""

@@ -1,0 +1,10 @@
+"""The one exception for what a person can put right."""
+
+from __future__ import annotations
+
+
+class InputError(ValueError):
+    """A file, option or array that cannot be read as asked.
+
+    The text is one line: which entry, what was required, what arrived, the likely cause.
+    """

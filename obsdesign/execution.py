@@ -1,0 +1,95 @@
+"""Run a design over a data file or a pipe, in constant memory."""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, TextIO
+
+from obsdesign.errors import InputError
+from obsdesign.records import Layout, estimate_header, estimate_line, read_samples
+from obsdesign.runtime import load
+
+
+def execute(
+    design: str,
+    data: str | None,
+    output: str | None,
+    initial: Sequence[float] | None,
+    events: str | None,
+) -> Counter[str]:
+    """Estimates of a design for DATA (None: standard input) into `output` (None: standard output).
+
+    Returns how many rows had which status. A data file is checked whole before anything is
+    written; a pipe is answered row by row. InputError names what is wrong with which file.
+    """
+    observer: Any = load(design)
+    if events is not None and not observer.finds_events:
+        raise InputError(f"--events: kind {observer.kind!r} finds no impulses.")
+    layout = Layout(**observer.reads)
+    if data is None:
+        with _writer(output) as out:
+            return _loop(observer, sys.stdin, layout, "standard input", initial, out)
+    with _opened(data) as stream:
+        for sample in read_samples(stream, layout, data):
+            observer.start(sample.t, initial)  # complain before anything is written
+            break
+        for _ in read_samples(stream, layout, data) if stream.seek(0) == 0 else ():
+            pass
+    with _opened(data) as stream, _writer(output) as out:
+        return _loop(observer, stream, layout, data, initial, out)
+
+
+def _loop(
+    observer: Any, stream: TextIO, layout: Layout, name: str, initial: Any, out: TextIO
+) -> Counter[str]:
+    counts: Counter[str] = Counter()
+    state = None
+    for sample in read_samples(stream, layout, name):
+        if state is None:
+            state = observer.start(sample.t, initial)
+            out.write(estimate_header(observer.names) + "\n")
+        state, estimate = observer.step(state, sample)
+        out.write(estimate_line(estimate) + "\n")
+        if stream is sys.stdin:
+            out.flush()
+        counts[estimate.status.split(";")[0]] += 1
+    return counts
+
+
+@contextmanager
+def _opened(path: str) -> Iterator[TextIO]:
+    try:
+        stream = open(path, encoding="utf-8", newline="")
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}.") from None
+    with stream:
+        yield stream
+
+
+@contextmanager
+def _writer(path: str | None) -> Iterator[TextIO]:
+    """Standard output, or a file that appears only when all of it is written."""
+    if path is None:
+        yield sys.stdout
+        return
+    target = Path(path)
+    try:
+        handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written: {error.strerror}.") from None
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8") as file:
+            yield file
+        os.chmod(name, 0o644)
+        os.replace(name, target)
+    except BaseException as error:
+        Path(name).unlink(missing_ok=True)
+        if isinstance(error, OSError):
+            raise InputError(f"{path}: cannot be written: {error.strerror}.") from None
+        raise

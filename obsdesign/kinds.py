@@ -1,0 +1,42 @@
+"""The observer kinds: which gains and options each knows. Literal data."""
+
+from __future__ import annotations
+
+# gain -> (rows, columns) in n states, p outputs, q unknown inputs
+GAINS: dict[str, dict[str, tuple[str, str]]] = {
+    "interval": {
+        "L": ("n", "p"),
+        "M": ("n", "p"),
+        "S": ("n", "n"),
+        "D0": ("n", "n"),
+        "D1": ("n", "n"),
+        "Gp": ("n", "n"),
+        "Gn": ("n", "n"),
+        "S2": ("n", "n"),
+        "T": ("n", "n"),
+    },
+    "luenberger": {"L": ("n", "p"), "M": ("n", "p")},
+    "impulsive": {},
+    "finite_time": {"L": ("n", "p")},
+    "impulsive_input": {"K": ("n", "p")},
+    "unknown_input": {"L": ("n-q", "p-q"), "T1": ("n", "n")},
+}
+
+OPTIONS: dict[str, tuple[str, ...]] = {
+    "interval": ("form", "objective", "gain_limit", "memory"),
+    "luenberger": ("poles", "decay_rate", "weights", "memory", "schedule"),
+    "impulsive": ("window", "alpha", "strategy"),
+    "finite_time": ("window", "method", "objective"),
+    "impulsive_input": (
+        "window", "exponents", "margin", "ratio", "weighting", "operator", "state_correction",
+        "nonnegative",
+    ),
+    "unknown_input": ("poles", "weights", "differentiator"),
+}  # fmt: skip
+
+KINDS = tuple(GAINS)
+
+
+def owners(name: str) -> list[str]:
+    """Kinds that know an option."""
+    return [kind for kind, options in OPTIONS.items() if name in options]

@@ -1,0 +1,265 @@
+"""A linear plant that may jump: frozen values, validated once, arrays read-only.
+
+    x'(t) = A x + B u(t) + D d(t) + b(t)      between jumps,  lower <= b <= upper
+    x(t)  = G x(t-) + E w[k] + H g[k] + c[k]  at jump times,  lower <= c <= upper
+    y     = C x + v,  |v_i| <= noise_bound_i, standard deviation noise_std_i + noise_cv_i |y_i|
+
+Every InputError names the entry as it stands in a problem file. Fields take anything numpy can read
+as an array and hold float64 arrays; None leaves an optional one out, or takes its default.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from obsdesign.errors import InputError
+
+Array = NDArray[np.float64]
+
+MEASURED = ("continuous", "periodic", "at_jumps")
+JUMP_MEASUREMENTS = ("before", "after", "none")
+
+
+def matrix(values: ArrayLike, entry: str) -> Array:
+    """A finite read-only float matrix, or InputError."""
+    return _array(values, entry, 2, "a matrix: a list of rows of numbers, all equally long")
+
+
+def vector(values: ArrayLike, entry: str) -> Array:
+    """A finite read-only float vector, or InputError."""
+    return _array(values, entry, 1, "a list of numbers")
+
+
+def _array(values: Any, entry: str, dimensions: int, wanted: str) -> Array:
+    try:
+        raw = np.asarray(values)
+        if raw.dtype.kind not in "iuf" and raw.size:
+            raise ValueError
+        result = np.array(raw, dtype=np.float64)
+    except (ValueError, TypeError, OverflowError):
+        raise InputError(f"{entry} must be {wanted}; got {_shown(values)}.") from None
+    if result.ndim != dimensions or result.size == 0:
+        raise InputError(f"{entry} must be {wanted}; got {_shown(values)}.")
+    for index in np.argwhere(~np.isfinite(result)):
+        place = ", ".join(
+            f"{word} {i + 1}" for word, i in zip(("row", "column")[2 - dimensions :], index, strict=True)
+        )
+        raise InputError(f"{entry} must hold finite numbers; got {result[tuple(index)]} at {place}.")
+    result += 0.0  # -0.0 is 0.0
+    result.setflags(write=False)
+    return result
+
+
+def _shown(value: Any) -> str:
+    text = repr(value.tolist() if isinstance(value, np.ndarray) else value)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def _size(array: Array) -> str:
+    return "x".join(map(str, array.shape))
+
+
+def _sized(array: Array, entry: str, shape: tuple[int | None, ...], why: str) -> None:
+    """Refuse another shape; None leaves a dimension free."""
+    for axis, (have, want) in enumerate(zip(array.shape, shape, strict=True)):
+        if want is not None and have != want:
+            word = "entries" if array.ndim == 1 else ("rows", "columns")[axis]
+            word = word if want != 1 else {"entries": "entry"}.get(word, word[:-1])
+            hint = ""
+            if array.ndim == 2 and array.shape[::-1] == shape:
+                hint = " Is it transposed?"
+            got = f"{have}" if array.ndim == 1 else _size(array)
+            raise InputError(f"{entry} must have {want} {word}, {why}; got {got}.{hint}")
+
+
+def _bounds(
+    lower: ArrayLike | None, upper: ArrayLike | None, n: int, entry: str
+) -> tuple[Array, Array]:
+    ends = []
+    for values, name in ((lower, "lower"), (upper, "upper")):
+        end = vector(np.zeros(n) if values is None else values, f"{entry}.{name}")
+        _sized(end, f"{entry}.{name}", (n,), "one per state")
+        ends.append(end)
+    for i in np.flatnonzero(ends[0] > ends[1]):
+        raise InputError(
+            f"{entry}: lower must not exceed upper; got lower {ends[0][i]:g} > upper "
+            f"{ends[1][i]:g} for state {i + 1}. Are they swapped?"
+        )
+    return ends[0], ends[1]
+
+
+@dataclass(frozen=True)
+class Flow:
+    """A (n, n); B (n, m) known input; D (n, q) unknown input; lower, upper (n,) bounds of b."""
+
+    A: Array
+    B: Array | None = None
+    D: Array | None = None
+    lower: Array = None  # type: ignore[assignment]
+    upper: Array = None  # type: ignore[assignment]
+
+    def __post_init__(self) -> None:
+        A = matrix(self.A, "flow.A")
+        n = A.shape[0]
+        if A.shape != (n, n):
+            raise InputError(f"flow.A must be square; got {_size(A)}.")
+        _set(self, A=A, **_inputs(self, "flow", ("B", "D"), n, f"flow.A ({_size(A)})"))
+        lower, upper = _bounds(self.lower, self.upper, n, "flow.disturbance")
+        _set(self, lower=lower, upper=upper)
+
+
+@dataclass(frozen=True)
+class Jump:
+    """G (n, n), None for the identity; E (n, k) known jump input; H (n, r) unknown impulses.
+
+    lower, upper (n,): bounds of c. dwell_time: (shortest, longest) time between jumps, the longest
+    may be infinite; dwell_jitter: largest change from one dwell time to the next.
+    """
+
+    G: Array = None  # type: ignore[assignment]
+    E: Array | None = None
+    H: Array | None = None
+    lower: Array = None  # type: ignore[assignment]
+    upper: Array = None  # type: ignore[assignment]
+    dwell_time: tuple[float, float] | None = None
+    dwell_jitter: float = math.inf
+
+    def __post_init__(self) -> None:
+        if self.G is not None:
+            G = matrix(self.G, "jump.G")
+            if G.shape[0] != G.shape[1]:
+                raise InputError(f"jump.G must be square; got {_size(G)}.")
+            _set(self, G=G)
+        jitter = _real(self.dwell_jitter, "jump.dwell_jitter")
+        if not jitter >= 0:
+            raise InputError(f"jump.dwell_jitter must be a number >= 0 or inf; got {jitter!r}.")
+        _set(self, dwell_time=_dwell_time(self.dwell_time), dwell_jitter=jitter)
+
+    def completed(self, n: int, why: str) -> Jump:
+        """The jump of a plant with n states: identity and zero bounds filled in, sizes checked."""
+        G = np.eye(n) if self.G is None else self.G
+        _sized(matrix(G, "jump.G"), "jump.G", (n, n), why)
+        inputs = _inputs(self, "jump", ("E", "H"), n, why.removeprefix("one per state of "))
+        lower, upper = _bounds(self.lower, self.upper, n, "jump.disturbance")
+        result = Jump(G, None, None, lower, upper, self.dwell_time, self.dwell_jitter)
+        _set(result, lower=lower, upper=upper, **inputs)
+        return result
+
+
+@dataclass(frozen=True)
+class Output:
+    """C (p, n); noise_bound, noise_std, noise_cv (p,), default zero.
+
+    measured: continuous, periodic (with period) or at_jumps; jump_measurement: what a measurement
+    stamped with a jump time saw: before, after or none.
+    """
+
+    C: Array
+    noise_bound: Array = None  # type: ignore[assignment]
+    noise_std: Array = None  # type: ignore[assignment]
+    noise_cv: Array = None  # type: ignore[assignment]
+    measured: str = "continuous"
+    period: float | None = None
+    jump_measurement: str = "before"
+
+    def __post_init__(self) -> None:
+        C = matrix(self.C, "output.C")
+        _set(self, C=C)
+        for name in ("noise_bound", "noise_std", "noise_cv"):
+            values = getattr(self, name)
+            entry = f"output.{name}"
+            noise = vector(np.zeros(len(C)) if values is None else values, entry)
+            _sized(noise, entry, (len(C),), f"one per row of output.C ({_size(C)})")
+            for i in np.flatnonzero(noise < 0):
+                raise InputError(f"{entry} must be >= 0; got {noise[i]:g} for output {i + 1}.")
+            _set(self, **{name: noise})
+        for name, words in (("measured", MEASURED), ("jump_measurement", JUMP_MEASUREMENTS)):
+            if getattr(self, name) not in words:
+                raise InputError(
+                    f"output.{name} must be one of {', '.join(words)}; got {getattr(self, name)!r}."
+                )
+        self._check_period()
+
+    def _check_period(self) -> None:
+        if self.period is None:
+            if self.measured == "periodic":
+                raise InputError("output.period is required when measured = 'periodic'; it is missing.")
+            return
+        period = _real(self.period, "output.period")
+        if not (period > 0 and math.isfinite(period)):
+            raise InputError(f"output.period must be a positive finite number; got {period!r}.")
+        _set(self, period=period)
+
+
+@dataclass(frozen=True)
+class Plant:
+    """Flow, jump (None: the plant never jumps) and output of equal state dimension n."""
+
+    flow: Flow
+    jump: Jump | None
+    output: Output
+    n: int = field(init=False)
+    p: int = field(init=False)
+
+    def __post_init__(self) -> None:
+        A, C = self.flow.A, self.output.C
+        n = len(A)
+        _sized(C, "output.C", (None, n), f"one per state of flow.A ({_size(A)})")
+        if self.jump is not None:
+            _set(self, jump=self.jump.completed(n, f"one per state of flow.A ({_size(A)})"))
+        if self.output.measured == "at_jumps" and self.jump is None:
+            raise InputError("[jump] is required when output.measured = 'at_jumps'; it is missing.")
+        _set(self, n=n, p=len(C))
+
+
+def _inputs(block: Any, name: str, matrices: tuple[str, ...], n: int, of: str) -> dict[str, Any]:
+    """Optional matrices with one row per state."""
+    found = {}
+    for key in matrices:
+        values = getattr(block, key)
+        if values is not None:
+            found[key] = matrix(values, f"{name}.{key}")
+            _sized(found[key], f"{name}.{key}", (n, None), f"one per state of {of}")
+    return found
+
+
+def _dwell_time(values: Any) -> tuple[float, float] | None:
+    entry = "jump.dwell_time"
+    if values is None:
+        return None
+    if isinstance(values, str) or not hasattr(values, "__len__") or len(values) != 2:
+        raise InputError(f"{entry} must be a pair [shortest, longest]; got {_shown(values)}.")
+    low, high = (_real(value, entry) for value in values)
+    if math.isnan(low) or math.isnan(high):
+        raise InputError(f"{entry} must be numbers; got {_shown([low, high])}.")
+    if math.isinf(low):
+        raise InputError(f"{entry}: the shortest dwell time must be finite; got [{low}, {high}].")
+    if low < 0:
+        raise InputError(f"{entry}: the shortest dwell time must be >= 0; got [{low:g}, {high:g}].")
+    if low > high:
+        raise InputError(
+            f"{entry} must be [shortest, longest]; got [{low:g}, {high:g}]. Is it reversed?"
+        )
+    if high == 0:
+        raise InputError(f"{entry}: the longest dwell time must be > 0; got [0, 0].")
+    return low + 0.0, high
+
+
+def _real(value: Any, entry: str) -> float:
+    if isinstance(value, bool | np.bool_) or not isinstance(value, int | float | np.number):
+        raise InputError(f"{entry} must be a number; got {value!r}.")
+    try:
+        return float(value)
+    except OverflowError:
+        raise InputError(f"{entry} must fit a binary64 number; got {_shown(value)}.") from None
+
+
+def _set(target: Any, **values: Any) -> None:
+    """Fill fields of a frozen dataclass while it is being made."""
+    for name, value in values.items():
+        object.__setattr__(target, name, value)

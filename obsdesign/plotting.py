@@ -1,0 +1,137 @@
+"""Pictures of an estimate against data; the only file that imports matplotlib.
+
+One panel per state: the bounds as a band or the estimate as a line, the true state where the
+data has it, jump instants as vertical ticks, rows without guarantee marked on the time axis.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from obsdesign.errors import InputError
+from obsdesign.records import read_columns
+
+Vector = NDArray[np.float64]
+
+# Okabe-Ito: told apart in print and by colour-blind readers
+_TRUTH, _BAND, _ESTIMATE, _ALARM = "#000000", "#0072B2", "#0072B2", "#D55E00"
+_STYLE = {
+    "font.size": 9,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.alpha": 0.25,
+    "grid.linewidth": 0.5,
+    "svg.hashsalt": "obsdesign",
+}
+
+
+def plot_estimate(estimate: str, data: str | None, output: str) -> None:
+    """Draw an estimate file, with the truth and the jumps of a data file, into a PNG or SVG.
+
+    InputError for files that cannot be read, hold no states, or another kind of picture.
+    """
+    if Path(output).suffix.lower() not in (".png", ".svg"):
+        raise InputError(f"{output}: a picture must end in .png or .svg.")
+    if not Path(output).absolute().parent.is_dir():
+        raise InputError(f"{output}: cannot be written: no such folder.")
+    estimates = read_columns(estimate)
+    truth = {} if data is None else read_columns(data)
+    t = _numbers(estimates, "t", estimate)
+    names = _states(estimates)
+    if not names or not len(t):
+        raise InputError(f"{estimate}: columns x1_lo, x1_hi or x1 and at least one row are required.")
+    times = _numbers(truth, "t", str(data)) if truth else np.zeros(0)
+    jumps = times[_numbers(truth, "jump", str(data)) == 1] if "jump" in truth else np.zeros(0)
+    with mpl.rc_context(_STYLE):
+        figure = Figure(figsize=(7.0, 1.2 + 1.7 * len(names)), layout="constrained")
+        FigureCanvasAgg(figure)
+        axes = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
+        for axis, name in zip(axes, names, strict=True):
+            _panel(axis, name, t, estimates, estimate, times, truth, str(data), jumps)
+        axes[-1].set_xlabel("time")
+        _mark_status(axes[-1], t, estimates.get("status", []))
+        handles, labels = axes[0].get_legend_handles_labels()
+        for axis in axes[1:]:
+            for handle, label in zip(*axis.get_legend_handles_labels(), strict=True):
+                if label not in labels:
+                    handles.append(handle)
+                    labels.append(label)
+        figure.legend(handles, labels, loc="outside upper center", ncols=len(labels), frameon=False)
+        figure.savefig(output, dpi=200, metadata={"Date": None} if output.endswith("svg") else None)
+
+
+def _states(columns: dict[str, list[str]]) -> list[str]:
+    """x1, x2, ... (and unknown inputs d1, ...) in an estimate file."""
+    found = []
+    for letter in "xd":
+        i = 1
+        while f"{letter}{i}" in columns or f"{letter}{i}_lo" in columns:
+            found.append(f"{letter}{i}")
+            i += 1
+    return found
+
+
+def _numbers(columns: dict[str, list[str]], name: str, path: str) -> Vector:
+    if name not in columns:
+        raise InputError(f"{path}: column {name!r} is required; it has {', '.join(columns)}.")
+    try:
+        return np.array([float(cell) if cell else np.nan for cell in columns[name]])
+    except ValueError as error:
+        raise InputError(f"{path}: column {name!r} must hold numbers; {error}.") from None
+
+
+def _panel(
+    axis: Any,
+    name: str,
+    t: Vector,
+    estimates: dict[str, list[str]],
+    path: str,
+    times: Vector,
+    truth: dict[str, list[str]],
+    truth_path: str,
+    jumps: Vector,
+) -> None:
+    for k, instant in enumerate(jumps):
+        axis.axvline(instant, color="0.55", lw=0.7, ls=(0, (2, 2)), zorder=0,
+                     label="jump" if k == 0 else None)  # fmt: skip
+    if f"{name}_lo" in estimates:
+        low = _finite(_numbers(estimates, f"{name}_lo", path))
+        high = _finite(_numbers(estimates, f"{name}_hi", path))
+        split, pieces = _with_gaps(t, [low, high], jumps)
+        axis.fill_between(split, pieces[0], pieces[1], color=_BAND, alpha=0.25, lw=0, label="bounds")
+        for edge in pieces:
+            axis.plot(split, edge, color=_BAND, lw=0.9)
+    if name in estimates:
+        values = _finite(_numbers(estimates, name, path))
+        axis.plot(t, values, color=_ESTIMATE, lw=1.4, label="estimate")
+    if name in truth:
+        split, pieces = _with_gaps(times, [_numbers(truth, name, truth_path)], jumps)
+        axis.plot(split, pieces[0], color=_TRUTH, lw=1.1, label="true state")
+    subscript = f"${name[0]}_{{{name[1:]}}}$"
+    axis.set_ylabel(subscript, rotation=0, ha="right", va="center", fontsize=11)
+    axis.margins(x=0.01)
+
+
+def _with_gaps(t: Vector, series: list[Vector], jumps: Vector) -> tuple[Vector, list[Vector]]:
+    """Break the lines at jumps: the last value is held up to the jump, which is a step."""
+    at = np.flatnonzero(np.isin(t, jumps) & (np.arange(len(t)) > 0))
+    return np.insert(t, at, t[at]), [np.insert(s, at, s[at - 1]) for s in series]
+
+
+def _finite(values: Vector) -> Vector:
+    return np.where(np.isfinite(values), values, np.nan)
+
+
+def _mark_status(axis: Any, t: Vector, statuses: list[str]) -> None:
+    bad = [k for k, status in enumerate(statuses) if status and status != "ok"]
+    if bad:
+        axis.plot(t[bad], np.zeros(len(bad)), "|", color=_ALARM, ms=7, clip_on=False,
+                  transform=axis.get_xaxis_transform(), label="no guarantee here")  # fmt: skip

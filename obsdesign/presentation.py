@@ -1,0 +1,56 @@
+"""Answers for people (rich tables) and for programs (one JSON object)."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+from obsdesign.document import Claim, jsonable
+from obsdesign.workflow import Outcome, reason
+
+EXIT_CODES = {"proved": 0, "refuted": 1, "undecided": 3}
+_COLOURS = {"proved": "green", "refuted": "red", "undecided": "yellow"}
+
+
+def answer(command: str, outcome: Outcome, result: Mapping[str, Any]) -> str:
+    """The JSON object of a command, in one line."""
+    return json.dumps(
+        {
+            "command": command,
+            "verdict": outcome.verdict,
+            "kind": outcome.kind,
+            "claims": [claim.to_dict() for claim in outcome.claims],
+            "result": jsonable(result),
+        },
+        ensure_ascii=False,
+        allow_nan=False,
+    )
+
+
+def show(outcome: Outcome) -> None:
+    """Verdict and claims as a table on stdout."""
+    from rich.console import Console
+    from rich.markup import escape
+    from rich.table import Table
+
+    console = Console(highlight=False, soft_wrap=False)
+    colour = _COLOURS[outcome.verdict]
+    form = f", form {outcome.result['form']}" if "form" in outcome.result else ""
+    console.print(f"[bold {colour}]{outcome.verdict}[/]  {outcome.kind}{form}")
+    table = Table(box=None, pad_edge=False, header_style="dim")
+    for title in ("verdict", "claim", "what, and why"):
+        table.add_column(title, overflow="fold")
+    for claim in outcome.claims:
+        mark = f"[{_COLOURS[claim.verdict]}]{claim.verdict}[/]"
+        table.add_row(mark, claim.id, escape(_told(claim)))
+    console.print(table)
+    for guarantee in outcome.design.guarantees if outcome.design else ():
+        word = "[green]guaranteed[/]" if guarantee["given"] else "[yellow]not guaranteed[/]"
+        console.print(f"{word}: {escape(str(guarantee['statement']))}")
+
+
+def _told(claim: Claim) -> str:
+    if claim.verdict == "proved":
+        return f"{claim.statement} [{claim.source}]"
+    return f"{claim.statement} [{claim.source}]. {claim.verdict.capitalize()}: {reason(claim)}"

@@ -1,0 +1,185 @@
+"""Data files: CSV in, CSV out, one row at a time.
+
+In: t, y1..yp, and u1.., w1.., jump where the plant has known inputs, known jump inputs, jumps;
+other columns are ignored. An empty y is a missing sample. Out: t, the columns of the observer,
+status. Every complaint names the file, the line and the column.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import Any, TextIO
+
+import numpy as np
+
+from obsdesign.errors import InputError
+from obsdesign.runtime.base import Estimate, Sample
+
+
+@dataclass(frozen=True)
+class Layout:
+    """What a plant's data has: numbers of measurements, known inputs, jump inputs; jumps."""
+
+    y: int
+    u: int = 0
+    w: int = 0
+    jump: bool = False
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Required columns, in their usual order."""
+        numbered = [f"{c}{i + 1}" for c in "yuw" for i in range(getattr(self, c))]
+        return ("t", *numbered, *(["jump"] if self.jump else []))
+
+
+def read_samples(stream: TextIO, layout: Layout, name: str) -> Iterator[Sample]:
+    """Samples of a CSV file or pipe, checked row by row.
+
+    InputError: no header, missing or doubled columns, text where a number belongs, times that do
+    not increase, rows of the wrong length.
+    """
+    rows = csv.reader(_decoded(stream, name), strict=True)
+    header = [title.strip() for title in _next_row(rows, name) or []]
+    if not header:
+        raise InputError(f"{name}: a header line with column {layout.columns[0]!r}, ... is required; the file is empty.")
+    places = _places(header, layout, name)
+    previous = -math.inf
+    while (cells := _next_row(rows, name)) is not None:
+        where = f"{name} line {rows.line_num}"
+        if not cells or all(not cell.strip() for cell in cells):
+            continue
+        if len(cells) != len(header):
+            raise InputError(f"{where}: {len(header)} values are required, one per column; got {len(cells)}.")
+        sample = _sample(cells, places, layout, where)
+        if sample.t <= previous:
+            raise InputError(
+                f"{where}: t must increase; got {sample.t!r} after {previous!r}. Are the rows sorted, without repeats?"
+            )
+        previous = sample.t
+        yield sample
+    if previous == -math.inf:
+        raise InputError(f"{name}: at least one row of data is required; there is only a header.")
+
+
+def _decoded(stream: TextIO, name: str) -> Iterator[str]:
+    try:
+        for line in stream:
+            if "\0" in line:
+                raise InputError(f"{name}: a text file is required; it holds a zero byte.")
+            yield line
+    except UnicodeDecodeError:
+        raise InputError(f"{name}: UTF-8 text is required; it is not. Is it a binary file?") from None
+
+
+def _next_row(rows: Any, name: str) -> list[str] | None:
+    try:
+        row: list[str] | None = next(rows, None)
+        return row
+    except csv.Error as error:
+        raise InputError(f"{name} line {rows.line_num}: not valid CSV: {error}.") from None
+
+
+def _places(header: list[str], layout: Layout, name: str) -> dict[str, int]:
+    if header and header[0].startswith("\ufeff"):
+        header[0] = header[0].removeprefix("\ufeff")
+    for title in layout.columns:
+        if title not in header:
+            raise InputError(
+                f"{name}: column {title!r} is required; the header has {', '.join(header)}."
+            )
+        if header.count(title) > 1:
+            raise InputError(f"{name}: column {title!r} stands {header.count(title)} times in the header.")
+    return {title: header.index(title) for title in layout.columns}
+
+
+def _sample(cells: list[str], places: dict[str, int], layout: Layout, where: str) -> Sample:
+    def number(title: str) -> float | None:
+        text = cells[places[title]].strip()
+        if not text:
+            return None
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if not math.isfinite(value):
+            empty = " or empty" if title[0] in "yuw" else ""
+            raise InputError(f"{where}: {title} must be a finite number{empty}; got {text!r}.")
+        return value
+
+    def group(letter: str, size: int) -> np.ndarray[Any, Any] | None:
+        values = [number(f"{letter}{i + 1}") for i in range(size)]
+        if not values or any(value is None for value in values):
+            return None
+        return np.array(values, dtype=np.float64)
+
+    t = number("t")
+    if t is None:
+        raise InputError(f"{where}: t must be a finite number; it is empty.")
+    jump = number("jump") if layout.jump else 0.0
+    if jump not in (0.0, 1.0):
+        raise InputError(f"{where}: jump must be 0 or 1; got {cells[places['jump']]!r}.")
+    w = group("w", layout.w)
+    if jump and layout.w and w is None:
+        raise InputError(f"{where}: w1 is required at a jump; it is empty.")
+    return Sample(t, group("y", layout.y), group("u", layout.u), w, bool(jump))
+
+
+def estimate_header(names: Iterable[str]) -> str:
+    """First line of an estimate file."""
+    return ",".join(["t", *names, "status"])
+
+
+def estimate_line(estimate: Estimate) -> str:
+    """One line of an estimate file; numbers so that they are read back exactly."""
+    numbers = [estimate.t]
+    if estimate.x is not None:
+        numbers += estimate.x.tolist()
+    if estimate.lower is not None and estimate.upper is not None:
+        numbers += np.column_stack([estimate.lower, estimate.upper]).reshape(-1).tolist()
+    if estimate.d is not None:
+        numbers += estimate.d.tolist()
+    return ",".join([*map(repr, numbers), estimate.status.replace(",", ";")])
+
+
+def table_text(columns: dict[str, np.ndarray[Any, Any]]) -> str:
+    """CSV text of equally long columns; NaN becomes an empty cell, integers stay integers."""
+    out = io.StringIO()
+    out.write(",".join(columns) + "\n")
+    cells = [[_cell(value) for value in values.tolist()] for values in columns.values()]
+    out.writelines(",".join(row) + "\n" for row in zip(*cells, strict=True))
+    return out.getvalue()
+
+
+def _cell(value: Any) -> str:
+    if isinstance(value, float):
+        return "" if math.isnan(value) else repr(value)
+    return str(value)
+
+
+def read_columns(path: str) -> dict[str, list[str]]:
+    """A whole CSV file by column, as text: what a picture is made of.
+
+    InputError when it cannot be read or its rows differ in length.
+    """
+    try:
+        with open(path, encoding="utf-8-sig", newline="") as file:
+            rows = csv.reader(_decoded(file, path), strict=True)
+            header = _next_row(rows, path)
+            if not header:
+                raise InputError(f"{path}: a header line is required; the file is empty.")
+            table: dict[str, list[str]] = {title.strip(): [] for title in header}
+            while (cells := _next_row(rows, path)) is not None:
+                if cells and len(cells) != len(header):
+                    raise InputError(
+                        f"{path} line {rows.line_num}: {len(header)} values are required, "
+                        f"one per column; got {len(cells)}."
+                    )
+                for title, cell in zip(table, cells, strict=False):
+                    table[title].append(cell.strip())
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}.") from None
+    return table

@@ -1,0 +1,162 @@
+"""What every runtime observer takes and gives: samples, estimates, the loop over a record."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Vector = NDArray[np.float64]
+
+# Time stamps are decimal numbers stored in binary: dwell times closer than this are the same.
+RELATIVE_TIME_TOLERANCE = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """One row of data at time t, in the plant's time unit.
+
+    y: p measurements, or None for a missing sample; u: known input from t on (None keeps the
+    last one, zero at first); w: known jump input; jump: a jump happens at t, after the
+    measurement (or before it, as the plant's `jump_measurement` says).
+    """
+
+    t: float
+    y: ArrayLike | None = None
+    u: ArrayLike | None = None
+    w: ArrayLike | None = None
+    jump: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """What is known at time t once the sample at t, and its jump, were used.
+
+    x: point estimate; lower, upper: bounds of the state; d: unknown input; events: impulses that
+    were found; None where the kind has none. status: "ok", or why the guarantee does not hold.
+    """
+
+    t: float
+    x: Vector | None = None
+    lower: Vector | None = None
+    upper: Vector | None = None
+    d: Vector | None = None
+    events: tuple[Any, ...] = ()
+    status: str = "ok"
+
+
+class Observer(Protocol):
+    """A frozen set of parameters; `step` has no effect but its result."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Columns of an estimate file between t and status."""
+
+    @property
+    def reads(self) -> dict[str, int | bool]:
+        """Numbers of y, u and w in a sample, and whether jumps are reported."""
+
+    def start(self, t: float, initial: Sequence[float] | None) -> Any:
+        """State at time t from the numbers of the command line's --initial."""
+
+    def step(self, state: Any, sample: Sample) -> tuple[Any, Estimate]:
+        """The state and the estimate after one sample."""
+
+
+def run(observer: Observer, state: Any, samples: Iterable[Sample]) -> Iterator[Estimate]:
+    """Estimates for a stream of samples, one each, in constant memory."""
+    for sample in samples:
+        state, estimate = observer.step(state, sample)
+        yield estimate
+
+
+@dataclass(frozen=True, slots=True)
+class DwellGuard:
+    """Watches that the time between jumps stays in the range of the design.
+
+    last_jump is None until the first jump: the time before it is not a dwell time.
+    """
+
+    shortest: float
+    longest: float
+    last_jump: float | None = None
+
+    def after(self, t: float, jump: bool) -> tuple[DwellGuard, str | None]:
+        """The guard after an instant, and the objection to it if there is one."""
+        objection = None
+        if self.last_jump is not None:
+            elapsed = t - self.last_jump
+            # one time stamp of size t is known to a few ulp, and so is every difference
+            slack = RELATIVE_TIME_TOLERANCE * elapsed + 4 * math.ulp(t)
+            if jump and elapsed < self.shortest - slack:
+                objection = f"dwell time {elapsed:.9g} below {self.shortest:.9g}"
+            elif elapsed > self.longest + slack:
+                objection = f"dwell time {elapsed:.9g} above {self.longest:.9g}"
+        return (DwellGuard(self.shortest, self.longest, t) if jump else self), objection
+
+
+def vector(values: ArrayLike, size: int, name: str) -> Vector:
+    """A float vector of the required size; ValueError names what arrived."""
+    result = np.asarray(values, dtype=np.float64).reshape(-1)
+    if result.shape != (size,):
+        raise ValueError(f"{name} must have {size} entries; got {result.size}.")
+    return result
+
+
+def optional_measurement(y: ArrayLike | None, size: int) -> Vector | None:
+    """The measurement, or None when it is missing (None or any NaN)."""
+    if y is None:
+        return None
+    result = vector(y, size, "y")
+    return None if np.isnan(result).any() else result
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Arrays over the rows of a record: what `run_batch` returns. Shapes: (rows,), (rows, n)."""
+
+    t: Vector
+    x: NDArray[np.float64] | None
+    lower: NDArray[np.float64] | None
+    upper: NDArray[np.float64] | None
+    d: NDArray[np.float64] | None
+    status: tuple[str, ...] = field(default=())
+
+
+def collect(estimates: Iterable[Estimate]) -> Batch:
+    """Stack estimates row by row."""
+    rows = list(estimates)
+
+    def stacked(name: str) -> NDArray[np.float64] | None:
+        values = [getattr(row, name) for row in rows]
+        return None if not values or values[0] is None else np.array(values)
+
+    columns = {name: stacked(name) for name in ("x", "lower", "upper", "d")}
+    return Batch(np.array([row.t for row in rows]), **columns, status=tuple(r.status for r in rows))
+
+
+def rows_of(
+    t: ArrayLike,
+    y: ArrayLike | None = None,
+    u: ArrayLike | None = None,
+    w: ArrayLike | None = None,
+    jump: Sequence[bool] | ArrayLike | None = None,
+) -> Iterator[Sample]:
+    """Samples from arrays with one row per time; NaN in y marks a missing sample."""
+    times = np.asarray(t, dtype=np.float64)
+
+    def column(values: ArrayLike | None) -> Any:
+        if values is None:
+            return [None] * len(times)
+        array = np.asarray(values, dtype=np.float64)
+        if len(array) != len(times):
+            raise ValueError(f"every array must have {len(times)} rows, as t has; got {len(array)}.")
+        return array.reshape(len(times), -1)
+
+    jumps = np.zeros(len(times), bool) if jump is None else np.asarray(jump, dtype=bool)
+    for row in zip(times, column(y), column(u), column(w), jumps, strict=True):
+        yield Sample(float(row[0]), row[1], row[2], row[3], bool(row[4]))

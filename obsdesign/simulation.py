@@ -1,0 +1,245 @@
+"""Exact trajectories of a plant with jumps, inputs, disturbances and noise.
+
+Nothing is integrated by steps: between two instants the state moves by a block exponential of
+plant, held inputs and signal generators, so that the record is the solution to rounding.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from lmi.exponential import expm
+from obsdesign.errors import InputError
+from obsdesign.plant import Plant
+from obsdesign.signals import DISTURBANCES, Signals, signals
+
+Vector = NDArray[np.float64]
+
+SAME_INSTANT = 1e-9  # time stamps closer than this part of a step are one instant
+
+
+@dataclass(frozen=True)
+class Record:
+    """A simulated run, one row per instant; x is the state after the row's jump.
+
+    columns: t, y1.., u1.., w1.., jump, then the truth x1.., d1.. (ignored by observers).
+    events: times and weights of unknown impulses, (t, weight1, ...).
+    """
+
+    columns: dict[str, NDArray[Any]]
+    events: NDArray[np.float64]
+
+    @property
+    def t(self) -> Vector:
+        """Time stamps, (rows,)."""
+        return self.columns["t"]
+
+    def block(self, letter: str) -> NDArray[np.float64]:
+        """Columns y, u, w, x or d as one array (rows, number)."""
+        names = [name for name in self.columns if name[0] == letter and name[1:].isdigit()]
+        return np.column_stack([self.columns[name] for name in names] or [np.zeros((len(self.t), 0))])
+
+
+def simulate(
+    plant: Plant,
+    *,
+    until: float | None = None,
+    step: float | None = None,
+    initial: ArrayLike | None = None,
+    dwell: str | float | Sequence[float] = "random",
+    disturbance: str = "random",
+    rng: np.random.Generator | None = None,
+) -> Record:
+    """Simulate a plant from t = 0.
+
+    until, step: end and spacing of the rows, in the plant's time unit (default: some ten dwell
+    times; the sampling period, else a round number near until/500). initial: x(0), default ones.
+    dwell: `shortest`, `random` (admissible), one dwell time, or a sequence of them. disturbance:
+    `zero` (the middle of every bound, no noise), `extreme` (a corner, held), `random` or `sine`.
+    rng: a numpy Generator (default: seed 0). Raises InputError for anything else.
+    """
+    if disturbance not in DISTURBANCES:
+        raise InputError(
+            f"disturbance must be one of {', '.join(DISTURBANCES)}; got {disturbance!r}."
+        )
+    rng = np.random.default_rng(0) if rng is None else rng
+    n = len(plant.flow.A)
+    x = np.ones(n) if initial is None else np.asarray(initial, dtype=np.float64)
+    if x.shape != (n,) or not np.isfinite(x).all():
+        raise InputError(f"initial must have {n} finite entries, one per state; got {x.size}.")
+    until = _default_until(plant, dwell) if until is None else _positive(until, "until")
+    jumps = jump_times(plant, dwell, until, rng)
+    step = _default_step(plant, until) if step is None else _positive(step, "step")
+    instants = _instants(plant, jumps, until, step)
+    source = signals(plant, disturbance, len(instants[0]), rng)
+    return _trajectory(plant, x, *instants, source)
+
+
+def jump_times(
+    plant: Plant, dwell: str | float | Sequence[float], until: float, rng: np.random.Generator
+) -> Vector:
+    """Jump instants in (0, until]; the first one a dwell time after 0."""
+    if plant.jump is None:
+        return np.zeros(0)
+    spacing = _spacings(plant, dwell, until, rng)
+    times, t = [], 0.0
+    for theta in spacing:
+        t += theta
+        if t > until * (1 + 1e-12):
+            break
+        times.append(t)
+    return np.array(times)
+
+
+def _spacings(plant: Plant, dwell: Any, until: float, rng: np.random.Generator) -> Any:
+    if plant.jump is None or plant.jump.dwell_time is None:
+        if isinstance(dwell, str):
+            raise InputError("jump.dwell_time is required to simulate jumps; it is missing. Give --dwell T.")
+        low, high, jitter = 0.0, math.inf, math.inf
+    else:
+        (low, high), jitter = plant.jump.dwell_time, plant.jump.dwell_jitter
+    if dwell == "random":
+        return _random_spacings(low, high, jitter, until, rng)
+    if dwell == "shortest":
+        if low == 0.0:
+            raise InputError("dwell = shortest needs jump.dwell_time[0] > 0; it is 0. Give a number.")
+        return _repeat(low, until)
+    if isinstance(dwell, str):
+        raise InputError(f"dwell must be shortest, random or a positive number; got {dwell!r}.")
+    if isinstance(dwell, int | float):
+        return _repeat(_positive(float(dwell), "dwell"), until)
+    return [_positive(float(theta), "dwell") for theta in dwell]
+
+
+def _repeat(theta: float, until: float) -> Any:
+    count = int(until / theta) + 2
+    if count > 10**7:
+        raise InputError(f"dwell = {theta:g} makes {count} jumps until {until:g}; 1e7 is the limit.")
+    return np.diff(np.round(theta * np.arange(count), 12))
+
+
+def _random_spacings(
+    low: float, high: float, jitter: float, until: float, rng: np.random.Generator
+) -> Any:
+    """Uniform in the range; a mean of two shortest dwell times where it has no end."""
+    top = high if math.isfinite(high) else (3 * low if low > 0 else until / 5)
+    floor = max(low, 1e-3 * min(top, until))  # a range that starts at 0 must not pile up jumps
+    theta, elapsed = None, 0.0
+    while elapsed <= until:
+        near = (floor, top) if theta is None else (max(floor, theta - jitter), min(top, theta + jitter))
+        theta = float(np.clip(rng.uniform(*near), low, high))
+        elapsed += theta
+        yield theta
+
+
+def _positive(value: float, name: str) -> float:
+    if not (math.isfinite(value) and value > 0):
+        raise InputError(f"{name} must be a positive finite number; got {value!r}.")
+    return float(value)
+
+
+def _default_until(plant: Plant, dwell: Any) -> float:
+    """Ten dwell times where there are jumps, else ten time units."""
+    if isinstance(dwell, int | float) and plant.jump is not None:
+        return 10.0 * float(dwell)
+    if plant.jump is None or plant.jump.dwell_time is None:
+        return 10.0
+    low, high = plant.jump.dwell_time
+    typical = low if dwell == "shortest" else (low + high) / 2 if math.isfinite(high) else 2 * low
+    return 10.0 * (typical or 1.0)
+
+
+def _default_step(plant: Plant, until: float) -> float:
+    if plant.output.measured == "periodic" and plant.output.period:
+        return float(plant.output.period)
+    wanted = until / 500
+    scale = 10.0 ** math.floor(math.log10(wanted))
+    return float(scale * min((1.0, 2.0, 5.0, 10.0), key=lambda nice: abs(math.log(nice * scale / wanted))))
+
+
+def _instants(
+    plant: Plant, jumps: Vector, until: float, step: float
+) -> tuple[Vector, NDArray[np.bool_], NDArray[np.bool_]]:
+    """(times, is a jump, has a measurement) of all rows."""
+    rows = int(until / step * (1 + 1e-12)) + 1
+    if rows > 10**7:
+        raise InputError(f"step = {step:g} makes {rows} rows until {until:g}; 1e7 is the limit.")
+    grid = np.round(step * np.arange(rows), 12)
+    if plant.output.measured == "at_jumps":
+        grid = np.zeros(0)
+    # a jump instant takes the place of the grid row that it coincides with
+    ends = np.concatenate([[-math.inf], jumps, [math.inf]])
+    places = np.searchsorted(ends, grid)
+    distance = np.minimum(np.abs(grid - ends[places - 1]), np.abs(ends[places] - grid))
+    grid = grid[distance > SAME_INSTANT * step]
+    times = np.concatenate([grid, jumps])
+    order = np.argsort(times)
+    is_jump = np.concatenate([np.zeros(len(grid), bool), np.ones(len(jumps), bool)])[order]
+    times = times[order]
+    return times, is_jump, _measured(plant, times, is_jump)
+
+
+def _measured(plant: Plant, times: Vector, is_jump: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    if plant.output.measured == "at_jumps":
+        return is_jump
+    seen = np.ones(len(times), bool)
+    if plant.output.measured == "periodic":
+        count = times / plant.output.period
+        seen = np.abs(count - np.round(count)) < 1e-6
+    return seen & ~(is_jump & (plant.output.jump_measurement == "none"))
+
+
+def _trajectory(
+    plant: Plant,
+    x: Vector,
+    times: Vector,
+    is_jump: NDArray[np.bool_],
+    measured: NDArray[np.bool_],
+    source: Signals,
+) -> Record:
+    """Step from row to row; matrices are shared between equal steps."""
+    C, n = plant.output.C, len(x)
+    truth, seen, events = [], [], []
+    cache: dict[float, NDArray[np.float64]] = {}
+    now = 0.0
+    for k, t in enumerate(times.tolist()):
+        h = t - now
+        if h > 0:
+            if h not in cache:
+                cache[h] = expm(source.generator * h)[:n]
+            x = cache[h] @ source.extended(x, k, now)
+        before = x
+        if is_jump[k]:
+            assert plant.jump is not None
+            x = plant.jump.G @ x + source.jump(k)
+            if plant.jump.H is not None:
+                events.append([t, *source.weights[k]])
+        after = plant.output.jump_measurement == "after"
+        seen.append(source.measurement(C @ (x if after else before), k, t, bool(measured[k])))
+        truth.append(x)
+        now = t
+    seen_rows = np.array(seen).reshape(len(times), len(C))
+    table = _columns(plant, times, is_jump, seen_rows, np.array(truth).reshape(-1, n), source)
+    return Record(table, np.array(events).reshape(len(events), 1 + source.weights.shape[1]))
+
+
+def _columns(
+    plant: Plant, times: Vector, is_jump: Any, seen: Vector, truth: Vector, source: Signals
+) -> dict[str, NDArray[Any]]:
+    columns: dict[str, NDArray[Any]] = {"t": times}
+    w = np.where(is_jump[:, None], source.w, np.nan)
+    d = source.unknown(times)
+    for letter, values in (("y", seen), ("u", source.u), ("w", w)):
+        columns |= {f"{letter}{i + 1}": values[:, i] for i in range(values.shape[1])}
+    # impulses of unknown weight come unannounced
+    if plant.jump is not None and plant.jump.H is None:
+        columns["jump"] = is_jump.astype(np.int64)
+    for letter, values in (("x", truth), ("d", d)):
+        columns |= {f"{letter}{i + 1}": values[:, i] for i in range(values.shape[1])}
+    return columns

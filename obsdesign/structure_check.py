@@ -1,0 +1,106 @@
+"""Structure of a problem by its JSON Schema, with errors for people."""
+
+from __future__ import annotations
+
+import difflib
+import json
+from collections.abc import Sequence
+from importlib.resources import files
+from typing import Any
+
+from obsdesign.errors import InputError
+from obsdesign.kinds import GAINS, OPTIONS, owners
+
+# which complaint to make first when a file earns several: names before values
+_FIRST = ("propertyNames", "additionalProperties", "required")
+
+
+def check_structure(body: Any) -> None:
+    """InputError for the most telling place where parsed TOML or JSON breaks the schema."""
+    import jsonschema
+
+    if not isinstance(body, dict):
+        raise InputError(f"a problem must be a table with [flow] and [output]; got {_shown(body)}.")
+    text = files("obsdesign").joinpath("schema/problem.schema.json").read_text("utf-8")
+    errors = list(jsonschema.Draft202012Validator(json.loads(text)).iter_errors(body))
+    if errors:
+        raise InputError(_sentence(min(errors, key=_rank), body))
+
+
+def _rank(error: Any) -> tuple[int, int, list[str]]:
+    place = _FIRST.index(error.validator) if error.validator in _FIRST else len(_FIRST)
+    return place, len(error.absolute_path), [str(part) for part in error.absolute_path]
+
+
+def _sentence(error: Any, body: Any) -> str:
+    path = list(error.absolute_path)
+    if error.validator in ("propertyNames", "enum") and _inside(error, "propertyNames"):
+        return _unknown(error.instance, path, list(_names(path)), body)
+    if error.validator == "propertyNames":
+        return _unknown(error.instance, path, _names(path), body)
+    if error.validator == "additionalProperties":
+        known = list(error.schema.get("properties", {}))
+        name = next(key for key in error.instance if key not in known)
+        return _unknown(name, path, known, body)
+    if error.validator == "required":
+        name = next(key for key in error.validator_value if key not in error.instance)
+        return f"{_entry([*path, name])} is required; it is missing."
+    return _value(error, path)
+
+
+def _inside(error: Any, keyword: str) -> bool:
+    return keyword in error.absolute_schema_path
+
+
+def _names(path: Sequence[Any]) -> list[str]:
+    return ["kind", "gains", *sorted({name for names in OPTIONS.values() for name in names})]
+
+
+def _unknown(name: str, path: list[Any], known: list[str], body: Any) -> str:
+    """An unknown key: of another kind, or misspelt."""
+    where = f" in [{'.'.join(map(str, path))}]" if path else ""
+    kind = body.get("observer", {}).get("kind") if isinstance(body.get("observer"), dict) else None
+    if path == ["observer"] and (kinds := owners(name)):
+        return (
+            f"observer.{name} is an option of kind {' and '.join(map(repr, kinds))}, not of "
+            f"{kind!r}; drop it, or choose that kind with --kind."
+        )
+    if path == ["observer", "gains"]:
+        kinds = [other for other, gains in GAINS.items() if name in gains and other != kind]
+        if kind is not None and kinds:
+            return (
+                f"observer.gains.{name} is a gain of kind {' and '.join(map(repr, kinds))}, "
+                f"not of {kind!r}."
+            )
+    near = difflib.get_close_matches(name.lower(), [k.lower() for k in known], 1, 0.5)
+    matches = [k for k in known if near and k.lower() == near[0]]
+    hint = f"did you mean {matches[0]!r}?" if matches else f"known are {', '.join(known) or 'none'}."
+    return f"unknown key {name!r}{where}: {hint}"
+
+
+def _value(error: Any, path: list[Any]) -> str:
+    wanted = error.schema.get("title")
+    if wanted is None and error.parent is not None:
+        wanted = error.parent.schema.get("title")
+    if "dwell_time" in path:
+        wanted = "a pair [shortest, longest] of numbers; the longest may be inf"
+        path = path[: path.index("dwell_time") + 1]
+    shown = f"{_entry(path)} must be {wanted}; got {_shown(error.instance)}."
+    if isinstance(error.instance, str) and wanted and "number" in wanted:
+        shown += " Numbers are written without quotes."
+    return shown
+
+
+def _entry(path: Sequence[Any]) -> str:
+    """flow.A, row 1, column 2."""
+    names = [str(part) for part in path if not isinstance(part, int)]
+    places = [part + 1 for part in path if isinstance(part, int)]
+    words = ("row", "column") if len(places) == 2 else ("entry",)
+    if names and names[-1] in "ABCDEGHLMKST" and len(places) == 1:
+        words = ("row",)
+    return ", ".join([".".join(names), *(f"{w} {k}" for w, k in zip(words, places, strict=False))])
+
+
+def _shown(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."

@@ -1,0 +1,1 @@
+"""Choosing what the user left open, one file per kind. Nothing here is believed later."""

@@ -1,0 +1,20 @@
+"""What synthesis hands over: gains to be proved, and certificates that may help to."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One way to build the observer.
+
+    label: the form or method; gains: what a design stores under `gains`; certificates: by claim
+    id, what the finder believes shows it (a matrix P, say). Verification trusts none of it.
+    """
+
+    label: str
+    gains: Mapping[str, Any]
+    certificates: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)

@@ -1,0 +1,218 @@
+"""Interval observers: every hypothesis of Theorems 5 and 8 about given gains, proved.
+
+Source: Degue, Efimov, Richard, NOLCOS 2016. The claims speak about the stored binary64 numbers:
+A - L C and G - M C are formed in exact rationals. A split that was stored rounded is completed
+to an exact one (`equations.completed_split`), and stability is proved for the completed pair.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from lmi.balls import exact
+from lmi.hurwitz import prove_hurwitz
+from lmi.proof import prove_common
+from lmi.spectral import refute_spectral
+from lmi.verdict import Verdict, proved, refuted, undecided
+from obsdesign.document import Claim
+from obsdesign.equations import interval as equations
+from obsdesign.problem import Problem
+from obsdesign.verification.consistency import consistency
+
+PAPER = "Degue, Efimov, Richard, NOLCOS 2016"
+_MATRICES = ("A", "C", "G", "L", "M", "D0", "D1", "Gp", "Gn")
+THEOREMS = {"cooperative": "Theorem 5", "split": "Theorem 8"}
+# Decimal entries and a product of a few terms are stored to within a few units of 2**-53; a
+# split that misses A - L C by more was not meant as one.
+SPLIT_ROUNDING = 2.0**-46
+
+
+def claims(
+    problem: Problem,
+    gains: Mapping[str, Any],
+    certificates: Mapping[str, Mapping[str, Any]],
+    *,
+    paranoid: bool = False,
+) -> tuple[Claim, ...]:
+    """All hypotheses of the design's theorem, each with its verdict.
+
+    certificates: {"dwell_stability": {"P": n x n}} where one was found; it is checked, never
+    believed.
+    """
+    agreement = consistency(problem, gains, expected_gains(problem))
+    if agreement.verdict != "proved":
+        return (agreement,)
+    form = gains["form"]
+    numbers = {name: exact(gains[name]) for name in _MATRICES if name in gains}
+    F = equations.flow_error_matrix(numbers["A"], numbers["L"], numbers["C"])
+    found = [agreement, _split_claim("flow", form, F, numbers)]
+    if "G" not in gains:
+        W = sum(equations.completed_split(F, numbers["D0"], numbers["D1"]))
+        return (*found, _hurwitz_claim(W, "no jumps"))
+    H = equations.jump_error_matrix(
+        numbers["G"], numbers["M"], numbers["C"], gains["jump_measurement"]
+    )
+    found.append(_split_claim("jump", form, H, numbers))
+    W, N = equations.width_pair(F, H, numbers)
+    low, high = (float(end) for end in gains["dwell_time"])
+    if math.isinf(high):
+        found.append(_hurwitz_claim(W, "no longest dwell time"))
+    found.append(_stability_claim(form, W, N, low, high, certificates.get("dwell_stability", {})))
+    return tuple(found)
+
+
+def expected_gains(problem: Problem) -> dict[str, Any]:
+    """Entries of `gains` and what the problem says of them: a value, or the shape it must have."""
+    n, p = problem.plant.flow.A.shape[0], problem.plant.output.C.shape[0]
+    expected: dict[str, Any] = {"form": _forms(problem)} | equations.plant_data(problem.plant)
+    expected |= {"L": (n, p), "M": (n, p), "D0": (n, n), "D1": (n, n)}
+    if problem.plant.jump is not None:
+        expected |= {"Gp": (n, n), "Gn": (n, n)}
+    return expected | dict(problem.gains)
+
+
+def _forms(problem: Problem) -> set[str]:
+    form = problem.options.get("form", "auto")
+    return set(equations.FORMS) if form == "auto" else {form}
+
+
+def guarantees(problem: Problem, found: tuple[Claim, ...]) -> tuple[dict[str, Any], ...]:
+    """The sentences a user may rely on, and those that were asked for and not proved."""
+    verdicts = {claim.id: claim.verdict for claim in found}
+    enclosing = [name for name in ("consistent", "flow_positive", "jump_positive") if name in verdicts]
+    bounded = [name for name in ("hurwitz", "dwell_stability") if name in verdicts]
+    jump = problem.plant.jump
+    when = "" if jump is None else f" for every sequence of dwell times in {_interval(jump)}"
+    enclosure = (
+        "The bounds contain the state at every instant, if they contain it at the start, b, c and "
+        "v stay inside their bounds and jumps are reported at their times; this holds for "
+        "samples at any spacing, missing ones included, and for any dwell time."
+    )
+    width = (
+        f"With y measured continuously, the width of the bounds stays bounded{when}, and without "
+        "disturbance and noise it tends to zero as jumps go on."
+        if jump is not None
+        else "With y measured continuously, the width of the bounds stays bounded, and without "
+        "disturbance and noise it tends to zero."
+    )
+    sampled = (
+        "A bounded width for samples at a given spacing is not claimed: the spacing must be small "
+        "against 1/(|L||CA|)."
+    )
+    return (
+        {"statement": enclosure, "given": _all(verdicts, enclosing), "claims": enclosing},
+        {"statement": width, "given": _all(verdicts, enclosing + bounded),
+         "claims": enclosing + bounded},
+        {"statement": sampled, "given": False, "claims": []},
+    )  # fmt: skip
+
+
+def _all(verdicts: Mapping[str, str], names: list[str]) -> bool:
+    return all(verdicts[name] == "proved" for name in names)
+
+
+def _interval(jump: Any) -> str:
+    low, high = jump.dwell_time
+    return f"[{low!r}, inf)" if math.isinf(high) else f"[{low!r}, {high!r}]"
+
+
+def _split_claim(part: str, form: str, X: Any, numbers: Mapping[str, Any]) -> Claim:
+    """F Metzler and H >= 0 (Theorem 5), or exact splits of them (Theorem 8)."""
+    flow = part == "flow"
+    name = "A - L C" if flow else "the jump matrix of the error, H,"
+    names = ("D0", "D1") if flow else ("Gp", "Gn")
+    plus, minus = (numbers[key] for key in names)
+    assumption = "Assumption 5"
+    if form == "cooperative":
+        property_ = "Metzler" if flow else "nonnegative"
+        statement = f"{name} is {property_}; it is stored as {names[0]}, and {names[1]} is zero"
+        assumption = "Assumption 2.ii" if flow else "Assumption 2.iii"
+        verdict = _signs(X, flow, f"{name} is not {property_}")
+        if verdict.outcome == "proved":
+            verdict = _signs(-minus, False, f"{names[1]} is not zero")
+    else:
+        statement = (
+            f"{name} equals {names[0]} - {names[1]} with {names[0]} "
+            f"{'Metzler' if flow else '>= 0'} and {names[1]} >= 0"
+        )
+        verdict = proved()
+    for half, metzler, key in ((plus, flow, names[0]), (minus, False, names[1])):
+        if verdict.outcome == "proved":
+            verdict = _signs(half, metzler, f"{key} has the wrong sign")
+    if verdict.outcome == "proved":
+        verdict = _same(X, plus, minus, names)
+    source = f"{PAPER}, {THEOREMS[form]}, {assumption}"
+    return Claim(f"{part}_positive", statement, source, verdict.outcome, verdict.evidence)
+
+
+def _signs(X: Any, metzler: bool, complaint: str) -> Verdict:
+    """Every entry (off the diagonal, for Metzler) is >= 0, exactly."""
+    for (i, j), value in np.ndenumerate(X):
+        if value < 0 and not (metzler and i == j):
+            hint = "; rounding of decimals, which form = split absorbs" if -value < 1e-12 else ""
+            reason = f"{complaint}: entry ({i + 1}, {j + 1}) is {_number(value):.6g}{hint}"
+            return refuted({"entry": [i + 1, j + 1], "value": _number(value), "reason": reason})
+    return proved(exact=True)
+
+
+def _same(X: Any, plus: Any, minus: Any, names: tuple[str, str]) -> Verdict:
+    """plus - minus = X up to the rounding of stored decimals."""
+    remainder = plus - minus - X
+    largest = 0.0
+    for (i, j), value in np.ndenumerate(remainder):
+        size = max(abs(plus[i, j]), abs(minus[i, j]), abs(X[i, j]), np.max(np.abs(X)))
+        if abs(value) > size * exact(SPLIT_ROUNDING).item():
+            reason = (
+                f"{names[0]} - {names[1]} misses the matrix it splits at entry "
+                f"({i + 1}, {j + 1}) by {_number(value):.6g}"
+            )
+            return refuted({"entry": [i + 1, j + 1], "value": _number(value), "reason": reason})
+        largest = max(largest, abs(_number(value)))
+    return proved(exact=largest == 0.0, largest_remainder=largest)
+
+
+def _number(value: Any) -> float:
+    return float(int(value.p) / int(value.q))
+
+
+def _hurwitz_claim(W: Any, why: str) -> Claim:
+    verdict = prove_hurwitz(W)
+    return Claim(
+        "hurwitz",
+        f"the width between jumps decays by itself (W = D0 + D1 is Hurwitz), needed as there is "
+        f"{why}",
+        f"{PAPER}, Corollary 4, with the hypothesis it needs when T_max is infinite",
+        verdict.outcome,
+        verdict.evidence,
+    )
+
+
+def _stability_claim(
+    form: str, W: Any, N: Any, low: float, high: float, certificate: Mapping[str, Any]
+) -> Claim:
+    """Inequality (5), or (10) on the n-dimensional pair, for all dwell times in the range."""
+    equation = "Assumption 2.i, (5)" if form == "cooperative" else "Assumption 5, (10)"
+    ends = f"[{low!r}, inf)" if math.isinf(high) else f"[{low!r}, {high!r}]"
+    return Claim(
+        "dwell_stability",
+        f"one P > 0 gives N' e^(W' T) P e^(W T) N < P for all T in {ends}, W = D0 + D1, N = Gp + Gn",
+        f"{PAPER}, {THEOREMS[form]}, {equation}",
+        *_stability(W, N, low, high, certificate),
+    )
+
+
+def _stability(
+    W: Any, N: Any, low: float, high: float, certificate: Mapping[str, Any]
+) -> tuple[str, Mapping[str, Any]]:
+    attempt = undecided("no certificate P was given or found")
+    if "P" in certificate:
+        attempt = prove_common(W, N, np.asarray(certificate["P"], dtype=np.float64), low, high)
+        if attempt.outcome == "proved":
+            return "proved", {"P": certificate["P"], **attempt.evidence}
+    counter = refute_spectral(W, N, low, high)
+    chosen = counter if counter.outcome == "refuted" else attempt
+    return chosen.outcome, chosen.evidence

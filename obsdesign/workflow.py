@@ -1,0 +1,176 @@
+"""The story in one place: problem, synthesise, verify, design. No mathematics.
+
+(The plan called this file design.py; the name is taken by the function `obsdesign.design`.)
+"""
+
+from __future__ import annotations
+
+import importlib
+import platform
+import time
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from importlib import metadata
+from typing import Any
+
+from lmi.verdict import overall
+from obsdesign.document import Claim, Design, jsonable
+from obsdesign.errors import InputError
+from obsdesign.problem import Problem
+
+# kind -> its module in every layer
+AVAILABLE = ("interval",)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a command has to say: the verdict of its claims, and a design where there is one."""
+
+    verdict: str
+    kind: str
+    claims: tuple[Claim, ...]
+    result: Mapping[str, Any]
+    design: Design | None
+
+
+def _layer(layer: str, kind: str) -> Any:
+    if kind not in AVAILABLE:
+        raise InputError(
+            f"observer.kind = {kind!r} is not available in this version; "
+            f"it can build {', '.join(AVAILABLE)}."
+        )
+    return importlib.import_module(f"obsdesign.{layer}.{kind}")
+
+
+def investigate(problem: Problem) -> Outcome:
+    """Synthesise candidates and prove them: the first proved one, else the most hopeful.
+
+    InputError when the problem cannot be read as asked (a block is missing, a form does not fit).
+    """
+    started = time.perf_counter()
+    kind = problem.require_kind()
+    synthesis, verification = _layer("synthesis", kind), _layer("verification", kind)
+    tried: list[tuple[str, str, Design]] = []
+    for label, candidate, claims in _attempts(problem, synthesis, verification):
+        verdict = overall(claim.verdict for claim in claims)
+        seconds = time.perf_counter() - started
+        tried.append((label, verdict, _document(problem, kind, candidate, claims, seconds)))
+        if verdict == "proved":
+            break
+    # an undecided form may still be true, a refuted one is not
+    best = min(tried, key=lambda entry: ("proved", "undecided", "refuted").index(entry[1]))
+    forms = {label: _summary(verdict, design.claims) for label, verdict, design in tried}
+    return Outcome(best[1], kind, best[2].claims, {"form": best[0], "forms": forms}, best[2])
+
+
+def _attempts(
+    problem: Problem, synthesis: Any, verification: Any
+) -> Iterator[tuple[str, Any, tuple[Claim, ...]]]:
+    for candidate in synthesis.synthesize(problem):
+        claims = verification.claims(problem, candidate.gains, candidate.certificates)
+        yield candidate.label, candidate, claims
+
+
+def _summary(verdict: str, claims: tuple[Claim, ...]) -> dict[str, Any]:
+    return {
+        "verdict": verdict,
+        "reasons": [f"{c.id}: {reason(c)}" for c in claims if c.verdict != "proved"],
+    }
+
+
+def reason(claim: Claim) -> str:
+    """Why a claim is refuted or undecided, in one sentence from its evidence."""
+    evidence = claim.evidence
+    witness = evidence.get("witness", {})
+    return str(witness.get("reason") or evidence.get("reason") or claim.statement)
+
+
+def _document(
+    problem: Problem, kind: str, candidate: Any, claims: tuple[Claim, ...], seconds: float
+) -> Design:
+    verification = _layer("verification", kind)
+    return Design(
+        name=problem.name,
+        kind=kind,
+        problem=problem.to_dict(),
+        gains=dict(candidate.gains),
+        claims=claims,
+        guarantees=verification.guarantees(problem, claims),
+        provenance={
+            "versions": {name: version(name) for name in ("obsdesign", "numpy", "python-flint")}
+            | {"python": platform.python_version()},
+            "solver": {"name": "clarabel", "version": version("clarabel")},
+            "options": {"label": candidate.label},
+            "seconds": round(seconds, 6),
+        },
+    )
+
+
+def version(distribution: str) -> str:
+    """Installed version of a distribution, or "not installed"."""
+    try:
+        return metadata.version(distribution)
+    except metadata.PackageNotFoundError:
+        return "not installed"
+
+
+def design(problem: Problem, *, allow_undecided: bool = False) -> Design:
+    """A proved design for a problem.
+
+    Raises InputError for a problem that cannot be read as asked, and NotProved when the answer
+    is no (or, unless `allow_undecided`, not known); its `.outcome` holds claims and witnesses.
+    """
+    outcome = investigate(problem)
+    accepted = ("proved", "undecided") if allow_undecided else ("proved",)
+    if outcome.verdict not in accepted or outcome.design is None:
+        raise NotProved(outcome)
+    return outcome.design
+
+
+class NotProved(Exception):
+    """The problem has no proved design: refuted (with a witness) or undecided."""
+
+    def __init__(self, outcome: Outcome) -> None:
+        failed = [claim for claim in outcome.claims if claim.verdict == outcome.verdict]
+        super().__init__(f"{outcome.verdict}: " + "; ".join(reason(claim) for claim in failed))
+        self.outcome = outcome
+
+
+def verify(design: Design, *, paranoid: bool = False) -> Outcome:
+    """Prove everything again from the design alone; no optimisation solver is used.
+
+    paranoid: prove a second time by an independent method where there is one. Also checks that problem, gains, claims and guarantees of the document agree.
+    """
+    verification = _layer("verification", design.kind)
+    try:
+        problem = Problem.from_dict(design.problem)
+        if problem.require_kind() != design.kind:
+            raise InputError(f"problem.observer.kind is {problem.kind!r}, kind is {design.kind!r}.")
+    except InputError as error:
+        raise InputError(f"the problem inside the design: {error}") from None
+    certificates = {claim.id: claim.evidence for claim in design.claims}
+    claims = verification.claims(problem, design.gains, certificates, paranoid=paranoid)
+    claims = (*claims, _told_truly(design, claims, verification.guarantees(problem, claims)))
+    return Outcome(overall(claim.verdict for claim in claims), design.kind, claims, {}, design)
+
+
+def _told_truly(
+    design: Design, claims: tuple[Claim, ...], guarantees: tuple[Mapping[str, Any], ...]
+) -> Claim:
+    """The document says of itself exactly what was proved again."""
+    stored = {c.id: (c.statement, c.source, c.verdict) for c in design.claims}
+    found = {c.id: (c.statement, c.source, c.verdict) for c in claims}
+    wrong = [name for name in sorted(set(stored) | set(found)) if stored.get(name) != found.get(name)]
+    if not wrong and jsonable(guarantees) != jsonable(design.guarantees):
+        wrong = ["guarantees"]
+    evidence: Mapping[str, Any] = {"entries": len(stored)}
+    if wrong:
+        because = f"the document's {wrong[0]!r} is not what its gains and problem give"
+        evidence = {"witness": {"entry": wrong[0], "reason": because}}
+    return Claim(
+        "document",
+        "claims and guarantees in the document are those that were proved again",
+        "format of a design file",
+        "refuted" if wrong else "proved",
+        evidence,
+    )

@@ -1,0 +1,320 @@
+"""Degue, Efimov, Richard, Interval Observers for Linear Impulsive Systems, NOLCOS 2016.
+
+Every number printed in the paper, or ours where the print is wrong (docs/papers.md).
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+import obsdesign
+from lmi.decide import decide
+from lmi.hurwitz import prove_hurwitz
+from lmi.proof import prove_common
+from lmi.spectral import refute_spectral
+from obsdesign.equations import interval as equations
+from obsdesign.runtime.interval import IntervalObserver
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+A1, G1, C = np.array([[-1.0, 0], [1, -2]]), np.array([[2.0, 1], [1, 3]]), np.array([[0.0, 1]])
+L1, M1 = np.array([[0.0], [1]]), np.array([[1.0], [2.8]])
+BETA, DELTA, V = 0.1, 0.3, 0.03
+
+HALF_LAST_DIGIT = 5e-7  # numbers below are given to six decimals
+TABLE_DIGITS = 1e-5
+
+
+def investigate(name: str, **changes: object) -> obsdesign.Outcome:
+    """The verdict on an example, with some entries of the file replaced."""
+    document = obsdesign.load_problem(EXAMPLES / f"{name}.toml").to_dict()
+    for path, value in changes.items():
+        block, key = path.split("__")
+        if value is None:
+            document[block].pop(key)
+        else:
+            document[block][key] = value
+    return obsdesign.investigate(obsdesign.Problem.from_dict(document))
+
+
+def claim(outcome: obsdesign.Outcome, name: str) -> obsdesign.Claim:
+    return next(c for c in outcome.claims if c.id == name)
+
+
+def radius(F: np.ndarray, H: np.ndarray, theta: float) -> float:
+    return float(max(abs(np.linalg.eigvals(expm(F * theta) @ H))))
+
+
+def pair(name: str) -> tuple[np.ndarray, np.ndarray]:
+    """(W, N) of an example."""
+    design = obsdesign.design(obsdesign.load_problem(EXAMPLES / f"{name}.toml"))
+    gains = design.gains
+    return gains["D0"] + gains["D1"], gains["Gp"] + gains["Gn"]
+
+
+# --- Example 4.1 ------------------------------------------------------------------------------
+
+
+def test_example_41_hypotheses() -> None:
+    F, H = A1 - L1 @ C, G1 - M1 @ C
+    np.testing.assert_allclose(F, [[-1, 0], [1, -3]], atol=1e-15)
+    np.testing.assert_allclose(H, [[2, 0], [1, 0.2]], atol=1e-15)
+    assert max(abs(np.linalg.eigvals(H))) > 1  # "not Schur stable"
+    outcome = investigate("degue_4_1")
+    assert {c.id: c.verdict for c in outcome.claims} == {
+        "consistent": "proved",
+        "flow_positive": "proved",
+        "jump_positive": "proved",
+        "hurwitz": "proved",
+        "dwell_stability": "proved",
+    }
+
+
+@pytest.mark.parametrize("shortest", [0.70, 0.6932])
+def test_example_41_is_proved_above_ln_2(shortest: float) -> None:
+    assert investigate("degue_4_1", jump__dwell_time=[shortest, "inf"]).verdict == "proved"
+
+
+@pytest.mark.parametrize("shortest", [0.6580, 0.6931])
+def test_example_41_printed_dwell_time_is_refuted(shortest: float) -> None:
+    outcome = investigate("degue_4_1", jump__dwell_time=[shortest, "inf"])
+    assert outcome.verdict == "refuted"
+    witness = claim(outcome, "dwell_stability").evidence["witness"]
+    theta = witness["theta"]
+    # the witness, seen by other means: an admissible dwell time at which the width does not shrink
+    assert theta >= shortest
+    assert radius(A1 - L1 @ C, G1 - M1 @ C, theta) >= 1
+
+
+def test_example_41_spectral_radii() -> None:
+    assert radius(A1 - L1 @ C, G1 - M1 @ C, 0.6580) == pytest.approx(1.035772, abs=HALF_LAST_DIGIT)
+    assert radius(A1 - L1 @ C, G1 - M1 @ C, math.log(2)) == pytest.approx(1.0, abs=1e-14)
+
+
+def test_no_gain_beats_ln_2_in_these_coordinates() -> None:
+    # C never sees the first column: entry (1, 1) of e^(F t) H is at least 2 e^(-t) for Metzler F
+    rng = np.random.default_rng(0)
+    for _ in range(200):
+        L, M = rng.standard_normal((2, 2, 1)) * 5
+        F, H = A1 - L @ C, G1 - M @ C
+        W, N = equations.absolute_metzler(F), np.abs(H)
+        assert radius(W, N, 0.69) >= 2 * math.exp(-0.69) - 1e-12
+
+
+@pytest.mark.parametrize(
+    ("dwell", "before", "after", "mean"),
+    [
+        (5, (0.20587379, 0.15627036), (1.07174758, 1.00512786), (0.37317476, 0.26764875)),
+        (2, (0.35958268, 0.23419427), (1.37916535, 1.17442153), (0.70979134, 0.47996832)),
+        (1, (1.39730162, 0.77889131), (3.45460325, 2.32107989), (2.25730162, 1.35316340)),
+    ],
+)
+def test_example_41_widths(dwell: float, before: tuple, after: tuple, mean: tuple) -> None:
+    design = obsdesign.design(obsdesign.load_problem(EXAMPLES / "degue_4_1.toml"))
+    W, N = pair("degue_4_1")
+    widths = equations.periodic_width(W, N, *equations.width_inputs(dict(design.gains)), dwell)
+    for ours, known in zip(widths, (before, after, mean), strict=True):
+        np.testing.assert_allclose(ours, known, atol=TABLE_DIGITS)
+
+
+def test_width_before_and_after_the_first_jump() -> None:
+    # w(0) = (2, 2), jump at 5; with samples every 1e-3 the slope scheme is within its O(h) excess
+    observer = obsdesign.runtime.from_design(
+        obsdesign.design(obsdesign.load_problem(EXAMPLES / "degue_4_1.toml"))
+    )
+    t = np.round(np.arange(5001) * 1e-3, 3)
+    batch = observer.run_batch(t, np.zeros((5001, 1)), jump=t == 5.0, lower=[-1, -1], upper=[1, 1])
+    widths = dict(zip(t.tolist(), batch.upper - batch.lower, strict=True))
+    continuous = {4.99: (0.21225, 0.159459), 5.0: (1.084257, 1.012008)}
+    for instant, known in continuous.items():
+        assert np.all(widths[instant] > np.array(known) - TABLE_DIGITS)
+        assert np.all(widths[instant] < np.array(known) + 5e-4)
+
+
+# --- Measurement timing -----------------------------------------------------------------------
+
+
+def _extreme_run(h: float) -> tuple[np.ndarray, np.ndarray]:
+    """(t, x) of example 4.1 with b = -beta, v = +V, from (10, 10), until 5."""
+    drive = expm(np.block([[A1, -BETA * np.ones((2, 1))], [np.zeros((1, 3))]]) * h)
+    x, path = np.array([10.0, 10.0]), []
+    t = np.round(np.arange(round(4.9 / h) + 1) * h, 6)
+    for _ in t:
+        path.append(x)
+        x = drive[:2, :2] @ x + drive[:2, 2]
+    return t, np.array(path)
+
+
+@pytest.mark.parametrize(("h", "margin", "when"), [(0.1, -0.10354, 0.6), (0.05, -0.05024, 0.55)])
+def test_zero_order_hold_breaks_the_enclosure(h: float, margin: float, when: float) -> None:
+    t, x = _extreme_run(h)
+    y = x[:, 1] + V
+    F = A1 - L1 @ C
+    step = expm(np.block([[F, np.eye(2)], [np.zeros((2, 4))]]) * h)
+    lower = np.array([10.0, 10.0])
+    margins = []
+    for k in range(len(t)):
+        margins.append(float(np.min(x[k] - lower)))
+        held = L1[:, 0] * y[k] - np.abs(L1[:, 0]) * V - BETA
+        lower = step[:2, :2] @ lower + step[:2, 2:] @ held
+    worst = int(np.argmin(margins))
+    assert margins[worst] == pytest.approx(margin, abs=1e-4)
+    assert t[worst] == pytest.approx(when)
+
+
+@pytest.mark.parametrize("h", [0.1, 0.05, 0.01])
+@pytest.mark.parametrize("initial_radius", [0.0, 0.1])
+def test_our_bounds_hold_with_the_same_inputs(h: float, initial_radius: float) -> None:
+    t, x = _extreme_run(h)
+    observer = obsdesign.runtime.from_design(
+        obsdesign.design(obsdesign.load_problem(EXAMPLES / "degue_4_1.toml"))
+    )
+    start = np.array([10.0, 10.0])
+    batch = observer.run_batch(
+        t, x[:, 1:] + V, lower=start - initial_radius, upper=start + initial_radius
+    )
+    assert np.all(batch.lower <= x)
+    assert np.all(x <= batch.upper)
+    assert set(batch.status) == {"ok"}
+
+
+def _continuous_run(jump_measurement: str) -> float:
+    """Smallest margin of observer (6) with continuous y and the paper's sine signals, jumps at 5, 10.
+
+    Plant, both bounds and the oscillator in one linear system: exact.
+    """
+    F, H = A1 - L1 @ C, G1 - M1 @ C
+    Z, one, noise = np.zeros((2, 2)), np.ones((2, 1)), np.abs(L1) * V
+    S = np.hstack([one, 0 * one])  # picks sin
+    LV = L1 @ np.array([[V, 0.0]])
+    system = np.block(
+        [
+            [A1, Z, Z, BETA * S, np.zeros((2, 1))],
+            [L1 @ C, F, Z, LV, -BETA * one - noise],
+            [L1 @ C, Z, F, LV, BETA * one + noise],
+            [np.zeros((1, 6)), np.array([[0.0, 1.0]]), np.zeros((1, 1))],
+            [np.zeros((1, 6)), np.array([[-1.0, 0.0]]), np.zeros((1, 1))],
+            [np.zeros((1, 9))],
+        ]
+    )
+    step = expm(system * 0.01)
+    z = np.array([1, 1, 0, 0, 2, 2, 0, 1, 1.0])
+    worst = math.inf
+    for k in range(1, 1501):
+        z = step @ z
+        if k in (500, 1000):
+            x, low, high, sine = z[:2].copy(), z[2:4].copy(), z[4:6].copy(), z[6]
+            after = G1 @ x + DELTA * sine
+            y = C @ (x if jump_measurement == "before" else after) + V * sine
+            spread = np.abs(M1[:, 0]) * V + DELTA
+            z[:2], z[2:4] = after, H @ low + M1 @ y - spread
+            z[4:6] = H @ high + M1 @ y + spread
+        worst = min(worst, float(np.min(z[:2] - z[2:4])), float(np.min(z[4:6] - z[:2])))
+    return worst
+
+
+def test_a_post_jump_measurement_breaks_the_printed_observer() -> None:
+    assert _continuous_run("before") == pytest.approx(0.03334, abs=1e-4)
+    assert _continuous_run("after") == pytest.approx(-0.48559, abs=5e-3)
+
+
+# --- Example 4.2: the bouncing ball -----------------------------------------------------------
+
+
+def test_bouncing_ball() -> None:
+    assert investigate("degue_4_2").verdict == "proved"
+    endless = investigate("degue_4_2", jump__dwell_time=[0, "inf"])
+    assert endless.verdict == "refuted"
+    assert claim(endless, "hurwitz").verdict == "refuted"
+
+
+def test_example_42_printed_T_is_not_nonnegative() -> None:
+    printed = np.diag([-0.8, 0.9])
+    assert printed.min() < 0
+    # and no gain can move the eigenvalue -0.8 away: C does not see the velocity
+    G, C_ball = np.diag([1.0, -0.8]), np.array([[1.0, 0.0]])
+    for M in np.random.default_rng(1).standard_normal((50, 2, 1)):
+        eigenvalues = np.linalg.eigvals(G - M @ C_ball)
+        assert np.min(np.abs(eigenvalues + 0.8)) < 1e-12
+
+
+def test_bouncing_ball_recovered_gains() -> None:
+    # L, M and rho are not printed; L = (3, 2), M = (0.1, -0.5), rho = 0.8 give the printed R and T
+    A, C_ball, G = np.array([[0.0, 1], [0, 0]]), np.array([[1.0, 0]]), np.diag([1, -0.8])
+    flow = np.linalg.eigvals(A - np.array([[3.0], [2.0]]) @ C_ball)
+    jump = np.linalg.eigvals(G - np.array([[0.1], [-0.5]]) @ C_ball)
+    np.testing.assert_allclose(sorted(flow), [-2, -1], atol=1e-12)
+    np.testing.assert_allclose(sorted(jump), [-0.8, 0.9], atol=1e-12)
+
+
+# --- Example 4.3 ------------------------------------------------------------------------------
+
+
+def test_example_43_paper_split() -> None:
+    outcome = investigate("degue_4_3")
+    assert outcome.verdict == "proved"
+    gains = outcome.design.gains
+    np.testing.assert_allclose(gains["D0"] - gains["D1"], [[-2, 0], [-4, -1]])
+    H = gains["Gp"] - gains["Gn"]
+    np.testing.assert_allclose(H, [[2, 1], [1, -3]])
+    assert (H < 0).sum() == 1  # "G - MC is negative": only one entry is
+
+
+def test_example_43_printed_dwell_time_is_refuted() -> None:
+    outcome = investigate("degue_4_3", jump__dwell_time=[2.7579, "inf"])
+    assert outcome.verdict == "refuted"
+    W, N = pair("degue_4_3")
+    assert radius(W, N, 2.7579) == pytest.approx(1.0495642, abs=1e-6)
+
+
+def test_example_43_minimal_split() -> None:
+    document = obsdesign.load_problem(EXAMPLES / "degue_4_3.toml").to_dict()
+    for name in ("D0", "D1", "Gp", "Gn"):
+        del document["observer"]["gains"][name]
+    for shortest, verdict in ((1.885, "proved"), (1.884, "refuted")):
+        document["jump"]["dwell_time"] = [shortest, "inf"]
+        problem = obsdesign.Problem.from_dict(document)
+        assert obsdesign.investigate(problem).verdict == verdict
+
+
+def test_the_large_system_and_the_width_pair_have_one_threshold() -> None:
+    D0, D1 = np.array([[-1.5, 0], [0, -1]]), np.array([[0.5, 0], [4, 0]])
+    p, n = np.array([[2.5, 1], [1, 0]]), np.array([[0.5, 0], [0, 3]])
+    U = np.block([[D0, D1], [D1, D0]])
+    for J in (np.block([[p, n], [n, p]]), np.block([[p, n], [p, n]])):  # corrected, printed
+        assert decide(U, J, 2.823, math.inf).outcome == "proved"
+        assert refute_spectral(U, J, 2.7579, math.inf).outcome == "refuted"
+    for theta in (2.7579, 2.8221351564360697, 4.0):
+        assert radius(U, J, theta) == pytest.approx(radius(D0 + D1, p + n, theta), rel=1e-9)
+    assert radius(D0 + D1, p + n, 2.8221351564360697) == pytest.approx(1.0, abs=1e-12)
+
+
+def test_no_gain_makes_the_flow_of_43_metzler() -> None:
+    A = np.array([[-2.0, 0], [-4, -3]])
+    for L in np.random.default_rng(2).standard_normal((50, 2, 1)) * 10:
+        assert (A - L @ C)[1, 0] == -4
+
+
+# --- Corollary 4 ------------------------------------------------------------------------------
+
+
+def test_corollary_4_needs_a_hurwitz_flow() -> None:
+    F, H = np.diag([1.0, -1.0]), np.diag([0.0, 0.5])
+    # (4) holds for every theta with P = I ...
+    for theta in (0.0, 1.0, 50.0):
+        M = expm(F * theta) @ H
+        assert np.linalg.eigvalsh(np.eye(2) - M.T @ M).min() > 0
+    # ... and still an input, or x1(0), grows like e^t between jumps: no proof is given
+    assert prove_hurwitz(F).outcome == "refuted"
+    assert prove_common(F, H, np.eye(2), 0.0, math.inf).outcome != "proved"
+    assert prove_common(F, H, np.eye(2), 0.0, 50.0).outcome == "proved"
+
+
+def test_the_runtime_of_an_example_is_loadable() -> None:
+    design = obsdesign.design(obsdesign.load_problem(EXAMPLES / "degue_4_2.toml"))
+    assert isinstance(obsdesign.runtime.from_design(design), IntervalObserver)

@@ -1,0 +1,160 @@
+"""The house rules that code can check: who imports whom, what runs without which packages."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+SOLVERS = ("cvxpy", "clarabel", "casadi", "highspy", "scipy.optimize")
+FILES = sorted([*(ROOT / "lmi").rglob("*.py"), *(ROOT / "obsdesign").rglob("*.py")])
+
+
+def imported(path: Path) -> set[str]:
+    """Absolute names imported anywhere in a file, inside functions too."""
+    names: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            assert node.level == 0, f"{path}: relative import"
+            names |= {node.module} | {f"{node.module}.{alias.name}" for alias in node.names}
+    return names
+
+
+def module(path: Path) -> str:
+    return ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+
+
+def uses(path: Path, package: str) -> bool:
+    return any(name == package or name.startswith(package + ".") for name in imported(path))
+
+
+def outside(path: Path, allowed: tuple[str, ...]) -> set[str]:
+    """Imports of a file that are neither the standard library nor on the list."""
+    known = set(sys.stdlib_module_names) | {"__future__"}
+    return {
+        name
+        for name in imported(path)
+        if name.split(".")[0] not in known
+        and not any(name == entry or name.startswith(entry + ".") for entry in allowed)
+    }
+
+
+@pytest.mark.parametrize("path", FILES, ids=module)
+def test_packages_live_where_they_belong(path: Path) -> None:
+    name = module(path)
+    if name.startswith("lmi"):
+        assert not uses(path, "obsdesign"), "lmi has never heard of a plant"
+    only = {
+        "flint": ("lmi.balls",),
+        "matplotlib": ("obsdesign.plotting",),
+        "casadi": ("obsdesign.synthesis",),
+        "cvxpy": ("lmi", "obsdesign.synthesis"),
+        "click": ("obsdesign.cli", "obsdesign.demo"),
+        "jsonschema": ("obsdesign.problem", "obsdesign.structure_check", "obsdesign.cli"),
+    }
+    for package, places in only.items():
+        if uses(path, package):
+            assert name.startswith(places), f"{package} is imported by {name}"
+
+
+LIGHT = ("numpy", "lmi.exponential", "lmi.enclosure")
+
+
+@pytest.mark.parametrize(
+    ("prefix", "allowed"),
+    [
+        ("obsdesign.equations", (*LIGHT,)),
+        ("obsdesign.document", (*LIGHT, "obsdesign.errors")),
+        ("obsdesign.errors", ()),
+        (
+            "obsdesign.runtime",
+            (*LIGHT, "obsdesign.runtime", "obsdesign.equations", "obsdesign.document",
+             "obsdesign.errors"),
+        ),
+    ],
+)  # fmt: skip
+def test_light_layers_import_nothing_heavy(prefix: str, allowed: tuple[str, ...]) -> None:
+    files = [path for path in FILES if (module(path) + ".").startswith(prefix + ".")]
+    assert files
+    for path in files:
+        assert not outside(path, allowed), module(path)
+
+
+@pytest.mark.parametrize("layer", ["synthesis", "verification", "runtime"])
+def test_layers_do_not_look_sideways(layer: str) -> None:
+    others = {"synthesis", "verification", "runtime"} - {layer}
+    for path in (ROOT / "obsdesign" / layer).rglob("*.py"):
+        for other in others:
+            assert not uses(path, f"obsdesign.{other}"), module(path)
+
+
+def test_provers_import_no_solver() -> None:
+    files = [*(ROOT / "obsdesign" / "verification").rglob("*.py")]
+    files += [ROOT / "lmi" / f"{name}.py" for name in ("proof", "balls", "verdict", "enclosure")]
+    for path in files:
+        for solver in SOLVERS:
+            assert not uses(path, solver), f"{module(path)} imports {solver}"
+
+
+def test_package_roots_are_light() -> None:
+    code = (
+        "import sys, obsdesign, lmi, obsdesign.runtime;"
+        "heavy = {'scipy', 'cvxpy', 'clarabel', 'flint', 'casadi', 'matplotlib', 'jsonschema'};"
+        "assert not heavy & set(sys.modules), heavy & set(sys.modules)"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, cwd=ROOT)
+
+
+BLOCKER = """
+import sys
+class Blocked:
+    def find_spec(self, name, path=None, target=None):
+        if any(name == b or name.startswith(b + ".") for b in {blocked!r}):
+            raise ImportError("blocked: " + name)
+sys.meta_path.insert(0, Blocked())
+"""
+
+
+def run_blocked(blocked: tuple[str, ...], code: str) -> subprocess.CompletedProcess[str]:
+    script = BLOCKER.format(blocked=blocked) + code
+    return subprocess.run(
+        [sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+
+
+def test_verify_runs_without_any_solver(academic_design: Path) -> None:
+    code = f"""
+import obsdesign
+outcome = obsdesign.verify(obsdesign.load_design({str(academic_design)!r}))
+assert outcome.verdict == "proved", outcome.claims
+"""
+    done = run_blocked(SOLVERS, code)
+    assert done.returncode == 0, done.stderr
+    # the twin: the blocker really blocks, since finding P needs the solver
+    finding = run_blocked(SOLVERS, "import lmi.semidefinite as s; import clarabel")
+    assert "blocked: clarabel" in finding.stderr
+
+
+def test_runtime_runs_with_numpy_alone(academic_design: Path) -> None:
+    blocked = (
+        *SOLVERS, "scipy", "flint", "matplotlib", "jsonschema", "click", "rich", "hypothesis",
+    )  # fmt: skip
+    code = f"""
+from obsdesign.runtime import Sample, load
+observer = load({str(academic_design)!r})
+state = observer.init(t=0.0, lower=[0, 0], upper=[2, 2])
+for k in range(1, 50):
+    state, estimate = observer.step(state, Sample(k / 10, y=[1.0], jump=k == 20))
+assert (estimate.lower < estimate.upper).all()
+third_party = set(m.split(".")[0] for m in sys.modules) - set(sys.stdlib_module_names)
+print(sorted(m for m in third_party if not m.startswith("_")))
+"""
+    done = run_blocked(blocked, code)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.strip() == "['lmi', 'numpy', 'obsdesign']"

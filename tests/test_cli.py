@@ -1,0 +1,313 @@
+"""Commands as a user types them: files, exit codes, one JSON object, nothing half-written."""
+
+from __future__ import annotations
+
+import csv
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import numpy as np
+import pytest
+
+import obsdesign
+from obsdesign.document import digest
+
+ROOT = Path(__file__).parent.parent
+ACADEMIC = ROOT / "examples" / "degue_4_1.toml"
+
+
+def command(
+    *arguments: object, cwd: Path, stdin: str | None = None
+) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-c", "from obsdesign.cli import main; main()", *map(str, arguments)],
+        cwd=cwd, input=stdin, capture_output=True, text=True, check=False, timeout=120,
+    )  # fmt: skip
+
+
+def rows(path: Path) -> list[dict[str, str]]:
+    with path.open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def test_the_whole_way(tmp_path: Path) -> None:
+    done = command("design", ACADEMIC, "--json", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    reply = json.loads(done.stdout)
+    assert set(reply) == {"command", "verdict", "kind", "claims", "result"}
+    assert (reply["command"], reply["verdict"], reply["kind"]) == ("design", "proved", "interval")
+    assert reply["result"]["file"] == "design.json"
+
+    verified = command("verify", "design.json", "--json", cwd=tmp_path)
+    assert verified.returncode == 0, verified.stderr
+    assert json.loads(verified.stdout)["verdict"] == "proved"
+    paranoid = command("verify", "design.json", "--paranoid", cwd=tmp_path)
+    assert paranoid.returncode == 0, paranoid.stderr
+
+    for disturbance in ("zero", "extreme", "random", "sine"):
+        made = command(
+            "simulate", "design.json", "--until", 9, "--initial", "1,1", "--seed", 3,
+            "--disturbance", disturbance, "-o", "data.csv", cwd=tmp_path,
+        )  # fmt: skip
+        assert made.returncode == 0, made.stderr
+        ran = command(
+            "run", "design.json", "data.csv", "--initial", "0,2,0,2", "-o", "est.csv", cwd=tmp_path
+        )
+        assert ran.returncode == 0, ran.stderr
+        data, estimates = rows(tmp_path / "data.csv"), rows(tmp_path / "est.csv")
+        assert list(estimates[0]) == ["t", "x1_lo", "x1_hi", "x2_lo", "x2_hi", "status"]
+        assert [row["t"] for row in estimates] == [row["t"] for row in data]
+        assert {row["status"] for row in estimates} == {"ok"}
+        assert ran.stderr == f"{len(data)} rows: {len(data)} ok\n"
+        for truth, bounds in zip(data, estimates, strict=True):
+            for i in (1, 2):
+                assert float(bounds[f"x{i}_lo"]) <= float(truth[f"x{i}"]) <= float(bounds[f"x{i}_hi"])
+
+    streamed = command(
+        "run", "design.json", "--initial", "0,2,0,2", cwd=tmp_path,
+        stdin=(tmp_path / "data.csv").read_text(),
+    )  # fmt: skip
+    assert streamed.stdout == (tmp_path / "est.csv").read_text()
+
+    for picture in ("fig.png", "fig.svg"):
+        drawn = command("plot", "est.csv", "data.csv", "-o", picture, cwd=tmp_path)
+        assert drawn.returncode == 0, drawn.stderr
+        assert (tmp_path / picture).stat().st_size > 10_000
+    alone = command("plot", "est.csv", cwd=tmp_path)
+    assert alone.returncode == 0, alone.stderr
+    assert (tmp_path / "estimate.png").exists()
+
+
+def test_a_refuted_problem_writes_nothing_and_shows_the_witness(tmp_path: Path) -> None:
+    text = ACADEMIC.read_text().replace("[0.7, inf]", "[0.658, inf]")
+    (tmp_path / "p.toml").write_text(text)
+    done = command("design", "p.toml", "--allow-undecided", cwd=tmp_path)
+    assert done.returncode == 1
+    assert "refuted" in done.stdout
+    assert "0.658" in done.stdout
+    assert [path.name for path in tmp_path.iterdir()] == ["p.toml"]
+    reply = json.loads(command("design", "p.toml", "--json", cwd=tmp_path).stdout)
+    assert reply["verdict"] == "refuted"
+    assert reply["result"]["file"] is None
+
+
+def test_design_and_problem_match_their_published_schemas(tmp_path: Path) -> None:
+    design = obsdesign.design(obsdesign.load_problem(ACADEMIC)).to_dict()
+    schemas = {}
+    for which in ("problem", "design"):
+        done = command("schema", which, cwd=tmp_path)
+        assert done.returncode == 0
+        schemas[which] = json.loads(done.stdout)
+        jsonschema.Draft202012Validator.check_schema(schemas[which])
+    jsonschema.validate(design, schemas["design"])
+    jsonschema.validate(design["problem"], schemas["problem"])
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate(design | {"verdict": True}, schemas["design"])
+
+
+def test_simulation_is_seeded(tmp_path: Path) -> None:
+    texts = []
+    for name, seed in (("a", 1), ("b", 1), ("c", 2)):
+        command("simulate", ACADEMIC, "--seed", seed, "-o", name, cwd=tmp_path)
+        texts.append((tmp_path / name).read_text())
+    assert texts[0] == texts[1] != texts[2]
+
+
+# --- bad input: exit 2, one line on stderr, empty stdout, no file touched ----------------------
+
+
+@pytest.fixture
+def desk(tmp_path: Path, academic_design: Path) -> Path:
+    """A folder with a design and a good data file."""
+    (tmp_path / "d.json").write_bytes(academic_design.read_bytes())
+    (tmp_path / "good.csv").write_text("t,y1,jump\n0,1,0\n0.1,0.9,0\n0.2,,1\n")
+    return tmp_path
+
+
+def refused(desk: Path, *arguments: object, line: str) -> None:
+    before = {path: path.read_bytes() for path in desk.iterdir() if path.is_file()}
+    done = command(*arguments, cwd=desk)
+    assert done.returncode == 2, (done.stdout, done.stderr)
+    assert done.stdout == ""
+    assert done.stderr == f"obsdesign: {line}\n"
+    assert {path: path.read_bytes() for path in desk.iterdir() if path.is_file()} == before
+
+
+DATA_FAULTS = {
+    "unsorted": (
+        "t,y1,jump\n0,1,0\n0.2,1,0\n0.1,1,0\n",
+        "bad.csv line 4: t must increase; got 0.1 after 0.2. Are the rows sorted, without repeats?",
+    ),
+    "repeated": (
+        "t,y1,jump\n0,1,0\n0,1,0\n",
+        "bad.csv line 3: t must increase; got 0.0 after 0.0. Are the rows sorted, without repeats?",
+    ),
+    "no y": ("t,jump\n0,0\n", "bad.csv: column 'y1' is required; the header has t, jump."),
+    "no jump": ("t,y1\n0,0\n", "bad.csv: column 'jump' is required; the header has t, y1."),
+    "text": (
+        "t,y1,jump\n0,1,0\n0.1,high,0\n",
+        "bad.csv line 3: y1 must be a finite number or empty; got 'high'.",
+    ),
+    "nan": ("t,y1,jump\n0,nan,0\n", "bad.csv line 2: y1 must be a finite number or empty; got 'nan'."),
+    "time": ("t,y1,jump\nnoon,1,0\n", "bad.csv line 2: t must be a finite number; got 'noon'."),
+    "flag": ("t,y1,jump\n0,1,2\n", "bad.csv line 2: jump must be 0 or 1; got '2'."),
+    "short row": (
+        "t,y1,jump\n0,1\n",
+        "bad.csv line 2: 3 values are required, one per column; got 2.",
+    ),
+    "empty": (
+        "",
+        "bad.csv: a header line with column 't', ... is required; the file is empty.",
+    ),
+    "header only": (
+        "t,y1,jump\n",
+        "bad.csv: at least one row of data is required; there is only a header.",
+    ),
+    "doubled": (
+        "t,y1,y1,jump\n0,1,1,0\n",
+        "bad.csv: column 'y1' stands 2 times in the header.",
+    ),
+}
+
+
+@pytest.mark.parametrize("fault", DATA_FAULTS)
+def test_data_that_cannot_be_read(desk: Path, fault: str) -> None:
+    text, line = DATA_FAULTS[fault]
+    (desk / "bad.csv").write_text(text)
+    refused(desk, "run", "d.json", "bad.csv", "--initial", "0,2,0,2", "-o", "est.csv", line=line)
+
+
+def test_binary_data(desk: Path) -> None:
+    (desk / "bad.csv").write_bytes(b"\xff\xfe\x00t")
+    refused(
+        desk, "run", "d.json", "bad.csv", "--initial", "0,2,0,2",
+        line="bad.csv: UTF-8 text is required; it is not. Is it a binary file?",
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("initial", "line"),
+    [
+        ((), "--initial must be the 4 numbers x1_lo,x1_hi,x2_lo,x2_hi; got nothing."),
+        (("--initial", "0,2"), "--initial must be the 4 numbers x1_lo,x1_hi,x2_lo,x2_hi; got 2 numbers."),
+        (("--initial", "0,2,3,2"), "--initial: initial bounds of x2: lower 3 exceeds upper 2."),
+        (("--initial", "0,2,a,2"), "--initial must be numbers separated by commas; got '0,2,a,2'."),
+        (("--initial", "0,inf,0,2"), "--initial: initial bounds must be finite numbers."),
+    ],
+)  # fmt: skip
+def test_initial_bounds_that_are_none(desk: Path, initial: tuple[str, ...], line: str) -> None:
+    refused(desk, "run", "d.json", "good.csv", *initial, "-o", "est.csv", line=line)
+
+
+def tampered(desk: Path, change: Any, sign: bool = False) -> None:
+    body = json.loads((desk / "d.json").read_text())
+    change(body)
+    if sign:
+        body["digest"] = digest(body)
+    (desk / "d.json").write_text(json.dumps(body))
+
+
+def test_a_design_with_a_changed_digit(desk: Path) -> None:
+    original = json.loads((desk / "d.json").read_text())["digest"]
+    tampered(desk, lambda body: body["gains"]["L"].__setitem__(1, [1.0000001]))
+    changed = digest(json.loads((desk / "d.json").read_text()))
+    line = (
+        f"d.json: digest does not match the content ('{original}', content gives '{changed}'). "
+        "The file was changed after it was written."
+    )
+    refused(desk, "verify", "d.json", line=line)
+    refused(desk, "run", "d.json", "good.csv", "--initial", "0,2,0,2", line=line)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "line"),
+    [
+        ("version", 2, "d.json: version must be 1; got 2. Was it written by a newer obsdesign?"),
+        ("version", True, "d.json: version must be 1; got True. Was it written by a newer obsdesign?"),
+        ("format", "x", "d.json: format must be 'obsdesign/design'; got 'x'. Is this a problem file?"),
+        ("extra", 1, "d.json: unknown key 'extra' in a design file."),
+        ("claims", {}, "d.json: claims must be a list; got dict."),
+    ],
+)  # fmt: skip
+def test_designs_of_another_make(desk: Path, key: str, value: Any, line: str) -> None:
+    tampered(desk, lambda body: body.__setitem__(key, value), sign=True)
+    refused(desk, "verify", "d.json", line=line)
+
+
+def test_files_that_are_no_design(desk: Path) -> None:
+    (desk / "empty.json").write_text("")
+    refused(desk, "verify", "empty.json",
+            line="empty.json: not a design file: not valid JSON (the file is empty).")  # fmt: skip
+    refused(desk, "verify", "none.json",
+            line="none.json: cannot be read: No such file or directory.")  # fmt: skip
+    (desk / "cut.json").write_text((desk / "d.json").read_text()[:100])
+    done = command("verify", "cut.json", cwd=desk)
+    assert done.returncode == 2
+    assert done.stderr.startswith("obsdesign: cut.json: not a design file: not valid JSON (")
+
+
+def test_usage(desk: Path) -> None:
+    refused(desk, "verify", line="Missing argument 'DESIGN'.")
+    refused(desk, "plot", "good.csv", "-o", "fig.pdf",
+            line="fig.pdf: a picture must end in .png or .svg.")  # fmt: skip
+    refused(desk, "design", ACADEMIC, "-o", "no/such/folder.json",
+            line="no/such/folder.json: cannot be written: no such folder, or a folder itself.")  # fmt: skip
+    refused(desk, "simulate", ACADEMIC, "--until", "-1",
+            line="until must be a positive finite number; got -1.0.")  # fmt: skip
+    refused(desk, "simulate", ACADEMIC, "--dwell", "often",
+            line="--dwell (shortest, random or a number) must be numbers separated by commas; got 'often'.")  # fmt: skip
+
+
+# --- a design that was signed again after a change: false, not unreadable ----------------------
+
+
+def _less(body: dict[str, Any]) -> None:
+    body["problem"]["jump"]["dwell_time"][0] = 0.5
+
+
+def _gain(body: dict[str, Any]) -> None:
+    body["gains"]["L"][1][0] = 0.5
+
+
+def _split(body: dict[str, Any]) -> None:
+    body["gains"]["D1"][0][1] = 0.25
+
+
+def _drop(body: dict[str, Any]) -> None:
+    body["claims"] = [c for c in body["claims"] if c["id"] != "hurwitz"]
+
+
+def _certificate(body: dict[str, Any]) -> None:
+    claim = next(c for c in body["claims"] if c["id"] == "dwell_stability")
+    claim["evidence"]["P"] = [[1.0, 0.0], [0.0, 1.0]]
+
+
+def _promise(body: dict[str, Any]) -> None:
+    body["guarantees"][0]["statement"] += " And it is always right."
+
+
+def _range(body: dict[str, Any]) -> None:
+    body["problem"]["jump"]["dwell_time"][0] = 0.5
+    body["gains"]["dwell_time"][0] = 0.5
+
+
+@pytest.mark.parametrize(
+    ("change", "code"),
+    [(_less, 1), (_gain, 1), (_split, 1), (_drop, 1), (_certificate, 1), (_promise, 1), (_range, 1)],
+)
+def test_a_signed_lie_is_not_verified(desk: Path, change: Any, code: int) -> None:
+    tampered(desk, change, sign=True)
+    done = command("verify", "d.json", "--json", cwd=desk)
+    assert done.returncode == code, done.stderr
+    assert json.loads(done.stdout)["verdict"] != "proved"
+
+
+def test_the_document_round_trips_exactly(academic_design: Path, tmp_path: Path) -> None:
+    design = obsdesign.load_design(academic_design)
+    design.save(tmp_path / "again.json")
+    assert (tmp_path / "again.json").read_bytes() == academic_design.read_bytes()
+    assert np.array_equal(design.gains["M"], [[1.0], [2.8]])
