@@ -39,9 +39,9 @@ def rational(value: Any) -> Any:
 
 def to_float(values: Exact) -> NDArray[np.float64]:
     """Nearest binary64 numbers."""
-    return np.array([int(v.p) / int(v.q) for v in values.flat], dtype=np.float64).reshape(
-        values.shape
-    )
+    entries: list[Any] = list(values.flat)
+    nearest = [int(v.p) / int(v.q) for v in entries]
+    return np.array(nearest, dtype=np.float64).reshape(values.shape)
 
 
 @contextmanager

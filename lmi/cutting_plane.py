@@ -33,10 +33,8 @@ class Proposal:
     worst_theta: float
 
 
-def propose(
-    F: Matrix, H: Matrix, low: float, high: float, seeds: Sequence[float] = ()
-) -> Proposal:
-    """P with M(theta)' P M(theta) < P at every theta of a fine grid, or the theta that forbid it."""
+def propose(F: Matrix, H: Matrix, low: float, high: float, seeds: Sequence[float] = ()) -> Proposal:
+    """P with M(theta)' P M(theta) < P on a fine grid of theta, or the theta that forbid it."""
     last = high if math.isfinite(high) else low + horizon(F)
     edge = Edge(F, H, low, last)
     with np.errstate(all="ignore"):
@@ -51,9 +49,7 @@ def propose(
     return best
 
 
-def _rounds(
-    edge: Edge, thetas: Matrix, maps: Matrix, kappa: float, start: list[float]
-) -> Proposal:
+def _rounds(edge: Edge, thetas: Matrix, maps: Matrix, kappa: float, start: list[float]) -> Proposal:
     active = sorted(set(start))
     worst_theta, margin = active[0], -math.inf
     for _ in range(_ROUNDS):

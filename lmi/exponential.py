@@ -57,11 +57,11 @@ def _pade(X: Matrix) -> Matrix:
         X6 @ (b[12] * X6 + b[10] * X4 + b[8] * X2)
         + b[6] * X6 + b[4] * X4 + b[2] * X2 + b[0] * identity
     )  # fmt: skip
-    return np.linalg.solve(even - odd, even + odd)
+    return np.asarray(np.linalg.solve(even - odd, even + odd), dtype=np.float64)
 
 
 def exponential_grid(F: ArrayLike, start: float, step: float, count: int) -> Matrix:
-    """e^{F (start + k step)} for k = 0..count-1, (count, n, n): log2(count) products by doubling."""
+    """All e^{F (start + k step)}, k = 0..count-1, as (count, n, n); by doubling."""
     F = np.asarray(F, dtype=np.float64)
     grid = np.empty((count, *F.shape))
     if count == 0:

@@ -40,7 +40,7 @@ class Edge:
         wanted = _POINTS_PER_PERIOD * fastest * length / (2 * math.pi)
         count = 1 if length == 0 else int(np.clip(wanted, _FEWEST, _MOST))
         step = length / max(count - 1, 1)
-        thetas = self.low + step * np.arange(count)
+        thetas: Matrix = self.low + step * np.arange(count, dtype=np.float64)
         return thetas, exponential_grid(self.F, self.low, step, count) @ self.H
 
 

@@ -1,8 +1,9 @@
 """One dwell time that destabilises: a theta with spectral radius >= 1, proved in balls.
 
 M(theta) = e^{F theta} H. A float scan proposes theta; the proof is one of: det(I - M) < 0 (a real
-eigenvalue above 1), det(I + M) < 0 (one below -1), a Stein inequality M'QM - Q > 0 with y'Qy > 0 for
-some y (then x'Qx grows along x+ = M x), or a vector that every M(theta) leaves in place, exactly.
+eigenvalue above 1), det(I + M) < 0 (one below -1), a Stein inequality M'QM - Q > 0 with y'Qy > 0
+for some y (then x'Qx grows along x+ = M x), or a vector that every M(theta) leaves in place,
+exactly.
 """
 
 from __future__ import annotations
@@ -96,7 +97,7 @@ def _horizon(F: Matrix) -> float:
 
 
 def _radii(M: Matrix) -> Any:
-    finite = np.isfinite(M).all(axis=(-2, -1), keepdims=True)
+    finite = np.asarray(np.isfinite(M).all(axis=(-2, -1), keepdims=True))
     radii = np.abs(np.linalg.eigvals(np.where(finite, M, 0.0))).max(axis=-1, initial=0.0)
     return np.where(finite[..., 0, 0], radii, np.nan)
 

@@ -52,7 +52,9 @@ def demo(folder: str) -> int:
 @click.option("-o", "--output", default="design.json", show_default=True, help="Design file.")
 @click.option("--allow-undecided", is_flag=True, help="Write a design with undecided claims too.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object on stdout.")
-def design(problem: str, kind: str | None, output: str, allow_undecided: bool, as_json: bool) -> int:
+def design(
+    problem: str, kind: str | None, output: str, allow_undecided: bool, as_json: bool
+) -> int:
     """Synthesise what PROBLEM leaves open, prove it, and write a design file."""
     from obsdesign import workflow
     from obsdesign.presentation import EXIT_CODES, answer, show
@@ -99,7 +101,9 @@ def verify(design_file: str, paranoid: bool, as_json: bool) -> int:
 @cli.command()
 @click.argument("source", metavar="PROBLEM_OR_DESIGN")
 @click.option("--until", type=float, help="End time.  [default: about ten dwell times]")
-@click.option("--step", type=float, help="Time between rows.  [default: the period, or about until/500]")
+@click.option(
+    "--step", type=float, help="Time between rows.  [default: the period, or about until/500]"
+)
 @click.option("--initial", help="True initial state x1,...,xn.  [default: ones]")
 @click.option("--dwell", default="random", show_default=True, help="shortest, random, or a number.")
 @click.option("--disturbance", default="random", show_default=True,
@@ -138,7 +142,9 @@ def simulate(source: str, output: str, events: str | None, seed: int, **options:
 @click.option("-o", "--output", help="Estimate file.  [default: standard output]")
 @click.option("--initial", help="x1,...,xn; for bounds x1_lo,x1_hi,... (required).")
 @click.option("--events", help="Write the impulses that were found to this file.")
-def run(design_file: str, data: str | None, output: str | None, initial: str | None, events: str | None) -> int:
+def run(
+    design_file: str, data: str | None, output: str | None, initial: str | None, events: str | None
+) -> int:
     """Execute DESIGN on DATA.csv, or row by row on standard input."""
     from obsdesign.execution import execute
 
@@ -169,7 +175,9 @@ def schema(which: str) -> int:
     """Print the JSON Schema of problem files or of design files."""
     from importlib.resources import files
 
-    click.echo(files("obsdesign").joinpath(f"schema/{which}.schema.json").read_text("utf-8").rstrip())
+    click.echo(
+        files("obsdesign").joinpath(f"schema/{which}.schema.json").read_text("utf-8").rstrip()
+    )
     return 0
 
 

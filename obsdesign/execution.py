@@ -65,7 +65,7 @@ def _loop(
 @contextmanager
 def _opened(path: str) -> Iterator[TextIO]:
     try:
-        stream = open(path, encoding="utf-8", newline="")
+        stream = open(path, encoding="utf-8", newline="")  # noqa: SIM115 - closed below
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}.") from None
     with stream:

@@ -47,9 +47,12 @@ def _array(values: Any, entry: str, dimensions: int, wanted: str) -> Array:
         raise InputError(f"{entry} must be {wanted}; got {_shown(values)}.")
     for index in np.argwhere(~np.isfinite(result)):
         place = ", ".join(
-            f"{word} {i + 1}" for word, i in zip(("row", "column")[2 - dimensions :], index, strict=True)
+            f"{word} {i + 1}"
+            for word, i in zip(("row", "column")[2 - dimensions :], index, strict=True)
         )
-        raise InputError(f"{entry} must hold finite numbers; got {result[tuple(index)]} at {place}.")
+        raise InputError(
+            f"{entry} must hold finite numbers; got {result[tuple(index)]} at {place}."
+        )
     result += 0.0  # -0.0 is 0.0
     result.setflags(write=False)
     return result
@@ -188,7 +191,9 @@ class Output:
     def _check_period(self) -> None:
         if self.period is None:
             if self.measured == "periodic":
-                raise InputError("output.period is required when measured = 'periodic'; it is missing.")
+                raise InputError(
+                    "output.period is required when measured = 'periodic'; it is missing."
+                )
             return
         period = _real(self.period, "output.period")
         if not (period > 0 and math.isfinite(period)):

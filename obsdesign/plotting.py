@@ -22,7 +22,7 @@ Vector = NDArray[np.float64]
 
 # Okabe-Ito: told apart in print and by colour-blind readers
 _TRUTH, _BAND, _ESTIMATE, _ALARM = "#000000", "#0072B2", "#0072B2", "#D55E00"
-_STYLE = {
+_STYLE: Any = {
     "font.size": 9,
     "axes.spines.top": False,
     "axes.spines.right": False,
@@ -47,7 +47,9 @@ def plot_estimate(estimate: str, data: str | None, output: str) -> None:
     t = _numbers(estimates, "t", estimate)
     names = _states(estimates)
     if not names or not len(t):
-        raise InputError(f"{estimate}: columns x1_lo, x1_hi or x1 and at least one row are required.")
+        raise InputError(
+            f"{estimate}: columns x1_lo, x1_hi or x1 and at least one row are required."
+        )
     times = _numbers(truth, "t", str(data)) if truth else np.zeros(0)
     jumps = times[_numbers(truth, "jump", str(data)) == 1] if "jump" in truth else np.zeros(0)
     with mpl.rc_context(_STYLE):
@@ -106,7 +108,9 @@ def _panel(
         low = _finite(_numbers(estimates, f"{name}_lo", path))
         high = _finite(_numbers(estimates, f"{name}_hi", path))
         split, pieces = _with_gaps(t, [low, high], jumps)
-        axis.fill_between(split, pieces[0], pieces[1], color=_BAND, alpha=0.25, lw=0, label="bounds")
+        axis.fill_between(
+            split, pieces[0], pieces[1], color=_BAND, alpha=0.25, lw=0, label="bounds"
+        )
         for edge in pieces:
             axis.plot(split, edge, color=_BAND, lw=0.9)
     if name in estimates:

@@ -123,7 +123,9 @@ class Problem:
         if asked.get("kind") == kind:
             return self, []
         foreign = self.kind is not None  # gains of one kind mean nothing to another
-        gains = {k: v for k, v in asked.get("gains", {}).items() if not foreign and k in GAINS[kind]}
+        gains = {
+            k: v for k, v in asked.get("gains", {}).items() if not foreign and k in GAINS[kind]
+        }
         options = {k: v for k, v in self.options.items() if not foreign and k in OPTIONS[kind]}
         dropped = [f"gains.{name}" for name in self.gains if name not in gains]
         dropped += [name for name in self.options if name not in options]
@@ -136,7 +138,9 @@ def load_problem(path: str | os.PathLike[str]) -> Problem:
     try:
         text = Path(path).read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:
-        raise InputError(f"{path}: UTF-8 text is required; it is not. Is it a binary file?") from None
+        raise InputError(
+            f"{path}: UTF-8 text is required; it is not. Is it a binary file?"
+        ) from None
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}.") from None
     if not text.strip():

@@ -45,7 +45,9 @@ def read_samples(stream: TextIO, layout: Layout, name: str) -> Iterator[Sample]:
     rows = csv.reader(_decoded(stream, name), strict=True)
     header = [title.strip() for title in _next_row(rows, name) or []]
     if not header:
-        raise InputError(f"{name}: a header line with column {layout.columns[0]!r}, ... is required; the file is empty.")
+        raise InputError(
+            f"{name}: a header line with column 't', ... is required; the file is empty."
+        )
     places = _places(header, layout, name)
     previous = -math.inf
     while (cells := _next_row(rows, name)) is not None:
@@ -53,11 +55,14 @@ def read_samples(stream: TextIO, layout: Layout, name: str) -> Iterator[Sample]:
         if not cells or all(not cell.strip() for cell in cells):
             continue
         if len(cells) != len(header):
-            raise InputError(f"{where}: {len(header)} values are required, one per column; got {len(cells)}.")
+            raise InputError(
+                f"{where}: {len(header)} values are required, one per column; got {len(cells)}."
+            )
         sample = _sample(cells, places, layout, where)
         if sample.t <= previous:
             raise InputError(
-                f"{where}: t must increase; got {sample.t!r} after {previous!r}. Are the rows sorted, without repeats?"
+                f"{where}: t must increase; got {sample.t!r} after {previous!r}. "
+                "Are the rows sorted, without repeats?"
             )
         previous = sample.t
         yield sample
@@ -72,7 +77,9 @@ def _decoded(stream: TextIO, name: str) -> Iterator[str]:
                 raise InputError(f"{name}: a text file is required; it holds a zero byte.")
             yield line
     except UnicodeDecodeError:
-        raise InputError(f"{name}: UTF-8 text is required; it is not. Is it a binary file?") from None
+        raise InputError(
+            f"{name}: UTF-8 text is required; it is not. Is it a binary file?"
+        ) from None
 
 
 def _next_row(rows: Any, name: str) -> list[str] | None:
@@ -92,7 +99,9 @@ def _places(header: list[str], layout: Layout, name: str) -> dict[str, int]:
                 f"{name}: column {title!r} is required; the header has {', '.join(header)}."
             )
         if header.count(title) > 1:
-            raise InputError(f"{name}: column {title!r} stands {header.count(title)} times in the header.")
+            raise InputError(
+                f"{name}: column {title!r} stands {header.count(title)} times in the header."
+            )
     return {title: header.index(title) for title in layout.columns}
 
 

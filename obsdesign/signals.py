@@ -82,9 +82,9 @@ class Signals:
 
     def unknown(self, times: Array) -> Array:
         """Truth of the unknown input, (rows, q)."""
-        return np.array([self.unknown_input.at(k, t) for k, t in enumerate(times.tolist())]).reshape(
-            len(times), -1
-        )
+        return np.array(
+            [self.unknown_input.at(k, t) for k, t in enumerate(times.tolist())]
+        ).reshape(len(times), -1)
 
 
 def signals(plant: Plant, kind: str, rows: int, rng: np.random.Generator) -> Signals:

@@ -43,7 +43,9 @@ class Record:
     def block(self, letter: str) -> NDArray[np.float64]:
         """Columns y, u, w, x or d as one array (rows, number)."""
         names = [name for name in self.columns if name[0] == letter and name[1:].isdigit()]
-        return np.column_stack([self.columns[name] for name in names] or [np.zeros((len(self.t), 0))])
+        return np.column_stack(
+            [self.columns[name] for name in names] or [np.zeros((len(self.t), 0))]
+        )
 
 
 def simulate(
@@ -100,7 +102,9 @@ def jump_times(
 def _spacings(plant: Plant, dwell: Any, until: float, rng: np.random.Generator) -> Any:
     if plant.jump is None or plant.jump.dwell_time is None:
         if isinstance(dwell, str):
-            raise InputError("jump.dwell_time is required to simulate jumps; it is missing. Give --dwell T.")
+            raise InputError(
+                "jump.dwell_time is required to simulate jumps; it is missing. Give --dwell T."
+            )
         low, high, jitter = 0.0, math.inf, math.inf
     else:
         (low, high), jitter = plant.jump.dwell_time, plant.jump.dwell_jitter
@@ -108,7 +112,9 @@ def _spacings(plant: Plant, dwell: Any, until: float, rng: np.random.Generator) 
         return _random_spacings(low, high, jitter, until, rng)
     if dwell == "shortest":
         if low == 0.0:
-            raise InputError("dwell = shortest needs jump.dwell_time[0] > 0; it is 0. Give a number.")
+            raise InputError(
+                "dwell = shortest needs jump.dwell_time[0] > 0; it is 0. Give a number."
+            )
         return _repeat(low, until)
     if isinstance(dwell, str):
         raise InputError(f"dwell must be shortest, random or a positive number; got {dwell!r}.")
@@ -120,7 +126,9 @@ def _spacings(plant: Plant, dwell: Any, until: float, rng: np.random.Generator) 
 def _repeat(theta: float, until: float) -> Any:
     count = int(until / theta) + 2
     if count > 10**7:
-        raise InputError(f"dwell = {theta:g} makes {count} jumps until {until:g}; 1e7 is the limit.")
+        raise InputError(
+            f"dwell = {theta:g} makes {count} jumps until {until:g}; 1e7 is the limit."
+        )
     return np.diff(np.round(theta * np.arange(count), 12))
 
 
@@ -132,7 +140,11 @@ def _random_spacings(
     floor = max(low, 1e-3 * min(top, until))  # a range that starts at 0 must not pile up jumps
     theta, elapsed = None, 0.0
     while elapsed <= until:
-        near = (floor, top) if theta is None else (max(floor, theta - jitter), min(top, theta + jitter))
+        near = (
+            (floor, top)
+            if theta is None
+            else (max(floor, theta - jitter), min(top, theta + jitter))
+        )
         theta = float(np.clip(rng.uniform(*near), low, high))
         elapsed += theta
         yield theta
@@ -160,7 +172,9 @@ def _default_step(plant: Plant, until: float) -> float:
         return float(plant.output.period)
     wanted = until / 500
     scale = 10.0 ** math.floor(math.log10(wanted))
-    return float(scale * min((1.0, 2.0, 5.0, 10.0), key=lambda nice: abs(math.log(nice * scale / wanted))))
+    return float(
+        scale * min((1.0, 2.0, 5.0, 10.0), key=lambda nice: abs(math.log(nice * scale / wanted)))
+    )
 
 
 def _instants(
@@ -189,7 +203,7 @@ def _measured(plant: Plant, times: Vector, is_jump: NDArray[np.bool_]) -> NDArra
     if plant.output.measured == "at_jumps":
         return is_jump
     seen = np.ones(len(times), bool)
-    if plant.output.measured == "periodic":
+    if plant.output.measured == "periodic" and plant.output.period:
         count = times / plant.output.period
         seen = np.abs(count - np.round(count)) < 1e-6
     return seen & ~(is_jump & (plant.output.jump_measurement == "none"))

@@ -74,7 +74,9 @@ def _unknown(name: str, path: list[Any], known: list[str], body: Any) -> str:
             )
     near = difflib.get_close_matches(name.lower(), [k.lower() for k in known], 1, 0.5)
     matches = [k for k in known if near and k.lower() == near[0]]
-    hint = f"did you mean {matches[0]!r}?" if matches else f"known are {', '.join(known) or 'none'}."
+    hint = (
+        f"did you mean {matches[0]!r}?" if matches else f"known are {', '.join(known) or 'none'}."
+    )
     return f"unknown key {name!r}{where}: {hint}"
 
 

@@ -139,7 +139,8 @@ class NotProved(Exception):
 def verify(design: Design, *, paranoid: bool = False) -> Outcome:
     """Prove everything again from the design alone; no optimisation solver is used.
 
-    paranoid: prove a second time by an independent method where there is one. Also checks that problem, gains, claims and guarantees of the document agree.
+    paranoid: prove a second time by an independent method where there is one. Also checks that
+    problem, gains, claims and guarantees of the document agree.
     """
     verification = _layer("verification", design.kind)
     try:
@@ -160,7 +161,9 @@ def _told_truly(
     """The document says of itself exactly what was proved again."""
     stored = {c.id: (c.statement, c.source, c.verdict) for c in design.claims}
     found = {c.id: (c.statement, c.source, c.verdict) for c in claims}
-    wrong = [name for name in sorted(set(stored) | set(found)) if stored.get(name) != found.get(name)]
+    wrong = [
+        name for name in sorted(set(stored) | set(found)) if stored.get(name) != found.get(name)
+    ]
     if not wrong and jsonable(guarantees) != jsonable(design.guarantees):
         wrong = ["guarantees"]
     evidence: Mapping[str, Any] = {"entries": len(stored)}

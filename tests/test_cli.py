@@ -65,7 +65,9 @@ def test_the_whole_way(tmp_path: Path) -> None:
         assert ran.stderr == f"{len(data)} rows: {len(data)} ok\n"
         for truth, bounds in zip(data, estimates, strict=True):
             for i in (1, 2):
-                assert float(bounds[f"x{i}_lo"]) <= float(truth[f"x{i}"]) <= float(bounds[f"x{i}_hi"])
+                assert (
+                    float(bounds[f"x{i}_lo"]) <= float(truth[f"x{i}"]) <= float(bounds[f"x{i}_hi"])
+                )
 
     streamed = command(
         "run", "design.json", "--initial", "0,2,0,2", cwd=tmp_path,
@@ -152,7 +154,10 @@ DATA_FAULTS = {
         "t,y1,jump\n0,1,0\n0.1,high,0\n",
         "bad.csv line 3: y1 must be a finite number or empty; got 'high'.",
     ),
-    "nan": ("t,y1,jump\n0,nan,0\n", "bad.csv line 2: y1 must be a finite number or empty; got 'nan'."),
+    "nan": (
+        "t,y1,jump\n0,nan,0\n",
+        "bad.csv line 2: y1 must be a finite number or empty; got 'nan'.",
+    ),
     "time": ("t,y1,jump\nnoon,1,0\n", "bad.csv line 2: t must be a finite number; got 'noon'."),
     "flag": ("t,y1,jump\n0,1,2\n", "bad.csv line 2: jump must be 0 or 1; got '2'."),
     "short row": (
@@ -297,7 +302,15 @@ def _range(body: dict[str, Any]) -> None:
 
 @pytest.mark.parametrize(
     ("change", "code"),
-    [(_less, 1), (_gain, 1), (_split, 1), (_drop, 1), (_certificate, 1), (_promise, 1), (_range, 1)],
+    [
+        (_less, 1),
+        (_gain, 1),
+        (_split, 1),
+        (_drop, 1),
+        (_certificate, 1),
+        (_promise, 1),
+        (_range, 1),
+    ],
 )
 def test_a_signed_lie_is_not_verified(desk: Path, change: Any, code: int) -> None:
     tampered(desk, change, sign=True)

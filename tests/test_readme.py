@@ -37,7 +37,9 @@ def test_the_demo_makes_what_it_says(tmp_path: Path) -> None:
     folder = tmp_path / "obsdesign-demo"
     made = {path.name for path in folder.iterdir()}
     assert made == {"problem.toml", "design.json", "data.csv", "estimate.csv", "estimate.png"}
-    rows, kept = map(int, re.search(r"(\d+) rows of data, guarantee held on (\d+)", done.stdout).groups())
+    rows, kept = map(
+        int, re.search(r"(\d+) rows of data, guarantee held on (\d+)", done.stdout).groups()
+    )
     assert rows == kept > 100
 
 

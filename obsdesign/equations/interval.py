@@ -58,7 +58,8 @@ def jump_disturbance_matrix(M: Array, C: Array, n: int, jump_measurement: str) -
 
 def positive_part(X: Array) -> Array:
     """X+ = max(X, 0) of section 2.2."""
-    return np.maximum(X, 0 * X)
+    part: Array = np.maximum(X, 0 * X)
+    return part
 
 
 def metzler_split(F: Array) -> tuple[Array, Array]:

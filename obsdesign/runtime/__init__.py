@@ -1,9 +1,9 @@
 """Run a designed observer: numpy and the standard library only.
 
-    from obsdesign.runtime import Sample, load
-    observer = load("design.json")
-    state = observer.init(t=0.0, lower=[0, 0], upper=[2, 2])
-    state, estimate = observer.step(state, Sample(0.1, y=[0.4]))
+from obsdesign.runtime import Sample, load
+observer = load("design.json")
+state = observer.init(t=0.0, lower=[0, 0], upper=[2, 2])
+state, estimate = observer.step(state, Sample(0.1, y=[0.4]))
 """
 
 from obsdesign.runtime.base import Estimate, Sample

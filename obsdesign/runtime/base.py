@@ -154,7 +154,9 @@ def rows_of(
             return [None] * len(times)
         array = np.asarray(values, dtype=np.float64)
         if len(array) != len(times):
-            raise ValueError(f"every array must have {len(times)} rows, as t has; got {len(array)}.")
+            raise ValueError(
+                f"every array must have {len(times)} rows, as t has; got {len(array)}."
+            )
         return array.reshape(len(times), -1)
 
     jumps = np.zeros(len(times), bool) if jump is None else np.asarray(jump, dtype=bool)

@@ -27,5 +27,5 @@ def from_design(design: Design, path: str = "design") -> Observer:
         known = ", ".join(OBSERVERS)
         raise InputError(f"{path}: kind must be one of {known}; got {design.kind!r}.")
     module, name = OBSERVERS[design.kind]
-    observer: Observer = getattr(importlib.import_module(module), name)
-    return observer.from_gains(design.gains)
+    observer: Observer = getattr(importlib.import_module(module), name).from_gains(design.gains)
+    return observer

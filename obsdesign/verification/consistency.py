@@ -12,9 +12,7 @@ from obsdesign.document import Claim, jsonable
 from obsdesign.problem import Problem
 
 
-def consistency(
-    problem: Problem, gains: Mapping[str, Any], expected: Mapping[str, Any]
-) -> Claim:
+def consistency(problem: Problem, gains: Mapping[str, Any], expected: Mapping[str, Any]) -> Claim:
     """Claim that `gains` holds exactly the expected entries.
 
     expected: by name, the value itself, a tuple (required shape) or a set (allowed words).
@@ -34,8 +32,8 @@ def _compare(gains: Mapping[str, Any], expected: Mapping[str, Any]) -> Verdict:
         reason = "is missing" if name in expected else "is not a gain of this kind"
         return refuted({"entry": f"gains.{name}", "reason": f"gains.{name} {reason}"})
     for name, value in expected.items():
-        if reason := _objection(gains[name], value):
-            return refuted({"entry": f"gains.{name}", "reason": f"gains.{name} {reason}"})
+        if objection := _objection(gains[name], value):
+            return refuted({"entry": f"gains.{name}", "reason": f"gains.{name} {objection}"})
     return proved(entries=len(expected))
 
 

@@ -83,8 +83,10 @@ def _forms(problem: Problem) -> set[str]:
 def guarantees(problem: Problem, found: tuple[Claim, ...]) -> tuple[dict[str, Any], ...]:
     """The sentences a user may rely on, and those that were asked for and not proved."""
     verdicts = {claim.id: claim.verdict for claim in found}
-    enclosing = [name for name in ("consistent", "flow_positive", "jump_positive") if name in verdicts]
-    bounded = [name for name in ("hurwitz", "dwell_stability") if name in verdicts]
+    enclosing: list[str] = [
+        name for name in ("consistent", "flow_positive", "jump_positive") if name in verdicts
+    ]
+    bounded: list[str] = [name for name in ("hurwitz", "dwell_stability") if name in verdicts]
     jump = problem.plant.jump
     when = "" if jump is None else f" for every sequence of dwell times in {_interval(jump)}"
     enclosure = (
@@ -153,9 +155,10 @@ def _signs(X: Any, metzler: bool, complaint: str) -> Verdict:
     """Every entry (off the diagonal, for Metzler) is >= 0, exactly."""
     for (i, j), value in np.ndenumerate(X):
         if value < 0 and not (metzler and i == j):
-            hint = "; rounding of decimals, which form = split absorbs" if -value < 1e-12 else ""
-            reason = f"{complaint}: entry ({i + 1}, {j + 1}) is {_number(value):.6g}{hint}"
-            return refuted({"entry": [i + 1, j + 1], "value": _number(value), "reason": reason})
+            size = _number(value)
+            hint = "; rounding of decimals, which form = split absorbs" if size > -1e-12 else ""
+            reason = f"{complaint}: entry ({i + 1}, {j + 1}) is {size:.6g}{hint}"
+            return refuted({"entry": [i + 1, j + 1], "value": size, "reason": reason})
     return proved(exact=True)
 
 
@@ -199,7 +202,8 @@ def _stability_claim(
     ends = f"[{low!r}, inf)" if math.isinf(high) else f"[{low!r}, {high!r}]"
     return Claim(
         "dwell_stability",
-        f"one P > 0 gives N' e^(W' T) P e^(W T) N < P for all T in {ends}, W = D0 + D1, N = Gp + Gn",
+        f"the width map w -> e^(W T) N w, W = D0 + D1, N = Gp + Gn, is stable for every sequence "
+        f"of dwell times T in {ends}: one P > 0 has N' e^(W' T) P e^(W T) N < P for all of them",
         f"{PAPER}, {THEOREMS[form]}, {equation}",
         *_stability(W, N, low, high, certificate),
     )

@@ -49,7 +49,9 @@ def test_the_twin_a_slope_taken_for_zero_is_caught() -> None:
 # --- rounding ---------------------------------------------------------------------------------
 
 
-def exact_states(A: np.ndarray, G: np.ndarray, x: list[float], h: float, jumps: set[int], rows: int):
+def exact_states(
+    A: np.ndarray, G: np.ndarray, x: list[float], h: float, jumps: set[int], rows: int
+):
     """x after each row in 400-bit arithmetic, for a plant without disturbance."""
     old, ctx.prec = ctx.prec, 400
     try:
@@ -255,7 +257,7 @@ def test_a_jump_without_measurement_uses_the_plant_alone() -> None:
 )
 def test_bad_samples_are_refused(sample: Sample, message: str) -> None:
     observer = academic()
-    with pytest.raises(ValueError, match="entries|increase") as error:
+    with pytest.raises(ValueError, match=r"entries|increase") as error:
         observer.step(observer.init(0.0, lower=[0, 0], upper=[1, 1]), sample)
     assert str(error.value) == message
 
