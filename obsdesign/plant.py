@@ -38,11 +38,15 @@ def vector(values: ArrayLike, entry: str) -> Array:
 def _array(values: Any, entry: str, dimensions: int, wanted: str) -> Array:
     try:
         raw = np.asarray(values)
-        if raw.dtype.kind not in "iuf" and raw.size:
+        if raw.dtype.kind == "O" and not all(isinstance(entry, int) for entry in raw.flat):
+            raise ValueError
+        if raw.dtype.kind not in "iufO" and raw.size:
             raise ValueError
         result = np.array(raw, dtype=np.float64)
-    except (ValueError, TypeError, OverflowError):
+    except (ValueError, TypeError):
         raise InputError(f"{entry} must be {wanted}; got {_shown(values)}.") from None
+    except OverflowError:
+        raise InputError(f"{entry} must hold binary64 numbers; one is too large.") from None
     if result.ndim != dimensions or result.size == 0:
         raise InputError(f"{entry} must be {wanted}; got {_shown(values)}.")
     for index in np.argwhere(~np.isfinite(result)):

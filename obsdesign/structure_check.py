@@ -45,7 +45,7 @@ def _sentence(error: Any, body: Any) -> str:
     if error.validator == "required":
         name = next(key for key in error.validator_value if key not in error.instance)
         return f"{_entry([*path, name])} is required; it is missing."
-    return _value(error, path)
+    return _value(error, path, body)
 
 
 def _inside(error: Any, keyword: str) -> bool:
@@ -72,22 +72,34 @@ def _unknown(name: str, path: list[Any], known: list[str], body: Any) -> str:
                 f"observer.gains.{name} is a gain of kind {' and '.join(map(repr, kinds))}, "
                 f"not of {kind!r}."
             )
-    near = difflib.get_close_matches(name.lower(), [k.lower() for k in known], 1, 0.5)
-    matches = [k for k in known if near and k.lower() == near[0]]
-    hint = (
-        f"did you mean {matches[0]!r}?" if matches else f"known are {', '.join(known) or 'none'}."
-    )
-    return f"unknown key {name!r}{where}: {hint}"
+    near = _nearest(name, known)
+    if near:
+        return f"unknown key {name!r}{where}: did you mean {' or '.join(map(repr, near))}?"
+    return f"unknown key {name!r}{where}: this kind has none here."
 
 
-def _value(error: Any, path: list[Any]) -> str:
+def _nearest(name: str, known: list[str]) -> list[str]:
+    """Known names that start so, else the one most like it."""
+    small = name.lower()
+    if len(small) > 2 and (longer := [k for k in known if k.lower().startswith(small)]):
+        return longer
+    near = difflib.get_close_matches(small, [k.lower() for k in known], 1, 0.0)
+    return [k for k in known if k.lower() in near][:1]
+
+
+def _value(error: Any, path: list[Any], body: Any) -> str:
     wanted = error.schema.get("title")
     if wanted is None and error.parent is not None:
         wanted = error.parent.schema.get("title")
     if "dwell_time" in path:
         wanted = "a pair [shortest, longest] of numbers; the longest may be inf"
-        path = path[: path.index("dwell_time") + 1]
+        return f"jump.dwell_time must be {wanted}; got {_shown(body['jump']['dwell_time'])}."
+    if error.validator == "enum":
+        wanted = f"one of {', '.join(map(str, error.validator_value))}"
     shown = f"{_entry(path)} must be {wanted}; got {_shown(error.instance)}."
+    if error.validator == "enum" and isinstance(error.instance, str):
+        near = difflib.get_close_matches(error.instance, error.validator_value, 1, 0.6)
+        shown += f" Did you mean {near[0]!r}?" if near else ""
     if isinstance(error.instance, str) and wanted and "number" in wanted:
         shown += " Numbers are written without quotes."
     return shown

@@ -24,6 +24,7 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
     InputError when a gain is missing, or the form cannot be built from gains that are given.
     """
     plant, given = problem.plant, problem.gains
+    _refuse(problem)
     form = problem.options.get("form", "auto")
     if form not in (*equations.FORMS, "auto"):
         raise InputError(
@@ -44,6 +45,36 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
     if form in ("split", "auto"):
         D0, D1 = _own_split(given, "D0", "D1", F, equations.metzler_split)
         yield _candidate("split", data, F, D0, D1, H, given)
+
+
+def _refuse(problem: Problem) -> None:
+    """What moves the state and has no bounds; what the runtime could not execute."""
+    plant = problem.plant
+    if plant.flow.D is not None:
+        raise InputError(
+            "flow.D is refused by kind 'interval': an unknown input without bounds leaves no bounds "
+            "on the state. Give bounds as flow.disturbance."
+        )
+    if plant.jump is not None:
+        problem.require_dwell_time()
+        if plant.jump.H is not None:
+            raise InputError(
+                "jump.H is refused by kind 'interval': impulses of unknown weight leave no bounds "
+                "on the state. Give bounds as jump.disturbance."
+            )
+    measured = plant.output.measured
+    if measured == "periodic":
+        raise InputError(
+            "output.measured = 'periodic' is not available for kind 'interval' in this version; "
+            "it must be continuous or at_jumps."
+        )
+    for name, idle, why in (
+        ("L", measured == "at_jumps", "output.measured is 'at_jumps': nothing is measured between"),
+        ("M", plant.jump is None, "there is no [jump]"),
+        ("M", plant.output.jump_measurement == "none", "output.jump_measurement is 'none'"),
+    ):
+        if idle and np.any(problem.gains.get(name, 0)):
+            raise InputError(f"observer.gains.{name} must be zero: {why}; got nonzero entries.")
 
 
 def _gain(problem: Problem, name: str) -> Any:
