@@ -61,12 +61,16 @@ def design(
     from obsdesign.problem import load_problem
 
     loaded = load_problem(problem)
+    dropped: list[str] = []
     if kind is not None:
         loaded, dropped = loaded.for_kind(kind)
-        if dropped:
-            click.echo(f"obsdesign: dropped for kind {kind}: {', '.join(dropped)}", err=True)
-    _writable(output)
-    outcome = workflow.investigate(loaded)
+    _writable(output, problem)
+    try:
+        outcome = workflow.investigate(loaded)
+    except InputError as error:
+        raise InputError(f"{problem}: {error}") from None
+    if dropped:
+        click.echo(f"obsdesign: dropped for kind {kind}: {', '.join(dropped)}", err=True)
     keep = outcome.verdict == "proved" or (outcome.verdict == "undecided" and allow_undecided)
     written = output if keep and outcome.design else None
     if outcome.design and written:
@@ -78,6 +82,23 @@ def design(
         show(outcome)
         click.echo(f"written: {written}" if written else "nothing written")
     return EXIT_CODES[outcome.verdict]
+
+
+@cli.command()
+@click.argument("problem")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object on stdout.")
+def check(problem: str, as_json: bool) -> int:
+    """For each observer kind: can it be built for the plant in PROBLEM, and if not, why."""
+    from obsdesign.check import check_all
+    from obsdesign.presentation import EXIT_CODES, check_answer, show_check
+    from obsdesign.problem import load_problem
+
+    verdict, found = check_all(load_problem(problem))
+    if as_json:
+        click.echo(check_answer(verdict, found))
+    else:
+        show_check(found)
+    return EXIT_CODES[verdict]
 
 
 @cli.command()
@@ -202,8 +223,10 @@ def _numbers(text: str, option: str) -> list[float]:
         raise InputError(f"{option} must be numbers separated by commas; got {text!r}.") from None
 
 
-def _writable(path: str) -> None:
-    """Refuse before minutes of work, not after."""
+def _writable(path: str, source: str) -> None:
+    """Refuse before minutes of work, not after; never write over what was read."""
     folder = Path(path).parent
+    if Path(path).resolve() == Path(source).resolve():
+        raise InputError(f"{path}: cannot be written: it is the problem file itself.")
     if not folder.is_dir() or Path(path).is_dir():
         raise InputError(f"{path}: cannot be written: no such folder, or a folder itself.")

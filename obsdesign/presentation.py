@@ -28,6 +28,32 @@ def answer(command: str, outcome: Outcome, result: Mapping[str, Any]) -> str:
     )
 
 
+def check_answer(verdict: str, found: Mapping[str, Any]) -> str:
+    """The JSON object of `check`: one entry per kind."""
+    return json.dumps(
+        {"command": "check", "verdict": verdict, "kind": None, "claims": [], "result": found},
+        ensure_ascii=False,
+        allow_nan=False,
+    )
+
+
+def show_check(found: Mapping[str, Any]) -> None:
+    """One line per kind on stdout."""
+    from rich.console import Console
+    from rich.markup import escape
+    from rich.table import Table
+
+    words = {"proved": "possible", "refuted": "impossible", "undecided": "undecided"}
+    table = Table(box=None, pad_edge=False, header_style="dim")
+    for title in ("kind", "answer", "why"):
+        table.add_column(title, overflow="fold")
+    for kind, entry in found.items():
+        colour = _COLOURS[entry["verdict"]]
+        answer = f"[{colour}]{words[entry['verdict']]}[/]"
+        table.add_row(kind, answer, escape("; ".join(entry["reasons"])))
+    Console(highlight=False).print(table)
+
+
 def show(outcome: Outcome) -> None:
     """Verdict and claims as a table on stdout."""
     from rich.console import Console

@@ -100,6 +100,8 @@ def _value(error: Any, path: list[Any], body: Any) -> str:
     if error.validator == "enum" and isinstance(error.instance, str):
         near = difflib.get_close_matches(error.instance, error.validator_value, 1, 0.6)
         shown += f" Did you mean {near[0]!r}?" if near else ""
+    if str(error.instance).lower().lstrip("+-") in ("inf", "infinity", "nan"):
+        return shown + " Infinity is allowed only as the longest dwell time and as dwell_jitter."
     if isinstance(error.instance, str) and wanted and "number" in wanted:
         shown += " Numbers are written without quotes."
     return shown

@@ -324,3 +324,36 @@ def test_the_document_round_trips_exactly(academic_design: Path, tmp_path: Path)
     design.save(tmp_path / "again.json")
     assert (tmp_path / "again.json").read_bytes() == academic_design.read_bytes()
     assert np.array_equal(design.gains["M"], [[1.0], [2.8]])
+
+
+def test_check_answers_for_every_kind(tmp_path: Path) -> None:
+    done = command("check", ACADEMIC, "--json", cwd=tmp_path)
+    reply = json.loads(done.stdout)
+    assert (done.returncode, reply["verdict"]) == (0, "proved")
+    assert reply["result"]["interval"] == {"verdict": "proved", "reasons": []}
+    kinds = {
+        "interval",
+        "luenberger",
+        "impulsive",
+        "finite_time",
+        "impulsive_input",
+        "unknown_input",
+    }
+    assert set(reply["result"]) == kinds
+    (tmp_path / "p.toml").write_text(
+        ACADEMIC.read_text().replace("[output]", "H = [[1], [0]]\n[output]")
+    )
+    reply = json.loads(command("check", "p.toml", "--json", cwd=tmp_path).stdout)
+    assert reply["result"]["interval"]["verdict"] == "refuted"
+    assert reply["result"]["interval"]["reasons"][0].startswith(
+        "jump.H is refused by kind 'interval'"
+    )
+    assert "possible" in command("check", ACADEMIC, cwd=tmp_path).stdout
+
+
+def test_a_design_never_replaces_its_problem(tmp_path: Path) -> None:
+    (tmp_path / "p.toml").write_text(ACADEMIC.read_text())
+    done = command("design", "p.toml", "-o", "./p.toml", cwd=tmp_path)
+    assert done.returncode == 2
+    assert done.stderr == "obsdesign: ./p.toml: cannot be written: it is the problem file itself.\n"
+    assert (tmp_path / "p.toml").read_text() == ACADEMIC.read_text()

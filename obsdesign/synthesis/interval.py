@@ -52,8 +52,8 @@ def _refuse(problem: Problem) -> None:
     plant = problem.plant
     if plant.flow.D is not None:
         raise InputError(
-            "flow.D is refused by kind 'interval': an unknown input without bounds leaves no bounds "
-            "on the state. Give bounds as flow.disturbance."
+            "flow.D is refused by kind 'interval': an unknown input without bounds leaves no "
+            "bounds on the state. Give bounds as flow.disturbance."
         )
     if plant.jump is not None:
         problem.require_dwell_time()
@@ -61,6 +61,12 @@ def _refuse(problem: Problem) -> None:
             raise InputError(
                 "jump.H is refused by kind 'interval': impulses of unknown weight leave no bounds "
                 "on the state. Give bounds as jump.disturbance."
+            )
+    for name in ("S", "S2", "T"):
+        if name in problem.gains:
+            raise InputError(
+                f"observer.gains.{name} belongs to forms that are not available in this version; "
+                f"the forms are {', '.join(equations.FORMS)}."
             )
     measured = plant.output.measured
     if measured == "periodic":

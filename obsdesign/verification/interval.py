@@ -52,7 +52,7 @@ def claims(
     found = [agreement, _split_claim("flow", form, F, numbers)]
     if "G" not in gains:
         W = sum(equations.completed_split(F, numbers["D0"], numbers["D1"]))
-        return (*found, _hurwitz_claim(W, "no jumps"))
+        return (*found, _hurwitz_claim(W, "there are no jumps"))
     H = equations.jump_error_matrix(
         numbers["G"], numbers["M"], numbers["C"], gains["jump_measurement"]
     )
@@ -60,7 +60,7 @@ def claims(
     W, N = equations.width_pair(F, H, numbers)
     low, high = (float(end) for end in gains["dwell_time"])
     if math.isinf(high):
-        found.append(_hurwitz_claim(W, "no longest dwell time"))
+        found.append(_hurwitz_claim(W, "there is no longest dwell time"))
     found.append(_stability_claim(form, W, N, low, high, certificates.get("dwell_stability", {})))
     return tuple(found)
 
@@ -94,23 +94,23 @@ def guarantees(problem: Problem, found: tuple[Claim, ...]) -> tuple[dict[str, An
         "v stay inside their bounds and jumps are reported at their times; this holds for "
         "samples at any spacing, missing ones included, and for any dwell time."
     )
+    at_jumps = problem.plant.output.measured == "at_jumps"
+    measured = "With y measured at every jump" if at_jumps else "With y measured continuously"
     width = (
-        f"With y measured continuously, the width of the bounds stays bounded{when}, and without "
-        "disturbance and noise it tends to zero as jumps go on."
-        if jump is not None
-        else "With y measured continuously, the width of the bounds stays bounded, and without "
-        "disturbance and noise it tends to zero."
+        f"{measured}, the width of the bounds stays bounded{when}, and without disturbance and "
+        f"noise it tends to zero{'' if jump is None else ' as jumps go on'}."
     )
-    sampled = (
-        "A bounded width for samples at a given spacing is not claimed: the spacing must be small "
-        "against 1/(|L||CA|)."
-    )
-    return (
-        {"statement": enclosure, "given": _all(verdicts, enclosing), "claims": enclosing},
-        {"statement": width, "given": _all(verdicts, enclosing + bounded),
-         "claims": enclosing + bounded},
-        {"statement": sampled, "given": False, "claims": []},
-    )  # fmt: skip
+    told: list[tuple[str, bool, list[str]]] = [
+        (enclosure, _all(verdicts, enclosing), enclosing),
+        (width, _all(verdicts, enclosing + bounded), enclosing + bounded),
+    ]
+    if not at_jumps:
+        sampled = (
+            "A bounded width for samples at a given spacing is not claimed: the spacing must be "
+            "small against 1/(|L||CA|)."
+        )
+        told.append((sampled, False, []))
+    return tuple({"statement": text, "given": given, "claims": ids} for text, given, ids in told)
 
 
 def _all(verdicts: Mapping[str, str], names: list[str]) -> bool:
@@ -186,8 +186,7 @@ def _hurwitz_claim(W: Any, why: str) -> Claim:
     verdict = prove_hurwitz(W)
     return Claim(
         "hurwitz",
-        f"the width between jumps decays by itself (W = D0 + D1 is Hurwitz), needed as there is "
-        f"{why}",
+        f"the width between jumps decays by itself (W = D0 + D1 is Hurwitz), needed as {why}",
         f"{PAPER}, Corollary 4, with the hypothesis it needs when T_max is infinite",
         verdict.outcome,
         verdict.evidence,

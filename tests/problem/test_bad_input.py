@@ -90,7 +90,9 @@ FAULTS: list[tuple[str, Any, str]] = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("path", "value", "line"), FAULTS, ids=[f"{i}-{p}" for i, (p, _, _) in enumerate(FAULTS)])
+@pytest.mark.parametrize(
+    ("path", "value", "line"), FAULTS, ids=[f"{i}-{p}" for i, (p, _, _) in enumerate(FAULTS)]
+)
 def test_each_fault_has_its_line(path: str, value: Any, line: str) -> None:
     with pytest.raises(InputError) as error:
         obsdesign.investigate(obsdesign.Problem.from_dict(changed(path, value)))
@@ -133,7 +135,8 @@ TEXTS = {
 
 
 @pytest.mark.parametrize(
-    ("name", "text", "line"), [(name, text, line) for name, cases in TEXTS.items() for text, line in cases]
+    ("name", "text", "line"),
+    [(name, text, line) for name, cases in TEXTS.items() for text, line in cases],
 )
 def test_files_that_are_no_problem(tmp_path: Path, name: str, text: str, line: str) -> None:
     (tmp_path / name).write_text(text)
@@ -163,8 +166,6 @@ def test_kind_on_the_command_line(tmp_path: Path) -> None:
     (tmp_path / "p.json").write_text(json.dumps(body))
     done = command("design", "p.json", "--kind", "interval", cwd=tmp_path)
     assert done.returncode == 2
-    first, second = done.stderr.splitlines()
-    assert first == "obsdesign: dropped for kind interval: alpha, window"
-    assert second.startswith("obsdesign: observer.gains.L (2x1) is required by kind 'interval'")
+    assert done.stderr.startswith("obsdesign: p.json: observer.gains.L (2x1) is required by kind ")
     done = command("design", "p.json", "--kind", "intervals", cwd=tmp_path)
     assert done.stderr.startswith("obsdesign: kind must be one of interval, ")

@@ -1,0 +1,36 @@
+"""Which observer kinds can be built for a plant, and why the others cannot."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from obsdesign import workflow
+from obsdesign.errors import InputError
+from obsdesign.kinds import KINDS
+from obsdesign.problem import Problem
+
+
+def check_all(problem: Problem) -> tuple[str, dict[str, dict[str, Any]]]:
+    """(verdict, kind -> {"verdict", "reasons"}).
+
+    Proved if any kind is, else undecided if any is, else refuted: one observer is enough.
+    """
+    found = {kind: check_kind(problem, kind) for kind in KINDS}
+    verdicts = {entry["verdict"] for entry in found.values()}
+    order = ("proved", "undecided", "refuted")
+    return next(word for word in order if word in verdicts), found
+
+
+def check_kind(problem: Problem, kind: str) -> dict[str, Any]:
+    """The verdict on one kind, and its reasons, one sentence each."""
+    if kind not in workflow.AVAILABLE:
+        return {"verdict": "undecided", "reasons": ["this version cannot build it"]}
+    try:
+        asked, _ = problem.for_kind(kind)
+        outcome = workflow.investigate(asked)
+    except InputError as error:
+        open_gain = "is required by kind" in str(error) and "observer.gains" in str(error)
+        return {"verdict": "undecided" if open_gain else "refuted", "reasons": [str(error)]}
+    failed = [c for c in outcome.claims if c.verdict != "proved"]
+    reasons = [f"{claim.id}: {workflow.reason(claim)}" for claim in failed]
+    return {"verdict": outcome.verdict, "reasons": reasons}
