@@ -6,6 +6,7 @@ on them unchanged. Ball matrices are `arb_mat`: every entry is a number with a p
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -21,10 +22,9 @@ PRECISIONS = (80, 160, 320)  # bits: raised in turn before a proof gives up
 def exact(values: ArrayLike | Exact) -> Exact:
     """The rational numbers that floats (or exact entries) are; ValueError if not finite."""
     array = np.asarray(values)
-    result = np.empty(array.shape, dtype=object)
-    for index, value in np.ndenumerate(array):
-        result[index] = rational(value)
-    return result
+    result = np.empty(array.size, dtype=object)
+    result[:] = [rational(value) for value in array.ravel().tolist()]
+    return result.reshape(array.shape)
 
 
 def rational(value: Any) -> Any:
@@ -32,16 +32,23 @@ def rational(value: Any) -> Any:
     if isinstance(value, fmpq):
         return value
     number = float(value)
-    if not np.isfinite(number):
+    if not math.isfinite(number):
         raise ValueError(f"only finite numbers have an exact value; got {number}")
     return fmpq(*number.as_integer_ratio())
 
 
 def to_float(values: Exact) -> NDArray[np.float64]:
-    """Nearest binary64 numbers."""
+    """Nearest binary64 numbers; infinite where the exact number is too large for one."""
     entries: list[Any] = list(values.flat)
-    nearest = [int(v.p) / int(v.q) for v in entries]
+    nearest = [_nearest(v) for v in entries]
     return np.array(nearest, dtype=np.float64).reshape(values.shape)
+
+
+def _nearest(value: Any) -> float:
+    try:
+        return int(value.p) / int(value.q)
+    except OverflowError:
+        return math.inf if value > 0 else -math.inf
 
 
 @contextmanager
@@ -108,6 +115,11 @@ def characteristic_polynomial(F: Exact) -> list[Any]:
     return list(_rational_matrix(F).charpoly().coeffs())
 
 
+def middle(S: Any) -> NDArray[np.float64]:
+    """Float midpoints of a ball matrix: to steer by, never to compare."""
+    return np.array([[float(x) for x in row] for row in S.tolist()])
+
+
 def fixed_vector(blocks: list[Exact]) -> list[float] | None:
     """A nonzero v with X v = 0 for every block X, exactly; None if there is none."""
     stacked = np.vstack(blocks)
@@ -122,4 +134,4 @@ def fixed_vector(blocks: list[Exact]) -> list[float] | None:
     vector[free] = fmpq(1)
     for i, j in enumerate(leading):
         vector[j] = -table[i][free]
-    return [int(v.p) / int(v.q) for v in vector]
+    return [_nearest(v) for v in vector]

@@ -25,6 +25,7 @@ TINY = 2.0**-1000  # covers every underflow: far above it, far below anything th
 # Taylor remainder at ||X|| <= 1/2: 0.5**17 / 17! is below the unit roundoff by 2**-49.
 _TAYLOR_DEGREE = 16
 _SCALED_NORM = 0.5
+_LARGEST_NORM = 2.0**46  # beyond, the squarings leave no digit that is certain
 
 
 def raised(values: Matrix, terms: int) -> Matrix:
@@ -95,7 +96,7 @@ def expm(matrix: Enclosure) -> Enclosure:
     """
     with np.errstate(over="ignore", invalid="ignore"):
         norm = float(np.max(np.sum(matrix.magnitude, axis=0), initial=0.0))
-        if not np.isfinite(norm) or norm > 1e6:
+        if not np.isfinite(norm) or norm > _LARGEST_NORM:
             return Enclosure(np.zeros_like(matrix.mid), np.full_like(matrix.rad, np.inf))
         squarings = max(0, int(np.ceil(np.log2(norm / _SCALED_NORM))) if norm > 0 else 0)
         result = _taylor(matrix.scaled(2.0**-squarings))

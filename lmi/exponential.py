@@ -1,83 +1,144 @@
 """Matrix exponentials in floating point, numpy only: one matrix, stacks, grids, integrals.
 
 Scaling and squaring of Pade approximants: N. J. Higham, The scaling and squaring method for the
-matrix exponential revisited, SIAM J. Matrix Anal. Appl. 26 (2005).
+matrix exponential revisited, SIAM J. Matrix Anal. Appl. 26 (2005), 1179-1193. The scaling looks at
+norms of powers, as A. H. Al-Mohy and N. J. Higham, A new scaling and squaring algorithm for the
+matrix exponential, ibid. 31 (2009), 970-989: large off-diagonal entries cost no digits.
 """
 
 from __future__ import annotations
+
+import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Matrix = NDArray[np.float64]
 
-# numerator coefficients of the [13/13] Pade approximant of exp, and the 1-norm up to which its
-# backward error stays below the unit roundoff (Higham, Table 2.3)
-_PADE = (
-    64764752532480000.0, 32382376266240000.0, 7771770303897600.0, 1187353796428800.0,
-    129060195264000.0, 10559470521600.0, 670442572800.0, 33522128640.0, 1323241920.0,
-    40840800.0, 960960.0, 16380.0, 182.0, 1.0,
+# Degrees m and the 1-norms up to which the backward error of the [m/m] approximant stays below the
+# unit roundoff (Higham, Table 2.3). Larger norms are scaled down to the last one.
+_DEGREES = (
+    (3, 1.495585217958292e-2), (5, 2.539398330063230e-1), (7, 9.504178996162932e-1),
+    (9, 2.097847961257068e0), (13, 5.371920351148152e0),
 )  # fmt: skip
-_THETA = 5.371920351148152
+# |c| in the backward error c X^27 + ... of the [13/13] approximant (Al-Mohy, Higham, section 3)
+_ERROR_TERM = 1.0 / 113250775606021113483283660800000000.0
+# Each squaring doubles the relative error: beyond this norm no digit of a result would be certain.
+_LARGEST_NORM = 2.0**50
 
 
 def expm(A: ArrayLike) -> Matrix:
     """e^A for a square matrix or a stack of them, (..., n, n).
 
-    Overflow gives infinities or NaN, never a finite wrong answer.
+    Overflow gives infinities or NaN, and entries that are not finite or a 1-norm above 2**50 give
+    NaN (for that matrix of the stack alone): never a finite wrong answer.
     """
     X = np.asarray(A, dtype=np.float64)
-    n = X.shape[-1]
-    if n == 0 or X.size == 0:
+    if X.ndim < 2 or X.shape[-1] != X.shape[-2]:
+        raise ValueError(f"square matrices are required; got an array of shape {X.shape}")
+    if X.size == 0:
         return X.copy()
-    norms = np.abs(X).sum(axis=-2).max(axis=-1)
-    if not np.isfinite(norms).all():
-        return np.full_like(X, np.nan)
-    largest = float(norms.max())
-    squarings = max(0, int(np.ceil(np.log2(largest / _THETA)))) if largest > 0 else 0
-    if squarings > 1000:
-        return np.full_like(X, np.nan)
-    result = _pade(X * 2.0**-squarings)
     with np.errstate(over="ignore", invalid="ignore"):
-        for _ in range(squarings):
-            result = result @ result
+        norms = _norm(X)
+        usable = norms <= _LARGEST_NORM  # False for NaN
+        if usable.all():
+            return _scaled_and_squared(X, norms)
+        cleaned = np.where(usable[..., None, None], X, 0.0)
+        result = _scaled_and_squared(cleaned, np.where(usable, norms, 0.0))
+        return np.where(usable[..., None, None], result, np.nan)
+
+
+def _scaled_and_squared(X: Matrix, norms: Matrix) -> Matrix:
+    largest = float(norms.max())
+    degree, reach = next((entry for entry in _DEGREES if largest <= entry[1]), _DEGREES[-1])
+    if largest <= reach:
+        return _pade(X, degree)
+    squarings = _squarings(X, norms, reach)
+    result = _pade(X * np.ldexp(1.0, -squarings)[..., None, None], degree)
+    for k in range(int(squarings.max())):
+        more = (squarings > k)[..., None, None]
+        result = result @ result if more.all() else np.where(more, result @ result, result)
     return result
 
 
-def _pade(X: Matrix) -> Matrix:
-    b, identity = _PADE, np.eye(X.shape[-1])
+def _squarings(X: Matrix, norms: Matrix, reach: float) -> NDArray[np.int_]:
+    """Halvings that bring each matrix within reach of the [13/13] approximant."""
+    by_norm = _halvings(norms / reach)
+    if by_norm.max() <= 3:
+        return by_norm
+    X4 = np.linalg.matrix_power(X, 4)
+    X6 = X4 @ X @ X
+    powers = ((X6, 6), (X4 @ X4, 8), (X4 @ X6, 10))
+    sixth, eighth, tenth = (_norm(power) ** (1.0 / k) for power, k in powers)
+    size = np.minimum(np.maximum(sixth, eighth), np.maximum(eighth, tenth))
+    by_powers = _halvings(size / reach)
+    # what cancels in the powers may not cancel in the error: its first term, without signs
+    scaled = np.abs(X) * np.ldexp(1.0, -by_powers)[..., None, None]
+    leading = _norm(np.linalg.matrix_power(scaled, 27)) / np.maximum(_norm(scaled), 1e-300)
+    more = np.ceil(np.log2(np.maximum(leading * _ERROR_TERM * 2.0**53, 1.0)) / 26)
+    wanted = by_powers + more
+    good = np.isfinite(wanted) & (wanted < by_norm)
+    squarings: NDArray[np.int_] = np.where(good, wanted, by_norm).astype(int)
+    return squarings
+
+
+def _halvings(ratio: Matrix) -> NDArray[np.int_]:
+    finite = np.where(np.isfinite(ratio), np.maximum(ratio, 1.0), 2.0**60)
+    halvings: NDArray[np.int_] = np.ceil(np.log2(finite)).astype(int)
+    return halvings
+
+
+def _norm(X: Matrix) -> Matrix:
+    norm: Matrix = np.abs(X).sum(axis=-2).max(axis=-1)
+    return norm
+
+
+def _coefficients(degree: int) -> list[float]:
+    """Numerator coefficients of the [m/m] Pade approximant of exp, the last one scaled to 1."""
+    m = degree
+    return [float(math.comb(m, k) * math.factorial(2 * m - k) // math.factorial(m))
+            for k in range(m + 1)]  # fmt: skip
+
+
+def _pade(X: Matrix, degree: int) -> Matrix:
+    b = _coefficients(degree)
     X2 = X @ X
-    X4 = X2 @ X2
-    X6 = X4 @ X2
-    odd = X @ (
-        X6 @ (b[13] * X6 + b[11] * X4 + b[9] * X2)
-        + b[7] * X6 + b[5] * X4 + b[3] * X2 + b[1] * identity
-    )  # fmt: skip
-    even = (
-        X6 @ (b[12] * X6 + b[10] * X4 + b[8] * X2)
-        + b[6] * X6 + b[4] * X4 + b[2] * X2 + b[0] * identity
-    )  # fmt: skip
-    return np.asarray(np.linalg.solve(even - odd, even + odd), dtype=np.float64)
+    powers = [np.eye(X.shape[-1]), X2]
+    while len(powers) <= min(degree // 2, 3):
+        powers.append(powers[-1] @ X2)
+    even: Any = sum((b[2 * k] * powers[k] for k in range(1, len(powers))), b[0] * powers[0])
+    odd: Any = sum((b[2 * k + 1] * powers[k] for k in range(1, len(powers))), b[1] * powers[0])
+    if degree > 7:  # the rest in powers of X^6 times lower ones (Higham, (2.16))
+        rest = range(4, degree // 2 + 1)
+        even = even + powers[3] @ sum(b[2 * k] * powers[k - 3] for k in rest)
+        odd = odd + powers[3] @ sum(b[2 * k + 1] * powers[k - 3] for k in rest)
+    odd = X @ odd
+    result: Matrix = np.linalg.solve(even - odd, even + odd)
+    return result
 
 
 def exponential_grid(F: ArrayLike, start: float, step: float, count: int) -> Matrix:
-    """All e^{F (start + k step)}, k = 0..count-1, as (count, n, n); by doubling."""
+    """e^{F (start + k step)}, k = 0..count-1, (count, n, n), by doubling: log2(count) products."""
     F = np.asarray(F, dtype=np.float64)
     grid = np.empty((count, *F.shape))
     if count == 0:
         return grid
-    grid[0] = expm(F * start)
-    power, filled = expm(F * step), 1
     with np.errstate(over="ignore", invalid="ignore"):
+        ends = expm(np.stack([F * start, F * step]))
+        grid[0], power, filled = ends[0], ends[1], 1
         while filled < count:
             more = min(filled, count - filled)
-            grid[filled : filled + more] = grid[:more] @ power
+            np.matmul(grid[:more], power, out=grid[filled : filled + more])
             power, filled = power @ power, filled + more
     return grid
 
 
 def flow_integrals(A: ArrayLike, h: float) -> tuple[Matrix, Matrix]:
-    """(e^{A h}, int_0^h e^{A s} ds) from one block exponential; A may be singular."""
+    """(e^{A h}, int_0^h e^{A s} ds) from one block exponential; A may be singular.
+
+    C. F. Van Loan, Computing integrals involving the matrix exponential, IEEE TAC 23 (1978).
+    """
     A = np.asarray(A, dtype=np.float64)
     n = len(A)
     block = np.zeros((2 * n, 2 * n))

@@ -1,13 +1,15 @@
-"""Is a matrix Hurwitz? Decided exactly: proved, or refuted with the mode."""
+"""Is a matrix Hurwitz (every mode decays), is it Schur? Decided exactly, with the mode."""
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lmi.balls import (
+    Exact,
     ball,
     certify_positive_definite,
     characteristic_polynomial,
@@ -28,10 +30,8 @@ def prove_hurwitz(F: ArrayLike) -> Verdict:
     """
     numbers = exact(F)
     approx = to_float(numbers)
-    with np.errstate(all="ignore"):
-        eigenvalues = np.linalg.eigvals(approx)
-        worst = complex(eigenvalues[np.argmax(eigenvalues.real)])
-        Q = lyapunov_matrix(approx, np.eye(len(approx)))
+    worst = rightmost(approx)
+    Q = lyapunov_matrix(approx, np.eye(len(approx)))
     if Q is not None:
         with precision(128):
             Q_ball, F_ball = ball(exact(Q)), ball(numbers)
@@ -40,12 +40,41 @@ def prove_hurwitz(F: ArrayLike) -> Verdict:
                 return proved(method="Lyapunov matrix", approx_abscissa=worst.real)
     if _routh(characteristic_polynomial(numbers)):
         return proved(method="Routh's test, exact", approx_abscissa=worst.real)
+    real = worst.real if worst.real > 0 else 0.0  # floats may put a mode of the axis to its left
     reason = (
-        f"the flow has a mode that does not decay: eigenvalue {worst.real:.6g}"
+        f"the flow has a mode that does not decay: eigenvalue {real:.6g}"
         f"{f' +- {abs(worst.imag):.6g}i' if worst.imag else ''}"
     )
-    mode = {"real": worst.real, "imag": abs(worst.imag)}
+    mode = {"real": real, "imag": abs(worst.imag)}
     return refuted({"eigenvalue": mode, "method": "Routh's test, exact", "reason": reason})
+
+
+def exactly_schur(H: Exact) -> bool:
+    """Every eigenvalue of the exact matrix H lies strictly inside the unit circle; a decision.
+
+    s = (z - 1)/(z + 1) carries the unit disc to the left half-plane, p(z) to
+    (1 - s)^n p((1 + s)/(1 - s)); Routh's test decides there. p(-1) = 0 lowers the degree.
+    """
+    p = characteristic_polynomial(H)
+    n = len(p) - 1
+    moved = [0 * p[0]] * (n + 1)
+    for k, coefficient in enumerate(p):  # (1 + s)^k (1 - s)^(n - k)
+        for j in range(n + 1):
+            binomial = sum((-1) ** (j - i) * math.comb(k, i) * math.comb(n - k, j - i)
+                           for i in range(max(0, j - n + k), min(k, j) + 1))  # fmt: skip
+            moved[j] = moved[j] + binomial * coefficient
+    if moved[-1] == 0:
+        return False
+    return _routh([c / moved[-1] for c in moved])
+
+
+def rightmost(F: Matrix) -> complex:
+    """Approximate eigenvalue with the largest real part; NaN if F is not finite."""
+    if not np.isfinite(F).all():
+        return complex(math.nan, math.nan)
+    with np.errstate(all="ignore"):
+        eigenvalues = np.linalg.eigvals(F)
+    return complex(eigenvalues[np.argmax(eigenvalues.real)])
 
 
 def lyapunov_matrix(F: Matrix, P: Matrix) -> Matrix | None:
@@ -54,13 +83,14 @@ def lyapunov_matrix(F: Matrix, P: Matrix) -> Matrix | None:
     None when F does not look Hurwitz or the equation cannot be solved.
     """
     n = len(F)
-    abscissa = float(np.linalg.eigvals(F).real.max())
+    abscissa = rightmost(F).real
     if not abscissa < 0:
         return None
     shifted = F - 0.5 * abscissa * np.eye(n)
     operator = np.kron(np.eye(n), shifted.T) + np.kron(shifted.T, np.eye(n))
     try:
-        Q = np.linalg.solve(operator, -P.reshape(-1)).reshape(n, n)
+        with np.errstate(all="ignore"):
+            Q = np.linalg.solve(operator, -P.reshape(-1)).reshape(n, n)
     except np.linalg.LinAlgError:
         return None
     return (Q + Q.T) / 2 if np.isfinite(Q).all() else None

@@ -27,6 +27,7 @@ from lmi.balls import (
     certify_positive_definite,
     exact,
     exp_times,
+    middle,
     number,
     precision,
     to_float,
@@ -37,7 +38,8 @@ from lmi.verdict import Verdict, proved, undecided
 Matrix = NDArray[np.float64]
 
 STEP_LIMIT = 20_000
-_PAD = 1e-9  # room given to float estimates before they are certified
+# room given to float estimates before they are certified; less at each higher precision
+_PADS = dict(zip(PRECISIONS, (1e-9, 1e-12, 1e-14), strict=True))
 
 
 @dataclass(frozen=True)
@@ -77,27 +79,27 @@ def prove_common(
     verdict = undecided("no attempt was made")
     for bits in PRECISIONS:
         with precision(bits), np.errstate(all="ignore"):
-            verdict = _march(question, steps)
+            verdict = _march(question, steps, _PADS[bits])
         if verdict.outcome == "proved":
             return Verdict("proved", {**verdict.evidence, "bits": bits})
     return verdict
 
 
-def _march(question: _Question, steps: int) -> Verdict:
+def _march(question: _Question, steps: int, pad: float) -> Verdict:
     F, P = question.F, question.P
     P_ball = ball(exact(P))
     if not certify_positive_definite(P_ball):
         return undecided("P is not certainly positive definite")
     F_ball = ball(F)
     growth = F_ball.transpose() * P_ball + P_ball * F_ball
-    m = _log_norm(question, growth, P_ball)
+    m = _log_norm(question, growth, P_ball, pad)
     if m is None:
         return undecided("the logarithmic norm of the flow could not be bounded")
     tail = _tail(question, P_ball, F_ball) if math.isinf(question.high) and m > 0 else None
     H_ball, theta, least = ball(question.H), question.low, math.inf
     for step in range(1, steps + 1):
         M = exp_times(F, theta) * H_ball
-        q = _contraction(M, P, P_ball)
+        q = _contraction(M, P, P_ball, pad)
         if q is None:
             return undecided(
                 f"the inequality fails, or nearly fails, at theta = {theta!r}", theta=theta
@@ -117,26 +119,28 @@ def _march(question: _Question, steps: int) -> Verdict:
     return undecided(f"{steps} steps did not reach the end", theta=theta, steps=steps)
 
 
-def _log_norm(question: _Question, growth: Any, P_ball: Any) -> float | None:
+def _log_norm(question: _Question, growth: Any, P_ball: Any, pad: float) -> float | None:
     """A certified m with F'P + PF <= 2 m P."""
     F, P = question.flow, question.P
     m = _largest_relative(F.T @ P + P @ F, 2 * P)
     if m is None:
         return None
-    m += _PAD * max(abs(m), 1e-3 * float(np.abs(F).max(initial=0.0)), 1e-12)
+    m += pad * max(abs(m), 1e-3 * float(np.abs(F).max(initial=0.0)), 1e-12)
+    if not math.isfinite(2 * m):
+        return None
     certified = certify_positive_definite(number(2 * m) * P_ball - growth)
     return m if certified else None
 
 
-def _contraction(M: Any, P: Matrix, P_ball: Any) -> float | None:
+def _contraction(M: Any, P: Matrix, P_ball: Any, pad: float) -> float | None:
     """A certified q < 1 with M'PM <= q P."""
-    middle = np.array([[float(x) for x in row] for row in M.tolist()])
-    if not np.isfinite(middle).all():
+    approx = middle(M)
+    if not np.isfinite(approx).all():
         return None
-    q = _largest_relative(middle.T @ P @ middle, P)
+    q = _largest_relative(approx.T @ P @ approx, P)
     if q is None:
         return None
-    q = max(q, 0.0) * (1 + _PAD) + 1e-13
+    q = max(q, 0.0) * (1 + pad) + 1e-4 * pad
     if q < 1 and certify_positive_definite(number(q) * P_ball - M.transpose() * P_ball * M):
         return q
     return None
@@ -174,6 +178,7 @@ def _largest_relative(S: Matrix, P: Matrix) -> float | None:
     try:
         L = np.linalg.cholesky(P)
         half = np.linalg.solve(L, np.linalg.solve(L, (S + S.T) / 2).T)
-        return float(np.linalg.eigvalsh((half + half.T) / 2)[-1])
+        largest = float(np.linalg.eigvalsh((half + half.T) / 2)[-1])
+        return largest if math.isfinite(largest) else None
     except np.linalg.LinAlgError:
         return None

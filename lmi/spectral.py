@@ -24,15 +24,17 @@ from lmi.balls import (
     exp_times,
     fixed_vector,
     identity,
+    middle,
     precision,
     to_float,
 )
-from lmi.exponential import expm, exponential_grid
+from lmi.exponential import expm
+from lmi.families import Edge
+from lmi.hurwitz import exactly_schur
 from lmi.verdict import Verdict, refuted, undecided
 
 Matrix = NDArray[np.float64]
 
-_POINTS = 400
 _TRIED = 6
 
 
@@ -45,8 +47,13 @@ def refute_spectral(F: ArrayLike, H: ArrayLike, low: float, high: float) -> Verd
     F_exact, H_exact = exact(F), exact(H)
     if (still := _fixed(F_exact, H_exact)) is not None:
         reason = "M(theta) has the eigenvalue 1 for every theta: a state that never decays"
-        return refuted({"theta": low, "spectral_radius": 1.0, "vector": still, "reason": reason,
-                        "method": "exact invariant vector"})  # fmt: skip
+        return refuted({"theta": float(low), "spectral_radius": 1.0, "vector": still,
+                        "reason": reason, "method": "exact invariant vector"})  # fmt: skip
+    if low == 0 and not exactly_schur(H_exact):
+        radius = float(_radii(to_float(H_exact)))
+        reason = f"at dwell time 0 the jump alone has spectral radius {max(radius, 1.0):.9g} >= 1"
+        return refuted({"theta": 0.0, "spectral_radius": max(radius, 1.0), "reason": reason,
+                        "method": "exact Schur test"})  # fmt: skip
     candidates = _worst_thetas(to_float(F_exact), to_float(H_exact), low, high)
     for theta, radius in candidates:
         if radius < 1:
@@ -76,9 +83,8 @@ def _worst_thetas(F: Matrix, H: Matrix, low: float, high: float) -> list[tuple[f
     """Dwell times with the largest spectral radii, in falling order: ends and refined maxima."""
     with np.errstate(all="ignore"):
         last = high if math.isfinite(high) else low + _horizon(F)
-        thetas = np.linspace(low, last, _POINTS)
-        step = (last - low) / (_POINTS - 1)
-        radii = _radii(exponential_grid(F, low, step, _POINTS) @ H)
+        thetas, maps = Edge(F, H, low, last).grid()
+        radii = _radii(maps)
         inner = np.flatnonzero((radii[1:-1] >= radii[:-2]) & (radii[1:-1] >= radii[2:])) + 1
         best = sorted(inner, key=lambda k: -radii[k])[:_TRIED]
         found = [(low, float(_radii(expm(F * low) @ H))), (last, float(_radii(expm(F * last) @ H)))]
@@ -119,15 +125,15 @@ def _certify(F: Exact, H: Exact, theta: float) -> str | None:
         return "det(I - M) < 0: a real eigenvalue above 1"
     if certify_negative((unit + M).det()):
         return "det(I + M) < 0: a real eigenvalue below -1"
-    middle = np.array([[float(x) for x in row] for row in M.tolist()])
-    return _stein(M, middle) if np.isfinite(middle).all() else None
+    approx = middle(M)
+    return _stein(M, approx) if np.isfinite(approx).all() else None
 
 
-def _stein(M: Any, middle: Matrix) -> str | None:
+def _stein(M: Any, approx: Matrix) -> str | None:
     """Q of M'QM - Q = I: x'Qx grows strictly, and is positive somewhere."""
-    n = len(middle)
+    n = len(approx)
     try:
-        Q = np.linalg.solve(np.kron(middle.T, middle.T) - np.eye(n * n), np.eye(n).reshape(-1))
+        Q = np.linalg.solve(np.kron(approx.T, approx.T) - np.eye(n * n), np.eye(n).reshape(-1))
     except np.linalg.LinAlgError:
         return None
     Q = (Q.reshape(n, n) + Q.reshape(n, n).T) / 2

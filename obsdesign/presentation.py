@@ -71,6 +71,10 @@ def show(outcome: Outcome) -> None:
         mark = f"[{_COLOURS[claim.verdict]}]{claim.verdict}[/]"
         table.add_row(mark, claim.id, escape(_told(claim)))
     console.print(table)
+    for label, entry in outcome.result.get("forms", {}).items():
+        if label != outcome.result["form"] and entry["verdict"] != "proved":
+            why = escape("; ".join(entry["reasons"]))
+            console.print(f"form {label} is {entry['verdict']}: {why}")
     for guarantee in outcome.design.guarantees if outcome.design else ():
         word = "[green]guaranteed[/]" if guarantee["given"] else "[yellow]not guaranteed[/]"
         console.print(f"{word}: {escape(str(guarantee['statement']))}")

@@ -57,8 +57,10 @@ def investigate(problem: Problem) -> Outcome:
         tried.append((label, verdict, _document(problem, kind, candidate, claims, seconds)))
         if verdict == "proved":
             break
-    # an undecided form may still be true, a refuted one is not
-    best = min(tried, key=lambda entry: ("proved", "undecided", "refuted").index(entry[1]))
+    # an undecided form may still be true, a refuted one is not; the last form asks for least
+    best = min(
+        reversed(tried), key=lambda entry: ("proved", "undecided", "refuted").index(entry[1])
+    )
     forms = {label: _summary(verdict, design.claims) for label, verdict, design in tried}
     return Outcome(best[1], kind, best[2].claims, {"form": best[0], "forms": forms}, best[2])
 

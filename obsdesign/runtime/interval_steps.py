@@ -55,7 +55,15 @@ def midpoint(lower: Matrix, upper: Matrix) -> tuple[Matrix, Matrix]:
 
 
 def step_maps(gains: Mapping[str, Any], h: float, h_error: float) -> dict[str, StepMap]:
-    """Maps over a step of length h +- h_error: with y at its start, at its end, or without."""
+    """Maps over a step of length h +- h_error: with y at its start, at its end, or without.
+
+    Overflow shows as infinite radii, not as warnings.
+    """
+    with np.errstate(over="ignore", invalid="ignore"):
+        return _step_maps(gains, h, h_error)
+
+
+def _step_maps(gains: Mapping[str, Any], h: float, h_error: float) -> dict[str, StepMap]:
     A, C, L = (exactly(gains[name]) for name in ("A", "C", "L"))
     b_mid, b_rad = midpoint(gains["flow_lower"], gains["flow_upper"])
     F = A - L @ C

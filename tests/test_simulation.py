@@ -1,0 +1,153 @@
+"""Simulated records are exact solutions, inside every bound, with admissible jumps."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from obsdesign.errors import InputError
+from obsdesign.plant import Flow, Jump, Output, Plant
+from obsdesign.simulation import Record, jump_times, simulate
+
+ODE_TOLERANCE = 1e-8  # of the integrator that checks us; ours is exact to rounding
+
+
+def plant(**changes: object) -> Plant:
+    A = np.array([[-0.4, 2.0], [-2.0, -0.1]])
+    jump = {"dwell_time": (0.5, 1.5), "lower": [-0.3, 0.1], "upper": [0.3, 0.2]} | changes
+    return Plant(
+        Flow(A, B=np.array([[1.0], [0.5]]), lower=[-0.2, 0.5], upper=[0.2, 0.9]),
+        Jump(np.array([[0.5, 1.0], [0.0, 0.8]]), **jump),
+        Output(np.array([[1.0, 0.0]]), noise_bound=[0.05]),
+    )
+
+
+@pytest.mark.parametrize("disturbance", ["zero", "extreme", "sine"])
+def test_the_flow_solves_the_differential_equation(disturbance: str) -> None:
+    flow = plant().flow
+    still = Plant(Flow(flow.A, B=flow.B, lower=flow.lower, upper=flow.upper), None, plant().output)
+    record = simulate(still, until=3.0, step=0.1, disturbance=disturbance, initial=[1, -1],
+                      rng=np.random.default_rng(7))  # fmt: skip
+    again = simulate(still, until=3.0, step=0.05, disturbance=disturbance, initial=[1, -1],
+                     rng=np.random.default_rng(7))  # fmt: skip
+    assert record.t[-1] == again.t[-1] == 3.0
+    u, x = record.block("u"), record.block("x")
+    from obsdesign.signals import signals
+
+    source = signals(still, disturbance, len(record.t), np.random.default_rng(7))
+
+    def rate(t: float, state: np.ndarray) -> np.ndarray:
+        k = min(int(t / 0.1 + 1e-9), len(u) - 1)
+        return flow.A @ state + flow.B @ u[k] + source.flow.at(min(k + 1, len(u) - 1), t)
+
+    state = np.array([1.0, -1.0])
+    for k in range(1, len(record.t)):
+        span = (record.t[k - 1], record.t[k])
+        state = solve_ivp(rate, span, state, rtol=1e-11, atol=1e-12, max_step=0.02).y[:, -1]
+        np.testing.assert_allclose(x[k], state, atol=ODE_TOLERANCE)
+
+
+@pytest.mark.parametrize("disturbance", ["zero", "extreme", "random", "sine"])
+def test_everything_stays_inside_its_bounds(disturbance: str) -> None:
+    subject = plant()
+    record = simulate(subject, until=30.0, step=0.05, disturbance=disturbance,
+                      rng=np.random.default_rng(2))  # fmt: skip
+    x, t, u = record.block("x"), record.t, record.block("u")
+    jump = record.columns["jump"] == 1
+    spacing = np.diff(t[jump])
+    assert spacing.min() > 0.5 - 1e-9
+    assert spacing.max() < 1.5 + 1e-9
+    from lmi.exponential import flow_integrals
+
+    for k in range(1, len(t)):
+        Phi, Gamma = flow_integrals(subject.flow.A, t[k] - t[k - 1])
+        before = x[k] if not jump[k] else None
+        if before is None:
+            continue
+        # the mean of b over the step lies in its bounds, as every b does (sine: to curvature)
+        b = np.linalg.solve(Gamma, before - Phi @ x[k - 1]) - subject.flow.B @ u[k - 1]
+        slack = 1e-2 if disturbance == "sine" else 1e-9
+        assert np.all(b >= subject.flow.lower - slack)
+        assert np.all(b <= subject.flow.upper + slack)
+    noise = record.block("y")[~jump, 0] - x[~jump, 0]
+    assert np.abs(noise).max() <= 0.05 + 1e-12
+    if disturbance == "zero":
+        assert np.abs(noise).max() < 1e-12
+
+
+def test_a_jump_is_the_map_of_the_plant() -> None:
+    subject = plant(lower=[0.0, 0.0], upper=[0.0, 0.0], E=np.array([[1.0], [2.0]]))
+    record = simulate(subject, until=5.0, step=0.1, disturbance="zero", dwell=0.7)
+    jumps = np.flatnonzero(record.columns["jump"])
+    np.testing.assert_allclose(record.t[jumps], 0.7 * np.arange(1, 8), atol=1e-12)
+    from lmi.exponential import flow_integrals
+
+    x, w, u = (record.block(letter) for letter in "xwu")
+    middle = (subject.flow.lower + subject.flow.upper) / 2
+    for k in jumps:
+        Phi, Gamma = flow_integrals(subject.flow.A, record.t[k] - record.t[k - 1])
+        before = Phi @ x[k - 1] + Gamma @ (subject.flow.B @ u[k - 1] + middle)
+        np.testing.assert_allclose(
+            x[k], subject.jump.G @ before + subject.jump.E @ w[k], rtol=1e-10
+        )
+        np.testing.assert_allclose(record.block("y")[k], before[:1], rtol=1e-10)
+
+
+def test_measurements_come_when_they_are_taken() -> None:
+    base = plant()
+    periodic = Plant(base.flow, base.jump, Output(base.output.C, measured="periodic", period=0.2))
+    record = simulate(periodic, until=4.0, dwell=0.5)
+    seen = ~np.isnan(record.block("y")[:, 0])
+    on_grid = np.abs(record.t / 0.2 - np.round(record.t / 0.2)) < 1e-9
+    assert np.array_equal(seen, on_grid)
+    at_jumps = Plant(base.flow, base.jump, Output(base.output.C, measured="at_jumps"))
+    record = simulate(at_jumps, until=4.0, dwell=0.5)
+    np.testing.assert_allclose(record.t, 0.5 * np.arange(1, 9), atol=1e-12)
+    assert np.all(record.columns["jump"] == 1)
+    blind = Plant(base.flow, base.jump, Output(base.output.C, jump_measurement="none"))
+    record = simulate(blind, until=4.0, step=0.1, dwell=0.5)
+    assert np.array_equal(np.isnan(record.block("y")[:, 0]), record.columns["jump"] == 1)
+
+
+def test_impulses_of_unknown_weight_come_unannounced() -> None:
+    base = plant()
+    hidden = Plant(base.flow, Jump(H=np.array([[1.0], [0.0]]), dwell_time=(1.0, 2.0)), base.output)
+    record: Record = simulate(hidden, until=10.0)
+    assert "jump" not in record.columns
+    assert record.events.shape[1] == 2
+    assert len(record.events) >= 5
+
+
+def test_random_dwell_times_obey_range_and_jitter() -> None:
+    limited = plant(dwell_time=(0.5, 3.0), dwell_jitter=0.2)
+    spacing = np.diff(jump_times(limited, "random", 500.0, np.random.default_rng(1)))
+    assert spacing.min() >= 0.5 - 1e-9
+    assert spacing.max() <= 3.0 + 1e-9
+    assert np.abs(np.diff(spacing)).max() <= 0.2 + 1e-9
+    assert spacing.max() - spacing.min() > 1.0  # it does wander
+    free = np.diff(
+        jump_times(plant(dwell_time=(0.5, math.inf)), "random", 500.0, np.random.default_rng(1))
+    )
+    assert free.min() >= 0.5
+
+
+@pytest.mark.parametrize(
+    ("options", "line"),
+    [
+        ({"dwell": "shortest"}, "dwell = shortest needs jump.dwell_time[0] > 0; it is 0. Give a number."),
+        ({"dwell": "long"}, "dwell must be shortest, random or a positive number; got 'long'."),
+        ({"dwell": -1.0}, "dwell must be a positive finite number; got -1.0."),
+        ({"step": math.nan}, "step must be a positive finite number; got nan."),
+        ({"initial": [1.0]}, "initial must have 2 finite entries, one per state; got 1."),
+        ({"disturbance": "loud"}, "disturbance must be one of zero, extreme, random, sine; got 'loud'."),
+        ({"step": 1e-9}, "step = 1e-09 makes 7500000001 rows until 7.5; 1e7 is the limit."),
+        ({"dwell": 1e-9, "until": 7.5}, "dwell = 1e-09 makes 7500000002 jumps until 7.5; 1e7 is the limit."),
+    ],
+)  # fmt: skip
+def test_options_that_make_no_sense(options: dict, line: str) -> None:
+    with pytest.raises(InputError) as error:
+        simulate(plant(dwell_time=(0.0, 1.5)), **options)
+    assert str(error.value) == line
