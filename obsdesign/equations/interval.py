@@ -26,34 +26,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lmi.exponential import expm
+from obsdesign.equations.estimation_error import jump_disturbance_matrix
 
 Array = NDArray[Any]  # float64, or object arrays of exact rationals
 
 FORMS = ("cooperative", "split")
-
-
-def flow_error_matrix(A: Array, L: Array, C: Array) -> Array:
-    """F = A - L C: the estimation error between jumps, Assumption 2.ii."""
-    return A - L @ C
-
-
-def jump_error_matrix(G: Array, M: Array, C: Array, jump_measurement: str) -> Array:
-    """H: the estimation error at a jump, Assumption 2.iii.
-
-    `before`: x+ = G x- + M (y- - C x-); `after`: the correction acts on the predicted post-jump
-    state; `none`: no measurement at jumps.
-    """
-    if jump_measurement == "before":
-        return G - M @ C
-    if jump_measurement == "after":
-        return G - M @ (C @ G)
-    return G
-
-
-def jump_disturbance_matrix(M: Array, C: Array, n: int, jump_measurement: str) -> Array:
-    """How c enters the error at a jump: I, or I - M C when the measurement is post-jump."""
-    identity = np.eye(n, dtype=np.int64)
-    return identity - M @ C if jump_measurement == "after" else identity
 
 
 def positive_part(X: Array) -> Array:
@@ -111,27 +88,6 @@ def width_inputs(gains: dict[str, Any]) -> tuple[Array, Array]:
     )
     jump = through @ (gains["jump_upper"] - gains["jump_lower"]) + 2 * np.abs(M) @ V
     return flow, jump
-
-
-def plant_data(plant: Any) -> dict[str, Any]:
-    """The plant's numbers that the runtime needs, under the names of a design's `gains`.
-
-    `plant` has the attributes of `obsdesign.plant.Plant`. Without jumps, the dwell time is
-    [inf, inf] in spirit: the entries of the jump are left out.
-    """
-    flow, jump, output = plant.flow, plant.jump, plant.output
-    data: dict[str, Any] = {"A": flow.A, "C": output.C}
-    if flow.B is not None:
-        data["B"] = flow.B
-    data |= {"flow_lower": flow.lower, "flow_upper": flow.upper}
-    if jump is not None:
-        data["G"] = jump.G
-        if jump.E is not None:
-            data["E"] = jump.E
-        data |= {"jump_lower": jump.lower, "jump_upper": jump.upper}
-        data["dwell_time"] = list(jump.dwell_time)
-    data |= {"noise_bound": output.noise_bound, "jump_measurement": output.jump_measurement}
-    return data
 
 
 def periodic_width(

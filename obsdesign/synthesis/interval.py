@@ -13,6 +13,7 @@ import numpy as np
 
 from lmi.decide import decide
 from obsdesign.equations import interval as equations
+from obsdesign.equations.estimation_error import flow_error_matrix, jump_error_matrix, plant_data
 from obsdesign.errors import InputError
 from obsdesign.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
@@ -32,13 +33,13 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
             f"{', '.join(equations.FORMS)} or auto."
         )
     L, M = _gain(problem, "L"), _gain(problem, "M")
-    data = equations.plant_data(plant) | {"L": L, "M": M}
+    data = plant_data(plant) | {"L": L, "M": M}
     own = [name for name in ("D0", "D1", "Gp", "Gn") if name in given]
     if own and form == "cooperative":
         raise InputError(
             f"observer.gains.{own[0]} belongs to form 'split'; got it with form 'cooperative'."
         )
-    F = equations.flow_error_matrix(plant.flow.A, L, plant.output.C)
+    F = flow_error_matrix(plant.flow.A, L, plant.output.C)
     H = _jump_error(problem, M)
     if form in ("cooperative", "auto") and not own:
         yield _candidate("cooperative", data, F, F, 0 * F, H)
@@ -102,7 +103,7 @@ def _jump_error(problem: Problem, M: Any) -> Any:
     if plant.jump is None:
         return None
     when = plant.output.jump_measurement
-    return equations.jump_error_matrix(plant.jump.G, M, plant.output.C, when)
+    return jump_error_matrix(plant.jump.G, M, plant.output.C, when)
 
 
 def _own_split(given: Any, plus: str, minus: str, X: Any, minimal: Any) -> tuple[Any, Any]:

@@ -15,13 +15,13 @@ import numpy as np
 
 from lmi.balls import exact
 from lmi.hurwitz import prove_hurwitz
-from lmi.proof import prove_common
-from lmi.spectral import refute_spectral
-from lmi.verdict import Verdict, proved, refuted, undecided
+from lmi.verdict import Verdict, proved, refuted
 from obsdesign.document import Claim
 from obsdesign.equations import interval as equations
+from obsdesign.equations.estimation_error import flow_error_matrix, jump_error_matrix, plant_data
 from obsdesign.problem import Problem
 from obsdesign.verification.consistency import consistency
+from obsdesign.verification.dwell import dwell_stability, range_text
 
 PAPER = "Degue, Efimov, Richard, NOLCOS 2016"
 _MATRICES = ("A", "C", "G", "L", "M", "D0", "D1", "Gp", "Gn")
@@ -48,27 +48,26 @@ def claims(
         return (agreement,)
     form = gains["form"]
     numbers = {name: exact(gains[name]) for name in _MATRICES if name in gains}
-    F = equations.flow_error_matrix(numbers["A"], numbers["L"], numbers["C"])
+    F = flow_error_matrix(numbers["A"], numbers["L"], numbers["C"])
     found = [agreement, _split_claim("flow", form, F, numbers)]
     if "G" not in gains:
         W = sum(equations.completed_split(F, numbers["D0"], numbers["D1"]))
         return (*found, _hurwitz_claim(W, "there are no jumps"))
-    H = equations.jump_error_matrix(
-        numbers["G"], numbers["M"], numbers["C"], gains["jump_measurement"]
-    )
+    H = jump_error_matrix(numbers["G"], numbers["M"], numbers["C"], gains["jump_measurement"])
     found.append(_split_claim("jump", form, H, numbers))
     W, N = equations.width_pair(F, H, numbers)
     low, high = (float(end) for end in gains["dwell_time"])
     if math.isinf(high):
         found.append(_hurwitz_claim(W, "there is no longest dwell time"))
-    found.append(_stability_claim(form, W, N, low, high, certificates.get("dwell_stability", {})))
+    certificate = certificates.get("dwell_stability", {})
+    found.append(_stability_claim(form, (W, N), (low, high), certificate, paranoid))
     return tuple(found)
 
 
 def expected_gains(problem: Problem) -> dict[str, Any]:
     """Entries of `gains` and what the problem says of them: a value, or the shape it must have."""
     n, p = problem.plant.flow.A.shape[0], problem.plant.output.C.shape[0]
-    expected: dict[str, Any] = {"form": _forms(problem)} | equations.plant_data(problem.plant)
+    expected: dict[str, Any] = {"form": _forms(problem)} | plant_data(problem.plant)
     expected |= {"L": (n, p), "M": (n, p), "D0": (n, n), "D1": (n, n)}
     if problem.plant.jump is not None:
         expected |= {"Gp": (n, n), "Gn": (n, n)}
@@ -88,7 +87,11 @@ def guarantees(problem: Problem, found: tuple[Claim, ...]) -> tuple[dict[str, An
     ]
     bounded: list[str] = [name for name in ("hurwitz", "dwell_stability") if name in verdicts]
     jump = problem.plant.jump
-    when = "" if jump is None else f" for every sequence of dwell times in {_interval(jump)}"
+    when = (
+        ""
+        if jump is None
+        else f" for every sequence of dwell times in {range_text(*jump.dwell_time)}"
+    )
     enclosure = (
         "The bounds contain the state at every instant, if they contain it at the start, b, c and "
         "v stay inside their bounds and jumps are reported at their times; this holds for "
@@ -115,11 +118,6 @@ def guarantees(problem: Problem, found: tuple[Claim, ...]) -> tuple[dict[str, An
 
 def _all(verdicts: Mapping[str, str], names: list[str]) -> bool:
     return all(verdicts[name] == "proved" for name in names)
-
-
-def _interval(jump: Any) -> str:
-    low, high = jump.dwell_time
-    return f"[{low!r}, inf)" if math.isinf(high) else f"[{low!r}, {high!r}]"
 
 
 def _split_claim(part: str, form: str, X: Any, numbers: Mapping[str, Any]) -> Claim:
@@ -194,28 +192,21 @@ def _hurwitz_claim(W: Any, why: str) -> Claim:
 
 
 def _stability_claim(
-    form: str, W: Any, N: Any, low: float, high: float, certificate: Mapping[str, Any]
+    form: str,
+    pair: tuple[Any, Any],
+    ends: tuple[float, float],
+    certificate: Mapping[str, Any],
+    paranoid: bool,
 ) -> Claim:
     """Inequality (5), or (10) on the n-dimensional pair, for all dwell times in the range."""
     equation = "Assumption 2.i, (5)" if form == "cooperative" else "Assumption 5, (10)"
-    ends = f"[{low!r}, inf)" if math.isinf(high) else f"[{low!r}, {high!r}]"
+    verdict = dwell_stability(*pair, *ends, certificate, paranoid)
     return Claim(
         "dwell_stability",
         f"the width map w -> e^(W T) N w, W = D0 + D1, N = Gp + Gn, is stable for every sequence "
-        f"of dwell times T in {ends}: one P > 0 has N' e^(W' T) P e^(W T) N < P for all of them",
+        f"of dwell times T in {range_text(*ends)}: one P > 0 has "
+        "N' e^(W' T) P e^(W T) N < P for all of them",
         f"{PAPER}, {THEOREMS[form]}, {equation}",
-        *_stability(W, N, low, high, certificate),
+        verdict.outcome,
+        verdict.evidence,
     )
-
-
-def _stability(
-    W: Any, N: Any, low: float, high: float, certificate: Mapping[str, Any]
-) -> tuple[str, Mapping[str, Any]]:
-    attempt = undecided("no certificate P was given or found")
-    if "P" in certificate:
-        attempt = prove_common(W, N, np.asarray(certificate["P"], dtype=np.float64), low, high)
-        if attempt.outcome == "proved":
-            return "proved", {"P": certificate["P"], **attempt.evidence}
-    counter = refute_spectral(W, N, low, high)
-    chosen = counter if counter.outcome == "refuted" else attempt
-    return chosen.outcome, chosen.evidence

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from obsdesign.equations import interval as equations
+from obsdesign.equations.estimation_error import flow_error_matrix, jump_error_matrix, plant_data
 from obsdesign.plant import Flow, Jump, Output, Plant
 from obsdesign.runtime.interval import IntervalObserver
 from obsdesign.simulation import Record, simulate
@@ -38,12 +39,12 @@ def random_plant(rng: np.random.Generator, n: int | None = None) -> Plant:
 
 def observer_for(plant: Plant, L: Any, M: Any, **splits: Any) -> IntervalObserver:
     """An observer with these gains and the minimal splits, proved or not."""
-    data = equations.plant_data(plant) | {"L": L, "M": M}
-    F = equations.flow_error_matrix(plant.flow.A, L, plant.output.C)
+    data = plant_data(plant) | {"L": L, "M": M}
+    F = flow_error_matrix(plant.flow.A, L, plant.output.C)
     data["D0"], data["D1"] = equations.metzler_split(F)
     if plant.jump is not None:
         when = plant.output.jump_measurement
-        H = equations.jump_error_matrix(plant.jump.G, M, plant.output.C, when)
+        H = jump_error_matrix(plant.jump.G, M, plant.output.C, when)
         data["Gp"], data["Gn"] = equations.nonnegative_split(H)
     return IntervalObserver.from_gains(data | splits)
 
