@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 # gain -> (rows, columns) in n states, p outputs, q unknown inputs
-GAINS: dict[str, dict[str, tuple[str, str]]] = {
+GAINS: Mapping[str, Mapping[str, tuple[str, str]]] = {
     "interval": {
         "L": ("n", "p"),
         "M": ("n", "p"),
@@ -22,7 +24,7 @@ GAINS: dict[str, dict[str, tuple[str, str]]] = {
     "unknown_input": {"L": ("n-q", "p-q"), "T1": ("n", "n")},
 }
 
-OPTIONS: dict[str, tuple[str, ...]] = {
+OPTIONS: Mapping[str, tuple[str, ...]] = {
     "interval": ("form", "objective", "gain_limit", "memory"),
     "luenberger": ("poles", "decay_rate", "weights", "memory", "schedule"),
     "impulsive": ("window", "alpha", "strategy"),
@@ -35,6 +37,17 @@ OPTIONS: dict[str, tuple[str, ...]] = {
 }  # fmt: skip
 
 KINDS = tuple(GAINS)
+
+# changes of coordinates: their inverse is needed
+INVERTIBLE = ("S", "S2", "T1")
+
+# (kind, option) that count something
+WHOLE = (
+    ("interval", "memory"),
+    ("luenberger", "memory"),
+    ("luenberger", "schedule"),
+    ("impulsive", "window"),
+)
 
 
 def owners(name: str) -> list[str]:

@@ -11,7 +11,7 @@ as an array and hold float64 arrays; None leaves an optional one out, or takes i
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
@@ -25,9 +25,10 @@ MEASURED = ("continuous", "periodic", "at_jumps")
 JUMP_MEASUREMENTS = ("before", "after", "none")
 
 
-def matrix(values: ArrayLike, entry: str) -> Array:
-    """A finite read-only float matrix, or InputError."""
-    return _array(values, entry, 2, "a matrix: a list of rows of numbers, all equally long")
+def matrix(values: ArrayLike, entry: str, *, empty: bool = False) -> Array:
+    """A finite read-only float matrix, or InputError; without rows or columns only if `empty`."""
+    wanted = "a matrix: a list of rows of numbers, all equally long"
+    return _array(values, entry, 2, wanted, empty)
 
 
 def vector(values: ArrayLike, entry: str) -> Array:
@@ -35,20 +36,20 @@ def vector(values: ArrayLike, entry: str) -> Array:
     return _array(values, entry, 1, "a list of numbers")
 
 
-def _array(values: Any, entry: str, dimensions: int, wanted: str) -> Array:
+def _array(values: Any, entry: str, dimensions: int, wanted: str, empty: bool = False) -> Array:
     try:
         raw = np.asarray(values)
-        if raw.dtype.kind == "O" and not all(isinstance(entry, int) for entry in raw.flat):
-            raise ValueError
-        if raw.dtype.kind not in "iufO" and raw.size:
+        # as objects: beside numbers numpy takes True for 1, and integers may exceed 64 bits
+        loose: Any = () if isinstance(values, np.ndarray) else np.asarray(values, object).flat
+        if raw.dtype.kind not in "iufO" or not all(_is_number(item) for item in loose):
             raise ValueError
         result = np.array(raw, dtype=np.float64)
     except (ValueError, TypeError):
-        raise InputError(f"{entry} must be {wanted}; got {_shown(values)}.") from None
+        raise InputError(f"{entry} must be {wanted}; got {shown(values)}.") from None
     except OverflowError:
         raise InputError(f"{entry} must hold binary64 numbers; one is too large.") from None
-    if result.ndim != dimensions or result.size == 0:
-        raise InputError(f"{entry} must be {wanted}; got {_shown(values)}.")
+    if result.ndim != dimensions or (result.size == 0 and not empty):
+        raise InputError(f"{entry} must be {wanted}; got {shown(values)}.")
     for index in np.argwhere(~np.isfinite(result)):
         place = ", ".join(
             f"{word} {i + 1}"
@@ -62,8 +63,16 @@ def _array(values: Any, entry: str, dimensions: int, wanted: str) -> Array:
     return result
 
 
-def _shown(value: Any) -> str:
-    text = repr(value.tolist() if isinstance(value, np.ndarray) else value)
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float | np.number) and not isinstance(value, bool)
+
+
+def shown(value: Any) -> str:
+    """A value as a message repeats it: on one line, and short."""
+    try:
+        text = repr(value.tolist() if isinstance(value, np.ndarray) else value)
+    except ValueError:  # Python does not write out integers beyond some 4300 digits
+        return "an integer of thousands of digits"
     return text if len(text) <= 60 else text[:57] + "..."
 
 
@@ -87,6 +96,10 @@ def _sized(array: Array, entry: str, shape: tuple[int | None, ...], why: str) ->
 def _bounds(
     lower: ArrayLike | None, upper: ArrayLike | None, n: int, entry: str
 ) -> tuple[Array, Array]:
+    if (lower is None) != (upper is None):
+        raise InputError(
+            f"{entry}.{'lower' if lower is None else 'upper'} is required; it is missing."
+        )
     ends = []
     for values, name in ((lower, "lower"), (upper, "upper")):
         end = vector(np.zeros(n) if values is None else values, f"{entry}.{name}")
@@ -100,7 +113,7 @@ def _bounds(
     return ends[0], ends[1]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Flow:
     """A (n, n); B (n, m) known input; D (n, q) unknown input; lower, upper (n,) bounds of b."""
 
@@ -119,8 +132,11 @@ class Flow:
         lower, upper = _bounds(self.lower, self.upper, n, "flow.disturbance")
         _set(self, lower=lower, upper=upper)
 
+    def __eq__(self, other: object) -> bool:
+        return _same(self, other)
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, eq=False)
 class Jump:
     """G (n, n), None for the identity; E (n, k) known jump input; H (n, r) unknown impulses.
 
@@ -157,8 +173,11 @@ class Jump:
         _set(result, lower=lower, upper=upper, **inputs)
         return result
 
+    def __eq__(self, other: object) -> bool:
+        return _same(self, other)
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, eq=False)
 class Output:
     """C (p, n); noise_bound, noise_std, noise_cv (p,), default zero.
 
@@ -190,6 +209,11 @@ class Output:
                 raise InputError(
                     f"output.{name} must be one of {', '.join(words)}; got {getattr(self, name)!r}."
                 )
+        if self.measured == "at_jumps" and self.jump_measurement == "none":
+            raise InputError(
+                "output.jump_measurement must be before or after when measured = 'at_jumps'; "
+                "got 'none', which leaves no measurement at all."
+            )
         self._check_period()
 
     def _check_period(self) -> None:
@@ -203,6 +227,9 @@ class Output:
         if not (period > 0 and math.isfinite(period)):
             raise InputError(f"output.period must be a positive finite number; got {period!r}.")
         _set(self, period=period)
+
+    def __eq__(self, other: object) -> bool:
+        return _same(self, other)
 
 
 @dataclass(frozen=True)
@@ -226,6 +253,13 @@ class Plant:
         _set(self, n=n, p=len(C))
 
 
+def _same(block: Any, other: Any) -> bool:
+    if type(other) is not type(block):
+        return False
+    pairs = [(getattr(block, entry.name), getattr(other, entry.name)) for entry in fields(block)]
+    return all((a is None) == (b is None) and np.array_equal(a, b) for a, b in pairs)
+
+
 def _inputs(block: Any, name: str, matrices: tuple[str, ...], n: int, of: str) -> dict[str, Any]:
     """Optional matrices with one row per state."""
     found = {}
@@ -242,10 +276,10 @@ def _dwell_time(values: Any) -> tuple[float, float] | None:
     if values is None:
         return None
     if isinstance(values, str) or not hasattr(values, "__len__") or len(values) != 2:
-        raise InputError(f"{entry} must be a pair [shortest, longest]; got {_shown(values)}.")
+        raise InputError(f"{entry} must be a pair [shortest, longest]; got {shown(values)}.")
     low, high = (_real(value, entry) for value in values)
     if math.isnan(low) or math.isnan(high):
-        raise InputError(f"{entry} must be numbers; got {_shown([low, high])}.")
+        raise InputError(f"{entry} must be numbers; got {shown([low, high])}.")
     if math.isinf(low):
         raise InputError(f"{entry}: the shortest dwell time must be finite; got [{low}, {high}].")
     if low < 0:
@@ -260,12 +294,12 @@ def _dwell_time(values: Any) -> tuple[float, float] | None:
 
 
 def _real(value: Any, entry: str) -> float:
-    if isinstance(value, bool | np.bool_) or not isinstance(value, int | float | np.number):
-        raise InputError(f"{entry} must be a number; got {value!r}.")
+    if not _is_number(value):
+        raise InputError(f"{entry} must be a number; got {shown(value)}.")
     try:
         return float(value)
     except OverflowError:
-        raise InputError(f"{entry} must fit a binary64 number; got {_shown(value)}.") from None
+        raise InputError(f"{entry} must fit a binary64 number; got {shown(value)}.") from None
 
 
 def _set(target: Any, **values: Any) -> None:

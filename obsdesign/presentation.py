@@ -72,7 +72,7 @@ def show(outcome: Outcome) -> None:
         table.add_row(mark, claim.id, escape(_told(claim)))
     console.print(table)
     for label, entry in outcome.result.get("forms", {}).items():
-        if label != outcome.result["form"] and entry["verdict"] != "proved":
+        if label != outcome.result.get("form") and entry["verdict"] != "proved":
             why = escape("; ".join(entry["reasons"]))
             console.print(f"form {label} is {entry['verdict']}: {why}")
     for guarantee in outcome.design.guarantees if outcome.design else ():

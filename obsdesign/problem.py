@@ -17,13 +17,16 @@ from typing import Any
 
 import numpy as np
 
+from obsdesign import asked as asked_of
 from obsdesign.document import jsonable
 from obsdesign.errors import InputError
-from obsdesign.kinds import GAINS, KINDS, OPTIONS
-from obsdesign.plant import Flow, Jump, Output, Plant, matrix
+from obsdesign.kinds import KINDS
+from obsdesign.plant import Flow, Jump, Output, Plant
 from obsdesign.structure_check import check_structure
 
 Blocks = Mapping[str, Any]
+
+_KEYS = ("name", "flow", "jump", "output", "observer")
 
 
 class Problem:
@@ -53,16 +56,21 @@ class Problem:
         plain |= {} if observer is None else {"observer": observer}
         body: dict[str, Any] = {key: _as_block(value) for key, value in plain.items()}
         check_structure(body)
+        _check_name(body["name"])
         plant = Plant(_flow(body["flow"]), _jump(body.get("jump")), Output(**body["output"]))
         asked = dict(body.get("observer", {}))
         kind = asked.pop("kind", None)
-        gains = _gains(asked.pop("gains", {}), kind, plant)
-        values = (name, plant, kind, MappingProxyType(gains), MappingProxyType(asked))
+        gains = asked_of.gains(asked.pop("gains", {}), kind, plant)
+        options = asked_of.options(asked, kind, plant)
+        values = (name, plant, kind, MappingProxyType(gains), MappingProxyType(options))
         for slot, value in zip(("name", "plant", "kind", "gains", "options"), values, strict=True):
             object.__setattr__(self, slot, value)
 
     def __setattr__(self, name: str, value: Any) -> None:
         raise AttributeError("a Problem is read-only; build a new one")
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Problem.from_dict, (self.to_dict(),)  # a copy is read-only too
 
     def __repr__(self) -> str:
         return f"Problem({self.name!r}, kind={self.kind!r}, n={self.plant.n}, p={self.plant.p})"
@@ -75,7 +83,9 @@ class Problem:
     @staticmethod
     def from_dict(body: Any) -> Problem:
         """A problem from parsed TOML or JSON."""
-        check_structure(body)
+        body = _as_block(body)
+        if not isinstance(body, dict) or not {"flow", "output"} <= set(body) <= set(_KEYS):
+            check_structure(body)  # says what is wrong with the top level
         return Problem(**body)
 
     def to_dict(self) -> dict[str, Any]:
@@ -114,48 +124,80 @@ class Problem:
         low, high = jump.dwell_time
         return low, high
 
+    def require(self, entry: str) -> Any:
+        """Value of an optional entry ("flow.D", "jump.H", "output.period"), or InputError."""
+        value: Any = self.plant
+        for name in entry.split("."):
+            value = getattr(value, name)
+            if value is None:
+                absent = "[jump]" if name == "jump" and name != entry else "it"
+                raise InputError(f"{entry} is required by kind {self.kind!r}; {absent} is missing.")
+        return value
+
+    def require_measured(self, *fitting: str) -> str:
+        """How y is measured, one of `fitting`, or InputError."""
+        measured = self.plant.output.measured
+        if measured not in fitting:
+            raise InputError(
+                f"output.measured must be {' or '.join(fitting)} for kind {self.kind!r}; "
+                f"got {measured!r}."
+            )
+        return measured
+
     def for_kind(self, kind: str) -> tuple[Problem, list[str]]:
         """The same plant for another kind, and the gains and options that were dropped."""
-        if kind not in KINDS:
-            raise InputError(f"kind must be one of {', '.join(KINDS)}; got {kind!r}.")
-        body = self.to_dict()
-        asked = body.get("observer", {})
-        if asked.get("kind") == kind:
-            return self, []
-        foreign = self.kind is not None  # gains of one kind mean nothing to another
-        gains = {
-            k: v for k, v in asked.get("gains", {}).items() if not foreign and k in GAINS[kind]
-        }
-        options = {k: v for k, v in self.options.items() if not foreign and k in OPTIONS[kind]}
-        dropped = [f"gains.{name}" for name in self.gains if name not in gains]
-        dropped += [name for name in self.options if name not in options]
-        body["observer"] = {"kind": kind, "gains": gains} | options
-        return Problem.from_dict(body), dropped
+        asked, dropped = asked_of.for_kind(self.to_dict().get("observer", {}), kind)
+        return Problem.from_dict(self.to_dict() | {"observer": asked}), dropped
 
 
 def load_problem(path: str | os.PathLike[str]) -> Problem:
     """Read a problem file: JSON by its suffix .json, else TOML. InputError names file and line."""
+    return load_for_kind(path, None)[0]
+
+
+def load_for_kind(path: str | os.PathLike[str], kind: str | None) -> tuple[Problem, list[str]]:
+    """Read a problem file for a kind, whatever kind it names, and what had to be dropped.
+
+    Unlike `load_problem` then `for_kind`, this reads files that hold entries of several kinds.
+    """
+    body = _read(path)
+    dropped: list[str] = []
+    if kind is not None and isinstance(body, dict) and isinstance(body.get("observer", {}), dict):
+        asked, dropped = asked_of.for_kind(body.get("observer", {}), kind)
+        body |= {"observer": asked}
+    try:
+        return Problem.from_dict(body), dropped
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+
+
+def _read(path: str | os.PathLike[str]) -> Any:
     try:
         text = Path(path).read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:
         raise InputError(
             f"{path}: UTF-8 text is required; it is not. Is it a binary file?"
         ) from None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}.") from None
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"{path}: cannot be read: {reason}.") from None
     if not text.strip():
         raise InputError(f"{path}: a problem is required; the file is empty.")
     is_json = Path(path).suffix.lower() == ".json"
     try:
-        body = _parse_json(text) if is_json else tomllib.loads(text)
+        return _parse_json(text) if is_json else tomllib.loads(text)
     except RecursionError:
         raise InputError(f"{path}: nested too deeply to be a problem file.") from None
     except ValueError as error:
-        raise InputError(f"{path}: not valid {'JSON' if is_json else 'TOML'}: {error}.") from None
-    try:
-        return Problem.from_dict(body)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
+        raise InputError(f"{path}: not valid {_complaint(error, text, is_json)}") from None
+
+
+def _complaint(error: ValueError, text: str, is_json: bool) -> str:
+    reason = "an integer has thousands of digits" if "4300 digits" in str(error) else str(error)
+    hint = ""
+    if text.lstrip().startswith("{") != is_json:
+        hint = " Is it TOML? Name it .toml." if is_json else " Is it JSON? Name it .json."
+    return f"{'JSON' if is_json else 'TOML'}: {reason}.{hint}"
 
 
 def _parse_json(text: str) -> Any:
@@ -182,7 +224,9 @@ def _as_block(value: Any) -> Any:
     if isinstance(value, Mapping):
         return {key: _as_block(item) for key, item in value.items()}
     if isinstance(value, np.ndarray | np.generic):
-        return value.tolist()
+        return _as_block(value.tolist())
+    if isinstance(value, complex):
+        return [value.real, value.imag]  # a pole
     if isinstance(value, list | tuple):
         return [_as_block(item) for item in value]
     return value
@@ -211,32 +255,11 @@ def _infinite(value: Any) -> Any:
     return math.inf if value == "inf" else value
 
 
-def _gains(given: Blocks, kind: str | None, plant: Plant) -> dict[str, Any]:
-    """Gain matrices, finite and of the shape their kind gives them."""
-    D = plant.flow.D
-    q = 0 if D is None else np.shape(D)[1]
-    sizes = {"n": plant.n, "p": plant.p, "n-q": plant.n - q, "p-q": plant.p - q}
-    found = {}
-    for name, values in given.items():
-        entry = f"observer.gains.{name}"
-        found[name] = matrix(values, entry)
-        if kind is None:
-            continue
-        letters = GAINS[kind][name]
-        rows, columns = (sizes[letter] for letter in letters)
-        if found[name].shape != (rows, columns):
-            got = "x".join(map(str, found[name].shape))
-            hint = " Is it transposed?" if found[name].shape == (columns, rows) else ""
-            raise InputError(
-                f"{entry} must be {rows}x{columns} ({letters[0]} x {letters[1]}, n states, "
-                f"p outputs{', q unknown inputs' if 'q' in letters[1] else ''}); got {got}.{hint}"
-            )
-    if kind == "unknown_input" and ("L" in found) != ("T1" in found):
-        absent = "T1" if "L" in found else "L"
-        raise InputError(
-            f"observer.gains.{absent} is required: L and T1 are given together; it is missing."
-        )
-    return found
+def _check_name(name: str) -> None:
+    try:
+        name.encode("utf-8")
+    except UnicodeEncodeError:
+        raise InputError(f"name must be text that UTF-8 can hold; got {name!r}.") from None
 
 
 def _present(block: Any, names: tuple[str, ...]) -> dict[str, Any]:

@@ -9,7 +9,7 @@ import importlib
 import platform
 import time
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import metadata
 from typing import Any
 
@@ -19,7 +19,7 @@ from obsdesign.errors import InputError
 from obsdesign.problem import Problem
 
 # kind -> its module in every layer
-AVAILABLE = ("interval",)
+AVAILABLE = ("interval", "luenberger")
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,17 @@ def _attempts(
 ) -> Iterator[tuple[str, Any, tuple[Claim, ...]]]:
     for candidate in synthesis.synthesize(problem):
         claims = verification.claims(problem, candidate.gains, candidate.certificates)
+        if candidate.searched:
+            claims = tuple(_of_these_gains_only(claim) for claim in claims)
         yield candidate.label, candidate, claims
+
+
+def _of_these_gains_only(claim: Claim) -> Claim:
+    """What refutes gains that were searched for does not refute the problem."""
+    if claim.verdict != "refuted":
+        return claim
+    why = f"no gains were found for which it holds; for the last ones tried, {reason(claim)}"
+    return replace(claim, verdict="undecided", evidence={**claim.evidence, "reason": why})
 
 
 def _summary(verdict: str, claims: tuple[Claim, ...]) -> dict[str, Any]:
@@ -84,7 +94,7 @@ def reason(claim: Claim) -> str:
     """Why a claim is refuted or undecided, in one sentence from its evidence."""
     evidence = claim.evidence
     witness = evidence.get("witness", {})
-    return str(witness.get("reason") or evidence.get("reason") or claim.statement)
+    return str(evidence.get("reason") or witness.get("reason") or claim.statement)
 
 
 def _document(

@@ -69,7 +69,7 @@ LIGHT = ("numpy", "lmi.exponential", "lmi.enclosure")
 @pytest.mark.parametrize(
     ("prefix", "allowed"),
     [
-        ("obsdesign.equations", (*LIGHT,)),
+        ("obsdesign.equations", (*LIGHT, "obsdesign.equations")),
         ("obsdesign.document", (*LIGHT, "obsdesign.errors")),
         ("obsdesign.errors", ()),
         (

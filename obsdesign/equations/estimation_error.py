@@ -59,3 +59,15 @@ def plant_data(plant: Any) -> dict[str, Any]:
         data["dwell_time"] = list(jump.dwell_time)
     data |= {"noise_bound": output.noise_bound, "jump_measurement": output.jump_measurement}
     return data
+
+
+def idle_gains(plant: Any) -> dict[str, str]:
+    """Gains that can only be zero, since nothing is measured where they act, and why."""
+    idle = {}
+    if plant.output.measured == "at_jumps":
+        idle["L"] = "output.measured is 'at_jumps': nothing is measured between jumps"
+    if plant.jump is None:
+        idle["M"] = "there is no [jump]"
+    elif plant.output.jump_measurement == "none":
+        idle["M"] = "output.jump_measurement is 'none'"
+    return idle

@@ -51,8 +51,7 @@ from obsdesign.runtime.base import (
     vector,
 )
 from obsdesign.runtime.interval_steps import StepMap, jump_maps, midpoint, step_maps
-
-_CACHED_STEPS = 256
+from obsdesign.runtime.step_cache import cached_step
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,19 +190,8 @@ class IntervalObserver:
         return maps["none"].apply(state.centre, state.radius, None, state.u)
 
     def _maps(self, h: float, size: float) -> dict[str, StepMap]:
-        """Step matrices for a step of about h between time stamps of magnitude `size`.
-
-        A difference of two stamps is known to an ulp of the larger; rounding it to that many
-        decimals lets equal steps share their matrices, and the enclosure covers the difference.
-        """
-        decimals = math.floor(-math.log10(4 * math.ulp(size)))
-        key = (round(h, decimals), decimals)
-        if key not in self._steps:
-            error = 0.5 * 10.0**-decimals + 2 * math.ulp(size)
-            self._steps[key] = step_maps(self.gains, key[0], error)
-            if len(self._steps) > _CACHED_STEPS:
-                self._steps.popitem(last=False)
-        return self._steps[key]
+        """Step matrices for a step of about h between time stamps of magnitude `size`."""
+        return cached_step(self._steps, h, size, lambda *step: step_maps(self.gains, *step))
 
     def _jump(
         self, centre: Vector, radius: Vector, y: Vector | None, w: ArrayLike | None

@@ -10,7 +10,10 @@ from obsdesign.errors import InputError
 from obsdesign.runtime.base import Observer
 
 # kind -> module and class; modules are imported when they are asked for
-OBSERVERS = {"interval": ("obsdesign.runtime.interval", "IntervalObserver")}
+OBSERVERS = {
+    "interval": ("obsdesign.runtime.interval", "IntervalObserver"),
+    "luenberger": ("obsdesign.runtime.luenberger", "LuenbergerObserver"),
+}
 
 
 def load(path: str | os.PathLike[str]) -> Observer:

@@ -13,8 +13,10 @@ class Candidate:
 
     label: the form or method; gains: what a design stores under `gains`; certificates: by claim
     id, what the finder believes shows it (a matrix P, say). Verification trusts none of it.
+    searched: the gains were looked for, so that their failure says nothing of other gains.
     """
 
     label: str
     gains: Mapping[str, Any]
     certificates: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    searched: bool = False

@@ -9,14 +9,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-import numpy as np
-
 from lmi.decide import decide
 from obsdesign.equations import interval as equations
 from obsdesign.equations.estimation_error import flow_error_matrix, jump_error_matrix, plant_data
 from obsdesign.errors import InputError
 from obsdesign.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
+from obsdesign.synthesis.given_gains import given_gain, refuse_unusable
 
 
 def synthesize(problem: Problem) -> Iterator[Candidate]:
@@ -56,46 +55,29 @@ def _refuse(problem: Problem) -> None:
             "flow.D is refused by kind 'interval': an unknown input without bounds leaves no "
             "bounds on the state. Give bounds as flow.disturbance."
         )
-    if plant.jump is not None:
-        problem.require_dwell_time()
-        if plant.jump.H is not None:
-            raise InputError(
-                "jump.H is refused by kind 'interval': impulses of unknown weight leave no bounds "
-                "on the state. Give bounds as jump.disturbance."
-            )
+    if plant.jump is not None and plant.jump.H is not None:
+        raise InputError(
+            "jump.H is refused by kind 'interval': impulses of unknown weight leave no bounds "
+            "on the state. Give bounds as jump.disturbance."
+        )
+    refuse_unusable(problem)
     for name in ("S", "S2", "T"):
         if name in problem.gains:
             raise InputError(
                 f"observer.gains.{name} belongs to forms that are not available in this version; "
                 f"the forms are {', '.join(equations.FORMS)}."
             )
-    measured = plant.output.measured
-    if measured == "periodic":
-        raise InputError(
-            "output.measured = 'periodic' is not available for kind 'interval' in this version; "
-            "it must be continuous or at_jumps."
-        )
-    for name, idle, why in (
-        ("L", measured == "at_jumps", "output.measured is 'at_jumps': nothing is measured between"),
-        ("M", plant.jump is None, "there is no [jump]"),
-        ("M", plant.output.jump_measurement == "none", "output.jump_measurement is 'none'"),
-    ):
-        if idle and np.any(problem.gains.get(name, 0)):
-            raise InputError(f"observer.gains.{name} must be zero: {why}; got nonzero entries.")
 
 
 def _gain(problem: Problem, name: str) -> Any:
-    plant = problem.plant
-    n, p = plant.flow.A.shape[0], plant.output.C.shape[0]
-    if name in problem.gains:
-        return problem.gains[name]
-    idle = plant.jump is None or plant.output.jump_measurement == "none"
-    if (name == "M" and idle) or (name == "L" and plant.output.measured == "at_jumps"):
-        return np.zeros((n, p))  # nothing is measured there: the only gain there is
-    raise InputError(
-        f"observer.gains.{name} ({n}x{p}) is required by kind 'interval' in this version; "
-        "it is missing. Give zeros to use no correction."
-    )
+    gain = given_gain(problem, name)
+    if gain is None:
+        n, p = problem.plant.n, problem.plant.p
+        raise InputError(
+            f"observer.gains.{name} ({n}x{p}) is required by kind 'interval' in this version; "
+            "it is missing. Give zeros to use no correction."
+        )
+    return gain
 
 
 def _jump_error(problem: Problem, M: Any) -> Any:

@@ -18,7 +18,12 @@ from lmi.hurwitz import prove_hurwitz
 from lmi.verdict import Verdict, proved, refuted
 from obsdesign.document import Claim
 from obsdesign.equations import interval as equations
-from obsdesign.equations.estimation_error import flow_error_matrix, jump_error_matrix, plant_data
+from obsdesign.equations.estimation_error import (
+    flow_error_matrix,
+    idle_gains,
+    jump_error_matrix,
+    plant_data,
+)
 from obsdesign.problem import Problem
 from obsdesign.verification.consistency import consistency
 from obsdesign.verification.dwell import dwell_stability, range_text
@@ -71,7 +76,8 @@ def expected_gains(problem: Problem) -> dict[str, Any]:
     expected |= {"L": (n, p), "M": (n, p), "D0": (n, n), "D1": (n, n)}
     if problem.plant.jump is not None:
         expected |= {"Gp": (n, n), "Gn": (n, n)}
-    return expected | dict(problem.gains)
+    zeros = {name: np.zeros((n, p)) for name in idle_gains(problem.plant)}
+    return expected | dict(problem.gains) | zeros
 
 
 def _forms(problem: Problem) -> set[str]:
@@ -87,11 +93,8 @@ def guarantees(problem: Problem, found: tuple[Claim, ...]) -> tuple[dict[str, An
     ]
     bounded: list[str] = [name for name in ("hurwitz", "dwell_stability") if name in verdicts]
     jump = problem.plant.jump
-    when = (
-        ""
-        if jump is None
-        else f" for every sequence of dwell times in {range_text(*jump.dwell_time)}"
-    )
+    ends = "" if jump is None else range_text(*problem.require_dwell_time())
+    when = f" for every sequence of dwell times in {ends}" if ends else ""
     enclosure = (
         "The bounds contain the state at every instant, if they contain it at the start, b, c and "
         "v stay inside their bounds and jumps are reported at their times; this holds for "

@@ -1,0 +1,106 @@
+"""Matrix inequalities that are affine in several unknown matrices: the largest margin, by Clarabel.
+
+The inequality is given once, as a function of the unknowns made of `+ - @ .T`; its coefficients are
+read off by evaluating it, so that there is no second copy to drift away.
+
+    maximise t   subject to   inequality(P, Z, ...)_i >= t I for every i,   I <= P <= kappa I,  t <= 1
+
+The first unknown is a symmetric P, which sets the scale. Nothing here is proved.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import clarabel
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+Matrix = NDArray[np.float64]
+Inequality = Callable[..., Matrix]  # unknowns -> (k, m, m) symmetric
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """Shape of an unknown matrix."""
+
+    rows: int
+    columns: int
+    symmetric: bool = False
+
+    def basis(self) -> list[Matrix]:
+        """Matrices whose combinations are all values of the unknown."""
+        found = []
+        for j in range(self.columns):
+            for i in range(j + 1 if self.symmetric else self.rows):
+                E = np.zeros((self.rows, self.columns))
+                E[i, j] = 1.0
+                if self.symmetric:
+                    E[j, i] = 1.0
+                found.append(E)
+        return found
+
+
+def best_margin(
+    unknowns: Sequence[Unknown], inequality: Inequality, kappa: float
+) -> tuple[list[Matrix], float] | None:
+    """(values of the unknowns, margin), or None when the solver gives no usable numbers."""
+    directions = _directions(unknowns)
+    zero = [np.zeros((u.rows, u.columns)) for u in unknowns]
+    constant = inequality(*zero)
+    columns = [inequality(*direction) - constant for direction in directions]
+    k, m = constant.shape[:2]
+    n = unknowns[0].rows
+    size = m * (m + 1) // 2
+    A = np.zeros((k * size + n * (n + 1) + 1, len(directions) + 1))
+    for j, change in enumerate(columns):
+        A[: k * size, j] = -_svec(change).reshape(-1)
+        P = directions[j][0][None]
+        A[k * size : -1, j] = np.concatenate([-_svec(P)[0], _svec(P)[0]])
+    A[: k * size, -1] = np.tile(_svec(np.eye(m)[None])[0], k)
+    A[-1, -1] = 1.0
+    unit = _svec(np.eye(n)[None])[0]
+    b = np.concatenate([_svec(constant).reshape(-1), -unit, kappa * unit, [1.0]])
+    cones = [clarabel.PSDTriangleConeT(m)] * k + [clarabel.PSDTriangleConeT(n)] * 2
+    x = _solved(A, b, [*cones, clarabel.NonnegativeConeT(1)])
+    if x is None:
+        return None
+    values = [
+        sum((xj * d[i] for xj, d in zip(x[:-1], directions, strict=True)), start=zero[i])
+        for i in range(len(unknowns))
+    ]
+    return values, float(x[-1])
+
+
+def _directions(unknowns: Sequence[Unknown]) -> list[list[Matrix]]:
+    """One entry per scalar unknown: its basis matrix, zeros for all other unknowns."""
+    directions = []
+    for i, unknown in enumerate(unknowns):
+        for E in unknown.basis():
+            values = [np.zeros((u.rows, u.columns)) for u in unknowns]
+            values[i] = E
+            directions.append(values)
+    return directions
+
+
+def _svec(stack: Matrix) -> Matrix:
+    """Upper triangles by columns, off-diagonal entries times sqrt 2: (k, m, m) -> (k, m(m+1)/2)."""
+    m = stack.shape[-1]
+    columns, rows = np.tril_indices(m)
+    weights = np.where(rows == columns, 1.0, np.sqrt(2.0))
+    return np.asarray(stack[:, rows, columns] * weights, dtype=np.float64)
+
+
+def _solved(A: Matrix, b: Matrix, cones: list[object]) -> Matrix | None:
+    """Maximise the last unknown."""
+    objective = np.zeros(A.shape[1])
+    objective[-1] = -1.0
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    settings.max_threads = 1
+    empty = sparse.csc_matrix((A.shape[1], A.shape[1]))
+    solver = clarabel.DefaultSolver(empty, objective, sparse.csc_matrix(A), b, cones, settings)
+    x = np.array(solver.solve().x)
+    return x if np.isfinite(x).all() else None

@@ -1,0 +1,45 @@
+"""State-space models of other packages (scipy.signal, control) as problems. Imports neither."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from obsdesign.errors import InputError
+from obsdesign.plant import Flow, Jump
+from obsdesign.problem import Problem
+
+
+def from_state_space(
+    system: Any,
+    *,
+    jump: Jump | Mapping[str, Any] | None = None,
+    output: Mapping[str, Any] | None = None,
+    observer: Mapping[str, Any] | None = None,
+    name: str = "plant",
+) -> Problem:
+    """A problem from a continuous-time model x' = A x + B u, y = C x.
+
+    system: anything with matrices A (n, n), B (n, m), C (p, n), D (p, m) and a time step `dt`, as
+    `scipy.signal.StateSpace` and `control.StateSpace` have. output: further keys of [output].
+    InputError for a discrete model, a feedthrough D, or an object without the matrices.
+    """
+    missing = [key for key in ("A", "B", "C", "D") if not hasattr(system, key)]
+    if missing:
+        raise InputError(
+            f"system must have matrices A, B, C, D; {type(system).__name__} has no {missing[0]}. "
+            "Convert a transfer function to a state space first."
+        )
+    step = getattr(system, "dt", None)
+    if step is True or (step is not None and step != 0 and not math.isinf(step)):
+        raise InputError(f"system must be continuous in time; its time step dt is {step!r}.")
+    if np.any(system.D):
+        raise InputError(
+            "system must have no feedthrough, y = C x; its D is not zero. "
+            "Subtract D u from the measurement and set D to zero."
+        )
+    flow = Flow(system.A, B=system.B if np.any(system.B) else None)
+    return Problem(flow, {**(output or {}), "C": system.C}, jump, observer, name)

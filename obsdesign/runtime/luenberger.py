@@ -1,0 +1,194 @@
+"""Point observer with jumps at run time: exact steps, linear interpolation between samples.
+
+    xhat' = F xhat + L y(t) + B u + b_mid,   F = A - L C        between jumps
+    xhat+ = G xhat- + M (y- - C xhat-) + E w + c_mid            at jumps
+
+Between two samples y is interpolated linearly; a measurement taken before a jump says nothing about
+the time after it, and then the next sample stands alone. Without any, the plant alone predicts.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from lmi.exponential import expm
+from obsdesign.equations.estimation_error import flow_error_matrix
+from obsdesign.errors import InputError
+from obsdesign.runtime.base import (
+    Batch,
+    DwellGuard,
+    Estimate,
+    Sample,
+    Vector,
+    collect,
+    optional_measurement,
+    rows_of,
+    run,
+    vector,
+)
+from obsdesign.runtime.step_cache import cached_step
+
+Maps = tuple[Any, Any, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class LuenbergerState:
+    """Everything the next step needs: the estimate x just after time t."""
+
+    t: float
+    x: Vector
+    u: Vector
+    y: Vector | None
+    guard: DwellGuard
+    started: bool
+
+
+@dataclass(frozen=True)
+class LuenbergerObserver:
+    """Executes a design of kind `luenberger`."""
+
+    gains: Mapping[str, Any]
+    kind: ClassVar[str] = "luenberger"
+    finds_events: ClassVar[bool] = False
+    _steps: OrderedDict[tuple[float, int], dict[bool, Maps]] = field(
+        default_factory=OrderedDict, repr=False, compare=False
+    )
+
+    @classmethod
+    def from_gains(cls, gains: Mapping[str, Any]) -> LuenbergerObserver:
+        """The observer of a design's `gains`."""
+        return cls(gains)
+
+    @property
+    def n(self) -> int:
+        """Number of states."""
+        return len(self.gains["A"])
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Columns of the estimate after t."""
+        return tuple(f"x{i + 1}" for i in range(self.n))
+
+    @property
+    def reads(self) -> dict[str, int | bool]:
+        """How many y, u, w a sample has, and whether jumps are reported."""
+        u, w = (self.gains[x].shape[1] if x in self.gains else 0 for x in ("B", "E"))
+        return {"y": len(self.gains["C"]), "u": u, "w": w, "jump": "G" in self.gains}
+
+    def start(self, t: float, initial: Sequence[float] | None) -> LuenbergerState:
+        """State from x1, ..., xn, default zeros; InputError if they are not n finite numbers."""
+        x = [0.0] * self.n if initial is None else list(initial)
+        if len(x) != self.n or not np.isfinite(x).all():
+            raise InputError(
+                f"--initial must be the {self.n} finite numbers {','.join(self.names)}; "
+                f"got {len(x)} numbers."
+            )
+        return self.init(t, x=x)
+
+    def init(self, t: float = 0.0, *, x: ArrayLike | None = None) -> LuenbergerState:
+        """State at time t from a guess of x(t), before the first sample and its jump."""
+        guess = vector(np.zeros(self.n) if x is None else x, self.n, "x")
+        shortest, longest = self.gains.get("dwell_time", [0.0, np.inf])
+        guard = DwellGuard(float(shortest), float(longest))
+        inputs = np.zeros(int(self.reads["u"]))
+        return LuenbergerState(float(t), guess, inputs, None, guard, started=False)
+
+    def step(self, state: LuenbergerState, sample: Sample) -> tuple[LuenbergerState, Estimate]:
+        """Move to the time of the sample, use it, and jump if it says so.
+
+        ValueError if time does not increase (the first sample may share the initial time).
+        """
+        t = float(sample.t)
+        if not (t > state.t or (t == state.t and not state.started)):
+            raise ValueError(f"time must increase; got {t!r} after {state.t!r}.")
+        y = optional_measurement(sample.y, len(self.gains["C"]))
+        when = self.gains["jump_measurement"]
+        x = self._flow(state, t, y if not sample.jump or when == "before" else None)
+        guard, late = state.guard.after(t, sample.jump)
+        objections = [late] if late else []
+        expected = not (sample.jump and when == "none") and (sample.jump or not self._only_jumps)
+        if y is None and expected:
+            objections.append("missing sample")
+        usable = y
+        if sample.jump:
+            x = self._jump(x, y, sample.w)
+            usable = y if when == "after" else None
+        u = state.u if sample.u is None else vector(sample.u, len(state.u), "u")
+        following = replace(state, t=t, x=x, u=u, y=usable, guard=guard, started=True)
+        return following, Estimate(t, x=x, status="; ".join(objections) or "ok")
+
+    @property
+    def _only_jumps(self) -> bool:
+        """Without L, samples between jumps are of no use and none is missed."""
+        return not np.any(self.gains["L"])
+
+    def run(self, state: LuenbergerState, samples: Iterable[Sample]) -> Iterator[Estimate]:
+        """Estimates for a stream of samples."""
+        return run(self, state, samples)
+
+    def run_batch(
+        self,
+        t: ArrayLike,
+        y: ArrayLike | None = None,
+        u: ArrayLike | None = None,
+        w: ArrayLike | None = None,
+        jump: ArrayLike | None = None,
+        *,
+        x: ArrayLike | None = None,
+    ) -> Batch:
+        """The whole record at once: a loop over `step` from a guess of x at its first row."""
+        times = np.asarray(t, dtype=np.float64)
+        state = self.init(float(times[0]), x=x)
+        return collect(self.run(state, rows_of(times, y, u, w, jump)))
+
+    def _flow(self, state: LuenbergerState, t: float, y_end: Vector | None) -> Vector:
+        if t == state.t:
+            return state.x
+        start = state.y if state.y is not None else y_end
+        end = y_end if y_end is not None else start
+        maps = cached_step(self._steps, t - state.t, max(abs(t), abs(state.t)), self._maps)
+        flow, once, ramp = maps[start is not None]
+        forced = self._drift + (self.gains["B"] @ state.u if len(state.u) else 0.0)
+        if start is None or end is None:
+            return np.asarray(flow @ state.x + once @ forced)
+        L = self.gains["L"]
+        return np.asarray(flow @ state.x + once @ (L @ start + forced) + ramp @ (L @ (end - start)))
+
+    def _maps(self, h: float, error: float) -> dict[bool, Maps]:
+        """(e^{Xh}, its integral, the response to a unit ramp over the step), X = A or A - L C."""
+        del error  # a point estimate owes nothing to half an ulp of time
+        A, L, C = self.gains["A"], self.gains["L"], self.gains["C"]
+        return {False: _responses(A, h), True: _responses(flow_error_matrix(A, L, C), h)}
+
+    @property
+    def _drift(self) -> Vector:
+        return np.asarray((self.gains["flow_lower"] + self.gains["flow_upper"]) / 2)
+
+    def _jump(self, x: Vector, y: Vector | None, w: ArrayLike | None) -> Vector:
+        gains = self.gains
+        if "G" not in gains:
+            raise ValueError("this plant has no jumps ([jump] is absent), but a sample says jump.")
+        after = gains["G"] @ x + (gains["jump_lower"] + gains["jump_upper"]) / 2
+        if "E" in gains:
+            inputs = int(self.reads["w"])
+            after = after + gains["E"] @ (np.zeros(inputs) if w is None else vector(w, inputs, "w"))
+        when = gains["jump_measurement"]
+        if y is None or when == "none":
+            return np.asarray(after)
+        expected = gains["C"] @ (after if when == "after" else x)
+        return np.asarray(after + gains["M"] @ (y - expected))
+
+
+def _responses(X: Any, h: float) -> Maps:
+    """Blocks of one exponential: e^{Xh}, int e^{Xs} ds, int e^{X(h-s)} (s/h) ds."""
+    n = len(X)
+    unit, zero = np.eye(n), np.zeros((n, n))
+    block = np.block([[X * h, unit * h, zero], [zero, zero, unit], [zero, zero, zero]])
+    flow, once, ramp = np.hsplit(expm(block)[:n], 3)
+    return flow, once, ramp

@@ -1,0 +1,32 @@
+"""Equal steps share their matrices, although their lengths differ by rounding."""
+
+from __future__ import annotations
+
+import math
+from collections import OrderedDict
+from collections.abc import Callable
+from typing import TypeVar
+
+T = TypeVar("T")
+
+_CACHED_STEPS = 256
+
+
+def cached_step(
+    cache: OrderedDict[tuple[float, int], T],
+    h: float,
+    size: float,
+    build: Callable[[float, float], T],
+) -> T:
+    """What `build(length, error)` makes for a step of about h between time stamps of size `size`.
+
+    A difference of two stamps is known to an ulp of the larger. It is rounded to that many
+    decimals, and `error` bounds how far the true step may be from the rounded one.
+    """
+    decimals = math.floor(-math.log10(4 * math.ulp(size)))
+    key = (round(h, decimals), decimals)
+    if key not in cache:
+        cache[key] = build(key[0], 0.5 * 10.0**-decimals + 2 * math.ulp(size))
+        if len(cache) > _CACHED_STEPS:
+            cache.popitem(last=False)
+    return cache[key]

@@ -1,0 +1,84 @@
+"""What a plant's matrices allow: modes that no output sees. Each answer carries its witness."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lmi.balls import exact
+from lmi.hurwitz import prove_hurwitz
+
+Matrix = NDArray[np.float64]
+
+# A mode counts as unseen when [A - s I; C] is this close to losing rank, relative to its size
+RANK_TOLERANCE = 1e-10
+
+
+@dataclass(frozen=True)
+class Mode:
+    """Eigenvalue of A, and how far [A - s I; C] is from losing rank there, relative to its size."""
+
+    eigenvalue: complex
+    margin: float
+
+
+def approx_unobservable_modes(A: Matrix, C: Matrix) -> list[Mode]:
+    """Modes of A, (n, n), that C, (p, n), does not see (Popov-Belevitch-Hautus), in floats.
+
+    The least decaying mode comes first.
+    """
+    size = max(float(np.abs(A).max(initial=0.0)), 1e-300)
+    seen = C / max(float(np.abs(C).max(initial=0.0)), 1e-300)
+    found = []
+    for value in np.linalg.eigvals(A):
+        pencil = np.vstack([(A - value * np.eye(len(A))) / size, seen])
+        margin = float(np.linalg.svd(pencil, compute_uv=False)[-1])
+        if margin < RANK_TOLERANCE:
+            found.append(Mode(complex(value), margin))
+    return sorted(found, key=lambda mode: -mode.eigenvalue.real)
+
+
+def hidden_growth(A: Matrix, C: Matrix, rate: float = 0.0) -> bool:
+    """Is there, exactly, a mode that C never sees and that does not decay faster than `rate`?
+
+    In rational arithmetic: the unobservable subspace of (A, C), and Routh's test on A + rate I
+    restricted to it. No gain L moves such a mode of A - L C.
+    """
+    n = len(A)
+    A_exact, C_exact = exact(A), exact(C)
+    rows = [C_exact]
+    for _ in range(n - 1):
+        rows.append(rows[-1] @ A_exact)
+    hidden, free = _nullspace(np.vstack(rows))
+    if not free:
+        return False
+    # A maps the subspace into itself; its entries at the free columns are its coordinates
+    restricted = ((A_exact + exact(rate * np.eye(n))) @ hidden)[free]
+    return prove_hurwitz(restricted).outcome == "refuted"
+
+
+def _nullspace(rows: Any) -> tuple[Any, list[int]]:
+    """Basis of {v: rows v = 0} as columns, the identity at the free columns; exact rationals."""
+    table = rows.copy()
+    leading: list[int] = []
+    for j in range(table.shape[1]):
+        k = len(leading)
+        pivots = [i for i in range(k, len(table)) if table[i, j] != 0]
+        if not pivots:
+            continue
+        table[[k, pivots[0]]] = table[[pivots[0], k]]
+        table[k] = table[k] / table[k, j]
+        for i in range(len(table)):
+            if i != k and table[i, j] != 0:
+                table[i] = table[i] - table[i, j] * table[k]
+        leading.append(j)
+    free = [j for j in range(table.shape[1]) if j not in leading]
+    basis = exact(np.zeros((table.shape[1], len(free))))
+    for column, j in enumerate(free):
+        basis[j, column] = exact(1.0).item()
+        for k, i in enumerate(leading):
+            basis[i, column] = -table[k, j]
+    return basis, free

@@ -1,0 +1,116 @@
+"""Point observers with jumps: gains L and M where they are left open.
+
+L: poles (`poles`) or a steady-state Kalman gain (`weights`), for A + decay_rate I. M: the largest
+margin of the inequality of `equations.luenberger`, affine in (P, P M), over the whole range of
+dwell times by cutting planes. Since the choice of L limits what M can do, slower and faster ones
+are tried in turn.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from lmi.affine import Unknown, best_margin
+from lmi.decide import decide
+from lmi.families import Edge, worst
+from obsdesign.equations import luenberger as equations
+from obsdesign.equations.estimation_error import (
+    flow_error_matrix,
+    jump_error_matrix,
+    plant_data,
+)
+from obsdesign.problem import Problem
+from obsdesign.structure import hidden_growth
+from obsdesign.synthesis.candidate import Candidate
+from obsdesign.synthesis.given_gains import given_gain, refuse_unusable
+from obsdesign.synthesis.placement import placed_gain, riccati_gain
+
+_CONDITION = 1e4
+_ROUNDS = 20
+
+
+def synthesize(problem: Problem) -> Iterator[Candidate]:
+    """Candidates in order of preference; InputError for what cannot be built at all."""
+    refuse_unusable(problem)
+    plant = problem.plant
+    rate = float(problem.options.get("decay_rate", 0.0))
+    endless = plant.jump is None or math.isinf(problem.require_dwell_time()[1])
+    # then every A - L C keeps that mode, and what refutes one gain refutes all
+    doomed = endless and hidden_growth(plant.flow.A, plant.output.C, rate)
+    for label, L in _flow_gains(problem, rate):
+        F = flow_error_matrix(plant.flow.A, L, plant.output.C)
+        M = given_gain(problem, "M")
+        if M is None:
+            M = jump_gain(problem, F + rate * np.eye(plant.n))
+        gains = plant_data(plant) | {"L": L, "M": M}
+        open_gain = given_gain(problem, "L") is None or given_gain(problem, "M") is None
+        yield Candidate(
+            label, gains, _certificates(problem, F, M, rate), searched=open_gain and not doomed
+        )
+
+
+def _flow_gains(problem: Problem, rate: float) -> Iterator[tuple[str, Any]]:
+    """L as given, as the poles say, or by Riccati equations of growing speed; at last none."""
+    A, C = problem.plant.flow.A, problem.plant.output.C
+    given = given_gain(problem, "L")
+    if given is not None:
+        yield "given L", given
+        return
+    if "poles" in problem.options:
+        yield "placed L", placed_gain(A, C, problem.options["poles"])
+        return
+    weights = problem.options.get("weights")
+    speed = float(np.abs(np.linalg.eigvals(A)).max())
+    for factor in (0.0, 1.0, 4.0):
+        yield f"Riccati L, {factor:g} x faster", riccati_gain(A, C, weights, rate + factor * speed)
+    yield "L = 0", np.zeros((problem.plant.n, problem.plant.p))
+
+
+def jump_gain(problem: Problem, F: Any) -> Any:
+    """M with the largest margin over all dwell times for a flow F; zeros when none helps."""
+    plant = problem.plant
+    assert plant.jump is not None
+    n, p, G = plant.n, plant.p, plant.jump.G
+    seen = equations.measured_at_jump(G, plant.output.C, plant.output.jump_measurement)
+    low, high = problem.require_dwell_time()
+    with np.errstate(all="ignore"):
+        thetas, flows = Edge(F, np.eye(n), low, high).grid()
+    none = np.zeros((n, p))
+    if not np.isfinite(flows).all():
+        return none
+    active = sorted({0, len(thetas) - 1})
+    for _ in range(_ROUNDS):
+        chosen = flows[active]
+        found = best_margin(
+            [Unknown(n, n, symmetric=True), Unknown(n, p)],
+            lambda P, Z, at=chosen: equations.post_jump_inequality(P, Z, G, seen, at),
+            _CONDITION,
+        )
+        if found is None or found[1] <= 0:
+            return none
+        P, Z = found[0]
+        slacks = np.linalg.eigvalsh(equations.post_jump_inequality(P, Z, G, seen, flows))[:, 0]
+        more = [k for k in worst(thetas, slacks, 0.0)[:4] if k not in active]
+        if not more:
+            return np.linalg.solve(P, Z)
+        active = sorted({*active, *more})
+    return np.linalg.solve(P, Z)
+
+
+def _certificates(problem: Problem, F: Any, M: Any, rate: float) -> dict[str, Any]:
+    """P for the dwell inequality; with a decay rate, the P of F + rate I serves both claims."""
+    plant = problem.plant
+    if plant.jump is None:
+        return {}
+    when = plant.output.jump_measurement
+    H = jump_error_matrix(plant.jump.G, M, plant.output.C, when)
+    verdict = decide(F + rate * np.eye(plant.n), H, *problem.require_dwell_time())
+    if "P" not in verdict.evidence and rate > 0:
+        verdict = decide(F, H, *problem.require_dwell_time())
+    if "P" not in verdict.evidence:
+        return {}
+    return {"dwell_stability": verdict.evidence, "decay_rate": verdict.evidence}

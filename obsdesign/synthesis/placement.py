@@ -1,0 +1,74 @@
+"""Gains L for e' = (A - L C) e: by Riccati equation, or with poles at given places."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from obsdesign.errors import InputError
+from obsdesign.structure import approx_unobservable_modes
+
+Matrix = NDArray[np.float64]
+
+
+def riccati_gain(
+    A: Matrix, C: Matrix, weights: Mapping[str, Sequence[float]] | None = None, rate: float = 0.0
+) -> Matrix:
+    """Steady-state Kalman gain, (n, p), of A + rate I.
+
+    weights: {"state": n, "output": p} positive variances of process and measurement noise, default
+    ones. Modes that C does not see and that do not decay at `rate` are left as they are; all others
+    of A - L C then decay faster than `rate`.
+    """
+    from scipy.linalg import solve_continuous_are
+
+    n, p = len(A), len(C)
+    given = weights or {}
+    Q, R = np.diag(given.get("state", np.ones(n))), np.diag(given.get("output", np.ones(p)))
+    hidden = [mode.eigenvalue.real for mode in approx_unobservable_modes(A, C)]
+    # the equation has no solution while an unseen mode does not decay: look at A from below it
+    below = max([0.0, *(value + rate + 1e-3 * (1 + abs(value)) for value in hidden)])
+    shifted = A + (rate - below) * np.eye(n)
+    S = solve_continuous_are(shifted.T, C.T, Q, R)
+    return np.asarray(np.linalg.solve(R, C @ S).T, dtype=np.float64)
+
+
+def placed_gain(A: Matrix, C: Matrix, poles: Sequence[Any]) -> Matrix:
+    """L, (n, p), with the eigenvalues of A - L C at `poles`: numbers or pairs [real, imaginary].
+
+    InputError when their number is wrong, a complex one lacks its conjugate, or C does not see a
+    mode (then its eigenvalue stays where it is).
+    """
+    from scipy.signal import place_poles
+
+    wanted = _poles(poles, len(A))
+    if hidden := approx_unobservable_modes(A, C):
+        raise InputError(
+            f"observer.poles: the mode {_complex_text(hidden[0].eigenvalue)} of flow.A cannot be "
+            "moved, since output.C does not see it; leave poles out."
+        )
+    try:
+        found = place_poles(A.T, C.T, wanted)
+    except ValueError as error:
+        raise InputError(f"observer.poles cannot be placed: {error}.") from None
+    return np.asarray(found.gain_matrix.T, dtype=np.float64)
+
+
+def _poles(poles: Sequence[Any], n: int) -> NDArray[np.complex128]:
+    values = np.array([complex(*p) if isinstance(p, Sequence) else complex(p) for p in poles])
+    # one of a conjugate pair stands for both
+    lonely = [v for v in values if v.imag and not np.any(np.isclose(values, v.conjugate()))]
+    values = np.concatenate([values, np.conjugate(lonely)])
+    if len(values) != n:
+        raise InputError(
+            f"observer.poles must give {n} poles, one per state (a pair [re, im] counts with its "
+            f"conjugate); got {len(values)}."
+        )
+    return values
+
+
+def _complex_text(value: complex) -> str:
+    return f"{value.real:.6g}" + (f" +- {abs(value.imag):.6g}i" if value.imag else "")

@@ -1,0 +1,148 @@
+"""Point observers with jumps: stability of the error for all dwell times, proved.
+
+Source: C. Briat, Automatica 49 (2013), Theorem 3, applied to (A - L C, G - M C); with an infinite
+longest dwell time the flow must be Hurwitz as well (docs/papers.md, Corollary 4 of Degue et al.).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from lmi.balls import exact
+from lmi.hurwitz import prove_hurwitz
+from lmi.verdict import overall
+from obsdesign.document import Claim
+from obsdesign.equations.estimation_error import (
+    flow_error_matrix,
+    idle_gains,
+    jump_error_matrix,
+    plant_data,
+)
+from obsdesign.problem import Problem
+from obsdesign.verification.consistency import consistency
+from obsdesign.verification.dwell import dwell_stability, range_text
+
+PAPER = "Briat, Automatica 49 (2013), Theorem 3"
+_MATRICES = ("A", "C", "G", "L", "M")
+
+
+def claims(
+    problem: Problem,
+    gains: Mapping[str, Any],
+    certificates: Mapping[str, Mapping[str, Any]],
+    *,
+    paranoid: bool = False,
+) -> tuple[Claim, ...]:
+    """All hypotheses of the design, each with its verdict.
+
+    certificates: {"dwell_stability": {"P": n x n}, "decay_rate": {"P": n x n}} where one was found.
+    """
+    agreement = consistency(problem, gains, _expected(problem))
+    if agreement.verdict != "proved":
+        return (agreement,)
+    numbers = {name: exact(gains[name]) for name in _MATRICES if name in gains}
+    F = flow_error_matrix(numbers["A"], numbers["L"], numbers["C"])
+    rate = float(problem.options.get("decay_rate", 0.0))
+    shifted = F + exact(rate * np.eye(problem.plant.n))
+    found = [agreement]
+    if problem.plant.jump is None:
+        found.append(_hurwitz(F, "hurwitz", "there are no jumps"))
+        if rate > 0:
+            found.append(_hurwitz(shifted, "decay_rate", f"the rate {rate!r} was asked for", rate))
+        return tuple(found)
+    H = jump_error_matrix(numbers["G"], numbers["M"], numbers["C"], gains["jump_measurement"])
+    low, high = problem.require_dwell_time()
+    if math.isinf(high):
+        found.append(_hurwitz(F, "hurwitz", "there is no longest dwell time"))
+    found.append(_stability(F, H, (low, high), certificates, paranoid))
+    if rate > 0:
+        found.append(_decay(shifted, H, (low, high), rate, certificates, paranoid))
+    return tuple(found)
+
+
+def _expected(problem: Problem) -> dict[str, Any]:
+    n, p = problem.plant.n, problem.plant.p
+    zeros = {name: np.zeros((n, p)) for name in idle_gains(problem.plant)}
+    return plant_data(problem.plant) | {"L": (n, p), "M": (n, p)} | dict(problem.gains) | zeros
+
+
+def _hurwitz(F: Any, name: str, why: str, rate: float = 0.0) -> Claim:
+    verdict = prove_hurwitz(F)
+    shift = f" + {rate!r} I" if rate else ""
+    return Claim(
+        name,
+        f"the error between jumps decays by itself (A - L C{shift} is Hurwitz), needed as {why}",
+        "Lyapunov's theorem",
+        verdict.outcome,
+        verdict.evidence,
+    )
+
+
+def _stability(
+    F: Any, H: Any, ends: tuple[float, float], certificates: Mapping[str, Any], paranoid: bool
+) -> Claim:
+    verdict = dwell_stability(F, H, *ends, certificates.get("dwell_stability", {}), paranoid)
+    return Claim(
+        "dwell_stability",
+        f"the error e -> e^(F T) H e, F = A - L C, H its matrix at jumps, is stable for every "
+        f"sequence of dwell times T in {range_text(*ends)}",
+        PAPER,
+        verdict.outcome,
+        verdict.evidence,
+    )
+
+
+def _decay(
+    shifted: Any,
+    H: Any,
+    ends: tuple[float, float],
+    rate: float,
+    certificates: Mapping[str, Any],
+    paranoid: bool,
+) -> Claim:
+    flow = prove_hurwitz(shifted) if math.isinf(ends[1]) else None
+    verdict = dwell_stability(shifted, H, *ends, certificates.get("decay_rate", {}), paranoid)
+    if flow is not None and overall([flow.outcome, verdict.outcome]) == flow.outcome != "proved":
+        verdict = flow
+    return Claim(
+        "decay_rate",
+        f"the error decays like e^(-{rate!r} t) for every sequence of dwell times in "
+        f"{range_text(*ends)}",
+        f"{PAPER}, for A - L C + {rate!r} I",
+        verdict.outcome,
+        verdict.evidence,
+    )
+
+
+def guarantees(problem: Problem, found: tuple[Claim, ...]) -> tuple[dict[str, Any], ...]:
+    """The sentences a user may rely on, and those that were asked for and not proved."""
+    plant = problem.plant
+    verdicts = {claim.id: claim.verdict for claim in found}
+    needed = [name for name in verdicts if name != "decay_rate"]
+    ends = "" if plant.jump is None else range_text(*problem.require_dwell_time())
+    when = f" for every sequence of dwell times in {ends}" if ends else ""
+    at_jumps = plant.output.measured == "at_jumps"
+    measured = "With y measured at every jump" if at_jumps else "With y measured continuously"
+    without = ["disturbance", "noise"]
+    without += ["unknown input d"] if plant.flow.D is not None else []
+    without += ["unknown impulses"] if plant.jump is not None and plant.jump.H is not None else []
+    free = f"{', '.join(without[:-1])} and {without[-1]}"
+    told = [
+        (f"{measured} and without {free}, the estimation error tends to zero{when}.", needed),
+        (f"{measured}, bounded {free} leave the estimation error bounded{when}.", needed),
+    ]
+    if "decay_rate" in verdicts:
+        rate = float(problem.options["decay_rate"])
+        told.append((f"The error decays like e^(-{rate!r} t){when}.", [*needed, "decay_rate"]))
+    result = [
+        {"statement": text, "given": all(verdicts[i] == "proved" for i in ids), "claims": ids}
+        for text, ids in told
+    ]
+    if not at_jumps:
+        sampled = "Convergence for samples at a given spacing is not claimed."
+        result.append({"statement": sampled, "given": False, "claims": []})
+    return tuple(result)

@@ -1,0 +1,268 @@
+"""Point observers with jumps: designed, proved, executed; laws and twins."""
+
+from __future__ import annotations
+
+import copy
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+
+import obsdesign
+from obsdesign.equations import luenberger as equations
+from obsdesign.plant import Flow, Jump, Output, Plant
+from obsdesign.runtime import Sample, from_design
+from obsdesign.simulation import simulate
+from obsdesign.structure import approx_unobservable_modes, hidden_growth
+from obsdesign.synthesis.placement import placed_gain, riccati_gain
+from obsdesign.verification.luenberger import claims
+
+BASE: dict[str, Any] = {
+    "flow": {"A": [[0, 1, 0], [-2, 0.1, 0.5], [0, 0, 0.2]]},
+    "jump": {"G": [[1, 0, 0], [0, -0.7, 0], [0.1, 0, 1]], "dwell_time": [0.3, 2.0]},
+    "output": {"C": [[1, 0, 0], [0, 0, 1]]},
+    "observer": {"kind": "luenberger"},
+}
+
+
+def problem(**changes: Any) -> obsdesign.Problem:
+    body = copy.deepcopy(BASE)
+    for path, value in changes.items():
+        block, key = path.split("__")
+        body[block][key] = value
+    return obsdesign.Problem.from_dict(body)
+
+
+def verdicts(outcome: obsdesign.Outcome) -> dict[str, str]:
+    return {claim.id: claim.verdict for claim in outcome.claims}
+
+
+# --- design -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {},
+        {"observer__poles": [-1, [-2, 1]]},
+        {"observer__decay_rate": 0.4},
+        {"observer__weights": {"state": [1, 2, 3], "output": [0.1, 0.1]}},
+        {"output__jump_measurement": "after"},
+        {"output__measured": "at_jumps"},
+        {"jump__dwell_time": [0.3, "inf"]},
+        {"jump__dwell_time": [0.5, 0.5]},
+        {"observer__gains": {"M": [[0, 0], [0, 0], [0, 0]]}},
+    ],
+)
+def test_missing_gains_are_found_and_proved(changes: dict[str, Any]) -> None:
+    design = obsdesign.design(problem(**changes))
+    again = obsdesign.verify(design)
+    assert set(verdicts(again).values()) == {"proved"}
+    F = design.gains["A"] - design.gains["L"] @ design.gains["C"]
+    if "observer__poles" in changes:
+        found = np.sort_complex(np.linalg.eigvals(F))
+        np.testing.assert_allclose(found, [-2 - 1j, -2 + 1j, -1], atol=1e-8)
+    if "output__measured" in changes:
+        assert not design.gains["L"].any()
+
+
+def test_given_gains_are_kept_and_may_be_refuted() -> None:
+    zeros = {"L": [[0, 0]] * 3, "M": [[0, 0]] * 3}
+    outcome = obsdesign.investigate(problem(observer__gains=zeros))
+    assert verdicts(outcome)["dwell_stability"] == "refuted"
+    assert not outcome.design.gains["L"].any()
+
+
+def test_gains_that_were_searched_for_leave_the_problem_undecided() -> None:
+    # the second state is seen by nothing and grows; with a finite range no mode refutes it
+    hidden = {"flow__A": [[-1, 0, 0], [0, 1, 0], [0, 0, -1]], "jump__G": np.eye(3).tolist()}
+    outcome = obsdesign.investigate(problem(**hidden))
+    assert outcome.verdict == "undecided"
+    reason = outcome.claims[-1].evidence["reason"]
+    assert reason.startswith("no gains were found for which it holds; for the last ones tried, ")
+
+
+def test_a_hidden_mode_that_grows_refutes_an_endless_range() -> None:
+    hidden = {"flow__A": [[-1, 0, 0], [0, 1, 0], [0, 0, -1]], "jump__G": np.eye(3).tolist(),
+              "jump__dwell_time": [0.3, "inf"]}  # fmt: skip
+    outcome = obsdesign.investigate(problem(**hidden))
+    assert outcome.verdict == "refuted"
+    flow = next(c for c in outcome.claims if c.id == "hurwitz")
+    assert flow.evidence["witness"]["eigenvalue"] == {"real": 1.0, "imag": 0.0}
+
+
+def test_the_decay_rate_is_a_claim_and_its_twin_fails() -> None:
+    gains = {"L": [[1, 0], [0, 0], [0, 1]], "M": [[0, 0]] * 3}
+    body = {"flow__A": np.diag([-1.0, -2, -3]).tolist(), "jump__G": np.eye(3).tolist(),
+            "output__C": [[0, 0, 0], [0, 0, 0]], "observer__gains": gains}  # fmt: skip
+    slow = obsdesign.investigate(problem(**body, observer__decay_rate=0.99))
+    assert verdicts(slow)["decay_rate"] == "proved"
+    fast = obsdesign.investigate(problem(**body, observer__decay_rate=1.01))
+    assert verdicts(fast) == {
+        "consistent": "proved", "dwell_stability": "proved", "decay_rate": "refuted",
+    }  # fmt: skip
+
+
+def test_a_spoilt_certificate_proves_nothing() -> None:
+    design = obsdesign.design(problem())
+    P = np.array(next(c for c in design.claims if c.id == "dwell_stability").evidence["P"])
+    asked = problem()
+    assert claims(asked, design.gains, {"dwell_stability": {"P": P}})[-1].verdict == "proved"
+    for bad in (-P, P + np.triu(np.ones((3, 3)), 1), np.eye(2), "P", np.diag([1e9, 1, 1])):
+        assert (
+            claims(asked, design.gains, {"dwell_stability": {"P": bad}})[-1].verdict == "undecided"
+        )
+
+
+def test_a_plant_without_jumps() -> None:
+    body = copy.deepcopy(BASE)
+    del body["jump"]
+    design = obsdesign.design(obsdesign.Problem.from_dict(body))
+    assert [c.id for c in design.claims] == ["consistent", "hurwitz"]
+    assert not design.gains["M"].any()
+    body["observer"]["gains"] = {"L": [[0, 0]] * 3}
+    assert obsdesign.investigate(obsdesign.Problem.from_dict(body)).verdict == "refuted"
+
+
+# --- gains ------------------------------------------------------------------------------------
+
+
+@settings(max_examples=40, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), n=st.integers(1, 6), rate=st.floats(0.0, 2.0))
+def test_the_riccati_gain_decays_at_the_rate(seed: int, n: int, rate: float) -> None:
+    rng = np.random.default_rng(seed)
+    A, C = rng.standard_normal((n, n)), rng.standard_normal((int(rng.integers(1, n + 1)), n))
+    L = riccati_gain(A, C, rate=rate)
+    assert np.linalg.eigvals(A - L @ C).real.max() < -rate
+
+
+def test_the_riccati_gain_leaves_hidden_modes_alone() -> None:
+    A, C = np.diag([2.0, 1.0, -1.0]), np.array([[1.0, 0, 0]])
+    eigenvalues = np.sort(np.linalg.eigvals(A - riccati_gain(A, C) @ C).real)
+    np.testing.assert_allclose(eigenvalues[1:], [max(eigenvalues[1], -1), 1], atol=1e-9)
+    assert eigenvalues[0] < 0
+
+
+def test_poles_are_placed_or_refused() -> None:
+    A, C = np.array([[0.0, 1], [0, 0]]), np.array([[1.0, 0]])
+    L = placed_gain(A, C, [[-1, 2]])
+    np.testing.assert_allclose(np.sort_complex(np.linalg.eigvals(A - L @ C)), [-1 - 2j, -1 + 2j])
+    cases = {
+        "observer.poles must give 2 poles, one per state (a pair [re, im] counts with its conjugate); got 3.": (A, C, [-1, [-2, 1]]),
+        "observer.poles: the mode 0 of flow.A cannot be moved, since output.C does not see it; leave poles out.": (A, np.array([[0.0, 1]]), [-1, -2]),
+    }  # fmt: skip
+    for line, arguments in cases.items():
+        with pytest.raises(obsdesign.InputError) as error:
+            placed_gain(*arguments)
+        assert str(error.value) == line
+
+
+def test_the_inequality_is_schurs_complement_of_the_contraction() -> None:
+    rng = np.random.default_rng(0)
+    n, p = 3, 2
+    G, C, M, E = (rng.standard_normal(shape) for shape in ((n, n), (p, n), (n, p), (4, n, n)))
+    root = rng.standard_normal((n, n))
+    P = root @ root.T + np.eye(n)
+    whole = equations.post_jump_inequality(P, P @ M, G, C, E)
+    for block, flow in zip(whole, E, strict=True):
+        step = (G - M @ C) @ flow
+        np.testing.assert_allclose(block, block.T)
+        assert (np.linalg.eigvalsh(block)[0] > 0) == (
+            np.linalg.eigvalsh(P - step.T @ P @ step)[0] > 0
+        )
+
+
+@settings(max_examples=40, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), hidden=st.integers(0, 2))
+def test_hidden_modes_are_seen_in_any_coordinates(seed: int, hidden: int) -> None:
+    rng = np.random.default_rng(seed)
+    n, seen = 4, 4 - hidden
+    A = np.zeros((n, n))
+    A[:seen, :seen] = rng.standard_normal((seen, seen))
+    A[seen:, seen:] = np.diag([0.5, 1.5][:hidden])
+    A[seen:, :seen] = rng.standard_normal((hidden, seen))
+    C = np.hstack([rng.standard_normal((1, seen)), np.zeros((1, hidden))])
+    order = rng.permutation(n)
+    moved, output = A[np.ix_(order, order)], C[:, order]  # a permutation is exact
+    assert hidden_growth(moved, output) == (hidden > 0)
+    assert not hidden_growth(moved, output, rate=-2.0)
+    assert len(approx_unobservable_modes(moved, output)) == hidden
+
+
+# --- runtime ----------------------------------------------------------------------------------
+
+
+def test_the_estimate_converges_across_jumps() -> None:
+    asked = problem(flow__B=[[0], [1], [0]], jump__E=[[0], [0], [1]],
+                    flow__disturbance={"lower": [0.5, 0, -1], "upper": [0.5, 0, -1]})  # fmt: skip
+    observer = from_design(obsdesign.design(asked))
+    record = simulate(asked.plant, until=40.0, step=0.01, rng=np.random.default_rng(1))
+    batch = observer.run_batch(
+        record.t, record.block("y"), record.block("u"), np.nan_to_num(record.block("w")),
+        record.columns["jump"], x=[5, 5, 5],
+    )  # fmt: skip
+    assert set(batch.status) == {"ok"}
+    error = np.abs(batch.x - record.block("x")).max(axis=1)
+    scale = np.abs(record.block("x")).max()
+    assert error[0] > 1
+    # linear interpolation of y errs by O(h^2) between samples
+    assert error[-200:].max() < 1e-3 * scale
+
+
+def test_the_flow_solves_its_differential_equation() -> None:
+    A, C = np.array([[0.0, 1], [-2, -0.3]]), np.array([[1.0, 0.5]])
+    L, B = np.array([[1.5], [-0.4]]), np.array([[0.3], [1.0]])
+    plant = Plant(Flow(A, B=B, lower=[0.1, 0.2], upper=[0.3, 0.2]), None, Output(C))
+    gains = {"kind": "luenberger", "gains": {"L": L.tolist()}}
+    asked = obsdesign.Problem(flow=plant.flow, output=plant.output, observer=gains)
+    observer = from_design(obsdesign.design(asked))
+    state = observer.init(0.0, x=[1, -1])
+    state, _ = observer.step(state, Sample(0.0, y=[0.7], u=[2.0]))
+    _, estimate = observer.step(state, Sample(0.5, y=[-0.4], u=[9.0]))
+
+    def rate(t: float, x: np.ndarray) -> np.ndarray:
+        y = np.array([0.7 + (-0.4 - 0.7) * t / 0.5])
+        return A @ x + L @ (y - C @ x) + B @ [2.0] + [0.2, 0.2]
+
+    expected = solve_ivp(rate, (0, 0.5), [1, -1], rtol=1e-11, atol=1e-12).y[:, -1]
+    np.testing.assert_allclose(estimate.x, expected, atol=1e-9)
+
+
+@pytest.mark.parametrize("when", ["before", "after", "none"])
+def test_the_jump_uses_the_measurement_as_it_was_taken(when: str) -> None:
+    G, C, M = np.array([[1.0, 0.5], [0, 0.8]]), np.array([[1.0, 0]]), np.array([[0.3], [0.7]])
+    M = 0 * M if when == "none" else M
+    asked = obsdesign.Problem(
+        flow=Flow(-np.eye(2)), output=Output(C, jump_measurement=when),
+        jump=Jump(G, lower=[0.1, 0.1], upper=[0.3, 0.1], dwell_time=(1.0, 2.0)),
+        observer={"kind": "luenberger", "gains": {"L": [[0], [0]], "M": M.tolist()}},
+    )  # fmt: skip
+    observer = from_design(obsdesign.design(asked))
+    x, y = np.array([1.0, 2.0]), np.array([1.5])
+    _, estimate = observer.step(observer.init(0.0, x=x), Sample(0.0, y=y, jump=True))
+    after = G @ x + [0.2, 0.1]
+    expected = {
+        "before": after + M @ (y - C @ x), "after": after + M @ (y - C @ after), "none": after,
+    }[when]  # fmt: skip
+    np.testing.assert_allclose(estimate.x, expected)
+
+
+def test_stream_and_batch_agree_and_missing_samples_are_said() -> None:
+    observer = from_design(obsdesign.design(problem()))
+    rng = np.random.default_rng(4)
+    t = np.sort(rng.uniform(0, 5, 40))
+    y = rng.standard_normal((40, 2))
+    y[7:9] = np.nan
+    jump = np.zeros(40, bool)
+    jump[20] = True
+    batch = observer.run_batch(t, y, jump=jump, x=[1, 2, 3])
+    state, loop = observer.init(t[0], x=[1, 2, 3]), []
+    for k in range(40):
+        state, estimate = observer.step(state, Sample(t[k], y=y[k], jump=bool(jump[k])))
+        loop.append(estimate)
+    assert np.array_equal(batch.x, [e.x for e in loop])
+    assert batch.status == tuple(e.status for e in loop)
+    assert [k for k, s in enumerate(batch.status) if s.startswith("missing sample")] == [7, 8]
