@@ -82,17 +82,7 @@ def certify_positive_definite(S: Any) -> bool:
 
     False says nothing. Every pivot of L D L' must be certainly positive.
     """
-    rows = [list(row) for row in S.tolist()]
-    n = len(rows)
-    for k in range(n):
-        pivot = rows[k][k]
-        if not pivot > 0:
-            return False
-        for i in range(k + 1, n):
-            factor = rows[i][k] / pivot
-            for j in range(k + 1, i + 1):
-                rows[i][j] = rows[i][j] - factor * rows[j][k]
-    return True
+    return certify_pivots([list(row) for row in S.tolist()])
 
 
 def certify_negative(x: Any) -> bool:
@@ -135,3 +125,62 @@ def fixed_vector(blocks: list[Exact]) -> list[float] | None:
     for i, j in enumerate(leading):
         vector[j] = -table[i][free]
     return [_nearest(v) for v in vector]
+
+
+def cholesky(S: Any) -> Any:
+    """Ball matrix L, lower triangular, that contains the L of S = L L'.
+
+    None if S is not certainly positive definite.
+    """
+    rows = [list(row) for row in S.tolist()]
+    n = len(rows)
+    lower = [[arb(0)] * n for _ in range(n)]
+    for j in range(n):
+        pivot = rows[j][j]
+        for k in range(j):
+            pivot = pivot - lower[j][k] * lower[j][k]
+        if not pivot > 0:
+            return None
+        root = pivot.sqrt()
+        lower[j][j] = root
+        for i in range(j + 1, n):
+            entry = rows[i][j]
+            for k in range(j):
+                entry = entry - lower[i][k] * lower[j][k]
+            lower[i][j] = entry / root
+    return arb_mat(lower)
+
+
+def norm_bound(X: Any) -> Any:
+    """Ball above the spectral norm of a ball matrix: (tr (X'X)^4)^(1/8), at most n^(1/8) of it."""
+    gram = X.transpose() * X
+    square = gram * gram
+    power = (square * square).trace().abs_upper()
+    return power.root(8) if power > 0 else power
+
+
+def scalar(value: Any) -> Any:
+    """Ball of an exact number."""
+    return arb(value)
+
+
+def stacked(matrices: list[Any]) -> Any:
+    """One ball matrix whose rows are the entries of the given ones."""
+    entries = [x for matrix in matrices for x in matrix.entries()]
+    return arb_mat(len(matrices), len(entries) // len(matrices), entries)
+
+
+def certify_pivots(rows: list[list[Any]]) -> bool:
+    """`certify_positive_definite` for a nested list, which it consumes."""
+    n = len(rows)
+    for k in range(n):
+        pivot_row = rows[k]
+        pivot = pivot_row[k]
+        if not pivot > 0:
+            return False
+        for i in range(k + 1, n):
+            row = rows[i]
+            factor = row[k] / pivot
+            for j in range(k + 1, i + 1):
+                row[j] -= factor * rows[j][k]
+    return True

@@ -1,54 +1,107 @@
 """Find, prove, refute: is x -> e^{F theta} H x stable for every sequence of theta in a range?
 
-The three parts are separate programs; this file only lets them take turns.
+The parts are separate programs; this file only lets them take turns.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from typing import Any
 
-from numpy.typing import ArrayLike
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from lmi.balls import exact, to_float
-from lmi.cutting_plane import propose
+from lmi.balls import Exact, exact, to_float
+from lmi.cutting_plane import Proposal, propose
+from lmi.families import Edge
 from lmi.hurwitz import prove_hurwitz
+from lmi.infeasible import prove_no_common
+from lmi.products import worst_word
 from lmi.proof import prove_common
-from lmi.spectral import refute_spectral
+from lmi.spectral import refute_spectral, refute_word
 from lmi.verdict import Verdict, undecided
 
-_TURNS = 6
+Matrix = NDArray[np.float64]
+
+_TURNS = 8
+_SEED = 20161  # the search for destabilising sequences repeats itself exactly
 
 
 def decide(F: ArrayLike, H: ArrayLike, low: float, high: float) -> Verdict:
-    """Proved by one P (evidence["P"]), refuted by a mode or a dwell time, or undecided.
+    """Proved by one P (evidence["P"]), refuted by a mode or by dwell times, or undecided.
 
     F, H: (n, n) floats or exact rationals; 0 <= low <= high <= infinity. With high infinite, F must
-    be Hurwitz (otherwise refuted with the mode). Undecided evidence keeps the last P, if any.
+    be Hurwitz (otherwise refuted with the mode). Undecided evidence holds the largest growth seen,
+    and "no_common_P" when a checked certificate excludes a common P, which is not instability.
     """
     F_exact, H_exact = exact(F), exact(H)
     if math.isinf(high):
         flow = prove_hurwitz(F_exact)
         if flow.outcome != "proved":
             return flow
-    F_float, H_float = to_float(F_exact), to_float(H_exact)
+    attempt, proposal = find_and_prove(F_exact, H_exact, low, high)
+    if attempt.outcome == "proved":
+        return attempt
+    counter = refute_spectral(F_exact, H_exact, low, high)
+    if counter.outcome == "refuted":
+        return counter
+    return refute_sequences(F_exact, H_exact, low, high, proposal, attempt)
+
+
+def find_and_prove(
+    F: Exact, H: Exact, low: float, high: float, start: Matrix | None = None
+) -> tuple[Verdict, Proposal]:
+    """Propose P, prove it, give the theta where a proof failed back to the search; repeat."""
+    F_float, H_float = to_float(F), to_float(H)
     seeds: list[float] = []
-    attempt = undecided("no matrix P was found")
+    attempt = undecided("no matrix P was tried")
     for _ in range(_TURNS):
-        proposal = propose(F_float, H_float, low, high, seeds)
+        proposal = propose(F_float, H_float, low, high, seeds, start)
         if proposal.P is None:
-            attempt = undecided(
-                "no common P was found, which is not instability",
-                theta=proposal.worst_theta,
-                thetas=list(proposal.thetas),
-            )
-            break
-        attempt = prove_common(F_exact, H_exact, proposal.P, low, high)
+            return _without(F, H, proposal), proposal
+        attempt = prove_common(F, H, proposal.P, low, high)
         if attempt.outcome == "proved":
-            found = {"P": proposal.P.tolist(), "thetas_used": len(proposal.thetas)}
-            return Verdict("proved", {**found, **attempt.evidence})
+            found: dict[str, Any] = {"P": proposal.P.tolist(), "thetas_used": len(proposal.thetas)}
+            if math.isfinite(proposal.margin):
+                found["approx_margin"] = proposal.margin
+            return Verdict("proved", {**found, **attempt.evidence}), proposal
         theta = attempt.evidence.get("theta")
         if theta is None or theta in seeds:
             break
-        seeds.append(float(theta))
-    counter = refute_spectral(F_exact, H_exact, low, high)
-    return counter if counter.outcome == "refuted" else attempt
+        seeds, start = [*seeds, float(theta)], proposal.P
+    return attempt, proposal
+
+
+def _without(F: Exact, H: Exact, proposal: Proposal) -> Verdict:
+    """Undecided, since no P was found; with a checked certificate when there is none."""
+    where: dict[str, Any] = {"theta": proposal.worst_theta, "thetas": list(proposal.thetas)}
+    if proposal.multipliers is not None:
+        nothing = prove_no_common(F, H, proposal.thetas, proposal.multipliers)
+        if nothing.outcome == "proved":
+            reason = (
+                f"no common P exists for these {len(proposal.thetas)} dwell times (checked dual "
+                "certificate), which is not instability"
+            )
+            return undecided(reason, **where, no_common_P=dict(nothing.evidence))
+    return undecided("no common P was found, which is not instability", **where)
+
+
+def refute_sequences(
+    F: Exact, H: Exact, low: float, high: float, proposal: Proposal, attempt: Verdict
+) -> Verdict:
+    """Refuted by a sequence of dwell times if one is found, else the attempt with what was seen."""
+    edge = Edge(to_float(F), to_float(H), low, high)
+    L = np.eye(len(edge.F)) if proposal.L is None else proposal.L
+    try:
+        with np.errstate(all="ignore"):
+            word = worst_word(edge, L, proposal.thetas, np.random.default_rng(_SEED))
+    except (np.linalg.LinAlgError, ValueError):  # overflow: nothing to be learned from floats
+        return attempt
+    if word.growth >= 1:
+        counter = refute_word(F, H, word.thetas)
+        if counter.outcome == "refuted":
+            return counter
+    seen: dict[str, Sequence[float] | float]
+    seen = {"growth_per_jump": word.growth, "worst_sequence": list(word.thetas)}
+    return Verdict("undecided", {**attempt.evidence, **seen})

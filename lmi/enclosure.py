@@ -25,6 +25,8 @@ TINY = 2.0**-1000  # covers every underflow: far above it, far below anything th
 # Taylor remainder at ||X|| <= 1/2: 0.5**17 / 17! is below the unit roundoff by 2**-49.
 _TAYLOR_DEGREE = 16
 _SCALED_NORM = 0.5
+_BALANCING_SWEEPS, _BALANCING_STEP = 3, 60  # so that no scale leaves 2**+-180
+_MODERATE, _NEGLIGIBLE = 16.0, 2.0**-60
 _LARGEST_NORM = 2.0**46  # beyond, the squarings leave no digit that is certain
 
 
@@ -95,15 +97,58 @@ def expm(matrix: Enclosure) -> Enclosure:
     or NaN radii, never a finite wrong answer.
     """
     with np.errstate(over="ignore", invalid="ignore"):
-        norm = float(np.max(np.sum(matrix.magnitude, axis=0), initial=0.0))
+        scales = _balance(np.abs(matrix.mid) + matrix.rad)
+        balanced = _similar(matrix, 1.0 / scales)
+        norm = float(np.max(np.sum(balanced.magnitude, axis=0), initial=0.0))
         if not np.isfinite(norm) or norm > _LARGEST_NORM:
             return Enclosure(np.zeros_like(matrix.mid), np.full_like(matrix.rad, np.inf))
         squarings = max(0, int(np.ceil(np.log2(norm / _SCALED_NORM))) if norm > 0 else 0)
-        result = _taylor(matrix.scaled(2.0**-squarings))
+        result = _taylor(balanced.scaled(2.0**-squarings))
         for _ in range(squarings):
             result = result @ result
+        result = _similar(result, scales)
     pattern = _pattern(matrix)
     return Enclosure(np.where(pattern, result.mid, 0.0), np.where(pattern, result.rad, 0.0))
+
+
+def _balance(size: Matrix) -> Matrix:
+    """Powers of two d for which entries size[i, j] d[j] / d[i] are as even as they can be.
+
+    Units of states and inputs should not cost squarings. A matrix of moderate norm is left alone,
+    and so are entries far below the largest: scaling them up would only scale up rounding.
+    """
+    scales = np.ones(len(size))
+    largest = float(size.max(initial=0.0))
+    if not (np.isfinite(largest) and largest > _MODERATE):
+        return scales
+    size = np.where(size < _NEGLIGIBLE * largest, 0.0, size)
+    for _ in range(_BALANCING_SWEEPS):
+        for i in range(len(size)):
+            row = float(np.delete(size[i] * scales, i).sum()) / scales[i]
+            column = float(np.delete(size[:, i] / scales, i).sum()) * scales[i]
+            scales[i] *= 2.0 ** _step(row, column)
+    return scales
+
+
+def _step(row: float, column: float) -> float:
+    """Exponent that evens out two sums; one that is zero leaves the other to be made small."""
+    if not (np.isfinite(row) and np.isfinite(column)) or row == column == 0.0:
+        return 0.0
+    if row == 0.0:
+        wanted = -np.ceil(max(np.log2(column), 0.0))
+    elif column == 0.0:
+        wanted = np.ceil(max(np.log2(row), 0.0))
+    else:
+        wanted = np.round(0.5 * (np.log2(row) - np.log2(column)))
+    return float(np.clip(wanted, -_BALANCING_STEP, _BALANCING_STEP))
+
+
+def _similar(matrix: Enclosure, scales: Matrix) -> Enclosure:
+    """D X D^-1 for D = diag(scales), powers of two: exact but for underflow."""
+    factors = scales[:, None] / scales[None, :]
+    rad = matrix.rad * factors
+    nonzero = (matrix.mid != 0) | (matrix.rad > 0)
+    return Enclosure(matrix.mid * factors, np.where(nonzero, rad + TINY, rad))
 
 
 def _taylor(matrix: Enclosure) -> Enclosure:

@@ -1,60 +1,139 @@
-"""The dwell-time family theta -> M(theta) = e^{F theta} H, at many theta at once.
+"""Dwell-time families theta -> M(theta) = left e^{F theta} H, at many theta at once.
 
-An `Edge` is a pair of matrices with a range of theta; a condition on it reads
-M(theta)' P M(theta) < P. One edge today; conditions between different matrices have several.
+An `Edge` is a family on a range of theta with the condition M(theta)' P_target M(theta) <
+gamma^2 P_source. One edge from a node to itself asks for a common P; conditions between different
+matrices, several jump maps in one plant, or a decay rate are more edges of the same kind.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from lmi.exponential import expm, exponential_grid
 
-Matrix = NDArray[np.float64]
+Matrix = NDArray[Any]
 
-_POINTS_PER_PERIOD = 16
-_FEWEST, _MOST = 129, 4097
+# Grid step times |eigenvalue|: 30 points per turn of M, 15 per turn of the quadratic form in M
+_STEP = 0.2
+_FEWEST, _MOST = 48, 4096
+# after this many time constants a mode has decayed below what a margin could notice
+_GONE = 14.0
 
 
 @dataclass(frozen=True)
 class Edge:
-    """F, H: (n, n); theta in [low, high], high finite (truncate an infinite range first)."""
+    """F, H, left: (n, n); theta in [low, high]; high may be infinite when F is Hurwitz."""
 
     F: Matrix
     H: Matrix
     low: float
     high: float
+    left: Matrix | None = None
+    source: int = 0
+    target: int = 0
+    gamma: float = 1.0
 
-    def maps(self, thetas: Matrix) -> Matrix:
+    def maps(self, thetas: ArrayLike) -> Matrix:
         """M(theta) at each theta, (k, n, n)."""
-        return expm(self.F * np.asarray(thetas)[:, None, None]) @ self.H
+        flows = expm(self.F * np.asarray(thetas, dtype=np.float64)[:, None, None])
+        return self._from_flows(flows)
+
+    def slopes(self, thetas: ArrayLike) -> Matrix:
+        """Derivative of M at each theta, (k, n, n)."""
+        flows = expm(self.F * np.asarray(thetas, dtype=np.float64)[:, None, None])
+        return self._from_flows(self.F @ flows)
+
+    def _from_flows(self, flows: Matrix) -> Matrix:
+        moved = flows @ self.H
+        return moved if self.left is None else self.left @ moved
+
+    @property
+    def last(self) -> float:
+        """The end of the range, or where an infinite one has nothing left to show."""
+        return self.high if math.isfinite(self.high) else self.low + horizon(self.F)
 
     def grid(self) -> tuple[Matrix, Matrix]:
-        """Equally spaced (theta, M(theta)) that resolve the fastest rotation of the flow."""
-        length = self.high - self.low
-        fastest = float(np.abs(np.linalg.eigvals(self.F).imag).max(initial=0.0))
-        wanted = _POINTS_PER_PERIOD * fastest * length / (2 * math.pi)
-        count = 1 if length == 0 else int(np.clip(wanted, _FEWEST, _MOST))
-        step = length / max(count - 1, 1)
-        thetas: Matrix = self.low + step * np.arange(count, dtype=np.float64)
-        return thetas, exponential_grid(self.F, self.low, step, count) @ self.H
+        """(theta, M(theta)) on panels of equally spaced points, ends included.
+
+        The step resolves the fastest mode that is still alive; decayed modes cost no points.
+        """
+        thetas, flows = [], []
+        for start, step, count in self._panels():
+            thetas.append(start + step * np.arange(count))
+            flows.append(exponential_grid(self.F, start, step, count))
+        return np.concatenate(thetas), self._from_flows(np.concatenate(flows))
+
+    def _panels(self) -> list[tuple[float, float, int]]:
+        length = self.last - self.low
+        if length == 0:
+            return [(self.low, 0.0, 1)]
+        if not math.isfinite(length) or not np.isfinite(self.F).all():
+            return [(self.low, 0.0, 1)]
+        modes = np.linalg.eigvals(self.F)
+        speed, decay = np.abs(modes), np.maximum(-modes.real, 0.0)
+        ends = sorted({*(_GONE / decay[decay > _GONE / length]).tolist(), length})
+        panels, start = [], 0.0
+        for end in _spaced(ends):
+            alive = speed[decay * start < _GONE]
+            fastest = float(alive.max(initial=0.0))
+            wanted = math.ceil(min((end - start) * fastest / _STEP, _MOST))
+            count = max(wanted, math.ceil(_FEWEST * (end - start) / length), 1)
+            panels.append((self.low + start, (end - start) / count, count))
+            start = end
+        first, step, count = panels[-1]
+        panels[-1] = (first, step, count + 1)  # the other panels leave their end to the next
+        return panels
 
 
-def slack(P: Matrix, maps: Matrix) -> Matrix:
-    """Smallest eigenvalue of I - N'N with N = L'M L^-T, P = LL': 1 - the P-norm of M, squared.
+def _spaced(ends: list[float]) -> list[float]:
+    """Panel ends at least a factor two apart; the last is kept."""
+    kept = [ends[-1]]
+    for end in reversed(ends[:-1]):
+        if end < kept[-1] / 2:
+            kept.append(end)
+    return kept[::-1]
 
-    P: (n, n) positive definite; maps: (k, n, n). Positive where the inequality holds; free of the
-    scale of P.
+
+def horizon(F: Matrix) -> float:
+    """A time after which a Hurwitz flow has decayed; some time of its own for another."""
+    if not np.isfinite(F).all():
+        return math.inf
+    modes = np.linalg.eigvals(F)
+    abscissa = float(modes.real.max())
+    if abscissa < 0:
+        return 8.0 / -abscissa
+    return 8.0 / max(float(np.abs(modes).max()), 1e-6)
+
+
+def slack(P_source: Matrix, maps: Matrix, P_target: Matrix | None = None) -> Matrix:
+    """1 - |M|^2 in the norms of P_target and P_source: positive where M' P_target M < P_source.
+
+    P: (n, n) positive definite (LinAlgError if not), maps: (k, n, n). Free of the scale of P.
     """
-    L = np.linalg.cholesky(P)
-    moved = np.linalg.solve(L, np.swapaxes(L.T @ maps, -1, -2))  # = (L' M L^-T)'
-    moved = np.where(np.isfinite(moved), moved, 1e150)
-    values: Matrix = 1.0 - np.linalg.norm(moved, ord=2, axis=(-2, -1)) ** 2
-    return values
+    L = np.linalg.cholesky(P_source)
+    return slack_in(L, maps, L if P_target is None else np.linalg.cholesky(P_target))
+
+
+def slack_in(L: Matrix, maps: Matrix, L_target: Matrix) -> Matrix:
+    """`slack` for P_source = L L', P_target = L_target L_target'."""
+    N = moved(L, maps, L_target)
+    gram = np.swapaxes(N, -1, -2) @ N
+    finite: Matrix = np.asarray(np.isfinite(gram).all(axis=(-2, -1)))
+    if not finite.all():
+        gram = np.where(finite[:, None, None], gram, 0.0)
+    values: Matrix = 1.0 - np.linalg.eigvalsh(gram)[:, -1]
+    return np.where(finite, values, -math.inf)
+
+
+def moved(L: Matrix, maps: Matrix, L_target: Matrix) -> Matrix:
+    """L_target' M L^-T: the maps in coordinates where both matrices are the identity."""
+    result: Matrix = L_target.T @ maps @ np.linalg.inv(L).T
+    return result
 
 
 def worst(thetas: Matrix, slacks: Matrix, limit: float) -> list[int]:

@@ -1,4 +1,4 @@
-"""One dwell time that destabilises: a theta with spectral radius >= 1, proved in balls.
+"""Dwell times that destabilise: maps, or products of maps, with spectral radius >= 1.
 
 M(theta) = e^{F theta} H. A float scan proposes theta; the proof is one of: det(I - M) < 0 (a real
 eigenvalue above 1), det(I + M) < 0 (one below -1), a Stein inequality M'QM - Q > 0 with y'Qy > 0
@@ -9,6 +9,7 @@ exactly.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -82,8 +83,9 @@ def _fixed(F: Exact, H: Exact) -> list[float] | None:
 def _worst_thetas(F: Matrix, H: Matrix, low: float, high: float) -> list[tuple[float, float]]:
     """Dwell times with the largest spectral radii, in falling order: ends and refined maxima."""
     with np.errstate(all="ignore"):
-        last = high if math.isfinite(high) else low + _horizon(F)
-        thetas, maps = Edge(F, H, low, last).grid()
+        edge = Edge(F, H, low, high)
+        last = edge.last
+        thetas, maps = edge.grid()
         radii = _radii(maps)
         inner = np.flatnonzero((radii[1:-1] >= radii[:-2]) & (radii[1:-1] >= radii[2:])) + 1
         best = sorted(inner, key=lambda k: -radii[k])[:_TRIED]
@@ -92,14 +94,6 @@ def _worst_thetas(F: Matrix, H: Matrix, low: float, high: float) -> list[tuple[f
             found.append(_refined(F, H, float(thetas[k - 1]), float(thetas[k + 1])))
     finite = [(theta, radius) for theta, radius in found if math.isfinite(radius)]
     return sorted(finite, key=lambda entry: -entry[1])
-
-
-def _horizon(F: Matrix) -> float:
-    """A dozen slowest time constants; for a flow that does not decay, some of its own time."""
-    eigenvalues = np.linalg.eigvals(F)
-    slow = float(np.abs(eigenvalues.real).min(initial=math.inf))
-    fast = max(float(np.abs(eigenvalues).max(initial=0.0)), 1e-6)
-    return 12.0 / min(max(slow, fast / 100), fast)
 
 
 def _radii(M: Matrix) -> Any:
@@ -118,8 +112,42 @@ def _refined(F: Matrix, H: Matrix, left: float, right: float) -> tuple[float, fl
     return float(thetas[k]), float(radii[k])
 
 
-def _certify(F: Exact, H: Exact, theta: float) -> str | None:
-    M = exp_times(F, theta) * ball(H)
+def refute_word(F: ArrayLike, H: ArrayLike, thetas: Sequence[float]) -> Verdict:
+    """Refuted when these dwell times, repeated in turn, make a solution grow or persist.
+
+    The product M(theta_k) ... M(theta_1) has spectral radius >= 1, proved in balls; F, H (n, n)
+    floats or exact rationals, thetas floats taken exactly.
+    """
+    F_exact, H_exact = exact(F), exact(H)
+    flow, jump = to_float(F_exact), to_float(H_exact)
+    with np.errstate(all="ignore"):
+        product = np.eye(len(flow))
+        for M in Edge(flow, jump, 0.0, 0.0).maps(thetas):
+            product = M @ product
+        radius = float(_radii(product))
+        for bits in PRECISIONS:
+            with precision(bits):
+                method = _certify(F_exact, H_exact, *thetas)
+            if method:
+                return refuted({"thetas": list(thetas), "spectral_radius": radius, "method": method,
+                                "growth_per_jump": radius ** (1 / len(thetas)),
+                                "reason": _word_reason(thetas, radius)})  # fmt: skip
+    return undecided(f"the product of these {len(thetas)} maps is not proved to grow",
+                     thetas=list(thetas), spectral_radius=radius)  # fmt: skip
+
+
+def _word_reason(thetas: Sequence[float], radius: float) -> str:
+    word = ", ".join(f"{theta!r}" for theta in thetas)
+    return (
+        f"the dwell times {word}, repeated in turn, give a product of maps with spectral radius "
+        f"{radius:.9g} >= 1"
+    )
+
+
+def _certify(F: Exact, H: Exact, *thetas: float) -> str | None:
+    M = exp_times(F, thetas[0]) * ball(H)
+    for theta in thetas[1:]:
+        M = exp_times(F, theta) * ball(H) * M
     unit = identity(len(H))
     if certify_negative((unit - M).det()):
         return "det(I - M) < 0: a real eigenvalue above 1"

@@ -25,6 +25,7 @@ def main() -> None:
     """Entry point: turns every expected failure into one line on stderr and an exit code."""
     try:
         code = cli.main(standalone_mode=False)
+        sys.stdout.flush()
     except (InputError, click.ClickException) as error:
         text = error.format_message() if isinstance(error, click.ClickException) else str(error)
         click.echo(f"obsdesign: {' '.join(text.split())}", err=True)
@@ -33,7 +34,11 @@ def main() -> None:
         code = 130
     except BrokenPipeError:  # the reader of our output left: nothing to complain about
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        code = 0
+        code = 141
+    except OSError as error:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        click.echo(f"obsdesign: the output cannot be written: {error.strerror}.", err=True)
+        code = 2
     sys.exit(code if isinstance(code, int) else 0)
 
 
@@ -57,14 +62,12 @@ def design(
 ) -> int:
     """Synthesise what PROBLEM leaves open, prove it, and write a design file."""
     from obsdesign import workflow
+    from obsdesign.document import refuse_overwriting
     from obsdesign.presentation import EXIT_CODES, answer, show
-    from obsdesign.problem import load_problem
+    from obsdesign.problem import load_for_kind, load_problem
 
-    loaded = load_problem(problem)
-    dropped: list[str] = []
-    if kind is not None:
-        loaded, dropped = loaded.for_kind(kind)
-    _writable(output, problem)
+    loaded, dropped = load_for_kind(problem, kind) if kind else (load_problem(problem), [])
+    refuse_overwriting(output, problem)
     try:
         outcome = workflow.investigate(loaded)
     except InputError as error:
@@ -111,7 +114,11 @@ def verify(design_file: str, paranoid: bool, as_json: bool) -> int:
     from obsdesign.document import load_design
     from obsdesign.presentation import EXIT_CODES, answer, show
 
-    outcome = workflow.verify(load_design(design_file), paranoid=paranoid)
+    design = load_design(design_file)
+    try:
+        outcome = workflow.verify(design, paranoid=paranoid)
+    except InputError as error:
+        raise InputError(f"{design_file}: {error}") from None
     if as_json:
         click.echo(answer("verify", outcome, outcome.result))
     else:
@@ -136,15 +143,17 @@ def simulate(source: str, output: str, events: str | None, seed: int, **options:
     """Simulate the plant of a problem or design exactly, with its true state."""
     import numpy as np
 
-    from obsdesign.document import write_text
+    from obsdesign.document import refuse_overwriting, write_text
     from obsdesign.records import table_text
     from obsdesign.simulation import simulate as run_simulation
 
+    refuse_overwriting(output, source)
+    refuse_overwriting(events, source, output)
     plant = _plant(source)
     if options["initial"] is not None:
         options["initial"] = _numbers(options["initial"], "--initial")
     if options["dwell"] not in ("shortest", "random"):
-        options["dwell"] = _numbers(options["dwell"], "--dwell (shortest, random or a number)")[0]
+        options["dwell"] = _dwell(options["dwell"])
     record = run_simulation(plant, rng=np.random.default_rng(seed), **options)
     write_text(output, table_text(record.columns))
     if events:
@@ -171,7 +180,7 @@ def run(
 
     start = None if initial is None else _numbers(initial, "--initial")
     counts = execute(design_file, data, output, start, events)
-    total = sum(counts.values())
+    total = counts.pop("rows")
     told = ", ".join(f"{number} {status}" for status, number in counts.most_common())
     click.echo(f"{total} rows: {told}", err=True)
     return 0
@@ -183,8 +192,10 @@ def run(
 @click.option("-o", "--output", default="estimate.png", show_default=True, help="PNG or SVG file.")
 def plot(estimate: str, data: str | None, output: str) -> int:
     """Picture an estimate file, against the true state where DATA.csv has it."""
+    from obsdesign.document import refuse_overwriting
     from obsdesign.plotting import plot_estimate
 
+    refuse_overwriting(output, estimate, data)
     plot_estimate(estimate, data, output)
     click.echo(f"written: {output}")
     return 0
@@ -216,17 +227,15 @@ def _plant(source: str) -> Any:
     return load_problem(source).plant
 
 
+def _dwell(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise InputError(f"--dwell must be shortest, random or a number; got {text!r}.") from None
+
+
 def _numbers(text: str, option: str) -> list[float]:
     try:
         return [float(part) for part in text.split(",")]
     except ValueError:
         raise InputError(f"{option} must be numbers separated by commas; got {text!r}.") from None
-
-
-def _writable(path: str, source: str) -> None:
-    """Refuse before minutes of work, not after; never write over what was read."""
-    folder = Path(path).parent
-    if Path(path).resolve() == Path(source).resolve():
-        raise InputError(f"{path}: cannot be written: it is the problem file itself.")
-    if not folder.is_dir() or Path(path).is_dir():
-        raise InputError(f"{path}: cannot be written: no such folder, or a folder itself.")

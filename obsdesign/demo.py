@@ -45,7 +45,7 @@ def run_demo(folder: Path) -> int:
     write_text(data, table_text(record.columns))
     counts = execute(design, data, estimate, _INITIAL_BOUNDS, None)
     plot_estimate(estimate, data, picture)
-    click.echo(f"{sum(counts.values())} rows of data, guarantee held on {counts['ok']}; written:")
+    click.echo(f"{counts['rows']} rows of data, guarantee held on {counts['ok']}; written:")
     for name in names:
         click.echo(f"  {folder / name}")
     return 0

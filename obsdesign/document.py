@@ -11,10 +11,11 @@ import json
 import math
 import os
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 import numpy as np
 
@@ -136,7 +137,9 @@ def load_design(path: str | os.PathLike[str]) -> Design:
         reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
         raise InputError(f"{path}: cannot be read: {reason}.") from None
     try:
-        body = json.loads(text, parse_constant=_refuse_constant)
+        body = json.loads(
+            text, parse_constant=_refuse_constant, parse_float=_finite, object_pairs_hook=_once
+        )
     except (ValueError, RecursionError) as error:
         where = f" ({error})" if text.strip() else " (the file is empty)"
         raise InputError(f"{path}: not a design file: not valid JSON{where}.") from None
@@ -145,6 +148,22 @@ def load_design(path: str | os.PathLike[str]) -> Design:
 
 def _refuse_constant(name: str) -> float:
     raise ValueError(f"{name} is not allowed")
+
+
+def _finite(text: str) -> float:
+    value = float(text)
+    if math.isinf(value):
+        raise ValueError(f"{text} is beyond binary64")
+    return value
+
+
+def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    result = dict(pairs)
+    if len(result) < len(pairs):
+        names = [name for name, _ in pairs]
+        twice = next(name for name in names if names.count(name) > 1)
+        raise ValueError(f"key {twice!r} stands {names.count(twice)} times")
+    return result
 
 
 def from_dict(body: Any, path: str = "design") -> Design:
@@ -163,7 +182,10 @@ def from_dict(body: Any, path: str = "design") -> Design:
         raise InputError(f"{path}: {missing[0]} is missing; a design file has it.")
     if unknown := [key for key in body if key not in _KEYS]:
         raise InputError(f"{path}: unknown key {unknown[0]!r} in a design file.")
-    expected = digest(body)
+    try:
+        expected = digest(body)
+    except UnicodeEncodeError:
+        raise InputError(f"{path}: a text in it is not valid Unicode.") from None
     if body["digest"] != expected:
         raise InputError(
             f"{path}: digest does not match the content ({body['digest']!r}, content gives "
@@ -185,29 +207,64 @@ def _checked(body: dict[str, Any], path: str) -> Design:
             raise InputError(
                 f"{path}: claims[{i}] must have exactly {', '.join(Claim.__dataclass_fields__)}."
             )
+        words = all(isinstance(claim[key], str) for key in ("id", "statement", "source", "verdict"))
+        if not words or not isinstance(claim["evidence"], dict):
+            raise InputError(f"{path}: claims[{i}] must hold texts, and evidence a table.")
+    try:
+        gains = arrays(body["gains"])
+    except (ValueError, OverflowError):
+        raise InputError(f"{path}: gains must hold binary64 matrices; one does not.") from None
     return Design(
         name=body["name"],
         kind=body["kind"],
         problem=body["problem"],
-        gains=arrays(body["gains"]),
+        gains=gains,
         claims=tuple(Claim(**claim) for claim in body["claims"]),
         guarantees=tuple(body["guarantees"]),
         provenance=body["provenance"],
     )
 
 
+def refuse_overwriting(target: str | None, *sources: str | None) -> None:
+    """InputError if a file to be written is one that is read, or cannot be a file at all."""
+    if target is None:
+        return
+    path = Path(target)
+    if path.is_dir() or not path.absolute().parent.is_dir():
+        raise InputError(f"{target}: cannot be written: no such folder, or a folder itself.")
+    for source in sources:
+        if source is not None and path.resolve() == Path(source).resolve():
+            raise InputError(f"{target}: cannot be written: it is one of the files that are read.")
+
+
 def write_text(path: str | os.PathLike[str], text: str) -> None:
-    """Write a whole file or leave the old one: through a neighbour that is renamed."""
-    target = Path(path)
+    """Write a whole file or leave the old one."""
+    with replacing(path) as file:
+        file.write(text if text.endswith("\n") else text + "\n")
+
+
+@contextmanager
+def replacing(path: str | os.PathLike[str]) -> Iterator[TextIO]:
+    """A file that appears at `path` only when all of it is written.
+
+    Links are followed; a device or a pipe is written to as it is. InputError when it cannot be.
+    """
+    target = Path(path).resolve()
     try:
+        if target.exists() and not target.is_file():
+            with target.open("w", encoding="utf-8") as stream:
+                yield stream
+            return
         handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
     except OSError as error:
         raise InputError(f"{path}: cannot be written: {error.strerror}.") from None
     try:
         with os.fdopen(handle, "w", encoding="utf-8", newline="") as file:
-            file.write(text + "\n" if not text.endswith("\n") else text)
+            yield file
         os.chmod(name, 0o644)
         os.replace(name, target)
-    except OSError as error:
+    except BaseException as error:
         Path(name).unlink(missing_ok=True)
-        raise InputError(f"{path}: cannot be written: {error.strerror}.") from None
+        if isinstance(error, OSError):
+            raise InputError(f"{path}: cannot be written: {error.strerror}.") from None
+        raise

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-import os
+import re
 import sys
-import tempfile
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any, TextIO
 
+from obsdesign.document import refuse_overwriting, replacing
 from obsdesign.errors import InputError
 from obsdesign.records import Layout, estimate_header, estimate_line, read_samples
 from obsdesign.runtime import load
+
+# "dwell time 0.5 below 0.7" is counted as "dwell time below 0.7"
+_NUMBER = re.compile(r"(?<=time )[-+.\de]+ ")
 
 
 def execute(
@@ -25,10 +27,15 @@ def execute(
 ) -> Counter[str]:
     """Estimates of a design for DATA (None: standard input) into `output` (None: standard output).
 
-    Returns how many rows had which status. A data file is checked whole before anything is
-    written; a pipe is answered row by row. InputError names what is wrong with which file.
+    Returns how many rows there were ("rows") and how many had which status. A data file is checked
+    whole before anything is written; a pipe is answered row by row. InputError names what is wrong
+    with which file.
     """
     observer: Any = load(design)
+    for target in (output, events):
+        refuse_overwriting(target, design, data)
+    if events is not None and events == output:
+        raise InputError(f"--events: {events} is the estimate file; give another name.")
     if events is not None and not observer.finds_events:
         raise InputError(f"--events: kind {observer.kind!r} finds no impulses.")
     layout = Layout(**observer.reads)
@@ -58,7 +65,8 @@ def _loop(
         out.write(estimate_line(estimate) + "\n")
         if stream is sys.stdin:
             out.flush()
-        counts[estimate.status.split(";")[0]] += 1
+        counts["rows"] += 1
+        counts.update(_NUMBER.sub("", reason) for reason in estimate.status.split("; "))
     return counts
 
 
@@ -78,18 +86,5 @@ def _writer(path: str | None) -> Iterator[TextIO]:
     if path is None:
         yield sys.stdout
         return
-    target = Path(path)
-    try:
-        handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written: {error.strerror}.") from None
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            yield file
-        os.chmod(name, 0o644)
-        os.replace(name, target)
-    except BaseException as error:
-        Path(name).unlink(missing_ok=True)
-        if isinstance(error, OSError):
-            raise InputError(f"{path}: cannot be written: {error.strerror}.") from None
-        raise
+    with replacing(path) as file:
+        yield file

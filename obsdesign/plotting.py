@@ -21,6 +21,8 @@ from obsdesign.records import read_columns
 Vector = NDArray[np.float64]
 
 # Okabe-Ito: told apart in print and by colour-blind readers
+# beyond, the drawing library overflows
+_DRAWABLE = 1e100
 _TRUTH, _BAND, _ESTIMATE, _ALARM = "#000000", "#0072B2", "#0072B2", "#D55E00"
 _STYLE: Any = {
     "font.size": 9,
@@ -131,7 +133,8 @@ def _with_gaps(t: Vector, series: list[Vector], jumps: Vector) -> tuple[Vector, 
 
 
 def _finite(values: Vector) -> Vector:
-    return np.where(np.isfinite(values), values, np.nan)
+    drawable = np.isfinite(values) & (np.abs(np.nan_to_num(values)) < _DRAWABLE)
+    return np.where(drawable, values, np.nan)
 
 
 def _mark_status(axis: Any, t: Vector, statuses: list[str]) -> None:

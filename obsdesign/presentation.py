@@ -75,7 +75,8 @@ def show(outcome: Outcome) -> None:
         if label != outcome.result.get("form") and entry["verdict"] != "proved":
             why = escape("; ".join(entry["reasons"]))
             console.print(f"form {label} is {entry['verdict']}: {why}")
-    for guarantee in outcome.design.guarantees if outcome.design else ():
+    told = outcome.design is not None and outcome.verdict != "refuted"
+    for guarantee in outcome.design.guarantees if told and outcome.design else ():
         word = "[green]guaranteed[/]" if guarantee["given"] else "[yellow]not guaranteed[/]"
         console.print(f"{word}: {escape(str(guarantee['statement']))}")
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import csv
 import io
 import math
+import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any, TextIO
@@ -95,9 +96,13 @@ def _places(header: list[str], layout: Layout, name: str) -> dict[str, int]:
         header[0] = header[0].removeprefix("\ufeff")
     for title in layout.columns:
         if title not in header:
-            raise InputError(
-                f"{name}: column {title!r} is required; the header has {', '.join(header)}."
-            )
+            found = ", ".join(header)
+            hint = ""
+            if len(header) == 1 and re.search(r"[;\t|]", found):
+                hint = " Columns are separated by commas."
+            elif title.lower() in [name.lower() for name in header]:
+                hint = " Names of columns are in small letters."
+            raise InputError(f"{name}: column {title!r} is required; the header has {found}.{hint}")
         if header.count(title) > 1:
             raise InputError(
                 f"{name}: column {title!r} stands {header.count(title)} times in the header."
@@ -111,7 +116,7 @@ def _sample(cells: list[str], places: dict[str, int], layout: Layout, where: str
         if not text:
             return None
         try:
-            value = float(text)
+            value = float(text) if text.isascii() and "_" not in text else math.nan
         except ValueError:
             value = math.nan
         if not math.isfinite(value):

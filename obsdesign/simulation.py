@@ -21,6 +21,8 @@ from obsdesign.signals import DISTURBANCES, Signals, signals
 
 Vector = NDArray[np.float64]
 
+_MOST_JUMPS = 1e6
+_MOST_ROWS = 1e7
 SAME_INSTANT = 1e-9  # time stamps closer than this part of a step are one instant
 
 
@@ -74,13 +76,21 @@ def simulate(
     n = len(plant.flow.A)
     x = np.ones(n) if initial is None else np.asarray(initial, dtype=np.float64)
     if x.shape != (n,) or not np.isfinite(x).all():
-        raise InputError(f"initial must have {n} finite entries, one per state; got {x.size}.")
+        raise InputError(f"initial must have {n} finite entries, one per state; got {x.tolist()}.")
     until = _default_until(plant, dwell) if until is None else _positive(until, "until")
     jumps = jump_times(plant, dwell, until, rng)
     step = _default_step(plant, until) if step is None else _positive(step, "step")
     instants = _instants(plant, jumps, until, step)
     source = signals(plant, disturbance, len(instants[0]), rng)
-    return _trajectory(plant, x, *instants, source)
+    with np.errstate(over="ignore", invalid="ignore"):
+        record = _trajectory(plant, x, *instants, source)
+    finite = np.isfinite(record.block("x")).all(axis=1)
+    if not finite.all():
+        raise InputError(
+            f"the state overflows at t = {record.t[np.argmin(finite)]:g}: the plant is unstable "
+            "for these jumps; give a smaller --until."
+        )
+    return record
 
 
 def jump_times(
@@ -124,11 +134,12 @@ def _spacings(plant: Plant, dwell: Any, until: float, rng: np.random.Generator) 
 
 
 def _repeat(theta: float, until: float) -> Any:
-    count = int(until / theta) + 2
-    if count > 10**7:
+    if until / theta > _MOST_JUMPS:
         raise InputError(
-            f"dwell = {theta:g} makes {count} jumps until {until:g}; 1e7 is the limit."
+            f"dwell = {theta:g} makes {until / theta:.4g} jumps until {until:g}; "
+            f"{_MOST_JUMPS:g} is the limit."
         )
+    count = int(until / theta) + 2
     return np.diff(np.round(theta * np.arange(count), 12))
 
 
@@ -138,6 +149,8 @@ def _random_spacings(
     """Uniform in the range; a mean of two shortest dwell times where it has no end."""
     top = high if math.isfinite(high) else (3 * low if low > 0 else until / 5)
     floor = max(low, 1e-3 * min(top, until))  # a range that starts at 0 must not pile up jumps
+    if until / ((floor + top) / 2) > _MOST_JUMPS:
+        raise InputError(f"until = {until:g} makes more than {_MOST_JUMPS:g} jumps; shorten it.")
     theta, elapsed = None, 0.0
     while elapsed <= until:
         near = (
@@ -181,9 +194,12 @@ def _instants(
     plant: Plant, jumps: Vector, until: float, step: float
 ) -> tuple[Vector, NDArray[np.bool_], NDArray[np.bool_]]:
     """(times, is a jump, has a measurement) of all rows."""
+    if until / step > _MOST_ROWS:
+        raise InputError(
+            f"step = {step:g} makes {until / step:.4g} rows until {until:g}; "
+            f"{_MOST_ROWS:g} is the limit."
+        )
     rows = int(until / step * (1 + 1e-12)) + 1
-    if rows > 10**7:
-        raise InputError(f"step = {step:g} makes {rows} rows until {until:g}; 1e7 is the limit.")
     grid = np.round(step * np.arange(rows), 12)
     if plant.output.measured == "at_jumps":
         grid = np.zeros(0)

@@ -171,13 +171,15 @@ def _told_truly(
     design: Design, claims: tuple[Claim, ...], guarantees: tuple[Mapping[str, Any], ...]
 ) -> Claim:
     """The document says of itself exactly what was proved again."""
-    stored = {c.id: (c.statement, c.source, c.verdict) for c in design.claims}
-    found = {c.id: (c.statement, c.source, c.verdict) for c in claims}
-    wrong = [
-        name for name in sorted(set(stored) | set(found)) if stored.get(name) != found.get(name)
-    ]
+    stored = sorted((c.id, c.statement, c.source, c.verdict) for c in design.claims)
+    found = sorted((c.id, c.statement, c.source, c.verdict) for c in claims)
+    wrong = sorted({entry[0] for entry in set(stored) ^ set(found)})
+    if not wrong and stored != found:
+        wrong = ["claims"]
     if not wrong and jsonable(guarantees) != jsonable(design.guarantees):
         wrong = ["guarantees"]
+    if not wrong and design.name != design.problem.get("name"):
+        wrong = ["name"]
     evidence: Mapping[str, Any] = {"entries": len(stored)}
     if wrong:
         because = f"the document's {wrong[0]!r} is not what its gains and problem give"

@@ -201,7 +201,7 @@ def test_binary_data(desk: Path) -> None:
         (("--initial", "0,2"), "--initial must be the 4 numbers x1_lo,x1_hi,x2_lo,x2_hi; got 2 numbers."),
         (("--initial", "0,2,3,2"), "--initial: initial bounds of x2: lower 3 exceeds upper 2."),
         (("--initial", "0,2,a,2"), "--initial must be numbers separated by commas; got '0,2,a,2'."),
-        (("--initial", "0,inf,0,2"), "--initial: initial bounds must be finite numbers."),
+        (("--initial", "0,inf,0,2"), "--initial: initial bounds of x1 must be finite numbers; got 0, inf."),
     ],
 )  # fmt: skip
 def test_initial_bounds_that_are_none(desk: Path, initial: tuple[str, ...], line: str) -> None:
@@ -264,7 +264,7 @@ def test_usage(desk: Path) -> None:
     refused(desk, "simulate", ACADEMIC, "--until", "-1",
             line="until must be a positive finite number; got -1.0.")  # fmt: skip
     refused(desk, "simulate", ACADEMIC, "--dwell", "often",
-            line="--dwell (shortest, random or a number) must be numbers separated by commas; got 'often'.")  # fmt: skip
+            line="--dwell must be shortest, random or a number; got 'often'.")  # fmt: skip
 
 
 # --- a design that was signed again after a change: false, not unreadable ----------------------
@@ -300,23 +300,109 @@ def _range(body: dict[str, Any]) -> None:
     body["gains"]["dwell_time"][0] = 0.5
 
 
-@pytest.mark.parametrize(
-    ("change", "code"),
-    [
-        (_less, 1),
-        (_gain, 1),
-        (_split, 1),
-        (_drop, 1),
-        (_certificate, 1),
-        (_promise, 1),
-        (_range, 1),
-    ],
-)
-def test_a_signed_lie_is_not_verified(desk: Path, change: Any, code: int) -> None:
+def _twice(body: dict[str, Any]) -> None:
+    true = next(c for c in body["claims"] if c["id"] == "dwell_stability")
+    body["claims"].insert(0, true | {"statement": "stable for dwell times from 0"})
+
+
+def _unknown_input(body: dict[str, Any]) -> None:
+    body["problem"]["flow"]["D"] = [[1.0], [0.0]]
+
+
+def _periodic(body: dict[str, Any]) -> None:
+    body["problem"]["output"] |= {"measured": "periodic", "period": 0.1}
+
+
+def _other_name(body: dict[str, Any]) -> None:
+    body["name"] = "another plant"
+
+
+def _coordinates(body: dict[str, Any]) -> None:
+    body["problem"]["observer"]["form"] = body["gains"]["form"] = "coordinates"
+
+
+def _lost(body: dict[str, Any]) -> None:
+    body["gains"]["D0"] = body["gains"]["D1"] = [[1e20, 1e20], [1e20, 1e20]]
+
+
+def _no_dwell(body: dict[str, Any]) -> None:
+    del body["problem"]["jump"]["dwell_time"]
+
+
+LIES = [_less, _gain, _split, _drop, _certificate, _promise, _range, _twice, _unknown_input,
+        _periodic, _other_name, _coordinates, _lost]  # fmt: skip
+
+MALFORMED = {
+    "dwell_time": _no_dwell,
+    "evidence": lambda b: b["claims"][0].__setitem__("evidence", None),
+    "id": lambda b: b["claims"][0].__setitem__("id", ["x"]),
+    "huge": lambda b: b["gains"].__setitem__("D0", [[10**400, 0], [0, 0]]),
+}
+
+
+@pytest.mark.parametrize("fault", MALFORMED)
+def test_a_signed_file_that_is_no_design(desk: Path, fault: str) -> None:
+    tampered(desk, MALFORMED[fault], sign=True)
+    done = command("verify", "d.json", cwd=desk)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert len(done.stderr.splitlines()) == 1
+    assert done.stderr.startswith("obsdesign: d.json: ")
+
+
+CERTIFICATES = ["x", [], [[1]], [[1, 2], [3]], None, 7, {"a": 1}, [[1e308, 0], [0, 1e308]]]
+
+
+@pytest.mark.parametrize("P", CERTIFICATES)
+def test_certificates_of_any_kind_are_survived(desk: Path, P: Any) -> None:
+    def change(body: dict[str, Any]) -> None:
+        next(c for c in body["claims"] if c["id"] == "dwell_stability")["evidence"]["P"] = P
+
     tampered(desk, change, sign=True)
     done = command("verify", "d.json", "--json", cwd=desk)
-    assert done.returncode == code, done.stderr
+    assert done.returncode in (1, 3), done.stderr
     assert json.loads(done.stdout)["verdict"] != "proved"
+
+
+@pytest.mark.parametrize("gain", [None, "x", [[1.0]], [1.0, 2.0]])
+@pytest.mark.parametrize("name", ["A", "D0", "L"])
+def test_gains_that_cannot_run(desk: Path, name: str, gain: Any) -> None:
+    def change(body: dict[str, Any]) -> None:
+        if gain is None:
+            del body["gains"][name]
+        else:
+            body["gains"][name] = gain
+
+    tampered(desk, change, sign=True)
+    done = command("run", "d.json", "good.csv", "--initial", "0,2,0,2", cwd=desk)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith("obsdesign: d.json: gains.")
+    assert len(done.stderr.splitlines()) == 1
+
+
+def test_keys_that_stand_twice(desk: Path) -> None:
+    text = (desk / "d.json").read_text()
+    (desk / "d.json").write_text(text.replace('"version": 1', '"version": 1, "version": 1'))
+    line = "d.json: not a design file: not valid JSON (key 'version' stands 2 times)."
+    refused(desk, "verify", "d.json", line=line)
+
+
+def test_links_and_devices_are_written_through(desk: Path) -> None:
+    (desk / "real.csv").write_text("old")
+    (desk / "link.csv").symlink_to("real.csv")
+    run = ("run", "d.json", "good.csv", "--initial", "0,2,0,2")
+    assert command(*run, "-o", "link.csv", cwd=desk).returncode == 0
+    assert (desk / "link.csv").is_symlink()
+    assert (desk / "real.csv").read_text().startswith("t,x1_lo")
+    assert command(*run, "-o", "/dev/null", cwd=desk).returncode == 0
+    assert not Path("/dev/null").is_file()
+
+
+@pytest.mark.parametrize("change", LIES)
+def test_a_signed_lie_is_not_verified(desk: Path, change: Any) -> None:
+    tampered(desk, change, sign=True)
+    done = command("verify", "d.json", "--json", cwd=desk)
+    assert done.returncode == 1, done.stderr
+    assert json.loads(done.stdout)["verdict"] == "refuted"
 
 
 def test_the_document_round_trips_exactly(academic_design: Path, tmp_path: Path) -> None:
@@ -355,5 +441,49 @@ def test_a_design_never_replaces_its_problem(tmp_path: Path) -> None:
     (tmp_path / "p.toml").write_text(ACADEMIC.read_text())
     done = command("design", "p.toml", "-o", "./p.toml", cwd=tmp_path)
     assert done.returncode == 2
-    assert done.stderr == "obsdesign: ./p.toml: cannot be written: it is the problem file itself.\n"
+    assert (
+        done.stderr
+        == "obsdesign: ./p.toml: cannot be written: it is one of the files that are read.\n"
+    )
     assert (tmp_path / "p.toml").read_text() == ACADEMIC.read_text()
+
+
+def test_no_input_is_written_over(desk: Path) -> None:
+    line = "cannot be written: it is one of the files that are read."
+    start = ("--initial", "0,2,0,2")
+    refused(desk, "run", "d.json", "good.csv", *start, "-o", "good.csv", line=f"good.csv: {line}")
+    refused(desk, "run", "d.json", "good.csv", *start, "-o", "d.json", line=f"d.json: {line}")
+    refused(desk, "simulate", "d.json", "-o", "d.json", line=f"d.json: {line}")
+
+
+def test_likely_causes_of_a_missing_column(desk: Path) -> None:
+    for text, hint in (("t;y1;jump\n", "Columns are separated by commas."),
+                       ("T,Y1,jump\n", "Names of columns are in small letters.")):  # fmt: skip
+        (desk / "bad.csv").write_text(text)
+        found = text.strip().replace(",", ", ")
+        line = f"bad.csv: column 't' is required; the header has {found}. {hint}"
+        refused(desk, "run", "d.json", "bad.csv", "--initial", "0,2,0,2", line=line)
+
+
+def test_every_reason_is_counted(desk: Path) -> None:
+    (desk / "rows.csv").write_text("t,y1,jump\n0,1,1\n0.1,1,1\n0.2,,1\n")
+    done = command("run", "d.json", "rows.csv", "--initial", "0,2,0,2", "-o", "e.csv", cwd=desk)
+    assert (
+        done.stderr
+        == "3 rows: 2 dwell time below 0.7, 1 ok, 1 y1 outside its bounds, 1 missing sample\n"
+    )
+
+
+def test_output_that_cannot_be_written_is_no_verdict(desk: Path) -> None:
+    import os
+
+    if not os.path.exists("/dev/full"):
+        pytest.skip("needs /dev/full")
+    code = "from obsdesign.cli import main; main()"
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(
+            [sys.executable, "-c", code, "verify", "d.json", "--json"],
+            cwd=desk, stdout=full, stderr=subprocess.PIPE, text=True, check=False,
+        )  # fmt: skip
+    assert done.returncode == 2
+    assert done.stderr == "obsdesign: the output cannot be written: No space left on device.\n"

@@ -141,10 +141,11 @@ def test_random_dwell_times_obey_range_and_jitter() -> None:
         ({"dwell": "long"}, "dwell must be shortest, random or a positive number; got 'long'."),
         ({"dwell": -1.0}, "dwell must be a positive finite number; got -1.0."),
         ({"step": math.nan}, "step must be a positive finite number; got nan."),
-        ({"initial": [1.0]}, "initial must have 2 finite entries, one per state; got 1."),
+        ({"initial": [1.0]}, "initial must have 2 finite entries, one per state; got [1.0]."),
         ({"disturbance": "loud"}, "disturbance must be one of zero, extreme, random, sine; got 'loud'."),
-        ({"step": 1e-9}, "step = 1e-09 makes 7500000001 rows until 7.5; 1e7 is the limit."),
-        ({"dwell": 1e-9, "until": 7.5}, "dwell = 1e-09 makes 7500000002 jumps until 7.5; 1e7 is the limit."),
+        ({"step": 1e-9}, "step = 1e-09 makes 7.5e+09 rows until 7.5; 1e+07 is the limit."),
+        ({"until": 1e300}, "until = 1e+300 makes more than 1e+06 jumps; shorten it."),
+        ({"dwell": 1e-9, "until": 7.5}, "dwell = 1e-09 makes 7.5e+09 jumps until 7.5; 1e+06 is the limit."),
     ],
 )  # fmt: skip
 def test_options_that_make_no_sense(options: dict, line: str) -> None:

@@ -56,7 +56,7 @@ def plant_data(plant: Any) -> dict[str, Any]:
         if jump.E is not None:
             data["E"] = jump.E
         data |= {"jump_lower": jump.lower, "jump_upper": jump.upper}
-        data["dwell_time"] = list(jump.dwell_time)
+        data["dwell_time"] = list(jump.dwell_time or ())
     data |= {"noise_bound": output.noise_bound, "jump_measurement": output.jump_measurement}
     return data
 

@@ -33,6 +33,40 @@ Array = NDArray[Any]  # float64, or object arrays of exact rationals
 FORMS = ("cooperative", "split")
 
 
+def objection(plant: Any, gains: Any, options: Any) -> str | None:
+    """What forbids an interval observer of this version for a plant, or None; one sentence.
+
+    `gains` and `options` are those of the problem file. Anything that moves the state without
+    bounds, and any request that would not be honoured.
+    """
+    if plant.flow.D is not None:
+        return (
+            "flow.D is refused by kind 'interval': an unknown input without bounds leaves no "
+            "bounds on the state. Give bounds as flow.disturbance."
+        )
+    if plant.jump is not None and plant.jump.H is not None:
+        return (
+            "jump.H is refused by kind 'interval': impulses of unknown weight leave no bounds "
+            "on the state. Give bounds as jump.disturbance."
+        )
+    form = options.get("form", "auto")
+    if form not in (*FORMS, "auto"):
+        return (
+            f"observer.form = {form!r} is not available in this version; it must be one of "
+            f"{', '.join(FORMS)} or auto."
+        )
+    for name in ("S", "S2", "T"):
+        if name in gains:
+            return (
+                f"observer.gains.{name} belongs to forms that are not available in this version; "
+                f"the forms are {', '.join(FORMS)}."
+            )
+    for name in ("objective", "gain_limit", "memory"):
+        if options.get(name) not in (None, "auto", "feasible", 0):
+            return f"observer.{name} = {options[name]!r} is not available in this version."
+    return None
+
+
 def positive_part(X: Array) -> Array:
     """X+ = max(X, 0) of section 2.2."""
     part: Array = np.maximum(X, 0 * X)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
@@ -99,6 +99,40 @@ class DwellGuard:
         return (DwellGuard(self.shortest, self.longest, t) if jump else self), objection
 
 
+def require_gains(gains: Mapping[str, Any], squares: Sequence[str], jumps: Sequence[str]) -> None:
+    """ValueError unless the matrices of an observer are there and fit each other.
+
+    squares: further n x n matrices; jumps: those of them that only a plant with jumps has.
+    """
+    n, p = np.shape(gains.get("A", ()))[:1], np.shape(gains.get("C", ()))[:1]
+    shapes = {"A": n + n, "C": p + n, "L": n + p, "M": n + p, "flow_lower": n, "flow_upper": n,
+              "noise_bound": p}  # fmt: skip
+    shapes |= dict.fromkeys(squares, n + n)
+    if "G" in gains:
+        shapes |= dict.fromkeys(("G", *jumps), n + n) | {"jump_lower": n, "jump_upper": n}
+        shapes |= {"dwell_time": (2,)}
+    for name, shape in shapes.items():
+        value = gains.get(name)
+        if not shape or not isinstance(value, np.ndarray | list) or np.shape(value) != shape:
+            found = "nothing" if value is None else f"shape {np.shape(value)}"
+            raise ValueError(f"gains.{name} must have shape {shape}; got {found}.")
+    for name in ("B", "E"):
+        if name in gains and (np.ndim(gains[name]) != 2 or len(gains[name]) != n[0]):
+            raise ValueError(f"gains.{name} must have {n[0]} rows.")
+    if gains.get("jump_measurement") not in ("before", "after", "none"):
+        raise ValueError("gains.jump_measurement must be before, after or none.")
+
+
+def later(sample_t: float, t: float, started: bool) -> float:
+    """The sample's time; ValueError unless it is finite and after t (at t, for the first one)."""
+    now = float(sample_t)
+    if not math.isfinite(now):
+        raise ValueError(f"time must be finite; got {now!r}.")
+    if not (now > t or (now == t and not started)):
+        raise ValueError(f"time must increase; got {now!r} after {t!r}.")
+    return now
+
+
 def vector(values: ArrayLike, size: int, name: str) -> Vector:
     """A float vector of the required size; ValueError names what arrived."""
     result = np.asarray(values, dtype=np.float64).reshape(-1)
@@ -108,11 +142,11 @@ def vector(values: ArrayLike, size: int, name: str) -> Vector:
 
 
 def optional_measurement(y: ArrayLike | None, size: int) -> Vector | None:
-    """The measurement, or None when it is missing (None or any NaN)."""
+    """The measurement, or None when it is missing (None, or not finite in any entry)."""
     if y is None:
         return None
     result = vector(y, size, "y")
-    return None if np.isnan(result).any() else result
+    return result if np.isfinite(result).all() else None
 
 
 @dataclass(frozen=True)

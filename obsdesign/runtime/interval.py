@@ -45,7 +45,9 @@ from obsdesign.runtime.base import (
     Sample,
     Vector,
     collect,
+    later,
     optional_measurement,
+    require_gains,
     rows_of,
     run,
     vector,
@@ -80,7 +82,8 @@ class IntervalObserver:
 
     @classmethod
     def from_gains(cls, gains: Mapping[str, Any]) -> IntervalObserver:
-        """The observer of a design's `gains`."""
+        """The observer of a design's `gains`; ValueError if they do not fit each other."""
+        require_gains(gains, ("D0", "D1"), ("Gp", "Gn"))
         return cls(gains)
 
     @property
@@ -117,8 +120,10 @@ class IntervalObserver:
         ValueError if a lower bound exceeds its upper one or a bound is not finite.
         """
         low, high = vector(lower, self.n, "lower"), vector(upper, self.n, "upper")
-        if not (np.isfinite(low).all() and np.isfinite(high).all()):
-            raise ValueError("initial bounds must be finite numbers.")
+        for i in np.flatnonzero(~(np.isfinite(low) & np.isfinite(high))):
+            raise ValueError(
+                f"initial bounds of x{i + 1} must be finite numbers; got {low[i]:g}, {high[i]:g}."
+            )
         for i in np.flatnonzero(low > high):
             raise ValueError(
                 f"initial bounds of x{i + 1}: lower {low[i]:g} exceeds upper {high[i]:g}."
@@ -134,9 +139,7 @@ class IntervalObserver:
 
         ValueError if time does not increase (the first sample may share the initial time).
         """
-        t = float(sample.t)
-        if not (t > state.t or (t == state.t and not state.started)):
-            raise ValueError(f"time must increase; got {t!r} after {state.t!r}.")
+        t = later(sample.t, state.t, state.started)
         y = optional_measurement(sample.y, len(self.gains["C"]))
         when = self.gains["jump_measurement"]
         seen_before_jump = y if not sample.jump or when == "before" else None

@@ -49,7 +49,7 @@ _ONE.setflags(write=False)
 
 def midpoint(lower: Matrix, upper: Matrix) -> tuple[Matrix, Matrix]:
     """Centre and radius of a box; the radius is rounded up so that the box is contained."""
-    centre = lower + 0.5 * (upper - lower)
+    centre = lower + (0.5 * upper - 0.5 * lower)
     radius = np.maximum(upper - centre, centre - lower)
     return centre, np.where(lower == upper, 0.0, np.nextafter(radius, np.inf))
 

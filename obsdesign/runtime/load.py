@@ -30,5 +30,8 @@ def from_design(design: Design, path: str = "design") -> Observer:
         known = ", ".join(OBSERVERS)
         raise InputError(f"{path}: kind must be one of {known}; got {design.kind!r}.")
     module, name = OBSERVERS[design.kind]
-    observer: Observer = getattr(importlib.import_module(module), name).from_gains(design.gains)
+    try:
+        observer: Observer = getattr(importlib.import_module(module), name).from_gains(design.gains)
+    except ValueError as error:
+        raise InputError(f"{path}: {error}") from None
     return observer

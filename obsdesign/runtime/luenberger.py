@@ -27,7 +27,9 @@ from obsdesign.runtime.base import (
     Sample,
     Vector,
     collect,
+    later,
     optional_measurement,
+    require_gains,
     rows_of,
     run,
     vector,
@@ -62,7 +64,8 @@ class LuenbergerObserver:
 
     @classmethod
     def from_gains(cls, gains: Mapping[str, Any]) -> LuenbergerObserver:
-        """The observer of a design's `gains`."""
+        """The observer of a design's `gains`; ValueError if they do not fit each other."""
+        require_gains(gains, (), ())
         return cls(gains)
 
     @property
@@ -104,9 +107,7 @@ class LuenbergerObserver:
 
         ValueError if time does not increase (the first sample may share the initial time).
         """
-        t = float(sample.t)
-        if not (t > state.t or (t == state.t and not state.started)):
-            raise ValueError(f"time must increase; got {t!r} after {state.t!r}.")
+        t = later(sample.t, state.t, state.started)
         y = optional_measurement(sample.y, len(self.gains["C"]))
         when = self.gains["jump_measurement"]
         x = self._flow(state, t, y if not sample.jump or when == "before" else None)

@@ -24,13 +24,10 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
     InputError when a gain is missing, or the form cannot be built from gains that are given.
     """
     plant, given = problem.plant, problem.gains
-    _refuse(problem)
+    if text := equations.objection(plant, given, problem.options):
+        raise InputError(text)
+    refuse_unusable(problem)
     form = problem.options.get("form", "auto")
-    if form not in (*equations.FORMS, "auto"):
-        raise InputError(
-            f"observer.form = {form!r} is not available in this version; it must be one of "
-            f"{', '.join(equations.FORMS)} or auto."
-        )
     L, M = _gain(problem, "L"), _gain(problem, "M")
     data = plant_data(plant) | {"L": L, "M": M}
     own = [name for name in ("D0", "D1", "Gp", "Gn") if name in given]
@@ -45,28 +42,6 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
     if form in ("split", "auto"):
         D0, D1 = _own_split(given, "D0", "D1", F, equations.metzler_split)
         yield _candidate("split", data, F, D0, D1, H, given)
-
-
-def _refuse(problem: Problem) -> None:
-    """What moves the state and has no bounds; what the runtime could not execute."""
-    plant = problem.plant
-    if plant.flow.D is not None:
-        raise InputError(
-            "flow.D is refused by kind 'interval': an unknown input without bounds leaves no "
-            "bounds on the state. Give bounds as flow.disturbance."
-        )
-    if plant.jump is not None and plant.jump.H is not None:
-        raise InputError(
-            "jump.H is refused by kind 'interval': impulses of unknown weight leave no bounds "
-            "on the state. Give bounds as jump.disturbance."
-        )
-    refuse_unusable(problem)
-    for name in ("S", "S2", "T"):
-        if name in problem.gains:
-            raise InputError(
-                f"observer.gains.{name} belongs to forms that are not available in this version; "
-                f"the forms are {', '.join(equations.FORMS)}."
-            )
 
 
 def _gain(problem: Problem, name: str) -> Any:

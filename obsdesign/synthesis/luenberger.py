@@ -23,6 +23,7 @@ from obsdesign.equations.estimation_error import (
     jump_error_matrix,
     plant_data,
 )
+from obsdesign.errors import InputError
 from obsdesign.problem import Problem
 from obsdesign.structure import hidden_growth
 from obsdesign.synthesis.candidate import Candidate
@@ -35,6 +36,8 @@ _ROUNDS = 20
 
 def synthesize(problem: Problem) -> Iterator[Candidate]:
     """Candidates in order of preference; InputError for what cannot be built at all."""
+    if text := equations.objection(problem.options):
+        raise InputError(text)
     refuse_unusable(problem)
     plant = problem.plant
     rate = float(problem.options.get("decay_rate", 0.0))

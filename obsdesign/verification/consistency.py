@@ -9,15 +9,19 @@ import numpy as np
 
 from lmi.verdict import Verdict, proved, refuted
 from obsdesign.document import Claim, jsonable
-from obsdesign.problem import Problem
 
 
-def consistency(problem: Problem, gains: Mapping[str, Any], expected: Mapping[str, Any]) -> Claim:
-    """Claim that `gains` holds exactly the expected entries.
+def consistency(
+    objection: str | None, gains: Mapping[str, Any], expected: Mapping[str, Any]
+) -> Claim:
+    """Claim that `gains` holds exactly the expected entries, for a problem the kind can serve.
 
-    expected: by name, the value itself, a tuple (required shape) or a set (allowed words).
+    objection: why it cannot, if so; expected: by name, the value itself, a tuple (required shape)
+    or a set (allowed words).
     """
     verdict = _compare(gains, expected)
+    if objection is not None:
+        verdict = refuted({"entry": "problem", "reason": objection})
     return Claim(
         "consistent",
         "the stored gains are those of the stored problem",

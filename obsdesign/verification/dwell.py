@@ -11,6 +11,20 @@ import numpy as np
 from lmi.proof import prove_common
 from lmi.spectral import refute_spectral
 from lmi.verdict import Verdict, undecided
+from obsdesign.problem import Problem
+
+
+def unusable(problem: Problem) -> str | None:
+    """What no observer with gains L, M can execute; None if there is nothing."""
+    plant = problem.plant
+    if plant.jump is not None and plant.jump.dwell_time is None:
+        return f"jump.dwell_time = [shortest, longest] is required by kind {problem.kind!r}."
+    if plant.output.measured == "periodic":
+        return (
+            f"output.measured = 'periodic' is not available for kind {problem.kind!r} in this "
+            "version; it must be continuous or at_jumps."
+        )
+    return None
 
 
 def range_text(low: float, high: float) -> str:
@@ -37,13 +51,14 @@ def dwell_stability(
     counter = refute_spectral(F, H, low, high)
     if counter.outcome == "refuted":
         return counter
-    worst = {key: counter.evidence[key] for key in ("spectral_radius",) if key in counter.evidence}
-    return Verdict("undecided", {**counter.evidence, **worst, **attempt.evidence})
+    seen = {**counter.evidence, **attempt.evidence}
+    # overflow leaves NaN where a number was looked for: it tells nothing
+    return Verdict("undecided", {key: value for key, value in seen.items() if value == value})
 
 
 def _matrix(values: Any, n: int) -> Any:
     try:
         P = np.asarray(values, dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         return None
     return P if P.shape == (n, n) else None

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from lmi.balls import exact
+from lmi.balls import exact, to_float
 from lmi.hurwitz import prove_hurwitz
 from lmi.verdict import Verdict, proved, refuted
 from obsdesign.document import Claim
@@ -26,7 +26,7 @@ from obsdesign.equations.estimation_error import (
 )
 from obsdesign.problem import Problem
 from obsdesign.verification.consistency import consistency
-from obsdesign.verification.dwell import dwell_stability, range_text
+from obsdesign.verification.dwell import dwell_stability, range_text, unusable
 
 PAPER = "Degue, Efimov, Richard, NOLCOS 2016"
 _MATRICES = ("A", "C", "G", "L", "M", "D0", "D1", "Gp", "Gn")
@@ -48,7 +48,7 @@ def claims(
     certificates: {"dwell_stability": {"P": n x n}} where one was found; it is checked, never
     believed.
     """
-    agreement = consistency(problem, gains, expected_gains(problem))
+    agreement = consistency(_objection(problem), gains, expected_gains(problem))
     if agreement.verdict != "proved":
         return (agreement,)
     form = gains["form"]
@@ -67,6 +67,10 @@ def claims(
     certificate = certificates.get("dwell_stability", {})
     found.append(_stability_claim(form, (W, N), (low, high), certificate, paranoid))
     return tuple(found)
+
+
+def _objection(problem: Problem) -> str | None:
+    return equations.objection(problem.plant, problem.gains, problem.options) or unusable(problem)
 
 
 def expected_gains(problem: Problem) -> dict[str, Any]:
@@ -166,10 +170,11 @@ def _signs(X: Any, metzler: bool, complaint: str) -> Verdict:
 def _same(X: Any, plus: Any, minus: Any, names: tuple[str, str]) -> Verdict:
     """plus - minus = X up to the rounding of stored decimals."""
     remainder = plus - minus - X
+    # a split that is many times larger than X itself would lose X in its own rounding
+    limit = np.max(np.abs(X)) * exact(SPLIT_ROUNDING).item()
     largest = 0.0
     for (i, j), value in np.ndenumerate(remainder):
-        size = max(abs(plus[i, j]), abs(minus[i, j]), abs(X[i, j]), np.max(np.abs(X)))
-        if abs(value) > size * exact(SPLIT_ROUNDING).item():
+        if abs(value) > limit:
             reason = (
                 f"{names[0]} - {names[1]} misses the matrix it splits at entry "
                 f"({i + 1}, {j + 1}) by {_number(value):.6g}"
@@ -180,7 +185,7 @@ def _same(X: Any, plus: Any, minus: Any, names: tuple[str, str]) -> Verdict:
 
 
 def _number(value: Any) -> float:
-    return float(int(value.p) / int(value.q))
+    return float(to_float(np.array([value], dtype=object))[0])
 
 
 def _hurwitz_claim(W: Any, why: str) -> Claim:

@@ -16,6 +16,7 @@ from lmi.balls import exact
 from lmi.hurwitz import prove_hurwitz
 from lmi.verdict import overall
 from obsdesign.document import Claim
+from obsdesign.equations import luenberger as equations
 from obsdesign.equations.estimation_error import (
     flow_error_matrix,
     idle_gains,
@@ -24,7 +25,7 @@ from obsdesign.equations.estimation_error import (
 )
 from obsdesign.problem import Problem
 from obsdesign.verification.consistency import consistency
-from obsdesign.verification.dwell import dwell_stability, range_text
+from obsdesign.verification.dwell import dwell_stability, range_text, unusable
 
 PAPER = "Briat, Automatica 49 (2013), Theorem 3"
 _MATRICES = ("A", "C", "G", "L", "M")
@@ -41,7 +42,7 @@ def claims(
 
     certificates: {"dwell_stability": {"P": n x n}, "decay_rate": {"P": n x n}} where one was found.
     """
-    agreement = consistency(problem, gains, _expected(problem))
+    agreement = consistency(_objection(problem), gains, _expected(problem))
     if agreement.verdict != "proved":
         return (agreement,)
     numbers = {name: exact(gains[name]) for name in _MATRICES if name in gains}
@@ -62,6 +63,10 @@ def claims(
     if rate > 0:
         found.append(_decay(shifted, H, (low, high), rate, certificates, paranoid))
     return tuple(found)
+
+
+def _objection(problem: Problem) -> str | None:
+    return equations.objection(problem.options) or unusable(problem)
 
 
 def _expected(problem: Problem) -> dict[str, Any]:

@@ -57,7 +57,7 @@ FAULTS: list[tuple[str, Any, str]] = [
     ("flow.disturbance.upper", REMOVE, "flow.disturbance.upper is required; it is missing."),
     ("flow", 3, "flow must be a table [flow]; got 3."),
     ("flow.A", 3, "flow.A must be a matrix: a list of rows of numbers; got 3."),
-    ("flow.A", [1, 2], "flow.A, row 1 must be a row: a list of numbers; got 1."),
+    ("flow.A", [1, 2], "flow.A, row 1 must be a row: a list of numbers; got 1. One row is written [[1, 2]], one column [[1], [2]]."),
     ("flow.A", [["1", 0], [1, 2]], "flow.A, row 1, column 1 must be a number; got '1'. Numbers are written without quotes."),
     ("flow.A", [[True, 0], [1, 2]], "flow.A, row 1, column 1 must be a number; got True."),
     ("flow.A", [[1, 0], [1]], "flow.A must be a matrix: a list of rows of numbers, all equally long; got [[1, 0], [1]]."),

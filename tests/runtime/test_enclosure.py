@@ -67,3 +67,25 @@ def test_structural_zeros_stay_exact() -> None:
 def test_overflow_is_never_a_finite_answer(size: float) -> None:
     result = expm(Enclosure.exactly([[size, size], [size, -size]]))
     assert not np.isfinite(result.rad).any()
+
+
+@settings(max_examples=40, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_units_neither_break_nor_blunt_the_enclosure(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(2, 7))
+    X = rng.standard_normal((n, n)) * (rng.random((n, n)) < 0.7)
+    units = 10.0 ** rng.uniform(-4, 4, n)
+    scaled = X * units[:, None] / units[None, :]
+    result = expm(Enclosure.exactly(scaled))
+    assert contains(result, ball_expm(scaled, 1.0))
+    size = np.abs(result.mid) * units[None, :] / units[:, None]
+    radius = result.rad * units[None, :] / units[:, None]
+    assert radius.max() < 1e-11 * size.max()
+
+
+def test_a_large_input_column_costs_nothing() -> None:
+    X = np.array([[-1.0, 2e6, 1e9], [0, 0, 0], [0, 0, 0]])
+    result = expm(Enclosure.exactly(X))
+    assert contains(result, ball_expm(X, 1.0))
+    assert result.rad[0, 2] < 1e-12 * result.mid[0, 2]

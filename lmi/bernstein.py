@@ -1,0 +1,202 @@
+"""Proof for all dwell times by boxes: Taylor polynomials whose Bernstein coefficients are small.
+
+In coordinates where P is the identity the condition says N(theta)' N(theta) < gamma^2 I for
+N(theta) = left e^{F theta} right. On a box [x, x + h], theta = x + u h, the product is a matrix
+polynomial of degree 8 in u plus a remainder; a polynomial on [0, 1] lies in the convex hull of its
+Bernstein coefficients B_i, so gamma^2 I - B_i - remainder > 0 for every i proves the whole box.
+
+Everything that decides is ball arithmetic; floats choose box sizes only.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from lmi.balls import (
+    ball,
+    certify_pivots,
+    exact,
+    norm_bound,
+    rational,
+    scalar,
+    stacked,
+    to_float,
+)
+
+DEGREE = 8
+# A first box spans this many units of 1/||F||: longer ones fail on the remainder, shorter ones
+# cost more of them.
+_REACH = 2.0
+_POWERS = 2 * DEGREE + 2
+# successes in a row after which a wider box is tried again
+_PATIENCE = 3
+# failures in a row after which the balls are too wide, or the margin too small
+_HALVINGS = 24
+
+
+@dataclass(frozen=True)
+class Normalised:
+    """N(theta) = left e^{F theta} right in coordinates where P is the identity; ball matrices."""
+
+    F: Any
+    left: Any
+    right: Any
+    gamma: float
+
+    @property
+    def size(self) -> int:
+        """Dimension of the source coordinates."""
+        return int(self.right.ncols())
+
+
+@dataclass(frozen=True)
+class Boxes:
+    """What a range took: boxes, the smallest of them, or the theta where it failed."""
+
+    count: int
+    smallest: float
+    failed: float | None = None
+    tail_from: float | None = None
+
+
+@dataclass(frozen=True)
+class _Series:
+    """Powers left F^k / k! and what bounds the rest of the series."""
+
+    powers: list[Any]
+    norms: list[Any]
+    growth: Any
+    to_bernstein: Any
+
+    @staticmethod
+    def of(family: Normalised) -> _Series:
+        power, powers, norms = family.left, [], []
+        for k in range(_POWERS):
+            if k:
+                power = power * family.F * (scalar(1) / k)
+            powers.append(power)
+            norms.append(norm_bound(power))
+        whole = family.F
+        for _ in range(DEGREE):
+            whole = whole * family.F
+        growth = norm_bound(whole)
+        return _Series(powers[: DEGREE + 1], norms, growth, _to_bernstein())
+
+    def remainder(self, flow_norm: Any, h: Any) -> Any:
+        """Bound of the terms of N'N of degree above 8 in u, all orders of the series included.
+
+        w_k bounds the norm of the k-th term of N. Terms beyond the stored norms shrink by
+        ||F^9|| h^9 / (k + 1)...(k + 9) every nine orders, at most `ratio`.
+        """
+        ratio = self.growth * h ** (DEGREE + 1) / (_POWERS - DEGREE) ** (DEGREE + 1)
+        if not ratio < 0.5:
+            return None
+        w = [norm * flow_norm * h**k for k, norm in enumerate(self.norms)]
+        beyond = sum(w[-DEGREE - 1 :]) * ratio / (1 - ratio)
+        total = sum(w) + beyond
+        kept = sum(w[i] * w[j] for i in range(DEGREE + 1) for j in range(DEGREE + 1 - i))
+        return total * total - kept
+
+
+def prove_range(family: Normalised, low: float, high: float, limit: int, tail: Any) -> Boxes:
+    """Boxes over [low, high], or from low until `tail` takes over (high infinite).
+
+    tail: ball matrix Q in the coordinates of the flow such that right' e^{F't} Q e^{Ft} right
+    bounds N'N and falls with t; None where there is none.
+    """
+    series = _Series.of(family)
+    here, end = rational(low), None if math.isinf(high) else rational(high)
+    width = rational(_first_width(series, high - low))
+    smallest, since_failure, halvings, E = math.inf, 0, 0, None
+    for count in range(1, limit + 1):
+        if E is None:
+            E = flow(family, here)
+        if tail is not None and not halvings and certify(family, E.transpose() * tail * E):
+            return Boxes(count - 1, smallest, tail_from=_nearest(here))
+        if end is not None and here + width >= end:
+            width = end - here
+        if _box(family, series, E, width):
+            smallest, halvings = min(smallest, _nearest(width)), 0
+            here, E = here + width, None
+            if end is not None and here >= end:
+                return Boxes(count, smallest)
+            since_failure += 1
+            if since_failure > _PATIENCE:
+                width, since_failure = 2 * width, 0
+            continue
+        middle_E = flow(family, here + width / 2)
+        N = family.left * middle_E
+        if width == 0 or halvings == _HALVINGS or not certify(family, N.transpose() * N):
+            return Boxes(count, smallest, failed=_nearest(here + width / 2))
+        width, since_failure, halvings = width / 2, 0, halvings + 1
+    return Boxes(limit, smallest, failed=_nearest(here))
+
+
+def flow(family: Normalised, theta: Any) -> Any:
+    """e^{F theta} right, for a rational theta."""
+    return (family.F * scalar(theta)).exp() * family.right
+
+
+def certify(family: Normalised, S: Any) -> bool:
+    """True only if S < gamma^2 I."""
+    return _below(family, [S.entries()], scalar(0))
+
+
+def _below(family: Normalised, matrices: list[list[Any]], remainder: Any) -> bool:
+    """True only if every matrix, given by its entries, plus remainder I is below gamma^2 I."""
+    n = family.size
+    bound = scalar(rational(family.gamma)) ** 2 - remainder
+    if not bound > 0:
+        return False
+    for entries in matrices:
+        rows = [[-x for x in entries[i * n : (i + 1) * n]] for i in range(n)]
+        for i in range(n):
+            rows[i][i] += bound
+        if not certify_pivots(rows):
+            return False
+    return True
+
+
+def _box(family: Normalised, series: _Series, E: Any, width: Any) -> bool:
+    """True only if N'N < gamma^2 I on the whole box of this width from where E was taken."""
+    h = scalar(width)
+    remainder = series.remainder(norm_bound(E), h)
+    if remainder is None or not remainder < scalar(rational(family.gamma)) ** 2:
+        return False
+    C = [power * E * h**k for k, power in enumerate(series.powers)]
+    coefficients = series.to_bernstein * stacked(_coefficients(C))
+    return _below(family, coefficients.tolist(), remainder)
+
+
+def _coefficients(C: list[Any]) -> list[Any]:
+    """G_k of (sum C_i u^i)' (sum C_j u^j) = sum G_k u^k, k up to the degree; each symmetric."""
+    turned = [X.transpose() for X in C]
+    G = []
+    for k in range(len(C)):
+        total = turned[k // 2] * C[k // 2] if k % 2 == 0 else None
+        for i in range((k + 1) // 2):
+            half = turned[i] * C[k - i]
+            both = half + half.transpose()
+            total = both if total is None else total + both
+        G.append(total)
+    return G
+
+
+def _to_bernstein() -> Any:
+    """B_i = sum_j C(i, j) / C(d, j) G_j on [0, 1], exactly: see the module's text."""
+    d = DEGREE
+    weights = [[rational(math.comb(i, j)) / math.comb(d, j) for j in range(d + 1)]
+               for i in range(d + 1)]  # fmt: skip
+    return ball(exact(weights))
+
+
+def _first_width(series: _Series, length: float) -> float:
+    """Box width to begin with: a fixed reach against the ninth root of ||F^9||."""
+    rate = float(series.growth) ** (1 / (DEGREE + 1))
+    return min(length, _REACH / rate) if rate > 0 and math.isfinite(rate) else min(length, 1.0)
+
+
+def _nearest(value: Any) -> float:
+    return float(to_float(exact([value]))[0])

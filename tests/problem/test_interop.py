@@ -1,0 +1,60 @@
+"""State-space models of other packages become problems, or one line says why not."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+import scipy.signal
+
+from obsdesign import InputError, Problem
+from obsdesign.interop import from_state_space
+
+A, B, C, D = [[-1.0, 0.0], [1.0, -2.0]], [[0.0], [1.0]], [[0.0, 1.0]], [[0.0]]
+
+
+def test_a_state_space_is_a_problem() -> None:
+    system = scipy.signal.StateSpace(A, B, C, D)
+    problem = from_state_space(
+        system, jump={"dwell_time": [1, 2]}, output={"noise_bound": [0.1]}, name="from scipy"
+    )
+    assert problem == Problem(
+        flow={"A": A, "B": B}, jump={"dwell_time": [1, 2]},
+        output={"C": C, "noise_bound": [0.1]}, name="from scipy",
+    )  # fmt: skip
+    # control.StateSpace: dt is 0 in continuous time, matrices may have no columns
+    alone = SimpleNamespace(
+        A=np.array(A), B=np.zeros((2, 0)), C=np.array(C), D=np.zeros((1, 0)), dt=0
+    )
+    assert from_state_space(alone).plant.flow.B is None
+
+
+@pytest.mark.parametrize(
+    ("system", "line"),
+    [
+        (
+            scipy.signal.StateSpace(A, B, C, D, dt=0.1),
+            "system must be continuous in time; its time step dt is 0.1.",
+        ),
+        (
+            SimpleNamespace(A=A, B=B, C=C, D=D, dt=True),
+            "system must be continuous in time; its time step dt is True.",
+        ),
+        (
+            scipy.signal.StateSpace(A, B, C, [[1.0]]),
+            "system must have no feedthrough, y = C x; its D is not zero. "
+            "Subtract D u from the measurement and set D to zero.",
+        ),
+        (
+            SimpleNamespace(num=[1], den=[1, 1]),
+            "system must have matrices A, B, C, D; SimpleNamespace has no A. "
+            "Convert a transfer function to a state space first.",
+        ),
+    ],
+)
+def test_models_that_are_no_problem(system: Any, line: str) -> None:
+    with pytest.raises(InputError) as error:
+        from_state_space(system)
+    assert str(error.value) == line
