@@ -1,9 +1,10 @@
 """Matrix inequalities that are affine in several unknown matrices: the largest margin, by Clarabel.
 
-The inequality is given once, as a function of the unknowns made of `+ - @ .T`; its coefficients are
-read off by evaluating it, so that there is no second copy to drift away.
+The inequality is given once, as a function of the unknowns made of `+ - @ .T`; its coefficients
+are read off by evaluating it, so that there is no second copy to drift away.
 
-    maximise t   subject to   inequality(P, Z, ...)_i >= t I for every i,   I <= P <= kappa I,  t <= 1
+    maximise t   subject to   inequality(P, Z, ...)_i >= t I  for every i,
+                              I <= P <= kappa I,   t <= 1
 
 The first unknown is a symmetric P, which sets the scale. Nothing here is proved.
 """

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -32,6 +32,7 @@ class Proposal:
 
     margin: least slack seen on the grid, relative to P. multipliers: Z (n, n) for each of `thetas`
     when the solver found none; they may prove that none exists. L: coordinates of the last try.
+    optimum: the solver's last margin, negative where it found that no P fits.
     """
 
     P: Matrix | None
@@ -40,6 +41,7 @@ class Proposal:
     worst_theta: float
     multipliers: Matrix | None = field(default=None, repr=False)
     L: Matrix | None = field(default=None, repr=False)
+    optimum: float = math.nan
 
 
 def propose(
@@ -97,6 +99,7 @@ class _Search:
                 continue
             L = better
             best, more = self._judge(L, active, best)
+            best = replace(best, optimum=solution.margin)
             if not more:
                 return best
             active = sorted({*active, *more})
@@ -134,7 +137,7 @@ class _Search:
         Z = Z + 1e-9 * np.trace(Z.sum(axis=0)) * np.eye(len(L))
         Z = back.T @ Z @ back
         Z = (Z + np.swapaxes(Z, 1, 2)) / 2
-        return Proposal(None, tuple(active), best.margin, best.worst_theta, Z, L)
+        return Proposal(None, tuple(active), best.margin, best.worst_theta, Z, L, solution.margin)
 
 
 def _cholesky(P: Matrix) -> Matrix | None:

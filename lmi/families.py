@@ -66,7 +66,9 @@ class Edge:
         for start, step, count in self._panels():
             thetas.append(start + step * np.arange(count))
             flows.append(exponential_grid(self.F, start, step, count))
-        return np.concatenate(thetas), self._from_flows(np.concatenate(flows))
+        # rounding must not carry the last point beyond the range
+        points = np.minimum(np.concatenate(thetas), self.last)
+        return points, self._from_flows(np.concatenate(flows))
 
     def _panels(self) -> list[tuple[float, float, int]]:
         length = self.last - self.low

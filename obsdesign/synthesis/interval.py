@@ -88,5 +88,4 @@ def _candidate(
     gains |= {"Gp": Gp, "Gn": Gn}
     W, N = equations.width_pair(F, H, gains)
     verdict = decide(W, N, *gains["dwell_time"])
-    found = {"dwell_stability": verdict.evidence} if "P" in verdict.evidence else {}
-    return Candidate(form, gains, found)
+    return Candidate(form, gains, {"dwell_stability": verdict.evidence})

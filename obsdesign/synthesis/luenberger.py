@@ -114,6 +114,4 @@ def _certificates(problem: Problem, F: Any, M: Any, rate: float) -> dict[str, An
     verdict = decide(F + rate * np.eye(plant.n), H, *problem.require_dwell_time())
     if "P" not in verdict.evidence and rate > 0:
         verdict = decide(F, H, *problem.require_dwell_time())
-    if "P" not in verdict.evidence:
-        return {}
     return {"dwell_stability": verdict.evidence, "decay_rate": verdict.evidence}

@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from lmi.infeasible import prove_no_common
 from lmi.proof import prove_common
-from lmi.spectral import refute_spectral
+from lmi.spectral import refute_spectral, refute_word
 from lmi.verdict import Verdict, undecided
 from obsdesign.problem import Problem
 
@@ -37,23 +38,65 @@ def dwell_stability(
 ) -> Verdict:
     """Is x -> e^{F theta} H x stable for every sequence of theta in [low, high]?
 
-    certificate: {"P": n x n} if a finder has one; it is proved here or not used. Refuted only by a
-    checked witness. paranoid: the proof is repeated by the second, independent method.
+    certificate: what a finder believes shows the answer: {"P": n x n}, {"witness": {"thetas": ...}}
+    or {"no_common_P": ...}; it is checked here, or not used. Refuted only by a checked witness.
+    paranoid: a proof is repeated by the second, independent method.
     """
     attempt = undecided("no certificate P was given or found")
     if "P" in certificate:
-        P = _matrix(certificate["P"], len(F))
-        attempt = undecided("the certificate P is not a matrix of the right size")
-        if P is not None:
-            attempt = prove_common(F, H, P, low, high)
+        attempt = _proof(F, H, low, high, certificate["P"], paranoid)
         if attempt.outcome == "proved":
-            return Verdict("proved", {"P": certificate["P"], **attempt.evidence})
+            return attempt
     counter = refute_spectral(F, H, low, high)
     if counter.outcome == "refuted":
         return counter
+    word = _dwell_times(certificate.get("witness"), low, high)
+    if word:
+        counter = refute_word(F, H, word)
+        if counter.outcome == "refuted":
+            return counter
+    if "no_common_P" in certificate:
+        nothing = _no_common(F, H, low, high, certificate["no_common_P"])
+        attempt = attempt if nothing is None else nothing
     seen = {**counter.evidence, **attempt.evidence}
     # overflow leaves NaN where a number was looked for: it tells nothing
     return Verdict("undecided", {key: value for key, value in seen.items() if value == value})
+
+
+def _proof(F: Any, H: Any, low: float, high: float, values: Any, paranoid: bool) -> Verdict:
+    P = _matrix(values, len(F))
+    if P is None:
+        return undecided("the certificate P is not a matrix of the right size")
+    verdict = prove_common(F, H, P, low, high)
+    if verdict.outcome != "proved":
+        return verdict
+    evidence = {"P": values, **verdict.evidence}
+    if paranoid:
+        second = prove_common(F, H, P, low, high, method="march")
+        if second.outcome != "proved":
+            why = second.evidence.get("reason", "")
+            return undecided(f"the second method does not confirm the proof: {why}")
+        evidence["confirmed_by"] = dict(second.evidence)
+    return Verdict("proved", evidence)
+
+
+def _dwell_times(witness: Any, low: float, high: float) -> list[float]:
+    """The sequence of a witness, if all of it is admissible."""
+    thetas = witness.get("thetas") if isinstance(witness, Mapping) else None
+    if not isinstance(thetas, list) or not all(isinstance(theta, float) for theta in thetas):
+        return []
+    return thetas if all(low <= theta <= high for theta in thetas) else []
+
+
+def _no_common(F: Any, H: Any, low: float, high: float, certificate: Any) -> Verdict | None:
+    """Undecided, a common P being proved not to exist; None if the certificate shows nothing."""
+    thetas = _dwell_times(certificate, low, high)
+    if not thetas or prove_no_common(F, H, thetas, certificate["multipliers"]).outcome != "proved":
+        return None
+    return undecided(
+        f"no common P exists for {len(thetas)} of the dwell times (checked dual certificate), "
+        "which is not instability"
+    )
 
 
 def _matrix(values: Any, n: int) -> Any:

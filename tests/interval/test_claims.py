@@ -309,3 +309,24 @@ def test_refuted_and_undecided_designs_are_not_returned() -> None:
     with pytest.raises(obsdesign.NotProved, match=r"refuted: at dwell time 0.5 a jump") as error:
         obsdesign.design(problem(jump__dwell_time=[0.5, "inf"]))
     assert error.value.outcome.verdict == "refuted"
+
+
+def test_the_second_method_confirms_and_its_objection_counts(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    from lmi.verdict import undecided
+    from obsdesign.verification import dwell
+
+    design = obsdesign.design(problem())
+    confirmed = obsdesign.verify(design, paranoid=True)
+    evidence = next(c for c in confirmed.claims if c.id == "dwell_stability").evidence
+    assert evidence["method"] != evidence["confirmed_by"]["method"]
+    genuine = dwell.prove_common
+
+    def doubting(*arguments: Any, method: str = "bernstein") -> Any:
+        return undecided("no") if method == "march" else genuine(*arguments)
+
+    monkeypatch.setattr(dwell, "prove_common", doubting)
+    assert obsdesign.verify(design).verdict == "proved"
+    doubted = obsdesign.verify(design, paranoid=True)
+    assert next(c for c in doubted.claims if c.id == "dwell_stability").verdict == "undecided"

@@ -266,3 +266,52 @@ def test_stream_and_batch_agree_and_missing_samples_are_said() -> None:
     assert np.array_equal(batch.x, [e.x for e in loop])
     assert batch.status == tuple(e.status for e in loop)
     assert [k for k, s in enumerate(batch.status) if s.startswith("missing sample")] == [7, 8]
+
+
+# --- alternating dwell times ------------------------------------------------------------------
+
+
+def sampled_data(longest: float) -> obsdesign.Outcome:
+    """A sampled-data benchmark: every constant dwell time is stable, alternating ones are not."""
+    zeros = np.zeros((3, 1)).tolist()
+    return obsdesign.investigate(
+        obsdesign.Problem(
+            flow={"A": [[0, 1, 0], [-2, 0.1, 1], [0, 0, 0]]},
+            jump={"G": [[1, 0, 0], [0, 1, 0], [1, 0, 0]], "dwell_time": [0.4, longest]},
+            output={"C": [[1, 0, 0]]},
+            observer={"kind": "luenberger", "gains": {"L": zeros, "M": zeros}},
+        )
+    )  # fmt: skip
+
+
+def test_a_sequence_of_dwell_times_may_refute_where_no_single_one_does() -> None:
+    outcome = sampled_data(1.889)
+    claim = outcome.claims[-1]
+    assert outcome.verdict == "refuted"
+    thetas = claim.evidence["witness"]["thetas"]
+    product = np.eye(3)
+    for theta in thetas:
+        assert 0.4 <= theta <= 1.889
+        flow = np.zeros((3, 3))
+        flow[:] = [[0, 1, 0], [-2, 0.1, 1], [0, 0, 0]]
+        from scipy.linalg import expm
+
+        product = expm(flow * theta) @ [[1, 0, 0], [0, 1, 0], [1, 0, 0]] @ product
+    assert max(abs(np.linalg.eigvals(product))) > 1
+
+
+def test_no_common_p_is_not_instability() -> None:
+    outcome = sampled_data(1.87)
+    claim = outcome.claims[-1]
+    assert claim.verdict == "undecided"
+    assert "no common P exists" in claim.evidence["reason"]
+    assert claim.evidence["reason"].endswith("which is not instability")
+    assert sampled_data(1.82).verdict == "proved"
+
+
+def test_a_forged_sequence_refutes_nothing() -> None:
+    asked = problem()
+    design = obsdesign.design(asked)
+    for thetas in ([0.5, 0.7], [5.0], ["x"], 3):
+        forged = {"dwell_stability": {"witness": {"thetas": thetas}}}
+        assert claims(asked, design.gains, forged)[-1].verdict == "undecided"

@@ -1,0 +1,244 @@
+"""Shortest and longest dwell time for a given pair: a bracket, proved on one side.
+
+The searched end x of the range is monotone: a smaller range is never harder. Where the spectral
+radius of one map crosses 1, no x beyond it can be proved, and usually every x before it can: then
+one proof and one refutation settle the bracket. Otherwise the margin of the semidefinite program,
+which changes sign at the limit, is followed by a bracketing secant method.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from lmi.balls import Exact, exact, to_float
+from lmi.cutting_plane import Proposal, propose
+from lmi.decide import decide, find_and_prove
+from lmi.families import Edge, horizon
+from lmi.hurwitz import prove_hurwitz
+from lmi.spectral import refute_word
+from lmi.verdict import Verdict
+
+Matrix = NDArray[Any]
+
+ACCURACY = 1e-6
+_STEPS = 60
+_SUBDIVISIONS, _REFINEMENTS = 33, 9
+# a flow that does not decay may allow every finite dwell time: the search ends after this many
+# doublings of its own time scale
+_DOUBLINGS = 12
+
+
+@dataclass(frozen=True)
+class Bracket:
+    """Limit of an end of the dwell-time range, between `proved` and `not_proved`.
+
+    proved: the end for which stability is proved (evidence: `certificate`), None if none was found.
+    not_proved: the nearest end that was not, with its verdict, refuted or undecided (evidence:
+    `obstacle`); None where everything is proved. islands: further [a, b] in which every constant
+    dwell time contracts, by floats, so that the feasible set may not be one interval.
+    """
+
+    proved: float | None
+    not_proved: float | None
+    verdict: str | None
+    certificate: Mapping[str, Any] = field(default_factory=dict)
+    obstacle: Mapping[str, Any] = field(default_factory=dict)
+    islands: tuple[tuple[float, float], ...] = ()
+
+
+def shortest_dwell(
+    F: ArrayLike, H: ArrayLike, high: float, *, accuracy: float = ACCURACY
+) -> Bracket:
+    """Smallest x for which [x, high] is proved; high may be infinite.
+
+    F, H: (n, n) floats or exact rationals. accuracy: relative width of the bracket.
+    """
+    return _Search(exact(F), exact(H), high, accuracy, shortest=True).run()
+
+
+def longest_dwell(F: ArrayLike, H: ArrayLike, low: float, *, accuracy: float = ACCURACY) -> Bracket:
+    """Largest x for which [low, x] is proved, possibly infinity; arguments as `shortest_dwell`."""
+    return _Search(exact(F), exact(H), low, accuracy, shortest=False).run()
+
+
+@dataclass(frozen=True)
+class _Search:
+    F: Exact
+    H: Exact
+    fixed: float
+    accuracy: float
+    shortest: bool
+
+    def run(self) -> Bracket:
+        """Everything proved; or nothing; or the bracket around the limit."""
+        extreme = 0.0 if self.shortest else math.inf
+        hopeless = self._hopeless()
+        if hopeless is not None:
+            return Bracket(None, self.fixed, hopeless.outcome, obstacle=hopeless.evidence)
+        thetas, radii = self._scan()
+        crossing = self._crossing(thetas, radii)
+        islands = self._islands(thetas, radii, crossing)
+        if crossing is None:
+            whole = self._prove(extreme, None)
+            if whole.outcome == "proved":
+                return Bracket(extreme, None, None, whole.evidence)
+            bracket = self._follow(float(thetas[0 if self.shortest else -1]))
+        else:
+            bracket = self._at(crossing) or self._follow(crossing)
+        return Bracket(bracket.proved, bracket.not_proved, bracket.verdict, bracket.certificate,
+                       bracket.obstacle, islands)  # fmt: skip
+
+    def _hopeless(self) -> Verdict | None:
+        """The verdict on the smallest range there is, if that is not proved."""
+        if self.shortest and math.isinf(self.fixed):
+            flow = prove_hurwitz(self.F)
+            return None if flow.outcome == "proved" else flow
+        one = decide(self.F, self.H, self.fixed, self.fixed)
+        return None if one.outcome == "proved" else one
+
+    def _range(self, x: float) -> tuple[float, float]:
+        return (x, self.fixed) if self.shortest else (self.fixed, x)
+
+    def _floats(self) -> tuple[Matrix, Matrix]:
+        return to_float(self.F), to_float(self.H)
+
+    def _scan(self) -> tuple[Matrix, Matrix]:
+        """Dwell times that the search may reach, and the spectral radius of the map at each."""
+        F, H = self._floats()
+        if self.shortest:
+            return _radii(Edge(F, H, 0.0, self.fixed))
+        span = horizon(F)
+        for _ in range(_DOUBLINGS):
+            thetas, radii = _radii(Edge(F, H, self.fixed, self.fixed + span))
+            if not (radii < 1).all() or prove_hurwitz(self.F).outcome == "proved":
+                break
+            span *= 2
+        return thetas, radii
+
+    def _crossing(self, thetas: Matrix, radii: Matrix) -> float | None:
+        """The dwell time nearest to the fixed end at which the radius reaches 1; a float."""
+        outside = np.flatnonzero(~(radii < 1))
+        if not len(outside):
+            return None
+        if self.shortest:
+            k = int(outside[-1])
+            return self._refined(float(thetas[k]), float(thetas[min(k + 1, len(thetas) - 1)]))
+        k = int(outside[0])
+        return self._refined(float(thetas[k]), float(thetas[max(k - 1, 0)]))
+
+    def _refined(self, outside: float, inside: float) -> float:
+        edge = Edge(*self._floats(), 0.0, 0.0)
+        for _ in range(_REFINEMENTS):
+            points = np.linspace(inside, outside, _SUBDIVISIONS)
+            radii = np.abs(np.linalg.eigvals(edge.maps(points))).max(axis=-1)
+            beyond = np.flatnonzero(~(radii < 1))
+            k = int(beyond[0]) if len(beyond) else _SUBDIVISIONS - 1
+            inside, outside = float(points[max(k - 1, 0)]), float(points[k])
+        return outside
+
+    def _islands(
+        self, thetas: Matrix, radii: Matrix, crossing: float | None
+    ) -> tuple[tuple[float, float], ...]:
+        if crossing is None:
+            return ()
+        beyond = thetas < crossing if self.shortest else thetas > crossing
+        inside = (radii < 1) & beyond & (thetas > 0)
+        ends = np.flatnonzero(np.diff(np.concatenate([[0], inside.astype(int), [0]])))
+        return tuple((float(thetas[a]), float(thetas[b - 1]))
+                     for a, b in zip(ends[::2], ends[1::2], strict=True) if b - a > 1)  # fmt: skip
+
+    def _inward(self, x: float, relative: float) -> float:
+        """x moved towards the fixed end, so far and not past it."""
+        if self.shortest:
+            return min(x * (1 + relative), self.fixed)
+        return max(x * (1 - relative), self.fixed)
+
+    def _prove(self, x: float, start: Matrix | None) -> Verdict:
+        low, high = self._range(x)
+        if math.isinf(high) and prove_hurwitz(self.F).outcome != "proved":
+            return decide(self.F, self.H, low, high)
+        return find_and_prove(self.F, self.H, low, high, start)[0]
+
+    def _propose(self, x: float, start: Matrix | None) -> Proposal:
+        return propose(*self._floats(), *self._range(x), (), start)
+
+    def _at(self, crossing: float) -> Bracket | None:
+        """The bracket if the radius of one map is what limits the range."""
+        inside = self._inward(crossing, 0.4 * self.accuracy)
+        outside = self._inward(crossing, -0.4 * self.accuracy)
+        good = self._prove(inside, None)
+        if good.outcome != "proved":
+            return None
+        bad = refute_word(self.F, self.H, (outside,))
+        if bad.outcome != "refuted":
+            bad = decide(self.F, self.H, *self._range(outside))
+        return Bracket(inside, outside, bad.outcome, good.evidence, bad.evidence)
+
+    def _follow(self, bad: float) -> Bracket:
+        """From an end that cannot be proved towards the fixed one, by the sign of the margin."""
+        good, proposal = self._first_good(bad)
+        if good is None or proposal is None:
+            verdict = decide(self.F, self.H, *self._range(bad))
+            return Bracket(None, bad, verdict.outcome, obstacle=verdict.evidence)
+        value_bad = self._propose(bad, proposal.P).optimum
+        good, bad, P = self._narrow(good, bad, value_bad, proposal)
+        for step in range(8):  # a proof needs a little more margin than floats see
+            x = self._inward(bad, 0.9 * self.accuracy * 4**step)
+            attempt = self._prove(x, P)
+            if attempt.outcome == "proved":
+                verdict = decide(self.F, self.H, *self._range(bad))
+                return Bracket(x, bad, verdict.outcome, attempt.evidence, verdict.evidence)
+        return Bracket(None, bad, "undecided", obstacle=attempt.evidence)
+
+    def _first_good(self, bad: float) -> tuple[float | None, Proposal | None]:
+        """Steps away from `bad`, each twice the last, until a P is found."""
+        F, _ = self._floats()
+        scale = horizon(F) if math.isinf(self.fixed) else abs(self.fixed - bad)
+        step = 1e-3 * max(min(scale, bad if bad > 0 else scale), 1e-9)
+        x = bad
+        while True:
+            x = bad + step if self.shortest else bad - step
+            past = x >= self.fixed if self.shortest else x <= self.fixed
+            x = self.fixed if past else x
+            proposal = self._propose(x, None)
+            if proposal.P is not None:
+                return x, proposal
+            if past or step > 1e4 * scale:
+                return None, None
+            step *= 4
+
+    def _narrow(
+        self, good: float, bad: float, value_bad: float, proposal: Proposal
+    ) -> tuple[float, float, Matrix | None]:
+        """Illinois steps on the margin, until good and bad are a fifth of the accuracy apart."""
+        value_good, P = proposal.optimum, proposal.P
+        for _ in range(_STEPS):
+            width = abs(good - bad)
+            if width <= 0.2 * self.accuracy * max(abs(good), abs(bad)):
+                break
+            share = value_bad / (value_bad - value_good) if value_bad < 0 < value_good else 0.5
+            least = 0.08 * self.accuracy * max(abs(good), abs(bad)) / width
+            share = min(max(share, least, 0.02 * least), 1 - least)
+            x = bad + share * (good - bad)
+            tried = self._propose(x, P)
+            if tried.P is not None:
+                good, value_good, P = x, tried.optimum, tried.P
+                value_bad *= 0.5
+            else:
+                bad, value_bad = x, tried.optimum
+                value_good *= 0.5
+        return good, bad, P
+
+
+def _radii(edge: Edge) -> tuple[Matrix, Matrix]:
+    with np.errstate(all="ignore"):
+        thetas, maps = edge.grid()
+        finite = np.isfinite(maps).all(axis=(-2, -1))
+        radii = np.abs(np.linalg.eigvals(np.where(finite[:, None, None], maps, 0.0))).max(axis=-1)
+    return thetas, np.where(finite, radii, math.inf)
