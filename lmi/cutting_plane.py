@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lmi.families import Edge, moved, slack_in, worst
+from lmi.families import FEWEST, Edge, moved, slack_in, worst
 from lmi.semidefinite import FLOOR, Block, Solution, common_matrices
 
 Matrix = NDArray[Any]
@@ -24,6 +24,12 @@ _ADDED = 4
 _LEAST = 1e-10
 # On the grid, this part of the margin at the active theta is good enough
 _ENOUGH = 0.3
+# Solver tolerances: quick is enough where the margin is a multiple of it away from zero
+_QUICK, _EXACT, _CLEAR = 1e-5, 1e-9, 100.0
+# With large P a round costs more than a block: these shares of the range join the first round
+_LARGE, _SPREAD = 6, (0.1, 0.35)
+# Beyond this condition number of the coordinates floats have nothing left to say
+_LARGEST_CONDITION = 1e7
 
 
 @dataclass(frozen=True)
@@ -51,15 +57,16 @@ def propose(
     high: float,
     seeds: Sequence[float] = (),
     start: Matrix | None = None,
+    points: int = FEWEST,
 ) -> Proposal:
     """P with M(theta)' P M(theta) < P at every theta of a fine grid, or the theta that forbid it.
 
     seeds: theta that must be among those solved for; start: a P of a neighbouring problem, whose
-    coordinates the solver then works in.
+    coordinates the solver then works in; points: at least so many theta are looked at.
     """
     edge = Edge(F, H, low, high)
     with np.errstate(all="ignore"):
-        thetas, maps = edge.grid()
+        thetas, maps = edge.grid(points)
         if not np.isfinite(maps).all():
             return _guess(edge)
         return _Search(edge, thetas, maps).run([*seeds], start)
@@ -78,55 +85,69 @@ class _Search:
 
     def run(self, seeds: list[float], start: Matrix | None) -> Proposal:
         """Rounds of the cutting-plane method, each in the coordinates of the last P."""
-        n = len(self.edge.F)
-        L = np.eye(n) if start is None else np.linalg.cholesky(start)
-        active = self._first(L, seeds)
+        L = np.eye(len(self.edge.F)) if start is None else np.linalg.cholesky(start)
+        active, maps = self._first(L, seeds)
         best = Proposal(None, tuple(active), -math.inf, active[0])
+        tolerance = _QUICK
         for _ in range(_ROUNDS):
-            maps = self.edge.maps(active)
-            solution = common_matrices([Block(moved(L, maps, L))])
+            blocks = [Block(moved(L, maps, L))]
+            solution = common_matrices(blocks, tolerance=tolerance)
+            if tolerance == _QUICK and abs(solution.margin) < _CLEAR * _QUICK:
+                tolerance = _EXACT
+                solution = common_matrices(blocks, tolerance=tolerance)
             inner = _cholesky(solution.P[0])
             if inner is None:
                 return best
             better = L @ inner
             if solution.margin <= _LEAST:
                 # at the floor of kappa(P) other coordinates may still allow one; else nothing will
-                if best.P is not None or np.diag(inner).min() ** 2 > 10 * FLOOR:
-                    return self._none(active, solution, L, best)
-                if np.abs(np.linalg.cond(better)) > 1e7:
+                hopeless = best.P is not None or np.diag(inner).min() ** 2 > 10 * FLOOR
+                if hopeless or np.linalg.cond(better) > _LARGEST_CONDITION:
                     return self._none(active, solution, L, best)
                 L = better
                 continue
             L = better
-            best, more = self._judge(L, active, best)
+            best, more = self._judge(L, active, maps, best)
             best = replace(best, optimum=solution.margin)
             if not more:
                 return best
-            active = sorted({*active, *more})
+            active = [*active, *(float(self.thetas[k]) for k in more)]
+            maps = np.concatenate([maps, self.maps[more]])
         return best
 
-    def _first(self, L: Matrix, seeds: list[float]) -> list[float]:
+    def _first(self, L: Matrix, seeds: list[float]) -> tuple[list[float], Matrix]:
         """The ends, the largest map in these coordinates, and what the caller asks for."""
-        slacks = slack_in(L, self.maps, L)
-        largest = float(self.thetas[int(np.argmin(slacks))])
-        return sorted({self.edge.low, self.edge.last, largest, *seeds})
+        last = len(self.thetas) - 1
+        chosen = {0, last, int(np.argmin(slack_in(L, self.maps, L)))}
+        if len(L) >= _LARGE:
+            span = self.thetas[-1] - self.thetas[0]
+            chosen |= {
+                min(int(np.searchsorted(self.thetas, self.thetas[0] + share * span)), last)
+                for share in _SPREAD
+            }
+        index = sorted(chosen)
+        active, maps = [float(self.thetas[k]) for k in index], self.maps[index]
+        extra = [theta for theta in dict.fromkeys(seeds) if theta not in active]
+        if extra:
+            maps = np.concatenate([maps, self.edge.maps(extra)])
+        return [*active, *extra], maps
 
     def _judge(
-        self, L: Matrix, active: list[float], best: Proposal
-    ) -> tuple[Proposal, list[float]]:
-        """The better of this P and the best so far, and the theta to add (none: good enough)."""
-        slacks = slack_in(L, self.maps, L)
-        goal = float(slack_in(L, self.edge.maps(active), L).min())
+        self, L: Matrix, active: list[float], maps: Matrix, best: Proposal
+    ) -> tuple[Proposal, list[int]]:
+        """The better of this P and the best so far, and grid points to add (none: good enough)."""
+        both = slack_in(L, np.concatenate([self.maps, maps]), L)
+        slacks, goal = both[: len(self.maps)], float(both[len(self.maps) :].min())
         k = int(np.argmin(slacks))
         least, theta = float(slacks[k]), float(self.thetas[k])
         if least > 0 and least >= best.margin:
             best = Proposal(L @ L.T, tuple(active), least, theta)
         elif best.P is None:
             best = Proposal(None, tuple(active), least, theta)
-        if least >= _ENOUGH * goal and least > 0:
+        if least > 0 and least >= _ENOUGH * goal:
             return best, []
-        more = [float(self.thetas[j]) for j in worst(self.thetas, slacks, _ENOUGH * max(goal, 0.0))]
-        return best, [theta for theta in more[:_ADDED] if theta not in active]
+        more = worst(self.thetas, slacks, _ENOUGH * max(goal, 0.0))[:_ADDED]
+        return best, [j for j in more if self.thetas[j] not in active]
 
     def _none(self, active: list[float], solution: Solution, L: Matrix, best: Proposal) -> Proposal:
         if best.P is not None:

@@ -31,7 +31,7 @@ _STEPS = 60
 _SUBDIVISIONS, _REFINEMENTS = 33, 9
 # a flow that does not decay may allow every finite dwell time: the search ends after this many
 # doublings of its own time scale
-_DOUBLINGS = 12
+_DOUBLINGS = 6
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ class _Search:
             whole = self._prove(extreme, None)
             if whole.outcome == "proved":
                 return Bracket(extreme, None, None, whole.evidence)
-            bracket = self._follow(float(thetas[0 if self.shortest else -1]))
+            bracket = self._up_to(float(thetas[0 if self.shortest else -1]), whole)
         else:
             bracket = self._at(crossing) or self._follow(crossing)
         return Bracket(bracket.proved, bracket.not_proved, bracket.verdict, bracket.certificate,
@@ -168,6 +168,14 @@ class _Search:
     def _propose(self, x: float, start: Matrix | None) -> Proposal:
         return propose(*self._floats(), *self._range(x), (), start)
 
+    def _up_to(self, last: float, whole: Verdict) -> Bracket:
+        """No single map is expanding: everything that was looked at, or the limit before it."""
+        if not self.shortest:
+            good = self._prove(last, None)
+            if good.outcome == "proved":
+                return Bracket(last, math.inf, whole.outcome, good.evidence, whole.evidence)
+        return self._follow(last)
+
     def _at(self, crossing: float) -> Bracket | None:
         """The bracket if the radius of one map is what limits the range."""
         inside = self._inward(crossing, 0.4 * self.accuracy)
@@ -239,6 +247,6 @@ class _Search:
 def _radii(edge: Edge) -> tuple[Matrix, Matrix]:
     with np.errstate(all="ignore"):
         thetas, maps = edge.grid()
-        finite = np.isfinite(maps).all(axis=(-2, -1))
+        finite: Matrix = np.asarray(np.isfinite(maps).all(axis=(-2, -1)))
         radii = np.abs(np.linalg.eigvals(np.where(finite[:, None, None], maps, 0.0))).max(axis=-1)
     return thetas, np.where(finite, radii, math.inf)

@@ -129,9 +129,16 @@ def exponential_grid(F: ArrayLike, start: float, step: float, count: int) -> Mat
         grid[0], power, filled = ends[0], ends[1], 1
         while filled < count:
             more = min(filled, count - filled)
-            np.matmul(grid[:more], power, out=grid[filled : filled + more])
+            grid[filled : filled + more] = times(grid[:more], power)
             power, filled = power @ power, filled + more
     return grid
+
+
+def times(stack: Matrix, A: Matrix) -> Matrix:
+    """Each matrix of a stack (k, m, n) times the same A (n, p): one product instead of k."""
+    k, m, n = stack.shape
+    product: Matrix = (stack.reshape(k * m, n) @ A).reshape(k, m, A.shape[1])
+    return product
 
 
 def flow_integrals(A: ArrayLike, h: float) -> tuple[Matrix, Matrix]:

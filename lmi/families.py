@@ -14,13 +14,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lmi.exponential import expm, exponential_grid
+from lmi.exponential import expm, exponential_grid, times
 
 Matrix = NDArray[Any]
 
 # Grid step times |eigenvalue|: 30 points per turn of M, 15 per turn of the quadratic form in M
 _STEP = 0.2
-_FEWEST, _MOST = 48, 4096
+FEWEST = 48
+_MOST = 4096
 # after this many time constants a mode has decayed below what a margin could notice
 _GONE = 14.0
 
@@ -49,7 +50,7 @@ class Edge:
         return self._from_flows(self.F @ flows)
 
     def _from_flows(self, flows: Matrix) -> Matrix:
-        moved = flows @ self.H
+        moved = times(flows, self.H)
         return moved if self.left is None else self.left @ moved
 
     @property
@@ -57,20 +58,20 @@ class Edge:
         """The end of the range, or where an infinite one has nothing left to show."""
         return self.high if math.isfinite(self.high) else self.low + horizon(self.F)
 
-    def grid(self) -> tuple[Matrix, Matrix]:
-        """(theta, M(theta)) on panels of equally spaced points, ends included.
+    def grid(self, fewest: int = FEWEST) -> tuple[Matrix, Matrix]:
+        """(theta, M(theta)) on panels of equally spaced points, ends included, at least `fewest`.
 
         The step resolves the fastest mode that is still alive; decayed modes cost no points.
         """
         thetas, flows = [], []
-        for start, step, count in self._panels():
+        for start, step, count in self._panels(fewest):
             thetas.append(start + step * np.arange(count))
             flows.append(exponential_grid(self.F, start, step, count))
         # rounding must not carry the last point beyond the range
         points = np.minimum(np.concatenate(thetas), self.last)
         return points, self._from_flows(np.concatenate(flows))
 
-    def _panels(self) -> list[tuple[float, float, int]]:
+    def _panels(self, fewest: int) -> list[tuple[float, float, int]]:
         length = self.last - self.low
         if length == 0:
             return [(self.low, 0.0, 1)]
@@ -84,7 +85,7 @@ class Edge:
             alive = speed[decay * start < _GONE]
             fastest = float(alive.max(initial=0.0))
             wanted = math.ceil(min((end - start) * fastest / _STEP, _MOST))
-            count = max(wanted, math.ceil(_FEWEST * (end - start) / length), 1)
+            count = max(wanted, math.ceil(fewest * (end - start) / length), 1)
             panels.append((self.low + start, (end - start) / count, count))
             start = end
         first, step, count = panels[-1]
@@ -121,6 +122,16 @@ def slack(P_source: Matrix, maps: Matrix, P_target: Matrix | None = None) -> Mat
     return slack_in(L, maps, L if P_target is None else np.linalg.cholesky(P_target))
 
 
+def approx_holds(P: Matrix, maps: Matrix) -> bool:
+    """M' P M < P for every M of (k, n, n), in floats; the fastest look there is."""
+    products = times(np.ascontiguousarray(np.swapaxes(maps, 1, 2)), P) @ maps
+    try:
+        np.linalg.cholesky(P - products)
+    except np.linalg.LinAlgError:
+        return False
+    return bool(np.isfinite(products).all())
+
+
 def slack_in(L: Matrix, maps: Matrix, L_target: Matrix) -> Matrix:
     """`slack` for P_source = L L', P_target = L_target L_target'."""
     N = moved(L, maps, L_target)
@@ -134,8 +145,8 @@ def slack_in(L: Matrix, maps: Matrix, L_target: Matrix) -> Matrix:
 
 def moved(L: Matrix, maps: Matrix, L_target: Matrix) -> Matrix:
     """L_target' M L^-T: the maps in coordinates where both matrices are the identity."""
-    result: Matrix = L_target.T @ maps @ np.linalg.inv(L).T
-    return result
+    right = np.swapaxes(times(maps, np.linalg.inv(L).T), 1, 2)
+    return np.swapaxes(times(np.ascontiguousarray(right), L_target), 1, 2)
 
 
 def worst(thetas: Matrix, slacks: Matrix, limit: float) -> list[int]:

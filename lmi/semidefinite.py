@@ -46,7 +46,9 @@ class Solution:
     multipliers: tuple[Matrix, ...]
 
 
-def common_matrices(blocks: Sequence[Block], nodes: int = 1, floor: float = FLOOR) -> Solution:
+def common_matrices(
+    blocks: Sequence[Block], nodes: int = 1, floor: float = FLOOR, tolerance: float = 1e-9
+) -> Solution:
     """Best matrices for the blocks. A margin of minus infinity: the solver gave no numbers."""
     n = blocks[0].maps.shape[-1]
     size = n * (n + 1) // 2
@@ -57,7 +59,7 @@ def common_matrices(blocks: Sequence[Block], nodes: int = 1, floor: float = FLOO
     objective = np.zeros(columns)
     objective[-1] = -1.0
     none = sparse.csc_matrix((columns, columns))
-    result = clarabel.DefaultSolver(none, objective, A, b, cones, _settings()).solve()
+    result = clarabel.DefaultSolver(none, objective, A, b, cones, _settings(tolerance)).solve()
     x, z = np.asarray(result.x), np.asarray(result.z)
     P = smat(x[:-1].reshape(nodes, size))
     duals = smat(z[: sum(counts) * size].reshape(-1, size))
@@ -66,8 +68,9 @@ def common_matrices(blocks: Sequence[Block], nodes: int = 1, floor: float = FLOO
     return Solution(P, margin, tuple(pieces))
 
 
-def _settings() -> clarabel.DefaultSettings:
+def _settings(tolerance: float) -> clarabel.DefaultSettings:
     settings = clarabel.DefaultSettings()
+    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = tolerance
     settings.verbose = False
     settings.max_threads = 1
     settings.presolve_enable = False

@@ -127,6 +127,32 @@ def verify(design_file: str, paranoid: bool, as_json: bool) -> int:
 
 
 @cli.command()
+@click.argument("problem")
+@click.option("--for", "what", required=True, metavar="WHAT", help="shortest_dwell, longest_dwell.")
+@click.option("--kind", help="Observer kind; options of another kind in the file are dropped.")
+@click.option("--accuracy", type=float, default=1e-6, show_default=True, help="Relative width.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object on stdout.")
+def search(problem: str, what: str, kind: str | None, accuracy: float, as_json: bool) -> int:
+    """Find the limit of WHAT for PROBLEM: a bracket, proved on one side."""
+    from obsdesign import search as searching
+    from obsdesign.presentation import EXIT_CODES, answer, show_bracket
+    from obsdesign.problem import load_for_kind, load_problem
+
+    loaded, dropped = load_for_kind(problem, kind) if kind else (load_problem(problem), [])
+    try:
+        outcome = searching.search(loaded, what, accuracy)
+    except InputError as error:
+        raise InputError(f"{problem}: {error}") from None
+    if dropped:
+        click.echo(f"obsdesign: dropped for kind {kind}: {', '.join(dropped)}", err=True)
+    if as_json:
+        click.echo(answer("search", outcome, outcome.result))
+    else:
+        show_bracket(what, outcome)
+    return EXIT_CODES[outcome.verdict]
+
+
+@cli.command()
 @click.argument("source", metavar="PROBLEM_OR_DESIGN")
 @click.option("--until", type=float, help="End time.  [default: about ten dwell times]")
 @click.option(

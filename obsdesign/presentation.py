@@ -54,6 +54,24 @@ def show_check(found: Mapping[str, Any]) -> None:
     Console(highlight=False).print(table)
 
 
+def show_bracket(what: str, outcome: Outcome) -> None:
+    """The limit that was searched for, in sentences."""
+    result, name = outcome.result, what.replace("_", " ")
+    if result["proved"] is None:
+        print(f"{name}: nothing is proved ({outcome.verdict}).")
+        for claim in outcome.claims:
+            if claim.verdict != "proved":
+                print(f"  {claim.id}: {reason(claim)}")
+    else:
+        print(f"{name}: proved at {result['proved']!r}")
+    if result["not_proved"] is not None:
+        print(f"  {result['not_proved_verdict']} at {result['not_proved']!r}")
+    if result.get("reason"):
+        print(f"  {result['reason']}")
+    for low, high in result.get("islands", []):
+        print(f"  not one interval: constant dwell times in [{low:g}, {high:g}] contract as well")
+
+
 def show(outcome: Outcome) -> None:
     """Verdict and claims as a table on stdout."""
     from rich.console import Console

@@ -144,6 +144,12 @@ class Problem:
             )
         return measured
 
+    def with_dwell_time(self, low: float, high: float) -> Problem:
+        """The same problem for another range of dwell times."""
+        body = self.to_dict()
+        body["jump"]["dwell_time"] = jsonable([low, high])
+        return Problem.from_dict(body)
+
     def for_kind(self, kind: str) -> tuple[Problem, list[str]]:
         """The same plant for another kind, and the gains and options that were dropped."""
         asked, dropped = asked_of.for_kind(self.to_dict().get("observer", {}), kind)

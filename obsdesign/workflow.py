@@ -33,13 +33,14 @@ class Outcome:
     design: Design | None
 
 
-def _layer(layer: str, kind: str) -> Any:
+def layer(name: str, kind: str) -> Any:
+    """The module of a kind in a layer; InputError for a kind that this version cannot build."""
     if kind not in AVAILABLE:
         raise InputError(
             f"observer.kind = {kind!r} is not available in this version; "
             f"it can build {', '.join(AVAILABLE)}."
         )
-    return importlib.import_module(f"obsdesign.{layer}.{kind}")
+    return importlib.import_module(f"obsdesign.{name}.{kind}")
 
 
 def investigate(problem: Problem) -> Outcome:
@@ -49,7 +50,7 @@ def investigate(problem: Problem) -> Outcome:
     """
     started = time.perf_counter()
     kind = problem.require_kind()
-    synthesis, verification = _layer("synthesis", kind), _layer("verification", kind)
+    synthesis, verification = layer("synthesis", kind), layer("verification", kind)
     tried: list[tuple[str, str, Design]] = []
     for label, candidate, claims in _attempts(problem, synthesis, verification):
         verdict = overall(claim.verdict for claim in claims)
@@ -100,7 +101,7 @@ def reason(claim: Claim) -> str:
 def _document(
     problem: Problem, kind: str, candidate: Any, claims: tuple[Claim, ...], seconds: float
 ) -> Design:
-    verification = _layer("verification", kind)
+    verification = layer("verification", kind)
     return Design(
         name=problem.name,
         kind=kind,
@@ -154,7 +155,7 @@ def verify(design: Design, *, paranoid: bool = False) -> Outcome:
     paranoid: prove a second time by an independent method where there is one. Also checks that
     problem, gains, claims and guarantees of the document agree.
     """
-    verification = _layer("verification", design.kind)
+    verification = layer("verification", design.kind)
     try:
         problem = Problem.from_dict(design.problem)
         if problem.require_kind() != design.kind:

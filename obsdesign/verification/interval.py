@@ -60,13 +60,21 @@ def claims(
         return (*found, _hurwitz_claim(W, "there are no jumps"))
     H = jump_error_matrix(numbers["G"], numbers["M"], numbers["C"], gains["jump_measurement"])
     found.append(_split_claim("jump", form, H, numbers))
-    W, N = equations.width_pair(F, H, numbers)
+    W, N = dwell_pair(gains)
     low, high = (float(end) for end in gains["dwell_time"])
     if math.isinf(high):
         found.append(_hurwitz_claim(W, "there is no longest dwell time"))
     certificate = certificates.get("dwell_stability", {})
     found.append(_stability_claim(form, (W, N), (low, high), certificate, paranoid))
     return tuple(found)
+
+
+def dwell_pair(gains: Mapping[str, Any]) -> tuple[Any, Any]:
+    """(W, N), exact: the pair whose stability over a range of dwell times is claimed."""
+    numbers = {name: exact(gains[name]) for name in _MATRICES}
+    F = flow_error_matrix(numbers["A"], numbers["L"], numbers["C"])
+    H = jump_error_matrix(numbers["G"], numbers["M"], numbers["C"], gains["jump_measurement"])
+    return equations.width_pair(F, H, numbers)
 
 
 def _objection(problem: Problem) -> str | None:

@@ -55,7 +55,7 @@ def claims(
         if rate > 0:
             found.append(_hurwitz(shifted, "decay_rate", f"the rate {rate!r} was asked for", rate))
         return tuple(found)
-    H = jump_error_matrix(numbers["G"], numbers["M"], numbers["C"], gains["jump_measurement"])
+    H = dwell_pair(gains)[1]
     low, high = problem.require_dwell_time()
     if math.isinf(high):
         found.append(_hurwitz(F, "hurwitz", "there is no longest dwell time"))
@@ -63,6 +63,13 @@ def claims(
     if rate > 0:
         found.append(_decay(shifted, H, (low, high), rate, certificates, paranoid))
     return tuple(found)
+
+
+def dwell_pair(gains: Mapping[str, Any]) -> tuple[Any, Any]:
+    """(F, H), exact: the pair whose stability over a range of dwell times is claimed."""
+    A, C, G, L, M = (exact(gains[name]) for name in _MATRICES)
+    when = gains["jump_measurement"]
+    return flow_error_matrix(A, L, C), jump_error_matrix(G, M, C, when)
 
 
 def _objection(problem: Problem) -> str | None:

@@ -1,0 +1,81 @@
+"""Random families at 97 % of the critical gain, the obvious CVXPY script, and a stopwatch."""
+
+from __future__ import annotations
+
+import os
+import statistics
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "RAYON_NUM_THREADS"):
+    os.environ.setdefault(name, "1")
+
+import numpy as np  # noqa: E402
+
+from lmi.cutting_plane import propose  # noqa: E402
+
+LOW, HIGH = 0.1, 2.1
+SHARE = 0.97
+SEEDS = range(9)
+
+
+@dataclass(frozen=True)
+class Family:
+    """x -> e^{F theta} H x, theta in [LOW, HIGH]; a common P exists up to 1 / SHARE of this gain."""
+
+    F: np.ndarray
+    H: np.ndarray
+
+
+def families(n: int) -> Iterator[Family]:
+    for seed in SEEDS:
+        rng = np.random.default_rng(seed)
+        F = rng.standard_normal((n, n))
+        F -= (np.linalg.eigvals(F).real.max() + 0.5) * np.eye(n)
+        H = rng.standard_normal((n, n))
+        low, high = 0.0, 10.0 / np.linalg.norm(H, 2)
+        for _ in range(10):
+            gain = (low + high) / 2
+            if propose(F, gain * H, LOW, HIGH).P is not None:
+                low = gain
+            else:
+                high = gain
+        yield Family(F, SHARE * low * H)
+
+
+def cvxpy_script(F: np.ndarray, H: np.ndarray, low: float, high: float, points: int) -> Any:
+    """What people write: one constraint per grid point."""
+    import cvxpy as cp
+    from scipy.linalg import expm
+
+    n = len(F)
+    P = cp.Variable((n, n), symmetric=True)
+    constraints = [P >> np.eye(n)]
+    for theta in np.linspace(low, high, points):
+        M = expm(F * theta) @ H
+        constraints.append(P - M.T @ P @ M >> 1e-6 * np.eye(n))
+    problem = cp.Problem(cp.Minimize(0), constraints)
+    problem.solve(solver=cp.CLARABEL)
+    return P.value
+
+
+def seconds(call: Callable[[], Any], repeats: int = 1) -> tuple[float, Any]:
+    """Shortest of a few runs, and the last result."""
+    times = []
+    for _ in range(repeats):
+        start = time.perf_counter()
+        result = call()
+        times.append(time.perf_counter() - start)
+    return min(times), result
+
+
+def report(what: str, ours: list[float], theirs: list[float], floor: float) -> bool:
+    """One line: medians, the median of the ratios, and whether it is above the floor."""
+    ratio = statistics.median(b / a for a, b in zip(ours, theirs, strict=True))
+    verdict = "ok" if ratio >= floor else "BELOW THE FLOOR"
+    print(f"{what:42s} ours {statistics.median(ours) * 1e3:9.2f} ms   theirs "
+          f"{statistics.median(theirs) * 1e3:10.1f} ms   ratio {ratio:8.1f}   floor {floor:g}  {verdict}",
+          flush=True)  # fmt: skip
+    return ratio >= floor

@@ -1,0 +1,40 @@
+"""Proving P for all theta takes at most twice as long as finding it, n = 4..16, no open box."""
+
+from __future__ import annotations
+
+import statistics
+import sys
+
+from benchmarks.cases import HIGH, LOW, families, seconds
+from lmi.cutting_plane import propose
+from lmi.proof import prove_common
+
+SIZES = (4, 6, 8, 12, 16)
+MOST = 2.0
+
+
+def main() -> bool:
+    good = True
+    for n in SIZES:
+        finds, proofs, boxes, open_boxes = [], [], [], 0
+        for family in families(n):
+            find, proposal = seconds(lambda f=family: propose(f.F, f.H, LOW, HIGH), 3)
+            prove, verdict = seconds(
+                lambda f=family, P=proposal.P: prove_common(f.F, f.H, P, LOW, HIGH), 3
+            )
+            finds.append(find)
+            proofs.append(prove)
+            open_boxes += verdict.outcome != "proved"
+            boxes.append(verdict.evidence.get("boxes", 0))
+        ratio = statistics.median(p / f for p, f in zip(proofs, finds, strict=True))
+        passed = ratio <= MOST and not open_boxes
+        print(f"proof, n = {n:2d}: find {statistics.median(finds) * 1e3:8.2f} ms, proof "
+              f"{statistics.median(proofs) * 1e3:8.2f} ms, ratio {ratio:5.2f} (at most {MOST:g}), "
+              f"boxes {min(boxes)}-{max(boxes)}, families not proved {open_boxes}   "
+              f"{'ok' if passed else 'ABOVE THE CEILING'}", flush=True)  # fmt: skip
+        good &= passed
+    return good
+
+
+if __name__ == "__main__":
+    sys.exit(not main())

@@ -1,0 +1,132 @@
+"""Shortest and longest dwell time of an observer: a bracket, proved on one side.
+
+The searched end of `jump.dwell_time` is replaced; the other end and all that the file gives is
+kept, and gains that are missing are synthesised first. The proved end is claimed and proved like
+any design.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from lmi.dwell_search import ACCURACY, Bracket, longest_dwell, shortest_dwell
+from lmi.verdict import overall
+from obsdesign import workflow
+from obsdesign.document import Claim
+from obsdesign.errors import InputError
+from obsdesign.problem import Problem
+
+DWELL_SEARCHES = ("shortest_dwell", "longest_dwell")
+SEARCHES = (*DWELL_SEARCHES, "longest_period", "shortest_window")
+
+# claims about the range itself; all others must hold before a range is looked for
+_OF_THE_RANGE = ("dwell_stability", "decay_rate", "hurwitz")
+
+
+@dataclass(frozen=True)
+class _Try:
+    """One candidate with its bracket (None: its gains are refused whatever the range)."""
+
+    label: str
+    bracket: Bracket | None
+    claims: tuple[Claim, ...]
+    gains: Mapping[str, Any]
+
+    def reach(self, shortest: bool) -> float:
+        """How far the proved range reaches; larger is better."""
+        if self.bracket is None or self.bracket.proved is None:
+            return -math.inf
+        return -self.bracket.proved if shortest else self.bracket.proved
+
+
+def search(problem: Problem, what: str, accuracy: float = ACCURACY) -> workflow.Outcome:
+    """The bracket for `what`; accuracy is its relative width.
+
+    result: {"proved", "not_proved", "not_proved_verdict", "accuracy", "islands", "form", "gains"}.
+    Verdict: proved when the bracket is as tight as asked, undecided when it is wider, refuted when
+    no range is admissible. InputError when the kind has no such search.
+    """
+    kind = problem.require_kind()
+    if what not in SEARCHES:
+        raise InputError(f"--for must be one of {', '.join(SEARCHES)}; got {what!r}.")
+    if what not in DWELL_SEARCHES or kind not in ("interval", "luenberger"):
+        raise InputError(f"--for {what} is not available for kind {kind!r} in this version.")
+    if not (math.isfinite(accuracy) and 1e-12 <= accuracy < 1):
+        raise InputError(f"--accuracy must be a number from 1e-12 to 1; got {accuracy!r}.")
+    problem.require_dwell_time()
+    shortest = what == "shortest_dwell"
+    tried = [_bracket(problem, candidate, shortest, accuracy) for candidate in _candidates(problem)]
+    best = max(tried, key=lambda one: one.reach(shortest))
+    return _outcome(problem, kind, best, shortest, accuracy)
+
+
+def _candidates(problem: Problem) -> list[Any]:
+    """What the problem gives or leaves to be found; of gains that were searched for, the proved."""
+    synthesis = workflow.layer("synthesis", problem.require_kind())
+    found = list(synthesis.synthesize(problem))
+    proved = [c for c in found if "P" in c.certificates.get("dwell_stability", {})]
+    return (proved or found)[:1] if found[0].searched else found
+
+
+def _bracket(problem: Problem, candidate: Any, shortest: bool, accuracy: float) -> _Try:
+    verification = workflow.layer("verification", problem.require_kind())
+    claims = verification.claims(problem, candidate.gains, {})
+    if any(c.verdict != "proved" for c in claims if c.id not in _OF_THE_RANGE):
+        return _Try(candidate.label, None, claims, candidate.gains)
+    low, high = problem.require_dwell_time()
+    F, H = verification.dwell_pair(candidate.gains)
+    if shortest:
+        bracket = shortest_dwell(F, H, high, accuracy=accuracy)
+    else:
+        bracket = longest_dwell(F, H, low, accuracy=accuracy)
+    return _Try(candidate.label, bracket, claims, candidate.gains)
+
+
+def _outcome(
+    problem: Problem, kind: str, best: _Try, shortest: bool, accuracy: float
+) -> workflow.Outcome:
+    bracket = best.bracket
+    result: dict[str, Any] = {"proved": None, "not_proved": None, "not_proved_verdict": None}
+    if bracket is None:
+        verdict = overall(claim.verdict for claim in best.claims)
+        return workflow.Outcome(verdict, kind, best.claims, result | {"form": best.label}, None)
+    result |= {
+        "proved": bracket.proved,
+        "not_proved": bracket.not_proved,
+        "not_proved_verdict": bracket.verdict,
+        "accuracy": accuracy,
+        "islands": [list(island) for island in bracket.islands],
+        "reason": _reason(bracket),
+        "form": best.label,
+        "gains": {name: best.gains[name] for name in ("L", "M")},
+    }
+    if bracket.proved is None:
+        return workflow.Outcome(bracket.verdict or "undecided", kind, best.claims, result, None)
+    low, high = problem.require_dwell_time()
+    ends = (bracket.proved, high) if shortest else (low, bracket.proved)
+    narrowed = problem.with_dwell_time(*ends)
+    gains = {**best.gains, "dwell_time": list(ends)}
+    verification = workflow.layer("verification", kind)
+    claims = verification.claims(narrowed, gains, {"dwell_stability": bracket.certificate})
+    proved = overall(c.verdict for c in claims if c.id != "decay_rate") == "proved"
+    verdict = "proved" if proved and _tight(bracket, accuracy) else "undecided"
+    return workflow.Outcome(verdict, kind, claims, result, None)
+
+
+def _tight(bracket: Bracket, accuracy: float) -> bool:
+    if bracket.proved is None or bracket.not_proved is None:
+        return bracket.proved is not None
+    if math.isinf(bracket.not_proved):
+        return False  # every finite end may hold: no bracket around infinity is tight
+    width = abs(bracket.proved - bracket.not_proved)
+    return width <= accuracy * max(abs(bracket.proved), abs(bracket.not_proved)) * (1 + 1e-9)
+
+
+def _reason(bracket: Bracket) -> str | None:
+    """Why the other side is not proved."""
+    witness = bracket.obstacle.get("witness", {})
+    text = bracket.obstacle.get("reason") or witness.get("reason")
+    return None if text is None else str(text)
