@@ -1,0 +1,73 @@
+"""Documents name only what exists, and every command is documented."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from obsdesign.cli import cli
+from obsdesign.kinds import KINDS, OPTIONS
+from obsdesign.runtime.load import OBSERVERS
+from obsdesign.workflow import AVAILABLE
+
+ROOT = Path(__file__).parent.parent
+PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])
+
+
+def test_every_test_named_in_the_papers_page_exists() -> None:
+    page = (ROOT / "docs" / "papers.md").read_text("utf-8")
+    tests = "\n".join(path.read_text("utf-8") for path in (ROOT / "tests").rglob("*.py"))
+    names = re.findall(r"`(test_\w+)(\*?)`", page)
+    assert len(names) > 10
+    for name, star in names:
+        ending = r"\w+" if star else r"\("
+        assert re.search(rf"def {name}{ending}", tests), name
+    for path in re.findall(r"`((?:tests/|test_)[\w/]+\.py)`", page):
+        assert list((ROOT / "tests").rglob(Path(path).name)), path
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
+def test_links_lead_somewhere(page: Path) -> None:
+    for target in re.findall(r"\]\(([^)#:]+)\)", page.read_text("utf-8")):
+        assert (page.parent / target).exists(), target
+
+
+def test_every_module_is_on_the_map() -> None:
+    page = (ROOT / "ARCHITECTURE.md").read_text("utf-8")
+    assert len(page.splitlines()) <= 150
+    for package in ("lmi", "obsdesign"):
+        for path in (ROOT / package).glob("*.py"):
+            if path.name != "__init__.py":
+                assert path.name in page, f"{package}/{path.name} is not in ARCHITECTURE.md"
+
+
+def test_every_command_has_help_and_is_documented() -> None:
+    words = "\n".join(page.read_text("utf-8") for page in PAGES)
+    for name, command in cli.commands.items():
+        assert command.help, name
+        assert re.search(rf"`(obsdesign )?{name}\b", words), name
+        for option in command.params:
+            if option.param_type_name == "option" and option.name != "version":
+                assert getattr(option, "help", None) or option.name in ("seed",), (
+                    name,
+                    option.name,
+                )
+
+
+def test_a_kind_is_in_every_layer_or_in_none() -> None:
+    assert set(AVAILABLE) == set(OBSERVERS) <= set(KINDS) == set(OPTIONS)
+    for layer in ("equations", "synthesis", "verification", "runtime"):
+        there = {path.stem for path in (ROOT / "obsdesign" / layer).glob("*.py")} & set(KINDS)
+        assert there == set(AVAILABLE), layer
+    for kind in AVAILABLE:
+        assert (ROOT / "docs" / f"{kind}.md").exists()
+
+
+def test_nothing_speaks_of_how_it_was_made() -> None:
+    forbidden = re.compile(r"/work/|\.\./shared|\bCEO\b")
+    for path in [*PAGES, *ROOT.rglob("*.py"), *ROOT.glob("examples/*")]:
+        if path.name == "test_docs.py" or ".venv" in path.parts:
+            continue
+        assert not forbidden.search(path.read_text("utf-8")), path
