@@ -164,18 +164,23 @@ def scalar(value: Any) -> Any:
     return arb(value)
 
 
-def stacked(matrices: list[Any]) -> Any:
-    """One ball matrix whose rows are the entries of the given ones."""
-    entries = [x for matrix in matrices for x in matrix.entries()]
-    return arb_mat(len(matrices), len(entries) // len(matrices), entries)
+def lower_entries(S: Any) -> list[Any]:
+    """Entries of the lower triangle of a square ball matrix, row by row."""
+    return [x for i, row in enumerate(S.tolist()) for x in row[: i + 1]]
+
+
+def combinations(weights: Any, matrices: list[Any]) -> list[list[Any]]:
+    """sum_j w_ij S_j for each row i of the weights; symmetric matrices, as lower_entries."""
+    entries = [x for S in matrices for x in lower_entries(S)]
+    stacked = arb_mat(len(matrices), len(entries) // len(matrices), entries)
+    return [list(row) for row in (weights * stacked).tolist()]
 
 
 def certify_pivots(rows: list[list[Any]]) -> bool:
-    """`certify_positive_definite` for a nested list, which it consumes."""
+    """`certify_positive_definite` for rows of the lower triangle, which it consumes."""
     n = len(rows)
     for k in range(n):
-        pivot_row = rows[k]
-        pivot = pivot_row[k]
+        pivot = rows[k][k]
         if not pivot > 0:
             return False
         for i in range(k + 1, n):

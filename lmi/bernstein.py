@@ -17,11 +17,12 @@ from typing import Any
 from lmi.balls import (
     ball,
     certify_pivots,
+    combinations,
     exact,
+    lower_entries,
     norm_bound,
     rational,
     scalar,
-    stacked,
     to_float,
 )
 
@@ -30,8 +31,8 @@ DEGREE = 8
 # cost more of them.
 _REACH = 2.0
 _POWERS = 2 * DEGREE + 2
-# successes in a row after which a wider box is tried again
-_PATIENCE = 3
+# boxes are made so wide that the remainder takes this share of gamma^2
+_SHARE = 0.01
 # failures in a row after which the balls are too wide, or the margin too small
 _HALVINGS = 24
 
@@ -99,6 +100,21 @@ class _Series:
         kept = sum(w[i] * w[j] for i in range(DEGREE + 1) for j in range(DEGREE + 1 - i))
         return total * total - kept
 
+    def fitting(self, flow_norm: Any, width: float, wanted: float) -> float:
+        """A width, at most twice the given one, whose remainder is near `wanted`; floats."""
+        sizes = [float(norm) * float(flow_norm) for norm in self.norms]
+        orders = range(DEGREE + 1)
+        for _ in range(8):
+            w = [size * width**k for k, size in enumerate(sizes)]
+            kept = sum(w[i] * w[j] for i in orders for j in range(DEGREE + 1 - i))
+            found = sum(w) ** 2 - kept
+            if not found > 0:
+                return 2 * width
+            width *= min(2.0, (wanted / found) ** (1 / (DEGREE + 1)))
+            if 0.5 * wanted < found < 2 * wanted:
+                break
+        return width
+
 
 def prove_range(family: Normalised, low: float, high: float, limit: int, tail: Any) -> Boxes:
     """Boxes over [low, high], or from low until `tail` takes over (high infinite).
@@ -108,29 +124,27 @@ def prove_range(family: Normalised, low: float, high: float, limit: int, tail: A
     """
     series = _Series.of(family)
     here, end = rational(low), None if math.isinf(high) else rational(high)
-    width = rational(_first_width(series, high - low))
-    smallest, since_failure, halvings, E = math.inf, 0, 0, None
+    width, share = _first_width(series, high - low), _SHARE
+    smallest, halvings, E = math.inf, 0, flow(family, here)
     for count in range(1, limit + 1):
-        if E is None:
-            E = flow(family, here)
         if tail is not None and not halvings and certify(family, E.transpose() * tail * E):
             return Boxes(count - 1, smallest, tail_from=_nearest(here))
-        if end is not None and here + width >= end:
-            width = end - here
-        if _box(family, series, E, width):
-            smallest, halvings = min(smallest, _nearest(width)), 0
-            here, E = here + width, None
-            if end is not None and here >= end:
+        size = norm_bound(E)
+        width = series.fitting(size, width, share * family.gamma**2)
+        following = here + rational(width)
+        if end is not None and following >= end:
+            following = end
+        if _box(family, series, E, size, following - here):
+            smallest, halvings, share = min(smallest, width), 0, min(_SHARE, 4 * share)
+            if end is not None and following >= end:
                 return Boxes(count, smallest)
-            since_failure += 1
-            if since_failure > _PATIENCE:
-                width, since_failure = 2 * width, 0
+            here, E = following, flow(family, following)
             continue
-        middle_E = flow(family, here + width / 2)
-        N = family.left * middle_E
-        if width == 0 or halvings == _HALVINGS or not certify(family, N.transpose() * N):
-            return Boxes(count, smallest, failed=_nearest(here + width / 2))
-        width, since_failure, halvings = width / 2, 0, halvings + 1
+        N = family.left * flow(family, (here + following) / 2)
+        settled = halvings < _HALVINGS and following > here
+        if not settled or not certify(family, N.transpose() * N):
+            return Boxes(count, smallest, failed=_nearest((here + following) / 2))
+        width, share, halvings = _nearest(following - here) / 2, share / 30, halvings + 1
     return Boxes(limit, smallest, failed=_nearest(here))
 
 
@@ -141,33 +155,32 @@ def flow(family: Normalised, theta: Any) -> Any:
 
 def certify(family: Normalised, S: Any) -> bool:
     """True only if S < gamma^2 I."""
-    return _below(family, [S.entries()], scalar(0))
+    return _below(family, [lower_entries(S)], scalar(0))
 
 
 def _below(family: Normalised, matrices: list[list[Any]], remainder: Any) -> bool:
-    """True only if every matrix, given by its entries, plus remainder I is below gamma^2 I."""
+    """True only if every matrix, by its lower entries, plus remainder I is below gamma^2 I."""
     n = family.size
     bound = scalar(rational(family.gamma)) ** 2 - remainder
     if not bound > 0:
         return False
     for entries in matrices:
-        rows = [[-x for x in entries[i * n : (i + 1) * n]] for i in range(n)]
-        for i in range(n):
-            rows[i][i] += bound
+        rows = [[-x for x in entries[i * (i + 1) // 2 : (i + 1) * (i + 2) // 2]] for i in range(n)]
+        for row in rows:
+            row[-1] += bound
         if not certify_pivots(rows):
             return False
     return True
 
 
-def _box(family: Normalised, series: _Series, E: Any, width: Any) -> bool:
+def _box(family: Normalised, series: _Series, E: Any, size: Any, width: Any) -> bool:
     """True only if N'N < gamma^2 I on the whole box of this width from where E was taken."""
     h = scalar(width)
-    remainder = series.remainder(norm_bound(E), h)
+    remainder = series.remainder(size, h)
     if remainder is None or not remainder < scalar(rational(family.gamma)) ** 2:
         return False
     C = [power * E * h**k for k, power in enumerate(series.powers)]
-    coefficients = series.to_bernstein * stacked(_coefficients(C))
-    return _below(family, coefficients.tolist(), remainder)
+    return _below(family, combinations(series.to_bernstein, _coefficients(C)), remainder)
 
 
 def _coefficients(C: list[Any]) -> list[Any]:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lmi.families import FEWEST, Edge, moved, slack_in, worst
+from lmi.families import FEWEST, Edge, balance, moved, slack_in, worst
 from lmi.semidefinite import FLOOR, Block, Solution, common_matrices
 
 Matrix = NDArray[Any]
@@ -28,6 +28,8 @@ _ENOUGH = 0.3
 _QUICK, _EXACT, _CLEAR = 1e-5, 1e-9, 100.0
 # With large P a round costs more than a block: these shares of the range join the first round
 _LARGE, _SPREAD = 6, (0.1, 0.35)
+# Below this margin the least slack is sought between grid points too, near this many of them
+_NARROW, _LOOKED, _ZOOMS = 0.005, 3, 2
 # Beyond this condition number of the coordinates floats have nothing left to say
 _LARGEST_CONDITION = 1e7
 
@@ -85,7 +87,7 @@ class _Search:
 
     def run(self, seeds: list[float], start: Matrix | None) -> Proposal:
         """Rounds of the cutting-plane method, each in the coordinates of the last P."""
-        L = np.eye(len(self.edge.F)) if start is None else np.linalg.cholesky(start)
+        L = np.diag(balance(self.maps)) if start is None else np.linalg.cholesky(start)
         active, maps = self._first(L, seeds)
         best = Proposal(None, tuple(active), -math.inf, active[0])
         tolerance = _QUICK
@@ -111,8 +113,8 @@ class _Search:
             best = replace(best, optimum=solution.margin)
             if not more:
                 return best
-            active = [*active, *(float(self.thetas[k]) for k in more)]
-            maps = np.concatenate([maps, self.maps[more]])
+            active = [*active, *more]
+            maps = np.concatenate([maps, self.edge.maps(more)])
         return best
 
     def _first(self, L: Matrix, seeds: list[float]) -> tuple[list[float], Matrix]:
@@ -134,20 +136,39 @@ class _Search:
 
     def _judge(
         self, L: Matrix, active: list[float], maps: Matrix, best: Proposal
-    ) -> tuple[Proposal, list[int]]:
-        """The better of this P and the best so far, and grid points to add (none: good enough)."""
+    ) -> tuple[Proposal, list[float]]:
+        """The better of this P and the best so far, and the theta to add (none: good enough)."""
         both = slack_in(L, np.concatenate([self.maps, maps]), L)
         slacks, goal = both[: len(self.maps)], float(both[len(self.maps) :].min())
         k = int(np.argmin(slacks))
         least, theta = float(slacks[k]), float(self.thetas[k])
+        between = self._between(L, slacks) if 0 < least < _NARROW else None
+        if between is not None and between[1] < least:
+            theta, least = between
         if least > 0 and least >= best.margin:
             best = Proposal(L @ L.T, tuple(active), least, theta)
         elif best.P is None:
             best = Proposal(None, tuple(active), least, theta)
         if least > 0 and least >= _ENOUGH * goal:
             return best, []
+        if between is not None:
+            return best, [theta] if theta not in active else []
         more = worst(self.thetas, slacks, _ENOUGH * max(goal, 0.0))[:_ADDED]
-        return best, [j for j in more if self.thetas[j] not in active]
+        return best, [float(self.thetas[j]) for j in more if self.thetas[j] not in active]
+
+    def _between(self, L: Matrix, slacks: Matrix) -> tuple[float, float]:
+        """Least slack near the lowest points of the grid: narrow margins hide between points."""
+        found, last = (float(self.thetas[0]), math.inf), len(self.thetas) - 1
+        for k in worst(self.thetas, slacks, math.inf)[:_LOOKED]:
+            left, right = self.thetas[max(k - 1, 0)], self.thetas[min(k + 1, last)]
+            for _ in range(_ZOOMS):
+                points = np.linspace(left, right, 9)
+                values = slack_in(L, self.edge.maps(points), L)
+                j = int(np.argmin(values))
+                left, right = points[max(j - 1, 0)], points[min(j + 1, 8)]
+                if values[j] < found[1]:
+                    found = float(points[j]), float(values[j])
+        return found
 
     def _none(self, active: list[float], solution: Solution, L: Matrix, best: Proposal) -> Proposal:
         if best.P is not None:

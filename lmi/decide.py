@@ -35,6 +35,8 @@ def decide(F: ArrayLike, H: ArrayLike, low: float, high: float) -> Verdict:
     be Hurwitz (otherwise refuted with the mode). Undecided evidence holds the largest growth seen,
     and "no_common_P" when a checked certificate excludes a common P, which is not instability.
     """
+    if not 0 <= low <= high:
+        raise ValueError(f"0 <= low <= high is required; got [{low}, {high}]")
     F_exact, H_exact = exact(F), exact(H)
     if math.isinf(high):
         flow = prove_hurwitz(F_exact)
@@ -43,7 +45,7 @@ def decide(F: ArrayLike, H: ArrayLike, low: float, high: float) -> Verdict:
     attempt, proposal = find_and_prove(F_exact, H_exact, low, high)
     if attempt.outcome == "proved":
         return attempt
-    counter = refute_spectral(F_exact, H_exact, low, high)
+    counter = refute_spectral(F_exact, H_exact, low, high, proposal.thetas)
     if counter.outcome == "refuted":
         return counter
     return refute_sequences(F_exact, H_exact, low, high, proposal, attempt)

@@ -26,6 +26,7 @@ from lmi.balls import (
     fixed_vector,
     identity,
     middle,
+    number,
     precision,
     to_float,
 )
@@ -39,15 +40,17 @@ Matrix = NDArray[np.float64]
 _TRIED = 6
 
 
-def refute_spectral(F: ArrayLike, H: ArrayLike, low: float, high: float) -> Verdict:
+def refute_spectral(
+    F: ArrayLike, H: ArrayLike, low: float, high: float, seeds: Sequence[float] = ()
+) -> Verdict:
     """Refuted when some theta in [low, high] has spectral radius >= 1; otherwise undecided.
 
     F, H: (n, n) floats or exact rationals. The witness holds theta (a float, taken exactly), the
-    radius (float, for reading) and the method of proof.
+    radius (float, for reading) and the method of proof. seeds: theta to look at besides the scan's.
     """
     F_exact, H_exact = exact(F), exact(H)
     if (still := _fixed(F_exact, H_exact)) is not None:
-        reason = "M(theta) has the eigenvalue 1 for every theta: a state that never decays"
+        reason = "M(theta) has an eigenvalue 1 or -1 for every theta: a state that never decays"
         return refuted({"theta": float(low), "spectral_radius": 1.0, "vector": still,
                         "reason": reason, "method": "exact invariant vector"})  # fmt: skip
     if low == 0 and not exactly_schur(H_exact):
@@ -55,7 +58,7 @@ def refute_spectral(F: ArrayLike, H: ArrayLike, low: float, high: float) -> Verd
         reason = f"at dwell time 0 the jump alone has spectral radius {max(radius, 1.0):.9g} >= 1"
         return refuted({"theta": 0.0, "spectral_radius": max(radius, 1.0), "reason": reason,
                         "method": "exact Schur test"})  # fmt: skip
-    candidates = _worst_thetas(to_float(F_exact), to_float(H_exact), low, high)
+    candidates = _worst_thetas(to_float(F_exact), to_float(H_exact), low, high, seeds)
     for theta, radius in candidates:
         if radius < 1:
             break
@@ -75,12 +78,15 @@ def refute_spectral(F: ArrayLike, H: ArrayLike, low: float, high: float) -> Verd
 
 
 def _fixed(F: Exact, H: Exact) -> list[float] | None:
-    """v with F v = 0 and H v = v, or a row vector with the same, exactly."""
+    """v with F v = 0 and H v = v or -v, or a row vector with the same, exactly."""
     unit = exact(np.eye(len(H)))
-    return fixed_vector([F, H - unit]) or fixed_vector([F.T, H.T - unit])
+    pairs = ((F, H - unit), (F.T, H.T - unit), (F, H + unit), (F.T, H.T + unit))
+    return next((v for pair in pairs if (v := fixed_vector([*pair]))), None)
 
 
-def _worst_thetas(F: Matrix, H: Matrix, low: float, high: float) -> list[tuple[float, float]]:
+def _worst_thetas(
+    F: Matrix, H: Matrix, low: float, high: float, seeds: Sequence[float]
+) -> list[tuple[float, float]]:
     """Dwell times with the largest spectral radii, in falling order: ends and refined maxima."""
     with np.errstate(all="ignore"):
         edge = Edge(F, H, low, high)
@@ -90,6 +96,7 @@ def _worst_thetas(F: Matrix, H: Matrix, low: float, high: float) -> list[tuple[f
         inner = np.flatnonzero((radii[1:-1] >= radii[:-2]) & (radii[1:-1] >= radii[2:])) + 1
         best = sorted(inner, key=lambda k: -radii[k])[:_TRIED]
         found = [(low, float(_radii(expm(F * low) @ H))), (last, float(_radii(expm(F * last) @ H)))]
+        found += [(s, float(_radii(expm(F * s) @ H))) for s in seeds if low <= s <= high]
         for k in best:
             found.append(_refined(F, H, float(thetas[k - 1]), float(thetas[k + 1])))
     finite = [(theta, radius) for theta, radius in found if math.isfinite(radius)]
@@ -158,10 +165,13 @@ def _certify(F: Exact, H: Exact, *thetas: float) -> str | None:
 
 
 def _stein(M: Any, approx: Matrix) -> str | None:
-    """Q of M'QM - Q = I: x'Qx grows strictly, and is positive somewhere."""
+    """Q of M'QM - r^2 Q = I with 1 <= r < rho(M): x'Qx grows strictly, and is positive somewhere."""
     n = len(approx)
+    r = (1 + max(float(_radii(approx)), 1.0)) / 2
     try:
-        Q = np.linalg.solve(np.kron(approx.T, approx.T) - np.eye(n * n), np.eye(n).reshape(-1))
+        Q = np.linalg.solve(
+            np.kron(approx.T, approx.T) - r * r * np.eye(n * n), np.eye(n).reshape(-1)
+        )
     except np.linalg.LinAlgError:
         return None
     Q = (Q.reshape(n, n) + Q.reshape(n, n).T) / 2
@@ -169,6 +179,7 @@ def _stein(M: Any, approx: Matrix) -> str | None:
         return None
     y = np.linalg.eigh(Q)[1][:, -1:]
     Q_ball, y_ball = ball(exact(Q)), ball(exact(y))
-    grows = certify_positive_definite(M.transpose() * Q_ball * M - Q_ball)
+    growth = number(r) * number(r)
+    grows = certify_positive_definite(M.transpose() * Q_ball * M - growth * Q_ball)
     positive = certify_positive_definite(y_ball.transpose() * Q_ball * y_ball)
     return "Stein inequality: x'Qx grows along a solution" if grows and positive else None

@@ -23,7 +23,7 @@ DWELL_SEARCHES = ("shortest_dwell", "longest_dwell")
 SEARCHES = (*DWELL_SEARCHES, "longest_period", "shortest_window")
 
 # claims about the range itself; all others must hold before a range is looked for
-_OF_THE_RANGE = ("dwell_stability", "decay_rate", "hurwitz")
+_OF_THE_RANGE = ("dwell_stability", "decay_rate", "hurwitz", "rates")
 
 
 @dataclass(frozen=True)

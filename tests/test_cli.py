@@ -329,7 +329,11 @@ def _no_dwell(body: dict[str, Any]) -> None:
     del body["problem"]["jump"]["dwell_time"]
 
 
-LIES = [_less, _gain, _split, _drop, _certificate, _promise, _range, _twice, _unknown_input,
+def _rate(body: dict[str, Any]) -> None:
+    next(c for c in body["claims"] if c["id"] == "rates")["evidence"]["in_time"] = 0.5
+
+
+LIES = [_rate, _less, _gain, _split, _drop, _certificate, _promise, _range, _twice, _unknown_input,
         _periodic, _other_name, _coordinates, _lost]  # fmt: skip
 
 MALFORMED = {

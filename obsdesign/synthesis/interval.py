@@ -9,12 +9,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from lmi.decide import decide
 from obsdesign.equations import interval as equations
 from obsdesign.equations.estimation_error import flow_error_matrix, jump_error_matrix, plant_data
 from obsdesign.errors import InputError
 from obsdesign.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
+from obsdesign.synthesis.dwell import dwell_certificates
 from obsdesign.synthesis.given_gains import given_gain, refuse_unusable
 
 
@@ -87,5 +87,4 @@ def _candidate(
         Gp, Gn = _own_split(given, "Gp", "Gn", H, equations.nonnegative_split)
     gains |= {"Gp": Gp, "Gn": Gn}
     W, N = equations.width_pair(F, H, gains)
-    verdict = decide(W, N, *gains["dwell_time"])
-    return Candidate(form, gains, {"dwell_stability": verdict.evidence})
+    return Candidate(form, gains, dwell_certificates(W, N, *gains["dwell_time"]))

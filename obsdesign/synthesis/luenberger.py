@@ -27,6 +27,7 @@ from obsdesign.errors import InputError
 from obsdesign.problem import Problem
 from obsdesign.structure import hidden_growth
 from obsdesign.synthesis.candidate import Candidate
+from obsdesign.synthesis.dwell import dwell_certificates
 from obsdesign.synthesis.given_gains import given_gain, refuse_unusable
 from obsdesign.synthesis.placement import placed_gain, riccati_gain
 
@@ -109,9 +110,11 @@ def _certificates(problem: Problem, F: Any, M: Any, rate: float) -> dict[str, An
     plant = problem.plant
     if plant.jump is None:
         return {}
-    when = plant.output.jump_measurement
-    H = jump_error_matrix(plant.jump.G, M, plant.output.C, when)
-    verdict = decide(F + rate * np.eye(plant.n), H, *problem.require_dwell_time())
-    if "P" not in verdict.evidence and rate > 0:
-        verdict = decide(F, H, *problem.require_dwell_time())
-    return {"dwell_stability": verdict.evidence, "decay_rate": verdict.evidence}
+    ends = problem.require_dwell_time()
+    H = jump_error_matrix(plant.jump.G, M, plant.output.C, plant.output.jump_measurement)
+    if rate == 0:
+        return dwell_certificates(F, H, *ends)
+    asked = decide(F + rate * np.eye(plant.n), H, *ends).evidence
+    if "P" not in asked:
+        return dwell_certificates(F, H, *ends) | {"decay_rate": asked}
+    return {"dwell_stability": asked, "decay_rate": asked}

@@ -10,8 +10,10 @@ import numpy as np
 
 from lmi.infeasible import prove_no_common
 from lmi.proof import prove_common
+from lmi.rates import Rates, prove_rates
 from lmi.spectral import refute_spectral, refute_word
 from lmi.verdict import Verdict, undecided
+from obsdesign.document import Claim
 from obsdesign.problem import Problem
 
 
@@ -61,6 +63,40 @@ def dwell_stability(
     seen = {**counter.evidence, **attempt.evidence}
     # overflow leaves NaN where a number was looked for: it tells nothing
     return Verdict("undecided", {key: value for key, value in seen.items() if value == value})
+
+
+def rates_claim(
+    F: Any, H: Any, ends: tuple[float, float], certificates: Mapping[str, Any], source: str
+) -> tuple[Claim, ...]:
+    """The decay per jump and in time that a finder proposes, for the P of the stability claim.
+
+    No claim where nothing was proposed: a rate is extra, stability does not hang on it.
+    """
+    proposed = certificates.get("rates", {})
+    P = _matrix(certificates.get("dwell_stability", {}).get("P"), len(F))
+    if P is None or not all(isinstance(proposed.get(n), float) for n in ("per_jump", "in_time")):
+        return ()
+    rates = Rates(proposed["per_jump"], proposed["in_time"])
+    verdict = prove_rates(F, H, P, *ends, rates)
+    statement = (
+        "in the norm of the P of dwell_stability, e^(F T) H shrinks every vector by the factor "
+        "per_jump, and by e^(-in_time T), for all dwell times T in the range"
+    )
+    return (Claim("rates", statement, source, verdict.outcome, verdict.evidence),)
+
+
+def rates_sentence(found: tuple[Claim, ...], what: str) -> list[tuple[str, list[str]]]:
+    """The guarantee that a proved rates claim gives, and the claims behind it."""
+    for claim in found:
+        if claim.id == "rates" and claim.verdict == "proved":
+            per_jump, in_time = claim.evidence["per_jump"], claim.evidence["in_time"]
+            text = (
+                f"Without disturbance and noise, {what} just before a jump shrinks, in a fixed "
+                f"norm, to at most {per_jump:.6g} of itself at the next one, and like "
+                f"e^(-{in_time:.6g} t) from jump to jump."
+            )
+            return [(text, ["dwell_stability", "rates"])]
+    return []
 
 
 def _proof(F: Any, H: Any, low: float, high: float, values: Any, paranoid: bool) -> Verdict:

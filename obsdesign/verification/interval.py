@@ -26,7 +26,13 @@ from obsdesign.equations.estimation_error import (
 )
 from obsdesign.problem import Problem
 from obsdesign.verification.consistency import consistency
-from obsdesign.verification.dwell import dwell_stability, range_text, unusable
+from obsdesign.verification.dwell import (
+    dwell_stability,
+    range_text,
+    rates_claim,
+    rates_sentence,
+    unusable,
+)
 
 PAPER = "Degue, Efimov, Richard, NOLCOS 2016"
 _MATRICES = ("A", "C", "G", "L", "M", "D0", "D1", "Gp", "Gn")
@@ -66,6 +72,7 @@ def claims(
         found.append(_hurwitz_claim(W, "there is no longest dwell time"))
     certificate = certificates.get("dwell_stability", {})
     found.append(_stability_claim(form, (W, N), (low, high), certificate, paranoid))
+    found += rates_claim(W, N, (low, high), certificates, f"{PAPER}, {THEOREMS[form]}")
     return tuple(found)
 
 
@@ -122,6 +129,8 @@ def guarantees(problem: Problem, found: tuple[Claim, ...]) -> tuple[dict[str, An
         (enclosure, _all(verdicts, enclosing), enclosing),
         (width, _all(verdicts, enclosing + bounded), enclosing + bounded),
     ]
+    for text, ids in rates_sentence(found, "the width"):
+        told.append((f"{measured}: {text}", _all(verdicts, ids), ids))
     if not at_jumps:
         sampled = (
             "A bounded width for samples at a given spacing is not claimed: the spacing must be "

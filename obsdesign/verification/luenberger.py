@@ -25,7 +25,13 @@ from obsdesign.equations.estimation_error import (
 )
 from obsdesign.problem import Problem
 from obsdesign.verification.consistency import consistency
-from obsdesign.verification.dwell import dwell_stability, range_text, unusable
+from obsdesign.verification.dwell import (
+    dwell_stability,
+    range_text,
+    rates_claim,
+    rates_sentence,
+    unusable,
+)
 
 PAPER = "Briat, Automatica 49 (2013), Theorem 3"
 _MATRICES = ("A", "C", "G", "L", "M")
@@ -60,6 +66,7 @@ def claims(
     if math.isinf(high):
         found.append(_hurwitz(F, "hurwitz", "there is no longest dwell time"))
     found.append(_stability(F, H, (low, high), certificates, paranoid))
+    found += rates_claim(F, H, (low, high), certificates, PAPER)
     if rate > 0:
         found.append(_decay(shifted, H, (low, high), rate, certificates, paranoid))
     return tuple(found)
@@ -134,7 +141,7 @@ def guarantees(problem: Problem, found: tuple[Claim, ...]) -> tuple[dict[str, An
     """The sentences a user may rely on, and those that were asked for and not proved."""
     plant = problem.plant
     verdicts = {claim.id: claim.verdict for claim in found}
-    needed = [name for name in verdicts if name != "decay_rate"]
+    needed = [name for name in verdicts if name not in ("decay_rate", "rates")]
     ends = "" if plant.jump is None else range_text(*problem.require_dwell_time())
     when = f" for every sequence of dwell times in {ends}" if ends else ""
     at_jumps = plant.output.measured == "at_jumps"
@@ -150,6 +157,7 @@ def guarantees(problem: Problem, found: tuple[Claim, ...]) -> tuple[dict[str, An
     if "decay_rate" in verdicts:
         rate = float(problem.options["decay_rate"])
         told.append((f"The error decays like e^(-{rate!r} t){when}.", [*needed, "decay_rate"]))
+    told += [(f"{measured}: {text}", ids) for text, ids in rates_sentence(found, "the error")]
     result = [
         {"statement": text, "given": all(verdicts[i] == "proved" for i in ids), "claims": ids}
         for text, ids in told

@@ -72,6 +72,7 @@ def test_example_41_hypotheses() -> None:
         "jump_positive": "proved",
         "hurwitz": "proved",
         "dwell_stability": "proved",
+        "rates": "proved",
     }
 
 

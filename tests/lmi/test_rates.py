@@ -1,0 +1,52 @@
+"""Decay rates that are proved hold along every sequence; better ones than a constant dwell time
+allows are never proved."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from lmi.decide import decide
+from lmi.exponential import expm
+from lmi.rates import Rates, propose_rates, prove_rates
+
+ROUNDING = 1e-9  # floats against a proof in exact arithmetic
+
+
+@settings(max_examples=25, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), n=st.integers(1, 4), endless=st.booleans())
+def test_proved_rates_hold_and_better_ones_are_not_proved(seed: int, n: int, endless: bool) -> None:
+    rng = np.random.default_rng(seed)
+    F, H = rng.standard_normal((2, n, n))
+    F -= (np.linalg.eigvals(F).real.max() + 0.3) * np.eye(n)
+    thetas = np.linspace(0.2, 3.0, 150)
+    H *= 0.6 / np.abs(np.linalg.eigvals(expm(F * thetas[:, None, None]) @ H)).max()
+    high = math.inf if endless else 3.0
+    verdict = decide(F, H, 0.2, high)
+    if verdict.outcome != "proved":
+        return
+    P = np.array(verdict.evidence["P"])
+    rates = propose_rates(F, H, P, 0.2, high)
+    assert rates is not None
+    L = np.linalg.cholesky(P)
+    maps = expm(F * thetas[:, None, None]) @ H
+    norms = np.linalg.norm(L.T @ maps @ np.linalg.inv(L.T), ord=2, axis=(1, 2))
+    assert np.all(norms <= rates.per_jump * (1 + ROUNDING))
+    assert np.all(norms <= np.exp(-rates.in_time * thetas) * (1 + ROUNDING))
+    radii = np.abs(np.linalg.eigvals(maps)).max(axis=1)
+    faster = Rates(max(float(radii.max()) * 0.999, 1e-9), rates.in_time)
+    assert prove_rates(F, H, P, 0.2, high, faster).outcome == "undecided"
+    sooner = Rates(rates.per_jump, float(np.min(-np.log(radii) / thetas)) * 1.001 + 1e-9)
+    assert prove_rates(F, H, P, 0.2, high, sooner).outcome == "undecided"
+
+
+@pytest.mark.parametrize(
+    "rates", [Rates(1.0, 0.0), Rates(0.0, 0.0), Rates(0.5, -1.0), Rates(0.5, math.inf)]
+)
+def test_rates_that_are_none(rates: Rates) -> None:
+    assert prove_rates([[-1.0]], [[0.1]], [[1.0]], 1.0, 2.0, rates).outcome == "undecided"
+    assert prove_rates([[-1.0]], [[0.1]], [[1.0]], 1.0, 2.0, Rates(0.5, 0.1)).outcome == "proved"
