@@ -30,8 +30,10 @@ _QUICK, _EXACT, _CLEAR = 1e-5, 1e-9, 100.0
 _LARGE, _SPREAD = 6, (0.1, 0.35)
 # Below this margin the least slack is sought between grid points too, near this many of them
 _NARROW, _LOOKED, _ZOOMS = 0.005, 3, 2
-# Beyond this condition number of the coordinates floats have nothing left to say
-_LARGEST_CONDITION = 1e7
+# Condition numbers of the coordinates, the roots of those of P: rounds move them this far freely,
+# and as far as the second only when nothing is found otherwise. Without the first they would drift
+# along directions that no map can feel.
+_MODERATE, _LARGEST_CONDITION = 300.0, 1e7
 
 
 @dataclass(frozen=True)
@@ -108,8 +110,9 @@ class _Search:
                     return self._none(active, solution, L, best)
                 L = better
                 continue
-            L = better
-            best, more = self._judge(L, active, maps, best)
+            best, more = self._judge(better, active, maps, best)
+            if np.linalg.cond(better) < _MODERATE:
+                L = better
             best = replace(best, optimum=solution.margin)
             if not more:
                 return best

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from lmi.balls import Exact, exact, to_float
 from lmi.cutting_plane import Proposal, propose
+from lmi.dissipative import is_stiff, propose_dissipative
 from lmi.families import Edge
 from lmi.hurwitz import prove_hurwitz
 from lmi.infeasible import prove_no_common
@@ -25,6 +26,7 @@ from lmi.verdict import Verdict, undecided
 Matrix = NDArray[np.float64]
 
 _TURNS = 8
+_BOXES = 6000  # a proof that needs more is not worth the wait
 _SEED = 20161  # the search for destabilising sequences repeats itself exactly
 
 
@@ -37,6 +39,8 @@ def decide(F: ArrayLike, H: ArrayLike, low: float, high: float) -> Verdict:
     """
     if not 0 <= low <= high:
         raise ValueError(f"0 <= low <= high is required; got [{low}, {high}]")
+    if not 0 <= low <= high or math.isinf(low):
+        raise ValueError(f"0 <= low <= high, low finite, is required; got [{low}, {high}]")
     F_exact, H_exact = exact(F), exact(H)
     if math.isinf(high):
         flow = prove_hurwitz(F_exact)
@@ -58,20 +62,27 @@ def find_and_prove(
     F_float, H_float = to_float(F), to_float(H)
     seeds: list[float] = []
     attempt = undecided("no matrix P was tried")
+    if is_stiff(F_float, Edge(F_float, H_float, low, high).last - low):
+        P = propose_dissipative(F_float, H_float, low)
+        quick = attempt if P is None else prove_common(F, H, P, low, high, steps=1)
+        if P is not None and quick.outcome == "proved":
+            return Verdict("proved", {"P": P.tolist(), **quick.evidence}), Proposal(
+                P, (low,), math.nan, low, L=np.linalg.cholesky(P)
+            )
     for _ in range(_TURNS):
         proposal = propose(F_float, H_float, low, high, seeds, start)
         if proposal.P is None:
             return _without(F, H, proposal), proposal
-        attempt = prove_common(F, H, proposal.P, low, high)
+        attempt = prove_common(F, H, proposal.P, low, high, steps=_BOXES)
         if attempt.outcome == "proved":
             found: dict[str, Any] = {"P": proposal.P.tolist(), "thetas_used": len(proposal.thetas)}
             if math.isfinite(proposal.margin):
                 found["approx_margin"] = proposal.margin
             return Verdict("proved", {**found, **attempt.evidence}), proposal
         theta = attempt.evidence.get("theta")
-        if theta is None or theta in seeds:
+        if theta is None or theta in seeds or attempt.evidence.get("boxes", 0) >= _BOXES:
             break
-        seeds, start = [*seeds, float(theta)], proposal.P
+        seeds = [*seeds, float(theta)]
     return attempt, proposal
 
 

@@ -85,7 +85,7 @@ class _Search:
         crossing = self._crossing(thetas, radii)
         islands = self._islands(thetas, radii, crossing)
         if crossing is None:
-            whole = self._prove(extreme, None)
+            whole = self._prove(extreme)
             if whole.outcome == "proved":
                 return Bracket(extreme, None, None, whole.evidence)
             bracket = self._up_to(float(thetas[0 if self.shortest else -1]), whole)
@@ -159,19 +159,19 @@ class _Search:
             return min(x * (1 + relative), self.fixed)
         return max(x * (1 - relative), self.fixed)
 
-    def _prove(self, x: float, start: Matrix | None) -> Verdict:
+    def _prove(self, x: float) -> Verdict:
         low, high = self._range(x)
         if math.isinf(high) and prove_hurwitz(self.F).outcome != "proved":
             return decide(self.F, self.H, low, high)
-        return find_and_prove(self.F, self.H, low, high, start)[0]
+        return find_and_prove(self.F, self.H, low, high)[0]
 
-    def _propose(self, x: float, start: Matrix | None) -> Proposal:
-        return propose(*self._floats(), *self._range(x), (), start)
+    def _propose(self, x: float) -> Proposal:
+        return propose(*self._floats(), *self._range(x))
 
     def _up_to(self, last: float, whole: Verdict) -> Bracket:
         """No single map is expanding: everything that was looked at, or the limit before it."""
         if not self.shortest:
-            good = self._prove(last, None)
+            good = self._prove(last)
             if good.outcome == "proved":
                 return Bracket(last, math.inf, whole.outcome, good.evidence, whole.evidence)
         return self._follow(last)
@@ -180,7 +180,7 @@ class _Search:
         """The bracket if the radius of one map is what limits the range."""
         inside = self._inward(crossing, 0.4 * self.accuracy)
         outside = self._inward(crossing, -0.4 * self.accuracy)
-        good = self._prove(inside, None)
+        good = self._prove(inside)
         if good.outcome != "proved":
             return None
         bad = refute_word(self.F, self.H, (outside,))
@@ -194,13 +194,19 @@ class _Search:
         if good is None or proposal is None:
             verdict = decide(self.F, self.H, *self._range(bad))
             return Bracket(None, bad, verdict.outcome, obstacle=verdict.evidence)
-        value_bad = self._propose(bad, proposal.P).optimum
-        good, bad, P = self._narrow(good, bad, value_bad, proposal)
+        value_bad = self._propose(bad).optimum
+        bad = self._narrow(good, bad, value_bad, proposal)
         for step in range(8):  # a proof needs a little more margin than floats see
             x = self._inward(bad, 0.9 * self.accuracy * 4**step)
-            attempt = self._prove(x, P)
+            attempt = self._prove(x)
             if attempt.outcome == "proved":
                 verdict = decide(self.F, self.H, *self._range(bad))
+                if verdict.outcome == "proved":  # the limit itself is 0 or infinity, and excluded
+                    x, attempt = bad, verdict
+                    bad = 0.0 if self.shortest else math.inf
+                    verdict = decide(self.F, self.H, *self._range(bad))
+                    if verdict.outcome == "proved":
+                        return Bracket(bad, None, None, verdict.evidence)
                 return Bracket(x, bad, verdict.outcome, attempt.evidence, verdict.evidence)
         return Bracket(None, bad, "undecided", obstacle=attempt.evidence)
 
@@ -214,18 +220,16 @@ class _Search:
             x = bad + step if self.shortest else bad - step
             past = x >= self.fixed if self.shortest else x <= self.fixed
             x = self.fixed if past else x
-            proposal = self._propose(x, None)
+            proposal = self._propose(x)
             if proposal.P is not None:
                 return x, proposal
             if past or step > 1e4 * scale:
                 return None, None
             step *= 4
 
-    def _narrow(
-        self, good: float, bad: float, value_bad: float, proposal: Proposal
-    ) -> tuple[float, float, Matrix | None]:
+    def _narrow(self, good: float, bad: float, value_bad: float, proposal: Proposal) -> float:
         """Illinois steps on the margin, until good and bad are a fifth of the accuracy apart."""
-        value_good, P = proposal.optimum, proposal.P
+        value_good, before = proposal.optimum, 0
         for _ in range(_STEPS):
             width = abs(good - bad)
             if width <= 0.2 * self.accuracy * max(abs(good), abs(bad)):
@@ -234,14 +238,16 @@ class _Search:
             least = 0.08 * self.accuracy * max(abs(good), abs(bad)) / width
             share = min(max(share, least, 0.02 * least), 1 - least)
             x = bad + share * (good - bad)
-            tried = self._propose(x, P)
+            tried = self._propose(x)
             if tried.P is not None:
-                good, value_good, P = x, tried.optimum, tried.P
-                value_bad *= 0.5
+                good, value_good = x, tried.optimum
+                value_bad *= 0.5 if before == 1 else 1.0
+                before = 1
             else:
                 bad, value_bad = x, tried.optimum
-                value_good *= 0.5
-        return good, bad, P
+                value_good *= 0.5 if before == -1 else 1.0
+                before = -1
+        return bad
 
 
 def _radii(edge: Edge) -> tuple[Matrix, Matrix]:

@@ -79,6 +79,8 @@ def prove(condition: Condition, *, method: str = "bernstein", steps: int = STEP_
                 verdict = _boxes(condition, steps)
         if verdict.outcome == "proved":
             return Verdict("proved", {**verdict.evidence, "bits": bits})
+        if max(verdict.evidence.get(key, 0) for key in ("boxes", "steps")) >= steps:
+            break  # more bits do not make fewer steps
     return verdict
 
 

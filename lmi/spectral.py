@@ -165,7 +165,7 @@ def _certify(F: Exact, H: Exact, *thetas: float) -> str | None:
 
 
 def _stein(M: Any, approx: Matrix) -> str | None:
-    """Q of M'QM - r^2 Q = I with 1 <= r < rho(M): x'Qx grows strictly, and is positive somewhere."""
+    """Q of M'QM - r^2 Q = I, 1 <= r < rho(M): x'Qx grows strictly, and is positive somewhere."""
     n = len(approx)
     r = (1 + max(float(_radii(approx)), 1.0)) / 2
     try:

@@ -24,8 +24,12 @@ def cli() -> None:
 def main() -> None:
     """Entry point: turns every expected failure into one line on stderr and an exit code."""
     try:
-        code = cli.main(standalone_mode=False)
+        # not cli.main(): it answers a closed pipe with exit code 1, which means refuted here
+        with cli.make_context("obsdesign", sys.argv[1:]) as context:
+            code = cli.invoke(context)
         sys.stdout.flush()
+    except click.exceptions.Exit as leaving:
+        code = leaving.exit_code
     except (InputError, click.ClickException) as error:
         text = error.format_message() if isinstance(error, click.ClickException) else str(error)
         click.echo(f"obsdesign: {' '.join(text.split())}", err=True)
@@ -174,7 +178,9 @@ def simulate(source: str, output: str, events: str | None, seed: int, **options:
     from obsdesign.simulation import simulate as run_simulation
 
     refuse_overwriting(output, source)
-    refuse_overwriting(events, source, output)
+    refuse_overwriting(events, source)
+    if events is not None and events == output:
+        raise InputError(f"--events: {events} is the data file; give another name.")
     plant = _plant(source)
     if options["initial"] is not None:
         options["initial"] = _numbers(options["initial"], "--initial")

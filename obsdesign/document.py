@@ -43,7 +43,8 @@ class Claim:
 
     def to_dict(self) -> dict[str, Any]:
         """The claim as it stands in a file."""
-        return {name: jsonable(getattr(self, name)) for name in self.__dataclass_fields__}
+        words = {name: getattr(self, name) for name in ("id", "statement", "source", "verdict")}
+        return words | {"evidence": jsonable(_without_nan(self.evidence))}
 
 
 @dataclass(frozen=True)
@@ -80,6 +81,15 @@ class Design:
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the document; an existing file is replaced whole or not at all."""
         write_text(path, json.dumps(self.to_dict(), indent=1, ensure_ascii=False, allow_nan=False))
+
+
+def _without_nan(value: Any) -> Any:
+    """Evidence whose floats overflowed has nothing to show there: null."""
+    if isinstance(value, Mapping):
+        return {key: _without_nan(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_without_nan(item) for item in value]
+    return None if isinstance(value, float) and math.isnan(value) else value
 
 
 def jsonable(value: Any) -> Any:

@@ -64,6 +64,8 @@ def show_bracket(what: str, outcome: Outcome) -> None:
                 print(f"  {claim.id}: {reason(claim)}")
     else:
         print(f"{name}: proved at {result['proved']!r}")
+    if result["not_proved"] == float("inf") and result["proved"] is not None:
+        print("  the search ended there: longer finite dwell times may hold as well")
     if result["not_proved"] is not None:
         print(f"  {result['not_proved_verdict']} at {result['not_proved']!r}")
     if result.get("reason"):

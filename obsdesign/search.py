@@ -12,6 +12,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
+from lmi.balls import exact
 from lmi.dwell_search import ACCURACY, Bracket, longest_dwell, shortest_dwell
 from lmi.verdict import overall
 from obsdesign import workflow
@@ -78,6 +81,8 @@ def _bracket(problem: Problem, candidate: Any, shortest: bool, accuracy: float) 
         return _Try(candidate.label, None, claims, candidate.gains)
     low, high = problem.require_dwell_time()
     F, H = verification.dwell_pair(candidate.gains)
+    # a decay rate that is asked for has to hold over the range that is found
+    F = F + exact(float(problem.options.get("decay_rate", 0.0)) * np.eye(problem.plant.n))
     if shortest:
         bracket = shortest_dwell(F, H, high, accuracy=accuracy)
     else:
@@ -110,17 +115,21 @@ def _outcome(
     narrowed = problem.with_dwell_time(*ends)
     gains = {**best.gains, "dwell_time": list(ends)}
     verification = workflow.layer("verification", kind)
-    claims = verification.claims(narrowed, gains, {"dwell_stability": bracket.certificate})
-    proved = overall(c.verdict for c in claims if c.id != "decay_rate") == "proved"
-    verdict = "proved" if proved and _tight(bracket, accuracy) else "undecided"
+    certificates = {"dwell_stability": bracket.certificate, "decay_rate": bracket.certificate}
+    claims = verification.claims(narrowed, gains, certificates)
+    proved = overall(c.verdict for c in claims) == "proved"
+    unit = high if math.isfinite(high) else 1.0 / float(np.abs(best.gains["A"]).max())
+    verdict = "proved" if proved and _tight(bracket, accuracy, unit) else "undecided"
     return workflow.Outcome(verdict, kind, claims, result, None)
 
 
-def _tight(bracket: Bracket, accuracy: float) -> bool:
+def _tight(bracket: Bracket, accuracy: float, unit: float) -> bool:
     if bracket.proved is None or bracket.not_proved is None:
         return bracket.proved is not None
     if math.isinf(bracket.not_proved):
         return False  # every finite end may hold: no bracket around infinity is tight
+    if bracket.not_proved == 0:
+        return bracket.proved <= accuracy * unit  # nothing is close to zero relative to itself
     width = abs(bracket.proved - bracket.not_proved)
     return width <= accuracy * max(abs(bracket.proved), abs(bracket.not_proved)) * (1 + 1e-9)
 

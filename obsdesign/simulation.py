@@ -21,7 +21,7 @@ from obsdesign.signals import DISTURBANCES, Signals, signals
 
 Vector = NDArray[np.float64]
 
-_MOST_JUMPS = 1e6
+_MOST_JUMPS = 1e5
 _MOST_ROWS = 1e7
 SAME_INSTANT = 1e-9  # time stamps closer than this part of a step are one instant
 
@@ -267,8 +267,9 @@ def _columns(
     d = source.unknown(times)
     for letter, values in (("y", seen), ("u", source.u), ("w", w)):
         columns |= {f"{letter}{i + 1}": values[:, i] for i in range(values.shape[1])}
-    # impulses of unknown weight come unannounced
-    if plant.jump is not None and plant.jump.H is None:
+    # impulses of unknown weight come unannounced, unless the state jumps with them
+    jump = plant.jump
+    if jump is not None and (jump.H is None or not np.array_equal(jump.G, np.eye(plant.n))):
         columns["jump"] = is_jump.astype(np.int64)
     for letter, values in (("x", truth), ("d", d)):
         columns |= {f"{letter}{i + 1}": values[:, i] for i in range(values.shape[1])}

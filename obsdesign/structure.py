@@ -60,6 +60,26 @@ def hidden_growth(A: Matrix, C: Matrix, rate: float = 0.0) -> bool:
     return prove_hurwitz(restricted).outcome == "refuted"
 
 
+def hidden_pair(A: Matrix, G: Matrix, C: Matrix) -> tuple[Any, Any] | None:
+    """(A, G) restricted to the largest subspace that C never sees, along flow and jumps; exact.
+
+    No gain L or M reaches the error there, so that its stability is the plant's own. None if the
+    subspace is zero.
+    """
+    maps = [exact(A), exact(G)]
+    rows = exact(C)
+    hidden, free = _nullspace(rows)
+    while free:
+        further = [rows @ X for X in maps]
+        stacked = np.vstack([rows, *further])
+        smaller, fewer = _nullspace(stacked)
+        if len(fewer) == len(free):
+            flow, jump = ((X @ hidden)[free] for X in maps)
+            return flow, jump
+        rows, hidden, free = stacked, smaller, fewer
+    return None
+
+
 def _nullspace(rows: Any) -> tuple[Any, list[int]]:
     """Basis of {v: rows v = 0} as columns, the identity at the free columns; exact rationals."""
     table = rows.copy()

@@ -119,3 +119,21 @@ def test_searches_that_make_no_sense(tmp_path: Path, arguments: Any, line: str) 
     done = command("search", problem, *arguments, cwd=tmp_path)
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr == f"obsdesign: {problem}: {line}\n"
+
+
+def test_a_decay_rate_must_hold_over_the_range_that_is_found() -> None:
+    problem = plant(*ACADEMIC, [0.1, "inf"])
+    slow = search(problem, "shortest_dwell").result["proved"]
+    body = problem.to_dict()
+    body["observer"]["decay_rate"] = 0.5
+    outcome = search(obsdesign.Problem.from_dict(body), "shortest_dwell")
+    assert outcome.verdict == "proved"
+    assert {c.id: c.verdict for c in outcome.claims}["decay_rate"] == "proved"
+    assert outcome.result["proved"] > slow + 0.1
+
+
+def test_a_limit_at_zero_is_open() -> None:
+    outcome = search(plant([[-1, 0], [0, -1]], [[1, 0], [0, 1]], [1, 2]), "shortest_dwell")
+    # the radius is 1 at dwell time 0 only: whatever is left open is next to it
+    assert outcome.result["not_proved_verdict"] in ("refuted", "undecided")
+    assert 0 <= outcome.result["not_proved"] < outcome.result["proved"] < 1e-6

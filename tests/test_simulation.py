@@ -144,11 +144,18 @@ def test_random_dwell_times_obey_range_and_jitter() -> None:
         ({"initial": [1.0]}, "initial must have 2 finite entries, one per state; got [1.0]."),
         ({"disturbance": "loud"}, "disturbance must be one of zero, extreme, random, sine; got 'loud'."),
         ({"step": 1e-9}, "step = 1e-09 makes 7.5e+09 rows until 7.5; 1e+07 is the limit."),
-        ({"until": 1e300}, "until = 1e+300 makes more than 1e+06 jumps; shorten it."),
-        ({"dwell": 1e-9, "until": 7.5}, "dwell = 1e-09 makes 7.5e+09 jumps until 7.5; 1e+06 is the limit."),
+        ({"until": 1e300}, "until = 1e+300 makes more than 100000 jumps; shorten it."),
+        ({"dwell": 1e-9, "until": 7.5}, "dwell = 1e-09 makes 7.5e+09 jumps until 7.5; 100000 is the limit."),
     ],
 )  # fmt: skip
 def test_options_that_make_no_sense(options: dict, line: str) -> None:
     with pytest.raises(InputError) as error:
         simulate(plant(dwell_time=(0.0, 1.5)), **options)
     assert str(error.value) == line
+
+
+def test_a_state_that_jumps_with_its_impulses_announces_them() -> None:
+    base = plant()
+    jump = Jump(base.jump.G, H=np.array([[1.0], [0.0]]), dwell_time=(1.0, 2.0))
+    record = simulate(Plant(base.flow, jump, base.output), until=10.0)
+    assert record.columns["jump"].sum() == len(record.events)

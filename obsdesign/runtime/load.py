@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 import os
 
-from obsdesign.document import Design, load_design
+from obsdesign.document import Design, jsonable, load_design
 from obsdesign.errors import InputError
 from obsdesign.runtime.base import Observer
 
@@ -30,8 +30,29 @@ def from_design(design: Design, path: str = "design") -> Observer:
         known = ", ".join(OBSERVERS)
         raise InputError(f"{path}: kind must be one of {known}; got {design.kind!r}.")
     module, name = OBSERVERS[design.kind]
+    _same_plant(design, path)
     try:
         observer: Observer = getattr(importlib.import_module(module), name).from_gains(design.gains)
     except ValueError as error:
         raise InputError(f"{path}: {error}") from None
     return observer
+
+
+# gains that repeat an entry of the problem, and where it stands there
+_REPEATED = (
+    ("A", "flow", "A"), ("B", "flow", "B"), ("C", "output", "C"), ("G", "jump", "G"),
+    ("E", "jump", "E"), ("noise_bound", "output", "noise_bound"),
+    ("dwell_time", "jump", "dwell_time"), ("jump_measurement", "output", "jump_measurement"),
+)  # fmt: skip
+
+
+def _same_plant(design: Design, path: str) -> None:
+    """InputError when the gains are for another plant than the one the design names."""
+    for name, block, key in _REPEATED:
+        table = design.problem.get(block)
+        stated = table.get(key) if isinstance(table, dict) else None
+        if name in design.gains and jsonable(design.gains[name]) != jsonable(stated):
+            raise InputError(
+                f"{path}: gains.{name} differs from problem.{block}.{key}; `obsdesign verify` "
+                "tells more. Was the file put together by hand?"
+            )

@@ -15,8 +15,11 @@ from typing import Any
 import numpy as np
 
 from lmi.affine import Unknown, best_margin
+from lmi.balls import exact
 from lmi.decide import decide
 from lmi.families import Edge, worst
+from lmi.hurwitz import prove_hurwitz
+from lmi.spectral import refute_spectral
 from obsdesign.equations import luenberger as equations
 from obsdesign.equations.estimation_error import (
     flow_error_matrix,
@@ -25,7 +28,7 @@ from obsdesign.equations.estimation_error import (
 )
 from obsdesign.errors import InputError
 from obsdesign.problem import Problem
-from obsdesign.structure import hidden_growth
+from obsdesign.structure import hidden_growth, hidden_pair
 from obsdesign.synthesis.candidate import Candidate
 from obsdesign.synthesis.dwell import dwell_certificates
 from obsdesign.synthesis.given_gains import given_gain, refuse_unusable
@@ -42,25 +45,50 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
     refuse_unusable(problem)
     plant = problem.plant
     rate = float(problem.options.get("decay_rate", 0.0))
-    endless = plant.jump is None or math.isinf(problem.require_dwell_time()[1])
-    # then every A - L C keeps that mode, and what refutes one gain refutes all
-    doomed = endless and hidden_growth(plant.flow.A, plant.output.C, rate)
+    chosen = given_gain(problem, "L") is None and "poles" not in problem.options
     for label, L in _flow_gains(problem, rate):
         F = flow_error_matrix(plant.flow.A, L, plant.output.C)
         M = given_gain(problem, "M")
         if M is None:
             M = jump_gain(problem, F + rate * np.eye(plant.n))
         gains = plant_data(plant) | {"L": L, "M": M}
-        open_gain = given_gain(problem, "L") is None or given_gain(problem, "M") is None
+        open_gain = chosen or given_gain(problem, "M") is None
         yield Candidate(
-            label, gains, _certificates(problem, F, M, rate), searched=open_gain and not doomed
+            label,
+            gains,
+            _certificates(problem, F, M, rate),
+            searched=open_gain and not _doomed(problem, F, chosen, rate),
         )
+
+
+def _doomed(problem: Problem, F: Any, chosen: bool, rate: float) -> bool:
+    """Does what refutes these gains refute all? Exactly: a mode or a pair that no gain reaches."""
+    plant = problem.plant
+    A, C = plant.flow.A, plant.output.C
+    endless = plant.jump is None or math.isinf(problem.require_dwell_time()[1])
+    if endless and (hidden_growth(A, C, rate) if chosen else _grows(F, rate)):
+        return True
+    pair = None if plant.jump is None else hidden_pair(A, plant.jump.G, C)
+    if pair is None:
+        return False
+    shifted = pair[0] + exact(rate * np.eye(len(pair[0])))
+    return refute_spectral(shifted, pair[1], *problem.require_dwell_time()).outcome == "refuted"
+
+
+def _grows(F: Any, rate: float) -> bool:
+    return prove_hurwitz(F + rate * np.eye(len(F))).outcome == "refuted"
 
 
 def _flow_gains(problem: Problem, rate: float) -> Iterator[tuple[str, Any]]:
     """L as given, as the poles say, or by Riccati equations of growing speed; at last none."""
     A, C = problem.plant.flow.A, problem.plant.output.C
     given = given_gain(problem, "L")
+    for name in ("poles", "weights"):
+        if given is not None and name in problem.options:
+            text = "chooses L, but L is given or must be zero; drop one."
+            raise InputError(f"observer.{name} {text}")
+    if "poles" in problem.options and "weights" in problem.options:
+        raise InputError("observer.poles and observer.weights both choose L; drop one.")
     if given is not None:
         yield "given L", given
         return
@@ -70,7 +98,11 @@ def _flow_gains(problem: Problem, rate: float) -> Iterator[tuple[str, Any]]:
     weights = problem.options.get("weights")
     speed = float(np.abs(np.linalg.eigvals(A)).max())
     for factor in (0.0, 1.0, 4.0):
-        yield f"Riccati L, {factor:g} x faster", riccati_gain(A, C, weights, rate + factor * speed)
+        try:
+            L = riccati_gain(A, C, weights, rate + factor * speed)
+        except np.linalg.LinAlgError:  # no finite solution in floats: not this one
+            continue
+        yield f"Riccati L, {factor:g} x faster", L
     yield "L = 0", np.zeros((problem.plant.n, problem.plant.p))
 
 

@@ -19,13 +19,21 @@ def riccati_gain(
 ) -> Matrix:
     """Steady-state Kalman gain, (n, p), of A + rate I.
 
-    weights: {"state": n, "output": p} positive variances of process and measurement noise, default
-    ones. Modes that C does not see and that do not decay at `rate` are left as they are; all others
-    of A - L C then decay faster than `rate`.
+    weights: {"state": n, "output": p} positive variances of process and measurement noise; by
+    default ones, in the plant's own unit of time and of each output. Modes that C does not see and
+    that do not decay at `rate` are left as they are; all others of A - L C then decay faster than
+    `rate`. numpy.linalg.LinAlgError if the equation has no finite solution in floats.
     """
     from scipy.linalg import solve_continuous_are
 
     n, p = len(A), len(C)
+    if not weights:
+        pace, size = float(np.abs(A).max()) + rate or 1.0, np.linalg.norm(C, axis=1)
+        size = np.where(size > 0, size, 1.0)
+        one = {"state": [1.0] * n, "output": [1.0] * p}
+        if pace != 1.0 or np.any(size != 1.0):
+            L = riccati_gain(A / pace, C / size[:, None], one, rate / pace)
+            return np.asarray(pace * L / size, dtype=np.float64)
     given = weights or {}
     Q, R = np.diag(given.get("state", np.ones(n))), np.diag(given.get("output", np.ones(p)))
     hidden = [mode.eigenvalue.real for mode in approx_unobservable_modes(A, C)]
@@ -53,7 +61,10 @@ def placed_gain(A: Matrix, C: Matrix, poles: Sequence[Any]) -> Matrix:
     try:
         found = place_poles(A.T, C.T, wanted)
     except ValueError as error:
-        raise InputError(f"observer.poles cannot be placed: {error}.") from None
+        text = str(error)
+        if "repeated" in text:
+            text = f"a pole may stand at most {np.linalg.matrix_rank(C)} times, once per output"
+        raise InputError(f"observer.poles cannot be placed: {text}.") from None
     return np.asarray(found.gain_matrix.T, dtype=np.float64)
 
 

@@ -16,7 +16,7 @@ from obsdesign.equations import luenberger as equations
 from obsdesign.plant import Flow, Jump, Output, Plant
 from obsdesign.runtime import Sample, from_design
 from obsdesign.simulation import simulate
-from obsdesign.structure import approx_unobservable_modes, hidden_growth
+from obsdesign.structure import approx_unobservable_modes, hidden_growth, hidden_pair
 from obsdesign.synthesis.placement import placed_gain, riccati_gain
 from obsdesign.verification.luenberger import claims
 
@@ -77,9 +77,12 @@ def test_given_gains_are_kept_and_may_be_refuted() -> None:
 
 
 def test_gains_that_were_searched_for_leave_the_problem_undecided() -> None:
-    # the second state is seen by nothing and grows; with a finite range no mode refutes it
-    hidden = {"flow__A": [[-1, 0, 0], [0, 1, 0], [0, 0, -1]], "jump__G": np.eye(3).tolist()}
-    outcome = obsdesign.investigate(problem(**hidden))
+    # one output, six states, large jumps: gains may exist, but none of those tried is proved
+    rng = np.random.default_rng(11)
+    hard = {"flow__A": rng.standard_normal((6, 6)).tolist(),
+            "jump__G": (5 * rng.standard_normal((6, 6))).tolist(),
+            "output__C": rng.standard_normal((1, 6)).tolist()}  # fmt: skip
+    outcome = obsdesign.investigate(problem(**hard))
     assert outcome.verdict == "undecided"
     reason = outcome.claims[-1].evidence["reason"]
     assert reason.startswith("no gains were found for which it holds; for the last ones tried, ")
@@ -92,6 +95,48 @@ def test_a_hidden_mode_that_grows_refutes_an_endless_range() -> None:
     assert outcome.verdict == "refuted"
     flow = next(c for c in outcome.claims if c.id == "hurwitz")
     assert flow.evidence["witness"]["eigenvalue"] == {"real": 1.0, "imag": 0.0}
+
+
+def test_what_no_gain_reaches_refutes_every_gain() -> None:
+    # C sees neither the second state nor what it does at jumps: it is stable by itself, or never
+    for growth, verdict in ((1.0, "refuted"), (-0.5, "proved")):
+        hidden = {
+            "flow__A": [[-1, 0, 0], [0, growth, 0], [0, 0, -1]],
+            "jump__G": np.eye(3).tolist(),
+        }
+        assert obsdesign.investigate(problem(**hidden)).verdict == verdict
+    # a jump that lets C see the state makes it a matter of gains again
+    A, C = np.diag([-1.0, 1.0]), np.array([[1.0, 0.0]])
+    assert hidden_pair(A, np.eye(2), C) is not None
+    assert hidden_pair(A, np.array([[1.0, 0.5], [0, 1]]), C) is None
+    # without L a flow that is not Hurwitz refutes an endless range, whatever M is
+    endless = {"output__measured": "at_jumps", "jump__dwell_time": [0.3, "inf"]}
+    assert obsdesign.investigate(problem(**endless)).verdict == "refuted"
+
+
+@pytest.mark.parametrize(
+    ("changes", "line"),
+    [
+        ({"observer__poles": [-1, -2, -3], "observer__gains": {"L": [[0, 0]] * 3}}, "observer.poles chooses L, but L is given or must be zero; drop one."),
+        ({"observer__weights": {"state": [1, 1, 1]}, "output__measured": "at_jumps"}, "observer.weights chooses L, but L is given or must be zero; drop one."),
+        ({"observer__weights": {"state": [1, 1, 1]}, "observer__poles": [-1, -2, -3]}, "observer.poles and observer.weights both choose L; drop one."),
+        ({"observer__poles": [-1, -1, -1]}, "observer.poles cannot be placed: a pole may stand at most 2 times, once per output."),
+    ],
+)  # fmt: skip
+def test_options_that_contradict_each_other(changes: dict[str, Any], line: str) -> None:
+    with pytest.raises(obsdesign.InputError) as error:
+        obsdesign.investigate(problem(**changes))
+    assert str(error.value) == line
+
+
+@pytest.mark.parametrize("exponent", [-20, 20])
+def test_the_unit_of_time_does_not_matter(exponent: int) -> None:
+    unit = 2.0**exponent
+    A = (np.array(BASE["flow"]["A"]) * unit).tolist()
+    dwell = [t / unit for t in BASE["jump"]["dwell_time"]]
+    scaled = obsdesign.design(problem(flow__A=A, jump__dwell_time=dwell))
+    plain = obsdesign.design(problem())
+    np.testing.assert_allclose(scaled.gains["L"] / unit, plain.gains["L"], rtol=1e-6)
 
 
 def test_the_decay_rate_is_a_claim_and_its_twin_fails() -> None:
