@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from lmi.infeasible import prove_no_common
+from lmi.positive import FORMS, SIDES, prove_copositive
 from lmi.proof import prove_common
 from lmi.rates import Rates, prove_rates
 from lmi.spectral import refute_spectral, refute_word
@@ -47,6 +48,10 @@ def dwell_stability(
     attempt = undecided("no certificate P was given or found")
     if "P" in certificate:
         attempt = _proof(F, H, low, high, certificate["P"], paranoid)
+        if attempt.outcome == "proved":
+            return attempt
+    if "vector" in certificate:
+        attempt = _copositive(F, H, low, high, certificate)
         if attempt.outcome == "proved":
             return attempt
     counter = refute_spectral(F, H, low, high)
@@ -116,6 +121,16 @@ def _proof(F: Any, H: Any, low: float, high: float, values: Any, paranoid: bool)
     return Verdict("proved", evidence)
 
 
+def _copositive(F: Any, H: Any, low: float, high: float, certificate: Mapping[str, Any]) -> Verdict:
+    """The proof by one vector, for positive systems."""
+    side, form = certificate.get("side"), certificate.get("form")
+    vector = _numbers(certificate["vector"])
+    if vector is None or side not in SIDES or form not in FORMS:
+        return undecided("the certificate is not a vector with its side and form")
+    verdict = prove_copositive(F, H, vector, low, high, side=side, form=form)
+    return Verdict(verdict.outcome, {"vector": certificate["vector"], **verdict.evidence})
+
+
 def _dwell_times(witness: Any, low: float, high: float) -> list[float]:
     """The sequence of a witness, if all of it is admissible."""
     thetas = witness.get("thetas") if isinstance(witness, Mapping) else None
@@ -136,8 +151,12 @@ def _no_common(F: Any, H: Any, low: float, high: float, certificate: Any) -> Ver
 
 
 def _matrix(values: Any, n: int) -> Any:
+    P = _numbers(values)
+    return P if P is not None and P.shape == (n, n) else None
+
+
+def _numbers(values: Any) -> Any:
     try:
-        P = np.asarray(values, dtype=np.float64)
+        return np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
         return None
-    return P if P.shape == (n, n) else None

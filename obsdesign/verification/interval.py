@@ -229,8 +229,8 @@ def _stability_claim(
     return Claim(
         "dwell_stability",
         f"the width map w -> e^(W T) N w, W = D0 + D1, N = Gp + Gn, is stable for every sequence "
-        f"of dwell times T in {range_text(*ends)}: one P > 0 has "
-        "N' e^(W' T) P e^(W T) N < P for all of them",
+        f"of dwell times T in {range_text(*ends)}: one P > 0 has N' e^(W' T) P e^(W T) N < P, or "
+        "one v > 0 has v' e^(W T) N < v' (or a like inequality), for all of them",
         f"{PAPER}, {THEOREMS[form]}, {equation}",
         verdict.outcome,
         verdict.evidence,
