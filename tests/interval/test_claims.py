@@ -330,3 +330,28 @@ def test_the_second_method_confirms_and_its_objection_counts(
     assert obsdesign.verify(design).verdict == "proved"
     doubted = obsdesign.verify(design, paranoid=True)
     assert next(c for c in doubted.claims if c.id == "dwell_stability").verdict == "undecided"
+
+
+def test_many_states_are_proved_by_one_vector_and_verified() -> None:
+    rng = np.random.default_rng(5)
+    n = 18
+    A = 0.2 * rng.random((n, n))
+    A -= np.diag(A.sum(axis=1) + 0.5)
+    G = 0.05 * rng.random((n, n))
+    body = {
+        "flow": {"A": A}, "jump": {"G": G, "dwell_time": [0.1, "inf"]}, "output": {"C": np.eye(1, n)},
+        "observer": {"kind": "interval", "gains": {"L": np.zeros((n, 1)), "M": np.zeros((n, 1))}},
+    }  # fmt: skip
+    design = obsdesign.design(obsdesign.Problem(**body))
+    claim = next(c for c in design.claims if c.id == "dwell_stability")
+    assert "vector" in claim.evidence
+    assert obsdesign.verify(design).verdict == "proved"
+    asked, gains = obsdesign.Problem.from_dict(design.problem), design.gains
+    for change in (
+        {"vector": [1.0] * 17},
+        {"vector": [-1.0] * n},
+        {"side": "top"},
+        {"vector": "v"},
+    ):
+        forged = {"dwell_stability": {**claim.evidence, **change}}
+        assert claims(asked, gains, forged)[-1].verdict == "undecided"
