@@ -23,7 +23,7 @@ SEEDS = range(9)
 
 @dataclass(frozen=True)
 class Family:
-    """x -> e^{F theta} H x, theta in [LOW, HIGH]; a common P exists up to 1 / SHARE of this gain."""
+    """x -> e^{F theta} H x, theta in [LOW, HIGH]; P exists up to 1 / SHARE of this gain."""
 
     F: np.ndarray
     H: np.ndarray
@@ -75,7 +75,7 @@ def report(what: str, ours: list[float], theirs: list[float], floor: float) -> b
     """One line: medians, the median of the ratios, and whether it is above the floor."""
     ratio = statistics.median(b / a for a, b in zip(ours, theirs, strict=True))
     verdict = "ok" if ratio >= floor else "BELOW THE FLOOR"
-    print(f"{what:42s} ours {statistics.median(ours) * 1e3:9.2f} ms   theirs "
-          f"{statistics.median(theirs) * 1e3:10.1f} ms   ratio {ratio:8.1f}   floor {floor:g}  {verdict}",
-          flush=True)  # fmt: skip
+    mine, other = statistics.median(ours) * 1e3, statistics.median(theirs) * 1e3
+    print(f"{what:42s} ours {mine:9.2f} ms   theirs {other:10.1f} ms   ratio {ratio:8.1f}   "
+          f"floor {floor:g}  {verdict}", flush=True)  # fmt: skip
     return ratio >= floor

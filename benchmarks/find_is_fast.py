@@ -23,7 +23,7 @@ def main() -> bool:
         ours, theirs, by_hand = [], [], []
         for family in families(n):
             edge = Edge(family.F, family.H, LOW, HIGH)
-            thetas, maps = edge.grid(POINTS)
+            _, maps = edge.grid(POINTS)
             time, proposal = seconds(
                 lambda f=family: propose(f.F, f.H, LOW, HIGH, points=POINTS), 3
             )

@@ -54,9 +54,8 @@ def main(full: bool = False) -> bool:
             width = 0.0
             if bracket.proved and bracket.not_proved:
                 width = abs(bracket.proved / bracket.not_proved - 1)
-            print(
-                f"   n = {n}: {bracket.proved} | {bracket.not_proved} {bracket.verdict}, relative width {width:.1e}, {time * 1e3:.1f} ms"
-            )
+            ends = f"{bracket.proved} | {bracket.not_proved} {bracket.verdict}"
+            print(f"   n = {n}: {ends}, relative width {width:.1e}, {time * 1e3:.1f} ms")
             theirs.append(bisection(F, H, bracket.proved or LOW, full))
         good &= report(f"shortest dwell, n = {n}", ours, theirs, floor)
     return good

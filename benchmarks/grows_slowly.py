@@ -1,0 +1,33 @@
+"""Twenty times the points, at most four times the time: N = 50 against N = 1000."""
+
+from __future__ import annotations
+
+import statistics
+import sys
+
+from benchmarks.cases import HIGH, LOW, families, seconds
+from lmi.cutting_plane import propose
+
+CEILING = 4.0
+
+
+def main() -> bool:
+    good = True
+    for n in (2, 4, 8):
+        growth = []
+        for f in families(n):
+            few, many = (
+                seconds(lambda f=f, k=k: propose(f.F, f.H, LOW, HIGH, points=k), 5)[0]
+                for k in (50, 1000)
+            )
+            growth.append(many / few)
+        ratio = statistics.median(growth)
+        good &= ratio <= CEILING
+        verdict = "ok" if ratio <= CEILING else "ABOVE THE CEILING"
+        print(f"find P, n = {n}, 1000 points against 50: {ratio:.2f} times the time, "
+              f"ceiling {CEILING:g}  {verdict}", flush=True)  # fmt: skip
+    return good
+
+
+if __name__ == "__main__":
+    sys.exit(not main())
