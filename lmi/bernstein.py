@@ -116,18 +116,18 @@ class _Series:
         return width
 
 
-def prove_range(family: Normalised, low: float, high: float, limit: int, tail: Any) -> Boxes:
-    """Boxes over [low, high], or from low until `tail` takes over (high infinite).
+def prove_range(family: Normalised, low: float, high: float, limit: int, tails: list[Any]) -> Boxes:
+    """Boxes over [low, high], or from low until one of the tails takes over (high infinite).
 
-    tail: ball matrix Q in the coordinates of the flow such that right' e^{F't} Q e^{Ft} right
-    bounds N'N and falls with t; None where there is none.
+    tails: ball matrices Q in the coordinates of the flow such that right' e^{F't} Q e^{Ft} right
+    bounds N'N and falls with t.
     """
     series = _Series.of(family)
     here, end = rational(low), None if math.isinf(high) else rational(high)
     width, share = _first_width(series, high - low), _SHARE
     smallest, halvings, E = math.inf, 0, flow(family, here)
     for count in range(1, limit + 1):
-        if tail is not None and not halvings and certify(family, E.transpose() * tail * E):
+        if not halvings and any(certify(family, E.transpose() * Q * E) for Q in tails):
             return Boxes(count - 1, smallest, tail_from=_nearest(here))
         size = norm_bound(E)
         width = series.fitting(size, width, share * family.gamma**2)

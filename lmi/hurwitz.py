@@ -21,6 +21,9 @@ from lmi.verdict import Verdict, proved, refuted
 
 Matrix = NDArray[np.float64]
 
+# the slowest mode may push this part of its weight on to the others
+_FAVOUR = 30.0
+
 
 def prove_hurwitz(F: ArrayLike) -> Verdict:
     """Every eigenvalue of F has a negative real part; F (n, n) floats or exact rationals.
@@ -93,6 +96,29 @@ def lyapunov_matrix(F: Matrix, P: Matrix) -> Matrix | None:
             Q = np.linalg.solve(operator, -P.reshape(-1)).reshape(n, n)
     except np.linalg.LinAlgError:
         return None
+    return (Q + Q.T) / 2 if np.isfinite(Q).all() else None
+
+
+def modal_matrix(F: Matrix) -> Matrix | None:
+    """Q >= I that falls along every decaying mode by itself: V^-* D V^-1, V the eigenvectors.
+
+    D >= V*V makes Q >= I; it is chosen by diagonal dominance, so that the slow modes, which have to
+    be waited for, get little more weight than they must. Floats; None when F does not look Hurwitz
+    or the eigenvectors are close to dependent.
+    """
+    if not rightmost(F).real < 0:
+        return None
+    with np.errstate(all="ignore"):
+        modes, V = np.linalg.eig(F)
+        gram = np.abs(V.conj().T @ V)
+        patience = np.sqrt(modes.real.max() / modes.real)  # 1 for the slowest, less for the others
+        share = np.maximum(patience, 1 / _FAVOUR)
+        weights = (gram * share / share[:, None]).sum(axis=1)
+        try:
+            back = np.linalg.inv(V)
+        except np.linalg.LinAlgError:
+            return None
+        Q: Matrix = (back.conj().T @ (weights[:, None] * back)).real
     return (Q + Q.T) / 2 if np.isfinite(Q).all() else None
 
 

@@ -29,7 +29,7 @@ from lmi.balls import (
 )
 from lmi.bernstein import Boxes, Normalised, prove_range
 from lmi.condition import Condition, common
-from lmi.hurwitz import lyapunov_matrix, prove_hurwitz
+from lmi.hurwitz import lyapunov_matrix, modal_matrix, prove_hurwitz
 from lmi.march import march
 from lmi.verdict import Verdict, proved, undecided
 
@@ -88,10 +88,10 @@ def _boxes(condition: Condition, limit: int) -> Verdict:
     family = _normalised(condition)
     if family is None:
         return undecided("P is not certainly positive definite")
-    tail = _tail(family, condition)
-    if tail is None and math.isinf(condition.high):
+    tails = _tails(family)
+    if not tails and math.isinf(condition.high):
         return undecided("the flow is not proved to be Hurwitz")
-    boxes = prove_range(family, condition.low, condition.high, limit, tail)
+    boxes = prove_range(family, condition.low, condition.high, limit, tails)
     if boxes.failed is None:
         return proved(**_account(boxes))
     reason = f"the inequality fails, or nearly fails, at theta = {boxes.failed!r}"
@@ -129,31 +129,34 @@ def _normalised(condition: Condition) -> Normalised | None:
         return None
 
 
-def _tail(family: Normalised, condition: Condition) -> Any:
-    """Certified Q >= left' left with F'Q + QF < 0 in the flow's coordinates, or None.
+def _tails(family: Normalised) -> list[Any]:
+    """Certified Q >= left' left with F'Q + QF < 0 in the flow's coordinates.
 
-    Then right' e^{F't} Q e^{Ft} right falls with t and bounds N'N.
+    For each, right' e^{F't} Q e^{Ft} right falls with t and bounds N'N. Modal coordinates do not
+    mind slow modes, a Lyapunov equation does not mind multiple ones.
     """
     bound = family.left.transpose() * family.left
     if _falling(family.F, bound):
-        return bound
+        return [bound]
     approx, weight = middle(family.F), middle(bound)
     if not (np.isfinite(approx).all() and np.isfinite(weight).all()):
-        return None
+        return []
     unit = np.eye(len(approx))
-    weight = weight + 1e-3 * np.trace(weight) / len(weight) * unit + 1e-300 * unit
-    Q = lyapunov_matrix(approx, weight)
-    if Q is None:
-        return None
-    try:
-        scale = float(np.linalg.eigvals(np.linalg.solve(Q, weight)).real.max())
-    except np.linalg.LinAlgError:
-        return None
-    if not 0 < scale < math.inf:
-        return None
-    Q_ball = ball(exact(Q * scale * (1 + 1e-6)))
-    covers = certify_positive_definite(Q_ball - bound)
-    return Q_ball if covers and _falling(family.F, Q_ball) else None
+    weight = weight + (1e-3 * np.trace(weight) / len(weight) + 1e-300) * unit
+    tails = []
+    for Q in (modal_matrix(approx), lyapunov_matrix(approx, weight)):
+        if Q is None:
+            continue
+        try:
+            scale = float(np.linalg.eigvals(np.linalg.solve(Q, weight)).real.max())
+        except np.linalg.LinAlgError:
+            continue
+        if not 0 < scale < math.inf:
+            continue
+        Q_ball = ball(exact(Q * scale * (1 + 1e-6)))
+        if certify_positive_definite(Q_ball - bound) and _falling(family.F, Q_ball):
+            tails.append(Q_ball)
+    return tails
 
 
 def _falling(F: Any, Q: Any) -> bool:
