@@ -57,7 +57,10 @@ def cvxpy_script(F: np.ndarray, H: np.ndarray, low: float, high: float, points: 
         M = expm(F * theta) @ H
         constraints.append(P - M.T @ P @ M >> 1e-6 * np.eye(n))
     problem = cp.Problem(cp.Minimize(0), constraints)
-    problem.solve(solver=cp.CLARABEL)
+    try:
+        problem.solve(solver=cp.CLARABEL)
+    except cp.error.SolverError:  # at its limit the solver gives up; a bisection reads it as "no"
+        return None
     return P.value
 
 
