@@ -163,7 +163,8 @@ def search(problem: str, what: str, kind: str | None, accuracy: float, as_json: 
     "--step", type=float, help="Time between rows.  [default: the period, or about until/500]"
 )
 @click.option("--initial", help="True initial state x1,...,xn.  [default: ones]")
-@click.option("--dwell", default="random", show_default=True, help="shortest, random, or a number.")
+@click.option("--dwell", default="random", show_default=True,
+              help="shortest, random, a number, or a file (dwell times, or a witness).")  # fmt: skip
 @click.option("--disturbance", default="random", show_default=True,
               help="zero, extreme, random or sine.")  # fmt: skip
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True)
@@ -259,11 +260,17 @@ def _plant(source: str) -> Any:
     return load_problem(source).plant
 
 
-def _dwell(text: str) -> float:
+def _dwell(text: str) -> float | list[float]:
     try:
         return float(text)
     except ValueError:
-        raise InputError(f"--dwell must be shortest, random or a number; got {text!r}.") from None
+        from obsdesign.dwell_file import read_dwell_times
+
+        if Path(text).is_file():
+            return read_dwell_times(text)
+        raise InputError(
+            f"--dwell must be shortest, random, a number or a file; got {text!r}."
+        ) from None
 
 
 def _numbers(text: str, option: str) -> list[float]:
