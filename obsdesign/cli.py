@@ -164,7 +164,7 @@ def search(problem: str, what: str, kind: str | None, accuracy: float, as_json: 
 )
 @click.option("--initial", help="True initial state x1,...,xn.  [default: ones]")
 @click.option("--dwell", default="random", show_default=True,
-              help="shortest, random, a number, or a file (dwell times, or a witness).")  # fmt: skip
+              help="shortest, random, a number, or a file of dwell times.")  # fmt: skip
 @click.option("--disturbance", default="random", show_default=True,
               help="zero, extreme, random or sine.")  # fmt: skip
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True)

@@ -67,7 +67,7 @@ def simulate(
     times; the sampling period, else a round number near until/500). initial: x(0), default ones.
     dwell: `shortest`, `random` (admissible), one dwell time, or a sequence of them, repeated in
     turn. disturbance: `zero` (the middle of every bound, no noise), `extreme` (a corner, held),
-    `random` or `sine`. rng: a numpy Generator (default: seed 0). Raises InputError for anything else.
+    `random` or `sine`. rng: a numpy Generator (default: seed 0). Raises InputError otherwise.
     """
     if disturbance not in DISTURBANCES:
         raise InputError(
