@@ -67,7 +67,7 @@ def find_and_prove(
         quick = attempt if P is None else prove_common(F, H, P, low, high, steps=1)
         if P is not None and quick.outcome == "proved":
             return Verdict("proved", {"P": P.tolist(), **quick.evidence}), Proposal(
-                P, (low,), math.nan, low, L=np.linalg.cholesky(P)
+                P[None], (low,), math.nan, low, coordinates=np.linalg.cholesky(P)[None]
             )
     for _ in range(_TURNS):
         proposal = propose(F_float, H_float, low, high, seeds, start)
