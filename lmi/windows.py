@@ -172,5 +172,5 @@ def uniform(low: float, high: float, cells: int, past: int, future: int) -> Wind
     """Every combination of `cells` equal cells at offsets -past .. future - 1; high finite."""
     borders = np.linspace(low, high, cells + 1)
     choice = np.array(list(itertools.product(range(cells), repeat=past + future)), dtype=int)
-    choice = choice.reshape(-1, past + future)
+    choice = choice.reshape(cells ** (past + future), past + future)
     return Windows(low, high, -past, borders[choice], borders[choice + 1])
