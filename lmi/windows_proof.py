@@ -91,7 +91,7 @@ def prove_windows(
     for w, P in enumerate(found.P):
         if not _positive(P):
             return undecided(f"P of window {w + 1} is not certainly positive definite")
-    told = {"windows": len(found.boxes), "edges": len(edges)}
+    told = {"window_count": len(found.boxes), "edge_count": len(edges)}
     work: dict[str, Any] = {}
     for (target, *ends), sources in _groups(edges).items():
         first, *others = (found.P[s] for s in sources)
