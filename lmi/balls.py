@@ -132,7 +132,7 @@ def rank_factors(H: Exact) -> tuple[Exact, Exact]:
 
     U holds the first independent columns of H, V' the reduced row echelon form: H determines both.
     """
-    rows, columns = H.shape
+    columns = H.shape[1]
     reduced, rank = _rational_matrix(H).rref()
     table = reduced.tolist()
     leading = [next(j for j in range(columns) if table[i][j] != 0) for i in range(rank)]

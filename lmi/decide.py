@@ -92,9 +92,7 @@ def _by_windows(
     if found.verdict.outcome == "proved":
         return found.verdict
     hints = tuple(dict.fromkeys([*found.thetas[:_HINTS], *proposal.thetas]))
-    again = refute_sequences(
-        F, H, low, high, replace(proposal, thetas=hints), attempt, jitter
-    )
+    again = refute_sequences(F, H, low, high, replace(proposal, thetas=hints), attempt, jitter)
     if again.outcome == "refuted":
         return again
     without = {key: value for key, value in again.evidence.items() if key != "reason"}

@@ -7,8 +7,8 @@ scored by how well a cut separates the masses: (m1 m2 / (m1 + m2)) |mean1 - mean
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -80,14 +80,14 @@ class _Evidence:
         if len(values) < 2:
             return 0.0, math.nan
         values, group = np.unique(values, return_inverse=True)
-        masses = np.bincount(group, masses)
+        masses = np.bincount(group, masses).astype(np.float64)
         below, moment = np.cumsum(masses)[:-1], np.cumsum(masses * values)[:-1]
         above, rest = masses.sum() - below, (masses * values).sum() - moment
         scores = below * above / (below + above) * np.abs(moment / below - rest / above)
         low, high = self.windows.interval(window, offset)
         high = min(high, self.last)
         thinnest = _THINNEST * (self.last - self.windows.low)
-        where = [_short(a, b) for a, b in zip(values, values[1:], strict=False)]
+        where = [_short(a, b) for a, b in itertools.pairwise(values)]
         fits = (np.array(where) > low + thinnest) & (np.array(where) < high - thinnest)
         if not fits.any():
             return 0.0, math.nan

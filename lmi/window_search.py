@@ -108,17 +108,13 @@ class _Family:
             for s, t, a, b in ends
         ]
 
-    def search(
-        self, start: Windows | None, limits: Limits, budget: Budget, began: float
-    ) -> Found:
+    def search(self, start: Windows | None, limits: Limits, budget: Budget, began: float) -> Found:
         """Rounds of solving and cutting."""
         windows = whole(self.low, self.high) if start is None else start
         links, seeds = windows.links(self.jitter), list[Cut]()
         L: Matrix | None = None
         while True:
-            proposal = propose_edges(
-                self.edges(links), len(windows), seeds, L, grids=self.grids
-            )
+            proposal = propose_edges(self.edges(links), len(windows), seeds, L, grids=self.grids)
             if proposal.matrices is not None:
                 return self._proved(windows, links, proposal)
             # a graph that no sequence enters asks for nothing

@@ -69,7 +69,7 @@ class Windows:
     @property
     def past_last(self) -> int:
         """One more than the last offset that has a column."""
-        return self.first + self.lower.shape[1]
+        return self.first + int(self.lower.shape[1])
 
     def interval(self, window: int, offset: int) -> tuple[float, float]:
         """The interval of a window at any offset."""
@@ -118,8 +118,9 @@ class Windows:
     def links(self, jitter: float = math.inf) -> Links:
         """All edges; jitter: largest change from one dwell time to the next."""
         sides = ((0, 0), (0, 1)), ((0, 0), (1, 0))
-        lower, upper = (np.pad(self.lower, side, constant_values=self.low) for side in sides), (
-            np.pad(self.upper, side, constant_values=self.high) for side in sides
+        lower, upper = (
+            (np.pad(self.lower, side, constant_values=self.low) for side in sides),
+            (np.pad(self.upper, side, constant_values=self.high) for side in sides),
         )
         (ahead_low, back_low), (ahead_high, back_high) = lower, upper
         low = np.maximum(ahead_low[:, None], back_low[None])

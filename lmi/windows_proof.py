@@ -18,7 +18,7 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -33,8 +33,10 @@ from lmi.balls import (
     precision,
     rank_factors,
     rational,
+    to_float,
 )
 from lmi.condition import Condition
+from lmi.exponential import expm
 from lmi.proof import STEP_LIMIT, prove
 from lmi.verdict import Verdict, proved, undecided
 
@@ -42,6 +44,8 @@ Matrix = NDArray[np.float64]
 Interval = tuple[float, float]
 Box = Mapping[int, Interval]  # offset -> interval; the whole range where an offset is missing
 Edge = tuple[int, int, float, float]  # window, the next window, range of theta
+
+_LOOKED = 33  # points at which floats look for room
 
 
 @dataclass(frozen=True)
@@ -93,10 +97,12 @@ def prove_windows(
             return undecided(f"P of window {w + 1} is not certainly positive definite")
     told = {"window_count": len(found.boxes), "edge_count": len(edges)}
     work: dict[str, Any] = {}
-    for (target, *ends), sources in _groups(edges).items():
+    for (target, *ends), sources in _groups(edges, together=method == "bernstein"):
         first, *others = (found.P[s] for s in sources)
         condition = Condition(flow, right, first, found.P[target], ends[0], ends[1], left, gamma,
                               tuple(others))  # fmt: skip
+        if method == "march":
+            condition = _unreduced(condition)
         verdict = prove(condition, method=method, steps=steps)
         if verdict.outcome != "proved":
             source = sources[verdict.evidence.get("which", 0)]
@@ -119,12 +125,36 @@ def _account(work: dict[str, Any], evidence: Mapping[str, Any]) -> None:
             work[key] = value
 
 
-def _groups(edges: Sequence[Edge]) -> Mapping[tuple[int, float, float], list[int]]:
+def _groups(
+    edges: Sequence[Edge], together: bool
+) -> list[tuple[tuple[int, float, float], list[int]]]:
     """Edges with the same target and range, by their sources: one polynomial serves them all."""
     groups = defaultdict(list)
     for source, target, low, high in edges:
         groups[target, low, high].append(source)
-    return groups
+    if together:
+        return list(groups.items())
+    return [(group, [source]) for group, sources in groups.items() for source in sources]
+
+
+def _unreduced(condition: Condition) -> Condition:
+    """The same claim for V P V' + e I in place of a reduced target P, which implies it.
+
+    e takes half of the room that floats see.
+    """
+    if condition.left is None:
+        return condition
+    V, n = condition.left.T, len(condition.F)
+    end = condition.high if math.isfinite(condition.high) else condition.low
+    moved = expm(to_float(condition.F) * np.linspace(condition.low, end, _LOOKED)[:, None, None])
+    moved = moved @ to_float(condition.right)
+    seen = to_float(condition.left) @ moved
+    room = condition.gamma**2 * condition.P_source - seen.swapaxes(1, 2) @ condition.P_target @ seen
+    gram = moved.swapaxes(1, 2) @ moved
+    shares = np.linalg.eigvals(np.linalg.solve(gram + 1e-300 * np.eye(len(room[0])), room)).real
+    e = max(0.5 * float(shares.min()), 1e-12 * float(np.abs(condition.P_target).max()))
+    whole = V @ exact(condition.P_target) @ V.T + exact(e * np.eye(n))
+    return replace(condition, left=None, P_target=whole)
 
 
 def _read(certificate: Mapping[str, Any], n: int, ends: Interval) -> Certificate:
