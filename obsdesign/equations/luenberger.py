@@ -28,9 +28,8 @@ Array = NDArray[Any]
 
 def objection(options: Any) -> str | None:
     """A request that would not be honoured in this version, or None; one sentence."""
-    for name in ("memory", "schedule"):
-        if options.get(name) not in (None, "auto", 0):
-            return f"observer.{name} = {options[name]!r} is not available in this version."
+    if options.get("schedule") not in (None, "auto", 0):
+        return f"observer.schedule = {options['schedule']!r} is not available in this version."
     return None
 
 

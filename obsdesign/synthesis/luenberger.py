@@ -30,7 +30,7 @@ from obsdesign.errors import InputError
 from obsdesign.problem import Problem
 from obsdesign.structure import hidden_growth, hidden_pair
 from obsdesign.synthesis.candidate import Candidate
-from obsdesign.synthesis.dwell import dwell_certificates
+from obsdesign.synthesis.dwell import dwell_certificates, question
 from obsdesign.synthesis.given_gains import given_gain, refuse_unusable
 from obsdesign.synthesis.placement import placed_gain, riccati_gain
 
@@ -138,15 +138,15 @@ def jump_gain(problem: Problem, F: Any) -> Any:
 
 
 def _certificates(problem: Problem, F: Any, M: Any, rate: float) -> dict[str, Any]:
-    """P for the dwell inequality; with a decay rate, the P of F + rate I serves both claims."""
+    """What shows stability; with a decay rate, the P of F + rate I serve both claims."""
     plant = problem.plant
     if plant.jump is None:
         return {}
     ends = problem.require_dwell_time()
     H = jump_error_matrix(plant.jump.G, M, plant.output.C, plant.output.jump_measurement)
     if rate == 0:
-        return dwell_certificates(F, H, *ends)
-    asked = decide(F + rate * np.eye(plant.n), H, *ends).evidence
-    if "P" not in asked:
-        return dwell_certificates(F, H, *ends) | {"decay_rate": asked}
+        return dwell_certificates(F, H, *ends, **question(problem))
+    asked = decide(F + rate * np.eye(plant.n), H, *ends, **question(problem)).evidence
+    if not {"P", "windows"} & set(asked):
+        return dwell_certificates(F, H, *ends, **question(problem)) | {"decay_rate": asked}
     return {"dwell_stability": asked, "decay_rate": asked}
