@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -62,8 +62,7 @@ def worst_word(
     for word in [*words[:_POLISHED], *starts]:
         if best.growth > enough:
             break
-        polished = _polish(edge, word, jitter)
-        best = max(best, polished, key=lambda found: found.growth)
+        best = max(best, polished(edge, word, jitter), key=lambda found: found.growth)
     return best
 
 
@@ -99,10 +98,11 @@ def _radii(M: Matrix) -> Matrix:
     return np.asarray(np.abs(np.linalg.eigvals(M)).max(axis=-1, initial=0.0))
 
 
-def _polish(edge: Edge, word: Word, jitter: float) -> Word:
+def polished(edge: Edge, word: Word, jitter: float = math.inf) -> Word:
     """Projected quasi-Newton ascent of log rho(product) / length in all dwell times at once."""
     from scipy.optimize import minimize
 
+    word = replace(word, growth=_growth(edge, np.array(word.thetas)))
     if edge.last == edge.low:
         return word
     bounds, start = [(edge.low, edge.last)] * len(word.thetas), np.array(word.thetas)
@@ -114,8 +114,12 @@ def _polish(edge: Edge, word: Word, jitter: float) -> Word:
         how = {"method": "SLSQP", "options": {"maxiter": 40}, "constraints": [room]}
     result = minimize(lambda x: _loss(edge, x), start, jac=True, bounds=bounds, **how)
     thetas = _within(np.clip(result.x, edge.low, edge.last), jitter)
-    polished = Word(tuple(float(theta) for theta in thetas), float(np.exp(-_loss(edge, thetas)[0])))
-    return max(word, polished, key=lambda found: found.growth)
+    better = Word(tuple(float(theta) for theta in thetas), _growth(edge, thetas))
+    return max(word, better, key=lambda found: found.growth)
+
+
+def _growth(edge: Edge, thetas: Matrix) -> float:
+    return float(np.exp(-_loss(edge, thetas)[0]))
 
 
 def _within(thetas: Matrix, jitter: float) -> Matrix:

@@ -43,10 +43,14 @@ class Budget:
 
 @dataclass(frozen=True)
 class Found:
-    """The verdict, and the dwell times that mattered last: where to look for a witness."""
+    """The verdict, and the dwell times that mattered last: where to look for a witness.
+
+    windows: those of the last attempt at a proof.
+    """
 
     verdict: Verdict
     thetas: tuple[float, ...]
+    windows: Windows | None = None
 
 
 def find_windows(
@@ -148,7 +152,7 @@ class _Family:
                                     steps=_BOXES)  # fmt: skip
             if attempt.outcome == "proved":
                 found = {**body, **attempt.evidence, "approx_margin": proposal.margin}
-                return Found(Verdict("proved", found), proposal.thetas)
+                return Found(Verdict("proved", found), proposal.thetas, windows)
             cut = _failed(links, attempt)
             if cut is None or cut in seeds:
                 break
