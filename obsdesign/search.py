@@ -70,7 +70,7 @@ def _candidates(problem: Problem) -> list[Any]:
     """What the problem gives or leaves to be found; of gains that were searched for, the proved."""
     synthesis = workflow.layer("synthesis", problem.require_kind())
     found = list(synthesis.synthesize(problem))
-    proved = [c for c in found if "P" in c.certificates.get("dwell_stability", {})]
+    proved = [c for c in found if {"P", "windows"} & set(c.certificates.get("dwell_stability", {}))]
     return (proved or found)[:1] if found[0].searched else found
 
 

@@ -27,10 +27,11 @@ def test_proved_rates_hold_and_better_ones_are_not_proved(seed: int, n: int, end
     H *= 0.6 / np.abs(np.linalg.eigvals(expm(F * thetas[:, None, None]) @ H)).max()
     high = math.inf if endless else 3.0
     verdict = decide(F, H, 0.2, high)
-    if verdict.outcome != "proved":
+    if "P" not in verdict.evidence:
         return
     P = np.array(verdict.evidence["P"])
-    rates = propose_rates(F, H, P, 0.2, high)
+    certificate = verdict.evidence
+    rates = propose_rates(F, H, certificate, 0.2, high)
     assert rates is not None
     L = np.linalg.cholesky(P)
     maps = expm(F * thetas[:, None, None]) @ H
@@ -39,14 +40,17 @@ def test_proved_rates_hold_and_better_ones_are_not_proved(seed: int, n: int, end
     assert np.all(norms <= np.exp(-rates.in_time * thetas) * (1 + ROUNDING))
     radii = np.abs(np.linalg.eigvals(maps)).max(axis=1)
     faster = Rates(max(float(radii.max()) * 0.999, 1e-9), rates.in_time)
-    assert prove_rates(F, H, P, 0.2, high, faster).outcome == "undecided"
+    assert prove_rates(F, H, certificate, 0.2, high, faster).outcome == "undecided"
     sooner = Rates(rates.per_jump, float(np.min(-np.log(radii) / thetas)) * 1.001 + 1e-9)
-    assert prove_rates(F, H, P, 0.2, high, sooner).outcome == "undecided"
+    assert prove_rates(F, H, certificate, 0.2, high, sooner).outcome == "undecided"
 
 
 @pytest.mark.parametrize(
     "rates", [Rates(1.0, 0.0), Rates(0.0, 0.0), Rates(0.5, -1.0), Rates(0.5, math.inf)]
 )
 def test_rates_that_are_none(rates: Rates) -> None:
-    assert prove_rates([[-1.0]], [[0.1]], [[1.0]], 1.0, 2.0, rates).outcome == "undecided"
-    assert prove_rates([[-1.0]], [[0.1]], [[1.0]], 1.0, 2.0, Rates(0.5, 0.1)).outcome == "proved"
+    assert prove_rates([[-1.0]], [[0.1]], {"P": [[1.0]]}, 1.0, 2.0, rates).outcome == "undecided"
+    assert (
+        prove_rates([[-1.0]], [[0.1]], {"P": [[1.0]]}, 1.0, 2.0, Rates(0.5, 0.1)).outcome
+        == "proved"
+    )
