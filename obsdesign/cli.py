@@ -224,12 +224,21 @@ def run(
 @click.argument("data", required=False)
 @click.option("-o", "--output", default="estimate.png", show_default=True, help="PNG or SVG file.")
 def plot(estimate: str, data: str | None, output: str) -> int:
-    """Picture an estimate file, against the true state where DATA.csv has it."""
+    """Picture an estimate file, against the true state where DATA.csv has it.
+
+    ESTIMATE may also be the answer of `search --json` or a design: the dwell times that are proved.
+    """
     from obsdesign.document import refuse_overwriting
-    from obsdesign.plotting import plot_estimate
 
     refuse_overwriting(output, estimate, data)
-    plot_estimate(estimate, data, output)
+    if estimate.lower().endswith(".json"):
+        from obsdesign.plotting.dwell import plot_dwell
+
+        plot_dwell(_answer(estimate), output, estimate)
+    else:
+        from obsdesign.plotting.estimate import plot_estimate
+
+        plot_estimate(estimate, data, output)
     click.echo(f"written: {output}")
     return 0
 
@@ -244,6 +253,19 @@ def schema(which: str) -> int:
         files("obsdesign").joinpath(f"schema/{which}.schema.json").read_text("utf-8").rstrip()
     )
     return 0
+
+
+def _answer(path: str) -> dict[str, Any]:
+    """What a command printed with --json, or a design file."""
+    import json
+
+    try:
+        body = json.loads(Path(path).read_text("utf-8"))
+    except (OSError, ValueError, RecursionError) as error:
+        raise InputError(f"{path}: cannot be read as JSON: {error}.") from None
+    if not isinstance(body, dict):
+        raise InputError(f"{path}: one JSON object is required; got {type(body).__name__}.")
+    return body
 
 
 def _plant(source: str) -> Any:

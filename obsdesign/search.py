@@ -103,6 +103,7 @@ def _outcome(
         "not_proved": bracket.not_proved,
         "not_proved_verdict": bracket.verdict,
         "accuracy": accuracy,
+        "kept": problem.require_dwell_time()[1 if shortest else 0],
         "islands": [list(island) for island in bracket.islands],
         "reason": _reason(bracket),
         "form": best.label,
