@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from dataclasses import asdict
 from typing import Any
 
 from lmi.copositive import decide_copositive
 from lmi.decide import Memory, decide
+from lmi.largest_rates import largest_rates
 from lmi.rates import propose_rates
 from obsdesign.problem import Problem
 
@@ -43,9 +45,13 @@ def dwell_certificates(
     verdict = decide(F, H, low, high, memory=memory, jitter=jitter)
     found["dwell_stability"] = verdict.evidence
     if verdict.outcome == "proved":
-        rates = propose_rates(F, H, verdict.evidence, low, high, jitter)
+        if "P" in verdict.evidence:
+            rates = largest_rates(F, H, verdict.evidence["P"], low, high)
+        else:
+            seen = propose_rates(F, H, verdict.evidence, low, high, jitter)
+            rates = None if seen is None else asdict(seen)
         if rates is not None:
-            found["rates"] = {"per_jump": rates.per_jump, "in_time": rates.in_time}
+            found["rates"] = rates
     elif verdict.outcome == "undecided" and len(F) < _LARGE:
         vector = decide_copositive(F, H, low, high)
         if vector.outcome == "proved":
