@@ -61,10 +61,10 @@ def borders_objection(problem: Problem, gains: Mapping[str, Any]) -> str | None:
     if "schedule" not in problem.options:
         return None
     low, high = problem.require_dwell_time()
-    try:
-        borders = [low, *np.asarray(gains["dwell_borders"], dtype=np.float64).tolist(), high]
-    except (KeyError, TypeError, ValueError):
+    inner = gains.get("dwell_borders")
+    if not isinstance(inner, np.ndarray) or inner.ndim != 1:
         return "gains.dwell_borders must be a list of numbers."
+    borders = [low, *inner.tolist(), high]
     if all(a < b for a, b in itertools.pairwise(borders)):
         return None
     return "gains.dwell_borders must increase inside problem.jump.dwell_time."

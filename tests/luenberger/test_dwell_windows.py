@@ -46,7 +46,7 @@ def test_a_design_with_false_windows_is_not_verified() -> None:
     assert claim_of(outcome, "dwell_stability").verdict == "undecided"
     assert outcome.verdict == "undecided"
     assert claim_of(outcome, "document").evidence["reason"] == (
-        "what the document says of dwell_stability could not be confirmed"
+        "what the document says of dwell_stability, rates could not be confirmed"
     )
 
 
