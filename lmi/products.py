@@ -133,7 +133,7 @@ def _within(thetas: Matrix, jitter: float) -> Matrix:
 
 def _loss(edge: Edge, thetas: Matrix) -> tuple[float, Matrix]:
     """-log rho(M_k ... M_1) / k and its gradient: d lambda = y* dM x / (y* x)."""
-    maps = edge.maps(thetas)
+    maps, slopes = edge.with_slopes(thetas)
     k, n = len(maps), maps.shape[-1]
     before = [np.eye(n)]
     for M in maps:
@@ -150,8 +150,6 @@ def _loss(edge: Edge, thetas: Matrix) -> tuple[float, Matrix]:
         return -float(np.log(abs(value))) / k, np.zeros(k)
     slope, after = np.zeros(k), y
     for i in reversed(range(k)):
-        # M = left e^{F theta} H: its derivative is left F e^{F theta} H
-        turned = edge.slopes(thetas[i : i + 1])[0]
-        slope[i] = float(np.real(after @ turned @ before[i] @ x / scale))
+        slope[i] = float(np.real(after @ slopes[i] @ before[i] @ x / scale))
         after = after @ maps[i]
     return -float(np.log(abs(value))) / k, -slope / k
