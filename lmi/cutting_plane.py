@@ -164,7 +164,7 @@ class _Search:
             better = L @ inner
             if solution.margin <= _LEAST:
                 if best.matrices is not None or not self._hopeful(inner, better):
-                    return self._none(active, solution, L, best)
+                    return self._none(active, solution, L, better, best)
                 L = better
                 continue
             best, more = self._judge(better, active, maps, best)
@@ -285,7 +285,9 @@ class _Search:
     def _same_edge(self, k: int, number: int) -> bool:
         return 0 <= k < len(self.owner) and int(self.owner[k]) == number
 
-    def _none(self, active: list[Cut], solution: Solution, L: Matrix, best: Proposal) -> Proposal:
+    def _none(
+        self, active: list[Cut], solution: Solution, L: Matrix, better: Matrix, best: Proposal
+    ) -> Proposal:
         if best.matrices is not None:
             return best
         Z = solution.multipliers
@@ -295,8 +297,14 @@ class _Search:
         back = np.linalg.inv(L)[self.source[[edge for edge, _ in active]]]
         Z = np.swapaxes(back, 1, 2) @ Z @ back
         found = self._proposal(None, active, best.margin, best.worst_theta)
-        return replace(found, multipliers=(Z + np.swapaxes(Z, 1, 2)) / 2, masses=masses,
-                       coordinates=L, optimum=solution.margin)  # fmt: skip
+        tame = np.linalg.cond(better) <= _LARGEST_CONDITION
+        return replace(
+            found,
+            multipliers=(Z + np.swapaxes(Z, 1, 2)) / 2,
+            masses=masses,
+            coordinates=np.where(tame[:, None, None], better, L),
+            optimum=solution.margin,
+        )
 
 
 def _cholesky(P: Matrix) -> Matrix | None:
