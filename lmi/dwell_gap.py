@@ -29,7 +29,7 @@ _SEED = 20162  # the search for destabilising sequences repeats itself exactly
 _WORDS = 6
 # each proof leaves this share of the gap that the last one left
 _SHARE = 0.25
-_BUDGET = Budget(windows=100, seconds=4.0)
+_BUDGET = Budget(windows=100, seconds=3.0)
 
 
 @dataclass(frozen=True)
@@ -110,7 +110,8 @@ class Gap:
         """The end nearest to `bad` that windows prove; or None and what was missing."""
         limits = Limits() if self.memory == "auto" else Limits(self.memory, self.memory)
         best: tuple[float, Verdict] | tuple[None, Verdict] | None = None
-        share, start = 0.5, None
+        start: tuple[Windows, Matrix] | None = None
+        share = 0.5
         while True:
             x = bad + share * (good - bad)
             found = find_windows(self.F, self.H, *self._range(x), jitter=self.jitter,
@@ -122,7 +123,8 @@ class Gap:
                 return best
             share *= _SHARE
             following = bad + share * (good - bad)
-            start = stretched(found.windows, *self._range(following)) if found.windows else None
+            if found.windows is not None and found.L is not None:
+                start = stretched(found.windows, *self._range(following)), found.L
 
 
 def stretched(windows: Windows, low: float, high: float) -> Windows:

@@ -63,7 +63,14 @@ def worst_word(
         if best.growth > enough:
             break
         best = max(best, polished(edge, word, jitter), key=lambda found: found.growth)
-    return best
+    return replace(best, thetas=_primitive(best.thetas))
+
+
+def _primitive(thetas: tuple[float, ...]) -> tuple[float, ...]:
+    """The shortest word of which this one is a repetition: it grows alike."""
+    k = len(thetas)
+    periods = (p for p in range(1, k + 1) if k % p == 0)
+    return next(thetas[:p] for p in periods if thetas[:p] * (k // p) == thetas)
 
 
 def _random(

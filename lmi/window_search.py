@@ -45,12 +45,13 @@ class Budget:
 class Found:
     """The verdict, and the dwell times that mattered last: where to look for a witness.
 
-    windows: those of the last attempt at a proof.
+    windows: those that were proved, and L (windows, m, m), the Cholesky factors of their P.
     """
 
     verdict: Verdict
     thetas: tuple[float, ...]
     windows: Windows | None = None
+    L: Matrix | None = None
 
 
 def find_windows(
@@ -62,12 +63,12 @@ def find_windows(
     jitter: float = math.inf,
     limits: Limits | None = None,
     budget: Budget | None = None,
-    start: Windows | None = None,
+    start: tuple[Windows, Matrix] | None = None,
 ) -> Found:
     """Proved with the windows, their P and the edges in its evidence, or undecided with the reason.
 
-    F, H: (n, n) exact. start: windows to begin with. When windows that look both ways come to
-    nothing, windows that look back only are tried in the time that is left.
+    F, H: (n, n) exact. start: windows to begin with, and coordinates for them. When windows that
+    look both ways come to nothing, windows that look back only are tried in the time that is left.
     """
     budget, limits = budget or Budget(), limits or Limits()
     family = _Family.of(F, H, low, high, jitter)
@@ -112,11 +113,12 @@ class _Family:
             for s, t, a, b in ends
         ]
 
-    def search(self, start: Windows | None, limits: Limits, budget: Budget, began: float) -> Found:
+    def search(
+        self, start: tuple[Windows, Matrix] | None, limits: Limits, budget: Budget, began: float
+    ) -> Found:
         """Rounds of solving and cutting."""
-        windows = whole(self.low, self.high) if start is None else start
+        windows, L = (whole(self.low, self.high), None) if start is None else start
         links, seeds = windows.links(self.jitter), list[Cut]()
-        L: Matrix | None = None
         while True:
             proposal = propose_edges(self.edges(links), len(windows), seeds, L, grids=self.grids)
             if proposal.matrices is not None:
@@ -152,7 +154,8 @@ class _Family:
                                     steps=_BOXES)  # fmt: skip
             if attempt.outcome == "proved":
                 found = {**body, **attempt.evidence, "approx_margin": proposal.margin}
-                return Found(Verdict("proved", found), proposal.thetas, windows)
+                L = np.linalg.cholesky(proposal.matrices)
+                return Found(Verdict("proved", found), proposal.thetas, windows, L)
             cut = _failed(links, attempt)
             if cut is None or cut in seeds:
                 break
