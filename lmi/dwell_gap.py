@@ -29,7 +29,9 @@ _SEED = 20162  # the search for destabilising sequences repeats itself exactly
 _WORDS = 6
 # each proof leaves this share of the gap that the last one left
 _SHARE = 0.25
-_BUDGET = Budget(windows=100, seconds=3.0)
+# and so many attempts may fail, each followed by less bold ones, until the shares are this close
+_FAILURES, _SETTLED = 2, 1.5
+_BUDGET = Budget(windows=100, seconds=2.0)
 
 
 @dataclass(frozen=True)
@@ -111,20 +113,24 @@ class Gap:
         limits = Limits() if self.memory == "auto" else Limits(self.memory, self.memory)
         best: tuple[float, Verdict] | tuple[None, Verdict] | None = None
         start: tuple[Windows, Matrix] | None = None
-        share = 0.5
-        while True:
+        reached, share, failed, failures = 1.0, 0.5, 0.0, 0  # shares of the gap
+        while failures < _FAILURES and reached > _SETTLED * failed:
             x = bad + share * (good - bad)
+            if start is not None:
+                start = stretched(start[0], *self._range(x)), start[1]
             found = find_windows(self.F, self.H, *self._range(x), jitter=self.jitter,
                                  limits=limits, budget=_BUDGET, start=start)  # fmt: skip
-            if found.verdict.outcome != "proved":
-                return best or (None, found.verdict)
-            best = x, found.verdict
+            if found.verdict.outcome == "proved":
+                best, reached = (x, found.verdict), share
+                if found.windows is not None and found.L is not None:
+                    start = found.windows, found.L
+            else:
+                best, failed, failures = best or (None, found.verdict), share, failures + 1
             if abs(x - bad) <= self.accuracy * max(abs(x), abs(bad)) / 2:
-                return best
-            share *= _SHARE
-            following = bad + share * (good - bad)
-            if found.windows is not None and found.L is not None:
-                start = stretched(found.windows, *self._range(following)), found.L
+                break
+            share = math.sqrt(reached * failed) if failed else _SHARE * reached
+        assert best is not None
+        return best
 
 
 def stretched(windows: Windows, low: float, high: float) -> Windows:

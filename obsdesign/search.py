@@ -91,10 +91,8 @@ def _bracket(problem: Problem, candidate: Any, shortest: bool, accuracy: float) 
         "memory": problem.options.get("memory", "auto"),
         "jitter": math.inf if jump is None else jump.dwell_jitter,
     }
-    if shortest:
-        bracket = shortest_dwell(F, H, high, **asked)
-    else:
-        bracket = longest_dwell(F, H, low, **asked)
+    ends = (shortest_dwell, high) if shortest else (longest_dwell, low)
+    bracket = ends[0](F, H, ends[1], **asked)
     return _Try(candidate.label, bracket, claims, candidate.gains)
 
 

@@ -92,6 +92,13 @@ def dwell_stability(
     return Verdict("undecided", {key: value for key, value in seen.items() if value == value})
 
 
+def source_of(verdict: Verdict, paper: str) -> str:
+    """The paper, or what takes its place where windows of dwell times prove."""
+    if verdict.outcome == "proved" and "windows" in verdict.evidence:
+        return f"{paper}, with a P for every window of dwell times (lmi/windows_proof.py)"
+    return paper
+
+
 def rates_claim(
     F: Any, H: Any, dwell: Dwell, certificates: Mapping[str, Any], source: str
 ) -> tuple[Claim, ...]:
