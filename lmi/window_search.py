@@ -120,14 +120,18 @@ class _Family:
         windows, L = (whole(self.low, self.high), None) if start is None else start
         links, seeds = windows.links(self.jitter), list[Cut]()
         while True:
-            proposal = propose_edges(self.edges(links), len(windows), seeds, L, grids=self.grids)
+            left = budget.seconds - (time.monotonic() - began)
+            proposal = propose_edges(
+                self.edges(links), len(windows), seeds, L, grids=self.grids, seconds=left
+            )
             if proposal.matrices is not None:
                 return self._proved(windows, links, proposal)
-            # a graph that no sequence enters asks for nothing
-            left = budget.seconds - (time.monotonic() - began)
             why = f"no P fit {len(windows)} windows of dwell times"
+            left = budget.seconds - (time.monotonic() - began)
             if proposal.masses is None or proposal.coordinates is None:
-                return Found(undecided(f"{why}: the solver gave no numbers"), proposal.thetas)
+                short = f"the search ended after {budget.seconds:g} s"
+                short = short if left < 0 else "the solver gave no numbers"
+                return Found(undecided(f"{why}: {short}"), proposal.thetas)
             cuts = cuttings(windows, links, np.array(proposal.owners), np.array(proposal.thetas),
                             proposal.masses, self.last, limits)  # fmt: skip
             heavy = proposal.masses > _FAINT * proposal.masses.max()
