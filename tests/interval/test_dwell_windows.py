@@ -18,7 +18,11 @@ def problem(A: list, G: list, jitter: float = np.inf, **options: object) -> obsd
     )
 
 
-TWO = [[-2.23, 0.0], [1.84, 0.36]], [[0.515, 0.66], [0.419, 0.0]]
+# neither one P nor one vector bounds this one
+NARROW = (
+    [[-0.5, 1.28, 0.26], [0.23, -0.03, 1.71], [0.4, 0.0, -2.93]],
+    [[0.0, 0.0, 0.0], [0.0, 0.011, 0.715], [0.219, 0.54, 0.0]],
+)
 # constant dwell times are stable, some that change quickly are not
 SLOW = (
     [[0.42, 0.0, 0.0], [0.0, -1.23, 0.35], [1.58, 0.0, -1.27]],
@@ -27,12 +31,12 @@ SLOW = (
 
 
 def test_windows_bound_the_width() -> None:
-    design = obsdesign.design(problem(*TWO))
+    design = obsdesign.design(problem(*NARROW))
     claim = next(c for c in design.claims if c.id == "dwell_stability")
     assert "windows" in claim.evidence
     assert "window" in claim.source
     assert obsdesign.verify(design, paranoid=True).verdict == "proved"
-    assert obsdesign.investigate(problem(*TWO, memory=0)).verdict == "undecided"
+    assert obsdesign.investigate(problem(*NARROW, memory=0)).verdict == "undecided"
 
 
 def test_slow_changes_bound_the_width_where_quick_ones_do_not() -> None:
