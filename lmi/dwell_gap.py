@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 
 from lmi.balls import Exact, to_float
 from lmi.families import Edge
+from lmi.hurwitz import prove_hurwitz
 from lmi.products import Word, polished, worst_word
 from lmi.spectral import refute_word, steps_within
 from lmi.splitting import Limits
-from lmi.verdict import Verdict
+from lmi.verdict import Verdict, undecided
 from lmi.window_search import Budget, find_windows
 from lmi.windows import Windows
 
@@ -107,6 +108,14 @@ class Gap:
             return low
         last = replace(edge, low=low, high=high).last
         return last if theta == edge.last else min(max(theta, low), last)
+
+    def attempt(self, x: float) -> Verdict:
+        """Windows for the range that ends at x; undecided where the flow would have to decay."""
+        if math.isinf(x) and prove_hurwitz(self.F).outcome != "proved":
+            return undecided("the flow does not decay")
+        limits = Limits() if self.memory == "auto" else Limits(self.memory, self.memory)
+        return find_windows(self.F, self.H, *self._range(x), jitter=self.jitter, limits=limits,
+                            budget=_BUDGET).verdict  # fmt: skip
 
     def proved(self, good: float, bad: float) -> tuple[float, Verdict] | tuple[None, Verdict]:
         """The end nearest to `bad` that windows prove; or None and what was missing."""

@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 from lmi.balls import exact, rank_factors
 from lmi.cutting_plane import propose_edges
 from lmi.decide import decide
+from lmi.dwell_search import longest_dwell
 from lmi.families import Edge
 from lmi.rates import Rates, propose_rates, prove_rates
 from lmi.window_search import certificate
@@ -375,3 +376,30 @@ def test_several_jump_maps_share_one_P() -> None:
     assert none.P is None
     assert none.multipliers is not None
     assert {0, 1} == set(none.owners)
+
+
+def test_searches_go_beyond_a_common_P() -> None:
+    F, H = SAMPLED
+    found = longest_dwell(F, H, 0.4, accuracy=1e-3)
+    assert found.common == pytest.approx(1.8276, abs=1e-3)
+    assert found.verdict == "refuted"
+    assert found.proved is not None
+    assert found.not_proved is not None
+    assert found.proved < found.not_proved <= found.proved * (1 + 1e-3)
+    again = prove_windows(F, H, found.certificate, 0.4, found.proved)
+    assert again.outcome == "proved"
+    slow = longest_dwell(F, H, 0.4, accuracy=1e-3, jitter=0.2)
+    assert slow.proved is not None
+    assert slow.proved > 2.0
+    plain = longest_dwell(F, H, 0.4, accuracy=1e-3, memory=0)
+    assert plain.proved == pytest.approx(1.8276, abs=3e-3)
+    assert plain.verdict == "undecided"
+
+
+def test_searches_reach_endless_ranges_by_windows() -> None:
+    F, H = endless_pair()
+    found = longest_dwell(F, H, 0.2)
+    assert found.proved == math.inf
+    assert found.common is not None
+    assert math.isfinite(found.common)
+    assert prove_windows(F, H, found.certificate, 0.2, math.inf).outcome == "proved"
