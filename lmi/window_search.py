@@ -157,7 +157,9 @@ class _Family:
             attempt = prove_windows(*self.exact, body, self.low, self.high, jitter=self.jitter,
                                     steps=_BOXES)  # fmt: skip
             if attempt.outcome == "proved":
-                found = {**body, **attempt.evidence, "approx_margin": proposal.margin}
+                found = {**body, **attempt.evidence}
+                if math.isfinite(proposal.margin):
+                    found["approx_margin"] = proposal.margin
                 L = np.linalg.cholesky(proposal.matrices)
                 return Found(Verdict("proved", found), proposal.thetas, windows, L)
             cut = _failed(links, attempt)
