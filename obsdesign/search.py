@@ -91,8 +91,8 @@ def _bracket(problem: Problem, candidate: Any, shortest: bool, accuracy: float) 
         "memory": problem.options.get("memory", "auto"),
         "jitter": math.inf if jump is None else jump.dwell_jitter,
     }
-    ends = (shortest_dwell, high) if shortest else (longest_dwell, low)
-    bracket = ends[0](F, H, ends[1], **asked)
+    find, kept = (shortest_dwell, high) if shortest else (longest_dwell, low)
+    bracket = find(F, H, kept, **asked)
     return _Try(candidate.label, bracket, claims, candidate.gains)
 
 
@@ -109,6 +109,7 @@ def _outcome(
         "not_proved": bracket.not_proved,
         "not_proved_verdict": bracket.verdict,
         "accuracy": accuracy,
+        "kept": problem.require_dwell_time()[1 if shortest else 0],
         "common_P": bracket.common,
         "open": _open(bracket),
         "islands": [list(island) for island in bracket.islands],

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from dataclasses import asdict
 from typing import Any
 
 from lmi.balls import exact, to_float
 from lmi.copositive import decide_copositive, looks_positive
 from lmi.decide import Memory, decide
+from lmi.largest_rates import largest_rates
 from lmi.rates import propose_rates
 from obsdesign.problem import Problem
 
@@ -52,7 +54,11 @@ def dwell_certificates(
             verdict = decide(F, H, low, high, memory=memory, jitter=jitter)
     found: dict[str, Any] = {"dwell_stability": verdict.evidence}
     if verdict.outcome == "proved":
-        rates = propose_rates(F, H, verdict.evidence, low, high, jitter)
+        if "P" in verdict.evidence:
+            rates = largest_rates(F, H, verdict.evidence["P"], low, high)
+        else:
+            seen = propose_rates(F, H, verdict.evidence, low, high, jitter)
+            rates = None if seen is None else asdict(seen)
         if rates is not None:
-            found["rates"] = {"per_jump": rates.per_jump, "in_time": rates.in_time}
+            found["rates"] = rates
     return found

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -115,13 +115,17 @@ def rates_claim(
     if not {"P", "windows"} & set(certificate):
         return ()
     rates = Rates(proposed["per_jump"], proposed["in_time"])
-    verdict = prove_rates(F, H, certificate, dwell.low, dwell.high, rates, dwell.jitter)
-    norm = "the P of dwell_stability"
+    own = {name: proposed[f"P_{name}"] for name in asdict(rates) if f"P_{name}" in proposed}
+    if any(_matrix(P, len(F)) is None for P in own.values()):
+        return ()
+    verdict = prove_rates(F, H, certificate, dwell.low, dwell.high, rates, dwell.jitter, own)
+    usual = "the P of dwell_stability"
     if "P" not in certificate:
-        norm = "the P of dwell_stability of the window that the dwell times are in"
+        usual += " of the window that the dwell times are in"
+    norms = [f"P_{name}" if name in own else usual for name in asdict(rates)]
     statement = (
-        f"in the norm of {norm}, e^(F T) H shrinks every vector by the factor per_jump, and by "
-        "e^(-in_time T), for all dwell times T in the range"
+        f"e^(F T) H shrinks every vector by the factor per_jump in the norm of {norms[0]}, and by "
+        f"e^(-in_time T) in that of {norms[1]}, for all dwell times T in the range"
     )
     return (Claim("rates", statement, source, verdict.outcome, verdict.evidence),)
 
@@ -131,7 +135,7 @@ def rates_sentence(found: tuple[Claim, ...], what: str) -> list[tuple[str, list[
     for claim in found:
         if claim.id == "rates" and claim.verdict == "proved":
             per_jump, in_time = claim.evidence["per_jump"], claim.evidence["in_time"]
-            norm = "a fixed norm"
+            norm = "fixed norms"
             if "window" in claim.statement:
                 norm = "norms that depend on neighbouring dwell times"
             text = (

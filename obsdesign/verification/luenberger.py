@@ -16,7 +16,6 @@ from lmi.balls import exact
 from lmi.hurwitz import prove_hurwitz
 from lmi.verdict import overall
 from obsdesign.document import Claim
-from obsdesign.equations import luenberger as equations
 from obsdesign.equations.estimation_error import (
     flow_error_matrix,
     idle_gains,
@@ -33,6 +32,7 @@ from obsdesign.verification.dwell import (
     source_of,
     unusable,
 )
+from obsdesign.verification.schedule import borders_objection, scheduled_stability
 
 PAPER = "Briat, Automatica 49 (2013), Theorem 3"
 _MATRICES = ("A", "C", "G", "L", "M")
@@ -50,7 +50,7 @@ def claims(
     certificates: {"dwell_stability": {"P": n x n}, "decay_rate": {"P": n x n}} where one was found,
     or windows in place of P; they are checked, never believed.
     """
-    agreement = consistency(_objection(problem), gains, _expected(problem))
+    agreement = consistency(_objection(problem, gains), gains, _expected(problem))
     if agreement.verdict != "proved":
         return (agreement,)
     numbers = {name: exact(gains[name]) for name in _MATRICES if name in gains}
@@ -63,10 +63,12 @@ def claims(
         if rate > 0:
             found.append(_hurwitz(shifted, "decay_rate", f"the rate {rate!r} was asked for", rate))
         return tuple(found)
-    H = dwell_pair(gains)[1]
     dwell = Dwell.of(problem)
     if math.isinf(dwell.high):
         found.append(_hurwitz(F, "hurwitz", "there is no longest dwell time"))
+    if "schedule" in problem.options:
+        return (*found, *_scheduled(problem, gains, F, rate, certificates, paranoid))
+    H = dwell_pair(gains)[1]
     found.append(_stability(F, H, dwell, certificates, paranoid))
     found += rates_claim(F, H, dwell, certificates, PAPER)
     if rate > 0:
@@ -81,14 +83,20 @@ def dwell_pair(gains: Mapping[str, Any]) -> tuple[Any, Any]:
     return flow_error_matrix(A, L, C), jump_error_matrix(G, M, C, when)
 
 
-def _objection(problem: Problem) -> str | None:
-    return equations.objection(problem.options) or unusable(problem)
+def _objection(problem: Problem, gains: Mapping[str, Any]) -> str | None:
+    return unusable(problem) or borders_objection(problem, gains)
 
 
 def _expected(problem: Problem) -> dict[str, Any]:
     n, p = problem.plant.n, problem.plant.p
     zeros = {name: np.zeros((n, p)) for name in idle_gains(problem.plant)}
-    return plant_data(problem.plant) | {"L": (n, p), "M": (n, p)} | dict(problem.gains) | zeros
+    expected = plant_data(problem.plant) | {"L": (n, p), "M": (n, p)} | dict(problem.gains) | zeros
+    asked = problem.options.get("schedule")
+    if asked is not None:
+        cells = asked if isinstance(asked, int) else len(asked) + 1
+        borders = (cells - 1,) if isinstance(asked, int) else np.array(asked)
+        expected |= {"M_cells": (cells, n, p), "dwell_borders": borders}
+    return expected
 
 
 def _hurwitz(F: Any, name: str, why: str, rate: float = 0.0) -> Claim:
@@ -115,6 +123,30 @@ def _stability(
         verdict.outcome,
         verdict.evidence,
     )
+
+
+def _scheduled(
+    problem: Problem,
+    gains: Mapping[str, Any],
+    F: Any,
+    rate: float,
+    certificates: Mapping[str, Any],
+    paranoid: bool,
+) -> list[Claim]:
+    """Stability, and the rate that is asked for, with gains by cells of the last dwell time."""
+    dwell, found = Dwell.of(problem), []
+    asked = [("dwell_stability", 0.0, "is stable")]
+    asked += [("decay_rate", rate, f"decays like e^(-{rate!r} t)")] if rate > 0 else []
+    for name, shift, what in asked:
+        shifted = F + exact(shift * np.eye(problem.plant.n))
+        certificate = certificates.get(name, {})
+        verdict = scheduled_stability(problem, gains, shifted, certificate, paranoid)
+        statement = (
+            "the error, corrected at a jump by the gain for the dwell time that ends there, "
+            f"{what} for every sequence of dwell times T in {dwell}"
+        )
+        found.append(Claim(name, statement, PAPER, verdict.outcome, verdict.evidence))
+    return found
 
 
 def _decay(

@@ -57,7 +57,8 @@ def test_limited_jitter_is_part_of_the_claim() -> None:
     # the same windows do not serve a plant whose dwell times may change more
     wider = sampled_data_problem(2.0, 0.6)
     certificates = {"dwell_stability": claim.evidence}
-    assert claims(wider, design.gains, certificates)[-1].verdict == "undecided"
+    gains = design.gains | {"dwell_jitter": 0.6}
+    assert claims(wider, gains, certificates)[-1].verdict == "undecided"
     # nor does a witness refute a plant whose dwell times may not change so much
     alternating = {"dwell_stability": {"witness": {"thetas": [2.0, 0.4]}}}
     assert claims(sampled_data_problem(2.0), design.gains, alternating)[-1].verdict == "refuted"
