@@ -12,9 +12,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 from lmi.balls import (
+    Exact,
     ball,
     certify_pivots,
     combinations,
@@ -222,10 +224,17 @@ def _coefficients(C: list[Any]) -> list[Any]:
 
 def _to_bernstein() -> Any:
     """B_i = sum_j C(i, j) / C(d, j) G_j on [0, 1], exactly: see the module's text."""
+    return ball(_weights())
+
+
+@lru_cache(maxsize=1)
+def _weights() -> Exact:
     d = DEGREE
     weights = [[rational(math.comb(i, j)) / math.comb(d, j) for j in range(d + 1)]
                for i in range(d + 1)]  # fmt: skip
-    return ball(exact(weights))
+    table = exact(weights)
+    table.setflags(write=False)
+    return table
 
 
 def _first_width(series: _Series, length: float) -> float:

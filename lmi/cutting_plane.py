@@ -8,6 +8,7 @@ What comes out is a proposal; `lmi.proof` decides whether it is one.
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -34,6 +35,7 @@ _QUICK, _EXACT, _CLEAR = 1e-5, 1e-9, 100.0
 _LARGE, _SPREAD = 6, (0.1, 0.35)
 # Below this margin the least slack is sought between grid points too, near this many of them
 _NARROW, _LOOKED, _ZOOMS = 0.005, 3, 2
+_ENDS = ("source", "target")
 # Edges of a graph are short: so many points each
 _FEW = 16
 # Condition numbers of the coordinates, the roots of those of P: rounds move them this far freely,
@@ -100,11 +102,13 @@ def propose_edges(
     start: Matrix | None = None,
     points: int = _FEW,
     grids: Grids | None = None,
+    seconds: float = math.inf,
 ) -> Proposal:
     """P_w > 0, w < nodes, with M' P_target M < gamma^2 P_source on every edge, on fine grids.
 
     start: lower triangular coordinates (nodes, n, n) to begin in. grids: what is kept of the maps
     from one call to the next; calls that share it must share the arrays of their edges too.
+    seconds: time after which nothing is found.
     """
     with np.errstate(all="ignore"):
         pieces = [_grid(edge, points, {} if grids is None else grids) for edge in edges]
@@ -115,8 +119,9 @@ def propose_edges(
             return _guess(edges[0], nodes, maps.shape[-1])
         starts = np.concatenate([[0], np.cumsum(counts)[:-1]])
         owner = np.repeat(np.arange(len(edges)), counts)
-        ends = [np.array([getattr(edge, end) for edge in edges]) for end in ("source", "target")]
-        search = _Search(tuple(edges), nodes, thetas, maps, owner, starts, *ends)
+        source, target = (np.array([getattr(e, end) for e in edges]) for end in _ENDS)
+        search = _Search(tuple(edges), nodes, thetas, maps, owner, starts, source, target,
+                         time.monotonic() + seconds)  # fmt: skip
         return search.run([*seeds], start)
 
 
@@ -144,6 +149,7 @@ class _Search:
     starts: Matrix  # the first of each edge
     source: Matrix  # the nodes of each edge
     target: Matrix
+    deadline: float
 
     def run(self, seeds: list[Cut], start: Matrix | None) -> Proposal:
         """Rounds of the cutting-plane method, each in the coordinates of the last P."""
@@ -154,17 +160,19 @@ class _Search:
         for _ in range(_ROUNDS):
             owner = np.array([edge for edge, _ in active])
             moved, nodes = self._moved(L, maps, owner), (self.source[owner], self.target[owner])
-            solution = common_matrices(moved, self.nodes, *nodes, tolerance=tolerance)
+            solution = self._solution(moved, nodes, tolerance)
             if tolerance == _QUICK and abs(solution.margin) < _CLEAR * _QUICK:
                 tolerance = _EXACT
-                solution = common_matrices(moved, self.nodes, *nodes, tolerance=tolerance)
+                solution = self._solution(moved, nodes, tolerance)
+            if time.monotonic() > self.deadline:
+                return best
             inner = _cholesky(solution.P)
             if inner is None:
                 return best
             better = L @ inner
             if solution.margin <= _LEAST:
                 if best.matrices is not None or not self._hopeful(inner, better):
-                    return self._none(active, solution, L, best)
+                    return self._none(active, solution, L, better, best)
                 L = better
                 continue
             best, more = self._judge(better, active, maps, best)
@@ -176,6 +184,10 @@ class _Search:
             active = [*active, *more]
             maps = np.concatenate([maps, self._maps(more)])
         return best
+
+    def _solution(self, moved: Matrix, ends: tuple[Matrix, Matrix], tolerance: float) -> Solution:
+        left = self.deadline - time.monotonic()
+        return common_matrices(moved, self.nodes, *ends, tolerance=tolerance, seconds=left)
 
     def _hopeful(self, inner: Matrix, better: Matrix) -> bool:
         """Nothing fits at the floor of kappa(P): may other coordinates still allow something?
@@ -285,7 +297,9 @@ class _Search:
     def _same_edge(self, k: int, number: int) -> bool:
         return 0 <= k < len(self.owner) and int(self.owner[k]) == number
 
-    def _none(self, active: list[Cut], solution: Solution, L: Matrix, best: Proposal) -> Proposal:
+    def _none(
+        self, active: list[Cut], solution: Solution, L: Matrix, better: Matrix, best: Proposal
+    ) -> Proposal:
         if best.matrices is not None:
             return best
         Z = solution.multipliers
@@ -295,8 +309,14 @@ class _Search:
         back = np.linalg.inv(L)[self.source[[edge for edge, _ in active]]]
         Z = np.swapaxes(back, 1, 2) @ Z @ back
         found = self._proposal(None, active, best.margin, best.worst_theta)
-        return replace(found, multipliers=(Z + np.swapaxes(Z, 1, 2)) / 2, masses=masses,
-                       coordinates=L, optimum=solution.margin)  # fmt: skip
+        tame = np.linalg.cond(better) <= _LARGEST_CONDITION
+        return replace(
+            found,
+            multipliers=(Z + np.swapaxes(Z, 1, 2)) / 2,
+            masses=masses,
+            coordinates=np.where(tame[:, None, None], better, L),
+            optimum=solution.margin,
+        )
 
 
 def _cholesky(P: Matrix) -> Matrix | None:

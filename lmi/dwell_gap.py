@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 
 from lmi.balls import Exact, to_float
 from lmi.families import Edge
+from lmi.hurwitz import prove_hurwitz
 from lmi.products import Word, polished, worst_word
 from lmi.spectral import refute_word, steps_within
 from lmi.splitting import Limits
-from lmi.verdict import Verdict
+from lmi.verdict import Verdict, undecided
 from lmi.window_search import Budget, find_windows
 from lmi.windows import Windows
 
@@ -29,7 +30,9 @@ _SEED = 20162  # the search for destabilising sequences repeats itself exactly
 _WORDS = 6
 # each proof leaves this share of the gap that the last one left
 _SHARE = 0.25
-_BUDGET = Budget(windows=100, seconds=4.0)
+# and so many attempts may fail, each followed by less bold ones, until the shares are this close
+_FAILURES, _SETTLED = 2, 1.5
+_BUDGET = Budget(windows=100, seconds=2.0)
 
 
 @dataclass(frozen=True)
@@ -106,23 +109,37 @@ class Gap:
         last = replace(edge, low=low, high=high).last
         return last if theta == edge.last else min(max(theta, low), last)
 
+    def attempt(self, x: float) -> Verdict:
+        """Windows for the range that ends at x; undecided where the flow would have to decay."""
+        if math.isinf(x) and prove_hurwitz(self.F).outcome != "proved":
+            return undecided("the flow does not decay")
+        limits = Limits() if self.memory == "auto" else Limits(self.memory, self.memory)
+        return find_windows(self.F, self.H, *self._range(x), jitter=self.jitter, limits=limits,
+                            budget=_BUDGET).verdict  # fmt: skip
+
     def proved(self, good: float, bad: float) -> tuple[float, Verdict] | tuple[None, Verdict]:
         """The end nearest to `bad` that windows prove; or None and what was missing."""
         limits = Limits() if self.memory == "auto" else Limits(self.memory, self.memory)
         best: tuple[float, Verdict] | tuple[None, Verdict] | None = None
-        share, start = 0.5, None
-        while True:
+        start: tuple[Windows, Matrix] | None = None
+        reached, share, failed, failures = 1.0, 0.5, 0.0, 0  # shares of the gap
+        while failures < _FAILURES and reached > _SETTLED * failed:
             x = bad + share * (good - bad)
+            if start is not None:
+                start = stretched(start[0], *self._range(x)), start[1]
             found = find_windows(self.F, self.H, *self._range(x), jitter=self.jitter,
                                  limits=limits, budget=_BUDGET, start=start)  # fmt: skip
-            if found.verdict.outcome != "proved":
-                return best or (None, found.verdict)
-            best = x, found.verdict
+            if found.verdict.outcome == "proved":
+                best, reached = (x, found.verdict), share
+                if found.windows is not None and found.L is not None:
+                    start = found.windows, found.L
+            else:
+                best, failed, failures = best or (None, found.verdict), share, failures + 1
             if abs(x - bad) <= self.accuracy * max(abs(x), abs(bad)) / 2:
-                return best
-            share *= _SHARE
-            following = bad + share * (good - bad)
-            start = stretched(found.windows, *self._range(following)) if found.windows else None
+                break
+            share = math.sqrt(reached * failed) if failed else _SHARE * reached
+        assert best is not None
+        return best
 
 
 def stretched(windows: Windows, low: float, high: float) -> Windows:

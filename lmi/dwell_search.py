@@ -29,6 +29,7 @@ Matrix = NDArray[Any]
 
 ACCURACY = 1e-6
 _STEPS = 60
+_COARSE = 1e-4
 _SUBDIVISIONS, _REFINEMENTS = 33, 9
 # a flow that does not decay may allow every finite dwell time: the search ends after this many
 # doublings of its own time scale
@@ -104,36 +105,47 @@ class _Search:
         thetas, radii = self._scan()
         crossing = self._crossing(thetas, radii)
         islands = self._islands(thetas, radii, crossing)
+        last = float(thetas[0 if self.shortest else -1])
+        # windows go on from where a common P ends: no need to know that end exactly
+        common = self if self.memory == 0 else replace(self, accuracy=max(_COARSE, self.accuracy))
         if crossing is None:
             whole = self._prove(extreme)
             if whole.outcome == "proved":
                 return Bracket(extreme, None, None, whole.evidence)
-            bracket = self._up_to(float(thetas[0 if self.shortest else -1]), whole)
+            bracket = common._up_to(last, whole)
         else:
-            bracket = self._at(crossing) or self._follow(crossing)
+            bracket = self._at(crossing) or common._follow(crossing)
         if bracket.verdict == "undecided" and self.memory != 0:
-            bracket = self._beyond_common(bracket, crossing)
+            bracket = self._beyond_common(bracket, crossing, last, extreme)
         return replace(bracket, islands=islands)
 
-    def _beyond_common(self, bracket: Bracket, crossing: float | None) -> Bracket:
+    def _beyond_common(
+        self, bracket: Bracket, crossing: float | None, last: float, extreme: float
+    ) -> Bracket:
         """Windows of dwell times on the proved side, destabilising sequences on the other."""
         common = bracket.proved
         good = self.fixed if common is None else common
-        far = crossing if crossing is not None else bracket.not_proved
+        if math.isinf(good):
+            return bracket
         gap = Gap(self.F, self.H, self.fixed, self.shortest, self.accuracy, self.memory,
                   self.jitter)  # fmt: skip
-        if far is None or math.isinf(far) or math.isinf(good):
-            return bracket
         P = bracket.certificate.get("P")
         L = np.eye(len(self.F)) if P is None else np.linalg.cholesky(np.array(P))
-        outside = gap.refuted(good, self._inward(far, -0.4 * self.accuracy), L)
+        far = last if crossing is None else self._inward(crossing, -0.4 * self.accuracy)
+        outside = gap.refuted(good, far, L)
+        if outside is None:
+            for end in dict.fromkeys((extreme, far) if crossing is None else ()):
+                whole = gap.attempt(end)
+                if whole.outcome == "proved":
+                    rest = None if end == extreme else extreme
+                    word = None if end == extreme else "undecided"
+                    return Bracket(end, rest, word, whole.evidence, common=common)
         limit = far if outside is None else outside[0]
         x, attempt = gap.proved(good, limit)
         evidence = bracket.certificate if x is None else attempt.evidence
         reached = common if x is None else x
         if outside is not None:
-            obstacle = outside[1]
-            return Bracket(reached, limit, "refuted", evidence, obstacle.evidence, common=common)
+            return Bracket(reached, limit, "refuted", evidence, outside[1].evidence, common=common)
         return Bracket(reached, limit, "undecided", evidence, bracket.obstacle, common=common)
 
     def _hopeless(self) -> Verdict | None:

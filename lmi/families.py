@@ -44,10 +44,10 @@ class Edge:
         flows = expm(self.F * np.asarray(thetas, dtype=np.float64)[:, None, None])
         return self._from_flows(flows)
 
-    def slopes(self, thetas: ArrayLike) -> Matrix:
-        """Derivative of M at each theta, (k, n, n)."""
+    def with_slopes(self, thetas: ArrayLike) -> tuple[Matrix, Matrix]:
+        """M and its derivative at each theta, (k, n, n) each."""
         flows = expm(self.F * np.asarray(thetas, dtype=np.float64)[:, None, None])
-        return self._from_flows(self.F @ flows)
+        return self._from_flows(flows), self._from_flows(self.F @ flows)
 
     def _from_flows(self, flows: Matrix) -> Matrix:
         moved = times(flows, self.H)

@@ -63,7 +63,14 @@ def worst_word(
         if best.growth > enough:
             break
         best = max(best, polished(edge, word, jitter), key=lambda found: found.growth)
-    return best
+    return replace(best, thetas=_primitive(best.thetas))
+
+
+def _primitive(thetas: tuple[float, ...]) -> tuple[float, ...]:
+    """The shortest word of which this one is a repetition: it grows alike."""
+    k = len(thetas)
+    periods = (p for p in range(1, k + 1) if k % p == 0)
+    return next(thetas[:p] for p in periods if thetas[:p] * (k // p) == thetas)
 
 
 def _random(
@@ -133,7 +140,7 @@ def _within(thetas: Matrix, jitter: float) -> Matrix:
 
 def _loss(edge: Edge, thetas: Matrix) -> tuple[float, Matrix]:
     """-log rho(M_k ... M_1) / k and its gradient: d lambda = y* dM x / (y* x)."""
-    maps = edge.maps(thetas)
+    maps, slopes = edge.with_slopes(thetas)
     k, n = len(maps), maps.shape[-1]
     before = [np.eye(n)]
     for M in maps:
@@ -150,8 +157,6 @@ def _loss(edge: Edge, thetas: Matrix) -> tuple[float, Matrix]:
         return -float(np.log(abs(value))) / k, np.zeros(k)
     slope, after = np.zeros(k), y
     for i in reversed(range(k)):
-        # M = left e^{F theta} H: its derivative is left F e^{F theta} H
-        turned = edge.slopes(thetas[i : i + 1])[0]
-        slope[i] = float(np.real(after @ turned @ before[i] @ x / scale))
+        slope[i] = float(np.real(after @ slopes[i] @ before[i] @ x / scale))
         after = after @ maps[i]
     return -float(np.log(abs(value))) / k, -slope / k

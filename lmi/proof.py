@@ -1,10 +1,11 @@
 """Proofs for all dwell times: matrices P for a whole range of theta, in ball arithmetic.
 
 Question: M(theta)' P M(theta) < P for every theta in [low, high], M(theta) = e^{F theta} H, with P
-given. Two independent methods: Taylor-Bernstein boxes (`lmi.bernstein`, the default) and log-norm
-steps (`lmi.march`). High = infinity is closed by a Lyapunov matrix Q >= P of the flow: M' Q M
-decreases with theta, so Q in place of P at one theta* settles all later ones; Q also proves that
-the flow is Hurwitz, which the stability of bounded inputs needs there (docs/papers.md).
+given. Independent methods: Taylor-Bernstein boxes (`lmi.bernstein`, the default), log-norm steps
+(`lmi.march`) and chords (`lmi.chords`). High = infinity is closed by a Lyapunov matrix Q >= P of
+the flow: M' Q M decreases with theta, so Q in place of P at one theta* settles all later ones; Q
+also proves that the flow is Hurwitz, which the stability of bounded inputs needs there
+(docs/papers.md).
 
 Floats only steer; every comparison is made in balls, on the rational numbers that the stored floats
 are. No optimisation solver is imported here.
@@ -29,12 +30,13 @@ from lmi.balls import (
     precision,
 )
 from lmi.bernstein import Boxes, Normalised, prove_range
+from lmi.chords import chords
 from lmi.condition import Condition, common
 from lmi.hurwitz import lyapunov_matrix, modal_matrix, prove_hurwitz
 from lmi.march import march
 from lmi.verdict import Verdict, proved, undecided
 
-METHODS = ("bernstein", "march")
+METHODS = ("bernstein", "march", "chords")
 STEP_LIMIT = 20_000
 
 
@@ -76,6 +78,8 @@ def prove(condition: Condition, *, method: str = "bernstein", steps: int = STEP_
         with precision(bits), np.errstate(all="ignore"):
             if method == "march":
                 verdict = march(condition, steps, bits)
+            elif method == "chords":
+                verdict = chords(condition, steps)
             else:
                 verdict = _boxes(condition, steps)
         if verdict.outcome == "proved":

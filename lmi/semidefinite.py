@@ -11,6 +11,7 @@ Nothing here is proved.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -43,11 +44,12 @@ def common_matrices(
     target: Indices | None = None,
     floor: float = FLOOR,
     tolerance: float = 1e-9,
+    seconds: float = math.inf,
 ) -> Solution:
     """Best matrices for the maps (k, n, n). A margin of minus infinity: no numbers were found.
 
     source, target: (k,) node of each map; None where there is one node. A rate gamma belongs into
-    the maps: M / gamma.
+    the maps: M / gamma. seconds: time for the solver, whose numbers then are what it has got.
     """
     k, n = maps.shape[:2]
     size = n * (n + 1) // 2
@@ -58,8 +60,11 @@ def common_matrices(
     columns = nodes * size + 1
     objective = np.zeros(columns)
     objective[-1] = -1.0
+    settings = _settings(tolerance)
+    if math.isfinite(seconds):
+        settings.time_limit = max(seconds, 1e-3)
     empty = sparse.csc_matrix((columns, columns))
-    result = clarabel.DefaultSolver(empty, objective, A, b, cones, _settings(tolerance)).solve()
+    result = clarabel.DefaultSolver(empty, objective, A, b, cones, settings).solve()
     x, z = np.asarray(result.x), np.asarray(result.z)
     P = smat(x[:-1].reshape(nodes, size))
     duals = smat(z[: k * size].reshape(k, size))

@@ -45,12 +45,13 @@ class Budget:
 class Found:
     """The verdict, and the dwell times that mattered last: where to look for a witness.
 
-    windows: those of the last attempt at a proof.
+    windows: those that were proved, and L (windows, m, m), the Cholesky factors of their P.
     """
 
     verdict: Verdict
     thetas: tuple[float, ...]
     windows: Windows | None = None
+    L: Matrix | None = None
 
 
 def find_windows(
@@ -62,12 +63,12 @@ def find_windows(
     jitter: float = math.inf,
     limits: Limits | None = None,
     budget: Budget | None = None,
-    start: Windows | None = None,
+    start: tuple[Windows, Matrix] | None = None,
 ) -> Found:
     """Proved with the windows, their P and the edges in its evidence, or undecided with the reason.
 
-    F, H: (n, n) exact. start: windows to begin with. When windows that look both ways come to
-    nothing, windows that look back only are tried in the time that is left.
+    F, H: (n, n) exact. start: windows to begin with, and coordinates for them. When windows that
+    look both ways come to nothing, windows that look back only are tried in the time that is left.
     """
     budget, limits = budget or Budget(), limits or Limits()
     family = _Family.of(F, H, low, high, jitter)
@@ -112,20 +113,25 @@ class _Family:
             for s, t, a, b in ends
         ]
 
-    def search(self, start: Windows | None, limits: Limits, budget: Budget, began: float) -> Found:
+    def search(
+        self, start: tuple[Windows, Matrix] | None, limits: Limits, budget: Budget, began: float
+    ) -> Found:
         """Rounds of solving and cutting."""
-        windows = whole(self.low, self.high) if start is None else start
+        windows, L = (whole(self.low, self.high), None) if start is None else start
         links, seeds = windows.links(self.jitter), list[Cut]()
-        L: Matrix | None = None
         while True:
-            proposal = propose_edges(self.edges(links), len(windows), seeds, L, grids=self.grids)
+            left = budget.seconds - (time.monotonic() - began)
+            proposal = propose_edges(
+                self.edges(links), len(windows), seeds, L, grids=self.grids, seconds=left
+            )
             if proposal.matrices is not None:
                 return self._proved(windows, links, proposal)
-            # a graph that no sequence enters asks for nothing
-            left = budget.seconds - (time.monotonic() - began)
             why = f"no P fit {len(windows)} windows of dwell times"
+            left = budget.seconds - (time.monotonic() - began)
             if proposal.masses is None or proposal.coordinates is None:
-                return Found(undecided(f"{why}: the solver gave no numbers"), proposal.thetas)
+                short = f"the search ended after {budget.seconds:g} s"
+                short = short if left < 0 else "the solver gave no numbers"
+                return Found(undecided(f"{why}: {short}"), proposal.thetas)
             cuts = cuttings(windows, links, np.array(proposal.owners), np.array(proposal.thetas),
                             proposal.masses, self.last, limits)  # fmt: skip
             heavy = proposal.masses > _FAINT * proposal.masses.max()
@@ -151,8 +157,11 @@ class _Family:
             attempt = prove_windows(*self.exact, body, self.low, self.high, jitter=self.jitter,
                                     steps=_BOXES)  # fmt: skip
             if attempt.outcome == "proved":
-                found = {**body, **attempt.evidence, "approx_margin": proposal.margin}
-                return Found(Verdict("proved", found), proposal.thetas, windows)
+                found = {**body, **attempt.evidence}
+                if math.isfinite(proposal.margin):
+                    found["approx_margin"] = proposal.margin
+                L = np.linalg.cholesky(proposal.matrices)
+                return Found(Verdict("proved", found), proposal.thetas, windows, L)
             cut = _failed(links, attempt)
             if cut is None or cut in seeds:
                 break

@@ -46,6 +46,8 @@ Box = Mapping[int, Interval]  # offset -> interval; the whole range where an off
 Edge = tuple[int, int, float, float]  # window, the next window, range of theta
 
 _LOOKED = 33  # points at which floats look for room
+# more windows, or offsets further away, than any search asks for
+_MOST, _FARTHEST = 400, 100
 
 
 @dataclass(frozen=True)
@@ -161,10 +163,12 @@ def _read(certificate: Mapping[str, Any], n: int, ends: Interval) -> Certificate
     windows = certificate.get("windows")
     if not isinstance(windows, list | tuple) or not windows:
         raise _Unreadable("the certificate holds no windows")
+    if len(windows) > _MOST:
+        raise _Unreadable(f"more than {_MOST} windows are not looked at")
     try:
         boxes = tuple(_box(window["dwell"], ends) for window in windows)
         P = np.array([window["P"] for window in windows], dtype=np.float64)
-        edges = [(int(s), int(t), _end(a), _end(b)) for s, t, a, b in certificate["edges"]]
+        edges = [(_index(s), _index(t), _end(a), _end(b)) for s, t, a, b in certificate["edges"]]
     except (KeyError, TypeError, ValueError, OverflowError, AttributeError):
         raise _Unreadable("windows or edges of the certificate are not as they should be") from None
     if P.ndim != 3 or P.shape[1] != P.shape[2] or not 0 < P.shape[1] <= n:
@@ -180,7 +184,8 @@ def _box(dwell: Mapping[str, Any], ends: Interval) -> Box:
     box = {}
     for name, (a, b) in dwell.items():
         low, high = _end(a), _end(b)
-        if str(int(name)) != name or not ends[0] <= low < high <= ends[1]:
+        known = str(int(name)) == name and abs(int(name)) <= _FARTHEST
+        if not known or not ends[0] <= low < high <= ends[1]:
             raise ValueError
         box[int(name)] = low, high
     return box
@@ -194,31 +199,44 @@ def _end(value: Any) -> float:
     return float(value)
 
 
+def _index(value: Any) -> int:
+    if type(value) is not int:
+        raise ValueError
+    return value
+
+
 def _word(end: float) -> float | str:
     return "inf" if math.isinf(end) else end
 
 
 def _check_partition(boxes: Sequence[Box], ends: Interval) -> None:
     """The windows divide all sequences: cuts across all windows of a part, until one fills each."""
-    if not _divides(list(boxes), {}, ends):
-        raise _Unreadable("the windows do not divide all sequences of dwell times")
+    parts: list[tuple[list[Box], Box]] = [(list(boxes), {})]
+    while parts:
+        part, region = parts.pop()
+        if len(part) > 1:
+            halves = _halves(part, region, ends)
+            if halves is None:
+                raise _Unreadable("the windows do not divide all sequences of dwell times")
+            parts += halves
+        elif any(part[0].get(j, ends) != region.get(j, ends) for j in set(part[0]) | set(region)):
+            raise _Unreadable("the windows do not divide all sequences of dwell times")
 
 
-def _divides(boxes: list[Box], region: Box, ends: Interval) -> bool:
-    offsets = {offset for box in boxes for offset in box}
-    if len(boxes) == 1:
-        known = offsets | set(region)
-        return all(boxes[0].get(j, ends) == region.get(j, ends) for j in known)
-    for offset in sorted(offsets):
+def _halves(boxes: list[Box], region: Box, ends: Interval) -> list[tuple[list[Box], Box]] | None:
+    """A cut of the region that no window straddles, with the windows on either side of it."""
+    for offset in sorted({offset for box in boxes for offset in box}):
         low, high = region.get(offset, ends)
         borders = {box.get(offset, ends)[1] for box in boxes}
         for border in sorted(b for b in borders if low < b < high):
             below = [box for box in boxes if box.get(offset, ends)[1] <= border]
             above = [box for box in boxes if box.get(offset, ends)[0] >= border]
             if below and above and len(below) + len(above) == len(boxes):
-                halves = (below, (low, border)), (above, (border, high))
-                return all(_divides(part, {**region, offset: i}, ends) for part, i in halves)
-    return False
+                return [
+                    (below, {**region, offset: (low, border)}),
+                    (above, {**region, offset: (border, high)}),
+                ]
+    return None
 
 
 def _edges(boxes: Sequence[Box], ends: Interval, jitter: float) -> list[Edge]:

@@ -6,7 +6,8 @@ import math
 from dataclasses import asdict
 from typing import Any
 
-from lmi.copositive import decide_copositive
+from lmi.balls import exact, to_float
+from lmi.copositive import decide_copositive, looks_positive
 from lmi.decide import Memory, decide
 from lmi.largest_rates import largest_rates
 from lmi.rates import propose_rates
@@ -34,16 +35,24 @@ def dwell_certificates(
 ) -> dict[str, Any]:
     """Under the ids of the claims they are for: stability, and the rates its P allows.
 
-    A quadratic certificate is tried, and for positive systems a copositive one: whichever proves.
-    memory, jitter: as in `lmi.decide`.
+    For positive systems a copositive certificate is tried too: first where matrices are large, else
+    where one common P is not enough, before windows are. memory, jitter: as in `lmi.decide`.
     """
-    found: dict[str, Any] = {}
-    if len(F) >= _LARGE:
+    positive = looks_positive(to_float(exact(F)), to_float(exact(H)))
+    asked: dict[str, Any] = {"memory": 0 if positive else memory, "jitter": jitter}
+    if positive and len(F) >= _LARGE:
         vector = decide_copositive(F, H, low, high)
         if vector.outcome == "proved":
             return {"dwell_stability": vector.evidence}
-    verdict = decide(F, H, low, high, memory=memory, jitter=jitter)
-    found["dwell_stability"] = verdict.evidence
+    verdict = decide(F, H, low, high, **asked)
+    if positive and verdict.outcome == "undecided":
+        if len(F) < _LARGE:
+            vector = decide_copositive(F, H, low, high)
+            if vector.outcome == "proved":
+                return {"dwell_stability": vector.evidence}
+        if memory != 0:
+            verdict = decide(F, H, low, high, memory=memory, jitter=jitter)
+    found: dict[str, Any] = {"dwell_stability": verdict.evidence}
     if verdict.outcome == "proved":
         if "P" in verdict.evidence:
             rates = largest_rates(F, H, verdict.evidence["P"], low, high)
@@ -52,8 +61,4 @@ def dwell_certificates(
             rates = None if seen is None else asdict(seen)
         if rates is not None:
             found["rates"] = rates
-    elif verdict.outcome == "undecided" and len(F) < _LARGE:
-        vector = decide_copositive(F, H, low, high)
-        if vector.outcome == "proved":
-            found["dwell_stability"] = vector.evidence
     return found

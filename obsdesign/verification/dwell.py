@@ -92,6 +92,13 @@ def dwell_stability(
     return Verdict("undecided", {key: value for key, value in seen.items() if value == value})
 
 
+def source_of(verdict: Verdict, paper: str) -> str:
+    """The paper, or what takes its place where windows of dwell times prove."""
+    if verdict.outcome == "proved" and "windows" in verdict.evidence:
+        return f"{paper}, with a P for every window of dwell times (lmi/windows_proof.py)"
+    return paper
+
+
 def rates_claim(
     F: Any, H: Any, dwell: Dwell, certificates: Mapping[str, Any], source: str
 ) -> tuple[Claim, ...]:
@@ -147,7 +154,8 @@ def _twice(
     verdict: Verdict = prover(F, H, dwell, certificate, "bernstein")
     if verdict.outcome != "proved" or not paranoid:
         return verdict
-    second = prover(F, H, dwell, certificate, "march")
+    # many windows leave narrow margins, over which log-norm steps would take too long
+    second = prover(F, H, dwell, certificate, "march" if prover is _common else "chords")
     if second.outcome != "proved":
         why = second.evidence.get("reason", "")
         return undecided(f"the second method does not confirm the proof: {why}")

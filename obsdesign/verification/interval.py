@@ -31,6 +31,7 @@ from obsdesign.verification.dwell import (
     dwell_stability,
     rates_claim,
     rates_sentence,
+    source_of,
     unusable,
 )
 
@@ -232,7 +233,7 @@ def _stability_claim(
         f"of dwell times T in {dwell}: one P > 0 has N' e^(W' T) P e^(W T) N < P, or one P for "
         "each window of dwell times has, or one v > 0 has v' e^(W T) N < v' (or a like "
         "inequality), for all of them",
-        f"{PAPER}, {THEOREMS[form]}, {equation}",
+        source_of(verdict, f"{PAPER}, {THEOREMS[form]}, {equation}"),
         verdict.outcome,
         verdict.evidence,
     )

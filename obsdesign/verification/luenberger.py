@@ -29,6 +29,7 @@ from obsdesign.verification.dwell import (
     dwell_stability,
     rates_claim,
     rates_sentence,
+    source_of,
     unusable,
 )
 from obsdesign.verification.schedule import borders_objection, scheduled_stability
@@ -118,7 +119,7 @@ def _stability(
         "dwell_stability",
         f"the error e -> e^(F T) H e, F = A - L C, H its matrix at jumps, is stable for every "
         f"sequence of dwell times T in {dwell}",
-        PAPER,
+        source_of(verdict, PAPER),
         verdict.outcome,
         verdict.evidence,
     )
@@ -163,7 +164,7 @@ def _decay(
     return Claim(
         "decay_rate",
         f"the error decays like e^(-{rate!r} t) for every sequence of dwell times in {dwell}",
-        f"{PAPER}, for A - L C + {rate!r} I",
+        source_of(verdict, f"{PAPER}, for A - L C + {rate!r} I"),
         verdict.outcome,
         verdict.evidence,
     )

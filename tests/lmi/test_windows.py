@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 from lmi.balls import exact, rank_factors
 from lmi.cutting_plane import propose_edges
 from lmi.decide import decide
+from lmi.dwell_search import longest_dwell
 from lmi.families import Edge
 from lmi.rates import Rates, propose_rates, prove_rates
 from lmi.window_search import certificate
@@ -149,7 +150,7 @@ def test_memory_is_how_far_windows_look() -> None:
     assert none.evidence["reason"].endswith("which is not instability")
 
 
-@pytest.mark.parametrize("method", ["bernstein", "march"])
+@pytest.mark.parametrize("method", ["bernstein", "march", "chords"])
 def test_endless_dwell_times(method: str) -> None:
     F, H = endless_pair()
     verdict = decide(F, H, 0.2, math.inf)
@@ -239,6 +240,12 @@ def spoil_entry(body: dict[str, Any]) -> None:
         (lambda body: body["windows"][0].update(P=[[1.0, 0.1], [0, 1]]), "symmetric"),
         (lambda body: body["windows"][0].update(dwell={"0.5": [0.4, 1.0]}), "should be"),
         (lambda body: body["windows"][0].update(dwell={"0": [0.4, math.nan]}), "should be"),
+        (lambda body: body["windows"][0].update(dwell={"1000000000": [0.4, 1.0]}), "should be"),
+        (lambda body: body["windows"][0].update(dwell={"00": [0.4, 1.0]}), "should be"),
+        (lambda body: body["windows"][0].update(dwell=[0.4, 1.0]), "should be"),
+        (lambda body: body["edges"].append([0.5, 0, 0.4, 1.0]), "should be"),
+        (lambda body: body["edges"].append([0, 0]), "should be"),
+        (lambda body: body.update(windows=body["windows"] * 1000), "more than"),
         (lambda body: body.update(windows=[]), "no windows"),
         (lambda body: body.pop("edges"), "should be"),
     ],
@@ -260,13 +267,14 @@ def test_a_proof_for_one_range_is_none_for_another() -> None:
     assert prove_windows(F, H, CASE, 0.4, 1.87, gamma=0.99).outcome == "undecided"
 
 
-def test_the_march_confirms() -> None:
-    verdict = prove_windows(*SAMPLED, CASE, 0.4, 1.87, method="march")
+@pytest.mark.parametrize(("method", "name"), [("march", "log-norm march"), ("chords", "chords")])
+def test_other_methods_confirm(method: str, name: str) -> None:
+    verdict = prove_windows(*SAMPLED, CASE, 0.4, 1.87, method=method)
     assert verdict.outcome == "proved"
-    assert verdict.evidence["method"] == "log-norm march"
+    assert verdict.evidence["method"] == name
     spoilt = json.loads(json.dumps(CASE))
     swap(spoilt)
-    assert prove_windows(*SAMPLED, spoilt, 0.4, 1.87, method="march").outcome == "undecided"
+    assert prove_windows(*SAMPLED, spoilt, 0.4, 1.87, method=method).outcome == "undecided"
 
 
 def random_windows(rng: np.random.Generator, low: float, high: float, cuts: int) -> Windows:
@@ -374,3 +382,30 @@ def test_several_jump_maps_share_one_P() -> None:
     assert none.P is None
     assert none.multipliers is not None
     assert {0, 1} == set(none.owners)
+
+
+def test_searches_go_beyond_a_common_P() -> None:
+    F, H = SAMPLED
+    found = longest_dwell(F, H, 0.4, accuracy=1e-3)
+    assert found.common == pytest.approx(1.8276, abs=3e-3)
+    assert found.verdict == "refuted"
+    assert found.proved is not None
+    assert found.not_proved is not None
+    assert found.proved < found.not_proved <= found.proved * (1 + 1e-3)
+    again = prove_windows(F, H, found.certificate, 0.4, found.proved)
+    assert again.outcome == "proved"
+    slow = longest_dwell(F, H, 0.4, accuracy=1e-3, jitter=0.2)
+    assert slow.proved is not None
+    assert slow.proved > 2.0
+    plain = longest_dwell(F, H, 0.4, accuracy=1e-3, memory=0)
+    assert plain.proved == pytest.approx(1.8276, abs=3e-3)
+    assert plain.verdict == "undecided"
+
+
+def test_searches_reach_endless_ranges_by_windows() -> None:
+    F, H = endless_pair()
+    found = longest_dwell(F, H, 0.2)
+    assert found.proved == math.inf
+    assert found.common is not None
+    assert math.isfinite(found.common)
+    assert prove_windows(F, H, found.certificate, 0.2, math.inf).outcome == "proved"

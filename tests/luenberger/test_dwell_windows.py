@@ -20,7 +20,7 @@ def claim_of(outcome: obsdesign.Outcome, name: str) -> Any:
 
 
 def test_windows_of_dwell_times_prove_what_a_common_p_cannot(tmp_path: Path) -> None:
-    design = obsdesign.design(sampled_data_problem(1.87))
+    design = obsdesign.design(sampled_data_problem(1.8885))
     design.save(tmp_path / "design.json")
     stored = obsdesign.load_design(tmp_path / "design.json")
     again = obsdesign.verify(stored)
@@ -29,7 +29,7 @@ def test_windows_of_dwell_times_prove_what_a_common_p_cannot(tmp_path: Path) -> 
     confirmed = obsdesign.verify(stored, paranoid=True)
     assert confirmed.verdict == "proved"
     evidence = claim_of(confirmed, "dwell_stability").evidence
-    assert evidence["confirmed_by"]["method"] == "log-norm march"
+    assert evidence["confirmed_by"]["method"] == "chords"
     rates = claim_of(again, "rates")
     assert 0.99 < rates.evidence["per_jump"] < 1
     assert "window" in rates.statement
