@@ -37,6 +37,7 @@ _POWERS = 2 * DEGREE + 2
 _SHARE = 0.01
 # failures in a row after which the balls are too wide, or the margin too small
 _HALVINGS = 24
+_WIDEST = 1e17
 
 
 @dataclass(frozen=True)
@@ -115,6 +116,8 @@ class _Series:
         sizes = [float(norm) * float(flow_norm) for norm in self.norms]
         orders = range(DEGREE + 1)
         for _ in range(8):
+            if width > _WIDEST:  # its powers overflow; nothing that moves fits so wide a box
+                return width if not any(sizes[1:]) else _WIDEST
             w = [size * width**k for k, size in enumerate(sizes)]
             kept = sum(w[i] * w[j] for i in orders for j in range(DEGREE + 1 - i))
             found = sum(w) ** 2 - kept

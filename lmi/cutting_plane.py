@@ -108,7 +108,7 @@ def propose_edges(
 
     start: lower triangular coordinates (nodes, n, n) to begin in. grids: what is kept of the maps
     from one call to the next; calls that share it must share the arrays of their edges too.
-    seconds: time after which nothing is found.
+    seconds: processor time after which nothing is found.
     """
     with np.errstate(all="ignore"):
         pieces = [_grid(edge, points, {} if grids is None else grids) for edge in edges]
@@ -121,7 +121,7 @@ def propose_edges(
         owner = np.repeat(np.arange(len(edges)), counts)
         source, target = (np.array([getattr(e, end) for e in edges]) for end in _ENDS)
         search = _Search(tuple(edges), nodes, thetas, maps, owner, starts, source, target,
-                         time.monotonic() + seconds)  # fmt: skip
+                         time.process_time() + seconds)  # fmt: skip
         return search.run([*seeds], start)
 
 
@@ -164,7 +164,7 @@ class _Search:
             if tolerance == _QUICK and abs(solution.margin) < _CLEAR * _QUICK:
                 tolerance = _EXACT
                 solution = self._solution(moved, nodes, tolerance)
-            if time.monotonic() > self.deadline:
+            if time.process_time() > self.deadline:
                 return best
             inner = _cholesky(solution.P)
             if inner is None:
@@ -186,7 +186,7 @@ class _Search:
         return best
 
     def _solution(self, moved: Matrix, ends: tuple[Matrix, Matrix], tolerance: float) -> Solution:
-        left = self.deadline - time.monotonic()
+        left = self.deadline - time.process_time()
         return common_matrices(moved, self.nodes, *ends, tolerance=tolerance, seconds=left)
 
     def _hopeful(self, inner: Matrix, better: Matrix) -> bool:

@@ -35,7 +35,7 @@ _FAINT = 1e-6
 
 @dataclass(frozen=True)
 class Budget:
-    """When a search gives up: this many windows, this many seconds."""
+    """When a search gives up: this many windows, this many seconds of processor time."""
 
     windows: int = 100
     seconds: float = 10.0
@@ -72,7 +72,7 @@ def find_windows(
     """
     budget, limits = budget or Budget(), limits or Limits()
     family = _Family.of(F, H, low, high, jitter)
-    began = time.monotonic()
+    began = time.process_time()
     found = family.search(start, limits, budget, began)
     if found.verdict.outcome != "proved" and limits.future > 0 and start is None:
         back = family.search(None, Limits(limits.past, 0), budget, began)
@@ -120,14 +120,14 @@ class _Family:
         windows, L = (whole(self.low, self.high), None) if start is None else start
         links, seeds = windows.links(self.jitter), list[Cut]()
         while True:
-            left = budget.seconds - (time.monotonic() - began)
+            left = budget.seconds - (time.process_time() - began)
             proposal = propose_edges(
                 self.edges(links), len(windows), seeds, L, grids=self.grids, seconds=left
             )
             if proposal.matrices is not None:
                 return self._proved(windows, links, proposal)
             why = f"no P fit {len(windows)} windows of dwell times"
-            left = budget.seconds - (time.monotonic() - began)
+            left = budget.seconds - (time.process_time() - began)
             if proposal.masses is None or proposal.coordinates is None:
                 short = f"the search ended after {budget.seconds:g} s"
                 short = short if left < 0 else "the solver gave no numbers"

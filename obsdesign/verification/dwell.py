@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
+from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal, localcontext
 from typing import Any
 
 import numpy as np
@@ -140,11 +141,17 @@ def rates_sentence(found: tuple[Claim, ...], what: str) -> list[tuple[str, list[
                 norm = "norms that depend on neighbouring dwell times"
             text = (
                 f"Without disturbance and noise, {what} just before a jump shrinks, in {norm}, "
-                f"to at most {per_jump:.6g} of itself at the next one, and like "
-                f"e^(-{in_time:.6g} t) from jump to jump."
+                f"to at most {_six_digits(per_jump, ROUND_CEILING)} of itself at the next one, and "
+                f"like e^(-{_six_digits(in_time, ROUND_FLOOR)} t) from jump to jump."
             )
             return [(text, ["dwell_stability", "rates"])]
     return []
+
+
+def _six_digits(value: float, rounding: str) -> str:
+    """A positive number with six digits, rounded to the side that promises less."""
+    with localcontext(prec=6, rounding=rounding):
+        return f"{+Decimal(value):.6g}"
 
 
 def _twice(

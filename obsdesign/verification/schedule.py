@@ -18,7 +18,7 @@ import numpy as np
 
 from lmi.balls import exact
 from lmi.condition import Condition
-from lmi.proof import METHODS, prove
+from lmi.proof import prove
 from lmi.spectral import refute_spectral
 from lmi.verdict import Verdict, proved, undecided
 from obsdesign.equations import luenberger as equations
@@ -46,7 +46,8 @@ def scheduled_stability(
     attempt = undecided("no certificate P_cells was given or found")
     if matrices is not None:
         pairs = equations.schedule_pairs(cells, jump.dwell_jitter)
-        attempt = _proof(F, errors, matrices, cells, pairs, METHODS if paranoid else METHODS[:1])
+        methods = ("bernstein", "chords") if paranoid else ("bernstein",)
+        attempt = _proof(F, errors, matrices, cells, pairs, methods)
         if attempt.outcome == "proved":
             return Verdict("proved", {"P_cells": certificate["P_cells"], **attempt.evidence})
     for H, ends in zip(errors, cells, strict=True):

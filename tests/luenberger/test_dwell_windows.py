@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -80,3 +81,13 @@ def test_search_closes_the_gap_that_a_common_p_leaves() -> None:
     plain = search(sampled_data_problem(1.5, memory=0), "longest_dwell", 1e-4).result
     assert plain["proved"] == pytest.approx(1.8276, abs=1e-3)
     assert plain["common_P"] is None
+
+
+def test_a_sentence_promises_no_more_than_was_proved() -> None:
+    design = obsdesign.design(sampled_data_problem(1.5))
+    rates = claim_of(obsdesign.verify(design), "rates").evidence
+    sentence = next(g["statement"] for g in design.guarantees if "shrinks" in g["statement"])
+    factor = float(re.search(r"to at most (\S+) of itself", sentence)[1])
+    rate = float(re.search(r"e\^\(-(\S+) t\)", sentence)[1])
+    assert rates["per_jump"] <= factor < rates["per_jump"] * (1 + 2e-5)
+    assert rates["in_time"] * (1 - 2e-5) < rate <= rates["in_time"]

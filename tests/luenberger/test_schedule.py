@@ -48,7 +48,7 @@ def design() -> obsdesign.Design:
 def test_more_dwell_times_than_any_one_gain_that_is_found(design: obsdesign.Design) -> None:
     assert obsdesign.investigate(problem(observer__schedule=None)).verdict == "undecided"
     assert {claim.verdict for claim in design.claims} == {"proved"}
-    assert obsdesign.verify(design).verdict == "proved"
+    assert obsdesign.verify(design, paranoid=True).verdict == "proved"
     assert design.gains["M_cells"].shape == (4, 3, 1)
 
 
@@ -157,7 +157,7 @@ def test_variants_are_proved_and_verified(changes: dict[str, Any], tmp_path: Pat
     found = obsdesign.design(problem(**changes))
     found.save(tmp_path / "design.json")
     again = obsdesign.load_design(tmp_path / "design.json")
-    assert obsdesign.verify(again).verdict == "proved"
+    assert obsdesign.verify(again, paranoid=True).verdict == "proved"
     assert json.dumps(jsonable(again.gains)) == json.dumps(jsonable(found.gains))
 
 
@@ -168,7 +168,7 @@ def test_an_unbounded_range_with_a_flow_that_decays() -> None:
         "jump__dwell_time": [0.05, "inf"],
     }
     found = obsdesign.design(problem(**slow))
-    assert obsdesign.verify(found).verdict == "proved"
+    assert obsdesign.verify(found, paranoid=True).verdict == "proved"
     assert "hurwitz" in {claim.id for claim in found.claims}
 
 
