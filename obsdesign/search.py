@@ -62,6 +62,10 @@ def search(problem: Problem, what: str, accuracy: float = ACCURACY) -> workflow.
     if not (math.isfinite(accuracy) and 1e-12 <= accuracy < 1):
         raise InputError(f"--accuracy must be a number from 1e-12 to 1; got {accuracy!r}.")
     problem.require_dwell_time()
+    if "schedule" in problem.options:
+        raise InputError(
+            "--for dwell times: observer.schedule divides a range that is fixed; search without it."
+        )
     shortest = what == "shortest_dwell"
     tried = [_bracket(problem, candidate, shortest, accuracy) for candidate in _candidates(problem)]
     best = max(tried, key=lambda one: one.reach(shortest))
@@ -114,6 +118,7 @@ def _outcome(
         "open": _open(bracket),
         "islands": [list(island) for island in bracket.islands],
         "reason": _reason(bracket),
+        "witness": bracket.obstacle.get("witness"),
         "form": best.label,
         "gains": {name: best.gains[name] for name in ("L", "M")},
     }

@@ -68,6 +68,15 @@ def test_what_may_not(tmp_path: Path, text: str, line: str) -> None:
     assert line in str(caught.value)
 
 
+def test_the_witness_of_a_search(tmp_path: Path) -> None:
+    problem, answer = tmp_path / "problem.json", tmp_path / "answer.json"
+    problem.write_text(json.dumps(ALTERNATING))
+    options = ["--for", "longest_dwell", "--accuracy", "1e-3", "--json"]
+    answer.write_text(CliRunner().invoke(cli, ["search", str(problem), *options]).stdout)
+    thetas = read_dwell_times(str(answer))
+    assert max(thetas) == json.loads(answer.read_text())["result"]["not_proved"]
+
+
 def test_a_witness_replayed_makes_the_state_grow(tmp_path: Path) -> None:
     problem, answer = tmp_path / "problem.json", tmp_path / "answer.json"
     problem.write_text(json.dumps(ALTERNATING))

@@ -18,6 +18,8 @@ from obsdesign.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
 from obsdesign.synthesis.jump_gains import equal_cells, jump_gains
 
+_MOST_CELLS = 16
+
 
 def check_schedule(problem: Problem) -> None:
     """InputError when gains at jumps are asked to follow a schedule and cannot."""
@@ -34,6 +36,12 @@ def check_schedule(problem: Problem) -> None:
             f"{low!r}. Drop schedule."
         )
     asked = problem.options["schedule"]
+    cells = asked if isinstance(asked, int) else len(asked) + 1
+    if cells > _MOST_CELLS:
+        raise InputError(
+            f"observer.schedule must make at most {_MOST_CELLS} cells, each pair of which is an "
+            f"inequality; got {cells}."
+        )
     for border in () if isinstance(asked, int) else asked:
         if not low * (1 + 2 * equations.BORDER) < border < high * (1 - 2 * equations.BORDER):
             raise InputError(

@@ -17,6 +17,7 @@ from lmi.exponential import expm
 from obsdesign.document import jsonable
 from obsdesign.equations.luenberger import schedule_cells, schedule_pairs
 from obsdesign.runtime import Sample, from_design
+from obsdesign.search import search
 from obsdesign.simulation import simulate
 from obsdesign.verification.luenberger import claims
 
@@ -172,6 +173,14 @@ def test_an_unbounded_range_with_a_flow_that_decays() -> None:
     assert "hurwitz" in {claim.id for claim in found.claims}
 
 
+def test_a_search_for_dwell_times_wants_one_gain() -> None:
+    with pytest.raises(obsdesign.InputError) as caught:
+        search(problem(), "longest_dwell")
+    assert str(caught.value) == (
+        "--for dwell times: observer.schedule divides a range that is fixed; search without it."
+    )
+
+
 def test_cells_cover_the_range_and_pairs_obey_the_jitter() -> None:
     cells = schedule_cells(0.2, 1.6, [0.5, 0.9, 1.3])
     assert (cells[0][0], cells[-1][1]) == (0.2, 1.6)
@@ -195,6 +204,11 @@ def test_cells_cover_the_range_and_pairs_obey_the_jitter() -> None:
         (
             {"observer__schedule": [0.1, 1.0]},
             "observer.schedule must lie inside jump.dwell_time = [0.2, 1.6]; got 0.1.",
+        ),
+        (
+            {"observer__schedule": 17},
+            "observer.schedule must make at most 16 cells, each pair of which is an inequality; "
+            "got 17.",
         ),
         (
             {"jump__dwell_time": [0.5, 0.5]},
