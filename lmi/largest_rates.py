@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from lmi.balls import exact, to_float
 from lmi.cutting_plane import Proposal, propose
 from lmi.families import Edge
-from lmi.rates import SMALLEST, Rates, approx_rates, propose_rates, prove_rate
+from lmi.rates import SMALLEST, WORTH, Rates, approx_rates, propose_rates, prove_rate
 
 Matrix = NDArray[np.float64]
 
@@ -53,7 +53,7 @@ def largest_rates(
         for value, better in _towards(family, span, edge, given, _FINE[name]):
             rates = Rates(value, 0.0) if name == "per_jump" else Rates(0.5, value)
             certificate = {"P": better.tolist()}
-            done = prove_rate(F, H, certificate, low, high, rates, math.inf, name)
+            done = prove_rate(F, H, certificate, low, high, rates, math.inf, name, WORTH)
             if done.outcome == "proved":
                 found |= {name: value, f"P_{name}": certificate["P"]}
                 break

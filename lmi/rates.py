@@ -20,13 +20,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from lmi.balls import exact, rank_factors, to_float
 from lmi.families import Edge, slack
-from lmi.proof import prove_common
+from lmi.proof import STEP_LIMIT, prove_common
 from lmi.verdict import Verdict, proved, undecided
 from lmi.windows_proof import prove_windows
 
 Matrix = NDArray[np.float64]
 
 SMALLEST = 1e-6  # a map that vanishes (H = 0) still has to be given some rate
+WORTH = 300  # boxes that a rate, which nothing hangs on, is worth (for stiff flows it takes more)
 # estimates are relaxed by these shares in turn, until one is proved
 _RELAXATIONS = (1e-4, 1e-2, 0.1, 0.5)
 
@@ -58,7 +59,8 @@ def propose_rates(
         return None
     for share in _RELAXATIONS:
         rates = Rates(seen.per_jump ** (1 - share), seen.in_time * (1 - share))
-        if prove_rates(F, H, certificate, low, high, rates, jitter).outcome == "proved":
+        done = prove_rates(F, H, certificate, low, high, rates, jitter, steps=WORTH)
+        if done.outcome == "proved":
             return rates
     return None
 
@@ -119,6 +121,7 @@ def prove_rates(
     rates: Rates,
     jitter: float = math.inf,
     own: Mapping[str, Any] | None = None,
+    steps: int = STEP_LIMIT,
 ) -> Verdict:
     """Both rates for all theta in [low, high], in balls; proved or undecided.
 
@@ -129,7 +132,7 @@ def prove_rates(
     own, evidence = own or {}, {"per_jump": rates.per_jump, "in_time": rates.in_time}
     for name in ("per_jump", "in_time"):
         using = {"P": own[name]} if name in own else certificate
-        verdict = prove_rate(F, H, using, low, high, rates, jitter, name)
+        verdict = prove_rate(F, H, using, low, high, rates, jitter, name, steps)
         if verdict.outcome != "proved":
             word = name.replace("_", " ")
             return undecided(f"the rate {word} is not proved: {verdict.evidence['reason']}")
@@ -145,6 +148,7 @@ def prove_rate(
     rates: Rates,
     jitter: float,
     name: str,
+    steps: int = STEP_LIMIT,
 ) -> Verdict:
     """The rate `name` ("per_jump" or "in_time") alone, with a P or with windows."""
     flow, gamma = exact(F), 1.0
@@ -153,5 +157,7 @@ def prove_rate(
     else:
         flow = flow + exact(rates.in_time * np.eye(len(flow)))
     if "windows" in certificate:
-        return prove_windows(flow, H, certificate, low, high, jitter=jitter, gamma=gamma)
-    return prove_common(flow, H, certificate["P"], low, high, gamma=gamma)
+        return prove_windows(
+            flow, H, certificate, low, high, jitter=jitter, gamma=gamma, steps=steps
+        )
+    return prove_common(flow, H, certificate["P"], low, high, gamma=gamma, steps=steps)

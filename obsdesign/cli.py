@@ -232,6 +232,8 @@ def plot(estimate: str, data: str | None, output: str) -> int:
 
     refuse_overwriting(output, estimate, data)
     if estimate.lower().endswith(".json"):
+        if data is not None:
+            raise InputError(f"{data}: data belong to an estimate file; {estimate} is an answer.")
         from obsdesign.plotting.dwell import plot_dwell
 
         plot_dwell(_answer(estimate), output, estimate)

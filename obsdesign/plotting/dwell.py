@@ -102,7 +102,14 @@ def _windows(answer: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     for claim in answer.get("claims", ()):
         evidence = claim.get("evidence", {}) if isinstance(claim, Mapping) else {}
         if isinstance(evidence, Mapping) and isinstance(evidence.get("windows"), list):
-            return [window["dwell"] for window in evidence["windows"]]
+            try:
+                dwells: list[Mapping[str, Any]] = [dict(w["dwell"]) for w in evidence["windows"]]
+                for dwell in dwells:
+                    for offset, (a, b) in dwell.items():
+                        int(offset), _end(a), _end(b)
+            except (KeyError, TypeError, ValueError):
+                return []
+            return dwells
     return []
 
 

@@ -11,6 +11,7 @@ is computed here again.
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -50,8 +51,12 @@ def scheduled_stability(
         attempt = _proof(F, errors, matrices, cells, pairs, methods)
         if attempt.outcome == "proved":
             return Verdict("proved", {"P_cells": certificate["P_cells"], **attempt.evidence})
-    for H, ends in zip(errors, cells, strict=True):
-        counter = refute_spectral(F, H, *ends)
+    low, high = problem.require_dwell_time()
+    inner = itertools.pairwise([low, *_borders(gains), high])
+    for H, (start, end) in zip(errors, inner, strict=True):
+        # a cell ends just before the next one begins, and only the last one holds its end
+        last = end if end == high else math.nextafter(end, -math.inf)
+        counter = refute_spectral(F, H, start, last)
         if counter.outcome == "refuted":
             return counter
     return attempt

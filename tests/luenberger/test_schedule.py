@@ -203,7 +203,8 @@ def test_cells_cover_the_range_and_pairs_obey_the_jitter() -> None:
         ),
         (
             {"observer__schedule": [0.1, 1.0]},
-            "observer.schedule must lie inside jump.dwell_time = [0.2, 1.6]; got 0.1.",
+            "observer.schedule must lie inside jump.dwell_time = [0.2, 1.6], more than 8e-09 of "
+            "itself from the ends; got 0.1.",
         ),
         (
             {"observer__schedule": 17},
