@@ -100,6 +100,17 @@ def identity(n: int) -> Any:
     return arb_mat(fmpq_mat(n, n, [fmpq(int(i == j)) for i in range(n) for j in range(n)]))
 
 
+def inverse(values: Exact) -> Exact | None:
+    """Exact inverse of a square exact matrix; None if it is singular."""
+    try:
+        entries = _rational_matrix(values).inv().entries()
+    except ZeroDivisionError:
+        return None
+    result = np.empty(len(entries), dtype=object)
+    result[:] = entries
+    return result.reshape(values.shape)
+
+
 def characteristic_polynomial(F: Exact) -> list[Any]:
     """Exact coefficients, constant term first, of det(s I - F)."""
     return list(_rational_matrix(F).charpoly().coeffs())

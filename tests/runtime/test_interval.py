@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Mapping
 
 import numpy as np
 import pytest
@@ -14,7 +15,8 @@ from hypothesis import strategies as st
 from obsdesign.plant import Flow, Jump, Output, Plant
 from obsdesign.runtime import Sample
 from obsdesign.runtime.interval import IntervalObserver
-from obsdesign.runtime.interval_steps import StepMap
+from obsdesign.runtime.interval_kernel import Kernel
+from obsdesign.runtime.interval_steps import BoxMap
 from tests.runtime.random_interval import (
     SIMULATION_ROUNDING,
     observer_for,
@@ -93,13 +95,11 @@ def rounding_case(observer_of) -> bool:
 class WithoutMargin(IntervalObserver):
     """The same matrices, but nothing added for rounding."""
 
-    def _maps(self, h: float, size: float) -> dict[str, StepMap]:
-        n = self.n
-        return {
-            name: StepMap(m.centre_map, np.hstack([m.radius_map[:, :n], 0 * m.radius_map[:, n:]]),
-                          m.measured)
-            for name, m in super()._maps(h, size).items()
-        }  # fmt: skip
+    def _kernel(self, name: str, maps: Mapping[str, BoxMap]) -> Kernel:
+        whole = super()._kernel(name, maps)
+        rows = whole.rows.copy()
+        rows[:, (whole.width + whole.n) // 2 :] = 0.0
+        return dataclasses.replace(whole, rows=rows)
 
 
 def test_bounds_of_no_width_contain_the_exact_state() -> None:
