@@ -200,3 +200,23 @@ def certify_pivots(rows: list[list[Any]]) -> bool:
             for j in range(k + 1, i + 1):
                 row[j] -= factor * rows[j][k]
     return True
+
+
+def exp_around(F: Exact, radius: float) -> Any:
+    """Ball matrix that contains e^{F s} for every |s| <= radius."""
+    return (arb_mat(_rational_matrix(F)) * arb(0, radius)).exp()
+
+
+def solve(A: Any, b: Any) -> Any | None:
+    """Ball solution of A x = b; None if A is not certainly invertible."""
+    try:
+        return A.solve(b)
+    except ZeroDivisionError:
+        return None
+
+
+def upper_ends(X: Any) -> NDArray[np.float64]:
+    """Floats that are certainly at least the entries of a ball matrix, in its shape."""
+    tops = [[x.upper() for x in row] for row in X.tolist()]
+    rows = [[0.0 if x == 0 else math.nextafter(float(x), math.inf) for x in row] for row in tops]
+    return np.array(rows, dtype=np.float64)

@@ -43,6 +43,13 @@ class WidthSystem:
     k: Array | None
     out: Array
 
+    @property
+    def at_jumps(self) -> tuple[Array, Array]:
+        """(N, h) of a plant with jumps."""
+        assert self.N is not None
+        assert self.h is not None
+        return self.N, self.h
+
 
 @dataclass(frozen=True)
 class Coordinates:

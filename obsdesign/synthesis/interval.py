@@ -19,6 +19,7 @@ from obsdesign.synthesis.dwell import dwell_certificates
 from obsdesign.synthesis.given_gains import given_gain, refuse_unusable
 from obsdesign.synthesis.interval_coordinates import bases
 from obsdesign.synthesis.interval_forms import formed
+from obsdesign.synthesis.interval_tube import propose_limit, proved_width
 
 
 def synthesize(problem: Problem) -> Iterator[Candidate]:
@@ -53,7 +54,13 @@ def _gain(problem: Problem, name: str) -> Any:
 
 def _candidate(problem: Problem, form: str, L: Any, M: Any, own: dict[str, Any]) -> Candidate:
     gains = formed(problem, form, L, M, own)
-    if problem.plant.jump is None:
-        return Candidate(form, gains)
-    system = width_system_of(gains, exact, inverse)
-    return Candidate(form, gains, dwell_certificates(system.W, system.N, *gains["dwell_time"]))
+    system, approx = width_system_of(gains, exact, inverse), width_system_of(gains)
+    if system.N is None:
+        width = propose_limit(approx)
+        return Candidate(form, gains, {} if width is None else {"width": width})
+    low, high = gains["dwell_time"]
+    certificates = dwell_certificates(system.W, system.N, low, high)
+    width = proved_width(system, approx, low, high)
+    if width is not None:
+        certificates["width"] = width
+    return Candidate(form, gains, certificates)

@@ -30,6 +30,7 @@ from obsdesign.verification.dwell import (
     unusable,
 )
 from obsdesign.verification.interval_signs import metzler_claim, nonnegative_claim, split_claim
+from obsdesign.verification.interval_width import limit_claim, width_claim, width_sentence
 
 _MATRICES = ("A", "C", "G", "L", "M", "D0", "D1", "Gp", "Gn", "S", "S2", "T")
 PAPER = "Degue, Efimov, Richard, NOLCOS 2016"
@@ -67,15 +68,17 @@ def claims(
     form = gains["form"]
     found = [agreement, *_sign_claims(gains)]
     system = width_system_of(gains, exact, inverse)
+    source = f"{PAPER}, {THEOREMS[form]}"
     if system.N is None:
-        return (*found, _hurwitz_claim(system.W, "there are no jumps"))
+        found.append(_hurwitz_claim(system.W, "there are no jumps"))
+        return (*found, *limit_claim(system, certificates.get("width", {}), source))
     low, high = (float(end) for end in gains["dwell_time"])
     if math.isinf(high):
         found.append(_hurwitz_claim(system.W, "there is no longest dwell time"))
     certificate = certificates.get("dwell_stability", {})
     found.append(_stability_claim(form, system, (low, high), certificate, paranoid))
-    source = f"{PAPER}, {THEOREMS[form]}"
     found += rates_claim(system.W, system.N, (low, high), certificates, source)
+    found += width_claim(system, (low, high), certificates.get("width", {}), source)
     return tuple(found)
 
 
@@ -169,6 +172,9 @@ def guarantees(problem: Problem, found: tuple[Claim, ...]) -> tuple[dict[str, An
     ]
     for text, ids in rates_sentence(found, "the width"):
         told.append((f"{measured}: {text}", _all(verdicts, ids), ids))
+    for text, ids in width_sentence(found, measured):
+        ids = [*enclosing, *(name for name in ("hurwitz",) if name in verdicts), *ids]
+        told.append((text, _all(verdicts, ids), ids))
     if not at_jumps:
         sampled = (
             "A bounded width for samples at a given spacing is not claimed: the spacing must be "

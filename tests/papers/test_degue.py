@@ -80,6 +80,7 @@ def test_example_41_hypotheses() -> None:
         "hurwitz": "proved",
         "dwell_stability": "proved",
         "rates": "proved",
+        "width": "proved",
     }
 
 
