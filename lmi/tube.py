@@ -32,7 +32,7 @@ from lmi.balls import (
 )
 from lmi.verdict import Verdict, proved, undecided
 
-STEP_LIMIT = 4000
+STEP_LIMIT = 1500
 _SHORTEST = 2.0**-40  # of the natural time unit: shorter steps mean that nothing is left to gain
 
 
@@ -56,7 +56,8 @@ class Affine:
 @dataclass(frozen=True)
 class Tube:
     """What u is compared with. v (n,): after a jump u+ = N u + h. before, always (q,): X u in
-    [low, high] and in [0, high]; after (q,): X v. Exact."""
+    [low, high] and in [0, high]; after (q,): X v. Exact.
+    """
 
     v: Exact
     after: Exact
@@ -207,5 +208,5 @@ def periodic_limit(
         after = ball(N) * before + kick
         total = once * after + twice * push
         mean = total * (1 / number(theta))
-        found = tuple(upper_ends(x).reshape(-1) for x in (before, after, mean))
-    return found if all(np.isfinite(x).all() for x in found) else None
+        ends = [upper_ends(x).reshape(-1) for x in (before, after, mean)]
+    return (ends[0], ends[1], ends[2]) if np.isfinite(ends).all() else None

@@ -1,7 +1,8 @@
 """One step as one matrix-vector product: box, bounds, checks and rounding in a single matrix.
 
-A kernel multiplies v = [r; m; y0; y1; u; 1; |m|; |y0|; |y1|; |u|; 1] (r, m: radius and centre in the
-observer's coordinates; y0, y1: measurements at start and end; u: input, or w at a jump) and gives
+A kernel multiplies v = [r; m; y0; y1; u; 1; |m|; |y0|; |y1|; |u|; 1] (r, m: radius and centre in
+the observer's coordinates; y0, y1: measurements at start and end; u: input, or w at a jump) and
+gives
 
     r+, m+              the box after the step
     reach -+ (y1 - C m) both nonnegative unless no state of the predicted box can give y1

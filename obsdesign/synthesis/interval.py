@@ -1,66 +1,124 @@
-"""Interval observers: from given gains to candidates in each form.
+"""Interval observers: candidates in each form, gains and coordinates found where they are open.
 
 Source: Degue, Efimov, Richard, NOLCOS 2016, Theorems 5 (`cooperative`), 8 (`split`), 7 and 8
-combined (`coordinates`) and 7 as corrected (`two_coordinates`).
+combined (`coordinates`) and 7 as corrected (`two_coordinates`). What is found is only proposed:
+verification analyses every candidate exactly.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from lmi.balls import exact, inverse
+from lmi.dwell_search import shortest_dwell
 from obsdesign.equations import interval as equations
-from obsdesign.equations.interval_width import width_system_of
+from obsdesign.equations.interval_width import WidthSystem, width_system_of
 from obsdesign.errors import InputError
 from obsdesign.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
 from obsdesign.synthesis.dwell import dwell_certificates
 from obsdesign.synthesis.given_gains import given_gain, refuse_unusable
-from obsdesign.synthesis.interval_coordinates import bases
+from obsdesign.synthesis.interval_coordinates import best_coordinates
 from obsdesign.synthesis.interval_forms import formed
+from obsdesign.synthesis.interval_gains import best_gains
+from obsdesign.synthesis.interval_task import mean_width, task_of
 from obsdesign.synthesis.interval_tube import propose_limit, proved_width
 
 
 def synthesize(problem: Problem) -> Iterator[Candidate]:
-    """Candidates in the order in which they are to be preferred.
+    """Candidates in the order in which they are to be preferred; those with a cost, by cost.
 
-    InputError when a gain is missing, or the form cannot be built from gains that are given.
+    InputError for what cannot be built from the gains that are given.
     """
-    plant, given = problem.plant, problem.gains
-    if text := equations.objection(plant, given, problem.options):
+    if text := equations.objection(problem.plant, problem.gains, problem.options):
         raise InputError(text)
     refuse_unusable(problem)
-    L, M = _gain(problem, "L"), _gain(problem, "M")
-    own = {name: given[name] for name in ("S", "S2", "T") if name in given}
-    for form in equations.forms_asked(given, problem.options):
-        if form != "coordinates" or own:
-            yield _candidate(problem, form, L, M, own)
+    given = {name: given_gain(problem, name) for name in ("L", "M")}
+    given = {name: gain for name, gain in given.items() if gain is not None}
+    own = {name: problem.gains[name] for name in ("S", "S2", "T") if name in problem.gains}
+    for form in equations.forms_asked(problem.gains, problem.options):
+        if form == "coordinates" and "S" not in own:
+            yield from _in_found_coordinates(problem, given)
+        else:
+            yield _in_known_coordinates(problem, form, given, own)
+
+
+def untried(problem: Problem) -> dict[str, str]:
+    """Forms that `auto` passes over, and why."""
+    if problem.options.get("form", "auto") != "auto" or "S2" in problem.gains:
+        return {}
+    why = (
+        "not tried: gains.S and gains.S2 are required, and form coordinates with the same S is "
+        "never wider"
+    )
+    return {"two_coordinates": why}
+
+
+def _objective(problem: Problem) -> str:
+    return str(problem.options.get("objective", "feasible"))
+
+
+def _in_known_coordinates(
+    problem: Problem, form: str, given: Mapping[str, Any], own: Mapping[str, Any]
+) -> Candidate:
+    """One candidate, L and M found for the coordinates that are given (or the plant's own)."""
+    if {"L", "M"} <= set(given):
+        return _candidate(problem, form, given["L"], given["M"], own, False)
+    task = task_of(problem, form == "cooperative", own.get("S"), given)
+    _, L, M = best_gains(task, _objective(problem))
+    L, M = task.gains(L, M)
+    return _candidate(problem, form, given.get("L", L), given.get("M", M), own, True)
+
+
+def _in_found_coordinates(problem: Problem, given: Mapping[str, Any]) -> Iterator[Candidate]:
+    """Candidate bases first; the search over bases only if that is not enough."""
+    auto = problem.options.get("form", "auto") == "auto"
+    for search in (False, True) if auto else (True,):
+        found = best_coordinates(problem, given, _objective(problem), search)
+        if found is None:
             continue
-        for S in bases(plant, L, M):
-            yield _candidate(problem, form, L, M, {"S": S})
+        L, M = given.get("L", found.L), given.get("M", found.M)
+        yield _candidate(problem, "coordinates", L, M, {"S": found.S}, True, goes_on=search)
 
 
-def _gain(problem: Problem, name: str) -> Any:
-    gain = given_gain(problem, name)
-    if gain is None:
-        n, p = problem.plant.n, problem.plant.p
-        raise InputError(
-            f"observer.gains.{name} ({n}x{p}) is required by kind 'interval' in this version; "
-            "it is missing. Give zeros to use no correction."
-        )
-    return gain
-
-
-def _candidate(problem: Problem, form: str, L: Any, M: Any, own: dict[str, Any]) -> Candidate:
+def _candidate(
+    problem: Problem, form: str, L: Any, M: Any, own: Mapping[str, Any], searched: bool,
+    goes_on: bool = True,
+) -> Candidate:  # fmt: skip
     gains = formed(problem, form, L, M, own)
     system, approx = width_system_of(gains, exact, inverse), width_system_of(gains)
+    objective = _objective(problem)
+    certificates: dict[str, Any] = {}
+    cost = None
+    if objective == "narrowest":
+        cost = _cost(problem, form, gains)
     if system.N is None:
         width = propose_limit(approx)
-        return Candidate(form, gains, {} if width is None else {"width": width})
-    low, high = gains["dwell_time"]
-    certificates = dwell_certificates(system.W, system.N, low, high)
-    width = proved_width(system, approx, low, high)
+    else:
+        low, high = gains["dwell_time"]
+        if objective == "shortest_dwell":
+            low, certificates = _widest_range(system, low, high)
+            gains["dwell_time"], cost = [low, high], low
+        certificates = certificates or dwell_certificates(system.W, system.N, low, high)
+        width = proved_width(system, approx, low, high)
     if width is not None:
         certificates["width"] = width
-    return Candidate(form, gains, certificates)
+    return Candidate(form, gains, certificates, searched, cost, goes_on)
+
+
+def _cost(problem: Problem, form: str, gains: Mapping[str, Any]) -> float:
+    """Mean width of x, summed over the states, of finished gains."""
+    given = {"L": gains["L"], "M": gains["M"]}
+    task = task_of(problem, form == "cooperative", gains.get("S"), given)
+    return mean_width(task, 0 * gains["L"], 0 * gains["M"])
+
+
+def _widest_range(system: WidthSystem, low: float, high: float) -> tuple[float, dict[str, Any]]:
+    """(shortest dwell time, certificates): the range found if it holds the one asked for."""
+    N, _ = system.at_jumps
+    bracket = shortest_dwell(system.W, N, high)
+    if bracket.proved is None or not bracket.proved <= low or math.isinf(bracket.proved):
+        return low, {}
+    return bracket.proved, {"dwell_stability": dict(bracket.certificate)}

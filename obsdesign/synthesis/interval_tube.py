@@ -78,7 +78,7 @@ def propose_width(system: WidthSystem, low: float, high: float) -> dict[str, Any
 
 
 def propose_limit(system: WidthSystem) -> dict[str, Any] | None:
-    """{"tube": (n,) in z, "always": (n,) in x} of a plant without jumps; None if it has no limit."""
+    """{"tube": (n,) in z, "always": (n,) in x} of a plant without jumps; None without a limit."""
     scale = float(system.f.max(initial=0.0))
     try:
         v = np.linalg.solve(-system.W, system.f + ROOM * scale)

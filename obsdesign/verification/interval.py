@@ -29,6 +29,7 @@ from obsdesign.verification.dwell import (
     rates_sentence,
     unusable,
 )
+from obsdesign.verification.interval_obstruction import obstruction_claim
 from obsdesign.verification.interval_signs import metzler_claim, nonnegative_claim, split_claim
 from obsdesign.verification.interval_width import limit_claim, width_claim, width_sentence
 
@@ -66,9 +67,9 @@ def claims(
     if agreement.verdict != "proved":
         return (agreement,)
     form = gains["form"]
-    found = [agreement, *_sign_claims(gains)]
-    system = width_system_of(gains, exact, inverse)
     source = f"{PAPER}, {THEOREMS[form]}"
+    found = [agreement, *obstruction_claim(problem, gains, source), *_sign_claims(gains)]
+    system = width_system_of(gains, exact, inverse)
     if system.N is None:
         found.append(_hurwitz_claim(system.W, "there are no jumps"))
         return (*found, *limit_claim(system, certificates.get("width", {}), source))
@@ -134,6 +135,8 @@ def expected_gains(problem: Problem, gains: Mapping[str, Any]) -> dict[str, Any]
     expected: dict[str, Any] = {"form": forms} | plant_data(plant)
     if plant.output.measured == "periodic":
         expected |= {"period": plant.output.period}
+    if "dwell_time" in expected and _wider(problem, gains.get("dwell_time")):
+        expected |= {"dwell_time": gains["dwell_time"]}
     expected |= {"L": (n, p), "M": (n, p), "D0": (n, n), "D1": (n, n)}
     if form == "two_coordinates":
         expected |= {"S": (n, n), "S2": (n, n), "T": (n, n)}
@@ -145,6 +148,14 @@ def expected_gains(problem: Problem, gains: Mapping[str, Any]) -> dict[str, Any]
     return expected | dict(problem.gains) | zeros
 
 
+def _wider(problem: Problem, found: Any) -> bool:
+    """The range of a search for the shortest dwell time holds the one that was asked for."""
+    if problem.options.get("objective") != "shortest_dwell" or np.shape(found) != (2,):
+        return False
+    low, high = problem.require_dwell_time()
+    return bool(0.0 <= found[0] <= low and found[1] == high)
+
+
 def guarantees(problem: Problem, found: tuple[Claim, ...]) -> tuple[dict[str, Any], ...]:
     """The sentences a user may rely on, and those that were asked for and not proved."""
     verdicts = {claim.id: claim.verdict for claim in found}
@@ -153,7 +164,7 @@ def guarantees(problem: Problem, found: tuple[Claim, ...]) -> tuple[dict[str, An
     ]
     bounded: list[str] = [name for name in ("hurwitz", "dwell_stability") if name in verdicts]
     jump = problem.plant.jump
-    ends = "" if jump is None else range_text(*problem.require_dwell_time())
+    ends = "" if jump is None else _range(problem, found)
     when = f" for every sequence of dwell times in {ends}" if ends else ""
     enclosure = (
         "The bounds contain the state at every instant, if they contain it at the start, b, c and "
@@ -184,6 +195,15 @@ def guarantees(problem: Problem, found: tuple[Claim, ...]) -> tuple[dict[str, An
     return tuple({"statement": text, "given": given, "claims": ids} for text, given, ids in told)
 
 
+def _range(problem: Problem, found: tuple[Claim, ...]) -> str:
+    """The range of dwell times that is claimed."""
+    for claim in found:
+        if claim.id == "dwell_stability" and "dwell_time" in claim.evidence:
+            low, high = claim.evidence["dwell_time"]
+            return range_text(float(low), float(high))
+    return range_text(*problem.require_dwell_time())
+
+
 def _all(verdicts: Mapping[str, str], names: list[str]) -> bool:
     return all(verdicts[name] == "proved" for name in names)
 
@@ -212,9 +232,10 @@ def _stability_claim(
     return Claim(
         "dwell_stability",
         f"the width map w -> e^(W T) N w, W = D0 + D1, N = {jump}, is stable for every "
-        f"sequence of dwell times T in {range_text(*ends)}: one P > 0 has N' e^(W' T) P e^(W T) N < P, or "
+        f"sequence of dwell times T in {range_text(*ends)}: one P > 0 has "
+        "N' e^(W' T) P e^(W T) N < P, or "
         "one v > 0 has v' e^(W T) N < v' (or a like inequality), for all of them",
         f"{PAPER}, {THEOREMS[form]}, {_EQUATIONS[form]}",
         verdict.outcome,
-        verdict.evidence,
+        {"dwell_time": list(ends), **verdict.evidence},
     )

@@ -229,7 +229,8 @@ def test_an_infinite_range_needs_a_flow_that_decays() -> None:
     assert obsdesign.investigate(problem(**steady, jump__dwell_time=[0, 9])).verdict == "proved"
     outcome = obsdesign.investigate(problem(**steady, jump__dwell_time=[0, "inf"]))
     assert verdicts(outcome)["hurwitz"] == "refuted"
-    assert outcome.claims[3].evidence["witness"]["eigenvalue"] == {"real": 0.0, "imag": 0.0}
+    claim = next(c for c in outcome.claims if c.id == "hurwitz")
+    assert claim.evidence["witness"]["eigenvalue"] == {"real": 0.0, "imag": 0.0}
 
 
 @pytest.mark.parametrize(
@@ -307,7 +308,7 @@ def test_periodic_width_is_the_limit_of_the_recursion() -> None:
 
 
 def test_refuted_and_undecided_designs_are_not_returned() -> None:
-    with pytest.raises(obsdesign.NotProved, match=r"refuted: at dwell time 0.5 a jump") as error:
+    with pytest.raises(obsdesign.NotProved, match=r"refuted: .* at dwell time 0.5 a jump") as error:
         obsdesign.design(problem(jump__dwell_time=[0.5, "inf"]))
     assert error.value.outcome.verdict == "refuted"
 

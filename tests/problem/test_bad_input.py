@@ -82,7 +82,6 @@ FAULTS: list[tuple[str, Any, str]] = [
     ("output.measured", "periodic", "output.period is required when measured = 'periodic'; it is missing."),
     ("output.period", 0, "output.period must be a positive number; got 0."),
     ("observer.gains.L", [[0, 1]], "observer.gains.L must be 2x1 (n x p, n states, p outputs); got 1x2. Is it transposed?"),
-    ("observer.gains.L", REMOVE, "observer.gains.L (2x1) is required by kind 'interval' in this version; it is missing. Give zeros to use no correction."),
     ("observer.kind", REMOVE, "observer.kind is required; it is missing. It is one of interval, luenberger, impulsive, finite_time, impulsive_input, unknown_input; `obsdesign check` tells which of them fit this plant."),
     ("jump.dwell_time", REMOVE, "jump.dwell_time = [shortest, longest] is required by kind 'interval'; it is missing."),
     ("flow.D", [[1], [0]], "flow.D is refused by kind 'interval': an unknown input without bounds leaves no bounds on the state. Give bounds as flow.disturbance."),
