@@ -20,11 +20,12 @@ from obsdesign.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
 from obsdesign.synthesis.dwell import dwell_certificates
 from obsdesign.synthesis.given_gains import given_gain, refuse_unusable
-from obsdesign.synthesis.interval_coordinates import best_coordinates
+from obsdesign.synthesis.interval_coordinates import bases, best_coordinates
 from obsdesign.synthesis.interval_forms import formed
 from obsdesign.synthesis.interval_gains import best_gains
-from obsdesign.synthesis.interval_task import mean_width, task_of
-from obsdesign.synthesis.interval_tube import propose_limit, proved_width
+from obsdesign.synthesis.interval_sampled import propose_samples, propose_spacing
+from obsdesign.synthesis.interval_task import mean_width, sampling_task, task_of
+from obsdesign.synthesis.interval_tube import proved_width
 
 
 def synthesize(problem: Problem) -> Iterator[Candidate]:
@@ -34,7 +35,7 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
     """
     if text := equations.objection(problem.plant, problem.gains, problem.options):
         raise InputError(text)
-    refuse_unusable(problem)
+    _refuse(problem)
     given = {name: given_gain(problem, name) for name in ("L", "M")}
     given = {name: gain for name, gain in given.items() if gain is not None}
     own = {name: problem.gains[name] for name in ("S", "S2", "T") if name in problem.gains}
@@ -43,6 +44,20 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
             yield from _in_found_coordinates(problem, given)
         else:
             yield _in_known_coordinates(problem, form, given, own)
+
+
+def _refuse(problem: Problem) -> None:
+    """InputError for what an interval observer cannot execute."""
+    if problem.plant.output.measured != "periodic":
+        refuse_unusable(problem)
+        return
+    if problem.plant.jump is not None:
+        problem.require_dwell_time()
+    if _objective(problem) == "shortest_dwell":
+        raise InputError(
+            "observer.objective = 'shortest_dwell' is not available with measured = 'periodic'; "
+            "it must be feasible or narrowest."
+        )
 
 
 def untried(problem: Problem) -> dict[str, str]:
@@ -64,6 +79,8 @@ def _in_known_coordinates(
     problem: Problem, form: str, given: Mapping[str, Any], own: Mapping[str, Any]
 ) -> Candidate:
     """One candidate, L and M found for the coordinates that are given (or the plant's own)."""
+    if problem.plant.output.measured == "periodic":
+        return _with_samples(problem, form, given, own)
     if {"L", "M"} <= set(given):
         return _candidate(problem, form, given["L"], given["M"], own, False)
     task = task_of(problem, form == "cooperative", own.get("S"), given)
@@ -72,10 +89,25 @@ def _in_known_coordinates(
     return _candidate(problem, form, given.get("L", L), given.get("M", M), own, True)
 
 
+def _with_samples(
+    problem: Problem, form: str, given: Mapping[str, Any], own: Mapping[str, Any]
+) -> Candidate:
+    """L for samples as events; M, which acts only when a jump meets a sample, is zero if open."""
+    L = given.get("L")
+    if L is None:
+        task = sampling_task(problem, own.get("S"), given)
+        L = task.gains(*best_gains(task, _objective(problem))[1:])[1]
+    return _candidate(problem, form, L, given.get("M", 0 * L), own, "L" not in given)
+
+
 def _in_found_coordinates(problem: Problem, given: Mapping[str, Any]) -> Iterator[Candidate]:
     """Candidate bases first; the search over bases only if that is not enough."""
     auto = problem.options.get("form", "auto") == "auto"
     for search in (False, True) if auto else (True,):
+        if problem.plant.output.measured == "periodic":
+            for S in bases(problem.plant, 0, 0):
+                yield _with_samples(problem, "coordinates", given, {"S": S})
+            return
         found = best_coordinates(problem, given, _objective(problem), search)
         if found is None:
             continue
@@ -90,27 +122,40 @@ def _candidate(
     gains = formed(problem, form, L, M, own)
     system, approx = width_system_of(gains, exact, inverse), width_system_of(gains)
     objective = _objective(problem)
-    certificates: dict[str, Any] = {}
-    cost = None
-    if objective == "narrowest":
-        cost = _cost(problem, form, gains)
-    if system.N is None:
-        width = propose_limit(approx)
-    else:
+    cost = _cost(problem, form, gains) if objective == "narrowest" else None
+    if "period" in gains:
+        found = propose_samples(system, approx, gains["period"], *_dwell_range(gains))
+        certificates = {} if found is None else {"sampled_stability": found}
+        return Candidate(form, gains, certificates, searched, cost, goes_on)
+    certificates = {}
+    if system.N is not None:
         low, high = gains["dwell_time"]
         if objective == "shortest_dwell":
             low, certificates = _widest_range(system, low, high)
             gains["dwell_time"], cost = [low, high], low
         certificates = certificates or dwell_certificates(system.W, system.N, low, high)
-        width = proved_width(system, approx, low, high)
+    width = proved_width(system, approx, *_dwell_range(gains))
     if width is not None:
         certificates["width"] = width
+    if problem.plant.output.measured == "continuous":
+        period = problem.plant.output.period
+        spacing = propose_spacing(gains, system, *_dwell_range(gains), period)
+        if spacing is not None:
+            certificates["sampled_width"] = spacing
     return Candidate(form, gains, certificates, searched, cost, goes_on)
+
+
+def _dwell_range(gains: Mapping[str, Any]) -> tuple[float, float]:
+    low, high = gains.get("dwell_time", (math.inf, math.inf))
+    return low, high
 
 
 def _cost(problem: Problem, form: str, gains: Mapping[str, Any]) -> float:
     """Mean width of x, summed over the states, of finished gains."""
     given = {"L": gains["L"], "M": gains["M"]}
+    if "period" in gains:
+        task = sampling_task(problem, gains.get("S"), given)
+        return mean_width(task, 0 * gains["L"], 0 * gains["M"])
     task = task_of(problem, form == "cooperative", gains.get("S"), given)
     return mean_width(task, 0 * gains["L"], 0 * gains["M"])
 

@@ -118,6 +118,32 @@ def task_of(problem: Problem, positive: bool, S: Matrix | None, given: Mapping[s
     )  # fmt: skip
 
 
+def sampling_task(
+    problem: Problem, S: Matrix | None, given: Mapping[str, Any]
+) -> Task:
+    """The gain at samples as the gain of a jump with G = I that happens every period.
+
+    `gains` and the goals then speak of it as M; L stays zero. Real jumps only add to the width
+    whatever the gain.
+    """
+    plant = problem.plant
+    n, p = plant.n, plant.p
+    basis = np.eye(n) if S is None else S
+    inward = np.linalg.inv(basis)
+    C, V, L = plant.output.C, plant.output.noise_bound, given.get("L", np.zeros((n, p)))
+    f0 = np.abs(inward) @ (plant.flow.upper - plant.flow.lower)
+    cap = _limits(problem, basis)[1]
+    if problem.options.get("gain_limit") is None:
+        cap = cap / max(1.0, float(np.abs(plant.jump.G).max()) if plant.jump else 1.0)
+    period = float(problem.require("output.period"))
+    return Task(
+        A=inward @ plant.flow.A @ basis, G=inward @ (np.eye(n) - L @ C) @ basis, C=C @ basis,
+        C_jump=C @ basis, f0=f0, h0=2 * np.abs(inward @ L) @ V, V=V, low=period, high=period,
+        open_L=False, open_M="L" not in given, limit_L=cap, limit_M=cap, positive=False,
+        weights=np.abs(basis).sum(axis=0), S=basis, L0=0 * L, M0=inward @ L,
+    )  # fmt: skip
+
+
 def _limits(problem: Problem, basis: Matrix) -> tuple[Matrix, Matrix]:
     """Caps of L and M in z so that |S L|, |S M| stay below the one asked for."""
     plant = problem.plant

@@ -29,10 +29,15 @@ _ROUNDS, _FINE = 12, 800
 
 
 def proved_width(
-    system: WidthSystem, approx: WidthSystem, low: float, high: float
+    system: WidthSystem, approx: WidthSystem, low: float, high: float, vanishing: bool = False
 ) -> dict[str, Any] | None:
-    """What `propose_width` proposes for the float twin of an exact system, if it can be proved."""
-    found = propose_width(approx, low, high)
+    """What `propose_width` proposes for the float twin of an exact system, if it can be proved.
+
+    vanishing: also where nothing enters and the width tends to zero, to show just that.
+    """
+    if system.N is None:
+        return propose_limit(approx, vanishing)
+    found = propose_width(approx, low, high, vanishing)
     if found is None:
         return None
     W, f, N, h, out = (exact(X) for X in (system.W, system.f, *system.at_jumps, system.out))
@@ -42,7 +47,9 @@ def proved_width(
     return found if verdict.outcome == "proved" else None
 
 
-def propose_width(system: WidthSystem, low: float, high: float) -> dict[str, Any] | None:
+def propose_width(
+    system: WidthSystem, low: float, high: float, vanishing: bool = False
+) -> dict[str, Any] | None:
     """{"tube": (n,) in z, "after_jump", "before_jump", "always": (n,) in x}; None if none is found.
 
     system: floats, with jumps. Without disturbance and noise the width vanishes: None.
@@ -54,16 +61,16 @@ def propose_width(system: WidthSystem, low: float, high: float) -> dict[str, Any
     with np.errstate(all="ignore"):
         last = Edge(W, N, low, high).last
         thetas = np.unique(np.concatenate([np.linspace(low, last, _FINE), _graded(low, last)]))
-        flows, pushes = _moved(W, f, thetas)
+        flows, pushes = moved(W, f, thetas)
         entering = pushes @ N.T + h
-    scale = float(entering.max(initial=0.0))
+    scale = float(entering.max(initial=0.0)) or float(vanishing)
     if not (np.isfinite(flows).all() and np.isfinite(entering).all() and scale > 0):
         return None
-    v = _least(N @ flows, entering, ROOM * scale)
+    v = least(N @ flows, entering, ROOM * scale)
     if v is None:
         return None
     until = np.concatenate([np.linspace(0.0, low, _FINE), thetas])
-    flows_all, pushes_all = _moved(W, f, until)
+    flows_all, pushes_all = moved(W, f, until)
     reached = (flows_all @ v + pushes_all) @ system.out.T
     if math.isinf(high):
         reached = np.vstack([reached, np.linalg.solve(-W, f) @ system.out.T])
@@ -77,9 +84,9 @@ def propose_width(system: WidthSystem, low: float, high: float) -> dict[str, Any
     }
 
 
-def propose_limit(system: WidthSystem) -> dict[str, Any] | None:
+def propose_limit(system: WidthSystem, vanishing: bool = False) -> dict[str, Any] | None:
     """{"tube": (n,) in z, "always": (n,) in x} of a plant without jumps; None without a limit."""
-    scale = float(system.f.max(initial=0.0))
+    scale = float(system.f.max(initial=0.0)) or float(vanishing)
     try:
         v = np.linalg.solve(-system.W, system.f + ROOM * scale)
     except np.linalg.LinAlgError:
@@ -89,7 +96,7 @@ def propose_limit(system: WidthSystem) -> dict[str, Any] | None:
     return {"tube": v.tolist(), "always": ((system.out @ v) * (1.0 + ROOM)).tolist()}
 
 
-def _moved(W: Matrix, f: Matrix, thetas: Matrix) -> tuple[Matrix, Matrix]:
+def moved(W: Matrix, f: Matrix, thetas: Matrix) -> tuple[Matrix, Matrix]:
     """(e^{W theta}, int_0^theta e^{W s} ds f) at each theta: (k, n, n), (k, n)."""
     n = len(W)
     Z = np.zeros((n + 1, n + 1))
@@ -103,7 +110,7 @@ def _graded(low: float, last: float) -> Matrix:
     return low + (last - low) * np.linspace(0.0, 1.0, 200) ** 3
 
 
-def _least(maps: Matrix, entering: Matrix, room: float) -> Matrix | None:
+def least(maps: Matrix, entering: Matrix, room: float) -> Matrix | None:
     """The least v with maps[k] v + entering[k] + room <= v for every k, by adding the worst k."""
     n = maps.shape[1]
     active = sorted({0, len(maps) // 2, len(maps) - 1})

@@ -30,6 +30,12 @@ from obsdesign.verification.dwell import (
     unusable,
 )
 from obsdesign.verification.interval_obstruction import obstruction_claim
+from obsdesign.verification.interval_sampled import (
+    no_spacing,
+    sampled_sentences,
+    samples_claim,
+    spacing_claim,
+)
 from obsdesign.verification.interval_signs import metzler_claim, nonnegative_claim, split_claim
 from obsdesign.verification.interval_width import limit_claim, width_claim, width_sentence
 
@@ -70,9 +76,13 @@ def claims(
     source = f"{PAPER}, {THEOREMS[form]}"
     found = [agreement, *obstruction_claim(problem, gains, source), *_sign_claims(gains)]
     system = width_system_of(gains, exact, inverse)
+    if "period" in gains:
+        proposed = certificates.get("sampled_stability", {})
+        return (*found, samples_claim(system, gains, proposed, f"{source}; samples as jumps"))
     if system.N is None:
         found.append(_hurwitz_claim(system.W, "there are no jumps"))
-        return (*found, *limit_claim(system, certificates.get("width", {}), source))
+        found += limit_claim(system, certificates.get("width", {}), source)
+        return (*found, *_spacing(problem, system, gains, certificates))
     low, high = (float(end) for end in gains["dwell_time"])
     if math.isinf(high):
         found.append(_hurwitz_claim(system.W, "there is no longest dwell time"))
@@ -80,7 +90,19 @@ def claims(
     found.append(_stability_claim(form, system, (low, high), certificate, paranoid))
     found += rates_claim(system.W, system.N, (low, high), certificates, source)
     found += width_claim(system, (low, high), certificates.get("width", {}), source)
-    return tuple(found)
+    return (*found, *_spacing(problem, system, gains, certificates))
+
+
+def _spacing(
+    problem: Problem, system: WidthSystem, gains: Mapping[str, Any], certificates: Mapping[str, Any]
+) -> tuple[Claim, ...]:
+    """The step limit of a continuous y, where one was found."""
+    if problem.plant.output.measured != "continuous":
+        return ()
+    low, high = gains.get("dwell_time", (math.inf, math.inf))
+    source = f"{PAPER}, {THEOREMS[gains['form']]}; slope scheme of docs/interval.md"
+    ends = (float(low), float(high))
+    return spacing_claim(system, gains, ends, certificates.get("sampled_width", {}), source)
 
 
 def dwell_pair(gains: Mapping[str, Any]) -> tuple[Any, Any]:
@@ -121,7 +143,8 @@ def _sign_claims(gains: Mapping[str, Any]) -> list[Claim]:
 
 
 def _objection(problem: Problem) -> str | None:
-    return equations.objection(problem.plant, problem.gains, problem.options) or unusable(problem)
+    text = equations.objection(problem.plant, problem.gains, problem.options)
+    return text or (None if problem.plant.output.measured == "periodic" else unusable(problem))
 
 
 def expected_gains(problem: Problem, gains: Mapping[str, Any]) -> dict[str, Any]:
@@ -165,6 +188,7 @@ def guarantees(problem: Problem, found: tuple[Claim, ...]) -> tuple[dict[str, An
     bounded: list[str] = [name for name in ("hurwitz", "dwell_stability") if name in verdicts]
     jump = problem.plant.jump
     ends = "" if jump is None else _range(problem, found)
+    periodic = problem.plant.output.measured == "periodic"
     when = f" for every sequence of dwell times in {ends}" if ends else ""
     enclosure = (
         "The bounds contain the state at every instant, if they contain it at the start, b, c and "
@@ -173,25 +197,24 @@ def guarantees(problem: Problem, found: tuple[Claim, ...]) -> tuple[dict[str, An
     )
     at_jumps = problem.plant.output.measured == "at_jumps"
     measured = "With y measured at every jump" if at_jumps else "With y measured continuously"
+    if periodic:
+        measured = "With a sample in every period"
     width = (
         f"{measured}, the width of the bounds stays bounded{when}, and without disturbance and "
         f"noise it tends to zero{'' if jump is None else ' as jumps go on'}."
     )
-    told: list[tuple[str, bool, list[str]]] = [
-        (enclosure, _all(verdicts, enclosing), enclosing),
-        (width, _all(verdicts, enclosing + bounded), enclosing + bounded),
-    ]
+    told: list[tuple[str, bool, list[str]]] = [(enclosure, _all(verdicts, enclosing), enclosing)]
+    if periodic:
+        bounded = ["sampled_stability"]
+    told.append((width, _all(verdicts, enclosing + bounded), enclosing + bounded))
     for text, ids in rates_sentence(found, "the width"):
         told.append((f"{measured}: {text}", _all(verdicts, ids), ids))
-    for text, ids in width_sentence(found, measured):
+    sampled = sampled_sentences(found)
+    for text, ids in [*width_sentence(found, measured), *sampled]:
         ids = [*enclosing, *(name for name in ("hurwitz",) if name in verdicts), *ids]
         told.append((text, _all(verdicts, ids), ids))
-    if not at_jumps:
-        sampled = (
-            "A bounded width for samples at a given spacing is not claimed: the spacing must be "
-            "small against 1/(|L||CA|)."
-        )
-        told.append((sampled, False, []))
+    if not (at_jumps or periodic or sampled):
+        told.append((no_spacing(), False, []))
     return tuple({"statement": text, "given": given, "claims": ids} for text, given, ids in told)
 
 

@@ -25,7 +25,7 @@ def width_claim(
     "after_jump", "before_jump", "always" (in the plant's).
     """
     names = ("tube", "after_jump", "before_jump", "always")
-    found = _vectors(proposed, names, len(system.f))
+    found = vectors(proposed, names, len(system.f))
     if found is None:
         return ()
     verdict = _proof(system, ends, found)
@@ -44,7 +44,7 @@ def width_claim(
 
 def limit_claim(system: WidthSystem, proposed: Mapping[str, Any], source: str) -> tuple[Claim, ...]:
     """The same without jumps: W v + f < 0, exactly."""
-    found = _vectors(proposed, ("tube", "always"), len(system.f))
+    found = vectors(proposed, ("tube", "always"), len(system.f))
     if found is None:
         return ()
     v, always = found["tube"], found["always"]
@@ -63,22 +63,23 @@ def width_sentence(found: tuple[Claim, ...], measured: str) -> list[tuple[str, l
         if claim.id == "width" and claim.verdict == "proved":
             evidence = claim.evidence
             if "after_jump" not in evidence:
-                return [(f"{measured}, the width comes to at most {_shown(evidence['always'])}.",
+                return [(f"{measured}, the width comes to at most {shown(evidence['always'])}.",
                          ["width"])]  # fmt: skip
             text = (
                 f"{measured}, the width comes, as jumps go on, to at most "
-                f"{_shown(evidence['after_jump'])} after jumps, {_shown(evidence['before_jump'])} "
-                f"before them and {_shown(evidence['always'])} at any time."
+                f"{shown(evidence['after_jump'])} after jumps, {shown(evidence['before_jump'])} "
+                f"before them and {shown(evidence['always'])} at any time."
             )
             return [(text, ["width"])]
     return []
 
 
-def _shown(values: Any) -> str:
+def shown(values: Any) -> str:
+    """A vector as a sentence has it."""
     return "(" + ", ".join(f"{value:.6g}" for value in values) + ")"
 
 
-def _vectors(proposed: Mapping[str, Any], names: tuple[str, ...], n: int) -> Any:
+def vectors(proposed: Mapping[str, Any], names: tuple[str, ...], n: int) -> Any:
     """The proposed vectors, exact; None if one is not there, or not a finite vector."""
     found = {}
     for name in names:
