@@ -57,7 +57,10 @@ def cvxpy_script(F: np.ndarray, H: np.ndarray, low: float, high: float, points: 
         M = expm(F * theta) @ H
         constraints.append(P - M.T @ P @ M >> 1e-6 * np.eye(n))
     problem = cp.Problem(cp.Minimize(0), constraints)
-    problem.solve(solver=cp.CLARABEL)
+    try:
+        problem.solve(solver=cp.CLARABEL)
+    except cp.error.SolverError:  # at its limit the solver gives up; a bisection reads it as "no"
+        return None
     return P.value
 
 
@@ -71,11 +74,17 @@ def seconds(call: Callable[[], Any], repeats: int = 1) -> tuple[float, Any]:
     return min(times), result
 
 
-def report(what: str, ours: list[float], theirs: list[float], floor: float) -> bool:
-    """One line: medians, the median of the ratios, and whether it is above the floor."""
+def report(
+    what: str, ours: list[float], theirs: list[float], floor: float, unit: str = "ms"
+) -> bool:
+    """One line: medians, the median of the ratios, and whether it is above the floor.
+
+    ours, theirs: in seconds (unit "ms") or in megabytes (unit "MB").
+    """
     ratio = statistics.median(b / a for a, b in zip(ours, theirs, strict=True))
     verdict = "ok" if ratio >= floor else "BELOW THE FLOOR"
-    mine, other = statistics.median(ours) * 1e3, statistics.median(theirs) * 1e3
-    print(f"{what:42s} ours {mine:9.2f} ms   theirs {other:10.1f} ms   ratio {ratio:8.1f}   "
-          f"floor {floor:g}  {verdict}", flush=True)  # fmt: skip
+    factor = 1e3 if unit == "ms" else 1.0
+    mine, other = statistics.median(ours) * factor, statistics.median(theirs) * factor
+    print(f"{what:42s} ours {mine:9.2f} {unit}   theirs {other:10.1f} {unit}   "
+          f"ratio {ratio:8.1f}   floor {floor:g}  {verdict}", flush=True)  # fmt: skip
     return ratio >= floor

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import linprog
 
 from lmi.balls import exact, to_float
 from lmi.families import Edge
@@ -78,6 +77,8 @@ def _program(operators: Matrix) -> Matrix | None:
     sums = np.concatenate([np.ones(n), [0.0]])[None]
     bounds = [(0, None)] * n + [(None, 1.0)]
     cost = np.concatenate([np.zeros(n), [-1.0]])
+    from scipy.optimize import linprog  # slow to import, and rarely needed
+
     answer = linprog(cost, A_ub=A, b_ub=np.zeros(k * n), A_eq=sums, b_eq=[float(n)], bounds=bounds,
                      method="highs")  # fmt: skip
     if answer.x is None or answer.x[-1] <= 1e-9 or not (answer.x[:n] > 0).all():

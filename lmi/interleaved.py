@@ -55,6 +55,13 @@ class Interleaved:
     low: float
     high: float
 
+    @staticmethod
+    def of(system: Any, period: float, low: float, high: float) -> Interleaved:
+        """From an object with W, f, K, k, N, h (N, h None without jumps)."""
+        W, f, K, k = (exact(X) for X in (system.W, system.f, system.K, system.k))
+        N, j = (None if X is None else exact(X) for X in (system.N, system.h))
+        return Interleaved(W, f, K, k, N, j, period, low, high)
+
     @property
     def periods(self) -> tuple[int, float]:
         """Fewest and most periods without a jump between two that hold one."""
@@ -81,7 +88,8 @@ def prove_interleaved(system: Interleaved, X: Exact, bounds: Bounds) -> Verdict:
     n = len(system.f)
     parts = [system.W[~np.eye(n, dtype=bool)], system.f, system.K, system.k]
     parts += [] if system.N is None or system.j is None else [system.N, system.j]
-    if any(x < 0 for part in parts for x in part.flat) or not all(x > 0 for x in bounds.p):
+    entries: list[Any] = [x for part in parts for x in part.flat]
+    if any(x < 0 for x in entries) or not all(x > 0 for x in bounds.p):
         return undecided("the system, or the tube, is not positive")
     with precision(_BITS), np.errstate(all="ignore"):
         verdict = _samples(system, bounds) if system.N is None else _cycles(system, bounds)
@@ -175,7 +183,9 @@ def _offsets(system: Interleaved, Z: Exact, jump: Any, start: Any, bound: Exact)
         else:
             step *= 0.5
             if step < _SHORTEST * h:
-                return undecided(f"the tube fails, or nearly fails, for jumps {at!r} after a sample")
+                return undecided(
+                    f"the tube fails, or nearly fails, for jumps {at!r} after a sample"
+                )
     return undecided(f"{_STEPS} steps did not reach the end of the period")
 
 
@@ -213,12 +223,13 @@ def _uppermost(p: Any, so_far: Any) -> Any:
 
 def sampled_flow(
     W: Exact, L: Exact, CA: Exact, A: Exact, C: Exact, b: Exact, h: float
-) -> tuple[Exact, Exact]:
+) -> tuple[Exact, Exact] | None:
     """(W_h, f_h) >= 0 to be added to W and f where an output is known at samples at most h apart.
 
     What the output does between samples enters like |L| sig with sig' = CA rho + C b,
     rho' = A rho + b, rho(0) the width at the sample, which is at most e^{-W_ii s} times the one s
-    later. L, CA, C: nonnegative; A Metzler (absolute values of the plant's); rounded up.
+    later. L, CA, C: nonnegative; A Metzler (absolute values of the plant's); rounded up. None
+    if they overflow.
     """
     n, p = len(A), len(CA)
     zero = exact(np.zeros((n + p + 2, n + p + 2)))
@@ -230,8 +241,9 @@ def sampled_flow(
         whole = upper_ends(exp_times(zero, h))
         decay = exact(np.diag([min(float(x.p) / float(x.q), 0.0) * 1.000001 for x in np.diag(W)]))
         back = upper_ends(exp_times(-decay, h))
+    if not (np.isfinite(whole).all() and np.isfinite(back).all()):
+        return None
     gain = exact(np.maximum(whole[sig, rho], 0.0))
     drift = exact(np.maximum(whole[sig, -1], 0.0))
     slowed = exact(np.maximum(back, 0.0) * np.eye(n))
     return L @ gain @ slowed, L @ drift
-

@@ -24,6 +24,7 @@ from lmi.balls import (
     certify_positive_definite,
     cholesky,
     exact,
+    identity,
     middle,
     precision,
 )
@@ -97,7 +98,8 @@ def _boxes(condition: Condition, limit: int) -> Verdict:
     reason = f"the inequality fails, or nearly fails, at theta = {boxes.failed!r}"
     if boxes.count >= limit:
         reason = f"{limit} boxes did not reach the end; they came to theta = {boxes.failed!r}"
-    return undecided(reason, theta=boxes.failed, boxes=boxes.count)
+    found = {"theta": boxes.failed, "boxes": boxes.count}
+    return undecided(reason, **found, **({"which": boxes.which} if condition.others else {}))
 
 
 def _account(boxes: Boxes) -> dict[str, Any]:
@@ -121,10 +123,15 @@ def _normalised(condition: Condition) -> Normalised | None:
         if condition.left is None:
             flow = target
             left = ball(exact(np.eye(len(condition.P_source))))
-        else:
+        elif len(condition.P_source) == len(condition.F):
             flow = source
             left = target * ball(condition.left) * back
-        return Normalised(flow * F * flow.inv(), left, flow * right * back, condition.gamma)
+        else:  # P of another size than the flow: the flow keeps its own coordinates
+            flow = identity(len(condition.F))
+            left = target * ball(condition.left)
+        turned = flow * F * flow.inv(), left, flow * right * back
+        others = tuple(back.transpose() * ball(exact(P)) * back for P in condition.others)
+        return Normalised(*turned, condition.gamma, others)
     except ZeroDivisionError:  # the balls are too wide to invert at this precision
         return None
 

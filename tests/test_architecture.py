@@ -146,13 +146,15 @@ def test_runtime_runs_with_numpy_alone(academic_design: Path) -> None:
         *SOLVERS, "scipy", "flint", "matplotlib", "jsonschema", "click", "rich", "hypothesis",
     )  # fmt: skip
     code = f"""
+before = set(sys.modules)  # what the interpreter of this machine loads by itself
 from obsdesign.runtime import Sample, load
 observer = load({str(academic_design)!r})
 state = observer.init(t=0.0, lower=[0, 0], upper=[2, 2])
 for k in range(1, 50):
     state, estimate = observer.step(state, Sample(k / 10, y=[1.0], jump=k == 20))
 assert (estimate.lower < estimate.upper).all()
-third_party = set(m.split(".")[0] for m in sys.modules) - set(sys.stdlib_module_names)
+loaded = set(sys.modules) - before
+third_party = set(m.split(".")[0] for m in loaded) - set(sys.stdlib_module_names)
 print(sorted(m for m in third_party if not m.startswith("_")))
 """
     done = run_blocked(blocked, code)

@@ -264,7 +264,7 @@ def test_usage(desk: Path) -> None:
     refused(desk, "simulate", ACADEMIC, "--until", "-1",
             line="until must be a positive finite number; got -1.0.")  # fmt: skip
     refused(desk, "simulate", ACADEMIC, "--dwell", "often",
-            line="--dwell must be shortest, random or a number; got 'often'.")  # fmt: skip
+            line="--dwell must be shortest, random, a number or a file; got 'often'.")  # fmt: skip
 
 
 # --- a design that was signed again after a change: false, not unreadable ----------------------

@@ -55,8 +55,6 @@ def objection(plant: Any, gains: Any, options: Any) -> str | None:
             "jump.H is refused by kind 'interval': impulses of unknown weight leave no bounds "
             "on the state. Give bounds as jump.disturbance."
         )
-    if options.get("memory") not in (None, "auto", 0):
-        return f"observer.memory = {options['memory']!r} is not available for kind 'interval'."
     return _form_objection(plant, gains, options.get("form", "auto"))
 
 

@@ -142,8 +142,7 @@ class IntervalObserver:
 
         ValueError if a lower bound exceeds its upper one or a bound is not finite.
         """
-        shortest, longest = self.gains.get("dwell_time", [0.0, math.inf])
-        guard = DwellGuard(float(shortest), float(longest))
+        guard = DwellGuard.of(self.gains)
         inputs = np.zeros(int(self.reads["u"]))
         now = float(t)
         return IntervalState(now, self._box(lower, upper), inputs, None, guard, False, now)

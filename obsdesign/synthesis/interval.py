@@ -18,7 +18,7 @@ from obsdesign.equations.interval_width import WidthSystem, width_system_of
 from obsdesign.errors import InputError
 from obsdesign.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
-from obsdesign.synthesis.dwell import dwell_certificates
+from obsdesign.synthesis.dwell import dwell_certificates, question
 from obsdesign.synthesis.given_gains import given_gain, refuse_unusable
 from obsdesign.synthesis.interval_coordinates import bases, best_coordinates
 from obsdesign.synthesis.interval_forms import formed
@@ -131,9 +131,11 @@ def _candidate(
     if system.N is not None:
         low, high = gains["dwell_time"]
         if objective == "shortest_dwell":
-            low, certificates = _widest_range(system, low, high)
+            low, certificates = _widest_range(problem, system, low, high)
             gains["dwell_time"], cost = [low, high], low
-        certificates = certificates or dwell_certificates(system.W, system.N, low, high)
+        certificates = certificates or dwell_certificates(
+            system.W, system.N, low, high, **question(problem)
+        )
     width = proved_width(system, approx, *_dwell_range(gains))
     if width is not None:
         certificates["width"] = width
@@ -160,10 +162,12 @@ def _cost(problem: Problem, form: str, gains: Mapping[str, Any]) -> float:
     return mean_width(task, 0 * gains["L"], 0 * gains["M"])
 
 
-def _widest_range(system: WidthSystem, low: float, high: float) -> tuple[float, dict[str, Any]]:
+def _widest_range(
+    problem: Problem, system: WidthSystem, low: float, high: float
+) -> tuple[float, dict[str, Any]]:
     """(shortest dwell time, certificates): the range found if it holds the one asked for."""
     N, _ = system.at_jumps
-    bracket = shortest_dwell(system.W, N, high)
+    bracket = shortest_dwell(system.W, N, high, **question(problem))
     if bracket.proved is None or not bracket.proved <= low or math.isinf(bracket.proved):
         return low, {}
     return bracket.proved, {"dwell_stability": dict(bracket.certificate)}

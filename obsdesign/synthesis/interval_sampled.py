@@ -33,9 +33,7 @@ def propose_samples(
     found = _propose(approx, period, low, high)
     if found is None:
         return None
-    parts = [exact(X) if X is not None else None for X in (
-        system.W, system.f, system.K, system.k, system.N, system.h)]  # fmt: skip
-    question = Interleaved(*parts, period, low, high)  # type: ignore[arg-type]
+    question = Interleaved.of(system, period, low, high)
     jumped = exact(found["jumped"]) if "jumped" in found else None
     bounds = Bounds(exact(found["tube"]), exact(found["sampled"]), jumped, exact(found["always"]))
     verdict = prove_interleaved(question, exact(system.out), bounds)
@@ -89,7 +87,9 @@ def _cycle_tube(
     # psi(s) = K [e^{W (h - s)} (N u(s) + j) + g(h - s)] + k, on the grid s reversed is h - s
     late, rest = flows[::-1], pushes[::-1]
     maps = K @ (late @ (N @ flows))
-    adds = (K @ ((late @ (N @ pushes[..., None] + j[:, None]))[..., 0] + rest)[..., None])[..., 0] + k
+    adds = (K @ ((late @ (N @ pushes[..., None] + j[:, None]))[..., 0] + rest)[..., None])[
+        ..., 0
+    ] + k
     powers, offsets = [np.eye(len(N))], [np.zeros(len(N))]
     for _ in range(most):
         powers.append(Phi @ powers[-1])
@@ -143,13 +143,16 @@ def spaced_tube(
 ) -> dict[str, Any] | None:
     """The tube of the width system for samples at most `spacing` apart, proved; or None."""
     L, CA, A, C, b = parts
-    more, drift = sampled_flow(exact(system.W), L, CA, A, C, b, spacing)
+    added = sampled_flow(exact(system.W), L, CA, A, C, b, spacing)
+    if added is None:
+        return None
+    more, drift = added
     spaced = replace(system, W=system.W + more, f=system.f + drift)
     arrays = {
         name: None if value is None else to_float(exact(value))
         for name, value in vars(spaced).items()
     }
-    approx = WidthSystem(**arrays)
+    approx = WidthSystem(**arrays)  # type: ignore[arg-type]
     if not np.isfinite(approx.W).all():
         return None
     if math.isinf(high) and not rightmost(approx.W).real < 0:

@@ -118,9 +118,7 @@ def task_of(problem: Problem, positive: bool, S: Matrix | None, given: Mapping[s
     )  # fmt: skip
 
 
-def sampling_task(
-    problem: Problem, S: Matrix | None, given: Mapping[str, Any]
-) -> Task:
+def sampling_task(problem: Problem, S: Matrix | None, given: Mapping[str, Any]) -> Task:
     """The gain at samples as the gain of a jump with G = I that happens every period.
 
     `gains` and the goals then speak of it as M; L stays zero. Real jumps only add to the width

@@ -23,8 +23,8 @@ from obsdesign.equations.interval_width import Coordinates, WidthSystem, width_s
 from obsdesign.problem import Problem
 from obsdesign.verification.consistency import consistency
 from obsdesign.verification.dwell import (
+    Dwell,
     dwell_stability,
-    range_text,
     rates_claim,
     rates_sentence,
     unusable,
@@ -84,11 +84,12 @@ def claims(
         found += limit_claim(system, certificates.get("width", {}), source)
         return (*found, *_spacing(problem, system, gains, certificates))
     low, high = (float(end) for end in gains["dwell_time"])
+    dwell = Dwell(low, high, float(gains.get("dwell_jitter", math.inf)))
     if math.isinf(high):
         found.append(_hurwitz_claim(system.W, "there is no longest dwell time"))
     certificate = certificates.get("dwell_stability", {})
-    found.append(_stability_claim(form, system, (low, high), certificate, paranoid))
-    found += rates_claim(system.W, system.N, (low, high), certificates, source)
+    found.append(_stability_claim(form, system, dwell, certificate, paranoid))
+    found += rates_claim(system.W, system.N, dwell, certificates, source)
     found += width_claim(system, (low, high), certificates.get("width", {}), source)
     return (*found, *_spacing(problem, system, gains, certificates))
 
@@ -223,8 +224,8 @@ def _range(problem: Problem, found: tuple[Claim, ...]) -> str:
     for claim in found:
         if claim.id == "dwell_stability" and "dwell_time" in claim.evidence:
             low, high = claim.evidence["dwell_time"]
-            return range_text(float(low), float(high))
-    return range_text(*problem.require_dwell_time())
+            return str(replace(Dwell.of(problem), low=float(low), high=float(high)))
+    return str(Dwell.of(problem))
 
 
 def _all(verdicts: Mapping[str, str], names: list[str]) -> bool:
@@ -245,20 +246,20 @@ def _hurwitz_claim(W: Any, why: str) -> Claim:
 def _stability_claim(
     form: str,
     system: WidthSystem,
-    ends: tuple[float, float],
+    dwell: Dwell,
     certificate: Mapping[str, Any],
     paranoid: bool,
 ) -> Claim:
     """Inequality (5), or (10) on the n-dimensional pair, for all dwell times in the range."""
-    verdict = dwell_stability(system.W, system.N, *ends, certificate, paranoid)
+    verdict = dwell_stability(system.W, system.N, dwell, certificate, paranoid)
     jump = "|S^-1 S2| T |S2^-1 S|" if form == "two_coordinates" else "Gp + Gn"
     return Claim(
         "dwell_stability",
-        f"the width map w -> e^(W T) N w, W = D0 + D1, N = {jump}, is stable for every "
-        f"sequence of dwell times T in {range_text(*ends)}: one P > 0 has "
-        "N' e^(W' T) P e^(W T) N < P, or "
-        "one v > 0 has v' e^(W T) N < v' (or a like inequality), for all of them",
+        f"the width map w -> e^(W T) N w, W = D0 + D1, N = {jump}, is stable for every sequence "
+        f"of dwell times T in {dwell}: one P > 0 has N' e^(W' T) P e^(W T) N < P, or one P for "
+        "each window of dwell times has, or one v > 0 has v' e^(W T) N < v' (or a like "
+        "inequality), for all of them",
         f"{PAPER}, {THEOREMS[form]}, {_EQUATIONS[form]}",
         verdict.outcome,
-        {"dwell_time": list(ends), **verdict.evidence},
+        {"dwell_time": [dwell.low, dwell.high], **verdict.evidence},
     )

@@ -15,7 +15,7 @@ from lmi.verdict import Verdict, undecided
 from obsdesign.document import Claim
 from obsdesign.equations.interval_sampling import slope_scheme
 from obsdesign.equations.interval_width import WidthSystem
-from obsdesign.verification.dwell import range_text
+from obsdesign.verification.dwell import Dwell
 from obsdesign.verification.interval_width import limit_claim, shown, vectors, width_claim
 
 
@@ -27,7 +27,8 @@ def samples_claim(
     proposed: "tube", "sampled", "always" and, with jumps, "jumped"; checked, not believed.
     """
     period = float(gains["period"])
-    ends = tuple(float(end) for end in gains.get("dwell_time", (math.inf, math.inf)))
+    low, high = (float(end) for end in gains.get("dwell_time", (math.inf, math.inf)))
+    ends = (low, high)
     names = ("tube", "sampled", "always") + (() if system.N is None else ("jumped",))
     found = vectors(proposed, names, len(system.f))
     verdict = undecided("no tube was given or found for samples and jumps between them")
@@ -39,10 +40,10 @@ def samples_claim(
             widths["after_jump"] = to_float(system.out @ found["jumped"]).tolist()
         widths["after_sample"] = to_float(system.out @ found["sampled"]).tolist()
         verdict = Verdict("proved", {**widths, **verdict.evidence})
-    elif system.N is None or math.isinf(ends[1]):
+    elif system.K is not None and (system.N is None or math.isinf(high)):
         counter = refute_spectral(system.W, system.K, period, period)
         verdict = counter if counter.outcome == "refuted" else verdict
-    jumps = "" if system.N is None else f" and jumps with dwell times in {range_text(*ends)}"
+    jumps = "" if system.N is None else f" and jumps with dwell times in {Dwell(*ends)}"
     statement = (
         f"with a sample every {period!r}{jumps}, the width stays bounded: a tube that "
         "w' = W w + f, w+ = K w + k at samples and w+ = N w + h at jumps do not leave and are "
@@ -52,13 +53,9 @@ def samples_claim(
 
 
 def _proof(
-    system: WidthSystem, period: float, ends: tuple[float, ...], found: Mapping[str, Any]
+    system: WidthSystem, period: float, ends: tuple[float, float], found: Mapping[str, Any]
 ) -> Verdict:
-    parts = [
-        None if X is None else exact(X)
-        for X in (system.W, system.f, system.K, system.k, system.N, system.h)
-    ]
-    question = Interleaved(*parts, period, *ends)  # type: ignore[arg-type]
+    question = Interleaved.of(system, period, *ends)
     bounds = Bounds(found["tube"], found["sampled"], found.get("jumped"), found["always"])
     return prove_interleaved(question, exact(system.out), bounds)
 
@@ -75,8 +72,10 @@ def spacing_claim(
     if not isinstance(limit, float) or not 0 < limit < math.inf:
         return ()
     L, CA, A, C, b = slope_scheme(gains, exact, inverse)
-    more, drift = sampled_flow(exact(system.W), L, CA, A, C, b, limit)
-    spaced = replace(system, W=system.W + more, f=system.f + drift)
+    added = sampled_flow(exact(system.W), L, CA, A, C, b, limit)
+    if added is None:
+        return ()
+    spaced = replace(system, W=system.W + added[0], f=system.f + added[1])
     if system.N is None:
         claims = limit_claim(spaced, proposed, source)
     else:
@@ -124,4 +123,3 @@ def no_spacing() -> str:
         "A bounded width for samples at a given spacing is not claimed: the spacing must be "
         "small against 1/(|L||CA|)."
     )
-

@@ -13,7 +13,7 @@ from lmi.tube import Tube, periodic_limit, prove_tube
 from lmi.verdict import Verdict, proved, undecided
 from obsdesign.document import Claim
 from obsdesign.equations.interval_width import WidthSystem
-from obsdesign.verification.dwell import range_text
+from obsdesign.verification.dwell import Dwell
 
 
 def width_claim(
@@ -36,7 +36,7 @@ def width_claim(
     statement = (
         "as jumps go on, the width of the bounds comes to at most after_jump just after a jump, "
         f"before_jump just before one and always at any time, for dwell times in "
-        f"{range_text(*ends)}: a tube that the width system w' = W w + f, w+ = N w + h does not "
+        f"{Dwell(*ends)}: a tube that the width system w' = W w + f, w+ = N w + h does not "
         "leave and is drawn to"
     )
     return (Claim("width", statement, f"{source}; tube", verdict.outcome, verdict.evidence),)

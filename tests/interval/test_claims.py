@@ -255,6 +255,7 @@ def test_a_plant_without_jumps() -> None:
     outcome = obsdesign.investigate(obsdesign.Problem.from_dict(body))
     assert verdicts(outcome) == {
         "consistent": "proved", "flow_positive": "proved", "hurwitz": "proved",
+        "sampled_width": "proved",
     }  # fmt: skip
     assert obsdesign.verify(outcome.design).verdict == "proved"
     unstable = copy.deepcopy(body)

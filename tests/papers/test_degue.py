@@ -81,6 +81,7 @@ def test_example_41_hypotheses() -> None:
         "dwell_stability": "proved",
         "rates": "proved",
         "width": "proved",
+        "sampled_width": "proved",
     }
 
 
