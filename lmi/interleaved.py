@@ -75,7 +75,8 @@ class Interleaved:
 @dataclass(frozen=True)
 class Bounds:
     """What is to be proved; exact. p (n,): after the sample that follows a jump (without jumps:
-    after samples); sampled, jumped (n,): after any sample and after any jump; always (q,): X u."""
+    after samples); sampled, jumped (n,): after any sample and after any jump; always (q,): X u.
+    """
 
     p: Exact
     sampled: Exact

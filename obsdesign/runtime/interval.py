@@ -34,7 +34,7 @@ from collections import OrderedDict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -68,8 +68,7 @@ from obsdesign.runtime.interval_steps import (
 from obsdesign.runtime.step_cache import cached_step
 
 
-@dataclass(frozen=True, slots=True)
-class IntervalState:
+class IntervalState(NamedTuple):
     """Everything the next step needs, just after time t.
 
     box: (2n,), radius and centre in the observer's coordinates; u: input that holds; y: measurement
@@ -152,7 +151,7 @@ class IntervalObserver:
 
         Inputs and the time of the last jump are kept. ValueError as for `init`.
         """
-        return replace(state, box=self._box(lower, upper), lost="")
+        return state._replace(box=self._box(lower, upper), lost="")
 
     def _box(self, lower: ArrayLike, upper: ArrayLike) -> Vector:
         low, high = vector(lower, self.n, "lower"), vector(upper, self.n, "upper")
@@ -172,13 +171,15 @@ class IntervalObserver:
 
         ValueError if time does not increase (the first sample may share the initial time).
         """
+        if self._period is not None and (usual := self._usual(state, sample)) is not None:
+            return usual
         t = later(sample.t, state.t, state.started)
         y = optional_measurement(sample.y, self._p)
         seen = y if not sample.jump or self._when == "before" else None
         kernels = self._kernels(t - state.t, max(abs(t), abs(state.t)))
         chosen = kernels[self._mode(state, seen, t)]
         with np.errstate(over="ignore", invalid="ignore"):
-            out = chosen.rows.dot(self._vector(chosen, state.box, state.y, seen, state.u))
+            out = chosen.rows.dot(chosen.vector(state.box, state.y, seen, state.u))
             objections = [] if seen is None else self._implausible(out)
             if sample.jump:
                 chosen, out = self._jump(kernels, out, state, y, sample.w)
@@ -188,7 +189,7 @@ class IntervalObserver:
         objections += self._missing(state, sample, y, t)
         box, bounds, fatal = self._results(chosen, out)
         objections += fatal
-        lost = state.lost or (f"void since time {t:.9g}" if self._refuting(objections) else "")
+        lost = state.lost or _refuting(t, objections)
         if state.lost:
             objections.append(state.lost)
         u = state.u if sample.u is None else vector(sample.u, len(state.u), "u")
@@ -198,6 +199,31 @@ class IntervalObserver:
         )
         status = "; ".join(objections) if objections else "ok"
         return following, Estimate(t, None, *bounds, status=status)
+
+    def _usual(
+        self, state: IntervalState, sample: Sample
+    ) -> tuple[IntervalState, Estimate] | None:
+        """The step of a sample that is in time, with nothing to object; None for any other."""
+        t, y = sample.t, sample.y
+        if sample.jump or sample.u is not None or state.lost or type(y) is not np.ndarray:
+            return None
+        kernels = self._recent.get((t - state.t, math.frexp(t)[1]))
+        if kernels is None or not t > state.t >= 0 or y.shape != self._shape:
+            return None
+        chosen = kernels["sampled"]
+        n2, n, p = 2 * chosen.n, chosen.n, chosen.p
+        out = chosen.rows.dot(chosen.vector(state.box, None, y, state.u))
+        room = out[n2 : n2 + 2 * p + 1].tolist()
+        # what is not finite gives NaN here: every comparison with it fails
+        if not (min(room) >= 0 and room[-1] < math.inf) or t - state.sampled > self._latest:
+            return None
+        if state.guard.last_jump is not None and state.guard.after(t, False)[1]:
+            return None
+        lower, upper = chosen.bounds(out)
+        if p > 1 and (lower > upper).any():
+            return None
+        following = IntervalState(t, out[:n2], state.u, y, state.guard, True, t)
+        return following, Estimate(t, None, lower, upper)
 
     def run(self, state: IntervalState, samples: Iterable[Sample]) -> Iterator[Estimate]:
         """Estimates for a stream of samples."""
@@ -236,6 +262,15 @@ class IntervalObserver:
     @cached_property
     def _period(self) -> float | None:
         return float(self.gains["period"]) if "period" in self.gains else None
+
+    @cached_property
+    def _latest(self) -> float:
+        """How long after a sample the next one is in time."""
+        return (self._period or math.inf) * (1 + RELATIVE_TIME_TOLERANCE)
+
+    @cached_property
+    def _shape(self) -> tuple[int]:
+        return (self._p,)
 
     def _mode(self, state: IntervalState, seen: Vector | None, t: float) -> str:
         if self._period is not None:
@@ -286,24 +321,6 @@ class IntervalObserver:
         """A sample by itself, no time passing."""
         return self._kernels(0.0, 0.0)["sampled"]
 
-    def _vector(
-        self, chosen: Kernel, box: Vector, y0: Vector | None, y1: Vector | None, u: Vector
-    ) -> Vector:
-        """v = [r; m; y0; y1; u; 1; |m|; |y0|; |y1|; |u|; 1]."""
-        n, p = chosen.n, chosen.p
-        v = np.zeros(chosen.width)
-        v[: 2 * n] = box
-        if y0 is not None:
-            v[2 * n : 2 * n + p] = y0
-        if y1 is not None:
-            v[2 * n + p : 2 * n + 2 * p] = y1
-        middle = (chosen.width + n) // 2
-        if u.size:
-            v[2 * n + 2 * p : middle - 1] = u
-        v[middle - 1] = 1.0
-        np.abs(v[n:middle], out=v[middle:])
-        return v
-
     # --- jumps and objections -----------------------------------------------------------------
 
     def _jump(
@@ -327,7 +344,7 @@ class IntervalObserver:
 
         def jumped(box: Vector, measured: bool) -> tuple[Kernel, Vector]:
             k = self._jumps[measured]
-            return k, k.rows.dot(self._vector(k, box, None, y if measured else None, known))
+            return k, k.rows.dot(k.vector(box, None, y if measured else None, known))
 
         n2 = 2 * self.n
         if self._period is None:
@@ -337,14 +354,14 @@ class IntervalObserver:
             return k, after
         if self._when == "after":
             k = self._update
-            after = k.rows.dot(self._vector(k, after[:n2], None, y, state.u))
+            after = k.rows.dot(k.vector(after[:n2], None, y, state.u))
         if np.any(self.gains["M"]):
             plain = kernels["none"]
-            before = plain.rows.dot(self._vector(plain, state.box, state.y, None, state.u))
+            before = plain.rows.dot(plain.vector(state.box, state.y, None, state.u))
             _, other = jumped(before[:n2], True)
             box = _common(after[:n2], other[:n2], self.n)
             k = self._kernels(0.0, 0.0)["none"]
-            after = k.rows.dot(self._vector(k, box, None, None, state.u))
+            after = k.rows.dot(k.vector(box, None, None, state.u))
         return k, after
 
     def _implausible(self, out: Vector) -> list[str]:
@@ -364,7 +381,7 @@ class IntervalObserver:
         if y is None and not sample.jump:
             return ["missing sample"]
         apart = t - state.sampled
-        if state.started and apart > self._period * (1 + RELATIVE_TIME_TOLERANCE):
+        if state.started and apart > self._latest:
             return [f"time {apart:.9g} since the last sample, above {self._period:.9g}"]
         return []
 
@@ -387,13 +404,14 @@ class IntervalObserver:
             return box, (whole[0][:n], whole[1][:n]), ["bounds crossed"]
         return box, (lower, upper), []
 
-    @staticmethod
-    def _refuting(objections: list[str]) -> bool:
-        return any("outside" in text or "crossed" in text for text in objections)
-
-
 # step lengths as they come, before rounding: a few dozen differences of decimal time stamps
 _RECENT = 1024
+
+
+def _refuting(t: float, objections: list[str]) -> str:
+    """What is said of all rows after one that refutes the bounds."""
+    found = [text for text in objections if "outside" in text or "crossed" in text]
+    return f"void since time {t:.9g} ({found[0]})" if found else ""
 
 
 def _common(one: Vector, other: Vector, n: int) -> Vector:

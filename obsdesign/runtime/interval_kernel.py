@@ -26,24 +26,42 @@ from obsdesign.runtime.interval_steps import BoxMap
 
 @dataclass(frozen=True, slots=True)
 class Kernel:
-    """rows: the matrix; n, p: states and outputs; candidates: how many bounds of x it gives."""
+    """A matrix and the layout of what it multiplies.
+
+    rows: the matrix; n, p: states and outputs; candidates: how many bounds of x it gives; blank: v
+    of nothing; middle: where its absolute values begin.
+    """
 
     rows: Matrix
     n: int
     p: int
     candidates: int
+    blank: Matrix
+    middle: int
 
-    @property
-    def width(self) -> int:
-        """Length of v."""
-        return int(self.rows.shape[1])
+    def vector(self, box: Matrix, y0: Matrix | None, y1: Matrix | None, u: Matrix) -> Matrix:
+        """v for a box [r; m], measurements at the start and end of the step, and an input."""
+        n, p, middle = self.n, self.p, self.middle
+        v = self.blank.copy()
+        v[: 2 * n] = box
+        if y0 is not None:
+            v[2 * n : 2 * n + p] = y0
+        if y1 is not None:
+            v[2 * n + p : 2 * n + 2 * p] = y1
+        if u.size:
+            v[2 * n + 2 * p : middle - 1] = u
+        np.abs(v[n:middle], v[middle:])
+        return v
 
     def bounds(self, out: Matrix) -> tuple[Matrix, Matrix]:
         """(lower, upper) of x from a result."""
-        ends = out[2 * self.n + 2 * self.p + 1 :]
-        if self.candidates > 1:
-            ends = np.maximum.reduce(ends.reshape(self.candidates, 2 * self.n))
-        return ends[: self.n], -ends[self.n :]
+        n = self.n
+        ends = out[2 * n + 2 * self.p + 1 :]
+        if self.candidates == 2:
+            ends = np.maximum(ends[: 2 * n], ends[2 * n :])
+        elif self.candidates > 2:
+            ends = np.maximum.reduce(ends.reshape(self.candidates, 2 * n))
+        return ends[:n], -ends[n:]
 
 
 def kernel(model: Model, step: BoxMap, predicted: BoxMap, C: Matrix, strips: bool) -> Kernel:
@@ -73,10 +91,13 @@ def _kernel(model: Model, step: BoxMap, predicted: BoxMap, C: Matrix, strips: bo
     S = exactly(np.eye(n)) if model.S is None else model.S
     ends = [_ends(box.times(S))]
     if strips:
-        ends += [_ends(before.times(S)), *_strip_ends(before.times(S), C, model.V, y_end)]
+        ends += _strip_ends(before.times(S), C, model.V, y_end)
     rows = np.vstack([*blocks, *ends])
-    rows.setflags(write=False)
-    return Kernel(rows, n, p, len(ends))
+    blank = np.zeros(n + 2 * columns)
+    blank[n + columns - 1] = 1.0
+    for array in (rows, blank):
+        array.setflags(write=False)
+    return Kernel(rows, n, p, len(ends), blank, n + columns)
 
 
 @dataclass(frozen=True)
@@ -121,8 +142,12 @@ def _ends(rows: _Rows) -> Matrix:
 
 
 def _strip_ends(box: _Rows, C: Matrix, V: Matrix, y_end: Matrix) -> list[Matrix]:
-    """For each output: x_j from c_j x_j = y - v - sum of the other c_k x_k."""
-    whole, found = _ends(box), []
+    """For each output: x_j from c_j x_j = y - v - sum of the other c_k x_k; else as predicted.
+
+    With several outputs, which cost a reduction anyway, the prediction as a whole comes first.
+    """
+    whole = _ends(box)
+    found = [whole] if len(C) > 1 else []
     n = len(box.g)
     for i in range(len(C)):
         ends = whole.copy()

@@ -42,7 +42,7 @@ def test_the_twin_a_slope_taken_for_zero_is_caught() -> None:
     observer = observer_for(plant, np.array([[1.0], [2.0]]), np.zeros((2, 1)))
     state = observer.init(0.0, lower=[1, 0], upper=[1, 0])
     state, _ = observer.step(state, Sample(0.0, y=[1.0]))
-    held = dataclasses.replace(state, y=np.array([0.0]))  # a y that x(0) did not give
+    held = state._replace(y=np.array([0.0]))  # a y that x(0) did not give
     _, estimate = observer.step(held, Sample(0.1, y=[1.0]))
     x = np.array([math.cos(0.2), -2 * math.sin(0.2)])
     assert not (np.all(estimate.lower <= x) and np.all(x <= estimate.upper))
@@ -98,7 +98,7 @@ class WithoutMargin(IntervalObserver):
     def _kernel(self, name: str, maps: Mapping[str, BoxMap]) -> Kernel:
         whole = super()._kernel(name, maps)
         rows = whole.rows.copy()
-        rows[:, (whole.width + whole.n) // 2 :] = 0.0
+        rows[:, whole.middle :] = 0.0
         return dataclasses.replace(whole, rows=rows)
 
 
