@@ -47,15 +47,14 @@ from obsdesign.runtime.base import (
     Estimate,
     Sample,
     Vector,
-    collect,
     later,
     optional_measurement,
     require_gains,
-    rows_of,
     run,
     vector,
 )
 from obsdesign.runtime.interval_kernel import Kernel, kernel
+from obsdesign.runtime.interval_record import Columns, Stretch, stretch
 from obsdesign.runtime.interval_model import Model, midpoint, model
 from obsdesign.runtime.interval_steps import (
     BoxMap,
@@ -65,7 +64,7 @@ from obsdesign.runtime.interval_steps import (
     jump_maps,
     sampled,
 )
-from obsdesign.runtime.step_cache import cached_step
+from obsdesign.runtime.step_cache import cached_step, rounded_step
 
 
 class IntervalState(NamedTuple):
@@ -240,10 +239,69 @@ class IntervalObserver:
         lower: ArrayLike,
         upper: ArrayLike,
     ) -> Batch:
-        """The whole record at once: a loop over `step` from bounds of x at its first row."""
-        times = np.asarray(t, dtype=np.float64)
+        """The whole record at once, from bounds of x at its first row.
+
+        Stretches of equal steps are done together, all other rows by `step`: the bounds agree with
+        those of `step` up to rounding, and hold as well.
+        """
+        record = Columns.of(t, y, u, w, jump)
+        times = record.t
         state = self.init(float(times[0]), lower=lower, upper=upper)
-        return collect(self.run(state, rows_of(times, y, u, w, jump)))
+        lows, highs = np.empty((len(times), self.n)), np.empty((len(times), self.n))
+        status = ["ok"] * len(times)
+        ends = record.stretches()
+        row = 0
+        while row < len(times):
+            state, found = self._stretch(state, record, row, int(ends[row]))
+            if found is not None:
+                done = slice(row, row + len(found.lower))
+                lows[done], highs[done] = found.lower, found.upper
+                row = done.stop
+            if row < len(times):
+                state, estimate = self.step(state, record.sample(row))
+                lows[row], highs[row] = estimate.lower, estimate.upper
+                status[row] = estimate.status
+                row += 1
+        return Batch(times, None, lows, highs, None, tuple(status))
+
+    def _stretch(
+        self, state: IntervalState, record: Columns, row: int, end: int
+    ) -> tuple[IntervalState, Stretch | None]:
+        """Do rows from `row` on together, as far as they are ordinary samples in time."""
+        times = record.t
+        end = min(end, row + _MOST_ROWS)
+        if state.guard.last_jump is not None:
+            latest = state.guard.last_jump + state.guard.longest
+            end = min(end, int(np.searchsorted(times, latest)))
+        mode = "start" if self._period is None else "sampled"
+        fits = state.started and not state.lost and (mode == "sampled" or state.y is not None)
+        if end - row < _FEWEST_ROWS or not fits:
+            return state, None
+        h = float(times[row] - state.t)
+        if max(h, float(times[row] - state.sampled)) > self._latest:
+            return state, None
+        length, half, _ = rounded_step(h, float(times[row]))
+        steps = np.diff(times[row:end], prepend=state.t)
+        end = row + int(np.argmax(np.append(np.abs(steps - length) > half, True)))
+        if end - row < _FEWEST_ROWS:
+            return state, None
+        chosen = self._kernels(h, float(times[row]))[mode]
+        after, inputs = record.y[row:end], record.held(state.u, row, end)
+        first = np.zeros(self._p) if state.y is None else state.y
+        found = stretch(chosen, state.box, np.vstack([first, after[:-1]]), after, inputs[:-1])
+        done = len(found.lower)
+        if done == 0:
+            return state, None
+        now = float(times[row + done - 1])
+        following = IntervalState(
+            now, found.box, inputs[done], after[done - 1], state.guard, True, now
+        )
+        return following, found
+
+    def fleet_kernel(self, h: float, size: float, has_sample: bool) -> Kernel:
+        """The kernel of a step with a measurement at its end, for `interval_fleet`."""
+        mode = "sampled" if self._period is not None else "start" if has_sample else "end"
+        return self._kernels(h, abs(size))[mode]
 
     # --- maps ---------------------------------------------------------------------------------
 
@@ -406,6 +464,8 @@ class IntervalObserver:
 
 # step lengths as they come, before rounding: a few dozen differences of decimal time stamps
 _RECENT = 1024
+# rows of a stretch that are done together
+_FEWEST_ROWS, _MOST_ROWS = 16, 4096
 
 
 def _refuting(t: float, objections: list[str]) -> str:

@@ -39,6 +39,11 @@ class Kernel:
     blank: Matrix
     middle: int
 
+    @property
+    def width(self) -> int:
+        """Length of v."""
+        return int(self.rows.shape[1])
+
     def vector(self, box: Matrix, y0: Matrix | None, y1: Matrix | None, u: Matrix) -> Matrix:
         """v for a box [r; m], measurements at the start and end of the step, and an input."""
         n, p, middle = self.n, self.p, self.middle

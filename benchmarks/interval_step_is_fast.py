@@ -1,0 +1,49 @@
+"""One public step of an interval observer against filterpy's predict and update, four states.
+
+Guards, status and both bounds included. Floors: samples as events 4 x, slope scheme 1 x.
+"""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+
+from benchmarks.cases import report
+from benchmarks.filters import N, ROWS, kalman_filter, observer, record, side_by_side
+from obsdesign.runtime import Sample
+
+FLOORS = {"periodic": 4.0, "continuous": 1.0}
+
+
+def main() -> bool:
+    t, y = record()
+    samples = [Sample(float(a), b) for a, b in zip(t, y, strict=True)]
+    columns = [b.reshape(1, 1) for b in y]
+    kalman, good = kalman_filter(), True
+    for measured, floor in FLOORS.items():
+        ours = observer(measured)
+
+        def steps(ours=ours) -> None:
+            state = ours.init(0.0, lower=-np.ones(N), upper=np.ones(N))
+            for sample in samples:
+                state, estimate = ours.step(state, sample)
+            assert estimate.status == "ok"
+
+        def filtering() -> None:
+            for z in columns:
+                kalman.predict()
+                kalman.update(z)
+
+        def steady() -> None:
+            for z in columns:
+                kalman.predict_steadystate()
+                kalman.update_steadystate(z)
+
+        good &= report(f"step, {measured} y, filterpy", *side_by_side(steps, filtering, (ROWS, ROWS)), floor)
+        report(f"step, {measured} y, filterpy steady state", *side_by_side(steps, steady, (ROWS, ROWS)), 0.0)
+    return good
+
+
+if __name__ == "__main__":
+    sys.exit(not main())
