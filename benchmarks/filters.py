@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks import cases  # noqa: F401 - one thread, before numpy starts more
 from lmi.exponential import expm
 from obsdesign.problem import Problem
 from obsdesign.runtime import from_design
@@ -50,11 +49,11 @@ def record(seed: int = 0, rows: int = ROWS) -> tuple[np.ndarray, np.ndarray]:
 def side_by_side(
     ours: Callable[[], Any], theirs: Callable[[], Any], per: tuple[int, int]
 ) -> tuple[list[float], list[float]]:
-    """Seconds per sample of both, alternating in one run; per: samples in a call of each."""
+    """Microseconds per sample of both, alternating in one run; per: samples in a call of each."""
     mine, other = [], []
     for _ in range(REPEATS):
         for call, times, count in ((ours, mine, per[0]), (theirs, other, per[1])):
             start = time.perf_counter()
             call()
-            times.append((time.perf_counter() - start) / count)
+            times.append((time.perf_counter() - start) / count * 1e6)
     return mine, other

@@ -7,7 +7,7 @@ import sys
 import numpy as np
 
 from benchmarks.cases import report
-from benchmarks.filters import N, PERIOD, kalman_filter, observer, side_by_side
+from benchmarks.filters import PERIOD, N, kalman_filter, observer, side_by_side
 from obsdesign.runtime.interval_fleet import Fleet
 
 FLOOR = 300.0
@@ -34,7 +34,9 @@ def main() -> bool:
             one.update(z)
 
     per = (PLANTS * STEPS, FILTERS)
-    return report("fleet of 10000, per plant and step", *side_by_side(together, one_by_one, per), FLOOR)
+    return report(
+        "fleet of 10000, per plant and step", *side_by_side(together, one_by_one, per), FLOOR, "µs"
+    )
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ import sys
 import numpy as np
 
 from benchmarks.cases import report
-from benchmarks.filters import N, ROWS, kalman_filter, observer, record, side_by_side
+from benchmarks.filters import ROWS, N, kalman_filter, observer, record, side_by_side
 
 FLOOR = 15.0
 LONG = 40_000
@@ -27,7 +27,9 @@ def main() -> bool:
             kalman.predict()
             kalman.update(z)
 
-    return report("run over a periodic record", *side_by_side(whole, filtering, (LONG, ROWS)), FLOOR)
+    return report(
+        "run over a periodic record", *side_by_side(whole, filtering, (LONG, ROWS)), FLOOR, "µs"
+    )
 
 
 if __name__ == "__main__":

@@ -10,7 +10,7 @@ import sys
 import numpy as np
 
 from benchmarks.cases import report
-from benchmarks.filters import N, ROWS, kalman_filter, observer, record, side_by_side
+from benchmarks.filters import ROWS, N, kalman_filter, observer, record, side_by_side
 from obsdesign.runtime import Sample
 
 FLOORS = {"periodic": 4.0, "continuous": 1.0}
@@ -40,8 +40,9 @@ def main() -> bool:
                 kalman.predict_steadystate()
                 kalman.update_steadystate(z)
 
-        good &= report(f"step, {measured} y, filterpy", *side_by_side(steps, filtering, (ROWS, ROWS)), floor)
-        report(f"step, {measured} y, filterpy steady state", *side_by_side(steps, steady, (ROWS, ROWS)), 0.0)
+        what, per = f"step, {measured} y, filterpy", (ROWS, ROWS)
+        good &= report(what, *side_by_side(steps, filtering, per), floor, "µs")
+        report(f"{what} steady state", *side_by_side(steps, steady, per), 0.0, "µs")
     return good
 
 

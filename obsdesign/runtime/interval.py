@@ -34,9 +34,11 @@ from collections import OrderedDict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from math import frexp, inf
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
+from numpy import absolute, maximum, ndarray
 from numpy.typing import ArrayLike
 
 from obsdesign.errors import InputError
@@ -54,8 +56,8 @@ from obsdesign.runtime.base import (
     vector,
 )
 from obsdesign.runtime.interval_kernel import Kernel, kernel
-from obsdesign.runtime.interval_record import Columns, Stretch, stretch
 from obsdesign.runtime.interval_model import Model, midpoint, model
+from obsdesign.runtime.interval_record import Columns, Stretch, stretch
 from obsdesign.runtime.interval_steps import (
     BoxMap,
     flow_maps,
@@ -91,11 +93,12 @@ class IntervalObserver:
 
     gains: Mapping[str, Any]
     kind: ClassVar[str] = "interval"
-    finds_events: ClassVar[bool] = False
+    finds_events: ClassVar[bool] = True
+    event_names: ClassVar[tuple[str, ...]] = ("t", "event")
     _steps: OrderedDict[tuple[float, int], dict[str, Kernel]] = field(
         default_factory=OrderedDict, repr=False, compare=False
     )
-    _recent: dict[tuple[float, int], dict[str, Kernel]] = field(
+    _recent: dict[tuple[float, int], dict[str, Any]] = field(
         default_factory=dict, repr=False, compare=False
     )
 
@@ -170,7 +173,7 @@ class IntervalObserver:
 
         ValueError if time does not increase (the first sample may share the initial time).
         """
-        if self._period is not None and (usual := self._usual(state, sample)) is not None:
+        if self._short and (usual := self._usual(state, sample)) is not None:
             return usual
         t = later(sample.t, state.t, state.started)
         y = optional_measurement(sample.y, self._p)
@@ -197,32 +200,36 @@ class IntervalObserver:
             t, box, u, usable, guard, True, state.sampled if y is None else t, lost
         )
         status = "; ".join(objections) if objections else "ok"
-        return following, Estimate(t, None, *bounds, status=status)
+        events = tuple((t, text) for text in (["jump"] if sample.jump else []) + objections)
+        return following, Estimate(t, None, *bounds, events=events, status=status)
 
-    def _usual(
-        self, state: IntervalState, sample: Sample
-    ) -> tuple[IntervalState, Estimate] | None:
-        """The step of a sample that is in time, with nothing to object; None for any other."""
-        t, y = sample.t, sample.y
-        if sample.jump or sample.u is not None or state.lost or type(y) is not np.ndarray:
+    def _usual(self, state: IntervalState, sample: Sample) -> tuple[IntervalState, Estimate] | None:
+        """The step of a sample that is in time, with nothing to object; None for any other.
+
+        One output and no inputs: written out, since most of its time is spent calling.
+        """
+        t, y, _, _, jump = sample
+        if jump or state.lost or type(y) is not ndarray or y.shape != _ONE_OUTPUT:
             return None
-        kernels = self._recent.get((t - state.t, math.frexp(t)[1]))
-        if kernels is None or not t > state.t >= 0 or y.shape != self._shape:
+        found = self._recent.get((t - state.t, frexp(t)[1]))
+        if found is None or not t > state.t >= 0.0 or t - state.sampled > self._latest:
             return None
-        chosen = kernels["sampled"]
-        n2, n, p = 2 * chosen.n, chosen.n, chosen.p
-        out = chosen.rows.dot(chosen.vector(state.box, None, y, state.u))
-        room = out[n2 : n2 + 2 * p + 1].tolist()
+        rows, blank, (box, y_end, known, sizes, checks, one, two) = found["usual"]
+        v = blank.copy()
+        v[box] = state.box
+        v[y_end] = y
+        absolute(v[known], v[sizes])
+        out = rows.dot(v)
+        below, above, size = out[checks].tolist()
         # what is not finite gives NaN here: every comparison with it fails
-        if not (min(room) >= 0 and room[-1] < math.inf) or t - state.sampled > self._latest:
+        if not (below >= 0.0 and above >= 0.0 and size < inf):
             return None
-        if state.guard.last_jump is not None and state.guard.after(t, False)[1]:
+        guard = state.guard
+        if guard.last_jump is not None and guard.after(t, False)[1]:
             return None
-        lower, upper = chosen.bounds(out)
-        if p > 1 and (lower > upper).any():
-            return None
-        following = IntervalState(t, out[:n2], state.u, y, state.guard, True, t)
-        return following, Estimate(t, None, lower, upper)
+        ends, n = maximum(out[one], out[two]), self._n
+        following = IntervalState(t, out[box], state.u, y, guard, True, t)
+        return following, Estimate(t, None, ends[:n], -ends[n:])
 
     def run(self, state: IntervalState, samples: Iterable[Sample]) -> Iterator[Estimate]:
         """Estimates for a stream of samples."""
@@ -327,8 +334,13 @@ class IntervalObserver:
         return (self._period or math.inf) * (1 + RELATIVE_TIME_TOLERANCE)
 
     @cached_property
-    def _shape(self) -> tuple[int]:
-        return (self._p,)
+    def _short(self) -> bool:
+        """Can `_usual` do most of the steps?"""
+        return self._period is not None and self._p == 1 and not self.reads["u"]
+
+    @cached_property
+    def _n(self) -> int:
+        return self.n
 
     def _mode(self, state: IntervalState, seen: Vector | None, t: float) -> str:
         if self._period is not None:
@@ -339,14 +351,17 @@ class IntervalObserver:
             return "start"
         return "none" if seen is None else "end"
 
-    def _kernels(self, h: float, size: float) -> dict[str, Kernel]:
+    def _kernels(self, h: float, size: float) -> dict[str, Any]:
         """Kernels for a step of about h between time stamps of magnitude `size`."""
         key = (h, math.frexp(size)[1])
         found = self._recent.get(key)
         if found is None:
             if len(self._recent) >= _RECENT:
                 self._recent.clear()
-            found = cached_step(self._steps, h, size, self._built)
+            found = dict(cached_step(self._steps, h, size, self._built))
+            if self._short:
+                chosen = found["sampled"]
+                found["usual"] = (chosen.rows, chosen.blank, chosen.parts())
             self._recent[key] = found
         return found
 
@@ -462,6 +477,8 @@ class IntervalObserver:
             return box, (whole[0][:n], whole[1][:n]), ["bounds crossed"]
         return box, (lower, upper), []
 
+
+_ONE_OUTPUT = (1,)
 # step lengths as they come, before rounding: a few dozen differences of decimal time stamps
 _RECENT = 1024
 # rows of a stretch that are done together

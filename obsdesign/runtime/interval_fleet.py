@@ -20,7 +20,7 @@ Matrix = NDArray[np.float64]
 
 
 class FleetState(NamedTuple):
-    """centre, radius: (n, plants) in the observer's coordinates; y: (p, plants), the last sample."""
+    """centre, radius: (n, plants) in the observer's coordinates; y: (p, plants), last sample."""
 
     t: float
     centre: Matrix
@@ -30,7 +30,8 @@ class FleetState(NamedTuple):
 
 class FleetEstimate(NamedTuple):
     """lower, upper: (n, plants) bounds of x at t; plausible: (plants,), False where no state inside
-    the bounds can give the measurement: there the bounds are void."""
+    the bounds can give the measurement: there the bounds are void.
+    """
 
     t: float
     lower: Matrix

@@ -44,6 +44,17 @@ class Kernel:
         """Length of v."""
         return int(self.rows.shape[1])
 
+    def parts(self) -> tuple[slice, ...]:
+        """Of v: the box, y1, what has an absolute value, and where that goes; of a result: the
+        checks, the first and the second candidate for the bounds.
+        """
+        n, p, middle = self.n, self.p, self.middle
+        first = 2 * n + 2 * p + 1
+        return (
+            slice(2 * n), slice(2 * n + p, 2 * n + 2 * p), slice(n, middle), slice(middle, None),
+            slice(2 * n, first), slice(first, first + 2 * n), slice(first + 2 * n, first + 4 * n),
+        )  # fmt: skip
+
     def vector(self, box: Matrix, y0: Matrix | None, y1: Matrix | None, u: Matrix) -> Matrix:
         """v for a box [r; m], measurements at the start and end of the step, and an input."""
         n, p, middle = self.n, self.p, self.middle

@@ -71,7 +71,7 @@ class Columns:
         return Sample(float(self.t[row]), y, u, w, bool(self.jump[row]))
 
     def held(self, u: Matrix, first: int, end: int) -> Matrix:
-        """Inputs that hold before rows first .. end - 1, and after the last: (end - first + 1, m)."""
+        """Inputs before rows first .. end - 1, and after the last: (end - first + 1, m)."""
         if self.u is None or not u.size:
             return np.tile(u, (end - first + 1, 1))
         return np.vstack([u, self.u[first:end]])
@@ -102,9 +102,7 @@ class Stretch:
     box: Matrix
 
 
-def stretch(
-    kernel: Kernel, box: Matrix, y0: Matrix, y1: Matrix, u: Matrix
-) -> Stretch:
+def stretch(kernel: Kernel, box: Matrix, y0: Matrix, y1: Matrix, u: Matrix) -> Stretch:
     """As many rows as the kernel explains: those before an objection, an overflow, crossed bounds.
 
     y0, y1: (rows, p) measurements at the start and the end of each step; u: (rows, m) inputs that
