@@ -36,7 +36,7 @@ def main() -> bool:
     grown = peak - early
     good = grown < ROOM and status == "ok"
     print(f"stream of {ROWS} samples: {grown / 1024:.0f} KiB above the memory after {EARLY}   "
-          f"limit {ROOM // 1024} KiB  {'ok' if good else 'ABOVE THE LIMIT'}", flush=True)  # fmt: skip
+          f"limit {ROOM // 1024} KiB  {'ok' if good else 'TOO MUCH'}", flush=True)  # fmt: skip
     return good
 
 

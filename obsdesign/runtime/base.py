@@ -35,7 +35,8 @@ class Estimate(NamedTuple):
     """What is known at time t once the sample at t, and its jump, were used.
 
     x: point estimate; lower, upper: bounds of the state; d: unknown input; events: impulses that
-    were found, or what happened (interval bounds); None where the kind has none. status: "ok", or why the guarantee does not hold.
+    were found, or what happened (interval bounds); None where the kind has none. status: "ok", or
+    why the guarantee does not hold.
     """
 
     t: float

@@ -95,7 +95,7 @@ class IntervalObserver:
     kind: ClassVar[str] = "interval"
     finds_events: ClassVar[bool] = True
     event_names: ClassVar[tuple[str, ...]] = ("t", "event")
-    _steps: OrderedDict[tuple[float, int], dict[str, Kernel]] = field(
+    _steps: OrderedDict[tuple[float, int], Mapping[str, Kernel]] = field(
         default_factory=OrderedDict, repr=False, compare=False
     )
     _recent: dict[tuple[float, int], dict[str, Any]] = field(
@@ -308,7 +308,8 @@ class IntervalObserver:
     def fleet_kernel(self, h: float, size: float, has_sample: bool) -> Kernel:
         """The kernel of a step with a measurement at its end, for `interval_fleet`."""
         mode = "sampled" if self._period is not None else "start" if has_sample else "end"
-        return self._kernels(h, abs(size))[mode]
+        found: Kernel = self._kernels(h, abs(size))[mode]
+        return found
 
     # --- maps ---------------------------------------------------------------------------------
 
@@ -358,14 +359,15 @@ class IntervalObserver:
         if found is None:
             if len(self._recent) >= _RECENT:
                 self._recent.clear()
-            found = dict(cached_step(self._steps, h, size, self._built))
+            kernels = cached_step(self._steps, h, size, self._built)
+            found = dict[str, Any](kernels)
             if self._short:
                 chosen = found["sampled"]
                 found["usual"] = (chosen.rows, chosen.blank, chosen.parts())
             self._recent[key] = found
         return found
 
-    def _built(self, h: float, h_error: float) -> dict[str, Kernel]:
+    def _built(self, h: float, h_error: float) -> Mapping[str, Kernel]:
         plant = self._model
         if h == 0.0:
             maps = {"none": identity_map(plant)}
@@ -392,7 +394,8 @@ class IntervalObserver:
     @cached_property
     def _update(self) -> Kernel:
         """A sample by itself, no time passing."""
-        return self._kernels(0.0, 0.0)["sampled"]
+        found: Kernel = self._kernels(0.0, 0.0)["sampled"]
+        return found
 
     # --- jumps and objections -----------------------------------------------------------------
 

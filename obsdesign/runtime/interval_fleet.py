@@ -96,9 +96,9 @@ class Fleet:
         n, p, middle = chosen.n, chosen.p, chosen.middle
         checks = chosen.rows[2 * n : 2 * n + p]
         middles = checks[:, n : 2 * n] @ state.centre
-        middles += checks[:, n + p : n + 2 * p] @ seen
-        if checks[:, n : n + p].any():
-            middles += checks[:, n : n + p] @ start
+        middles += checks[:, 2 * n + p : 2 * n + 2 * p] @ seen
+        if checks[:, 2 * n : 2 * n + p].any():
+            middles += checks[:, 2 * n : 2 * n + p] @ start
         middles += checks[:, middle - 1, None]
         reach = checks[:, :n] @ state.radius
         reach += raised(checks[:, middle:] @ known, 4 * middle)[:, None]
@@ -117,4 +117,5 @@ class Fleet:
 
 def _largest(values: Matrix) -> Matrix:
     """Largest absolute value of each row."""
-    return np.maximum(values.max(axis=1), -values.min(axis=1))
+    largest: Matrix = np.maximum(values.max(axis=1), -values.min(axis=1))
+    return largest
