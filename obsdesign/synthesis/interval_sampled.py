@@ -19,7 +19,7 @@ from obsdesign.synthesis.interval_tube import ROOM, least, moved, proved_width
 
 Matrix = NDArray[np.float64]
 
-_OFFSETS, _MOST_PERIODS = 24, 400
+_OFFSETS, _FINE, _MOST_PERIODS = 24, 400, 400
 _HALVINGS = 14
 
 
@@ -61,9 +61,10 @@ def _propose(system: WidthSystem, period: float, low: float, high: float) -> Any
             if result is None:
                 return None
             p, sampled, jumped = result
-        top = _highest(system, sampled, flows, pushes)
+        fine = moved(W, f, np.linspace(0.0, period, _FINE))
+        top = _highest(system, sampled, *fine)
         if jumped is not None:
-            top = np.maximum(top, _highest(system, jumped, flows, pushes))
+            top = np.maximum(top, _highest(system, jumped, *fine))
     found = {"tube": p, "sampled": sampled, "always": top * (1 + 1e-4) + ROOM * scale}
     if jumped is not None:
         found["jumped"] = jumped
