@@ -351,7 +351,7 @@ def test_time_running_backwards_is_refused() -> None:
     state = observer.init(0.0, lower=[1, 1], upper=[1, 1])
     for t in (0.0, 0.1, 0.2, 0.3):
         state, _ = observer.step(state, Sample(t, y=np.array([1.0])))
-    with pytest.raises(ValueError, match="time must increase; got 0.2 after 0.3"):
+    with pytest.raises(ValueError, match=r"time must increase; got 0\.2 after 0\.3"):
         observer.step(state, Sample(0.2, y=np.array([1.0])))
     with pytest.raises(ValueError, match="time must be finite"):
         observer.step(state, Sample(math.nan, y=np.array([1.0])))
