@@ -34,7 +34,8 @@ def main() -> int:
             ]
             good &= not bad
             verdicts = dict(Counter(one.verdict for one in found))
-            print(f"{form:16s} {verdicts}: beyond the bounds by {max(f.beyond for f in found):.1e}; "
+            beyond = max(one.beyond for one in found)
+            print(f"{form:16s} {verdicts}: beyond the bounds by {beyond:.1e}; "
                   f"{len(widths)} proved widths, exceeded by {max([0.0, *widths]):.1e}; "
                   f"violated: {bad or 'none'}", flush=True)  # fmt: skip
     return 0 if good else 1

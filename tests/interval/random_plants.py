@@ -76,7 +76,8 @@ def random_problem(form: str, rng: np.random.Generator) -> obsdesign.Problem:
     p = int(rng.integers(1, n))
     C = rng.standard_normal((p, n))
     L, M = 0.3 * rng.standard_normal((2, n, p))
-    S, S2 = (_basis(rng, n) for _ in range(2))
+    S = _basis(rng, n)
+    S2 = S @ (np.eye(n) + 0.1 * rng.standard_normal((n, n)))  # far from S nothing is stable
     F = rng.random((n, n))
     if form != "two_coordinates":  # S^-1 F S has no exact zeros: R would miss its sign by rounding
         F *= rng.random((n, n)) < 0.7
