@@ -101,11 +101,19 @@ def test_each_fault_has_its_line(path: str, value: Any, line: str) -> None:
 def test_measured_that_the_kind_cannot_use() -> None:
     body = changed("output.measured", "periodic")
     body["output"]["period"] = 0.1
+    body["observer"] = {"kind": "luenberger", "gains": body["observer"]["gains"]}
     with pytest.raises(InputError) as error:
         obsdesign.investigate(obsdesign.Problem.from_dict(body))
     assert str(error.value) == (
-        "output.measured = 'periodic' is not available for kind 'interval' in this version; "
+        "output.measured = 'periodic' is not available for kind 'luenberger' in this version; "
         "it must be continuous or at_jumps."
+    )
+    body["observer"] = {"kind": "interval", "objective": "shortest_dwell"}
+    with pytest.raises(InputError) as error:
+        obsdesign.investigate(obsdesign.Problem.from_dict(body))
+    assert str(error.value) == (
+        "observer.objective = 'shortest_dwell' is not available with measured = 'periodic'; "
+        "it must be feasible or narrowest."
     )
 
 
@@ -164,7 +172,7 @@ def test_kind_on_the_command_line(tmp_path: Path) -> None:
     body = changed("observer", {"kind": "impulsive", "alpha": 2.0, "window": 3})
     (tmp_path / "p.json").write_text(json.dumps(body))
     done = command("design", "p.json", "--kind", "interval", cwd=tmp_path)
-    assert done.returncode == 2
-    assert done.stderr.startswith("obsdesign: p.json: observer.gains.L (2x1) is required by kind ")
+    assert done.returncode == 0
+    assert done.stderr == "obsdesign: dropped for kind interval: alpha, window\n"
     done = command("design", "p.json", "--kind", "intervals", cwd=tmp_path)
     assert done.stderr.startswith("obsdesign: kind must be one of interval, ")
