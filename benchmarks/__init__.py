@@ -1,0 +1,6 @@
+"""Claims about speed and memory, one script each. One thread, before numpy starts more."""
+
+import os
+
+for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "RAYON_NUM_THREADS"):
+    os.environ.setdefault(name, "1")

@@ -100,6 +100,17 @@ def identity(n: int) -> Any:
     return arb_mat(fmpq_mat(n, n, [fmpq(int(i == j)) for i in range(n) for j in range(n)]))
 
 
+def inverse(values: Exact) -> Exact | None:
+    """Exact inverse of a square exact matrix; None if it is singular."""
+    try:
+        entries = _rational_matrix(values).inv().entries()
+    except ZeroDivisionError:
+        return None
+    result = np.empty(len(entries), dtype=object)
+    result[:] = entries
+    return result.reshape(values.shape)
+
+
 def characteristic_polynomial(F: Exact) -> list[Any]:
     """Exact coefficients, constant term first, of det(s I - F)."""
     return list(_rational_matrix(F).charpoly().coeffs())
@@ -204,3 +215,23 @@ def certify_pivots(rows: list[list[Any]]) -> bool:
             for j in range(k + 1, i + 1):
                 row[j] -= factor * rows[j][k]
     return True
+
+
+def exp_around(F: Exact, radius: float) -> Any:
+    """Ball matrix that contains e^{F s} for every |s| <= radius."""
+    return (arb_mat(_rational_matrix(F)) * arb(0, radius)).exp()
+
+
+def solve(A: Any, b: Any) -> Any | None:
+    """Ball solution of A x = b; None if A is not certainly invertible."""
+    try:
+        return A.solve(b)
+    except ZeroDivisionError:
+        return None
+
+
+def upper_ends(X: Any) -> NDArray[np.float64]:
+    """Floats that are certainly at least the entries of a ball matrix, in its shape."""
+    tops = [[x.upper() for x in row] for row in X.tolist()]
+    rows = [[0.0 if x == 0 else math.nextafter(float(x), math.inf) for x in row] for row in tops]
+    return np.array(rows, dtype=np.float64)

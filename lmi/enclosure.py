@@ -90,6 +90,26 @@ def stack(rows: list[list[Enclosure]]) -> Enclosure:
     )
 
 
+def inverse(values: Matrix) -> Enclosure:
+    """Enclosure of the inverse of a square matrix, exactly as stored.
+
+    With an approximate inverse R and E = I - R X, X^-1 = (I - E)^-1 R, so that
+    |X^-1 - R| <= |E| |R| + |E|^2 (I - |E|)^-1 |R|. ValueError if X is singular, or nearly so.
+    """
+    n = len(values)
+    try:
+        R = Enclosure.exactly(np.linalg.inv(values))
+    except np.linalg.LinAlgError:
+        raise ValueError("a singular matrix has no inverse") from None
+    E = (Enclosure.exactly(np.eye(n)) - R @ Enclosure.exactly(values)).magnitude
+    norm = float(np.max(E.sum(axis=1), initial=0.0))
+    if not norm < 0.5:
+        raise ValueError("the matrix is too close to a singular one for its inverse to be certain")
+    size = np.abs(R.mid)
+    rest = 4.0 * norm * norm * np.max(size, axis=0, initial=0.0)  # sums of powers of norm <= 1/2
+    return Enclosure(R.mid, raised(E @ size + rest, 2 * n + 6))
+
+
 def expm(matrix: Enclosure) -> Enclosure:
     """Enclosure of e^X for every X in a square enclosure; scaling, Taylor series, squaring.
 

@@ -204,7 +204,7 @@ def simulate(source: str, output: str, events: str | None, seed: int, **options:
 @click.argument("data", required=False)
 @click.option("-o", "--output", help="Estimate file.  [default: standard output]")
 @click.option("--initial", help="x1,...,xn; for bounds x1_lo,x1_hi,... (required).")
-@click.option("--events", help="Write the impulses that were found to this file.")
+@click.option("--events", help="Write found impulses, or a log of events, to this file.")
 def run(
     design_file: str, data: str | None, output: str | None, initial: str | None, events: str | None
 ) -> int:

@@ -11,7 +11,7 @@ from typing import Any, TextIO
 
 from obsdesign.document import refuse_overwriting, replacing
 from obsdesign.errors import InputError
-from obsdesign.records import Layout, estimate_header, estimate_line, read_samples
+from obsdesign.records import Layout, estimate_header, estimate_line, event_line, read_samples
 from obsdesign.runtime import load
 
 # "dwell time 0.5 below 0.7" is counted as "dwell time below 0.7"
@@ -37,23 +37,29 @@ def execute(
     if events is not None and events == output:
         raise InputError(f"--events: {events} is the estimate file; give another name.")
     if events is not None and not observer.finds_events:
-        raise InputError(f"--events: kind {observer.kind!r} finds no impulses.")
+        raise InputError(f"--events: kind {observer.kind!r} has none to write.")
     layout = Layout(**observer.reads)
     if data is None:
-        with _writer(output) as out:
-            return _loop(observer, sys.stdin, layout, "standard input", initial, out)
+        with _writer(output) as out, _log(events, observer) as log:
+            return _loop(observer, sys.stdin, layout, "standard input", initial, out, log)
     with _opened(data) as stream:
         for sample in read_samples(stream, layout, data):
             observer.start(sample.t, initial)  # complain before anything is written
             break
         for _ in read_samples(stream, layout, data) if stream.seek(0) == 0 else ():
             pass
-    with _opened(data) as stream, _writer(output) as out:
-        return _loop(observer, stream, layout, data, initial, out)
+    with _opened(data) as stream, _writer(output) as out, _log(events, observer) as log:
+        return _loop(observer, stream, layout, data, initial, out, log)
 
 
 def _loop(
-    observer: Any, stream: TextIO, layout: Layout, name: str, initial: Any, out: TextIO
+    observer: Any,
+    stream: TextIO,
+    layout: Layout,
+    name: str,
+    initial: Any,
+    out: TextIO,
+    log: TextIO | None,
 ) -> Counter[str]:
     counts: Counter[str] = Counter()
     state = None
@@ -63,11 +69,24 @@ def _loop(
             out.write(estimate_header(observer.names) + "\n")
         state, estimate = observer.step(state, sample)
         out.write(estimate_line(estimate) + "\n")
+        if log is not None:
+            log.writelines(event_line(event) + "\n" for event in estimate.events)
         if stream is sys.stdin:
             out.flush()
         counts["rows"] += 1
         counts.update(_NUMBER.sub("", reason) for reason in estimate.status.split("; "))
     return counts
+
+
+@contextmanager
+def _log(path: str | None, observer: Any) -> Iterator[TextIO | None]:
+    """The file of events, with its header, or nothing."""
+    if path is None:
+        yield None
+        return
+    with replacing(path) as file:
+        file.write(",".join(observer.event_names) + "\n")
+        yield file
 
 
 @contextmanager

@@ -159,6 +159,11 @@ def estimate_line(estimate: Estimate) -> str:
     return ",".join([*map(repr, numbers), estimate.status.replace(",", ";")])
 
 
+def event_line(event: tuple[Any, ...]) -> str:
+    """One line of an event file; a text keeps its place without commas of its own."""
+    return ",".join(x.replace(",", ";") if isinstance(x, str) else repr(x) for x in event)
+
+
 def table_text(columns: dict[str, np.ndarray[Any, Any]]) -> str:
     """CSV text of equally long columns; NaN becomes an empty cell, integers stay integers."""
     out = io.StringIO()

@@ -59,6 +59,11 @@ def search(problem: Problem, what: str, accuracy: float = ACCURACY) -> workflow.
         raise InputError(f"--for must be one of {', '.join(SEARCHES)}; got {what!r}.")
     if what not in DWELL_SEARCHES or kind not in ("interval", "luenberger"):
         raise InputError(f"--for {what} is not available for kind {kind!r} in this version.")
+    if problem.plant.output.measured == "periodic":
+        raise InputError(
+            f"--for {what} is not available with output.measured = 'periodic'; it must be "
+            "continuous or at_jumps."
+        )
     if not (math.isfinite(accuracy) and 1e-12 <= accuracy < 1):
         raise InputError(f"--accuracy must be a number from 1e-12 to 1; got {accuracy!r}.")
     problem.require_dwell_time()
@@ -75,8 +80,13 @@ def search(problem: Problem, what: str, accuracy: float = ACCURACY) -> workflow.
 def _candidates(problem: Problem) -> list[Any]:
     """What the problem gives or leaves to be found; of gains that were searched for, the proved."""
     synthesis = workflow.layer("synthesis", problem.require_kind())
-    found = list(synthesis.synthesize(problem))
-    proved = [c for c in found if {"P", "windows"} & set(c.certificates.get("dwell_stability", {}))]
+    found, proved = [], []
+    for candidate in synthesis.synthesize(problem):
+        found.append(candidate)
+        if {"P", "windows"} & set(candidate.certificates.get("dwell_stability", {})):
+            proved.append(candidate)
+        if proved and not candidate.goes_on:
+            break
     return (proved or found)[:1] if found[0].searched else found
 
 

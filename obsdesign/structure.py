@@ -52,7 +52,7 @@ def hidden_growth(A: Matrix, C: Matrix, rate: float = 0.0) -> bool:
     rows = [C_exact]
     for _ in range(n - 1):
         rows.append(rows[-1] @ A_exact)
-    hidden, free = _nullspace(np.vstack(rows))
+    hidden, free = exact_nullspace(np.vstack(rows))
     if not free:
         return False
     # A maps the subspace into itself; its entries at the free columns are its coordinates
@@ -68,11 +68,11 @@ def hidden_pair(A: Matrix, G: Matrix, C: Matrix) -> tuple[Any, Any] | None:
     """
     maps = [exact(A), exact(G)]
     rows = exact(C)
-    hidden, free = _nullspace(rows)
+    hidden, free = exact_nullspace(rows)
     while free:
         further = [rows @ X for X in maps]
         stacked = np.vstack([rows, *further])
-        smaller, fewer = _nullspace(stacked)
+        smaller, fewer = exact_nullspace(stacked)
         if len(fewer) == len(free):
             flow, jump = ((X @ hidden)[free] for X in maps)
             return flow, jump
@@ -80,7 +80,7 @@ def hidden_pair(A: Matrix, G: Matrix, C: Matrix) -> tuple[Any, Any] | None:
     return None
 
 
-def _nullspace(rows: Any) -> tuple[Any, list[int]]:
+def exact_nullspace(rows: Any) -> tuple[Any, list[int]]:
     """Basis of {v: rows v = 0} as columns, the identity at the free columns; exact rationals."""
     table = rows.copy()
     leading: list[int] = []

@@ -51,29 +51,56 @@ def investigate(problem: Problem) -> Outcome:
     started = time.perf_counter()
     kind = problem.require_kind()
     synthesis, verification = layer("synthesis", kind), layer("verification", kind)
-    tried: list[tuple[str, str, Design]] = []
-    for label, candidate, claims in _attempts(problem, synthesis, verification):
+    tried: list[_Attempt] = []
+    for candidate, claims in _attempts(problem, synthesis, verification):
         verdict = overall(claim.verdict for claim in claims)
         seconds = time.perf_counter() - started
-        tried.append((label, verdict, _document(problem, kind, candidate, claims, seconds)))
-        if verdict == "proved":
+        design = _document(problem, kind, candidate, claims, seconds)
+        tried.append(_Attempt(candidate.label, verdict, candidate.cost, design))
+        if not candidate.goes_on and any(one.verdict == "proved" for one in tried):
             break
-    # an undecided form may still be true, a refuted one is not; the last form asks for least
-    best = min(
-        reversed(tried), key=lambda entry: ("proved", "undecided", "refuted").index(entry[1])
-    )
-    forms = {label: _summary(verdict, design.claims) for label, verdict, design in tried}
-    return Outcome(best[1], kind, best[2].claims, {"form": best[0], "forms": forms}, best[2])
+    best = _best(tried)
+    forms = {one.label: _summary(one.verdict, one.design.claims) for one in tried}
+    untried = synthesis.untried(problem) if hasattr(synthesis, "untried") else {}
+    forms |= {name: {"verdict": "undecided", "reasons": [why]} for name, why in untried.items()}
+    claims = best.design.claims
+    return Outcome(best.verdict, kind, claims, {"form": best.label, "forms": forms}, best.design)
+
+
+@dataclass(frozen=True)
+class _Attempt:
+    """A candidate and what was proved of it."""
+
+    label: str
+    verdict: str
+    cost: float | None
+    design: Design
+
+
+def _best(tried: list[_Attempt]) -> _Attempt:
+    """The first proved one, or the proved one of least cost; else the most hopeful.
+
+    An undecided form may still be true, a refuted one is not; the last form asks for least.
+    """
+    proved = [one for one in tried if one.verdict == "proved"]
+    if proved:
+        return min(proved, key=lambda one: 0.0 if one.cost is None else one.cost)
+    return min(reversed(tried), key=lambda one: ("undecided", "refuted").index(one.verdict))
 
 
 def _attempts(
     problem: Problem, synthesis: Any, verification: Any
-) -> Iterator[tuple[str, Any, tuple[Claim, ...]]]:
+) -> Iterator[tuple[Any, tuple[Claim, ...]]]:
     for candidate in synthesis.synthesize(problem):
         claims = verification.claims(problem, candidate.gains, candidate.certificates)
-        if candidate.searched:
+        if candidate.searched and not any(_of_all_gains(claim) for claim in claims):
             claims = tuple(_of_these_gains_only(claim) for claim in claims)
-        yield candidate.label, candidate, claims
+        yield candidate, claims
+
+
+def _of_all_gains(claim: Claim) -> bool:
+    """A witness that speaks about every gain that the problem leaves open."""
+    return bool(claim.evidence.get("witness", {}).get("of_all_gains"))
 
 
 def _of_these_gains_only(claim: Claim) -> Claim:

@@ -475,8 +475,20 @@ def test_every_reason_is_counted(desk: Path) -> None:
     done = command("run", "d.json", "rows.csv", "--initial", "0,2,0,2", "-o", "e.csv", cwd=desk)
     assert (
         done.stderr
-        == "3 rows: 2 dwell time below 0.7, 1 ok, 1 y1 outside its bounds, 1 missing sample\n"
+        == "3 rows: 2 dwell time below 0.7, 1 ok, 1 y1 outside its bounds, 1 missing sample, "
+        "1 void since time (y1 outside its bounds)\n"
     )
+
+
+def test_events_of_interval_bounds_go_to_a_file(desk: Path) -> None:
+    (desk / "rows.csv").write_text("t,y1,jump\n0,1,0\n1,1,1\n1.5,1,1\n")
+    done = command("run", "d.json", "rows.csv", "--initial", "0,2,0,2", "-o", "e.csv",
+                   "--events", "log.csv", cwd=desk)  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    lines = (desk / "log.csv").read_text().splitlines()
+    assert lines[:2] == ["t,event", "1.0,jump"]
+    assert "1.5,jump" in lines
+    assert "1.5,dwell time 0.5 below 0.7" in lines
 
 
 def test_output_that_cannot_be_written_is_no_verdict(desk: Path) -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import importlib.util
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -39,9 +41,10 @@ def test_an_example_from_file_to_bounds(path: Path, disturbance: str) -> None:
     problem = obsdesign.load_problem(path)
     design = obsdesign.design(problem)
     assert obsdesign.verify(design, paranoid=True).verdict == "proved"
-    initial = np.array([5.0, -1.0])
+    initial = np.resize([5.0, -1.0], problem.plant.n)
+    step = 0.02 if problem.plant.output.measured == "continuous" else None
     record = simulate(
-        problem.plant, until=25.0, step=0.02, initial=initial, disturbance=disturbance,
+        problem.plant, until=25.0, step=step, initial=initial, disturbance=disturbance,
         rng=np.random.default_rng(1),
     )  # fmt: skip
     assert record.columns["jump"].sum() >= 2
@@ -56,3 +59,35 @@ def test_an_example_from_file_to_bounds(path: Path, disturbance: str) -> None:
     # bounds that say nothing would pass as well: after a while they are no wider than the motion
     width = (batch.upper - batch.lower)[-50:].max()
     assert width < 20.0
+
+
+def script(name: str) -> Any:
+    path = Path(__file__).parent.parent / "examples" / f"{name}.py"
+    spec = importlib.util.spec_from_file_location(name, path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_the_ball_bounces_inside_its_bounds(tmp_path: Path, capsys: Any) -> None:
+    ball = script("bouncing_ball")
+    t, p, v, impact = ball.flight(np.random.default_rng(4))
+    # it stays above the floor, meets it only at impacts, and the record ends before they pile up
+    assert p.min() >= 0.0
+    assert np.all((p == 0.0) == (impact == 1))
+    assert np.all(np.diff(t[impact == 1]) >= 2 * ball.SAMPLE)
+    assert np.all(v[impact == 1] > 0)
+    ball.main(str(tmp_path))
+    assert "inside the bounds: True" in capsys.readouterr().out
+    assert (tmp_path / "ball.png").stat().st_size > 10_000
+
+
+def test_the_narrowest_gains_are_a_quarter_narrower(tmp_path: Path) -> None:
+    examples = script("narrowest_bounds")
+    means = examples.compared(tmp_path / "a.png")
+    # samples every 0.01 add a little to 0.6408 and 0.4621, the widths of a continuous y
+    assert 0.64082 <= means["gains of the paper"] <= 0.65
+    assert 0.46207 <= means["narrowest"] <= 0.475
+    assert examples.doses(tmp_path / "b.png")

@@ -15,26 +15,32 @@ Notation
     jump_error_matrix   H = G - M C  (pre-jump y), (I - M C) G  (post-jump y), G (no y)   n x n
     D0, D1              F = D0 - D1, D0 Metzler, D1 >= 0
     Gp, Gn              H = Gp - Gn, Gp >= 0, Gn >= 0
-    width pair          (W, N): w' = W w + ...,  w+ = N w- + ...  for the width w = upper - lower
+    S, S2, T            coordinates x = S z (x = S2 z2 at jumps, where T = S2^-1 H S2)
+The width w = upper - lower: `obsdesign.equations.interval_width`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lmi.exponential import expm
-from obsdesign.equations.estimation_error import jump_disturbance_matrix
+from obsdesign.equations.estimation_error import (
+    flow_error_matrix,
+    jump_error_matrix,
+)
 
 Array = NDArray[Any]  # float64, or object arrays of exact rationals
 
-FORMS = ("cooperative", "split")
+FORMS = ("cooperative", "split", "coordinates", "two_coordinates")
+_SPLITS = ("D0", "D1", "Gp", "Gn")
+_OBJECTIVES = ("feasible", "shortest_dwell", "narrowest")
 
 
 def objection(plant: Any, gains: Any, options: Any) -> str | None:
-    """What forbids an interval observer of this version for a plant, or None; one sentence.
+    """What forbids an interval observer for a plant, or None; one sentence.
 
     `gains` and `options` are those of the problem file. Anything that moves the state without
     bounds, and any request that would not be honoured.
@@ -49,22 +55,72 @@ def objection(plant: Any, gains: Any, options: Any) -> str | None:
             "jump.H is refused by kind 'interval': impulses of unknown weight leave no bounds "
             "on the state. Give bounds as jump.disturbance."
         )
-    form = options.get("form", "auto")
+    return _form_objection(plant, gains, options.get("form", "auto"))
+
+
+def _form_objection(plant: Any, gains: Any, form: str) -> str | None:
+    """Gains and form that do not go together, or None."""
     if form not in (*FORMS, "auto"):
+        return f"observer.form must be one of {', '.join(FORMS)} or auto; got {form!r}."
+    if form in ("cooperative", "split"):
+        for name in ("S", "S2", "T"):
+            if name in gains:
+                return (
+                    f"observer.gains.{name} belongs to the forms coordinates and two_coordinates; "
+                    f"got it with form {form!r}."
+                )
+    own = [name for name in _SPLITS if name in gains]
+    if own and form in ("cooperative", "two_coordinates"):
         return (
-            f"observer.form = {form!r} is not available in this version; it must be one of "
-            f"{', '.join(FORMS)} or auto."
+            f"observer.gains.{own[0]} belongs to the forms split and coordinates; "
+            f"got it with form {form!r}."
         )
-    for name in ("S", "S2", "T"):
-        if name in gains:
-            return (
-                f"observer.gains.{name} belongs to forms that are not available in this version; "
-                f"the forms are {', '.join(FORMS)}."
-            )
-    for name in ("objective", "gain_limit"):
-        if options.get(name) not in (None, "feasible"):
-            return f"observer.{name} = {options[name]!r} is not available in this version."
+    if own and "S2" in gains:
+        return f"observer.gains.{own[0]} is a split; with S2 and T there is none."
+    if form == "coordinates" and "S2" in gains:
+        return "observer.gains.S2 belongs to form 'two_coordinates'; got it with 'coordinates'."
+    needed = ("S", "S2") if form == "two_coordinates" or {"S2", "T"} & set(gains) else ()
+    for name in needed:
+        if name not in gains:
+            return f"observer.gains.{name} is required by form 'two_coordinates'; it is missing."
+    if form == "two_coordinates" and plant.jump is None:
+        return "[jump] is required by form 'two_coordinates'; it is missing."
     return None
+
+
+def forms_asked(gains: Any, options: Any) -> tuple[str, ...]:
+    """The forms that a problem leaves open, in order of preference."""
+    form = options.get("form", "auto")
+    if form != "auto":
+        return (form,)
+    if "S2" in gains:
+        return ("two_coordinates",)
+    if "S" in gains:
+        return ("coordinates",)
+    if any(name in gains for name in _SPLITS):
+        return ("split",)
+    return ("cooperative", "split", "coordinates")
+
+
+def in_coordinates(X: Array, S: Array | None, S_inverse: Array | None) -> Array:
+    """S^-1 X S: a map of x in the coordinates z of x = S z; X itself where there are none."""
+    return X if S is None else S_inverse @ X @ S
+
+
+def flow_and_jump(
+    numbers: Mapping[str, Array], jump_measurement: str, periodic: bool
+) -> tuple[Array, Array | None]:
+    """(F, H) that the splits are of, in x: the error between events and at jumps.
+
+    With samples as events (`periodic`) neither L nor M acts there: (A, G). H is None without jumps.
+    """
+    A, C = numbers["A"], numbers["C"]
+    if periodic:
+        return A, numbers.get("G")
+    F = flow_error_matrix(A, numbers["L"], C)
+    if "G" not in numbers:
+        return F, None
+    return F, jump_error_matrix(numbers["G"], numbers["M"], C, jump_measurement)
 
 
 def positive_part(X: Array) -> Array:
@@ -98,47 +154,3 @@ def completed_split(X: Array, plus: Array, minus: Array) -> tuple[Array, Array]:
     """
     remainder = plus - minus - X
     return plus + positive_part(-remainder), minus + positive_part(remainder)
-
-
-def width_pair(F: Array, H: Array, splits: dict[str, Array] | None) -> tuple[Array, Array]:
-    """(W, N) of the width dynamics.
-
-    Theorem 5 (`splits` is None): (F, H) themselves. Theorem 8: (D0 + D1, Gp + Gn), which is what
-    (10) comes to after adding and subtracting the two error vectors.
-    """
-    if splits is None:
-        return F, H
-    D0, D1 = completed_split(F, splits["D0"], splits["D1"])
-    Gp, Gn = completed_split(H, splits["Gp"], splits["Gn"])
-    return D0 + D1, Gp + Gn
-
-
-def width_inputs(gains: dict[str, Any]) -> tuple[Array, Array]:
-    """(f, h): what feeds the width between jumps, Delta b + 2 |L| V, and at them."""
-    L, M, V = gains["L"], gains["M"], gains["noise_bound"]
-    flow = gains["flow_upper"] - gains["flow_lower"] + 2 * np.abs(L) @ V
-    through = np.abs(
-        jump_disturbance_matrix(M, gains["C"], len(gains["A"]), gains["jump_measurement"])
-    )
-    jump = through @ (gains["jump_upper"] - gains["jump_lower"]) + 2 * np.abs(M) @ V
-    return flow, jump
-
-
-def periodic_width(
-    W: Array, N: Array, f: Array, h: Array, dwell: float
-) -> tuple[Array, Array, Array]:
-    """Width that constant dwell times lead to: just before a jump, just after it, on average.
-
-    w' = W w + f between jumps, w+ = N w- + h at them; shapes (n,). Its limit exists when the
-    spectral radius of e^{W dwell} N is below 1; ValueError otherwise.
-    """
-    n = len(W)
-    identity, zero = np.eye(n), np.zeros((n, n))
-    blocks = np.block([[W, identity, zero], [zero, zero, identity], [zero, zero, zero]])
-    flow, once, twice = np.hsplit(expm(blocks * dwell)[:n], 3)
-    cycle = flow @ N
-    if max(abs(np.linalg.eigvals(cycle))) >= 1:
-        raise ValueError(f"the width does not settle at dwell time {dwell:g}")
-    before = np.linalg.solve(identity - cycle, flow @ h + once @ f)
-    after = N @ before + h
-    return before, after, (once @ after + twice @ f) / dwell

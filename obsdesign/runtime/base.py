@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,8 +16,7 @@ Vector = NDArray[np.float64]
 RELATIVE_TIME_TOLERANCE = 1e-9
 
 
-@dataclass(frozen=True, slots=True)
-class Sample:
+class Sample(NamedTuple):
     """One row of data at time t, in the plant's time unit.
 
     y: p measurements, or None for a missing sample; u: known input from t on (None keeps the
@@ -32,12 +31,12 @@ class Sample:
     jump: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class Estimate:
+class Estimate(NamedTuple):
     """What is known at time t once the sample at t, and its jump, were used.
 
     x: point estimate; lower, upper: bounds of the state; d: unknown input; events: impulses that
-    were found; None where the kind has none. status: "ok", or why the guarantee does not hold.
+    were found, or what happened (interval bounds); None where the kind has none. status: "ok", or
+    why the guarantee does not hold.
     """
 
     t: float

@@ -1,12 +1,12 @@
-"""The matrices of one step, and of one jump, of the interval observer: enclosed, then stacked.
+"""The maps of one step, of one sample and of one jump of the interval observer: enclosed.
 
-Derivation in `obsdesign.runtime.interval`. A `StepMap` is
+Derivation in `obsdesign.runtime.interval`. A `BoxMap` takes a box (centre m, radius r) to
 
-    centre+ = P [centre; y; u; 1]
-    radius+ = R radius + E |[centre; y; u; 1]| + g
+    centre+ = X [m; y at the start; y at the end; u or w; 1]        X known up to an error
+    radius+ = R r + g                                               R, g rounded up
 
-with P in floating point, E a bound of everything P and the arithmetic may be off by, and R, g
-rounded up, so that |x - centre+| <= radius+ in exact arithmetic.
+so that |z - centre+| <= radius+ in exact arithmetic; what X and the arithmetic may be off by is
+added where maps are put to use (`interval_kernel`).
 """
 
 from __future__ import annotations
@@ -17,101 +17,131 @@ from typing import Any
 
 import numpy as np
 
-from lmi.enclosure import UNIT, Enclosure, Matrix, expm, raised, stack
-from obsdesign.equations import interval as equations
-
-exactly = Enclosure.exactly
+from lmi.enclosure import Enclosure, Matrix, expm, inverse, raised, stack
+from obsdesign.runtime.interval_model import (
+    Model,
+    completed,
+    exactly,
+    metzler_bound,
+    midpoint,
+    size,
+)
 
 
 @dataclass(frozen=True, slots=True)
-class StepMap:
-    """P: (n, n + p + m + 1) or without y; radius_map = [R, E, g] acting on [radius; |v|; 1]."""
+class BoxMap:
+    """X: (n, n + 2p + m + 1); R: (n, n); g: (n,)."""
 
-    centre_map: Matrix
-    radius_map: Matrix
-    measured: bool
-
-    def apply(
-        self, centre: Matrix, radius: Matrix, y: Matrix | None, u: Matrix
-    ) -> tuple[Matrix, Matrix]:
-        """Centre and radius after the step, for inputs held over it; y if the map uses one."""
-        parts = (centre, y, u, _ONE) if self.measured else (centre, u, _ONE)
-        known = np.concatenate(parts)  # type: ignore[arg-type]
-        with np.errstate(over="ignore", invalid="ignore"):
-            moved = self.centre_map @ known
-            spread = self.radius_map @ np.concatenate((radius, np.abs(known)))
-        return moved, spread
+    X: Enclosure
+    R: Matrix
+    g: Matrix
 
 
-_ONE = np.ones(1)
-_ONE.setflags(write=False)
+def box_map(
+    model: Model, m: Enclosure, start: Enclosure | None, end: Enclosure | None, known: Enclosure,
+    R: Matrix, g: Matrix,
+) -> BoxMap:  # fmt: skip
+    """Put the blocks of X side by side; a measurement that is not used has zeros."""
+    unused = exactly(np.zeros((len(m.mid), len(model.C.mid))))
+    return BoxMap(stack([[m, start or unused, end or unused, known]]), R, g)
 
 
-def midpoint(lower: Matrix, upper: Matrix) -> tuple[Matrix, Matrix]:
-    """Centre and radius of a box; the radius is rounded up so that the box is contained."""
-    centre = lower + (0.5 * upper - 0.5 * lower)
-    radius = np.maximum(upper - centre, centre - lower)
-    return centre, np.where(lower == upper, 0.0, np.nextafter(radius, np.inf))
-
-
-def step_maps(gains: Mapping[str, Any], h: float, h_error: float) -> dict[str, StepMap]:
-    """Maps over a step of length h +- h_error: with y at its start, at its end, or without.
+def flow_maps(model: Model, h: float, h_error: float) -> dict[str, BoxMap]:
+    """Over a step of length h +- h_error: with y at its start, at its end, or without.
 
     Overflow shows as infinite radii, not as warnings.
     """
     with np.errstate(over="ignore", invalid="ignore"):
-        return _step_maps(gains, h, h_error)
+        F = model.A - model.L @ model.C
+        Phi, forced = _driven(model.A, model.inputs, h, h_error)
+        K = _driven(F, model.L, h, h_error)[1]
+        outer = exactly(np.eye(len(model.width))) - K @ model.C
+        spread = _spread(model, h, h_error)
+        start, end = Phi - K @ model.C, outer @ Phi
+        return {
+            "start": box_map(model, start, K, None, forced, *spread["start"]),
+            "end": box_map(model, end, None, K, outer @ forced, *spread["end"]),
+            "none": box_map(model, Phi, None, None, forced, *spread["none"]),
+        }
 
 
-def _step_maps(gains: Mapping[str, Any], h: float, h_error: float) -> dict[str, StepMap]:
-    A, C, L = (exactly(gains[name]) for name in ("A", "C", "L"))
-    b_mid, b_rad = midpoint(gains["flow_lower"], gains["flow_upper"])
-    F = A - L @ C
-    inputs = gains.get("B", np.zeros((len(b_mid), 0)))
-    Phi, forced = _driven(A, exactly(np.column_stack([inputs, b_mid])), h, h_error)
-    K = _driven(F, L, h, h_error)[1]
-    outer = exactly(np.eye(len(b_mid))) - K @ C
-    spread = _spread(gains, F, b_rad, h, h_error)
-    return {
-        "start": _map([Phi - K @ C, K, forced], *spread["start"]),
-        "end": _map([outer @ Phi, K, outer @ forced], *spread["end"]),
-        "none": _map([Phi, forced], *spread["none"], measured=False),
-    }
+def free_map(model: Model, h: float, h_error: float) -> BoxMap:
+    """Over a step of length h +- h_error without any measurement, W the width matrix of A."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        Phi, forced = _driven(model.A, model.inputs, h, h_error)
+        R, g = _comparison(model.width, model.b_rad, h, h_error)
+        return box_map(model, Phi, None, None, forced, R, g)
 
 
-def jump_maps(gains: Mapping[str, Any]) -> dict[bool, StepMap]:
-    """Maps over a jump: with its measurement (True) and without one (False)."""
-    G, M, C, V = (gains[name] for name in ("G", "M", "C", "noise_bound"))
-    n, when = len(G), gains["jump_measurement"]
+def identity_map(model: Model) -> BoxMap:
+    """No step at all."""
+    n = len(model.width)
+    inputs = exactly(np.zeros_like(model.inputs.mid))
+    return box_map(model, exactly(np.eye(n)), None, None, inputs, np.eye(n), np.zeros(n))
+
+
+def sampled(model: Model, before: BoxMap) -> BoxMap:
+    """z+ = z + L (y - C z) at the end of a step, with the measurement taken there."""
+    n, p = model.L.mid.shape
+    K = exactly(np.eye(n)) - model.L @ model.C
+    X = K @ before.X
+    y_end = slice(n + p, n + 2 * p)  # the step before it does not use this measurement
+    X.mid[:, y_end], X.rad[:, y_end] = model.L.mid, model.L.rad
+    with np.errstate(over="ignore", invalid="ignore"):
+        R = raised(size(K) @ before.R, 2 * n)
+        g = raised(size(K) @ before.g + size(model.L) @ model.V, 2 * (n + p))
+    return BoxMap(X, R, g)
+
+
+def jump_maps(model: Model, gains: Mapping[str, Any]) -> dict[bool, BoxMap]:
+    """Over a jump: with its measurement (True) and without one (False)."""
+    G, M, C = (exactly(gains[name]) for name in ("G", "M", "C"))
+    n, when, V = len(gains["G"]), gains["jump_measurement"], model.V
     c_mid, c_rad = midpoint(gains["jump_lower"], gains["jump_upper"])
     known = exactly(np.column_stack([gains.get("E", np.zeros((n, 0))), c_mid]))
-    plain = _map([exactly(G), known], np.abs(G), np.abs(c_rad), measured=False)
+    by_splits = "Gp" in gains and "period" not in gains
+    plain_N = _jump_width(model, G, gains if when == "none" or "period" in gains else None)
+    plain = box_map(model, model.similar(G), None, None, model.inward(known), plain_N,
+                    model.spread(c_rad))  # fmt: skip
     if when == "none":
         return {False: plain, True: plain}
     through = exactly(np.eye(n))
-    H = exactly(G) - exactly(M) @ exactly(C)
+    H = G - M @ C
     if when == "after":
-        through = through - exactly(M) @ exactly(C)
-        H = through @ exactly(G)
-    N = _completed(H, gains["Gp"], gains["Gn"])
-    noise = raised(np.abs(M) @ V + through.magnitude @ c_rad, 2 * (n + len(V)))
-    return {False: plain, True: _map([H, exactly(M), through @ known], N, noise)}
+        through = through - M @ C
+        H = through @ G
+    M_z = model.inward(M)
+    through_z = model.inward(through)
+    if "S2" in gains and "period" not in gains:
+        N, g = _by_second_coordinates(model, H, through, M, c_rad, gains)
+    else:
+        N = _jump_width(model, H, gains if by_splits else None)
+        g = raised(size(M_z) @ V + size(through_z) @ c_rad, 2 * (n + len(V)))
+    corrected = box_map(model, model.similar(H), None, M_z, model.inward(through @ known), N, g)
+    return {False: plain, True: corrected}
 
 
-def width_matrix(gains: Mapping[str, Any], F: Enclosure) -> Matrix:
-    """Upper bound of W = D0 + D1 for the exact F."""
-    return _completed(F, gains["D0"], gains["D1"])
+def _jump_width(model: Model, H: Enclosure, gains: Mapping[str, Any] | None) -> Matrix:
+    """Upper bound of N: the stored split, completed, or the smallest one."""
+    H_z = model.similar(H)
+    if gains is not None and "Gp" in gains:
+        return completed(H_z, gains["Gp"], gains["Gn"])
+    return size(H_z)
 
 
-def _completed(X: Enclosure, plus: Matrix, minus: Matrix) -> Matrix:
-    """Upper bound of plus + minus + |plus - minus - X|: `equations.completed_split`, summed."""
-    remainder = (exactly(plus) - exactly(minus) - X).magnitude
-    return raised_signed((exactly(plus) + exactly(minus)).upper + remainder)
-
-
-def raised_signed(values: Matrix) -> Matrix:
-    """An upper bound where the last addition was rounded, for entries of any sign."""
-    return np.nextafter(values, np.inf)
+def _by_second_coordinates(
+    model: Model, H: Enclosure, through: Enclosure, M: Enclosure, c_rad: Matrix,
+    gains: Mapping[str, Any],
+) -> tuple[Matrix, Matrix]:  # fmt: skip
+    """Theorem 7: into the coordinates of S2, there by T >= 0, and back."""
+    S2, S2_inverse, T = exactly(gains["S2"]), inverse(gains["S2"]), exactly(gains["T"])
+    back = size(model.inward(S2))
+    forth = size(S2_inverse if model.S is None else S2_inverse @ model.S)
+    inner = np.maximum(T.mid, 0.0) + size(T - S2_inverse @ H @ S2)
+    n = len(back)
+    N = raised(back @ raised(inner @ forth, 2 * n), 2 * n)
+    entering = size(S2_inverse @ M) @ model.V + size(S2_inverse @ through) @ c_rad
+    return N, raised(back @ raised(entering, 4 * n), 2 * n)
 
 
 def _driven(A: Enclosure, B: Enclosure, h: float, error: float) -> tuple[Enclosure, Enclosure]:
@@ -126,18 +156,26 @@ def _block(whole: Enclosure, rows: slice, columns: slice) -> Enclosure:
     return Enclosure(whole.mid[rows, columns], whole.rad[rows, columns])
 
 
-def _spread(
-    gains: Mapping[str, Any], F: Enclosure, b_rad: Matrix, h: float, h_error: float
-) -> dict[str, tuple[Matrix, Matrix]]:
+def _comparison(W: Matrix, f: Matrix, h: float, h_error: float) -> tuple[Matrix, Matrix]:
+    """(e^{W h}, int_0^h e^{W s} ds f), rounded up."""
+    n = len(W)
+    system = np.zeros((n + 1, n + 1))
+    system[:n, :n], system[:n, n] = W, f
+    whole = expm(exactly(system).scaled(h, h_error))
+    return _bounds(_block(whole, slice(n), slice(n)), _block(whole, slice(n), slice(n, n + 1)))
+
+
+def _spread(model: Model, h: float, h_error: float) -> dict[str, tuple[Matrix, Matrix]]:
     """(R, g) of the three maps, from the comparison system [q; rho; sig; 1; 1]."""
-    A, C, L, V = (gains[name] for name in ("A", "C", "L", "noise_bound"))
-    n, p = len(A), len(C)
-    noise = raised(np.abs(L) @ V + b_rad, 2 * p)
-    slope, drift = (exactly(C) @ exactly(A)).magnitude, raised(np.abs(C) @ b_rad, 2 * n)
+    L, b_rad = size(model.L), model.b_rad
+    n, p = L.shape
+    noise = raised(L @ model.V + b_rad, 2 * p)
+    slope = size(model.C @ model.A)
+    drift = raised(size(model.C) @ b_rad, 2 * n)
     q, rho, sig = slice(n), slice(n, 2 * n), slice(2 * n, 2 * n + p)
     system = np.zeros((2 * n + p + 2, 2 * n + p + 2))
-    system[q, q], system[q, sig], system[q, -2] = width_matrix(gains, F), np.abs(L), noise
-    system[rho, rho], system[rho, -1] = equations.absolute_metzler(A), b_rad
+    system[q, q], system[q, sig], system[q, -2] = model.width, L, noise
+    system[rho, rho], system[rho, -1] = metzler_bound(model.A), b_rad
     system[sig, rho], system[sig, -1] = slope, drift
     whole = expm(exactly(system).scaled(h, h_error))
     part = {
@@ -161,15 +199,3 @@ def _spread(
 def _bounds(R: Enclosure, g: Enclosure) -> tuple[Matrix, Matrix]:
     """Upper bounds; both are nonnegative in exact arithmetic."""
     return np.maximum(R.upper, 0.0), np.maximum(g.upper, 0.0).reshape(-1)
-
-
-def _map(parts: list[Enclosure], R: Matrix, g: Matrix, measured: bool = True) -> StepMap:
-    """Stack [m; y; u; 1] columns; the last column of the last part multiplies the constant."""
-    whole = stack([parts])
-    terms = whole.mid.shape[1] + 2
-    error = raised(whole.rad + terms * UNIT * np.abs(whole.mid), 4)
-    error[:, -1] = raised(error[:, -1] + g, 1)
-    radius_map = raised(np.hstack([R, error]), 2 * (len(R) + terms))
-    for array in (whole.mid, radius_map):
-        array.setflags(write=False)
-    return StepMap(whole.mid, radius_map, measured)

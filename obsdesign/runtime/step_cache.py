@@ -23,10 +23,19 @@ def cached_step(
     A difference of two stamps is known to an ulp of the larger. It is rounded to that many
     decimals, and `error` bounds how far the true step may be from the rounded one.
     """
-    decimals = math.floor(-math.log10(4 * math.ulp(size)))
-    key = (round(h, decimals), decimals)
+    length, half, decimals = rounded_step(h, size)
+    key = (length, decimals)
     if key not in cache:
-        cache[key] = build(key[0], 0.5 * 10.0**-decimals + 2 * math.ulp(size))
+        cache[key] = build(length, half + 2 * math.ulp(size))
         if len(cache) > _CACHED_STEPS:
             cache.popitem(last=False)
     return cache[key]
+
+
+def rounded_step(h: float, size: float) -> tuple[float, float, int]:
+    """(rounded length, half a unit of its last decimal, decimals) for steps that are taken as one.
+
+    Every step within half a unit of the rounded length, between stamps of the same size, is one.
+    """
+    decimals = math.floor(-math.log10(4 * math.ulp(size)))
+    return round(h, decimals), 0.5 * 10.0**-decimals, decimals

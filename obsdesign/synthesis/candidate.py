@@ -14,9 +14,13 @@ class Candidate:
     label: the form or method; gains: what a design stores under `gains`; certificates: by claim
     id, what the finder believes shows it (a matrix P, say). Verification trusts none of it.
     searched: the gains were looked for, so that their failure says nothing of other gains.
+    cost: what the problem's objective makes of it, None where order decides. goes_on: the next
+    candidate is worth a look even if this one, or one before it, is proved.
     """
 
     label: str
     gains: Mapping[str, Any]
     certificates: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     searched: bool = False
+    cost: float | None = None
+    goes_on: bool = False

@@ -1,98 +1,173 @@
-"""Interval observers: from given gains L, M to candidates in each form.
+"""Interval observers: candidates in each form, gains and coordinates found where they are open.
 
-Source: Degue, Efimov, Richard, NOLCOS 2016, Theorems 5 (`cooperative`) and 8 (`split`). The
-splits default to the minimal ones, which no other split can beat.
+Source: Degue, Efimov, Richard, NOLCOS 2016, Theorems 5 (`cooperative`), 8 (`split`), 7 and 8
+combined (`coordinates`) and 7 as corrected (`two_coordinates`). What is found is only proposed:
+verification analyses every candidate exactly.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Mapping
 from typing import Any
 
+from lmi.balls import exact, inverse
+from lmi.dwell_search import shortest_dwell
 from obsdesign.equations import interval as equations
-from obsdesign.equations.estimation_error import flow_error_matrix, jump_error_matrix, plant_data
+from obsdesign.equations.interval_width import WidthSystem, width_system_of
 from obsdesign.errors import InputError
 from obsdesign.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
 from obsdesign.synthesis.dwell import dwell_certificates, question
 from obsdesign.synthesis.given_gains import given_gain, refuse_unusable
+from obsdesign.synthesis.interval_coordinates import bases, best_coordinates
+from obsdesign.synthesis.interval_forms import formed
+from obsdesign.synthesis.interval_gains import best_gains
+from obsdesign.synthesis.interval_sampled import propose_samples, propose_spacing
+from obsdesign.synthesis.interval_task import mean_width, sampling_task, task_of
+from obsdesign.synthesis.interval_tube import proved_width
 
 
 def synthesize(problem: Problem) -> Iterator[Candidate]:
-    """Candidates in the order in which they are to be preferred.
+    """Candidates in the order in which they are to be preferred; those with a cost, by cost.
 
-    InputError when a gain is missing, or the form cannot be built from gains that are given.
+    InputError for what cannot be built from the gains that are given.
     """
-    plant, given = problem.plant, problem.gains
-    if text := equations.objection(plant, given, problem.options):
+    if text := equations.objection(problem.plant, problem.gains, problem.options):
         raise InputError(text)
-    refuse_unusable(problem)
-    form = problem.options.get("form", "auto")
-    L, M = _gain(problem, "L"), _gain(problem, "M")
-    data = plant_data(plant) | {"L": L, "M": M}
-    own = [name for name in ("D0", "D1", "Gp", "Gn") if name in given]
-    if own and form == "cooperative":
+    _refuse(problem)
+    given = {name: given_gain(problem, name) for name in ("L", "M")}
+    given = {name: gain for name, gain in given.items() if gain is not None}
+    own = {name: problem.gains[name] for name in ("S", "S2", "T") if name in problem.gains}
+    for form in equations.forms_asked(problem.gains, problem.options):
+        if form == "coordinates" and "S" not in own:
+            yield from _in_found_coordinates(problem, given)
+        else:
+            yield _in_known_coordinates(problem, form, given, own)
+
+
+def _refuse(problem: Problem) -> None:
+    """InputError for what an interval observer cannot execute."""
+    if problem.plant.output.measured != "periodic":
+        refuse_unusable(problem)
+        return
+    if problem.plant.jump is not None:
+        problem.require_dwell_time()
+    if _objective(problem) == "shortest_dwell":
         raise InputError(
-            f"observer.gains.{own[0]} belongs to form 'split'; got it with form 'cooperative'."
+            "observer.objective = 'shortest_dwell' is not available with measured = 'periodic'; "
+            "it must be feasible or narrowest."
         )
-    F = flow_error_matrix(plant.flow.A, L, plant.output.C)
-    H = _jump_error(problem, M)
-    if form in ("cooperative", "auto") and not own:
-        yield _candidate(problem, "cooperative", data, F, F, 0 * F, H)
-    if form in ("split", "auto"):
-        D0, D1 = _own_split(given, "D0", "D1", F, equations.metzler_split)
-        yield _candidate(problem, "split", data, F, D0, D1, H, given)
 
 
-def _gain(problem: Problem, name: str) -> Any:
-    gain = given_gain(problem, name)
-    if gain is None:
-        n, p = problem.plant.n, problem.plant.p
-        raise InputError(
-            f"observer.gains.{name} ({n}x{p}) is required by kind 'interval' in this version; "
-            "it is missing. Give zeros to use no correction."
-        )
-    return gain
+def untried(problem: Problem) -> dict[str, str]:
+    """Forms that `auto` passes over, and why."""
+    if problem.options.get("form", "auto") != "auto" or "S2" in problem.gains:
+        return {}
+    why = (
+        "not tried: gains.S and gains.S2 are required, and form coordinates with the same S is "
+        "never wider"
+    )
+    return {"two_coordinates": why}
 
 
-def _jump_error(problem: Problem, M: Any) -> Any:
-    plant = problem.plant
-    if plant.jump is None:
-        return None
-    when = plant.output.jump_measurement
-    return jump_error_matrix(plant.jump.G, M, plant.output.C, when)
+def _objective(problem: Problem) -> str:
+    return str(problem.options.get("objective", "feasible"))
 
 
-def _own_split(given: Any, plus: str, minus: str, X: Any, minimal: Any) -> tuple[Any, Any]:
-    """The user's split; one half given determines the other; none given: the minimal one."""
-    if plus in given and minus in given:
-        return given[plus], given[minus]
-    if plus in given:
-        return given[plus], given[plus] - X
-    if minus in given:
-        return X + given[minus], given[minus]
-    halves: tuple[Any, Any] = minimal(X)
-    return halves
+def _in_known_coordinates(
+    problem: Problem, form: str, given: Mapping[str, Any], own: Mapping[str, Any]
+) -> Candidate:
+    """One candidate, L and M found for the coordinates that are given (or the plant's own)."""
+    if problem.plant.output.measured == "periodic":
+        return _with_samples(problem, form, given, own)
+    if {"L", "M"} <= set(given):
+        return _candidate(problem, form, given["L"], given["M"], own, False)
+    task = task_of(problem, form == "cooperative", own.get("S"), given)
+    _, L, M = best_gains(task, _objective(problem))
+    L, M = task.gains(L, M)
+    return _candidate(problem, form, given.get("L", L), given.get("M", M), own, True)
+
+
+def _with_samples(
+    problem: Problem, form: str, given: Mapping[str, Any], own: Mapping[str, Any]
+) -> Candidate:
+    """L for samples as events; M, which acts only when a jump meets a sample, is zero if open."""
+    L = given.get("L")
+    if L is None:
+        task = sampling_task(problem, own.get("S"), given)
+        L = task.gains(*best_gains(task, _objective(problem))[1:])[1]
+    return _candidate(problem, form, L, given.get("M", 0 * L), own, "L" not in given)
+
+
+def _in_found_coordinates(problem: Problem, given: Mapping[str, Any]) -> Iterator[Candidate]:
+    """Candidate bases first; the search over bases only if that is not enough."""
+    auto = problem.options.get("form", "auto") == "auto"
+    for search in (False, True) if auto else (True,):
+        if problem.plant.output.measured == "periodic":
+            for S in bases(problem.plant, 0, 0):
+                yield _with_samples(problem, "coordinates", given, {"S": S})
+            return
+        found = best_coordinates(problem, given, _objective(problem), search)
+        if found is None:
+            continue
+        L, M = given.get("L", found.L), given.get("M", found.M)
+        yield _candidate(problem, "coordinates", L, M, {"S": found.S}, True, goes_on=search)
 
 
 def _candidate(
-    problem: Problem,
-    form: str,
-    data: dict[str, Any],
-    F: Any,
-    D0: Any,
-    D1: Any,
-    H: Any,
-    given: Any = None,
-) -> Candidate:
-    gains = {"form": form} | data | {"D0": D0, "D1": D1}
-    if H is None:
-        return Candidate(form, gains)
-    if form == "cooperative":
-        Gp, Gn = H, 0 * H
-    else:
-        Gp, Gn = _own_split(given, "Gp", "Gn", H, equations.nonnegative_split)
-    gains |= {"Gp": Gp, "Gn": Gn}
-    W, N = equations.width_pair(F, H, gains)
-    certificates = dwell_certificates(W, N, *gains["dwell_time"], **question(problem))
-    return Candidate(form, gains, certificates)
+    problem: Problem, form: str, L: Any, M: Any, own: Mapping[str, Any], searched: bool,
+    goes_on: bool = True,
+) -> Candidate:  # fmt: skip
+    gains = formed(problem, form, L, M, own)
+    system, approx = width_system_of(gains, exact, inverse), width_system_of(gains)
+    objective = _objective(problem)
+    cost = _cost(problem, form, gains) if objective == "narrowest" else None
+    if "period" in gains:
+        found = propose_samples(system, approx, gains["period"], *_dwell_range(gains))
+        certificates = {} if found is None else {"sampled_stability": found}
+        return Candidate(form, gains, certificates, searched, cost, goes_on)
+    certificates = {}
+    if system.N is not None:
+        low, high = gains["dwell_time"]
+        if objective == "shortest_dwell":
+            low, certificates = _widest_range(problem, system, low, high)
+            gains["dwell_time"], cost = [low, high], low
+        certificates = certificates or dwell_certificates(
+            system.W, system.N, low, high, **question(problem)
+        )
+    width = proved_width(system, approx, *_dwell_range(gains))
+    if width is not None:
+        certificates["width"] = width
+    if problem.plant.output.measured == "continuous":
+        period = problem.plant.output.period
+        spacing = propose_spacing(gains, system, *_dwell_range(gains), period)
+        if spacing is not None:
+            certificates["sampled_width"] = spacing
+    return Candidate(form, gains, certificates, searched, cost, goes_on)
+
+
+def _dwell_range(gains: Mapping[str, Any]) -> tuple[float, float]:
+    low, high = gains.get("dwell_time", (math.inf, math.inf))
+    return low, high
+
+
+def _cost(problem: Problem, form: str, gains: Mapping[str, Any]) -> float:
+    """Mean width of x, summed over the states, of finished gains."""
+    given = {"L": gains["L"], "M": gains["M"]}
+    if "period" in gains:
+        task = sampling_task(problem, gains.get("S"), given)
+        return mean_width(task, 0 * gains["L"], 0 * gains["M"])
+    task = task_of(problem, form == "cooperative", gains.get("S"), given)
+    return mean_width(task, 0 * gains["L"], 0 * gains["M"])
+
+
+def _widest_range(
+    problem: Problem, system: WidthSystem, low: float, high: float
+) -> tuple[float, dict[str, Any]]:
+    """(shortest dwell time, certificates): the range found if it holds the one asked for."""
+    N, _ = system.at_jumps
+    bracket = shortest_dwell(system.W, N, high, **question(problem))
+    if bracket.proved is None or not bracket.proved <= low or math.isinf(bracket.proved):
+        return low, {}
+    return bracket.proved, {"dwell_stability": dict(bracket.certificate)}

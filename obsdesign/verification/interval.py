@@ -1,4 +1,4 @@
-"""Interval observers: every hypothesis of Theorems 5 and 8 about given gains, proved.
+"""Interval observers: every hypothesis of Theorems 5, 7 and 8 about given gains, proved.
 
 Source: Degue, Efimov, Richard, NOLCOS 2016. The claims speak about the stored binary64 numbers:
 A - L C and G - M C are formed in exact rationals. A split that was stored rounded is completed
@@ -9,21 +9,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from lmi.balls import exact, to_float
+from lmi.balls import exact, inverse
 from lmi.hurwitz import prove_hurwitz
-from lmi.verdict import Verdict, proved, refuted
 from obsdesign.document import Claim
 from obsdesign.equations import interval as equations
-from obsdesign.equations.estimation_error import (
-    flow_error_matrix,
-    idle_gains,
-    jump_error_matrix,
-    plant_data,
-)
+from obsdesign.equations.estimation_error import idle_gains, plant_data
+from obsdesign.equations.interval_width import Coordinates, WidthSystem, width_system_of
 from obsdesign.problem import Problem
 from obsdesign.verification.consistency import consistency
 from obsdesign.verification.dwell import (
@@ -34,13 +30,30 @@ from obsdesign.verification.dwell import (
     source_of,
     unusable,
 )
+from obsdesign.verification.interval_obstruction import obstruction_claim
+from obsdesign.verification.interval_sampled import (
+    no_spacing,
+    sampled_sentences,
+    samples_claim,
+    spacing_claim,
+)
+from obsdesign.verification.interval_signs import metzler_claim, nonnegative_claim, split_claim
+from obsdesign.verification.interval_width import limit_claim, width_claim, width_sentence
 
+_MATRICES = ("A", "C", "G", "L", "M", "D0", "D1", "Gp", "Gn", "S", "S2", "T")
 PAPER = "Degue, Efimov, Richard, NOLCOS 2016"
-_MATRICES = ("A", "C", "G", "L", "M", "D0", "D1", "Gp", "Gn")
-THEOREMS = {"cooperative": "Theorem 5", "split": "Theorem 8"}
-# Decimal entries and a product of a few terms are stored to within a few units of 2**-53; a
-# split that misses A - L C by more was not meant as one.
-SPLIT_ROUNDING = 2.0**-46
+THEOREMS = {
+    "cooperative": "Theorem 5",
+    "split": "Theorem 8",
+    "coordinates": "Theorems 7 and 8 combined",
+    "two_coordinates": "Theorem 7 as corrected",
+}
+_EQUATIONS = {
+    "cooperative": "Assumption 2.i, (5)",
+    "split": "Assumption 5, (10)",
+    "coordinates": "Assumption 5, (10)",
+    "two_coordinates": "(8) with |S^-1 S2| T |S2^-1 S| in place of T",
+}
 
 
 def claims(
@@ -55,54 +68,117 @@ def claims(
     certificates: {"dwell_stability": {"P": n x n}} where one was found; it is checked, never
     believed.
     """
-    agreement = consistency(_objection(problem), gains, expected_gains(problem))
+    agreement = consistency(_objection(problem), gains, expected_gains(problem, gains))
+    if agreement.verdict == "proved":
+        agreement = _invertible(gains, agreement)
     if agreement.verdict != "proved":
         return (agreement,)
     form = gains["form"]
-    numbers = {name: exact(gains[name]) for name in _MATRICES if name in gains}
-    F = flow_error_matrix(numbers["A"], numbers["L"], numbers["C"])
-    found = [agreement, _split_claim("flow", form, F, numbers)]
-    if "G" not in gains:
-        W = sum(equations.completed_split(F, numbers["D0"], numbers["D1"]))
-        return (*found, _hurwitz_claim(W, "there are no jumps"))
-    H = jump_error_matrix(numbers["G"], numbers["M"], numbers["C"], gains["jump_measurement"])
-    found.append(_split_claim("jump", form, H, numbers))
-    W, N = dwell_pair(gains)
-    dwell = Dwell.of(problem)
-    if math.isinf(dwell.high):
-        found.append(_hurwitz_claim(W, "there is no longest dwell time"))
+    source = f"{PAPER}, {THEOREMS[form]}"
+    found = [agreement, *obstruction_claim(problem, gains, source), *_sign_claims(gains)]
+    system = width_system_of(gains, exact, inverse)
+    if "period" in gains:
+        proposed = certificates.get("sampled_stability", {})
+        return (*found, samples_claim(system, gains, proposed, f"{source}; samples as jumps"))
+    if system.N is None:
+        found.append(_hurwitz_claim(system.W, "there are no jumps"))
+        found += limit_claim(system, certificates.get("width", {}), source)
+        return (*found, *_spacing(problem, system, gains, certificates))
+    low, high = (float(end) for end in gains["dwell_time"])
+    dwell = Dwell(low, high, float(gains.get("dwell_jitter", math.inf)))
+    if math.isinf(high):
+        found.append(_hurwitz_claim(system.W, "there is no longest dwell time"))
     certificate = certificates.get("dwell_stability", {})
-    found.append(_stability_claim(form, (W, N), dwell, certificate, paranoid))
-    found += rates_claim(W, N, dwell, certificates, f"{PAPER}, {THEOREMS[form]}")
-    return tuple(found)
+    found.append(_stability_claim(form, system, dwell, certificate, paranoid))
+    found += rates_claim(system.W, system.N, dwell, certificates, source)
+    found += width_claim(system, (low, high), certificates.get("width", {}), source)
+    return (*found, *_spacing(problem, system, gains, certificates))
+
+
+def _spacing(
+    problem: Problem, system: WidthSystem, gains: Mapping[str, Any], certificates: Mapping[str, Any]
+) -> tuple[Claim, ...]:
+    """The step limit of a continuous y, where one was found."""
+    if problem.plant.output.measured != "continuous":
+        return ()
+    low, high = gains.get("dwell_time", (math.inf, math.inf))
+    source = f"{PAPER}, {THEOREMS[gains['form']]}; slope scheme of docs/interval.md"
+    ends = (float(low), float(high))
+    return spacing_claim(system, gains, ends, certificates.get("sampled_width", {}), source)
 
 
 def dwell_pair(gains: Mapping[str, Any]) -> tuple[Any, Any]:
     """(W, N), exact: the pair whose stability over a range of dwell times is claimed."""
-    numbers = {name: exact(gains[name]) for name in _MATRICES}
-    F = flow_error_matrix(numbers["A"], numbers["L"], numbers["C"])
-    H = jump_error_matrix(numbers["G"], numbers["M"], numbers["C"], gains["jump_measurement"])
-    return equations.width_pair(F, H, numbers)
+    system = width_system_of(gains, exact, inverse)
+    return system.W, system.N
+
+
+def _invertible(gains: Mapping[str, Any], agreement: Claim) -> Claim:
+    """The claim of consistency, refuted if coordinates are singular."""
+    for name in ("S", "S2"):
+        if name in gains and inverse(exact(gains[name])) is None:
+            entry = f"gains.{name}"
+            evidence = {"witness": {"entry": entry, "reason": f"{entry} is singular"}}
+            return replace(agreement, verdict="refuted", evidence=evidence)
+    return agreement
+
+
+def _sign_claims(gains: Mapping[str, Any]) -> list[Claim]:
+    """`flow_positive` and `jump_positive`: the hypotheses of the enclosure."""
+    form, periodic = gains["form"], "period" in gains
+    numbers = {name: exact(gains[name]) for name in _MATRICES if name in gains}
+    frame = Coordinates.of(numbers, inverse)
+    F, H = equations.flow_and_jump(numbers, gains["jump_measurement"], periodic)
+    F = equations.in_coordinates(F, frame.S, frame.S_inverse)
+    source = f"{PAPER}, {THEOREMS[form]}"
+    flow, jump = "A" if periodic else "A - L C", "the jump matrix of the error, H,"
+    if H is not None and form == "two_coordinates":
+        H2 = equations.in_coordinates(H, frame.S2, frame.S2_inverse)
+        return [metzler_claim(F, numbers, source), nonnegative_claim(numbers["T"], H2, source)]
+    if form == "coordinates":
+        flow, jump = f"S^-1 ({flow}) S", "S^-1 H S, H the jump matrix of the error,"
+    found = [split_claim("flow", form, flow, F, numbers, source)]
+    if H is not None:
+        H = equations.in_coordinates(H, frame.S, frame.S_inverse)
+        found.append(split_claim("jump", form, jump, H, numbers, source))
+    return found
 
 
 def _objection(problem: Problem) -> str | None:
-    return equations.objection(problem.plant, problem.gains, problem.options) or unusable(problem)
+    text = equations.objection(problem.plant, problem.gains, problem.options)
+    return text or (None if problem.plant.output.measured == "periodic" else unusable(problem))
 
 
-def expected_gains(problem: Problem) -> dict[str, Any]:
-    """Entries of `gains` and what the problem says of them: a value, or the shape it must have."""
-    n, p = problem.plant.flow.A.shape[0], problem.plant.output.C.shape[0]
-    expected: dict[str, Any] = {"form": _forms(problem)} | plant_data(problem.plant)
+def expected_gains(problem: Problem, gains: Mapping[str, Any]) -> dict[str, Any]:
+    """Entries of `gains` and what the problem says of them: a value, or the shape it must have.
+
+    The form that `gains` names decides which entries there are.
+    """
+    plant, form = problem.plant, gains.get("form")
+    n, p = plant.n, plant.p
+    forms = set(equations.forms_asked(problem.gains, problem.options))
+    expected: dict[str, Any] = {"form": forms} | plant_data(plant)
+    if plant.output.measured == "periodic":
+        expected |= {"period": plant.output.period}
+    if "dwell_time" in expected and _wider(problem, gains.get("dwell_time")):
+        expected |= {"dwell_time": gains["dwell_time"]}
     expected |= {"L": (n, p), "M": (n, p), "D0": (n, n), "D1": (n, n)}
-    if problem.plant.jump is not None:
+    if form == "two_coordinates":
+        expected |= {"S": (n, n), "S2": (n, n), "T": (n, n)}
+    elif plant.jump is not None:
         expected |= {"Gp": (n, n), "Gn": (n, n)}
-    zeros = {name: np.zeros((n, p)) for name in idle_gains(problem.plant)}
+    if form == "coordinates":
+        expected |= {"S": (n, n)}
+    zeros = {name: np.zeros((n, p)) for name in idle_gains(plant)}
     return expected | dict(problem.gains) | zeros
 
 
-def _forms(problem: Problem) -> set[str]:
-    form = problem.options.get("form", "auto")
-    return set(equations.FORMS) if form == "auto" else {form}
+def _wider(problem: Problem, found: Any) -> bool:
+    """The range of a search for the shortest dwell time holds the one that was asked for."""
+    if problem.options.get("objective") != "shortest_dwell" or np.shape(found) != (2,):
+        return False
+    low, high = problem.require_dwell_time()
+    return bool(0.0 <= found[0] <= low and found[1] == high)
 
 
 def guarantees(problem: Problem, found: tuple[Claim, ...]) -> tuple[dict[str, Any], ...]:
@@ -113,7 +189,8 @@ def guarantees(problem: Problem, found: tuple[Claim, ...]) -> tuple[dict[str, An
     ]
     bounded: list[str] = [name for name in ("hurwitz", "dwell_stability") if name in verdicts]
     jump = problem.plant.jump
-    ends = "" if jump is None else str(Dwell.of(problem))
+    ends = "" if jump is None else _range(problem, found)
+    periodic = problem.plant.output.measured == "periodic"
     when = f" for every sequence of dwell times in {ends}" if ends else ""
     enclosure = (
         "The bounds contain the state at every instant, if they contain it at the start, b, c and "
@@ -122,88 +199,38 @@ def guarantees(problem: Problem, found: tuple[Claim, ...]) -> tuple[dict[str, An
     )
     at_jumps = problem.plant.output.measured == "at_jumps"
     measured = "With y measured at every jump" if at_jumps else "With y measured continuously"
+    if periodic:
+        measured = "With a sample in every period"
     width = (
         f"{measured}, the width of the bounds stays bounded{when}, and without disturbance and "
         f"noise it tends to zero{'' if jump is None else ' as jumps go on'}."
     )
-    told: list[tuple[str, bool, list[str]]] = [
-        (enclosure, _all(verdicts, enclosing), enclosing),
-        (width, _all(verdicts, enclosing + bounded), enclosing + bounded),
-    ]
+    told: list[tuple[str, bool, list[str]]] = [(enclosure, _all(verdicts, enclosing), enclosing)]
+    if periodic:
+        bounded = ["sampled_stability"]
+    told.append((width, _all(verdicts, enclosing + bounded), enclosing + bounded))
     for text, ids in rates_sentence(found, "the width"):
         told.append((f"{measured}: {text}", _all(verdicts, ids), ids))
-    if not at_jumps:
-        sampled = (
-            "A bounded width for samples at a given spacing is not claimed: the spacing must be "
-            "small against 1/(|L||CA|)."
-        )
-        told.append((sampled, False, []))
+    sampled = sampled_sentences(found)
+    for text, ids in [*width_sentence(found, measured), *sampled]:
+        ids = [*enclosing, *(name for name in ("hurwitz",) if name in verdicts), *ids]
+        told.append((text, _all(verdicts, ids), ids))
+    if not (at_jumps or periodic or sampled):
+        told.append((no_spacing(), False, []))
     return tuple({"statement": text, "given": given, "claims": ids} for text, given, ids in told)
+
+
+def _range(problem: Problem, found: tuple[Claim, ...]) -> str:
+    """The range of dwell times that is claimed."""
+    for claim in found:
+        if claim.id == "dwell_stability" and "dwell_time" in claim.evidence:
+            low, high = claim.evidence["dwell_time"]
+            return str(replace(Dwell.of(problem), low=float(low), high=float(high)))
+    return str(Dwell.of(problem))
 
 
 def _all(verdicts: Mapping[str, str], names: list[str]) -> bool:
     return all(verdicts[name] == "proved" for name in names)
-
-
-def _split_claim(part: str, form: str, X: Any, numbers: Mapping[str, Any]) -> Claim:
-    """F Metzler and H >= 0 (Theorem 5), or exact splits of them (Theorem 8)."""
-    flow = part == "flow"
-    name = "A - L C" if flow else "the jump matrix of the error, H,"
-    names = ("D0", "D1") if flow else ("Gp", "Gn")
-    plus, minus = (numbers[key] for key in names)
-    assumption = "Assumption 5"
-    if form == "cooperative":
-        property_ = "Metzler" if flow else "nonnegative"
-        statement = f"{name} is {property_}; it is stored as {names[0]}, and {names[1]} is zero"
-        assumption = "Assumption 2.ii" if flow else "Assumption 2.iii"
-        verdict = _signs(X, flow, f"{name} is not {property_}")
-        if verdict.outcome == "proved":
-            verdict = _signs(-minus, False, f"{names[1]} is not zero")
-    else:
-        statement = (
-            f"{name} equals {names[0]} - {names[1]} with {names[0]} "
-            f"{'Metzler' if flow else '>= 0'} and {names[1]} >= 0"
-        )
-        verdict = proved()
-    for half, metzler, key in ((plus, flow, names[0]), (minus, False, names[1])):
-        if verdict.outcome == "proved":
-            verdict = _signs(half, metzler, f"{key} has the wrong sign")
-    if verdict.outcome == "proved":
-        verdict = _same(X, plus, minus, names)
-    source = f"{PAPER}, {THEOREMS[form]}, {assumption}"
-    return Claim(f"{part}_positive", statement, source, verdict.outcome, verdict.evidence)
-
-
-def _signs(X: Any, metzler: bool, complaint: str) -> Verdict:
-    """Every entry (off the diagonal, for Metzler) is >= 0, exactly."""
-    for (i, j), value in np.ndenumerate(X):
-        if value < 0 and not (metzler and i == j):
-            size = _number(value)
-            hint = "; rounding of decimals, which form = split absorbs" if size > -1e-12 else ""
-            reason = f"{complaint}: entry ({i + 1}, {j + 1}) is {size:.6g}{hint}"
-            return refuted({"entry": [i + 1, j + 1], "value": size, "reason": reason})
-    return proved(exact=True)
-
-
-def _same(X: Any, plus: Any, minus: Any, names: tuple[str, str]) -> Verdict:
-    """plus - minus = X up to the rounding of stored decimals."""
-    remainder = plus - minus - X
-    # a split that is many times larger than X itself would lose X in its own rounding
-    limit = np.max(np.abs(X)) * exact(SPLIT_ROUNDING).item()
-    largest = 0.0
-    for (i, j), value in np.ndenumerate(remainder):
-        if abs(value) > limit:
-            reason = (
-                f"{names[0]} - {names[1]} misses the matrix it splits at entry "
-                f"({i + 1}, {j + 1}) by {_number(value):.6g}"
-            )
-            return refuted({"entry": [i + 1, j + 1], "value": _number(value), "reason": reason})
-        largest = max(largest, abs(_number(value)))
-    return proved(exact=largest == 0.0, largest_remainder=largest)
-
-
-def _number(value: Any) -> float:
-    return float(to_float(np.array([value], dtype=object))[0])
 
 
 def _hurwitz_claim(W: Any, why: str) -> Claim:
@@ -219,21 +246,21 @@ def _hurwitz_claim(W: Any, why: str) -> Claim:
 
 def _stability_claim(
     form: str,
-    pair: tuple[Any, Any],
+    system: WidthSystem,
     dwell: Dwell,
     certificate: Mapping[str, Any],
     paranoid: bool,
 ) -> Claim:
     """Inequality (5), or (10) on the n-dimensional pair, for all dwell times in the range."""
-    equation = "Assumption 2.i, (5)" if form == "cooperative" else "Assumption 5, (10)"
-    verdict = dwell_stability(*pair, dwell, certificate, paranoid)
+    verdict = dwell_stability(system.W, system.N, dwell, certificate, paranoid)
+    jump = "|S^-1 S2| T |S2^-1 S|" if form == "two_coordinates" else "Gp + Gn"
     return Claim(
         "dwell_stability",
-        f"the width map w -> e^(W T) N w, W = D0 + D1, N = Gp + Gn, is stable for every sequence "
+        f"the width map w -> e^(W T) N w, W = D0 + D1, N = {jump}, is stable for every sequence "
         f"of dwell times T in {dwell}: one P > 0 has N' e^(W' T) P e^(W T) N < P, or one P for "
         "each window of dwell times has, or one v > 0 has v' e^(W T) N < v' (or a like "
         "inequality), for all of them",
-        source_of(verdict, f"{PAPER}, {THEOREMS[form]}, {equation}"),
+        source_of(verdict, f"{PAPER}, {THEOREMS[form]}, {_EQUATIONS[form]}"),
         verdict.outcome,
-        verdict.evidence,
+        {"dwell_time": [dwell.low, dwell.high], **verdict.evidence},
     )

@@ -11,7 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import obsdesign
-from obsdesign.equations import interval as equations
+from lmi.exponential import expm
+from obsdesign.equations.interval_width import periodic_width
 from obsdesign.synthesis.interval import synthesize
 from obsdesign.verification.interval import claims
 
@@ -105,7 +106,7 @@ def test_brute_force_never_contradicts_a_verdict(seed: int, n: int) -> None:
     outcome = outcome_of(body)
     gains = outcome.design.gains
     W, N = gains["D0"] + gains["D1"], gains["Gp"] + gains["Gn"]
-    cycles = equations.expm(W * rng.uniform(0.1, 2.0, 400)[:, None, None]) @ N
+    cycles = expm(W * rng.uniform(0.1, 2.0, 400)[:, None, None]) @ N
     product = np.eye(n)
     for cycle in cycles:
         product = cycle @ product
@@ -114,7 +115,7 @@ def test_brute_force_never_contradicts_a_verdict(seed: int, n: int) -> None:
         assert np.abs(product).max() < 1e-3
     if outcome.verdict == "refuted":
         theta = outcome.claims[-1].evidence["witness"]["theta"]
-        radius = max(abs(np.linalg.eigvals(equations.expm(W * theta) @ N)))
+        radius = max(abs(np.linalg.eigvals(expm(W * theta) @ N)))
         assert radius > 1 - 1e-9
         assert 0.1 <= theta <= 2.0
 
@@ -228,7 +229,8 @@ def test_an_infinite_range_needs_a_flow_that_decays() -> None:
     assert obsdesign.investigate(problem(**steady, jump__dwell_time=[0, 9])).verdict == "proved"
     outcome = obsdesign.investigate(problem(**steady, jump__dwell_time=[0, "inf"]))
     assert verdicts(outcome)["hurwitz"] == "refuted"
-    assert outcome.claims[3].evidence["witness"]["eigenvalue"] == {"real": 0.0, "imag": 0.0}
+    claim = next(c for c in outcome.claims if c.id == "hurwitz")
+    assert claim.evidence["witness"]["eigenvalue"] == {"real": 0.0, "imag": 0.0}
 
 
 @pytest.mark.parametrize(
@@ -253,6 +255,7 @@ def test_a_plant_without_jumps() -> None:
     outcome = obsdesign.investigate(obsdesign.Problem.from_dict(body))
     assert verdicts(outcome) == {
         "consistent": "proved", "flow_positive": "proved", "hurwitz": "proved",
+        "sampled_width": "proved",
     }  # fmt: skip
     assert obsdesign.verify(outcome.design).verdict == "proved"
     unstable = copy.deepcopy(body)
@@ -289,8 +292,8 @@ def test_verify_after_a_round_trip_through_text() -> None:
 def test_periodic_width_is_the_limit_of_the_recursion() -> None:
     W, N = np.array([[-1.0, 0.2], [1.0, -3.0]]), np.array([[0.5, 0.1], [0.2, 0.2]])
     f, h, dwell = np.array([0.2, 0.3]), np.array([0.6, 0.1]), 0.8
-    before, after, mean = equations.periodic_width(W, N, f, h, dwell)
-    flow = equations.expm(np.block([[W, f[:, None]], [np.zeros((1, 3))]]) * (dwell / 1000))
+    before, after, mean = periodic_width(W, N, f, h, dwell)
+    flow = expm(np.block([[W, f[:, None]], [np.zeros((1, 3))]]) * (dwell / 1000))
     w, total = np.zeros(2), np.zeros(2)
     for cycle in range(60):
         for _ in range(1000):
@@ -302,11 +305,11 @@ def test_periodic_width_is_the_limit_of_the_recursion() -> None:
     np.testing.assert_allclose(N @ w + h, after, rtol=1e-9)
     np.testing.assert_allclose(total, mean, rtol=1e-5)
     with pytest.raises(ValueError, match="does not settle"):
-        equations.periodic_width(W, 10 * np.eye(2), f, h, 0.1)
+        periodic_width(W, 10 * np.eye(2), f, h, 0.1)
 
 
 def test_refuted_and_undecided_designs_are_not_returned() -> None:
-    with pytest.raises(obsdesign.NotProved, match=r"refuted: at dwell time 0.5 a jump") as error:
+    with pytest.raises(obsdesign.NotProved, match=r"refuted: .* at dwell time 0.5 a jump") as error:
         obsdesign.design(problem(jump__dwell_time=[0.5, "inf"]))
     assert error.value.outcome.verdict == "refuted"
 

@@ -18,6 +18,7 @@ from lmi.hurwitz import prove_hurwitz
 from lmi.proof import prove_common
 from lmi.spectral import refute_spectral
 from obsdesign.equations import interval as equations
+from obsdesign.equations.interval_width import periodic_width, width_system_of
 from obsdesign.runtime.interval import IntervalObserver
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -57,6 +58,12 @@ def pair(name: str) -> tuple[np.ndarray, np.ndarray]:
     return gains["D0"] + gains["D1"], gains["Gp"] + gains["Gn"]
 
 
+def inputs(design: obsdesign.Design) -> tuple[np.ndarray, np.ndarray]:
+    """(f, h) of the width system."""
+    system = width_system_of(design.gains)
+    return system.f, system.h
+
+
 # --- Example 4.1 ------------------------------------------------------------------------------
 
 
@@ -73,6 +80,8 @@ def test_example_41_hypotheses() -> None:
         "hurwitz": "proved",
         "dwell_stability": "proved",
         "rates": "proved",
+        "width": "proved",
+        "sampled_width": "proved",
     }
 
 
@@ -118,7 +127,7 @@ def test_no_gain_beats_ln_2_in_these_coordinates() -> None:
 def test_example_41_widths(dwell: float, before: tuple, after: tuple, mean: tuple) -> None:
     design = obsdesign.design(obsdesign.load_problem(EXAMPLES / "degue_4_1.toml"))
     W, N = pair("degue_4_1")
-    widths = equations.periodic_width(W, N, *equations.width_inputs(dict(design.gains)), dwell)
+    widths = periodic_width(W, N, *inputs(design), dwell)
     for ours, known in zip(widths, (before, after, mean), strict=True):
         np.testing.assert_allclose(ours, known, atol=TABLE_DIGITS)
 

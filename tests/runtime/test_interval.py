@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Mapping
 
 import numpy as np
 import pytest
@@ -14,7 +15,8 @@ from hypothesis import strategies as st
 from obsdesign.plant import Flow, Jump, Output, Plant
 from obsdesign.runtime import Sample
 from obsdesign.runtime.interval import IntervalObserver
-from obsdesign.runtime.interval_steps import StepMap
+from obsdesign.runtime.interval_kernel import Kernel
+from obsdesign.runtime.interval_steps import BoxMap
 from tests.runtime.random_interval import (
     SIMULATION_ROUNDING,
     observer_for,
@@ -40,7 +42,7 @@ def test_the_twin_a_slope_taken_for_zero_is_caught() -> None:
     observer = observer_for(plant, np.array([[1.0], [2.0]]), np.zeros((2, 1)))
     state = observer.init(0.0, lower=[1, 0], upper=[1, 0])
     state, _ = observer.step(state, Sample(0.0, y=[1.0]))
-    held = dataclasses.replace(state, y=np.array([0.0]))  # a y that x(0) did not give
+    held = state._replace(y=np.array([0.0]))  # a y that x(0) did not give
     _, estimate = observer.step(held, Sample(0.1, y=[1.0]))
     x = np.array([math.cos(0.2), -2 * math.sin(0.2)])
     assert not (np.all(estimate.lower <= x) and np.all(x <= estimate.upper))
@@ -93,13 +95,11 @@ def rounding_case(observer_of) -> bool:
 class WithoutMargin(IntervalObserver):
     """The same matrices, but nothing added for rounding."""
 
-    def _maps(self, h: float, size: float) -> dict[str, StepMap]:
-        n = self.n
-        return {
-            name: StepMap(m.centre_map, np.hstack([m.radius_map[:, :n], 0 * m.radius_map[:, n:]]),
-                          m.measured)
-            for name, m in super()._maps(h, size).items()
-        }  # fmt: skip
+    def _kernel(self, name: str, maps: Mapping[str, BoxMap]) -> Kernel:
+        whole = super()._kernel(name, maps)
+        rows = whole.rows.copy()
+        rows[:, whole.middle :] = 0.0
+        return dataclasses.replace(whole, rows=rows)
 
 
 def test_bounds_of_no_width_contain_the_exact_state() -> None:

@@ -1,0 +1,250 @@
+"""Positive systems with two kinds of events: samples at a fixed period, jumps in between; proved.
+
+    u' = W u + f             between events
+    u+ = K u + k             every h, at samples
+    u+ = N u + j             at jumps, with times between them in [low, high]
+
+From just after a sample, m periods without a jump and then one with a jump at the offset s lead to
+
+    p_0 = p,  p_{i+1} = K u_{p_i}(h) + k,      psi(s) = K u_{N u_{p_m}(s) + j}(h - s) + k
+
+and if psi(s) < p for every s and every m that the range of dwell times allows, p is not exceeded at
+the sample after a jump, and drawn to: the strict inequality contracts what is outside. One jump at
+most falls in a period (low >= h). Ball arithmetic, no solver.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from lmi.balls import (
+    Exact,
+    ball,
+    exact,
+    exp_around,
+    exp_times,
+    number,
+    precision,
+    rational,
+    upper_ends,
+)
+from lmi.tube import Affine, prove_below
+from lmi.verdict import Verdict, proved, undecided
+
+_BITS = 128
+_STEPS = 400
+MOST_PERIODS = 4000
+_SHORTEST = 2.0**-30  # of a period
+
+
+@dataclass(frozen=True)
+class Interleaved:
+    """Exact matrices; N, j None without jumps. period, low, high: floats, taken exactly."""
+
+    W: Exact
+    f: Exact
+    K: Exact
+    k: Exact
+    N: Exact | None
+    j: Exact | None
+    period: float
+    low: float
+    high: float
+
+    @staticmethod
+    def of(system: Any, period: float, low: float, high: float) -> Interleaved:
+        """From an object with W, f, K, k, N, h (N, h None without jumps)."""
+        W, f, K, k = (exact(X) for X in (system.W, system.f, system.K, system.k))
+        N, j = (None if X is None else exact(X) for X in (system.N, system.h))
+        return Interleaved(W, f, K, k, N, j, period, low, high)
+
+    @property
+    def periods(self) -> tuple[int, float]:
+        """Fewest and most periods without a jump between two that hold one."""
+        h = rational(self.period)
+        fewest = max(1, int((rational(self.low) / h).floor())) - 1
+        if math.isinf(self.high):
+            return fewest, math.inf
+        return fewest, max(int((rational(self.high) / h).ceil()) - 1, fewest)
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """What is to be proved; exact. p (n,): after the sample that follows a jump (without jumps:
+    after samples); sampled, jumped (n,): after any sample and after any jump; always (q,): X u.
+    """
+
+    p: Exact
+    sampled: Exact
+    jumped: Exact | None
+    always: Exact
+
+
+def prove_interleaved(system: Interleaved, X: Exact, bounds: Bounds) -> Verdict:
+    """p is a tube and the other bounds hold in it, for every sequence of jumps; or undecided."""
+    n = len(system.f)
+    parts = [system.W[~np.eye(n, dtype=bool)], system.f, system.K, system.k]
+    parts += [] if system.N is None or system.j is None else [system.N, system.j]
+    entries: list[Any] = [x for part in parts for x in part.flat]
+    if any(x < 0 for x in entries) or not all(x > 0 for x in bounds.p):
+        return undecided("the system, or the tube, is not positive")
+    with precision(_BITS), np.errstate(all="ignore"):
+        verdict = _samples(system, bounds) if system.N is None else _cycles(system, bounds)
+    if verdict.outcome != "proved":
+        return verdict
+    for start in (bounds.sampled, bounds.jumped):
+        if start is not None:
+            between = prove_below(
+                Affine(system.W, system.f, start), X, bounds.always, 0.0, system.period
+            )
+            if between.outcome != "proved":
+                return between
+    return verdict
+
+
+def _samples(system: Interleaved, bounds: Bounds) -> Verdict:
+    """Without jumps: K u_p(h) + k < p <= sampled."""
+    after = _augmented(system.K, system.k) * exp_times(_generator(system), system.period)
+    if not _below(after * _column(bounds.p), bounds.p):
+        return undecided("the width after a sample is not below the tube one period later")
+    if not all(a >= b for a, b in zip(bounds.sampled, bounds.p, strict=True)):
+        return undecided("the bound after samples is below the tube")
+    return proved(method="one period in balls")
+
+
+def _cycles(system: Interleaved, bounds: Bounds) -> Verdict:
+    assert system.N is not None
+    assert system.j is not None
+    assert bounds.jumped is not None
+    if system.low < system.period:
+        return undecided(
+            f"the shortest dwell time {system.low!r} is below the sampling period "
+            f"{system.period!r}: several jumps may fall between two samples"
+        )
+    Z = _generator(system)
+    sample = _augmented(system.K, system.k) * exp_times(Z, system.period)
+    fewest, most = system.periods
+    widest, m = None, 0
+    p = _column(bounds.p)
+    while True:
+        if not _below(p, bounds.sampled, strictly=False):
+            return undecided(f"the bound after samples fails {m} periods after a jump")
+        if m >= fewest:
+            widest = _uppermost(p, widest)
+        following = sample * p
+        if _falls(following, p) and m >= fewest:
+            break  # and goes on falling: sample is monotone
+        if m >= most:
+            break
+        p, m = following, m + 1
+        if m > MOST_PERIODS:
+            return undecided(f"the width still grows {MOST_PERIODS} periods after a jump")
+    if math.isinf(most) and not _falls(following, p):
+        return undecided("the width does not fall from sample to sample")
+    assert widest is not None
+    jump = _augmented(system.N, system.j)
+    verdict = _offsets(system, Z, jump, widest, bounds.p)
+    if verdict.outcome != "proved":
+        return verdict
+    before = prove_below(
+        Affine(system.W, system.f, exact(widest)), system.N, bounds.jumped - system.j, 0.0,
+        system.period,
+    )  # fmt: skip
+    if before.outcome != "proved":
+        return before
+    return proved(method="cycles in balls", periods=m, steps=verdict.evidence["steps"])
+
+
+def _offsets(system: Interleaved, Z: Exact, jump: Any, start: Any, bound: Exact) -> Verdict:
+    """psi(s) < bound for every offset s in [0, h], by the mean value form."""
+    flow, h = ball(Z), system.period
+    sample = _augmented(system.K, system.k)
+    commutator = jump * flow - flow * jump
+    column = _column(exact(start))
+    at, step = 0.0, h / 4
+    for count in range(1, _STEPS + 1):
+        if at >= h:
+            return proved(steps=count)
+        end = min(at + step, h)
+        middle = at + 0.5 * (end - at)
+        reach = math.nextafter(max(middle - at, end - middle), math.inf)
+        # h - middle is rounded: what is wrong with it is within an ulp
+        rest = exp_times(Z, h - middle) * exp_around(Z, math.ulp(h))
+        late, early = sample * rest, exp_times(Z, middle) * column
+        around = exp_around(Z, reach)
+        value = (late * jump * early).entries()
+        slope = (late * around * commutator * around * early).entries()
+        total = [x + abs(y) * number(reach) for x, y in zip(value, slope, strict=True)]
+        if all(bool(x < b) for x, b in zip(total, ball(bound[:, None]).entries(), strict=False)):
+            at, step = end, step * 1.7
+        else:
+            step *= 0.5
+            if step < _SHORTEST * h:
+                return undecided(
+                    f"the tube fails, or nearly fails, for jumps {at!r} after a sample"
+                )
+    return undecided(f"{_STEPS} steps did not reach the end of the period")
+
+
+def _generator(system: Interleaved) -> Exact:
+    return Affine(system.W, system.f, system.f).generator
+
+
+def _augmented(A: Exact, b: Exact) -> Any:
+    """u -> A u + b on (u, 1)."""
+    n = len(b)
+    whole = exact(np.eye(n + 1))
+    whole[:n, :n], whole[:n, n] = A, b
+    return ball(whole)
+
+
+def _column(p: Exact) -> Any:
+    return ball(np.append(p, exact([1.0]))[:, None])
+
+
+def _below(column: Any, bound: Exact, strictly: bool = True) -> bool:
+    pairs = zip(column.entries(), ball(bound[:, None]).entries(), strict=False)
+    return all(bool(x < b) if strictly else bool(x <= b) for x, b in pairs)
+
+
+def _falls(following: Any, p: Any) -> bool:
+    pairs = list(zip(following.entries(), p.entries(), strict=True))[:-1]
+    return all(bool(x < y) for x, y in pairs)
+
+
+def _uppermost(p: Any, so_far: Any) -> Any:
+    """Entrywise upper bound of the columns seen, as floats."""
+    here = upper_ends(p).reshape(-1)[:-1]
+    return here if so_far is None else np.maximum(here, so_far)
+
+
+def sampled_flow(
+    W: Exact, L: Exact, CA: Exact, A: Exact, C: Exact, b: Exact, h: float
+) -> tuple[Exact, Exact] | None:
+    """(W_h, f_h) >= 0 to be added to W and f where an output is known at samples at most h apart.
+
+    What the output does between samples enters like |L| sig with sig' = CA rho + C b,
+    rho' = A rho + b, rho(0) the width at the sample, which is at most e^{-W_ii s} times the one s
+    later. L, CA, C: nonnegative; A Metzler (absolute values of the plant's); rounded up. None
+    if they overflow.
+    """
+    n, p = len(A), len(CA)
+    zero = exact(np.zeros((n + p + 2, n + p + 2)))
+    rho, sig = slice(n), slice(n, n + p)
+    # [rho; sig; 1] for the part that rho(0) drives, and the same with b
+    zero[rho, rho], zero[sig, rho] = A, CA
+    zero[rho, -1], zero[sig, -1] = b, C @ b
+    with precision(_BITS):
+        whole = upper_ends(exp_times(zero, h))
+        decay = exact(np.diag([min(float(x.p) / float(x.q), 0.0) * 1.000001 for x in np.diag(W)]))
+        back = upper_ends(exp_times(-decay, h))
+    if not (np.isfinite(whole).all() and np.isfinite(back).all()):
+        return None
+    gain = exact(np.maximum(whole[sig, rho], 0.0))
+    drift = exact(np.maximum(whole[sig, -1], 0.0))
+    slowed = exact(np.maximum(back, 0.0) * np.eye(n))
+    return L @ gain @ slowed, L @ drift

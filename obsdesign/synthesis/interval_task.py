@@ -1,0 +1,238 @@
+"""The synthesis of gains in given coordinates: what is open, what it costs, what gains achieve.
+
+In z, x = S z, the width system of gains (L, M) is
+
+    W = Mz(A - L C),  N = |G - M C_J|,  f = f0 + 2 |L| V,  h = h0 + 2 |M| V
+
+with every matrix in z; C_J is what the measurement at a jump sees of the state before it. A gain
+that is given is part of A and f0 (of G and h0), and nothing is open there.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lmi.exponential import expm
+from lmi.families import Edge
+from obsdesign.equations.estimation_error import idle_gains
+from obsdesign.equations.interval import absolute_metzler
+from obsdesign.equations.interval_width import WidthSystem, periodic_width
+from obsdesign.problem import Problem
+
+Matrix = NDArray[np.float64]
+
+# caps of the gains where none is given, in multiples of the plant's own size: the width goes on
+# shrinking, ever more slowly, as gains grow, and a limit may be approached only by endless gains
+_DEFAULT_LIMIT = {"narrowest": 20.0, "shortest_dwell": 100.0, "feasible": 1000.0}
+_POINTS = 32
+# negative entries below this share of the largest are rounding of a zero that was aimed at
+ROUNDING = 1e-12
+
+
+@dataclass(frozen=True)
+class Task:
+    """Everything in z. open_L, open_M: is the gain free; limit_L, limit_M: (n, p), may be inf.
+
+    positive: form `cooperative`, A - L C Metzler and G - M C_J >= 0; weights (n,): of the width.
+    low, high: dwell times (inf, inf without jumps). S: (n, n); L0, M0: given gains, in z.
+    """
+
+    A: Matrix
+    G: Matrix | None
+    C: Matrix
+    C_jump: Matrix
+    f0: Matrix
+    h0: Matrix
+    V: Matrix
+    low: float
+    high: float
+    open_L: bool
+    open_M: bool
+    limit_L: Matrix
+    limit_M: Matrix
+    positive: bool
+    weights: Matrix
+    S: Matrix
+    L0: Matrix
+    M0: Matrix
+
+    def gains(self, L: Matrix, M: Matrix) -> tuple[Matrix, Matrix]:
+        """(L, M) in the plant's coordinates, for those found in z."""
+        return self.S @ (self.L0 + L), self.S @ (self.M0 + M)
+
+    def system(self, L: Matrix, M: Matrix) -> WidthSystem:
+        """The width system of gains in z."""
+        W = absolute_metzler(self.A - L @ self.C)
+        N = None if self.G is None else np.abs(self.G - M @ self.C_jump)
+        f, h = self.f0 + 2 * np.abs(L) @ self.V, self.h0 + 2 * np.abs(M) @ self.V
+        return WidthSystem(W, f, N, None if N is None else h, None, None, np.abs(self.S))
+
+    def admissible(self, L: Matrix, M: Matrix) -> bool:
+        """Signs (form `cooperative`) and limits."""
+        if np.any(np.abs(L) > self.limit_L * (1 + ROUNDING)):
+            return False
+        if np.any(np.abs(M) > self.limit_M * (1 + ROUNDING)):
+            return False
+        if not self.positive:
+            return True
+        F = self.A - L @ self.C
+        off = F[~np.eye(len(F), dtype=bool)]
+        if off.size and off.min() < -ROUNDING * np.abs(F).max():
+            return False
+        if self.G is None:
+            return True
+        H = self.G - M @ self.C_jump
+        return bool(H.min() >= -ROUNDING * np.abs(self.G).max())
+
+
+def task_of(problem: Problem, positive: bool, S: Matrix | None, given: Mapping[str, Any]) -> Task:
+    """The task in coordinates S (None: the plant's own); `given` holds L, M as far as fixed."""
+    plant = problem.plant
+    n, p = plant.n, plant.p
+    basis = np.eye(n) if S is None else S
+    inward = np.linalg.inv(basis)
+    C, V = plant.output.C, plant.output.noise_bound
+    idle = idle_gains(plant)
+    L, M = (np.asarray(given.get(name, np.zeros((n, p)))) for name in ("L", "M"))
+    G, low, high = None, math.inf, math.inf
+    C_jump, h0 = C, np.zeros(n)
+    if plant.jump is not None:
+        low, high = problem.require_dwell_time()
+        C_jump = C @ plant.jump.G if plant.output.jump_measurement == "after" else C
+        G = inward @ (plant.jump.G - M @ C_jump) @ basis
+        h0 = np.abs(inward) @ (plant.jump.upper - plant.jump.lower) + 2 * np.abs(inward @ M) @ V
+    f0 = np.abs(inward) @ (plant.flow.upper - plant.flow.lower) + 2 * np.abs(inward @ L) @ V
+    limit_L, limit_M = _limits(problem, basis)
+    return Task(
+        A=inward @ (plant.flow.A - L @ C) @ basis, G=G, C=C @ basis, C_jump=C_jump @ basis,
+        f0=f0, h0=h0, V=V, low=low, high=high,
+        open_L="L" not in given and "L" not in idle, open_M="M" not in given and "M" not in idle,
+        limit_L=limit_L, limit_M=limit_M, positive=positive,
+        weights=np.abs(basis).sum(axis=0), S=basis, L0=inward @ L, M0=inward @ M,
+    )  # fmt: skip
+
+
+def sampling_task(problem: Problem, S: Matrix | None, given: Mapping[str, Any]) -> Task:
+    """The gain at samples as the gain of a jump with G = I that happens every period.
+
+    `gains` and the goals then speak of it as M; L stays zero. Real jumps only add to the width
+    whatever the gain.
+    """
+    plant = problem.plant
+    n, p = plant.n, plant.p
+    basis = np.eye(n) if S is None else S
+    inward = np.linalg.inv(basis)
+    C, V, L = plant.output.C, plant.output.noise_bound, given.get("L", np.zeros((n, p)))
+    f0 = np.abs(inward) @ (plant.flow.upper - plant.flow.lower)
+    cap = _limits(problem, basis)[1]
+    if problem.options.get("gain_limit") is None:
+        cap = cap / max(1.0, float(np.abs(plant.jump.G).max()) if plant.jump else 1.0)
+    period = float(problem.require("output.period"))
+    return Task(
+        A=inward @ plant.flow.A @ basis, G=inward @ (np.eye(n) - L @ C) @ basis, C=C @ basis,
+        C_jump=C @ basis, f0=f0, h0=2 * np.abs(inward @ L) @ V, V=V, low=period, high=period,
+        open_L=False, open_M="L" not in given, limit_L=cap, limit_M=cap, positive=False,
+        weights=np.abs(basis).sum(axis=0), S=basis, L0=0 * L, M0=inward @ L,
+    )  # fmt: skip
+
+
+def _limits(problem: Problem, basis: Matrix) -> tuple[Matrix, Matrix]:
+    """Caps of L and M in z so that |S L|, |S M| stay below the one asked for."""
+    plant = problem.plant
+    shape = (plant.n, plant.p)
+    asked = problem.options.get("gain_limit")
+    if asked is not None:
+        cap = np.full(shape, float(asked) / np.abs(basis).sum(axis=1).max())
+        if not np.array_equal(basis, np.eye(len(basis))):
+            cap *= 1 - ROUNDING  # S L is rounded
+        return cap, cap
+    factor = _DEFAULT_LIMIT[str(problem.options.get("objective", "feasible"))]
+    size = max(float(np.abs(plant.output.C).max()), 1e-300) * np.abs(basis).sum(axis=1).max()
+    jump = 1.0 if plant.jump is None else float(np.abs(plant.jump.G).max())
+    return (
+        np.full(shape, factor * float(np.abs(plant.flow.A).max()) / size),
+        np.full(shape, factor * max(jump, 1.0) / size),
+    )
+
+
+def thetas_of(task: Task, W: Matrix, low: float) -> Matrix:
+    """Dwell times to look at: more of them near the shortest."""
+    last = Edge(W, np.eye(len(W)), low, task.high).last
+    return low + (last - low) * np.linspace(0.0, 1.0, _POINTS) ** 2
+
+
+def radii(task: Task, system: WidthSystem, low: float) -> tuple[Matrix, Matrix]:
+    """(dwell times, spectral radius of e^{W theta} N at each)."""
+    thetas = thetas_of(task, system.W, low)
+    maps = expm(system.W * thetas[:, None, None]) @ system.at_jumps[0]
+    good = np.isfinite(maps).all(axis=(1, 2))
+    found = np.full(len(thetas), np.inf)
+    found[good] = np.abs(np.linalg.eigvals(maps[good])).max(axis=1)
+    return thetas, found
+
+
+def growth(task: Task, L: Matrix, M: Matrix) -> float:
+    """The largest spectral radius over the range (the slowest mode, where jumps may stay away)."""
+    system = task.system(L, M)
+    with np.errstate(all="ignore"):
+        slow = float(np.linalg.eigvals(system.W).real.max())
+        if system.N is None:
+            return math.exp(min(slow, 700.0))
+        worst = float(radii(task, system, task.low)[1].max())
+    return max(worst, math.exp(min(slow, 700.0))) if math.isinf(task.high) else worst
+
+
+def mean_width(task: Task, L: Matrix, M: Matrix) -> float:
+    """Weighted time average of the width, at the worse end of the range; inf if it grows."""
+    system = task.system(L, M)
+    if (system.N is None or task.low < task.high) and growth(task, L, M) >= 1:
+        return math.inf
+    with np.errstate(all="ignore"):
+        settled = (
+            task.weights @ np.linalg.solve(-system.W, system.f) if task.high == math.inf else 0
+        )
+        if system.N is None:
+            return float(settled)
+        N, h = system.at_jumps
+        means = [float(settled)]
+        for theta in {task.low, task.high} - {0.0, math.inf}:
+            try:
+                mean = periodic_width(system.W, N, system.f, h, theta)[2]
+            except (ValueError, np.linalg.LinAlgError):
+                return math.inf
+            means.append(float(task.weights @ mean))
+    if task.low == 0:  # jumps may follow each other at once
+        try:
+            means.append(float(task.weights @ np.linalg.solve(np.eye(len(N)) - N, h)))
+        except np.linalg.LinAlgError:
+            return math.inf
+    return max(means) if all(math.isfinite(x) for x in means) else math.inf
+
+
+def shortest(task: Task, L: Matrix, M: Matrix) -> float:
+    """The shortest dwell time from which on all constant ones contract, in floats; inf if none.
+
+    Where all do, the largest growth minus one, which is negative: the more room the better.
+    """
+    system = task.system(L, M)
+    with np.errstate(all="ignore"):
+        if math.isinf(task.high) and np.linalg.eigvals(system.W).real.max() >= 0:
+            return math.inf
+        thetas, found = radii(task, system, 0.0)
+        bad = np.flatnonzero(found >= 1)
+        if not bad.size:
+            return float(found.max()) - 1.0
+        if bad[-1] == len(thetas) - 1:
+            return math.inf
+        left, right = thetas[bad[-1]], thetas[bad[-1] + 1]
+        for _ in range(40):
+            middle = 0.5 * (left + right)
+            radius = np.abs(np.linalg.eigvals(expm(system.W * middle) @ system.at_jumps[0])).max()
+            left, right = (middle, right) if radius >= 1 else (left, middle)
+    return float(right)

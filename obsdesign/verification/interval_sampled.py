@@ -1,0 +1,125 @@
+"""Interval observers with samples: stability and width where samples are events, step limits."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+from lmi.balls import exact, inverse, to_float
+from lmi.hurwitz import prove_hurwitz
+from lmi.interleaved import Bounds, Interleaved, prove_interleaved, sampled_flow
+from lmi.spectral import refute_spectral
+from lmi.verdict import Verdict, undecided
+from obsdesign.document import Claim
+from obsdesign.equations.interval_sampling import slope_scheme
+from obsdesign.equations.interval_width import WidthSystem
+from obsdesign.verification.dwell import Dwell
+from obsdesign.verification.interval_width import limit_claim, shown, vectors, width_claim
+
+
+def samples_claim(
+    system: WidthSystem, gains: Mapping[str, Any], proposed: Mapping[str, Any], source: str
+) -> Claim:
+    """Samples as events: bounded width for every sequence of jumps between them.
+
+    proposed: "tube", "sampled", "always" and, with jumps, "jumped"; checked, not believed.
+    """
+    period = float(gains["period"])
+    low, high = (float(end) for end in gains.get("dwell_time", (math.inf, math.inf)))
+    ends = (low, high)
+    names = ("tube", "sampled", "always") + (() if system.N is None else ("jumped",))
+    found = vectors(proposed, names, len(system.f))
+    verdict = undecided("no tube was given or found for samples and jumps between them")
+    if found is not None:
+        verdict = _proof(system, period, ends, found)
+    if verdict.outcome == "proved" and found is not None:
+        widths = {name: to_float(found[name]).tolist() for name in names}
+        if system.N is not None:
+            widths["after_jump"] = to_float(system.out @ found["jumped"]).tolist()
+        widths["after_sample"] = to_float(system.out @ found["sampled"]).tolist()
+        verdict = Verdict("proved", {**widths, **verdict.evidence})
+    elif system.K is not None and (system.N is None or math.isinf(high)):
+        counter = refute_spectral(system.W, system.K, period, period)
+        verdict = counter if counter.outcome == "refuted" else verdict
+    jumps = "" if system.N is None else f" and jumps with dwell times in {Dwell(*ends)}"
+    statement = (
+        f"with a sample every {period!r}{jumps}, the width stays bounded: a tube that "
+        "w' = W w + f, w+ = K w + k at samples and w+ = N w + h at jumps do not leave and are "
+        "drawn to"
+    )
+    return Claim("sampled_stability", statement, source, verdict.outcome, verdict.evidence)
+
+
+def _proof(
+    system: WidthSystem, period: float, ends: tuple[float, float], found: Mapping[str, Any]
+) -> Verdict:
+    question = Interleaved.of(system, period, *ends)
+    bounds = Bounds(found["tube"], found["sampled"], found.get("jumped"), found["always"])
+    return prove_interleaved(question, exact(system.out), bounds)
+
+
+def spacing_claim(
+    system: WidthSystem,
+    gains: Mapping[str, Any],
+    ends: tuple[float, float],
+    proposed: Mapping[str, Any],
+    source: str,
+) -> tuple[Claim, ...]:
+    """A continuous y known at samples: the width for all spacings up to a limit; extra."""
+    limit = proposed.get("step_limit")
+    if not isinstance(limit, float) or not 0 < limit < math.inf:
+        return ()
+    L, CA, A, C, b = slope_scheme(gains, exact, inverse)
+    added = sampled_flow(exact(system.W), L, CA, A, C, b, limit)
+    if added is None:
+        return ()
+    spaced = replace(system, W=system.W + added[0], f=system.f + added[1])
+    if system.N is None:
+        claims = limit_claim(spaced, proposed, source)
+    else:
+        claims = width_claim(spaced, ends, proposed, source)
+    flow = prove_hurwitz(spaced.W) if math.isinf(ends[1]) else None
+    return tuple(_spaced(claim, limit, flow) for claim in claims)
+
+
+def _spaced(claim: Claim, limit: float, flow: Verdict | None) -> Claim:
+    evidence = {"step_limit": limit, **claim.evidence}
+    verdict = claim.verdict
+    if verdict == "proved" and flow is not None and flow.outcome != "proved":
+        verdict, evidence = "undecided", {**evidence, "reason": "the flow does not decay"}
+    evidence.pop("constant_dwell", None)
+    statement = f"with a sample at every step of at most {limit!r}: {claim.statement}"
+    return Claim("sampled_width", statement, claim.source, verdict, evidence)
+
+
+def sampled_sentences(found: tuple[Claim, ...]) -> list[tuple[str, list[str]]]:
+    """The guarantees of proved claims about samples, and the claims behind them."""
+    told = []
+    for claim in found:
+        if claim.verdict != "proved":
+            continue
+        evidence = claim.evidence
+        if claim.id == "sampled_stability":
+            text = (
+                f"With a sample in every period the width comes to at most "
+                f"{shown(evidence['after_sample'])} after samples and {shown(evidence['always'])} "
+                "at any time."
+            )
+            told.append((text, ["sampled_stability"]))
+        if claim.id == "sampled_width":
+            text = (
+                f"With samples at most {evidence['step_limit']:.6g} apart, at jumps and irregular "
+                f"ones too, the width comes to at most {shown(evidence['always'])} at any time."
+            )
+            told.append((text, ["sampled_width"]))
+    return told
+
+
+def no_spacing() -> str:
+    """What is said where no step limit is proved."""
+    return (
+        "A bounded width for samples at a given spacing is not claimed: the spacing must be "
+        "small against 1/(|L||CA|)."
+    )

@@ -1,0 +1,45 @@
+"""Random plants for each form: does the state leave its bounds, or a width the proved one?
+
+    python scripts/random_interval_forms.py [PLANTS] [FIRST_SEED]       default 200 plants a form
+
+Two to six states, several outputs, extreme and random disturbances. Prints verdicts, the largest
+violation and how many proved widths were checked; exits with 1 if anything is violated.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections import Counter
+from concurrent.futures import ProcessPoolExecutor
+from itertools import repeat
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent.parent))
+
+from tests.interval.random_plants import FORMS, ROUNDING, trial
+
+
+def main() -> int:
+    plants = int(sys.argv[1]) if len(sys.argv) > 1 else 200
+    first = int(sys.argv[2]) if len(sys.argv) > 2 else 0
+    good = True
+    with ProcessPoolExecutor(2) as pool:
+        for form in FORMS:
+            found = list(pool.map(trial, repeat(form, plants), range(first, first + plants)))
+            widths = [one.wider for one in found if one.wider is not None]
+            bad = [
+                first + k
+                for k, one in enumerate(found)
+                if one.beyond > ROUNDING or (one.wider is not None and one.wider > ROUNDING)
+            ]
+            good &= not bad
+            verdicts = dict(Counter(one.verdict for one in found))
+            beyond = max(one.beyond for one in found)
+            print(f"{form:16s} {verdicts}: beyond the bounds by {beyond:.1e}; "
+                  f"{len(widths)} proved widths, exceeded by {max([0.0, *widths]):.1e}; "
+                  f"violated: {bad or 'none'}", flush=True)  # fmt: skip
+    return 0 if good else 1
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
