@@ -1,0 +1,192 @@
+"""Impulsive observers: every hypothesis of Theorem 3.1 about given gains, proved for all spacings.
+
+Source: E. A. Medina, D. A. Lawrence, State Estimation for Linear Impulsive Systems. The claims
+speak about the stored binary64 numbers; strong observability is proved with a margin, for every
+sequence of spacings in `jump.dwell_time` (Definition 2.3 restricted to it, as its proofs use it).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from lmi.balls import exact
+from lmi.deficient import MARGIN, check_deficient, decide_full_rank, prove_again
+from lmi.stack import Stack
+from lmi.verdict import Verdict, proved, refuted, undecided
+from obsdesign.document import Claim
+from obsdesign.equations import impulsive as equations
+from obsdesign.equations.estimation_error import plant_data
+from obsdesign.problem import Problem
+from obsdesign.verification.consistency import consistency
+from obsdesign.verification.dwell import range_text
+
+PAPER = "Medina, Lawrence, State Estimation for Linear Impulsive Systems"
+_MATRICES = ("A", "C", "G", "image", "coimage", "basis", "core_A", "core_C", "core_G")
+
+
+def claims(
+    problem: Problem,
+    gains: Mapping[str, Any],
+    certificates: Mapping[str, Mapping[str, Any]],
+    *,
+    paranoid: bool = False,
+) -> tuple[Claim, ...]:
+    """All hypotheses of the design's theorem, each with its verdict.
+
+    certificates: {"strongly_observable": {"floor"} or {"witness"}} and what the strategies add.
+    """
+    objection = equations.objection(problem.plant) or _unreadable(gains)
+    agreement = consistency(objection, gains, {} if objection else expected_gains(problem, gains))
+    if agreement.verdict != "proved":
+        return (agreement,)
+    low, high = problem.require_dwell_time()
+    bounded = _bounded(high)
+    if bounded.verdict != "proved":
+        return agreement, bounded
+    numbers = dict(gains) | {name: exact(gains[name]) for name in _MATRICES if name in gains}
+    found = [agreement, bounded]
+    core = equations.core_of(numbers)
+    if core.U is not None:
+        found.append(_image(numbers))
+    certificate = certificates.get("strongly_observable", {})
+    found.append(_observable(problem, core, int(gains["window"]), certificate))
+    return tuple(found)
+
+
+def expected_gains(problem: Problem, gains: Mapping[str, Any]) -> dict[str, Any]:
+    """Entries of `gains` and what the problem says of them: a value, or the shape it must have."""
+    n, p = problem.plant.n, problem.plant.p
+    asked = problem.options.get("strategy", "auto")
+    words = set(equations.STRATEGIES) if asked == "auto" else {asked}
+    expected: dict[str, Any] = plant_data(problem.plant) | {"strategy": words}
+    strategy, d = gains["strategy"], n
+    if strategy == "quadratic":
+        cells = len(gains["cells"])
+        return expected | {"cells": (cells,), "table": (cells - 1, n, p)}
+    if strategy == "subspace":
+        d = int(gains["core_place"][1])
+        expected |= {"basis": (n, n), "core_place": (2,)}
+        expected |= {"core_A": (d, d), "core_C": (p, d), "core_G": (d, d)}
+    if strategy == "compressed" or "image" in gains:
+        r = np.shape(gains["image"])[-1]
+        expected |= {"image": (d, r), "coimage": (r, d)}
+    for name in ("window", "alpha"):
+        expected[name] = problem.options.get(name, gains[name])
+    return expected
+
+
+def _unreadable(gains: Mapping[str, Any]) -> str | None:
+    """What makes gains useless before they are compared; one sentence."""
+    strategy = gains.get("strategy")
+    if strategy not in equations.STRATEGIES:
+        return f"gains.strategy must be one of {', '.join(equations.STRATEGIES)}"
+    needed = {
+        "full": (),
+        "compressed": ("image",),
+        "subspace": ("core_place",),
+        "quadratic": ("cells",),
+    }[strategy]
+    for name in needed:
+        if not isinstance(gains.get(name), np.ndarray) or not gains[name].size:
+            return f"gains.{name} is missing"
+    if strategy == "quadratic":
+        return None
+    window, alpha = gains.get("window"), gains.get("alpha")
+    if type(window) is not int or window < 1:
+        return "gains.window must be a whole number >= 1"
+    if type(alpha) is not float or not 1 < alpha < math.inf:
+        return "gains.alpha must be a number > 1"
+    return None
+
+
+def _bounded(high: float) -> Claim:
+    verdict = proved(longest=high)
+    if math.isinf(high):
+        reason = (
+            "jump.dwell_time has no longest spacing: the bounds of the window, and with them "
+            "uniform convergence, need one; give a finite jump.dwell_time[1]"
+        )
+        verdict = refuted({"entry": "jump.dwell_time", "longest": "inf", "reason": reason})
+    return Claim(
+        "bounded_spacing",
+        "the time between impulses has an upper bound",
+        f"{PAPER}, Assumption 2.1",
+        verdict.outcome,
+        verdict.evidence,
+    )
+
+
+def _image(numbers: Mapping[str, Any]) -> Claim:
+    G = numbers.get("core_G", numbers["G"])
+    remainder = G - numbers["image"] @ numbers["coimage"]
+    verdict = proved(exact=True)
+    if any(value != 0 for value in remainder.flat):
+        verdict = undecided("G differs from image @ coimage")
+    return Claim(
+        "image",
+        "G equals image @ coimage: after an impulse the error lies in the image",
+        f"{PAPER}, Theorem 3.1, compressed to the image of the jump",
+        verdict.outcome,
+        verdict.evidence,
+    )
+
+
+def window_stack(core: equations.Core, window: int) -> Stack:
+    """The window matrix of an exact core as a stack over its spacings."""
+    start = exact(np.eye(len(core.A))) if core.U is None else core.U
+    return Stack(core.A, core.J, core.C, start, window, flows_first=core.U is not None)
+
+
+def _observable(
+    problem: Problem, core: equations.Core, window: int, certificate: Mapping[str, Any]
+) -> Claim:
+    low, high = problem.require_dwell_time()
+    stack = window_stack(core, window)
+    verdict = full_rank(stack, low, high, certificate)
+    verdict = _admissible(verdict, problem)
+    what = "states" if core.U is None else "states after an impulse"
+    return Claim(
+        "strongly_observable",
+        f"any {window} impulses in a row tell all {what} apart, for every sequence of spacings in "
+        f"{range_text(low, high)}: the window matrix has full column rank, its smallest singular "
+        f"value above {MARGIN:g} of that at usual spacings",
+        f"{PAPER}, Definition 2.3, Lemma 2.6",
+        verdict.outcome,
+        verdict.evidence,
+    )
+
+
+def full_rank(stack: Stack, low: float, high: float, certificate: Mapping[str, Any]) -> Verdict:
+    """The proof again from what a finder left: a floor, or a witness; from scratch without."""
+    floor, witness = certificate.get("floor"), certificate.get("witness")
+    if isinstance(witness, Mapping):
+        verdict = check_deficient(stack, low, high, witness)
+        if verdict.outcome == "refuted":
+            return verdict
+    if not isinstance(floor, float) or not 0 <= floor < math.inf:
+        return decide_full_rank(stack, low, high)
+    verdict = prove_again(stack, low, high, floor)
+    seen = {key: certificate[key] for key in ("approx_sigma_min", "approx_worst", "floor")
+            if key in certificate}  # fmt: skip
+    return Verdict(verdict.outcome, {**seen, **verdict.evidence})
+
+
+def _admissible(verdict: Verdict, problem: Problem) -> Verdict:
+    """A witness must keep to the jitter that is allowed from one spacing to the next."""
+    jump = problem.plant.jump
+    thetas = verdict.evidence.get("witness", {}).get("thetas", ())
+    if jump is None or verdict.outcome != "refuted":
+        return verdict
+    if all(abs(b - a) <= jump.dwell_jitter for a, b in zip(thetas[:-1], thetas[1:], strict=True)):
+        return verdict
+    return undecided("the only spacings found that defeat it change by more than dwell_jitter",
+                     **verdict.evidence)  # fmt: skip
+
+
+def guarantees(problem: Problem, found: tuple[Claim, ...]) -> tuple[dict[str, Any], ...]:
+    """The sentences a user may rely on, and those that were asked for and not proved."""
+    return ()
