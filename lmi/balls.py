@@ -127,6 +127,16 @@ def fixed_vector(blocks: list[Exact]) -> list[float] | None:
     return [_nearest(v) for v in vector]
 
 
+def inverse(X: Exact) -> Exact | None:
+    """The exact inverse, or None for a singular matrix."""
+    matrix = _rational_matrix(X)
+    if matrix.det() == 0:
+        return None
+    result = np.empty(X.shape, dtype=object)
+    result[:] = matrix.inv().tolist()
+    return result
+
+
 def cholesky(S: Any) -> Any:
     """Ball matrix L, lower triangular, that contains the L of S = L L'.
 

@@ -51,7 +51,12 @@ def decide_full_rank(stack: Stack, low: float, high: float, limit: int = BOX_LIM
     seen = approx_margin(stack, worst[None], np.eye(stack.shape[1]))
     least = min(float(approx_margin(stack, points, np.eye(stack.shape[1])).min()), float(seen[0]))
     floor = (_FLOOR_FIRST if stack.flows_first else _FLOOR) * least
-    verdict = prove_full_rank(stack, low, high, R, floor=floor, margin=MARGIN, limit=limit)
+    verdict = undecided("no attempt was made")
+    for floor in (floor, 0.0):
+        share = limit if floor == 0.0 else limit // 4
+        verdict = prove_full_rank(stack, low, high, R, floor=floor, margin=MARGIN, limit=share)
+        if verdict.outcome == "proved" or verdict.evidence.get("boxes", 0) + 99 < share:
+            break
     if "thetas" in verdict.evidence:  # the proof may have been led to a place the search missed
         place = np.array([verdict.evidence["thetas"]])
         worst, margin = _polished(stack, place, approx_margin(stack, place, R), R, low, high)

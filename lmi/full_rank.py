@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lmi.balls import ball, exact, identity, middle, precision, rational, scalar, to_float
-from lmi.stack import Matrix, Stack
+from lmi.stack import Matrix, Stack, state_basis
 from lmi.verdict import Verdict, proved, undecided
 
 BOX_LIMIT = 20_000
@@ -33,6 +33,8 @@ _BITS = 128
 _RAISED = 1.0 + 1e-10
 # a side halved so often is a point to every purpose
 _DEPTH = 48
+# while boxes are few, those are halved too whose bound is poor for an error norm close to 1
+_CLEAR, _PATIENCE = 0.75, 1500
 
 
 @dataclass(frozen=True)
@@ -66,12 +68,13 @@ class _Normalised:
     low: Any
     length: Any
     flows: dict[tuple[int, int], tuple[Any, Any]] = field(default_factory=dict)
-    undone: dict[tuple[int, int], tuple[Any, Any, float, float]] = field(default_factory=dict)
+    undone: dict[tuple[int, int], tuple[Any, Any, float, float, float]] = field(default_factory=dict)
 
-    def undoing(self, key: tuple[int, int]) -> tuple[Any, Any, float, float]:
+    def undoing(self, key: tuple[int, int]) -> tuple[Any, Any, float, float, float]:
         """e^{-K (theta - middle)} at the centre of a side and on it, and what its norm is below.
 
-        The norms are those in the coordinates R and in the original ones.
+        The norms are those in the coordinates R and in the original ones; last, that of what
+        undoes the undoing, in R.
         """
         if key not in self.undone:
             level, index = key
@@ -80,7 +83,8 @@ class _Normalised:
             centre = (-self.K * scalar(offset)).exp()
             whole = centre * (self.K * scalar(-half).union(scalar(half))).exp()
             plain = self.R_back * whole * self.R
-            norms = (_norm(_magnitudes(X)) for X in (whole, plain))
+            again = (self.K * scalar(offset)).exp() * (self.K * scalar(-half).union(scalar(half))).exp()
+            norms = (_norm(_magnitudes(X)) for X in (whole, plain, again))
             self.undone[key] = (centre, whole, *norms)
         return self.undone[key]
 
@@ -116,7 +120,9 @@ def prove_full_rank(
     R: coordinates, a float (r, r), invertible (`lmi.stack.coordinates`). Proved evidence:
     "sigma_min", a lower bound of the smallest singular value of O over the box, at least `floor`;
     "margin", one of O R^-1, above `margin`; "boxes". Undecided evidence: "thetas", near which it
-    could not be shown.
+    could not be shown. Also "spread", for each block i a bound of ||X_i x|| over all x with ||O x|| = 1,
+    in the coordinates of the state that `lmi.stack.state_basis` gives, and "largest", one of
+    ||O R^-1||.
     """
     if not 0 <= low <= high or math.isinf(high):
         raise ValueError(f"0 <= low <= high, both finite, is required; got [{low}, {high}]")
@@ -132,19 +138,23 @@ def prove_full_rank(
 def _branch(stack: Stack, family: _Normalised, floor: float, margin: float, limit: int) -> Verdict:
     todo = [_Box(((0, 0),) * stack.thetas)]
     least, least_margin, count, open_box = math.inf, math.inf, 0, None
+    spread, largest = np.zeros(stack.blocks), 0.0
     while todo:
         box = todo.pop()
         count += 1
-        size, relative, widest = _bounds(stack, family, box)
-        if size > 0 and size >= floor and relative > margin:
-            least, least_margin = min(least, size), min(least_margin, relative)
+        found = _bounds(stack, family, box, _CLEAR if count < _PATIENCE else 1.0)
+        widest = found.widest
+        if found.size > 0 and found.size >= floor and found.relative > margin:
+            least, least_margin = min(least, found.size), min(least_margin, found.relative)
+            spread, largest = np.maximum(spread, found.spread), max(largest, found.largest)
             continue
         if widest is None or box.sides[widest][0] >= _DEPTH or count + len(todo) >= limit:
             open_box = box
             break
         todo += box.halves(widest)[::-1]
     if open_box is None:
-        return proved(sigma_min=least, margin=least_margin, boxes=count)
+        return proved(sigma_min=least, margin=least_margin, spread=spread.tolist(),
+                      largest=largest, boxes=count)  # fmt: skip
     place = [family.centre(side) for side in open_box.sides]
     why = f"{limit} boxes did not suffice" if count + len(todo) >= limit else "it nearly fails"
     text = ", ".join(f"{theta:.9g}" for theta in place)
@@ -152,26 +162,46 @@ def _branch(stack: Stack, family: _Normalised, floor: float, margin: float, limi
                      thetas=place, boxes=count)  # fmt: skip
 
 
-def _bounds(stack: Stack, family: _Normalised, box: _Box) -> tuple[float, float, int | None]:
-    """Lower bounds of sigma_min of O and of O R^-1 on a box (0: none), and the side to halve."""
+@dataclass(frozen=True)
+class _Found:
+    """Lower bounds of sigma_min of O and of O R^-1 on a box (0: none), the side to halve; the rest
+    as in `prove_full_rank`.
+    """
+
+    size: float
+    relative: float
+    widest: int | None
+    spread: Matrix
+    largest: float = math.inf
+
+
+def _bounds(stack: Stack, family: _Normalised, box: _Box, largest: float) -> _Found:
+    """What a box gives; nothing unless the error norm is below `largest`, at most 1."""
+    nothing = np.zeros(stack.blocks)
     flows = [family.side(side) for side in box.sides]
     first = family.undoing(box.sides[0]) if stack.flows_first else None
-    right = family.right if first is None else flows[0][0] * family.right * first[0]
-    rows = _rows(stack, family, right, [point for point, _ in flows])
+    start = family.right if first is None else flows[0][0] * family.right * first[0]
+    steps = flows[stack.flows_first :]
+    rows = [family.C * X for X in _states(family, start, [point for point, _ in steps])]
     approx = np.vstack([middle(block) for block in rows])
     if not np.isfinite(approx).all():
-        return 0.0, 0.0, _longest(box)
+        return _Found(0.0, 0.0, _longest(box), nothing)
     Q, upper = np.linalg.qr(approx)
     Y, Z = Q.T, _inverse(upper)
     if Z is None:
-        return 0.0, 0.0, _longest(box)
+        return _Found(0.0, 0.0, _longest(box), nothing)
     p = len(stack.C)
     blocks = [ball(exact(Y[:, j * p : (j + 1) * p])) for j in range(stack.blocks)]
     Z_ball = ball(exact(Z))
-    start = sum(([b * row] for b, row in zip(blocks, rows, strict=True)), [])
-    error = _magnitudes(identity(len(Y)) - _total(start) * Z_ball)
+    shown = _total([b * row for b, row in zip(blocks, rows, strict=True)]) * Z_ball
+    error = _magnitudes(identity(len(Y)) - shown)
     widths = []
-    slopes = _slopes(stack, family, [whole for _, whole in flows], first and first[1])
+    X, slope_first = family.right, None
+    if first is not None:  # mean value: where the columns flow by K alone, nothing is left to vary
+        slope_first = flows[0][1] * (family.F * X - X * family.K) * first[1]
+        half = family.length / 2 ** (box.sides[0][0] + 1)
+        X = start + slope_first * scalar(-half).union(scalar(half))
+    slopes = _slopes(stack, family, X, slope_first, [whole for _, whole in steps])
     for i, slope in enumerate(slopes):
         change = _total([b * s for b, s in zip(blocks, slope, strict=True) if s is not None])
         half = float(int(family.length.p) / int(family.length.q)) / 2 ** (box.sides[i][0] + 1)
@@ -180,39 +210,43 @@ def _bounds(stack: Stack, family: _Normalised, box: _Box) -> tuple[float, float,
         widths.append(_norm(moved))
     e = _norm(error)
     widest = int(np.argmax(np.nan_to_num(widths, nan=np.inf))) if widths else None
-    if not e < 1:
-        return 0.0, 0.0, widest if np.isfinite(widths).all() else _longest(box)
+    if not e < largest:
+        return _Found(0.0, 0.0, widest if np.isfinite(widths).all() else _longest(box), nothing)
     undone = (1.0, 1.0) if first is None else (first[3], first[2])
     sizes = [
         np.linalg.norm(Y, 2) * np.linalg.norm(X, 2) * more
         for X, more in zip((family.back @ Z, Z), undone, strict=True)
     ]
     size, relative = ((1 - e) / (s * _RAISED) / _RAISED for s in sizes)
-    return float(size), float(relative), widest
+    # a right factor cancels in X O^+, so that nothing has to be undone here
+    states = _states(family, X, [around for _, around in steps])
+    worst = float(np.linalg.norm(Y, 2)) * _RAISED / (1 - e) * _RAISED
+    spread = [_norm(_magnitudes(X * Z_ball)) * worst for X in states]
+    seen = np.vstack([_magnitudes(family.C * X) for X in states])
+    undone_too = 1.0 if first is None else first[4]
+    return _Found(float(size), float(relative), widest, np.array(spread), _norm(seen) * undone_too)
 
 
-def _rows(stack: Stack, family: _Normalised, X: Any, flows: list[Any]) -> list[Any]:
-    """Block rows C X_0, C X_1, ... from X_0 on, for given flows."""
-    found = [family.C * X]
-    for E in flows[stack.flows_first :]:
-        X = E * (family.H * X)
-        found.append(family.C * X)
+def _states(family: _Normalised, X: Any, flows: list[Any]) -> list[Any]:
+    """X_0, X_1, ... from X_0 on, for given flows."""
+    found = [X]
+    for E in flows:
+        found.append(E * (family.H * found[-1]))
     return found
 
 
-def _slopes(stack: Stack, family: _Normalised, flows: list[Any], undone: Any) -> list[list[Any]]:
-    """For each theta, the derivatives of the block rows over the box; None where they are zero."""
-    slopes: list[list[Any]] = [[] for _ in flows]
-    moving: list[Any] = []  # dX/dtheta_i for the thetas so far
-    X, steps = family.right, list(flows)
-    if stack.flows_first:
-        E = steps.pop(0)
-        moving.append(E * (family.F * X - X * family.K) * undone)
-        X = E * X * undone
+def _slopes(
+    stack: Stack, family: _Normalised, X: Any, slope_first: Any, flows: list[Any]
+) -> list[list[Any]]:
+    """For each theta, the derivatives of the block rows over the box; None where they are zero.
+
+    X: the first state over the box; slope_first: its derivative, None where it is constant.
+    """
+    moving = [] if slope_first is None else [slope_first]  # dX/dtheta_i for the thetas so far
+    slopes: list[list[Any]] = [[] for _ in range(stack.thetas)]
     for j in range(stack.blocks):
         if j:
-            E = steps.pop(0)
-            jump = E * family.H
+            jump = flows[j - 1] * family.H
             moving = [jump * D for D in moving]
             X = jump * X
             moving.append(family.F * X)
@@ -257,8 +291,7 @@ def _normalised(stack: Stack, low: float, high: float, R: Matrix) -> _Normalised
     try:
         R_back = ball(exact(R)).inv()
         back = middle(R_back)
-        basis = _completed(to_float(stack.right) @ back)
-        into = ball(exact(basis))
+        into = ball(exact(state_basis(stack, R)))
         T = into.inv()
     except (ZeroDivisionError, np.linalg.LinAlgError, ValueError):
         return None
@@ -278,11 +311,3 @@ def _normalised(stack: Stack, low: float, high: float, R: Matrix) -> _Normalised
         length=end - start,
     )
 
-
-def _completed(columns: Matrix) -> Matrix:
-    """A square basis that begins with these columns; the rest orthogonal to them, as long."""
-    n, r = columns.shape
-    if n == r:
-        return columns
-    Q = np.linalg.qr(columns, mode="complete")[0]
-    return np.hstack([columns, Q[:, r:] * np.linalg.norm(columns, 2)])

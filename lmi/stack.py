@@ -22,6 +22,8 @@ Matrix = NDArray[np.float64]
 DEPENDENT = 1e-10
 # where else in the range to look for independent columns
 _OTHERS = (0.381966, 0.618034, 0.236068, 0.0, 1.0)
+# a basis with a larger condition number is not worth its obliqueness
+_OBLIQUE = 1e4
 
 
 @dataclass(frozen=True)
@@ -96,6 +98,27 @@ def _polynomials(stack: Stack) -> Matrix:
     Q, upper = np.linalg.qr(powers)
     fixed: Matrix = np.kron(Q * np.sign(np.diag(upper)), np.eye(p))[:, :columns]
     return fixed
+
+
+def state_basis(stack: Stack, R: Matrix) -> Matrix:
+    """Columns of right R^-1, completed by what the jump destroys: coordinates of the states X_i.
+
+    Floats (n, n), used as they are; orthogonal columns complete them where the jump destroys too
+    little, or some of them. LinAlgError if R is singular.
+    """
+    columns = np.linalg.solve(R.T, to_float(stack.right).T).T
+    n, r = columns.shape
+    if n == r:
+        return columns
+    H, F = to_float(stack.H), to_float(stack.F)
+    destroyed = np.linalg.svd(H)[2][r:].T
+    whole = np.hstack([columns / np.linalg.norm(columns, axis=0), destroyed])
+    if np.linalg.cond(whole) > _OBLIQUE:
+        destroyed = np.linalg.qr(columns, mode="complete")[0][:, r:]
+    # as large as what they drive the other coordinates by in a unit of time
+    driven = np.linalg.lstsq(np.hstack([columns, destroyed]), F @ destroyed)[0][:r]
+    size = float(np.linalg.norm(driven, 2))
+    return np.hstack([columns, destroyed / size if size > 0 else destroyed])
 
 
 def approx_margin(stack: Stack, thetas: Matrix, R: Matrix) -> Matrix:

@@ -37,6 +37,9 @@ from numpy.typing import NDArray
 
 Array = NDArray[Any]  # float64, or object arrays of exact rationals
 
+# what is left to itself must shrink by this factor per impulse, in the norm of its P: a margin,
+# so that a defective eigenvalue 1 that rounding has split does not pass for a stable one
+QUOTIENT_RATE = 0.95
 STRATEGIES = ("full", "compressed", "subspace", "quadratic")
 
 
@@ -63,6 +66,19 @@ class Core:
     def spacings(self, window: int) -> int:
         """How many spacings the gain of a window depends on."""
         return window - 1 if self.U is None else window
+
+    def stack(self, window: int) -> tuple[Array, Array, Array, Array, int, bool]:
+        """The window matrix for `lmi.stack.Stack`: F, H, C, right, blocks, flows first."""
+        start = 0 * self.A + np.eye(len(self.A), dtype=np.int64) if self.U is None else self.U
+        return self.A, self.J, self.C, start, window, self.U is not None
+
+
+def factor_left_alone(decay_rate: float, longest: float) -> float:
+    """The factor per impulse that parts must reach which are left to themselves.
+
+    QUOTIENT_RATE, or less where a decay rate per unit of time is asked for.
+    """
+    return min(QUOTIENT_RATE, float(np.exp(-decay_rate * longest)) * (1 - 1e-9))
 
 
 def core_of(gains: Mapping[str, Any]) -> Core:

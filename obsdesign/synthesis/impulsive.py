@@ -95,19 +95,17 @@ def windowed(problem: Problem, gains: Mapping[str, Any], label: str) -> Candidat
     asked = problem.options.get("window")
     if asked is not None or math.isinf(high):
         window = int(asked or shortest)
-        verdict = None if math.isinf(high) else decide_full_rank(stack_of(core, window), low, high)
+        verdict = None if math.isinf(high) else decide_full_rank(_stack(core, window), low, high)
         return _candidate(gains, label, window, verdict, searched=False)
     for window in range(shortest, shortest + _LONGER + 1):
-        verdict = decide_full_rank(stack_of(core, window), low, high)
+        verdict = decide_full_rank(_stack(core, window), low, high)
         if verdict.outcome == "proved" or _budget(verdict) or _hopeless(core, verdict, low, high):
             return _candidate(gains, label, window, verdict, searched=False)
     return _candidate(gains, label, window, verdict, searched=True)
 
 
-def stack_of(core: equations.Core, window: int) -> Stack:
-    """The window matrix of an exact core as a stack over its spacings."""
-    start = exact(np.eye(len(core.A))) if core.U is None else core.U
-    return Stack(core.A, core.J, core.C, start, window, flows_first=core.U is not None)
+def _stack(core: equations.Core, window: int) -> Stack:
+    return Stack(*core.stack(window))
 
 
 def _candidate(
@@ -132,7 +130,7 @@ def _hopeless(core: equations.Core, verdict: Verdict, low: float, high: float) -
         return True  # the state is destroyed unseen by the next jump
     if not thetas or max(thetas) - min(thetas) > 1e-6 * max(thetas):
         return False
-    longer = stack_of(core, core.size + 1)
+    longer = _stack(core, core.size + 1)
     R, full = coordinates(longer, low, high)
     if not full:
         return True

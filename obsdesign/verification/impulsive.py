@@ -13,16 +13,33 @@ from typing import Any
 
 import numpy as np
 
-from lmi.balls import exact
+from lmi.balls import exact, number
 from lmi.deficient import MARGIN, check_deficient, decide_full_rank, prove_again
 from lmi.stack import Stack
-from lmi.verdict import Verdict, proved, refuted, undecided
+from lmi.verdict import Verdict, overall, proved, refuted, undecided
 from obsdesign.document import Claim
 from obsdesign.equations import impulsive as equations
 from obsdesign.equations.estimation_error import plant_data
 from obsdesign.problem import Problem
 from obsdesign.verification.consistency import consistency
 from obsdesign.verification.dwell import range_text
+from obsdesign.verification.impulsive_alone import alone, quadratic_claims
+from obsdesign.verification.impulsive_blocks import (
+    blocks_of,
+    in_its_coordinates,
+    in_state,
+    whole_bound,
+)
+from obsdesign.verification.impulsive_guarantees import guarantees
+from obsdesign.verification.impulsive_rate import (
+    Bound,
+    absorbed,
+    in_balls,
+    promised,
+    window_reach,
+)
+
+__all__ = ["claims", "expected_gains", "guarantees"]
 
 PAPER = "Medina, Lawrence, State Estimation for Linear Impulsive Systems"
 _MATRICES = ("A", "C", "G", "image", "coimage", "basis", "core_A", "core_C", "core_G")
@@ -48,13 +65,63 @@ def claims(
     if bounded.verdict != "proved":
         return agreement, bounded
     numbers = dict(gains) | {name: exact(gains[name]) for name in _MATRICES if name in gains}
-    found = [agreement, bounded]
-    core = equations.core_of(numbers)
-    if core.U is not None:
-        found.append(_image(numbers))
-    certificate = certificates.get("strongly_observable", {})
-    found.append(_observable(problem, core, int(gains["window"]), certificate))
+    rate = float(problem.options.get("decay_rate", 0.0))
+    if gains["strategy"] == "quadratic":
+        found, bound = quadratic_claims(problem, numbers, certificates, paranoid)
+    else:
+        found, bound = _windowed(problem, numbers, certificates, paranoid)
+    found = [agreement, bounded, *found]
+    if overall(claim.verdict for claim in found) == "proved" and bound is not None:
+        with in_balls():
+            told = promised(bound, high, certificates.get("rate", {}))
+        if told is not None:
+            found.append(_rate(told))
+        if rate > 0:
+            found.append(_decay(told, rate, high))
+    elif rate > 0:
+        found.append(_decay(None, rate, high))
     return tuple(found)
+
+
+def _windowed(
+    problem: Problem, numbers: Mapping[str, Any], certificates: Any, paranoid: bool
+) -> tuple[list[Claim], Bound | None]:
+    """Claims of a window on the plant or on a part of it, and the bound that follows."""
+    low, high = problem.require_dwell_time()
+    core = equations.core_of(numbers)
+    window, alpha = int(numbers["window"]), float(numbers["alpha"])
+    certificate = certificates.get("strongly_observable", {})
+    found = [_observable(problem, core, window, certificate)]
+    own, into = in_its_coordinates(core, low, high, window)
+    blocks = blocks_of(numbers, own, into)
+    if blocks is None:
+        reason = "gains.basis is singular"
+        found.append(_nominal(numbers, refuted({"entry": "gains.basis", "reason": reason})))
+        return found, None
+    rate, decaying = float(problem.options.get("decay_rate", 0.0)), {}
+    for name, pair in (("hidden", blocks.hidden), ("rest", blocks.rest)):
+        if pair is not None:
+            claim = alone(name, pair, (low, high), certificates, paranoid, rate)
+            found.append(claim)
+            if "P" in claim.evidence:
+                decaying[name] = np.asarray(claim.evidence["P"], dtype=np.float64)
+    whole = None
+    if overall(claim.verdict for claim in found) == "proved":
+        with in_balls():
+            reach = window_reach(own, low, high, window, alpha, found[0].evidence)
+            whole = whole_bound(blocks, reach, decaying, high, rate)
+    if numbers["strategy"] != "full":
+        verdict = proved(exact=True)
+        if not blocks.exact:
+            verdict = undecided("it differs from it, and no convergence is proved to absorb that")
+            if whole is not None:
+                with in_balls():
+                    verdict = absorbed(whole.bound, whole.change)
+        found.append(_nominal(numbers, verdict))
+    if whole is None or found[-1].verdict != "proved":
+        return found, None
+    with in_balls():
+        return found, in_state(whole.bound.perturbed(whole.change), blocks)
 
 
 def expected_gains(problem: Problem, gains: Mapping[str, Any]) -> dict[str, Any]:
@@ -120,32 +187,60 @@ def _bounded(high: float) -> Claim:
     )
 
 
-def _image(numbers: Mapping[str, Any]) -> Claim:
-    G = numbers.get("core_G", numbers["G"])
-    remainder = G - numbers["image"] @ numbers["coimage"]
-    verdict = proved(exact=True)
-    if any(value != 0 for value in remainder.flat):
-        verdict = undecided("G differs from image @ coimage")
+def _nominal(numbers: Mapping[str, Any], verdict: Verdict) -> Claim:
+    """The plant is the one that the gain is worked out for."""
+    parts = []
+    if numbers["strategy"] == "subspace":
+        parts.append(
+            "in the coordinates of basis, A and G are block upper triangular, with core_A and "
+            "core_G in the middle, and C sees core_C there and nothing of the first block"
+        )
+    if "image" in numbers:
+        name = "core_G" if "core_G" in numbers else "G"
+        parts.append(f"{name} equals image @ coimage: the error after an impulse is in the image")
     return Claim(
-        "image",
-        "G equals image @ coimage: after an impulse the error lies in the image",
-        f"{PAPER}, Theorem 3.1, compressed to the image of the jump",
+        "invariant" if numbers["strategy"] == "subspace" else "image",
+        "; ".join(parts) + "; up to rounding that the proved convergence absorbs",
+        f"{PAPER}, section IV, carried over to any plant",
         verdict.outcome,
         verdict.evidence,
     )
 
 
-def window_stack(core: equations.Core, window: int) -> Stack:
-    """The window matrix of an exact core as a stack over its spacings."""
-    start = exact(np.eye(len(core.A))) if core.U is None else core.U
-    return Stack(core.A, core.J, core.C, start, window, flows_first=core.U is not None)
+def _rate(told: Mapping[str, float]) -> Claim:
+    return Claim(
+        "rate",
+        "the error just before an impulse is, N impulses later, at most constant * per_impulse^N "
+        "of what it was, and it decays like e^(-in_time t), for all spacings in the range",
+        f"{PAPER}, Theorem 3.1 and Lemma 3.2",
+        "proved",
+        told,
+    )
+
+
+def _decay(told: Mapping[str, float] | None, rate: float, high: float) -> Claim:
+    verdict = undecided("convergence itself is not proved")
+    if told is not None:
+        with in_balls():
+            reached = number(told["per_impulse"]) <= (-number(rate) * number(high)).exp()
+        verdict = proved(per_impulse=told["per_impulse"]) if reached else undecided(
+            f"the proved rate is {told['in_time']:.6g} per unit of time; alpha must be at least "
+            "e^(decay_rate * longest spacing)"
+        )
+    return Claim(
+        "decay_rate",
+        f"the error decays like e^(-{rate!r} t)",
+        f"{PAPER}, Theorem 3.1",
+        verdict.outcome,
+        verdict.evidence,
+    )
 
 
 def _observable(
     problem: Problem, core: equations.Core, window: int, certificate: Mapping[str, Any]
 ) -> Claim:
     low, high = problem.require_dwell_time()
-    stack = window_stack(core, window)
+    stack = Stack(*core.stack(window))
     verdict = full_rank(stack, low, high, certificate)
     verdict = _admissible(verdict, problem)
     what = "states" if core.U is None else "states after an impulse"
@@ -185,8 +280,3 @@ def _admissible(verdict: Verdict, problem: Problem) -> Verdict:
         return verdict
     return undecided("the only spacings found that defeat it change by more than dwell_jitter",
                      **verdict.evidence)  # fmt: skip
-
-
-def guarantees(problem: Problem, found: tuple[Claim, ...]) -> tuple[dict[str, Any], ...]:
-    """The sentences a user may rely on, and those that were asked for and not proved."""
-    return ()
