@@ -24,16 +24,17 @@ _GRID, _RANDOM = 201, 300
 _SEED = 20091  # the search repeats itself exactly
 _POLISHED, _STEPS, _SHRINK = 3, 120, 0.5
 _BITS = 256
-# the quantitative bound of a proof must reach this part of the least value seen; less where the
-# first theta alone moves it
-_FLOOR, _FLOOR_FIRST = 0.5, 0.1
+# the margin that is proved should reach this part of the least one seen; less where the first
+# theta alone moves it
+_SHARE, _SHARE_FIRST = 0.5, 0.1
 
 
 def decide_full_rank(stack: Stack, low: float, high: float, limit: int = BOX_LIMIT) -> Verdict:
     """Full column rank with MARGIN for all thetas in [low, high]^m: search, refute or prove.
 
     0 <= low <= high, both finite. Proved evidence as `prove_full_rank`, with "approx_sigma_min"
-    and "approx_worst", the least value seen and where; refuted evidence holds the witness.
+    and "approx_worst", the least value seen and where, and "asked", the margin to be proved;
+    refuted evidence holds the witness.
     """
     if (witness := _outright(stack)) is not None:
         return refuted(witness)
@@ -48,14 +49,12 @@ def decide_full_rank(stack: Stack, low: float, high: float, limit: int = BOX_LIM
         verdict = check_deficient(stack, low, high, {"thetas": place.tolist()})
         if verdict.outcome == "refuted" or not full:
             return verdict
-    seen = approx_margin(stack, worst[None], np.eye(stack.shape[1]))
-    least = min(float(approx_margin(stack, points, np.eye(stack.shape[1])).min()), float(seen[0]))
-    floor = (_FLOOR_FIRST if stack.flows_first else _FLOOR) * least
     verdict = undecided("no attempt was made")
-    for floor in (floor, 0.0):
-        share = limit if floor == 0.0 else limit // 4
-        verdict = prove_full_rank(stack, low, high, R, floor=floor, margin=MARGIN, limit=share)
-        if verdict.outcome == "proved" or verdict.evidence.get("boxes", 0) + 99 < share:
+    wanted = (_SHARE_FIRST if stack.flows_first else _SHARE) * margin
+    for asked, share in ((wanted, limit // 10), (MARGIN, limit)):
+        asked = max(asked, MARGIN)
+        verdict = prove_full_rank(stack, low, high, R, margin=asked, limit=share)
+        if verdict.outcome == "proved":
             break
     if "thetas" in verdict.evidence:  # the proof may have been led to a place the search missed
         place = np.array([verdict.evidence["thetas"]])
@@ -63,18 +62,21 @@ def decide_full_rank(stack: Stack, low: float, high: float, limit: int = BOX_LIM
         if margin < MARGIN:
             counter = check_deficient(stack, low, high, {"thetas": worst.tolist()})
             verdict = counter if counter.outcome == "refuted" else verdict
-    told = {"approx_sigma_min": least, "approx_worst": worst.tolist(), "floor": floor}
+    plain = np.eye(stack.shape[1])
+    everywhere = np.vstack([points, worst[None]])
+    told = {"approx_sigma_min": float(approx_margin(stack, everywhere, plain).min()),
+            "approx_worst": worst.tolist(), "asked": asked}  # fmt: skip
     return Verdict(verdict.outcome, {**verdict.evidence, **told})
 
 
-def prove_again(stack: Stack, low: float, high: float, floor: float) -> Verdict:
-    """The proof of `decide_full_rank` without its search: floor is the evidence's."""
+def prove_again(stack: Stack, low: float, high: float, asked: float) -> Verdict:
+    """The proof of `decide_full_rank` without its search: asked is the evidence's."""
     if stack.shape[0] < stack.shape[1]:
         return refuted(_too_few(stack))
     R, full = coordinates(stack, low, high)
     if not full:
         return undecided("the stack has no full rank anywhere in the box")
-    return prove_full_rank(stack, low, high, R, floor=floor, margin=MARGIN)
+    return prove_full_rank(stack, low, high, R, margin=max(asked, MARGIN))
 
 
 def check_deficient(

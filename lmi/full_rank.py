@@ -111,15 +111,14 @@ def prove_full_rank(
     high: float,
     R: Matrix,
     *,
-    floor: float = 0.0,
     margin: float = 0.0,
     limit: int = BOX_LIMIT,
 ) -> Verdict:
     """O(theta) has full column rank for all theta in [low, high]^m, 0 <= low <= high finite.
 
     R: coordinates, a float (r, r), invertible (`lmi.stack.coordinates`). Proved evidence:
-    "sigma_min", a lower bound of the smallest singular value of O over the box, at least `floor`;
-    "margin", one of O R^-1, above `margin`; "boxes". Undecided evidence: "thetas", near which it
+    "sigma_min", a lower bound of the smallest singular value of O over the box; "margin", one of
+    O R^-1, above `margin`; "boxes". Undecided evidence: "thetas", near which it
     could not be shown. Also "spread", for each block i a bound of ||X_i x|| over all x with ||O x|| = 1,
     in the coordinates of the state that `lmi.stack.state_basis` gives, and "largest", one of
     ||O R^-1||.
@@ -132,10 +131,10 @@ def prove_full_rank(
         family = _normalised(stack, low, high, R)
         if family is None:
             return undecided("the coordinates are not certainly invertible")
-        return _branch(stack, family, floor, margin, limit)
+        return _branch(stack, family, margin, limit)
 
 
-def _branch(stack: Stack, family: _Normalised, floor: float, margin: float, limit: int) -> Verdict:
+def _branch(stack: Stack, family: _Normalised, margin: float, limit: int) -> Verdict:
     todo = [_Box(((0, 0),) * stack.thetas)]
     least, least_margin, count, open_box = math.inf, math.inf, 0, None
     spread, largest = np.zeros(stack.blocks), 0.0
@@ -144,7 +143,7 @@ def _branch(stack: Stack, family: _Normalised, floor: float, margin: float, limi
         count += 1
         found = _bounds(stack, family, box, _CLEAR if count < _PATIENCE else 1.0)
         widest = found.widest
-        if found.size > 0 and found.size >= floor and found.relative > margin:
+        if found.size > 0 and found.relative > margin:
             least, least_margin = min(least, found.size), min(least_margin, found.relative)
             spread, largest = np.maximum(spread, found.spread), max(largest, found.largest)
             continue

@@ -54,7 +54,7 @@ def claims(
 ) -> tuple[Claim, ...]:
     """All hypotheses of the design's theorem, each with its verdict.
 
-    certificates: {"strongly_observable": {"floor"} or {"witness"}} and what the strategies add.
+    certificates: {"strongly_observable": {"asked"} or {"witness"}} and what the strategies add.
     """
     objection = equations.objection(problem.plant) or _unreadable(gains)
     agreement = consistency(objection, gains, {} if objection else expected_gains(problem, gains))
@@ -256,16 +256,16 @@ def _observable(
 
 
 def full_rank(stack: Stack, low: float, high: float, certificate: Mapping[str, Any]) -> Verdict:
-    """The proof again from what a finder left: a floor, or a witness; from scratch without."""
-    floor, witness = certificate.get("floor"), certificate.get("witness")
+    """The proof again from what a finder left: a margin, or a witness; from scratch without."""
+    asked, witness = certificate.get("asked"), certificate.get("witness")
     if isinstance(witness, Mapping):
         verdict = check_deficient(stack, low, high, witness)
         if verdict.outcome == "refuted":
             return verdict
-    if not isinstance(floor, float) or not 0 <= floor < math.inf:
+    if not isinstance(asked, float) or not 0 <= asked < math.inf:
         return decide_full_rank(stack, low, high)
-    verdict = prove_again(stack, low, high, floor)
-    seen = {key: certificate[key] for key in ("approx_sigma_min", "approx_worst", "floor")
+    verdict = prove_again(stack, low, high, asked)
+    seen = {key: certificate[key] for key in ("approx_sigma_min", "approx_worst", "asked")
             if key in certificate}  # fmt: skip
     return Verdict(verdict.outcome, {**seen, **verdict.evidence})
 
