@@ -1,0 +1,163 @@
+"""Windows of impulsive observers: the shortest one that can be proved, on the plant or a part."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+import scipy.linalg
+
+from lmi.balls import exact, inverse, to_float
+from lmi.deficient import MARGIN, decide_full_rank
+from lmi.stack import Stack, approx_margin, coordinates
+from lmi.verdict import Verdict
+from obsdesign.equations import impulsive as equations
+from obsdesign.equations.estimation_error import plant_data
+from obsdesign.problem import Problem
+from obsdesign.synthesis.candidate import Candidate
+from obsdesign.synthesis.dwell import dwell_certificates
+from obsdesign.synthesis.invariant_subspace import Parts, corrected_part
+
+# weight of the past where nothing else says: the error is certified to shrink by a quarter
+ALPHA = 1.3
+# windows longer than the shortest conceivable one that are tried
+_LONGER = 4
+_RANK = 1e-10
+# a proof that took so many boxes in vain is not repeated in more dimensions
+_TIRED = 1000
+
+
+def base(problem: Problem, strategy: str) -> dict[str, Any]:
+    """What every windowed design stores."""
+    return plant_data(problem.plant) | {"strategy": strategy, "alpha": weight(problem)}
+
+
+def weight(problem: Problem) -> float:
+    """alpha as asked for, or so that the decay rate that is asked for follows, or the default."""
+    if "alpha" in problem.options:
+        return float(problem.options["alpha"])
+    rate = float(problem.options.get("decay_rate", 0.0))
+    if rate == 0:
+        return ALPHA
+    return max(math.exp(rate * problem.require_dwell_time()[1]) * (1 + 1e-6), 1 + 1e-6)
+
+
+def image_of(G: Any) -> tuple[Any, Any]:
+    """(U, S) with G = U S up to rounding: independent columns of G, and what makes up the others.
+
+    For G = 0 one column that nothing comes from.
+    """
+    sizes = np.abs(G).max(axis=0)
+    scale = np.where(sizes > 0, sizes, 1.0)
+    upper, order = scipy.linalg.qr(G / scale, mode="r", pivoting=True)
+    diagonal = np.abs(np.diag(upper))
+    rank = int(np.sum(diagonal > _RANK * max(float(diagonal.max(initial=0.0)), 1e-300)))
+    if not rank:
+        return np.eye(len(G))[:, :1], np.zeros((1, len(G)))
+    chosen = np.sort(order[:rank])
+    U = G[:, chosen]
+    S = np.linalg.lstsq(U, G)[0]
+    S[:, chosen] = np.eye(rank)
+    return U, S
+
+
+def windowed(
+    problem: Problem,
+    gains: Mapping[str, Any],
+    label: str,
+    certificates: Mapping[str, Mapping[str, Any]] | None = None,
+) -> Candidate:
+    """The candidate with the window that is asked for, or the shortest one that is proved."""
+    low, high = problem.require_dwell_time()
+    others = dict(certificates or {})
+    numbers = dict(gains) | {
+        name: exact(value)
+        for name, value in gains.items()
+        if isinstance(value, np.ndarray) and value.ndim == 2
+    }
+    core = equations.core_of(numbers)
+    window = shortest = math.ceil(core.size / problem.plant.p)
+    asked = problem.options.get("window")
+    if math.isinf(high):
+        return Candidate(label, dict(gains) | {"window": int(asked or shortest)}, others)
+    searched = asked is None
+    for window in (asked,) if asked else range(shortest, shortest + _LONGER + 1):
+        verdict = decide_full_rank(_stack(core, window), low, high)
+        tired = verdict.evidence.get("boxes", 0) > _TIRED
+        if verdict.outcome == "proved" or tired or _hopeless(core, verdict, low, high):
+            searched = False
+            break
+    others["strongly_observable"] = verdict.evidence
+    return Candidate(label, dict(gains) | {"window": int(window)}, others, searched=searched)
+
+
+def _stack(core: equations.Core, window: int) -> Stack:
+    return Stack(*core.stack(window))
+
+
+def _hopeless(core: equations.Core, verdict: Verdict, low: float, high: float) -> bool:
+    """Does what refutes this window refute every longer one too? One spacing, kept for ever."""
+    witness = verdict.evidence.get("witness", {})
+    thetas = witness.get("thetas", [])
+    if verdict.outcome != "refuted":
+        return False
+    if witness.get("method") == "exact":
+        return True  # the state is destroyed unseen by the next jump
+    if not thetas or max(thetas) - min(thetas) > 1e-6 * max(thetas):
+        return False
+    longer = _stack(core, core.size + 1)
+    R, full = coordinates(longer, low, high)
+    if not full:
+        return True
+    place = np.full((1, longer.thetas), float(np.mean(thetas)))
+    return bool(approx_margin(longer, place, R)[0] < 100 * MARGIN)
+
+
+def part_candidates(
+    problem: Problem, gains: Mapping[str, Any], only_if_smaller: bool
+) -> Iterator[Candidate]:
+    """Windows on the part that has to be corrected: a full one, then one after impulses."""
+    plant = problem.plant
+    assert plant.jump is not None
+    low, high = problem.require_dwell_time()
+    C = equations.seen_before_jump(plant.jump.G, plant.output.C, plant.output.jump_measurement)
+    rate = float(problem.options.get("decay_rate", 0.0))
+    factor = equations.factor_left_alone(rate, high)
+    parts = corrected_part(plant.flow.A, plant.jump.G, C, low, high, factor)
+    if only_if_smaller and parts.size in (0, plant.n):
+        return  # nothing to correct, or nothing to leave alone
+    if parts.size == 0:
+        parts = Parts(np.eye(plant.n), 0, plant.n)
+    certificates, blocks = _blocks(plant.flow.A, plant.jump.G, C, parts, (low, high), factor)
+    whole = dict(gains) | {"basis": parts.basis, "core_place": np.array([parts.first, parts.size])}
+    whole |= blocks
+    whole["core_place"] = whole["core_place"].astype(np.float64)
+    yield windowed(problem, whole, "subspace", certificates)
+    U, S = image_of(blocks["core_G"])
+    if U.shape[1] < parts.size:
+        inner = whole | {"image": U, "coimage": S}
+        yield windowed(problem, inner, "subspace, compressed", certificates)
+
+
+def _blocks(
+    A: Any, G: Any, C: Any, parts: Parts, ends: tuple[float, float], factor: float
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """(certificates that hidden and rest decay, the core's matrices)."""
+    T = exact(parts.basis)
+    back = inverse(T)
+    if back is None:
+        raise np.linalg.LinAlgError("the basis of the parts is singular")
+    flow, jump = (to_float(back @ exact(X) @ T) for X in (A, G))
+    first, end = parts.first, parts.first + parts.size
+    certificates = {}
+    for name, inside in (("hidden", slice(0, first)), ("rest", slice(end, len(A)))):
+        F, H = flow[inside, inside], jump[inside, inside]
+        if len(F):
+            found = dwell_certificates(F, H / factor, *ends)
+            certificates[f"{name}_decays"] = found["dwell_stability"]
+    middle = slice(first, end)
+    seen = to_float(exact(C) @ T)[:, middle]
+    core = {"core_A": flow[middle, middle], "core_G": jump[middle, middle], "core_C": seen}
+    return certificates, core
