@@ -79,9 +79,7 @@ def prove_again(stack: Stack, low: float, high: float, asked: float) -> Verdict:
     return prove_full_rank(stack, low, high, R, margin=max(asked, MARGIN))
 
 
-def check_deficient(
-    stack: Stack, low: float, high: float, witness: Mapping[str, Any]
-) -> Verdict:
+def check_deficient(stack: Stack, low: float, high: float, witness: Mapping[str, Any]) -> Verdict:
     """Is this a witness? {"thetas": (m,)} or, for a square stack, {"between": two of them}.
 
     Refuted with thetas, null vector and ratio; otherwise undecided. Thetas outside [low, high]

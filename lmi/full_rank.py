@@ -68,7 +68,9 @@ class _Normalised:
     low: Any
     length: Any
     flows: dict[tuple[int, int], tuple[Any, Any]] = field(default_factory=dict)
-    undone: dict[tuple[int, int], tuple[Any, Any, float, float, float]] = field(default_factory=dict)
+    undone: dict[tuple[int, int], tuple[Any, Any, float, float, float]] = field(
+        default_factory=dict
+    )
 
     def undoing(self, key: tuple[int, int]) -> tuple[Any, Any, float, float, float]:
         """e^{-K (theta - middle)} at the centre of a side and on it, and what its norm is below.
@@ -83,7 +85,9 @@ class _Normalised:
             centre = (-self.K * scalar(offset)).exp()
             whole = centre * (self.K * scalar(-half).union(scalar(half))).exp()
             plain = self.R_back * whole * self.R
-            again = (self.K * scalar(offset)).exp() * (self.K * scalar(-half).union(scalar(half))).exp()
+            again = (self.K * scalar(offset)).exp() * (
+                self.K * scalar(-half).union(scalar(half))
+            ).exp()
             norms = (_norm(_magnitudes(X)) for X in (whole, plain, again))
             self.undone[key] = (centre, whole, *norms)
         return self.undone[key]
@@ -120,8 +124,9 @@ def prove_full_rank(
     "sigma_min", a lower bound of the smallest singular value of O over the box; "margin", one of
     O R^-1, above `margin`; "boxes". Undecided evidence: "thetas", near which it
     could not be shown. Also "spread", for each block i a bound of ||X_i x|| over all x with ||O x|| = 1,
-    in the coordinates of the state that `lmi.stack.state_basis` gives, and "largest", one of
-    ||O R^-1||.
+    in the coordinates of the state that `lmi.stack.state_basis` gives; "largest", one of ||O R^-1||;
+    "recalled", one of ||O X^-1||, X the last X_i as its first r coordinates (infinite where it is
+    not seen to be invertible).
     """
     if not 0 <= low <= high or math.isinf(high):
         raise ValueError(f"0 <= low <= high, both finite, is required; got [{low}, {high}]")
@@ -137,7 +142,7 @@ def prove_full_rank(
 def _branch(stack: Stack, family: _Normalised, margin: float, limit: int) -> Verdict:
     todo = [_Box(((0, 0),) * stack.thetas)]
     least, least_margin, count, open_box = math.inf, math.inf, 0, None
-    spread, largest = np.zeros(stack.blocks), 0.0
+    spread, largest, recalled = np.zeros(stack.blocks), 0.0, 0.0
     while todo:
         box = todo.pop()
         count += 1
@@ -146,6 +151,7 @@ def _branch(stack: Stack, family: _Normalised, margin: float, limit: int) -> Ver
         if found.size > 0 and found.relative > margin:
             least, least_margin = min(least, found.size), min(least_margin, found.relative)
             spread, largest = np.maximum(spread, found.spread), max(largest, found.largest)
+            recalled = max(recalled, found.recalled)
             continue
         if widest is None or box.sides[widest][0] >= _DEPTH or count + len(todo) >= limit:
             open_box = box
@@ -153,7 +159,7 @@ def _branch(stack: Stack, family: _Normalised, margin: float, limit: int) -> Ver
         todo += box.halves(widest)[::-1]
     if open_box is None:
         return proved(sigma_min=least, margin=least_margin, spread=spread.tolist(),
-                      largest=largest, boxes=count)  # fmt: skip
+                      largest=largest, recalled=recalled, boxes=count)  # fmt: skip
     place = [family.centre(side) for side in open_box.sides]
     why = f"{limit} boxes did not suffice" if count + len(todo) >= limit else "it nearly fails"
     text = ", ".join(f"{theta:.9g}" for theta in place)
@@ -172,6 +178,7 @@ class _Found:
     widest: int | None
     spread: Matrix
     largest: float = math.inf
+    recalled: float = math.inf
 
 
 def _bounds(stack: Stack, family: _Normalised, box: _Box, largest: float) -> _Found:
@@ -221,9 +228,27 @@ def _bounds(stack: Stack, family: _Normalised, box: _Box, largest: float) -> _Fo
     states = _states(family, X, [around for _, around in steps])
     worst = float(np.linalg.norm(Y, 2)) * _RAISED / (1 - e) * _RAISED
     spread = [_norm(_magnitudes(X * Z_ball)) * worst for X in states]
-    seen = np.vstack([_magnitudes(family.C * X) for X in states])
+    seen = [family.C * X for X in states]
     undone_too = 1.0 if first is None else first[4]
-    return _Found(float(size), float(relative), widest, np.array(spread), _norm(seen) * undone_too)
+    outputs = _norm(np.vstack([_magnitudes(row) for row in seen])) * undone_too
+    recalled = _recalled(seen, states[-1], len(Z))
+    return _Found(float(size), float(relative), widest, np.array(spread), outputs, recalled)
+
+
+def _recalled(seen: list[Any], last: Any, columns: int) -> float:
+    """Above the norm of the rows that are seen times the inverse of the first part of `last`."""
+    try:
+        back = _first_rows(last, columns).inv()
+    except ZeroDivisionError:
+        return math.inf
+    bound = _norm(np.vstack([_magnitudes(row * back) for row in seen]))
+    return bound if math.isfinite(bound) else math.inf
+
+
+def _first_rows(X: Any, count: int) -> Any:
+    if X.nrows() == count:
+        return X
+    return type(X)(count, X.ncols(), [x for row in X.tolist()[:count] for x in row])
 
 
 def _states(family: _Normalised, X: Any, flows: list[Any]) -> list[Any]:
@@ -309,4 +334,3 @@ def _normalised(stack: Stack, low: float, high: float, R: Matrix) -> _Normalised
         low=start,
         length=end - start,
     )
-

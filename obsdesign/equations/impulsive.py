@@ -139,8 +139,7 @@ def objection(plant: Any) -> str | None:
     """What this observer cannot use of a plant, or None; one sentence."""
     if plant.output.measured != "at_jumps":
         return (
-            "output.measured must be at_jumps for kind 'impulsive'; "
-            f"got {plant.output.measured!r}."
+            f"output.measured must be at_jumps for kind 'impulsive'; got {plant.output.measured!r}."
         )
     if plant.jump is None or plant.jump.dwell_time is None:
         return (

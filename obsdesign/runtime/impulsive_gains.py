@@ -31,7 +31,9 @@ def require_impulsive_gains(gains: Mapping[str, Any]) -> None:
     if strategy == "quadratic":
         cells = np.shape(gains.get("cells", ()))
         shapes |= {"cells": cells, "table": (cells[0] - 1 if cells else 0, *n, *p)}
-    elif not (_whole([gains.get("window")]) and gains["window"] >= 1 and _above_one(gains.get("alpha"))):
+    elif not (
+        _whole([gains.get("window")]) and gains["window"] >= 1 and _above_one(gains.get("alpha"))
+    ):
         raise ValueError("gains.window must be a whole number >= 1 and gains.alpha above 1.")
     for name, shape in shapes.items():
         value = gains.get(name)

@@ -47,6 +47,4 @@ def _compressed(problem: Problem, only_if_singular: bool) -> Iterator[Candidate]
     U, S = image_of(problem.plant.jump.G)
     if only_if_singular and U.shape[1] == problem.plant.n:
         return  # the image is all there is: nothing is gained
-    yield windowed(
-        problem, base(problem, "compressed") | {"image": U, "coimage": S}, "compressed"
-    )
+    yield windowed(problem, base(problem, "compressed") | {"image": U, "coimage": S}, "compressed")

@@ -20,7 +20,9 @@ from lmi.affine import Unknown, best_margin
 from lmi.balls import exact
 from lmi.exponential import expm
 from lmi.families import balance
+from lmi.hidden_mode import propose_hiding
 from lmi.proof import prove_common
+from lmi.stack import Stack
 from obsdesign.equations.estimation_error import plant_data
 from obsdesign.equations.impulsive import seen_before_jump
 from obsdesign.problem import Problem
@@ -58,7 +60,10 @@ def quadratic_candidate(problem: Problem) -> Candidate:
                 "quadratic", gains | {"cells": cells, "table": table}, certificate, searched=True
             )
     none = {"cells": np.array([low, high]), "table": np.zeros((1, plant.n, plant.p))}
-    return Candidate("quadratic", gains | none)
+    forever = Stack(exact(A), exact(G), exact(C), exact(np.eye(plant.n)), plant.n + 1)
+    theta = propose_hiding(forever, low, high)
+    hiding = {} if theta is None else {"detectable": {"witness": {"thetas": [theta]}}}
+    return Candidate("quadratic", gains | none, hiding)
 
 
 def common_matrix(A: Any, G: Any, C: Any, low: float, high: float, gamma: float) -> Any:

@@ -130,7 +130,9 @@ def part_candidates(
         return  # nothing to correct, or nothing to leave alone
     if parts.size == 0:
         parts = Parts(np.eye(plant.n), 0, plant.n)
-    certificates, blocks = _blocks(plant.flow.A, plant.jump.G, C, parts, (low, high), factor)
+    certificates, blocks = _blocks(
+        plant.flow.A, plant.jump.G, C, parts, (low, high), factor, weight(problem)
+    )
     whole = dict(gains) | {"basis": parts.basis, "core_place": np.array([parts.first, parts.size])}
     whole |= blocks
     whole["core_place"] = whole["core_place"].astype(np.float64)
@@ -142,7 +144,7 @@ def part_candidates(
 
 
 def _blocks(
-    A: Any, G: Any, C: Any, parts: Parts, ends: tuple[float, float], factor: float
+    A: Any, G: Any, C: Any, parts: Parts, ends: tuple[float, float], factor: float, alpha: float
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """(certificates that hidden and rest decay, the core's matrices)."""
     T = exact(parts.basis)
@@ -155,9 +157,19 @@ def _blocks(
     for name, inside in (("hidden", slice(0, first)), ("rest", slice(end, len(A)))):
         F, H = flow[inside, inside], jump[inside, inside]
         if len(F):
-            found = dwell_certificates(F, H / factor, *ends)
-            certificates[f"{name}_decays"] = found["dwell_stability"]
+            certificates[f"{name}_decays"] = _alone(F, H, ends, factor, alpha)
     middle = slice(first, end)
     seen = to_float(exact(C) @ T)[:, middle]
     core = {"core_A": flow[middle, middle], "core_G": jump[middle, middle], "core_C": seen}
     return certificates, core
+
+
+def _alone(
+    F: Any, H: Any, ends: tuple[float, float], factor: float, alpha: float
+) -> dict[str, Any]:
+    """P for the decay of a block: as fast as the core's if it can be, else at the factor."""
+    for tried in sorted({min(factor, 0.9 / alpha), factor}):
+        found: dict[str, Any] = dwell_certificates(F, H / tried, *ends)["dwell_stability"]
+        if "P" in found:
+            break
+    return found | {"factor": tried}

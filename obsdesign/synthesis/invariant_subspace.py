@@ -50,10 +50,10 @@ def corrected_part(
     units = balance(np.stack([np.abs(A) * high, G]))
     A, G = units[:, None] * A / units, units[:, None] * G / units
     C = C / units
-    V = _growing(A, G, low, high, factor)
+    V = _refined(_growing(A, G, low, high, factor), (A, G), None)
     seen = _hull(np.linalg.qr(C.T)[0] if C.any() else np.zeros((n, 0)), (A.T, G.T), C.T)
     unseen = _complement(seen)
-    hidden = _intersection(unseen, V)
+    hidden = _refined(_intersection(unseen, V), (A, G), C)
     core = _beyond(hidden, V)
     rest = _complement(V)
     pieces = [_simple(hidden), _simple_beyond(core, hidden), _simple_rest(rest, V)]
@@ -102,6 +102,27 @@ def _hull(V: Matrix, maps: tuple[Matrix, ...], first: Matrix | None) -> Matrix:
         if larger.shape[1] == basis.shape[1]:
             return basis
         basis = larger
+
+
+def _refined(V: Matrix, maps: tuple[Matrix, ...], zero: Matrix | None) -> Matrix:
+    """The subspace V + W X next to span V that is invariant (and that `zero` maps to 0).
+
+    One Newton step of the equations W' F (V + W X) = X V' F V, which hold up to squares of what
+    is already small.
+    """
+    n, d = V.shape
+    if d in (0, n):
+        return V
+    W = _complement(V)
+    rows, wanted = [], []
+    for F in maps:
+        rows.append(np.kron(W.T @ F @ W, np.eye(d)) - np.kron(np.eye(n - d), (V.T @ F @ V).T))
+        wanted.append(-(W.T @ F @ V).reshape(-1))
+    if zero is not None:
+        rows.append(np.kron(zero @ W, np.eye(d)))
+        wanted.append(-(zero @ V).reshape(-1))
+    step = np.linalg.lstsq(np.vstack(rows), np.concatenate(wanted), rcond=1e-10)[0]
+    return np.linalg.qr(V + W @ step.reshape(n - d, d))[0]
 
 
 def _span(V: Matrix) -> Matrix:

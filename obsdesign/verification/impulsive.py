@@ -36,6 +36,7 @@ from obsdesign.verification.impulsive_rate import (
     absorbed,
     in_balls,
     promised,
+    quadratic_bound,
     window_reach,
 )
 
@@ -98,13 +99,15 @@ def _windowed(
         reason = "gains.basis is singular"
         found.append(_nominal(numbers, refuted({"entry": "gains.basis", "reason": reason})))
         return found, None
-    rate, decaying = float(problem.options.get("decay_rate", 0.0)), {}
+    rate = float(problem.options.get("decay_rate", 0.0))
+    decaying: dict[str, Bound] = {}
     for name, pair in (("hidden", blocks.hidden), ("rest", blocks.rest)):
         if pair is not None:
             claim = alone(name, pair, (low, high), certificates, paranoid, rate)
             found.append(claim)
             if "P" in claim.evidence:
-                decaying[name] = np.asarray(claim.evidence["P"], dtype=np.float64)
+                P = np.asarray(claim.evidence["P"], dtype=np.float64)
+                decaying[name] = quadratic_bound(P, claim.evidence["factor"])
     whole = None
     if overall(claim.verdict for claim in found) == "proved":
         with in_balls():
@@ -223,9 +226,13 @@ def _decay(told: Mapping[str, float] | None, rate: float, high: float) -> Claim:
     if told is not None:
         with in_balls():
             reached = number(told["per_impulse"]) <= (-number(rate) * number(high)).exp()
-        verdict = proved(per_impulse=told["per_impulse"]) if reached else undecided(
-            f"the proved rate is {told['in_time']:.6g} per unit of time; alpha must be at least "
-            "e^(decay_rate * longest spacing)"
+        verdict = (
+            proved(per_impulse=told["per_impulse"])
+            if reached
+            else undecided(
+                f"the proved rate is {told['in_time']:.6g} per unit of time; alpha must be at least "
+                "e^(decay_rate * longest spacing)"
+            )
         )
     return Claim(
         "decay_rate",

@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 
 from lmi.balls import Exact, exact, number, rational
+from lmi.deficient import MARGIN
+from lmi.hidden_mode import check_hiding
 from lmi.largest_norm import identity_like, norm_of, norm_over
 from lmi.proof import prove_common
 from lmi.verdict import Verdict, overall, proved, refuted, undecided
@@ -39,9 +41,13 @@ def alone(
     factor = factor_left_alone(rate, ends[1])
     identity = f"{name}_decays"
     certificate = certificates.get(identity, {})
+    smaller = certificate.get("factor")
+    if isinstance(smaller, float) and 0 < smaller < factor:
+        factor = smaller
     verdict = dwell_stability(F, H / rational(factor), *ends, certificate, paranoid)
     if verdict.outcome == "refuted":
         verdict = _without_margin(verdict, F, H, ends)
+    verdict = Verdict(verdict.outcome, {**verdict.evidence, "factor": factor})
     what = "that no measurement sees" if name == "hidden" else "that nothing corrects"
     return Claim(
         identity,
@@ -54,9 +60,7 @@ def alone(
     )
 
 
-def _without_margin(
-    verdict: Verdict, F: Exact, H: Exact, ends: tuple[float, float]
-) -> Verdict:
+def _without_margin(verdict: Verdict, F: Exact, H: Exact, ends: tuple[float, float]) -> Verdict:
     """A witness against the margin; only one against decay itself refutes."""
     plain = dwell_stability(F, H, *ends, {}, False)
     if plain.outcome == "refuted":
@@ -80,7 +84,6 @@ def quadratic_claims(
     found = []
     C = seen_before_jump(numbers["G"], numbers["C"], numbers["jump_measurement"])
     pair = hidden_pair(numbers["A"], numbers["G"], C)
-    rate = float(problem.options.get("decay_rate", 0.0))
     if pair is not None:
         verdict = dwell_stability(*pair, low, high, certificates.get("hidden_decays", {}), paranoid)
         if verdict.outcome == "refuted":
@@ -88,6 +91,15 @@ def quadratic_claims(
         found.append(Claim(
             "hidden_decays",
             f"what no measurement ever sees of the state (dimension {len(pair[0])}) decays",
+            _SOURCES["hidden"], verdict.outcome, verdict.evidence,
+        ))  # fmt: skip
+    hiding = certificates.get("detectable", {}).get("witness", {}).get("thetas")
+    if isinstance(hiding, list) and len(hiding) == 1 and low <= float(hiding[0]) <= high:
+        verdict = check_hiding(numbers["A"], numbers["G"], C, float(hiding[0]))
+        found.append(Claim(
+            "detectable",
+            "at no constant spacing does C miss a mode of the impulses and the flow between them "
+            f"that has modulus 1 or more (residuals below {MARGIN:g} of their terms)",
             _SOURCES["hidden"], verdict.outcome, verdict.evidence,
         ))  # fmt: skip
     certificate = certificates.get("contracting", {})
@@ -106,7 +118,6 @@ def quadratic_claims(
     ))  # fmt: skip
     if overall(claim.verdict for claim in found) != "proved" or P is None:
         return found, None
-    del rate
     return found, _bound(numbers, C, P, float(gamma), (low, high))
 
 

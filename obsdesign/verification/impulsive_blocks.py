@@ -20,12 +20,11 @@ import numpy as np
 from lmi.balls import Exact, exact, inverse, number, rational, scalar
 from lmi.largest_norm import norm_of
 from lmi.stack import Stack, coordinates, state_basis
-from obsdesign.equations.impulsive import Core, factor_left_alone, seen_before_jump
+from obsdesign.equations.impulsive import Core, seen_before_jump
 from obsdesign.verification.impulsive_rate import (
     Bound,
     Reach,
     flow_change,
-    quadratic_bound,
 )
 
 
@@ -124,14 +123,14 @@ class Whole:
 
 
 def whole_bound(
-    blocks: Blocks, reach: Reach, decaying: Mapping[str, Any], high: float, rate: float
+    blocks: Blocks, reach: Reach, decaying: Mapping[str, Bound], high: float, rate: float
 ) -> Whole | None:
-    """The cascade hidden <- core <- rest; None if a block's P is missing.
+    """The cascade hidden <- core <- rest; None if the bound of a block is missing.
 
-    decaying: P by "hidden" and "rest", for the blocks that are there; rate: decay per unit of time
+    decaying: by "hidden" and "rest", for the blocks that are there; rate: decay per unit of time
     that is aimed at.
     """
-    goal, alone = (-number(rate) * number(high)).exp(), factor_left_alone(rate, high)
+    goal = (-number(rate) * number(high)).exp()
     change, _, nominal = flow_change(blocks.A, blocks.A0, high)
     G, C = norm_of(blocks.G), norm_of(blocks.C)
     off = nominal * (norm_of(blocks.G - blocks.G0) + reach.gain * norm_of(blocks.C - blocks.C0))
@@ -141,16 +140,14 @@ def whole_bound(
     for name, pair in (("rest", blocks.rest), ("hidden", blocks.hidden)):
         if pair is None:
             continue
-        P = decaying.get(name)
-        if P is None:
+        own = decaying.get(name)
+        if own is None:
             return None
-        own = quadratic_bound(P, alone)
-        pair_of_bounds = (bound, own) if name == "rest" else (own, bound)
-        bound = pair_of_bounds[0].over(pair_of_bounds[1], coupling, goal)
+        fed, feeding = (bound, own) if name == "rest" else (own, bound)
+        bound = fed.over(feeding, coupling, goal, loosely=not blocks.exact)
     return Whole(bound, off if not blocks.exact else scalar(0))
 
 
 def in_state(bound: Bound, blocks: Blocks) -> Bound:
     """The bound for the state itself."""
     return bound.scaled(norm_of(blocks.T) * norm_of(blocks.T_back))
-

@@ -21,14 +21,16 @@ from typing import Any
 
 import numpy as np
 
-from lmi.balls import Exact, number, precision, scalar
-from lmi.largest_norm import identity_like, inverse_norm_over, norm_of, norm_over
+from lmi.balls import Exact, number, precision, rational, scalar
+from lmi.largest_norm import identity_like, norm_of, norm_over
 from lmi.verdict import Verdict, proved, undecided
 from obsdesign.equations.impulsive import Core
 
 _BITS = 128
 # numbers that are promised are rounded up to so many digits, with this much to spare
 _DIGITS, _SPARE = 3, 1.01
+# a cascade of two equal factors m is bounded by m to this power
+_CASCADE = 0.875
 
 
 @dataclass(frozen=True)
@@ -38,14 +40,16 @@ class Bound:
     constant: Any
     factor: Any
 
-    def over(self, other: Bound, coupling: Any, goal: Any) -> Bound:
+    def over(self, other: Bound, coupling: Any, goal: Any, loosely: bool) -> Bound:
         """Both in a cascade, the other one feeding this one with at most `coupling` of itself.
 
         Sums of a^(N-1-i) b^i are at most N m^(N-1), m the larger factor; that is below
-        L^N / (e m log(L/m)) for every L between m and 1. L is the goal where it lies there.
+        L^N / (e m log(L/m)) for every L between m and 1. L is the goal where it lies there;
+        loosely: one half way to 1, for the sake of the constant.
         """
         m = self.factor.max(other.factor)
-        L = goal if goal > m and goal < 1 else (1 + m) / 2
+        L = goal if goal > m and goal < 1 else (m.log() * rational(_CASCADE)).exp()
+        L = (1 + m) / 2 if loosely else L
         ramp = 1 / (scalar(1).exp() * m * (L / m).log())
         both = self.constant * other.constant * coupling * ramp
         return Bound(self.constant + other.constant + both, L)
@@ -73,7 +77,7 @@ def window_reach(
     """Bound of the error and of the gain's norm for a window; core: exact.
 
     evidence: of the proof that the window matrix, unweighted, has full rank, in coordinates in
-    which the core is given: "spread" and "largest".
+    which the core is given: "spread", "largest", "recalled".
     """
     unit, a, seen = identity_like(core.A), number(alpha), norm_of(core.C)
     states = [number(value) * a ** (window - 1) for value in evidence["spread"]]
@@ -85,26 +89,18 @@ def window_reach(
     if core.U is not None and core.S is not None:
         into = norm_of(core.S)
         entered = into * (1 + states[-1] * seen)
-    traced = _traced_back(core, low, high)
-    if traced is None:
-        unknown = window - 1
+    recalled = float(evidence["recalled"])
+    if math.isfinite(recalled):
+        known, outputs = 1 + late, number(recalled)
+        if core.U is not None:
+            outputs = outputs * norm_over(unit, core.A, core.U, low, high)
+    else:
+        known, outputs = window + late, number(evidence["largest"])
         for j in range(1 + late, window + late):
             entered = entered + into * states[window - j] * seen * step ** (j - 1)
-    else:
-        unknown = 0
-        entered = entered * traced ** (window - 1)
-    known = 1 + unknown + late  # from this impulse on e = X zeta
-    settled = move * states[-1] * number(evidence["largest"]) * entered * a**known
+    settled = move * states[-1] * outputs * entered * a**known
     constant = settled.max((step * a) ** (known - 1)).max(scalar(1))
     return Reach(Bound(constant, 1 / a), norm_of(core.J) * states[-1])
-
-
-def _traced_back(core: Core, low: float, high: float) -> Any:
-    """Ball above the inverse of one spacing's move in the window; None if it may be singular."""
-    unit = identity_like(core.A)
-    if core.U is None or core.S is None:
-        return inverse_norm_over(unit, core.A, core.J, low, high)
-    return inverse_norm_over(core.S, core.A, core.U, low, high)
 
 
 def quadratic_bound(P: Any, factor: float) -> Bound:
