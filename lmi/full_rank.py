@@ -1,112 +1,27 @@
 """Full column rank of a stack of products for all thetas of a box: branch and bound in balls.
 
-On a box with centre c and radii r, with Y O(c) Z close to I (Y, Z floats from a QR of O(c)),
-
-    I - Y O(theta) Z  lies in  I - Y O(c) Z - sum_i [-r_i, r_i] Y (dO/dtheta_i over the box) Z,
-
-and if its norm e is below 1, O has full column rank there with sigma_min >= (1 - e)/(|Y| |Z|).
-Otherwise the box is halved where the bound is widest. A stack that flows first is multiplied by
-e^{-K (theta_1 - middle)} on the right, K the flow as its columns see it: what theta_1 does to the
-columns alone costs no boxes. Coordinates that make O at the centre
-orthonormal (`lmi.stack`) take the units and the basis of the state out of the question.
-
-Floats choose Y, Z and boxes; everything that decides is ball arithmetic, and two spectral norms of
-small float matrices, raised by far more than their rounding.
+A box on which `lmi.stack_box` cannot show it is halved where its bound is widest. Coordinates that
+make the stack at the centre orthonormal (`lmi.stack`) take the units and the basis of the state
+out of the question.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lmi.balls import ball, exact, identity, middle, precision, rational, scalar, to_float
-from lmi.stack import Matrix, Stack, state_basis
+from lmi.balls import precision
+from lmi.stack import Matrix, Stack
+from lmi.stack_box import Box, Normalised, bounds, normalised
 from lmi.verdict import Verdict, proved, undecided
 
 BOX_LIMIT = 20_000
 _BITS = 128
-# sums of a few positive floats, and LAPACK's singular values, are off by far less
-_RAISED = 1.0 + 1e-10
 # a side halved so often is a point to every purpose
 _DEPTH = 48
 # while boxes are few, those are halved too whose bound is poor for an error norm close to 1
 _CLEAR, _PATIENCE = 0.75, 1500
-
-
-@dataclass(frozen=True)
-class _Box:
-    """Sides as (level, index): the index-th of the 2^level equal parts of [low, high]."""
-
-    sides: tuple[tuple[int, int], ...]
-
-    def halves(self, i: int) -> tuple[_Box, _Box]:
-        level, index = self.sides[i]
-        parts = ((level + 1, 2 * index), (level + 1, 2 * index + 1))
-        first, second = ((*self.sides[:i], part, *self.sides[i + 1 :]) for part in parts)
-        return _Box(first), _Box(second)
-
-
-@dataclass
-class _Normalised:
-    """The stack in coordinates (R, T): F, H, C, right ball matrices; flows over sides, cached.
-
-    K: the flow of the columns, undone where the stack flows first, in the coordinates R.
-    """
-
-    F: Any
-    H: Any
-    C: Any
-    right: Any
-    K: Any
-    R: Any
-    R_back: Any
-    back: Matrix
-    low: Any
-    length: Any
-    flows: dict[tuple[int, int], tuple[Any, Any]] = field(default_factory=dict)
-    undone: dict[tuple[int, int], tuple[Any, Any, float, float, float]] = field(
-        default_factory=dict
-    )
-
-    def undoing(self, key: tuple[int, int]) -> tuple[Any, Any, float, float, float]:
-        """e^{-K (theta - middle)} at the centre of a side and on it, and what its norm is below.
-
-        The norms are those in the coordinates R and in the original ones; last, that of what
-        undoes the undoing, in R.
-        """
-        if key not in self.undone:
-            level, index = key
-            half = self.length / 2 ** (level + 1)
-            offset = (2 * index + 1) * half - self.length / 2
-            centre = (-self.K * scalar(offset)).exp()
-            whole = centre * (self.K * scalar(-half).union(scalar(half))).exp()
-            plain = self.R_back * whole * self.R
-            again = (self.K * scalar(offset)).exp() * (
-                self.K * scalar(-half).union(scalar(half))
-            ).exp()
-            norms = (_norm(_magnitudes(X)) for X in (whole, plain, again))
-            self.undone[key] = (centre, whole, *norms)
-        return self.undone[key]
-
-    def side(self, key: tuple[int, int]) -> tuple[Any, Any]:
-        """e^{F c} and e^{F theta} for all theta of a side."""
-        if key not in self.flows:
-            level, index = key
-            half = self.length / 2 ** (level + 1)
-            centre = (self.F * scalar(self.low + (2 * index + 1) * half)).exp()
-            spread = scalar(-half).union(scalar(half))
-            self.flows[key] = centre, centre * (self.F * spread).exp()
-        return self.flows[key]
-
-    def centre(self, key: tuple[int, int]) -> float:
-        """Middle of a side."""
-        level, index = key
-        exactly = self.low + (2 * index + 1) * self.length / 2 ** (level + 1)
-        return float(int(exactly.p) / int(exactly.q))
 
 
 def prove_full_rank(
@@ -121,32 +36,37 @@ def prove_full_rank(
     """O(theta) has full column rank for all theta in [low, high]^m, 0 <= low <= high finite.
 
     R: coordinates, a float (r, r), invertible (`lmi.stack.coordinates`). Proved evidence:
-    "sigma_min", a lower bound of the smallest singular value of O over the box; "margin", one of
-    O R^-1, above `margin`; "boxes". Undecided evidence: "thetas", near which it
-    could not be shown. Also "spread", for each block i a bound of ||X_i x|| over all x with ||O x|| = 1,
-    in the coordinates of the state that `lmi.stack.state_basis` gives; "largest", one of ||O R^-1||;
-    "recalled", one of ||O X^-1||, X the last X_i as its first r coordinates (infinite where it is
-    not seen to be invertible).
+
+    sigma_min  a lower bound of the smallest singular value of O over the box
+    margin     one of O R^-1, above `margin`
+    spread     for each block i a bound of ||X_i x|| over all x with ||O x|| = 1, in the coordinates
+               of the state that `lmi.stack.state_basis` gives, as for the next two
+    largest    one of ||O R^-1||
+    recalled   one of ||O X^-1||, X the last X_i as its first r coordinates; infinite where it is
+               not seen to be invertible
+    boxes      how many it took
+
+    Undecided evidence: "thetas", near which it could not be shown.
     """
     if not 0 <= low <= high or math.isinf(high):
         raise ValueError(f"0 <= low <= high, both finite, is required; got [{low}, {high}]")
     if stack.shape[0] < stack.shape[1]:
         return undecided(f"{stack.shape[0]} rows cannot have rank {stack.shape[1]}")
     with precision(_BITS), np.errstate(all="ignore"):
-        family = _normalised(stack, low, high, R)
+        family = normalised(stack, low, high, R)
         if family is None:
             return undecided("the coordinates are not certainly invertible")
         return _branch(stack, family, margin, limit)
 
 
-def _branch(stack: Stack, family: _Normalised, margin: float, limit: int) -> Verdict:
-    todo = [_Box(((0, 0),) * stack.thetas)]
+def _branch(stack: Stack, family: Normalised, margin: float, limit: int) -> Verdict:
+    todo = [Box(((0, 0),) * stack.thetas)]
     least, least_margin, count, open_box = math.inf, math.inf, 0, None
     spread, largest, recalled = np.zeros(stack.blocks), 0.0, 0.0
     while todo:
         box = todo.pop()
         count += 1
-        found = _bounds(stack, family, box, _CLEAR if count < _PATIENCE else 1.0)
+        found = bounds(stack, family, box, _CLEAR if count < _PATIENCE else 1.0)
         widest = found.widest
         if found.size > 0 and found.relative > margin:
             least, least_margin = min(least, found.size), min(least_margin, found.relative)
@@ -165,172 +85,3 @@ def _branch(stack: Stack, family: _Normalised, margin: float, limit: int) -> Ver
     text = ", ".join(f"{theta:.9g}" for theta in place)
     return undecided(f"full rank could not be shown: {why}; the worst place is ({text})",
                      thetas=place, boxes=count)  # fmt: skip
-
-
-@dataclass(frozen=True)
-class _Found:
-    """Lower bounds of sigma_min of O and of O R^-1 on a box (0: none), the side to halve; the rest
-    as in `prove_full_rank`.
-    """
-
-    size: float
-    relative: float
-    widest: int | None
-    spread: Matrix
-    largest: float = math.inf
-    recalled: float = math.inf
-
-
-def _bounds(stack: Stack, family: _Normalised, box: _Box, largest: float) -> _Found:
-    """What a box gives; nothing unless the error norm is below `largest`, at most 1."""
-    nothing = np.zeros(stack.blocks)
-    flows = [family.side(side) for side in box.sides]
-    first = family.undoing(box.sides[0]) if stack.flows_first else None
-    start = family.right if first is None else flows[0][0] * family.right * first[0]
-    steps = flows[stack.flows_first :]
-    rows = [family.C * X for X in _states(family, start, [point for point, _ in steps])]
-    approx = np.vstack([middle(block) for block in rows])
-    if not np.isfinite(approx).all():
-        return _Found(0.0, 0.0, _longest(box), nothing)
-    Q, upper = np.linalg.qr(approx)
-    Y, Z = Q.T, _inverse(upper)
-    if Z is None:
-        return _Found(0.0, 0.0, _longest(box), nothing)
-    p = len(stack.C)
-    blocks = [ball(exact(Y[:, j * p : (j + 1) * p])) for j in range(stack.blocks)]
-    Z_ball = ball(exact(Z))
-    shown = _total([b * row for b, row in zip(blocks, rows, strict=True)]) * Z_ball
-    error = _magnitudes(identity(len(Y)) - shown)
-    widths = []
-    X, slope_first = family.right, None
-    if first is not None:  # mean value: where the columns flow by K alone, nothing is left to vary
-        slope_first = flows[0][1] * (family.F * X - X * family.K) * first[1]
-        half = family.length / 2 ** (box.sides[0][0] + 1)
-        X = start + slope_first * scalar(-half).union(scalar(half))
-    slopes = _slopes(stack, family, X, slope_first, [whole for _, whole in steps])
-    for i, slope in enumerate(slopes):
-        change = _total([b * s for b, s in zip(blocks, slope, strict=True) if s is not None])
-        half = float(int(family.length.p) / int(family.length.q)) / 2 ** (box.sides[i][0] + 1)
-        moved = _magnitudes(change * Z_ball) * (half * _RAISED)
-        error = error + moved
-        widths.append(_norm(moved))
-    e = _norm(error)
-    widest = int(np.argmax(np.nan_to_num(widths, nan=np.inf))) if widths else None
-    if not e < largest:
-        return _Found(0.0, 0.0, widest if np.isfinite(widths).all() else _longest(box), nothing)
-    undone = (1.0, 1.0) if first is None else (first[3], first[2])
-    sizes = [
-        np.linalg.norm(Y, 2) * np.linalg.norm(X, 2) * more
-        for X, more in zip((family.back @ Z, Z), undone, strict=True)
-    ]
-    size, relative = ((1 - e) / (s * _RAISED) / _RAISED for s in sizes)
-    # a right factor cancels in X O^+, so that nothing has to be undone here
-    states = _states(family, X, [around for _, around in steps])
-    worst = float(np.linalg.norm(Y, 2)) * _RAISED / (1 - e) * _RAISED
-    spread = [_norm(_magnitudes(X * Z_ball)) * worst for X in states]
-    seen = [family.C * X for X in states]
-    undone_too = 1.0 if first is None else first[4]
-    outputs = _norm(np.vstack([_magnitudes(row) for row in seen])) * undone_too
-    recalled = _recalled(seen, states[-1], len(Z))
-    return _Found(float(size), float(relative), widest, np.array(spread), outputs, recalled)
-
-
-def _recalled(seen: list[Any], last: Any, columns: int) -> float:
-    """Above the norm of the rows that are seen times the inverse of the first part of `last`."""
-    try:
-        back = _first_rows(last, columns).inv()
-    except ZeroDivisionError:
-        return math.inf
-    bound = _norm(np.vstack([_magnitudes(row * back) for row in seen]))
-    return bound if math.isfinite(bound) else math.inf
-
-
-def _first_rows(X: Any, count: int) -> Any:
-    if X.nrows() == count:
-        return X
-    return type(X)(count, X.ncols(), [x for row in X.tolist()[:count] for x in row])
-
-
-def _states(family: _Normalised, X: Any, flows: list[Any]) -> list[Any]:
-    """X_0, X_1, ... from X_0 on, for given flows."""
-    found = [X]
-    for E in flows:
-        found.append(E * (family.H * found[-1]))
-    return found
-
-
-def _slopes(
-    stack: Stack, family: _Normalised, X: Any, slope_first: Any, flows: list[Any]
-) -> list[list[Any]]:
-    """For each theta, the derivatives of the block rows over the box; None where they are zero.
-
-    X: the first state over the box; slope_first: its derivative, None where it is constant.
-    """
-    moving = [] if slope_first is None else [slope_first]  # dX/dtheta_i for the thetas so far
-    slopes: list[list[Any]] = [[] for _ in range(stack.thetas)]
-    for j in range(stack.blocks):
-        if j:
-            jump = flows[j - 1] * family.H
-            moving = [jump * D for D in moving]
-            X = jump * X
-            moving.append(family.F * X)
-        for i, column in enumerate(slopes):
-            column.append(family.C * moving[i] if i < len(moving) else None)
-    return slopes
-
-
-def _total(terms: list[Any]) -> Any:
-    total = terms[0]
-    for term in terms[1:]:
-        total = total + term
-    return total
-
-
-def _magnitudes(S: Any) -> Matrix:
-    """Upper bounds of the absolute values of a ball matrix's entries."""
-    return np.array([[float(x.abs_upper()) for x in row] for row in S.tolist()]) * _RAISED
-
-
-def _norm(bound: Matrix) -> float:
-    """Above the spectral norm of every matrix whose entries are below these."""
-    either = math.sqrt(float(bound.sum(axis=0).max() * bound.sum(axis=1).max()))
-    return min(either, float(np.sqrt((bound**2).sum()))) * _RAISED
-
-
-def _longest(box: _Box) -> int | None:
-    levels = [level for level, _ in box.sides]
-    return int(np.argmin(levels)) if levels else None
-
-
-def _inverse(upper: Matrix) -> Matrix | None:
-    try:
-        Z: NDArray[np.float64] = np.linalg.inv(upper)
-    except np.linalg.LinAlgError:
-        return None
-    return Z if np.isfinite(Z).all() else None
-
-
-def _normalised(stack: Stack, low: float, high: float, R: Matrix) -> _Normalised | None:
-    """Coordinates R for the columns, and for the state T = [right R^-1, rest]^-1."""
-    try:
-        R_back = ball(exact(R)).inv()
-        back = middle(R_back)
-        into = ball(exact(state_basis(stack, R)))
-        T = into.inv()
-    except (ZeroDivisionError, np.linalg.LinAlgError, ValueError):
-        return None
-    start, end = rational(low), rational(high)
-    F = to_float(stack.F)
-    K = R @ np.linalg.lstsq(to_float(stack.right), F @ to_float(stack.right))[0] @ back
-    return _Normalised(
-        F=T * ball(stack.F) * into,
-        H=T * ball(stack.H) * into,
-        C=ball(stack.C) * into,
-        right=T * ball(stack.right) * R_back,
-        K=ball(exact(K)),
-        R=ball(exact(R)),
-        R_back=R_back,
-        back=back,
-        low=start,
-        length=end - start,
-    )

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from lmi.balls import Exact, ball, exact, exp_times, norm_bound, number, precision
-from lmi.deficient import MARGIN
+from lmi.rank_witness import MARGIN
 from lmi.stack import Matrix, Stack, approx_margin, coordinates
 from lmi.verdict import Verdict, refuted, undecided
 
@@ -41,9 +41,9 @@ def check_hiding(F: Exact, H: Exact, C: Exact, theta: float) -> Verdict:
     n = len(F)
     stack = Stack(F, H, C, exact(np.eye(n)), n + 1)
     around = stack.approx(np.repeat(theta * np.array([[1.0], [0.7], [1.3]]), n, axis=1))
-    O, sizes = around[0], np.linalg.norm(around, axis=1).max(axis=0)
+    stacked, sizes = around[0], np.linalg.norm(around, axis=1).max(axis=0)
     units = np.where(sizes > 0, sizes, 1.0)
-    _, values, right = np.linalg.svd(O / units)
+    _, values, right = np.linalg.svd(stacked / units)
     unseen = (right[values < 100 * MARGIN * max(values.max(), 1e-300)] / units).T
     if not unseen.shape[1]:
         return undecided(f"nothing is hidden at {theta!r}")

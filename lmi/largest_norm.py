@@ -25,6 +25,20 @@ def norm_over(left: Exact, F: Exact, right: Exact, low: float, high: float) -> A
     return largest
 
 
+def inverse_norm_over(left: Exact, F: Exact, right: Exact, low: float, high: float) -> Any:
+    """Ball above ||(left e^{F theta} right)^-1|| for all theta in the range, a square matrix.
+
+    None where the inverse is not certain to exist everywhere.
+    """
+    largest = scalar(0)
+    try:
+        for X in _cells(left, F, right, low, high):
+            largest = largest.max(norm_bound(X.inv()))
+    except ZeroDivisionError:
+        return None
+    return largest if largest.is_finite() else None
+
+
 def _cells(left: Exact, F: Exact, right: Exact, low: float, high: float) -> Iterator[Any]:
     """Enclosures of left e^{F theta} right on cells that cover the range."""
     size = float(np.abs(to_float(F)).sum(axis=0).max(initial=0.0))

@@ -79,11 +79,11 @@ def coordinates(stack: Stack, low: float, high: float) -> tuple[Matrix, bool]:
     sizes = np.nan_to_num(np.linalg.norm(stacks, axis=1), nan=0.0, posinf=0.0).max(axis=0)
     sizes = np.where(sizes > 0, sizes, max(float(sizes.max(initial=0.0)), 1e-300))
     units = np.exp2(np.round(np.log2(sizes)))  # powers of two: no rounding
-    for O in stacks[np.isfinite(stacks).all(axis=(1, 2))] / units:
-        values = np.linalg.svd(O, compute_uv=False)
+    for rows in stacks[np.isfinite(stacks).all(axis=(1, 2))] / units:
+        values = np.linalg.svd(rows, compute_uv=False)
         if len(values) < len(units) or not values[-1] > DEPENDENT * values[0]:
             continue
-        Q, upper = np.linalg.qr(O)
+        Q, upper = np.linalg.qr(rows)
         # of all orthonormal bases of the outputs the one nearest to a fixed set of vectors:
         # whatever basis the state had, z is the same, and so is the work of a proof
         left, _, right = np.linalg.svd(Q.T @ _polynomials(stack))
@@ -106,7 +106,7 @@ def state_basis(stack: Stack, R: Matrix) -> Matrix:
     Floats (n, n), used as they are; orthogonal columns complete them where the jump destroys too
     little, or some of them. LinAlgError if R is singular.
     """
-    columns = np.linalg.solve(R.T, to_float(stack.right).T).T
+    columns: Matrix = np.asarray(np.linalg.solve(R.T, to_float(stack.right).T).T, dtype=np.float64)
     n, r = columns.shape
     if n == r:
         return columns
@@ -123,10 +123,10 @@ def state_basis(stack: Stack, R: Matrix) -> Matrix:
 
 def approx_margin(stack: Stack, thetas: Matrix, R: Matrix) -> Matrix:
     """Smallest singular value of O R^-1 at points (N, m), in floats; NaN where it overflows."""
-    O = stack.approx(thetas)
-    finite = np.asarray(np.isfinite(O).all(axis=(-2, -1)))
-    scaled = np.linalg.solve(R.T, np.swapaxes(np.where(finite[:, None, None], O, 0.0), -1, -2))
-    values: Matrix = np.linalg.svd(scaled, compute_uv=False)[:, -1]
+    rows = stack.approx(thetas)
+    finite = np.asarray(np.isfinite(rows).all(axis=(-2, -1)))
+    scaled = np.linalg.solve(R.T, np.swapaxes(np.where(finite[:, None, None], rows, 0.0), -1, -2))
+    values: Matrix = np.asarray(np.linalg.svd(scaled, compute_uv=False)[:, -1])
     if stack.shape[0] < stack.shape[1]:
         values = np.zeros_like(values)
     return np.where(finite, values, np.nan)

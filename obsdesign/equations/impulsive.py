@@ -118,19 +118,19 @@ def window_matrix(core: Core, flows: Array) -> tuple[Array, Array]:
     return np.concatenate(rows, axis=-2), core.J @ X
 
 
-def weighted(O: Array, outputs: int, alpha: float) -> Array:
-    """O with row block j of age i = k - j weighed by alpha^-i: the newest, last, by 1."""
-    blocks = O.shape[-2] // outputs
+def weighted(rows: Array, outputs: int, alpha: float) -> Array:
+    """Window rows with block j of age i = k - j weighed by alpha^-i: the newest, last, by 1."""
+    blocks = rows.shape[-2] // outputs
     ages = np.repeat(np.arange(blocks)[::-1], outputs)
     weights: Array = float(alpha) ** -ages.astype(np.float64)
-    return O * weights[:, None]
+    return rows * weights[:, None]
 
 
 def window_gains(core: Core, flows: Array, alpha: float) -> Array:
     """L[k] of (12), (..., d, p), for the flows of a window, (..., m, d, d), oldest first."""
     p = len(core.C)
-    O, left = window_matrix(core, flows)
-    Q, R = np.linalg.qr(weighted(O, p, alpha))
+    rows, left = window_matrix(core, flows)
+    Q, R = np.linalg.qr(weighted(rows, p, alpha))
     newest = np.swapaxes(Q[..., -p:, :], -1, -2)
     return -left @ np.linalg.solve(R, newest)
 

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lmi.exponential import expm, flow_integrals
-from obsdesign.equations.impulsive import STRATEGIES, Core, core_of
+from obsdesign.equations.impulsive import Core, core_of
 from obsdesign.errors import InputError
 from obsdesign.runtime.base import (
     Batch,

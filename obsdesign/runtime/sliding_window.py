@@ -29,10 +29,10 @@ class Element:
     count: int = 1
 
     def then(self, later: Element, alpha: float) -> Element:
-        """This element followed by a later one."""
+        """The product of this element and a later one."""
         rows = np.vstack([alpha**-later.count * self.factor, later.factor @ self.move])
         if len(rows) > rows.shape[1]:
-            rows = np.linalg.qr(rows, mode="r")
+            rows = np.asarray(np.linalg.qr(rows, mode="r"))
         return Element(later.move @ self.move, rows, self.count + later.count)
 
 

@@ -1,7 +1,7 @@
 """The quadratic strategy: one P for all spacings, and a gain for each cell of the last spacing.
 
-With S = G e^{A delta}, H = C e^{A delta} some gain L(delta) makes the error after an impulse at most
-gamma times that after the one before, in the norm of P, if and only if
+With S = G e^{A delta}, H = C e^{A delta} some gain L(delta) makes the error after an impulse at
+most gamma times that after the one before, in the norm of P, if and only if
 
     N' (gamma^2 P - S' P S) N > 0,   N a basis of ker H,
 

@@ -10,7 +10,8 @@ import numpy as np
 import scipy.linalg
 
 from lmi.balls import exact, inverse, to_float
-from lmi.deficient import MARGIN, decide_full_rank
+from lmi.deficient import decide_full_rank
+from lmi.rank_witness import MARGIN, check_deficient
 from lmi.stack import Stack, approx_margin, coordinates
 from lmi.verdict import Verdict
 from obsdesign.equations import impulsive as equations
@@ -18,6 +19,7 @@ from obsdesign.equations.estimation_error import plant_data
 from obsdesign.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
 from obsdesign.synthesis.dwell import dwell_certificates
+from obsdesign.synthesis.impulsive_noise import estimate, quiet_enough
 from obsdesign.synthesis.invariant_subspace import Parts, corrected_part
 
 # weight of the past where nothing else says: the error is certified to shrink by a quarter
@@ -69,8 +71,11 @@ def windowed(
     label: str,
     certificates: Mapping[str, Mapping[str, Any]] | None = None,
 ) -> Candidate:
-    """The candidate with the window that is asked for, or the shortest one that is proved."""
-    low, high = problem.require_dwell_time()
+    """The candidate with the window that is asked for, or the shortest one that is proved.
+
+    A shorter window that is proved proves every longer one.
+    """
+    ends = problem.require_dwell_time()
     others = dict(certificates or {})
     numbers = dict(gains) | {
         name: exact(value)
@@ -78,19 +83,48 @@ def windowed(
         if isinstance(value, np.ndarray) and value.ndim == 2
     }
     core = equations.core_of(numbers)
-    window = shortest = math.ceil(core.size / problem.plant.p)
+    shortest = math.ceil(core.size / problem.plant.p)
     asked = problem.options.get("window")
-    if math.isinf(high):
+    if math.isinf(ends[1]):
         return Candidate(label, dict(gains) | {"window": int(asked or shortest)}, others)
-    searched = asked is None
-    for window in (asked,) if asked else range(shortest, shortest + _LONGER + 1):
-        verdict = decide_full_rank(_stack(core, window), low, high)
-        tired = verdict.evidence.get("boxes", 0) > _TIRED
-        if verdict.outcome == "proved" or tired or _hopeless(core, verdict, low, high):
-            searched = False
+    blocks, verdict, searched = _provable(core, shortest, asked, ends)
+    others["strongly_observable"] = {**verdict.evidence, "blocks": blocks}
+    found = dict(gains) | {"window": int(asked or blocks)}
+    if verdict.outcome == "proved" and "noise_target" in problem.options:
+        found, met = quiet_enough(problem, found)
+        others["noise_target"] = met
+    if verdict.outcome == "proved":
+        others["rate"] = {"estimated": estimate(problem, found)}
+    return Candidate(label, found, others, searched=searched)
+
+
+def _provable(
+    core: equations.Core, shortest: int, asked: int | None, ends: tuple[float, float]
+) -> tuple[int, Verdict, bool]:
+    """(blocks, verdict on a window of so many, whether longer ones might still do)."""
+    last = shortest + _LONGER if asked is None else min(asked, shortest + _LONGER)
+    blocks = min(shortest, last)
+    for blocks in range(min(shortest, last), last + 1):
+        verdict = decide_full_rank(_stack(core, blocks), *ends)
+        if verdict.outcome == "proved":
+            return blocks, verdict, False
+        if _hopeless(core, verdict, *ends):
+            return _for_window(core, verdict, blocks, asked or blocks, ends)
+        if verdict.evidence.get("boxes", 0) > _TIRED:
             break
-    others["strongly_observable"] = verdict.evidence
-    return Candidate(label, dict(gains) | {"window": int(window)}, others, searched=searched)
+    return blocks, verdict, asked is None or asked > blocks
+
+
+def _for_window(
+    core: equations.Core, verdict: Verdict, blocks: int, asked: int, ends: tuple[float, float]
+) -> tuple[int, Verdict, bool]:
+    """What defeats a short window at one spacing, as the witness against the one asked for."""
+    thetas = verdict.evidence["witness"].get("thetas", [])
+    if asked == blocks or not thetas:
+        return asked, verdict, False
+    longer = _stack(core, asked)
+    same = {"thetas": [float(np.mean(thetas))] * longer.thetas}
+    return asked, check_deficient(longer, *ends, same), False
 
 
 def _stack(core: equations.Core, window: int) -> Stack:

@@ -122,7 +122,8 @@ def _refined(V: Matrix, maps: tuple[Matrix, ...], zero: Matrix | None) -> Matrix
         rows.append(np.kron(zero @ W, np.eye(d)))
         wanted.append(-(zero @ V).reshape(-1))
     step = np.linalg.lstsq(np.vstack(rows), np.concatenate(wanted), rcond=1e-10)[0]
-    return np.linalg.qr(V + W @ step.reshape(n - d, d))[0]
+    turned: Matrix = np.linalg.qr(V + W @ step.reshape(n - d, d))[0]
+    return turned
 
 
 def _span(V: Matrix) -> Matrix:
@@ -143,7 +144,8 @@ def _intersection(U: Matrix, V: Matrix) -> Matrix:
     if not U.shape[1] or not V.shape[1]:
         return np.zeros((len(U), 0))
     left, cosines, _ = np.linalg.svd(U.T @ V)
-    return U @ left[:, : int(np.sum(cosines > 1 - _RANK))]
+    common: Matrix = U @ left[:, : int(np.sum(cosines > 1 - _RANK))]
+    return common
 
 
 def _beyond(U: Matrix, V: Matrix) -> Matrix:
@@ -151,7 +153,7 @@ def _beyond(U: Matrix, V: Matrix) -> Matrix:
     if not U.shape[1]:
         return V
     inside = V - U @ (U.T @ V)
-    Q, sizes, _ = np.linalg.svd(inside, full_matrices=False)
+    Q = np.linalg.svd(inside, full_matrices=False)[0]
     return Q[:, : V.shape[1] - U.shape[1]]
 
 

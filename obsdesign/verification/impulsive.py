@@ -13,22 +13,27 @@ from typing import Any
 
 import numpy as np
 
-from lmi.balls import exact, number
-from lmi.deficient import MARGIN, check_deficient, decide_full_rank, prove_again
-from lmi.stack import Stack
-from lmi.verdict import Verdict, overall, proved, refuted, undecided
+from lmi.balls import exact
+from lmi.verdict import overall, proved, refuted, undecided
 from obsdesign.document import Claim
 from obsdesign.equations import impulsive as equations
 from obsdesign.equations.estimation_error import plant_data
 from obsdesign.problem import Problem
 from obsdesign.verification.consistency import consistency
-from obsdesign.verification.dwell import range_text
 from obsdesign.verification.impulsive_alone import alone, quadratic_claims
 from obsdesign.verification.impulsive_blocks import (
     blocks_of,
     in_its_coordinates,
     in_state,
     whole_bound,
+)
+from obsdesign.verification.impulsive_claims import (
+    bounded_spacing,
+    decay_claim,
+    missed_target,
+    nominal_plant,
+    rate_claim,
+    strongly_observable,
 )
 from obsdesign.verification.impulsive_guarantees import guarantees
 from obsdesign.verification.impulsive_rate import (
@@ -42,7 +47,6 @@ from obsdesign.verification.impulsive_rate import (
 
 __all__ = ["claims", "expected_gains", "guarantees"]
 
-PAPER = "Medina, Lawrence, State Estimation for Linear Impulsive Systems"
 _MATRICES = ("A", "C", "G", "image", "coimage", "basis", "core_A", "core_C", "core_G")
 
 
@@ -61,8 +65,8 @@ def claims(
     agreement = consistency(objection, gains, {} if objection else expected_gains(problem, gains))
     if agreement.verdict != "proved":
         return (agreement,)
-    low, high = problem.require_dwell_time()
-    bounded = _bounded(high)
+    high = problem.require_dwell_time()[1]
+    bounded = bounded_spacing(high)
     if bounded.verdict != "proved":
         return agreement, bounded
     numbers = dict(gains) | {name: exact(gains[name]) for name in _MATRICES if name in gains}
@@ -76,11 +80,14 @@ def claims(
         with in_balls():
             told = promised(bound, high, certificates.get("rate", {}))
         if told is not None:
-            found.append(_rate(told))
+            found.append(rate_claim(told, certificates.get("rate", {}).get("estimated")))
         if rate > 0:
-            found.append(_decay(told, rate, high))
+            found.append(decay_claim(told, rate, high))
     elif rate > 0:
-        found.append(_decay(None, rate, high))
+        found.append(decay_claim(None, rate, high))
+    missed = certificates.get("noise_target", {})
+    if missed:
+        found.append(missed_target(missed))
     return tuple(found)
 
 
@@ -92,12 +99,12 @@ def _windowed(
     core = equations.core_of(numbers)
     window, alpha = int(numbers["window"]), float(numbers["alpha"])
     certificate = certificates.get("strongly_observable", {})
-    found = [_observable(problem, core, window, certificate)]
+    found = [strongly_observable(problem, core, window, certificate)]
     own, into = in_its_coordinates(core, low, high, window)
     blocks = blocks_of(numbers, own, into)
     if blocks is None:
         reason = "gains.basis is singular"
-        found.append(_nominal(numbers, refuted({"entry": "gains.basis", "reason": reason})))
+        found.append(nominal_plant(numbers, refuted({"entry": "gains.basis", "reason": reason})))
         return found, None
     rate = float(problem.options.get("decay_rate", 0.0))
     decaying: dict[str, Bound] = {}
@@ -120,7 +127,7 @@ def _windowed(
             if whole is not None:
                 with in_balls():
                     verdict = absorbed(whole.bound, whole.change)
-        found.append(_nominal(numbers, verdict))
+        found.append(nominal_plant(numbers, verdict))
     if whole is None or found[-1].verdict != "proved":
         return found, None
     with in_balls():
@@ -171,119 +178,3 @@ def _unreadable(gains: Mapping[str, Any]) -> str | None:
     if type(alpha) is not float or not 1 < alpha < math.inf:
         return "gains.alpha must be a number > 1"
     return None
-
-
-def _bounded(high: float) -> Claim:
-    verdict = proved(longest=high)
-    if math.isinf(high):
-        reason = (
-            "jump.dwell_time has no longest spacing: the bounds of the window, and with them "
-            "uniform convergence, need one; give a finite jump.dwell_time[1]"
-        )
-        verdict = refuted({"entry": "jump.dwell_time", "longest": "inf", "reason": reason})
-    return Claim(
-        "bounded_spacing",
-        "the time between impulses has an upper bound",
-        f"{PAPER}, Assumption 2.1",
-        verdict.outcome,
-        verdict.evidence,
-    )
-
-
-def _nominal(numbers: Mapping[str, Any], verdict: Verdict) -> Claim:
-    """The plant is the one that the gain is worked out for."""
-    parts = []
-    if numbers["strategy"] == "subspace":
-        parts.append(
-            "in the coordinates of basis, A and G are block upper triangular, with core_A and "
-            "core_G in the middle, and C sees core_C there and nothing of the first block"
-        )
-    if "image" in numbers:
-        name = "core_G" if "core_G" in numbers else "G"
-        parts.append(f"{name} equals image @ coimage: the error after an impulse is in the image")
-    return Claim(
-        "invariant" if numbers["strategy"] == "subspace" else "image",
-        "; ".join(parts) + "; up to rounding that the proved convergence absorbs",
-        f"{PAPER}, section IV, carried over to any plant",
-        verdict.outcome,
-        verdict.evidence,
-    )
-
-
-def _rate(told: Mapping[str, float]) -> Claim:
-    return Claim(
-        "rate",
-        "the error just before an impulse is, N impulses later, at most constant * per_impulse^N "
-        "of what it was, and it decays like e^(-in_time t), for all spacings in the range",
-        f"{PAPER}, Theorem 3.1 and Lemma 3.2",
-        "proved",
-        told,
-    )
-
-
-def _decay(told: Mapping[str, float] | None, rate: float, high: float) -> Claim:
-    verdict = undecided("convergence itself is not proved")
-    if told is not None:
-        with in_balls():
-            reached = number(told["per_impulse"]) <= (-number(rate) * number(high)).exp()
-        verdict = (
-            proved(per_impulse=told["per_impulse"])
-            if reached
-            else undecided(
-                f"the proved rate is {told['in_time']:.6g} per unit of time; alpha must be at least "
-                "e^(decay_rate * longest spacing)"
-            )
-        )
-    return Claim(
-        "decay_rate",
-        f"the error decays like e^(-{rate!r} t)",
-        f"{PAPER}, Theorem 3.1",
-        verdict.outcome,
-        verdict.evidence,
-    )
-
-
-def _observable(
-    problem: Problem, core: equations.Core, window: int, certificate: Mapping[str, Any]
-) -> Claim:
-    low, high = problem.require_dwell_time()
-    stack = Stack(*core.stack(window))
-    verdict = full_rank(stack, low, high, certificate)
-    verdict = _admissible(verdict, problem)
-    what = "states" if core.U is None else "states after an impulse"
-    return Claim(
-        "strongly_observable",
-        f"any {window} impulses in a row tell all {what} apart, for every sequence of spacings in "
-        f"{range_text(low, high)}: the window matrix has full column rank, its smallest singular "
-        f"value above {MARGIN:g} of that at usual spacings",
-        f"{PAPER}, Definition 2.3, Lemma 2.6",
-        verdict.outcome,
-        verdict.evidence,
-    )
-
-
-def full_rank(stack: Stack, low: float, high: float, certificate: Mapping[str, Any]) -> Verdict:
-    """The proof again from what a finder left: a margin, or a witness; from scratch without."""
-    asked, witness = certificate.get("asked"), certificate.get("witness")
-    if isinstance(witness, Mapping):
-        verdict = check_deficient(stack, low, high, witness)
-        if verdict.outcome == "refuted":
-            return verdict
-    if not isinstance(asked, float) or not 0 <= asked < math.inf:
-        return decide_full_rank(stack, low, high)
-    verdict = prove_again(stack, low, high, asked)
-    seen = {key: certificate[key] for key in ("approx_sigma_min", "approx_worst", "asked")
-            if key in certificate}  # fmt: skip
-    return Verdict(verdict.outcome, {**seen, **verdict.evidence})
-
-
-def _admissible(verdict: Verdict, problem: Problem) -> Verdict:
-    """A witness must keep to the jitter that is allowed from one spacing to the next."""
-    jump = problem.plant.jump
-    thetas = verdict.evidence.get("witness", {}).get("thetas", ())
-    if jump is None or verdict.outcome != "refuted":
-        return verdict
-    if all(abs(b - a) <= jump.dwell_jitter for a, b in zip(thetas[:-1], thetas[1:], strict=True)):
-        return verdict
-    return undecided("the only spacings found that defeat it change by more than dwell_jitter",
-                     **verdict.evidence)  # fmt: skip

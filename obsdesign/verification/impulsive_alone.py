@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from lmi.balls import Exact, exact, number, rational
-from lmi.deficient import MARGIN
 from lmi.hidden_mode import check_hiding
 from lmi.largest_norm import identity_like, norm_of, norm_over
 from lmi.proof import prove_common
+from lmi.rank_witness import MARGIN
 from lmi.verdict import Verdict, overall, proved, refuted, undecided
 from obsdesign.document import Claim
 from obsdesign.equations.impulsive import factor_left_alone, seen_before_jump
@@ -125,9 +125,10 @@ def _contracting(
     numbers: Mapping[str, Any], C: Exact, P: Any, gamma: float, ends: tuple[float, float]
 ) -> Verdict:
     cells, table = numbers["cells"], numbers["table"]
-    if not (np.all(np.diff(cells) > 0) and cells[0] <= ends[0] and cells[-1] >= ends[1]):
-        if not (len(cells) == 2 and cells[0] == cells[1] == ends[0] == ends[1]):
-            return refuted({"entry": "gains.cells", "reason": "the cells do not cover the range"})
+    one = len(cells) == 2 and cells[0] == cells[1] == ends[0] == ends[1]
+    rising = bool(np.all(np.diff(cells) > 0))
+    if not one and not (rising and cells[0] <= ends[0] and cells[-1] >= ends[1]):
+        return refuted({"entry": "gains.cells", "reason": "the cells do not cover the range"})
     boxes = 0
     for (start, end), L in zip(itertools.pairwise(cells.tolist()), table, strict=True):
         H = numbers["G"] + exact(L) @ C

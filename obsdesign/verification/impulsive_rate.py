@@ -5,11 +5,11 @@ an impulse, whatever the impulses and whatever the window held before.
 
 Source: proof of Theorem 3.1 and Lemma 3.2 (whose proof is left out in the paper). Just before
 impulse j, e = X zeta with zeta the error where the window starts; the correction takes X K C e
-away, K = R^-1 Q_last', and V = zeta+' M zeta+ falls by alpha^-2 at each impulse. An error that comes
-from nowhere is of this form only once the window has started after it: until then, at most l
-corrections each add ||X_i K|| ||C|| to a bound of 1. ||X_i K|| and ||X zeta||/sqrt(V) are at most
-`spread`_i alpha^(l-1) (`lmi.full_rank`). Where the moves of a window can be undone every error is of
-this form at once.
+away, K = R^-1 Q_last', and V = zeta+' M zeta+ falls by alpha^-2 at each impulse. An error that
+comes from nowhere is of this form only once the window has started after it: until then, at most
+l corrections each add ||X_i K|| ||C|| to a bound of 1; where the moves of a window can be undone
+it is of this form at once. ||X_i K|| and ||X_i zeta||/sqrt(V) are at most spread_i alpha^(l-1)
+(`lmi.full_rank`).
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from lmi.balls import Exact, number, precision, rational, scalar
-from lmi.largest_norm import identity_like, norm_of, norm_over
+from lmi.largest_norm import identity_like, inverse_norm_over, norm_of, norm_over
 from lmi.verdict import Verdict, proved, undecided
 from obsdesign.equations.impulsive import Core
 
@@ -76,31 +76,43 @@ def window_reach(
 ) -> Reach:
     """Bound of the error and of the gain's norm for a window; core: exact.
 
-    evidence: of the proof that the window matrix, unweighted, has full rank, in coordinates in
-    which the core is given: "spread", "largest", "recalled".
+    evidence: of the proof that a window matrix of "blocks" impulses, unweighted, has full rank, in
+    coordinates in which the core is given: "spread", "largest", "recalled". In a longer window
+    its newest measurements bound the present state, and its oldest the state where it starts.
     """
     unit, a, seen = identity_like(core.A), number(alpha), norm_of(core.C)
-    states = [number(value) * a ** (window - 1) for value in evidence["spread"]]
+    spread, blocks = [number(value) for value in evidence["spread"]], int(evidence["blocks"])
+    present = spread[-1] * a ** (blocks - 1)
     move = norm_over(unit, core.A, core.J, low, high)
-    step = move * (1 + states[-1] * seen)  # of an error that no window knows
+    step = move * (1 + present * seen)  # of an error that no window knows
     # in a compressed window an error is known after one impulse at the earliest
-    late = 0 if core.S is None else 1
-    entered = into = scalar(1)
+    late, out, entered, into = 0, scalar(1), scalar(1), scalar(1)
     if core.U is not None and core.S is not None:
-        into = norm_of(core.S)
-        entered = into * (1 + states[-1] * seen)
-    recalled = float(evidence["recalled"])
-    if math.isfinite(recalled):
-        known, outputs = 1 + late, number(recalled)
-        if core.U is not None:
-            outputs = outputs * norm_over(unit, core.A, core.U, low, high)
+        late, out, into = 1, norm_over(unit, core.A, core.U, low, high), norm_of(core.S)
+        entered = into * (1 + present * seen)
+    back = _undone(core, low, high) if math.isfinite(evidence["recalled"]) else None
+    ages = range(blocks, window)
+    if back is not None:
+        known = 1 + late
+        older = sum(((seen * (back / a) ** age) ** 2 for age in ages), scalar(0))
+        outputs = out * (number(evidence["recalled"]) ** 2 + older).sqrt()
     else:
-        known, outputs = window + late, number(evidence["largest"])
+        known = window + late
+        older = sum(((seen * out * move**age) ** 2 for age in ages), scalar(0))
+        outputs = (number(evidence["largest"]) ** 2 + older).sqrt()
         for j in range(1 + late, window + late):
-            entered = entered + into * states[window - j] * seen * step ** (j - 1)
-    settled = move * states[-1] * outputs * entered * a**known
+            state = spread[min(window - j, blocks - 1)] * a ** (window - 1)
+            entered = entered + into * state * seen * step ** (j - 1)
+    settled = move * present * outputs * entered * a**known
     constant = settled.max((step * a) ** (known - 1)).max(scalar(1))
-    return Reach(Bound(constant, 1 / a), norm_of(core.J) * states[-1])
+    return Reach(Bound(constant, 1 / a), norm_of(core.J) * present)
+
+
+def _undone(core: Core, low: float, high: float) -> Any:
+    """Ball above the inverse of one spacing's move in the window; None if it may be singular."""
+    if core.U is None or core.S is None:
+        return inverse_norm_over(identity_like(core.A), core.A, core.J, low, high)
+    return inverse_norm_over(core.S, core.A, core.U, low, high)
 
 
 def quadratic_bound(P: Any, factor: float) -> Bound:
@@ -128,15 +140,24 @@ def promised(bound: Bound, high: float, stored: Mapping[str, Any]) -> dict[str, 
         return None
     old = [stored.get(name) for name in ("per_impulse", "constant", "in_time")]
     if all(isinstance(x, float) for x in old):
-        in_time = -math.log(old[0]) / high * (1 - 1e-12) if 0 < old[0] < 1 else -1.0
-        if factor <= old[0] < 1 and constant <= old[1] and 0 < old[2] <= in_time:
-            return dict(zip(("per_impulse", "constant", "in_time"), old, strict=True))
+        kept = dict(
+            zip(("per_impulse", "constant", "in_time"), [float(x or 0.0) for x in old], strict=True)
+        )
+        if _true(kept, factor, constant, high):
+            return kept
     per_impulse = min(factor * (1 + 1e-9), (1 + factor) / 2)
     return {
         "per_impulse": per_impulse,
         "constant": _rounded_up(constant * _SPARE),
         "in_time": -math.log(per_impulse) / high * (1 - 1e-9),
     }
+
+
+def _true(kept: Mapping[str, float], factor: float, constant: float, high: float) -> bool:
+    per_impulse = kept["per_impulse"]
+    if not (factor <= per_impulse < 1 and constant <= kept["constant"] < math.inf):
+        return False
+    return 0 < kept["in_time"] <= -math.log(per_impulse) / high * (1 - 1e-12)
 
 
 def _rounded_up(value: float) -> float:
