@@ -74,4 +74,5 @@ def _residuals_small(F: Exact, H: Exact, C: Exact, theta: float, v: Matrix, s: c
         missed = norm_bound(seen * vectors)
         margin = number(MARGIN)
         small = off < margin * norm_bound(M) * size
-        return bool(small and missed < margin * norm_bound(seen) * size)
+        unseen = missed == 0 or missed < margin * norm_bound(seen) * size
+        return bool(small and unseen)

@@ -40,6 +40,8 @@ Array = NDArray[Any]  # float64, or object arrays of exact rationals
 # what is left to itself must shrink by this factor per impulse, in the norm of its P: a margin,
 # so that a defective eigenvalue 1 that rounding has split does not pass for a stable one
 QUOTIENT_RATE = 0.95
+# parts of a cascade are asked for so many times the rate that is wanted of all of it
+CASCADE_MARGIN = 1.1
 STRATEGIES = ("full", "compressed", "subspace", "quadratic")
 
 
@@ -78,7 +80,7 @@ def factor_left_alone(decay_rate: float, longest: float) -> float:
 
     QUOTIENT_RATE, or less where a decay rate per unit of time is asked for.
     """
-    return min(QUOTIENT_RATE, float(np.exp(-decay_rate * longest)) * (1 - 1e-9))
+    return min(QUOTIENT_RATE, float(np.exp(-CASCADE_MARGIN * decay_rate * longest)))
 
 
 def core_of(gains: Mapping[str, Any]) -> Core:

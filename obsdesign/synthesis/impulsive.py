@@ -25,6 +25,14 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
         raise InputError(text)
     asked = problem.options.get("strategy", "auto")
     order = equations.STRATEGIES if asked == "auto" else (asked,)
+    for name in ("window", "alpha", "noise_target"):
+        if name in problem.options and asked == "quadratic":
+            raise InputError(
+                f"observer.{name} means nothing to strategy 'quadratic', which has no window; "
+                "drop one of the two."
+            )
+        if name in problem.options:
+            order = tuple(strategy for strategy in order if strategy != "quadratic")
     if math.isinf(problem.require_dwell_time()[1]):
         order = order[:1]
     for strategy in order:

@@ -27,6 +27,7 @@ from obsdesign.equations.estimation_error import plant_data
 from obsdesign.equations.impulsive import seen_before_jump
 from obsdesign.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
+from obsdesign.synthesis.impulsive_noise import estimate
 
 _GRID, _CONDITION = 25, 1e8
 _CELLS = 128
@@ -54,11 +55,12 @@ def quadratic_candidate(problem: Problem) -> Candidate:
         looser = min(looser, limit) if rate > 0 else looser
         found = _table(A, G, C, P, (low, high), looser)
         if found is not None:
-            certificate = {"contracting": {"P": P.tolist(), "gamma": looser}}
-            cells, table = found
-            return Candidate(
-                "quadratic", gains | {"cells": cells, "table": table}, certificate, searched=True
-            )
+            gains |= {"cells": found[0], "table": found[1]}
+            certificates = {
+                "contracting": {"P": P.tolist(), "gamma": looser},
+                "rate": {"estimated": estimate(problem, gains)},
+            }
+            return Candidate("quadratic", gains, certificates, searched=True)
     none = {"cells": np.array([low, high]), "table": np.zeros((1, plant.n, plant.p))}
     forever = Stack(exact(A), exact(G), exact(C), exact(np.eye(plant.n)), plant.n + 1)
     theta = propose_hiding(forever, low, high)

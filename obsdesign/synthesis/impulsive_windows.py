@@ -36,11 +36,11 @@ def base(problem: Problem, strategy: str) -> dict[str, Any]:
     return plant_data(problem.plant) | {"strategy": strategy, "alpha": weight(problem)}
 
 
-def weight(problem: Problem) -> float:
+def weight(problem: Problem, margin: float = 1.0) -> float:
     """alpha as asked for, or so that the decay rate that is asked for follows, or the default."""
     if "alpha" in problem.options:
         return float(problem.options["alpha"])
-    rate = float(problem.options.get("decay_rate", 0.0))
+    rate = margin * float(problem.options.get("decay_rate", 0.0))
     if rate == 0:
         return ALPHA
     return max(math.exp(rate * problem.require_dwell_time()[1]) * (1 + 1e-6), 1 + 1e-6)
@@ -164,8 +164,11 @@ def part_candidates(
         return  # nothing to correct, or nothing to leave alone
     if parts.size == 0:
         parts = Parts(np.eye(plant.n), 0, plant.n)
+    if "alpha" not in problem.options:
+        # in a cascade no part may be as slow as all of it
+        gains = dict(gains) | {"alpha": weight(problem, equations.CASCADE_MARGIN)}
     certificates, blocks = _blocks(
-        plant.flow.A, plant.jump.G, C, parts, (low, high), factor, weight(problem)
+        plant.flow.A, plant.jump.G, C, parts, (low, high), factor, gains["alpha"]
     )
     whole = dict(gains) | {"basis": parts.basis, "core_place": np.array([parts.first, parts.size])}
     whole |= blocks

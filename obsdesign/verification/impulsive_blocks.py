@@ -130,7 +130,7 @@ def whole_bound(
     decaying: by "hidden" and "rest", for the blocks that are there; rate: decay per unit of time
     that is aimed at.
     """
-    goal = (-number(rate) * number(high)).exp()
+    goal = (-number(rate) * number(high)).exp() * number(1 - 1e-7)  # a little to be rounded up
     change, _, nominal = flow_change(blocks.A, blocks.A0, high)
     G, C = norm_of(blocks.G), norm_of(blocks.C)
     off = nominal * (norm_of(blocks.G - blocks.G0) + reach.gain * norm_of(blocks.C - blocks.C0))

@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from lmi.balls import Exact, number, precision, rational, scalar
+from lmi.balls import Exact, inverse, number, precision, rational, scalar
 from lmi.largest_norm import identity_like, inverse_norm_over, norm_of, norm_over
 from lmi.verdict import Verdict, proved, undecided
 from obsdesign.equations.impulsive import Core
@@ -90,9 +90,9 @@ def window_reach(
     if core.U is not None and core.S is not None:
         late, out, into = 1, norm_over(unit, core.A, core.U, low, high), norm_of(core.S)
         entered = into * (1 + present * seen)
-    back = _undone(core, low, high) if math.isfinite(evidence["recalled"]) else None
     ages = range(blocks, window)
-    if back is not None:
+    back = _undone(core, low, high) if ages else scalar(1)
+    if math.isfinite(evidence["recalled"]) and back is not None:
         known = 1 + late
         older = sum(((seen * (back / a) ** age) ** 2 for age in ages), scalar(0))
         outputs = out * (number(evidence["recalled"]) ** 2 + older).sqrt()
@@ -111,7 +111,8 @@ def window_reach(
 def _undone(core: Core, low: float, high: float) -> Any:
     """Ball above the inverse of one spacing's move in the window; None if it may be singular."""
     if core.U is None or core.S is None:
-        return inverse_norm_over(identity_like(core.A), core.A, core.J, low, high)
+        back = inverse(core.J)
+        return None if back is None else norm_over(back, -core.A, identity_like(back), low, high)
     return inverse_norm_over(core.S, core.A, core.U, low, high)
 
 
