@@ -8,10 +8,20 @@ from typing import Any
 
 import numpy as np
 
-from lmi.balls import Exact, ball, exact, norm_bound, rational, scalar, to_float
+from lmi.balls import (
+    Exact,
+    ball,
+    exact,
+    identity,
+    middle,
+    norm_bound,
+    rational,
+    scalar,
+    to_float,
+)
 
 # a cell spans this much of 1/||F||, unless there would be too many of them
-_REACH, _FEWEST, _MOST = 0.1, 4, 400
+_REACH, _FINE, _FEWEST, _MOST = 0.1, 0.02, 4, 400
 
 
 def norm_over(left: Exact, F: Exact, right: Exact, low: float, high: float) -> Any:
@@ -20,8 +30,8 @@ def norm_over(left: Exact, F: Exact, right: Exact, low: float, high: float) -> A
     left (a, n), F (n, n), right (n, b): exact. At the current precision.
     """
     largest = scalar(0)
-    for X in _cells(left, F, right, low, high):
-        largest = largest.max(norm_bound(X))
+    for here, around in _cells(left, F, right, low, high, _REACH):
+        largest = largest.max(norm_bound(here * around))
     return largest
 
 
@@ -31,18 +41,24 @@ def inverse_norm_over(left: Exact, F: Exact, right: Exact, low: float, high: flo
     None where the inverse is not certain to exist everywhere.
     """
     largest = scalar(0)
-    try:
-        for X in _cells(left, F, right, low, high):
-            largest = largest.max(norm_bound(X.inv()))
-    except ZeroDivisionError:
-        return None
-    return largest if largest.is_finite() else None
+    for here, around in _cells(left, F, right, low, high, _FINE):
+        try:
+            Z = ball(exact(np.linalg.inv(middle(here * around))))
+        except (np.linalg.LinAlgError, ValueError):  # singular, or not finite
+            return None
+        off = norm_bound(identity(len(left)) - (Z * here) * around)
+        if not off < 1:
+            return None
+        largest = largest.max(norm_bound(Z) / (1 - off))
+    return largest
 
 
-def _cells(left: Exact, F: Exact, right: Exact, low: float, high: float) -> Iterator[Any]:
-    """Enclosures of left e^{F theta} right on cells that cover the range."""
+def _cells(
+    left: Exact, F: Exact, right: Exact, low: float, high: float, reach: float
+) -> Iterator[tuple[Any, Any]]:
+    """Pairs whose products enclose left e^{F theta} right on cells that cover the range."""
     size = float(np.abs(to_float(F)).sum(axis=0).max(initial=0.0))
-    cells = max(_FEWEST, min(_MOST, math.ceil(size * (high - low) / (2 * _REACH))))
+    cells = max(_FEWEST, min(_MOST, math.ceil(size * (high - low) / (2 * reach))))
     length = rational(high) - rational(low)
     half = length / (2 * cells)
     flow = ball(F)
@@ -50,7 +66,7 @@ def _cells(left: Exact, F: Exact, right: Exact, low: float, high: float) -> Iter
     onwards = (flow * scalar(2 * half)).exp()
     around = (flow * scalar(-half).union(scalar(half))).exp() * ball(right)
     for _ in range(cells):
-        yield here * around
+        yield here, around
         here = here * onwards
 
 

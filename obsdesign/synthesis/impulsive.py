@@ -24,7 +24,7 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
     if text := equations.objection(problem.plant):
         raise InputError(text)
     asked = problem.options.get("strategy", "auto")
-    order = equations.STRATEGIES if asked == "auto" else (asked,)
+    order: tuple[str, ...] = equations.STRATEGIES if asked == "auto" else (asked,)
     for name in ("window", "alpha", "noise_target"):
         if name in problem.options and asked == "quadratic":
             raise InputError(
