@@ -60,6 +60,12 @@ def image_of(G: Any) -> tuple[Any, Any]:
         return np.eye(len(G))[:, :1], np.zeros((1, len(G)))
     chosen = np.sort(order[:rank])
     U = G[:, chosen]
+    rows = np.sort(scipy.linalg.qr(U.T, mode="r", pivoting=True)[1][:rank])
+    back = inverse(exact(U[rows]))
+    if back is not None:
+        exactly = to_float(back @ exact(G[rows]))
+        if not np.any(exact(U) @ exact(exactly) != exact(G)):
+            return U, exactly
     S = np.linalg.lstsq(U, G)[0]
     S[:, chosen] = np.eye(rank)
     return U, S
