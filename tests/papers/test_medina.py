@@ -15,6 +15,7 @@ import pytest
 from scipy.linalg import expm
 
 import obsdesign
+from lmi.exponential import expm as flow_of
 from obsdesign.equations.impulsive import Core, window_gains, window_matrix
 from obsdesign.runtime import Sample, from_design
 from obsdesign.synthesis.impulsive_noise import simulated
@@ -49,7 +50,7 @@ def literal_gain(A: Any, G: Any, C: Any, spacings: Any, alpha: float) -> tuple[A
 
 
 def gain(A: Any, G: Any, C: Any, spacings: Any, alpha: float) -> Any:
-    flows = np.array([expm(A * delta) for delta in spacings[1:]]).reshape(-1, *np.shape(A))
+    flows = flow_of(np.asarray(A) * np.asarray(spacings)[1:, None, None])
     return window_gains(Core(A, C, G), flows, alpha)
 
 
