@@ -43,7 +43,7 @@ from obsdesign.runtime.impulsive_gains import require_impulsive_gains
 from obsdesign.runtime.sliding_window import Element, SlidingWindow
 from obsdesign.runtime.step_cache import cached_step
 
-# condition numbers, columns scaled to one size: digits are lost; nothing is left
+# condition numbers, columns scaled to their usual sizes: digits are lost; nothing is left
 _ILL_CONDITIONED, _SINGULAR = 1e8, 1e14
 
 
@@ -228,18 +228,31 @@ class ImpulsiveObserver:
             flow = self._core_flow(spacing, state.t)
             moved = flow @ (core.U if state.carry is None else core.U @ state.carry)
             seen, left = core.C @ moved, core.J @ moved
-        past = state.window.product
-        if past is not None:
-            rows = np.vstack([past.factor / self.gains["alpha"], seen @ past.move])
+        rows = self._rows(state.window, seen)
+        if (past := state.window.product) is not None:
             left = left @ past.move
-        else:
-            rows = seen
-        correction, condition = _newest_share(rows, len(seen))
+        correction, condition = _newest_share(rows, len(seen), self._usual_sizes)
         if correction is None:
             return None, "singular window: no correction"
         L = -left @ correction
         warning = "ill-conditioned window" if condition > _ILL_CONDITIONED else None
         return (L if core.lift is None else core.lift @ L), warning
+
+    def _rows(self, window: SlidingWindow, seen: Any) -> Any:
+        """The window matrix, its older part already triangular."""
+        past = window.product
+        if past is None:
+            return seen
+        return np.vstack([past.factor / self.gains["alpha"], seen @ past.move])
+
+    @cached_property
+    def _usual_sizes(self) -> Any:
+        """Sizes of the columns of the window matrix at the spacing of the virtual past."""
+        core, seen = self._core, self._core.C
+        if core.U is not None:
+            seen = core.C @ self._core_flow(self._typical, 0.0) @ core.U
+        sizes = np.linalg.norm(self._rows(self._virtual_past, seen), axis=0)
+        return np.where(sizes > 0, sizes, 1.0)
 
     def _flow(self, state: ImpulsiveState, t: float) -> Vector:
         if t == state.t:
@@ -270,14 +283,12 @@ def _shifted(window: SlidingWindow, element: Element) -> SlidingWindow:
     return window if window.product is None else window.push(element).pop()
 
 
-def _newest_share(rows: Any, outputs: int) -> tuple[Any, float]:
-    """(R^-1 (last rows of Q)', condition number with columns of one size), or (None, inf)."""
+def _newest_share(rows: Any, outputs: int, sizes: Any) -> tuple[Any, float]:
+    """(R^-1 (last rows of Q)', condition number), or (None, inf); columns in their usual sizes."""
     if len(rows) < rows.shape[1]:
         return None, np.inf
-    Q, R = np.linalg.qr(rows)
-    sizes = np.linalg.norm(R, axis=0)
+    Q, scaled = np.linalg.qr(rows / sizes)
     with np.errstate(all="ignore"):
-        scaled = R / np.where(sizes > 0, sizes, 1.0)
         try:
             back = np.linalg.inv(scaled)
         except np.linalg.LinAlgError:
