@@ -1,4 +1,4 @@
-"""The cubic spline of Medina and Lawrence, section IV, as a data file of examples/medina_spline.toml.
+"""The cubic spline of Medina and Lawrence, section IV, as data for examples/medina_spline.toml.
 
     python scripts/spline_data.py SPLINE.csv
 
