@@ -2,7 +2,7 @@
 
     python scripts/random_spacings.py [PLANTS] [FIRST_SEED]
 
-Random plants (n = 1..4, windows of up to three, jumps that are regular, singular or of rank one) are
+Random plants (n = 1..4, windows of up to three, jumps regular, singular or of rank one) are
 designed by any strategy. For those that are proved, random sequences of spacings (uniform, at the
 ends, constant) must keep the smallest singular value of the window matrix above its bound, and the
 error below constant * per_impulse^N. Exits with 1 on a contradiction.
