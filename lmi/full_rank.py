@@ -66,9 +66,9 @@ def _branch(stack: Stack, family: Normalised, margin: float, limit: int) -> Verd
     while todo:
         box = todo.pop()
         count += 1
-        found = bounds(stack, family, box, _CLEAR if count < _PATIENCE else 1.0)
+        found = bounds(stack, family, box, _CLEAR if count < _PATIENCE else 1.0, margin)
         widest = found.widest
-        if found.size > 0 and found.relative > margin:
+        if found.size > 0:
             least, least_margin = min(least, found.size), min(least_margin, found.relative)
             spread, largest = np.maximum(spread, found.spread), max(largest, found.largest)
             recalled = max(recalled, found.recalled)

@@ -114,58 +114,75 @@ class Found:
     recalled: float = math.inf
 
 
-def bounds(stack: Stack, family: Normalised, box: Box, largest: float) -> Found:
-    """What a box gives; nothing unless the error norm is below `largest`, at most 1."""
+def bounds(stack: Stack, family: Normalised, box: Box, largest: float, margin: float) -> Found:
+    """What a box gives; nothing unless the error norm is below `largest` and O R^-1 above margin."""
     nothing = np.zeros(stack.blocks)
     flows = [family.side(side) for side in box.sides]
     first = family.undoing(box.sides[0]) if stack.flows_first else None
-    start = family.right if first is None else flows[0][0] * family.right * first[0]
-    steps = flows[stack.flows_first :]
-    rows = [family.C * X for X in _states(family, start, [point for point, _ in steps])]
-    approx = np.vstack([middle(block) for block in rows])
-    if not np.isfinite(approx).all():
-        return Found(0.0, 0.0, _longest(box), nothing)
-    Q, upper = np.linalg.qr(approx)
-    Y, Z = Q.T, _inverse(upper)
-    if Z is None:
-        return Found(0.0, 0.0, _longest(box), nothing)
-    p = len(stack.C)
-    blocks = [ball(exact(Y[:, j * p : (j + 1) * p])) for j in range(stack.blocks)]
-    Z_ball = ball(exact(Z))
-    shown = _total([b * row for b, row in zip(blocks, rows, strict=True)]) * Z_ball
-    error = _magnitudes(identity(len(Y)) - shown)
-    widths = []
-    X, slope_first = family.right, None
+    start = X = family.right
+    slope_first = None
     if first is not None:  # mean value: where the columns flow by K alone, nothing is left to vary
+        start = flows[0][0] * family.right * first[0]
         slope_first = flows[0][1] * (family.F * X - X * family.K) * first[1]
         half = family.length / 2 ** (box.sides[0][0] + 1)
         X = start + slope_first * scalar(-half).union(scalar(half))
+    steps = flows[stack.flows_first :]
+    rows = [family.C * state for state in _states(family, start, [point for point, _ in steps])]
     slopes = _slopes(stack, family, X, slope_first, [whole for _, whole in steps])
-    for i, slope in enumerate(slopes):
-        change = _total([b * s for b, s in zip(blocks, slope, strict=True) if s is not None])
-        half = float(int(family.length.p) / int(family.length.q)) / 2 ** (box.sides[i][0] + 1)
-        moved = _magnitudes(change * Z_ball) * (half * _RAISED)
-        error = error + moved
-        widths.append(_norm(moved))
-    e = _norm(error)
+    pair = _pair(rows)
+    if pair is None:
+        return Found(0.0, 0.0, _longest(box), nothing)
+    Y, Z = pair
+    e, widths = _error(family, box, rows, slopes, Y, Z)
     widest = int(np.argmax(np.nan_to_num(widths, nan=np.inf))) if widths else None
     if not e < largest:
         return Found(0.0, 0.0, widest if np.isfinite(widths).all() else _longest(box), nothing)
     undone = (1.0, 1.0) if first is None else (first[3], first[2])
     sizes = [
-        np.linalg.norm(Y, 2) * np.linalg.norm(X, 2) * more
-        for X, more in zip((family.back @ Z, Z), undone, strict=True)
+        np.linalg.norm(Y, 2) * np.linalg.norm(Z_in, 2) * more
+        for Z_in, more in zip((family.back @ Z, Z), undone, strict=True)
     ]
-    size, relative = ((1 - e) / (s * _RAISED) / _RAISED for s in sizes)
-    # a right factor cancels in X O^+, so that nothing has to be undone here
+    size, relative = (float((1 - e) / (s * _RAISED) / _RAISED) for s in sizes)
+    if not relative > margin:
+        return Found(0.0, 0.0, widest, nothing)
+    # a right factor cancels in X O^+, so that nothing has to be undone there
     states = _states(family, X, [around for _, around in steps])
     worst = float(np.linalg.norm(Y, 2)) * _RAISED / (1 - e) * _RAISED
-    spread = [_norm(_magnitudes(X * Z_ball)) * worst for X in states]
-    seen = [family.C * X for X in states]
-    undone_too = 1.0 if first is None else first[4]
-    outputs = _norm(np.vstack([_magnitudes(row) for row in seen])) * undone_too
+    Z_ball = ball(exact(Z))
+    spread = [_norm(_magnitudes(state * Z_ball)) * worst for state in states]
+    seen = [family.C * state for state in states]
+    outputs = _norm(np.vstack([_magnitudes(row) for row in seen]))
+    outputs *= 1.0 if first is None else first[4]
     recalled = _recalled(seen, states[-1], len(Z))
-    return Found(float(size), float(relative), widest, np.array(spread), outputs, recalled)
+    return Found(size, relative, widest, np.array(spread), outputs, recalled)
+
+
+def _pair(rows: list[Any]) -> tuple[Matrix, Matrix] | None:
+    """Floats Y, Z that make Y O(c) Z close to I."""
+    approx = np.vstack([middle(block) for block in rows])
+    if not np.isfinite(approx).all():
+        return None
+    Q, upper = np.linalg.qr(approx)
+    Z = _inverse(upper)
+    return None if Z is None else (Q.T, Z)
+
+
+def _error(
+    family: Normalised, box: Box, rows: list[Any], slopes: list[list[Any]], Y: Matrix, Z: Matrix
+) -> tuple[float, list[float]]:
+    """Above ||I - Y O Z|| on the box, and the share of each side in it."""
+    p = Y.shape[1] // len(rows)
+    blocks = [ball(exact(Y[:, j * p : (j + 1) * p])) for j in range(len(rows))]
+    Z_ball = ball(exact(Z))
+    shown = _total([b * row for b, row in zip(blocks, rows, strict=True)]) * Z_ball
+    error, widths = _magnitudes(identity(len(Y)) - shown), []
+    length = float(int(family.length.p) / int(family.length.q))
+    for i, slope in enumerate(slopes):
+        change = _total([b * s for b, s in zip(blocks, slope, strict=True) if s is not None])
+        moved = _magnitudes(change * Z_ball) * (length / 2 ** (box.sides[i][0] + 1) * _RAISED)
+        error = error + moved
+        widths.append(_norm(moved))
+    return _norm(error), widths
 
 
 def _recalled(seen: list[Any], last: Any, columns: int) -> float:

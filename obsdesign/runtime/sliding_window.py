@@ -28,11 +28,13 @@ class Element:
     factor: Matrix
     count: int = 1
 
-    def then(self, later: Element, alpha: float) -> Element:
-        """The product of this element and a later one."""
-        rows = np.vstack([alpha**-later.count * self.factor, later.factor @ self.move])
+    def then(self, later: Element, alpha: float, mask: Matrix) -> Element:
+        """The product of this element and a later one; mask: ones on and above the diagonal."""
+        rows = np.concatenate((alpha**-later.count * self.factor, later.factor @ self.move))
         if len(rows) > rows.shape[1]:
-            rows = np.asarray(np.linalg.qr(rows, mode="r"))
+            # Householder vectors below the diagonal are masked: numpy's own way takes twice as long
+            reflected: Matrix = np.linalg.qr(rows, mode="raw")[0]
+            rows = reflected.T[: len(mask)] * mask
         return Element(later.move @ self.move, rows, self.count + later.count)
 
 
@@ -47,6 +49,7 @@ class SlidingWindow:
     """A queue of elements with their product; every operation returns a new queue."""
 
     alpha: float
+    mask: Matrix
     front: Front | None = None
     back: Back | None = None
     recent: Element | None = None
@@ -54,36 +57,46 @@ class SlidingWindow:
     @staticmethod
     def of(elements: Iterable[Element], alpha: float) -> SlidingWindow:
         """A queue of these elements, oldest first."""
-        queue = SlidingWindow(alpha)
-        for element in elements:
+        listed = list(elements)
+        columns = listed[0].factor.shape[1] if listed else 0
+        queue = SlidingWindow(alpha, np.triu(np.ones((columns, columns))))
+        for element in listed:
             queue = queue.push(element)
         return queue
 
     def push(self, element: Element) -> SlidingWindow:
         """Append the newest element."""
-        joined = element if self.recent is None else self.recent.then(element, self.alpha)
-        return SlidingWindow(self.alpha, self.front, (element, self.back), joined)
+        joined = element if self.recent is None else self._joined(self.recent, element)
+        return SlidingWindow(self.alpha, self.mask, self.front, (element, self.back), joined)
 
     def pop(self) -> SlidingWindow:
         """Drop the oldest element; IndexError if there is none."""
         if self.front is not None:
-            return SlidingWindow(self.alpha, self.front[2], self.back, self.recent)
+            return SlidingWindow(self.alpha, self.mask, self.front[2], self.back, self.recent)
         if self.back is None:
             raise IndexError("the window is empty")
         front: Front | None = None
         node: Back | None = self.back
         while node is not None:
             element, node = node
-            product = element if front is None else element.then(front[0], self.alpha)
+            product = element if front is None else self._joined(element, front[0])
             front = (product, element, front)
-        return SlidingWindow(self.alpha, front).pop()
+        return SlidingWindow(self.alpha, self.mask, front).pop()
 
     @property
     def product(self) -> Element | None:
         """All elements joined; None for an empty queue."""
         if self.front is None or self.recent is None:
             return self.recent if self.front is None else self.front[0]
-        return self.front[0].then(self.recent, self.alpha)
+        return self._joined(self.front[0], self.recent)
+
+    @property
+    def empty(self) -> bool:
+        """Is there no element?"""
+        return self.front is None and self.recent is None
+
+    def _joined(self, older: Element, newer: Element) -> Element:
+        return older.then(newer, self.alpha, self.mask)
 
     def elements(self) -> list[Element]:
         """All elements, oldest first."""

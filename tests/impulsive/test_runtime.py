@@ -56,7 +56,7 @@ def test_the_queue_is_the_product_of_its_elements(seed: int, length: int) -> Non
             product.factor.T @ product.factor, stacked.T @ stacked, rtol=1e-8, atol=1e-8
         )
     with pytest.raises(IndexError):
-        SlidingWindow(1.3).pop()
+        SlidingWindow.of([], 1.3).pop()
 
 
 @pytest.mark.parametrize("compressed", [False, True])
