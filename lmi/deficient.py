@@ -24,6 +24,7 @@ _POLISHED, _STEPS, _SHRINK = 3, 120, 0.5
 _SHARE, _SHARE_FIRST = 0.5, 0.1
 
 
+@np.errstate(all="ignore")
 def decide_full_rank(stack: Stack, low: float, high: float, limit: int = BOX_LIMIT) -> Verdict:
     """Full column rank with MARGIN for all thetas in [low, high]^m: search, refute or prove.
 
@@ -64,6 +65,7 @@ def decide_full_rank(stack: Stack, low: float, high: float, limit: int = BOX_LIM
     return Verdict(verdict.outcome, {**verdict.evidence, **told})
 
 
+@np.errstate(all="ignore")
 def prove_again(stack: Stack, low: float, high: float, asked: float) -> Verdict:
     """The proof of `decide_full_rank` without its search: asked is the evidence's."""
     if stack.shape[0] < stack.shape[1]:
@@ -90,7 +92,10 @@ def _sign_change(stack: Stack, points: Matrix, R: Matrix) -> list[list[float]] |
     """Two neighbours on the constant grid, else any two points, with determinants of other sign."""
     if stack.shape[0] != stack.shape[1]:
         return None
-    signs, logs = np.linalg.slogdet(stack.approx(points))
+    windows = stack.approx(points)
+    if not np.isfinite(windows).all():
+        return None
+    signs, logs = np.linalg.slogdet(windows)
     relative = logs - np.linalg.slogdet(R)[1]
     usable = np.isfinite(relative) & (relative > np.log(MARGIN))
     places = np.flatnonzero(usable[:_GRID])

@@ -15,6 +15,7 @@ from lmi.verdict import Verdict, refuted, undecided
 _GRID, _ZOOMS, _BITS = 401, 14, 192
 
 
+@np.errstate(all="ignore")
 def propose_hiding(stack: Stack, low: float, high: float) -> float | None:
     """A constant theta where the stack all but loses rank; None if none is seen.
 
@@ -32,6 +33,7 @@ def propose_hiding(stack: Stack, low: float, high: float) -> float | None:
     return float(thetas[k]) if margins[k] < MARGIN else None
 
 
+@np.errstate(all="ignore")
 def check_hiding(F: Exact, H: Exact, C: Exact, theta: float) -> Verdict:
     """Refuted if C misses a mode of M = e^{F theta} H of modulus >= 1, both up to MARGIN.
 
@@ -43,6 +45,8 @@ def check_hiding(F: Exact, H: Exact, C: Exact, theta: float) -> Verdict:
     around = stack.approx(np.repeat(theta * np.array([[1.0], [0.7], [1.3]]), n, axis=1))
     stacked, sizes = around[0], np.linalg.norm(around, axis=1).max(axis=0)
     units = np.where(sizes > 0, sizes, 1.0)
+    if not np.isfinite(around).all():
+        return undecided("the window overflows")
     _, values, right = np.linalg.svd(stacked / units)
     unseen = (right[values < 100 * MARGIN * max(values.max(), 1e-300)] / units).T
     if not unseen.shape[1]:

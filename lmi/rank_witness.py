@@ -19,6 +19,7 @@ MARGIN = 1e-10
 _BITS = 256
 
 
+@np.errstate(all="ignore")
 def check_deficient(stack: Stack, low: float, high: float, witness: Mapping[str, Any]) -> Verdict:
     """Is this a witness? {"thetas": (m,)} or, for a square stack, {"between": two of them}.
 
@@ -83,6 +84,8 @@ def _stacked(stack: Stack, thetas: Sequence[float]) -> Any:
 def _check_vector(stack: Stack, thetas: Matrix, R: Matrix) -> Verdict:
     """The last right singular vector at these thetas, checked: |O x| < MARGIN |R x|."""
     approx = stack.approx(thetas[None])[0]
+    if not np.isfinite(approx).all():
+        return undecided("the window overflows")
     try:
         scaled = np.linalg.solve(R.T, approx.T).T
         x = np.linalg.solve(R, np.linalg.svd(scaled)[2][-1])

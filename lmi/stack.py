@@ -76,7 +76,7 @@ def coordinates(stack: Stack, low: float, high: float) -> tuple[Matrix, bool]:
     """
     places = low + (high - low) * np.array([0.5, *_OTHERS])
     stacks = stack.approx(np.repeat(places[:, None], stack.thetas, axis=1))
-    sizes = np.nan_to_num(np.linalg.norm(stacks, axis=1), nan=0.0, posinf=0.0).max(axis=0)
+    sizes = np.nan_to_num(np.abs(stacks).max(axis=1), nan=0.0, posinf=0.0).max(axis=0)
     sizes = np.where(sizes > 0, sizes, max(float(sizes.max(initial=0.0)), 1e-300))
     units = np.exp2(np.round(np.log2(sizes)))  # powers of two: no rounding
     for rows in stacks[np.isfinite(stacks).all(axis=(1, 2))] / units:
@@ -112,8 +112,9 @@ def state_basis(stack: Stack, R: Matrix) -> Matrix:
         return columns
     H, F = to_float(stack.H), to_float(stack.F)
     destroyed = np.linalg.svd(H)[2][r:].T
-    whole = np.hstack([columns / np.linalg.norm(columns, axis=0), destroyed])
-    if np.linalg.cond(whole) > _OBLIQUE:
+    scaled = columns / np.abs(columns).max(axis=0)
+    whole = np.hstack([scaled / np.linalg.norm(scaled, axis=0), destroyed])
+    if not np.isfinite(whole).all() or np.linalg.cond(whole) > _OBLIQUE:
         destroyed = np.linalg.qr(columns, mode="complete")[0][:, r:]
     # as large as what they drive the other coordinates by in a unit of time
     driven = np.linalg.lstsq(np.hstack([columns, destroyed]), F @ destroyed)[0][:r]
@@ -124,9 +125,11 @@ def state_basis(stack: Stack, R: Matrix) -> Matrix:
 def approx_margin(stack: Stack, thetas: Matrix, R: Matrix) -> Matrix:
     """Smallest singular value of O R^-1 at points (N, m), in floats; NaN where it overflows."""
     rows = stack.approx(thetas)
+    scaled = np.linalg.solve(R.T, np.swapaxes(np.nan_to_num(rows), -1, -2))
     finite = np.asarray(np.isfinite(rows).all(axis=(-2, -1)))
-    scaled = np.linalg.solve(R.T, np.swapaxes(np.where(finite[:, None, None], rows, 0.0), -1, -2))
-    values: Matrix = np.asarray(np.linalg.svd(scaled, compute_uv=False)[:, -1])
+    finite &= np.isfinite(scaled).all(axis=(-2, -1))
     if stack.shape[0] < stack.shape[1]:
-        values = np.zeros_like(values)
+        return np.where(finite, 0.0, np.nan)
+    usable = np.where(finite[:, None, None], scaled, 0.0)
+    values: Matrix = np.asarray(np.linalg.svd(usable, compute_uv=False)[:, -1])
     return np.where(finite, values, np.nan)

@@ -115,7 +115,7 @@ class Found:
 
 
 def bounds(stack: Stack, family: Normalised, box: Box, largest: float, margin: float) -> Found:
-    """What a box gives; nothing unless the error norm is below `largest` and O R^-1 above margin."""
+    """What a box gives: nothing unless the error norm is below `largest`, O R^-1 above margin."""
     nothing = np.zeros(stack.blocks)
     flows = [family.side(side) for side in box.sides]
     first = family.undoing(box.sides[0]) if stack.flows_first else None

@@ -33,6 +33,7 @@ class Estimate:
     per_impulse: float
 
 
+@np.errstate(all="ignore")
 def simulated(
     gains: Mapping[str, Any],
     noise: Matrix,

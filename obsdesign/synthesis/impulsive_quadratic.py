@@ -36,6 +36,7 @@ _CELLS = 128
 _FACTORS = (0.5, 0.7, 0.8, 0.9, 0.95, 0.98, 0.995)
 
 
+@np.errstate(all="ignore")
 def quadratic_candidate(problem: Problem) -> Candidate:
     """The table of gains with the smallest factor that is proved; zeros where none is."""
     plant = problem.plant

@@ -16,6 +16,7 @@ from lmi.stack import Stack, approx_margin, coordinates
 from lmi.verdict import Verdict
 from obsdesign.equations import impulsive as equations
 from obsdesign.equations.estimation_error import plant_data
+from obsdesign.errors import InputError
 from obsdesign.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
 from obsdesign.synthesis.dwell import dwell_certificates
@@ -27,6 +28,8 @@ ALPHA = 1.3
 # windows longer than the shortest conceivable one that are tried
 _LONGER = 4
 _RANK = 1e-10
+# log of the largest alpha that is worth its name
+_FASTEST = 200.0
 # a proof that took so many boxes in vain is not repeated in more dimensions
 _TIRED = 1000
 
@@ -43,6 +46,11 @@ def weight(problem: Problem, margin: float = 1.0) -> float:
     rate = margin * float(problem.options.get("decay_rate", 0.0))
     if rate == 0:
         return ALPHA
+    if rate * problem.require_dwell_time()[1] > _FASTEST:
+        raise InputError(
+            f"observer.decay_rate must be at most {_FASTEST:g} / jump.dwell_time[1] here; got "
+            f"{problem.options['decay_rate']!r}. Is it in the plant's unit of time?"
+        )
     return max(math.exp(rate * problem.require_dwell_time()[1]) * (1 + 1e-6), 1 + 1e-6)
 
 
@@ -71,6 +79,7 @@ def image_of(G: Any) -> tuple[Any, Any]:
     return U, S
 
 
+@np.errstate(all="ignore")
 def windowed(
     problem: Problem,
     gains: Mapping[str, Any],

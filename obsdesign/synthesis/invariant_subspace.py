@@ -39,6 +39,7 @@ class Parts:
     size: int
 
 
+@np.errstate(all="ignore")
 def corrected_part(
     A: Matrix, G: Matrix, C: Matrix, low: float, high: float, factor: float
 ) -> Parts:
@@ -77,9 +78,13 @@ def _growing_directions(A: Matrix, G: Matrix, low: float, high: float, factor: f
     """Generalised eigenspaces of words in e^{A delta} G that do not shrink by `factor` a letter."""
     letters = [G @ expm(A * delta) for delta in np.linspace(low, high, _SPACINGS)]
     found = np.zeros((len(A), 0))
+    if not np.isfinite(letters).all():
+        return np.eye(len(A))  # nothing can be told: nothing is left alone
     for length in range(1, _WORDS + 1):
         for word in _words(length):
             M = np.linalg.multi_dot([letters[i] for i in word]) if length > 1 else letters[word[0]]
+            if not np.isfinite(M).all():
+                return np.eye(len(A))
             limit = factor**length
             _, Q, kept = scipy.linalg.schur(
                 M, output="real", sort=lambda re, im, limit=limit: np.hypot(re, im) >= limit

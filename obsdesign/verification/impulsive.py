@@ -50,6 +50,7 @@ __all__ = ["claims", "expected_gains", "guarantees"]
 _MATRICES = ("A", "C", "G", "image", "coimage", "basis", "core_A", "core_C", "core_G")
 
 
+@np.errstate(all="ignore")
 def claims(
     problem: Problem,
     gains: Mapping[str, Any],

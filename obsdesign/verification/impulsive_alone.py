@@ -14,7 +14,7 @@ from lmi.hidden_mode import check_hiding
 from lmi.largest_norm import identity_like, norm_of, norm_over
 from lmi.proof import prove_common
 from lmi.rank_witness import MARGIN
-from lmi.verdict import Verdict, overall, proved, refuted, undecided
+from lmi.verdict import Verdict, proved, refuted, undecided
 from obsdesign.document import Claim
 from obsdesign.equations.impulsive import factor_left_alone, seen_before_jump
 from obsdesign.problem import Problem
@@ -80,21 +80,49 @@ def quadratic_claims(
     problem: Problem, numbers: Mapping[str, Any], certificates: Any, paranoid: bool
 ) -> tuple[list[Claim], Bound | None]:
     """One P for all spacings, gains by cells of the last spacing; and the bound that follows."""
-    low, high = problem.require_dwell_time()
-    found = []
+    ends = problem.require_dwell_time()
     C = seen_before_jump(numbers["G"], numbers["C"], numbers["jump_measurement"])
+    certificate = certificates.get("contracting", {})
+    P, gamma = _matrix(certificate.get("P"), problem.plant.n), certificate.get("gamma")
+    if P is None or not isinstance(gamma, float) or not 0 < gamma < 1:
+        verdict = undecided("no P was found for which a gain contracts at every spacing")
+    else:
+        verdict = _contracting(numbers, C, P, gamma, ends)
+    found = [Claim(
+        "contracting",
+        "in the norm of one P the error after an impulse is at most gamma of that after the "
+        f"impulse before, for all spacings in {range_text(*ends)}, with the gain of table for "
+        "the cell that the spacing is in",
+        "quadratic detectability: P and one gain for each cell of spacings",
+        verdict.outcome, verdict.evidence,
+    )]  # fmt: skip
+    if verdict.outcome == "proved" and P is not None and gamma is not None:
+        return found, _bound(numbers, C, P, float(gamma), ends)
+    # no gain at all helps against these
+    return [*_hopeless(numbers, C, ends, certificates, paranoid), *found], None
+
+
+def _hopeless(
+    numbers: Mapping[str, Any],
+    C: Exact,
+    ends: tuple[float, float],
+    certificates: Any,
+    paranoid: bool,
+) -> list[Claim]:
+    """What would refute every observer: claims about what no measurement sees."""
+    found = []
     pair = hidden_pair(numbers["A"], numbers["G"], C)
     if pair is not None:
-        verdict = dwell_stability(*pair, low, high, certificates.get("hidden_decays", {}), paranoid)
+        verdict = dwell_stability(*pair, *ends, certificates.get("hidden_decays", {}), paranoid)
         if verdict.outcome == "refuted":
-            verdict = _without_margin(verdict, *pair, (low, high))
+            verdict = _without_margin(verdict, *pair, ends)
         found.append(Claim(
             "hidden_decays",
             f"what no measurement ever sees of the state (dimension {len(pair[0])}) decays",
             _SOURCES["hidden"], verdict.outcome, verdict.evidence,
         ))  # fmt: skip
     hiding = certificates.get("detectable", {}).get("witness", {}).get("thetas")
-    if isinstance(hiding, list) and len(hiding) == 1 and low <= float(hiding[0]) <= high:
+    if isinstance(hiding, list) and len(hiding) == 1 and ends[0] <= float(hiding[0]) <= ends[1]:
         verdict = check_hiding(numbers["A"], numbers["G"], C, float(hiding[0]))
         found.append(Claim(
             "detectable",
@@ -102,23 +130,7 @@ def quadratic_claims(
             f"that has modulus 1 or more (residuals below {MARGIN:g} of their terms)",
             _SOURCES["hidden"], verdict.outcome, verdict.evidence,
         ))  # fmt: skip
-    certificate = certificates.get("contracting", {})
-    P, gamma = _matrix(certificate.get("P"), problem.plant.n), certificate.get("gamma")
-    if P is None or not isinstance(gamma, float) or not 0 < gamma < 1:
-        verdict = undecided("no P was found for which a gain contracts at every spacing")
-    else:
-        verdict = _contracting(numbers, C, P, gamma, (low, high))
-    found.append(Claim(
-        "contracting",
-        "in the norm of one P the error after an impulse is at most gamma of that after the "
-        f"impulse before, for all spacings in {range_text(low, high)}, with the gain of table for "
-        "the cell that the spacing is in",
-        "quadratic detectability: P and one gain for each cell of spacings",
-        verdict.outcome, verdict.evidence,
-    ))  # fmt: skip
-    if overall(claim.verdict for claim in found) != "proved" or P is None:
-        return found, None
-    return found, _bound(numbers, C, P, float(gamma), (low, high))
+    return found
 
 
 def _contracting(

@@ -140,6 +140,8 @@ def full_rank(stack: Stack, low: float, high: float, certificate: Mapping[str, A
         verdict = check_deficient(stack, low, high, witness)
         if verdict.outcome == "refuted":
             return verdict
+    if certificate.get("reason") and "thetas" in certificate and "sigma_min" not in certificate:
+        return Verdict("undecided", certificate)  # what a finder gave up on is not tried again
     if not isinstance(asked, float) or not 0 <= asked < math.inf:
         return decide_full_rank(stack, low, high)
     verdict = prove_again(stack, low, high, asked)
