@@ -11,6 +11,7 @@ CLAIMS = (
     "windows_cost_nothing", "windows_close_the_gap", "windows_proof_is_fast",
     "interval_step_is_fast", "interval_run_is_fast", "interval_fleet_is_fast",
     "interval_stream_is_flat", "interval_synthesis_is_fast",
+    "window_gain_is_fast", "window_certificate_is_fast",
 )  # fmt: skip
 
 

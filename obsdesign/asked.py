@@ -132,6 +132,15 @@ def _check_exponents(found: Mapping[str, Any], kind: str, plant: Plant) -> None:
             raise InputError(f"observer.exponents must differ; {exponent!r} stands twice.")
 
 
+def _check_noise_target(found: Mapping[str, Any], kind: str, plant: Plant) -> None:
+    given = len(found["noise_target"])
+    if given != plant.n:
+        raise InputError(
+            f"observer.noise_target must have {plant.n} {'entry' if plant.n == 1 else 'entries'}, "
+            f"one per state; got {given}."
+        )
+
+
 def _check_margin(found: Mapping[str, Any], kind: str, plant: Plant) -> None:
     margin, window = found["margin"], found.get("window", math.inf)
     if margin >= window:
@@ -146,6 +155,7 @@ _CHECKS: Mapping[str, Callable[[Mapping[str, Any], str, Plant], None]] = Mapping
         "schedule": _check_schedule,
         "exponents": _check_exponents,
         "margin": _check_margin,
+        "noise_target": _check_noise_target,
     }
 )
 

@@ -27,7 +27,7 @@ GAINS: Mapping[str, Mapping[str, tuple[str, str]]] = {
 OPTIONS: Mapping[str, tuple[str, ...]] = {
     "interval": ("form", "objective", "gain_limit", "memory"),
     "luenberger": ("poles", "decay_rate", "weights", "memory", "schedule"),
-    "impulsive": ("window", "alpha", "strategy"),
+    "impulsive": ("window", "alpha", "strategy", "decay_rate", "noise_target"),
     "finite_time": ("window", "method", "objective"),
     "impulsive_input": (
         "window", "exponents", "margin", "ratio", "weighting", "operator", "state_correction",

@@ -80,8 +80,10 @@ def simulate(
         raise InputError(f"initial must have {n} finite entries, one per state; got {x.tolist()}.")
     until = _default_until(plant, dwell) if until is None else _positive(until, "until")
     jumps = jump_times(plant, dwell, until, rng)
+    # what is measured at jumps only has rows between them only if they are asked for
+    between = step is not None or plant.output.measured != "at_jumps"
     step = _default_step(plant, until) if step is None else _positive(step, "step")
-    instants = _instants(plant, jumps, until, step)
+    instants = _instants(plant, jumps, until, step, between)
     source = signals(plant, disturbance, len(instants[0]), rng)
     with np.errstate(over="ignore", invalid="ignore"):
         record = _trajectory(plant, x, *instants, source)
@@ -202,7 +204,7 @@ def _default_step(plant: Plant, until: float) -> float:
 
 
 def _instants(
-    plant: Plant, jumps: Vector, until: float, step: float
+    plant: Plant, jumps: Vector, until: float, step: float, between: bool
 ) -> tuple[Vector, NDArray[np.bool_], NDArray[np.bool_]]:
     """(times, is a jump, has a measurement) of all rows."""
     if until / step > _MOST_ROWS:
@@ -212,7 +214,7 @@ def _instants(
         )
     rows = int(until / step * (1 + 1e-12)) + 1
     grid = np.round(step * np.arange(rows), 12)
-    if plant.output.measured == "at_jumps":
+    if not between:
         grid = np.zeros(0)
     # a jump instant takes the place of the grid row that it coincides with
     ends = np.concatenate([[-math.inf], jumps, [math.inf]])

@@ -60,7 +60,7 @@ def hidden_growth(A: Matrix, C: Matrix, rate: float = 0.0) -> bool:
     return prove_hurwitz(restricted).outcome == "refuted"
 
 
-def hidden_pair(A: Matrix, G: Matrix, C: Matrix) -> tuple[Any, Any] | None:
+def hidden_pair(A: Any, G: Any, C: Any) -> tuple[Any, Any] | None:
     """(A, G) restricted to the largest subspace that C never sees, along flow and jumps; exact.
 
     No gain L or M reaches the error there, so that its stability is the plant's own. None if the

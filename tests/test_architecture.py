@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+import obsdesign
+
 ROOT = Path(__file__).parent.parent
 SOLVERS = ("cvxpy", "clarabel", "casadi", "highspy", "scipy.optimize")
 FILES = sorted([*(ROOT / "lmi").rglob("*.py"), *(ROOT / "obsdesign").rglob("*.py")])
@@ -156,6 +158,11 @@ assert outcome.verdict == "proved", outcome.claims
 """
     done = run_blocked(SOLVERS, code)
     assert done.returncode == 0, done.stderr
+    impulsive = academic_design.parent / "impulsive.json"
+    examples = ROOT / "examples"
+    obsdesign.design(obsdesign.load_problem(examples / "medina_spline.toml")).save(impulsive)
+    done = run_blocked(SOLVERS, code.replace(str(academic_design), str(impulsive)))
+    assert done.returncode == 0, done.stderr
     # the twin: the blocker really blocks, since finding P needs the solver
     finding = run_blocked(SOLVERS, "import lmi.semidefinite as s; import clarabel")
     assert "blocked: clarabel" in finding.stderr
@@ -180,3 +187,16 @@ print(sorted(m for m in third_party if not m.startswith("_")))
     done = run_blocked(blocked, code)
     assert done.returncode == 0, done.stderr
     assert done.stdout.strip() == "['lmi', 'numpy', 'obsdesign']"
+    impulsive = academic_design.parent / "impulsive.json"
+    problem = obsdesign.load_problem(ROOT / "examples" / "medina_spline.toml")
+    obsdesign.design(problem).save(impulsive)
+    code = f"""
+from obsdesign.runtime import Sample, load
+observer = load({str(impulsive)!r})
+state = observer.init(t=0.0)
+for k in range(1, 9):
+    state, estimate = observer.step(state, Sample(k / 2, y=[1.0], w=[0.0], jump=True))
+assert estimate.status == "ok"
+"""
+    done = run_blocked(blocked, code)
+    assert done.returncode == 0, done.stderr

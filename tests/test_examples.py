@@ -15,7 +15,6 @@ from obsdesign.runtime.base import rows_of, run
 from obsdesign.simulation import simulate
 
 EXAMPLES = sorted((Path(__file__).parent.parent / "examples").glob("*.toml"))
-BOUNDING = [path for path in EXAMPLES if obsdesign.load_problem(path).kind == "interval"]
 
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda p: p.stem)
@@ -35,8 +34,12 @@ def test_an_example_is_proved_and_runs(path: Path) -> None:
     assert estimates[-1].status == "ok"
 
 
+def of_kind(kind: str) -> list[Path]:
+    return [path for path in EXAMPLES if obsdesign.load_problem(path).kind == kind]
+
+
 @pytest.mark.parametrize("disturbance", ["zero", "extreme", "random", "sine"])
-@pytest.mark.parametrize("path", BOUNDING, ids=lambda p: p.stem)
+@pytest.mark.parametrize("path", of_kind("interval"), ids=lambda p: p.stem)
 def test_an_example_from_file_to_bounds(path: Path, disturbance: str) -> None:
     problem = obsdesign.load_problem(path)
     design = obsdesign.design(problem)
@@ -91,3 +94,26 @@ def test_the_narrowest_gains_are_a_quarter_narrower(tmp_path: Path) -> None:
     assert 0.64082 <= means["gains of the paper"] <= 0.65
     assert 0.46207 <= means["narrowest"] <= 0.475
     assert examples.doses(tmp_path / "b.png")
+
+
+@pytest.mark.parametrize("path", of_kind("impulsive"), ids=lambda p: p.stem)
+def test_an_impulsive_example_from_file_to_estimates(path: Path) -> None:
+    problem = obsdesign.load_problem(path)
+    design = obsdesign.design(problem)
+    assert obsdesign.verify(design, paranoid=True).verdict == "proved"
+    until = 60 * float(np.mean(problem.require_dwell_time()))
+    record = simulate(problem.plant, until=until, step=until / 400, rng=np.random.default_rng(1))
+    observer: Any = from_design(design)
+    batch = observer.run_batch(
+        record.t, record.block("y"), record.block("u"), np.nan_to_num(record.block("w")),
+        record.columns["jump"],
+    )  # fmt: skip
+    assert set(batch.status) == {"ok"}
+    error = np.abs(batch.x - record.block("x"))
+    late = error[len(error) // 2 :]
+    if np.any(problem.plant.output.noise_std):
+        target = np.array(problem.options["noise_target"])
+        impulses = record.columns["jump"][len(error) // 2 :] == 1
+        assert np.all(np.sqrt(np.mean(late[impulses] ** 2, axis=0)) < 1.5 * target)
+    else:
+        assert late.max() < 1e-6 * max(1.0, np.abs(record.block("x")).max())

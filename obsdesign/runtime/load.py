@@ -16,6 +16,7 @@ from obsdesign.runtime.base import Observer
 OBSERVERS = {
     "interval": ("obsdesign.runtime.interval", "IntervalObserver"),
     "luenberger": ("obsdesign.runtime.luenberger", "LuenbergerObserver"),
+    "impulsive": ("obsdesign.runtime.impulsive", "ImpulsiveObserver"),
 }
 
 

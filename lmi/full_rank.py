@@ -1,0 +1,87 @@
+"""Full column rank of a stack of products for all thetas of a box: branch and bound in balls.
+
+A box on which `lmi.stack_box` cannot show it is halved where its bound is widest. Coordinates that
+make the stack at the centre orthonormal (`lmi.stack`) take the units and the basis of the state
+out of the question.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from lmi.balls import precision
+from lmi.stack import Matrix, Stack
+from lmi.stack_box import Box, Normalised, bounds, normalised
+from lmi.verdict import Verdict, proved, undecided
+
+BOX_LIMIT = 20_000
+_BITS = 128
+# a side halved so often is a point to every purpose
+_DEPTH = 48
+# while boxes are few, those are halved too whose bound is poor for an error norm close to 1
+_CLEAR, _PATIENCE = 0.75, 1500
+
+
+def prove_full_rank(
+    stack: Stack,
+    low: float,
+    high: float,
+    R: Matrix,
+    *,
+    margin: float = 0.0,
+    limit: int = BOX_LIMIT,
+) -> Verdict:
+    """O(theta) has full column rank for all theta in [low, high]^m, 0 <= low <= high finite.
+
+    R: coordinates, a float (r, r), invertible (`lmi.stack.coordinates`). Proved evidence:
+
+    sigma_min  a lower bound of the smallest singular value of O over the box
+    margin     one of O R^-1, above `margin`
+    spread     for each block i a bound of ||X_i x|| over all x with ||O x|| = 1, in the coordinates
+               of the state that `lmi.stack.state_basis` gives, as for the next two
+    largest    one of ||O R^-1||
+    recalled   one of ||O X^-1||, X the last X_i as its first r coordinates; infinite where it is
+               not seen to be invertible
+    boxes      how many it took
+
+    Undecided evidence: "thetas", near which it could not be shown.
+    """
+    if not 0 <= low <= high or math.isinf(high):
+        raise ValueError(f"0 <= low <= high, both finite, is required; got [{low}, {high}]")
+    if stack.shape[0] < stack.shape[1]:
+        return undecided(f"{stack.shape[0]} rows cannot have rank {stack.shape[1]}")
+    with precision(_BITS), np.errstate(all="ignore"):
+        family = normalised(stack, low, high, R)
+        if family is None:
+            return undecided("the coordinates are not certainly invertible")
+        return _branch(stack, family, margin, limit)
+
+
+def _branch(stack: Stack, family: Normalised, margin: float, limit: int) -> Verdict:
+    todo = [Box(((0, 0),) * stack.thetas)]
+    least, least_margin, count, open_box = math.inf, math.inf, 0, None
+    spread, largest, recalled = np.zeros(stack.blocks), 0.0, 0.0
+    while todo:
+        box = todo.pop()
+        count += 1
+        found = bounds(stack, family, box, _CLEAR if count < _PATIENCE else 1.0, margin)
+        widest = found.widest
+        if found.size > 0:
+            least, least_margin = min(least, found.size), min(least_margin, found.relative)
+            spread, largest = np.maximum(spread, found.spread), max(largest, found.largest)
+            recalled = max(recalled, found.recalled)
+            continue
+        if widest is None or box.sides[widest][0] >= _DEPTH or count + len(todo) >= limit:
+            open_box = box
+            break
+        todo += box.halves(widest)[::-1]
+    if open_box is None:
+        return proved(sigma_min=least, margin=least_margin, spread=spread.tolist(),
+                      largest=largest, recalled=recalled, boxes=count)  # fmt: skip
+    place = [family.centre(side) for side in open_box.sides]
+    why = f"{limit} boxes did not suffice" if count + len(todo) >= limit else "it nearly fails"
+    text = ", ".join(f"{theta:.9g}" for theta in place)
+    return undecided(f"full rank could not be shown: {why}; the worst place is ({text})",
+                     thetas=place, boxes=count)  # fmt: skip

@@ -1,0 +1,227 @@
+"""Windows of impulsive observers: the shortest one that can be proved, on the plant or a part."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+import scipy.linalg
+
+from lmi.balls import exact, inverse, to_float
+from lmi.deficient import decide_full_rank
+from lmi.rank_witness import MARGIN, check_deficient
+from lmi.stack import Stack, approx_margin, coordinates
+from lmi.verdict import Verdict
+from obsdesign.equations import impulsive as equations
+from obsdesign.equations.estimation_error import plant_data
+from obsdesign.errors import InputError
+from obsdesign.problem import Problem
+from obsdesign.synthesis.candidate import Candidate
+from obsdesign.synthesis.dwell import dwell_certificates
+from obsdesign.synthesis.impulsive_noise import estimate, quiet_enough
+from obsdesign.synthesis.invariant_subspace import Parts, corrected_part
+
+# weight of the past where nothing else says: the error is certified to shrink by a quarter
+ALPHA = 1.3
+# windows longer than the shortest conceivable one that are tried
+_LONGER = 4
+_RANK = 1e-10
+# log of the largest alpha that is worth its name
+_FASTEST = 200.0
+# a proof that took so many boxes in vain is not repeated in more dimensions
+_TIRED = 1000
+
+
+def base(problem: Problem, strategy: str) -> dict[str, Any]:
+    """What every windowed design stores."""
+    return plant_data(problem.plant) | {"strategy": strategy, "alpha": weight(problem)}
+
+
+def weight(problem: Problem, margin: float = 1.0) -> float:
+    """alpha as asked for, or so that the decay rate that is asked for follows, or the default."""
+    if "alpha" in problem.options:
+        return float(problem.options["alpha"])
+    rate = margin * float(problem.options.get("decay_rate", 0.0))
+    if rate == 0:
+        return ALPHA
+    if rate * problem.require_dwell_time()[1] > _FASTEST:
+        raise InputError(
+            f"observer.decay_rate must be at most {_FASTEST:g} / jump.dwell_time[1] here; got "
+            f"{problem.options['decay_rate']!r}. Is it in the plant's unit of time?"
+        )
+    return max(math.exp(rate * problem.require_dwell_time()[1]) * (1 + 1e-6), 1 + 1e-6)
+
+
+def image_of(G: Any) -> tuple[Any, Any]:
+    """(U, S) with G = U S up to rounding: independent columns of G, and what makes up the others.
+
+    For G = 0 one column that nothing comes from.
+    """
+    sizes = np.abs(G).max(axis=0)
+    scale = np.where(sizes > 0, sizes, 1.0)
+    upper, order = scipy.linalg.qr(G / scale, mode="r", pivoting=True)
+    diagonal = np.abs(np.diag(upper))
+    rank = int(np.sum(diagonal > _RANK * max(float(diagonal.max(initial=0.0)), 1e-300)))
+    if not rank:
+        return np.eye(len(G))[:, :1], np.zeros((1, len(G)))
+    chosen = np.sort(order[:rank])
+    U = G[:, chosen]
+    rows = np.sort(scipy.linalg.qr(U.T, mode="r", pivoting=True)[1][:rank])
+    back = inverse(exact(U[rows]))
+    if back is not None:
+        exactly = to_float(back @ exact(G[rows]))
+        if not np.any(exact(U) @ exact(exactly) != exact(G)):
+            return U, exactly
+    S = np.linalg.lstsq(U, G)[0]
+    S[:, chosen] = np.eye(rank)
+    return U, S
+
+
+@np.errstate(all="ignore")
+def windowed(
+    problem: Problem,
+    gains: Mapping[str, Any],
+    label: str,
+    certificates: Mapping[str, Mapping[str, Any]] | None = None,
+) -> Candidate:
+    """The candidate with the window that is asked for, or the shortest one that is proved.
+
+    A shorter window that is proved proves every longer one.
+    """
+    ends = problem.require_dwell_time()
+    others = dict(certificates or {})
+    numbers = dict(gains) | {
+        name: exact(value)
+        for name, value in gains.items()
+        if isinstance(value, np.ndarray) and value.ndim == 2
+    }
+    core = equations.core_of(numbers)
+    shortest = math.ceil(core.size / problem.plant.p)
+    asked = problem.options.get("window")
+    if math.isinf(ends[1]):
+        return Candidate(label, dict(gains) | {"window": int(asked or shortest)}, others)
+    blocks, verdict, searched = _provable(core, shortest, asked, ends)
+    others["strongly_observable"] = {**verdict.evidence, "blocks": blocks}
+    found = dict(gains) | {"window": int(asked or blocks)}
+    if verdict.outcome == "proved" and "noise_target" in problem.options:
+        found, met = quiet_enough(problem, found)
+        others["noise_target"] = met
+    if verdict.outcome == "proved":
+        others["rate"] = {"estimated": estimate(problem, found)}
+    return Candidate(label, found, others, searched=searched)
+
+
+def _provable(
+    core: equations.Core, shortest: int, asked: int | None, ends: tuple[float, float]
+) -> tuple[int, Verdict, bool]:
+    """(blocks, verdict on a window of so many, whether longer ones might still do)."""
+    last = shortest + _LONGER if asked is None else min(asked, shortest + _LONGER)
+    blocks = min(shortest, last)
+    for blocks in range(min(shortest, last), last + 1):
+        verdict = decide_full_rank(_stack(core, blocks), *ends)
+        if verdict.outcome == "proved":
+            return blocks, verdict, False
+        if _hopeless(core, verdict, *ends):
+            return _for_window(core, verdict, blocks, asked or blocks, ends)
+        if verdict.evidence.get("boxes", 0) > _TIRED:
+            break
+    return blocks, verdict, asked is None or asked > blocks
+
+
+def _for_window(
+    core: equations.Core, verdict: Verdict, blocks: int, asked: int, ends: tuple[float, float]
+) -> tuple[int, Verdict, bool]:
+    """What defeats a short window at one spacing, as the witness against the one asked for."""
+    thetas = verdict.evidence["witness"].get("thetas", [])
+    if asked == blocks or not thetas:
+        return asked, verdict, False
+    longer = _stack(core, asked)
+    same = {"thetas": [float(np.mean(thetas))] * longer.thetas}
+    return asked, check_deficient(longer, *ends, same), False
+
+
+def _stack(core: equations.Core, window: int) -> Stack:
+    return Stack(*core.stack(window))
+
+
+def _hopeless(core: equations.Core, verdict: Verdict, low: float, high: float) -> bool:
+    """Does what refutes this window refute every longer one too? One spacing, kept for ever."""
+    witness = verdict.evidence.get("witness", {})
+    thetas = witness.get("thetas", [])
+    if verdict.outcome != "refuted":
+        return False
+    if witness.get("method") == "exact":
+        return True  # the state is destroyed unseen by the next jump
+    if not thetas or max(thetas) - min(thetas) > 1e-6 * max(thetas):
+        return False
+    longer = _stack(core, core.size + 1)
+    R, full = coordinates(longer, low, high)
+    if not full:
+        return True
+    place = np.full((1, longer.thetas), float(np.mean(thetas)))
+    return bool(approx_margin(longer, place, R)[0] < 100 * MARGIN)
+
+
+def part_candidates(
+    problem: Problem, gains: Mapping[str, Any], only_if_smaller: bool
+) -> Iterator[Candidate]:
+    """Windows on the part that has to be corrected: a full one, then one after impulses."""
+    plant = problem.plant
+    assert plant.jump is not None
+    low, high = problem.require_dwell_time()
+    C = equations.seen_before_jump(plant.jump.G, plant.output.C, plant.output.jump_measurement)
+    rate = float(problem.options.get("decay_rate", 0.0))
+    factor = equations.factor_left_alone(rate, high)
+    parts = corrected_part(plant.flow.A, plant.jump.G, C, low, high, factor)
+    if only_if_smaller and parts.size in (0, plant.n):
+        return  # nothing to correct, or nothing to leave alone
+    if parts.size == 0:
+        parts = Parts(np.eye(plant.n), 0, plant.n)
+    if "alpha" not in problem.options:
+        # in a cascade no part may be as slow as all of it
+        gains = dict(gains) | {"alpha": weight(problem, equations.CASCADE_MARGIN)}
+    certificates, blocks = _blocks(
+        plant.flow.A, plant.jump.G, C, parts, (low, high), factor, gains["alpha"]
+    )
+    whole = dict(gains) | {"basis": parts.basis, "core_place": np.array([parts.first, parts.size])}
+    whole |= blocks
+    whole["core_place"] = whole["core_place"].astype(np.float64)
+    yield windowed(problem, whole, "subspace", certificates)
+    U, S = image_of(blocks["core_G"])
+    if U.shape[1] < parts.size:
+        inner = whole | {"image": U, "coimage": S}
+        yield windowed(problem, inner, "subspace, compressed", certificates)
+
+
+def _blocks(
+    A: Any, G: Any, C: Any, parts: Parts, ends: tuple[float, float], factor: float, alpha: float
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """(certificates that hidden and rest decay, the core's matrices)."""
+    T = exact(parts.basis)
+    back = inverse(T)
+    if back is None:
+        raise np.linalg.LinAlgError("the basis of the parts is singular")
+    flow, jump = (to_float(back @ exact(X) @ T) for X in (A, G))
+    first, end = parts.first, parts.first + parts.size
+    certificates = {}
+    for name, inside in (("hidden", slice(0, first)), ("rest", slice(end, len(A)))):
+        F, H = flow[inside, inside], jump[inside, inside]
+        if len(F):
+            certificates[f"{name}_decays"] = _alone(F, H, ends, factor, alpha)
+    middle = slice(first, end)
+    seen = to_float(exact(C) @ T)[:, middle]
+    core = {"core_A": flow[middle, middle], "core_G": jump[middle, middle], "core_C": seen}
+    return certificates, core
+
+
+def _alone(
+    F: Any, H: Any, ends: tuple[float, float], factor: float, alpha: float
+) -> dict[str, Any]:
+    """P for the decay of a block: as fast as the core's if it can be, else at the factor."""
+    for tried in sorted({min(factor, 0.9 / alpha), factor}):
+        found: dict[str, Any] = dwell_certificates(F, H / tried, *ends, memory=0)["dwell_stability"]
+        if "P" in found:
+            break
+    return found | {"factor": tried}

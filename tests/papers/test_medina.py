@@ -1,0 +1,248 @@
+"""Medina, Lawrence, State Estimation for Linear Impulsive Systems: what is printed, what is true.
+
+Section IV simulates a spline whose points are not printed; `scripts/spline_data.py` holds points
+that give all printed numbers.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+import obsdesign
+from lmi.exponential import expm as flow_of
+from obsdesign.equations.impulsive import Core, window_gains, window_matrix
+from obsdesign.runtime import Sample, from_design
+from obsdesign.synthesis.impulsive_noise import simulated
+from tests.impulsive.systems import DOUBLE, SPLINE, chain, claim, first, problem, rebased
+
+ROOT = Path(__file__).parent.parent.parent
+KNOTS = [0.1, 0.5, 0.9, 1.0, 1.1, 1.2, 2.0, 2.8, 2.9, 3.0, 3.1, 3.5, 3.9]
+PRINTED_W = [
+    -58.0338, 34.3681, -400.6792, 423.1681, -91.9931, 1.1499, -1.1499, 91.9931, -423.1681,
+    400.6792, -34.3681, 58.0338, 58.0338,
+]  # fmt: skip
+PRINTED_X0 = [0, -0.9836, 21.6068, -58.0338]
+HALF_A_DIGIT = 5e-5
+# L[3] .. L[13], first three entries
+GAINS = [
+    (1, 3.75, 6.25), (1, 12, 40), (1, 15, 100), (1, 15, 100), (1, 2.3611111, 2.7777778),
+    (1, 1.875, 1.5625), (1, 11.1111111, 22.2222222), (1, 15, 100), (1, 15, 100), (1, 4.5, 10),
+    (1, 3.75, 6.25),
+]  # fmt: skip
+
+
+def literal_gain(A: Any, G: Any, C: Any, spacings: Any, alpha: float) -> tuple[Any, float]:
+    """(12) as it is printed, spacings from tau_(k-l) on, and the condition number it inverts."""
+    X = expm(A * spacings[0])
+    products = [X]
+    for delta in spacings[1:]:
+        X = expm(A * delta) @ G @ X
+        products.append(X)
+    M = sum(alpha ** (2 * j) * P.T @ C.T @ C @ P for j, P in enumerate(products))
+    power = alpha ** (2 * (len(spacings) - 1))
+    return -power * G @ X @ np.linalg.inv(M) @ X.T @ C.T, float(np.linalg.cond(M))
+
+
+def gain(A: Any, G: Any, C: Any, spacings: Any, alpha: float) -> Any:
+    flows = flow_of(np.asarray(A) * np.asarray(spacings)[1:, None, None])
+    return window_gains(Core(A, C, G), flows, alpha)
+
+
+def data() -> Any:
+    path = ROOT / "scripts" / "spline_data.py"
+    spec = importlib.util.spec_from_file_location("spline_data", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.parametrize(
+    ("n", "p", "window"), [(2, 1, 2), (3, 1, 3), (3, 1, 5), (4, 2, 3), (3, 2, 2), (2, 1, 6)]
+)
+@pytest.mark.parametrize("singular", [False, True])
+def test_gain_12_by_qr_is_the_printed_one(n: int, p: int, window: int, singular: bool) -> None:
+    rng = np.random.default_rng(n + 10 * p + 100 * window)
+    for _ in range(5):
+        A, G, C = (
+            rng.standard_normal((n, n)),
+            rng.standard_normal((n, n)),
+            rng.standard_normal((p, n)),
+        )
+        if singular:
+            G[:, 0] = G[:, 1]
+        spacings = rng.uniform(0.3, 0.8, window)
+        printed, condition = literal_gain(A, G, C, spacings, 1.4)
+        found = gain(A, G, C, spacings, 1.4)
+        # the printed form inverts a Gramian: that is what the difference is made of
+        assert np.abs(found - printed).max() <= 1e-14 * condition * np.abs(printed).max()
+
+
+def test_p1_the_spline_gain_in_closed_form() -> None:
+    rng = np.random.default_rng(1)
+    for alpha in (1.0001, 1.5, 5.0):
+        for _ in range(60):
+            spacings = rng.uniform(0.1, 0.8, 3)
+            a, b = spacings[2], spacings[1] + spacings[2]
+            closed = -np.array([[1], [(a + b) / (a * b)], [2 / (a * b)]])
+            found = gain(chain(3), np.eye(3), first(3), spacings, alpha)
+            np.testing.assert_allclose(found, closed, rtol=1e-8)
+
+
+def test_a_square_window_does_not_know_alpha() -> None:
+    rng = np.random.default_rng(2)
+    A, G, C = rng.standard_normal((4, 4)), rng.standard_normal((4, 4)), rng.standard_normal((2, 4))
+    spacings = rng.uniform(0.3, 0.8, 2)
+    np.testing.assert_allclose(
+        gain(A, G, C, spacings, 1.01), gain(A, G, C, spacings, 9.0), rtol=1e-9
+    )
+    # the twin: one more measurement, and it does
+    spacings = rng.uniform(0.3, 0.8, 3)
+    assert not np.allclose(gain(A, G, C, spacings, 1.01), gain(A, G, C, spacings, 9.0), rtol=1e-3)
+
+
+def test_p2_determinant_of_the_window() -> None:
+    rng = np.random.default_rng(3)
+    for _ in range(50):
+        a, b = rng.uniform(0.1, 0.8, 2)
+        flows = np.array([expm(chain(3) * a), expm(chain(3) * b)])
+        rows, _ = window_matrix(Core(chain(3), first(3), np.eye(3)), flows)
+        assert np.linalg.det(rows) == pytest.approx((a + b) * a * b / 2, rel=1e-12)
+
+
+def test_p3_p4_the_printed_inputs_come_from_a_not_a_knot_spline() -> None:
+    curve = data().spline()
+    np.testing.assert_allclose(curve(KNOTS, 3), PRINTED_W, atol=HALF_A_DIGIT)
+    np.testing.assert_allclose([curve(0, k) for k in range(4)], PRINTED_X0, atol=HALF_A_DIGIT)
+
+
+def estimates(design: Any) -> tuple[Any, Any, Any]:
+    """(t, x estimated, x true) over the paper's record, from xhat(0) = (0, 0, 0, 100)."""
+    table = data().columns()
+    observer: Any = from_design(design)
+    batch = observer.run_batch(
+        table["t"], table["y1"], w=np.nan_to_num(table["w1"]), jump=table["jump"],
+        x=[0, 0, 0, 100.0],
+    )  # fmt: skip
+    true = np.stack([table[f"x{i + 1}"] for i in range(4)], axis=1)
+    assert set(batch.status) == {"ok"}
+    return table["t"], batch.x, true
+
+
+@pytest.mark.parametrize("strategy", ["auto", "compressed", "subspace"])
+def test_p5_p6_the_example_is_dead_beat(strategy: str) -> None:
+    asked = obsdesign.load_problem(ROOT / "examples" / "medina_spline.toml").to_dict()
+    asked["observer"]["strategy"] = strategy
+    design = obsdesign.design(obsdesign.Problem.from_dict(asked))
+    t, found, true = estimates(design)
+    error = found - true
+    assert np.abs(error[t < 0.1, 3]) == pytest.approx(158.0338, abs=1e-4)
+    # the true x4 of the table is the spline's, rounded: 400 * 1e-15
+    assert np.abs(error[t >= 0.1, 3]).max() < 1e-12
+    assert np.abs(error[t >= 0.9, :3]).max() < 1e-9
+    # not before: the second and third state are free until the third impulse
+    assert np.abs(error[(t > 0.5) & (t < 0.9), 2]).max() > 1e-3
+
+
+def test_the_printed_gains() -> None:
+    design = obsdesign.design(obsdesign.load_problem(ROOT / "examples" / "medina_spline.toml"))
+    observer: Any = from_design(design)
+    state = observer.init(t=0.0)
+    for k, t in enumerate(KNOTS):
+        state, _ = observer.step(state, Sample(t, y=[0.0], w=[0.0], jump=True))
+        if k >= 2:
+            L, trouble = observer._gain(state)
+            assert trouble is None
+            np.testing.assert_allclose(L[:3, 0], -np.array(GAINS[k - 2]), atol=1e-7)
+            assert L[3, 0] == 0.0
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_random_bases_have_the_same_verdicts_and_are_dead_beat(seed: int) -> None:
+    A, G, C = rebased(SPLINE, seed)
+    refused = obsdesign.investigate(problem((A, G, C), [0.1, 0.8], strategy="full"))
+    assert refused.verdict == "refuted"
+    outcome = obsdesign.investigate(problem((A, G, C), [0.1, 0.8]))
+    assert (outcome.verdict, outcome.result["form"]) == ("proved", "compressed")
+    # the rounding of the basis is not overlooked: it is absorbed
+    assert claim(outcome, "image").evidence["exact"] is False
+    design: Any = outcome.design
+    assert design.gains["window"] == 3
+    observer: Any = from_design(design)
+    rng = np.random.default_rng(seed)
+    x, t = rng.standard_normal(4), 0.0
+    state = observer.init(t=0.0)
+    for k, now in enumerate(KNOTS[:6]):
+        x, t = expm(A * (now - t)) @ x, now
+        state, estimate = observer.step(state, Sample(t, y=C @ x, jump=True))
+        x = G @ x
+        if k >= 2:
+            assert np.abs(estimate.x - x).max() < 1e-7 * np.linalg.cond(A + G) * max(
+                1, np.abs(x).max()
+            )
+
+
+def test_p7_the_spline_is_not_strongly_observable() -> None:
+    outcome = obsdesign.investigate(problem(SPLINE, [0.1, 0.8], strategy="full"))
+    assert outcome.verdict == "refuted"
+    witness = claim(outcome, "strongly_observable").evidence["witness"]
+    assert witness["null_vector"] == [0.0, 0.0, 0.0, 1.0]
+    for strategy in ("compressed", "subspace"):
+        asked = problem(SPLINE, [0.1, 0.8], strategy=strategy)
+        assert obsdesign.investigate(asked).verdict == "proved"
+
+
+def test_p8_the_restricted_spline_is_certified() -> None:
+    outcome = obsdesign.investigate(problem((chain(3), np.eye(3), first(3)), [0.1, 0.8]))
+    evidence = claim(outcome, "strongly_observable").evidence
+    assert (outcome.verdict, outcome.design.gains["window"]) == ("proved", 3)
+    assert evidence["approx_sigma_min"] == pytest.approx(0.0040622001, rel=1e-7)
+    assert 0.5 * 0.0040622001 < evidence["sigma_min"] <= 0.0040622001
+
+
+def test_the_printed_sum_of_p_before_the_impulse_has_one_term_too_many() -> None:
+    """P(tau_k^-): with j up to k - 1 the identity for A_I' P A_I holds, with k it does not."""
+    rng = np.random.default_rng(4)
+    A, G, C = rng.standard_normal((3, 3)), rng.standard_normal((3, 3)), rng.standard_normal((1, 3))
+    window, alpha, spacings = 4, 1.3, rng.uniform(0.2, 0.7, 4)
+    before = [np.eye(3)]  # Phi(tau_j^-, tau_(k-l)^-), j = k-l .. k
+    for delta in spacings:
+        before.append(expm(A * delta) @ G @ before[-1])
+    seen = [X.T @ C.T @ C @ X for X in before]
+    after = sum(alpha ** (2 * i) * M for i, M in enumerate(seen[1:]))  # A_I' P(tau_k) A_I
+    last = alpha ** (2 * (window - 1)) * seen[-1]
+    for terms, holds in ((window, True), (window + 1, False)):
+        P = sum(alpha ** (2 * i) * M for i, M in enumerate(seen[:terms]))
+        right = alpha**-2 * P - alpha**-2 * C.T @ C + last
+        assert np.allclose(after, right, rtol=1e-12) == holds
+
+
+@pytest.mark.parametrize(
+    ("window", "alpha", "rate", "position", "velocity"),
+    [
+        (2, 1.3, 0.0, 1.000, 2.667), (3, 1.02, 0.392, 0.756, 0.385), (3, 1.3, 0.303, 0.836, 0.535),
+        (3, 2.0, 0.172, 0.937, 0.917), (3, 5.0, 0.037, 0.996, 1.972), (4, 1.02, 0.537, 0.604, 0.127),
+        (4, 1.3, 0.407, 0.735, 0.229), (4, 2.0, 0.218, 0.905, 0.601), (6, 1.3, 0.505, 0.625, 0.090),
+        (8, 1.02, 0.750, 0.337, 0.0125),
+    ],
+)  # fmt: skip
+def test_noise_against_speed(
+    window: int, alpha: float, rate: float, position: float, velocity: float
+) -> None:
+    """Double integrator, spacings uniform on [0.5, 1.5]; a square window: E 2/delta^2 = 8/3."""
+    A, G, C = DOUBLE
+    gains = {
+        "A": A, "G": G, "C": C, "jump_measurement": "before", "strategy": "full",
+        "dwell_time": np.array([0.5, 1.5]), "window": window, "alpha": alpha,
+    }  # fmt: skip
+    found = simulated(gains, np.ones(1), sequences=300, impulses=100)
+    assert found.per_impulse == pytest.approx(rate, abs=0.006)
+    assert found.std[0] ** 2 == pytest.approx(position, abs=0.002)
+    assert found.std[1] ** 2 == pytest.approx(velocity, rel=0.015)
