@@ -96,10 +96,11 @@ def _searched(problem: Problem, given: Mapping[str, Any], objective: str, start:
         best[0] = min(best[0], found, key=lambda one: one.value)
         return min(found.value, 1e30)
 
+    effort = _EVALUATIONS if n <= _LARGE else _EVALUATIONS // 3
     with np.errstate(all="ignore"):
         minimize(
             value, start.S.ravel(), method="Nelder-Mead",
-            options={"maxfev": _EVALUATIONS if n <= _LARGE else _EVALUATIONS // 3, "initial_simplex": _simplex(start.S)},
+            options={"maxfev": effort, "initial_simplex": _simplex(start.S)},
         )  # fmt: skip
     return best[0]
 

@@ -28,7 +28,7 @@ _NODES = 16
 _FEW_NODES = 6
 _SWEEPS = 8
 # evaluations of a goal in one descent, and in one inside a search over coordinates
-_MOST, _FEW = 1500, 120
+_MOST, _FEW = 3000, 250
 _ENOUGH = 0.9  # `feasible` is content with this growth from jump to jump
 _GAIN = 1e-7  # relative improvement that is worth another sweep
 
