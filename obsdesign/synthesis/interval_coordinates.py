@@ -8,6 +8,7 @@ Source: Degue, Efimov, Richard, NOLCOS 2016, the remark after Theorem 8; S is pr
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -28,7 +29,8 @@ Matrix = NDArray[np.float64]
 
 # a basis closer to a singular one than this costs more digits in its inverse than it can gain
 _WORST_CONDITION = 1e6
-_EVALUATIONS = 60
+_EVALUATIONS, _LARGE = 60, 4  # with more states than that, a third of them
+_MOST_BASES = 8
 _SETTLED = 0.9  # the largest growth from jump to jump that is good enough
 
 
@@ -47,7 +49,7 @@ def best_coordinates(
 ) -> Found | None:
     """The best of the candidate bases, improved if `search`; None if there is no basis at all."""
     found: list[Found] = []
-    for S in _bases(problem.plant, given):
+    for S in itertools.islice(_bases(problem.plant, given), _MOST_BASES):
         found.append(_quickly(problem, given, objective, S))
         if _settled(found[-1], objective):
             return found[-1]
@@ -94,10 +96,11 @@ def _searched(problem: Problem, given: Mapping[str, Any], objective: str, start:
         best[0] = min(best[0], found, key=lambda one: one.value)
         return min(found.value, 1e30)
 
+    effort = _EVALUATIONS if n <= _LARGE else _EVALUATIONS // 3
     with np.errstate(all="ignore"):
         minimize(
             value, start.S.ravel(), method="Nelder-Mead",
-            options={"maxfev": _EVALUATIONS, "initial_simplex": _simplex(start.S)},
+            options={"maxfev": effort, "initial_simplex": _simplex(start.S)},
         )  # fmt: skip
     return best[0]
 

@@ -27,6 +27,8 @@ OBJECTIVES: dict[str, Goal] = {
 _NODES = 16
 _FEW_NODES = 6
 _SWEEPS = 8
+# evaluations of a goal in one descent, and in one inside a search over coordinates
+_MOST, _FEW = 3000, 250
 _ENOUGH = 0.9  # `feasible` is content with this growth from jump to jump
 _GAIN = 1e-7  # relative improvement that is worth another sweep
 
@@ -60,7 +62,7 @@ def quick_gains(task: Task, objective: str) -> tuple[float, Matrix, Matrix]:
     for L, M in clock_gains(task, low, _FEW_NODES, objective == "narrowest") or ():
         starts.append(_clipped(task, L, M))
     _, L, M = min(((_value(task, goal, *pair), *pair) for pair in starts), key=lambda one: one[0])
-    return _descent(task, goal, objective, L, M, sweeps=2)
+    return _descent(task, goal, objective, L, M, most=_FEW)
 
 
 def _starts(task: Task, objective: str) -> Iterator[tuple[Matrix, Matrix]]:
@@ -101,12 +103,12 @@ def _value(task: Task, goal: Goal, L: Matrix, M: Matrix) -> float:
 
 
 def _descent(
-    task: Task, goal: Goal, objective: str, L: Matrix, M: Matrix, sweeps: int = _SWEEPS
+    task: Task, goal: Goal, objective: str, L: Matrix, M: Matrix, most: int = _MOST
 ) -> tuple[float, Matrix, Matrix]:
     """One entry at a time, as long as it helps."""
     value = _value(task, goal, L, M)
-    stride = 0.5
-    for _ in range(sweeps):
+    stride, spent = 0.5, 0
+    for _ in range(_SWEEPS):
         before = value
         for which in ("L", "M"):
             if not (task.open_L if which == "L" else task.open_M):
@@ -115,6 +117,9 @@ def _descent(
                 if objective == "feasible" and value < _ENOUGH:
                     return value, L, M
                 for candidate in _candidates(task, which, L, M, index, stride, goal is mean_width):
+                    spent += 1
+                    if spent > most:
+                        return value, L, M
                     new = (candidate, M) if which == "L" else (L, candidate)
                     found = _value(task, goal, *new)
                     if found < value - _GAIN * abs(value) or (

@@ -30,7 +30,7 @@ Matrix = NDArray[np.float64]
 # caps of the gains where none is given, in multiples of the plant's own size: the width goes on
 # shrinking, ever more slowly, as gains grow, and a limit may be approached only by endless gains
 _DEFAULT_LIMIT = {"narrowest": 20.0, "shortest_dwell": 100.0, "feasible": 1000.0}
-_POINTS = 32
+_POINTS = 16
 # negative entries below this share of the largest are rounding of a zero that was aimed at
 ROUNDING = 1e-12
 
