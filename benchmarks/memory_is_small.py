@@ -45,10 +45,9 @@ def main() -> bool:
     ours, theirs = [], []
     for _, family in zip(SEEDS, families(8), strict=True):
         F, H = family.F.tolist(), family.H.tolist()
-        ours.append(growth("ours", F, H) / 1e6)
-        theirs.append(growth("theirs", F, H) / 1e6)
-    print("(columns below are gigabytes, times 1000)")
-    return report(f"peak memory, n = 8, {POINTS} points, CVXPY", ours, theirs, FLOOR)
+        ours.append(growth("ours", F, H) / 1e3)
+        theirs.append(growth("theirs", F, H) / 1e3)
+    return report(f"peak memory, n = 8, {POINTS} points, CVXPY", ours, theirs, FLOOR, "MB")
 
 
 if __name__ == "__main__":

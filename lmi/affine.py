@@ -4,9 +4,9 @@ The inequality is given once, as a function of the unknowns made of `+ - @ .T`; 
 are read off by evaluating it, so that there is no second copy to drift away.
 
     maximise t   subject to   inequality(P, Z, ...)_i >= t I  for every i,
-                              I <= P <= kappa I,   t <= 1
+                              I <= P <= kappa I for every symmetric P,   t <= 1
 
-The first unknown is a symmetric P, which sets the scale. Nothing here is proved.
+The symmetric unknowns set the scale. Nothing here is proved.
 """
 
 from __future__ import annotations
@@ -53,19 +53,27 @@ def best_margin(
     constant = inequality(*zero)
     columns = [inequality(*direction) - constant for direction in directions]
     k, m = constant.shape[:2]
-    n = unknowns[0].rows
-    size = m * (m + 1) // 2
-    A = np.zeros((k * size + n * (n + 1) + 1, len(directions) + 1))
+    scaled = [i for i, unknown in enumerate(unknowns) if unknown.symmetric]
+    A = np.zeros((k * m * (m + 1) // 2, len(directions) + 1))
     for j, change in enumerate(columns):
-        A[: k * size, j] = -_svec(change).reshape(-1)
-        P = directions[j][0][None]
-        A[k * size : -1, j] = np.concatenate([-_svec(P)[0], _svec(P)[0]])
-    A[: k * size, -1] = np.tile(_svec(np.eye(m)[None])[0], k)
-    A[-1, -1] = 1.0
-    unit = _svec(np.eye(n)[None])[0]
-    b = np.concatenate([_svec(constant).reshape(-1), -unit, kappa * unit, [1.0]])
-    cones = [clarabel.PSDTriangleConeT(m)] * k + [clarabel.PSDTriangleConeT(n)] * 2
-    x = _solved(A, b, [*cones, clarabel.NonnegativeConeT(1)])
+        A[:, j] = -_svec(change).reshape(-1)
+    A[:, -1] = np.tile(_svec(np.eye(m)[None])[0], k)
+    limits, b = [], [_svec(constant).reshape(-1)]
+    for i in scaled:
+        P = np.stack([_svec(direction[i][None])[0] for direction in directions], axis=1)
+        rows = np.concatenate([-P, P])
+        limits.append(np.hstack([rows, np.zeros((len(rows), 1))]))
+        unit = _svec(np.eye(unknowns[i].rows)[None])[0]
+        b += [-unit, kappa * unit]
+    last = np.zeros((1, len(directions) + 1))
+    last[0, -1] = 1.0
+    cones = [clarabel.PSDTriangleConeT(m)] * k
+    cones += [clarabel.PSDTriangleConeT(unknowns[i].rows) for i in scaled for _ in range(2)]
+    x = _solved(
+        np.concatenate([A, *limits, last]),
+        np.concatenate([*b, [1.0]]),
+        [*cones, clarabel.NonnegativeConeT(1)],
+    )
     if x is None:
         return None
     values = [

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import linprog
 
 from lmi.balls import exact, to_float
 from lmi.families import Edge
@@ -28,8 +27,7 @@ def decide_copositive(F: ArrayLike, H: ArrayLike, low: float, high: float) -> Ve
     """
     F_exact, H_exact = exact(F), exact(H)
     flow, jump = to_float(F_exact), to_float(H_exact)
-    positive = (flow - np.diag(np.diag(flow)) >= 0).all() and (jump >= 0).all()
-    if not positive or not (np.isfinite(flow).all() and np.isfinite(jump).all()):
+    if not looks_positive(flow, jump):
         return undecided("the flow is not Metzler, or the jump not nonnegative")
     for side in SIDES:
         for form in FORMS:
@@ -40,6 +38,12 @@ def decide_copositive(F: ArrayLike, H: ArrayLike, low: float, high: float) -> Ve
             if verdict.outcome == "proved":
                 return Verdict("proved", {"vector": v.tolist(), **verdict.evidence})
     return undecided("no vector was found, which is not instability")
+
+
+def looks_positive(F: Matrix, H: Matrix) -> bool:
+    """F Metzler and H >= 0, finite; floats."""
+    positive = (F - np.diag(np.diag(F)) >= 0).all() and (H >= 0).all()
+    return bool(positive and np.isfinite(F).all() and np.isfinite(H).all())
 
 
 def propose_vector(
@@ -78,6 +82,8 @@ def _program(operators: Matrix) -> Matrix | None:
     sums = np.concatenate([np.ones(n), [0.0]])[None]
     bounds = [(0, None)] * n + [(None, 1.0)]
     cost = np.concatenate([np.zeros(n), [-1.0]])
+    from scipy.optimize import linprog  # slow to import, and rarely needed
+
     answer = linprog(cost, A_ub=A, b_ub=np.zeros(k * n), A_eq=sums, b_eq=[float(n)], bounds=bounds,
                      method="highs")  # fmt: skip
     if answer.x is None or answer.x[-1] <= 1e-9 or not (answer.x[:n] > 0).all():

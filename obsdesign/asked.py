@@ -14,9 +14,10 @@ from typing import Any
 
 import numpy as np
 
+from obsdesign.entries import Array, matrix, shown
 from obsdesign.errors import InputError
 from obsdesign.kinds import GAINS, INVERTIBLE, KINDS, OPTIONS, WHOLE
-from obsdesign.plant import Array, Plant, matrix, shown
+from obsdesign.plant import Plant
 
 
 def gains(given: Mapping[str, Any], kind: str | None, plant: Plant) -> dict[str, Array]:

@@ -15,102 +15,12 @@ from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
+from obsdesign.entries import Array, bounds, matrix, real, require_shape, shown, size_text, vector
 from obsdesign.errors import InputError
-
-Array = NDArray[np.float64]
 
 MEASURED = ("continuous", "periodic", "at_jumps")
 JUMP_MEASUREMENTS = ("before", "after", "none")
-
-
-def matrix(values: ArrayLike, entry: str, *, empty: bool = False) -> Array:
-    """A finite read-only float matrix, or InputError; without rows or columns only if `empty`."""
-    wanted = "a matrix: a list of rows of numbers, all equally long"
-    return _array(values, entry, 2, wanted, empty)
-
-
-def vector(values: ArrayLike, entry: str) -> Array:
-    """A finite read-only float vector, or InputError."""
-    return _array(values, entry, 1, "a list of numbers")
-
-
-def _array(values: Any, entry: str, dimensions: int, wanted: str, empty: bool = False) -> Array:
-    try:
-        raw = np.asarray(values)
-        # as objects: beside numbers numpy takes True for 1, and integers may exceed 64 bits
-        loose: Any = () if isinstance(values, np.ndarray) else np.asarray(values, object).flat
-        if raw.dtype.kind not in "iufO" or not all(_is_number(item) for item in loose):
-            raise ValueError
-        result = np.array(raw, dtype=np.float64)
-    except (ValueError, TypeError):
-        raise InputError(f"{entry} must be {wanted}; got {shown(values)}.") from None
-    except OverflowError:
-        raise InputError(f"{entry} must hold binary64 numbers; one is too large.") from None
-    if result.ndim != dimensions or (result.size == 0 and not empty):
-        raise InputError(f"{entry} must be {wanted}; got {shown(values)}.")
-    for index in np.argwhere(~np.isfinite(result)):
-        place = ", ".join(
-            f"{word} {i + 1}"
-            for word, i in zip(("row", "column")[2 - dimensions :], index, strict=True)
-        )
-        raise InputError(
-            f"{entry} must hold finite numbers; got {result[tuple(index)]} at {place}."
-        )
-    result += 0.0  # -0.0 is 0.0
-    result.setflags(write=False)
-    return result
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float | np.number) and not isinstance(value, bool)
-
-
-def shown(value: Any) -> str:
-    """A value as a message repeats it: on one line, and short."""
-    try:
-        text = repr(value.tolist() if isinstance(value, np.ndarray) else value)
-    except ValueError:  # Python does not write out integers beyond some 4300 digits
-        return "an integer of thousands of digits"
-    return text if len(text) <= 60 else text[:57] + "..."
-
-
-def _size(array: Array) -> str:
-    return "x".join(map(str, array.shape))
-
-
-def _sized(array: Array, entry: str, shape: tuple[int | None, ...], why: str) -> None:
-    """Refuse another shape; None leaves a dimension free."""
-    for axis, (have, want) in enumerate(zip(array.shape, shape, strict=True)):
-        if want is not None and have != want:
-            word = "entries" if array.ndim == 1 else ("rows", "columns")[axis]
-            word = word if want != 1 else {"entries": "entry"}.get(word, word[:-1])
-            hint = ""
-            if array.ndim == 2 and array.shape[::-1] == shape:
-                hint = " Is it transposed?"
-            got = f"{have}" if array.ndim == 1 else _size(array)
-            raise InputError(f"{entry} must have {want} {word}, {why}; got {got}.{hint}")
-
-
-def _bounds(
-    lower: ArrayLike | None, upper: ArrayLike | None, n: int, entry: str
-) -> tuple[Array, Array]:
-    if (lower is None) != (upper is None):
-        raise InputError(
-            f"{entry}.{'lower' if lower is None else 'upper'} is required; it is missing."
-        )
-    ends = []
-    for values, name in ((lower, "lower"), (upper, "upper")):
-        end = vector(np.zeros(n) if values is None else values, f"{entry}.{name}")
-        _sized(end, f"{entry}.{name}", (n,), "one per state")
-        ends.append(end)
-    for i in np.flatnonzero(ends[0] > ends[1]):
-        raise InputError(
-            f"{entry}: lower must not exceed upper; got lower {ends[0][i]:g} > upper "
-            f"{ends[1][i]:g} for state {i + 1}. Are they swapped?"
-        )
-    return ends[0], ends[1]
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,9 +37,9 @@ class Flow:
         A = matrix(self.A, "flow.A")
         n = A.shape[0]
         if A.shape != (n, n):
-            raise InputError(f"flow.A must be square; got {_size(A)}.")
-        _set(self, A=A, **_inputs(self, "flow", ("B", "D"), n, f"flow.A ({_size(A)})"))
-        lower, upper = _bounds(self.lower, self.upper, n, "flow.disturbance")
+            raise InputError(f"flow.A must be square; got {size_text(A)}.")
+        _set(self, A=A, **_inputs(self, "flow", ("B", "D"), n, f"flow.A ({size_text(A)})"))
+        lower, upper = bounds(self.lower, self.upper, n, "flow.disturbance")
         _set(self, lower=lower, upper=upper)
 
     def __eq__(self, other: object) -> bool:
@@ -156,9 +66,9 @@ class Jump:
         if self.G is not None:
             G = matrix(self.G, "jump.G")
             if G.shape[0] != G.shape[1]:
-                raise InputError(f"jump.G must be square; got {_size(G)}.")
+                raise InputError(f"jump.G must be square; got {size_text(G)}.")
             _set(self, G=G)
-        jitter = _real(self.dwell_jitter, "jump.dwell_jitter")
+        jitter = real(self.dwell_jitter, "jump.dwell_jitter")
         if not jitter >= 0:
             raise InputError(f"jump.dwell_jitter must be a number >= 0 or inf; got {jitter!r}.")
         _set(self, dwell_time=_dwell_time(self.dwell_time), dwell_jitter=jitter)
@@ -166,9 +76,9 @@ class Jump:
     def completed(self, n: int, why: str) -> Jump:
         """The jump of a plant with n states: identity and zero bounds filled in, sizes checked."""
         G = np.eye(n) if self.G is None else self.G
-        _sized(matrix(G, "jump.G"), "jump.G", (n, n), why)
+        require_shape(matrix(G, "jump.G"), "jump.G", (n, n), why)
         inputs = _inputs(self, "jump", ("E", "H"), n, why.removeprefix("one per state of "))
-        lower, upper = _bounds(self.lower, self.upper, n, "jump.disturbance")
+        lower, upper = bounds(self.lower, self.upper, n, "jump.disturbance")
         result = Jump(G, None, None, lower, upper, self.dwell_time, self.dwell_jitter)
         _set(result, lower=lower, upper=upper, **inputs)
         return result
@@ -200,7 +110,7 @@ class Output:
             values = getattr(self, name)
             entry = f"output.{name}"
             noise = vector(np.zeros(len(C)) if values is None else values, entry)
-            _sized(noise, entry, (len(C),), f"one per row of output.C ({_size(C)})")
+            require_shape(noise, entry, (len(C),), f"one per row of output.C ({size_text(C)})")
             for i in np.flatnonzero(noise < 0):
                 raise InputError(f"{entry} must be >= 0; got {noise[i]:g} for output {i + 1}.")
             _set(self, **{name: noise})
@@ -223,7 +133,7 @@ class Output:
                     "output.period is required when measured = 'periodic'; it is missing."
                 )
             return
-        period = _real(self.period, "output.period")
+        period = real(self.period, "output.period")
         if not (period > 0 and math.isfinite(period)):
             raise InputError(f"output.period must be a positive finite number; got {period!r}.")
         _set(self, period=period)
@@ -245,9 +155,9 @@ class Plant:
     def __post_init__(self) -> None:
         A, C = self.flow.A, self.output.C
         n = len(A)
-        _sized(C, "output.C", (None, n), f"one per state of flow.A ({_size(A)})")
+        require_shape(C, "output.C", (None, n), f"one per state of flow.A ({size_text(A)})")
         if self.jump is not None:
-            _set(self, jump=self.jump.completed(n, f"one per state of flow.A ({_size(A)})"))
+            _set(self, jump=self.jump.completed(n, f"one per state of flow.A ({size_text(A)})"))
         if self.output.measured == "at_jumps" and self.jump is None:
             raise InputError("[jump] is required when output.measured = 'at_jumps'; it is missing.")
         _set(self, n=n, p=len(C))
@@ -267,7 +177,7 @@ def _inputs(block: Any, name: str, matrices: tuple[str, ...], n: int, of: str) -
         values = getattr(block, key)
         if values is not None:
             found[key] = matrix(values, f"{name}.{key}")
-            _sized(found[key], f"{name}.{key}", (n, None), f"one per state of {of}")
+            require_shape(found[key], f"{name}.{key}", (n, None), f"one per state of {of}")
     return found
 
 
@@ -277,7 +187,7 @@ def _dwell_time(values: Any) -> tuple[float, float] | None:
         return None
     if isinstance(values, str) or not hasattr(values, "__len__") or len(values) != 2:
         raise InputError(f"{entry} must be a pair [shortest, longest]; got {shown(values)}.")
-    low, high = (_real(value, entry) for value in values)
+    low, high = (real(value, entry) for value in values)
     if math.isnan(low) or math.isnan(high):
         raise InputError(f"{entry} must be numbers; got {shown([low, high])}.")
     if math.isinf(low):
@@ -291,15 +201,6 @@ def _dwell_time(values: Any) -> tuple[float, float] | None:
     if high == 0:
         raise InputError(f"{entry}: the longest dwell time must be > 0; got [0, 0].")
     return low + 0.0, high
-
-
-def _real(value: Any, entry: str) -> float:
-    if not _is_number(value):
-        raise InputError(f"{entry} must be a number; got {shown(value)}.")
-    try:
-        return float(value)
-    except OverflowError:
-        raise InputError(f"{entry} must fit a binary64 number; got {shown(value)}.") from None
 
 
 def _set(target: Any, **values: Any) -> None:

@@ -8,9 +8,9 @@ from collections.abc import Sequence
 from importlib.resources import files
 from typing import Any
 
+from obsdesign.entries import shown
 from obsdesign.errors import InputError
 from obsdesign.kinds import GAINS, OPTIONS, owners
-from obsdesign.plant import shown
 
 # which complaint to make first when a file earns several: names before values
 _FIRST = ("propertyNames", "additionalProperties", "required")

@@ -96,9 +96,29 @@ def test_layers_do_not_look_sideways(layer: str) -> None:
             assert not uses(path, f"obsdesign.{other}"), module(path)
 
 
+PROVERS = (
+    "proof", "balls", "verdict", "enclosure", "bernstein", "march", "chords", "condition", "rates",
+    "hurwitz", "windows_proof",
+)  # fmt: skip
+
+
+def test_windows_are_proved_without_their_finder() -> None:
+    """Directly or through what it imports, down to flint."""
+    finders = ("windows", "window_search", "splitting", "cutting_plane", "semidefinite", "decide")
+    seen, todo = set(), ["windows_proof"]
+    while todo:
+        name = todo.pop()
+        seen.add(name)
+        names = imported(ROOT / "lmi" / f"{name}.py")
+        found = {n.split(".")[1] for n in names if n.startswith("lmi.")}
+        todo += [n for n in found - seen if (ROOT / "lmi" / f"{n}.py").exists()]
+    assert {"balls", "bernstein"} <= seen
+    assert not seen & set(finders)
+
+
 def test_provers_import_no_solver() -> None:
     files = [*(ROOT / "obsdesign" / "verification").rglob("*.py")]
-    files += [ROOT / "lmi" / f"{name}.py" for name in ("proof", "balls", "verdict", "enclosure")]
+    files += [ROOT / "lmi" / f"{name}.py" for name in PROVERS]
     for path in files:
         for solver in SOLVERS:
             assert not uses(path, solver), f"{module(path)} imports {solver}"
@@ -153,13 +173,15 @@ def test_runtime_runs_with_numpy_alone(academic_design: Path) -> None:
         *SOLVERS, "scipy", "flint", "matplotlib", "jsonschema", "click", "rich", "hypothesis",
     )  # fmt: skip
     code = f"""
+before = set(sys.modules)  # what the interpreter of this machine loads by itself
 from obsdesign.runtime import Sample, load
 observer = load({str(academic_design)!r})
 state = observer.init(t=0.0, lower=[0, 0], upper=[2, 2])
 for k in range(1, 50):
     state, estimate = observer.step(state, Sample(k / 10, y=[1.0], jump=k == 20))
 assert (estimate.lower < estimate.upper).all()
-third_party = set(m.split(".")[0] for m in sys.modules) - set(sys.stdlib_module_names)
+loaded = set(sys.modules) - before
+third_party = set(m.split(".")[0] for m in loaded) - set(sys.stdlib_module_names)
 print(sorted(m for m in third_party if not m.startswith("_")))
 """
     done = run_blocked(blocked, code)

@@ -8,6 +8,7 @@ shared by every observer that corrects with L between jumps and with M at them.
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -57,6 +58,8 @@ def plant_data(plant: Any) -> dict[str, Any]:
             data["E"] = jump.E
         data |= {"jump_lower": jump.lower, "jump_upper": jump.upper}
         data["dwell_time"] = list(jump.dwell_time or ())
+        if math.isfinite(jump.dwell_jitter):
+            data["dwell_jitter"] = jump.dwell_jitter
     data |= {"noise_bound": output.noise_bound, "jump_measurement": output.jump_measurement}
     return data
 

@@ -18,6 +18,9 @@ Notation
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -25,13 +28,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[Any]
 
-
-def objection(options: Any) -> str | None:
-    """A request that would not be honoured in this version, or None; one sentence."""
-    for name in ("memory", "schedule"):
-        if options.get(name) not in (None, "auto", 0):
-            return f"observer.{name} = {options[name]!r} is not available in this version."
-    return None
+# relative room at the borders of a schedule; the runtime allows itself less
+BORDER = 4e-9
 
 
 def measured_at_jump(G: Array, C: Array, jump_measurement: str) -> Array:
@@ -39,13 +37,48 @@ def measured_at_jump(G: Array, C: Array, jump_measurement: str) -> Array:
     return C @ G if jump_measurement == "after" else C
 
 
-def post_jump_inequality(P: Array, Z: Array, G: Array, seen: Array, flows: Array) -> Array:
-    """[[P, (P G - Z seen) e^{F theta}]', *], P] > 0, (k, 2n, 2n): the error after a jump shrinks.
+def post_jump_inequality(
+    P: Array, Z: Array, G: Array, seen: Array, flows: Array, before: Array | None = None
+) -> Array:
+    """[[P_before, ((P G - Z seen) e^{F theta})'], *, P]] > 0, (k, 2n, 2n): the error shrinks.
 
-    By Schur's complement it says ((G - M seen) e^{F theta})' P (G - M seen) e^{F theta} < P with
-    M = P^-1 Z: the map from after one jump to after the next. Its products are those of the
-    pre-jump map e^{F theta} H, so that one family is stable if and only if the other is.
+    By Schur's complement it says ((G - M seen) e^{F theta})' P (G - M seen) e^{F theta} < P_before
+    with M = P^-1 Z: the map from after one jump to after the next. Its products are those of the
+    pre-jump map e^{F theta} H, so that one family is stable if and only if the other is. before:
+    the matrix of the dwell time that came earlier, where matrices depend on it; None for P.
     """
     moved = (P @ G - Z @ seen) @ flows
     same = np.broadcast_to(P, flows.shape)
-    return np.block([[same, np.swapaxes(moved, -1, -2)], [moved, same]])
+    earlier = same if before is None else np.broadcast_to(before, flows.shape)
+    return np.block([[earlier, np.swapaxes(moved, -1, -2)], [moved, same]])
+
+
+def schedule_cells(
+    low: float, high: float, borders: Sequence[float]
+) -> tuple[tuple[float, float], ...]:
+    """Cells of dwell times between borders, each a little wider than its half-open interval.
+
+    A dwell time is known to a relative 1e-9 (time stamps are decimal), so that near a border either
+    neighbour may be taken for it; what is shown for the wider cells holds for both.
+    """
+    lows = [low, *(max(low, border * (1 - BORDER)) for border in borders)]
+    highs = [*(min(high, border * (1 + BORDER)) for border in borders), high]
+    return tuple(zip(lows, highs, strict=True))
+
+
+def schedule_pairs(
+    cells: Sequence[tuple[float, float]], jitter: float
+) -> tuple[tuple[int, int], ...]:
+    """(earlier, later): cells that may follow each other when dwell times change by `jitter`."""
+
+    def apart(one: tuple[float, float], other: tuple[float, float]) -> bool:
+        if math.isinf(jitter):
+            return False
+        gaps = ((one[0], other[1]), (other[0], one[1]))
+        return any(
+            math.isfinite(end) and Fraction(start) - Fraction(end) > Fraction(jitter)
+            for start, end in gaps
+        )
+
+    numbers = range(len(cells))
+    return tuple((i, j) for i in numbers for j in numbers if not apart(cells[i], cells[j]))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -76,27 +76,42 @@ def run(observer: Observer, state: Any, samples: Iterable[Sample]) -> Iterator[E
 
 @dataclass(frozen=True, slots=True)
 class DwellGuard:
-    """Watches that the time between jumps stays in the range of the design.
+    """Watches that dwell times stay in the range of the design, and change no faster.
 
-    last_jump is None until the first jump: the time before it is not a dwell time.
+    jitter: largest change from one dwell time to the next. last_jump and last_dwell are None until
+    there were one and two jumps: the time before the first one is not a dwell time.
     """
 
     shortest: float
     longest: float
     last_jump: float | None = None
+    jitter: float = math.inf
+    last_dwell: float | None = None
+
+    @classmethod
+    def of(cls, gains: Mapping[str, Any]) -> DwellGuard:
+        """The guard of a design's gains; it objects to nothing where there are no jumps."""
+        shortest, longest = gains.get("dwell_time", [0.0, math.inf])
+        jitter = gains.get("dwell_jitter", math.inf)
+        return cls(float(shortest), float(longest), jitter=float(jitter))
 
     def after(self, t: float, jump: bool) -> tuple[DwellGuard, str | None]:
         """The guard after an instant, and the objection to it if there is one."""
         objection = None
-        if self.last_jump is not None:
-            elapsed = t - self.last_jump
+        elapsed = None if self.last_jump is None else t - self.last_jump
+        if elapsed is not None:
             # one time stamp of size t is known to a few ulp, and so is every difference
             slack = RELATIVE_TIME_TOLERANCE * elapsed + 4 * math.ulp(t)
+            change = 0.0 if self.last_dwell is None else abs(elapsed - self.last_dwell)
             if jump and elapsed < self.shortest - slack:
                 objection = f"dwell time {elapsed:.9g} below {self.shortest:.9g}"
             elif elapsed > self.longest + slack:
                 objection = f"dwell time {elapsed:.9g} above {self.longest:.9g}"
-        return (DwellGuard(self.shortest, self.longest, t) if jump else self), objection
+            elif jump and change > self.jitter + 2 * slack:
+                objection = f"dwell time changed by {change:.9g}, more than {self.jitter:.9g}"
+        if not jump:
+            return self, objection
+        return replace(self, last_jump=t, last_dwell=elapsed), objection
 
 
 def require_gains(gains: Mapping[str, Any], squares: Sequence[str], jumps: Sequence[str]) -> None:

@@ -26,7 +26,6 @@ of the step itself, go into the radius.
 
 from __future__ import annotations
 
-import math
 from collections import OrderedDict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -129,9 +128,8 @@ class IntervalObserver:
                 f"initial bounds of x{i + 1}: lower {low[i]:g} exceeds upper {high[i]:g}."
             )
         centre, radius = midpoint(low, high)
-        shortest, longest = self.gains.get("dwell_time", [0.0, math.inf])
         inputs = np.zeros(self.reads["u"])
-        guard = DwellGuard(float(shortest), float(longest))
+        guard = DwellGuard.of(self.gains)
         return IntervalState(float(t), centre, radius, inputs, None, guard, started=False)
 
     def step(self, state: IntervalState, sample: Sample) -> tuple[IntervalState, Estimate]:

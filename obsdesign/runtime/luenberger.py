@@ -3,8 +3,9 @@
     xhat' = F xhat + L y(t) + B u + b_mid,   F = A - L C        between jumps
     xhat+ = G xhat- + M (y- - C xhat-) + E w + c_mid            at jumps
 
-Between two samples y is interpolated linearly; a measurement taken before a jump says nothing about
-the time after it, and then the next sample stands alone. Without any, the plant alone predicts.
+M may depend on the dwell time that ends at the jump (a schedule). Between two samples y is
+interpolated linearly; a measurement taken before a jump says nothing about the time after it, and
+then the next sample stands alone. Without any, the plant alone predicts.
 """
 
 from __future__ import annotations
@@ -66,6 +67,10 @@ class LuenbergerObserver:
     def from_gains(cls, gains: Mapping[str, Any]) -> LuenbergerObserver:
         """The observer of a design's `gains`; ValueError if they do not fit each other."""
         require_gains(gains, (), ())
+        if "M_cells" in gains:
+            cells = len(np.atleast_1d(gains.get("dwell_borders", ()))) + 1
+            if np.shape(gains["M_cells"]) != (cells, *np.shape(gains["M"])):
+                raise ValueError(f"gains.M_cells must hold {cells} matrices of the shape of M.")
         return cls(gains)
 
     @property
@@ -97,8 +102,7 @@ class LuenbergerObserver:
     def init(self, t: float = 0.0, *, x: ArrayLike | None = None) -> LuenbergerState:
         """State at time t from a guess of x(t), before the first sample and its jump."""
         guess = vector(np.zeros(self.n) if x is None else x, self.n, "x")
-        shortest, longest = self.gains.get("dwell_time", [0.0, np.inf])
-        guard = DwellGuard(float(shortest), float(longest))
+        guard = DwellGuard.of(self.gains)
         inputs = np.zeros(int(self.reads["u"]))
         return LuenbergerState(float(t), guess, inputs, None, guard, started=False)
 
@@ -118,7 +122,7 @@ class LuenbergerObserver:
             objections.append("missing sample")
         usable = y
         if sample.jump:
-            x = self._jump(x, y, sample.w)
+            x = self._jump(x, y, sample.w, self._jump_correction(state.guard.last_jump, t))
             usable = y if when == "after" else None
         u = state.u if sample.u is None else vector(sample.u, len(state.u), "u")
         following = replace(state, t=t, x=x, u=u, y=usable, guard=guard, started=True)
@@ -171,7 +175,15 @@ class LuenbergerObserver:
     def _drift(self) -> Vector:
         return np.asarray((self.gains["flow_lower"] + self.gains["flow_upper"]) / 2)
 
-    def _jump(self, x: Vector, y: Vector | None, w: ArrayLike | None) -> Vector:
+    def _jump_correction(self, last_jump: float | None, t: float) -> Vector:
+        """M, or where gains follow a schedule, the one for the dwell time that ends at t."""
+        gains = self.gains
+        if last_jump is None or "M_cells" not in gains:
+            return np.asarray(gains["M"])
+        cell = np.searchsorted(gains["dwell_borders"], t - last_jump, side="right")
+        return np.asarray(gains["M_cells"][cell])
+
+    def _jump(self, x: Vector, y: Vector | None, w: ArrayLike | None, M: Vector) -> Vector:
         gains = self.gains
         if "G" not in gains:
             raise ValueError("this plant has no jumps ([jump] is absent), but a sample says jump.")
@@ -183,7 +195,7 @@ class LuenbergerObserver:
         if y is None or when == "none":
             return np.asarray(after)
         expected = gains["C"] @ (after if when == "after" else x)
-        return np.asarray(after + gains["M"] @ (y - expected))
+        return np.asarray(after + M @ (y - expected))
 
 
 def _responses(X: Any, h: float) -> Maps:

@@ -221,7 +221,7 @@ def _alone(
 ) -> dict[str, Any]:
     """P for the decay of a block: as fast as the core's if it can be, else at the factor."""
     for tried in sorted({min(factor, 0.9 / alpha), factor}):
-        found: dict[str, Any] = dwell_certificates(F, H / tried, *ends)["dwell_stability"]
+        found: dict[str, Any] = dwell_certificates(F, H / tried, *ends, memory=0)["dwell_stability"]
         if "P" in found:
             break
     return found | {"factor": tried}

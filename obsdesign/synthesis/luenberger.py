@@ -14,13 +14,10 @@ from typing import Any
 
 import numpy as np
 
-from lmi.affine import Unknown, best_margin
 from lmi.balls import exact
 from lmi.decide import decide
-from lmi.families import Edge, worst
 from lmi.hurwitz import prove_hurwitz
 from lmi.spectral import refute_spectral
-from obsdesign.equations import luenberger as equations
 from obsdesign.equations.estimation_error import (
     flow_error_matrix,
     jump_error_matrix,
@@ -30,27 +27,28 @@ from obsdesign.errors import InputError
 from obsdesign.problem import Problem
 from obsdesign.structure import hidden_growth, hidden_pair
 from obsdesign.synthesis.candidate import Candidate
-from obsdesign.synthesis.dwell import dwell_certificates
+from obsdesign.synthesis.dwell import dwell_certificates, question
 from obsdesign.synthesis.given_gains import given_gain, refuse_unusable
+from obsdesign.synthesis.jump_gains import jump_gains
 from obsdesign.synthesis.placement import placed_gain, riccati_gain
-
-_CONDITION = 1e4
-_ROUNDS = 20
+from obsdesign.synthesis.schedule import check_schedule, scheduled_candidate
 
 
 def synthesize(problem: Problem) -> Iterator[Candidate]:
     """Candidates in order of preference; InputError for what cannot be built at all."""
-    if text := equations.objection(problem.options):
-        raise InputError(text)
     refuse_unusable(problem)
+    check_schedule(problem)
     plant = problem.plant
     rate = float(problem.options.get("decay_rate", 0.0))
     chosen = given_gain(problem, "L") is None and "poles" not in problem.options
     for label, L in _flow_gains(problem, rate):
         F = flow_error_matrix(plant.flow.A, L, plant.output.C)
+        if "schedule" in problem.options:
+            yield scheduled_candidate(problem, label, L, F + rate * np.eye(plant.n))
+            continue
         M = given_gain(problem, "M")
         if M is None:
-            M = jump_gain(problem, F + rate * np.eye(plant.n))
+            M = _jump_gain(problem, F + rate * np.eye(plant.n))
         gains = plant_data(plant) | {"L": L, "M": M}
         open_gain = chosen or given_gain(problem, "M") is None
         yield Candidate(
@@ -106,47 +104,22 @@ def _flow_gains(problem: Problem, rate: float) -> Iterator[tuple[str, Any]]:
     yield "L = 0", np.zeros((problem.plant.n, problem.plant.p))
 
 
-def jump_gain(problem: Problem, F: Any) -> Any:
-    """M with the largest margin over all dwell times for a flow F; zeros when none helps."""
-    plant = problem.plant
-    assert plant.jump is not None
-    n, p, G = plant.n, plant.p, plant.jump.G
-    seen = equations.measured_at_jump(G, plant.output.C, plant.output.jump_measurement)
-    low, high = problem.require_dwell_time()
-    with np.errstate(all="ignore"):
-        thetas, flows = Edge(F, np.eye(n), low, high).grid()
-    none = np.zeros((n, p))
-    if not np.isfinite(flows).all():
-        return none
-    active = sorted({0, len(thetas) - 1})
-    for _ in range(_ROUNDS):
-        chosen = flows[active]
-        found = best_margin(
-            [Unknown(n, n, symmetric=True), Unknown(n, p)],
-            lambda P, Z, at=chosen: equations.post_jump_inequality(P, Z, G, seen, at),
-            _CONDITION,
-        )
-        if found is None or found[1] <= 0:
-            return none
-        P, Z = found[0]
-        slacks = np.linalg.eigvalsh(equations.post_jump_inequality(P, Z, G, seen, flows))[:, 0]
-        more = [k for k in worst(thetas, slacks, 0.0)[:4] if k not in active]
-        if not more:
-            return np.linalg.solve(P, Z)
-        active = sorted({*active, *more})
-    return np.linalg.solve(P, Z)
+def _jump_gain(problem: Problem, F: Any) -> Any:
+    """M with the largest margin over all dwell times for a flow F; zeros if there is none."""
+    found = jump_gains(problem, F, [problem.require_dwell_time()], [(0, 0)])
+    return np.zeros((problem.plant.n, problem.plant.p)) if found is None else found.M[0]
 
 
 def _certificates(problem: Problem, F: Any, M: Any, rate: float) -> dict[str, Any]:
-    """P for the dwell inequality; with a decay rate, the P of F + rate I serves both claims."""
+    """What shows stability; with a decay rate, the P of F + rate I serve both claims."""
     plant = problem.plant
     if plant.jump is None:
         return {}
     ends = problem.require_dwell_time()
     H = jump_error_matrix(plant.jump.G, M, plant.output.C, plant.output.jump_measurement)
     if rate == 0:
-        return dwell_certificates(F, H, *ends)
-    asked = decide(F + rate * np.eye(plant.n), H, *ends).evidence
-    if "P" not in asked:
-        return dwell_certificates(F, H, *ends) | {"decay_rate": asked}
+        return dwell_certificates(F, H, *ends, **question(problem))
+    asked = decide(F + rate * np.eye(plant.n), H, *ends, **question(problem)).evidence
+    if not {"P", "windows"} & set(asked):
+        return dwell_certificates(F, H, *ends, **question(problem)) | {"decay_rate": asked}
     return {"dwell_stability": asked, "decay_rate": asked}

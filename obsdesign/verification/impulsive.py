@@ -20,6 +20,7 @@ from obsdesign.equations import impulsive as equations
 from obsdesign.equations.estimation_error import plant_data
 from obsdesign.problem import Problem
 from obsdesign.verification.consistency import consistency
+from obsdesign.verification.dwell import Dwell
 from obsdesign.verification.impulsive_alone import alone, quadratic_claims
 from obsdesign.verification.impulsive_blocks import (
     blocks_of,
@@ -111,7 +112,7 @@ def _windowed(
     decaying: dict[str, Bound] = {}
     for name, pair in (("hidden", blocks.hidden), ("rest", blocks.rest)):
         if pair is not None:
-            claim = alone(name, pair, (low, high), certificates, paranoid, rate)
+            claim = alone(name, pair, Dwell.of(problem), certificates, paranoid, rate)
             found.append(claim)
             if "P" in claim.evidence:
                 P = np.asarray(claim.evidence["P"], dtype=np.float64)

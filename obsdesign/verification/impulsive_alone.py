@@ -19,7 +19,7 @@ from obsdesign.document import Claim
 from obsdesign.equations.impulsive import factor_left_alone, seen_before_jump
 from obsdesign.problem import Problem
 from obsdesign.structure import hidden_pair
-from obsdesign.verification.dwell import dwell_stability, range_text
+from obsdesign.verification.dwell import Dwell, dwell_stability
 from obsdesign.verification.impulsive_rate import Bound, in_balls, quadratic_bound
 
 _SOURCES = {
@@ -31,38 +31,38 @@ _SOURCES = {
 def alone(
     name: str,
     pair: tuple[Exact, Exact],
-    ends: tuple[float, float],
+    dwell: Dwell,
     certificates: Mapping[str, Mapping[str, Any]],
     paranoid: bool,
     rate: float,
 ) -> Claim:
     """The block "hidden" or "rest" decays for all spacings, with a margin."""
     F, H = pair
-    factor = factor_left_alone(rate, ends[1])
+    factor = factor_left_alone(rate, dwell.high)
     identity = f"{name}_decays"
     certificate = certificates.get(identity, {})
     smaller = certificate.get("factor")
     if isinstance(smaller, float) and 0 < smaller < factor:
         factor = smaller
-    verdict = dwell_stability(F, H / rational(factor), *ends, certificate, paranoid)
+    verdict = dwell_stability(F, H / rational(factor), dwell, certificate, paranoid)
     if verdict.outcome == "refuted":
-        verdict = _without_margin(verdict, F, H, ends)
+        verdict = _without_margin(verdict, F, H, dwell)
     verdict = Verdict(verdict.outcome, {**verdict.evidence, "factor": factor})
     what = "that no measurement sees" if name == "hidden" else "that nothing corrects"
     return Claim(
         identity,
         f"the part of the error {what} ({len(F)} of the coordinates of basis) shrinks to "
         f"{factor:.9g} or less per impulse, in the norm of one P, for all spacings in "
-        f"{range_text(*ends)}",
+        f"{dwell}",
         _SOURCES[name],
         verdict.outcome,
         verdict.evidence,
     )
 
 
-def _without_margin(verdict: Verdict, F: Exact, H: Exact, ends: tuple[float, float]) -> Verdict:
+def _without_margin(verdict: Verdict, F: Exact, H: Exact, dwell: Dwell) -> Verdict:
     """A witness against the margin; only one against decay itself refutes."""
-    plain = dwell_stability(F, H, *ends, {}, False)
+    plain = dwell_stability(F, H, dwell, {}, False)
     if plain.outcome == "refuted":
         witness = dict(plain.evidence.get("witness", {}))
         modes = np.linalg.eigvals(_float(F))
@@ -91,7 +91,7 @@ def quadratic_claims(
     found = [Claim(
         "contracting",
         "in the norm of one P the error after an impulse is at most gamma of that after the "
-        f"impulse before, for all spacings in {range_text(*ends)}, with the gain of table for "
+        f"impulse before, for all spacings in {Dwell(*ends)}, with the gain of table for "
         "the cell that the spacing is in",
         "quadratic detectability: P and one gain for each cell of spacings",
         verdict.outcome, verdict.evidence,
@@ -99,13 +99,13 @@ def quadratic_claims(
     if verdict.outcome == "proved" and P is not None and gamma is not None:
         return found, _bound(numbers, C, P, float(gamma), ends)
     # no gain at all helps against these
-    return [*_hopeless(numbers, C, ends, certificates, paranoid), *found], None
+    return [*_hopeless(numbers, C, Dwell.of(problem), certificates, paranoid), *found], None
 
 
 def _hopeless(
     numbers: Mapping[str, Any],
     C: Exact,
-    ends: tuple[float, float],
+    dwell: Dwell,
     certificates: Any,
     paranoid: bool,
 ) -> list[Claim]:
@@ -113,16 +113,20 @@ def _hopeless(
     found = []
     pair = hidden_pair(numbers["A"], numbers["G"], C)
     if pair is not None:
-        verdict = dwell_stability(*pair, *ends, certificates.get("hidden_decays", {}), paranoid)
+        verdict = dwell_stability(*pair, dwell, certificates.get("hidden_decays", {}), paranoid)
         if verdict.outcome == "refuted":
-            verdict = _without_margin(verdict, *pair, ends)
+            verdict = _without_margin(verdict, *pair, dwell)
         found.append(Claim(
             "hidden_decays",
             f"what no measurement ever sees of the state (dimension {len(pair[0])}) decays",
             _SOURCES["hidden"], verdict.outcome, verdict.evidence,
         ))  # fmt: skip
     hiding = certificates.get("detectable", {}).get("witness", {}).get("thetas")
-    if isinstance(hiding, list) and len(hiding) == 1 and ends[0] <= float(hiding[0]) <= ends[1]:
+    if (
+        isinstance(hiding, list)
+        and len(hiding) == 1
+        and dwell.low <= float(hiding[0]) <= dwell.high
+    ):
         verdict = check_hiding(numbers["A"], numbers["G"], C, float(hiding[0]))
         found.append(Claim(
             "detectable",

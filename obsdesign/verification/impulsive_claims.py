@@ -18,7 +18,7 @@ from lmi.verdict import Verdict, proved, refuted, undecided
 from obsdesign.document import Claim
 from obsdesign.equations import impulsive as equations
 from obsdesign.problem import Problem
-from obsdesign.verification.dwell import range_text
+from obsdesign.verification.dwell import Dwell
 from obsdesign.verification.impulsive_rate import in_balls
 
 PAPER = "Medina, Lawrence, State Estimation for Linear Impulsive Systems"
@@ -125,7 +125,7 @@ def strongly_observable(
     return Claim(
         "strongly_observable",
         f"any {window} impulses in a row tell all {what} apart, for every sequence of spacings in "
-        f"{range_text(low, high)}: the window matrix has full column rank, its smallest singular "
+        f"{Dwell(low, high)}: the window matrix has full column rank, its smallest singular "
         f"value above {MARGIN:g} of that at usual spacings",
         f"{PAPER}, Definition 2.3, Lemma 2.6",
         verdict.outcome,

@@ -6,7 +6,7 @@ from typing import Any
 
 from obsdesign.document import Claim
 from obsdesign.problem import Problem
-from obsdesign.verification.dwell import range_text
+from obsdesign.verification.dwell import Dwell
 
 
 def guarantees(problem: Problem, found: tuple[Claim, ...]) -> tuple[dict[str, Any], ...]:
@@ -14,7 +14,7 @@ def guarantees(problem: Problem, found: tuple[Claim, ...]) -> tuple[dict[str, An
     plant = problem.plant
     verdicts = {claim.id: claim.verdict for claim in found}
     needed = [name for name in verdicts if name not in ("decay_rate", "rate")]
-    when = f"for every sequence of spacings in {range_text(*problem.require_dwell_time())}"
+    when = f"for every sequence of spacings in {Dwell.of(problem)}"
     without = ["disturbance", "noise"]
     without += ["unknown input d"] if plant.flow.D is not None else []
     without += ["unknown impulses"] if plant.jump is not None and plant.jump.H is not None else []

@@ -1,0 +1,116 @@
+"""One entry of a problem at a time: numbers, vectors and matrices that are what they should be.
+
+Every InputError names the entry as it stands in a problem file, what was required and what arrived.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from obsdesign.errors import InputError
+
+Array = NDArray[np.float64]
+
+
+def matrix(values: ArrayLike, entry: str, *, empty: bool = False) -> Array:
+    """A finite read-only float matrix, or InputError; without rows or columns only if `empty`."""
+    wanted = "a matrix: a list of rows of numbers, all equally long"
+    return _array(values, entry, 2, wanted, empty)
+
+
+def vector(values: ArrayLike, entry: str) -> Array:
+    """A finite read-only float vector, or InputError."""
+    return _array(values, entry, 1, "a list of numbers")
+
+
+def _array(values: Any, entry: str, dimensions: int, wanted: str, empty: bool = False) -> Array:
+    try:
+        raw = np.asarray(values)
+        # as objects: beside numbers numpy takes True for 1, and integers may exceed 64 bits
+        loose: Any = () if isinstance(values, np.ndarray) else np.asarray(values, object).flat
+        if raw.dtype.kind not in "iufO" or not all(is_number(item) for item in loose):
+            raise ValueError
+        result = np.array(raw, dtype=np.float64)
+    except (ValueError, TypeError):
+        raise InputError(f"{entry} must be {wanted}; got {shown(values)}.") from None
+    except OverflowError:
+        raise InputError(f"{entry} must hold binary64 numbers; one is too large.") from None
+    if result.ndim != dimensions or (result.size == 0 and not empty):
+        raise InputError(f"{entry} must be {wanted}; got {shown(values)}.")
+    for index in np.argwhere(~np.isfinite(result)):
+        place = ", ".join(
+            f"{word} {i + 1}"
+            for word, i in zip(("row", "column")[2 - dimensions :], index, strict=True)
+        )
+        raise InputError(
+            f"{entry} must hold finite numbers; got {result[tuple(index)]} at {place}."
+        )
+    result += 0.0  # -0.0 is 0.0
+    result.setflags(write=False)
+    return result
+
+
+def is_number(value: Any) -> bool:
+    """A number, and not a truth value, which Python counts as one."""
+    return isinstance(value, int | float | np.number) and not isinstance(value, bool)
+
+
+def shown(value: Any) -> str:
+    """A value as a message repeats it: on one line, and short."""
+    try:
+        text = repr(value.tolist() if isinstance(value, np.ndarray) else value)
+    except ValueError:  # Python does not write out integers beyond some 4300 digits
+        return "an integer of thousands of digits"
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def size_text(array: Array) -> str:
+    """Shape as people write it: 2x3."""
+    return "x".join(map(str, array.shape))
+
+
+def require_shape(array: Array, entry: str, shape: tuple[int | None, ...], why: str) -> None:
+    """Refuse another shape; None leaves a dimension free."""
+    for axis, (have, want) in enumerate(zip(array.shape, shape, strict=True)):
+        if want is not None and have != want:
+            word = "entries" if array.ndim == 1 else ("rows", "columns")[axis]
+            word = word if want != 1 else {"entries": "entry"}.get(word, word[:-1])
+            hint = ""
+            if array.ndim == 2 and array.shape[::-1] == shape:
+                hint = " Is it transposed?"
+            got = f"{have}" if array.ndim == 1 else size_text(array)
+            raise InputError(f"{entry} must have {want} {word}, {why}; got {got}.{hint}")
+
+
+def bounds(
+    lower: ArrayLike | None, upper: ArrayLike | None, n: int, entry: str
+) -> tuple[Array, Array]:
+    """Lower and upper bounds (n,), lower <= upper; both left out: zeros."""
+    if (lower is None) != (upper is None):
+        raise InputError(
+            f"{entry}.{'lower' if lower is None else 'upper'} is required; it is missing."
+        )
+    ends = []
+    for values, name in ((lower, "lower"), (upper, "upper")):
+        end = vector(np.zeros(n) if values is None else values, f"{entry}.{name}")
+        require_shape(end, f"{entry}.{name}", (n,), "one per state")
+        ends.append(end)
+    for i in np.flatnonzero(ends[0] > ends[1]):
+        raise InputError(
+            f"{entry}: lower must not exceed upper; got lower {ends[0][i]:g} > upper "
+            f"{ends[1][i]:g} for state {i + 1}. Are they swapped?"
+        )
+    return ends[0], ends[1]
+
+
+def real(value: Any, entry: str) -> float:
+    """A number that is one, as a float: no text, no truth value."""
+    if not is_number(value):
+        raise InputError(f"{entry} must be a number; got {shown(value)}.")
+    try:
+        return float(value)
+    except OverflowError:
+        raise InputError(f"{entry} must fit a binary64 number; got {shown(value)}.") from None
