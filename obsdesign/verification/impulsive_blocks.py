@@ -153,7 +153,8 @@ def whole_bound(
         places.append(place)
     if len(parts) == 1:
         return Whole(reach.bound.perturbed(off), off)
-    goal = (-number(rate) * number(high)).exp() * number(1 - 1e-7)  # a little to be rounded up
+    # a little less than what is asked for, to be rounded up
+    goal = (-number(rate) * number(high)).exp() * number(1 - 1e-7) if rate > 0 else None
     core = places.index(slice(blocks.first, end))
     weights = _influences(blocks, reach, high, places, core)
     return Whole(together(parts, weights, goal), off)

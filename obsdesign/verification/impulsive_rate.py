@@ -56,20 +56,19 @@ def together(parts: Sequence[Bound], weights: list[list[Any]], goal: Any) -> Bou
     x_i <= k_i f_i^N x_i(0) + sum of k_i f_i^(N-1-n) w_ij x_j(n), so that X_i = sup x_i(n)/L^n obeys
     X <= k x(0) + M X with M_ij = k_i w_ij/(L - f_i), for L above all f_i. If I - M has a
     nonnegative inverse, X is at most that inverse times k x(0). A factor of 1 says that it has not.
+    goal: an L that is wanted, or None.
     """
     m = parts[0].factor
     for part in parts[1:]:
         m = m.max(part.factor)
-    tried = [goal] if goal > m and goal < 1 else []
+    tried = [goal] if goal is not None and goal > m and goal < 1 else []
     for L in (*tried, (m.log() * rational(_CASCADE)).exp(), (1 + m) / 2):
         M = [[p.constant * w / (L - p.factor) for w in row]
              for p, row in zip(parts, weights, strict=True)]  # fmt: skip
         back = nonnegative_inverse(M)
         if back is not None:
-            squares = [
-                (x * p.constant) ** 2 for row in back for x, p in zip(row, parts, strict=True)
-            ]
-            total = sum(squares, scalar(0))
+            pairs = (pair for row in back for pair in zip(row, parts, strict=True))
+            total = sum(((x * part.constant) ** 2 for x, part in pairs), scalar(0))
             return Bound(total.sqrt(), L)
     return Bound(m, scalar(1))
 

@@ -87,6 +87,12 @@ def test_exact_integer_bases_are_proved_exactly() -> None:
         assert claim(outcome, name).evidence["exact"] is True
 
 
+def test_parts_of_a_cascade_keep_most_of_their_rate() -> None:
+    plant = ([[0, 0], [1, -1]], [[1, 0], [1, 1]], first(2))
+    rate = claim(investigate(plant, [0.2, 1.0]), "rate").evidence
+    assert 0.95 < rate["per_impulse"] < 0.96  # the hidden part reaches 0.95
+
+
 # --- refusals name their witness ----------------------------------------------------------------
 
 
