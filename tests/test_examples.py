@@ -17,6 +17,10 @@ from obsdesign.simulation import simulate
 EXAMPLES = sorted((Path(__file__).parent.parent / "examples").glob("*.toml"))
 
 
+def of_kind(kind: str) -> list[Path]:
+    return [path for path in EXAMPLES if obsdesign.load_problem(path).kind == kind]
+
+
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda p: p.stem)
 def test_an_example_is_proved_and_runs(path: Path) -> None:
     problem = obsdesign.load_problem(path)
@@ -32,10 +36,6 @@ def test_an_example_is_proved_and_runs(path: Path) -> None:
     estimates = list(run(observer, state, samples))
     assert len(estimates) == len(record.t)
     assert estimates[-1].status == "ok"
-
-
-def of_kind(kind: str) -> list[Path]:
-    return [path for path in EXAMPLES if obsdesign.load_problem(path).kind == kind]
 
 
 @pytest.mark.parametrize("disturbance", ["zero", "extreme", "random", "sine"])

@@ -116,10 +116,9 @@ class ImpulsiveObserver:
     def init(self, t: float = 0.0, *, x: ArrayLike | None = None) -> ImpulsiveState:
         """State at time t from a guess of x(t), before the first sample and its impulse."""
         guess = vector(np.zeros(self.n) if x is None else x, self.n, "x")
-        shortest, longest = (float(end) for end in self.gains["dwell_time"])
         inputs = np.zeros(int(self.reads["u"]))
         return ImpulsiveState(
-            float(t), guess, inputs, self._virtual_past, None, DwellGuard(shortest, longest)
+            float(t), guess, inputs, self._virtual_past, None, DwellGuard.of(self.gains)
         )
 
     def step(self, state: ImpulsiveState, sample: Sample) -> tuple[ImpulsiveState, Estimate]:

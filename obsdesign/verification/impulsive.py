@@ -133,7 +133,7 @@ def _windowed(
     if whole is None or found[-1].verdict != "proved":
         return found, None
     with in_balls():
-        return found, in_state(whole.bound.perturbed(whole.change), blocks)
+        return found, in_state(whole.bound, blocks)
 
 
 def expected_gains(problem: Problem, gains: Mapping[str, Any]) -> dict[str, Any]:

@@ -18,13 +18,14 @@ from typing import Any
 import numpy as np
 
 from lmi.balls import Exact, exact, inverse, number, rational, scalar
-from lmi.largest_norm import norm_of
+from lmi.largest_norm import norm_of, norm_over
 from lmi.stack import Stack, coordinates, state_basis
 from obsdesign.equations.impulsive import Core, seen_before_jump
 from obsdesign.verification.impulsive_rate import (
     Bound,
     Reach,
     flow_change,
+    together,
 )
 
 
@@ -116,7 +117,7 @@ def in_its_coordinates(core: Core, low: float, high: float, window: int) -> tupl
 
 @dataclass(frozen=True)
 class Whole:
-    """The bound of the nominal plant, in the coordinates of T, and what each step is off by."""
+    """The bound of the stored plant, in the coordinates of T, and what each step is off by."""
 
     bound: Bound
     change: Any
@@ -125,27 +126,76 @@ class Whole:
 def whole_bound(
     blocks: Blocks, reach: Reach, decaying: Mapping[str, Bound], high: float, rate: float
 ) -> Whole | None:
-    """The cascade hidden <- core <- rest; None if the bound of a block is missing.
+    """All blocks together; None if the bound of one is missing.
 
     decaying: by "hidden" and "rest", for the blocks that are there; rate: decay per unit of time
     that is aimed at.
     """
-    goal = (-number(rate) * number(high)).exp() * number(1 - 1e-7)  # a little to be rounded up
     change, _, nominal = flow_change(blocks.A, blocks.A0, high)
-    G, C = norm_of(blocks.G), norm_of(blocks.C)
-    off = nominal * (norm_of(blocks.G - blocks.G0) + reach.gain * norm_of(blocks.C - blocks.C0))
-    off = off + change * (G + reach.gain * C)
-    coupling = nominal * (norm_of(blocks.G0) + reach.gain * norm_of(blocks.C0))
-    bound = reach.bound
-    for name, pair in (("rest", blocks.rest), ("hidden", blocks.hidden)):
-        if pair is None:
+    off = nominal * (
+        norm_of(blocks.G - blocks.G0) + reach.gain * norm_of(blocks.C - blocks.C0)
+    ) + change * (norm_of(blocks.G) + reach.gain * norm_of(blocks.C))
+    off = scalar(0) if blocks.exact else off
+    parts: list[Bound] = []
+    places: list[slice] = []
+    end = blocks.first + blocks.size
+    for name, place in (
+        ("hidden", slice(0, blocks.first)),
+        ("core", slice(blocks.first, end)),
+        ("rest", slice(end, len(blocks.A))),
+    ):
+        if place.start == place.stop:
             continue
-        own = decaying.get(name)
+        own = reach.bound if name == "core" else decaying.get(name)
         if own is None:
             return None
-        fed, feeding = (bound, own) if name == "rest" else (own, bound)
-        bound = fed.over(feeding, coupling, goal, loosely=not blocks.exact)
-    return Whole(bound, off if not blocks.exact else scalar(0))
+        parts.append(own)
+        places.append(place)
+    if len(parts) == 1:
+        return Whole(reach.bound.perturbed(off), off)
+    # a little less than what is asked for, to be rounded up
+    goal = (-number(rate) * number(high)).exp() * number(1 - 1e-7) if rate > 0 else None
+    core = places.index(slice(blocks.first, end))
+    weights = _influences(blocks, reach, high, places, core)
+    return Whole(together(parts, weights, goal), off)
+
+
+def _influences(
+    blocks: Blocks, reach: Reach, high: float, places: list[slice], core: int
+) -> list[list[Any]]:
+    """What one step brings from block j to block i beyond the blocks themselves; balls.
+
+    Nominal: above the diagonal, the cascade. Everywhere: what the stored plant differs by, worked
+    out block by block, since a little from the core to the rest comes back through large gains.
+    """
+    unit = exact(np.eye(len(blocks.A)))
+    count = range(len(places))
+
+    def cut(X: Exact) -> list[list[Any]]:
+        return [[norm_of(X[a, b]) for b in places] for a in places]
+
+    def flows(X: Exact) -> list[list[Any]]:
+        return [[norm_over(unit[a], X, unit[:, b], 0.0, high) for b in places] for a in places]
+
+    def product(X: list[list[Any]], Y: list[list[Any]]) -> list[list[Any]]:
+        return [[sum((X[i][k] * Y[k][j] for k in count), scalar(0)) for j in count] for i in count]
+
+    def closed(G: Exact, C: Exact) -> list[list[Any]]:
+        """Norms of G + L C, L acting on the core alone."""
+        found = cut(G)
+        for j in count:
+            found[core][j] = found[core][j] + reach.gain * norm_of(C[:, places[j]])
+        return found
+
+    nominal = product(flows(blocks.A0), closed(blocks.G0, blocks.C0))
+    cascade = [[nominal[i][j] if i < j else scalar(0) for j in count] for i in count]
+    if blocks.exact:
+        return cascade
+    drift = product(product(flows(blocks.A), cut(blocks.A - blocks.A0)), flows(blocks.A0))
+    drift = [[number(high) * x for x in row] for row in drift]
+    first = product(drift, closed(blocks.G, blocks.C))
+    second = product(flows(blocks.A0), closed(blocks.G - blocks.G0, blocks.C - blocks.C0))
+    return [[cascade[i][j] + first[i][j] + second[i][j] for j in count] for i in count]
 
 
 def in_state(bound: Bound, blocks: Blocks) -> Bound:

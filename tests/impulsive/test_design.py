@@ -87,6 +87,12 @@ def test_exact_integer_bases_are_proved_exactly() -> None:
         assert claim(outcome, name).evidence["exact"] is True
 
 
+def test_parts_of_a_cascade_keep_most_of_their_rate() -> None:
+    plant = ([[0, 0], [1, -1]], [[1, 0], [1, 1]], first(2))
+    rate = claim(investigate(plant, [0.2, 1.0]), "rate").evidence
+    assert 0.95 < rate["per_impulse"] < 0.96  # the hidden part reaches 0.95
+
+
 # --- refusals name their witness ----------------------------------------------------------------
 
 
@@ -362,3 +368,37 @@ def test_the_gain_moves_with_the_basis() -> None:
         Core(T @ A @ back, C @ back, T @ G @ back), expm(T @ A @ back * spacings), 1.2
     )
     np.testing.assert_allclose(moved, T @ plain, rtol=1e-6)
+
+
+# --- odd plants ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("plant", "dwell", "verdict"),
+    [
+        (([[1e3, 0], [0, 1]], np.eye(2), [[1, 1]]), [0.1, 10.0], "undecided"),  # flows overflow
+        ((chain(2), np.eye(2), [[1e-200, 0]]), [0.1, 1.0], "proved"),
+        ((chain(2), np.eye(2), [[1e200, 0]]), [0.1, 1.0], "proved"),
+        ((chain(2), np.eye(2), [[1, 0], [1, 0]]), [0.1, 1.0], "proved"),  # an output twice
+        ((chain(2), np.eye(2), [[1, 0], [0, 1], [1, 1]]), [0.1, 1.0], "proved"),
+        ((np.zeros((2, 2)), np.eye(2), [[1, 0]]), [0.1, 1.0], "refuted"),
+        ((np.zeros((2, 2)), np.zeros((2, 2)), [[0, 0]]), [0.1, 1.0], "proved"),  # forgets by itself
+        (([[0.0]], [[-1.0]], [[1.0]]), [0.1, 1.0], "proved"),
+        (DOUBLE, [0.5, 0.5], "proved"),
+        (([[0, 1e12], [0, 0]], np.eye(2), [[1e-6, 0]]), [0.1, 1.0], "proved"),  # units
+    ],
+)  # fmt: skip
+def test_odd_plants_get_an_answer(plant: Any, dwell: Any, verdict: str) -> None:
+    outcome = investigate(plant, dwell)
+    assert outcome.verdict == verdict
+    if verdict == "proved":
+        assert obsdesign.verify(outcome.design).verdict == "proved"
+
+
+def test_a_decay_rate_beyond_all_numbers() -> None:
+    with pytest.raises(obsdesign.InputError) as error:
+        investigate(DOUBLE, [0.5, 1.0], decay_rate=1e4)
+    assert str(error.value) == (
+        "observer.decay_rate must be at most 200 / jump.dwell_time[1] here; got 10000.0. "
+        "Is it in the plant's unit of time?"
+    )

@@ -7,12 +7,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lmi.balls import exact, precision
+from lmi.balls import exact, precision, rational, scalar
 from lmi.deficient import decide_full_rank, prove_again
 from lmi.exponential import expm
 from lmi.full_rank import prove_full_rank
 from lmi.hidden_mode import check_hiding, propose_hiding
 from lmi.largest_norm import inverse_norm_over, norm_over
+from lmi.nonnegative import nonnegative_inverse
 from lmi.rank_witness import MARGIN, check_deficient
 from lmi.stack import Stack, approx_margin, coordinates
 
@@ -220,3 +221,18 @@ def test_margins_are_those_of_the_coordinates() -> None:
     s = stack(chain(3), 3)
     R, _ = coordinates(s, 0.1, 0.8)
     assert approx_margin(s, np.full((1, 2), 0.45), R) == pytest.approx([1.0])
+
+
+@pytest.mark.parametrize(
+    ("size", "exists"), [(0.3, True), (0.499, True), (0.501, False), (2.0, False)]
+)
+def test_small_gains_are_told_from_large_ones(size: float, exists: bool) -> None:
+    # two blocks, spectral radius 2 size; the cascade above the diagonal does not matter
+    M = [[size, 5.0], [0.0, size]] if size == 2.0 else [[size, size], [size, size]]
+    with precision(128):
+        back = nonnegative_inverse([[scalar(rational(x)) for x in row] for row in M])
+        if not exists:
+            assert back is None
+            return
+        found = np.array([[float(x) for x in row] for row in back])
+    np.testing.assert_allclose(found, np.linalg.inv(np.eye(2) - np.array(M)), rtol=1e-12)

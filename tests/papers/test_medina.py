@@ -175,6 +175,10 @@ def test_random_bases_have_the_same_verdicts_and_are_dead_beat(seed: int) -> Non
     assert claim(outcome, "image").evidence["exact"] is False
     design: Any = outcome.design
     assert design.gains["window"] == 3
+    if seed < 3:
+        part = obsdesign.investigate(problem((A, G, C), [0.1, 0.8], strategy="subspace"))
+        assert part.verdict == "proved"
+        assert part.design.gains["core_place"].tolist() == [0, 3]
     observer: Any = from_design(design)
     rng = np.random.default_rng(seed)
     x, t = rng.standard_normal(4), 0.0
