@@ -189,3 +189,21 @@ def certify_pivots(rows: list[list[Any]]) -> bool:
             for j in range(k + 1, i + 1):
                 row[j] -= factor * rows[j][k]
     return True
+
+
+def entries(S: Any) -> Exact:
+    """A ball matrix as an object array, so that formulas with `+ - @ .T` run on it."""
+    return np.array(S.tolist(), dtype=object)
+
+
+def solve(A: Exact, B: Exact) -> Exact | None:
+    """A^-1 B for object arrays of balls; None unless A is certainly invertible."""
+    try:
+        return entries(arb_mat(A.tolist()).solve(arb_mat(B.tolist())))
+    except ZeroDivisionError:
+        return None
+
+
+def around_zero(radius: Any) -> Any:
+    """Ball [-r, r] for the largest r in a ball."""
+    return arb(0, radius.abs_upper())

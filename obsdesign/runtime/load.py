@@ -13,6 +13,7 @@ from obsdesign.runtime.base import Observer
 OBSERVERS = {
     "interval": ("obsdesign.runtime.interval", "IntervalObserver"),
     "luenberger": ("obsdesign.runtime.luenberger", "LuenbergerObserver"),
+    "finite_time": ("obsdesign.runtime.finite_time", "FiniteTimeObserver"),
 }
 
 

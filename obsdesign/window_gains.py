@@ -1,0 +1,136 @@
+"""Finite-time estimation in ball arithmetic: the paper's matrices and gains, enclosed.
+
+Used by synthesis, which rounds the enclosures to what a design stores, and by verification, which
+compares. Inputs are the stored binary64 numbers, exactly; T is k nu. Results are object arrays of
+balls at the current precision (`lmi.balls.precision`). Formulas: `equations.finite_time`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from lmi.balls import (
+    Exact,
+    around_zero,
+    entries,
+    exact,
+    exp_times,
+    identity,
+    rational,
+    scalar,
+    solve,
+    to_float,
+)
+from obsdesign.equations import finite_time as equations
+
+
+@dataclass(frozen=True)
+class Sampled:
+    """A, C (exact rationals) and one period: A_d, A_d^-1 as balls; k samples in the window."""
+
+    A: Exact
+    C: Exact
+    period: float
+    k: int
+    forward: Exact
+    back: Exact
+
+    @staticmethod
+    def of(A: Any, C: Any, period: float, k: int) -> Sampled:
+        """From the numbers of a plant."""
+        A_exact = exact(A)
+        forward = entries(exp_times(A_exact, period))
+        back = entries(exp_times(-A_exact, period))
+        return Sampled(A_exact, exact(C), period, k, forward, back)
+
+    def rows(self) -> Exact:
+        """C A_d^(j-k), j = 0..k-1, (k p, n)."""
+        stack = equations.stacked_rows(self.C, self.back, self.k)
+        return stack.reshape(-1, len(self.A))
+
+
+def exponential(A: Exact, period: float, k: int = 1) -> Exact:
+    """e^{A k nu}, enclosed; k nu is the exact product."""
+    return entries(exp_times(A * rational(float(k)), period))
+
+
+def difference_matrix(sampled: Sampled, L: Any, scale: float = 1.0) -> tuple[Exact, Exact]:
+    """(M_T / scale, e^{-F T}), enclosed; `scale` is about the size of L."""
+    n = len(sampled.A)
+    LC = exact(L) @ sampled.C
+    block = equations.difference_block(sampled.A, LC)
+    block[:n, n:] = block[:n, n:] / rational(scale)
+    whole = exponential(block, sampled.period, sampled.k)
+    return whole[:n, n:], whole[:n, :n]
+
+
+def approximate_gain(sampled: Sampled, L: Any) -> Exact | None:
+    """Gains (n, k p) of (14) for samples of a plant without known inputs; None if M_T may be 0."""
+    n = len(sampled.A)
+    L_exact = exact(L)
+    scale = gain_scale(L)
+    M, _ = difference_matrix(sampled, L, scale)
+    F = sampled.A + L_exact @ sampled.C
+    block = np.block([[-F, exact(np.eye(n))], [exact(np.zeros((n, 2 * n)))]])
+    whole = exponential(block, sampled.period)  # [[e^{-F nu}, int_0^nu e^{-F s} ds], ...]
+    weighted = whole[:n, n:] @ (L_exact / rational(scale))
+    terms = equations.approximate_terms(whole[:n, :n], weighted, sampled.k)
+    return solve(M, _side_by_side(terms))
+
+
+def exact_gain(sampled: Sampled, L: Any) -> tuple[Exact, Exact | None]:
+    """(N, gains (n, k p)) of (9) with (16): see `equations.exact_terms`; None if N may be singular.
+
+    N is scaled by the size of L.
+    """
+    scale = gain_scale(L)
+    n = len(sampled.A)
+    K = _injection(sampled, L)
+    K_d = sampled.forward @ K
+    P = sampled.forward + K_d @ sampled.C
+    terms = equations.exact_terms(P, K_d / rational(scale), sampled.k)
+    N = _side_by_side(terms) @ sampled.rows()
+    return N.reshape(n, n), solve(N, _side_by_side(terms))
+
+
+def half_period(sampled: Sampled) -> Any:
+    """e^{A nu / 2}, enclosed."""
+    return entries(exp_times(sampled.A * rational(0.5), sampled.period))
+
+
+def _injection(sampled: Sampled, L: Any) -> Exact:
+    """K of one period; the rest of its series is in the balls."""
+    L_exact = exact(L)
+    m = equations.series_steps(
+        *(to_float(X) for X in (sampled.A, sampled.C, L_exact)), sampled.period
+    )
+    h = rational(sampled.period) / m
+    step = entries(exp_times(-sampled.A / rational(float(m)), sampled.period))
+    backs = [entries(identity(len(sampled.A)))]
+    for _ in range(m - 1):
+        backs.append(backs[-1] @ step)
+    sizes = (_size(sampled.A), _size(L_exact))
+    rests = [equations.series_rest(*sizes, _size(sampled.C @ back), scalar(h)) for back in backs]
+    steps = [(back, around_zero(rest)) for back, rest in zip(backs, rests, strict=True)]
+    return equations.discrete_injection(sampled.A, sampled.C, L_exact, scalar(h), steps)
+
+
+def _size(X: Exact) -> Any:
+    """Ball of the Frobenius norm, which is above the spectral one."""
+    return scalar(sum(x * x for x in X.flat)).sqrt()
+
+
+def _side_by_side(terms: Exact) -> Exact:
+    """(k, n, p) -> (n, k p)."""
+    k, n, p = terms.shape
+    return terms.transpose(1, 0, 2).reshape(n, k * p)
+
+
+def gain_scale(L: Any) -> float:
+    """A power of two about as large as L; 1 for zeros."""
+    largest = float(np.abs(np.asarray(L, dtype=np.float64)).max(initial=0.0))
+    return 2.0 ** round(math.log2(largest)) if largest > 0 else 1.0
