@@ -79,7 +79,7 @@ def approximate_gain(sampled: Sampled, L: Any) -> Exact | None:
     whole = exponential(block, sampled.period)  # [[e^{-F nu}, int_0^nu e^{-F s} ds], ...]
     weighted = whole[:n, n:] @ (L_exact / rational(scale))
     terms = equations.approximate_terms(whole[:n, :n], weighted, sampled.k)
-    return solve(M, _side_by_side(terms))
+    return solve(M, equations.side_by_side(terms))
 
 
 def exact_gain(sampled: Sampled, L: Any) -> tuple[Exact, Exact | None]:
@@ -93,8 +93,8 @@ def exact_gain(sampled: Sampled, L: Any) -> tuple[Exact, Exact | None]:
     K_d = sampled.forward @ K
     P = sampled.forward + K_d @ sampled.C
     terms = equations.exact_terms(P, K_d / rational(scale), sampled.k)
-    N = _side_by_side(terms) @ sampled.rows()
-    return N.reshape(n, n), solve(N, _side_by_side(terms))
+    N = equations.side_by_side(terms) @ sampled.rows()
+    return N.reshape(n, n), solve(N, equations.side_by_side(terms))
 
 
 def half_period(sampled: Sampled) -> Any:
@@ -122,12 +122,6 @@ def _injection(sampled: Sampled, L: Any) -> Exact:
 def _size(X: Exact) -> Any:
     """Ball of the Frobenius norm, which is above the spectral one."""
     return scalar(sum(x * x for x in X.flat)).sqrt()
-
-
-def _side_by_side(terms: Exact) -> Exact:
-    """(k, n, p) -> (n, k p)."""
-    k, n, p = terms.shape
-    return terms.transpose(1, 0, 2).reshape(n, k * p)
 
 
 def gain_scale(L: Any) -> float:

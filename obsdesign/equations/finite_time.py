@@ -251,6 +251,12 @@ def _powers_times(X: Array, Y: Array, k: int) -> Array:
     return np.array(terms)
 
 
+def side_by_side(terms: Array) -> Array:
+    """(k, n, p) -> (n, k p): gains as one matrix that multiplies the window, oldest first."""
+    k, n, p = terms.shape
+    return terms.transpose(1, 0, 2).reshape(n, k * p)
+
+
 def difference_block(A: Array, LC: Array) -> Array:
     """B with e^{B T} = [[e^{-F T}, M_T], [0, e^{-A T}]]: M_T without a difference.
 

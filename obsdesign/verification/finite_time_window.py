@@ -107,7 +107,7 @@ def _power_of_two(square: Any) -> Any:
     """About 1 / sqrt(square), exactly a power of two; 1 for zero. Balls may be beyond binary64."""
     if not square > 0:
         return scalar(1)
-    return scalar(2) ** -int(round(float((square.mid().log() / scalar(4).log()).mid())))
+    return scalar(2) ** -round(float((square.mid().log() / scalar(4).log()).mid()))
 
 
 def with_reason(verdict: Verdict, reason: str) -> Verdict:
