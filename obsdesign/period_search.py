@@ -131,14 +131,10 @@ def _shortest_window(problem: Problem, period: float) -> _Found:
         return _Found(k * period, below, k * period, k, L, tuple(claims), reason)
     shorter = _all_fail(A, C, L, period, range(max(least, k - _MOST_SHOWN), k))
     reason = f"(13) is false for all windows of {least} to {k - 1} samples"
-    return _Found(
-        k * period, (k - 1) * period, k * period, k, L, (*claims, shorter), reason
-    )
+    return _Found(k * period, (k - 1) * period, k * period, k, L, (*claims, shorter), reason)
 
 
-def _fewest(
-    A: Any, C: Any, given: Any, period: float, least: int
-) -> tuple[int | None, Any]:
+def _fewest(A: Any, C: Any, given: Any, period: float, least: int) -> tuple[int | None, Any]:
     """Fewest samples for which (13) seems to hold, in floats; upwards for a given L."""
     if not np.any(A):
         return least, C.T if given is None else given

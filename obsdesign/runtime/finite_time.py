@@ -16,9 +16,9 @@ from __future__ import annotations
 import math
 from collections import OrderedDict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -40,25 +40,26 @@ from obsdesign.runtime.base import (
     vector,
 )
 from obsdesign.runtime.step_cache import cached_step
-from obsdesign.runtime.window_error import WindowError, flow_maps
+from obsdesign.runtime.window_error import FlowMaps, WindowError, flow_maps
 
 # the scaled rows of an incomplete window must be that far from losing rank
 _DETERMINED = 1e-11
 
 
-@dataclass(frozen=True, slots=True)
-class FiniteTimeState:
+class FiniteTimeState(NamedTuple):  # a frozen dataclass of this size costs more than the step
     """Everything the next step needs, just after time t.
 
-    x: estimate; w: known response; window: (k p,) residuals y - C w, oldest first, NaN where a
-    sample is missing; filled: instants in it; since: instants since w was moved; sampled: time of
-    the last instant; bound: |x - centre| <= radius; slip: rounding of w per step.
+    x: estimate; w: known response; drive: what the input u adds to (w, C w) in a period; window: (k p,)
+    residuals y - C w, oldest first, NaN where a sample is missing; filled: instants in it; since:
+    instants since w was moved; sampled: time of the last instant; good: was x taken from a full
+    window; |x - centre| <= radius; slip: rounding of w per step.
     """
 
     t: float
     x: Vector
     w: Vector
     u: Vector
+    drive: Vector
     window: Vector
     known: Known | None
     filled: int
@@ -134,7 +135,8 @@ class FiniteTimeObserver:
         zero = np.zeros(n)
         known = Known.zero(n, self.k) if self._inputs is not None else None
         return FiniteTimeState(
-            t=float(t), x=guess, w=zero, u=np.zeros(int(self.reads["u"])),
+            t=float(t), x=guess, w=zero,
+            u=np.zeros(int(self.reads["u"])), drive=self._drive(np.zeros(int(self.reads["u"]))),
             window=np.full(self.k * p, np.nan), known=known, filled=0, missing=0, since=0,
             sampled=None, good=False, centre=guess, radius=np.full(n, np.inf), slip=zero,
             started=False,
@@ -146,7 +148,11 @@ class FiniteTimeObserver:
         ValueError if time does not increase (the first sample may share the initial time).
         """
         t = later(sample.t, state.t, state.started)
-        y = optional_measurement(sample.y, len(self.gains["C"]))
+        if state.good and not sample.jump and sample.u is None:
+            steady = self._steady(state, t, sample.y)
+            if steady is not None:
+                return steady, Estimate(t, x=steady.x)
+        y = optional_measurement(sample.y, self._p)
         state, at_instant, irregular = self._to(state, t, y is not None)
         if sample.jump and self.gains.get("jump_measurement") != "before":
             y_before, y_after = None, y
@@ -155,15 +161,39 @@ class FiniteTimeObserver:
         if at_instant:
             state = self._instant(state, y_before)
         if irregular:
-            state = replace(self._emptied(state), sampled=t)
+            state = self._emptied(state)._replace(sampled=t)
             state = self._pushed(state, y_before)
         if sample.jump:
             state = self._jumped(state, sample.w)
             if y_after is not None and self.gains["jump_measurement"] == "after":
-                state = self._pushed(replace(state, sampled=t), y_after)
-        u = state.u if sample.u is None else vector(sample.u, len(state.u), "u")
-        state = replace(state, u=u, started=True)
+                state = self._pushed(state._replace(sampled=t), y_after)
+        if sample.u is not None:
+            u = vector(sample.u, len(state.u), "u")
+            state = state._replace(u=u, drive=self._drive(u))
+        state = state._replace(started=True)
         return state, self._estimate(state, irregular)
+
+    def _steady(
+        self, state: FiniteTimeState, t: float, y: ArrayLike | None
+    ) -> FiniteTimeState | None:
+        """The usual step, from one instant to the next with a full window; None for any other."""
+        regular = state.sampled == state.t and not state.missing and state.since + 1 < self.k
+        if self._special or not regular or state.filled < self.k:
+            return None
+        period = self._period
+        if abs(t - state.t - period) > self._slack(t, period):
+            return None
+        if not isinstance(y, np.ndarray) or y.shape != (self._p,) or not math.isfinite(y.sum()):
+            return None
+        # one product for w and what it measures; dot, as its overhead is half that of @
+        moved = self._flow_and_seen.dot(state.w) + state.drive
+        w = moved[: -self._p]
+        x = w + self._gain.dot(state.window)
+        window = np.concatenate((state.window[self._p :], y - moved[-self._p :]))
+        return FiniteTimeState(
+            t, x, w, state.u, state.drive, window, None, state.filled, 0, state.since + 1, t,
+            True, x, state.radius, state.slip, True,
+        )  # fmt: skip
 
     def run(self, state: FiniteTimeState, samples: Iterable[Sample]) -> Iterator[Estimate]:
         """Estimates for a stream of samples."""
@@ -194,22 +224,22 @@ class FiniteTimeObserver:
         if state.sampled is None:
             state = self._flow(state, t)
             if measured:
-                state = replace(state, sampled=t)
+                state = state._replace(sampled=t)
             return state, measured, None
         elapsed = t - state.sampled
         count = round(elapsed / period)
-        slack = RELATIVE_TIME_TOLERANCE * elapsed + 8 * math.ulp(t)
+        slack = self._slack(t, elapsed)
         regular = count >= 1 and abs(elapsed - count * period) <= slack
         passed = (count if regular else math.floor(elapsed / period)) - (1 if regular else 0)
         if passed > self.k:
-            state = replace(self._emptied(self._flow(state, t)), sampled=t)
+            state = self._emptied(self._flow(state, t))._replace(sampled=t)
             passed = 0
         first = state.sampled
         for i in range(passed):
             state = self._instant(self._flow(state, float(first or 0.0) + (i + 1) * period), None)
         state = self._flow(state, t)
         if regular:
-            return replace(state, sampled=t), True, None
+            return state._replace(sampled=t), True, None
         told = f"sampling time {elapsed:.9g} is not a multiple of {period:.9g}"
         return state, False, told if measured else None
 
@@ -217,7 +247,7 @@ class FiniteTimeObserver:
         """Everything that moves with the plant, to time t."""
         h = t - state.t
         if h <= 0:
-            return replace(state, t=t)
+            return state._replace(t=t)
         size = max(abs(t), abs(state.t))
         maps = cached_step(self._steps, h, size, self._maps)
         forced = self._forced(state.u)
@@ -227,11 +257,20 @@ class FiniteTimeObserver:
         if known is not None and self._inputs is not None:
             known = self._inputs.moved(known, forced, h, maps)
         if not self.bounded:
-            return replace(state, t=t, x=x, w=w, known=known)
+            return state._replace(t=t, x=x, w=w, known=known)
         centre = maps.flow @ state.centre + maps.once @ forced
         slip = np.maximum(state.slip, maps.error(state.w, forced))
         radius = maps.spread(state.radius) + maps.error(state.centre, forced)
-        return replace(state, t=t, x=x, w=w, known=known, centre=centre, radius=radius, slip=slip)
+        return state._replace(t=t, x=x, w=w, known=known, centre=centre, radius=radius, slip=slip)
+
+    @staticmethod
+    def _slack(t: float, elapsed: float) -> float:
+        """Time stamps are decimal: how far two of them may be from `elapsed` apart."""
+        return RELATIVE_TIME_TOLERANCE * elapsed + 8 * math.ulp(t)
+
+    def _drive(self, u: Vector) -> Vector:
+        once = self._period_maps.once @ self._forced(u)
+        return np.concatenate([once, self.gains["C"] @ once])
 
     def _maps(self, h: float, error: float) -> Any:
         return flow_maps(self.gains, h, error)
@@ -245,7 +284,7 @@ class FiniteTimeObserver:
     def _instant(self, state: FiniteTimeState, y: Vector | None) -> FiniteTimeState:
         """At a sampling instant: estimate from the window, then take the sample (or none) in."""
         if state.known is not None and self._inputs is not None and state.filled:
-            state = replace(state, known=self._inputs.closed(state.known))
+            state = state._replace(known=self._inputs.closed(state.known))
         if state.filled == self.k:
             state = self._estimated(state)
         return self._pushed(state, y)
@@ -253,21 +292,21 @@ class FiniteTimeObserver:
     def _estimated(self, state: FiniteTimeState) -> FiniteTimeState:
         if state.missing:
             x = self._from_the_rest(state)
-            return replace(state, good=False) if x is None else replace(state, x=x, good=False)
+            return state._replace(good=False) if x is None else state._replace(x=x, good=False)
         if state.known is not None and self._inputs is not None:
             x = self.gains["window_gain"] @ state.window + self._inputs.known_part(state.known)
-            return replace(state, x=x, good=True)
+            return state._replace(x=x, good=True)
         x = self._seen_back @ state.w + self.gains["window_gain"] @ state.window
         if self.bounded:
             radius = self._error.radius(state.window, state.w, x, state.slip)
-            state = replace(state, centre=x, radius=radius)
-        state = replace(state, x=x, good=True, since=state.since + 1)
+            state = state._replace(centre=x, radius=radius)
+        state = state._replace(x=x, good=True, since=state.since + 1)
         return self._moved_onto(state, x) if state.since >= self.k else state
 
     def _moved_onto(self, state: FiniteTimeState, x: Vector) -> FiniteTimeState:
         """Another response w through x: the residuals of the window follow."""
         window = state.window - self._rows @ (x - state.w)
-        return replace(state, w=x, window=window, since=0, slip=np.abs(x) * 2.0**-50)
+        return state._replace(w=x, window=window, since=0, slip=np.abs(x) * 2.0**-50)
 
     def _from_the_rest(self, state: FiniteTimeState) -> Vector | None:
         """Least squares on the samples that are there; None if they do not determine the state."""
@@ -291,7 +330,7 @@ class FiniteTimeObserver:
         if known is not None:
             known = known.opened()
         filled = min(state.filled + 1, self.k)
-        return replace(state, window=window, filled=filled, missing=missing, known=known)
+        return state._replace(window=window, filled=filled, missing=missing, known=known)
 
     def _base(self, state: FiniteTimeState) -> Vector:
         """What is taken off the measurements: nothing for (14), which has its own way."""
@@ -299,8 +338,7 @@ class FiniteTimeObserver:
 
     def _emptied(self, state: FiniteTimeState) -> FiniteTimeState:
         known = Known.zero(self.n, self.k) if state.known is not None else None
-        return replace(
-            state, window=np.full_like(state.window, np.nan), filled=0, missing=0, since=0,
+        return state._replace(window=np.full_like(state.window, np.nan), filled=0, missing=0, since=0,
             sampled=None, good=False, w=np.zeros(self.n), known=known, slip=np.zeros(self.n),
         )  # fmt: skip
 
@@ -315,7 +353,7 @@ class FiniteTimeObserver:
             moved = moved + gains["E"] @ (np.zeros(inputs) if w is None else vector(w, inputs, "w"))
         spread = np.full(self.n, np.inf)
         x = gains["G"] @ state.x + moved
-        return replace(self._emptied(state), x=x, centre=x, radius=spread)
+        return self._emptied(state)._replace(x=x, centre=x, radius=spread)
 
     def _estimate(self, state: FiniteTimeState, irregular: str | None) -> Estimate:
         reasons = [irregular] if irregular else []
@@ -333,6 +371,32 @@ class FiniteTimeObserver:
         return Estimate(state.t, x=state.x, lower=low, upper=high, status=status)
 
     # --- what follows from the gains --------------------------------------------------------------
+
+    @cached_property
+    def _p(self) -> int:
+        return len(self.gains["C"])
+
+    @cached_property
+    def _gain(self) -> Vector:
+        return np.ascontiguousarray(self.gains["window_gain"])
+
+    @cached_property
+    def _period(self) -> float:
+        return float(self.gains["period"])
+
+    @cached_property
+    def _special(self) -> bool:
+        """Has a step more to do than the estimate alone?"""
+        return self.bounded or self.gains["method"] == "approximate"
+
+    @cached_property
+    def _period_maps(self) -> FlowMaps:
+        return flow_maps(self.gains, self._period, 0.0)
+
+    @cached_property
+    def _flow_and_seen(self) -> Vector:
+        flow = self._period_maps.flow
+        return np.vstack([flow, self.gains["C"] @ flow])
 
     @cached_property
     def _rows(self) -> Vector:
