@@ -89,7 +89,7 @@ def exact_gain(sampled: Sampled, L: Any) -> tuple[Exact, Exact | None]:
     """
     scale = gain_scale(L)
     n = len(sampled.A)
-    K = _injection(sampled, L)
+    K = injection(sampled, L)
     K_d = sampled.forward @ K
     P = sampled.forward + K_d @ sampled.C
     terms = equations.exact_terms(P, K_d / rational(scale), sampled.k)
@@ -102,7 +102,7 @@ def half_period(sampled: Sampled) -> Any:
     return entries(exp_times(sampled.A * rational(0.5), sampled.period))
 
 
-def _injection(sampled: Sampled, L: Any) -> Exact:
+def injection(sampled: Sampled, L: Any) -> Exact:
     """K of one period; the rest of its series is in the balls."""
     L_exact = exact(L)
     m = equations.series_steps(

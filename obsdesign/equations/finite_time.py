@@ -39,7 +39,8 @@ WHOLE_TOLERANCE = 1e-9
 # more samples than this make a design file too large to handle
 MOST_SAMPLES = 20_000
 # the norm of the generator times a step of the series below, and the terms it is summed to
-_SERIES_STEP, SERIES_TERMS = 0.5, 60
+_SERIES_STEP, SERIES_TERMS = 0.5, 36
+_MOST_STEPS = 500
 # least |L C| relative to |A| that a search may use: smaller ones gain nothing and lose digits
 SMALLEST_GAIN = 1e-6
 _OF_JUMPS = ("G", "E", "jump_lower", "jump_upper", "dwell_time", "dwell_jitter")
@@ -122,24 +123,34 @@ def stacked_rows(C: Array, back: Array, k: int) -> Array:
     return np.array(rows[::-1])
 
 
-def scaled_rows(rows: Array) -> tuple[Array, Array]:
-    """Rows (m, n) at unit length and columns evened out by powers of two; the column scales."""
-    lengths = np.linalg.norm(rows, axis=1)
-    unit = rows / np.where(lengths > 0, lengths, 1.0)[:, None]
-    sizes = np.linalg.norm(unit, axis=0)
-    scales = np.where(sizes > 0, np.exp2(-np.round(np.log2(np.where(sizes > 0, sizes, 1.0)))), 1.0)
-    return unit * scales, scales
+def state_scales(A: Array, C: Array, window: float) -> Array:
+    """Powers of two (n,): states in units in which they are seen about equally well.
+
+    1 / the column norms of C (A T)^j / j!, j < n: what the flow could tell of a state in the
+    window. Other units of the states scale along; samples that see less than that are noticed.
+    """
+    n = len(A)
+    terms = [np.asarray(C, dtype=np.float64)]
+    for j in range(1, n):
+        terms.append(terms[-1] @ A * (window / j))
+    sizes = np.linalg.norm(np.vstack(terms), axis=0)
+    usable = np.isfinite(sizes) & (sizes > 0)
+    scales: Array = np.exp2(-np.round(np.log2(np.where(usable, sizes, 1.0))))
+    return scales
 
 
-def approx_determinacy(rows: Array) -> float:
-    """Smallest singular value of the scaled rows relative to their Frobenius norm, in floats."""
-    if not np.isfinite(rows).all():
+def approx_determinacy(rows: Array, scales: Array) -> float:
+    """Least singular value of scaled rows at unit length, relative to their Frobenius norm.
+
+    rows: (m, n); in floats; 0 where they are fewer than n or not finite.
+    """
+    if not np.isfinite(rows).all() or len(rows) < len(scales):
         return 0.0
-    scaled, _ = scaled_rows(rows)
+    scaled = rows * scales
+    lengths = np.linalg.norm(scaled, axis=1)
+    scaled = scaled / np.where(lengths > 0, lengths, 1.0)[:, None]
     values = np.linalg.svd(scaled, compute_uv=False)
-    if len(values) < rows.shape[1] or values[0] == 0.0:
-        return 0.0
-    return float(values[-1] / math.sqrt(float((values**2).sum())))
+    return float(values[-1] / math.sqrt(float((values**2).sum()) or 1.0))
 
 
 def pathological_pairs(A: Array, period: float) -> list[tuple[complex, complex, float]]:
@@ -197,24 +208,28 @@ def discrete_injection(
     b = [L]
     for j in range(1, SERIES_TERMS):
         b.append(-(A @ b[-1]) * h / j)
+    all_b = np.hstack(b)
     total = 0 * L
     for back, rest in steps:
         seen = C @ back
-        z = [unit]
+        z = unit  # z_m over z_{m-1} over ... over z_0
         change = 0 * L + rest
         for m in range(SERIES_TERMS):
-            term = sum(b[j] @ z[m - j] for j in range(m + 1)) * h / (m + 1)
+            term = all_b[:, : p * (m + 1)] @ z * h / (m + 1)
             change = change + term
-            z.append(seen @ term)
+            z = np.vstack([seen @ term, z])
         total = total + back @ (change @ (unit + C @ total))
     return total
 
 
 def series_steps(A: Array, C: Array, L: Array, period: float) -> int:
     """Number of steps of `discrete_injection` for which its series converges quickly."""
-    size = np.linalg.norm(A, 2) + np.linalg.norm(L, 2) * np.linalg.norm(C, 2)
-    growth = math.exp(min(np.linalg.norm(A, 2) * period, 30.0))
-    return max(1, math.ceil(size * period * min(growth, 4.0) / _SERIES_STEP))
+    seen = C @ exponential_grid(-A, 0.0, period / 16, 17)
+    reach = float(np.linalg.norm(seen, axis=(1, 2)).max())
+    size = float(np.linalg.norm(A, 2) + np.linalg.norm(L, 2) * reach) * period
+    if not size <= _MOST_STEPS * _SERIES_STEP:
+        return _MOST_STEPS
+    return max(1, math.ceil(size / _SERIES_STEP))
 
 
 def series_rest(size_A: Any, size_L: Any, reach: Any, h: Any) -> Any:

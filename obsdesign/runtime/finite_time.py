@@ -314,7 +314,7 @@ class FiniteTimeObserver:
             return None
         there = np.isfinite(state.window)
         rows = self._rows[there]
-        if len(rows) < self.n or equations.approx_determinacy(rows) < _DETERMINED:
+        if equations.approx_determinacy(rows, self._scales) < _DETERMINED:
             return None
         deviations = np.tile(self.gains["deviations"], self.k)[there]
         gain = equations.least_squares_gain(rows, deviations)
@@ -404,6 +404,11 @@ class FiniteTimeObserver:
         gains = self.gains
         rows = equations.sample_rows(gains["A"], gains["C"], float(gains["period"]), self.k)
         return rows.reshape(-1, self.n)
+
+    @cached_property
+    def _scales(self) -> Vector:
+        A, C = self.gains["A"], self.gains["C"]
+        return np.asarray(equations.state_scales(A, C, self.k * self._period))
 
     @cached_property
     def _seen_back(self) -> Vector:

@@ -72,7 +72,8 @@ def _samples(problem: Problem) -> int:
     k = max(plant.n, 2)
     while k <= _LONGEST_DEFAULT:
         rows = equations.sample_rows(plant.flow.A, plant.output.C, period, k)
-        found = equations.approx_determinacy(rows.reshape(-1, plant.n))
+        scales = equations.state_scales(plant.flow.A, plant.output.C, k * period)
+        found = equations.approx_determinacy(rows.reshape(-1, plant.n), scales)
         if found > reach:
             best, reach = k, found
         if found >= _DETERMINED:
@@ -87,7 +88,7 @@ def _window_gain(problem: Problem, gains: dict[str, Any]) -> Any:
     nothing = np.zeros((len(A), k * len(C)))
     rows = equations.sample_rows(A, C, gains["period"], k)
     flat = rows.reshape(-1, len(A))
-    if equations.approx_determinacy(flat) == 0.0:
+    if equations.approx_determinacy(flat, np.ones(len(A))) == 0.0:
         return nothing
     fitted = equations.least_squares_gain(flat, np.tile(_deviations(problem), k))
     if method == "least_squares":

@@ -103,8 +103,7 @@ def _in_order(problem: Problem, gains: Mapping[str, Any], sampled: Sampled) -> A
     if method == "approximate":
         yield from bound_claims(sampled, gains)
         return
-    rows = sampled.rows()
-    yield unbiased(rows, gains)
+    yield unbiased(sampled, gains)
     if np.any(gains["radius"]) or _disturbed(gains):
         yield error_radius_claim(sampled, gains)
     if method == "exact":

@@ -16,7 +16,7 @@ from obsdesign.verification.finite_time_window import (
     PAPER,
     SINGULAR,
     make_claim,
-    scaled,
+    state_scales,
     with_reason,
 )
 from obsdesign.window_bounds import disturbance_bound, error_radius
@@ -29,7 +29,7 @@ from obsdesign.window_gains import (
     half_period,
 )
 
-# largest deviation of G O from the identity, columns of O evened out: what rounding of gains
+# largest deviation of G O from the identity, states in units of `state_scales`: what rounding of gains
 # that do not amplify beyond reason leaves
 UNBIASED = 1e-8
 # stored gains agree with their formula to this part of the largest one of a row
@@ -93,15 +93,15 @@ def _close(stored: Any, formula: Any) -> Verdict:
     return proved(largest_difference=largest)
 
 
-def unbiased(rows: Any, gains: Mapping[str, Any]) -> Claim:
+def unbiased(sampled: Sampled, gains: Mapping[str, Any]) -> Claim:
     """G O = I up to rounding, by exact numbers; with how much the gains amplify what comes in."""
-    n = rows.shape[1]
+    rows, n = sampled.rows(), len(sampled.A)
     G = exact(gains["window_gain"])
-    scales = scaled(rows)[1]
+    scales = state_scales(sampled, sampled.k)
     error = G @ rows - entries(identity(n))
     relative = (error * scales) / scales[:, None]
     size = _root_sum(relative)
-    amplified = (np.abs(G) @ np.abs(rows) * scales) / scales[:, None]
+    amplified = np.abs(G) @ np.abs(rows)
     amplification = float_above(max(sum(row) for row in amplified))
     limit = scalar(exact(UNBIASED).item())
     evidence = {"amplification": amplification, "error": float_above(size)}

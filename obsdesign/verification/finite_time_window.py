@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from lmi.balls import fixed_vector, scalar, to_float
+from lmi.balls import exact, fixed_vector, scalar, to_float
 from lmi.norms import well_ranked
 from lmi.verdict import Verdict, proved, refuted
 from obsdesign.document import Claim
@@ -82,25 +82,24 @@ def sampled_index(sampled: Sampled) -> int:
     A, C = to_float(sampled.A), to_float(sampled.C)
     for k in range(1, len(A) + 1):
         rows = equations.sample_rows(A, C, sampled.period, k).reshape(-1, len(A))
-        if equations.approx_determinacy(rows) >= SINGULAR:
+        scales = equations.state_scales(A, C, k * sampled.period)
+        if equations.approx_determinacy(rows, scales) >= SINGULAR:
             return k
     return len(A)
 
 
 def _row_rank(sampled: Sampled, k: int) -> Verdict:
-    """The rank of C A_d^-l, l = 1..k, rows at unit length and columns evened out."""
+    """The rank of C A_d^-l, l = 1..k, in units of `state_scales`, rows at unit length."""
     rows = Sampled(sampled.A, sampled.C, sampled.period, k, sampled.forward, sampled.back).rows()
-    return well_ranked(scaled(rows)[0], SINGULAR)
+    scaled = rows * state_scales(sampled, k)
+    units = [_power_of_two(sum(x * x for x in row)) for row in scaled]
+    return well_ranked(scaled * np.array(units, dtype=object)[:, None], SINGULAR)
 
 
-def scaled(rows: Any) -> tuple[Any, Any]:
-    """Rows scaled to about unit length, and the column scales, all by exact powers of two."""
-    lengths = [sum(x * x for x in row) for row in rows]
-    units = np.array([_power_of_two(square) for square in lengths], dtype=object)
-    unit = rows * units[:, None]
-    sizes = [sum(x * x for x in column) for column in unit.T]
-    scales = np.array([_power_of_two(square) for square in sizes], dtype=object)
-    return unit * scales, scales
+def state_scales(sampled: Sampled, k: int) -> Any:
+    """Units of the states for a window of k samples, exact powers of two."""
+    A, C = to_float(sampled.A), to_float(sampled.C)
+    return exact(equations.state_scales(A, C, k * sampled.period))
 
 
 def _power_of_two(square: Any) -> Any:
