@@ -17,7 +17,6 @@ from lmi.balls import (
     exact,
     identity,
     scalar,
-    to_float,
 )
 from lmi.verdict import Verdict, proved, refuted, undecided
 
@@ -72,16 +71,18 @@ def well_ranked(X: Exact, threshold: float) -> Verdict:
 
 def _scaled_middle(X: Exact) -> tuple[Any, Any]:
     """Midpoints over the largest of them, and that one; entries may be beyond binary64."""
-    middles = [abs(x.mid()) for x in X.flat]
+    values: list[Any] = list(X.flat)
+    middles = [abs(x.mid()) for x in values]
     largest = max(middles, default=scalar(0))
     if not largest > 0:
         return np.zeros(X.shape), None
-    scaled = [float((x.mid() / largest).mid()) for x in X.flat]
+    scaled = [float((x.mid() / largest).mid()) for x in values]
     return np.array(scaled).reshape(X.shape), largest
 
 
 def _frobenius(X: Exact) -> Any:
-    return _root(scalar(sum(x * x for x in X.flat)))
+    values: list[Any] = list(X.flat)
+    return _root(scalar(sum(x * x for x in values)))
 
 
 def _root(square: Any) -> Any:

@@ -98,8 +98,8 @@ def _longest_period(problem: Problem, period: float) -> _Found:
     if ends[0] * least > window:
         reason = f"the window {window!r} has to hold {least} samples; (13) would allow more"
         period = window / least
-        claims = (_condition(sizes, period, True),)
-        return _Found(period, None, window, least, L, claims, reason)
+        only = (_condition(sizes, period, True),)
+        return _Found(period, None, window, least, L, only, reason)
     claims = (_condition(sizes, ends[0], True), _condition(sizes, ends[1], False))
     k = math.floor(window / ends[0]) + (window / math.floor(window / ends[0]) > ends[0])
     reason = f"at T = {window!r}, (13) fails beyond"

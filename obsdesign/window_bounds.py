@@ -48,7 +48,8 @@ def error_radius(sampled: Sampled, gain: Any, noise: Any, disturbance: Any) -> l
 
 def disturbance_bound(gains: Mapping[str, Any]) -> Any:
     """Delta: half the width of the bounds of b, exactly."""
-    return (exact(gains["flow_upper"]) - exact(gains["flow_lower"])) / 2
+    half: Any = (exact(gains["flow_upper"]) - exact(gains["flow_lower"])) / 2
+    return half
 
 
 @dataclass(frozen=True)
@@ -82,7 +83,7 @@ def _integrals(start: Exact, pieces: list[_Piece], depth: int, columns: list[int
     piece = pieces[depth]
     end, total = start @ piece.over, start @ piece.integral
     slopes = np.abs(start @ piece.A) @ piece.grown
-    result = 0 * total
+    result: Any = 0 * total
     halves = None
     for r in range(len(start)):
         for c in columns:

@@ -105,9 +105,8 @@ def half_period(sampled: Sampled) -> Any:
 def injection(sampled: Sampled, L: Any) -> Exact:
     """K of one period; the rest of its series is in the balls."""
     L_exact = exact(L)
-    m = equations.series_steps(
-        *(to_float(X) for X in (sampled.A, sampled.C, L_exact)), sampled.period
-    )
+    A, C, gain = (to_float(X) for X in (sampled.A, sampled.C, L_exact))
+    m = equations.series_steps(A, C, gain, sampled.period)
     h = rational(sampled.period) / m
     step = entries(exp_times(-sampled.A / rational(float(m)), sampled.period))
     backs = [entries(identity(len(sampled.A)))]
@@ -121,7 +120,8 @@ def injection(sampled: Sampled, L: Any) -> Exact:
 
 def _size(X: Exact) -> Any:
     """Ball of the Frobenius norm, which is above the spectral one."""
-    return scalar(sum(x * x for x in X.flat)).sqrt()
+    values: list[Any] = list(X.flat)
+    return scalar(sum(x * x for x in values)).sqrt()
 
 
 def gain_scale(L: Any) -> float:

@@ -4,10 +4,10 @@
     xhat(t_i) = sum_j G_j y_{i-k+j},   j = 0..k-1,     T = k nu           (known inputs taken off)
 
 G is unbiased, and the estimate exact, when sum_j G_j C A_d^(j-k) = I. Every method but
-`approximate` is unbiased. Source: F. Mazenc, S. Ahmed, Finite Time Estimation via Piecewise Constant
-Measurements, MICNON 2018. Deviations, with reasons in docs/papers.md: the right-hand side of (9)
-holds the unknown x(t - T) and becomes an observer only together with (16); Phi over one period is a
-constant matrix and is computed.
+`approximate` is unbiased. Source: F. Mazenc, S. Ahmed, Finite Time Estimation via Piecewise
+Constant Measurements, MICNON 2018. Deviations, with reasons in docs/papers.md: the right-hand side
+of (9) holds the unknown x(t - T) and becomes an observer only together with (16); Phi over one
+period is a constant matrix and is computed.
 
 Notation
     nu, k, T    period, samples in the window, window k nu;  A_d = e^{A nu}
@@ -93,7 +93,7 @@ def window_samples(window: float, period: float) -> int:
 
 
 def announced_jumps(plant: Any) -> bool:
-    """Does the data tell when the plant jumps? Impulses of unknown weight alone come unannounced."""
+    """Does the data tell when the plant jumps? Impulses of unknown weight alone are not told."""
     jump = plant.jump
     return jump is not None and (jump.H is None or not np.array_equal(jump.G, np.eye(plant.n)))
 
@@ -203,7 +203,7 @@ def discrete_injection(
     steps: for each of them e^{-A s} at its start s, and what the series leaves out, a ball around
     zero (`series_rest`) or 0.
     """
-    n, p = L.shape
+    p = L.shape[1]
     unit = np.eye(p, dtype=np.int64)
     b = [L]
     for j in range(1, SERIES_TERMS):

@@ -76,7 +76,7 @@ class ApproximateInputs:
             [A + LC, -LC, zero, unit], [zero, zero, unit, zero],
             [zero, zero, -A, zero], [zero, zero, zero, zero],
         ])  # fmt: skip
-        return cls(weights, A, generator)
+        return cls(np.asarray(weights), A, generator)
 
     def moved(self, known: Known, forced: Vector, h: float, maps: Any) -> Known:
         """The open period, h later, with the known input `forced` held."""

@@ -42,6 +42,8 @@ from obsdesign.runtime.base import (
 from obsdesign.runtime.step_cache import cached_step
 from obsdesign.runtime.window_error import FlowMaps, WindowError, flow_maps
 
+# rounding of y - C w, as a part of w
+_SEEN = 2.0**-48
 # the scaled rows of an incomplete window must be that far from losing rank
 _DETERMINED = 1e-11
 
@@ -49,10 +51,10 @@ _DETERMINED = 1e-11
 class FiniteTimeState(NamedTuple):  # a frozen dataclass of this size costs more than the step
     """Everything the next step needs, just after time t.
 
-    x: estimate; w: known response; drive: what the input u adds to (w, C w) in a period; window: (k p,)
-    residuals y - C w, oldest first, NaN where a sample is missing; filled: instants in it; since:
-    instants since w was moved; sampled: time of the last instant; good: was x taken from a full
-    window; |x - centre| <= radius; slip: rounding of w per step.
+    x: estimate; w: known response; drive: what the input u adds to (w, C w) in a period; window:
+    (k p,) residuals y - C w, oldest first, NaN where a sample is missing; filled: instants in it;
+    since: instants since w was moved; sampled: time of the last instant; good: was x taken from
+    a full window, False with gaps, None not yet; |state - centre| <= radius; slip: rounding of w per step.
     """
 
     t: float
@@ -66,7 +68,7 @@ class FiniteTimeState(NamedTuple):  # a frozen dataclass of this size costs more
     missing: int
     since: int
     sampled: float | None
-    good: bool
+    good: bool | None
     centre: Vector
     radius: Vector
     slip: Vector
@@ -138,7 +140,7 @@ class FiniteTimeObserver:
             t=float(t), x=guess, w=zero,
             u=np.zeros(int(self.reads["u"])), drive=self._drive(np.zeros(int(self.reads["u"]))),
             window=np.full(self.k * p, np.nan), known=known, filled=0, missing=0, since=0,
-            sampled=None, good=False, centre=guess, radius=np.full(n, np.inf), slip=zero,
+            sampled=None, good=None, centre=guess, radius=np.full(n, np.inf), slip=zero,
             started=False,
         )  # fmt: skip
 
@@ -259,7 +261,7 @@ class FiniteTimeObserver:
         if not self.bounded:
             return state._replace(t=t, x=x, w=w, known=known)
         centre = maps.flow @ state.centre + maps.once @ forced
-        slip = np.maximum(state.slip, maps.error(state.w, forced))
+        slip = np.maximum(state.slip, maps.error(state.w, forced) + _SEEN * np.abs(w))
         radius = maps.spread(state.radius) + maps.error(state.centre, forced)
         return state._replace(t=t, x=x, w=w, known=known, centre=centre, radius=radius, slip=slip)
 
@@ -301,12 +303,16 @@ class FiniteTimeObserver:
             radius = self._error.radius(state.window, state.w, x, state.slip)
             state = state._replace(centre=x, radius=radius)
         state = state._replace(x=x, good=True, since=state.since + 1)
-        return self._moved_onto(state, x) if state.since >= self.k else state
+        # where bounds are told, w stays: moving it rounds the residuals
+        return self._moved_onto(state, x) if self._due(state) else state
+
+    def _due(self, state: FiniteTimeState) -> bool:
+        return state.since >= self.k and not self.bounded
 
     def _moved_onto(self, state: FiniteTimeState, x: Vector) -> FiniteTimeState:
         """Another response w through x: the residuals of the window follow."""
         window = state.window - self._rows @ (x - state.w)
-        return state._replace(w=x, window=window, since=0, slip=np.abs(x) * 2.0**-50)
+        return state._replace(w=x, window=window, since=0)
 
     def _from_the_rest(self, state: FiniteTimeState) -> Vector | None:
         """Least squares on the samples that are there; None if they do not determine the state."""
@@ -338,8 +344,10 @@ class FiniteTimeObserver:
 
     def _emptied(self, state: FiniteTimeState) -> FiniteTimeState:
         known = Known.zero(self.n, self.k) if state.known is not None else None
-        return state._replace(window=np.full_like(state.window, np.nan), filled=0, missing=0, since=0,
-            sampled=None, good=False, w=np.zeros(self.n), known=known, slip=np.zeros(self.n),
+        window = np.full_like(state.window, np.nan)
+        return state._replace(
+            window=window, filled=0, missing=0, since=0, sampled=None, good=None,
+            w=np.zeros(self.n), known=known, slip=np.zeros(self.n),
         )  # fmt: skip
 
     def _jumped(self, state: FiniteTimeState, w: ArrayLike | None) -> FiniteTimeState:
@@ -357,12 +365,8 @@ class FiniteTimeObserver:
 
     def _estimate(self, state: FiniteTimeState, irregular: str | None) -> Estimate:
         reasons = [irregular] if irregular else []
-        if state.filled < self.k:
-            reasons.append("window not full")
-        elif state.missing and not state.good:
-            reasons.append("missing sample")
-        elif not state.good:
-            reasons.append("window not full")
+        if not state.good:
+            reasons.append("window not full" if state.good is None else "missing sample")
         status = "; ".join(reasons) or "ok"
         if not self.bounded:
             return Estimate(state.t, x=state.x, status=status)
@@ -419,7 +423,7 @@ class FiniteTimeObserver:
 
     @cached_property
     def _error(self) -> WindowError:
-        return WindowError.of(self.gains, self._rows)
+        return WindowError.of(self.gains)
 
     @cached_property
     def _inputs(self) -> ApproximateInputs | None:

@@ -76,20 +76,20 @@ class WindowError:
     kept: float
 
     @classmethod
-    def of(cls, gains: Mapping[str, Any], rows: Vector) -> WindowError:
-        """kicks = sum_l |R_l|: what a kick of the state between samples does to the estimate."""
+    def of(cls, gains: Mapping[str, Any]) -> WindowError:
+        """kicks = sum_l |R_l| + |G_l| |C|: what errors of w, and of C w, do to the estimate."""
         G, C = np.asarray(gains["window_gain"]), np.asarray(gains["C"])
         n, p = len(gains["A"]), len(C)
         back = expm(Enclosure.exactly(gains["A"]).scaled(-float(gains["period"]))).mid
         R, kicks = np.zeros((n, n)), np.zeros((n, n))
         for j in range(int(gains["samples"])):
-            R = R @ back + G[:, j * p : (j + 1) * p] @ C
-            kicks = kicks + np.abs(R)
+            term = G[:, j * p : (j + 1) * p]
+            R = R @ back + term @ C
+            kicks = kicks + np.abs(R) + np.abs(term) @ np.abs(C)
         state_error = np.asarray(gains["state_error"])
         # what rounding leaves of the recursion is far below this factor
         largest = float(np.abs(state_error).sum(axis=1).max())
         kept = 1.0 / (1.0 - largest) if largest < 0.5 else np.inf
-        del rows
         return cls(np.asarray(gains["radius"]), state_error, np.abs(G), 2.0 * kicks, kept)
 
     def radius(self, window: Vector, w: Vector, x: Vector, slip: Vector) -> Vector:

@@ -59,7 +59,7 @@ class PeriodProgram:
     def __init__(
         self, A: Array, C: Array, window: float | None = None, *, coordinates: bool = False
     ) -> None:
-        import casadi as ca
+        ca = _casadi()
 
         self._n, self._p = len(A), len(C)
         self._window, self._coordinates = window, coordinates
@@ -67,9 +67,8 @@ class PeriodProgram:
         # scalar expressions are faster, but grow like n^3 in their length: matrices beyond
         small = n <= _SCALAR_STATES
         kind = ca.SX if small else ca.MX
-        direction, size, log_T, w = (kind.sym(name, *shape) for name, shape in (
-            ("l", (n * p,)), ("size", ()), ("T", ()), ("w", ())
-        ))  # fmt: skip
+        direction, size = kind.sym("l", n * p), kind.sym("size")
+        log_T, w = kind.sym("T"), kind.sym("w")
         triangle = kind.sym("S", n * (n + 1) // 2)
         S, S_inverse = _triangular(triangle, n)
         A_s = ca.mtimes([S, ca.DM(A), S_inverse])
@@ -129,18 +128,24 @@ class PeriodProgram:
         """Directions along the axes and between them, small and large L, short and long T."""
         rng = np.random.default_rng(0)  # fixed: the same problem has the same starts
         found = []
-        for i in range(count):
+        for _ in range(count):
             direction = rng.standard_normal(self._n * self._p)
             direction /= np.linalg.norm(direction)
             size = self._size_A / self._size_C * 10.0 ** rng.uniform(-4, 0)
             found.append(Start(direction, size, 10.0 ** rng.uniform(-1, 0.3) / self._size_A))
-            del i
         return found
+
+
+def _casadi() -> Any:
+    """The package without its type hints, which do not know that a formula takes SX and MX."""
+    import casadi
+
+    return casadi
 
 
 def _triangular(entries: Any, n: int) -> tuple[Any, Any]:
     """S upper triangular with exponentials on its diagonal, and its inverse."""
-    import casadi as ca
+    ca = _casadi()
 
     S, k = type(entries).zeros(n, n), 0
     for i in range(n):
@@ -158,14 +163,14 @@ def _triangular_floats(entries: Array, n: int) -> Array:
 
 
 def _inverse(X: Any, n: int) -> Any:
-    import casadi as ca
+    ca = _casadi()
 
     unit = type(X).eye(n)
     return ca.solve(X, unit) if isinstance(X, ca.SX) else ca.solve(X, unit, "lapackqr")
 
 
 def _exponential(X: Any) -> Any:
-    import casadi as ca
+    ca = _casadi()
 
     scaled = X / 2**_SQUARINGS
     unit = type(X).eye(X.shape[0])
@@ -179,7 +184,7 @@ def _exponential(X: Any) -> Any:
 
 def _log_norm(X: Any) -> Any:
     """log (tr (X'X)^p)^(1/2p), p = 2^doublings, each power scaled by its trace."""
-    import casadi as ca
+    ca = _casadi()
 
     power = ca.mtimes(X.T, X)
     total, weight = 0, 1.0
@@ -193,6 +198,6 @@ def _log_norm(X: Any) -> Any:
 
 
 def _softplus(x: Any) -> Any:
-    import casadi as ca
+    ca = _casadi()
 
     return ca.fmax(x, 0) + ca.log1p(ca.exp(-ca.fabs(x)))

@@ -24,8 +24,8 @@ from obsdesign.verification.finite_time_gains import (
     of_the_method,
     unbiased,
 )
-from obsdesign.verification.finite_time_words import guarantees
 from obsdesign.verification.finite_time_window import long_enough, observable, sampled_observable
+from obsdesign.verification.finite_time_words import guarantees
 from obsdesign.window_gains import Sampled
 
 __all__ = ["claims", "guarantees"]
@@ -60,7 +60,7 @@ def expected_gains(problem: Problem, gains: Mapping[str, Any]) -> dict[str, Any]
     """Entries of `gains` and what the problem says of them: a value, or the shape it must have."""
     plant, options = problem.plant, problem.options
     method = options.get("method", "least_squares")
-    samples = gains.get("samples")
+    samples: Any = gains.get("samples")
     k = int(samples) if _is_count(samples) else 0
     if "window" in options:
         k = equations.window_samples(options["window"], plant.output.period or 1.0)

@@ -51,9 +51,10 @@ class Sizes:
         if inverse is None:
             return None
         LC = exact(L) @ sampled.C
-        norms = [spectral_norm(_balls(X)) for X in (sampled.A + LC, sampled.A, LC)]
+        f, size_A, size_LC = (spectral_norm(_balls(X)) for X in (sampled.A + LC, sampled.A, LC))
         T = scalar(rational(sampled.period) * sampled.k)
-        return Sizes(spectral_norm(back), spectral_norm(inverse), *norms, T, inverse)
+        a, m = spectral_norm(back), spectral_norm(inverse)
+        return Sizes(a, m, f, size_A, size_LC, T, inverse)
 
     def constants(self, period: float) -> equations.Constants:
         """(10)-(13) for a period (T stays)."""
@@ -90,7 +91,8 @@ def _numbers(sizes: Sizes, period: float) -> Claim:
     """The constants, as intervals of floats; not a hypothesis of anything but Theorem 1."""
     found, holds = sizes.constants(period), sizes.condition(period)
     longest = sizes.longest_period()
-    evidence: dict[str, Any] = {"condition_13": {True: "true", False: "false"}.get(holds, "open")}
+    words: dict[bool | None, str] = {True: "true", False: "false", None: "open"}
+    evidence: dict[str, Any] = {"condition_13": words[holds]}
     evidence["longest_period"] = "inf" if longest is None else float_below(longest)
     evidence |= {"norm_of_exp": _interval(sizes.a), "norm_of_inverse": _interval(sizes.m)}
     names = ("sigma", "gbar", "alpha", "beta", "gamma", "first", "second")

@@ -1,4 +1,4 @@
-"""Finite-time estimation: the stored gains are the method's, unbiased, and their error is bounded."""
+"""Finite-time estimation: stored gains are the method's, unbiased, and their error is bounded."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from lmi.balls import entries, exact, identity, scalar
 from lmi.norms import float_above, well_ranked
 from lmi.verdict import Verdict, proved, refuted, undecided
 from obsdesign.document import Claim
-from obsdesign.equations import finite_time as equations
 from obsdesign.verification.finite_time_window import (
     PAPER,
     SINGULAR,
@@ -29,8 +28,8 @@ from obsdesign.window_gains import (
     half_period,
 )
 
-# largest deviation of G O from the identity, states in units of `state_scales`: what rounding of gains
-# that do not amplify beyond reason leaves
+# largest deviation of G O from the identity, states in units of `state_scales`: what rounding
+# leaves of gains that do not amplify beyond reason
 UNBIASED = 1e-8
 # stored gains agree with their formula to this part of the largest one of a row
 SAME_GAIN = 2.0**-40

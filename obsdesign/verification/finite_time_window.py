@@ -39,6 +39,7 @@ def observable(sampled: Sampled) -> Claim:
 
 
 def sampled_observable(sampled: Sampled) -> Claim:
+    """The rank of max(k, n) samples: their spacing, not their number, is in question."""
     n = len(sampled.A)
     verdict = _row_rank(sampled, max(sampled.k, n))
     if verdict.outcome == "refuted":
@@ -66,6 +67,7 @@ def _why_badly_sampled(sampled: Sampled) -> str:
 
 
 def long_enough(sampled: Sampled) -> Claim:
+    """The rank of the window's own samples."""
     verdict = _row_rank(sampled, sampled.k)
     if verdict.outcome == "refuted":
         least = sampled_index(sampled)
@@ -110,9 +112,11 @@ def _power_of_two(square: Any) -> Any:
 
 
 def with_reason(verdict: Verdict, reason: str) -> Verdict:
+    """A refutation told in words."""
     rest = {name: value for name, value in verdict.evidence.items() if name != "witness"}
     return refuted({**verdict.evidence["witness"], "reason": reason}, **rest)
 
 
 def make_claim(name: str, statement: str, source: str, verdict: Verdict) -> Claim:
+    """A claim with the outcome and evidence of a verdict."""
     return Claim(name, statement, source, verdict.outcome, verdict.evidence)

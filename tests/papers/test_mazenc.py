@@ -11,7 +11,7 @@ from scipy.linalg import expm
 import obsdesign
 from lmi.balls import entries, identity, precision, solve
 from lmi.exponential import expm as expms
-from lmi.norms import float_above, float_below, middles, spectral_norm
+from lmi.norms import float_above, float_below, middles
 from obsdesign.equations import finite_time as equations
 from obsdesign.equations import finite_time_bounds as bounds
 from obsdesign.runtime import from_design
