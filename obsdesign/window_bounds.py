@@ -78,7 +78,7 @@ def _pieces(sampled: Sampled) -> list[_Piece]:
     return found
 
 
-def _integrals(start: Exact, pieces: list[_Piece], depth: int, columns: list[int]) -> Exact:
+def _integrals(start: Exact, pieces: list[_Piece], depth: int, columns: list[int]) -> Any:
     """int_0^h |(start e^{-A s})[r, c]| ds for the rows of `start`, enclosed, on a piece."""
     piece = pieces[depth]
     end, total = start @ piece.over, start @ piece.integral

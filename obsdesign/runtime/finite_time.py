@@ -54,7 +54,8 @@ class FiniteTimeState(NamedTuple):  # a frozen dataclass of this size costs more
     x: estimate; w: known response; drive: what the input u adds to (w, C w) in a period; window:
     (k p,) residuals y - C w, oldest first, NaN where a sample is missing; filled: instants in it;
     since: instants since w was moved; sampled: time of the last instant; good: was x taken from
-    a full window, False with gaps, None not yet; |state - centre| <= radius; slip: rounding of w per step.
+    a full window, False with gaps, None not yet; |state - centre| <= radius; slip: rounding of w
+    per step.
     """
 
     t: float
