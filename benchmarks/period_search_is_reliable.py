@@ -1,9 +1,10 @@
 """Longest period of condition (13): our program against the obvious one, from the same starts.
 
 The obvious one: period, T and the entries of L as variables, (13) as inequalities, M_T as a
-difference of exponentials; same smooth norms and the same IPOPT. A start succeeds when what comes
-out, looked at again with true norms, is within 2 % of the best period that any start of either
-program reached. At least 1.5 times as many starts must succeed.
+difference of exponentials; same smooth norms and the same IPOPT. A start succeeds when IPOPT says
+so and (13) holds, with true norms, at 99.9 % of the period it names. Also printed: how many
+reach the best period of all (within 2 %). At least 1.5 times as many starts must succeed, in at
+most half the time.
 """
 
 from __future__ import annotations
@@ -19,7 +20,8 @@ import numpy as np  # noqa: I001 - after benchmarks.cases, which fixes the numbe
 from obsdesign.equations.finite_time_bounds import approx_log_longest_period
 from obsdesign.synthesis import period_nlp
 
-STARTS, NEAR, FLOOR = 20, 0.98, 1.5
+STARTS, NEAR, FLOOR, TIME_FLOOR = 20, 0.98, 1.5, 2.0
+_SLACK = 0.999
 
 
 def plants() -> list[tuple[str, Any, Any]]:
@@ -59,43 +61,53 @@ def obvious(A: Any, C: Any) -> Any:
         "print_time": False, "show_eval_warnings": False, "ipopt": options,
     })  # fmt: skip
 
-    def solve(start: period_nlp.Start) -> tuple[Any, float]:
+    def solve(start: period_nlp.Start) -> tuple[Any, float, float, str]:
         x0 = np.concatenate([start.size * start.direction, [start.window, 1e-3 * start.window]])
         low = [-math.inf] * n + [1e-6, 1e-12]
         x = solver(x0=x0, lbx=low, ubx=math.inf, lbg=-math.inf, ubg=0.999999)["x"]
         x = np.asarray(x).reshape(-1)
-        return x[:n, None], float(x[n])
+        return x[:n, None], float(x[n]), float(x[n + 1]), str(solver.stats()["return_status"])
 
     return solve
 
 
 def main() -> bool:
-    totals = {"ours": 0, "theirs": 0}
+    totals, clock = {"ours": 0, "theirs": 0}, {"ours": 0.0, "theirs": 0.0}
     for name, A, C in plants():
         program, naive = period_nlp.PeriodProgram(A, C), obvious(A, C)
         starts = program.starts(STARTS)
 
-        def ours(start: Any, program: Any = program) -> tuple[Any, float]:
+        def ours(start: Any, program: Any = program) -> tuple[Any, float, float, str]:
             point = program.solve(start)
-            return point.L, point.window
+            return point.L, point.window, point.period, point.status
 
-        reached, times = {}, {}
+        kept, reached = {}, {}
         for who, solve in (("ours", ours), ("theirs", naive)):
-            times[who], points = seconds(lambda s=solve, v=starts: [s(start) for start in v])
-            values = [approx_log_longest_period(A, C, L, T) if np.isfinite(L).all() else -math.inf
-                      for L, T in points]  # fmt: skip
-            reached[who] = [v if math.isfinite(v) else -math.inf for v in values]
+            time, points = seconds(lambda s=solve, v=starts: [s(start) for start in v])
+            true = [longest(A, C, L, T) for L, T, _, _ in points]
+            kept[who] = sum(
+                "olve" in status and _SLACK * period <= value and period > 0
+                for (_, _, period, status), value in zip(points, true, strict=True)
+            )
+            reached[who] = true
+            totals[who], clock[who] = totals[who] + kept[who], clock[who] + time
         best = max(max(values) for values in reached.values())
-        good = {w: sum(v >= best + math.log(NEAR) for v in r) for w, r in reached.items()}
-        totals = {who: totals[who] + good[who] for who in totals}
-        print(f"{name:22s} best period {math.exp(best):.6g}   succeed: ours {good['ours']:2d}, "
-              f"theirs {good['theirs']:2d} of {STARTS}   time: ours {times['ours']:.2f} s, "
-              f"theirs {times['theirs']:.2f} s", flush=True)  # fmt: skip
-    ratio = totals["ours"] / max(totals["theirs"], 1)
-    verdict = "ok" if ratio >= FLOOR else "BELOW THE FLOOR"
+        top = {who: sum(v >= NEAR * best for v in values) for who, values in reached.items()}
+        print(f"{name:22s} best period {best:.6g}   succeed: ours {kept['ours']:2d}, theirs "
+              f"{kept['theirs']:2d} of {STARTS}; reach the best: {top['ours']:2d}, "
+              f"{top['theirs']:2d}", flush=True)  # fmt: skip
+    ratio, faster = totals["ours"] / max(totals["theirs"], 1), clock["theirs"] / clock["ours"]
+    good = ratio >= FLOOR and faster >= TIME_FLOOR
     print(f"starts that succeed: ours {totals['ours']}, theirs {totals['theirs']}, ratio {ratio:.2f}, "
-          f"floor {FLOOR:g}  {verdict}")  # fmt: skip
-    return ratio >= FLOOR
+          f"floor {FLOOR:g}; time: ours {clock['ours']:.2f} s, theirs {clock['theirs']:.2f} s, ratio "
+          f"{faster:.1f}, floor {TIME_FLOOR:g}  {'ok' if good else 'BELOW THE FLOOR'}")  # fmt: skip
+    return good
+
+
+def longest(A: Any, C: Any, L: Any, T: float) -> float:
+    """True longest period for L and T, 0 where there is none."""
+    value = approx_log_longest_period(A, C, L, T) if np.isfinite(L).all() else -math.inf
+    return math.exp(value) if math.isfinite(value) else 0.0
 
 
 if __name__ == "__main__":

@@ -92,12 +92,12 @@ def approx_log_longest_period(A: Array, C: Array, L: Array, T: float) -> float:
     log_ma = log_a - math.log(singular[-1]) - math.log(size_LC)
     log_sigma = -log_a - np.logaddexp(0.0, log_ma)
     log_g = math.log(T) if f == 0.0 else 2 * f * T + math.log(-math.expm1(-2 * f * T) / (2 * f))
-    log_ratio = _log_lambert(log_sigma - f * T) - log_g - math.log(size_LC)
+    log_ratio = log_lambert(log_sigma - f * T) - log_g - math.log(size_LC)
     inner = math.log1p(math.exp(log_ratio)) if log_ratio > -36 else math.exp(max(log_ratio, -700))
     return math.log(inner) - math.log(size_A)
 
 
-def _log_lambert(log_z: float) -> float:
+def log_lambert(log_z: float) -> float:
     """log u for u e^u = z: Newton's method on w + e^w = log z, from above its root."""
     w = log_z if log_z < 0 else math.log(max(log_z, 0.5))
     for _ in range(50):

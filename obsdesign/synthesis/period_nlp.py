@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from obsdesign.equations.finite_time import SMALLEST_GAIN
+from obsdesign.equations.finite_time_bounds import log_lambert
 
 Array = NDArray[np.float64]
 
@@ -42,10 +43,11 @@ class Start:
 
 @dataclass(frozen=True)
 class Found:
-    """A point of the program; status is the solver's word, which nobody has to believe."""
+    """A point of the program; period and status are the solver's word, not to be believed."""
 
     L: Array
     window: float
+    period: float
     S: Array
     status: str
 
@@ -91,12 +93,11 @@ class PeriodProgram:
         self._size_C = float(np.linalg.norm(C, 2))
         ipopt = {"print_level": 0, "sb": "yes", "max_iter": 300}
         ipopt |= {} if small else {"hessian_approximation": "limited-memory"}
+        x = ca.vertcat(direction, size, log_T, w, triangle)
+        self._equality = ca.Function("equality", [x], [equality])
         self._solver = ca.nlpsol(
             "period", "ipopt",
-            {
-                "x": ca.vertcat(direction, size, log_T, w, triangle), "f": -log_nu,
-                "g": ca.vertcat(equality, unit_length, log_LC),
-            },
+            {"x": x, "f": -log_nu, "g": ca.vertcat(equality, unit_length, log_LC)},
             {"print_time": False, "show_eval_warnings": False, "ipopt": ipopt},
         )  # fmt: skip
 
@@ -107,7 +108,9 @@ class PeriodProgram:
         free = math.inf if self._coordinates else 0.0
         log_T = math.log(start.window if self._window is None else self._window)
         ends = (-math.inf, math.inf) if self._window is None else (log_T, log_T)
-        x0 = np.concatenate([start.direction, [math.log(start.size), log_T, -10.0], triangle])
+        x0 = np.concatenate([start.direction, [math.log(start.size), log_T, 0.0], triangle])
+        missing = float(self._equality(x0))  # at w = 0, where the left-hand side is 1
+        x0[n * p + 2] = log_lambert(1.0 - missing) if math.isfinite(missing) else -10.0
         fixed = np.full(len(triangle), free)
         inner = np.full(n * p, math.inf)
         least = math.log(SMALLEST_GAIN * self._size_A)
@@ -122,16 +125,18 @@ class PeriodProgram:
         L = math.exp(min(x[n * p], 700.0)) * x[: n * p].reshape(p, n).T
         S = np.asarray(_triangular_floats(x[n * p + 3 :], n))
         status = str(self._solver.stats()["return_status"])
-        return Found(L, math.exp(min(x[n * p + 1], 700.0)), S, status)
+        period = math.exp(min(-float(result["f"]), 700.0)) if result["f"].is_regular() else 0.0
+        return Found(L, math.exp(min(x[n * p + 1], 700.0)), period, S, status)
 
     def starts(self, count: int) -> Sequence[Start]:
-        """Directions along the axes and between them, small and large L, short and long T."""
+        """Random directions, L C below and about the size of A, T below and about 1 / |A|."""
         rng = np.random.default_rng(0)  # fixed: the same problem has the same starts
         found = []
         for _ in range(count):
             direction = rng.standard_normal(self._n * self._p)
             direction /= np.linalg.norm(direction)
-            size = self._size_A / self._size_C * 10.0 ** rng.uniform(-4, 0)
+            # from far below |A| there is no gradient back: most starts are near it
+            size = self._size_A / self._size_C * 10.0 ** rng.uniform(-2, 0.5)
             found.append(Start(direction, size, 10.0 ** rng.uniform(-1, 0.3) / self._size_A))
         return found
 
