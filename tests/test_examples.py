@@ -11,7 +11,8 @@ import obsdesign
 from obsdesign.runtime import from_design
 from obsdesign.simulation import simulate
 
-EXAMPLES = sorted((Path(__file__).parent.parent / "examples").glob("*.toml"))
+FILES = sorted((Path(__file__).parent.parent / "examples").glob("*.toml"))
+EXAMPLES = [path for path in FILES if obsdesign.load_problem(path).kind == "interval"]
 
 
 @pytest.mark.parametrize("disturbance", ["zero", "extreme", "random", "sine"])
@@ -37,3 +38,21 @@ def test_an_example_from_file_to_bounds(path: Path, disturbance: str) -> None:
     # bounds that say nothing would pass as well: after a while they are no wider than the motion
     width = (batch.upper - batch.lower)[-50:].max()
     assert width < 20.0
+
+
+FINITE_TIME = [path for path in FILES if obsdesign.load_problem(path).kind == "finite_time"]
+
+
+@pytest.mark.parametrize("path", FINITE_TIME, ids=lambda p: p.stem)
+def test_a_finite_time_example_from_file_to_estimate(path: Path) -> None:
+    problem = obsdesign.load_problem(path)
+    design = obsdesign.design(problem)
+    assert obsdesign.verify(design, paranoid=True).verdict == "proved"
+    record = simulate(problem.plant, until=25.0, rng=np.random.default_rng(1))
+    batch = from_design(design).run_batch(record.t, record.block("y"), record.block("u"))
+    full = np.array([status == "ok" for status in batch.status])
+    factor = {claim.id: claim for claim in design.claims}["error_identity"].evidence["factor"]
+    x = record.block("x")
+    error = np.linalg.norm(batch.x - x, axis=1)[full]
+    assert full.sum() > 300
+    assert error.max() <= factor * np.linalg.norm(x, axis=1).max()
