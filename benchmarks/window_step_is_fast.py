@@ -8,11 +8,8 @@ from __future__ import annotations
 import sys
 from typing import Any
 
-from benchmarks.cases import SEEDS, report, seconds
-
-import numpy as np  # noqa: I001 - after benchmarks.cases, which fixes the number of threads
-
 import obsdesign
+from benchmarks.cases import SEEDS, np, report, seconds
 from obsdesign.runtime import Sample, from_design
 
 FLOORS = {120: 1.0, 1200: 10.0}

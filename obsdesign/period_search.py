@@ -94,6 +94,9 @@ def _longest_period(problem: Problem, period: float) -> _Found:
         return _nothing(window, L, f"M_T is not certainly invertible at T = {window!r}")
     longest = sizes.longest_period()
     ends = (math.inf, math.inf) if longest is None else (float_below(longest), float_above(longest))
+    if not ends[0] > window * 2.0**-52:
+        reason = f"at T = {window!r} (13) allows periods below {ends[1]:.3g} only: too many samples"
+        return _nothing(window, L, reason)
     least = _fewest_samples(A, C, window)
     if ends[0] * least > window:
         reason = f"the window {window!r} has to hold {least} samples; (13) would allow more"

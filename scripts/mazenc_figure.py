@@ -68,8 +68,8 @@ def draw(output: str) -> None:
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=[2, 1])
     for method, told in METHODS.items():
         found = runs[method]
-        above.step(found.t, found.estimate[:, 1], where="post", color=COLOURS[method], ls=STYLES[method],
-                   lw=1.4, label=told)  # fmt: skip
+        above.step(found.t, found.estimate[:, 1], where="post", color=COLOURS[method],
+                   ls=STYLES[method], lw=1.4, label=told)  # fmt: skip
         error = np.maximum(np.linalg.norm(found.estimate - found.x, axis=1), 1e-17)
         below.semilogy(found.t, error, color=COLOURS[method], lw=1.1)
     truth = runs["exact"]
@@ -80,7 +80,8 @@ def draw(output: str) -> None:
     near = (truth.t >= 12.0) & (truth.t <= 12.6)
     for method in METHODS:
         found = runs[method]
-        inset.step(found.t[near], found.estimate[near, 1], where="post", color=COLOURS[method],
+        held = found.estimate[near, 1]
+        inset.step(found.t[near], held, where="post", color=COLOURS[method],
                    ls=STYLES[method], lw=1.2)  # fmt: skip
     inset.plot(truth.t[near], truth.x[near, 1], color="black", lw=0.9)
     inset.set_title("held between samples", fontsize=8)

@@ -40,7 +40,9 @@ class Constants:
 
 
 def flow_growth(f: Any, T: Any) -> Any:
-    """(e^{2 f T} - 1) / (2 f): the integral in Lemma 2. f > 0."""
+    """(e^{2 f T} - 1) / (2 f): the integral in Lemma 2; T, its limit, where F = 0."""
+    if f == 0:
+        return T
     return np.expm1(2 * f * T) / (2 * f)
 
 
@@ -48,6 +50,12 @@ def sigma(T: Any, f: Any, s: Any) -> Any:
     """Sigma(T, nu) = G(T, s) of (10)."""
     g = flow_growth(f, T)
     return s * np.exp(T * f) * g * np.exp(s * g)
+
+
+def log_sigma(T: Any, f: Any, s: Any) -> Any:
+    """log Sigma, which is a number where Sigma is beyond any exponent. s > 0."""
+    g = flow_growth(f, T)
+    return np.log(s) + T * f + np.log(g) + s * g
 
 
 def constants(a: Any, m: Any, sigma_value: Any) -> Constants:
@@ -93,8 +101,9 @@ def approx_log_longest_period(A: Array, C: Array, L: Array, T: float) -> float:
     log_sigma = -log_a - np.logaddexp(0.0, log_ma)
     log_g = math.log(T) if f == 0.0 else 2 * f * T + math.log(-math.expm1(-2 * f * T) / (2 * f))
     log_ratio = log_lambert(log_sigma - f * T) - log_g - math.log(size_LC)
-    inner = math.log1p(math.exp(log_ratio)) if log_ratio > -36 else math.exp(max(log_ratio, -700))
-    return math.log(inner) - math.log(size_A)
+    if log_ratio < -36:  # log1p changes nothing any more
+        return log_ratio - math.log(size_A)
+    return math.log(np.logaddexp(0.0, log_ratio)) - math.log(size_A)
 
 
 def log_lambert(log_z: float) -> float:

@@ -28,7 +28,7 @@ from obsdesign.window_gains import Sampled, difference_matrix, exponential
 
 PAPER = "Mazenc, Ahmed, MICNON 2018"
 # pieces of the error integral: their number decides how far the bound is above the factor
-_PIECES, _FEWEST = 960, 2
+_PIECES, _FEWEST = 1920, 2
 
 
 @dataclass(frozen=True)
@@ -70,11 +70,14 @@ class Sizes:
 
     def condition(self, period: float) -> bool | None:
         """(13) at a period: certainly true, certainly false, or None."""
-        found = self.constants(period)
-        if found.first < 1 and found.second < 1:
+        s = self.size_LC * np.expm1(number(period) * self.size_A)
+        if s == 0:
             return True
-        # the second number means nothing once the first reaches one
-        return False if found.first > 1 or (found.first < 1 and found.second > 1) else None
+        room = np.log(equations.largest_sigma(self.a, self.m))
+        log_sigma = equations.log_sigma(self.T, self.f, s)
+        if log_sigma < room:
+            return True
+        return False if log_sigma > room else None
 
 
 def bound_claims(sampled: Sampled, gains: Mapping[str, Any]) -> Iterator[Claim]:

@@ -79,8 +79,8 @@ def _theorem(evidence: Mapping[str, Any], verdicts: Mapping[str, str]) -> dict[s
         last = evidence["gamma"][1] * evidence["sigma"][1]
         text = (
             f"Theorem 1 for observer (14) with this L, as corrected: |xhat - x| <= {alpha:.6g} "
-            f"|int e^(A (t_i - m - T)) delta dm| + {beta:.6g} |T~| + {last:.6g} T_Delta, with |x| "
-            f"and integrals over the window ((13) holds{below.removeprefix('; it holds')})."
+            f"|int e^(A (t_i - m - T)) delta dm| + {beta:.6g} |T~| + {last:.6g} T_Delta, integrals "
+            f"over the window ((13) is true{below})."
         )
         return _entry(text, ["theorem_1_numbers"], verdicts)
     word = "is false" if evidence["condition_13"] == "false" else "is too close to call"
