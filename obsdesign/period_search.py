@@ -18,10 +18,9 @@ from lmi.balls import precision
 from lmi.norms import float_above, float_below
 from obsdesign.document import Claim
 from obsdesign.equations import finite_time as equations
-from obsdesign.equations.finite_time_bounds import approx_log_longest_period
 from obsdesign.errors import InputError
 from obsdesign.problem import Problem
-from obsdesign.synthesis.finite_time_injection import best_injection
+from obsdesign.synthesis.finite_time_injection import best_injection, fewest_samples
 from obsdesign.verification.finite_time_bounds import Sizes
 from obsdesign.verification.finite_time_window import observable, sampled_index
 from obsdesign.window_gains import Sampled
@@ -97,7 +96,7 @@ def _longest_period(problem: Problem, period: float) -> _Found:
     if not ends[0] > window * 2.0**-52:
         reason = f"at T = {window!r} (13) allows periods below {ends[1]:.3g} only: too many samples"
         return _nothing(window, L, reason)
-    least = _fewest_samples(A, C, window)
+    least = _needed_samples(A, C, window)
     if ends[0] * least > window:
         reason = f"the window {window!r} has to hold {least} samples; (13) would allow more"
         period = window / least
@@ -109,7 +108,7 @@ def _longest_period(problem: Problem, period: float) -> _Found:
     return _Found(ends[0], ends[1], window, max(k, least), L, claims, reason)
 
 
-def _fewest_samples(A: Any, C: Any, window: float) -> int:
+def _needed_samples(A: Any, C: Any, window: float) -> int:
     """The least k for which k samples, window/k apart, determine the state."""
     for k in range(1, len(A) + 1):
         if sampled_index(Sampled.of(A, C, window / k, k)) <= k:
@@ -121,7 +120,7 @@ def _shortest_window(problem: Problem, period: float) -> _Found:
     A, C = problem.plant.flow.A, problem.plant.output.C
     least = sampled_index(Sampled.of(A, C, period, len(A)))
     given = problem.gains.get("L")
-    k, L = _fewest(A, C, given, period, least)
+    k, L = fewest_samples(A, C, given, period, least)
     if k is None:
         return _nothing(least * period, L, f"(13) holds for no window with period {period!r}")
     sizes = Sizes.of(Sampled.of(A, C, period, k), L)
@@ -135,34 +134,6 @@ def _shortest_window(problem: Problem, period: float) -> _Found:
     shorter = _all_fail(A, C, L, period, range(max(least, k - _MOST_SHOWN), k))
     reason = f"(13) is false for all windows of {least} to {k - 1} samples"
     return _Found(k * period, (k - 1) * period, k * period, k, L, (*claims, shorter), reason)
-
-
-def _fewest(A: Any, C: Any, given: Any, period: float, least: int) -> tuple[int | None, Any]:
-    """Fewest samples for which (13) seems to hold, in floats; upwards for a given L."""
-    if not np.any(A):
-        return least, C.T if given is None else given
-    log_period = math.log(period)
-    if given is not None:
-        # beyond some ten time constants only rounding is left of M_T
-        most = min(equations.MOST_SAMPLES, math.ceil(60.0 / (np.linalg.norm(A, 2) * period)))
-        for k in range(least, max(most, least) + 1):
-            if approx_log_longest_period(A, C, given, k * period) > log_period:
-                return k, given
-        return None, given
-    best = best_injection(A, C, None)
-    if best.log_period <= log_period:
-        return None, best.L
-    low, high, L = least - 1, max(least, math.floor(best.window / period)), best.L
-    while high - low > 1:
-        middle = (low + high) // 2
-        found = best_injection(A, C, middle * period, starts=2)
-        if found.log_period > log_period:
-            high, L = middle, found.L
-        else:
-            low = middle
-    if approx_log_longest_period(A, C, L, high * period) <= log_period:
-        L = best_injection(A, C, high * period).L
-    return high, L
 
 
 def _all_fail(A: Any, C: Any, L: Any, period: float, counts: range) -> Claim:

@@ -7,7 +7,6 @@ balls at the current precision (`lmi.balls.precision`). Formulas: `equations.fin
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -58,12 +57,12 @@ def exponential(A: Exact, period: float, k: int = 1) -> Exact:
     return entries(exp_times(A * rational(float(k)), period))
 
 
-def difference_matrix(sampled: Sampled, L: Any, scale: float = 1.0) -> tuple[Exact, Exact]:
-    """(M_T / scale, e^{-F T}), enclosed; `scale` is about the size of L."""
+def difference_matrix(sampled: Sampled, L: Any) -> tuple[Exact, Exact]:
+    """(M_T / scale, e^{-F T}), enclosed; the scale is `gain_scale`."""
     n = len(sampled.A)
     LC = exact(L) @ sampled.C
     block = equations.difference_block(sampled.A, LC)
-    block[:n, n:] = block[:n, n:] / rational(scale)
+    block[:n, n:] = block[:n, n:] / gain_scale(sampled, L)
     whole = exponential(block, sampled.period, sampled.k)
     return whole[:n, n:], whole[:n, :n]
 
@@ -72,12 +71,12 @@ def approximate_gain(sampled: Sampled, L: Any) -> Exact | None:
     """Gains (n, k p) of (14) for samples of a plant without known inputs; None if M_T may be 0."""
     n = len(sampled.A)
     L_exact = exact(L)
-    scale = gain_scale(L)
-    M, _ = difference_matrix(sampled, L, scale)
+    scale = gain_scale(sampled, L)
+    M, _ = difference_matrix(sampled, L)
     F = sampled.A + L_exact @ sampled.C
     block = np.block([[-F, exact(np.eye(n))], [exact(np.zeros((n, 2 * n)))]])
     whole = exponential(block, sampled.period)  # [[e^{-F nu}, int_0^nu e^{-F s} ds], ...]
-    weighted = whole[:n, n:] @ (L_exact / rational(scale))
+    weighted = whole[:n, n:] @ (L_exact / scale)
     terms = equations.approximate_terms(whole[:n, :n], weighted, sampled.k)
     return solve(M, equations.side_by_side(terms))
 
@@ -87,12 +86,12 @@ def exact_gain(sampled: Sampled, L: Any) -> tuple[Exact, Exact | None]:
 
     N is scaled by the size of L.
     """
-    scale = gain_scale(L)
+    scale = gain_scale(sampled, L)
     n = len(sampled.A)
     K = injection(sampled, L)
     K_d = sampled.forward @ K
     P = sampled.forward + K_d @ sampled.C
-    terms = equations.exact_terms(P, K_d / rational(scale), sampled.k)
+    terms = equations.exact_terms(P, K_d / scale, sampled.k)
     N = equations.side_by_side(terms) @ sampled.rows()
     return N.reshape(n, n), solve(N, equations.side_by_side(terms))
 
@@ -124,7 +123,13 @@ def _size(X: Exact) -> Any:
     return scalar(sum(x * x for x in values)).sqrt()
 
 
-def gain_scale(L: Any) -> float:
-    """A power of two about as large as L; 1 for zeros."""
-    largest = float(np.abs(np.asarray(L, dtype=np.float64)).max(initial=0.0))
-    return 2.0 ** round(math.log2(largest)) if largest > 0 else 1.0
+def gain_scale(sampled: Sampled, L: Any) -> Any:
+    """A power of two, exactly, about as large as L C; 1 if it is zero.
+
+    Beside the plant's own entries those of a small L C would drown in the radius of a ball.
+    """
+    LC = exact(L) @ sampled.C
+    largest = max(abs(x) for x in LC.flat)
+    if largest == 0:
+        return rational(1.0)
+    return rational(2.0) ** (int(largest.p).bit_length() - int(largest.q).bit_length())

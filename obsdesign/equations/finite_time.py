@@ -81,7 +81,7 @@ def window_objection(window: float, period: float) -> str | None:
         )
     if count > MOST_SAMPLES:
         return (
-            f"observer.window must hold at most {MOST_SAMPLES} samples; got {round(count)}, "
+            f"observer.window must hold at most {MOST_SAMPLES} samples; got {count:.6g}, "
             f"{window!r} with period {period!r}."
         )
     return None
@@ -112,7 +112,8 @@ def stored_plant(plant: Any) -> dict[str, Any]:
 def sample_rows(A: Array, C: Array, period: float, k: int) -> Array:
     """C A_d^(j-k), j = 0..k-1, (k, p, n): the samples as functions of x(t_i)."""
     backwards = exponential_grid(-A, period, period, k)
-    return C @ backwards[::-1]
+    with np.errstate(over="ignore", invalid="ignore"):
+        return C @ backwards[::-1]
 
 
 def stacked_rows(C: Array, back: Array, k: int) -> Array:
@@ -131,9 +132,10 @@ def state_scales(A: Array, C: Array, window: float) -> Array:
     """
     n = len(A)
     terms = [np.asarray(C, dtype=np.float64)]
-    for j in range(1, n):
-        terms.append(terms[-1] @ A * (window / j))
-    sizes = np.linalg.norm(np.vstack(terms), axis=0)
+    with np.errstate(over="ignore", invalid="ignore"):
+        for j in range(1, n):
+            terms.append(terms[-1] @ A * (window / j))
+        sizes = np.linalg.norm(np.vstack(terms), axis=0)
     usable = np.isfinite(sizes) & (sizes > 0)
     scales: Array = np.exp2(-np.round(np.log2(np.where(usable, sizes, 1.0))))
     return scales

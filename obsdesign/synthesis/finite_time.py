@@ -12,13 +12,17 @@ from typing import Any
 
 import numpy as np
 
-from lmi.balls import entries, identity, precision, scalar
+from lmi.balls import entries, exact, identity, precision, scalar
 from lmi.norms import float_above, middles
 from obsdesign.equations import finite_time as equations
 from obsdesign.errors import InputError
 from obsdesign.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
-from obsdesign.synthesis.finite_time_injection import chosen_injection
+from obsdesign.synthesis.finite_time_injection import (
+    best_injection,
+    chosen_injection,
+    fewest_samples,
+)
 from obsdesign.synthesis.minimax import minimax_gain
 from obsdesign.window_bounds import disturbance_bound, error_radius
 from obsdesign.window_gains import Sampled, approximate_gain, exact_gain, half_period
@@ -27,6 +31,7 @@ _BITS = (160, 640)
 # a default window is doubled until its scaled rows are that far from losing rank
 _DETERMINED = 1e-2
 _LONGEST_DEFAULT = 2048
+_SINGULAR = 1e-11
 
 
 def synthesize(problem: Problem) -> Iterator[Candidate]:
@@ -64,22 +69,47 @@ def _disturbed(plant: dict[str, Any]) -> bool:
 
 
 def _samples(problem: Problem) -> int:
-    """k, given or chosen: the first of n, 2 n, 4 n, ... that determines the state well."""
+    """k, given or chosen by the objective, else by how well the window determines the state."""
     plant, period = problem.plant, float(problem.plant.output.period or 1.0)
     if "window" in problem.options:
         return equations.window_samples(problem.options["window"], period)
-    best, reach = plant.n, 0.0
-    k = max(plant.n, 2)
-    while k <= _LONGEST_DEFAULT:
-        rows = equations.sample_rows(plant.flow.A, plant.output.C, period, k)
-        scales = equations.state_scales(plant.flow.A, plant.output.C, k * period)
-        found = equations.approx_determinacy(rows.reshape(-1, plant.n), scales)
-        if found > reach:
-            best, reach = k, found
-        if found >= _DETERMINED:
-            break
-        k *= 2
-    return best
+    A, C, objective = plant.flow.A, plant.output.C, problem.options.get("objective")
+    shortest = next((k for k in range(1, plant.n + 1) if _reach(A, C, period, k) > _SINGULAR), None)
+    k: int | None = None
+    if objective == "shortest_window":
+        k = shortest
+    by_13 = objective in ("shortest_window", "longest_period") and np.any(A)
+    if by_13 and shortest is not None and problem.options.get("method") in equations.NEED_L:
+        k = _samples_for_13(A, C, problem.gains.get("L"), period, shortest, str(objective))
+    return _well_determined(A, C, period) if k is None else k
+
+
+def _samples_for_13(
+    A: Any, C: Any, L: Any, period: float, least: int, objective: str
+) -> int | None:
+    """The shortest window for which (13) holds, or the one that allows the longest period."""
+    if objective == "shortest_window":
+        return fewest_samples(A, C, L, period, least)[0]
+    window = best_injection(A, C, None, L).window
+    return int(min(max(round(window / period), least), equations.MOST_SAMPLES))
+
+
+def _well_determined(A: Any, C: Any, period: float) -> int:
+    """The first of n, 2 n, 4 n, ... samples that determines the state well, else the best."""
+    counts = [len(A)]
+    while 2 * counts[-1] <= _LONGEST_DEFAULT:
+        counts.append(2 * counts[-1])
+    found = []
+    for k in counts:
+        found.append((_reach(A, C, period, k), k))
+        if found[-1][0] >= _DETERMINED:
+            return k
+    return max(found, key=lambda entry: entry[0])[1]
+
+
+def _reach(A: Any, C: Any, period: float, k: int) -> float:
+    rows = equations.sample_rows(A, C, period, k).reshape(-1, len(A))
+    return equations.approx_determinacy(rows, equations.state_scales(A, C, k * period))
 
 
 def _window_gain(problem: Problem, gains: dict[str, Any]) -> Any:
@@ -131,8 +161,6 @@ def _errors(gains: dict[str, Any]) -> dict[str, Any]:
         sampled = Sampled.of(gains["A"], gains["C"], gains["period"], gains["samples"])
         gain = gains["window_gain"]
         sizes = error_radius(sampled, gain, gains["noise_bound"], disturbance_bound(gains))
-        from lmi.balls import exact
-
         error = exact(gain) @ sampled.rows() - entries(identity(len(gains["A"])))
         state_error = np.array([[float_above(abs(x)) for x in row] for row in error])
         return {

@@ -110,6 +110,37 @@ def _polished(A: Array, C: Array, start: Injection, free_window: bool, free_L: b
     return _rated(A, C, *point(x0))
 
 
+def fewest_samples(A: Any, C: Any, given: Any, period: float, least: int) -> tuple[int | None, Any]:
+    """(k, L): fewest samples, at least `least`, for which (13) seems to hold; None: there are none.
+
+    For a given L all numbers are tried upwards; else by bisection below the best window.
+    """
+    if not np.any(A):
+        return least, C.T if given is None else given
+    log_period = math.log(period)
+    if given is not None:
+        # beyond some ten time constants only rounding is left of M_T
+        most = min(equations.MOST_SAMPLES, math.ceil(60.0 / (np.linalg.norm(A, 2) * period)))
+        for k in range(least, max(most, least) + 1):
+            if approx_log_longest_period(A, C, given, k * period) > log_period:
+                return k, given
+        return None, given
+    best = best_injection(A, C, None)
+    if best.log_period <= log_period:
+        return None, best.L
+    low, high, L = least - 1, max(least, math.floor(best.window / period)), best.L
+    while high - low > 1:
+        middle = (low + high) // 2
+        found = best_injection(A, C, middle * period, starts=2)
+        if found.log_period > log_period:
+            high, L = middle, found.L
+        else:
+            low = middle
+    if approx_log_longest_period(A, C, L, high * period) <= log_period:
+        L = best_injection(A, C, high * period).L
+    return high, L
+
+
 def chosen_injection(problem: Problem, k: int) -> Array:
     """L for a window of k samples, by the problem's objective."""
     A, C = problem.plant.flow.A, problem.plant.output.C

@@ -24,7 +24,7 @@ from lmi.norms import float_above, float_below, spectral_norm
 from lmi.verdict import proved, undecided
 from obsdesign.document import Claim
 from obsdesign.equations import finite_time_bounds as equations
-from obsdesign.window_gains import Sampled, difference_matrix, exponential
+from obsdesign.window_gains import Sampled, difference_matrix, exponential, gain_scale
 
 PAPER = "Mazenc, Ahmed, MICNON 2018"
 # pieces of the error integral: their number decides how far the bound is above the factor
@@ -50,6 +50,7 @@ class Sizes:
         inverse = solve(M, entries(identity(len(M))))
         if inverse is None:
             return None
+        inverse = inverse / gain_scale(sampled, L)
         LC = exact(L) @ sampled.C
         f, size_A, size_LC = (spectral_norm(_balls(X)) for X in (sampled.A + LC, sampled.A, LC))
         T = scalar(rational(sampled.period) * sampled.k)

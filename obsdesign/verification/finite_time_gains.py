@@ -24,7 +24,6 @@ from obsdesign.window_gains import (
     approximate_gain,
     difference_matrix,
     exact_gain,
-    gain_scale,
     half_period,
 )
 
@@ -42,7 +41,7 @@ def invertible(sampled: Sampled, gains: Mapping[str, Any]) -> Claim:
     if gains["method"] == "approximate":
         name, source = "difference_invertible", f"{PAPER}, Theorem 1, (2)"
         statement = "M_T = e^(-A T) - e^(-F T), F = A + L C, is invertible"
-        matrix = difference_matrix(sampled, L, gain_scale(L))[0]
+        matrix = difference_matrix(sampled, L)[0]
     else:
         name, source = "injection_invertible", f"{PAPER}, (9) with (16)"
         statement = "P^k - A_d^k, P = A_d + K_d C = Phi^(-1) over a period, is invertible"

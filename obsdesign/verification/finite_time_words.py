@@ -53,7 +53,8 @@ def _estimate(problem: Problem, method: str, evidence: Mapping[str, Any]) -> tup
             f"{when} the estimate is off by at most {factor:.6g} times the largest |x| in it.",
             [*ids, "error_identity"],
         )
-    return f"{when} the estimate is off by a term of second order in the period.", ids
+    order = "second" if problem.options.get("half_sample_correction") else "first"
+    return f"{when} the estimate is off by a term of {order} order in the period.", ids
 
 
 def _bounded(evidence: Mapping[str, Any]) -> list[tuple[str, list[str]]]:

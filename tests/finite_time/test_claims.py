@@ -48,7 +48,7 @@ def reason(claim: obsdesign.Claim) -> str:
 WRONG: list[tuple[dict[str, Any], str]] = [
     ({"window": 6.02}, "observer.window must be a multiple of output.period = 0.05; got 6.02, which is 120.4 periods. The nearest multiples are 6 and 6.05."),
     ({"window": 0.04}, "observer.window must be at least output.period = 0.05; got 0.04. The window holds no sample."),
-    ({"window": 1e6}, "observer.window must hold at most 20000 samples; got 20000000, 1000000.0 with period 0.05."),
+    ({"window": 1e6}, "observer.window must hold at most 20000 samples; got 2e+07, 1000000.0 with period 0.05."),
     ({"method": "minimax", "window": 6}, "observer.method = 'minimax' needs output.noise_bound or flow.disturbance: it makes the largest error small, and without either there is none."),
     ({"half_sample_correction": True, "window": 6}, "observer.half_sample_correction belongs to method = 'approximate'; the method is 'least_squares', which has no bias to correct."),
     ({"output": {"measured": "continuous"}, "window": 6}, "output.measured must be periodic for kind 'finite_time'; got 'continuous'."),
@@ -254,3 +254,40 @@ def test_series_of_one_period_against_an_ode(seed: int) -> None:
         sampled = Sampled.of(A, C, period, 1)
         found = middles(sampled.forward + sampled.forward @ injection(sampled, gain) @ sampled.C)
     assert np.abs(P.reshape(n, n) - found).max() <= 1e-7 * np.abs(found).max()
+
+
+@pytest.mark.parametrize(
+    ("objective", "method", "samples"),
+    [
+        ("shortest_window", "least_squares", 2), ("shortest_window", "approximate", 84),
+        ("longest_period", "approximate", 105),
+    ],
+)  # fmt: skip
+def test_the_objective_chooses_the_window(objective: str, method: str, samples: int) -> None:
+    kept = {"gains": {"L": L}} if method == "approximate" else {}
+    design = obsdesign.design(problem(method=method, objective=objective, **kept))
+    assert design.gains["samples"] == samples
+    if kept:
+        told = [e["given"] for e in design.guarantees if e["statement"].startswith("Theorem 1")]
+        assert told == [True]
+
+
+def test_least_noise_is_no_worse() -> None:
+    sizes = {}
+    for objective in ("longest_period", "least_noise"):
+        design = obsdesign.design(
+            problem(period=0.5, window=6, method="exact", objective=objective)
+        )
+        sizes[objective] = np.linalg.norm(design.gains["window_gain"])
+    least = np.linalg.norm(obsdesign.design(problem(period=0.5, window=6)).gains["window_gain"])
+    assert least <= sizes["least_noise"] * (1 + 1e-9)
+    assert sizes["least_noise"] <= sizes["longest_period"] * (1 + 1e-9)
+
+
+@pytest.mark.parametrize("n", [1, 2, 3])
+def test_everything_is_chosen_where_nothing_is_given(n: int) -> None:
+    rng = np.random.default_rng(n)
+    A, C = rng.standard_normal((n, n)), rng.standard_normal((1, n))
+    for method in ("least_squares", "exact", "approximate"):
+        design = obsdesign.design(problem(A, C, 0.25, method=method))
+        assert obsdesign.verify(design).verdict == "proved"

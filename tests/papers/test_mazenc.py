@@ -16,7 +16,13 @@ from obsdesign.equations import finite_time as equations
 from obsdesign.equations import finite_time_bounds as bounds
 from obsdesign.runtime import from_design
 from obsdesign.verification.finite_time_bounds import Sizes
-from obsdesign.window_gains import Sampled, approximate_gain, difference_matrix, injection
+from obsdesign.window_gains import (
+    Sampled,
+    approximate_gain,
+    difference_matrix,
+    gain_scale,
+    injection,
+)
 
 A = np.array([[0.0, 0.15], [-0.15, 0.0]])
 C = np.array([[0.3, 0.0]])
@@ -81,7 +87,8 @@ def test_printed_constants(name: str, printed: float, digits: int) -> None:
 
 def test_printed_matrices() -> None:
     with precision(160):
-        M = difference_matrix(Sampled.of(A, C, PERIOD, K), L)[0]
+        sampled = Sampled.of(A, C, PERIOD, K)
+        M = difference_matrix(sampled, L)[0] * gain_scale(sampled, L)
         inverse = middles(solve(M, entries(identity(2))))
         M = middles(M)
     assert np.abs(M - [[-0.0715, 0.0226], [0.1386, -0.0715]]).max() <= 0.5e-4
