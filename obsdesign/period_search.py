@@ -9,7 +9,7 @@ for, the far end speaks of the found ones only and is undecided.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -21,6 +21,7 @@ from obsdesign.equations import finite_time as equations
 from obsdesign.errors import InputError
 from obsdesign.problem import Problem
 from obsdesign.synthesis.finite_time_injection import best_injection, fewest_samples
+from obsdesign.synthesis.period_nlp import PeriodProgram
 from obsdesign.verification.finite_time_bounds import Sizes
 from obsdesign.verification.finite_time_window import observable, sampled_index
 from obsdesign.window_gains import Sampled
@@ -30,6 +31,7 @@ PERIOD_SEARCHES = ("longest_period", "shortest_window")
 _BITS = 160
 # windows with fewer samples than the one that is found are all shown to fail, up to that many
 _MOST_SHOWN = 2000
+_STARTS = 8
 _SOURCE = "Mazenc, Ahmed, MICNON 2018, Theorem 1, (13)"
 
 
@@ -50,8 +52,9 @@ def search_period(problem: Problem, what: str) -> Outcome:
     """The bracket for `what`.
 
     result: {"proved", "not_proved", "not_proved_verdict", "admissible", "samples", "window",
-    "gains", "reason"}; admissible is the longest period window/k that (13) allows. Refuted when
-    (A, C) is not observable or (13) holds for nothing. InputError as for a design.
+    "gains", "reason"}; admissible is the longest period window/k that (13) allows. "coordinates"
+    holds {"S", "L", "window", "proved"} where Theorem 1 for |S x| allows a longer period. Refuted
+    when (A, C) is not observable or (13) holds for nothing. InputError as for a design.
     """
     if what not in PERIOD_SEARCHES:
         raise InputError(f"--for {what} is not available for kind 'finite_time'.")
@@ -66,10 +69,12 @@ def search_period(problem: Problem, what: str) -> Outcome:
             return _outcome(problem, None, first, False)
         find = _longest_period if what == "longest_period" else _shortest_window
         found = find(problem, period)
+        better = _in_coordinates(problem, found) if what == "longest_period" else {}
     searched = "L" not in problem.gains or (what, "window" in problem.options) == (
         "longest_period", False,
     )  # fmt: skip
-    return _outcome(problem, found, first, searched)
+    outcome = _outcome(problem, found, first, searched)
+    return replace(outcome, result={**outcome.result, **better})
 
 
 def _without_window(problem: Problem) -> dict[str, Any]:
@@ -106,6 +111,26 @@ def _longest_period(problem: Problem, period: float) -> _Found:
     k = math.floor(window / ends[0]) + (window / math.floor(window / ends[0]) > ends[0])
     reason = f"at T = {window!r}, (13) fails beyond"
     return _Found(ends[0], ends[1], window, max(k, least), L, claims, reason)
+
+
+def _in_coordinates(problem: Problem, plain: _Found) -> dict[str, Any]:
+    """(13) for S A S^-1, C S^-1, S L with an open L: Theorem 1 holds in the norm |S x| then."""
+    A, C = problem.plant.flow.A, problem.plant.output.C
+    if "L" in problem.gains or plain.proved is None or not np.any(A):
+        return {}
+    program = PeriodProgram(A, C, problem.options.get("window"), coordinates=True)
+    best: dict[str, Any] = {"proved": plain.proved}
+    for start in program.starts(_STARTS):
+        point = program.solve(start)
+        if not (np.isfinite(point.S).all() and np.isfinite(point.L).all() and point.window > 0):
+            continue
+        sizes = Sizes.of(Sampled.of(A, C, point.window, 1), point.L, point.S)
+        longest = None if sizes is None else sizes.longest_period()
+        period = 0.0 if longest is None else min(float_below(longest), point.window / len(A))
+        if sizes is not None and period > best["proved"] and sizes.condition(period) is True:
+            S = point.S.tolist()
+            best = {"S": S, "L": point.L, "window": point.window, "proved": period}
+    return {"coordinates": best} if "S" in best else {}
 
 
 def _needed_samples(A: Any, C: Any, window: float) -> int:

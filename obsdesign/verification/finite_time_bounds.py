@@ -44,15 +44,22 @@ class Sizes:
     inverse: Any
 
     @staticmethod
-    def of(sampled: Sampled, L: Any) -> Sizes | None:
-        """None if M_T is not certainly invertible."""
+    def of(sampled: Sampled, L: Any, S: Any = None) -> Sizes | None:
+        """None if M_T is not certainly invertible. S: in coordinates S x, hence for |S x|."""
         M, back = difference_matrix(sampled, L)
         inverse = solve(M, entries(identity(len(M))))
         if inverse is None:
             return None
         inverse = inverse / gain_scale(sampled, L)
         LC = exact(L) @ sampled.C
-        f, size_A, size_LC = (spectral_norm(_balls(X)) for X in (sampled.A + LC, sampled.A, LC))
+        matrices = [_balls(X) for X in (sampled.A + LC, sampled.A, LC)]
+        if S is not None:
+            back_S = solve(_balls(exact(S)), entries(identity(len(M))))
+            if back_S is None:
+                return None
+            inverse, back = (exact(S) @ X @ back_S for X in (inverse, back))
+            matrices = [exact(S) @ X @ back_S for X in matrices]
+        f, size_A, size_LC = (spectral_norm(X) for X in matrices)
         T = scalar(rational(sampled.period) * sampled.k)
         a, m = spectral_norm(back), spectral_norm(inverse)
         return Sizes(a, m, f, size_A, size_LC, T, inverse)

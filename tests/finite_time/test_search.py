@@ -241,3 +241,19 @@ def test_a_hopeless_period_is_told() -> None:
     )
     assert outcome.verdict == "undecided"
     assert outcome.result["reason"].endswith("only: too many samples")
+
+
+def test_coordinates_that_allow_longer_periods() -> None:
+    result = found(A=[[0, 1], [0, 0]], C=[[1, 0]])
+    other = result["coordinates"]
+    assert other["proved"] > 1.01 * result["proved"]
+    S, back = np.array(other["S"]), np.linalg.inv(other["S"])
+    value = approx_log_longest_period(
+        S @ np.array([[0, 1.0], [0, 0]]) @ back, np.array([[1.0, 0]]) @ back, S @ other["L"],
+        other["window"],
+    )  # fmt: skip
+    assert math.exp(value) == pytest.approx(other["proved"], rel=1e-6)
+    # A of the paper's example is skew: nothing is gained
+    assert "coordinates" not in found(window=6)
+    # a given L keeps the coordinates it is given in
+    assert "coordinates" not in found(window=6, gains={"L": L})

@@ -372,3 +372,59 @@ def test_longest_period_of_13(window: float, longest: float) -> None:
     assert low <= longest * (1 + 1e-7)
     assert high >= longest * (1 - 1e-7)
     assert high / low - 1 < 1e-9
+
+
+def theorem_bounds(change: float | None, rows: int = 601) -> Any:
+    """The bound of Theorem 1 at every t_i >= T, its integrals by Gauss-Legendre on each period."""
+    _, d, x = motion(PERIOD, rows, change)
+    with precision(160):
+        c = sizes().constants(PERIOD)
+        alpha, beta, last = (float(v.mid()) for v in (c.alpha, c.beta, c.gamma * c.sigma))
+    F = A + L @ C
+    nodes, weights = np.polynomial.legendre.leggauss(6)
+    s, weights = (nodes + 1) * PERIOD / 2, weights * PERIOD / 2
+    # the inner integral of (15) runs backwards, from s to 0
+    block = np.zeros((3, 3))
+    block[:2, :2], block[0, 2] = -A, 1.0
+    inner = expms(block * s[:, None, None])[:, :2, 2]
+    value = (
+        d[:, None, None] * (np.array([1.0, 0]) - inner @ (L @ C).T)
+        - (x @ C.T @ L.T)[:, None, :]
+    )  # fmt: skip
+    size = np.linalg.norm(value, axis=2) @ weights
+    onwards = expms(F * (PERIOD - s)[:, None, None])
+    pieces = np.einsum("q,qij,kqj->ki", weights, onwards, value)
+    back = np.einsum("q,qij->ij", weights, expms(-A * s[:, None, None]))[:, 0]
+    found = []
+    for i in range(K, rows):
+        ages = (np.arange(K - 1, -1, -1) * PERIOD)[:, None, None]
+        inner_T = (expms(F * ages) @ pieces[i - K : i, :, None]).sum(axis=0)
+        times = (np.arange(K) * PERIOD)[:, None, None]
+        forced = (expms(-A * times) @ (d[i - K : i, None] * back)[:, :, None]).sum(axis=0)
+        found.append(
+            alpha * np.linalg.norm(forced) + beta * np.linalg.norm(inner_T)
+            + last * size[i - K : i].sum()
+        )  # fmt: skip
+    return np.array(found)
+
+
+@pytest.mark.parametrize(
+    ("change", "first", "low", "high"),
+    [(0.0, 16630.732, 16274.77, 16802.80), (None, 446.15131, 70.5477, 1035.268)],
+)
+def test_the_bound_of_theorem_1_is_empty(
+    change: float | None, first: float, low: float, high: float
+) -> None:
+    found = theorem_bounds(change)
+    assert found[0] == pytest.approx(first, rel=1e-6)
+    assert (found.min(), found.max()) == (
+        pytest.approx(low, rel=1e-6),
+        pytest.approx(high, rel=1e-6),
+    )
+    error = errors("approximate", PERIOD, 601, change)[3][K:]
+    x = np.linalg.norm(motion(PERIOD, 601, change)[2], axis=1)
+    assert (error <= found).all()
+    # to answer zero would always be closer than the bound promises; the identity says something
+    assert (x[K:] < found).all()
+    windows = np.array([x[i - K : i + 1].max() for i in range(K, 601)])
+    assert (error <= 0.0137102 * windows).all()
