@@ -55,7 +55,7 @@ def _guesses(
     small = _SMALL * size / float(np.linalg.norm(C, 2)) ** 2
     gains = [small * C.T, -small * C.T, small * np.ones_like(C.T)] if L is None else [L]
     found = [_rated(A, C, gain, T) for gain in gains for T in windows]
-    if L is None:
+    if L is None and starts:
         from obsdesign.synthesis.period_nlp import PeriodProgram
 
         program = PeriodProgram(A, C, window)
@@ -131,7 +131,7 @@ def fewest_samples(A: Any, C: Any, given: Any, period: float, least: int) -> tup
     low, high, L = least - 1, max(least, math.floor(best.window / period)), best.L
     while high - low > 1:
         middle = (low + high) // 2
-        found = best_injection(A, C, middle * period, starts=2)
+        found = best_injection(A, C, middle * period, starts=0)
         if found.log_period > log_period:
             high, L = middle, found.L
         else:

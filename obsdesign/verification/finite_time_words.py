@@ -20,7 +20,7 @@ def guarantees(problem: Problem, found: tuple[Claim, ...]) -> tuple[dict[str, An
     verdicts = {claim.id: claim.verdict for claim in found}
     evidence = {claim.id: claim.evidence for claim in found}
     method = problem.options.get("method", "least_squares")
-    told = [_estimate(problem, method, evidence), *_bounded(evidence)]
+    told = [_estimate(problem, method, evidence), *_bounded(problem, evidence)]
     result = [_entry(text, ids, verdicts) for text, ids in told]
     if "theorem_1_numbers" in evidence:
         result.append(_theorem(evidence["theorem_1_numbers"], verdicts))
@@ -35,11 +35,8 @@ def _entry(text: str, ids: list[str], verdicts: Mapping[str, str]) -> dict[str, 
 def _estimate(problem: Problem, method: str, evidence: Mapping[str, Any]) -> tuple[str, list[str]]:
     """When and without what the estimate is the state, or near to it."""
     plant = problem.plant
-    without = ["disturbance", "noise"]
-    without += ["unknown input d"] if plant.flow.D is not None else []
-    jumps = plant.jump is not None
+    without = ["disturbance", "noise", *_unbounded(problem)]
     announced = equations.announced_jumps(plant)
-    without += ["unannounced impulses"] if jumps and not announced else []
     free = f"{', '.join(without[:-1])} or {without[-1]}"
     since = "or since the last jump, " if announced else ""
     when = f"Once the window is full of samples {since}and without {free} in it,"
@@ -57,15 +54,25 @@ def _estimate(problem: Problem, method: str, evidence: Mapping[str, Any]) -> tup
     return f"{when} the estimate is off by a term of {order} order in the period.", ids
 
 
-def _bounded(evidence: Mapping[str, Any]) -> list[tuple[str, list[str]]]:
+def _unbounded(problem: Problem) -> list[str]:
+    """What moves the state without bounds and without being told."""
+    plant = problem.plant
+    found = ["unknown input d"] if plant.flow.D is not None else []
+    hidden = plant.jump is not None and not equations.announced_jumps(plant)
+    return [*found, "unannounced impulses"] if hidden else found
+
+
+def _bounded(problem: Problem, evidence: Mapping[str, Any]) -> list[tuple[str, list[str]]]:
     if "error_radius" not in evidence:
         return []
+    free = " or ".join(_unbounded(problem))
     sizes = evidence["error_radius"].get("largest_error", [])
     told = ", ".join(f"{x:.6g}" for x in sizes)
     return [
         (
-            "With disturbance and noise inside their bounds and a full window, the state is inside "
-            f"the stated bounds; at a sample they are this far from the estimate: {told}.",
+            "With disturbance and noise inside their bounds, a full window"
+            f"{' without ' + free if free else ''} and no sample missing, the state is inside the "
+            f"stated bounds; at a sample they are this far from the estimate: {told}.",
             ["unbiased", "error_radius"],
         )
     ]
