@@ -62,6 +62,11 @@ def precision(bits: int) -> Iterator[None]:
         ctx.prec = before
 
 
+def working_bits() -> int:
+    """The current precision."""
+    return int(ctx.prec)
+
+
 def ball(values: Exact) -> Any:
     """Ball matrix of an exact one, at the current precision."""
     return arb_mat(_rational_matrix(values))

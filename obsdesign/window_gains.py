@@ -23,8 +23,12 @@ from lmi.balls import (
     scalar,
     solve,
     to_float,
+    working_bits,
 )
 from obsdesign.equations import finite_time as equations
+
+# eighths of a term of the series per bit: each is about a quarter of the one before
+_TERMS_PER_BIT = 3
 
 
 @dataclass(frozen=True)
@@ -112,9 +116,11 @@ def injection(sampled: Sampled, L: Any) -> Exact:
     for _ in range(m - 1):
         backs.append(backs[-1] @ step)
     sizes = (_size(sampled.A), _size(L_exact))
-    rests = [equations.series_rest(*sizes, _size(sampled.C @ back), scalar(h)) for back in backs]
+    count = max(equations.SERIES_TERMS, _TERMS_PER_BIT * working_bits() // 8)
+    reaches = [_size(sampled.C @ back) for back in backs]
+    rests = [equations.series_rest(*sizes, reach, scalar(h), count) for reach in reaches]
     steps = [(back, around_zero(rest)) for back, rest in zip(backs, rests, strict=True)]
-    return equations.discrete_injection(sampled.A, sampled.C, L_exact, scalar(h), steps)
+    return equations.discrete_injection(sampled.A, sampled.C, L_exact, scalar(h), steps, count)
 
 
 def _size(X: Exact) -> Any:

@@ -194,7 +194,12 @@ def made_unbiased(gain: Array, rows: Array, unbiased: Array) -> Array:
 
 
 def discrete_injection(
-    A: Array, C: Array, L: Array, h: Any, steps: Sequence[tuple[Array, Any]]
+    A: Array,
+    C: Array,
+    L: Array,
+    h: Any,
+    steps: Sequence[tuple[Array, Any]],
+    count: int = SERIES_TERMS,
 ) -> Array:
     """K, (n, p), of one period: P = A_d (I + K C) is Phi^{-1} over it, K_d = A_d K.
 
@@ -203,12 +208,12 @@ def discrete_injection(
     (In the paper's terms I + C X(s) = Z(s), which for one output is exp(C W(s) L).)
 
     steps: for each of them e^{-A s} at its start s, and what the series leaves out, a ball around
-    zero (`series_rest`) or 0.
+    zero (`series_rest`) or 0; count: terms of the series.
     """
     p = L.shape[1]
     unit = np.eye(p, dtype=np.int64)
     b = [L]
-    for j in range(1, SERIES_TERMS):
+    for j in range(1, count):
         b.append(-(A @ b[-1]) * h / j)
     all_b = np.hstack(b)
     total = 0 * L
@@ -216,7 +221,7 @@ def discrete_injection(
         seen = C @ back
         z = unit  # z_m over z_{m-1} over ... over z_0
         change = 0 * L + rest
-        for m in range(SERIES_TERMS):
+        for m in range(count):
             term = all_b[:, : p * (m + 1)] @ z * h / (m + 1)
             change = change + term
             z = np.vstack([seen @ term, z])
@@ -234,14 +239,14 @@ def series_steps(A: Array, C: Array, L: Array, period: float) -> int:
     return max(1, math.ceil(size / _SERIES_STEP))
 
 
-def series_rest(size_A: Any, size_L: Any, reach: Any, h: Any) -> Any:
+def series_rest(size_A: Any, size_L: Any, reach: Any, h: Any, count: int) -> Any:
     """Bound on what the series of one step leaves out; sizes are norms, reach that of C e^{-A s}.
 
     Cauchy's estimate on |s| <= 4 h: a coefficient times h^m is below X(4 h) 4^-m, where
     X(s) = a e^{reach a}, a = s |L| e^{s |A|}, solves the scalar majorant.
     """
     a = 4 * h * size_L * np.exp(4 * h * size_A)
-    return a * np.exp(reach * a) / 4**SERIES_TERMS
+    return a * np.exp(reach * a) / 4**count
 
 
 def exact_terms(P: Array, K_d: Array, k: int) -> Array:

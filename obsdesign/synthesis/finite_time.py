@@ -27,7 +27,7 @@ from obsdesign.synthesis.minimax import minimax_gain
 from obsdesign.window_bounds import disturbance_bound, error_radius
 from obsdesign.window_gains import Sampled, approximate_gain, exact_gain, half_period
 
-_BITS = (160, 640)
+_BITS = (160, 320)
 # a default window is doubled until its scaled rows are that far from losing rank
 _DETERMINED = 1e-2
 _LONGEST_DEFAULT = 2048
