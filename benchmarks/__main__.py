@@ -12,6 +12,7 @@ CLAIMS = (
     "interval_step_is_fast", "interval_run_is_fast", "interval_fleet_is_fast",
     "interval_stream_is_flat", "interval_synthesis_is_fast",
     "window_gain_is_fast", "window_certificate_is_fast",
+    "period_search_is_reliable", "window_step_is_fast",
 )  # fmt: skip
 
 

@@ -62,6 +62,11 @@ def precision(bits: int) -> Iterator[None]:
         ctx.prec = before
 
 
+def working_bits() -> int:
+    """The current precision."""
+    return int(ctx.prec)
+
+
 def ball(values: Exact) -> Any:
     """Ball matrix of an exact one, at the current precision."""
     return arb_mat(_rational_matrix(values))
@@ -235,3 +240,19 @@ def upper_ends(X: Any) -> NDArray[np.float64]:
     tops = [[x.upper() for x in row] for row in X.tolist()]
     rows = [[0.0 if x == 0 else math.nextafter(float(x), math.inf) for x in row] for row in tops]
     return np.array(rows, dtype=np.float64)
+
+
+def entries(S: Any) -> Exact:
+    """A ball matrix as an object array, so that formulas with `+ - @ .T` run on it."""
+    return np.array(S.tolist(), dtype=object)
+
+
+def solve_entries(A: Exact, B: Exact) -> Exact | None:
+    """A^-1 B for object arrays of balls; None unless A is certainly invertible."""
+    found = solve(arb_mat(A.tolist()), arb_mat(B.tolist()))
+    return None if found is None else entries(found)
+
+
+def around_zero(radius: Any) -> Any:
+    """Ball [-r, r] for the largest r in a ball."""
+    return arb(0, radius.abs_upper())

@@ -132,7 +132,8 @@ def verify(design_file: str, paranoid: bool, as_json: bool) -> int:
 
 @cli.command()
 @click.argument("problem")
-@click.option("--for", "what", required=True, metavar="WHAT", help="shortest_dwell, longest_dwell.")
+@click.option("--for", "what", required=True, metavar="WHAT",
+              help="shortest_dwell, longest_dwell, longest_period, shortest_window.")  # fmt: skip
 @click.option("--kind", help="Observer kind; options of another kind in the file are dropped.")
 @click.option("--accuracy", type=float, default=1e-6, show_default=True, help="Relative width.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object on stdout.")

@@ -28,7 +28,7 @@ OPTIONS: Mapping[str, tuple[str, ...]] = {
     "interval": ("form", "objective", "gain_limit", "memory"),
     "luenberger": ("poles", "decay_rate", "weights", "memory", "schedule"),
     "impulsive": ("window", "alpha", "strategy", "decay_rate", "noise_target"),
-    "finite_time": ("window", "method", "objective"),
+    "finite_time": ("window", "method", "objective", "half_sample_correction"),
     "impulsive_input": (
         "window", "exponents", "margin", "ratio", "weighting", "operator", "state_correction",
         "nonnegative",

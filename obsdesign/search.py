@@ -17,7 +17,7 @@ import numpy as np
 from lmi.balls import exact
 from lmi.dwell_search import ACCURACY, Bracket, longest_dwell, shortest_dwell
 from lmi.verdict import overall
-from obsdesign import workflow
+from obsdesign import period_search, workflow
 from obsdesign.document import Claim
 from obsdesign.errors import InputError
 from obsdesign.problem import Problem
@@ -57,6 +57,8 @@ def search(problem: Problem, what: str, accuracy: float = ACCURACY) -> workflow.
     kind = problem.require_kind()
     if what not in SEARCHES:
         raise InputError(f"--for must be one of {', '.join(SEARCHES)}; got {what!r}.")
+    if kind == "finite_time" and what in period_search.PERIOD_SEARCHES:
+        return period_search.search_period(problem, what)
     if what not in DWELL_SEARCHES or kind not in ("interval", "luenberger"):
         raise InputError(f"--for {what} is not available for kind {kind!r} in this version.")
     if problem.plant.output.measured == "periodic":

@@ -117,3 +117,18 @@ def test_an_impulsive_example_from_file_to_estimates(path: Path) -> None:
         assert np.all(np.sqrt(np.mean(late[impulses] ** 2, axis=0)) < 1.5 * target)
     else:
         assert late.max() < 1e-6 * max(1.0, np.abs(record.block("x")).max())
+
+
+@pytest.mark.parametrize("path", of_kind("finite_time"), ids=lambda p: p.stem)
+def test_a_finite_time_example_from_file_to_estimate(path: Path) -> None:
+    problem = obsdesign.load_problem(path)
+    design = obsdesign.design(problem)
+    assert obsdesign.verify(design, paranoid=True).verdict == "proved"
+    record = simulate(problem.plant, until=25.0, rng=np.random.default_rng(1))
+    batch = from_design(design).run_batch(record.t, record.block("y"), record.block("u"))
+    full = np.array([status == "ok" for status in batch.status])
+    factor = {claim.id: claim for claim in design.claims}["error_identity"].evidence["factor"]
+    x = record.block("x")
+    error = np.linalg.norm(batch.x - x, axis=1)[full]
+    assert full.sum() > 300
+    assert error.max() <= factor * np.linalg.norm(x, axis=1).max()

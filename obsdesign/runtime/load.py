@@ -17,6 +17,7 @@ OBSERVERS = {
     "interval": ("obsdesign.runtime.interval", "IntervalObserver"),
     "luenberger": ("obsdesign.runtime.luenberger", "LuenbergerObserver"),
     "impulsive": ("obsdesign.runtime.impulsive", "ImpulsiveObserver"),
+    "finite_time": ("obsdesign.runtime.finite_time", "FiniteTimeObserver"),
 }
 
 
@@ -46,6 +47,7 @@ def from_design(design: Design, path: str = "design") -> Observer:
 _REPEATED = (
     ("A", "flow", "A"), ("B", "flow", "B"), ("C", "output", "C"), ("G", "jump", "G"),
     ("E", "jump", "E"), ("noise_bound", "output", "noise_bound"),
+    ("period", "output", "period"),
     ("dwell_time", "jump", "dwell_time"), ("dwell_jitter", "jump", "dwell_jitter"),
     ("jump_measurement", "output", "jump_measurement"),
 )  # fmt: skip

@@ -55,7 +55,8 @@ OBSERVERS = {
     "luenberger": "poles = [-1, [-2, 1]]\ndecay_rate = 0.1\nweights = { state = [1, 1] }\nmemory = 2\nschedule = 4",
     "impulsive": 'window = 3\nalpha = 1.5\nstrategy = "compressed"\ndecay_rate = 0.1\n'
     "noise_target = [0.1, 0.2]",
-    "finite_time": 'window = 6\nmethod = "exact"\nobjective = "least_noise"\ngains = { L = [[0], [0.1]] }',
+    "finite_time": 'window = 6\nmethod = "exact"\nobjective = "least_noise"\nhalf_sample_correction = false\n'
+    "gains = { L = [[0], [0.1]] }",
     "impulsive_input": 'window = 20\nexponents = [-1, -2]\nmargin = 5\nratio = 0.1\nweighting = "gls"\n'
     'operator = "samples"\nstate_correction = true\nnonnegative = false\ngains = { K = [[0], [1]] }',
     "unknown_input": 'poles = [-1]\nweights = { output = [1] }\ndifferentiator = "batch"',

@@ -1,0 +1,289 @@
+"""The state after a fixed time from periodic samples: gains of the four methods.
+
+    x'(t) = A x + B u + b,     y_j = C x(t_j) + v_j,   t_j = t_0 + j nu
+    xhat(t_i) = sum_j G_j y_{i-k+j},   j = 0..k-1,     T = k nu           (known inputs taken off)
+
+G is unbiased, and the estimate exact, when sum_j G_j C A_d^(j-k) = I. Every method but
+`approximate` is unbiased. Source: F. Mazenc, S. Ahmed, Finite Time Estimation via Piecewise
+Constant Measurements, MICNON 2018. Deviations, with reasons in docs/papers.md: the right-hand side
+of (9) holds the unknown x(t - T) and becomes an observer only together with (16); Phi over one
+period is a constant matrix and is computed.
+
+Notation
+    nu, k, T    period, samples in the window, window k nu;  A_d = e^{A nu}
+    F           A + L C (this paper's sign)
+    M_T         e^{-A T} - e^{-F T}, (2)
+    P, K_d      Phi^{-1} over one period and its discrete gain: P = A_d + K_d C
+    W           sum_j P^(k-1-j) K_d y_j is what (9) makes of the samples
+Matrices are float arrays, or object arrays of ball numbers where a proof needs them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lmi.exponential import exponential_grid
+from obsdesign.equations.estimation_error import plant_data
+
+Array = NDArray[Any]
+
+METHODS = ("least_squares", "exact", "approximate", "minimax")
+NEED_L = ("exact", "approximate")
+# T / nu counts as whole when it is that close to a whole number: both are decimal numbers
+WHOLE_TOLERANCE = 1e-9
+# more samples than this make a design file too large to handle
+MOST_SAMPLES = 20_000
+# the norm of the generator times a step of the series below, and the terms it is summed to
+_SERIES_STEP, SERIES_TERMS = 0.5, 36
+_MOST_STEPS = 500
+# least |L C| relative to |A| that a search may use: smaller ones gain nothing and lose digits
+SMALLEST_GAIN = 1e-6
+_OF_JUMPS = ("G", "E", "jump_lower", "jump_upper", "dwell_time", "dwell_jitter")
+
+
+def objection(plant: Any, options: Any) -> str | None:
+    """What forbids a finite-time observer for a problem, or None; one sentence."""
+    if plant.output.measured != "periodic":
+        return (
+            "output.measured must be periodic for kind 'finite_time'; "
+            f"got {plant.output.measured!r}."
+        )
+    method = options.get("method", "least_squares")
+    if options.get("half_sample_correction") and method != "approximate":
+        return (
+            "observer.half_sample_correction belongs to method = 'approximate'; the method is "
+            f"{method!r}, which has no bias to correct."
+        )
+    if "window" in options:
+        return window_objection(options["window"], plant.output.period)
+    return None
+
+
+def window_objection(window: float, period: float) -> str | None:
+    """Why this window does not fit the period, or None."""
+    if window < period * (1 - WHOLE_TOLERANCE):
+        return (
+            f"observer.window must be at least output.period = {period!r}; got {window!r}. "
+            "The window holds no sample."
+        )
+    count = window / period
+    if abs(count - round(count)) > WHOLE_TOLERANCE * count:
+        near = [k * period for k in (math.floor(count), math.ceil(count))]
+        return (
+            f"observer.window must be a multiple of output.period = {period!r}; got {window!r}, "
+            f"which is {count:.6g} periods. The nearest multiples are {near[0]:.9g} and "
+            f"{near[1]:.9g}."
+        )
+    if count > MOST_SAMPLES:
+        return (
+            f"observer.window must hold at most {MOST_SAMPLES} samples; got {count:.6g}, "
+            f"{window!r} with period {period!r}."
+        )
+    return None
+
+
+def window_samples(window: float, period: float) -> int:
+    """k = T / nu for a window that `window_objection` has nothing against."""
+    return round(window / period)
+
+
+def announced_jumps(plant: Any) -> bool:
+    """Does the data tell when the plant jumps? Impulses of unknown weight alone are not told."""
+    jump = plant.jump
+    return jump is not None and (jump.H is None or not np.array_equal(jump.G, np.eye(plant.n)))
+
+
+def stored_plant(plant: Any) -> dict[str, Any]:
+    """The plant's numbers in a design's gains: without jumps that no data announce."""
+    data = plant_data(plant) | {"period": plant.output.period}
+    if not announced_jumps(plant):
+        data = {name: value for name, value in data.items() if name not in _OF_JUMPS}
+    return data
+
+
+# --- what the samples see -----------------------------------------------------------------------
+
+
+def sample_rows(A: Array, C: Array, period: float, k: int) -> Array:
+    """C A_d^(j-k), j = 0..k-1, (k, p, n): the samples as functions of x(t_i)."""
+    backwards = exponential_grid(-A, period, period, k)
+    with np.errstate(over="ignore", invalid="ignore"):
+        return C @ backwards[::-1]
+
+
+def stacked_rows(C: Array, back: Array, k: int) -> Array:
+    """The same from A_d^-1 by products, for ball numbers."""
+    rows = [C @ back]
+    for _ in range(k - 1):
+        rows.append(rows[-1] @ back)
+    return np.array(rows[::-1])
+
+
+def state_scales(A: Array, C: Array, window: float) -> Array:
+    """Powers of two (n,): states in units in which they are seen about equally well.
+
+    1 / the column norms of C (A T)^j / j!, j < n: what the flow could tell of a state in the
+    window. Other units of the states scale along; samples that see less than that are noticed.
+    """
+    n = len(A)
+    terms = [np.asarray(C, dtype=np.float64)]
+    with np.errstate(over="ignore", invalid="ignore"):
+        for j in range(1, n):
+            terms.append(terms[-1] @ A * (window / j))
+        sizes = np.linalg.norm(np.vstack(terms), axis=0)
+    usable = np.isfinite(sizes) & (sizes > 0)
+    scales: Array = np.exp2(-np.round(np.log2(np.where(usable, sizes, 1.0))))
+    return scales
+
+
+def approx_determinacy(rows: Array, scales: Array) -> float:
+    """Least singular value of scaled rows at unit length, relative to their Frobenius norm.
+
+    rows: (m, n); in floats; 0 where they are fewer than n or not finite.
+    """
+    if not np.isfinite(rows).all() or len(rows) < len(scales):
+        return 0.0
+    scaled = rows * scales
+    lengths = np.linalg.norm(scaled, axis=1)
+    scaled = scaled / np.where(lengths > 0, lengths, 1.0)[:, None]
+    values = np.linalg.svd(scaled, compute_uv=False)
+    return float(values[-1] / math.sqrt(float((values**2).sum()) or 1.0))
+
+
+def pathological_pairs(A: Array, period: float) -> list[tuple[complex, complex, float]]:
+    """Eigenvalues of A that (almost) coincide after sampling: (one, other, turns between them).
+
+    Kalman, Ho, Narendra: equal real parts and imaginary parts that differ by a multiple of
+    2 pi / nu. A warning: several outputs may still see both.
+    """
+    values = np.linalg.eigvals(A)
+    size = max(float(np.abs(values).max(initial=0.0)), 1e-300)
+    found = []
+    for i, one in enumerate(values):
+        for other in values[i + 1 :]:
+            turns = abs(one.imag - other.imag) * period / (2 * math.pi)
+            same = abs(one.real - other.real) <= 1e-9 * size
+            if same and round(turns) > 0 and abs(turns - round(turns)) <= 1e-6 * turns:
+                found.append((complex(one), complex(other), float(turns)))
+    return found
+
+
+# --- unbiased gains -----------------------------------------------------------------------------
+
+
+def least_squares_gain(rows: Array, deviations: Array) -> Array:
+    """Gains (n, m) of the weighted least-squares estimate, by QR.
+
+    rows: (m, n), of `sample_rows`; deviations: (m,) relative sizes of the samples' errors.
+    """
+    weights = 1.0 / deviations
+    flat = rows * weights[:, None]
+    scales = np.exp2(-np.round(np.log2(np.maximum(np.abs(flat).max(axis=0), 1e-300))))
+    Q, R = np.linalg.qr(flat * scales)
+    return scales[:, None] * np.linalg.solve(R, Q.T) * weights
+
+
+def made_unbiased(gain: Array, rows: Array, unbiased: Array) -> Array:
+    """The gain made unbiased, G + (I - G O) G_0, by a G_0 that is: G_0 O = I. rows: O, (m, n)."""
+    return gain + (np.eye(rows.shape[1]) - gain @ rows) @ unbiased
+
+
+def discrete_injection(
+    A: Array,
+    C: Array,
+    L: Array,
+    h: Any,
+    steps: Sequence[tuple[Array, Any]],
+    count: int = SERIES_TERMS,
+) -> Array:
+    """K, (n, p), of one period: P = A_d (I + K C) is Phi^{-1} over it, K_d = A_d K.
+
+    X' = e^{-A s} L (I + C X), X(0) = 0, K = X(nu), by Taylor series over equal steps h:
+    x_{m+1} = h / (m + 1) sum_j b_j z_{m-j}, b_j = (-A h)^j L / j!, z_0 = I, z_m = C x_m.
+    (In the paper's terms I + C X(s) = Z(s), which for one output is exp(C W(s) L).)
+
+    steps: for each of them e^{-A s} at its start s, and what the series leaves out, a ball around
+    zero (`series_rest`) or 0; count: terms of the series.
+    """
+    p = L.shape[1]
+    unit = np.eye(p, dtype=np.int64)
+    b = [L]
+    for j in range(1, count):
+        b.append(-(A @ b[-1]) * h / j)
+    all_b = np.hstack(b)
+    total = 0 * L
+    for back, rest in steps:
+        seen = C @ back
+        z = unit  # z_m over z_{m-1} over ... over z_0
+        change = 0 * L + rest
+        for m in range(count):
+            term = all_b[:, : p * (m + 1)] @ z * h / (m + 1)
+            change = change + term
+            z = np.vstack([seen @ term, z])
+        total = total + back @ (change @ (unit + C @ total))
+    return total
+
+
+def series_steps(A: Array, C: Array, L: Array, period: float) -> int:
+    """Number of steps of `discrete_injection` for which its series converges quickly."""
+    seen = C @ exponential_grid(-A, 0.0, period / 16, 17)
+    reach = float(np.linalg.norm(seen, axis=(1, 2)).max())
+    size = float(np.linalg.norm(A, 2) + np.linalg.norm(L, 2) * reach) * period
+    if not size <= _MOST_STEPS * _SERIES_STEP:
+        return _MOST_STEPS
+    return max(1, math.ceil(size / _SERIES_STEP))
+
+
+def series_rest(size_A: Any, size_L: Any, reach: Any, h: Any, count: int) -> Any:
+    """Bound on what the series of one step leaves out; sizes are norms, reach that of C e^{-A s}.
+
+    Cauchy's estimate on |s| <= 4 h: a coefficient times h^m is below X(4 h) 4^-m, where
+    X(s) = a e^{reach a}, a = s |L| e^{s |A|}, solves the scalar majorant.
+    """
+    a = 4 * h * size_L * np.exp(4 * h * size_A)
+    return a * np.exp(reach * a) / 4**count
+
+
+def exact_terms(P: Array, K_d: Array, k: int) -> Array:
+    """W_j = P^(k-1-j) K_d, j = 0..k-1, (k, n, p): the weights that (9) gives to the samples.
+
+    With N = sum_j W_j C A_d^(j-k), which is (P^k - A_d^k) A_d^-k, (9) and (16) together are
+    N x(t_i) = sum_j W_j y_j: no unknown is left, and no condition (13) is needed.
+    """
+    return _powers_times(P, K_d, k)[::-1]
+
+
+def approximate_terms(back: Array, weighted: Array, k: int) -> Array:
+    """e^{-F (j+1) nu} Gam_F L, j = 0..k-1, (k, n, p): M_T xhat = sum_j of them y_j, (14).
+
+    back = e^{-F nu}; weighted = e^{-F nu} Gam_F L with Gam_F = int_0^nu e^{F s} ds.
+    """
+    return _powers_times(back, weighted, k)
+
+
+def _powers_times(X: Array, Y: Array, k: int) -> Array:
+    terms = [Y]
+    for _ in range(k - 1):
+        terms.append(X @ terms[-1])
+    return np.array(terms)
+
+
+def side_by_side(terms: Array) -> Array:
+    """(k, n, p) -> (n, k p): gains as one matrix that multiplies the window, oldest first."""
+    k, n, p = terms.shape
+    return terms.transpose(1, 0, 2).reshape(n, k * p)
+
+
+def difference_block(A: Array, LC: Array) -> Array:
+    """B with e^{B T} = [[e^{-F T}, M_T], [0, e^{-A T}]]: M_T without a difference.
+
+    M_T = e^{-A T} - e^{-F T} = int_0^T e^{-F (T - s)} L C e^{-A s} ds; the difference itself loses
+    all digits when L C is small.
+    """
+    zero = 0 * A
+    return np.block([[-(A + LC), LC], [zero, -A]])

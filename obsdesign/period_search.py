@@ -1,0 +1,212 @@
+"""Longest period and shortest window of condition (13), Theorem 1 of Mazenc and Ahmed.
+
+`longest_period` replaces the period of the file: the end of (13) for its window and its L, or for
+those that are found where the file leaves them open. `shortest_window` keeps the period and looks
+for the fewest samples. Both ends are proved in ball arithmetic; where L or the window was searched
+for, the far end speaks of the found ones only and is undecided.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from lmi.balls import precision
+from lmi.norms import float_above, float_below
+from obsdesign.document import Claim
+from obsdesign.equations import finite_time as equations
+from obsdesign.errors import InputError
+from obsdesign.problem import Problem
+from obsdesign.synthesis.finite_time_injection import best_injection, fewest_samples
+from obsdesign.synthesis.period_nlp import PeriodProgram
+from obsdesign.verification.finite_time_bounds import Sizes
+from obsdesign.verification.finite_time_window import observable, sampled_index
+from obsdesign.window_gains import Sampled
+from obsdesign.workflow import Outcome
+
+PERIOD_SEARCHES = ("longest_period", "shortest_window")
+_BITS = 160
+# windows with fewer samples than the one that is found are all shown to fail, up to that many
+_MOST_SHOWN = 2000
+_STARTS = 8
+_SOURCE = "Mazenc, Ahmed, MICNON 2018, Theorem 1, (13)"
+
+
+@dataclass(frozen=True)
+class _Found:
+    """Ends of a bracket in the searched quantity, with window, samples and L."""
+
+    proved: float | None
+    not_proved: float | None
+    window: float
+    samples: int
+    L: Any
+    claims: tuple[Claim, ...]
+    reason: str | None
+
+
+def search_period(problem: Problem, what: str) -> Outcome:
+    """The bracket for `what`.
+
+    result: {"proved", "not_proved", "not_proved_verdict", "admissible", "samples", "window",
+    "gains", "reason"}; admissible is the longest period window/k that (13) allows. "coordinates"
+    holds {"S", "L", "window", "proved"} where Theorem 1 for |S x| allows a longer period. Refuted
+    when (A, C) is not observable or (13) holds for nothing. InputError as for a design.
+    """
+    if what not in PERIOD_SEARCHES:
+        raise InputError(f"--for {what} is not available for kind 'finite_time'.")
+    problem.require_measured("periodic")
+    period = float(problem.plant.output.period or 1.0)
+    asked = {} if what == "shortest_window" else _without_window(problem)
+    if text := equations.objection(problem.plant, asked):
+        raise InputError(text)
+    with precision(_BITS):
+        first = observable(Sampled.of(problem.plant.flow.A, problem.plant.output.C, period, 1))
+        if first.verdict != "proved":
+            return _outcome(problem, None, first, False)
+        find = _longest_period if what == "longest_period" else _shortest_window
+        found = find(problem, period)
+        better = _in_coordinates(problem, found) if what == "longest_period" else {}
+    searched = "L" not in problem.gains or (what, "window" in problem.options) == (
+        "longest_period", False,
+    )  # fmt: skip
+    outcome = _outcome(problem, found, first, searched)
+    return replace(outcome, result={**outcome.result, **better})
+
+
+def _without_window(problem: Problem) -> dict[str, Any]:
+    """Options but for the window: it need not be a multiple of a period that is searched for."""
+    return {name: value for name, value in problem.options.items() if name != "window"}
+
+
+def _longest_period(problem: Problem, period: float) -> _Found:
+    A, C = problem.plant.flow.A, problem.plant.output.C
+    given = problem.options.get("window")
+    L = problem.gains.get("L")
+    if not np.any(A):  # (13) holds for any period: the window is all there is
+        window, L = given or 2 * period, C.T if L is None else L
+    elif given is None or L is None:
+        best = best_injection(A, C, given, L)
+        window, L = best.window, best.L
+    else:
+        window = given
+    sizes = Sizes.of(Sampled.of(A, C, window, 1), L)
+    if sizes is None:
+        return _nothing(window, L, f"M_T is not certainly invertible at T = {window!r}")
+    longest = sizes.longest_period()
+    ends = (math.inf, math.inf) if longest is None else (float_below(longest), float_above(longest))
+    if not ends[0] > window * 2.0**-52:
+        reason = f"at T = {window!r} (13) allows periods below {ends[1]:.3g} only: too many samples"
+        return _nothing(window, L, reason)
+    least = _needed_samples(A, C, window)
+    if ends[0] * least > window:
+        reason = f"the window {window!r} has to hold {least} samples; (13) would allow more"
+        period = window / least
+        only = (_condition(sizes, period, True),)
+        return _Found(period, None, window, least, L, only, reason)
+    claims = (_condition(sizes, ends[0], True), _condition(sizes, ends[1], False))
+    k = math.floor(window / ends[0]) + (window / math.floor(window / ends[0]) > ends[0])
+    reason = f"at T = {window!r}, (13) fails beyond"
+    return _Found(ends[0], ends[1], window, max(k, least), L, claims, reason)
+
+
+def _in_coordinates(problem: Problem, plain: _Found) -> dict[str, Any]:
+    """(13) for S A S^-1, C S^-1, S L with an open L: Theorem 1 holds in the norm |S x| then."""
+    A, C = problem.plant.flow.A, problem.plant.output.C
+    if "L" in problem.gains or plain.proved is None or not np.any(A):
+        return {}
+    program = PeriodProgram(A, C, problem.options.get("window"), coordinates=True)
+    best: dict[str, Any] = {"proved": plain.proved}
+    for start in program.starts(_STARTS):
+        point = program.solve(start)
+        if not (np.isfinite(point.S).all() and np.isfinite(point.L).all() and point.window > 0):
+            continue
+        sizes = Sizes.of(Sampled.of(A, C, point.window, 1), point.L, point.S)
+        longest = None if sizes is None else sizes.longest_period()
+        period = 0.0 if longest is None else min(float_below(longest), point.window / len(A))
+        if sizes is not None and period > best["proved"] and sizes.condition(period) is True:
+            S = point.S.tolist()
+            best = {"S": S, "L": point.L, "window": point.window, "proved": period}
+    return {"coordinates": best} if "S" in best else {}
+
+
+def _needed_samples(A: Any, C: Any, window: float) -> int:
+    """The least k for which k samples, window/k apart, determine the state."""
+    for k in range(1, len(A) + 1):
+        if sampled_index(Sampled.of(A, C, window / k, k)) <= k:
+            return k
+    return len(A)
+
+
+def _shortest_window(problem: Problem, period: float) -> _Found:
+    A, C = problem.plant.flow.A, problem.plant.output.C
+    least = sampled_index(Sampled.of(A, C, period, len(A)))
+    given = problem.gains.get("L")
+    k, L = fewest_samples(A, C, given, period, least)
+    if k is None:
+        return _nothing(least * period, L, f"(13) holds for no window with period {period!r}")
+    sizes = Sizes.of(Sampled.of(A, C, period, k), L)
+    if sizes is None or sizes.condition(period) is not True:
+        return _nothing(k * period, L, f"(13) is not certain at T = {k * period:.9g}")
+    claims = [_condition(sizes, period, True)]
+    if k == least:
+        reason = f"{least} samples are needed to determine the state"
+        below = (k - 1) * period if k > 1 else None
+        return _Found(k * period, below, k * period, k, L, tuple(claims), reason)
+    shorter = _all_fail(A, C, L, period, range(max(least, k - _MOST_SHOWN), k))
+    reason = f"(13) is false for all windows of {least} to {k - 1} samples"
+    return _Found(k * period, (k - 1) * period, k * period, k, L, (*claims, shorter), reason)
+
+
+def _all_fail(A: Any, C: Any, L: Any, period: float, counts: range) -> Claim:
+    """(13) is false for every one of these windows, or else undecided."""
+    held = []
+    for k in counts:
+        sizes = Sizes.of(Sampled.of(A, C, period, k), L)
+        if sizes is not None and sizes.condition(period) is not False:
+            held.append(k)
+    evidence: dict[str, Any] = {"samples": [counts.start, counts.stop - 1]}
+    if held:
+        evidence["reason"] = f"(13) may hold with {held[0]} samples"
+    return Claim(
+        "shorter_windows",
+        f"(13) is false at period {period!r} for windows of {counts.start} to {counts.stop - 1} "
+        "samples and this L",
+        _SOURCE,
+        "undecided" if held else "proved",
+        evidence,
+    )
+
+
+def _condition(sizes: Sizes, period: float, wanted: bool) -> Claim:
+    found = sizes.condition(period)
+    word = "holds" if wanted else "fails"
+    T = float_below(sizes.T)
+    verdict = "proved" if found is wanted else "undecided"
+    evidence = {} if found is wanted else {"reason": f"at {period!r} it is too close to call"}
+    name = "condition_13" if wanted else "condition_13_ends"
+    return Claim(name, f"(13) {word} at period {period!r}, T = {T:.9g}", _SOURCE, verdict, evidence)
+
+
+def _nothing(window: float, L: Any, reason: str) -> _Found:
+    claim = Claim("condition_13", "(13) holds for some period", _SOURCE, "undecided",
+                  {"reason": reason})  # fmt: skip
+    return _Found(None, None, window, 0, L, (claim,), reason)
+
+
+def _outcome(problem: Problem, found: _Found | None, first: Claim, searched: bool) -> Outcome:
+    result: dict[str, Any] = {"proved": None, "not_proved": None, "not_proved_verdict": None}
+    if found is None:
+        return Outcome("refuted", "finite_time", (first,), result, None)
+    result |= {"window": found.window, "gains": {"L": found.L}, "reason": found.reason}
+    claims = (first, *found.claims)
+    verdict = "proved" if all(claim.verdict == "proved" for claim in claims) else "undecided"
+    if found.proved is not None:
+        result |= {"proved": found.proved, "not_proved": found.not_proved}
+        result |= {"samples": found.samples, "admissible": found.window / found.samples}
+        if found.not_proved is not None:
+            result["not_proved_verdict"] = "undecided" if searched else "refuted"
+    return Outcome(verdict, "finite_time", claims, result, None)

@@ -1,0 +1,98 @@
+"""Known inputs in observer (14) as it is printed: exact quadrature, also between samples.
+
+    xhat = M_T^{-1} (e^{-A T} D - e^{-F T} T~),   D = sum_j A_d^(k-1-j) d_j,
+    T~ = sum_j e^{F (k-1-j) nu} tau_j,   tau_j = Gam_F (-L y_j) + c_j
+
+d_j and c_j are what the known input delta does in period j: with q' = e^{-A s} delta, q(0) = 0,
+
+    d' = A d + delta,   c' = F c - L C q + delta                over one period, from zero.
+
+(16) and the integrals of (14): F. Mazenc, S. Ahmed, MICNON 2018; the inner integral of (14) runs
+backwards and is negative.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from lmi.exponential import expm
+from obsdesign.equations import finite_time as equations
+from obsdesign.runtime.base import Vector
+
+
+@dataclass(frozen=True, slots=True)
+class Known:
+    """What the known input did: (d, c, q) of the open period, its age, and closed periods."""
+
+    d: Vector
+    c: Vector
+    q: Vector
+    age: float
+    closed: Vector
+
+    @staticmethod
+    def zero(n: int, k: int) -> Known:
+        """No period yet."""
+        zero = np.zeros(n)
+        return Known(zero, zero, zero, 0.0, np.zeros(2 * n * k))
+
+    def opened(self) -> Known:
+        """At the start of a period."""
+        zero = np.zeros(len(self.d))
+        return replace(self, d=zero, c=zero, q=zero, age=0.0)
+
+
+@dataclass(frozen=True)
+class ApproximateInputs:
+    """Weights (n, 2 n k) of the closed periods' (d_j, c_j), and the generator of a period."""
+
+    weights: Vector
+    A: Vector
+    generator: Vector
+
+    @classmethod
+    def of(cls, gains: Mapping[str, Any]) -> ApproximateInputs:
+        """From A, C, L, period and samples of a design."""
+        A, C, L = gains["A"], gains["C"], gains["L"]
+        n, k, period = len(A), int(gains["samples"]), float(gains["period"])
+        LC = L @ C
+        scale = max(float(np.abs(LC).max()), 1e-300)
+        block = equations.difference_block(A, LC)
+        block[:n, n:] /= scale
+        whole = expm(block * (k * period))
+        back_F, back_A = expm(-(A + LC) * period), expm(-A * period)
+        terms = []
+        power_F, power_A = back_F, back_A
+        for _ in range(k):
+            terms += [power_A, -power_F]
+            power_F, power_A = power_F @ back_F, power_A @ back_A
+        weights = np.linalg.solve(whole[:n, n:], np.hstack(terms)) / scale
+        zero, unit = np.zeros((n, n)), np.eye(n)
+        generator = np.block([
+            [A + LC, -LC, zero, unit], [zero, zero, unit, zero],
+            [zero, zero, -A, zero], [zero, zero, zero, zero],
+        ])  # fmt: skip
+        return cls(np.asarray(weights), A, generator)
+
+    def moved(self, known: Known, forced: Vector, h: float, maps: Any) -> Known:
+        """The open period, h later, with the known input `forced` held."""
+        if not (np.any(forced) or np.any(known.d) or np.any(known.c) or np.any(known.q)):
+            return replace(known, age=known.age + h)
+        n = len(forced)
+        aged = expm(-self.A * known.age) @ forced if known.age else forced
+        moved = expm(self.generator * h)[: 2 * n] @ np.concatenate([known.c, known.q, aged, forced])
+        d = maps.flow @ known.d + maps.once @ forced
+        return replace(known, d=d, c=moved[:n], q=moved[n:], age=known.age + h)
+
+    def closed(self, known: Known) -> Known:
+        """At the end of a period: it takes its place among the closed ones."""
+        n = len(known.d)
+        return replace(known, closed=np.concatenate([known.closed[2 * n :], known.d, known.c]))
+
+    def known_part(self, known: Known) -> Vector:
+        """M_T^{-1} (e^{-A T} D - e^{-F T} sum_j e^{F (k-1-j) nu} c_j)."""
+        return np.asarray(self.weights @ known.closed)

@@ -1,0 +1,262 @@
+"""The window of a finite-time observer: how it moves with the plant, takes samples, estimates.
+
+A state is never changed: every move returns a new one.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import OrderedDict
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from obsdesign.equations import finite_time as equations
+from obsdesign.runtime.approximate_inputs import ApproximateInputs, Known
+from obsdesign.runtime.base import RELATIVE_TIME_TOLERANCE, Vector, vector
+from obsdesign.runtime.step_cache import cached_step
+from obsdesign.runtime.window_error import FlowMaps, WindowError, flow_maps
+
+# rounding of y - C w, as a part of w
+_SEEN = 2.0**-48
+# the scaled rows of an incomplete window must be that far from losing rank
+_DETERMINED = 1e-11
+
+
+class FiniteTimeState(NamedTuple):  # a frozen dataclass of this size costs more than the step
+    """Everything the next step needs, just after time t.
+
+    x: estimate; w: known response; drive: what the input u adds to (w, C w) in a period; window:
+    (k p,) residuals y - C w, oldest first, NaN where a sample is missing; filled: instants in it;
+    since: instants since w was moved; sampled: time of the last instant; good: was x taken from
+    a full window, False with gaps, None not yet; |state - centre| <= radius; slip: rounding of w
+    per step.
+    """
+
+    t: float
+    x: Vector
+    w: Vector
+    u: Vector
+    drive: Vector
+    window: Vector
+    known: Known | None
+    filled: int
+    missing: int
+    since: int
+    sampled: float | None
+    good: bool | None
+    centre: Vector
+    radius: Vector
+    slip: Vector
+    started: bool
+
+
+@dataclass(frozen=True)
+class SamplingWindow:
+    """What a window of samples needs: the gains, what follows from them, and its moves."""
+
+    gains: Mapping[str, Any]
+    _steps: OrderedDict[tuple[float, int], Any] = field(
+        default_factory=OrderedDict, repr=False, compare=False
+    )
+
+    @property
+    def n(self) -> int:
+        """Number of states."""
+        return len(self.gains["A"])
+
+    @cached_property
+    def k(self) -> int:
+        """Samples in the window."""
+        return int(self.gains["samples"])
+
+    @cached_property
+    def bounded(self) -> bool:
+        """Are there bounds for disturbance or noise, and hence for the state?"""
+        return bool(np.any(self.gains.get("radius", 0.0)))
+
+    @property
+    def reads(self) -> dict[str, int | bool]:
+        """How many y, u, w a sample has, and whether jumps are reported."""
+        u, w = (self.gains[x].shape[1] if x in self.gains else 0 for x in ("B", "E"))
+        return {"y": len(self.gains["C"]), "u": u, "w": w, "jump": "G" in self.gains}
+
+    def _flow(self, state: FiniteTimeState, t: float) -> FiniteTimeState:
+        """Everything that moves with the plant, to time t."""
+        h = t - state.t
+        if h <= 0:
+            return state._replace(t=t)
+        size = max(abs(t), abs(state.t))
+        maps = cached_step(self._steps, h, size, self._maps)
+        forced = self._forced(state.u)
+        x = maps.flow @ state.x + maps.once @ forced
+        w = maps.flow @ state.w + maps.once @ forced
+        known = state.known
+        if known is not None and self._inputs is not None:
+            known = self._inputs.moved(known, forced, h, maps)
+        if not self.bounded:
+            return state._replace(t=t, x=x, w=w, known=known)
+        centre = maps.flow @ state.centre + maps.once @ forced
+        slip = np.maximum(state.slip, maps.error(state.w, forced) + _SEEN * np.abs(w))
+        radius = maps.spread(state.radius) + maps.error(state.centre, forced)
+        return state._replace(t=t, x=x, w=w, known=known, centre=centre, radius=radius, slip=slip)
+
+    @staticmethod
+    def _slack(t: float, elapsed: float) -> float:
+        """Time stamps are decimal: how far two of them may be from `elapsed` apart."""
+        return RELATIVE_TIME_TOLERANCE * elapsed + 8 * math.ulp(t)
+
+    def _drive(self, u: Vector) -> Vector:
+        once = self._period_maps.once @ self._forced(u)
+        return np.concatenate([once, self.gains["C"] @ once])
+
+    def _maps(self, h: float, error: float) -> Any:
+        return flow_maps(self.gains, h, error)
+
+    def _forced(self, u: Vector) -> Vector:
+        middle = (self.gains["flow_lower"] + self.gains["flow_upper"]) / 2
+        return np.asarray(middle + self.gains["B"] @ u if len(u) else middle)
+
+    # --- the window -----------------------------------------------------------------------------
+
+    def _instant(self, state: FiniteTimeState, y: Vector | None) -> FiniteTimeState:
+        """At a sampling instant: estimate from the window, then take the sample (or none) in."""
+        if state.known is not None and self._inputs is not None and state.filled:
+            state = state._replace(known=self._inputs.closed(state.known))
+        if state.filled == self.k:
+            state = self._estimated(state)
+        return self._pushed(state, y)
+
+    def _estimated(self, state: FiniteTimeState) -> FiniteTimeState:
+        if state.missing:
+            x = self._from_the_rest(state)
+            return state._replace(good=False) if x is None else state._replace(x=x, good=False)
+        if state.known is not None and self._inputs is not None:
+            x = self.gains["window_gain"] @ state.window + self._inputs.known_part(state.known)
+            return state._replace(x=x, good=True)
+        x = self._seen_back @ state.w + self.gains["window_gain"] @ state.window
+        if self.bounded:
+            radius = self._error.radius(state.window, state.w, x, state.slip)
+            state = state._replace(centre=x, radius=radius)
+        state = state._replace(x=x, good=True, since=state.since + 1)
+        # where bounds are told, w stays: moving it rounds the residuals
+        return self._moved_onto(state, x) if self._due(state) else state
+
+    def _due(self, state: FiniteTimeState) -> bool:
+        return state.since >= self.k and not self.bounded
+
+    def _moved_onto(self, state: FiniteTimeState, x: Vector) -> FiniteTimeState:
+        """Another response w through x: the residuals of the window follow."""
+        window = state.window - self._rows @ (x - state.w)
+        return state._replace(w=x, window=window, since=0)
+
+    def _from_the_rest(self, state: FiniteTimeState) -> Vector | None:
+        """Least squares on the samples that are there; None if they do not determine the state."""
+        if self.gains["method"] != "least_squares":
+            return None
+        there = np.isfinite(state.window)
+        rows = self._rows[there]
+        if equations.approx_determinacy(rows, self._scales) < _DETERMINED:
+            return None
+        deviations = np.tile(self.gains["deviations"], self.k)[there]
+        gain = equations.least_squares_gain(rows, deviations)
+        return np.asarray(state.w + gain @ state.window[there])
+
+    def _pushed(self, state: FiniteTimeState, y: Vector | None) -> FiniteTimeState:
+        p = len(self.gains["C"])
+        fresh = np.full(p, np.nan) if y is None else y - self.gains["C"] @ self._base(state)
+        leaving = state.filled == self.k and bool(np.isnan(state.window[0]))
+        window = np.concatenate([state.window[p:], fresh])
+        missing = state.missing + (y is None) - leaving
+        known = state.known
+        if known is not None:
+            known = known.opened()
+        filled = min(state.filled + 1, self.k)
+        return state._replace(window=window, filled=filled, missing=missing, known=known)
+
+    def _base(self, state: FiniteTimeState) -> Vector:
+        """What is taken off the measurements: nothing for (14), which has its own way."""
+        return np.zeros(self.n) if state.known is not None else state.w
+
+    def _emptied(self, state: FiniteTimeState) -> FiniteTimeState:
+        known = Known.zero(self.n, self.k) if state.known is not None else None
+        window = np.full_like(state.window, np.nan)
+        return state._replace(
+            window=window, filled=0, missing=0, since=0, sampled=None, good=None,
+            w=np.zeros(self.n), known=known, slip=np.zeros(self.n),
+        )  # fmt: skip
+
+    def _jumped(self, state: FiniteTimeState, w: ArrayLike | None) -> FiniteTimeState:
+        """After a jump the samples before it say nothing: the window starts again."""
+        gains = self.gains
+        if "G" not in gains:
+            raise ValueError("this plant has no jumps ([jump] is absent), but a sample says jump.")
+        moved = (gains["jump_lower"] + gains["jump_upper"]) / 2
+        if "E" in gains:
+            inputs = int(self.reads["w"])
+            moved = moved + gains["E"] @ (np.zeros(inputs) if w is None else vector(w, inputs, "w"))
+        spread = np.full(self.n, np.inf)
+        x = gains["G"] @ state.x + moved
+        return self._emptied(state)._replace(x=x, centre=x, radius=spread)
+
+    # --- what follows from the gains --------------------------------------------------------------
+
+    @cached_property
+    def _p(self) -> int:
+        return len(self.gains["C"])
+
+    @cached_property
+    def _gain(self) -> Vector:
+        return np.ascontiguousarray(self.gains["window_gain"])
+
+    @cached_property
+    def _period(self) -> float:
+        return float(self.gains["period"])
+
+    @cached_property
+    def _special(self) -> bool:
+        """Has a step more to do than the estimate alone?"""
+        return self.bounded or self.gains["method"] == "approximate"
+
+    @cached_property
+    def _period_maps(self) -> FlowMaps:
+        return flow_maps(self.gains, self._period, 0.0)
+
+    @cached_property
+    def _flow_and_seen(self) -> Vector:
+        flow = self._period_maps.flow
+        return np.vstack([flow, self.gains["C"] @ flow])
+
+    @cached_property
+    def _rows(self) -> Vector:
+        """C A_d^(j-k), (k p, n)."""
+        gains = self.gains
+        rows = equations.sample_rows(gains["A"], gains["C"], float(gains["period"]), self.k)
+        return rows.reshape(-1, self.n)
+
+    @cached_property
+    def _scales(self) -> Vector:
+        A, C = self.gains["A"], self.gains["C"]
+        return np.asarray(equations.state_scales(A, C, self.k * self._period))
+
+    @cached_property
+    def _seen_back(self) -> Vector:
+        """sum_j G_j C A_d^(j-k): the identity, but for (14) with its delay taken off."""
+        if self.gains["method"] != "approximate":
+            return np.eye(self.n)
+        return np.asarray(self.gains["window_gain"] @ self._rows)
+
+    @cached_property
+    def _error(self) -> WindowError:
+        return WindowError.of(self.gains)
+
+    @cached_property
+    def _inputs(self) -> ApproximateInputs | None:
+        """How (14) as printed treats known inputs; None for every other method."""
+        if self.gains["method"] != "approximate" or self.gains["half_sample"] != "printed":
+            return None
+        return ApproximateInputs.of(self.gains)

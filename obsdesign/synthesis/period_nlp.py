@@ -1,0 +1,208 @@
+"""The longest period of condition (13) as a smooth program, for CasADi and IPOPT.
+
+    maximise  log nu = log log(1 + u / (g |L C|)) - log |A|
+    over      L = e^lambda l, |l| = 1;  log T;  w = log u;  coordinates S = upper triangular
+    such that w + e^w = log Sigma* - f T
+
+(13) eliminates nu by Lambert's function, and w + e^w = ... says u e^u = Sigma* e^{-f T} without
+overflow. Spectral norms are replaced by (tr (X'X)^p)^(1/2p), which is above them by at most
+n^(1/2p) and smooth; since all terms of (13) grow with each norm, a feasible point of the program
+is one of (13). e^X is a scaled Taylor polynomial: the wheel's own expm lacks its plugin. Whatever
+comes out is looked at again with true norms, and proved elsewhere.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from obsdesign.equations.finite_time import SMALLEST_GAIN
+from obsdesign.equations.finite_time_bounds import log_lambert
+
+Array = NDArray[np.float64]
+
+_TAYLOR_DEGREE, _SQUARINGS = 16, 6
+_NORM_DOUBLINGS = 6  # p = 64
+_SCALAR_STATES = 3
+_LARGEST_GAIN = 1e3  # |L C| relative to |A|
+
+
+@dataclass(frozen=True)
+class Start:
+    """Where IPOPT starts: direction of L (n p,), its size, T (None where T is given)."""
+
+    direction: Array
+    size: float
+    window: float
+
+
+@dataclass(frozen=True)
+class Found:
+    """A point of the program; period and status are the solver's word, not to be believed."""
+
+    L: Array
+    window: float
+    period: float
+    S: Array
+    status: str
+
+
+class PeriodProgram:
+    """The program of one plant, built once and solved from several starts.
+
+    A (n, n), C (p, n); window: T where it is given, else None; coordinates: is S free as well?
+    """
+
+    def __init__(
+        self, A: Array, C: Array, window: float | None = None, *, coordinates: bool = False
+    ) -> None:
+        ca = _casadi()
+
+        self._n, self._p = len(A), len(C)
+        self._window, self._coordinates = window, coordinates
+        n, p = self._n, self._p
+        # scalar expressions are faster, but grow like n^3 in their length: matrices beyond
+        small = n <= _SCALAR_STATES
+        kind = ca.SX if small else ca.MX
+        direction, size = kind.sym("l", n * p), kind.sym("size")
+        log_T, w = kind.sym("T"), kind.sym("w")
+        triangle = kind.sym("S", n * (n + 1) // 2)
+        S, S_inverse = _triangular(triangle, n)
+        A_s = ca.mtimes([S, ca.DM(A), S_inverse])
+        unit = ca.mtimes([S, ca.reshape(direction, n, p), ca.DM(C), S_inverse])
+        T = ca.exp(log_T)
+        F = A_s + ca.exp(size) * unit
+        block = ca.blockcat([[-F, unit], [kind.zeros(n, n), -A_s]]) * T
+        whole = _exponential(block)
+        log_a = _log_norm(whole[:n, :n])
+        log_m = _log_norm(_inverse(whole[:n, n:], n)) - size
+        log_f, log_LC = _log_norm(F), _log_norm(unit) + size
+        f = ca.exp(log_f)
+        log_sigma = -log_a - _softplus(log_m + log_a)
+        log_g = 2 * f * T + ca.log(-ca.expm1(-2 * f * T)) - math.log(2) - log_f
+        log_ratio = w - log_g - log_LC
+        log_nu = ca.log(ca.log1p(ca.exp(log_ratio))) - _log_norm(A_s)
+        equality = w + ca.exp(w) - log_sigma + f * T
+        unit_length = ca.dot(direction, direction) - 1
+        self._size_A = float(np.linalg.norm(A, 2)) or 1.0
+        self._size_C = float(np.linalg.norm(C, 2))
+        ipopt = {"print_level": 0, "sb": "yes", "max_iter": 300}
+        ipopt |= {} if small else {"hessian_approximation": "limited-memory"}
+        x = ca.vertcat(direction, size, log_T, w, triangle)
+        self._equality = ca.Function("equality", [x], [equality])
+        self._solver = ca.nlpsol(
+            "period", "ipopt",
+            {"x": x, "f": -log_nu, "g": ca.vertcat(equality, unit_length, log_LC)},
+            {"print_time": False, "show_eval_warnings": False, "ipopt": ipopt},
+        )  # fmt: skip
+
+    def solve(self, start: Start) -> Found:
+        """One run of IPOPT."""
+        n, p = self._n, self._p
+        triangle = np.zeros(n * (n + 1) // 2)
+        free = math.inf if self._coordinates else 0.0
+        log_T = math.log(start.window if self._window is None else self._window)
+        ends = (-math.inf, math.inf) if self._window is None else (log_T, log_T)
+        x0 = np.concatenate([start.direction, [math.log(start.size), log_T, 0.0], triangle])
+        missing = float(self._equality(x0))  # at w = 0, where the left-hand side is 1
+        x0[n * p + 2] = log_lambert(1.0 - missing) if math.isfinite(missing) else -10.0
+        fixed = np.full(len(triangle), free)
+        inner = np.full(n * p, math.inf)
+        least = math.log(SMALLEST_GAIN * self._size_A)
+        most = math.log(_LARGEST_GAIN * self._size_A)
+        result = self._solver(
+            x0=x0,
+            lbx=np.concatenate([-inner, [-math.inf, ends[0], -math.inf], -fixed]),
+            ubx=np.concatenate([inner, [math.inf, ends[1], math.inf], fixed]),
+            lbg=[0, 0, least], ubg=[0, 0, most],
+        )  # fmt: skip
+        x = np.asarray(result["x"]).reshape(-1)
+        L = math.exp(min(x[n * p], 700.0)) * x[: n * p].reshape(p, n).T
+        S = np.asarray(_triangular_floats(x[n * p + 3 :], n))
+        status = str(self._solver.stats()["return_status"])
+        period = math.exp(min(-float(result["f"]), 700.0)) if result["f"].is_regular() else 0.0
+        return Found(L, math.exp(min(x[n * p + 1], 700.0)), period, S, status)
+
+    def starts(self, count: int) -> Sequence[Start]:
+        """Random directions, L C below and about the size of A, T below and about 1 / |A|."""
+        rng = np.random.default_rng(0)  # fixed: the same problem has the same starts
+        found = []
+        for _ in range(count):
+            direction = rng.standard_normal(self._n * self._p)
+            direction /= np.linalg.norm(direction)
+            # from far below |A| there is no gradient back: most starts are near it
+            size = self._size_A / self._size_C * 10.0 ** rng.uniform(-2, 0.5)
+            found.append(Start(direction, size, 10.0 ** rng.uniform(-1, 0.3) / self._size_A))
+        return found
+
+
+def _casadi() -> Any:
+    """The package without its type hints, which do not know that a formula takes SX and MX."""
+    import casadi
+
+    return casadi
+
+
+def _triangular(entries: Any, n: int) -> tuple[Any, Any]:
+    """S upper triangular with exponentials on its diagonal, and its inverse."""
+    ca = _casadi()
+
+    S, k = type(entries).zeros(n, n), 0
+    for i in range(n):
+        for j in range(i, n):
+            S[i, j] = ca.exp(entries[k]) if i == j else entries[k]
+            k += 1
+    return S, _inverse(S, n)
+
+
+def _triangular_floats(entries: Array, n: int) -> Array:
+    S = np.zeros((n, n))
+    S[np.triu_indices(n)] = entries
+    np.fill_diagonal(S, np.exp(np.diag(S)))
+    return S
+
+
+def _inverse(X: Any, n: int) -> Any:
+    ca = _casadi()
+
+    unit = type(X).eye(n)
+    return ca.solve(X, unit) if isinstance(X, ca.SX) else ca.solve(X, unit, "lapackqr")
+
+
+def _exponential(X: Any) -> Any:
+    ca = _casadi()
+
+    scaled = X / 2**_SQUARINGS
+    unit = type(X).eye(X.shape[0])
+    result = unit
+    for k in range(_TAYLOR_DEGREE, 0, -1):
+        result = unit + ca.mtimes(scaled, result) / k
+    for _ in range(_SQUARINGS):
+        result = ca.mtimes(result, result)
+    return result
+
+
+def _log_norm(X: Any) -> Any:
+    """log (tr (X'X)^p)^(1/2p), p = 2^doublings, each power scaled by its trace."""
+    ca = _casadi()
+
+    power = ca.mtimes(X.T, X)
+    total, weight = 0, 1.0
+    for _ in range(_NORM_DOUBLINGS):
+        trace = ca.trace(power)
+        total = total + weight * ca.log(trace)
+        power = power / trace
+        power = ca.mtimes(power, power)
+        weight /= 2
+    return (total + weight * ca.log(ca.trace(power))) / 2
+
+
+def _softplus(x: Any) -> Any:
+    ca = _casadi()
+
+    return ca.fmax(x, 0) + ca.log1p(ca.exp(-ca.fabs(x)))

@@ -1,0 +1,121 @@
+"""Finite-time estimation: what makes the stored gains give the state, proved.
+
+Source: F. Mazenc, S. Ahmed, MICNON 2018, with the corrections of docs/papers.md. Claims come in
+the order in which a plant fails: unobservable, badly sampled, too short a window, a singular
+matrix of the method, gains that miss what they should. T is k nu for the stored binary64 nu.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from lmi.balls import precision
+from obsdesign.document import Claim
+from obsdesign.equations import finite_time as equations
+from obsdesign.problem import Problem
+from obsdesign.verification.consistency import consistency
+from obsdesign.verification.finite_time_bounds import bound_claims
+from obsdesign.verification.finite_time_gains import (
+    error_radius_claim,
+    invertible,
+    of_the_method,
+    unbiased,
+)
+from obsdesign.verification.finite_time_window import long_enough, observable, sampled_observable
+from obsdesign.verification.finite_time_words import guarantees
+from obsdesign.window_gains import Sampled
+
+__all__ = ["claims", "guarantees"]
+
+# precisions in turn, where the first leaves something open
+_BITS = (160, 320)
+
+
+def claims(
+    problem: Problem,
+    gains: Mapping[str, Any],
+    certificates: Mapping[str, Mapping[str, Any]],
+    *,
+    paranoid: bool = False,
+) -> tuple[Claim, ...]:
+    """All hypotheses of the design, in the order of refusal, until one is not proved.
+
+    certificates are not needed; paranoid proves with twice the precision.
+    """
+    del certificates
+    agreement = consistency(_objection(problem), gains, expected_gains(problem, gains))
+    if agreement.verdict != "proved":
+        return (agreement,)
+    found: list[Claim] = []
+    for bits in _BITS[1:] if paranoid else _BITS:
+        with precision(bits):
+            found = _hypotheses(gains)
+        if all(claim.verdict != "undecided" for claim in found):
+            break
+    return (agreement, *found)
+
+
+def _objection(problem: Problem) -> str | None:
+    return equations.objection(problem.plant, problem.options)
+
+
+def expected_gains(problem: Problem, gains: Mapping[str, Any]) -> dict[str, Any]:
+    """Entries of `gains` and what the problem says of them: a value, or the shape it must have."""
+    plant, options = problem.plant, problem.options
+    method = options.get("method", "least_squares")
+    samples: Any = gains.get("samples")
+    k = int(samples) if _is_count(samples) else 0
+    if "window" in options:
+        k = equations.window_samples(options["window"], plant.output.period or 1.0)
+    expected = equations.stored_plant(plant) | {"method": method, "samples": float(k)}
+    expected |= {"window_gain": (plant.n, k * plant.p)}
+    if method in equations.NEED_L:
+        expected |= {"L": (plant.n, plant.p)}
+    if method == "approximate":
+        corrected = bool(options.get("half_sample_correction"))
+        expected |= {"half_sample": "corrected" if corrected else "printed"}
+    else:
+        expected |= {"radius": (plant.n,), "state_error": (plant.n, plant.n)}
+    if method == "least_squares":
+        expected |= {"deviations": (plant.p,)}
+    return expected | {name: X for name, X in problem.gains.items() if name in expected}
+
+
+def _is_count(value: Any) -> bool:
+    return isinstance(value, int | float) and 1 <= value <= equations.MOST_SAMPLES
+
+
+def _hypotheses(gains: Mapping[str, Any]) -> list[Claim]:
+    sampled = Sampled.of(gains["A"], gains["C"], gains["period"], int(gains["samples"]))
+    found: list[Claim] = []
+    for claim in _in_order(gains, sampled):
+        found.append(claim)
+        if claim.verdict != "proved":
+            break
+    return found
+
+
+def _in_order(gains: Mapping[str, Any], sampled: Sampled) -> Any:
+    yield observable(sampled)
+    yield sampled_observable(sampled)
+    yield long_enough(sampled)
+    method = gains["method"]
+    if method in equations.NEED_L:
+        yield invertible(sampled, gains)
+        yield of_the_method(sampled, gains)
+    if method == "approximate":
+        yield from bound_claims(sampled, gains)
+        return
+    yield unbiased(sampled, gains)
+    if np.any(gains["radius"]) or _disturbed(gains):
+        yield error_radius_claim(sampled, gains)
+    if method == "exact":
+        yield from bound_claims(sampled, gains)
+
+
+def _disturbed(gains: Mapping[str, Any]) -> bool:
+    moved = np.any(np.asarray(gains["flow_lower"]) != gains["flow_upper"])
+    return bool(moved or np.any(gains["noise_bound"]))

@@ -1,0 +1,122 @@
+"""Does a window of periodic samples determine the state? Exactly, and well enough.
+
+With rational A and period no eigenvalue pair coincides exactly after sampling (2 pi is
+transcendental), so that the claims ask for a margin: what is refuted has a state that the samples
+hardly see, and the pair of eigenvalues that makes it so where there is one.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from lmi.balls import exact, fixed_vector, scalar, to_float
+from lmi.norms import well_ranked
+from lmi.verdict import Verdict, proved, refuted
+from obsdesign.document import Claim
+from obsdesign.equations import finite_time as equations
+from obsdesign.window_gains import Sampled
+
+PAPER = "Mazenc, Ahmed, MICNON 2018"
+# a smallest singular value below this part of the norm counts as zero
+SINGULAR = 1e-11
+
+
+def observable(sampled: Sampled) -> Claim:
+    """Kalman's rank condition, decided exactly; the witness is a state that is never seen."""
+    A, C = sampled.A, sampled.C
+    blocks = [C]
+    for _ in range(len(A) - 1):
+        blocks.append(blocks[-1] @ A)
+    vector = fixed_vector(blocks)
+    verdict = proved(exact=True)
+    if vector is not None:
+        told = ", ".join(f"{x:.6g}" for x in vector)
+        reason = f"the state ({told}) and what becomes of it is never seen in y"
+        verdict = refuted({"vector": vector, "reason": reason})
+    return make_claim("observable", "(A, C) is observable", f"{PAPER}, Assumption 1", verdict)
+
+
+def sampled_observable(sampled: Sampled) -> Claim:
+    """The rank of max(k, n) samples: their spacing, not their number, is in question."""
+    n = len(sampled.A)
+    verdict = _row_rank(sampled, max(sampled.k, n))
+    if verdict.outcome == "refuted":
+        verdict = with_reason(verdict, _why_badly_sampled(sampled))
+    statement = (
+        f"samples {sampled.period!r} apart see every state: the smallest singular value of the "
+        f"scaled C A_d^-l, l = 1..{max(sampled.k, n)}, is at least {SINGULAR:g} of their norm"
+    )
+    return make_claim("sampled_observable", statement, f"{PAPER}, Assumption 1, sampled", verdict)
+
+
+def _why_badly_sampled(sampled: Sampled) -> str:
+    pairs = equations.pathological_pairs(to_float(sampled.A), sampled.period)
+    if pairs:
+        one, other, turns = pairs[0]
+        return (
+            f"pathological sampling: the eigenvalues {one:.6g} and {other:.6g} of A differ by "
+            f"{turns:.9g} times 2 pi i / period, so that samples {sampled.period!r} apart cannot "
+            "tell them apart; choose another period"
+        )
+    return (
+        f"samples {sampled.period!r} apart, {max(sampled.k, len(sampled.A))} of them, hardly see a "
+        "state; change the period or the window"
+    )
+
+
+def long_enough(sampled: Sampled) -> Claim:
+    """The rank of the window's own samples."""
+    verdict = _row_rank(sampled, sampled.k)
+    if verdict.outcome == "refuted":
+        least = sampled_index(sampled)
+        reason = f"the window holds {sampled.k} samples; at least {least} are needed"
+        verdict = with_reason(verdict, reason)
+    statement = (
+        f"the window's {sampled.k} samples determine the state: the same for l = 1..{sampled.k}"
+    )
+    return make_claim("window_long_enough", statement, "sampled observability index", verdict)
+
+
+def sampled_index(sampled: Sampled) -> int:
+    """Fewest samples whose rows have full rank (in floats; a rank at l = n is a rank for ever)."""
+    A, C = to_float(sampled.A), to_float(sampled.C)
+    for k in range(1, len(A) + 1):
+        rows = equations.sample_rows(A, C, sampled.period, k).reshape(-1, len(A))
+        scales = equations.state_scales(A, C, k * sampled.period)
+        if equations.approx_determinacy(rows, scales) >= SINGULAR:
+            return k
+    return len(A)
+
+
+def _row_rank(sampled: Sampled, k: int) -> Verdict:
+    """The rank of C A_d^-l, l = 1..k, in units of `state_scales`, rows at unit length."""
+    rows = Sampled(sampled.A, sampled.C, sampled.period, k, sampled.forward, sampled.back).rows()
+    scaled = rows * state_scales(sampled, k)
+    units = [_power_of_two(sum(x * x for x in row)) for row in scaled]
+    return well_ranked(scaled * np.array(units, dtype=object)[:, None], SINGULAR)
+
+
+def state_scales(sampled: Sampled, k: int) -> Any:
+    """Units of the states for a window of k samples, exact powers of two."""
+    A, C = to_float(sampled.A), to_float(sampled.C)
+    return exact(equations.state_scales(A, C, k * sampled.period))
+
+
+def _power_of_two(square: Any) -> Any:
+    """About 1 / sqrt(square), exactly a power of two; 1 for zero. Balls may be beyond binary64."""
+    if not square > 0:
+        return scalar(1)
+    return scalar(2) ** -round(float((square.mid().log() / scalar(4).log()).mid()))
+
+
+def with_reason(verdict: Verdict, reason: str) -> Verdict:
+    """A refutation told in words."""
+    rest = {name: value for name, value in verdict.evidence.items() if name != "witness"}
+    return refuted({**verdict.evidence["witness"], "reason": reason}, **rest)
+
+
+def make_claim(name: str, statement: str, source: str, verdict: Verdict) -> Claim:
+    """A claim with the outcome and evidence of a verdict."""
+    return Claim(name, statement, source, verdict.outcome, verdict.evidence)

@@ -1,0 +1,124 @@
+"""Finite-time estimation: what a user may rely on, in sentences."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from obsdesign.document import Claim
+from obsdesign.equations import finite_time as equations
+from obsdesign.problem import Problem
+
+# rounding of the data is amplified beyond this: most of the 16 digits are at stake
+_HUGE = 1e6
+_WEAK = 1e-6
+
+
+def guarantees(problem: Problem, found: tuple[Claim, ...]) -> tuple[dict[str, Any], ...]:
+    """The sentences a user may rely on, and those that were asked for and not proved."""
+    verdicts = {claim.id: claim.verdict for claim in found}
+    evidence = {claim.id: claim.evidence for claim in found}
+    method = problem.options.get("method", "least_squares")
+    told = [_estimate(problem, method, evidence), *_bounded(problem, evidence)]
+    result = [_entry(text, ids, verdicts) for text, ids in told]
+    if "theorem_1_numbers" in evidence:
+        result.append(_theorem(evidence["theorem_1_numbers"], verdicts))
+    return (*result, *_warnings(problem, evidence))
+
+
+def _entry(text: str, ids: list[str], verdicts: Mapping[str, str]) -> dict[str, Any]:
+    given = all(verdicts.get(name) == "proved" for name in ids)
+    return {"statement": text, "given": given, "claims": ids}
+
+
+def _estimate(problem: Problem, method: str, evidence: Mapping[str, Any]) -> tuple[str, list[str]]:
+    """When and without what the estimate is the state, or near to it."""
+    plant = problem.plant
+    without = ["disturbance", "noise", *_unbounded(problem)]
+    announced = equations.announced_jumps(plant)
+    free = f"{', '.join(without[:-1])} or {without[-1]}"
+    since = "or since the last jump, " if announced else ""
+    when = f"Once the window is full of samples {since}and without {free} in it,"
+    ids = ["consistent", "observable", "sampled_observable", "window_long_enough"]
+    if method != "approximate":
+        return f"{when} the estimate is the state, to rounding.", [*ids, "unbiased"]
+    ids += ["difference_invertible", "gains_of_the_method"]
+    if "error_identity" in evidence:
+        factor = evidence["error_identity"].get("factor", math.inf)
+        return (
+            f"{when} the estimate is off by at most {factor:.6g} times the largest |x| in it.",
+            [*ids, "error_identity"],
+        )
+    order = "second" if problem.options.get("half_sample_correction") else "first"
+    return f"{when} the estimate is off by a term of {order} order in the period.", ids
+
+
+def _unbounded(problem: Problem) -> list[str]:
+    """What moves the state without bounds and without being told."""
+    plant = problem.plant
+    found = ["unknown input d"] if plant.flow.D is not None else []
+    hidden = plant.jump is not None and not equations.announced_jumps(plant)
+    return [*found, "unannounced impulses"] if hidden else found
+
+
+def _bounded(problem: Problem, evidence: Mapping[str, Any]) -> list[tuple[str, list[str]]]:
+    if "error_radius" not in evidence:
+        return []
+    free = " or ".join(_unbounded(problem))
+    sizes = evidence["error_radius"].get("largest_error", [])
+    told = ", ".join(f"{x:.6g}" for x in sizes)
+    return [
+        (
+            "With disturbance and noise inside their bounds, a full window"
+            f"{' without ' + free if free else ''} and no sample missing, the state is inside the "
+            f"stated bounds; at a sample they are this far from the estimate: {told}.",
+            ["unbiased", "error_radius"],
+        )
+    ]
+
+
+def _theorem(evidence: Mapping[str, Any], verdicts: Mapping[str, str]) -> dict[str, Any]:
+    """Theorem 1 where (13) holds, with its constants; else (13) with its number."""
+    longest = evidence["longest_period"]
+    below = "" if longest == "inf" else f"; it holds for periods below {longest:.9g}"
+    if evidence["condition_13"] == "true":
+        alpha, beta = evidence["alpha"][1], evidence["beta"][1]
+        last = evidence["gamma"][1] * evidence["sigma"][1]
+        text = (
+            f"Theorem 1 for observer (14) with this L, as corrected: |xhat - x| <= {alpha:.6g} "
+            f"|int e^(A (t_i - m - T)) delta dm| + {beta:.6g} |T~| + {last:.6g} T_Delta, integrals "
+            f"over the window ((13) is true{below})."
+        )
+        return _entry(text, ["theorem_1_numbers"], verdicts)
+    word = "is false" if evidence["condition_13"] == "false" else "is too close to call"
+    text = f"The bound of Theorem 1 for observer (14): its condition (13) {word} here{below}."
+    return {"statement": text, "given": False, "claims": []}
+
+
+def _warnings(problem: Problem, evidence: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """What a user should know although the claims hold."""
+    told = []
+    plant = problem.plant
+    if evidence.get("sampled_observable"):
+        for one, other, turns in equations.pathological_pairs(
+            plant.flow.A, plant.output.period or 1.0
+        ):
+            told.append(
+                f"A period away from pathological sampling: the eigenvalues {one:.6g} and "
+                f"{other:.6g} differ by {turns:.6g} x 2 pi i / period, and only together do the "
+                "outputs tell them apart."
+            )
+    ratio = evidence.get("window_long_enough", {}).get("ratio", 1.0)
+    if ratio < _WEAK:
+        told.append(
+            "A window that determines the state well: the smallest singular value of its scaled "
+            f"rows is {ratio:.1e} of their norm."
+        )
+    amplified = evidence.get("unbiased", {}).get("amplification", 1.0)
+    if amplified > _HUGE:
+        told.append(
+            f"Well-conditioned gains: rounding of the samples is amplified by {amplified:.1e}, "
+            f"about {math.log10(amplified):.0f} of 16 digits are lost."
+        )
+    return [{"statement": text, "given": False, "claims": []} for text in told]

@@ -1,0 +1,141 @@
+"""Finite-time estimation in ball arithmetic: the paper's matrices and gains, enclosed.
+
+Used by synthesis, which rounds the enclosures to what a design stores, and by verification, which
+compares. Inputs are the stored binary64 numbers, exactly; T is k nu. Results are object arrays of
+balls at the current precision (`lmi.balls.precision`). Formulas: `equations.finite_time`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from lmi.balls import (
+    Exact,
+    around_zero,
+    entries,
+    exact,
+    exp_times,
+    identity,
+    rational,
+    scalar,
+    solve_entries,
+    to_float,
+    working_bits,
+)
+from obsdesign.equations import finite_time as equations
+
+# eighths of a term of the series per bit: each is about a quarter of the one before
+_TERMS_PER_BIT = 3
+
+
+@dataclass(frozen=True)
+class Sampled:
+    """A, C (exact rationals) and one period: A_d, A_d^-1 as balls; k samples in the window."""
+
+    A: Exact
+    C: Exact
+    period: float
+    k: int
+    forward: Exact
+    back: Exact
+
+    @staticmethod
+    def of(A: Any, C: Any, period: float, k: int) -> Sampled:
+        """From the numbers of a plant."""
+        A_exact = exact(A)
+        forward = entries(exp_times(A_exact, period))
+        back = entries(exp_times(-A_exact, period))
+        return Sampled(A_exact, exact(C), period, k, forward, back)
+
+    def rows(self) -> Exact:
+        """C A_d^(j-k), j = 0..k-1, (k p, n)."""
+        stack = equations.stacked_rows(self.C, self.back, self.k)
+        return stack.reshape(-1, len(self.A))
+
+
+def exponential(A: Exact, period: float, k: int = 1) -> Exact:
+    """e^{A k nu}, enclosed; k nu is the exact product."""
+    return entries(exp_times(A * rational(float(k)), period))
+
+
+def difference_matrix(sampled: Sampled, L: Any) -> tuple[Exact, Exact]:
+    """(M_T / scale, e^{-F T}), enclosed; the scale is `gain_scale`."""
+    n = len(sampled.A)
+    LC = exact(L) @ sampled.C
+    block = equations.difference_block(sampled.A, LC)
+    block[:n, n:] = block[:n, n:] / gain_scale(sampled, L)
+    whole = exponential(block, sampled.period, sampled.k)
+    return whole[:n, n:], whole[:n, :n]
+
+
+def approximate_gain(sampled: Sampled, L: Any) -> Exact | None:
+    """Gains (n, k p) of (14) for samples of a plant without known inputs; None if M_T may be 0."""
+    n = len(sampled.A)
+    L_exact = exact(L)
+    scale = gain_scale(sampled, L)
+    M, _ = difference_matrix(sampled, L)
+    F = sampled.A + L_exact @ sampled.C
+    block = np.block([[-F, exact(np.eye(n))], [exact(np.zeros((n, 2 * n)))]])
+    whole = exponential(block, sampled.period)  # [[e^{-F nu}, int_0^nu e^{-F s} ds], ...]
+    weighted = whole[:n, n:] @ (L_exact / scale)
+    terms = equations.approximate_terms(whole[:n, :n], weighted, sampled.k)
+    return solve_entries(M, equations.side_by_side(terms))
+
+
+def exact_gain(sampled: Sampled, L: Any) -> tuple[Exact, Exact | None]:
+    """(N, gains (n, k p)) of (9) with (16): see `equations.exact_terms`; None if N may be singular.
+
+    N is scaled by the size of L.
+    """
+    scale = gain_scale(sampled, L)
+    n = len(sampled.A)
+    K = injection(sampled, L)
+    K_d = sampled.forward @ K
+    P = sampled.forward + K_d @ sampled.C
+    terms = equations.exact_terms(P, K_d / scale, sampled.k)
+    N = equations.side_by_side(terms) @ sampled.rows()
+    return N.reshape(n, n), solve_entries(N, equations.side_by_side(terms))
+
+
+def half_period(sampled: Sampled) -> Any:
+    """e^{A nu / 2}, enclosed."""
+    return entries(exp_times(sampled.A * rational(0.5), sampled.period))
+
+
+def injection(sampled: Sampled, L: Any) -> Exact:
+    """K of one period; the rest of its series is in the balls."""
+    L_exact = exact(L)
+    A, C, gain = (to_float(X) for X in (sampled.A, sampled.C, L_exact))
+    m = equations.series_steps(A, C, gain, sampled.period)
+    h = rational(sampled.period) / m
+    step = entries(exp_times(-sampled.A / rational(float(m)), sampled.period))
+    backs = [entries(identity(len(sampled.A)))]
+    for _ in range(m - 1):
+        backs.append(backs[-1] @ step)
+    sizes = (_size(sampled.A), _size(L_exact))
+    count = max(equations.SERIES_TERMS, _TERMS_PER_BIT * working_bits() // 8)
+    reaches = [_size(sampled.C @ back) for back in backs]
+    rests = [equations.series_rest(*sizes, reach, scalar(h), count) for reach in reaches]
+    steps = [(back, around_zero(rest)) for back, rest in zip(backs, rests, strict=True)]
+    return equations.discrete_injection(sampled.A, sampled.C, L_exact, scalar(h), steps, count)
+
+
+def _size(X: Exact) -> Any:
+    """Ball of the Frobenius norm, which is above the spectral one."""
+    values: list[Any] = list(X.flat)
+    return scalar(sum(x * x for x in values)).sqrt()
+
+
+def gain_scale(sampled: Sampled, L: Any) -> Any:
+    """A power of two, exactly, about as large as L C; 1 if it is zero.
+
+    Beside the plant's own entries those of a small L C would drown in the radius of a ball.
+    """
+    LC = exact(L) @ sampled.C
+    largest = max(abs(x) for x in LC.flat)
+    if largest == 0:
+        return rational(1.0)
+    return rational(2.0) ** (int(largest.p).bit_length() - int(largest.q).bit_length())
