@@ -52,7 +52,7 @@ def hidden_growth(A: Matrix, C: Matrix, rate: float = 0.0) -> bool:
     rows = [C_exact]
     for _ in range(n - 1):
         rows.append(rows[-1] @ A_exact)
-    hidden, free = _nullspace(np.vstack(rows))
+    hidden, free = nullspace(np.vstack(rows))
     if not free:
         return False
     # A maps the subspace into itself; its entries at the free columns are its coordinates
@@ -68,11 +68,11 @@ def hidden_pair(A: Matrix, G: Matrix, C: Matrix) -> tuple[Any, Any] | None:
     """
     maps = [exact(A), exact(G)]
     rows = exact(C)
-    hidden, free = _nullspace(rows)
+    hidden, free = nullspace(rows)
     while free:
         further = [rows @ X for X in maps]
         stacked = np.vstack([rows, *further])
-        smaller, fewer = _nullspace(stacked)
+        smaller, fewer = nullspace(stacked)
         if len(fewer) == len(free):
             flow, jump = ((X @ hidden)[free] for X in maps)
             return flow, jump
@@ -80,7 +80,24 @@ def hidden_pair(A: Matrix, G: Matrix, C: Matrix) -> tuple[Any, Any] | None:
     return None
 
 
-def _nullspace(rows: Any) -> tuple[Any, list[int]]:
+def hidden_flow(A: Any, C: Any) -> Any | None:
+    """A restricted to the largest A-invariant subspace that C never sees; exact.
+
+    A, C: floats or exact rationals. Its modes are those that no output sees. None if the subspace
+    is zero.
+    """
+    flow = exact(A)
+    hidden, free = nullspace(exact(C))
+    while free:
+        moved = flow @ hidden
+        inside, kept = nullspace(moved - hidden @ moved[free])
+        if len(kept) == len(free):
+            return moved[free]
+        hidden, free = hidden @ inside, [free[i] for i in kept]
+    return None
+
+
+def nullspace(rows: Any) -> tuple[Any, list[int]]:
     """Basis of {v: rows v = 0} as columns, the identity at the free columns; exact rationals."""
     table = rows.copy()
     leading: list[int] = []

@@ -13,6 +13,7 @@ from obsdesign.runtime.base import Observer
 OBSERVERS = {
     "interval": ("obsdesign.runtime.interval", "IntervalObserver"),
     "luenberger": ("obsdesign.runtime.luenberger", "LuenbergerObserver"),
+    "unknown_input": ("obsdesign.runtime.unknown_input", "UnknownInputObserver"),
 }
 
 
