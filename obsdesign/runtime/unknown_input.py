@@ -72,7 +72,7 @@ class UnknownInputObserver:
     def from_gains(cls, gains: Mapping[str, Any]) -> UnknownInputObserver:
         """The observer of a design's `gains`; ValueError if they do not fit each other."""
         for name in ("A", "C", "D"):
-            if np.ndim(gains.get(name)) != 2:
+            if np.ndim(gains.get(name, 0)) != 2:
                 raise ValueError(f"gains.{name} must be a matrix.")
         (n, q), p = np.shape(gains["D"]), len(gains["C"])
         m = np.shape(gains["B"])[1] if "B" in gains else 0
@@ -146,7 +146,7 @@ class UnknownInputObserver:
         mean = state.u if state.used is None else used / h
         step, rings = cached_step(self._steps, h, max(abs(t), abs(state.t)), self._stacked)
         end = state.y if y is None else y
-        found = step @ np.concatenate([state.w, state.y, end, mean])  # type: ignore[list-item]
+        found = step @ np.concatenate([state.w, state.y, end, mean])
         n, q = self.gains["D"].shape
         w, x, d = found[: n - q], found[n - q : -q], found[-q:]
         if y is None:

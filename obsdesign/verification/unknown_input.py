@@ -107,6 +107,7 @@ def _equations(problem: Problem, gains: Mapping[str, Any]) -> Claim:
     """Every condition of `equations.conditions` in exact arithmetic, up to the stored rounding."""
     flow, C = problem.plant.flow, problem.plant.output.C
     B = equations.inputs(flow.B, flow.lower, flow.upper)
+    assert flow.D is not None
     plant = (exact(flow.A), exact(B), exact(C), exact(flow.D))
     worst: dict[str, Any] = {"condition": "", "relative": 0.0, "absolute": 0.0}
     for name, (residual, size) in equations.conditions(plant, gains).items():
