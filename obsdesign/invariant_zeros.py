@@ -55,7 +55,7 @@ def _blind(C: Matrix, D: Matrix, v: Matrix) -> dict[str, Any]:
     if own < q:
         why = f"the columns of flow.D are dependent (rank {own}); drop inputs that others replace"
     elif p < q:
-        why = f"{p} outputs cannot show {q} unknown inputs"
+        why = f"there are fewer outputs ({p}) than unknown inputs ({q})"
     elif rank == 0:
         why = "C D = 0, so that d reaches y only through further integrations"
     else:

@@ -133,6 +133,13 @@ def without_empty(gains: Mapping[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in gains.items() if np.size(value)}
 
 
+def asked(problem: Any) -> dict[str, Any]:
+    """The differentiator, and the noise that `batch` smooths to, as a design stores them."""
+    chosen = problem.options.get("differentiator", "cell")
+    noise = {"noise_std": problem.plant.output.noise_std} if chosen == "batch" else {}
+    return {"differentiator": chosen} | noise
+
+
 def shapes(n: int, p: int, q: int, m: int) -> dict[str, tuple[int, int]]:
     """Shape of every gain that is computed, empty ones included; m known inputs."""
     k = n - q

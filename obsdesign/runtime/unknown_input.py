@@ -6,7 +6,9 @@
 
 with Ad = (I - hF/2)^-1 (I + hF/2), Bw = h (I - hF/2)^-1, Wc = (w + w+)/2. Y' is the difference
 quotient (y - y_prev)/h (`cell`) or its damped recursion (`damped`); (34) needs no recursion, see
-`equations.block_pulse`. A step covers the time since the last sample that was there, of any length.
+`equations.block_pulse`. With `batch`, `run` smooths the whole record to its noise first, and `step`
+takes samples as they come. A step covers the time since the last sample that was there, of any
+length.
 Source: P. Ahn (2002), (29)-(34).
 """
 
@@ -21,6 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from obsdesign.equations import unknown_input as equations
+from obsdesign.equations.smoothing import smoothed
 from obsdesign.errors import InputError
 from obsdesign.runtime.base import (
     Batch,
@@ -86,6 +89,8 @@ class UnknownInputObserver:
         if complete.get("differentiator") not in equations.DIFFERENTIATORS:
             words = ", ".join(equations.DIFFERENTIATORS)
             raise ValueError(f"gains.differentiator must be one of {words}.")
+        if complete["differentiator"] == "batch" and np.shape(gains.get("noise_std", 0)) != (p,):
+            raise ValueError(f"gains.noise_std must have shape ({p},).")
         return cls(complete)
 
     @property
@@ -161,7 +166,9 @@ class UnknownInputObserver:
         return following, Estimate(t, x=x, d=d, status=self._ringing(h) if rings else "ok")
 
     def run(self, state: UnknownInputState, samples: Iterable[Sample]) -> Iterator[Estimate]:
-        """Estimates for a stream of samples."""
+        """Estimates for a stream of samples; with `batch`, of the record smoothed as a whole."""
+        if self.gains["differentiator"] == "batch":
+            samples = smoothed_record(list(samples), self.gains["noise_std"])
         return run(self, state, samples)
 
     def run_batch(
@@ -202,7 +209,8 @@ class UnknownInputObserver:
         x[:, len(F) + p : len(F) + 2 * p] += g["Xy"]
         w_mean = w / 2
         w_mean[:, : len(F)] += eye / 2
-        slope = g["N"] / h if g["differentiator"] == "cell" else np.zeros_like(g["N"])
+        damped = g["differentiator"] == "damped"
+        slope = np.zeros_like(g["N"]) if damped else g["N"] / h
         d = g["Q"] @ w_mean
         d += np.hstack([np.zeros(g["Q"].shape), g["R"] / 2 - slope, g["R"] / 2 + slope, g["S"]])
         return np.vstack([w, x, d]), h * self._fastest > equations.STEP_LIMIT
@@ -225,3 +233,19 @@ def _damped(state: UnknownInputState, h: float, y: Vector) -> tuple[float, Vecto
     before, mean_before, slope = state.slope
     r = equations.DAMPING
     return h, mean, (1 + r) * (mean - mean_before) / ((h + before) / 2) - r * slope
+
+
+def smoothed_record(samples: Sequence[Sample], deviation: Vector) -> list[Sample]:
+    """The samples with each output smoothed to its noise; missing ones stay missing."""
+    rows = [optional_measurement(sample.y, len(deviation)) for sample in samples]
+    there = [k for k, y in enumerate(rows) if y is not None]
+    if not there:
+        return list(samples)
+    t = np.array([float(samples[k].t) for k in there])
+    if not np.all(np.diff(t) > 0):
+        raise ValueError("time must increase in a record that is smoothed.")
+    values = smoothed(t, np.array([rows[k] for k in there]), deviation)
+    result = list(samples)
+    for k, y in zip(there, values, strict=True):
+        result[k] = replace(samples[k], y=y)
+    return result

@@ -40,6 +40,12 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
             raise InputError(f"observer.{name} chooses L, but L is given; drop one.")
     if "poles" in problem.options and "weights" in problem.options:
         raise InputError("observer.poles and observer.weights both choose L; drop one.")
+    noise = plant.output.noise_std
+    if problem.options.get("differentiator") == "batch" and not np.all(noise > 0):
+        raise InputError(
+            "output.noise_std is required by differentiator = 'batch', positive for every output; "
+            f"got {noise.tolist()}."
+        )
     A, C = plant.flow.A, plant.output.C
     exists = shows_every_input(C, D).outcome == "proved"
     if not exists or zeros_decay(A, C, D).outcome != "proved":
@@ -66,5 +72,4 @@ def _gains(problem: Problem, D: Matrix) -> tuple[str, dict[str, Any]]:
     plain = {"A": flow.A, "C": C, "D": D} | ({} if flow.B is None else {"B": flow.B})
     gains = plain | {"T1": T1, "T": T, "N": N, "Z": Z, "L": L} | found
     gains |= {"first": reduced.first_state()}
-    chosen = problem.options.get("differentiator", "cell")
-    return label, equations.without_empty(gains) | {"differentiator": chosen}
+    return label, equations.without_empty(gains) | equations.asked(problem)

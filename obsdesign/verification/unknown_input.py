@@ -65,9 +65,8 @@ def _expected(problem: Problem) -> dict[str, Any]:
     shapes = equations.shapes(n, len(C), q, m)
     stated = {"A": flow.A, "C": C, "D": flow.D} | ({} if flow.B is None else {"B": flow.B})
     computed = {name: shape for name, shape in shapes.items() if 0 not in shape}
-    asked = problem.options.get("differentiator", "cell")
     given = equations.without_empty(problem.gains)
-    return stated | computed | given | {"differentiator": {asked}}
+    return stated | computed | given | equations.asked(problem)
 
 
 def _exact_gains(problem: Problem, gains: Mapping[str, Any]) -> dict[str, Any]:
