@@ -1,6 +1,6 @@
-"""The usual alternative to an unknown-input observer: a Kalman filter that takes d for a random walk
+"""The usual alternative to an unknown-input observer: a Kalman filter with d a random walk.
 
-    x[k+1] = e^{Ah} x[k] + (int e^{As} ds) (D d[k] + B u[k] + b),   d[k+1] = d[k] + walk
+    x[k+1] = e^{Ah} x[k] + (int e^{As} ds) (D d[k] + B u[k] + b),   d[k+1] = d[k] + noise
     y = C x + v
 
 It needs to be told how fast d moves; told right, it is better than an observer that assumes nothing
@@ -42,7 +42,7 @@ def random_walk_filter(
 ) -> Filtered:
     """Filter a record: t (rows,), y (rows, p) with NaN rows for missing samples, u (rows, m) held.
 
-    walk: variance that d gains per step; initial_variance of all of [x; d], which start at 0. The
+    walk: variance that d gains per unit of time; initial_variance of all of [x; d], which start at 0. The
     noise of y is output.noise_std. ValueError without flow.D or without noise.
     """
     flow, C, deviation = plant.flow, plant.output.C, plant.output.noise_std
@@ -57,7 +57,7 @@ def random_walk_filter(
     elif flow.B is not None:
         held = np.hstack([np.zeros((len(times), B.shape[1] - 1)), held])
     seen, R = np.hstack([C, np.zeros((len(C), q))]), np.diag(deviation**2)
-    noise = np.diag(np.concatenate([np.zeros(n), np.full(q, walk)]))
+    noise = np.diag(np.concatenate([np.zeros(n), np.full(q, walk)]))  # per unit of time
     z, P = np.zeros(n + q), initial_variance * np.eye(n + q)
     maps: dict[float, tuple[Array, Array]] = {}
     found = []
@@ -67,7 +67,7 @@ def random_walk_filter(
             if h not in maps:
                 maps[h] = _step(flow, B, h)
             move, forced = maps[h]
-            z, P = move @ z + forced @ held[k - 1], move @ P @ move.T + noise
+            z, P = move @ z + forced @ held[k - 1], move @ P @ move.T + h * noise
         if np.isfinite(data[k]).all():
             gain = np.linalg.solve(seen @ P @ seen.T + R, seen @ P).T
             z, P = z + gain @ (data[k] - seen @ z), P - gain @ (seen @ P)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 # records are smoothed in windows of this many samples, of which the middle half is kept
-WINDOW = 400
+WINDOW = 200
 _BISECTIONS = 100
 
 
