@@ -42,8 +42,8 @@ def random_walk_filter(
 ) -> Filtered:
     """Filter a record: t (rows,), y (rows, p) with NaN rows for missing samples, u (rows, m) held.
 
-    walk: variance that d gains per unit of time; initial_variance of all of [x; d], which start at 0. The
-    noise of y is output.noise_std. ValueError without flow.D or without noise.
+    walk: variance that d gains per unit of time; initial_variance: of all of [x; d], which start at
+    0. The noise of y is output.noise_std. ValueError without flow.D or without noise.
     """
     flow, C, deviation = plant.flow, plant.output.C, plant.output.noise_std
     if flow.D is None or not np.all(deviation > 0):

@@ -14,10 +14,11 @@ Source: P. Ahn (2002), (29)-(34).
 
 from __future__ import annotations
 
+import math
 from collections import OrderedDict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -40,13 +41,13 @@ from obsdesign.runtime.base import (
 from obsdesign.runtime.step_cache import cached_step
 
 
-@dataclass(frozen=True, slots=True)
-class UnknownInputState:
+class UnknownInputState(NamedTuple):
     """Everything the next step needs.
 
     t: time of the last row; t_seen, w, y: time, reduced state and output at the last measurement
     (y None: none yet, w then a guess or None); u: [u; 1] held since t; used: integral of it since
-    t_seen; slope: (h, mean of y, y') of the last interval, for `damped`.
+    t_seen; slope: (h, mean of y, y') of the last interval, for `damped`; last: its length, its
+    matrix and whether such steps ring.
     """
 
     t: float
@@ -56,8 +57,9 @@ class UnknownInputState:
     y: Vector | None
     u: Vector
     used: Vector | None
-    slope: tuple[float, Vector, Vector] | None
-    started: bool
+    slope: tuple[float, Vector, Vector] | None = None
+    last: tuple[float, Vector, bool] | None = None
+    started: bool = True
 
 
 @dataclass(frozen=True)
@@ -65,6 +67,10 @@ class UnknownInputObserver:
     """Executes a design of kind `unknown_input`."""
 
     gains: Mapping[str, Any]
+    _k: int  # n - q
+    _p: int
+    _q: int
+    _damped: bool
     kind: ClassVar[str] = "unknown_input"
     finds_events: ClassVar[bool] = False
     _steps: OrderedDict[tuple[float, int], tuple[Vector, bool]] = field(
@@ -91,7 +97,7 @@ class UnknownInputObserver:
             raise ValueError(f"gains.differentiator must be one of {words}.")
         if complete["differentiator"] == "batch" and np.shape(gains.get("noise_std", 0)) != (p,):
             raise ValueError(f"gains.noise_std must have shape ({p},).")
-        return cls(complete)
+        return cls(complete, n - q, p, q, complete["differentiator"] == "damped")
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -127,7 +133,7 @@ class UnknownInputObserver:
         inputs = np.zeros(int(self.reads["u"]) + 1)
         inputs[-1] = 1.0
         t = float(t)
-        return UnknownInputState(t, t, guess, w, None, inputs, None, None, started=False)
+        return UnknownInputState(t, t, guess, w, None, inputs, None, started=False)
 
     def step(self, state: UnknownInputState, sample: Sample) -> tuple[UnknownInputState, Estimate]:
         """Move to the time of the sample and use it.
@@ -138,31 +144,33 @@ class UnknownInputObserver:
         if sample.jump:
             raise ValueError("this plant has no jumps ([jump] is absent), but a sample says jump.")
         t = later(sample.t, state.t, state.started)
-        y = optional_measurement(sample.y, len(self.gains["C"]))
-        u = state.u
+        y, u = self._measurement(sample.y), state.u
         if sample.u is not None and len(u) > 1:
             u = np.append(vector(sample.u, len(u) - 1, "u"), 1.0)
-        if state.y is None:
+        if state.y is None or state.w is None:
             return self._first(state, t, y, u)
-        used = state.u * (t - state.t)
-        if state.used is not None:
-            used = state.used + used
+        used = state.used
+        if y is None or used is not None:
+            used = state.u * (t - state.t) + (0.0 if used is None else used)
         h = t - state.t_seen
-        mean = state.u if state.used is None else used / h
-        step, rings = cached_step(self._steps, h, max(abs(t), abs(state.t)), self._stacked)
-        end = state.y if y is None else y
-        found = step @ np.concatenate([state.w, state.y, end, mean])
-        n, q = self.gains["D"].shape
-        w, x, d = found[: n - q], found[n - q : -q], found[-q:]
+        last, size = state.last, max(abs(t), abs(state.t))
+        if last is None or abs(h - last[0]) > 4 * math.ulp(size):  # usually they are all alike
+            last = (h, *cached_step(self._steps, h, size, self._stacked))
+        step, rings = last[1], last[2]
+        mean = state.u if used is None else used / h
+        k, p, q = self._k, self._p, self._q
+        known = np.concatenate((state.w, state.y, state.y if y is None else y, mean))
+        found = step.dot(known)
+        w, x, d = found[:k], found[k:-q], found[-q:]
         if y is None:
-            following = replace(state, t=t, x=x, u=u, used=used)
-            nothing = np.full(q, np.nan)
-            return following, Estimate(t, x=x, d=nothing, status="missing sample")
+            following = state._replace(t=t, x=x, u=u, used=used)
+            return following, Estimate(t, x=x, d=d * np.nan, status="missing sample")
         slope = None
-        if self.gains["differentiator"] == "damped":
+        if self._damped:
             slope = _damped(state, h, y)
             d = d + self.gains["N"] @ slope[2]
-        following = UnknownInputState(t, t, x, w, y, u, None, slope, started=True)
+        # y from `known`: the sample's own array is the caller's
+        following = UnknownInputState(t, t, x, w, known[k + p : k + 2 * p], u, None, slope, last)
         return following, Estimate(t, x=x, d=d, status=self._ringing(h) if rings else "ok")
 
     def run(self, state: UnknownInputState, samples: Iterable[Sample]) -> Iterator[Estimate]:
@@ -190,12 +198,17 @@ class UnknownInputObserver:
         """No interval yet, so nothing is known of d; before any measurement, x is the guess."""
         nothing = np.full(self.gains["D"].shape[1], np.nan)
         if y is None:
-            following = replace(state, t=t, u=u, started=True)
+            following = state._replace(t=t, u=u, started=True)
             return following, Estimate(t, x=state.x, d=nothing, status="missing sample")
         w = self.gains["first"] @ y if state.w is None else state.w
         x = self.gains["X"] @ w + self.gains["Xy"] @ y
-        following = UnknownInputState(t, t, x, w, y, u, None, None, started=True)
-        return following, Estimate(t, x=x, d=nothing)
+        return UnknownInputState(t, t, x, w, y, u, None), Estimate(t, x=x, d=nothing)
+
+    def _measurement(self, y: ArrayLike | None) -> Vector | None:
+        """`optional_measurement`; a finite sum of squares spares it the look at every entry."""
+        if type(y) is np.ndarray and y.dtype.char == "d" and y.shape == (self._p,):
+            return y if math.isfinite(y.dot(y)) else optional_measurement(y, self._p)
+        return optional_measurement(y, self._p)
 
     def _stacked(self, h: float, error: float) -> tuple[Vector, bool]:
         """[w; y_prev; y; U] -> [w+; x; d], and whether steps of length h ring."""
@@ -209,8 +222,7 @@ class UnknownInputObserver:
         x[:, len(F) + p : len(F) + 2 * p] += g["Xy"]
         w_mean = w / 2
         w_mean[:, : len(F)] += eye / 2
-        damped = g["differentiator"] == "damped"
-        slope = np.zeros_like(g["N"]) if damped else g["N"] / h
+        slope = np.zeros_like(g["N"]) if self._damped else g["N"] / h
         d = g["Q"] @ w_mean
         d += np.hstack([np.zeros(g["Q"].shape), g["R"] / 2 - slope, g["R"] / 2 + slope, g["S"]])
         return np.vstack([w, x, d]), h * self._fastest > equations.STEP_LIMIT
