@@ -17,14 +17,13 @@ from __future__ import annotations
 import math
 from collections import OrderedDict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar, NamedTuple
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from obsdesign.equations import unknown_input as equations
-from obsdesign.equations.smoothing import smoothed
 from obsdesign.errors import InputError
 from obsdesign.runtime.base import (
     Batch,
@@ -39,27 +38,12 @@ from obsdesign.runtime.base import (
     vector,
 )
 from obsdesign.runtime.step_cache import cached_step
-
-
-class UnknownInputState(NamedTuple):
-    """Everything the next step needs.
-
-    t: time of the last row; t_seen, w, y: time, reduced state and output at the last measurement
-    (y None: none yet, w then a guess or None); u: [u; 1] held since t; used: integral of it since
-    t_seen; slope: (h, mean of y, y') of the last interval, for `damped`; last: its length, its
-    matrix and whether such steps ring.
-    """
-
-    t: float
-    t_seen: float
-    x: Vector
-    w: Vector | None
-    y: Vector | None
-    u: Vector
-    used: Vector | None
-    slope: tuple[float, Vector, Vector] | None = None
-    last: tuple[float, Vector, bool] | None = None
-    started: bool = True
+from obsdesign.runtime.unknown_input_steps import (
+    UnknownInputState,
+    damped_slope,
+    smoothed_record,
+    stacked,
+)
 
 
 @dataclass(frozen=True)
@@ -167,7 +151,7 @@ class UnknownInputObserver:
             return following, Estimate(t, x=x, d=d * np.nan, status="missing sample")
         slope = None
         if self._damped:
-            slope = _damped(state, h, y)
+            slope = damped_slope(state, h, y)
             d = d + self.gains["N"] @ slope[2]
         # y from `known`: the sample's own array is the caller's
         following = UnknownInputState(t, t, x, w, known[k + p : k + 2 * p], u, None, slope, last)
@@ -211,21 +195,9 @@ class UnknownInputObserver:
         return optional_measurement(y, self._p)
 
     def _stacked(self, h: float, error: float) -> tuple[Vector, bool]:
-        """[w; y_prev; y; U] -> [w+; x; d], and whether steps of length h ring."""
+        """The matrix of a step of length h, and whether such steps ring."""
         del error  # a point estimate owes nothing to half an ulp of time
-        g = self.gains
-        F, p = g["F"], len(g["C"])
-        eye, half = np.eye(len(F)), h / 2 * F
-        driven = np.hstack([eye + half, h / 2 * g["H"], h / 2 * g["H"], h * g["Gu"]])
-        w = np.linalg.solve(eye - half, driven)
-        x = g["X"] @ w
-        x[:, len(F) + p : len(F) + 2 * p] += g["Xy"]
-        w_mean = w / 2
-        w_mean[:, : len(F)] += eye / 2
-        slope = np.zeros_like(g["N"]) if self._damped else g["N"] / h
-        d = g["Q"] @ w_mean
-        d += np.hstack([np.zeros(g["Q"].shape), g["R"] / 2 - slope, g["R"] / 2 + slope, g["S"]])
-        return np.vstack([w, x, d]), h * self._fastest > equations.STEP_LIMIT
+        return stacked(self.gains, h, self._damped), h * self._fastest > equations.STEP_LIMIT
 
     @property
     def _fastest(self) -> float:
@@ -234,30 +206,3 @@ class UnknownInputObserver:
 
     def _ringing(self, h: float) -> str:
         return f"sampling time {h:.9g} above {equations.STEP_LIMIT / self._fastest:.6g} = 2/|f|"
-
-
-def _damped(state: UnknownInputState, h: float, y: Vector) -> tuple[float, Vector, Vector]:
-    """(h, mean of y, y') with the pole at -DAMPING; intervals of any length."""
-    assert state.y is not None
-    mean = (y + state.y) / 2
-    if state.slope is None:
-        return h, mean, (y - state.y) / h
-    before, mean_before, slope = state.slope
-    r = equations.DAMPING
-    return h, mean, (1 + r) * (mean - mean_before) / ((h + before) / 2) - r * slope
-
-
-def smoothed_record(samples: Sequence[Sample], deviation: Vector) -> list[Sample]:
-    """The samples with each output smoothed to its noise; missing ones stay missing."""
-    rows = [optional_measurement(sample.y, len(deviation)) for sample in samples]
-    there = [k for k, y in enumerate(rows) if y is not None]
-    if not there:
-        return list(samples)
-    t = np.array([float(samples[k].t) for k in there])
-    if not np.all(np.diff(t) > 0):
-        raise ValueError("time must increase in a record that is smoothed.")
-    values = smoothed(t, np.array([rows[k] for k in there]), deviation)
-    result = list(samples)
-    for k, y in zip(there, values, strict=True):
-        result[k] = replace(samples[k], y=y)
-    return result

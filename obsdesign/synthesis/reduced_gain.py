@@ -65,16 +65,25 @@ class Reduced:
         return np.asarray(inverse @ self.Z)
 
 
+def own_units(A: Matrix) -> tuple[Matrix, float]:
+    """(sizes of the states (n,), pace): units in which A is balanced, so that those of x drop out."""
+    from scipy.linalg import matrix_balance
+
+    balanced, (sizes, _) = matrix_balance(A, permute=False, separate=True)
+    return np.asarray(sizes), float(np.abs(balanced).max()) or 1.0
+
+
 def output_variances(problem: Problem) -> Matrix:
     """Variances of the measurement noise: weights.output, else from noise_std up to a factor.
 
-    Without either, each output counts by the length of its row of C, so that units drop out.
+    Without either, each output counts by the length of its row of C in `own_units`, so that units
+    drop out.
     """
     given = problem.options.get("weights", {}).get("output")
     if given is not None:
         return np.asarray(given, dtype=np.float64)
     output = problem.plant.output
-    lengths = np.sum(output.C**2, axis=1)
+    lengths = np.sum((output.C * own_units(problem.plant.flow.A)[0]) ** 2, axis=1)
     lengths = np.where(lengths > 0, lengths, 1.0)
     if not np.all(output.noise_std > 0):
         return np.asarray(lengths)
@@ -129,9 +138,9 @@ def reduced_gain(problem: Problem, system: Reduced, root: Matrix) -> tuple[str, 
     if not seen.size:
         return "no L: every pole is an invariant zero", np.zeros(system.C.T.shape)
     weights = problem.options.get("weights", {})
-    state = np.asarray(weights.get("state", np.ones(problem.plant.n)))
-    # without a weight the plant's own unit of time
-    pace = 1.0 if "state" in weights else float(np.abs(inner).max()) or 1.0
+    sizes, pace = own_units(problem.plant.flow.A)
+    state = np.asarray(weights.get("state", sizes**2))
+    pace = 1.0 if "state" in weights else pace  # without a weight the plant's own unit of time
     driven = np.linalg.solve(root.T, system.coupling.T / pace)
     W = (system.T * state) @ system.T.T + driven.T @ driven
     V = (system.Z * output_variances(problem)) @ system.Z.T

@@ -151,6 +151,35 @@ def test_coordinates_do_not_change_the_estimates() -> None:
     np.testing.assert_allclose(one.d[1:], two.d[1:], atol=1e-7)
 
 
+@pytest.mark.parametrize("states", [[0, 0, 0, 0, 0], [3, -8, 0, 11, -5]])
+def test_units_do_not_matter(states: list[int]) -> None:
+    """Left to itself, the design does not depend on units; powers of two keep numbers exact.
+
+    Those of the states are told apart to a factor of two or so, which is what balancing does.
+    """
+    body = example().to_dict()
+    A, C, D, B = (np.array(body[b][k]) for b, k in (("flow", "A"), ("output", "C"),
+                                                     ("flow", "D"), ("flow", "B")))  # fmt: skip
+    own = obsdesign.design(problem(A, C, D, B))
+    x, y, d, t = 2.0 ** np.array(states), 2.0 ** np.array([6, 0, -9]), 2.0**7, 2.0**4
+    S = np.diag(x)  # x in new units, and time in units of 1/t
+    other = obsdesign.design(problem(
+        S @ A @ np.diag(1 / x) / t, np.diag(y) @ C @ np.diag(1 / x), S @ D * d / t, S @ B / t
+    ))  # fmt: skip
+    poles = [np.sort_complex(np.linalg.eigvals(design.gains["F"])) for design in (own, other)]
+    if any(states):
+        ratios = np.sort(np.abs(poles[1] * t)) / np.sort(np.abs(poles[0]))
+        assert np.all((ratios > 0.5) & (ratios < 2))
+        return
+    np.testing.assert_allclose(poles[1] * t, poles[0], rtol=1e-7)
+    rows = np.random.default_rng(0).standard_normal((40, 3))
+    times = 0.1 * np.arange(40)
+    one = from_design(own).run_batch(times, rows, x=np.zeros(5))
+    two = from_design(other).run_batch(times * t, rows * y, x=np.zeros(5))
+    np.testing.assert_allclose(two.x / x, one.x, atol=1e-6 * np.abs(one.x).max())
+    np.testing.assert_allclose(two.d[1:] * d, one.d[1:], atol=1e-6 * np.abs(one.d[1:]).max())
+
+
 def test_every_false_matrix_is_refuted() -> None:
     asked = example()
     gains = dict(obsdesign.design(asked).gains)
