@@ -1,11 +1,11 @@
 """Noise-aware smoothing of a record: the smoothest signal that agrees with noisy samples.
 
-    minimise  |third derivative of f|^2   subject to   sum_i (f_i - y_i)^2 <= (N + 1) s^2
+    minimise  |third derivative of f|^2   subject to   sum_i (f_i - y_i)^2 <= allowance(N) s^2
 
-which is min |D2 g|^2 s.t. |P g + f(0) - F| <= s sqrt(N) for the averages g of f' over equal cells
-(`equations.block_pulse`), with f(0) free. The only number it needs is the standard deviation s of
-the noise. Its minimiser is f = (I + lam A'A)^-1 y for the lam >= 0 that makes the constraint an
-equality (Morozov's principle), so that one SVD and a scalar equation solve it.
+which is min |D2 g|^2 under the same bound on |P g + f(0) - y| for the averages g of f' over equal
+cells (`equations.block_pulse`), with f(0) free. The only number it needs is the standard deviation
+s of the noise. Its minimiser is f = (I + lam A'A)^-1 y for the lam >= 0 that makes the constraint
+an equality (Morozov's principle), so that one SVD and a scalar equation solve it.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-# records are smoothed in windows of this many samples, of which the middle half is kept
+# records are smoothed in windows of this many samples, half overlapping, which fade into each other
 WINDOW = 200
 _BISECTIONS = 100
 
@@ -28,13 +28,18 @@ def smoothed(t: Array, y: Array, deviation: Array) -> Array:
     rows, half = len(t), WINDOW // 2
     if rows <= WINDOW:
         return _window(t, y, deviation)
-    result = np.empty_like(y)
-    starts = [*range(0, rows - WINDOW, half), rows - WINDOW]
-    for start in starts:
-        found = _window(t[start : start + WINDOW], y[start : start + WINDOW], deviation)
-        first = 0 if start == 0 else half // 2
-        result[start + first : start + WINDOW] = found[first:]  # the next window replaces its end
-    return result
+    total, weights = np.zeros_like(y), np.zeros((rows, 1))
+    fade = np.minimum(np.arange(1, WINDOW + 1), np.arange(WINDOW, 0, -1))[:, None] / half
+    for start in [*range(0, rows - WINDOW, half), rows - WINDOW]:
+        part = slice(start, start + WINDOW)
+        total[part] += fade * _window(t[part], y[part], deviation)
+        weights[part] += fade
+    return np.asarray(total / weights)
+
+
+def allowance(rows: int) -> float:
+    """What the squares of `rows` samples of unit white noise sum to: mean plus two deviations."""
+    return float(rows + 2 * np.sqrt(2 * rows))
 
 
 def roughness(t: Array) -> Array:
@@ -57,10 +62,10 @@ def _window(t: Array, y: Array, deviation: Array) -> Array:
     _, values, V = np.linalg.svd(roughness((t - t[0]) / scale))
     squares = np.concatenate([values**2, np.zeros(rows - len(values))])
     parts = V @ y
-    columns = [
-        V.T @ (parts[:, j] / (1 + _weight(squares, parts[:, j] ** 2, rows * s**2) * squares))
-        for j, s in enumerate(deviation)
-    ]
+    columns = []
+    for j, s in enumerate(deviation):
+        weight = _weight(squares, parts[:, j] ** 2, allowance(rows) * s**2)
+        columns.append(V.T @ (parts[:, j] / (1 + weight * squares)))
     return np.column_stack(columns)
 
 

@@ -66,7 +66,7 @@ class Reduced:
 
 
 def own_units(A: Matrix) -> tuple[Matrix, float]:
-    """(sizes of the states (n,), pace): units in which A is balanced, so that those of x drop out."""
+    """(sizes of the states (n,), pace): units that balance A, so that those of x drop out."""
     from scipy.linalg import matrix_balance
 
     balanced, (sizes, _) = matrix_balance(A, permute=False, separate=True)

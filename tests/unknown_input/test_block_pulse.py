@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from obsdesign.equations import block_pulse as bpf
-from obsdesign.equations.smoothing import WINDOW, roughness, smoothed
+from obsdesign.equations.smoothing import WINDOW, allowance, roughness, smoothed
 
 M, H = 100, 0.1
 T = H * np.arange(M + 1)
@@ -108,7 +108,7 @@ def test_smoothing_solves_the_quadratic_program() -> None:
         ours = smoothed(t, y[:, None], np.array([0.05]))[:, 0]
         f = cp.Variable(41)
         rough = roughness(t)
-        ball = [cp.norm(f - y) <= 0.05 * np.sqrt(41)]
+        ball = [cp.norm(f - y) <= 0.05 * np.sqrt(allowance(41))]
         best = cp.Problem(cp.Minimize(cp.sum_squares(rough @ f)), ball)
         best.solve(solver=cp.CLARABEL)
         np.testing.assert_allclose(ours, f.value, atol=1e-4)
@@ -116,7 +116,7 @@ def test_smoothing_solves_the_quadratic_program() -> None:
 
 
 def test_on_equal_cells_it_is_the_program_for_the_cells() -> None:
-    """min |D2 g|^2 subject to |P g + f0 - y| <= s sqrt(N + 1), g the averages of the derivative."""
+    """min |D2 g|^2 in g, the averages of the derivative."""
     g = np.diff(np.sin(T)) / H
     second = np.diff(g, 2)
     np.testing.assert_allclose(roughness(T) @ np.sin(T), second / H**2 * np.sqrt(H), rtol=1e-6)
@@ -128,7 +128,7 @@ def test_smoothing_laws() -> None:
     s = np.array([0.05, 0.05])
     once = smoothed(T, y, s)
     np.testing.assert_allclose(
-        np.linalg.norm(once[:, 0] - y[:, 0]), 0.05 * np.sqrt(M + 1), rtol=1e-6
+        np.linalg.norm(once[:, 0] - y[:, 0]), 0.05 * np.sqrt(allowance(M + 1)), rtol=1e-6
     )
     # units of time and of y, and a parabola added, change nothing else
     np.testing.assert_allclose(smoothed(60 * T + 7, y, s), once, atol=1e-7)
@@ -151,6 +151,6 @@ def test_long_records_are_smoothed_in_windows() -> None:
     found = smoothed(t, y, np.array([0.05]))
     off = np.abs(found[:, 0] - np.sin(t))
     assert off[5:-5].max() < 0.06  # the ends are held from one side only
-    assert np.sqrt(np.mean(off**2)) < 0.02
+    assert np.sqrt(np.mean(off[5:-5] ** 2)) < 0.5 * 0.05
     slope = np.diff(found[:, 0]) / H
     assert np.sqrt(np.mean((slope - np.cos(t[1:] - H / 2)) ** 2)) < 0.1  # 0.7 unsmoothed
