@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lmi.balls import exact
+from lmi.balls import exact, row_echelon, surely_observable
 from lmi.hurwitz import prove_hurwitz
 
 Matrix = NDArray[np.float64]
@@ -86,8 +86,10 @@ def hidden_flow(A: Any, C: Any) -> Any | None:
     A, C: floats or exact rationals. Its modes are those that no output sees. None if the subspace
     is zero.
     """
-    flow = exact(A)
-    hidden, free = nullspace(exact(C))
+    flow, seen = exact(A), exact(C)
+    if surely_observable(flow, seen):
+        return None
+    hidden, free = nullspace(seen)
     while free:
         moved = flow @ hidden
         inside, kept = nullspace(moved - hidden @ moved[free])
@@ -99,19 +101,8 @@ def hidden_flow(A: Any, C: Any) -> Any | None:
 
 def nullspace(rows: Any) -> tuple[Any, list[int]]:
     """Basis of {v: rows v = 0} as columns, the identity at the free columns; exact rationals."""
-    table = rows.copy()
-    leading: list[int] = []
-    for j in range(table.shape[1]):
-        k = len(leading)
-        pivots = [i for i in range(k, len(table)) if table[i, j] != 0]
-        if not pivots:
-            continue
-        table[[k, pivots[0]]] = table[[pivots[0], k]]
-        table[k] = table[k] / table[k, j]
-        for i in range(len(table)):
-            if i != k and table[i, j] != 0:
-                table[i] = table[i] - table[i, j] * table[k]
-        leading.append(j)
+    table, rank = row_echelon(rows)
+    leading = [int(np.flatnonzero(table[i] != 0)[0]) for i in range(rank)]
     free = [j for j in range(table.shape[1]) if j not in leading]
     basis = exact(np.zeros((table.shape[1], len(free))))
     for column, j in enumerate(free):

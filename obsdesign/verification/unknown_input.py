@@ -44,8 +44,8 @@ def claims(
     if text is not None:
         return (consistency(text, gains, {}),)
     existence = _existence(problem)
-    if any(claim.verdict == "refuted" for claim in existence):
-        return existence
+    if any(claim.verdict != "proved" for claim in existence):
+        return existence  # no gains to speak of
     agreement = consistency(None, gains, _expected(problem))
     if agreement.verdict != "proved":
         return (agreement, *existence)

@@ -10,8 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import obsdesign
-from lmi.balls import to_float
+from lmi.balls import exact, surely_observable, to_float
 from obsdesign.invariant_zeros import shows_every_input, zero_flow, zeros_decay
+from obsdesign.structure import hidden_flow
 from tests.unknown_input.plants import (
     pencil_margin,
     pencil_zeros,
@@ -164,3 +165,17 @@ def test_a_zero_that_rounding_hides_is_told() -> None:
     assert zeros.evidence["nearly"]["real"] == pytest.approx(0.5)
     told = outcome.design.guarantees
     assert any("survives rounding" in g["statement"] and not g["given"] for g in told)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_rank_modulo_a_prime_never_says_too_much(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    n, p = int(rng.integers(2, 6)), int(rng.integers(1, 3))
+    A, C = rng.integers(-2, 3, (n, n)) / 2.0, rng.integers(-1, 2, (p, n)) / 4.0
+    if seed % 2:  # a mode that C cannot see
+        A[1:, 0], C[:, 0] = 0, 0
+    rows = [C]
+    for _ in range(n - 1):
+        rows.append(rows[-1] @ A)
+    assert surely_observable(exact(A), exact(C)) == (np.linalg.matrix_rank(np.vstack(rows)) == n)
+    assert (hidden_flow(A, C) is None) == (np.linalg.matrix_rank(np.vstack(rows)) == n)
