@@ -25,6 +25,14 @@ class Mode:
     margin: float
 
 
+def own_units(A: Matrix) -> tuple[Matrix, float]:
+    """(sizes of the states (n,), pace): units that balance A, so that those of x drop out."""
+    from scipy.linalg import matrix_balance
+
+    balanced, (sizes, _) = matrix_balance(A, permute=False, separate=True)
+    return np.asarray(sizes), float(np.abs(balanced).max()) or 1.0
+
+
 def approx_unobservable_modes(A: Matrix, C: Matrix) -> list[Mode]:
     """Modes of A, (n, n), that C, (p, n), does not see (Popov-Belevitch-Hautus), in floats.
 

@@ -21,6 +21,7 @@ Notation
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -53,13 +54,14 @@ def scaled(C: Array, D: Array) -> tuple[Array, Array, Array]:
 
     Exact: factors are powers of two. The third value holds those of D's columns, (q,).
     """
-
-    def factors(rows: Array) -> Array:
-        sizes = np.linalg.norm(rows, axis=1)
-        return np.ldexp(1.0, -np.frexp(np.where(sizes > 0, sizes, 1.0))[1])
-
-    of_C, of_D = factors(C), factors(D.T)
+    of_C, of_D = lengths(C), lengths(D.T)
     return of_C[:, None] * C, D * of_D, of_D
+
+
+def lengths(rows: Array) -> Array:
+    """Powers of two that bring rows to about unit length; 1 for rows of zeros."""
+    sizes = np.linalg.norm(rows, axis=1)
+    return np.ldexp(1.0, -np.frexp(np.where(sizes > 0, sizes, 1.0))[1])
 
 
 def inputs(B: Array | None, lower: Array, upper: Array) -> Array:
@@ -111,13 +113,31 @@ def conditions(plant: tuple[Array, Array, Array, Array], g: Mapping[str, Array])
     for name, parts in terms.items():
         total = sum(parts[1:], parts[0])
         magnitudes = [abs(part) for part in parts]
-        if name in factors:  # one product that cancels within itself
-            product = abs(factors[name][0])
-            for factor in factors[name][1:]:
-                product = product @ abs(factor)
-            magnitudes = [product]
+        if name in factors and total.size:  # one product that cancels within itself
+            magnitudes = [abs(total) * 0 + math.prod(max(abs(X).flat) for X in factors[name])]
         found[name] = total, sum(magnitudes[1:], magnitudes[0])
     return found
+
+
+# of every matrix, in which units its rows and its columns are: states x, reduced states w, outputs
+# y, annihilated outputs z, unknown inputs d, known inputs u, and both [w, d]; time is in no unit
+UNITS: Mapping[str, tuple[str, str]] = {
+    "T1": ("x", "wd"), "T": ("w", "x"), "N": ("d", "y"), "Z": ("z", "y"), "L": ("w", "z"),
+    "F": ("w", "w"), "H": ("w", "y"), "Gu": ("w", "u"), "X": ("x", "w"), "Xy": ("x", "y"),
+    "Q": ("d", "w"), "R": ("d", "y"), "S": ("d", "u"), "first": ("w", "y"),
+    "A": ("x", "x"), "B": ("x", "u"), "C": ("y", "x"), "D": ("x", "d"),
+}  # fmt: skip
+
+
+def units(
+    plant: tuple[Array, Array, Array, Array], sizes: Array, T: Array, Z: Array
+) -> dict[str, Array]:
+    """Sizes of all signals, powers of two, where the states have the given `sizes` (n,)."""
+    _, B, C, D = plant
+    found = {"x": sizes, "w": 1 / lengths(T * sizes), "y": 1 / lengths(C * sizes)}
+    found |= {"d": lengths((D / sizes[:, None]).T), "u": lengths((B / sizes[:, None]).T)}
+    found["z"] = 1 / lengths(Z * found["y"])
+    return found | {"wd": np.concatenate([found["w"], found["d"]])}
 
 
 def zero_dynamics(A: Array, C: Array, D: Array, N: Array) -> Array:

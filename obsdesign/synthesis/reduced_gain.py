@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from obsdesign.errors import InputError
 from obsdesign.problem import Problem
+from obsdesign.structure import own_units
 from obsdesign.synthesis.placement import complex_text, placed_gain, with_conjugates
 
 Matrix = NDArray[np.float64]
@@ -65,14 +66,6 @@ class Reduced:
         return np.asarray(inverse @ self.Z)
 
 
-def own_units(A: Matrix) -> tuple[Matrix, float]:
-    """(sizes of the states (n,), pace): units that balance A, so that those of x drop out."""
-    from scipy.linalg import matrix_balance
-
-    balanced, (sizes, _) = matrix_balance(A, permute=False, separate=True)
-    return np.asarray(sizes), float(np.abs(balanced).max()) or 1.0
-
-
 def output_variances(problem: Problem) -> Matrix:
     """Variances of the measurement noise: weights.output, else from noise_std up to a factor.
 
@@ -102,13 +95,14 @@ def left_inverse(CD: Matrix, variances: Matrix) -> tuple[Matrix, Matrix]:
     return np.asarray(np.linalg.solve(R, Q.T * weights)), np.asarray(R)
 
 
-def annihilator(CD: Matrix) -> Matrix:
+def annihilator(CD: Matrix, units: Matrix) -> Matrix:
     """Z, (p - q, p), full rank, Z C D = 0; the unit matrix at the leftmost columns that allow it.
 
-    This normal form depends on C D alone, so that a given L means the same everywhere.
+    units: factors (p,) that bring the outputs to one size. The normal form depends on C and D
+    alone, so that a given L means the same everywhere.
     """
     p, q = CD.shape
-    Z = np.linalg.qr(CD, mode="complete")[0][:, q:].T
+    Z = np.linalg.qr(units[:, None] * CD, mode="complete")[0][:, q:].T
     tolerance = 1e-3
     while True:
         columns: list[int] = []
@@ -119,7 +113,8 @@ def annihilator(CD: Matrix) -> Matrix:
                 columns.append(j)
                 basis = np.column_stack([basis, rest / np.linalg.norm(rest)])
         if len(columns) == p - q:
-            return np.asarray(np.linalg.solve(Z[:, columns], Z) + 0.0)
+            normal = np.linalg.solve(Z[:, columns], Z)
+            return np.asarray(normal * units / units[columns][:, None] + 0.0)
         tolerance /= 10
 
 
@@ -143,15 +138,22 @@ def reduced_gain(problem: Problem, system: Reduced, root: Matrix) -> tuple[str, 
     pace = 1.0 if "state" in weights else pace  # without a weight the plant's own unit of time
     driven = np.linalg.solve(root.T, system.coupling.T / pace)
     W = (system.T * state) @ system.T.T + driven.T @ driven
-    V = (system.Z * output_variances(problem)) @ system.Z.T
-    return "Riccati L", pace * visible @ _kalman(inner / pace, seen, visible.T @ W @ visible, V)
+    noise = system.Z * np.sqrt(output_variances(problem))
+    try:
+        L = _kalman(inner / pace, seen, visible.T @ W @ visible, noise)
+    except np.linalg.LinAlgError:  # something is all but unseen
+        return "no finite Riccati L in floats, L = 0", np.zeros(system.C.T.shape)
+    return "Riccati L", pace * visible @ L
 
 
-def _kalman(A: Matrix, C: Matrix, W: Matrix, V: Matrix) -> Matrix:
+def _kalman(A: Matrix, C: Matrix, W: Matrix, noise: Matrix) -> Matrix:
+    """S C' V^-1, V = noise noise', in outputs whose noise is white and of unit size."""
     from scipy.linalg import solve_continuous_are
 
-    S = solve_continuous_are(A.T, C.T, W, V)
-    return np.asarray(np.linalg.solve(V, C @ S).T)
+    R = np.asarray(np.linalg.qr(noise.T)[1])
+    white = np.linalg.solve(R.T, C)
+    S = solve_continuous_are(A.T, white.T, W, np.eye(len(R)))
+    return np.asarray(np.linalg.solve(R, white @ S).T)
 
 
 def _unseen(A: Matrix, C: Matrix, sizes: tuple[float, ...]) -> Matrix:

@@ -64,7 +64,7 @@ def _gains(problem: Problem, D: Matrix) -> tuple[str, dict[str, Any]]:
     else:
         T = np.linalg.solve(T1, np.eye(n))[: n - q]
     N, root = left_inverse(C @ D, output_variances(problem))
-    Z = annihilator(C @ D)
+    Z = annihilator(C @ D, equations.lengths(C))
     reduced = Reduced.of(flow.A, C, D, T1[:, : n - q], T, N, Z)
     label, L = reduced_gain(problem, reduced, root)
     B = equations.inputs(flow.B, flow.lower, flow.upper)

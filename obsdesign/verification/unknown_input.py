@@ -19,6 +19,7 @@ from obsdesign.document import Claim
 from obsdesign.equations import unknown_input as equations
 from obsdesign.invariant_zeros import shows_every_input, zeros_decay
 from obsdesign.problem import Problem
+from obsdesign.structure import own_units
 from obsdesign.verification.consistency import consistency
 from obsdesign.verification.observer_sentences import sentences
 
@@ -50,7 +51,12 @@ def claims(
     if agreement.verdict != "proved":
         return (agreement, *existence)
     numbers = _exact_gains(problem, gains)
-    return (agreement, *existence, _equations(problem, numbers), _stable(numbers["F"]))
+    return (
+        agreement,
+        *existence,
+        _equations(problem, numbers),
+        _stable(numbers["F"], existence[-1].evidence),
+    )
 
 
 def guarantees(problem: Problem, found: tuple[Claim, ...]) -> tuple[dict[str, Any], ...]:
@@ -104,19 +110,16 @@ def _existence(problem: Problem) -> tuple[Claim, Claim] | tuple[Claim]:
 
 def _equations(problem: Problem, gains: Mapping[str, Any]) -> Claim:
     """Every condition of `equations.conditions` in exact arithmetic, up to the stored rounding."""
-    flow, C = problem.plant.flow, problem.plant.output.C
-    B = equations.inputs(flow.B, flow.lower, flow.upper)
-    assert flow.D is not None
-    plant = (exact(flow.A), exact(B), exact(C), exact(flow.D))
-    worst: dict[str, Any] = {"condition": "", "relative": 0.0, "absolute": 0.0}
+    plant, gains = _in_own_units(problem, gains)
+    worst: dict[str, Any] = {"condition": "", "relative": 0.0, "scaled": 0.0}
     for name, (residual, size) in equations.conditions(plant, gains).items():
         if not residual.size:
             continue
         off, room = max(abs(residual).flat), max(size.flat)
         relative = float(to_float(np.array([off / room]))[0]) if off != 0 else 0.0
         if relative >= worst["relative"]:
-            absolute = float(to_float(np.array([off], dtype=object))[0])
-            worst = {"condition": name, "relative": relative, "absolute": absolute}
+            scaled = float(to_float(np.array([off], dtype=object))[0])
+            worst = {"condition": name, "relative": relative, "scaled": scaled}
     verdict = proved(largest_residual=worst)
     if worst["relative"] > ROUNDING:
         reason = (
@@ -126,17 +129,42 @@ def _equations(problem: Problem, gains: Mapping[str, Any]) -> Claim:
         verdict = refuted({**worst, "reason": reason})
     return Claim(
         "observer_equations",
-        f"the stored matrices are an observer of this plant, up to {ROUNDING:g} of their terms: "
-        "neither state nor unknown input drives its error",
+        f"the stored matrices are an observer of this plant, up to {ROUNDING:g} of their terms, "
+        "all signals scaled to unit size: neither state nor unknown input drives its error",
         f"{PAPER}, (21)-(33)",
         verdict.outcome,
         verdict.evidence,
     )
 
 
-def _stable(F: Any) -> Claim:
+def _in_own_units(
+    problem: Problem, gains: Mapping[str, Any]
+) -> tuple[tuple[Any, Any, Any, Any], dict[str, Any]]:
+    """Plant and gains with all signals of about unit size, exactly: only then sizes compare."""
+    flow, C = problem.plant.flow, problem.plant.output.C
+    B = equations.inputs(flow.B, flow.lower, flow.upper)
+    assert flow.D is not None
+    T, Z = to_float(gains["T"]), to_float(gains["Z"])
+    units = equations.units((flow.A, B, C, flow.D), own_units(flow.A)[0], T, Z)
+    exactly = {name: exact(values) for name, values in units.items()}
+    everything = {"A": exact(flow.A), "B": exact(B), "C": exact(C), "D": exact(flow.D), **gains}
+    moved = {
+        name: value * exactly[equations.UNITS[name][1]] / exactly[equations.UNITS[name][0]][:, None]
+        for name, value in everything.items()
+    }
+    return (moved["A"], moved["B"], moved["C"], moved["D"]), moved
+
+
+def _stable(F: Any, zeros: Mapping[str, Any]) -> Claim:
     if F.size:
         verdict = prove_hurwitz(F)
+        if verdict.outcome == "refuted" and "nearly" in zeros:
+            mode, witness = zeros["nearly"], verdict.evidence["witness"]
+            why = (
+                f"{witness['reason']}; s = {mode['real']:.6g} is within {mode['margin']:.1g} of "
+                "being an invariant zero, so that hardly any gain reaches it"
+            )
+            verdict = refuted({**witness, "reason": why})
         fastest = float(np.abs(np.linalg.eigvals(to_float(F))).max())
     else:
         verdict, fastest = proved(method="nothing is left to be observed"), 0.0
