@@ -13,6 +13,7 @@ import obsdesign
 from lmi.balls import exact, surely_observable, to_float
 from obsdesign.invariant_zeros import shows_every_input, zero_flow, zeros_decay
 from obsdesign.structure import hidden_flow
+from scripts.random_unknown_inputs import draw, expected
 from tests.unknown_input.plants import (
     pencil_margin,
     pencil_zeros,
@@ -179,3 +180,23 @@ def test_the_rank_modulo_a_prime_never_says_too_much(seed: int) -> None:
         rows.append(rows[-1] @ A)
     assert surely_observable(exact(A), exact(C)) == (np.linalg.matrix_rank(np.vstack(rows)) == n)
     assert (hidden_flow(A, C) is None) == (np.linalg.matrix_rank(np.vstack(rows)) == n)
+
+
+@pytest.mark.parametrize("seed", range(4, 40, 6))
+def test_wild_units_are_proved_like_tame_ones(seed: int) -> None:
+    family, matrices = draw(seed)
+    assert family == "wild units"
+    assert obsdesign.investigate(problem(*matrices)).verdict == expected(*matrices)
+
+
+def test_a_zero_that_coordinates_round_away_leaves_the_design_undecided() -> None:
+    rng = np.random.default_rng(0)
+    A, C, D = plant_with_zeros(rng, 6, 3, 2, np.array([[0.5]]))
+    outcome = obsdesign.investigate(problem(A, C, D))
+    assert outcome.verdict == "undecided"
+    hurwitz = next(c for c in outcome.claims if c.id == "hurwitz")
+    assert "s = 0.5 is within" in hurwitz.evidence["reason"]
+    stable = plant_with_zeros(np.random.default_rng(0), 6, 3, 2, np.array([[-0.5]]))
+    design = obsdesign.design(problem(*stable))  # the twin: one that decays is simply kept
+    assert np.abs(np.linalg.eigvals(design.gains["F"]) + 0.5).min() < 1e-9
+    assert np.abs(design.gains["L"]).max() < 1e3
