@@ -13,6 +13,7 @@ CLAIMS = (
     "interval_stream_is_flat", "interval_synthesis_is_fast",
     "window_gain_is_fast", "window_certificate_is_fast",
     "period_search_is_reliable", "window_step_is_fast",
+    "unknown_input_stream_is_fast",
 )  # fmt: skip
 
 

@@ -12,10 +12,11 @@ from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
-from flint import arb, arb_mat, ctx, fmpq, fmpq_mat
+from flint import arb, arb_mat, ctx, fmpq, fmpq_mat, nmod_mat
 from numpy.typing import ArrayLike, NDArray
 
 Exact = NDArray[np.object_]
+_PRIME = 2**61 - 1
 PRECISIONS = (80, 160, 320)  # bits: raised in turn before a proof gives up
 
 
@@ -124,6 +125,40 @@ def characteristic_polynomial(F: Exact) -> list[Any]:
 def middle(S: Any) -> NDArray[np.float64]:
     """Float midpoints of a ball matrix: to steer by, never to compare."""
     return np.array([[float(x) for x in row] for row in S.tolist()])
+
+
+def row_echelon(values: Exact) -> tuple[Exact, int]:
+    """Reduced row echelon form of an exact matrix, and its rank."""
+    reduced, rank = _rational_matrix(values).rref()
+    result = np.empty(values.shape, dtype=object)
+    result.flat[:] = [x for row in reduced.tolist() for x in row]
+    return result, int(rank)
+
+
+def surely_observable(A: Exact, C: Exact) -> bool:
+    """True only if [C; C A; ...; C A^(n-1)] has full column rank n; exact A (n, n), C (p, n).
+
+    Modulo a prime the rank can only fall, and numbers stay short. False says nothing.
+    """
+    try:
+        flow, rows = (nmod_mat(*X.shape, [_residue(x) for x in X.flat], _PRIME) for X in (A, C))
+    except ZeroDivisionError:
+        return False
+    n, p = len(A), len(C)
+    entries: list[Any] = []
+    for power in range(1, n + 1):
+        entries += list(rows.entries())
+        if p * power >= n and nmod_mat(p * power, n, entries, _PRIME).rank() == n:
+            return True
+        rows = rows * flow
+    return False
+
+
+def _residue(value: Any) -> int:
+    top, bottom = int(value.p) % _PRIME, int(value.q) % _PRIME
+    if bottom == 0:
+        raise ZeroDivisionError
+    return top * pow(bottom, -1, _PRIME) % _PRIME
 
 
 def fixed_vector(blocks: list[Exact]) -> list[float] | None:

@@ -7,6 +7,7 @@ import sys
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from itertools import chain
 from typing import Any, TextIO
 
 from obsdesign.document import refuse_overwriting, replacing
@@ -62,12 +63,11 @@ def _loop(
     log: TextIO | None,
 ) -> Counter[str]:
     counts: Counter[str] = Counter()
-    state = None
-    for sample in read_samples(stream, layout, name):
-        if state is None:
-            state = observer.start(sample.t, initial)
-            out.write(estimate_header(observer.names) + "\n")
-        state, estimate = observer.step(state, sample)
+    samples = read_samples(stream, layout, name)
+    first = next(samples)  # there is one, or they complain
+    state = observer.start(first.t, initial)
+    out.write(estimate_header(observer.names) + "\n")
+    for estimate in observer.run(state, chain([first], samples)):
         out.write(estimate_line(estimate) + "\n")
         if log is not None:
             log.writelines(event_line(event) + "\n" for event in estimate.events)

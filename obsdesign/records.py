@@ -156,7 +156,7 @@ def estimate_line(estimate: Estimate) -> str:
         numbers += np.column_stack([estimate.lower, estimate.upper]).reshape(-1).tolist()
     if estimate.d is not None:
         numbers += estimate.d.tolist()
-    return ",".join([*map(repr, numbers), estimate.status.replace(",", ";")])
+    return ",".join([*map(_cell, numbers), estimate.status.replace(",", ";")])
 
 
 def event_line(event: tuple[Any, ...]) -> str:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lmi.balls import exact
+from lmi.balls import exact, row_echelon, surely_observable
 from lmi.hurwitz import prove_hurwitz
 
 Matrix = NDArray[np.float64]
@@ -23,6 +23,14 @@ class Mode:
 
     eigenvalue: complex
     margin: float
+
+
+def own_units(A: Matrix) -> tuple[Matrix, float]:
+    """(sizes of the states (n,), pace): units that balance A, so that those of x drop out."""
+    from scipy.linalg import matrix_balance
+
+    balanced, (sizes, _) = matrix_balance(A, permute=False, separate=True)
+    return np.asarray(sizes), float(np.abs(balanced).max()) or 1.0
 
 
 def approx_unobservable_modes(A: Matrix, C: Matrix) -> list[Mode]:
@@ -52,7 +60,7 @@ def hidden_growth(A: Matrix, C: Matrix, rate: float = 0.0) -> bool:
     rows = [C_exact]
     for _ in range(n - 1):
         rows.append(rows[-1] @ A_exact)
-    hidden, free = exact_nullspace(np.vstack(rows))
+    hidden, free = nullspace(np.vstack(rows))
     if not free:
         return False
     # A maps the subspace into itself; its entries at the free columns are its coordinates
@@ -68,11 +76,11 @@ def hidden_pair(A: Any, G: Any, C: Any) -> tuple[Any, Any] | None:
     """
     maps = [exact(A), exact(G)]
     rows = exact(C)
-    hidden, free = exact_nullspace(rows)
+    hidden, free = nullspace(rows)
     while free:
         further = [rows @ X for X in maps]
         stacked = np.vstack([rows, *further])
-        smaller, fewer = exact_nullspace(stacked)
+        smaller, fewer = nullspace(stacked)
         if len(fewer) == len(free):
             flow, jump = ((X @ hidden)[free] for X in maps)
             return flow, jump
@@ -80,21 +88,29 @@ def hidden_pair(A: Any, G: Any, C: Any) -> tuple[Any, Any] | None:
     return None
 
 
-def exact_nullspace(rows: Any) -> tuple[Any, list[int]]:
+def hidden_flow(A: Any, C: Any) -> Any | None:
+    """A restricted to the largest A-invariant subspace that C never sees; exact.
+
+    A, C: floats or exact rationals. Its modes are those that no output sees. None if the subspace
+    is zero.
+    """
+    flow, seen = exact(A), exact(C)
+    if surely_observable(flow, seen):
+        return None
+    hidden, free = nullspace(seen)
+    while free:
+        moved = flow @ hidden
+        inside, kept = nullspace(moved - hidden @ moved[free])
+        if len(kept) == len(free):
+            return moved[free]
+        hidden, free = hidden @ inside, [free[i] for i in kept]
+    return None
+
+
+def nullspace(rows: Any) -> tuple[Any, list[int]]:
     """Basis of {v: rows v = 0} as columns, the identity at the free columns; exact rationals."""
-    table = rows.copy()
-    leading: list[int] = []
-    for j in range(table.shape[1]):
-        k = len(leading)
-        pivots = [i for i in range(k, len(table)) if table[i, j] != 0]
-        if not pivots:
-            continue
-        table[[k, pivots[0]]] = table[[pivots[0], k]]
-        table[k] = table[k] / table[k, j]
-        for i in range(len(table)):
-            if i != k and table[i, j] != 0:
-                table[i] = table[i] - table[i, j] * table[k]
-        leading.append(j)
+    table, rank = row_echelon(rows)
+    leading = [int(np.flatnonzero(table[i] != 0)[0]) for i in range(rank)]
     free = [j for j in range(table.shape[1]) if j not in leading]
     basis = exact(np.zeros((table.shape[1], len(free))))
     for column, j in enumerate(free):

@@ -19,7 +19,7 @@ from obsdesign.errors import InputError
 from obsdesign.problem import Problem
 
 # kind -> its module in every layer
-AVAILABLE = ("interval", "luenberger", "impulsive", "finite_time")
+AVAILABLE = ("interval", "luenberger", "impulsive", "finite_time", "unknown_input")
 
 
 @dataclass(frozen=True)

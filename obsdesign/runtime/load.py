@@ -18,6 +18,7 @@ OBSERVERS = {
     "luenberger": ("obsdesign.runtime.luenberger", "LuenbergerObserver"),
     "impulsive": ("obsdesign.runtime.impulsive", "ImpulsiveObserver"),
     "finite_time": ("obsdesign.runtime.finite_time", "FiniteTimeObserver"),
+    "unknown_input": ("obsdesign.runtime.unknown_input", "UnknownInputObserver"),
 }
 
 

@@ -55,7 +55,7 @@ def placed_gain(A: Matrix, C: Matrix, poles: Sequence[Any]) -> Matrix:
     wanted = _poles(poles, len(A))
     if hidden := approx_unobservable_modes(A, C):
         raise InputError(
-            f"observer.poles: the mode {_complex_text(hidden[0].eigenvalue)} of flow.A cannot be "
+            f"observer.poles: the mode {complex_text(hidden[0].eigenvalue)} of flow.A cannot be "
             "moved, since output.C does not see it; leave poles out."
         )
     try:
@@ -69,10 +69,7 @@ def placed_gain(A: Matrix, C: Matrix, poles: Sequence[Any]) -> Matrix:
 
 
 def _poles(poles: Sequence[Any], n: int) -> NDArray[np.complex128]:
-    values = np.array([complex(*p) if isinstance(p, Sequence) else complex(p) for p in poles])
-    # one of a conjugate pair stands for both
-    lonely = [v for v in values if v.imag and not np.any(np.isclose(values, v.conjugate()))]
-    values = np.concatenate([values, np.conjugate(lonely)])
+    values = with_conjugates(poles)
     if len(values) != n:
         raise InputError(
             f"observer.poles must give {n} poles, one per state (a pair [re, im] counts with its "
@@ -81,5 +78,13 @@ def _poles(poles: Sequence[Any], n: int) -> NDArray[np.complex128]:
     return values
 
 
-def _complex_text(value: complex) -> str:
+def with_conjugates(poles: Sequence[Any]) -> NDArray[np.complex128]:
+    """Numbers or pairs [real, imaginary] as complex numbers; one of a pair stands for both."""
+    values = np.array([complex(*p) if isinstance(p, Sequence) else complex(p) for p in poles])
+    lonely = [v for v in values if v.imag and not np.any(np.isclose(values, v.conjugate()))]
+    return np.concatenate([values, np.conjugate(lonely)])
+
+
+def complex_text(value: complex) -> str:
+    """A mode as people write it, with its conjugate."""
     return f"{value.real:.6g}" + (f" +- {abs(value.imag):.6g}i" if value.imag else "")

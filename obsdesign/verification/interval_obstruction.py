@@ -22,7 +22,7 @@ from obsdesign.equations.estimation_error import idle_gains
 from obsdesign.equations.interval import absolute_metzler, flow_and_jump, in_coordinates
 from obsdesign.equations.interval_width import Coordinates
 from obsdesign.problem import Problem
-from obsdesign.structure import exact_nullspace, hidden_growth, hidden_pair
+from obsdesign.structure import nullspace, hidden_growth, hidden_pair
 
 # supports of Farkas vectors that are looked at, one row after the other
 _MOST_SUPPORTS = 2000
@@ -185,7 +185,7 @@ def _unseen_vectors(seen: Any, columns: list[int]) -> Iterator[tuple[tuple[int, 
         itertools.combinations(columns, size) for size in range(1, len(seen) + 2)
     )
     for support in itertools.islice(supports, _MOST_SUPPORTS):
-        basis, free = exact_nullspace(seen[:, list(support)])
+        basis, free = nullspace(seen[:, list(support)])
         if len(free) != 1:
             continue
         y = basis[:, 0]

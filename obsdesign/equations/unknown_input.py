@@ -1,0 +1,170 @@
+"""Unknown-input observers: the formulas.
+
+    zeta' = F zeta + Gu [u; 1] + H y                        reduced state, zeta -> T x
+    xhat  = X zeta + Xy y
+    dhat  = Q zeta + R y + S [u; 1] + N y'                  y': see `equations.block_pulse`
+
+Source: P. Ahn, Unknown inputs observer design via block pulse functions, Trans. Control,
+Automation and Systems Engineering 4 (2002), (16)-(33); existence corrected (docs/papers.md). With
+T1 = [Ta, D] and T the first n - q rows of its inverse,
+
+    N = (C D)^+ (the paper's -N3),  Z C D = 0 (its N1),  K = N C Ta (its M2 + N4 A21)
+    X = Ta - D K,  Xy = D N,  F = (T A - L Z C) X,  H = T A Xy + L Z,  Gu = T B
+    Q = -K F - A21 + A22 K,  R = -(K H + A22 N),  S = -N C B
+
+The paper's z, its A21 row and half of its T2 cancel: M1 + N2 A21 = Z C Ta.
+
+Notation
+    [u; 1]   known inputs, and a constant for the middle of the bounds of b: B has m + 1 columns
+    shapes   T1 (n, n), T (n-q, n), L (n-q, p-q), N (q, p), Z (p-q, p), F (n-q, n-q), H (n-q, p)
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[Any]  # float64, or object arrays of exact rationals
+
+# C D counts as rank deficient when it shortens a direction to less than this part of |C| |D|
+RANK_MARGIN = 1e-9
+# Tustin steps of a pole f ring (their own pole is negative) beyond h |f| = 2
+STEP_LIMIT = 2.0
+# pole of the damped differentiator: -DAMPING instead of -1, late by h (1 - r)/(2 (1 + r)) = h / 6
+DAMPING = 0.5
+DIFFERENTIATORS = ("cell", "damped", "batch")
+
+
+def objection(plant: Any) -> str | None:
+    """Why the observer cannot serve a plant at all, or None; one sentence."""
+    if plant.jump is not None:
+        return (
+            "[jump] must be absent for kind 'unknown_input': its equations hold between jumps "
+            "only. Drop [jump], or choose kind luenberger and bound d as flow.disturbance."
+        )
+    return None
+
+
+def scaled(C: Array, D: Array) -> tuple[Array, Array, Array]:
+    """C with rows and D with columns of about unit length, so that units of y and d drop out.
+
+    Exact: factors are powers of two. The third value holds those of D's columns, (q,).
+    """
+    of_C, of_D = lengths(C), lengths(D.T)
+    return of_C[:, None] * C, D * of_D, of_D
+
+
+def lengths(rows: Array) -> Array:
+    """Powers of two that bring rows to about unit length; 1 for rows of zeros."""
+    sizes = np.linalg.norm(rows, axis=1)
+    return np.ldexp(1.0, -np.frexp(np.where(sizes > 0, sizes, 1.0))[1])
+
+
+def inputs(B: Array | None, lower: Array, upper: Array) -> Array:
+    """[B, (lower + upper)/2], (n, m + 1): what is known to drive the state."""
+    middle = ((lower + upper) / 2)[:, None]
+    return middle if B is None else np.hstack([B, middle])
+
+
+def matrices(
+    plant: tuple[Array, Array, Array, Array], T1: Array, T: Array, N: Array, Z: Array, L: Array
+) -> dict[str, Array]:
+    """F, H, Gu, X, Xy, Q, R, S of (A, B, C, D) by the formulas above, B as from `inputs`."""
+    A, B, C, D = plant
+    Ta = T1[:, : len(T1) - D.shape[1]]
+    K = N @ C @ Ta
+    X, Xy = Ta - D @ K, D @ N
+    F, H = (T @ A - L @ Z @ C) @ X, T @ A @ Xy + L @ Z
+    # d = N (y' - C A x - C B u), and the correction -K L (Z y - Z C X zeta) that (33) carries along
+    seen, innovation = N @ C @ A, K @ L @ Z
+    return {
+        "F": F, "H": H, "Gu": T @ B, "X": X, "Xy": Xy,
+        "Q": innovation @ C @ X - seen @ X, "R": -(seen @ Xy) - innovation, "S": -(N @ C @ B),
+    }  # fmt: skip
+
+
+def conditions(plant: tuple[Array, Array, Array, Array], g: Mapping[str, Array]) -> dict[str, Any]:
+    """What makes it an observer: name -> (residual, size), residual zero if it holds exactly.
+
+    size: the largest sum of magnitudes of the terms that cancel. Works on exact matrices.
+    """
+    A, B, C, D = plant
+    n, q = D.shape
+    eye = np.eye(n, dtype=np.int64)
+    terms = {
+        "T T1 = [I, 0]": [g["T"] @ g["T1"], -eye[: n - q]],
+        "T1 = [Ta, D]": [g["T1"][:, n - q :], -D],
+        "Z C D = 0": [g["Z"] @ (C @ D)],
+        "N C D = I": [g["N"] @ (C @ D), -np.eye(q, dtype=np.int64)],
+        "F = (T A - L Z C) X": [g["F"], -(g["T"] @ A @ g["X"]), g["L"] @ g["Z"] @ C @ g["X"]],
+        "T A = F T + H C": [g["T"] @ A, -(g["F"] @ g["T"]), -(g["H"] @ C)],
+        "T D = 0": [g["T"] @ D],
+        "Gu = T B": [g["Gu"], -(g["T"] @ B)],
+        "X T + Xy C = I": [g["X"] @ g["T"], g["Xy"] @ C, -eye],
+        "Q T + R C + N C A = 0": [g["Q"] @ g["T"], g["R"] @ C, g["N"] @ C @ A],
+        "S = -N C B": [g["S"], g["N"] @ C @ B],
+    }
+    factors = {"Z C D = 0": [g["Z"], C, D], "T D = 0": [g["T"], D]}
+    found = {}
+    for name, parts in terms.items():
+        total = sum(parts[1:], parts[0])
+        magnitudes = [abs(part) for part in parts]
+        if name in factors and total.size:  # one product that cancels within itself
+            magnitudes = [abs(total) * 0 + math.prod(max(abs(X).flat) for X in factors[name])]
+        found[name] = total, sum(magnitudes[1:], magnitudes[0])
+    return found
+
+
+# of every matrix, in which units its rows and its columns are: states x, reduced states w, outputs
+# y, annihilated outputs z, unknown inputs d, known inputs u, and both [w, d]; time is in no unit
+UNITS: Mapping[str, tuple[str, str]] = {
+    "T1": ("x", "wd"), "T": ("w", "x"), "N": ("d", "y"), "Z": ("z", "y"), "L": ("w", "z"),
+    "F": ("w", "w"), "H": ("w", "y"), "Gu": ("w", "u"), "X": ("x", "w"), "Xy": ("x", "y"),
+    "Q": ("d", "w"), "R": ("d", "y"), "S": ("d", "u"), "first": ("w", "y"),
+    "A": ("x", "x"), "B": ("x", "u"), "C": ("y", "x"), "D": ("x", "d"),
+}  # fmt: skip
+
+
+def units(
+    plant: tuple[Array, Array, Array, Array], sizes: Array, T: Array, Z: Array
+) -> dict[str, Array]:
+    """Sizes of all signals, powers of two, where the states have the given `sizes` (n,)."""
+    _, B, C, D = plant
+    found = {"x": sizes, "w": 1 / lengths(T * sizes), "y": 1 / lengths(C * sizes)}
+    found |= {"d": lengths((D / sizes[:, None]).T), "u": lengths((B / sizes[:, None]).T)}
+    found["z"] = 1 / lengths(Z * found["y"])
+    return found | {"wd": np.concatenate([found["w"], found["d"]])}
+
+
+def zero_dynamics(A: Array, C: Array, D: Array, N: Array) -> Array:
+    """(I - D N C) A: how the state moves while d keeps y' = 0; N a left inverse of C D.
+
+    The invariant zeros of (A, D, C) are its modes that C does not see; no gain moves them.
+    """
+    return A - D @ (N @ (C @ A))
+
+
+def without_empty(gains: Mapping[str, Any]) -> dict[str, Any]:
+    """Gains that have entries: JSON cannot tell a 0 x 3 matrix from a 0 x 2 one."""
+    return {name: value for name, value in gains.items() if np.size(value)}
+
+
+def asked(problem: Any) -> dict[str, Any]:
+    """The differentiator, and the noise that `batch` smooths to, as a design stores them."""
+    chosen = problem.options.get("differentiator", "cell")
+    noise = {"noise_std": problem.plant.output.noise_std} if chosen == "batch" else {}
+    return {"differentiator": chosen} | noise
+
+
+def shapes(n: int, p: int, q: int, m: int) -> dict[str, tuple[int, int]]:
+    """Shape of every gain that is computed, empty ones included; m known inputs."""
+    k = n - q
+    return {
+        "T1": (n, n), "T": (k, n), "N": (q, p), "Z": (p - q, p), "L": (k, p - q), "F": (k, k),
+        "H": (k, p), "Gu": (k, m + 1), "X": (n, k), "Xy": (n, p), "Q": (q, k), "R": (q, p),
+        "S": (q, m + 1), "first": (k, p),
+    }  # fmt: skip

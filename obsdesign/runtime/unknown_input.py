@@ -1,0 +1,208 @@
+"""Unknown-input observer at run time: one stacked product per sample.
+
+    w+   = Ad w + Bw (Gu U + H Yc),  Yc = (y + y_prev)/2, U = mean of [u; 1]     (29), (30)
+    x    = X w+ + Xy y                                       at the time of the sample, (31)
+    d    = Q Wc + R Yc + S U + N Y'                          mean over the interval, (33)
+
+with Ad = (I - hF/2)^-1 (I + hF/2), Bw = h (I - hF/2)^-1, Wc = (w + w+)/2. Y' is the difference
+quotient (y - y_prev)/h (`cell`) or its damped recursion (`damped`); (34) needs no recursion, see
+`equations.block_pulse`. With `batch`, `run` smooths the whole record to its noise first, and `step`
+takes samples as they come. A step covers the time since the last sample that was there, of any
+length.
+Source: P. Ahn (2002), (29)-(34).
+"""
+
+from __future__ import annotations
+
+import math
+from collections import OrderedDict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from obsdesign.equations import unknown_input as equations
+from obsdesign.errors import InputError
+from obsdesign.runtime.base import (
+    Batch,
+    Estimate,
+    Sample,
+    Vector,
+    collect,
+    later,
+    optional_measurement,
+    rows_of,
+    run,
+    vector,
+)
+from obsdesign.runtime.step_cache import cached_step
+from obsdesign.runtime.unknown_input_steps import (
+    UnknownInputState,
+    damped_slope,
+    smoothed_record,
+    stacked,
+)
+
+
+@dataclass(frozen=True)
+class UnknownInputObserver:
+    """Executes a design of kind `unknown_input`."""
+
+    gains: Mapping[str, Any]
+    _k: int  # n - q
+    _p: int
+    _q: int
+    _damped: bool
+    kind: ClassVar[str] = "unknown_input"
+    finds_events: ClassVar[bool] = False
+    _steps: OrderedDict[tuple[float, int], tuple[Vector, bool]] = field(
+        default_factory=OrderedDict, repr=False, compare=False
+    )
+
+    @classmethod
+    def from_gains(cls, gains: Mapping[str, Any]) -> UnknownInputObserver:
+        """The observer of a design's `gains`; ValueError if they do not fit each other."""
+        for name in ("A", "C", "D"):
+            if np.ndim(gains.get(name, 0)) != 2:
+                raise ValueError(f"gains.{name} must be a matrix.")
+        (n, q), p = np.shape(gains["D"]), len(gains["C"])
+        m = np.shape(gains["B"])[1] if "B" in gains else 0
+        complete = dict(gains)
+        for name, shape in equations.shapes(n, p, q, m).items():
+            value = gains.get(name, np.zeros(shape) if 0 in shape else None)
+            if not isinstance(value, np.ndarray) or value.shape != shape:
+                found = "nothing" if value is None else f"shape {np.shape(value)}"
+                raise ValueError(f"gains.{name} must have shape {shape}; got {found}.")
+            complete[name] = value
+        if complete.get("differentiator") not in equations.DIFFERENTIATORS:
+            words = ", ".join(equations.DIFFERENTIATORS)
+            raise ValueError(f"gains.differentiator must be one of {words}.")
+        if complete["differentiator"] == "batch" and np.shape(gains.get("noise_std", 0)) != (p,):
+            raise ValueError(f"gains.noise_std must have shape ({p},).")
+        return cls(complete, n - q, p, q, complete["differentiator"] == "damped")
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Columns of the estimate after t."""
+        n, q = self.gains["D"].shape
+        return (*(f"x{i + 1}" for i in range(n)), *(f"d{i + 1}" for i in range(q)))
+
+    @property
+    def reads(self) -> dict[str, int | bool]:
+        """How many y, u, w a sample has, and whether jumps are reported."""
+        inputs = self.gains["Gu"].shape[1] if self.gains["Gu"].size else self.gains["S"].shape[1]
+        return {"y": len(self.gains["C"]), "u": inputs - 1, "w": 0, "jump": False}
+
+    def start(self, t: float, initial: Sequence[float] | None) -> UnknownInputState:
+        """State from x1, ..., xn; None: from the first sample. InputError if they do not fit."""
+        n = len(self.gains["A"])
+        if initial is not None and (len(initial) != n or not np.isfinite(initial).all()):
+            raise InputError(
+                f"--initial must be the {n} finite numbers {','.join(self.names[:n])}; "
+                f"got {len(initial)} numbers."
+            )
+        return self.init(t, x=None if initial is None else list(initial))
+
+    def init(self, t: float = 0.0, *, x: ArrayLike | None = None) -> UnknownInputState:
+        """State at time t, before the first sample.
+
+        x: a guess of x(t), of which T x is kept; zeros give the paper's w(0) = 0. None: the w(0)
+        of least norm that agrees with the first sample.
+        """
+        n = len(self.gains["A"])
+        guess = vector(np.zeros(n) if x is None else x, n, "x")
+        w = None if x is None else self.gains["T"] @ guess
+        inputs = np.zeros(int(self.reads["u"]) + 1)
+        inputs[-1] = 1.0
+        t = float(t)
+        return UnknownInputState(t, t, guess, w, None, inputs, None, started=False)
+
+    def step(self, state: UnknownInputState, sample: Sample) -> tuple[UnknownInputState, Estimate]:
+        """Move to the time of the sample and use it.
+
+        ValueError if time does not increase (the first sample may share the initial time), or if
+        the sample says jump.
+        """
+        if sample.jump:
+            raise ValueError("this plant has no jumps ([jump] is absent), but a sample says jump.")
+        t = later(sample.t, state.t, state.started)
+        y, u = self._measurement(sample.y), state.u
+        if sample.u is not None and len(u) > 1:
+            u = np.append(vector(sample.u, len(u) - 1, "u"), 1.0)
+        if state.y is None or state.w is None:
+            return self._first(state, t, y, u)
+        used = state.used
+        if y is None or used is not None:
+            used = state.u * (t - state.t) + (0.0 if used is None else used)
+        h = t - state.t_seen
+        last, size = state.last, max(abs(t), abs(state.t))
+        if last is None or abs(h - last[0]) > 4 * math.ulp(size):  # usually they are all alike
+            last = (h, *cached_step(self._steps, h, size, self._stacked))
+        step, rings = last[1], last[2]
+        mean = state.u if used is None else used / h
+        k, p, q = self._k, self._p, self._q
+        known = np.concatenate((state.w, state.y, state.y if y is None else y, mean))
+        found = step.dot(known)
+        w, x, d = found[:k], found[k:-q], found[-q:]
+        if y is None:
+            following = state._replace(t=t, x=x, u=u, used=used)
+            return following, Estimate(t, x=x, d=d * np.nan, status="missing sample")
+        slope = None
+        if self._damped:
+            slope = damped_slope(state, h, y)
+            d = d + self.gains["N"] @ slope[2]
+        # y from `known`: the sample's own array is the caller's
+        following = UnknownInputState(t, t, x, w, known[k + p : k + 2 * p], u, None, slope, last)
+        return following, Estimate(t, x=x, d=d, status=self._ringing(h) if rings else "ok")
+
+    def run(self, state: UnknownInputState, samples: Iterable[Sample]) -> Iterator[Estimate]:
+        """Estimates for a stream of samples; with `batch`, of the record smoothed as a whole."""
+        if self.gains["differentiator"] == "batch":
+            samples = smoothed_record(list(samples), self.gains["noise_std"])
+        return run(self, state, samples)
+
+    def run_batch(
+        self,
+        t: ArrayLike,
+        y: ArrayLike | None = None,
+        u: ArrayLike | None = None,
+        *,
+        x: ArrayLike | None = None,
+    ) -> Batch:
+        """The whole record at once: a loop over `step`, from a guess of x or the first sample."""
+        times = np.asarray(t, dtype=np.float64)
+        state = self.init(float(times[0]), x=x)
+        return collect(self.run(state, rows_of(times, y, u)))
+
+    def _first(
+        self, state: UnknownInputState, t: float, y: Vector | None, u: Vector
+    ) -> tuple[UnknownInputState, Estimate]:
+        """No interval yet, so nothing is known of d; before any measurement, x is the guess."""
+        nothing = np.full(self.gains["D"].shape[1], np.nan)
+        if y is None:
+            following = state._replace(t=t, u=u, started=True)
+            return following, Estimate(t, x=state.x, d=nothing, status="missing sample")
+        w = self.gains["first"] @ y if state.w is None else state.w
+        x = self.gains["X"] @ w + self.gains["Xy"] @ y
+        return UnknownInputState(t, t, x, w, y, u, None), Estimate(t, x=x, d=nothing)
+
+    def _measurement(self, y: ArrayLike | None) -> Vector | None:
+        """`optional_measurement`; a finite sum of squares spares it the look at every entry."""
+        if type(y) is np.ndarray and y.dtype.char == "d" and y.shape == (self._p,):
+            return y if math.isfinite(y.dot(y)) else optional_measurement(y, self._p)
+        return optional_measurement(y, self._p)
+
+    def _stacked(self, h: float, error: float) -> tuple[Vector, bool]:
+        """The matrix of a step of length h, and whether such steps ring."""
+        del error  # a point estimate owes nothing to half an ulp of time
+        return stacked(self.gains, h, self._damped), h * self._fastest > equations.STEP_LIMIT
+
+    @property
+    def _fastest(self) -> float:
+        F = self.gains["F"]
+        return float(np.abs(np.linalg.eigvals(F)).max()) if F.size else 0.0
+
+    def _ringing(self, h: float) -> str:
+        return f"sampling time {h:.9g} above {equations.STEP_LIMIT / self._fastest:.6g} = 2/|f|"

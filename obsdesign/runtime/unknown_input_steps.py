@@ -1,0 +1,77 @@
+"""What one step of the unknown-input observer is made of: state, matrix, differentiator."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from obsdesign.equations import unknown_input as equations
+from obsdesign.equations.smoothing import smoothed
+from obsdesign.runtime.base import Sample, Vector, optional_measurement
+
+
+class UnknownInputState(NamedTuple):
+    """Everything the next step needs.
+
+    t: time of the last row; t_seen, w, y: time, reduced state and output at the last measurement
+    (y None: none yet, w then a guess or None); u: [u; 1] held since t; used: integral of it since
+    t_seen; slope: (h, mean of y, y') of the last interval, for `damped`; last: its length, its
+    matrix and whether such steps ring.
+    """
+
+    t: float
+    t_seen: float
+    x: Vector
+    w: Vector | None
+    y: Vector | None
+    u: Vector
+    used: Vector | None
+    slope: tuple[float, Vector, Vector] | None = None
+    last: tuple[float, Vector, bool] | None = None
+    started: bool = True
+
+
+def stacked(g: Mapping[str, Any], h: float, damped: bool) -> Vector:
+    """[w; y_prev; y; U] -> [w+; x; d] for an interval of length h; with damped, d without N Y'."""
+    F, p = g["F"], len(g["C"])
+    eye, half = np.eye(len(F)), h / 2 * F
+    driven = np.hstack([eye + half, h / 2 * g["H"], h / 2 * g["H"], h * g["Gu"]])
+    w = np.linalg.solve(eye - half, driven)
+    x = g["X"] @ w
+    x[:, len(F) + p : len(F) + 2 * p] += g["Xy"]
+    w_mean = w / 2
+    w_mean[:, : len(F)] += eye / 2
+    slope = np.zeros_like(g["N"]) if damped else g["N"] / h
+    d = g["Q"] @ w_mean
+    d += np.hstack([np.zeros(g["Q"].shape), g["R"] / 2 - slope, g["R"] / 2 + slope, g["S"]])
+    return np.vstack([w, x, d])
+
+
+def damped_slope(state: UnknownInputState, h: float, y: Vector) -> tuple[float, Vector, Vector]:
+    """(h, mean of y, y') with the pole at -DAMPING; intervals of any length."""
+    assert state.y is not None
+    mean = (y + state.y) / 2
+    if state.slope is None:
+        return h, mean, (y - state.y) / h
+    before, mean_before, slope = state.slope
+    r = equations.DAMPING
+    return h, mean, (1 + r) * (mean - mean_before) / ((h + before) / 2) - r * slope
+
+
+def smoothed_record(samples: Sequence[Sample], deviation: Vector) -> list[Sample]:
+    """The samples with each output smoothed to its noise; missing ones stay missing."""
+    rows = [optional_measurement(sample.y, len(deviation)) for sample in samples]
+    there = [k for k, y in enumerate(rows) if y is not None]
+    if not there:
+        return list(samples)
+    t = np.array([float(samples[k].t) for k in there])
+    if not np.all(np.diff(t) > 0):
+        raise ValueError("time must increase in a record that is smoothed.")
+    values = smoothed(t, np.array([rows[k] for k in there]), deviation)
+    result = list(samples)
+    for k, y in zip(there, values, strict=True):
+        result[k] = replace(samples[k], y=y)
+    return result

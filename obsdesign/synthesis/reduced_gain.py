@@ -1,0 +1,197 @@
+"""The reduced system of an unknown-input observer, and gains L for it.
+
+    x1' = A x1 + ...,   Z y = C x1        the state that d does not drive, and what is seen of it
+
+Its unseen modes are the invariant zeros of the plant. They stay poles of A - L C whatever L is;
+L places or optimises the others.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from obsdesign.errors import InputError
+from obsdesign.problem import Problem
+from obsdesign.structure import own_units
+from obsdesign.synthesis.placement import complex_text, placed_gain, with_conjugates
+
+Matrix = NDArray[np.float64]
+
+# a direction counts as unseen when it is seen by less than this part of the matrices' size
+_UNSEEN = 1e-10
+
+
+@dataclass(frozen=True)
+class Reduced:
+    """A (k, k), C (p - q, k) of the reduced system, k = n - q.
+
+    sizes: of the terms whose sums A and C are. T (k, n), Z (p - q, p): from x and y to x1 and Z y;
+    coupling (k, q): how x2 drives x1. visible, hidden: orthonormal, what C sees and what it never
+    does.
+    """
+
+    A: Matrix
+    C: Matrix
+    sizes: tuple[float, float]
+    T: Matrix
+    Z: Matrix
+    coupling: Matrix
+    visible: Matrix
+    hidden: Matrix
+
+    @classmethod
+    def of(
+        cls, A: Matrix, C: Matrix, D: Matrix, Ta: Matrix, T: Matrix, N: Matrix, Z: Matrix
+    ) -> Reduced:
+        """The reduced system of a plant in the coordinates [Ta, D]."""
+        back = Ta - D @ (N @ C @ Ta)
+        inner, seen = T @ A @ back, Z @ C @ Ta
+        sizes = tuple(
+            float(np.linalg.norm(X) * np.linalg.norm(Y)) for X, Y in ((T @ A, back), (Z @ C, Ta))
+        )
+        hidden = _unseen(inner, seen, sizes)
+        visible = np.linalg.qr(hidden, mode="complete")[0][:, hidden.shape[1] :]
+        return cls(inner, seen, (sizes[0], sizes[1]), T, Z, T @ A @ D, visible, hidden)
+
+    def first_state(self) -> Matrix:
+        """x1 of least norm that agrees with the first y: (k, p)."""
+        largest = float(np.linalg.norm(self.C, 2)) if self.C.size else 0.0
+        if largest <= _UNSEEN * self.sizes[1]:
+            return np.zeros((len(self.A), self.Z.shape[1]))
+        inverse = np.linalg.pinv(self.C, rcond=_UNSEEN * self.sizes[1] / largest)
+        return np.asarray(inverse @ self.Z)
+
+
+def output_variances(problem: Problem) -> Matrix:
+    """Variances of the measurement noise: weights.output, else from noise_std up to a factor.
+
+    Without either, each output counts by the length of its row of C in `own_units`, so that units
+    drop out.
+    """
+    given = problem.options.get("weights", {}).get("output")
+    if given is not None:
+        return np.asarray(given, dtype=np.float64)
+    output = problem.plant.output
+    lengths = np.sum((output.C * own_units(problem.plant.flow.A)[0]) ** 2, axis=1)
+    lengths = np.where(lengths > 0, lengths, 1.0)
+    if not np.all(output.noise_std > 0):
+        return np.asarray(lengths)
+    variances = output.noise_std**2
+    return np.asarray(variances / np.mean(variances / lengths))
+
+
+def left_inverse(CD: Matrix, variances: Matrix) -> tuple[Matrix, Matrix]:
+    """N = (CD' V^-1 CD)^-1 CD' V^-1 by QR, and R with N V N' = (R' R)^-1.
+
+    Noise of variances V disturbs no other left inverse less; with this one the noise that enters
+    the reduced state is independent of the one in Z y.
+    """
+    weights = 1 / np.sqrt(variances)
+    Q, R = np.linalg.qr(weights[:, None] * CD)
+    return np.asarray(np.linalg.solve(R, Q.T * weights)), np.asarray(R)
+
+
+def annihilator(CD: Matrix, units: Matrix) -> Matrix:
+    """Z, (p - q, p), full rank, Z C D = 0; the unit matrix at the leftmost columns that allow it.
+
+    units: factors (p,) that bring the outputs to one size. The normal form depends on C and D
+    alone, so that a given L means the same everywhere.
+    """
+    p, q = CD.shape
+    Z = np.linalg.qr(units[:, None] * CD, mode="complete")[0][:, q:].T
+    tolerance = 1e-3
+    while True:
+        columns: list[int] = []
+        basis = np.zeros((p - q, 0))
+        for j in range(p):
+            rest = Z[:, j] - basis @ (basis.T @ Z[:, j])
+            if len(columns) < p - q and np.linalg.norm(rest) > tolerance:
+                columns.append(j)
+                basis = np.column_stack([basis, rest / np.linalg.norm(rest)])
+        if len(columns) == p - q:
+            normal = np.linalg.solve(Z[:, columns], Z)
+            return np.asarray(normal * units / units[columns][:, None] + 0.0)
+        tolerance /= 10
+
+
+def reduced_gain(problem: Problem, system: Reduced, root: Matrix) -> tuple[str, Matrix]:
+    """(how, L): given, placed, or the gain of a steady-state Kalman filter.
+
+    root: R of `left_inverse`. InputError for poles that no gain can reach.
+    """
+    if "L" in problem.gains:
+        return "given L", problem.gains["L"]
+    visible = system.visible
+    inner, seen = visible.T @ system.A @ visible, system.C @ visible
+    if "poles" in problem.options:
+        wanted = _free_poles(problem.options["poles"], system)
+        return "placed L", visible @ placed_gain(inner, seen, wanted)
+    if not seen.size:
+        return "no L: every pole is an invariant zero", np.zeros(system.C.T.shape)
+    weights = problem.options.get("weights", {})
+    sizes, pace = own_units(problem.plant.flow.A)
+    state = np.asarray(weights.get("state", sizes**2))
+    pace = 1.0 if "state" in weights else pace  # without a weight the plant's own unit of time
+    driven = np.linalg.solve(root.T, system.coupling.T / pace)
+    W = (system.T * state) @ system.T.T + driven.T @ driven
+    noise = system.Z * np.sqrt(output_variances(problem))
+    try:
+        L = _kalman(inner / pace, seen, visible.T @ W @ visible, noise)
+    except np.linalg.LinAlgError:  # something is all but unseen
+        return "no finite Riccati L in floats, L = 0", np.zeros(system.C.T.shape)
+    return "Riccati L", pace * visible @ L
+
+
+def _kalman(A: Matrix, C: Matrix, W: Matrix, noise: Matrix) -> Matrix:
+    """S C' V^-1, V = noise noise', in outputs whose noise is white and of unit size."""
+    from scipy.linalg import solve_continuous_are
+
+    R = np.asarray(np.linalg.qr(noise.T)[1])
+    white = np.linalg.solve(R.T, C)
+    S = solve_continuous_are(A.T, white.T, W, np.eye(len(R)))
+    return np.asarray(np.linalg.solve(R, white @ S).T)
+
+
+def _unseen(A: Matrix, C: Matrix, sizes: tuple[float, ...]) -> Matrix:
+    """Orthonormal basis of the subspace that A keeps and C never sees, in floats."""
+    basis = _null(C / max(sizes[1], 1e-300))
+    while basis.shape[1]:
+        moved = A @ basis
+        inside = _null((moved - basis @ (basis.T @ moved)) / max(sizes[0], 1e-300))
+        if inside.shape[1] == basis.shape[1]:
+            break
+        basis = basis @ inside
+    return basis
+
+
+def _null(X: Matrix) -> Matrix:
+    if not X.size:
+        return np.eye(X.shape[1])
+    _, values, V = np.linalg.svd(X)
+    return np.asarray(V[int((values > _UNSEEN).sum()) :].T)
+
+
+def _free_poles(poles: Any, system: Reduced) -> list[Any]:
+    """The poles that L can move: all k with the zeros among them, or those besides the zeros."""
+    k, hidden = len(system.A), system.hidden
+    zeros = np.linalg.eigvals(hidden.T @ system.A @ hidden)
+    wanted = asked = with_conjugates(poles)
+    if len(asked) == k:
+        for zero in zeros:
+            near = int(np.argmin(abs(wanted - zero)))
+            if not np.isclose(wanted[near], zero, rtol=1e-6, atol=1e-9):
+                break
+            wanted = np.delete(wanted, near)
+    free = k - len(zeros)
+    if len(wanted) != free or free == 0:
+        told = ", ".join(complex_text(z) for z in sorted(zeros, key=abs) if z.imag >= 0)
+        stay = f" besides the invariant zeros {told}, which stay" if len(zeros) else ""
+        raise InputError(
+            f"observer.poles must give {free} poles{stay} (n - q = {k}; a pair [re, im] counts "
+            f"with its conjugate); got {len(asked)}.{'' if free else ' Leave poles out.'}"
+        )
+    return [[v.real, v.imag] if v.imag else v.real for v in wanted.tolist()]

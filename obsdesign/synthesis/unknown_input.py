@@ -1,0 +1,75 @@
+"""Unknown-input observers: coordinates, left inverse, annihilator and gain by QR and Riccati.
+
+Where it does not exist (`obsdesign.invariant_zeros`) there is nothing to choose. The gain L itself
+is chosen in `synthesis.reduced_gain`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from obsdesign.equations import unknown_input as equations
+from obsdesign.errors import InputError
+from obsdesign.invariant_zeros import shows_every_input, zeros_decay
+from obsdesign.problem import Problem
+from obsdesign.synthesis.candidate import Candidate
+from obsdesign.synthesis.reduced_gain import (
+    Reduced,
+    annihilator,
+    left_inverse,
+    output_variances,
+    reduced_gain,
+)
+
+Matrix = NDArray[np.float64]
+
+
+def synthesize(problem: Problem) -> Iterator[Candidate]:
+    """One candidate, without gains where no observer exists; InputError for unusable problems."""
+    if text := equations.objection(problem.plant):
+        raise InputError(text)
+    D = problem.require("flow.D")
+    problem.require_measured("continuous", "periodic")
+    plant = problem.plant
+    for name in ("poles", "weights"):
+        if name in problem.options and "L" in problem.gains:
+            raise InputError(f"observer.{name} chooses L, but L is given; drop one.")
+    if "poles" in problem.options and "weights" in problem.options:
+        raise InputError("observer.poles and observer.weights both choose L; drop one.")
+    noise = plant.output.noise_std
+    if problem.options.get("differentiator") == "batch" and not np.all(noise > 0):
+        raise InputError(
+            "output.noise_std is required by differentiator = 'batch', positive for every output; "
+            f"got {noise.tolist()}."
+        )
+    A, C = plant.flow.A, plant.output.C
+    exists = shows_every_input(C, D).outcome == "proved"
+    if not exists or zeros_decay(A, C, D).outcome != "proved":
+        yield Candidate("none exists", {})
+        return
+    label, gains = _gains(problem, D)
+    yield Candidate(label, gains, searched="L" not in problem.gains)
+
+
+def _gains(problem: Problem, D: Matrix) -> tuple[str, dict[str, Any]]:
+    flow, C, (n, q) = problem.plant.flow, problem.plant.output.C, D.shape
+    T1 = problem.gains.get("T1")
+    if T1 is None:  # the last columns of Q are orthogonal to D
+        T1 = np.hstack([np.linalg.qr(D, mode="complete")[0][:, q:], D])
+        T = T1[:, : n - q].T
+    else:
+        T = np.linalg.solve(T1, np.eye(n))[: n - q]
+    N, root = left_inverse(C @ D, output_variances(problem))
+    Z = annihilator(C @ D, equations.lengths(C))
+    reduced = Reduced.of(flow.A, C, D, T1[:, : n - q], T, N, Z)
+    label, L = reduced_gain(problem, reduced, root)
+    B = equations.inputs(flow.B, flow.lower, flow.upper)
+    found = equations.matrices((flow.A, B, C, D), T1, T, N, Z, L)
+    plain = {"A": flow.A, "C": C, "D": D} | ({} if flow.B is None else {"B": flow.B})
+    gains = plain | {"T1": T1, "T": T, "N": N, "Z": Z, "L": L} | found
+    gains |= {"first": reduced.first_state()}
+    return label, equations.without_empty(gains) | equations.asked(problem)

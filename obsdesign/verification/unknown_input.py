@@ -1,0 +1,178 @@
+"""Unknown-input observers: existence, the observer's equations and its stability, proved.
+
+It exists if and only if C D has full column rank and every invariant zero of (A, D, C), a number s
+where [[sI - A, -D], [C, 0]] loses rank, lies in Re s < 0 (docs/papers.md: the paper's own
+conditions, p >= q and observability, are refuted). Both are decided on the exact numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from lmi.balls import exact, to_float
+from lmi.hurwitz import prove_hurwitz
+from lmi.verdict import proved, refuted
+from obsdesign.document import Claim
+from obsdesign.equations import unknown_input as equations
+from obsdesign.invariant_zeros import shows_every_input, zeros_decay
+from obsdesign.problem import Problem
+from obsdesign.structure import own_units
+from obsdesign.verification.consistency import consistency
+from obsdesign.verification.observer_sentences import sentences
+
+PAPER = "Ahn (2002)"
+EXISTENCE = "Hautus (1983), strong* detectability"
+
+# the stored matrices are rounded: what must vanish may be this part of its terms
+ROUNDING = 1e-9
+
+
+def claims(
+    problem: Problem,
+    gains: Mapping[str, Any],
+    certificates: Mapping[str, Mapping[str, Any]],
+    *,
+    paranoid: bool = False,
+) -> tuple[Claim, ...]:
+    """All hypotheses of the design, each with its verdict; of existence alone if there is none."""
+    del certificates, paranoid  # nothing is searched for: every claim is decided exactly
+    text = equations.objection(problem.plant)
+    if text is None and problem.plant.flow.D is None:
+        text = "flow.D is required by kind 'unknown_input'; it is missing."
+    if text is not None:
+        return (consistency(text, gains, {}),)
+    existence = _existence(problem)
+    if any(claim.verdict != "proved" for claim in existence):
+        return existence  # no gains to speak of
+    agreement = consistency(None, gains, _expected(problem))
+    if agreement.verdict != "proved":
+        return (agreement, *existence)
+    numbers = _exact_gains(problem, gains)
+    return (
+        agreement,
+        *existence,
+        _equations(problem, numbers),
+        _stable(numbers["F"], existence[-1].evidence),
+    )
+
+
+def guarantees(problem: Problem, found: tuple[Claim, ...]) -> tuple[dict[str, Any], ...]:
+    """The sentences a user may rely on, and those that do not hold here."""
+    return sentences(problem, found)
+
+
+def _expected(problem: Problem) -> dict[str, Any]:
+    flow, C = problem.plant.flow, problem.plant.output.C
+    n, q = flow.D.shape  # type: ignore[union-attr]
+    m = 0 if flow.B is None else flow.B.shape[1]
+    shapes = equations.shapes(n, len(C), q, m)
+    stated = {"A": flow.A, "C": C, "D": flow.D} | ({} if flow.B is None else {"B": flow.B})
+    computed = {name: shape for name, shape in shapes.items() if 0 not in shape}
+    given = equations.without_empty(problem.gains)
+    return stated | computed | given | equations.asked(problem)
+
+
+def _exact_gains(problem: Problem, gains: Mapping[str, Any]) -> dict[str, Any]:
+    flow, p = problem.plant.flow, problem.plant.p
+    n, q = flow.D.shape  # type: ignore[union-attr]
+    m = 0 if flow.B is None else flow.B.shape[1]
+    shapes = equations.shapes(n, p, q, m)
+    return {name: exact(gains.get(name, np.zeros(shape))) for name, shape in shapes.items()}
+
+
+def _existence(problem: Problem) -> tuple[Claim, Claim] | tuple[Claim]:
+    C, D = problem.plant.output.C, problem.plant.flow.D
+    assert D is not None
+    rank = shows_every_input(C, D)
+    first = Claim(
+        "rank",
+        f"y' shows every unknown input: |C D v| > {equations.RANK_MARGIN:g} |C| |D| |v| for all v, "
+        "rows of C and columns of D scaled to unit length",
+        EXISTENCE,
+        rank.outcome,
+        rank.evidence,
+    )
+    if rank.outcome != "proved":
+        return (first,)
+    zeros = zeros_decay(problem.plant.flow.A, C, D)
+    second = Claim(
+        "zeros",
+        "every invariant zero of (A, D, C) has a negative real part",
+        EXISTENCE,
+        zeros.outcome,
+        zeros.evidence,
+    )
+    return first, second
+
+
+def _equations(problem: Problem, gains: Mapping[str, Any]) -> Claim:
+    """Every condition of `equations.conditions` in exact arithmetic, up to the stored rounding."""
+    plant, gains = _in_own_units(problem, gains)
+    worst: dict[str, Any] = {"condition": "", "relative": 0.0, "scaled": 0.0}
+    for name, (residual, size) in equations.conditions(plant, gains).items():
+        if not residual.size:
+            continue
+        off, room = max(abs(residual).flat), max(size.flat)
+        relative = float(to_float(np.array([off / room]))[0]) if off != 0 else 0.0
+        if relative >= worst["relative"]:
+            scaled = float(to_float(np.array([off], dtype=object))[0])
+            worst = {"condition": name, "relative": relative, "scaled": scaled}
+    verdict = proved(largest_residual=worst)
+    if worst["relative"] > ROUNDING:
+        reason = (
+            f"{worst['condition']} fails by {worst['relative']:.3g} of its terms; "
+            f"rounding would leave less than {ROUNDING:g}"
+        )
+        verdict = refuted({**worst, "reason": reason})
+    return Claim(
+        "observer_equations",
+        f"the stored matrices are an observer of this plant, up to {ROUNDING:g} of their terms, "
+        "all signals scaled to unit size: neither state nor unknown input drives its error",
+        f"{PAPER}, (21)-(33)",
+        verdict.outcome,
+        verdict.evidence,
+    )
+
+
+def _in_own_units(
+    problem: Problem, gains: Mapping[str, Any]
+) -> tuple[tuple[Any, Any, Any, Any], dict[str, Any]]:
+    """Plant and gains with all signals of about unit size, exactly: only then sizes compare."""
+    flow, C = problem.plant.flow, problem.plant.output.C
+    B = equations.inputs(flow.B, flow.lower, flow.upper)
+    assert flow.D is not None
+    T, Z = to_float(gains["T"]), to_float(gains["Z"])
+    units = equations.units((flow.A, B, C, flow.D), own_units(flow.A)[0], T, Z)
+    exactly = {name: exact(values) for name, values in units.items()}
+    everything = {"A": exact(flow.A), "B": exact(B), "C": exact(C), "D": exact(flow.D), **gains}
+    moved = {
+        name: value * exactly[equations.UNITS[name][1]] / exactly[equations.UNITS[name][0]][:, None]
+        for name, value in everything.items()
+    }
+    return (moved["A"], moved["B"], moved["C"], moved["D"]), moved
+
+
+def _stable(F: Any, zeros: Mapping[str, Any]) -> Claim:
+    if F.size:
+        verdict = prove_hurwitz(F)
+        if verdict.outcome == "refuted" and "nearly" in zeros:
+            mode, witness = zeros["nearly"], verdict.evidence["witness"]
+            why = (
+                f"{witness['reason']}; s = {mode['real']:.6g} is within {mode['margin']:.1g} of "
+                "being an invariant zero, so that hardly any gain reaches it"
+            )
+            verdict = refuted({**witness, "reason": why})
+        fastest = float(np.abs(np.linalg.eigvals(to_float(F))).max())
+    else:
+        verdict, fastest = proved(method="nothing is left to be observed"), 0.0
+    return Claim(
+        "hurwitz",
+        "the error of the reduced state decays (F is Hurwitz), and so it does in steps of any "
+        "lengths between two positive bounds",
+        f"{PAPER}, (27); Lyapunov's theorem",
+        verdict.outcome,
+        {**verdict.evidence, "approx_fastest": fastest},
+    )

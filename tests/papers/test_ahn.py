@@ -1,0 +1,294 @@
+"""Ahn, Unknown Inputs Observer Design Via Block Pulse Functions, TCASE 4 (2002).
+
+Every number printed in the paper, or ours where the print is wrong (docs/papers.md). The paper's
+tables give |e|_2/m over the cells, not the root mean square. Its simulations: h = 0.1, m = 100,
+w(0) = 0, classical Runge-Kutta, x(0) = (-1, -1, 1) in example 1 and (5, -3, 5) in example 2, and a
+final time of 10 in both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import obsdesign
+from obsdesign.equations import block_pulse
+from obsdesign.invariant_zeros import shows_every_input, zeros_decay
+from obsdesign.runtime import from_design
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+H, M = 0.1, 100
+FIRST = ("ahn_1", np.array([-1.0, -1, 1]), np.array([5.0, 3.0]))
+SECOND = ("ahn_2", np.array([5.0, -3, 5]), np.array([3.0]))
+ONE_OF_THE_LAST_DIGIT = 2e-6
+
+
+def gains(name: str) -> dict[str, Any]:
+    """Gains of an example in the paper's coordinates; L does not matter in the first."""
+    body = obsdesign.load_problem(EXAMPLES / f"{name}.toml").to_dict()
+    if name == "ahn_1":
+        body["observer"]["gains"] = {"T1": [[0, 1, 0], [0, 0, 1], [1, 0, 0]], "L": [[]]}
+    return dict(obsdesign.design(obsdesign.Problem.from_dict(body)).gains)
+
+
+def runge_kutta(f: Callable[[np.ndarray], np.ndarray], x: np.ndarray, h: float = H) -> np.ndarray:
+    states = [x]
+    for _ in range(M):
+        x = states[-1]
+        a = f(x)
+        b = f(x + h / 2 * a)
+        c = f(x + h / 2 * b)
+        states.append(x + h / 6 * (a + 2 * b + 2 * c + f(x + h * c)))
+    return np.array(states)
+
+
+def euler(f: Callable[[np.ndarray], np.ndarray], x: np.ndarray) -> np.ndarray:
+    states = [x]
+    for _ in range(M):
+        states.append(states[-1] + H * f(states[-1]))
+    return np.array(states)
+
+
+def plant(name: str, d: np.ndarray) -> tuple[Any, ...]:
+    flow = obsdesign.load_problem(EXAMPLES / f"{name}.toml").plant
+    A, D, C = flow.flow.A, flow.flow.D, flow.output.C
+    return A, D, C, lambda x: A @ x + D @ d
+
+
+def block_pulse_estimates(
+    case: tuple[str, np.ndarray, np.ndarray], sign: float = 1.0, h: float = H
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(true x averaged, estimated x, estimated d) on the cells, through the shipped observer.
+
+    sign: of the differentiated output in (44).
+    """
+    name, x0, d = case
+    _, _, C, f = plant(name, d)
+    x = runge_kutta(f, x0, h)
+    t, y = h * np.arange(M + 1), x @ C.T
+    design = obsdesign.Design(**{
+        **vars(obsdesign.design(obsdesign.load_problem(EXAMPLES / f"{name}.toml"))),
+        "gains": gains(name),
+    })  # fmt: skip
+    batch = from_design(design).run_batch(t, y, x=np.zeros(3))
+    estimate = block_pulse.coefficients(batch.x)
+    slope = block_pulse.cell_derivative(y, t) @ design.gains["N"].T
+    return block_pulse.coefficients(x), estimate, batch.d[1:] - (1 - sign) * slope
+
+
+def simulink_estimates(
+    case: tuple[str, np.ndarray, np.ndarray],
+    method: Callable[..., np.ndarray],
+    sign: float = 1.0,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The paper's alternatives: plant and observer together, and a block that differentiates y.
+
+    The first output of that block is 0, then backward differences.
+    """
+    name, x0, d = case
+    A, D, C, f = plant(name, d)
+    g, k = gains(name), 3 - len(d)
+
+    def both(z: np.ndarray) -> np.ndarray:
+        return np.concatenate([A @ z[:3] + D @ d, g["F"] @ z[3:] + g["H"] @ C @ z[:3]])
+
+    z = method(both, np.concatenate([x0, np.zeros(k)]))
+    y, w = z[:, :3] @ C.T, z[:, 3:]
+    slope = np.vstack([np.zeros((1, len(C))), np.diff(y, axis=0) / H])
+    x_hat = w @ g["X"].T + y @ g["Xy"].T
+    d_hat = w @ g["Q"].T + y @ g["R"].T + sign * slope @ g["N"].T
+    exact = runge_kutta(f, x0)
+    return tuple(block_pulse.coefficients(v) for v in (exact, x_hat, d_hat))  # type: ignore[return-value]
+
+
+def errors(found: tuple[np.ndarray, ...], d: np.ndarray, first: int = 0) -> list[float]:
+    x, x_hat, d_hat = (values[first:] for values in found)
+    states = np.linalg.norm(x - x_hat, axis=0) / M
+    return [*states, *np.linalg.norm(d_hat - d, axis=0) / M]
+
+
+# --- matrices -----------------------------------------------------------------------------------
+
+
+def test_example_1_matrices() -> None:
+    g = gains("ahn_1")
+    expected = {"F": [[-4]], "H": [[0, -3]], "Q": [[2], [-1]], "R": [[2, 5], [0, 0]],
+                "N": [[1, 0], [0, 1]]}  # fmt: skip
+    for name, value in expected.items():
+        np.testing.assert_allclose(g[name], value, atol=1e-12, err_msg=name)
+    # (38): W_1 = [0 -0.125] Y_1, factor 2/3
+    half = H / 2 * g["F"]
+    np.testing.assert_allclose(np.linalg.solve(1 - half, H / 2 * g["H"]), [[0, -0.125]], atol=1e-12)
+    np.testing.assert_allclose((1 + half) / (1 - half), 2 / 3, atol=1e-12)
+
+
+def test_example_2_matrices() -> None:
+    g = gains("ahn_2")
+    expected = {"F": [[-6, 0], [0, -1]], "H": [[0, 5], [0, 1]], "Q": [[5, 1]], "R": [[1, -5]],
+                "N": [[1, 0]]}  # fmt: skip
+    for name, value in expected.items():
+        np.testing.assert_allclose(g[name], value, atol=1e-12, err_msg=name)
+    # (43) prints x1 = -W1 + Y1, x3 = W1
+    np.testing.assert_allclose(g["X"], [[-1, 0], [0, 1], [1, 0]], atol=1e-12)
+    np.testing.assert_allclose(g["Xy"], [[1, 0], [0, 0], [0, 0]], atol=1e-12)
+
+
+def test_the_printed_sign_of_44_contradicts_33() -> None:
+    g = gains("ahn_2")
+    A, D, C, _ = plant("ahn_2", np.zeros(1))
+    # d = N y' + Q x1 + R y must hold for every x and d: the N y' part returns d with a plus sign
+    np.testing.assert_allclose(g["N"] @ C @ D, [[1]], atol=1e-12)
+    reduced = g["T"] @ np.eye(3)
+    np.testing.assert_allclose(g["Q"] @ reduced + g["R"] @ C + g["N"] @ C @ A, 0, atol=1e-12)
+    assert np.abs(g["Q"] @ reduced + g["R"] @ C - g["N"] @ C @ A).max() > 1
+
+
+# --- estimates ----------------------------------------------------------------------------------
+
+
+def test_example_1_estimates() -> None:
+    name, x0, d = FIRST
+    _, _, C, f = plant(name, d)
+    y = block_pulse.coefficients(runge_kutta(f, x0) @ C.T)
+    # (38), corrected: [0 -0.125](Y_{i+1} + Y_i); as printed it ends at half the value
+    w, printed = [np.array([0, -0.125]) @ y[0]], [np.array([0, -0.125]) @ y[0]]
+    for i in range(1, M):
+        w.append(2 / 3 * w[-1] + np.array([0, -0.125]) @ (y[i] + y[i - 1]))
+        printed.append(2 / 3 * printed[-1] + np.array([0, -0.125]) @ y[i])
+    np.testing.assert_allclose(
+        [w[0], w[1], w[-1]], [0.10038672, 0.21948541, -2.99973724], atol=1e-6
+    )
+    assert printed[-1] == pytest.approx(-1.501, abs=2e-3)
+    _, x_hat, d_hat = block_pulse_estimates(FIRST)
+    np.testing.assert_allclose(x_hat[:, 2], w, atol=1e-12)  # the runtime runs the same recursion
+    np.testing.assert_allclose(d_hat[0], [3.26893802, 3.83773828], atol=1e-6)
+    np.testing.assert_allclose(d_hat[-1], [5.0000005, 2.9999999], atol=1e-6)
+
+
+def test_example_2_estimates() -> None:
+    d_hat = block_pulse_estimates(SECOND)[2][:, 0]
+    np.testing.assert_allclose(d_hat[[0, 1, -1]], [-13.386547, -4.780341, 3.000136], atol=1e-5)
+
+
+def test_table_1() -> None:
+    d = FIRST[2]
+    rows = {
+        "block pulse": errors(block_pulse_estimates(FIRST), d),
+        "Runge-Kutta": errors(simulink_estimates(FIRST, runge_kutta), d),
+        "Euler": errors(simulink_estimates(FIRST, euler), d),
+    }
+    printed = {  # x1, x3, d1, d2
+        "block pulse": [1.1136, 1.1136, 2.3316, 1.1199],
+        "Runge-Kutta": [1.1256, 1.1256, 4.9827, 1.5273],
+        "Euler": [1.4158, 1.0216, 5.0072, 1.6683],
+    }
+    for name, values in printed.items():
+        x1, _, x3, d1, d2 = rows[name]
+        np.testing.assert_allclose(
+            [x1, x3, d1, d2], np.array(values) / 100, atol=ONE_OF_THE_LAST_DIGIT, err_msg=name
+        )
+
+
+def test_table_1_is_decided_by_the_first_sample_of_a_derivative_block() -> None:
+    d = FIRST[2]
+    ours = errors(block_pulse_estimates(FIRST), d, first=1)
+    theirs = errors(simulink_estimates(FIRST, runge_kutta), d, first=1)
+    np.testing.assert_allclose(ours[3:], [1.562e-2, 0.743e-2], atol=1e-5)
+    np.testing.assert_allclose(theirs[3:], [0.509e-2, 1.029e-2], atol=1e-5)
+    assert theirs[3] < ours[3] / 3  # for d1 the ranking reverses
+
+
+def test_table_2() -> None:
+    d = SECOND[2]
+    rows = {
+        "block pulse": errors(block_pulse_estimates(SECOND, sign=-1.0), d),
+        "Runge-Kutta": errors(simulink_estimates(SECOND, runge_kutta, sign=-1.0), d),
+        "Euler": errors(simulink_estimates(SECOND, euler, sign=-1.0), d),
+    }
+    printed = {  # x1, x2, x3, and d with the printed, wrong sign of (44)
+        "block pulse": [4.5648, 6.7226, 4.5648, 31.983],
+        "Runge-Kutta": [4.6358, 6.7110, 4.6358, 32.719],
+        "Euler": [3.8955, 7.0168, 3.8780, 34.957],
+    }
+    for name, values in printed.items():
+        atol = np.array([ONE_OF_THE_LAST_DIGIT] * 3 + [1e-5])
+        off = np.abs(np.array(rows[name]) - np.array(values) / 100)
+        assert np.all(off <= atol), (name, off)
+
+
+def test_with_the_right_sign_the_ranking_of_table_2_reverses() -> None:
+    d = SECOND[2]
+    found = [
+        errors(block_pulse_estimates(SECOND), d)[3],
+        errors(simulink_estimates(SECOND, runge_kutta), d)[3],
+        errors(simulink_estimates(SECOND, euler), d)[3],
+    ]
+    np.testing.assert_allclose(found, [0.187687, 0.17122, 0.13548], atol=1e-5)
+    assert found[0] > found[1] > found[2]
+
+
+def test_example_2_was_not_run_until_3() -> None:
+    found = errors(block_pulse_estimates(SECOND, h=3 / M), SECOND[2])
+    # the text says tf = 3; the printed table has 4.5648, 6.7226, 4.5648
+    np.testing.assert_allclose(found, [0.083334, 0.122346, 0.083334, 0.34230], atol=1e-5)
+
+
+# --- existence ----------------------------------------------------------------------------------
+
+
+def observable(A: np.ndarray, C: np.ndarray) -> bool:
+    rows = [C]
+    for _ in range(len(A) - 1):
+        rows.append(rows[-1] @ A)
+    return bool(np.linalg.matrix_rank(np.vstack(rows)) == len(A))
+
+
+def test_T2_does_not_exist_at_any_time() -> None:
+    A, D, C = np.array([[0.0, 1], [0, 0]]), np.array([[0.0], [1]]), np.array([[1.0, 0]])
+    assert observable(A, C)  # and p >= q: all that the paper asks for
+    verdict = shows_every_input(C, D)
+    assert verdict.outcome == "refuted"
+    assert "C D = 0" in verdict.evidence["witness"]["reason"]
+    # T2 [C1 C2; A21 0] = [M1 0; M2 I] needs C2 = C D of full column rank; here C2 = 0
+    np.testing.assert_array_equal(C @ D, 0)
+
+
+@pytest.mark.parametrize(("case", "zero"), [(FIRST, -4.0), (SECOND, -1.0)])
+def test_observable_does_not_make_the_reduced_pair_observable(case: Any, zero: float) -> None:
+    A, D, C, _ = plant(case[0], case[2])
+    assert observable(A, C)
+    g = gains(case[0])
+    reduced = g["T"] @ A @ g["X"]
+    seen = g["Z"] @ C @ g["X"] if "Z" in g else np.zeros((0, len(reduced)))
+    k = len(reduced)
+    assert np.linalg.matrix_rank(np.vstack([reduced - zero * np.eye(k), seen])) < k
+    found = zeros_decay(A, C, D)
+    assert found.outcome == "proved"
+    np.testing.assert_allclose(found.evidence["zeros"], [[zero, 0]], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("A", "D", "C", "zero"),
+    [
+        ([[1, 0], [1, 0]], [[0], [1]], [[0, 1]], 1.0),
+        ([[0, 0], [1, -1]], [[0], [1]], [[0, 1]], 0.0),
+        ([[2, 0, 0], [1, -1, 0], [0, 1, -1]], [[0], [1], [0]], [[0, 1, 0], [0, 0, 1]], 2.0),
+    ],
+)
+def test_observable_does_not_make_the_reduced_pair_detectable(
+    A: Any, D: Any, C: Any, zero: float
+) -> None:
+    matrices = [np.array(X, dtype=float) for X in (A, C, D)]
+    assert observable(matrices[0], matrices[1])
+    assert shows_every_input(matrices[1], matrices[2]).outcome == "proved"
+    verdict = zeros_decay(*matrices)
+    assert verdict.outcome == "refuted"
+    witness = verdict.evidence["witness"]["zero"]
+    assert witness == {"real": pytest.approx(zero, abs=1e-12), "imag": 0.0}
+    pencil = np.block([[zero * np.eye(len(A)) - matrices[0], -matrices[2]],
+                       [matrices[1], np.zeros((len(C), 1))]])  # fmt: skip
+    assert np.linalg.matrix_rank(pencil) < len(A) + 1
