@@ -1,0 +1,211 @@
+"""Step 2 at run time: an impulse from one window, with what noise leaves open about it.
+
+plain: the paper's (18). gls: the features are whitened. With taps Psi and noise deviations s_k of
+the samples, the singular vectors U of diag(s) Psi give features U'(e / s) with unit covariance, of
+which b and V are the same linear map T; no Gramian is formed or inverted. The error e(t_o), of
+covariance P, is part of the noise: R = O e(t_o) + b g + v has covariance I + O P O'. Both go
+beyond the paper.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lmi.exponential import expm
+from obsdesign.equations.impulse_fit import Impulse, ImpulseCurve, fit_impulse
+from obsdesign.equations.impulsive_input import window_taps
+from obsdesign.runtime.base import Vector
+
+Array = NDArray[Any]
+
+# singular values below this part of the largest carry more rounding than signal
+_RANK = 1e-11
+# |r|^2 of a fit that noise alone explains is below this, once in a thousand windows: chi-squared
+# quantiles by Wilson and Hilferty, z = 3.0902
+_Z = 3.090232306167813
+# gls: likelihood ratio of an impulse against none
+_LEAST_GAIN = 36.0
+# plain, without noise: part of R that a fit may leave at the start of a search
+_GOOD_FIT = 1e-3
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """An impulse that was decided: time, weights (q,), standard deviations, status.
+
+    The deviations are None where the problem states no noise. status is "ok", or why it is doubtful.
+    """
+
+    t: float
+    weights: Vector
+    t_std: float | None
+    weights_std: Vector | None
+    status: str = "ok"
+
+
+@dataclass(frozen=True, slots=True)
+class Decision:
+    """What a window said: an event (None: no impulse), the correction of the state at t_o, P after.
+
+    covariance: of the error at the end of the window, None without tracking.
+    """
+
+    event: Event | None
+    age: float
+    correction: Vector
+    covariance: Array | None
+
+
+@dataclass(frozen=True)
+class Evaluator:
+    """Parameters of step 2; D (n, n), C (p, n), H (n, q); V = V(tau), (p m, n)."""
+
+    D: Array
+    C: Array
+    H: Array
+    exponents: Vector
+    tau: float
+    margin: float
+    V: Array
+    curve: ImpulseCurve
+    gls: bool
+    state_correction: bool
+    nonnegative: bool
+
+    def taps(self, times: Array, tau_end: float) -> Array:
+        """Psi (rows, m) of the window that begins at times[0] and lasts tau."""
+        inner = times[times <= tau_end]
+        if tau_end - inner[-1] <= 1e-6 * (tau_end - inner[0]) / max(len(inner) - 1, 1):
+            return window_taps(self.exponents, inner)
+        # the window ends inside a cell: its last value is interpolated
+        taps = window_taps(self.exponents, np.append(inner, tau_end))
+        if len(inner) < len(times):
+            share = (tau_end - inner[-1]) / (times[len(inner)] - inner[-1])
+            last = taps[-1]
+            taps[-1] = share * last
+            taps[-2] += (1 - share) * last
+        return taps[: len(times)]
+
+    def decide(
+        self, R: Vector, t_o: float, taps: Array, error: Array, spread: Array, P: Array | None,
+        at_start: bool,
+    ) -> Decision | None:  # fmt: skip
+        """Evaluate the window from t_o; None: nothing there that counts.
+
+        R (p m,) features; error (rows, p) residual at the rows of the taps; spread (rows, p)
+        deviations of the noise; P covariance of the error at t_o (gls).
+        """
+        high = self.tau
+        if self.gls and P is not None:
+            return self._weighted(t_o, taps, error, spread, P, high, at_start)
+        found = fit_impulse(R, self.curve, self.margin, high, None, self.nonnegative)
+        if found is None:
+            return None
+        noisy = bool(spread.any())
+        if at_start:
+            allowed = _GOOD_FIT**2 * float(R @ R)
+            if noisy:
+                N = _noise_covariance(taps, spread)
+                allowed += float(np.trace(N)) + _Z * math.sqrt(2 * float((N * N).sum()))
+            if found.cost > allowed or not found.inside:
+                return None
+        stds = _plain_deviations(found, taps, spread) if noisy else (None, None)
+        event = Event(t_o + self.tau - found.age, found.weights, *stds)
+        return Decision(event, found.age, np.zeros(len(self.D)), None)
+
+    def _weighted(
+        self, t_o: float, taps: Array, error: Array, spread: Array, P: Array, high: float,
+        at_start: bool,
+    ) -> Decision | None:  # fmt: skip
+        R, T = whitened(taps, error, spread)
+        O = T @ self.V
+        S = np.eye(len(R)) + O @ P @ O.T
+        half = np.linalg.cholesky(S)
+        R, T = np.linalg.solve(half, R), np.linalg.solve(half, T)
+        found = fit_impulse(R, self.curve, self.margin, high, T, self.nonnegative)
+        if found is None or found.gain <= _LEAST_GAIN:
+            return None
+        limit = chi_squared_limit(len(R) - 1 - len(found.weights))
+        if at_start and (found.cost > limit or not found.inside):
+            return None
+        J = np.column_stack([found.b_dot @ found.weights, found.b])  # d(b g)/d(age, g)
+        spread_of = _covariance(J)
+        status = "ok" if found.cost <= limit else "does not fit one impulse in the window"
+        event = Event(
+            t_o + self.tau - found.age, found.weights,
+            math.sqrt(spread_of[0, 0]), np.sqrt(np.diag(spread_of)[1:]), status,
+        )  # fmt: skip
+        return self._with_state(event, found, R, J, spread_of, np.linalg.solve(half, O), P)
+
+    def _with_state(
+        self, event: Event, found: Impulse, R: Array, J: Array, spread_of: Array, O: Array,
+        P: Array,
+    ) -> Decision:  # fmt: skip
+        """The covariance at the end of the window, and where asked the corrected state at t_o."""
+        flow = expm(self.D * self.tau)
+        state = self.curve.at(found.age)[: len(self.D)]  # e^{D age} H
+        moves = np.column_stack([self.D @ state @ found.weights, state])
+        correction = np.zeros(len(self.D))
+        if self.state_correction:
+            gain = P @ O.T
+            correction = gain @ (R - found.b @ found.weights)
+            P = P - gain @ gain.T
+            moves = moves - flow @ gain @ J
+        covariance = flow @ P @ flow.T + moves @ spread_of @ moves.T
+        return Decision(event, found.age, correction, (covariance + covariance.T) / 2)
+
+
+def whitened(taps: Array, error: Array, spread: Array) -> tuple[Array, Array]:
+    """(features (r,), T (r, p m)): what unit noise covariance makes of R, and of b and V."""
+    features, maps, m = [], [], taps.shape[1]
+    for j in range(error.shape[1]):
+        U, sizes, right = np.linalg.svd(taps * spread[:, j, None], full_matrices=False)
+        kept = sizes > _RANK * sizes[0]
+        features.append(U[:, kept].T @ (error[:, j] / spread[:, j]))
+        block = np.zeros((int(kept.sum()), m * error.shape[1]))
+        block[:, j * m : (j + 1) * m] = right[kept] / sizes[kept, None]
+        maps.append(block)
+    return np.concatenate(features), np.vstack(maps)
+
+
+def feature_deviation(taps: Array, spread: Array) -> float:
+    """sigma_R: the largest deviation of R in any direction, from the noise of the samples."""
+    sizes = [np.linalg.norm(taps * column[:, None], 2) for column in spread.T]
+    return float(max(sizes))
+
+
+def chi_squared_limit(freedom: int) -> float:
+    """0.999 quantile of chi-squared (Wilson, Hilferty 1931); infinite without freedom."""
+    if freedom < 1:
+        return math.inf
+    ninth = 2.0 / (9.0 * freedom)
+    return float(freedom * (1 - ninth + _Z * math.sqrt(ninth)) ** 3)
+
+
+def _noise_covariance(taps: Array, spread: Array) -> Array:
+    p, m = spread.shape[1], taps.shape[1]
+    N = np.zeros((p * m, p * m))
+    for j in range(p):
+        weighted = taps * spread[:, j, None]
+        N[j * m : (j + 1) * m, j * m : (j + 1) * m] = weighted.T @ weighted
+    return N
+
+
+def _plain_deviations(found: Impulse, taps: Array, spread: Array) -> tuple[float, Vector]:
+    """Deviations of age and weights under the plain norm: J^+ N J^+', N the covariance of R."""
+    J = np.column_stack([found.b_dot @ found.weights, found.b])
+    back = np.linalg.pinv(J)
+    C = back @ _noise_covariance(taps, spread) @ back.T
+    deviations = np.sqrt(np.diag(C))
+    return float(deviations[0]), deviations[1:]
+
+
+def _covariance(J: Array) -> Array:
+    """(J'J)^-1 by QR; no Gramian is inverted."""
+    back = np.linalg.pinv(np.linalg.qr(J)[1])
+    return np.asarray(back @ back.T)

@@ -1,0 +1,193 @@
+"""The observer's free run between two restarts, and the features of every window along it.
+
+    xhat' = A xhat + K (y - C xhat) + B u + b_mid       exact for y linear between samples
+    R_i(t_o) = int over [t_o, t_o + tau] of e^{lambda_i (t_o + tau - theta)} (y - C xhat) d theta
+
+Since no impulse is added during a search, the residual is one signal, and R follows from its
+running integrals I(t): R = I(t_o + tau) - e^{lambda tau} I(t_o). They decay for lambda < 0; for
+lambda >= 0 the same is done backwards in time, where they decay too. Steps may differ.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from obsdesign.equations.impulsive_input import kernel_weights
+from obsdesign.runtime.base import RELATIVE_TIME_TOLERANCE, Vector
+from obsdesign.runtime.luenberger import responses
+from obsdesign.runtime.step_cache import cached_step
+
+Rows = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Track:
+    """Rows of a free run: times t (L,), y (L, p), u (L, m), xhat (L, n).
+
+    integrals (L, p, k): running integrals I of the residual for the k exponents below zero;
+    seen (L,): rows with a measurement of their own.
+    """
+
+    t: Rows
+    y: Rows
+    u: Rows
+    x: Rows
+    integrals: Rows
+    seen: NDArray[np.bool_]
+
+    def without(self, rows: int) -> Track:
+        """The track from row `rows` on."""
+        return Track(*(getattr(self, name)[rows:] for name in self.__slots__))
+
+
+@dataclass(frozen=True)
+class FreeRun:
+    """The parameters of a free run; steps of equal length share their matrices."""
+
+    D: Rows
+    K: Rows
+    C: Rows
+    B: Rows
+    drift: Vector
+    exponents: Vector
+    tau: float
+    _steps: OrderedDict[tuple[float, int], tuple[Any, Any, Any]] = field(
+        default_factory=OrderedDict, repr=False, compare=False
+    )
+
+    @property
+    def _falling(self) -> NDArray[np.bool_]:
+        return np.asarray(self.exponents < 0)
+
+    def begin(self, t: float, y: Rows, u: Rows, x: Rows) -> Track:
+        """A track of one row, where the estimate is x."""
+        zeros = np.zeros((1, len(self.C), int(self._falling.sum())))
+        return Track(np.array([t]), y[None], u[None], x[None], zeros, np.array([True]))
+
+    def restarted(self, track: Track, row: int, x: Rows) -> Track:
+        """The track from `row` on, run again with the estimate x there."""
+        first = self.begin(float(track.t[row]), track.y[row], track.u[row], x)
+        rest = track.without(row + 1)
+        return self.extended(first, rest.t, rest.y, rest.u, rest.seen)
+
+    def extended(
+        self, track: Track, t: Rows, y: Rows, u: Rows, seen: NDArray[np.bool_]
+    ) -> Track:
+        """The track with further rows."""
+        if len(t) == 0:
+            return track
+        times = np.concatenate([track.t[-1:], t])
+        ys, us = np.concatenate([track.y[-1:], y]), np.concatenate([track.u[-1:], u])
+        x = np.empty((len(t), len(self.D)))
+        ends = self._runs(times)
+        at = track.x[-1]
+        for a, b in ends:
+            flow, once, ramp = self._maps(float(times[a + 1] - times[a]), float(times[b]))
+            rise = ys[a + 1 : b + 1] - ys[a:b]
+            forced = ys[a:b] @ self.K.T + us[a:b] @ self.B.T + self.drift
+            x[a:b] = _accumulated(flow, forced @ once.T + rise @ (ramp @ self.K).T, at)
+            at = x[b - 1]
+        error = ys - np.concatenate([track.x[-1:], x]) @ self.C.T
+        lams = self.exponents[self._falling]
+        sums = _integrals(times, ends, error, lams, track.integrals[-1])
+        parts = zip(
+            (track.t, track.y, track.u, track.x, track.integrals, track.seen),
+            (t, y, u, x, sums, seen),
+            strict=True,
+        )
+        return Track(*(np.concatenate(pair) for pair in parts))
+
+    def features(self, track: Track, first: int, last: int) -> Rows:
+        """R for the windows that start at rows first..last - 1, (last - first, p m)."""
+        starts = track.t[first:last]
+        error = track.y - track.x @ self.C.T
+        falling, lams = self._falling, self.exponents
+        R = np.empty((len(starts), len(self.C), len(lams)))
+        if falling.any():
+            down = lams[falling]
+            ending = _at(track.t, error, track.integrals, down, starts + self.tau)
+            R[:, :, falling] = ending - np.exp(down * self.tau) * track.integrals[first:last]
+        if not falling.all():
+            up = lams[~falling]
+            stop = min(int(np.searchsorted(track.t, starts[-1] + self.tau)) + 2, len(track.t))
+            times, back = -track.t[first:stop][::-1], error[first:stop][::-1]
+            zeros = np.zeros((len(self.C), len(up)))
+            sums = _integrals(times, self._runs(times), back, -up, zeros)
+            sums = np.concatenate([zeros[None], sums])
+            near = _at(times, back, sums, -up, -starts)
+            far = _at(times, back, sums, -up, -(starts + self.tau))
+            R[:, :, ~falling] = np.exp(up * self.tau) * near - far
+        return R.reshape(len(starts), -1)
+
+    def _runs(self, times: Rows) -> list[tuple[int, int]]:
+        """(a, b): cells a..b-1 have the same length, as far as time stamps can tell."""
+        steps = np.diff(times)
+        slack = RELATIVE_TIME_TOLERANCE * steps + 4 * np.spacing(np.abs(times[1:]))
+        cuts = np.flatnonzero(np.abs(np.diff(steps)) > slack[1:] + slack[:-1]) + 1
+        ends = [0, *cuts.tolist(), len(steps)]
+        return list(zip(ends[:-1], ends[1:], strict=True))
+
+    def _maps(self, h: float, size: float) -> tuple[Any, Any, Any]:
+        return cached_step(self._steps, h, abs(size) + h, lambda step, _: responses(self.D, step))
+
+
+def _accumulated(flow: Rows, forced: Rows, start: Rows) -> Rows:
+    """x_j = flow x_{j-1} + forced_j, all j by doubling: x = sum of flow^i forced_{j-i}."""
+    x = forced.copy()
+    x[0] += flow @ start
+    power, reach = flow, 1
+    while reach < len(x):
+        x[reach:] = x[reach:] + x[:-reach] @ power.T
+        power, reach = power @ power, 2 * reach
+    return x
+
+
+def _integrals(
+    times: Rows, runs: list[tuple[int, int]], error: Rows, lams: Vector, start: Rows
+) -> Rows:
+    """Running integrals at times[1:], (L, p, k), from `start` at times[0]; all lams decay."""
+    sums = np.empty((len(times) - 1, error.shape[1], len(lams)))
+    at = start
+    for a, b in runs:
+        h = float(times[a + 1] - times[a])
+        newer, older = kernel_weights(lams, h)
+        pieces = error[a + 1 : b + 1, :, None] * newer + error[a:b, :, None] * older
+        factor, reach = np.exp(lams * h), 1
+        pieces[0] += factor * at
+        while reach < len(pieces):
+            pieces[reach:] = pieces[reach:] + factor * pieces[:-reach]
+            factor, reach = factor * factor, 2 * reach
+        sums[a:b] = pieces
+        at = pieces[-1]
+    return sums
+
+
+def _at(t: Rows, error: Rows, integrals: Rows, lams: Vector, times: Rows) -> Rows:
+    """Running integrals at any times of a track, the residual linear between its rows."""
+    last = len(t) - 1
+    cell = np.clip(np.searchsorted(t, times, side="right") - 1, 0, max(last - 1, 0))
+    width = t[np.minimum(cell + 1, last)] - t[cell]
+    share = (times - t[cell]) / np.where(width > 0, width, 1.0)
+    # a window may end on a row: time stamps are decimal
+    share = np.where(np.abs(share) < 1e-6, 0.0, np.where(np.abs(share - 1) < 1e-6, 1.0, share))
+    cell, share = np.where(share == 1, np.minimum(cell + 1, last), cell), np.where(
+        share == 1, 0.0, share
+    )
+    found = integrals[cell]
+    between = np.flatnonzero(share)
+    if len(between):
+        at, v = cell[between], (share * width)[between]
+        newer, older = kernel_weights(lams, v)
+        part = share[between][:, None]
+        there = error[at] + part * (error[at + 1] - error[at])
+        found[between] = (
+            np.exp(lams * v[:, None])[:, None, :] * integrals[at]
+            + newer[:, None, :] * there[:, :, None]
+            + older[:, None, :] * error[at][:, :, None]
+        )
+    return found
