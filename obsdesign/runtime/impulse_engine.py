@@ -19,7 +19,13 @@ from obsdesign.equations.estimation_error import flow_error_matrix
 from obsdesign.equations.impulse_fit import ImpulseCurve
 from obsdesign.equations.impulsive_input import filtered_system, window_matrix
 from obsdesign.runtime.base import Estimate, Vector
-from obsdesign.runtime.impulse_estimate import Decision, Evaluator, Event, feature_deviation
+from obsdesign.runtime.impulse_estimate import (
+    Decision,
+    Evaluator,
+    Event,
+    Window,
+    feature_deviation,
+)
 from obsdesign.runtime.impulse_search import Rule, Search, smoothed
 from obsdesign.runtime.impulse_track import FreeRun, Track
 from obsdesign.runtime.luenberger import responses
@@ -29,6 +35,8 @@ Array = NDArray[Any]
 _FLOOR = 8.0  # |R| must exceed this many deviations of noise
 _EXACT_FLOOR = 1e-7  # and this part of what the output itself leaves in R: interpolation, rounding
 _SMOOTHING = 0.05  # half width of the moving average, of the window
+# part of |R| that a rise or a drop must have; without noise only interpolation disturbs it
+_NOISY_SHARE, _EXACT_SHARE = 0.05, 1e-3
 _MISSING, _OPEN = "missing sample", "unresolved"
 
 
@@ -287,7 +295,9 @@ class IntegralEngine:
         P = live.covariance
         if self.evaluator.gls and P is None:
             P = self._first_covariance(track, stop)
-        return replace(live, rule=Rule(floor, sigma, threshold=self.threshold), covariance=P)
+        share = _NOISY_SHARE if sigma > 0 else _EXACT_SHARE
+        rule = Rule(floor, sigma, share, self.threshold)
+        return replace(live, rule=rule, covariance=P)
 
     def _first_covariance(self, track: Track, stop: int) -> Array:
         """As wide as an impulse that would explain the range of y in the first window."""
@@ -329,7 +339,8 @@ class IntegralEngine:
         R = self.run.features(track, top, top + 1)[0]
         t_o = float(track.t[top])
         P = self._covariance_at(live, t_o, spread)
-        decision = self.evaluator.decide(R, t_o, taps, error, spread, P, search.at_start)
+        window = Window(track.t[top:stop], taps, error, spread)
+        decision = self.evaluator.decide(R, window, P, search.at_start, self.run.coasting)
         if decision is None or decision.event is None:
             value = float(live.norms[min(search.position, len(live.norms)) - 1])
             return replace(live, search=search.given_up(value)), []
@@ -347,13 +358,12 @@ class IntegralEngine:
         restart = min(restart, len(track.t) - 1)
         x = track.x.copy()
         after = np.flatnonzero(track.t[: restart + 1] >= event.t)
-        D = self.run.D
         if len(after):
             jump = self.evaluator.H @ event.weights
-            x[after] += _carried(D, track.t[after] - event.t, jump)
+            x[after] += self.run.coasting(track.t[after], event.t, jump)
         if decision.correction.any():
             window = np.arange(top, restart + 1)
-            x[window] += _carried(D, track.t[window] - t_o, decision.correction)
+            x[window] += self.run.coasting(track.t[window], t_o, decision.correction)
         if event.t - live.last_event < self.dwell * (1 - 1e-9):
             gap = f"dwell time {event.t - live.last_event:.9g} below {self.dwell:.9g}"
             words = gap if event.status == "ok" else f"{event.status}; {gap}"
@@ -392,16 +402,3 @@ class IntegralEngine:
         found = limit - flow @ limit @ flow.T
         return np.asarray((found + found.T) / 2)
 
-
-def _carried(D: Array, times: Array, x: Vector) -> Array:
-    """e^{D t} x for increasing times, (k, n): one exponential per different step."""
-    found = np.empty((len(times), len(D)))
-    at = expm(D * float(times[0])) @ x
-    found[0] = at
-    steps: dict[float, Array] = {}
-    for k, h in enumerate(np.round(np.diff(times), 12).tolist(), start=1):
-        if h not in steps:
-            steps[h] = expm(D * h)
-        at = steps[h] @ at
-        found[k] = at
-    return found

@@ -10,6 +10,7 @@ beyond the paper.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -32,6 +33,7 @@ _Z = 3.090232306167813
 _LEAST_GAIN = 36.0
 # plain, without noise: part of R that a fit may leave at the start of a search
 _GOOD_FIT = 1e-3
+_CORRECTIONS = 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,6 +61,19 @@ class Decision:
     age: float
     correction: Vector
     covariance: Array | None
+
+
+@dataclass(frozen=True, slots=True)
+class Window:
+    """Rows from t_o on: times, taps Psi (rows, m), residual (rows, p), deviations of its noise."""
+
+    t: Array
+    taps: Array
+    error: Array
+    spread: Array
+
+
+Coasting = Callable[[Array, float, Array], Array]
 
 
 @dataclass(frozen=True)
@@ -92,42 +107,68 @@ class Evaluator:
         return taps[: len(times)]
 
     def decide(
-        self, R: Vector, t_o: float, taps: Array, error: Array, spread: Array, P: Array | None,
-        at_start: bool,
-    ) -> Decision | None:  # fmt: skip
-        """Evaluate the window from t_o; None: nothing there that counts.
+        self, R: Vector, window: Window, P: Array | None, at_start: bool, coasting: Coasting
+    ) -> Decision | None:
+        """Evaluate a window; None: nothing there that counts.
 
-        R (p m,) features; error (rows, p) residual at the rows of the taps; spread (rows, p)
-        deviations of the noise; P covariance of the error at t_o (gls).
+        R (p m,) features; P covariance of the error at t_o (gls); at_start: only a good fit counts;
+        coasting(times, since, x): e^{D (t - since)} x.
         """
-        high = self.tau
         if self.gls and P is not None:
-            return self._weighted(t_o, taps, error, spread, P, high, at_start)
-        found = fit_impulse(R, self.curve, self.margin, high, None, self.nonnegative)
+            return self._weighted(window, P, at_start, coasting)
+        found = self._fitted(R, window, np.eye(len(R)), coasting)
         if found is None:
             return None
-        noisy = bool(spread.any())
+        noisy = bool(window.spread.any())
         if at_start:
             allowed = _GOOD_FIT**2 * float(R @ R)
             if noisy:
-                N = _noise_covariance(taps, spread)
+                N = _noise_covariance(window.taps, window.spread)
                 allowed += float(np.trace(N)) + _Z * math.sqrt(2 * float((N * N).sum()))
             if found.cost > allowed or not found.inside:
                 return None
-        stds = _plain_deviations(found, taps, spread) if noisy else (None, None)
-        event = Event(t_o + self.tau - found.age, found.weights, *stds)
+        stds = _plain_deviations(found, window.taps, window.spread) if noisy else (None, None)
+        event = Event(self._time(window, found), found.weights, *stds)
         return Decision(event, found.age, np.zeros(len(self.D)), None)
 
+    def _time(self, window: Window, found: Impulse) -> float:
+        return float(window.t[0]) + self.tau - found.age
+
+    def _fitted(
+        self, R: Array, window: Window, T: Array, coasting: Coasting
+    ) -> Impulse | None:
+        """The best impulse for weighted features R, b weighted by T, corrected for sampling.
+
+        Samples of an impulse response, joined linearly, leave other features than the response
+        itself. The difference for the impulse that was found is known, and taken from R.
+        """
+        found = fit_impulse(R, self.curve, self.margin, self.tau, T, self.nonnegative)
+        for _ in range(_CORRECTIONS):
+            if found is None:
+                return None
+            since = self._time(window, found)
+            after = np.flatnonzero(window.t >= since)
+            trace = np.zeros_like(window.error)
+            if len(after):
+                trace[after] = coasting(window.t[after], since, self.H @ found.weights) @ self.C.T
+            sampled = (window.taps.T @ trace).T.reshape(-1)
+            exactly = self.curve.at(found.age)[len(self.D) :] @ found.weights
+            before = found.age
+            found = fit_impulse(
+                R - T @ (sampled - exactly), self.curve, self.margin, self.tau, T, self.nonnegative
+            )
+            if found is not None and abs(found.age - before) <= 1e-9 * self.tau:
+                break
+        return found
+
     def _weighted(
-        self, t_o: float, taps: Array, error: Array, spread: Array, P: Array, high: float,
-        at_start: bool,
-    ) -> Decision | None:  # fmt: skip
-        R, T = whitened(taps, error, spread)
+        self, window: Window, P: Array, at_start: bool, coasting: Coasting
+    ) -> Decision | None:
+        R, T = whitened(window.taps, window.error, window.spread)
         O = T @ self.V
-        S = np.eye(len(R)) + O @ P @ O.T
-        half = np.linalg.cholesky(S)
-        R, T = np.linalg.solve(half, R), np.linalg.solve(half, T)
-        found = fit_impulse(R, self.curve, self.margin, high, T, self.nonnegative)
+        half = np.linalg.cholesky(np.eye(len(R)) + O @ P @ O.T)
+        R, T, O = (np.linalg.solve(half, part) for part in (R, T, O))
+        found = self._fitted(R, window, T, coasting)
         if found is None or found.gain <= _LEAST_GAIN:
             return None
         limit = chi_squared_limit(len(R) - 1 - len(found.weights))
@@ -137,10 +178,10 @@ class Evaluator:
         spread_of = _covariance(J)
         status = "ok" if found.cost <= limit else "does not fit one impulse in the window"
         event = Event(
-            t_o + self.tau - found.age, found.weights,
+            self._time(window, found), found.weights,
             math.sqrt(spread_of[0, 0]), np.sqrt(np.diag(spread_of)[1:]), status,
         )  # fmt: skip
-        return self._with_state(event, found, R, J, spread_of, np.linalg.solve(half, O), P)
+        return self._with_state(event, found, R, J, spread_of, O, P)
 
     def _with_state(
         self, event: Event, found: Impulse, R: Array, J: Array, spread_of: Array, O: Array,

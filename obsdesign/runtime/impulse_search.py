@@ -58,7 +58,7 @@ class Rule:
 
     floor: float
     sigma: float
-    share: float = 0.05
+    share: float
     threshold: float | None = None
 
     def advance(self, search: Search, values: list[float], offset: int) -> tuple[Search, bool]:

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lmi.exponential import expm
 from obsdesign.equations.impulsive_input import kernel_weights
 from obsdesign.runtime.base import RELATIVE_TIME_TOLERANCE, Vector
 from obsdesign.runtime.luenberger import responses
@@ -124,8 +125,20 @@ class FreeRun:
             R[:, :, ~falling] = np.exp(up * self.tau) * near - far
         return R.reshape(len(starts), -1)
 
+    def coasting(self, times: Rows, since: float, x: Vector) -> Rows:
+        """e^{D (t - since)} x at increasing times t, (k, n)."""
+        at = expm(self.D * float(times[0] - since)) @ x
+        found = np.empty((len(times), len(x)))
+        found[0] = at
+        for a, b in self._runs(times):
+            flow = self._maps(float(times[a + 1] - times[a]), float(times[b]))[0]
+            found[a + 1 : b + 1] = _accumulated(flow, np.zeros((b - a, len(x))), found[a])
+        return found
+
     def _runs(self, times: Rows) -> list[tuple[int, int]]:
         """(a, b): cells a..b-1 have the same length, as far as time stamps can tell."""
+        if len(times) < 2:
+            return []
         steps = np.diff(times)
         slack = RELATIVE_TIME_TOLERANCE * steps + 4 * np.spacing(np.abs(times[1:]))
         cuts = np.flatnonzero(np.abs(np.diff(steps)) > slack[1:] + slack[:-1]) + 1
