@@ -108,7 +108,7 @@ class IntegralEngine:
             bool(gains.get("state_correction", False)), bool(gains.get("nonnegative", False)),
         )  # fmt: skip
         return cls(
-            FreeRun(D, K, C, B, drift, exponents, tau), evaluator, A,
+            FreeRun(A, K, C, B, drift, exponents, tau), evaluator, A,
             (gains["noise_std"], gains["noise_cv"]), float(gains["dwell_time"][0]),
             gains.get("period"), gains.get("threshold"),
         )  # fmt: skip
@@ -317,12 +317,13 @@ class IntegralEngine:
         track = live.track
         assert track is not None
         end = float(track.t[row]) + self.run.tau
-        stop = int(np.searchsorted(track.t, end * (1 - 1e-15) - 1e-9 * self.run.tau, "left")) + 1
-        stop = min(stop, len(track.t))
-        taps = self.evaluator.taps(track.t[row:stop], end + 1e-9 * self.run.tau)
+        stop = min(int(np.searchsorted(track.t, end, "left")) + 1, len(track.t))
+        # time stamps are decimal: a row that all but ends the window is its last one
+        if stop - row > 2 and end - track.t[stop - 2] < 1e-6 * (track.t[stop - 1] - end):
+            stop -= 1
         std, cv = self.noise
         spread = np.hypot(std, cv * track.y[row:stop])
-        return taps[: stop - row], spread, stop
+        return self.evaluator.taps(track.t[row:stop]), spread, stop
 
     def _half(self, live: IntegralLive) -> float:
         noisy = live.rule is not None and live.rule.sigma > 0
@@ -340,7 +341,7 @@ class IntegralEngine:
         t_o = float(track.t[top])
         P = self._covariance_at(live, t_o, spread)
         window = Window(track.t[top:stop], taps, error, spread)
-        decision = self.evaluator.decide(R, window, P, search.at_start, self.run.coasting)
+        decision = self.evaluator.decide(R, window, P, search.at_start, self.run.impulse_error)
         if decision is None or decision.event is None:
             value = float(live.norms[min(search.position, len(live.norms)) - 1])
             return replace(live, search=search.given_up(value)), []
@@ -357,12 +358,10 @@ class IntegralEngine:
         restart = int(np.searchsorted(track.t, t_o + tau - 1e-9 * tau, "left"))
         restart = min(restart, len(track.t) - 1)
         x = track.x.copy()
-        after = np.flatnonzero(track.t[: restart + 1] >= event.t)
-        if len(after):
-            jump = self.evaluator.H @ event.weights
-            x[after] += self.run.coasting(track.t[after], event.t, jump)
+        window = np.arange(top, restart + 1)
+        jump = self.evaluator.H @ event.weights
+        x[window] += self.run.impulse_error(track.t[window], event.t, jump)
         if decision.correction.any():
-            window = np.arange(top, restart + 1)
             x[window] += self.run.coasting(track.t[window], t_o, decision.correction)
         if event.t - live.last_event < self.dwell * (1 - 1e-9):
             gap = f"dwell time {event.t - live.last_event:.9g} below {self.dwell:.9g}"

@@ -73,7 +73,7 @@ class Window:
     spread: Array
 
 
-Coasting = Callable[[Array, float, Array], Array]
+Response = Callable[[Array, float, Array], Array]
 
 
 @dataclass(frozen=True)
@@ -92,31 +92,33 @@ class Evaluator:
     state_correction: bool
     nonnegative: bool
 
-    def taps(self, times: Array, tau_end: float) -> Array:
-        """Psi (rows, m) of the window that begins at times[0] and lasts tau."""
-        inner = times[times <= tau_end]
-        if tau_end - inner[-1] <= 1e-6 * (tau_end - inner[0]) / max(len(inner) - 1, 1):
-            return window_taps(self.exponents, inner)
-        # the window ends inside a cell: its last value is interpolated
-        taps = window_taps(self.exponents, np.append(inner, tau_end))
-        if len(inner) < len(times):
-            share = (tau_end - inner[-1]) / (times[len(inner)] - inner[-1])
-            last = taps[-1]
-            taps[-1] = share * last
-            taps[-2] += (1 - share) * last
-        return taps[: len(times)]
+    def taps(self, times: Array) -> Array:
+        """Psi (rows, m) of the window from times[0] on; the last row may lie beyond its end.
+
+        Then the residual at the end of the window is interpolated.
+        """
+        end = times[0] + self.tau
+        before, after = times[-2], times[-1]
+        share = (end - before) / (after - before)
+        if share > 1 - 1e-6:
+            return window_taps(self.exponents, times)
+        taps = window_taps(self.exponents, np.append(times[:-1], end))
+        last = taps[-1].copy()
+        taps[-1] = share * last
+        taps[-2] += (1 - share) * last
+        return taps
 
     def decide(
-        self, R: Vector, window: Window, P: Array | None, at_start: bool, coasting: Coasting
+        self, R: Vector, window: Window, P: Array | None, at_start: bool, response: Response
     ) -> Decision | None:
         """Evaluate a window; None: nothing there that counts.
 
         R (p m,) features; P covariance of the error at t_o (gls); at_start: only a good fit counts;
-        coasting(times, since, x): e^{D (t - since)} x.
+        response(times, since, x): the error that a jump x of the state leaves, (rows, n).
         """
         if self.gls and P is not None:
-            return self._weighted(window, P, at_start, coasting)
-        found = self._fitted(R, window, np.eye(len(R)), coasting)
+            return self._weighted(window, P, at_start, response)
+        found = self._fitted(R, window, np.eye(len(R)), response)
         if found is None:
             return None
         noisy = bool(window.spread.any())
@@ -135,7 +137,7 @@ class Evaluator:
         return float(window.t[0]) + self.tau - found.age
 
     def _fitted(
-        self, R: Array, window: Window, T: Array, coasting: Coasting
+        self, R: Array, window: Window, T: Array, response: Response
     ) -> Impulse | None:
         """The best impulse for weighted features R, b weighted by T, corrected for sampling.
 
@@ -147,10 +149,7 @@ class Evaluator:
             if found is None:
                 return None
             since = self._time(window, found)
-            after = np.flatnonzero(window.t >= since)
-            trace = np.zeros_like(window.error)
-            if len(after):
-                trace[after] = coasting(window.t[after], since, self.H @ found.weights) @ self.C.T
+            trace = response(window.t, since, self.H @ found.weights) @ self.C.T
             sampled = (window.taps.T @ trace).T.reshape(-1)
             exactly = self.curve.at(found.age)[len(self.D) :] @ found.weights
             before = found.age
@@ -162,13 +161,13 @@ class Evaluator:
         return found
 
     def _weighted(
-        self, window: Window, P: Array, at_start: bool, coasting: Coasting
+        self, window: Window, P: Array, at_start: bool, response: Response
     ) -> Decision | None:
         R, T = whitened(window.taps, window.error, window.spread)
         O = T @ self.V
         half = np.linalg.cholesky(np.eye(len(R)) + O @ P @ O.T)
         R, T, O = (np.linalg.solve(half, part) for part in (R, T, O))
-        found = self._fitted(R, window, T, coasting)
+        found = self._fitted(R, window, T, response)
         if found is None or found.gain <= _LEAST_GAIN:
             return None
         limit = chi_squared_limit(len(R) - 1 - len(found.weights))

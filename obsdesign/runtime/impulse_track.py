@@ -1,6 +1,6 @@
 """The observer's free run between two restarts, and the features of every window along it.
 
-    xhat' = A xhat + K (y - C xhat) + B u + b_mid       exact for y linear between samples
+    xhat' = A xhat + K (y - C xhat) + B u + b_mid    exact for a residual linear between samples
     R_i(t_o) = int over [t_o, t_o + tau] of e^{lambda_i (t_o + tau - theta)} (y - C xhat) d theta
 
 Since no impulse is added during a search, the residual is one signal, and R follows from its
@@ -12,12 +12,14 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lmi.exponential import expm
+from obsdesign.equations.estimation_error import flow_error_matrix
 from obsdesign.equations.impulsive_input import kernel_weights
 from obsdesign.runtime.base import RELATIVE_TIME_TOLERANCE, Vector
 from obsdesign.runtime.luenberger import responses
@@ -50,16 +52,21 @@ class Track:
 class FreeRun:
     """The parameters of a free run; steps of equal length share their matrices."""
 
-    D: Rows
+    A: Rows
     K: Rows
     C: Rows
     B: Rows
     drift: Vector
     exponents: Vector
     tau: float
-    _steps: OrderedDict[tuple[float, int], tuple[Any, Any, Any]] = field(
+    _steps: OrderedDict[tuple[float, int], tuple[Any, Any, Any, Any]] = field(
         default_factory=OrderedDict, repr=False, compare=False
     )
+
+    @cached_property
+    def D(self) -> Rows:
+        """A - K C: the error between impulses."""
+        return np.asarray(flow_error_matrix(self.A, self.K, self.C))
 
     @property
     def _falling(self) -> NDArray[np.bool_]:
@@ -84,15 +91,8 @@ class FreeRun:
             return track
         times = np.concatenate([track.t[-1:], t])
         ys, us = np.concatenate([track.y[-1:], y]), np.concatenate([track.u[-1:], u])
-        x = np.empty((len(t), len(self.D)))
         ends = self._runs(times)
-        at = track.x[-1]
-        for a, b in ends:
-            flow, once, ramp = self._maps(float(times[a + 1] - times[a]), float(times[b]))
-            rise = ys[a + 1 : b + 1] - ys[a:b]
-            forced = ys[a:b] @ self.K.T + us[a:b] @ self.B.T + self.drift
-            x[a:b] = _accumulated(flow, forced @ once.T + rise @ (ramp @ self.K).T, at)
-            at = x[b - 1]
+        x = self._estimates(times, ends, ys, us @ self.B.T + self.drift, track.x[-1])
         error = ys - np.concatenate([track.x[-1:], x]) @ self.C.T
         lams = self.exponents[self._falling]
         sums = _integrals(times, ends, error, lams, track.integrals[-1])
@@ -125,13 +125,40 @@ class FreeRun:
             R[:, :, ~falling] = np.exp(up * self.tau) * near - far
         return R.reshape(len(starts), -1)
 
+    def _estimates(
+        self, times: Rows, ends: list[tuple[int, int]], y: Rows, forced: Rows, at: Vector
+    ) -> Rows:
+        """xhat at times[1:] from `at` at times[0], with outputs y and other inputs `forced`."""
+        x = np.empty((len(times) - 1, len(self.A)))
+        for a, b in ends:
+            flow, older, newer, held = self._maps(float(times[a + 1] - times[a]), float(times[b]))
+            driven = y[a:b] @ older.T + y[a + 1 : b + 1] @ newer.T + forced[a:b] @ held.T
+            x[a:b] = _accumulated(flow, driven, at)
+            at = x[b - 1]
+        return x
+
     def coasting(self, times: Rows, since: float, x: Vector) -> Rows:
         """e^{D (t - since)} x at increasing times t, (k, n)."""
-        at = expm(self.D * float(times[0] - since)) @ x
+        return self._coasted(self.D, times, since, x)
+
+    def impulse_error(self, times: Rows, since: float, x: Vector) -> Rows:
+        """x - xhat at the rows of a window after an impulse that moves the plant by x, (k, n).
+
+        As this observer makes it from samples; close to e^{D (t - since)} x.
+        """
+        error = np.zeros((len(times), len(self.A)))
+        after = times >= since
+        if after.any():
+            error[after] = self._coasted(self.A, times[after], since, x)
+        y, nothing = error @ self.C.T, np.zeros_like(error)
+        error[1:] -= self._estimates(times, self._runs(times), y, nothing, nothing[0])
+        return error
+
+    def _coasted(self, X: Rows, times: Rows, since: float, x: Vector) -> Rows:
         found = np.empty((len(times), len(x)))
-        found[0] = at
+        found[0] = expm(X * float(times[0] - since)) @ x
         for a, b in self._runs(times):
-            flow = self._maps(float(times[a + 1] - times[a]), float(times[b]))[0]
+            flow = expm(X * float(times[a + 1] - times[a]))
             found[a + 1 : b + 1] = _accumulated(flow, np.zeros((b - a, len(x))), found[a])
         return found
 
@@ -145,8 +172,24 @@ class FreeRun:
         ends = [0, *cuts.tolist(), len(steps)]
         return list(zip(ends[:-1], ends[1:], strict=True))
 
-    def _maps(self, h: float, size: float) -> tuple[Any, Any, Any]:
-        return cached_step(self._steps, h, abs(size) + h, lambda step, _: responses(self.D, step))
+    def _maps(self, h: float, size: float) -> tuple[Any, Any, Any, Any]:
+        return cached_step(self._steps, h, abs(size) + h, lambda step, _: self._step(step))
+
+    def _step(self, h: float) -> tuple[Any, Any, Any, Any]:
+        """xhat+ = flow xhat + older y + newer y+ + held (B u + b_mid) over a step h.
+
+        The residual r = y - C xhat is linear over the step; r+ depends on xhat+:
+        (I + R K C) xhat+ = (e^{A h} - (S - R) K C) xhat + (S - R) K y + R K y+ + S (B u + b_mid),
+        S and R the responses to a unit step and a unit ramp.
+        """
+        flow, once, ramp = responses(self.A, h)
+        older, newer = (once - ramp) @ self.K, ramp @ self.K
+        whole = np.hstack([flow - older @ self.C, older, newer, once])
+        solved = np.linalg.solve(np.eye(len(flow)) + newer @ self.C, whole)
+        n, p = self.K.shape
+        cuts = np.cumsum([n, p, p])
+        parts = np.split(solved, cuts, axis=1)
+        return parts[0], parts[1], parts[2], parts[3]
 
 
 def _accumulated(flow: Rows, forced: Rows, start: Rows) -> Rows:
