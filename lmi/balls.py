@@ -189,3 +189,8 @@ def certify_pivots(rows: list[list[Any]]) -> bool:
             for j in range(k + 1, i + 1):
                 row[j] -= factor * rows[j][k]
     return True
+
+
+def ball_column(entries: list[Any]) -> Any:
+    """Ball matrix of one column from balls or exact numbers."""
+    return arb_mat(len(entries), 1, entries)

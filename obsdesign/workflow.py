@@ -19,7 +19,7 @@ from obsdesign.errors import InputError
 from obsdesign.problem import Problem
 
 # kind -> its module in every layer
-AVAILABLE = ("interval", "luenberger")
+AVAILABLE = ("interval", "luenberger", "impulsive_input")
 
 
 @dataclass(frozen=True)

@@ -63,7 +63,7 @@ def filtered_system(D: Array, C: Array, exponents: Array) -> Array:
     nothing special where an exponent is an eigenvalue of D.
     """
     n, p, m = len(D), len(C), len(exponents)
-    F = np.zeros((n + m * p, n + m * p), dtype=np.asarray(D).dtype)
+    F = np.full((n + m * p, n + m * p), 0 * D[0, 0], dtype=np.asarray(D).dtype)
     F[:n, :n] = D
     for j in range(p):
         for i in range(m):

@@ -13,6 +13,7 @@ from obsdesign.runtime.base import Observer
 OBSERVERS = {
     "interval": ("obsdesign.runtime.interval", "IntervalObserver"),
     "luenberger": ("obsdesign.runtime.luenberger", "LuenbergerObserver"),
+    "impulsive_input": ("obsdesign.runtime.impulsive_input", "ImpulsiveInputObserver"),
 }
 
 
@@ -41,7 +42,7 @@ def from_design(design: Design, path: str = "design") -> Observer:
 # gains that repeat an entry of the problem, and where it stands there
 _REPEATED = (
     ("A", "flow", "A"), ("B", "flow", "B"), ("C", "output", "C"), ("G", "jump", "G"),
-    ("E", "jump", "E"), ("noise_bound", "output", "noise_bound"),
+    ("E", "jump", "E"), ("H", "jump", "H"), ("noise_bound", "output", "noise_bound"),
     ("dwell_time", "jump", "dwell_time"), ("dwell_jitter", "jump", "dwell_jitter"),
     ("jump_measurement", "output", "jump_measurement"),
 )  # fmt: skip
