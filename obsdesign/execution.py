@@ -5,14 +5,21 @@ from __future__ import annotations
 import re
 import sys
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, TextIO
 
-from obsdesign.document import refuse_overwriting, replacing
+from obsdesign.document import refuse_overwriting, replacing, write_text
 from obsdesign.errors import InputError
-from obsdesign.records import Layout, estimate_header, estimate_line, read_samples
+from obsdesign.records import (
+    Layout,
+    estimate_header,
+    estimate_line,
+    events_text,
+    read_samples,
+)
 from obsdesign.runtime import load
+from obsdesign.runtime.base import Estimate
 
 # "dwell time 0.5 below 0.7" is counted as "dwell time below 0.7"
 _NUMBER = re.compile(r"(?<=time )[-+.\de]+ ")
@@ -39,9 +46,11 @@ def execute(
     if events is not None and not observer.finds_events:
         raise InputError(f"--events: kind {observer.kind!r} finds no impulses.")
     layout = Layout(**observer.reads)
+    found: list[Any] | None = None if events is None else []
     if data is None:
         with _writer(output) as out:
-            return _loop(observer, sys.stdin, layout, "standard input", initial, out)
+            counts = _loop(observer, sys.stdin, layout, "standard input", initial, out, found)
+        return _told(counts, events, found, observer)
     with _opened(data) as stream:
         for sample in read_samples(stream, layout, data):
             observer.start(sample.t, initial)  # complain before anything is written
@@ -49,24 +58,50 @@ def execute(
         for _ in read_samples(stream, layout, data) if stream.seek(0) == 0 else ():
             pass
     with _opened(data) as stream, _writer(output) as out:
-        return _loop(observer, stream, layout, data, initial, out)
+        counts = _loop(observer, stream, layout, data, initial, out, found)
+    return _told(counts, events, found, observer)
+
+
+def _told(
+    counts: Counter[str], events: str | None, found: list[Any] | None, observer: Any
+) -> Counter[str]:
+    if events is not None and found is not None:
+        write_text(events, events_text(found, observer.directions))
+    return counts
 
 
 def _loop(
-    observer: Any, stream: TextIO, layout: Layout, name: str, initial: Any, out: TextIO
+    observer: Any,
+    stream: TextIO,
+    layout: Layout,
+    name: str,
+    initial: Any,
+    out: TextIO,
+    found: list[Any] | None,
 ) -> Counter[str]:
+    """Rows in, rows out; an observer with a delay gives each row once it is decided."""
     counts: Counter[str] = Counter()
     state = None
+    delayed = hasattr(observer, "finish")
+
+    def put(rows: Iterable[Estimate]) -> None:
+        for row in rows:
+            out.write(estimate_line(row) + "\n")
+            counts["rows"] += 1
+            counts.update(_NUMBER.sub("", reason) for reason in row.status.split("; "))
+            if found is not None:
+                found.extend(row.events)
+
     for sample in read_samples(stream, layout, name):
         if state is None:
             state = observer.start(sample.t, initial)
             out.write(estimate_header(observer.names) + "\n")
         state, estimate = observer.step(state, sample)
-        out.write(estimate_line(estimate) + "\n")
+        put(state.decided if delayed else (estimate,))
         if stream is sys.stdin:
             out.flush()
-        counts["rows"] += 1
-        counts.update(_NUMBER.sub("", reason) for reason in estimate.status.split("; "))
+    if delayed and state is not None:
+        put(observer.finish(state))
     return counts
 
 

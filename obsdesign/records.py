@@ -159,6 +159,23 @@ def estimate_line(estimate: Estimate) -> str:
     return ",".join([*map(repr, numbers), estimate.status.replace(",", ";")])
 
 
+def events_text(events: Iterable[Any], directions: int) -> str:
+    """An event file: t, weight, t_std, weight_std, status; numbered with several directions.
+
+    Deviations are empty where the problem states no noise.
+    """
+    ends = [""] if directions == 1 else [str(i + 1) for i in range(directions)]
+    header = ["t", *(f"weight{i}" for i in ends), "t_std", *(f"weight{i}_std" for i in ends)]
+    lines = [",".join([*header, "status"])]
+    for event in events:
+        spread = [math.nan] * directions if event.weights_std is None else event.weights_std
+        t_std = math.nan if event.t_std is None else event.t_std
+        numbers = [event.t, *event.weights, t_std, *spread]
+        cells = [_cell(float(value)) for value in numbers]
+        lines.append(",".join([*cells, event.status.replace(",", ";")]))
+    return "\n".join(lines) + "\n"
+
+
 def table_text(columns: dict[str, np.ndarray[Any, Any]]) -> str:
     """CSV text of equally long columns; NaN becomes an empty cell, integers stay integers."""
     out = io.StringIO()
