@@ -29,6 +29,7 @@ from obsdesign.runtime.base import (
 )
 from obsdesign.runtime.impulse_engine import Engine, IntegralEngine, Live
 from obsdesign.runtime.impulse_gains import check_gains
+from obsdesign.runtime.impulse_samples import SamplesEngine
 
 _BLOCK = 1024  # rows that a batch hands over at once, at least a window of them
 
@@ -57,7 +58,8 @@ class ImpulsiveInputObserver:
     def from_gains(cls, gains: Mapping[str, Any]) -> ImpulsiveInputObserver:
         """The observer of a design's `gains`; ValueError if they do not fit each other."""
         check_gains(gains)
-        return cls(gains, IntegralEngine.from_gains(gains))
+        engines: dict[str, Any] = {"integral": IntegralEngine, "samples": SamplesEngine}
+        return cls(gains, engines[gains["operator"]].from_gains(gains))
 
     @property
     def n(self) -> int:
