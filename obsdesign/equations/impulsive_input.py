@@ -78,8 +78,9 @@ def impulse_responses(F: Array, H: Array, step: float, count: int) -> Array:
 
 
 def operator_matrix(D: Array, C: Array, exponents: Array, tau: float) -> Array:
-    """W(tau), (m p, n): row (j, i) is C_j p(lambda_i, tau, D) = C_j int_0^tau e^{(lambda_i - D)u}du.
+    """W(tau), (m p, n): row (j, i) is C_j p(lambda_i, tau, D).
 
+    p(lambda, tau, D) = int_0^tau e^{(lambda - D) u} du:
     After (11); finite for every lambda_i.
     """
     parts = [

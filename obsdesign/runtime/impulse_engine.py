@@ -14,7 +14,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from lmi.exponential import exponential_grid, expm
+from lmi.exponential import expm, exponential_grid
 from obsdesign.equations.estimation_error import flow_error_matrix
 from obsdesign.equations.impulse_fit import ImpulseCurve
 from obsdesign.equations.impulsive_input import filtered_system, window_matrix
@@ -73,7 +73,7 @@ class IntegralLive:
     since: float  # time of the covariance
     track: Track | None = None
     norms: Array = field(default_factory=lambda: np.zeros(0))
-    search: Search = Search()
+    search: Search = field(default_factory=Search)
     rule: Rule | None = None
     waiting: tuple[tuple[float, Vector], ...] = ()
     first: float | None = None  # time of the first row: the phase of periodic samples
@@ -124,7 +124,7 @@ class IntegralEngine:
     ) -> tuple[IntegralLive, list[Estimate]]:
         """Rows before the first measurement are predicted; then rows wait for their window."""
         decided: list[Estimate] = []
-        seen = np.isfinite(y).all(axis=1)
+        seen: Array = np.isfinite(y).all(axis=1)
         start = 0
         if live.first is None:
             live = replace(live, first=float(t[0]))
@@ -163,8 +163,7 @@ class IntegralEngine:
             inputs = np.concatenate([wait_u, u[:known]])
             track = self.run.extended(live.track, times, values, inputs, there)
             live = replace(live, track=track, waiting=())
-        live = replace(live, waiting=live.waiting + late)
-        return live
+        return replace(live, waiting=live.waiting + late)
 
     def prediction(self, live: IntegralLive) -> Vector:
         """The free run at the last row; without measurement there, the plant from the last one."""
@@ -232,7 +231,6 @@ class IntegralEngine:
         half = self._half(live)
         if half > 0 and front > 0:  # the moving average still looks back
             front = int(np.searchsorted(live.track.t, live.track.t[front] - 1.01 * half))
-        # few at a time would copy the waiting rows over and over
         if front <= 0:
             return live, []
         rows = self._rows(live, front)
@@ -400,4 +398,3 @@ class IntegralEngine:
         flow = expm(D * elapsed)
         found = limit - flow @ limit @ flow.T
         return np.asarray((found + found.T) / 2)
-

@@ -3,7 +3,7 @@
 plain: the paper's (18). gls: the features are whitened. With taps Psi and noise deviations s_k of
 the samples, the singular vectors U of diag(s) Psi give features U'(e / s) with unit covariance, of
 which b and V are the same linear map T; no Gramian is formed or inverted. The error e(t_o), of
-covariance P, is part of the noise: R = O e(t_o) + b g + v has covariance I + O P O'. Both go
+covariance P, is part of the noise: R = V e(t_o) + b g + v has covariance I + V P V'. Both go
 beyond the paper.
 """
 
@@ -40,7 +40,7 @@ _CORRECTIONS = 4
 class Event:
     """An impulse that was decided: time, weights (q,), standard deviations, status.
 
-    The deviations are None where the problem states no noise. status is "ok", or why it is doubtful.
+    The deviations are None where the problem states no noise; status: "ok", or what is doubtful.
     """
 
     t: float
@@ -136,9 +136,7 @@ class Evaluator:
     def _time(self, window: Window, found: Impulse) -> float:
         return float(window.t[0]) + self.tau - found.age
 
-    def _fitted(
-        self, R: Array, window: Window, T: Array, response: Response
-    ) -> Impulse | None:
+    def _fitted(self, R: Array, window: Window, T: Array, response: Response) -> Impulse | None:
         """The best impulse for weighted features R, b weighted by T, corrected for sampling.
 
         Samples of an impulse response, joined linearly, leave other features than the response
@@ -164,9 +162,9 @@ class Evaluator:
         self, window: Window, P: Array, at_start: bool, response: Response
     ) -> Decision | None:
         R, T = whitened(window.taps, window.error, window.spread)
-        O = T @ self.V
-        half = np.linalg.cholesky(np.eye(len(R)) + O @ P @ O.T)
-        R, T, O = (np.linalg.solve(half, part) for part in (R, T, O))
+        V = T @ self.V
+        half = np.linalg.cholesky(np.eye(len(R)) + V @ P @ V.T)
+        R, T, V = (np.linalg.solve(half, part) for part in (R, T, V))
         found = self._fitted(R, window, T, response)
         if found is None or found.gain <= _LEAST_GAIN:
             return None
@@ -180,10 +178,10 @@ class Evaluator:
             self._time(window, found), found.weights,
             math.sqrt(spread_of[0, 0]), np.sqrt(np.diag(spread_of)[1:]), status,
         )  # fmt: skip
-        return self._with_state(event, found, R, J, spread_of, O, P)
+        return self._with_state(event, found, R, J, spread_of, V, P)
 
     def _with_state(
-        self, event: Event, found: Impulse, R: Array, J: Array, spread_of: Array, O: Array,
+        self, event: Event, found: Impulse, R: Array, J: Array, spread_of: Array, V: Array,
         P: Array,
     ) -> Decision:  # fmt: skip
         """The covariance at the end of the window, and where asked the corrected state at t_o."""
@@ -192,7 +190,7 @@ class Evaluator:
         moves = np.column_stack([self.D @ state @ found.weights, state])
         correction = np.zeros(len(self.D))
         if self.state_correction:
-            gain = P @ O.T
+            gain = P @ V.T
             correction = gain @ (R - found.b @ found.weights)
             P = P - gain @ gain.T
             moves = moves - flow @ gain @ J

@@ -1,7 +1,7 @@
 """Few samples per time constant: the finite-memory operator of Mattsson and Medvedev on samples.
 
-With samples t_o < t_1 <= ... <= t_N = t_o + tau, a guess of x(t_o) with covariance P, and an onset t
-anywhere between samples,
+With samples t_o < t_1 <= ... <= t_N = t_o + tau, a guess of x(t_o) with covariance P, and an onset
+t anywhere between samples,
 
     e_k = y_k - C x_free(t_k) = C e^{A (t_k - t_o)} eps_o + g C e^{A (t_k - t)} H 1[t_k >= t] + v_k
 
@@ -226,16 +226,18 @@ class SamplesEngine:
             return self._fired(live, rows, provisional)
         decided = [self._estimate(live, rows[0], live.x)]
         x, P = self._filtered(live.x, live.P, rows[0], rows[1])
-        return replace(live, rows=live.rows[1:], x=x, P=P, before=(rows[0], live.x, live.P)), decided
+        return replace(
+            live, rows=live.rows[1:], x=x, P=P, before=(rows[0], live.x, live.P)
+        ), decided
 
     def _fit(
         self, rows: tuple[Row, ...], x: Vector, P: Array, low: float, high: float, interval: float
     ) -> Fit:
-        """Likelihood ratios and posterior over onsets in [low, high), from the rows after the first.
+        """Likelihood ratios and posterior over onsets in [low, high), from rows after the first.
 
         The likelihood of (onset, g) with eps_o ~ (0, P) part of the noise; g ~ (0, weight_std).
         """
-        t_o, error, S, _ = self._window(rows, x, P)
+        _, error, S, _ = self._window(rows, x, P)
         half = np.linalg.cholesky(S)
         onsets = low + interval / _STEPS * np.arange(round((high - low) / interval * _STEPS))
         b = np.linalg.solve(half, self._responses_at(rows, onsets).T)  # (K p, G)
@@ -255,7 +257,7 @@ class SamplesEngine:
     def _window(
         self, rows: tuple[Row, ...], x: Vector, P: Array
     ) -> tuple[float, Array, Array, Array]:
-        """(t_o, residuals (K p,), their covariance without impulse, O (K p, n)); missing rows drop."""
+        """(t_o, residuals (K p,), their covariance without impulse, C e^{A (t_k - t_o)} (K p, n))."""
         t_o, at, t, u = rows[0].t, x, rows[0].t, rows[0].u
         error, noise, seen = [], [], []
         for row in rows[1:]:
@@ -268,9 +270,9 @@ class SamplesEngine:
             n = len(x)
             return t_o, np.zeros(0), np.zeros((0, 0)), np.zeros((0, n))
         flows = expm(self.A * np.array(seen)[:, None, None])
-        O = (self.C @ flows).reshape(-1, len(x))
-        S = np.diag(np.concatenate(noise)) + O @ P @ O.T
-        return t_o, np.concatenate(error), S, O
+        shown = (self.C @ flows).reshape(-1, len(x))
+        S = np.diag(np.concatenate(noise)) + shown @ P @ shown.T
+        return t_o, np.concatenate(error), S, shown
 
     def _responses_at(self, rows: tuple[Row, ...], onsets: Array) -> Array:
         """C e^{A (t_k - t)} H of an impulse at each onset t, (G, K p)."""
@@ -314,9 +316,7 @@ class SamplesEngine:
             given = given or bool(events)
             decided.append(self._estimate(live, row, mean, events))
         rest = live.rows[len(rows) - 1 :]
-        following = replace(
-            live, rows=rest, x=x, P=P, before=None, last_event=event.t
-        )
+        following = replace(live, rows=rest, x=x, P=P, before=None, last_event=event.t)
         return following, decided
 
     def _event(
@@ -340,9 +340,9 @@ class SamplesEngine:
     def _collapsed(
         self, fit: Fit, rows: tuple[Row, ...], x: Vector, P: Array
     ) -> tuple[list[Vector], Vector, Array]:
-        """(mean at every row, mean and covariance at the last one), over the posterior of onsets."""
-        t_o, error, S, O = self._window(rows, x, P)
-        gain = np.linalg.solve(S, O @ P).T
+        """(means at the rows, mean and covariance at the last), over the posterior of onsets."""
+        t_o, error, S, seen = self._window(rows, x, P)
+        gain = np.linalg.solve(S, seen @ P).T
         b = self._responses_at(rows, fit.onsets)  # (G, K p)
         p, g = fit.probability, fit.weights
         eps = gain @ (error[:, None] - b.T * g)  # (n, G): error at t_o for each onset
@@ -357,7 +357,7 @@ class SamplesEngine:
             moved = free[:, None] + flow @ eps + jumps * g
             means.append(moved @ p)
         onto = jumps - flow @ gain @ b.T
-        rest = flow @ (P - gain @ O @ P) @ flow.T
+        rest = flow @ (P - gain @ seen @ P) @ flow.T
         away = moved - means[-1][:, None]
         covariance = rest + (onto * (p / fit.precision)) @ onto.T + (away * p) @ away.T
         covariance = (covariance + covariance.T) / 2

@@ -105,11 +105,13 @@ def smoothed(times: Array, values: Array, first: int, half: float) -> Array:
     if half <= 0:
         return values[first:]
     slack = 1e-9 * half
-    rows = int(np.searchsorted(times[: len(values)], times[len(values) - 1] - half + slack, "right"))
+    rows = int(
+        np.searchsorted(times[: len(values)], times[len(values) - 1] - half + slack, "right")
+    )
     centres = times[first:rows]
     if len(centres) == 0:
         return values[:0]
     sums = np.concatenate([[0.0], np.cumsum(values)])
     low = np.searchsorted(times, centres - half - slack, "left")
     high = np.searchsorted(times, centres + half + slack, "right")
-    return (sums[high] - sums[low]) / (high - low)
+    return np.asarray((sums[high] - sums[low]) / (high - low))

@@ -10,6 +10,7 @@ lambda >= 0 the same is done backwards in time, where they decay too. Steps may 
 
 from __future__ import annotations
 
+import itertools
 from collections import OrderedDict
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -83,9 +84,7 @@ class FreeRun:
         rest = track.without(row + 1)
         return self.extended(first, rest.t, rest.y, rest.u, rest.seen)
 
-    def extended(
-        self, track: Track, t: Rows, y: Rows, u: Rows, seen: NDArray[np.bool_]
-    ) -> Track:
+    def extended(self, track: Track, t: Rows, y: Rows, u: Rows, seen: NDArray[np.bool_]) -> Track:
         """The track with further rows."""
         if len(t) == 0:
             return track
@@ -170,7 +169,7 @@ class FreeRun:
         slack = RELATIVE_TIME_TOLERANCE * steps + 4 * np.spacing(np.abs(times[1:]))
         cuts = np.flatnonzero(np.abs(np.diff(steps)) > slack[1:] + slack[:-1]) + 1
         ends = [0, *cuts.tolist(), len(steps)]
-        return list(zip(ends[:-1], ends[1:], strict=True))
+        return list(itertools.pairwise(ends))
 
     def _maps(self, h: float, size: float) -> tuple[Any, Any, Any, Any]:
         return cached_step(self._steps, h, abs(size) + h, lambda step, _: self._step(step))
@@ -231,8 +230,9 @@ def _at(t: Rows, error: Rows, integrals: Rows, lams: Vector, times: Rows) -> Row
     share = (times - t[cell]) / np.where(width > 0, width, 1.0)
     # a window may end on a row: time stamps are decimal
     share = np.where(np.abs(share) < 1e-6, 0.0, np.where(np.abs(share - 1) < 1e-6, 1.0, share))
-    cell, share = np.where(share == 1, np.minimum(cell + 1, last), cell), np.where(
-        share == 1, 0.0, share
+    cell, share = (
+        np.where(share == 1, np.minimum(cell + 1, last), cell),
+        np.where(share == 1, 0.0, share),
     )
     found = integrals[cell]
     between = np.flatnonzero(share)

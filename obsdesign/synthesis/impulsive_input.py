@@ -186,4 +186,4 @@ def corner_exponents(
 ) -> Matrix:
     """`count` exponents: the slowest one the ratio allows, and as many below it, evenly spaced."""
     first = slowest_exponent(D, C, H, window, margin, ratio)
-    return first * (1 + _SPACING * np.arange(count))
+    return np.asarray(first * (1 + _SPACING * np.arange(count)), dtype=np.float64)

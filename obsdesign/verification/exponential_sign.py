@@ -6,6 +6,7 @@ bounded; both are balls. A polynomial is positive where its Bernstein coefficien
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -104,7 +105,7 @@ def _positive(b: Polynomial, depth: int) -> bool | None:
         return None
     left, right, row = [b[0]], [b[-1]], b
     while len(row) > 1:
-        row = [(x + y) / 2 for x, y in zip(row, row[1:], strict=False)]
+        row = [(x + y) / 2 for x, y in itertools.pairwise(row)]
         left.append(row[0])
         right.append(row[-1])
     first = _positive(left, depth - 1)

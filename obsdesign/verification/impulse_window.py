@@ -1,4 +1,4 @@
-"""Claims about the window and the features of an observer for impulsive inputs, each proved alone."""
+"""Claims about the window and the features of an observer for impulsive inputs, one by one."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def observable(A: Any, C: Any) -> Claim:
     if hidden is not None:
         reason = f"the output never sees the direction {_shown(hidden)} of the state"
         verdict = refuted({"vector": hidden, "reason": reason})
-    return _claim("observable", "the output sees every direction of the state: (A, C) is observable",
+    return _claim("observable", "the output sees every direction of the state",
                   f"{PAPER}, Section II", verdict)  # fmt: skip
 
 
@@ -69,7 +69,7 @@ def enough_exponents(D: Any, C: Any, exponents: list[float]) -> Claim:
     """(12): m p >= n, and no exponent is an eigenvalue of D; both exactly."""
     n, count = len(D), len(exponents) * len(C)
     statement = (
-        "there are at least as many features as states, and no exponent is an eigenvalue of A - K C"
+        "there are as many features as states or more, and no exponent is an eigenvalue of A - K C"
     )
     verdict = proved(features=count, states=n)
     if count < n:
@@ -92,8 +92,8 @@ def enough_exponents(D: Any, C: Any, exponents: list[float]) -> Claim:
 def full_rank(D: Any, C: Any, exponents: list[float], window: float) -> Claim:
     """W(tau) has rank n; (12) is not enough for this where the spectrum of D is complex."""
     statement = (
-        "the features of a window determine the error of the state: W(tau) has rank n, its smallest "
-        f"singular value at least {RANK_TOLERANCE!r} of the largest, rows and columns scaled"
+        "the features of a window determine the error of the state: W(tau) has rank n, its "
+        f"smallest singular value at least {RANK_TOLERANCE!r} of the largest, rows and columns scaled"
     )
     return _claim("rank", statement, f"{PAPER}, Section III-B",
                   rank_verdict(_operator_ball(D, C, exponents, window), len(D), "the features"))  # fmt: skip
@@ -133,7 +133,10 @@ def rank_verdict(rows: Callable[[], list[list[Any]]], n: int, what: str) -> Verd
             sizes = np.linalg.svd(scaled, compute_uv=False)
             margin = float(sizes[-1] / sizes[0]) if sizes[0] > 0 and len(W) >= n else 0.0
             balls = [
-                [x / number(float(a)) / number(float(b)) for x, b in zip(row, column_scale, strict=True)]
+                [
+                    x / number(float(a)) / number(float(b))
+                    for x, b in zip(row, column_scale, strict=True)
+                ]
                 for row, a in zip(table, row_scale, strict=True)
             ]
             gram = [[_dot(balls, i, j) for j in range(i + 1)] for i in range(n)]
@@ -145,7 +148,9 @@ def rank_verdict(rows: Callable[[], list[list[Any]]], n: int, what: str) -> Verd
                 return proved(approx_margin=margin, tolerance=RANK_TOLERANCE)
             vector = np.linalg.svd(scaled)[2][-1]
             v = [number(float(x)) for x in vector]
-            through = [sum((a * b for a, b in zip(row, v, strict=True)), number(0.0)) for row in balls]
+            through = [
+                sum((a * b for a, b in zip(row, v, strict=True)), number(0.0)) for row in balls
+            ]
             seen = sum((x * x for x in through), number(0.0))
             size = sum((x * x for x in v), number(0.0))
             # the largest singular value squared is at least trace / n
@@ -212,7 +217,7 @@ def _ratio(
         shifted = exact(lam * np.eye(n)) - D
         inner = np.block([[shifted, exact(np.eye(n))], [exact(np.zeros((n, 2 * n)))]])
         pick = ball(np.hstack([c, exact(np.zeros((1, n)))])) * exp_times(inner, window - margin)
-        tail = [row for row in pick.tolist()[0][n:]]
+        tail = pick.tolist()[0][n:]
         column = [x[0] for x in ball(h).tolist()]
         left = sum((a * b for a, b in zip(tail, column, strict=True)), number(0.0))
         E = left * (number(lam) * number(margin)).exp()
@@ -232,8 +237,8 @@ def _ratio(
             age = margin + place
             if found is False:
                 reason = (
-                    f"exponent {lam!r}: near age {age:.6g} the neglected part exceeds {asked!r} of the "
-                    "feature (where the impulse response changes sign a feature has a zero)"
+                    f"exponent {lam!r}: near age {age:.6g} the neglected part exceeds {asked!r} "
+                    "of the feature (where the impulse response changes sign a feature has a zero)"
                 )
                 return refuted({"age": age, "exponent": lam, "reason": reason})
             return undecided(f"exponent {lam!r}, near age {age:.6g}", age=age)

@@ -80,8 +80,8 @@ def _objection(problem: Problem, gains: Mapping[str, Any]) -> str | None:
     if gains.get("operator") == "integral":
         if not float(gains["margin"]) < float(gains["window"]):
             return "gains.margin must be less than gains.window"
-        exponents = gains.get("exponents")
-        if getattr(exponents, "ndim", 0) != 1 or len(set(exponents.tolist())) < len(exponents):
+        exponents = np.asarray(gains.get("exponents", ()))
+        if exponents.ndim != 1 or len(set(exponents.tolist())) < len(exponents):
             return "gains.exponents must be distinct numbers"
     noisy = (plant.output.noise_std > 0) | (plant.output.noise_cv > 0)
     if gains.get("weighting") == "gls" and not noisy.all():
@@ -131,7 +131,7 @@ def guarantees(problem: Problem, found: tuple[Claim, ...]) -> tuple[dict[str, An
         ),
         (
             "Two impulses within one window are not told apart where one impulse explains the "
-            "record as well; the test of fit flags them only if noise does not hide the difference.",
+            "record as well; the test of fit flags them only where noise does not hide them.",
             False,
             [],
         ),

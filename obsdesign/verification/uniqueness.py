@@ -3,9 +3,9 @@
 The paper calls uniqueness likely; it is false in general. What decides here, for ages in
 [margin, window], exponents lambda_1..lambda_m, and h(s) = C_j e^{D s} H g:
 
-1. D with real spectrum. A second solution makes sum of e^{lambda u} q(u) du, q piecewise a sum of at
-   most n exponentials, vanish at m real lambda; by Descartes' rule for Laplace transforms it has no
-   more zeros than q has sign changes, at most 2 n - 1, or n where h has no zero. So m >= 2 n
+1. D with real spectrum. A second solution makes the integral of e^{lambda u} q(u), q piecewise a
+   sum of n exponentials, vanish at m real lambda; by Descartes' rule for Laplace transforms it has
+   no more zeros than q has sign changes, at most 2 n - 1, or n where h has no zero. So m >= 2 n
    suffices, m >= n + 1 if h has no zero, and m >= 2 if C_j (s I - D)^-1 H has no zero at all: then
    h is a Polya frequency function and b_i / b_j is strictly monotone.
 2. Any spectrum: the plane curve (b_i, b_j) turns one way, by less than pi. Proved in balls.
@@ -19,7 +19,15 @@ from typing import Any
 
 import numpy as np
 
-from lmi.balls import ball, characteristic_polynomial, exact, fixed_vector, number, precision, to_float
+from lmi.balls import (
+    ball,
+    characteristic_polynomial,
+    exact,
+    fixed_vector,
+    number,
+    precision,
+    to_float,
+)
 from lmi.verdict import Verdict, proved, refuted, undecided
 from obsdesign.equations.impulsive_input import filtered_system, impulse_responses
 from obsdesign.verification import exponential_sign as signs
@@ -134,9 +142,7 @@ def _no_zero(D: Any, c: Any, H: Any, moments: list[Any], window: float) -> bool:
     return True
 
 
-def _one_feature(
-    D: Any, C: Any, H: Any, exponents: Any, window: float, margin: float
-) -> Verdict:
+def _one_feature(D: Any, C: Any, H: Any, exponents: Any, window: float, margin: float) -> Verdict:
     """A single feature: any two ages at which it does not vanish explain it equally well."""
     F = filtered_system(D, C, exact(exponents))
     z = np.vstack([H, exact([[0.0]])])
@@ -175,7 +181,7 @@ def _by_turning(D: Any, C: Any, H: Any, exponents: Any, window: float, margin: f
                 return found
     return undecided(
         f"no pair of features was seen to turn one way for all ages; the last one tried fails near "
-        f"age {place:.6g}. With a real spectrum of A - K C and {2 * n} exponents the answer is known",
+        f"age {place:.6g}. With a real spectrum of A - K C, {2 * n} exponents decide",
         age=place,
     )
 
@@ -281,7 +287,7 @@ def _crossing(F: Any, z: Any, n: int, s1: float, low: float, high: float) -> Ver
         return None
     weight = float((first[index] / there[index]).mid())
     reason = (
-        f"an impulse of age {s1:.9g} and weight 1 and one of age {high:.9g} and weight {weight:.9g} "
-        "leave the same two features; give more exponents"
+        f"an impulse of age {s1:.9g} and weight 1 and one of age {high:.9g} and weight "
+        f"{weight:.9g} leave the same two features; give more exponents"
     )
     return refuted({"ages": [s1, [low, high]], "weights": [1.0, weight], "reason": reason})
