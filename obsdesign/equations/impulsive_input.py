@@ -80,8 +80,7 @@ def impulse_responses(F: Array, H: Array, step: float, count: int) -> Array:
 def operator_matrix(D: Array, C: Array, exponents: Array, tau: float) -> Array:
     """W(tau), (m p, n): row (j, i) is C_j p(lambda_i, tau, D).
 
-    p(lambda, tau, D) = int_0^tau e^{(lambda - D) u} du:
-    After (11); finite for every lambda_i.
+    p(lambda, tau, D) = int_0^tau e^{(lambda - D) u} du, after (11); finite for every lambda.
     """
     parts = [
         C @ flow_integrals(lam * np.eye(len(D)) - D, tau)[1] for lam in np.asarray(exponents, float)

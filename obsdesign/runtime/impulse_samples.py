@@ -257,7 +257,7 @@ class SamplesEngine:
     def _window(
         self, rows: tuple[Row, ...], x: Vector, P: Array
     ) -> tuple[float, Array, Array, Array]:
-        """(t_o, residuals (K p,), their covariance without impulse, C e^{A (t_k - t_o)} (K p, n))."""
+        """(t_o, residuals (K p,), their covariance without impulse, C e^{A (t - t_o)} (K p, n))."""
         t_o, at, t, u = rows[0].t, x, rows[0].t, rows[0].u
         error, noise, seen = [], [], []
         for row in rows[1:]:

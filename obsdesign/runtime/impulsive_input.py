@@ -120,7 +120,7 @@ class ImpulsiveInputObserver:
         ValueError if time does not increase (the first sample may share the initial time).
         """
         later(sample.t, state.t, state.started)
-        state = self._extended(state, [sample])
+        state = self.block(state, [sample])
         events = tuple(event for row in state.decided for event in row.events)
         x = self.engine.prediction(state.live)
         return state, Estimate(state.t, x=x, events=events, status="unresolved")
@@ -155,13 +155,15 @@ class ImpulsiveInputObserver:
             block = samples[k : k + _BLOCK]
             for one, other in zip([None, *block[:-1]], block, strict=True):
                 later(other.t, state.t if one is None else one.t, state.started or one is not None)
-            state = self._extended(state, block)
+            state = self.block(state, block)
             rows += state.decided
         return collect([*rows, *self.finish(state)])
 
-    def _extended(
-        self, state: ImpulsiveInputState, samples: Sequence[Sample]
-    ) -> ImpulsiveInputState:
+    def block(self, state: ImpulsiveInputState, samples: Sequence[Sample]) -> ImpulsiveInputState:
+        """The state after several samples at once; `decided` holds the rows they settled.
+
+        Times are the caller's to check: they must increase.
+        """
         p, m = len(self.gains["C"]), int(self.reads["u"])
         y, u, held = np.full((len(samples), p), np.nan), np.zeros((len(samples), m)), state.u
         for k, sample in enumerate(samples):

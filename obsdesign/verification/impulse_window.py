@@ -93,10 +93,10 @@ def full_rank(D: Any, C: Any, exponents: list[float], window: float) -> Claim:
     """W(tau) has rank n; (12) is not enough for this where the spectrum of D is complex."""
     statement = (
         "the features of a window determine the error of the state: W(tau) has rank n, its "
-        f"smallest singular value at least {RANK_TOLERANCE!r} of the largest, rows and columns scaled"
+        f"smallest singular value at least {RANK_TOLERANCE!r} of the largest when scaled"
     )
-    return _claim("rank", statement, f"{PAPER}, Section III-B",
-                  rank_verdict(_operator_ball(D, C, exponents, window), len(D), "the features"))  # fmt: skip
+    verdict = rank_verdict(_operator_ball(D, C, exponents, window), len(D), "the features")
+    return _claim("rank", statement, f"{PAPER}, Section III-B", verdict)
 
 
 def _operator_ball(D: Any, C: Any, exponents: list[float], window: float) -> Any:
@@ -158,7 +158,7 @@ def rank_verdict(rows: Callable[[], list[list[Any]]], n: int, what: str) -> Verd
                 direction = (vector / column_scale).tolist()
                 reason = (
                     f"{what} hardly show the direction {_shown(direction)} of the state: "
-                    f"relative size {margin:.3g}, below {RANK_TOLERANCE:g}; change exponents or window"
+                    f"relative size {margin:.3g}, below {RANK_TOLERANCE:g}; change the window"
                 )
                 return refuted({"vector": direction, "approx_margin": margin, "reason": reason})
     return undecided(f"the rank is not certain: relative margin {margin:.3g}", approx_margin=margin)
@@ -183,8 +183,8 @@ def ratio(
     z = ratio e^{D s} H -+ e^{lambda tau} e^{D (s - tau)} H; it must keep the sign of b_i.
     """
     statement = (
-        f"what (15) neglects of an impulse is at most {asked!r} of its feature, for every feature and "
-        f"every age in [{margin!r}, {window!r}]"
+        f"what (15) neglects of an impulse is at most {asked!r} of its feature, for every feature "
+        f"and every age in [{margin!r}, {window!r}]"
     )
     verdict = proved(ratio=asked)
     try:
