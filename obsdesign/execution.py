@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 import sys
 from collections import Counter
@@ -23,6 +24,8 @@ from obsdesign.runtime.base import Estimate
 
 # "dwell time 0.5 below 0.7" is counted as "dwell time below 0.7"
 _NUMBER = re.compile(r"(?<=time )[-+.\de]+ ")
+
+_READ_AHEAD = 1024  # rows of a file that an observer with a delay takes at once
 
 
 def execute(
@@ -92,12 +95,19 @@ def _loop(
             if found is not None:
                 found.extend(row.events)
 
-    for sample in read_samples(stream, layout, name):
+    samples = read_samples(stream, layout, name)
+    # a pipe is answered row by row; a file may be read ahead
+    many = _READ_AHEAD if delayed and stream is not sys.stdin else 1
+    while block := list(itertools.islice(samples, many)):
         if state is None:
-            state = observer.start(sample.t, initial)
+            state = observer.start(block[0].t, initial)
             out.write(estimate_header(observer.names) + "\n")
-        state, estimate = observer.step(state, sample)
-        put(state.decided if delayed else (estimate,))
+        if delayed:
+            state = observer.block(state, block)
+            put(state.decided)
+        else:
+            state, estimate = observer.step(state, block[0])
+            put((estimate,))
         if stream is sys.stdin:
             out.flush()
     if delayed and state is not None:

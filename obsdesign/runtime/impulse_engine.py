@@ -124,7 +124,7 @@ class IntegralEngine:
     ) -> tuple[IntegralLive, list[Estimate]]:
         """Rows before the first measurement are predicted; then rows wait for their window."""
         decided: list[Estimate] = []
-        seen: Array = np.isfinite(y).all(axis=1)
+        seen: Any = np.isfinite(y).all(axis=1)
         start = 0
         if live.first is None:
             live = replace(live, first=float(t[0]))
