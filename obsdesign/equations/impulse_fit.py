@@ -43,17 +43,24 @@ class ImpulseCurve:
     terms: int
 
     @classmethod
-    def of(cls, F: Array, H: Array, tau: float) -> ImpulseCurve:
-        """The curve for ages in [0, tau]; the grid follows the size of F."""
+    def of(
+        cls, F: Array, H: Array, tau: float, points: int = _POINTS, n: int | None = None
+    ) -> ImpulseCurve:
+        """The curve for ages in [0, tau]; the grid has `points` cells, more where F is large.
+
+        n: entries in front that are no features; by default the states of the plant.
+        """
         size = float(min(np.abs(F).sum(axis=0).max(), np.abs(F).sum(axis=1).max()))
-        count = int(min(max(_POINTS, math.ceil(size * tau)), _MOST_POINTS))
+        count = int(min(max(points, math.ceil(size * tau)), _MOST_POINTS))
         step = tau / count
         reach, terms, term = size * step, 4, 1.0
         while term > 1e-18 and terms < 100:  # Taylor's remainder over one cell
             terms += 1
             term = math.exp(min(reach, 300.0) + terms * math.log(max(reach, 1e-300))
                             - math.lgamma(terms + 1))  # fmt: skip
-        return cls(F, len(H), step, impulse_responses(F, H, step, count + 1), terms)
+        return cls(
+            F, len(H) if n is None else n, step, impulse_responses(F, H, step, count + 1), terms
+        )
 
     @property
     def ages(self) -> Array:
@@ -112,16 +119,16 @@ def fit_impulse(
     if len(inside) == 0:
         inside = np.array([int(np.argmin(np.abs(ages - (low + high) / 2)))])
     b = _weighted(curve.states[inside][:, curve.n :], weighting)
-    gains = _explained(b, R, nonnegative)
+    gains = explained(b, R, nonnegative)
     best: Impulse | None = None
-    for k in _peaks(gains):
+    for k in peaks(gains):
         if gains[k] <= 0:
             continue
         ends = (max(low, ages[inside[k]] - curve.step), min(high, ages[inside[k]] + curve.step))
         found = _refine(R, curve, int(inside[k]), ends, (low, high), weighting)
         if nonnegative and (found.weights < 0).any():
             continue
-        if best is None or found.gain > best.gain:
+        if best is None or found.cost < best.cost:
             best = found
     return best
 
@@ -130,7 +137,7 @@ def _weighted(b: Array, weighting: Array | None) -> Array:
     return b if weighting is None else weighting @ b
 
 
-def _explained(b: Array, R: Array, nonnegative: bool) -> Array:
+def explained(b: Array, R: Array, nonnegative: bool) -> Array:
     """|R|^2 - min_g |R - b g|^2 for each b of a stack (G, r, q)."""
     if b.shape[2] == 1:
         column = b[:, :, 0]
@@ -143,7 +150,7 @@ def _explained(b: Array, R: Array, nonnegative: bool) -> Array:
     return np.einsum("ij,ij->i", onto, onto)
 
 
-def _peaks(gains: Array) -> list[int]:
+def peaks(gains: Array) -> list[int]:
     """The highest local maxima, highest first."""
     padded = np.concatenate([[-math.inf], gains, [-math.inf]])
     tops = np.flatnonzero((padded[1:-1] >= padded[:-2]) & (padded[1:-1] >= padded[2:]))

@@ -37,6 +37,7 @@ Array = NDArray[Any]
 _COARSE = 1.0
 OPERATORS = ("integral", "samples")
 WEIGHTINGS = ("plain", "gls")
+RULES = ("peak", "position", "threshold")
 
 
 def objection(plant: Any) -> str | None:
@@ -75,6 +76,20 @@ def filtered_system(D: Array, C: Array, exponents: Array) -> Array:
 def impulse_responses(F: Array, H: Array, step: float, count: int) -> Array:
     """[e^{D s} H; b(s)] at s = 0, step, ..., (count, n + m p, q)."""
     return exponential_grid(F, 0.0, step, count)[:, :, : len(H)] @ H
+
+
+def has_peak(F: Array, H: Array, tau: float, margin: float, count: int = 400) -> bool:
+    """Does |b(age)| rise to one maximum at an age in (margin, tau) and fall from there? On a grid.
+
+    Then the maximum of |R| tells when to evaluate an impulse, whatever its weight (Section IV).
+    """
+    if H.shape[1] > 1:
+        return False  # where the maximum is depends on the weights
+    size = np.linalg.norm(impulse_responses(F, H, tau / count, count + 1)[:, len(H) :, 0], axis=1)
+    top = int(np.argmax(size))
+    rising, falling = np.diff(size[: top + 1]), np.diff(size[top:])
+    inside = margin < top * tau / count < tau * (1 - 2 / count)
+    return bool(inside and (rising > 0).all() and (falling < 0).all())
 
 
 def operator_matrix(D: Array, C: Array, exponents: Array, tau: float) -> Array:

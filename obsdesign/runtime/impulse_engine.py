@@ -25,8 +25,9 @@ from obsdesign.runtime.impulse_estimate import (
     Event,
     Window,
     feature_deviation,
+    whitened,
 )
-from obsdesign.runtime.impulse_search import Rule, Search, smoothed
+from obsdesign.runtime.impulse_search import Position, Rule, Search, smoothed
 from obsdesign.runtime.impulse_track import FreeRun, Track
 from obsdesign.runtime.luenberger import responses
 
@@ -34,6 +35,7 @@ Array = NDArray[Any]
 
 _FLOOR = 8.0  # |R| must exceed this many deviations of noise
 _EXACT_FLOOR = 1e-7  # and this part of what the output itself leaves in R: interpolation, rounding
+_LEAST = 6.0  # deviations that an impulse must explain before it is evaluated by its position
 _SMOOTHING = 0.05  # half width of the moving average, of the window
 # part of |R| that a rise or a drop must have; without noise only interpolation disturbs it
 _NOISY_SHARE, _EXACT_SHARE = 0.05, 1e-3
@@ -75,6 +77,7 @@ class IntegralLive:
     norms: Array = field(default_factory=lambda: np.zeros(0))
     search: Search = field(default_factory=Search)
     rule: Rule | None = None
+    position: Position | None = None
     waiting: tuple[tuple[float, Vector], ...] = ()
     first: float | None = None  # time of the first row: the phase of periodic samples
     last_event: float = -math.inf
@@ -92,6 +95,7 @@ class IntegralEngine:
     dwell: float
     period: float | None
     threshold: float | None
+    positional: bool
 
     @classmethod
     def from_gains(cls, gains: Any) -> IntegralEngine:
@@ -103,7 +107,7 @@ class IntegralEngine:
         drift = (gains["flow_lower"] + gains["flow_upper"]) / 2
         F = filtered_system(D, C, exponents)
         evaluator = Evaluator(
-            D, C, H, exponents, tau, float(gains["margin"]), window_matrix(D, C, exponents, tau),
+            A, D, C, H, exponents, tau, float(gains["margin"]), window_matrix(D, C, exponents, tau),
             ImpulseCurve.of(F, H, tau), gains["weighting"] == "gls",
             bool(gains.get("state_correction", False)), bool(gains.get("nonnegative", False)),
         )  # fmt: skip
@@ -111,6 +115,7 @@ class IntegralEngine:
             FreeRun(A, K, C, B, drift, exponents, tau), evaluator, A,
             (gains["noise_std"], gains["noise_cv"]), float(gains["dwell_time"][0]),
             gains.get("period"), gains.get("threshold"),
+            gains.get("rule") == "position",
         )  # fmt: skip
 
     # --- rows in ------------------------------------------------------------------------------
@@ -276,11 +281,10 @@ class IntegralEngine:
         if ready <= done:
             return live
         R = self.run.features(track, done, ready)
-        norms = np.concatenate([live.norms, np.linalg.norm(R, axis=1)])
-        live = replace(live, norms=norms)
         if live.rule is None:
             live = self._prepared(live)
-        return live
+        new = np.linalg.norm(R, axis=1) if live.position is None else live.position.values(R)
+        return replace(live, norms=np.concatenate([live.norms, new]))
 
     def _prepared(self, live: IntegralLive) -> IntegralLive:
         """Rule and covariance for a search that begins, from its first window."""
@@ -293,6 +297,16 @@ class IntegralEngine:
         P = live.covariance
         if self.evaluator.gls and P is None:
             P = self._first_covariance(track, stop)
+        if self.positional:
+            unit = spread if sigma > 0 else np.ones_like(spread)
+            T = whitened(taps, track.y[:stop], unit)[1]
+            curve = self.evaluator.curve
+            b = curve.states[1:, curve.n :]
+            position = Position.of(T, curve.ages[1:], b, self.run.tau)
+            own = T @ (taps.T @ track.y[:stop]).T.reshape(-1)
+            exact = _EXACT_FLOOR * float(np.linalg.norm(own))
+            rule = Rule(0.0, 0.0, 0.0, max(_LEAST if sigma > 0 else 0.0, exact))
+            return replace(live, rule=rule, position=position, covariance=P)
         share = _NOISY_SHARE if sigma > 0 else _EXACT_SHARE
         rule = Rule(floor, sigma, share, self.threshold)
         return replace(live, rule=rule, covariance=P)
@@ -338,8 +352,9 @@ class IntegralEngine:
         R = self.run.features(track, top, top + 1)[0]
         t_o = float(track.t[top])
         P = self._covariance_at(live, t_o, spread)
-        window = Window(track.t[top:stop], taps, error, spread)
-        decision = self.evaluator.decide(R, window, P, search.at_start, self.run.impulse_error)
+        onsets = self.run.onset_features(track.t[top:stop], taps)
+        window = Window(track.t[top:stop], taps, error, spread, onsets)
+        decision = self.evaluator.decide(R, window, P, search.at_start)
         if decision is None or decision.event is None:
             value = float(live.norms[min(search.position, len(live.norms)) - 1])
             return replace(live, search=search.given_up(value)), []

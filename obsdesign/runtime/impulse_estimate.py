@@ -10,15 +10,14 @@ beyond the paper.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lmi.exponential import expm
-from obsdesign.equations.impulse_fit import Impulse, ImpulseCurve, fit_impulse
+from obsdesign.equations.impulse_fit import Impulse, ImpulseCurve, explained, fit_impulse, peaks
 from obsdesign.equations.impulsive_input import window_taps
 from obsdesign.runtime.base import Vector
 
@@ -33,7 +32,6 @@ _Z = 3.090232306167813
 _LEAST_GAIN = 36.0
 # plain, without noise: part of R that a fit may leave at the start of a search
 _GOOD_FIT = 1e-3
-_CORRECTIONS = 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,21 +63,23 @@ class Decision:
 
 @dataclass(frozen=True, slots=True)
 class Window:
-    """Rows from t_o on: times, taps Psi (rows, m), residual (rows, p), deviations of its noise."""
+    """Rows from t_o on: times, taps Psi (rows, m), residual (rows, p), deviations of its noise.
+
+    onsets (rows, p m, n): features of unit states that appear at a row.
+    """
 
     t: Array
     taps: Array
     error: Array
     spread: Array
-
-
-Response = Callable[[Array, float, Array], Array]
+    onsets: Array
 
 
 @dataclass(frozen=True)
 class Evaluator:
-    """Parameters of step 2; D (n, n), C (p, n), H (n, q); V = V(tau), (p m, n)."""
+    """Parameters of step 2; A, D (n, n), C (p, n), H (n, q); V = V(tau), (p m, n)."""
 
+    A: Array
     D: Array
     C: Array
     H: Array
@@ -108,17 +108,16 @@ class Evaluator:
         taps[-2] += (1 - share) * last
         return taps
 
-    def decide(
-        self, R: Vector, window: Window, P: Array | None, at_start: bool, response: Response
-    ) -> Decision | None:
+    def decide(self, R: Vector, window: Window, P: Array | None, at_start: bool) -> Decision | None:
         """Evaluate a window; None: nothing there that counts.
 
-        R (p m,) features; P covariance of the error at t_o (gls); at_start: only a good fit counts;
-        response(times, since, x): the error that a jump x of the state leaves, (rows, n).
+        R (p m,) features; P covariance of the error at t_o (gls); at_start: only a good fit counts.
         """
         if self.gls and P is not None:
-            return self._weighted(window, P, at_start, response)
-        found = self._fitted(R, window, np.eye(len(R)), response)
+            return self._weighted(window, P, at_start)
+        unit = window.spread if window.spread.all() else np.ones_like(window.spread)
+        alike = whitened(window.taps, window.error, unit)
+        found = self._fitted(R, window, np.eye(len(R)), alike)
         if found is None:
             return None
         noisy = bool(window.spread.any())
@@ -136,36 +135,54 @@ class Evaluator:
     def _time(self, window: Window, found: Impulse) -> float:
         return float(window.t[0]) + self.tau - found.age
 
-    def _fitted(self, R: Array, window: Window, T: Array, response: Response) -> Impulse | None:
-        """The best impulse for weighted features R, b weighted by T, corrected for sampling.
+    def _fitted(
+        self, R: Array, window: Window, T: Array, whitened_too: tuple[Array, Array] | None = None
+    ) -> Impulse | None:
+        """The best impulse for weighted features R, with b weighted by T.
 
         Samples of an impulse response, joined linearly, leave other features than the response
-        itself. The difference for the impulse that was found is known, and taken from R.
+        itself, which matters where the output jumps with the impulse. So all onsets are looked at
+        again as samples show them. Features under the plain norm are nearly dependent; where to
+        look is seen better in `whitened_too`, features and T without that.
         """
         found = fit_impulse(R, self.curve, self.margin, self.tau, T, self.nonnegative)
-        for _ in range(_CORRECTIONS):
-            if found is None:
-                return None
-            since = self._time(window, found)
-            trace = response(window.t, since, self.H @ found.weights) @ self.C.T
-            sampled = (window.taps.T @ trace).T.reshape(-1)
-            exactly = self.curve.at(found.age)[len(self.D) :] @ found.weights
-            before = found.age
-            found = fit_impulse(
-                R - T @ (sampled - exactly), self.curve, self.margin, self.tau, T, self.nonnegative
-            )
-            if found is not None and abs(found.age - before) <= 1e-9 * self.tau:
-                break
-        return found
+        if found is None:
+            return None
+        ages = window.t[0] + self.tau - window.t
+        cells = np.flatnonzero((ages >= self.margin) & (np.arange(len(ages)) > 0))
+        width = float(np.median(np.diff(window.t)))
+        inside = expm(self.A * (width * np.array([0.0, 0.5, 1.0]))[:, None, None]) @ self.H
+        likely = {int(np.searchsorted(window.t, self._time(window, found), "left"))}
+        for features, weighting in ((R, T), whitened_too or (R, T)):
+            for jump in inside:
+                seen = weighting @ (window.onsets[cells] @ jump)
+                gains = explained(seen, features, self.nonnegative)
+                likely |= {int(cells[k]) for k in peaks(gains)}
+        best: Impulse | None = None
+        for cell in sorted({c + step for c in likely for step in (-1, 0, 1, 2)}):
+            if 1 <= cell < len(window.t):
+                there = self._in_cell(R, window, T, cell)
+                if there is not None and (best is None or there.cost < best.cost):
+                    best = there
+        return found if best is None else replace(best, inside=found.inside)
 
-    def _weighted(
-        self, window: Window, P: Array, at_start: bool, response: Response
-    ) -> Decision | None:
+    def _in_cell(self, R: Array, window: Window, T: Array, cell: int) -> Impulse | None:
+        """The best impulse with its onset between rows cell - 1 and cell."""
+        t_c = float(window.t[cell])
+        width = t_c - float(window.t[cell - 1])
+        curve = ImpulseCurve.of(self.A, self.H, width, points=4, n=0)
+        M = T @ window.onsets[cell]
+        found = fit_impulse(R, curve, 0.0, width, M, self.nonnegative)
+        if found is None:
+            return None
+        return replace(found, age=float(window.t[0]) + self.tau - t_c + found.age)
+
+    def _weighted(self, window: Window, P: Array, at_start: bool) -> Decision | None:
         R, T = whitened(window.taps, window.error, window.spread)
         V = T @ self.V
         half = np.linalg.cholesky(np.eye(len(R)) + V @ P @ V.T)
         R, T, V = (np.linalg.solve(half, part) for part in (R, T, V))
-        found = self._fitted(R, window, T, response)
+        found = self._fitted(R, window, T)
         if found is None or found.gain <= _LEAST_GAIN:
             return None
         limit = chi_squared_limit(len(R) - 1 - len(found.weights))

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from obsdesign.equations.impulsive_input import OPERATORS, WEIGHTINGS
+from obsdesign.equations.impulsive_input import OPERATORS, RULES, WEIGHTINGS
 
 
 def check_gains(gains: Mapping[str, Any]) -> None:
@@ -31,6 +31,8 @@ def check_gains(gains: Mapping[str, Any]) -> None:
     for name, allowed in words.items():
         if gains.get(name) not in allowed:
             raise ValueError(f"gains.{name} must be one of {', '.join(allowed)}.")
+    if gains["operator"] == "integral" and gains.get("rule") not in RULES:
+        raise ValueError(f"gains.rule must be one of {', '.join(RULES)}.")
     for name in ("window", "margin"):
         value = gains.get(name)
         if not isinstance(value, int | float) or isinstance(value, bool) or not value > 0:

@@ -4,7 +4,9 @@ The peak rule of their Section IV, made safe in noise: the maximum is that of a 
 |R| (the raw maximum selects noise that makes R large), it counts after a rise, and it is final
 after a drop. An impulse that is already past its peak when a search begins leaves no interior
 maximum; then the first instant is offered, to be taken only if the fit is good (`at_start`).
-With a threshold, the rule of their Section III-C: the first t_o with |R| above it.
+Where |b(age)| has no peak inside the ages that are searched, the oldest position is waited for: an
+impulse is evaluated once the age that explains the features best is most of the window
+(`Position`). With a threshold, the rule of their Section III-C: the first t_o with |R| above it.
 
     rise = share max(N, floor) + sigma      drop = share N_max + sigma
 """
@@ -19,6 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[Any]
+
+_OLD = 0.7  # age from which an impulse is evaluated, of the window
+_SHARE = 0.5  # of the features that it must explain
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,6 +100,39 @@ class Rule:
             if values[j - offset] > (self.threshold or 0.0):
                 return Search(j + 1, True, False, 0.0, values[j - offset], j), True
         return Search(offset + len(values)), False
+
+
+@dataclass(frozen=True)
+class Position:
+    """How much of the features one impulse explains, and whether it is old enough to be evaluated.
+
+    whitening (r, mp) makes the noise of features uncorrelated; bases (G, r, q) span the whitened b
+    at G ages.
+    """
+
+    whitening: Array
+    bases: Array
+    old: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, whitening: Array, ages: Array, b: Array, tau: float) -> Position:
+        """From b (G, mp, q) at increasing ages, all above zero."""
+        bases = np.linalg.qr(whitening @ b)[0]
+        return cls(whitening, bases, ages >= _OLD * tau)
+
+    def values(self, R: Array) -> Array:
+        """Square root of what the best age explains of |R|^2, (k,) for R (k, mp); else zero.
+
+        Zero where that age is young, or where it leaves half of the features unexplained.
+        """
+        weighted = R @ self.whitening.T
+        G, r, q = self.bases.shape
+        onto = weighted @ self.bases.transpose(1, 0, 2).reshape(r, G * q)
+        explained = (onto.reshape(len(R), G, q) ** 2).sum(axis=2)
+        best = np.argmax(explained, axis=1)
+        most = explained[np.arange(len(R)), best]
+        whole = (weighted * weighted).sum(axis=1)
+        return np.where(self.old[best] & (most >= _SHARE * whole), np.sqrt(most), 0.0)
 
 
 def smoothed(times: Array, values: Array, first: int, half: float) -> Array:

@@ -60,7 +60,7 @@ class FreeRun:
     drift: Vector
     exponents: Vector
     tau: float
-    _steps: OrderedDict[tuple[float, int], tuple[Any, Any, Any, Any]] = field(
+    _steps: OrderedDict[tuple[float, int], tuple[Any, ...]] = field(
         default_factory=OrderedDict, repr=False, compare=False
     )
 
@@ -130,7 +130,9 @@ class FreeRun:
         """xhat at times[1:] from `at` at times[0], with outputs y and other inputs `forced`."""
         x = np.empty((len(times) - 1, len(self.A)))
         for a, b in ends:
-            flow, older, newer, held = self._maps(float(times[a + 1] - times[a]), float(times[b]))
+            flow, older, newer, held, _ = self._maps(
+                float(times[a + 1] - times[a]), float(times[b])
+            )
             driven = y[a:b] @ older.T + y[a + 1 : b + 1] @ newer.T + forced[a:b] @ held.T
             x[a:b] = _accumulated(flow, driven, at)
             at = x[b - 1]
@@ -153,6 +155,24 @@ class FreeRun:
         error[1:] -= self._estimates(times, self._runs(times), y, nothing, nothing[0])
         return error
 
+    def onset_features(self, times: Rows, taps: Rows) -> Rows:
+        """M, (rows, p m, n): features of unit states that appear at a row, as samples show them.
+
+        An impulse v before row c leaves M_c e^{A v} H g; before it, and in the cell that ends at c,
+        the samples know nothing of it. taps (rows, m) make features of the residual.
+        """
+        n, p, m = len(self.A), len(self.C), taps.shape[1]
+        shown = (self.C[None, :, None, :] * taps[:, None, :, None]).reshape(len(times), p * m, n)
+        found, kicks = np.empty_like(shown), np.empty((len(times), n, n))
+        found[-1], kicks[0] = shown[-1], np.eye(n)
+        for a, b in reversed(self._runs(times)):
+            maps = self._maps(float(times[a + 1] - times[a]), float(times[b]))
+            backwards = shown[a:b][::-1].copy()
+            backwards[0] += found[b] @ maps[4]
+            found[a:b] = _doubled(maps[4].T, backwards)[::-1]
+            kicks[a + 1 : b + 1] = np.eye(n) - maps[2] @ self.C
+        return np.asarray(found @ kicks)
+
     def _coasted(self, X: Rows, times: Rows, since: float, x: Vector) -> Rows:
         found = np.empty((len(times), len(x)))
         found[0] = expm(X * float(times[0] - since)) @ x
@@ -171,10 +191,10 @@ class FreeRun:
         ends = [0, *cuts.tolist(), len(steps)]
         return list(itertools.pairwise(ends))
 
-    def _maps(self, h: float, size: float) -> tuple[Any, Any, Any, Any]:
+    def _maps(self, h: float, size: float) -> tuple[Any, ...]:
         return cached_step(self._steps, h, abs(size) + h, lambda step, _: self._step(step))
 
-    def _step(self, h: float) -> tuple[Any, Any, Any, Any]:
+    def _step(self, h: float) -> tuple[Any, ...]:
         """xhat+ = flow xhat + older y + newer y+ + held (B u + b_mid) over a step h.
 
         The residual r = y - C xhat is linear over the step; r+ depends on xhat+:
@@ -188,13 +208,19 @@ class FreeRun:
         n, p = self.K.shape
         cuts = np.cumsum([n, p, p])
         parts = np.split(solved, cuts, axis=1)
-        return parts[0], parts[1], parts[2], parts[3]
+        error = flow - parts[1] @ self.C - parts[2] @ self.C @ flow  # x - xhat over the step
+        return parts[0], parts[1], parts[2], parts[3], error
 
 
 def _accumulated(flow: Rows, forced: Rows, start: Rows) -> Rows:
     """x_j = flow x_{j-1} + forced_j, all j by doubling: x = sum of flow^i forced_{j-i}."""
     x = forced.copy()
     x[0] += flow @ start
+    return _doubled(flow, x)
+
+
+def _doubled(flow: Rows, x: Rows) -> Rows:
+    """x_j + flow x_{j-1} + flow^2 x_{j-2} + ..., in place; x (L, n), or (L, k, n) of rows."""
     power, reach = flow, 1
     while reach < len(x):
         x[reach:] = x[reach:] + x[:-reach] @ power.T

@@ -67,7 +67,9 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
         data["threshold"] = float(problem.options["threshold"])
     if "exponents" in problem.options:
         given = np.array(problem.options["exponents"], dtype=np.float64)
-        yield Candidate("given exponents", data | {"exponents": given})
+        yield Candidate(
+            "given exponents", data | {"exponents": given, "rule": _rule(data, D, given)}
+        )
         return
     n = plant.n
     for count in dict.fromkeys((max(2, n + 1), 2 * n, 2 * n + 2)):
@@ -75,7 +77,18 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
             D, plant.output.C, data["H"], window, margin, _ratio(problem), count
         )
         label = f"{count} exponents"
-        yield Candidate(label, data | {"exponents": exponents}, searched=True)
+        yield Candidate(
+            label, data | {"exponents": exponents, "rule": _rule(data, D, exponents)}, searched=True
+        )
+
+
+def _rule(data: dict[str, Any], D: Matrix, exponents: Matrix) -> str:
+    """When to evaluate: at a peak of |R| where every impulse makes one, else by position."""
+    if "threshold" in data:
+        return "threshold"
+    F = equations.filtered_system(D, data["C"], exponents)
+    peak = equations.has_peak(F, data["H"], data["window"], data["margin"])
+    return "peak" if peak else "position"
 
 
 def _data(problem: Problem) -> dict[str, Any]:

@@ -106,8 +106,9 @@ def _expected(problem: Problem, gains: Mapping[str, Any]) -> dict[str, Any]:
         expected |= {"K": problem.gains.get("K", (n, p))}
         given = options.get("exponents")
         expected["exponents"] = gains.get("exponents") if given is None else np.array(given)
+        expected["rule"] = {"peak", "position"}
         if "threshold" in options:
-            expected["threshold"] = options["threshold"]
+            expected |= {"threshold": options["threshold"], "rule": "threshold"}
     for name in (*open_numbers, "operator", "weighting"):
         if name in options:
             expected[name] = options[name]
