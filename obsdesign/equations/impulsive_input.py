@@ -127,10 +127,16 @@ def neglected_ratio(
     Floats: a number to choose by (Prop. 3.2); infinite where some b_i has a zero.
     """
     n = len(D)
-    F = filtered_system(D, C, exponents)
+    F, step = filtered_system(D, C, exponents), (tau - margin) / (count - 1)
     ages = np.linspace(margin, tau, count)
-    b = (exponential_grid(F, margin, (tau - margin) / (count - 1), count)[:, :, :n] @ H)[:, n:]
-    E = np.stack([neglected_part(D, C, H, exponents, tau, age) for age in ages.tolist()])
+    b = (exponential_grid(F, margin, step, count)[:, :, :n] @ H)[:, n:]
+    parts = []
+    for lam in np.asarray(exponents, float).tolist():
+        block = np.zeros((2 * n, 2 * n))
+        block[:n, :n], block[:n, n:] = lam * np.eye(n) - D, np.eye(n)
+        inner = exponential_grid(block, 0.0, step, count)[::-1, :n, n:] @ H  # up to tau - age
+        parts.append(np.exp(lam * ages)[:, None, None] * (C @ inner))
+    E = np.stack(parts, axis=2).reshape(count, -1, H.shape[1])
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.abs(E) / np.abs(b)
     ratio = np.where(np.isnan(ratio), math.inf, ratio)

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import itertools
 from collections import OrderedDict
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -81,6 +81,7 @@ class FreeRun:
     def restarted(self, track: Track, row: int, x: Rows) -> Track:
         """The track from `row` on, run again with the estimate x there."""
         first = self.begin(float(track.t[row]), track.y[row], track.u[row], x)
+        first = replace(first, seen=track.seen[row : row + 1])  # y may have been interpolated
         rest = track.without(row + 1)
         return self.extended(first, rest.t, rest.y, rest.u, rest.seen)
 

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lmi.balls import exact, fixed_vector
 from obsdesign.equations import impulsive_input as equations
 from obsdesign.equations.estimation_error import flow_error_matrix, plant_data
 from obsdesign.errors import InputError
@@ -32,7 +33,7 @@ _MARGIN = 0.25  # of the window
 _RATIO = 0.05
 _FASTER, _APART = 1.25, 1.2  # poles of the observer against those of the plant and each other
 _SPACING = 1 / 13  # of exponents, relative to the largest
-_SLOWEST = 3.3  # lambda margin, where no lambda keeps the ratio
+_FASTEST = 3.3  # lambda margin, where no lambda keeps the ratio
 
 
 def synthesize(problem: Problem) -> Iterator[Candidate]:
@@ -72,13 +73,20 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
         )
         return
     n = plant.n
-    for count in dict.fromkeys((max(2, n + 1), 2 * n, 2 * n + 2)):
+    rows = [exact(plant.output.C)]
+    for _ in range(n - 1):
+        rows.append(rows[-1] @ exact(plant.flow.A))
+    # a window that is too long and a state that is not seen refute every K and all exponents
+    open_question = window < low and fixed_vector(rows) is None
+    for count in (2 * n, 2 * n + 2):
         exponents = corner_exponents(
             D, plant.output.C, data["H"], window, margin, _ratio(problem), count
         )
         label = f"{count} exponents"
         yield Candidate(
-            label, data | {"exponents": exponents, "rule": _rule(data, D, exponents)}, searched=True
+            label,
+            data | {"exponents": exponents, "rule": _rule(data, D, exponents)},
+            searched=open_question,
         )
 
 
@@ -168,10 +176,10 @@ def _gain(problem: Problem, window: float) -> Matrix:
 
 def slowest_exponent(
     D: Matrix, C: Matrix, H: Matrix, window: float, margin: float, ratio: float
-) -> float:
+) -> float | None:
     """The largest lambda < 0 with |E| <= ratio |b| for ages in [margin, window]; by bisection.
 
-    -3.3/margin where no lambda does: then h changes sign, and rows of b have zeros.
+    None where no lambda does: then h changes sign, and rows of b have zeros.
     """
 
     def holds(size: float) -> bool:
@@ -182,7 +190,7 @@ def slowest_exponent(
     while not holds(high):
         high *= 2
         if high * window > 500:
-            return -_SLOWEST / margin
+            return None
     low = high / 2
     while holds(low):
         low /= 2
@@ -197,6 +205,12 @@ def slowest_exponent(
 def corner_exponents(
     D: Matrix, C: Matrix, H: Matrix, window: float, margin: float, ratio: float, count: int
 ) -> Matrix:
-    """`count` exponents: the slowest one the ratio allows, and as many below it, evenly spaced."""
+    """`count` exponents: the slowest one the ratio allows, and as many below it, evenly spaced.
+
+    Where no ratio can be kept: from the length of the window to that of the margin, evenly in
+    proportion.
+    """
     first = slowest_exponent(D, C, H, window, margin, ratio)
+    if first is None:
+        return np.asarray(-np.geomspace(1.0 / window, _FASTEST / margin, count), dtype=np.float64)
     return np.asarray(first * (1 + _SPACING * np.arange(count)), dtype=np.float64)

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from lmi.balls import ball, exact, exp_times
+from lmi.balls import ball, exact, exp_times, to_float
 from lmi.verdict import Verdict, proved, refuted, undecided
 from obsdesign.document import Claim
 from obsdesign.verification.impulse_window import rank_verdict
@@ -35,7 +35,8 @@ def sampled_claims(A: Any, C: Any, H: Any, gains: Mapping[str, Any]) -> tuple[Cl
             found += at.tolist()
         return found
 
-    rank = rank_verdict(rows, len(A), "the samples of a window")
+    sizes = np.tile(np.linalg.norm(to_float(C), axis=1), count)
+    rank = rank_verdict(rows, sizes, len(A), "the samples of a window")
     onset = _uniqueness(A, H, h)
     return (
         Claim(

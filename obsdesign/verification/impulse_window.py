@@ -20,7 +20,9 @@ from lmi.balls import (
     number,
     precision,
     rational,
+    to_float,
 )
+from lmi.exponential import exponential_grid
 from lmi.hurwitz import prove_hurwitz
 from lmi.verdict import Verdict, proved, refuted, undecided
 from obsdesign.document import Claim
@@ -95,7 +97,8 @@ def full_rank(D: Any, C: Any, exponents: list[float], window: float) -> Claim:
         "the features of a window determine the error of the state: W(tau) has rank n, its "
         f"smallest singular value at least {RANK_TOLERANCE!r} of the largest when scaled"
     )
-    verdict = rank_verdict(_operator_ball(D, C, exponents, window), len(D), "the features")
+    rows = _operator_ball(D, C, exponents, window)
+    verdict = rank_verdict(rows, _row_sizes(D, C, exponents, window), len(D), "the features")
     return _claim("rank", statement, f"{PAPER}, Section III-B", verdict)
 
 
@@ -117,16 +120,29 @@ def _operator_ball(D: Any, C: Any, exponents: list[float], window: float) -> Any
     return rows
 
 
-def rank_verdict(rows: Callable[[], list[list[Any]]], n: int, what: str) -> Verdict:
-    """n columns of balls are independent, relative to RANK_TOLERANCE; refuted with a vector."""
+def _row_sizes(D: Any, C: Any, exponents: list[float], window: float) -> Any:
+    """Size of each row of W if nothing in its integral cancelled; floats, to scale by."""
+    D_float, C_float, count = to_float(D), to_float(C), 64
+    found = []
+    for lam in exponents:
+        grid = exponential_grid(lam * np.eye(len(D)) - D_float, 0.0, window / count, count + 1)
+        found.append(np.abs(C_float @ grid).mean(axis=0).max(axis=1) * window)
+    return np.array(found).T.reshape(-1)  # output by output
+
+
+def rank_verdict(rows: Callable[[], list[list[Any]]], row_sizes: Any, n: int, what: str) -> Verdict:
+    """n columns of balls are independent, relative to RANK_TOLERANCE; refuted with a vector.
+
+    row_sizes: natural size of each row; rows are divided by them, columns by their own size.
+    """
     margin = math.nan
     for bits in PRECISIONS:
         with precision(bits):
             table = rows()
             W = np.array([[float(x.mid()) for x in row] for row in table])
-            if not np.isfinite(W).all():
+            if not (np.isfinite(W).all() and np.isfinite(row_sizes).all()):
                 return undecided("W(tau) overflows: exponents times window are too large")
-            row_scale = _powers(np.abs(W).max(axis=1))
+            row_scale = _powers(np.asarray(row_sizes))
             scaled = W / row_scale[:, None]
             column_scale = _powers(np.linalg.norm(scaled, axis=0))
             scaled = scaled / column_scale
