@@ -7,7 +7,7 @@ import sys
 
 CLAIMS = (
     "find_is_fast", "search_is_fast", "proof_is_cheap", "check_is_fast", "grows_slowly",
-    "memory_is_small", "cold_design_is_fast",
+    "memory_is_small", "cold_design_is_fast", "impulse_is_fast", "pulses_in_noise",
 )  # fmt: skip
 
 

@@ -26,6 +26,8 @@ Array = NDArray[Any]
 _POINTS = 160
 _MOST_POINTS = 4000
 _NEWTON_STEPS = 60
+_SETTLED = 1e-6  # of a cell of the grid: Newton steps this small converge quadratically
+_CLOSE = 0.9  # of the highest: lower grid maxima cannot win by refining
 _CANDIDATES = 3  # grid minima that are refined: the lowest may lie beside its neighbour's valley
 
 
@@ -69,10 +71,11 @@ class ImpulseCurve:
 
     def series(self, k: int) -> Array:
         """Taylor coefficients of the curve about grid point k, (terms, n + mp, q)."""
-        found = [self.states[k]]
+        found = np.empty((self.terms, *self.states.shape[1:]))
+        found[0] = self.states[k]
         for j in range(1, self.terms):
-            found.append(self.F @ found[-1] / j)
-        return np.stack(found)
+            np.matmul(self.F, found[j - 1] / j, out=found[j])
+        return found
 
     def at(self, age: float) -> Array:
         """[e^{D s} H; b(s)] at one age."""
@@ -81,7 +84,8 @@ class ImpulseCurve:
 
 
 def _sum(series: Array, v: float) -> Array:
-    return np.tensordot(v ** np.arange(len(series)), series, axes=1)
+    powers = v ** np.arange(len(series), dtype=np.float64)
+    return (powers @ series.reshape(len(series), -1)).reshape(series.shape[1:])
 
 
 @dataclass(frozen=True)
@@ -154,6 +158,7 @@ def peaks(gains: Array) -> list[int]:
     """The highest local maxima, highest first."""
     padded = np.concatenate([[-math.inf], gains, [-math.inf]])
     tops = np.flatnonzero((padded[1:-1] >= padded[:-2]) & (padded[1:-1] >= padded[2:]))
+    tops = tops[gains[tops] >= _CLOSE * gains.max(initial=0.0)]
     return [int(k) for k in tops[np.argsort(-gains[tops])][:_CANDIDATES]]
 
 
@@ -181,17 +186,17 @@ def _refine(
     low, high = bracket
     ends = [_slope(R, *at(end)) for end in (low, high)]
     if ends[0][0] < 0 < ends[1][0]:
-        age = min(max(origin, low), high)
+        age, moved = min(max(origin, low), high), math.inf
         for _ in range(_NEWTON_STEPS):
             F, F_dot = _slope(R, *at(age))
             low, high = (age, high) if F < 0 else (low, age)
             following = age - F / F_dot if F_dot > 0 else math.inf
             if not low <= following <= high:
                 following = (low + high) / 2
-            if abs(following - age) <= 4 * math.ulp(max(abs(age), curve.step)):
-                age = following
+            last, moved, age = moved, abs(following - age), following
+            # rounding of F ends the descent: steps no longer shrink
+            if moved <= 4 * math.ulp(curve.step) or _SETTLED * curve.step > moved > last / 4:
                 break
-            age = following
     else:  # no valley inside: the lower end of the bracket
         costs = [_solve(R, at(end)[0])[1] for end in (low, high)]
         age = (low, high)[int(np.argmin(costs))]
@@ -214,13 +219,16 @@ def _solve(R: Array, b: Array) -> tuple[Array, float]:
 
 def _slope(R: Array, b: Array, b_dot: Array, b_ddot: Array) -> tuple[float, float]:
     """(F, F'): half the derivative of the reduced cost by age, and its derivative."""
+    if b.shape[1] == 1:  # the same in scalars, which is what most plants need
+        b, b_dot, b_ddot = b[:, 0], b_dot[:, 0], b_ddot[:, 0]
+        size = b @ b
+        g: Any = (b @ R) / size
+        rest, moved = R - b * g, b_dot * g
+        g_dot = (b_dot @ rest - b @ moved) / size
+        bent = b_ddot * g + b_dot * g_dot
+        return -float(rest @ moved), float((moved + b * g_dot) @ moved - rest @ bent)
     g, _ = _solve(R, b)
-    rest = R - b @ g
-    moved = b_dot @ g
-    gram = b.T @ b
-    rate = b_dot.T @ rest - b.T @ moved
-    g_dot = rate / gram[0, 0] if len(g) == 1 else np.linalg.solve(gram, rate)
-    F = -float(rest @ moved)
-    rest_dot = -moved - b @ g_dot
-    F_dot = -float(rest_dot @ moved) - float(rest @ (b_ddot @ g + b_dot @ g_dot))
-    return F, F_dot
+    rest, moved = R - b @ g, b_dot @ g
+    g_dot = np.linalg.solve(b.T @ b, b_dot.T @ rest - b.T @ moved)
+    bent = b_ddot @ g + b_dot @ g_dot
+    return -float(rest @ moved), float((moved + b @ g_dot) @ moved - rest @ bent)

@@ -158,13 +158,21 @@ class Evaluator:
                 seen = weighting @ (window.onsets[cells] @ jump)
                 gains = explained(seen, features, self.nonnegative)
                 likely |= {int(cells[k]) for k in peaks(gains)}
-        best: Impulse | None = None
-        for cell in sorted({c + step for c in likely for step in (-1, 0, 1, 2)}):
-            if 1 <= cell < len(window.t):
+        tried: dict[int, Impulse] = {}
+
+        def look(cell: int) -> float:
+            if cell not in tried and 1 <= cell < len(window.t):
                 there = self._in_cell(R, window, T, cell)
-                if there is not None and (best is None or there.cost < best.cost):
-                    best = there
-        return found if best is None else replace(best, inside=found.inside)
+                if there is not None:
+                    tried[cell] = there
+            return tried[cell].cost if cell in tried else math.inf
+
+        cost, cell = min((look(c + step), c + step) for c in sorted(likely) for step in (0, 1))
+        for step in (-1, 1):  # valleys are flat: go on while it goes down
+            while look(cell + step) < cost:
+                cell += step
+                cost = tried[cell].cost
+        return replace(tried[cell], inside=found.inside) if cell in tried else found
 
     def _in_cell(self, R: Array, window: Window, T: Array, cell: int) -> Impulse | None:
         """The best impulse with its onset between rows cell - 1 and cell."""
