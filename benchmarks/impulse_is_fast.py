@@ -48,8 +48,8 @@ def main() -> bool:
         mine = seconds(lambda R=R, c=curve: fit_impulse(R, c, 5.0, TAU), 5)[0]
         kept.append(seconds(lambda R=R, b=b: grid(b, R, ages), 3)[0] / mine)
         better &= abs(found.age - age) <= abs(other - age)
-    print(f"as accurate as the grid or more in every case: {'yes' if better else 'NO'}; "
-          f"with responses kept from before by both: ratio {statistics.median(kept):.1f}")  # fmt: skip
+    print(f"as accurate as the grid or more in every case: {'yes' if better else 'NO'}")
+    print(f"with responses kept from before by both: ratio {statistics.median(kept):.1f}")
     return report(f"step 2 against {POINTS} points", ours, theirs, FLOOR) and better
 
 

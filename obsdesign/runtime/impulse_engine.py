@@ -207,17 +207,21 @@ class IntegralEngine:
         track = live.track
         assert track is not None
         found = []
-        for k in range(count):
-            t = float(track.t[k])
-            words = [self._status(live, t, bool(track.seen[k]))]
-            if live.doubt[0] <= t <= live.doubt[1]:
-                words.append(live.doubt[2])
-            words.append(more)
-            status = "; ".join(word for word in words if word and word != "ok") or "ok"
+        times, seen, x = (
+            track.t[:count].tolist(),
+            track.seen[:count].tolist(),
+            list(track.x[:count]),
+        )
+        for k, t in enumerate(times):
+            status = more or "ok"
+            if not seen[k] or live.doubt[0] <= t <= live.doubt[1]:
+                words = [self._status(live, t, seen[k])]
+                words += [live.doubt[2]] if live.doubt[0] <= t <= live.doubt[1] else []
+                status = "; ".join(w for w in (*words, more) if w and w != "ok") or "ok"
             events: tuple[Event, ...] = ()
             if event is not None and (t >= event.t or k == count - 1):
                 events, event = (event,), None
-            found.append(Estimate(t, x=track.x[k], events=events, status=status))
+            found.append(Estimate(t, x=x[k], events=events, status=status))
         return found
 
     def _status(self, live: IntegralLive, t: float, seen: bool) -> str:

@@ -24,7 +24,6 @@ from obsdesign.runtime.base import (
     collect,
     later,
     optional_measurement,
-    rows_of,
     vector,
 )
 from obsdesign.runtime.impulse_engine import Engine, IntegralEngine, Live
@@ -146,18 +145,25 @@ class ImpulsiveInputObserver:
         covariance: ArrayLike | None = None,
     ) -> Batch:
         """The whole record at once, in blocks; what `run` gives, faster."""
-        samples = list(rows_of(t, y, u))
-        if not samples:
+        times = np.asarray(t, dtype=np.float64)
+        rows, m = len(times), int(self.reads["u"])
+        if rows == 0:
             raise ValueError("at least one row is required; got none.")
-        state = self.init(samples[0].t, x=x, covariance=covariance)
-        rows: list[Estimate] = []
-        for k in range(0, len(samples), _BLOCK):
-            block = samples[k : k + _BLOCK]
-            for one, other in zip([None, *block[:-1]], block, strict=True):
-                later(other.t, state.t if one is None else one.t, state.started or one is not None)
-            state = self.block(state, block)
-            rows += state.decided
-        return collect([*rows, *self.finish(state)])
+        if not (np.isfinite(times).all() and (np.diff(times) > 0).all()):
+            raise ValueError("times must be finite and increase.")
+        p = len(self.gains["C"])
+        ys = np.full((rows, p), np.nan) if y is None else np.asarray(y, dtype=np.float64)
+        us = np.zeros((rows, m)) if u is None else np.asarray(u, dtype=np.float64)
+        for values, width in ((ys, p), (us, m)):
+            if values.size != rows * width:
+                raise ValueError(f"every array must have {rows} rows, as t has; got {len(values)}.")
+        ys, us = ys.reshape(rows, p), us.reshape(rows, m)
+        live, found = self.init(float(times[0]), x=x, covariance=covariance).live, []
+        for k in range(0, rows, _BLOCK):
+            cut = slice(k, k + _BLOCK)
+            live, decided = self.engine.extended(live, times[cut], ys[cut], us[cut])
+            found += decided
+        return collect([*found, *self.engine.tail(live)])
 
     def block(self, state: ImpulsiveInputState, samples: Sequence[Sample]) -> ImpulsiveInputState:
         """The state after several samples at once; `decided` holds the rows they settled.
