@@ -20,7 +20,7 @@ from obsdesign.runtime import from_design
 A = np.array([[-0.08, 0, 0], [2, -0.15, 0], [0, 0.5, -0.2]])
 H, C = np.array([[1.0], [0], [0]]), np.array([[0.0, 0, 1]])
 TRAIN = {1000: 4.0, 4000: 5.0, 8000: 7.0, 14000: 6.0}
-STEP, ROWS, VARIANCE, SEEDS = 0.01, 24001, 10.0, range(5)
+STEP, ROWS, VARIANCE, SEEDS = 0.01, 24001, 10.0, range(9)
 GUESS, P0 = np.array([7.0, 30, 70]), np.diag([9.0, 100, 100])
 EXAMPLE = Path(__file__).parent.parent / "examples" / "mattsson_medvedev.toml"
 ORACLE = (0.3, 1.0)
