@@ -33,6 +33,8 @@ Array = NDArray[Any]
 _LEAST_RATIO = 12.0  # twice the log-likelihood ratio from which an impulse counts
 _STEPS = 40  # onsets per interval
 _LATEST = 0.3  # intervals before the end of a window in which no onset is looked for
+_REFINEMENTS = 12  # of the grid of onsets, tenfold each
+_CROWDED = 0.95  # probability of three neighbours from which a grid is too coarse
 _FEWEST = 2  # samples of an incomplete window at the end of a record
 _CACHED = 64
 
@@ -237,9 +239,22 @@ class SamplesEngine:
 
         The likelihood of (onset, g) with eps_o ~ (0, P) part of the noise; g ~ (0, weight_std).
         """
+        step = interval / _STEPS
+        return self._posterior(rows, x, P, low + step * np.arange(round((high - low) / step)))
+
+    def _refined(self, rows: tuple[Row, ...], x: Vector, P: Array, fit: Fit) -> Fit:
+        """The posterior on finer and finer grids, while a few onsets hold all of it."""
+        for _ in range(_REFINEMENTS):
+            top = int(np.argmax(fit.probability))
+            if fit.probability[max(top - 1, 0) : top + 2].sum() < _CROWDED:
+                break
+            low, high = fit.onsets[max(top - 2, 0)], fit.onsets[min(top + 2, len(fit.onsets) - 1)]
+            fit = self._posterior(rows, x, P, np.linspace(low, high, _STEPS + 1))
+        return fit
+
+    def _posterior(self, rows: tuple[Row, ...], x: Vector, P: Array, onsets: Array) -> Fit:
         _, error, S, _ = self._window(rows, x, P)
         half = np.linalg.cholesky(S)
-        onsets = low + interval / _STEPS * np.arange(round((high - low) / interval * _STEPS))
         b = np.linalg.solve(half, self._responses_at(rows, onsets).T)  # (K p, G)
         e = np.linalg.solve(half, error)
         num, den = e @ b, (b * b).sum(axis=0)
@@ -277,7 +292,8 @@ class SamplesEngine:
     def _responses_at(self, rows: tuple[Row, ...], onsets: Array) -> Array:
         """C e^{A (t_k - t)} H of an impulse at each onset t, (G, K p)."""
         seen = np.array([row.t for row in rows[1:] if row.y is not None])
-        key = tuple(np.round(np.concatenate([seen, onsets[:1], onsets[-1:]]) - rows[0].t, 9))
+        ends = np.concatenate([seen, onsets[:2], onsets[-1:]]) - rows[0].t
+        key = (*np.round(ends, 12).tolist(), float(len(onsets)))
         if key not in self._responses:
             ages = seen[None, :] - onsets[:, None]
             live = ages >= -1e-12
@@ -301,6 +317,7 @@ class SamplesEngine:
         interval = rows[1].t - rows[0].t
         end = rows[2].t if len(rows) > 2 else rows[1].t
         fit = self._fit(start, x, P, start[0].t, end - interval / _STEPS, interval)
+        fit = self._refined(start, x, P, fit)
         event = self._event(live, fit, start, provisional)
         doubt = live.doubt
         if event.status != "ok":

@@ -79,7 +79,8 @@ def test_an_onset_between_samples_is_exact_without_noise(
     drift = np.array(quiet["flow"]["disturbance"]["lower"])
     x = record(quiet["flow"]["A"], quiet["jump"]["H"], [(onset, 1.8)], t, [0.1, 1.5], drift)
     (event,) = found_in(observer, t, x[:, 1:], x=[0.1, 1.5], covariance=1e-8 * np.eye(2))
-    assert event.t == pytest.approx(onset, abs=0.13)  # half a step of the grid of onsets
+    assert event.t == pytest.approx(onset, abs=5 * event.t_std + 1e-6)
+    assert event.t_std < 0.02
     assert event.weights[0] == pytest.approx(1.8, rel=0.01)
 
 
