@@ -222,13 +222,14 @@ def run(
 @click.argument("estimate")
 @click.argument("data", required=False)
 @click.option("-o", "--output", default="estimate.png", show_default=True, help="PNG or SVG file.")
-def plot(estimate: str, data: str | None, output: str) -> int:
+@click.option("--events", help="Draw the impulses of this file too, with the measurements.")
+def plot(estimate: str, data: str | None, output: str, events: str | None) -> int:
     """Picture an estimate file, against the true state where DATA.csv has it."""
     from obsdesign.document import refuse_overwriting
     from obsdesign.plotting import plot_estimate
 
-    refuse_overwriting(output, estimate, data)
-    plot_estimate(estimate, data, output)
+    refuse_overwriting(output, estimate, data, events)
+    plot_estimate(estimate, data, output, events)
     click.echo(f"written: {output}")
     return 0
 

@@ -12,10 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from lmi.balls import exact
+from lmi.balls import exact, to_float
 from obsdesign.document import Claim
 from obsdesign.equations import impulsive_input as equations
 from obsdesign.equations.estimation_error import flow_error_matrix, plant_data
+from obsdesign.equations.impulse_expectations import expectations
 from obsdesign.problem import Problem
 from obsdesign.verification import impulse_window as window_claims
 from obsdesign.verification.consistency import consistency
@@ -58,7 +59,7 @@ def claims(
             f"weight of an impulse whose age lies in [{margin!r}, {window!r}]",
             SOURCE,
             verdict.outcome,
-            verdict.evidence,
+            {**verdict.evidence, "approx_expected": expectations(to_float(D), gains)},
         )
     )
     return tuple(found)
