@@ -291,3 +291,8 @@ def solve_entries(A: Exact, B: Exact) -> Exact | None:
 def around_zero(radius: Any) -> Any:
     """Ball [-r, r] for the largest r in a ball."""
     return arb(0, radius.abs_upper())
+
+
+def ball_column(entries: list[Any]) -> Any:
+    """Ball matrix of one column from balls or exact numbers."""
+    return arb_mat(len(entries), 1, entries)

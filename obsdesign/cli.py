@@ -224,24 +224,26 @@ def run(
 @click.argument("estimate")
 @click.argument("data", required=False)
 @click.option("-o", "--output", default="estimate.png", show_default=True, help="PNG or SVG file.")
-def plot(estimate: str, data: str | None, output: str) -> int:
+@click.option("--events", help="Draw the impulses of this file too, with the measurements.")
+def plot(estimate: str, data: str | None, output: str, events: str | None) -> int:
     """Picture an estimate file, against the true state where DATA.csv has it.
 
     ESTIMATE may also be the answer of `search --json` or a design: the dwell times that are proved.
     """
     from obsdesign.document import refuse_overwriting
 
-    refuse_overwriting(output, estimate, data)
+    refuse_overwriting(output, estimate, data, events)
     if estimate.lower().endswith(".json"):
-        if data is not None:
-            raise InputError(f"{data}: data belong to an estimate file; {estimate} is an answer.")
+        for other in (data, events):
+            if other is not None:
+                raise InputError(f"{other}: belongs to an estimate file; {estimate} is an answer.")
         from obsdesign.plotting.dwell import plot_dwell
 
         plot_dwell(_answer(estimate), output, estimate)
     else:
         from obsdesign.plotting.estimate import plot_estimate
 
-        plot_estimate(estimate, data, output)
+        plot_estimate(estimate, data, output, events)
     click.echo(f"written: {output}")
     return 0
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 import sys
 from collections import Counter
@@ -14,9 +15,12 @@ from obsdesign.document import refuse_overwriting, replacing
 from obsdesign.errors import InputError
 from obsdesign.records import Layout, estimate_header, estimate_line, event_line, read_samples
 from obsdesign.runtime import load
+from obsdesign.runtime.base import Estimate, Sample
 
 # "dwell time 0.5 below 0.7" is counted as "dwell time below 0.7"
 _NUMBER = re.compile(r"(?<=time )[-+.\de]+ ")
+
+_READ_AHEAD = 1024  # rows of a file that an observer with a delay takes at once
 
 
 def execute(
@@ -67,15 +71,32 @@ def _loop(
     first = next(samples)  # there is one, or they complain
     state = observer.start(first.t, initial)
     out.write(estimate_header(observer.names) + "\n")
-    for estimate in observer.run(state, chain([first], samples)):
+    live = stream is sys.stdin
+    for estimate in _estimates(observer, state, chain([first], samples), live):
         out.write(estimate_line(estimate) + "\n")
         if log is not None:
             log.writelines(event_line(event) + "\n" for event in estimate.events)
-        if stream is sys.stdin:
+        if live:
             out.flush()
         counts["rows"] += 1
         counts.update(_NUMBER.sub("", reason) for reason in estimate.status.split("; "))
     return counts
+
+
+def _estimates(
+    observer: Any, state: Any, samples: Iterator[Sample], live: bool
+) -> Iterator[Estimate]:
+    """One for every row; an observer with a delay gives each once it is decided.
+
+    live: answer row by row; a file may be read ahead.
+    """
+    if not hasattr(observer, "finish"):
+        yield from observer.run(state, samples)
+        return
+    while block := list(itertools.islice(samples, 1 if live else _READ_AHEAD)):
+        state = observer.block(state, block)
+        yield from state.decided
+    yield from observer.finish(state)
 
 
 @contextmanager

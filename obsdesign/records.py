@@ -159,9 +159,13 @@ def estimate_line(estimate: Estimate) -> str:
     return ",".join([*map(_cell, numbers), estimate.status.replace(",", ";")])
 
 
-def event_line(event: tuple[Any, ...]) -> str:
-    """One line of an event file; a text keeps its place without commas of its own."""
-    return ",".join(x.replace(",", ";") if isinstance(x, str) else repr(x) for x in event)
+def event_line(event: Any) -> str:
+    """One line of an event file, from its cells or from what has `row()`.
+
+    A text keeps its place without commas of its own; NaN becomes an empty cell.
+    """
+    cells = event.row() if hasattr(event, "row") else event
+    return ",".join(_cell(x).replace(",", ";") for x in cells)
 
 
 def table_text(columns: dict[str, np.ndarray[Any, Any]]) -> str:

@@ -14,7 +14,8 @@ from obsdesign.runtime import from_design
 from obsdesign.runtime.base import rows_of, run
 from obsdesign.simulation import simulate
 
-EXAMPLES = sorted((Path(__file__).parent.parent / "examples").glob("*.toml"))
+FILES = sorted((Path(__file__).parent.parent / "examples").glob("*.toml"))
+EXAMPLES = [path for path in FILES if obsdesign.load_problem(path).kind == "interval"]
 
 
 def of_kind(kind: str) -> list[Path]:

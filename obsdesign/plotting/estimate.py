@@ -19,11 +19,16 @@ Vector = NDArray[np.float64]
 
 # beyond, the drawing library overflows
 _DRAWABLE = 1e100
+_LABELLED = 12  # impulses whose times fit above their bars
+_EXPECTED = ("unresolved", "provisional: the record ends inside its window")
 _TRUTH, _BAND, _ESTIMATE, _ALARM = BLACK, BLUE, BLUE, VERMILION
 
 
-def plot_estimate(estimate: str, data: str | None, output: str) -> None:
+def plot_estimate(estimate: str, data: str | None, output: str, events: str | None = None) -> None:
     """Draw an estimate file, with the truth and the jumps of a data file, into a PNG or SVG.
+
+    events: an event file; its impulses become bands of two deviations and a panel of weights, with
+    the measurements of the data above.
 
     InputError for files that cannot be read, hold no states, or another kind of picture.
     """
@@ -38,12 +43,27 @@ def plot_estimate(estimate: str, data: str | None, output: str) -> None:
         )
     times = _numbers(truth, "t", str(data)) if truth else np.zeros(0)
     jumps = times[_numbers(truth, "jump", str(data)) == 1] if "jump" in truth else np.zeros(0)
-    with picture(7.0, 1.2 + 1.7 * len(names), output) as figure:
-        axes = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
-        for axis, name in zip(axes, names, strict=True):
-            _panel(axis, name, t, estimates, estimate, times, truth, str(data), jumps)
+    found = {} if events is None else read_columns(events)
+    measured = [name for name in truth if name[0] == "y" and name[1:].isdigit()] if found else []
+    panels = [*measured, *names, *(["weight"] if found else [])]
+    with picture(7.0, 1.2 + 1.7 * len(panels), output) as figure:
+        axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
+        for axis, name in zip(axes, panels, strict=True):
+            if name == "weight":
+                _weights(axis, found, str(events))
+            elif name in measured:
+                _measurements(axis, name, times, truth, str(data))
+            else:
+                _panel(axis, name, t, estimates, estimate, times, truth, str(data), jumps)
+            if found:
+                if name != "weight":
+                    _bands(axis, found, str(events))
+                _open_end(axis, t, estimates.get("status", []))
         axes[-1].set_xlabel("time")
-        _mark_status(axes[-1], t, estimates.get("status", []))
+        told = estimates.get("status", [])
+        if found:  # the open end is shaded
+            told = ["; ".join(w for w in s.split("; ") if w not in _EXPECTED) for s in told]
+        _mark_status(axes[-1], t, told)
         handles, labels = axes[0].get_legend_handles_labels()
         for axis in axes[1:]:
             for handle, label in zip(*axis.get_legend_handles_labels(), strict=True):
@@ -105,6 +125,56 @@ def _panel(
     subscript = f"${name[0]}_{{{name[1:]}}}$"
     axis.set_ylabel(subscript, rotation=0, ha="right", va="center", fontsize=11)
     axis.margins(x=0.01)
+
+
+def _measurements(axis: Any, name: str, t: Vector, data: dict[str, list[str]], path: str) -> None:
+    values = _finite(_numbers(data, name, path))
+    few = len(t) <= 200
+    axis.plot(t, values, "o-" if few else "-", color="0.45", ms=3, lw=0.6, label="measured")
+    axis.set_ylabel(f"$y_{{{name[1:]}}}$", rotation=0, ha="right", va="center", fontsize=11)
+
+
+def _bands(axis: Any, events: dict[str, list[str]], path: str) -> None:
+    """Each impulse as a line, with two deviations of its time where they are known."""
+    spread = np.nan_to_num(_numbers(events, "t_std", path))
+    for k, (t, std) in enumerate(zip(_numbers(events, "t", path), spread, strict=True)):
+        axis.axvspan(t - 2 * std, t + 2 * std, color=_ALARM, alpha=0.18, lw=0, zorder=0)
+        axis.axvline(t, color=_ALARM, lw=0.9, zorder=1, label="impulse" if k == 0 else None)
+
+
+def _weights(axis: Any, events: dict[str, list[str]], path: str) -> None:
+    """Bars with two deviations, and the time of each impulse above its bar."""
+    names = [name for name in events if name.startswith("weight") and not name.endswith("_std")]
+    t = _numbers(events, "t", path)
+    tops = np.zeros(len(t))
+    for k, name in enumerate(names):
+        weights, spread = (_numbers(events, n, path) for n in (name, f"{name}_std"))
+        spread = np.nan_to_num(spread)
+        axis.vlines(t, 0, weights, color=_BAND, lw=4, alpha=0.9 - 0.3 * k)
+        axis.errorbar(
+            t, weights, yerr=2 * spread, fmt="none", ecolor="0.2", elinewidth=1, capsize=3
+        )
+        tops = np.maximum(tops, weights + 2 * spread)
+    if len(t) <= _LABELLED:
+        for moment, top in zip(t, tops, strict=True):
+            axis.annotate(f"{moment:.3g}", (moment, top), (0, 3), textcoords="offset points",
+                          ha="center", fontsize=8)  # fmt: skip
+    axis.axhline(0, color="0.3", lw=0.6)
+    axis.margins(y=0.25)
+    if len(t) and tops.min() > 0:
+        axis.set_ylim(bottom=0)
+    axis.set_ylabel("weight", rotation=0, ha="right", va="center")
+
+
+def _open_end(axis: Any, t: Vector, statuses: list[str]) -> None:
+    """Shade the rows at the end whose window is not complete."""
+    last = len(statuses)
+    while last and "unresolved" in statuses[last - 1]:
+        last -= 1
+    if last < len(statuses):
+        axis.axvspan(
+            t[last], t[-1], color="0.5", alpha=0.15, lw=0, zorder=0, label="window incomplete"
+        )
 
 
 def _with_gaps(t: Vector, series: list[Vector], jumps: Vector) -> tuple[Vector, list[Vector]]:

@@ -19,6 +19,7 @@ OBSERVERS = {
     "impulsive": ("obsdesign.runtime.impulsive", "ImpulsiveObserver"),
     "finite_time": ("obsdesign.runtime.finite_time", "FiniteTimeObserver"),
     "unknown_input": ("obsdesign.runtime.unknown_input", "UnknownInputObserver"),
+    "impulsive_input": ("obsdesign.runtime.impulsive_input", "ImpulsiveInputObserver"),
 }
 
 
@@ -47,7 +48,7 @@ def from_design(design: Design, path: str = "design") -> Observer:
 # gains that repeat an entry of the problem, and where it stands there
 _REPEATED = (
     ("A", "flow", "A"), ("B", "flow", "B"), ("C", "output", "C"), ("G", "jump", "G"),
-    ("E", "jump", "E"), ("noise_bound", "output", "noise_bound"),
+    ("E", "jump", "E"), ("H", "jump", "H"), ("noise_bound", "output", "noise_bound"),
     ("period", "output", "period"),
     ("dwell_time", "jump", "dwell_time"), ("dwell_jitter", "jump", "dwell_jitter"),
     ("jump_measurement", "output", "jump_measurement"),

@@ -169,7 +169,7 @@ class LuenbergerObserver:
         """(e^{Xh}, its integral, the response to a unit ramp over the step), X = A or A - L C."""
         del error  # a point estimate owes nothing to half an ulp of time
         A, L, C = self.gains["A"], self.gains["L"], self.gains["C"]
-        return {False: _responses(A, h), True: _responses(flow_error_matrix(A, L, C), h)}
+        return {False: responses(A, h), True: responses(flow_error_matrix(A, L, C), h)}
 
     @property
     def _drift(self) -> Vector:
@@ -198,7 +198,7 @@ class LuenbergerObserver:
         return np.asarray(after + M @ (y - expected))
 
 
-def _responses(X: Any, h: float) -> Maps:
+def responses(X: Any, h: float) -> Maps:
     """Blocks of one exponential: e^{Xh}, int e^{Xs} ds, int e^{X(h-s)} (s/h) ds."""
     n = len(X)
     unit, zero = np.eye(n), np.zeros((n, n))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -73,5 +72,5 @@ def smoothed_record(samples: Sequence[Sample], deviation: Vector) -> list[Sample
     values = smoothed(t, np.array([rows[k] for k in there]), deviation)
     result = list(samples)
     for k, y in zip(there, values, strict=True):
-        result[k] = replace(samples[k], y=y)
+        result[k] = samples[k]._replace(y=y)
     return result

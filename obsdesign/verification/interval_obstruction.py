@@ -22,7 +22,7 @@ from obsdesign.equations.estimation_error import idle_gains
 from obsdesign.equations.interval import absolute_metzler, flow_and_jump, in_coordinates
 from obsdesign.equations.interval_width import Coordinates
 from obsdesign.problem import Problem
-from obsdesign.structure import nullspace, hidden_growth, hidden_pair
+from obsdesign.structure import hidden_growth, hidden_pair, nullspace
 
 # supports of Farkas vectors that are looked at, one row after the other
 _MOST_SUPPORTS = 2000

@@ -1,0 +1,57 @@
+"""Time and weight of an impulse by Newton in a bracket: 20 times faster than a fine grid."""
+
+from __future__ import annotations
+
+import statistics
+import sys
+
+import numpy as np
+
+from benchmarks.cases import report, seconds
+from obsdesign.equations.impulse_fit import ImpulseCurve, fit_impulse
+from obsdesign.equations.impulsive_input import filtered_system
+
+A = np.array([[-0.08, 0, 0], [2, -0.15, 0], [0, 0.5, -0.2]])
+H, C = np.array([[1.0], [0], [0]]), np.array([[0.0, 0, 1]])
+K = np.array([[0.0002], [0.0048], [0.02]])
+EXPONENTS = -np.array([2.65, 2.70, 2.75, 2.80, 2.85, 2.90])
+TAU, POINTS, FLOOR = 20.0, 200_000, 20.0
+
+
+def responses(ages: np.ndarray) -> np.ndarray:
+    """b at all ages in closed form: sums of exponentials, one per mode and exponent."""
+    modes, V = np.linalg.eig(A - K @ C)
+    parts = (C @ V).ravel() * np.linalg.solve(V, H).ravel()
+    own, kernels = np.exp(np.outer(ages, modes)), np.exp(np.outer(ages, EXPONENTS))
+    b = own @ (parts[:, None] / (modes[:, None] - EXPONENTS))
+    return b - kernels * (parts[:, None] / (modes[:, None] - EXPONENTS)).sum(axis=0)
+
+
+def grid(b: np.ndarray, R: np.ndarray, ages: np.ndarray) -> float:
+    onto, size = b @ R, np.einsum("ij,ij->i", b, b)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return float(ages[np.nanargmin(R @ R - onto**2 / size)])
+
+
+def main() -> bool:
+    F = filtered_system(A - K @ C, C, EXPONENTS)
+    ages = np.linspace(0, TAU, POINTS + 1)
+    ours, theirs, kept, better = [], [], [], True
+    for seed in range(9):
+        age = float(np.random.default_rng(seed).uniform(6, 19))
+        R = 5 * ImpulseCurve.of(F, H, TAU).at(age)[3:, 0]
+        time, found = seconds(lambda R=R: fit_impulse(R, ImpulseCurve.of(F, H, TAU), 5.0, TAU), 5)
+        ours.append(time)
+        time, other = seconds(lambda R=R: grid(responses(ages), R, ages), 3)
+        theirs.append(time)
+        b, curve = responses(ages), ImpulseCurve.of(F, H, TAU)
+        mine = seconds(lambda R=R, c=curve: fit_impulse(R, c, 5.0, TAU), 5)[0]
+        kept.append(seconds(lambda R=R, b=b: grid(b, R, ages), 3)[0] / mine)
+        better &= abs(found.age - age) <= abs(other - age)
+    print(f"as accurate as the grid or more in every case: {'yes' if better else 'NO'}")
+    print(f"with responses kept from before by both: ratio {statistics.median(kept):.1f}")
+    return report(f"step 2 against {POINTS} points", ours, theirs, FLOOR) and better
+
+
+if __name__ == "__main__":
+    sys.exit(not main())

@@ -1,0 +1,189 @@
+"""Linear systems with impulses of unknown times and weights: the formulas.
+
+    x' = A x + B u + b_mid,  x(t_k+) = x(t_k) + H g_k,  y = C x                    (1)-(3)
+    xhat' = A xhat + K (y - C xhat) + B u + b_mid,  xhat(t+) = xhat(t) + H g       (4)-(6)
+
+The error of an observer without impulses obeys e' = D e, D = A - K C. Modulating kernels
+e^{lambda_i (t - theta)} over a window of length tau turn its output into
+
+    R(t_o) = V(tau) e(t_o) + V(age) H g,      age = t_o + tau - t_k                (Prop. 3.1)
+
+Source: P. Mattsson, A. Medvedev, State estimation in linear time-invariant systems with unknown
+impulsive inputs, ECC 2013 (impulse direction B there, jump.H here). Deviations: several outputs
+(rows stacked output by output), several directions, known inputs; W and V are integrals, so that
+an exponent may equal an eigenvalue of D; the missing direction in (15) is added.
+
+Notation
+    D, C, H      (n, n), (p, n), (n, q)
+    exponents    Lambda, (m,); rows (output 1: lambda_1..lambda_m; output 2: ...)
+    b(age)       V(age) H, (m p, q): what an impulse of weight 1 and this age leaves in R
+    E(delta)     what an impulse delta after the start leaves out of W(tau) e(t_o + tau), (14)
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lmi.exponential import expm, exponential_grid, flow_integrals
+
+Array = NDArray[Any]
+
+# lambda h beyond which a kernel bends too much between two samples for an integral operator, and
+# the same for the fastest mode of the plant
+_COARSE = 1.0
+OPERATORS = ("integral", "samples")
+WEIGHTINGS = ("plain", "gls")
+RULES = ("peak", "position", "threshold")
+
+
+def objection(plant: Any) -> str | None:
+    """What forbids an observer of this kind for a plant, or None; one sentence."""
+    if plant.jump is None or plant.jump.H is None:
+        return None  # a missing block: the caller asks for it
+    if not np.array_equal(plant.jump.G, np.eye(len(plant.flow.A))):
+        return (
+            "jump.G must be the identity for kind 'impulsive_input': impulses add to the state at "
+            "unknown times, and nothing else may happen then. Leave jump.G out."
+        )
+    if plant.jump.E is not None:
+        return (
+            "jump.E is refused by kind 'impulsive_input': jump times are unknown, so that no known "
+            "input can act at them."
+        )
+    return None
+
+
+def filtered_system(D: Array, C: Array, exponents: Array) -> Array:
+    """F of [v; b]' = F [v; b], v' = D v, b_i' = lambda_i b_i + C v; floats or exact numbers.
+
+    From [H; 0] it carries e^{D s} H and b(s), from [I; 0] e^{D s} and V(s): no cancellation, and
+    nothing special where an exponent is an eigenvalue of D.
+    """
+    n, p, m = len(D), len(C), len(exponents)
+    F = np.full((n + m * p, n + m * p), 0 * D[0, 0], dtype=np.asarray(D).dtype)
+    F[:n, :n] = D
+    for j in range(p):
+        for i in range(m):
+            row = n + j * m + i
+            F[row, :n], F[row, row] = C[j], exponents[i]
+    return F
+
+
+def impulse_responses(F: Array, H: Array, step: float, count: int) -> Array:
+    """[e^{D s} H; b(s)] at s = 0, step, ..., (count, n + m p, q)."""
+    return exponential_grid(F, 0.0, step, count)[:, :, : len(H)] @ H
+
+
+def has_peak(F: Array, H: Array, tau: float, margin: float, count: int = 400) -> bool:
+    """Does |b(age)| rise to one maximum at an age in (margin, tau) and fall from there? On a grid.
+
+    Then the maximum of |R| tells when to evaluate an impulse, whatever its weight (Section IV).
+    """
+    if H.shape[1] > 1:
+        return False  # where the maximum is depends on the weights
+    size = np.linalg.norm(impulse_responses(F, H, tau / count, count + 1)[:, len(H) :, 0], axis=1)
+    top = int(np.argmax(size))
+    rising, falling = np.diff(size[: top + 1]), np.diff(size[top:])
+    inside = margin < top * tau / count < tau * (1 - 2 / count)
+    return bool(inside and (rising > 0).all() and (falling < 0).all())
+
+
+def operator_matrix(D: Array, C: Array, exponents: Array, tau: float) -> Array:
+    """W(tau), (m p, n): row (j, i) is C_j p(lambda_i, tau, D).
+
+    p(lambda, tau, D) = int_0^tau e^{(lambda - D) u} du, after (11); finite for every lambda.
+    """
+    parts = [
+        C @ flow_integrals(lam * np.eye(len(D)) - D, tau)[1] for lam in np.asarray(exponents, float)
+    ]
+    stacked = np.stack(parts, axis=1)  # (p, m, n)
+    return stacked.reshape(-1, len(D))
+
+
+def window_matrix(D: Array, C: Array, exponents: Array, tau: float) -> Array:
+    """V(tau) = W(tau) e^{D tau}, (m p, n)."""
+    n = len(D)
+    return expm(filtered_system(D, C, exponents) * tau)[n:, :n]
+
+
+def neglected_part(D: Array, C: Array, H: Array, exponents: Array, tau: float, age: float) -> Array:
+    """E(tau - age) = (W(tau) - W(age)) e^{D age} H, (m p, q), without the difference (App. I).
+
+    Row i: e^{lambda_i age} C int_0^{tau - age} e^{(lambda_i - D) u} du H.
+    """
+    inner = operator_matrix(D, C, exponents, tau - age) @ H
+    return np.exp(np.tile(np.asarray(exponents, float), len(C)) * age)[:, None] * inner
+
+
+def neglected_ratio(
+    D: Array, C: Array, H: Array, exponents: Array, tau: float, margin: float, count: int = 200
+) -> tuple[float, float]:
+    """(max |E_i| / |b_i|, age) over ages in [margin, tau] and all rows and directions, on a grid.
+
+    Floats: a number to choose by (Prop. 3.2); infinite where some b_i has a zero.
+    """
+    n = len(D)
+    F, step = filtered_system(D, C, exponents), (tau - margin) / (count - 1)
+    ages = np.linspace(margin, tau, count)
+    b = (exponential_grid(F, margin, step, count)[:, :, :n] @ H)[:, n:]
+    parts = []
+    for lam in np.asarray(exponents, float).tolist():
+        block = np.zeros((2 * n, 2 * n))
+        block[:n, :n], block[:n, n:] = lam * np.eye(n) - D, np.eye(n)
+        inner = exponential_grid(block, 0.0, step, count)[::-1, :n, n:] @ H  # up to tau - age
+        parts.append(np.exp(lam * ages)[:, None, None] * (C @ inner))
+    E = np.stack(parts, axis=2).reshape(count, -1, H.shape[1])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.abs(E) / np.abs(b)
+    ratio = np.where(np.isnan(ratio), math.inf, ratio)
+    crossed = (np.sign(b[1:]) * np.sign(b[:-1]) < 0).any(axis=(1, 2))
+    worst = ratio.max(axis=(1, 2))
+    worst[1:][crossed] = math.inf
+    k = int(np.argmax(worst))
+    return float(worst[k]), float(ages[k])
+
+
+def kernel_weights(exponents: Array, steps: Any) -> tuple[Array, Array]:
+    """(newer, older): int_0^h e^{lambda (h - v)} e(v) dv for e linear from older to newer.
+
+    steps: one h, or any array of them; each result has its shape, and (m,) behind it. With
+    z = lambda h: newer = h phi_2(z), older = h (phi_1(z) - phi_2(z)).
+    """
+    h = np.asarray(steps, float)[..., None]
+    z = np.asarray(exponents, float) * h
+    with np.errstate(divide="ignore", invalid="ignore"):
+        first = np.where(z == 0, 1.0, np.expm1(z) / z)
+        second = (first - 1.0) / z
+    series = sum(z**k / math.factorial(k + 2) for k in range(12))
+    second = np.where(np.abs(z) < 0.3, series, second)
+    return h * second, h * (first - second)
+
+
+def window_taps(exponents: Array, times: Array) -> Array:
+    """Psi, (N + 1, m): R_i = sum_k Psi_ki e(t_k) for e linear between the times of a window.
+
+    Product integration: the kernel is exact, only e between two samples is interpolated.
+    """
+    steps = np.diff(times)
+    lams = np.asarray(exponents, float)
+    to_end = np.exp(lams * (times[-1] - times[1:])[:, None])  # from the newer end of each cell
+    taps = np.zeros((len(times), len(lams)))
+    newer, older = kernel_weights(lams, steps)
+    taps[1:] += newer * to_end
+    taps[:-1] += older * to_end
+    return taps
+
+
+def is_coarse(A: Array, exponents: Array | None, period: float) -> str | None:
+    """Why samples at this period are too few for an integral operator, or None."""
+    fastest = float(np.abs(np.linalg.eigvals(A)).max(initial=0.0)) * period
+    if fastest > _COARSE:
+        return f"the fastest mode times the period is {fastest:.3g}, above {_COARSE:g}"
+    steepest = 0.0 if exponents is None else float(np.abs(exponents).max()) * period
+    if steepest > _COARSE:
+        return f"the largest exponent times the period is {steepest:.3g}, above {_COARSE:g}"
+    return None

@@ -1,0 +1,41 @@
+"""Are the gains of an `impulsive_input` design complete and of the right shapes?"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from obsdesign.equations.impulsive_input import OPERATORS, RULES, WEIGHTINGS
+
+
+def check_gains(gains: Mapping[str, Any]) -> None:
+    """ValueError unless the entries of a design fit each other."""
+    n, p = np.shape(gains.get("A", ()))[:1], np.shape(gains.get("C", ()))[:1]
+    shapes = {"A": n + n, "C": p + n, "flow_lower": n, "flow_upper": n, "noise_std": p,
+              "noise_cv": p, "dwell_time": (2,)}  # fmt: skip
+    if gains.get("operator") == "integral":
+        shapes |= {"K": n + p}
+    for name, shape in shapes.items():
+        value = gains.get(name)
+        if not shape or not isinstance(value, np.ndarray | list) or np.shape(value) != shape:
+            found = "nothing" if value is None else f"shape {np.shape(value)}"
+            raise ValueError(f"gains.{name} must have shape {shape}; got {found}.")
+    for name in ("B", "H"):
+        if (name in gains or name == "H") and (
+            np.ndim(gains.get(name, ())) != 2 or len(gains[name]) != n[0]
+        ):
+            raise ValueError(f"gains.{name} must have {n[0]} rows.")
+    words = {"operator": OPERATORS, "weighting": WEIGHTINGS}
+    for name, allowed in words.items():
+        if gains.get(name) not in allowed:
+            raise ValueError(f"gains.{name} must be one of {', '.join(allowed)}.")
+    if gains["operator"] == "integral" and gains.get("rule") not in RULES:
+        raise ValueError(f"gains.rule must be one of {', '.join(RULES)}.")
+    for name in ("window", "margin"):
+        value = gains.get(name)
+        if not isinstance(value, int | float) or isinstance(value, bool) or not value > 0:
+            raise ValueError(f"gains.{name} must be a positive number.")
+    if gains["operator"] == "integral" and np.ndim(gains.get("exponents", ())) != 1:
+        raise ValueError("gains.exponents must be a list of numbers.")

@@ -1,0 +1,276 @@
+"""The observer's free run between two restarts, and the features of every window along it.
+
+    xhat' = A xhat + K (y - C xhat) + B u + b_mid    exact for a residual linear between samples
+    R_i(t_o) = int over [t_o, t_o + tau] of e^{lambda_i (t_o + tau - theta)} (y - C xhat) d theta
+
+Since no impulse is added during a search, the residual is one signal, and R follows from its
+running integrals I(t): R = I(t_o + tau) - e^{lambda tau} I(t_o). They decay for lambda < 0; for
+lambda >= 0 the same is done backwards in time, where they decay too. Steps may differ.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections import OrderedDict
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lmi.exponential import expm
+from obsdesign.equations.estimation_error import flow_error_matrix
+from obsdesign.equations.impulsive_input import kernel_weights
+from obsdesign.runtime.base import RELATIVE_TIME_TOLERANCE, Vector
+from obsdesign.runtime.luenberger import responses
+from obsdesign.runtime.step_cache import cached_step
+
+Rows = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Track:
+    """Rows of a free run: times t (L,), y (L, p), u (L, m), xhat (L, n).
+
+    integrals (L, p, k): running integrals I of the residual for the k exponents below zero;
+    seen (L,): rows with a measurement of their own.
+    """
+
+    t: Rows
+    y: Rows
+    u: Rows
+    x: Rows
+    integrals: Rows
+    seen: NDArray[np.bool_]
+
+    def without(self, rows: int) -> Track:
+        """The track from row `rows` on."""
+        return Track(*(getattr(self, name)[rows:] for name in self.__slots__))
+
+
+@dataclass(frozen=True)
+class FreeRun:
+    """The parameters of a free run; steps of equal length share their matrices."""
+
+    A: Rows
+    K: Rows
+    C: Rows
+    B: Rows
+    drift: Vector
+    exponents: Vector
+    tau: float
+    _steps: OrderedDict[tuple[float, int], tuple[Any, ...]] = field(
+        default_factory=OrderedDict, repr=False, compare=False
+    )
+
+    @cached_property
+    def D(self) -> Rows:
+        """A - K C: the error between impulses."""
+        return np.asarray(flow_error_matrix(self.A, self.K, self.C))
+
+    @property
+    def _falling(self) -> NDArray[np.bool_]:
+        return np.asarray(self.exponents < 0)
+
+    def begin(self, t: float, y: Rows, u: Rows, x: Rows) -> Track:
+        """A track of one row, where the estimate is x."""
+        zeros = np.zeros((1, len(self.C), int(self._falling.sum())))
+        return Track(np.array([t]), y[None], u[None], x[None], zeros, np.array([True]))
+
+    def restarted(self, track: Track, row: int, x: Rows) -> Track:
+        """The track from `row` on, run again with the estimate x there."""
+        first = self.begin(float(track.t[row]), track.y[row], track.u[row], x)
+        first = replace(first, seen=track.seen[row : row + 1])  # y may have been interpolated
+        rest = track.without(row + 1)
+        return self.extended(first, rest.t, rest.y, rest.u, rest.seen)
+
+    def extended(self, track: Track, t: Rows, y: Rows, u: Rows, seen: NDArray[np.bool_]) -> Track:
+        """The track with further rows."""
+        if len(t) == 0:
+            return track
+        times = np.concatenate([track.t[-1:], t])
+        ys, us = np.concatenate([track.y[-1:], y]), np.concatenate([track.u[-1:], u])
+        ends = self._runs(times)
+        x = self._estimates(times, ends, ys, us @ self.B.T + self.drift, track.x[-1])
+        error = ys - np.concatenate([track.x[-1:], x]) @ self.C.T
+        lams = self.exponents[self._falling]
+        sums = _integrals(times, ends, error, lams, track.integrals[-1])
+        parts = zip(
+            (track.t, track.y, track.u, track.x, track.integrals, track.seen),
+            (t, y, u, x, sums, seen),
+            strict=True,
+        )
+        return Track(*(np.concatenate(pair) for pair in parts))
+
+    def features(self, track: Track, first: int, last: int) -> Rows:
+        """R for the windows that start at rows first..last - 1, (last - first, p m)."""
+        starts = track.t[first:last]
+        error = track.y - track.x @ self.C.T
+        falling, lams = self._falling, self.exponents
+        R = np.empty((len(starts), len(self.C), len(lams)))
+        if falling.any():
+            down = lams[falling]
+            ending = _at(track.t, error, track.integrals, down, starts + self.tau)
+            R[:, :, falling] = ending - np.exp(down * self.tau) * track.integrals[first:last]
+        if not falling.all():
+            up = lams[~falling]
+            stop = min(int(np.searchsorted(track.t, starts[-1] + self.tau)) + 2, len(track.t))
+            times, back = -track.t[first:stop][::-1], error[first:stop][::-1]
+            zeros = np.zeros((len(self.C), len(up)))
+            sums = _integrals(times, self._runs(times), back, -up, zeros)
+            sums = np.concatenate([zeros[None], sums])
+            near = _at(times, back, sums, -up, -starts)
+            far = _at(times, back, sums, -up, -(starts + self.tau))
+            R[:, :, ~falling] = np.exp(up * self.tau) * near - far
+        return R.reshape(len(starts), -1)
+
+    def _estimates(
+        self, times: Rows, ends: list[tuple[int, int]], y: Rows, forced: Rows, at: Vector
+    ) -> Rows:
+        """xhat at times[1:] from `at` at times[0], with outputs y and other inputs `forced`."""
+        x = np.empty((len(times) - 1, len(self.A)))
+        for a, b in ends:
+            flow, older, newer, held, _ = self._maps(
+                float(times[a + 1] - times[a]), float(times[b])
+            )
+            driven = y[a:b] @ older.T + y[a + 1 : b + 1] @ newer.T + forced[a:b] @ held.T
+            x[a:b] = _accumulated(flow, driven, at)
+            at = x[b - 1]
+        return x
+
+    def coasting(self, times: Rows, since: float, x: Vector) -> Rows:
+        """e^{D (t - since)} x at increasing times t, (k, n)."""
+        return self._coasted(self.D, times, since, x)
+
+    def impulse_error(self, times: Rows, since: float, x: Vector) -> Rows:
+        """x - xhat at the rows of a window after an impulse that moves the plant by x, (k, n).
+
+        As this observer makes it from samples; close to e^{D (t - since)} x.
+        """
+        error = np.zeros((len(times), len(self.A)))
+        after = times >= since
+        if after.any():
+            error[after] = self._coasted(self.A, times[after], since, x)
+        y, nothing = error @ self.C.T, np.zeros_like(error)
+        error[1:] -= self._estimates(times, self._runs(times), y, nothing, nothing[0])
+        return error
+
+    def onset_features(self, times: Rows, taps: Rows) -> Rows:
+        """M, (rows, p m, n): features of unit states that appear at a row, as samples show them.
+
+        An impulse v before row c leaves M_c e^{A v} H g; before it, and in the cell that ends at c,
+        the samples know nothing of it. taps (rows, m) make features of the residual.
+        """
+        n, p, m = len(self.A), len(self.C), taps.shape[1]
+        shown = (self.C[None, :, None, :] * taps[:, None, :, None]).reshape(len(times), p * m, n)
+        found, kicks = np.empty_like(shown), np.empty((len(times), n, n))
+        found[-1], kicks[0] = shown[-1], np.eye(n)
+        for a, b in reversed(self._runs(times)):
+            maps = self._maps(float(times[a + 1] - times[a]), float(times[b]))
+            backwards = shown[a:b][::-1].copy()
+            backwards[0] += found[b] @ maps[4]
+            found[a:b] = _doubled(maps[4].T, backwards)[::-1]
+            kicks[a + 1 : b + 1] = np.eye(n) - maps[2] @ self.C
+        return np.asarray(found @ kicks)
+
+    def _coasted(self, X: Rows, times: Rows, since: float, x: Vector) -> Rows:
+        found = np.empty((len(times), len(x)))
+        found[0] = expm(X * float(times[0] - since)) @ x
+        for a, b in self._runs(times):
+            flow = expm(X * float(times[a + 1] - times[a]))
+            found[a + 1 : b + 1] = _accumulated(flow, np.zeros((b - a, len(x))), found[a])
+        return found
+
+    def _runs(self, times: Rows) -> list[tuple[int, int]]:
+        """(a, b): cells a..b-1 have the same length, as far as time stamps can tell."""
+        if len(times) < 2:
+            return []
+        steps = np.diff(times)
+        slack = RELATIVE_TIME_TOLERANCE * steps + 4 * np.spacing(np.abs(times[1:]))
+        cuts = np.flatnonzero(np.abs(np.diff(steps)) > slack[1:] + slack[:-1]) + 1
+        ends = [0, *cuts.tolist(), len(steps)]
+        return list(itertools.pairwise(ends))
+
+    def _maps(self, h: float, size: float) -> tuple[Any, ...]:
+        return cached_step(self._steps, h, abs(size) + h, lambda step, _: self._step(step))
+
+    def _step(self, h: float) -> tuple[Any, ...]:
+        """xhat+ = flow xhat + older y + newer y+ + held (B u + b_mid) over a step h.
+
+        The residual r = y - C xhat is linear over the step; r+ depends on xhat+:
+        (I + R K C) xhat+ = (e^{A h} - (S - R) K C) xhat + (S - R) K y + R K y+ + S (B u + b_mid),
+        S and R the responses to a unit step and a unit ramp.
+        """
+        flow, once, ramp = responses(self.A, h)
+        older, newer = (once - ramp) @ self.K, ramp @ self.K
+        whole = np.hstack([flow - older @ self.C, older, newer, once])
+        solved = np.linalg.solve(np.eye(len(flow)) + newer @ self.C, whole)
+        n, p = self.K.shape
+        cuts = np.cumsum([n, p, p])
+        parts = np.split(solved, cuts, axis=1)
+        error = flow - parts[1] @ self.C - parts[2] @ self.C @ flow  # x - xhat over the step
+        return parts[0], parts[1], parts[2], parts[3], error
+
+
+def _accumulated(flow: Rows, forced: Rows, start: Rows) -> Rows:
+    """x_j = flow x_{j-1} + forced_j, all j by doubling: x = sum of flow^i forced_{j-i}."""
+    x = forced.copy()
+    x[0] += flow @ start
+    return _doubled(flow, x)
+
+
+def _doubled(flow: Rows, x: Rows) -> Rows:
+    """x_j + flow x_{j-1} + flow^2 x_{j-2} + ..., in place; x (L, n), or (L, k, n) of rows."""
+    power, reach = flow, 1
+    while reach < len(x):
+        x[reach:] = x[reach:] + x[:-reach] @ power.T
+        power, reach = power @ power, 2 * reach
+    return x
+
+
+def _integrals(
+    times: Rows, runs: list[tuple[int, int]], error: Rows, lams: Vector, start: Rows
+) -> Rows:
+    """Running integrals at times[1:], (L, p, k), from `start` at times[0]; all lams decay."""
+    sums = np.empty((len(times) - 1, error.shape[1], len(lams)))
+    at = start
+    for a, b in runs:
+        h = float(times[a + 1] - times[a])
+        newer, older = kernel_weights(lams, h)
+        pieces = error[a + 1 : b + 1, :, None] * newer + error[a:b, :, None] * older
+        factor, reach = np.exp(lams * h), 1
+        pieces[0] += factor * at
+        while reach < len(pieces):
+            pieces[reach:] = pieces[reach:] + factor * pieces[:-reach]
+            factor, reach = factor * factor, 2 * reach
+        sums[a:b] = pieces
+        at = pieces[-1]
+    return sums
+
+
+def _at(t: Rows, error: Rows, integrals: Rows, lams: Vector, times: Rows) -> Rows:
+    """Running integrals at any times of a track, the residual linear between its rows."""
+    last = len(t) - 1
+    cell = np.clip(np.searchsorted(t, times, side="right") - 1, 0, max(last - 1, 0))
+    width = t[np.minimum(cell + 1, last)] - t[cell]
+    share = (times - t[cell]) / np.where(width > 0, width, 1.0)
+    # a window may end on a row: time stamps are decimal
+    share = np.where(np.abs(share) < 1e-6, 0.0, np.where(np.abs(share - 1) < 1e-6, 1.0, share))
+    cell, share = (
+        np.where(share == 1, np.minimum(cell + 1, last), cell),
+        np.where(share == 1, 0.0, share),
+    )
+    found = integrals[cell]
+    between = np.flatnonzero(share)
+    if len(between):
+        at, v = cell[between], (share * width)[between]
+        newer, older = kernel_weights(lams, v)
+        part = share[between][:, None]
+        there = error[at] + part * (error[at + 1] - error[at])
+        found[between] = (
+            np.exp(lams * v[:, None])[:, None, :] * integrals[at]
+            + newer[:, None, :] * there[:, :, None]
+            + older[:, None, :] * error[at][:, :, None]
+        )
+    return found

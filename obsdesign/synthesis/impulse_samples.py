@@ -1,0 +1,50 @@
+"""Coarse samples: the window of the discrete operator; nothing else is left to choose."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from obsdesign.equations.estimation_error import plant_data
+from obsdesign.errors import InputError
+from obsdesign.problem import Problem
+from obsdesign.synthesis.candidate import Candidate
+
+_WINDOW = 4  # samples, where dwell times allow them
+
+
+def sampled_candidate(problem: Problem, low: float, reason: str) -> Candidate:
+    """Gains for operator `samples`; InputError where it cannot work."""
+    plant = problem.plant
+    period = problem.require("output.period")
+    H = problem.require("jump.H")
+    if H.shape[1] > 1:
+        raise InputError(
+            f"jump.H must have one column for operator 'samples'; it has {H.shape[1]}."
+        )
+    for i in range(plant.p):
+        if plant.output.noise_std[i] == 0 and plant.output.noise_cv[i] == 0:
+            raise InputError(
+                f"output.noise_std must be > 0 for operator 'samples' ({reason}); got 0 for "
+                f"output {i + 1}."
+            )
+    if problem.options.get("weighting") == "plain":
+        raise InputError("observer.weighting must be 'gls' for operator 'samples'; got 'plain'.")
+    window = problem.options.get("window")
+    if window is None:
+        most = math.ceil(low / period * (1 - 1e-9)) - 1
+        window = period * max(min(_WINDOW, most), 1)
+    count = float(window) / period
+    if abs(count - round(count)) > 1e-6 or round(count) < 1:
+        raise InputError(
+            f"observer.window must be a multiple of output.period = {period!r} for operator "
+            f"'samples'; got {window!r}."
+        )
+    data: dict[str, Any] = plant_data(plant) | {
+        "H": H, "noise_std": plant.output.noise_std, "noise_cv": plant.output.noise_cv,
+        "period": float(period), "window": float(window),
+        "margin": float(problem.options.get("margin", period)), "weighting": "gls",
+        "operator": "samples", "state_correction": True,
+        "nonnegative": bool(problem.options.get("nonnegative", False)),
+    }  # fmt: skip
+    return Candidate(f"samples: {reason}", data)

@@ -1,0 +1,216 @@
+"""Impulsive inputs: observer gain, window and exponents where they are left open.
+
+K places the poles of A - K C at real, distinct places a little faster than those of A: slow
+observers leave more of an impulse to be seen, and with a real spectrum few exponents determine an
+impulse (`verification.uniqueness`). The window is a part of the shortest dwell time. Exponents: the
+largest lambda for which what (15) neglects stays below `ratio` (it is monotone), and its
+neighbours below: among all choices with that ratio the slow corner is the least sensitive to noise.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lmi.balls import exact, fixed_vector
+from obsdesign.equations import impulsive_input as equations
+from obsdesign.equations.estimation_error import flow_error_matrix, plant_data
+from obsdesign.errors import InputError
+from obsdesign.problem import Problem
+from obsdesign.structure import approx_unobservable_modes
+from obsdesign.synthesis.candidate import Candidate
+from obsdesign.synthesis.impulse_samples import sampled_candidate
+from obsdesign.synthesis.placement import placed_gain
+
+Matrix = NDArray[np.float64]
+
+_WINDOW = 0.8  # of the shortest dwell time
+_MARGIN = 0.25  # of the window
+_RATIO = 0.05
+_FASTER, _APART = 1.25, 1.2  # poles of the observer against those of the plant and each other
+_SPACING = 1 / 13  # of exponents, relative to the largest
+_FASTEST = 3.3  # lambda margin, where no lambda keeps the ratio
+
+
+def synthesize(problem: Problem) -> Iterator[Candidate]:
+    """Candidates in order of preference; InputError for what cannot be built at all."""
+    plant = problem.plant
+    problem.require("jump.H")
+    low, _ = problem.require_dwell_time()
+    problem.require_measured("continuous", "periodic")
+    if text := equations.objection(plant):
+        raise InputError(text)
+    _check_options(problem)
+    weighting = _weighting(problem)
+    window = float(problem.options.get("window", _WINDOW * low or 1.0))
+    operator, reason = _operator(problem, window)
+    if operator == "samples":
+        yield sampled_candidate(problem, low, reason)
+        return
+    margin = float(problem.options.get("margin", _MARGIN * window))
+    if margin >= window:
+        raise InputError(
+            f"observer.margin must be less than the window, {window!r}; got {margin!r}."
+        )
+    K = problem.gains.get("K")
+    K = _gain(problem, window) if K is None else K
+    D = flow_error_matrix(plant.flow.A, K, plant.output.C)
+    data = _data(problem) | {
+        "K": K, "window": window, "margin": margin, "weighting": weighting,
+        "operator": operator, "nonnegative": bool(problem.options.get("nonnegative", False)),
+        "state_correction": bool(problem.options.get("state_correction", False)),
+    }  # fmt: skip
+    if "threshold" in problem.options:
+        data["threshold"] = float(problem.options["threshold"])
+    if "exponents" in problem.options:
+        given = np.array(problem.options["exponents"], dtype=np.float64)
+        yield Candidate(
+            "given exponents", data | {"exponents": given, "rule": _rule(data, D, given)}
+        )
+        return
+    n = plant.n
+    rows = [exact(plant.output.C)]
+    for _ in range(n - 1):
+        rows.append(rows[-1] @ exact(plant.flow.A))
+    # a window that is too long and a state that is not seen refute every K and all exponents
+    open_question = window < low and fixed_vector(rows) is None
+    for count in (2 * n, 2 * n + 2):
+        exponents = corner_exponents(
+            D, plant.output.C, data["H"], window, margin, _ratio(problem), count
+        )
+        label = f"{count} exponents"
+        yield Candidate(
+            label,
+            data | {"exponents": exponents, "rule": _rule(data, D, exponents)},
+            searched=open_question,
+        )
+
+
+def _rule(data: dict[str, Any], D: Matrix, exponents: Matrix) -> str:
+    """When to evaluate: at a peak of |R| where every impulse makes one, else by position."""
+    if "threshold" in data:
+        return "threshold"
+    F = equations.filtered_system(D, data["C"], exponents)
+    peak = equations.has_peak(F, data["H"], data["window"], data["margin"])
+    return "peak" if peak else "position"
+
+
+def _data(problem: Problem) -> dict[str, Any]:
+    plant = problem.plant
+    data = plant_data(plant) | {"H": problem.require("jump.H")}
+    data |= {"noise_std": plant.output.noise_std, "noise_cv": plant.output.noise_cv}
+    if plant.output.measured == "periodic":
+        data["period"] = float(plant.output.period or 0.0)
+    return data
+
+
+def _ratio(problem: Problem) -> float:
+    return float(problem.options.get("ratio", _RATIO))
+
+
+def _weighting(problem: Problem) -> str:
+    """plain or gls; gls by default where every output has noise. InputError if it has none."""
+    output = problem.plant.output
+    silent = np.flatnonzero((output.noise_std == 0) & (output.noise_cv == 0))
+    asked = problem.options.get("weighting", "plain" if len(silent) else "gls")
+    if asked == "gls" and len(silent):
+        raise InputError(
+            f"output.noise_std must be > 0 with observer.weighting = 'gls'; got 0 for output "
+            f"{silent[0] + 1}."
+        )
+    return str(asked)
+
+
+def _check_options(problem: Problem) -> None:
+    options, jump = problem.options, problem.plant.jump
+    directions = 0 if jump is None or jump.H is None else jump.H.shape[1]
+    if options.get("nonnegative") and directions > 1:
+        raise InputError(
+            f"observer.nonnegative takes one direction of impulses; jump.H has {directions}."
+        )
+    if options.get("state_correction") and _weighting(problem) == "plain":
+        raise InputError(
+            "observer.state_correction needs observer.weighting = 'gls', and output.noise_std > 0: "
+            "without noise there is nothing to weigh the state by."
+        )
+
+
+def _operator(problem: Problem, window: float) -> tuple[str, str]:
+    """(operator, why): samples where an integral operator would be too coarse."""
+    asked = problem.options.get("operator")
+    plant = problem.plant
+    own = [name for name in ("exponents", "ratio", "threshold") if name in problem.options]
+    own += ["gains.K"] if "K" in problem.gains else []
+    if asked is not None:
+        if asked == "samples" and own:
+            raise InputError(
+                f"observer.{own[0]} belongs to operator 'integral'; with 'samples' all samples of "
+                "the window are used as they are."
+            )
+        return str(asked), "asked for"
+    if plant.output.measured != "periodic" or own:
+        return "integral", ""
+    reason = equations.is_coarse(plant.flow.A, None, float(plant.output.period or 0.0))
+    if reason is None:
+        few = window / float(plant.output.period or 1.0)
+        reason = f"the window holds only {few:.3g} samples" if few < 12 else None
+    return ("integral", "") if reason is None else ("samples", reason)
+
+
+def _gain(problem: Problem, window: float) -> Matrix:
+    """Real distinct poles; zero where a mode is not seen (a claim says so)."""
+    A, C = problem.plant.flow.A, problem.plant.output.C
+    if approx_unobservable_modes(A, C):
+        return np.zeros((problem.plant.n, problem.plant.p))
+    speeds = np.sort(np.abs(np.linalg.eigvals(A)))
+    poles: list[float] = []
+    for speed in speeds.tolist():
+        wanted = max(_FASTER * speed, 1.0 / window)
+        poles.append(max(wanted, _APART * poles[-1]) if poles else wanted)
+    return placed_gain(A, C, [-pole for pole in poles])
+
+
+def slowest_exponent(
+    D: Matrix, C: Matrix, H: Matrix, window: float, margin: float, ratio: float
+) -> float | None:
+    """The largest lambda < 0 with |E| <= ratio |b| for ages in [margin, window]; by bisection.
+
+    None where no lambda does: then h changes sign, and rows of b have zeros.
+    """
+
+    def holds(size: float) -> bool:
+        worst, _ = equations.neglected_ratio(D, C, H, np.array([-size]), window, margin, 60)
+        return worst <= ratio
+
+    high = 1.0 / margin
+    while not holds(high):
+        high *= 2
+        if high * window > 500:
+            return None
+    low = high / 2
+    while holds(low):
+        low /= 2
+        if low * window < 1e-3:
+            return -low
+    for _ in range(40):
+        middle = math.sqrt(low * high)
+        low, high = (low, middle) if holds(middle) else (middle, high)
+    return -high
+
+
+def corner_exponents(
+    D: Matrix, C: Matrix, H: Matrix, window: float, margin: float, ratio: float, count: int
+) -> Matrix:
+    """`count` exponents: the slowest one the ratio allows, and as many below it, evenly spaced.
+
+    Where no ratio can be kept: from the length of the window to that of the margin, evenly in
+    proportion.
+    """
+    first = slowest_exponent(D, C, H, window, margin, ratio)
+    if first is None:
+        return np.asarray(-np.geomspace(1.0 / window, _FASTEST / margin, count), dtype=np.float64)
+    return np.asarray(first * (1 + _SPACING * np.arange(count)), dtype=np.float64)

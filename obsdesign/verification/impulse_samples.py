@@ -1,0 +1,79 @@
+"""Claims of the discrete operator: N samples after an onset, and what they determine.
+
+With samples t_o + h, ..., t_o + N h, an impulse at t_o + v, 0 <= v < h, leaves
+M e^{-A v} H g, M = [C e^{A h}; ...; C e^{A N h}]. If M has rank n and e^{A t} has no other
+eigenvectors than A for 0 < t < h (no aliasing), (v, g) is determined if and only if H is not an
+eigenvector of A: otherwise every v explains the samples equally well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from lmi.balls import ball, exact, exp_times, to_float
+from lmi.verdict import Verdict, proved, refuted, undecided
+from obsdesign.document import Claim
+from obsdesign.verification.impulse_window import rank_verdict
+from obsdesign.verification.uniqueness import real_spectrum
+
+SOURCE = "Mattsson, Medvedev, ECC 2013, Section III-B, for samples"
+
+
+def sampled_claims(A: Any, C: Any, H: Any, gains: Mapping[str, Any]) -> tuple[Claim, ...]:
+    """Rank of the samples of a window, and uniqueness of an onset in its first interval."""
+    h, window = float(gains["period"]), float(gains["window"])
+    count = round(window / h)
+
+    def rows() -> list[list[Any]]:
+        step = exp_times(A, h)
+        at, found = ball(C), []
+        for _ in range(count):
+            at = at * step
+            found += at.tolist()
+        return found
+
+    sizes = np.tile(np.linalg.norm(to_float(C), axis=1), count)
+    rank = rank_verdict(rows, sizes, len(A), "the samples of a window")
+    onset = _uniqueness(A, H, h)
+    return (
+        Claim(
+            "rank",
+            f"the {count} samples of a window determine the error of the state",
+            SOURCE,
+            rank.outcome,
+            rank.evidence,
+        ),
+        Claim(
+            "uniqueness",
+            "without noise the samples of a window determine time and weight of an impulse in its "
+            "first interval",
+            SOURCE,
+            onset.outcome,
+            onset.evidence,
+        ),
+    )
+
+
+def _uniqueness(A: Any, H: Any, h: float) -> Verdict:
+    along = A @ H
+    k = next((i for i in range(len(H)) if H[i, 0] != 0), None)
+    if k is None:
+        return refuted({"vector": [0.0] * len(H), "reason": "jump.H is zero: impulses do nothing"})
+    rate = along[k, 0] / H[k, 0]
+    if all(along[i, 0] == rate * H[i, 0] for i in range(len(H))):
+        mode = float(rate.p) / float(rate.q)
+        reason = (
+            f"jump.H is an eigenvector of flow.A (eigenvalue {mode:.6g}): impulses at any two "
+            "times between two samples leave the same samples, so that only the interval is known"
+        )
+        return refuted({"eigenvalue": mode, "onsets": [0.0, h / 2], "reason": reason})
+    if real_spectrum(A):
+        return proved(method="jump.H is no eigenvector of flow.A, whose spectrum is real")
+    skew = (A - A.T) * exact(np.array(0.5)).item()
+    turning = max(sum(abs(x) for x in row) for row in skew.tolist())
+    if turning * exact(np.array(h)).item() < 3:  # |Im mu| h < pi: logarithms are unique
+        return proved(method="jump.H is no eigenvector of flow.A, and no mode turns by pi")
+    return undecided("modes of flow.A may turn by more than half a circle between two samples")

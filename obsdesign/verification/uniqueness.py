@@ -1,0 +1,293 @@
+"""Is an impulse determined by its features? (17): is b(age) g = R solved by one (age, g) only?
+
+The paper calls uniqueness likely; it is false in general. What decides here, for ages in
+[margin, window], exponents lambda_1..lambda_m, and h(s) = C_j e^{D s} H g:
+
+1. D with real spectrum. A second solution makes the integral of e^{lambda u} q(u), q piecewise a
+   sum of n exponentials, vanish at m real lambda; by Descartes' rule for Laplace transforms it has
+   no more zeros than q has sign changes, at most 2 n - 1, or n where h has no zero. So m >= 2 n
+   suffices, m >= n + 1 if h has no zero, and m >= 2 if C_j (s I - D)^-1 H has no zero at all: then
+   h is a Polya frequency function and b_i / b_j is strictly monotone.
+2. Any spectrum: the plane curve (b_i, b_j) turns one way, by less than pi. Proved in balls.
+3. A second solution, where two features are all there is: a crossing, by change of sign.
+"""
+
+from __future__ import annotations
+
+import itertools
+from typing import Any
+
+import numpy as np
+
+from lmi.balls import (
+    ball,
+    characteristic_polynomial,
+    exact,
+    fixed_vector,
+    number,
+    precision,
+    to_float,
+)
+from lmi.verdict import Verdict, proved, refuted, undecided
+from obsdesign.equations.impulsive_input import filtered_system, impulse_responses
+from obsdesign.verification import exponential_sign as signs
+
+SOURCE = "Mattsson, Medvedev, ECC 2013, (17); Descartes' rule for Laplace transforms"
+_BITS = 160
+_PAIRS = 4  # pairs of features that are tried
+_GRID = 200
+
+
+def real_spectrum(F: Any) -> bool:
+    """Are all eigenvalues of the exact matrix F real? By Sturm's sequence of its polynomial."""
+    chain = [characteristic_polynomial(F)]
+    chain.append([k * c for k, c in enumerate(chain[0])][1:])
+    while True:
+        rest = _remainder(chain[-2], chain[-1])
+        if not rest:
+            break
+        chain.append([-c for c in rest])
+    distinct = (len(chain[0]) - 1) - (len(chain[-1]) - 1)
+    at_ends = []
+    for end in (-1, 1):
+        leading = [p[-1] * end ** (len(p) - 1) for p in chain]
+        at_ends.append(sum(a * b < 0 for a, b in itertools.pairwise(leading)))
+    return bool(at_ends[0] - at_ends[1] == distinct)
+
+
+def _remainder(p: list[Any], q: list[Any]) -> list[Any]:
+    rest = list(p)
+    while len(rest) >= len(q):
+        factor, shift = rest[-1] / q[-1], len(rest) - len(q)
+        for i, c in enumerate(q):
+            rest[i + shift] = rest[i + shift] - factor * c
+        rest.pop()
+    while rest and rest[-1] == 0:
+        rest.pop()
+    return rest
+
+
+def markov_parameters(D: Any, c: Any, H: Any) -> list[Any]:
+    """c D^k H for k = 0..n-1, exact, each (q,)."""
+    found, row = [], c
+    for _ in range(len(D)):
+        found.append(row @ H)
+        row = row @ D
+    return found
+
+
+def decide_uniqueness(
+    D: Any, C: Any, H: Any, exponents: Any, window: float, margin: float
+) -> Verdict:
+    """Verdict on (17) for ages in [margin, window]; D, C, H exact, exponents floats."""
+    n, m, q = len(D), len(exponents), H.shape[1]
+    real = real_spectrum(D)
+    if real:
+        found = _by_theorem(D, C, H, m, exponents, window)
+        if found is not None:
+            return found
+    if q > 1:
+        return undecided(
+            f"with {q} directions the theorem is what decides: it needs a real spectrum of A - K C "
+            f"and {2 * n} exponents; got {m}"
+        )
+    if m * len(C) == 1:
+        return _one_feature(D, C, H, exponents, window, margin)
+    try:
+        return _by_turning(D, C, H, exponents, window, margin)
+    except ValueError as error:
+        return undecided(str(error))
+
+
+def _by_theorem(D: Any, C: Any, H: Any, m: int, exponents: Any, window: float) -> Verdict | None:
+    n, q = len(D), H.shape[1]
+    for j in range(len(C)):
+        c = C[j : j + 1]
+        moments = [entry.ravel() for entry in markov_parameters(D, c, H)]
+        if q == 1:
+            seen = any(entry[0] != 0 for entry in moments)
+        else:
+            rows = [c]
+            for _ in range(n - 1):
+                rows.append(rows[-1] @ D)
+            seen = fixed_vector(rows) is None and fixed_vector([H]) is None
+        if not seen:
+            continue
+        if q == 1 and m >= 2 and all(e[0] == 0 for e in moments[:-1]) and moments[-1][0] != 0:
+            return proved(method="no zeros: b_i/b_j is strictly monotone", output=j + 1)
+        if m >= 2 * n:
+            return proved(method=f"real spectrum and {m} >= 2 n exponents", output=j + 1)
+        if q == 1 and m >= n + 1 and _no_zero(D, c, H, moments, window):
+            return proved(method=f"real spectrum, h without zero, {m} >= n + 1", output=j + 1)
+    return None
+
+
+def _no_zero(D: Any, c: Any, H: Any, moments: list[Any], window: float) -> bool:
+    """h(s) = c e^{D s} H has no zero on (0, window]; h ~ s^k at 0, k its relative degree."""
+    n = len(D)
+    k = next(i for i, entry in enumerate(moments) if entry[0] != 0)
+    sign = 1 if moments[k][0] > 0 else -1
+    F = np.vstack([np.hstack([D, exact(np.zeros((n, 1)))]), np.hstack([c @ D, exact([[0.0]])])])
+    z = np.vstack([H, c @ H])
+    with precision(_BITS):
+        try:
+            for i, box in enumerate(signs.boxes(F, ball(z), 0.0, window, [n])):
+                p = [sign * a for a in box.rows[0]]
+                if i == 0:  # divided by s^k, exactly zero coefficients in front
+                    p = p[k:]
+                if signs.positive(p) is not True:
+                    return False
+        except ValueError:
+            return False
+    return True
+
+
+def _one_feature(D: Any, C: Any, H: Any, exponents: Any, window: float, margin: float) -> Verdict:
+    """A single feature: any two ages at which it does not vanish explain it equally well."""
+    F = filtered_system(D, C, exact(exponents))
+    z = np.vstack([H, exact([[0.0]])])
+    ages = (window, (window + margin) / 2)
+    with precision(_BITS):
+        first, second = (signs.value(F, z, age)[-1] for age in ages)
+        if first != 0 and second != 0:
+            other = float(first / second)
+            reason = (
+                f"one feature cannot tell two unknowns: age {ages[0]!r}, weight 1 and age "
+                f"{ages[1]!r}, weight {other:.9g} leave the same; give more exponents"
+            )
+            return refuted({"ages": list(ages), "weights": [1.0, other], "reason": reason})
+    return undecided("a single feature, and its sign is not certain")
+
+
+def _by_turning(D: Any, C: Any, H: Any, exponents: Any, window: float, margin: float) -> Verdict:
+    n, rows = len(D), len(exponents) * len(C)
+    F = filtered_system(D, C, exact(exponents))
+    z = np.vstack([H, exact(np.zeros((rows, 1)))])
+    step = (window - margin) / _GRID
+    curve = impulse_responses(to_float(F), to_float(H), step, _GRID + 1 + round(margin / step))
+    b = curve[-(_GRID + 1) :, n:, 0]
+    pairs = list(itertools.combinations(range(rows), 2))
+    pairs.sort(key=lambda pair: -_least_turn(b, *pair))
+    place = margin
+    with precision(_BITS):
+        for i, j in pairs[:_PAIRS]:
+            turns, place = _turns_one_way(F, z, n, i, j, window, margin)
+            if turns:
+                return proved(method="a pair of features turns one way, by less than pi",
+                              features=[i + 1, j + 1])  # fmt: skip
+        if rows == 2:
+            found = _second_solution(F, z, n, b, window, margin)
+            if found is not None:
+                return found
+    return undecided(
+        f"no pair of features was seen to turn one way for all ages; the last one tried fails near "
+        f"age {place:.6g}. With a real spectrum of A - K C, {2 * n} exponents decide",
+        age=place,
+    )
+
+
+def _least_turn(b: Any, i: int, j: int) -> float:
+    """Least turning speed of (b_i, b_j) along the grid, signed by the majority; floats."""
+    size = np.hypot(b[:, i], b[:, j])
+    size = np.where(size > 0, size, 1.0)
+    unit = b[:, [i, j]] / size[:, None]
+    turn = unit[:-1, 0] * unit[1:, 1] - unit[:-1, 1] * unit[1:, 0]
+    return float(max(turn.min(), (-turn).min()))
+
+
+def _turns_one_way(
+    F: Any, z: Any, n: int, i: int, j: int, window: float, margin: float
+) -> tuple[bool, float]:
+    """b_i b_j' - b_j b_i' has one sign, and the curve never comes back to its first direction."""
+    rows = [n + i, n + j]
+    first = signs.value(F, z, margin)
+    start = [first[row] for row in rows]
+
+    def with_rates(s: float, end: float) -> Any:
+        whole, state = _with_derivatives(F, z, rows)
+        return signs.boxes(whole, ball(state), s, end, list(range(4)))
+
+    def turn(box: signs.Box) -> Any:
+        p, q, dp, dq = box.rows
+        return signs.combined((1, signs.times(p, dq)), (-1, signs.times(q, dp)))
+
+    def against_start(box: signs.Box) -> Any:
+        return signs.combined((start[0], box.rows[1]), (-start[1], box.rows[0]))
+
+    def leaving(box: signs.Box) -> Any:
+        return signs.combined((start[0], box.rows[3]), (-start[1], box.rows[2]))
+
+    sign = 1
+    place = margin
+    for sign in (1, -1):
+        found, place = signs.one_sign(with_rates(margin, window), turn, sign)
+        if found is True:
+            break
+    else:
+        return False, place
+    near = margin + (window - margin) / 64
+    leaves, place = signs.one_sign(with_rates(margin, near), leaving, sign)
+    if leaves is not True:
+        return False, place
+    away, place = signs.one_sign(with_rates(near, window), against_start, sign)
+    return away is True, place
+
+
+def _with_derivatives(F: Any, z: Any, rows: list[int]) -> tuple[Any, Any]:
+    """A system whose first four entries are b_i, b_j and their derivatives, then the old one."""
+    N = len(F)
+    picked = np.vstack([F[rows[0] : rows[0] + 1], F[rows[1] : rows[1] + 1]])
+    top = np.vstack([picked, picked @ F])
+    whole = np.hstack([np.vstack([exact(np.zeros((4, 4))), exact(np.zeros((N, 4)))]),
+                       np.vstack([top, F])])  # fmt: skip
+    start = np.vstack([z[rows[0] : rows[0] + 1], z[rows[1] : rows[1] + 1], picked @ z, z])
+    return whole, start
+
+
+def _second_solution(
+    F: Any, z: Any, n: int, b: Any, window: float, margin: float
+) -> Verdict | None:
+    """Two features: ages s1 < s2 with b(s1), b(s2) parallel, between two certain signs."""
+    ages = np.linspace(margin, window, len(b))
+    for k in range(0, len(b) - 8, 4):
+        cross = b[k, 0] * b[:, 1] - b[k, 1] * b[:, 0]
+        far = np.arange(k + 4, len(b) - 1)
+        changes = far[cross[far] * cross[far + 1] < 0]
+        for j in changes[:1]:
+            found = _crossing(F, z, n, float(ages[k]), float(ages[j]), float(ages[j + 1]))
+            if found is not None:
+                return found
+    return None
+
+
+def _crossing(F: Any, z: Any, n: int, s1: float, low: float, high: float) -> Verdict | None:
+    first = signs.value(F, z, s1)[n:]
+
+    def cross(s: float) -> Any:
+        there = signs.value(F, z, s)[n:]
+        return first[0] * there[1] - first[1] * there[0]
+
+    ends = cross(low), cross(high)
+    if not ((ends[0] < 0 and ends[1] > 0) or (ends[0] > 0 and ends[1] < 0)):
+        return None
+    rising = bool(ends[0] < 0)
+    for _ in range(45):
+        middle = (low + high) / 2
+        at = cross(middle)
+        if not (at < 0 or at > 0):
+            break
+        if bool(at < 0) == rising:
+            low = middle
+        else:
+            high = middle
+    there = signs.value(F, z, high)[n:]
+    index = 0 if abs(float(there[0].mid())) > abs(float(there[1].mid())) else 1
+    slope = number(high - low)
+    if not (there[index] > slope or there[index] < -slope):
+        return None
+    weight = float((first[index] / there[index]).mid())
+    reason = (
+        f"an impulse of age {s1:.9g} and weight 1 and one of age {high:.9g} and weight "
+        f"{weight:.9g} leave the same two features; give more exponents"
+    )
+    return refuted({"ages": [s1, [low, high]], "weights": [1.0, weight], "reason": reason})

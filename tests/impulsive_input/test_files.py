@@ -1,0 +1,117 @@
+"""The kind through the command line, without solvers, with numpy alone."""
+
+from __future__ import annotations
+
+import csv
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import obsdesign
+from tests.test_architecture import SOLVERS, run_blocked
+
+ROOT = Path(__file__).parents[2]
+EXAMPLE = ROOT / "examples" / "luteinizing_hormone.toml"
+RECORD = ROOT / "examples" / "luteinizing_hormone.csv"
+
+
+@pytest.fixture(scope="module")
+def designs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    made = []
+    for name in ("luteinizing_hormone", "mattsson_medvedev"):
+        path = tmp_path_factory.mktemp("design") / f"{name}.json"
+        obsdesign.design(obsdesign.load_problem(ROOT / "examples" / f"{name}.toml")).save(path)
+        made.append(path)
+    return made
+
+
+def command(*words: object) -> subprocess.CompletedProcess[str]:
+    script = "from obsdesign.cli import main; main()"
+    return subprocess.run(
+        [sys.executable, "-c", script, *map(str, words)],
+        cwd=ROOT, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+
+
+def test_verify_needs_no_solver_and_the_runtime_numpy_alone(designs: list[Path]) -> None:
+    for path in designs:
+        code = f"import obsdesign\nassert obsdesign.verify(obsdesign.load_design({str(path)!r})).verdict == 'proved'"
+        assert run_blocked(SOLVERS, code).returncode == 0
+        blocked = (*SOLVERS, "scipy", "flint", "matplotlib", "jsonschema", "click", "rich")
+        code = (
+            "from obsdesign.runtime import Sample, load\n"
+            f"observer = load({str(path)!r})\nstate = observer.init(t=0.0)\n"
+            "for k in range(1, 60):\n"
+            "    state, estimate = observer.step(state, Sample(10.0 * k, y=[1.0 + k % 7]))\n"
+            "assert len(observer.finish(state)) > 0\n"
+        )
+        done = run_blocked(blocked, code)
+        assert done.returncode == 0, done.stderr
+
+
+def test_a_record_through_the_command_line(designs: list[Path], tmp_path: Path) -> None:
+    estimate, events = tmp_path / "est.csv", tmp_path / "events.csv"
+    done = command(
+        "run", designs[0], RECORD, "-o", estimate, "--initial", "0,2.4", "--events", events
+    )
+    assert done.returncode == 0, done.stderr
+    rows = list(csv.DictReader(estimate.read_text("utf-8").splitlines()))
+    assert [float(row["t"]) for row in rows] == [10.0 * k for k in range(48)]
+    found = list(csv.DictReader(events.read_text("utf-8").splitlines()))
+    assert list(found[0]) == ["t", "weight", "t_std", "weight_std", "status"]
+    assert [round(float(row["t"])) for row in found] == [54, 131, 212, 263, 379, 443]
+    assert all(float(row["t_std"]) > 1 for row in found)
+    # row by row on a pipe: the same answer
+    piped = subprocess.run(
+        [sys.executable, "-c", "from obsdesign.cli import main; main()", "run", str(designs[0]), "--initial", "0,2.4"],
+        cwd=ROOT, input=RECORD.read_text("utf-8"), capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    assert piped.stdout == estimate.read_text("utf-8")
+
+
+def test_simulate_makes_records_that_the_observer_reads(
+    designs: list[Path], tmp_path: Path
+) -> None:
+    data, true, events = (tmp_path / name for name in ("data.csv", "true.csv", "events.csv"))
+    done = command("simulate", designs[1], "--until", 130, "--step", 0.05, "--initial", "4,20,60",
+                   "--events", true, "-o", data, "--seed", 3)  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    done = command(
+        "run",
+        designs[1],
+        data,
+        "-o",
+        tmp_path / "est.csv",
+        "--initial",
+        "4,20,60",
+        "--events",
+        events,
+    )
+    assert done.returncode == 0, done.stderr
+    wanted = [
+        (float(r["t"]), float(r["weight"]))
+        for r in csv.DictReader(true.read_text("utf-8").splitlines())
+    ]
+    found = [
+        (float(r["t"]), float(r["weight"]), r["t_std"])
+        for r in csv.DictReader(events.read_text("utf-8").splitlines())
+    ]
+    assert len(found) >= 2
+    for (t, g, spread), (moment, weight) in zip(found, wanted, strict=False):
+        assert t == pytest.approx(moment, abs=1e-4)
+        assert g == pytest.approx(weight, abs=1e-4)
+        assert spread == ""
+
+
+def test_check_says_why_the_kind_does_not_fit(tmp_path: Path) -> None:
+    from obsdesign.check import check_kind
+
+    fits = check_kind(obsdesign.load_problem(EXAMPLE), "impulsive_input")
+    assert fits == {"verdict": "proved", "reasons": []}
+    other = check_kind(
+        obsdesign.load_problem(ROOT / "examples" / "degue_4_1.toml"), "impulsive_input"
+    )
+    assert other["verdict"] == "refuted"
+    assert other["reasons"] == ["jump.H is required by kind 'impulsive_input'; it is missing."]
