@@ -7,7 +7,9 @@ import sys
 
 CLAIMS = (
     "find_is_fast", "search_is_fast", "proof_is_cheap", "check_is_fast", "grows_slowly",
-    "memory_is_small", "cold_design_is_fast", "unknown_input_stream_is_fast",
+    "memory_is_small", "cold_design_is_fast",
+    "windows_cost_nothing", "windows_close_the_gap", "windows_proof_is_fast",
+    "unknown_input_stream_is_fast",
 )  # fmt: skip
 
 

@@ -20,6 +20,20 @@ LOW, HIGH = 0.1, 2.1
 SHARE = 0.97
 SEEDS = range(9)
 
+# pairs that a common P does not prove to their limit: sampled data, and two random ones
+SAMPLED = (
+    np.array([[0, 1, 0], [-2, 0.1, 1], [0, 0, 0]]),
+    np.array([[1.0, 0, 0], [0, 1, 0], [1, 0, 0]]),
+)
+ALTERNATING = (
+    np.array([[-0.57, -0.69], [-0.79, 0.58]]),
+    np.array([[-0.46, -0.04], [-2.62, -0.82]]),
+)
+MIXED = (
+    np.array([[-0.31, -1.14, -2.13], [0.33, -0.14, -2.63], [-0.32, 0.15, -2.68]]),
+    np.array([[-1.31, 0.66, -0.43], [0.46, -0.44, 2.56], [1.18, -0.76, -0.32]]),
+)
+
 
 @dataclass(frozen=True)
 class Family:

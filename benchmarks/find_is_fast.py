@@ -10,7 +10,7 @@ import sys
 from benchmarks.cases import HIGH, LOW, cvxpy_script, families, report, seconds
 from lmi.cutting_plane import propose
 from lmi.families import Edge, slack
-from lmi.semidefinite import Block, common_matrices
+from lmi.semidefinite import common_matrices
 
 FLOORS = {2: 300.0, 4: 60.0, 8: 30.0}
 POINTS = 200
@@ -34,7 +34,7 @@ def main() -> bool:
             assert slack(P, maps).min() > -1e-3
             theirs.append(time)
             some = maps[:: max(len(maps) // POINTS, 1)]
-            by_hand.append(seconds(lambda m=some: common_matrices([Block(m)]))[0])
+            by_hand.append(seconds(lambda m=some: common_matrices(m))[0])
         good &= report(f"find P, n = {n}, {POINTS} points, CVXPY", ours, theirs, floor)
         report(f"find P, n = {n}, full grid by hand", ours, by_hand, 1.0)
     return good

@@ -162,6 +162,21 @@ def fixed_vector(blocks: list[Exact]) -> list[float] | None:
     return [_nearest(v) for v in vector]
 
 
+def rank_factors(H: Exact) -> tuple[Exact, Exact]:
+    """(U, V) with H = U V' exactly, U and V of full column rank; both exact.
+
+    U holds the first independent columns of H, V' the reduced row echelon form: H determines both.
+    """
+    columns = H.shape[1]
+    reduced, rank = _rational_matrix(H).rref()
+    table = reduced.tolist()
+    leading = [next(j for j in range(columns) if table[i][j] != 0) for i in range(rank)]
+    transposed = np.empty((columns, rank), dtype=object)
+    for i in range(rank):
+        transposed[:, i] = table[i]
+    return H[:, leading], transposed
+
+
 def cholesky(S: Any) -> Any:
     """Ball matrix L, lower triangular, that contains the L of S = L L'.
 

@@ -12,9 +12,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 from lmi.balls import (
+    Exact,
     ball,
     certify_pivots,
     combinations,
@@ -35,16 +37,21 @@ _POWERS = 2 * DEGREE + 2
 _SHARE = 0.01
 # failures in a row after which the balls are too wide, or the margin too small
 _HALVINGS = 24
+_WIDEST = 1e17
 
 
 @dataclass(frozen=True)
 class Normalised:
-    """N(theta) = left e^{F theta} right in coordinates where P is the identity; ball matrices."""
+    """N(theta) = left e^{F theta} right in coordinates where P is the identity; ball matrices.
+
+    others: further bounds S, N'N < gamma^2 S, to be proved along with N'N < gamma^2 I.
+    """
 
     F: Any
     left: Any
     right: Any
     gamma: float
+    others: tuple[Any, ...] = ()
 
     @property
     def size(self) -> int:
@@ -54,12 +61,16 @@ class Normalised:
 
 @dataclass(frozen=True)
 class Boxes:
-    """What a range took: boxes, the smallest of them, or the theta where it failed."""
+    """What a range took: boxes, the smallest of them, or the theta where it failed.
+
+    which: the bound that failed there, 0 the identity, then the others.
+    """
 
     count: int
     smallest: float
     failed: float | None = None
     tail_from: float | None = None
+    which: int = 0
 
 
 @dataclass(frozen=True)
@@ -105,6 +116,8 @@ class _Series:
         sizes = [float(norm) * float(flow_norm) for norm in self.norms]
         orders = range(DEGREE + 1)
         for _ in range(8):
+            if width > _WIDEST:  # its powers overflow; nothing that moves fits so wide a box
+                return width if not any(sizes[1:]) else _WIDEST
             w = [size * width**k for k, size in enumerate(sizes)]
             kept = sum(w[i] * w[j] for i in orders for j in range(DEGREE + 1 - i))
             found = sum(w) ** 2 - kept
@@ -142,8 +155,9 @@ def prove_range(family: Normalised, low: float, high: float, limit: int, tails: 
             continue
         N = family.left * flow(family, (here + following) / 2)
         settled = halvings < _HALVINGS and following > here
-        if not settled or not certify(family, N.transpose() * N):
-            return Boxes(count, smallest, failed=_nearest((here + following) / 2))
+        which = _unmet(family, [lower_entries(N.transpose() * N)], scalar(0))
+        if not settled or which is not None:
+            return Boxes(count, smallest, _nearest((here + following) / 2), which=which or 0)
         width, share, halvings = _nearest(following - here) / 2, share / 30, halvings + 1
     return Boxes(limit, smallest, failed=_nearest(here))
 
@@ -154,23 +168,36 @@ def flow(family: Normalised, theta: Any) -> Any:
 
 
 def certify(family: Normalised, S: Any) -> bool:
-    """True only if S < gamma^2 I."""
-    return _below(family, [lower_entries(S)], scalar(0))
+    """True only if S < gamma^2 I, and the same for all other bounds."""
+    return _unmet(family, [lower_entries(S)], scalar(0)) is None
 
 
-def _below(family: Normalised, matrices: list[list[Any]], remainder: Any) -> bool:
-    """True only if every matrix, by its lower entries, plus remainder I is below gamma^2 I."""
-    n = family.size
-    bound = scalar(rational(family.gamma)) ** 2 - remainder
-    if not bound > 0:
-        return False
-    for entries in matrices:
-        rows = [[-x for x in entries[i * (i + 1) // 2 : (i + 1) * (i + 2) // 2]] for i in range(n)]
-        for row in rows:
-            row[-1] += bound
-        if not certify_pivots(rows):
-            return False
-    return True
+def _unmet(family: Normalised, matrices: list[list[Any]], remainder: Any) -> int | None:
+    """First bound that matrices (by their lower entries) plus remainder I may exceed, or None."""
+    square = scalar(rational(family.gamma)) ** 2
+    for which, S in enumerate((None, *family.others)):
+        bound = _bound(family.size, square, S, remainder)
+        if not all(_below(bound, entries) for entries in matrices):
+            return which
+    return None
+
+
+def _bound(n: int, square: Any, S: Any, remainder: Any) -> list[list[Any]]:
+    """Rows of the lower triangle of square S - remainder I; S None: the identity."""
+    zero, whole = scalar(0), lower_entries(S) if S is not None else []
+    rows = []
+    for i in range(n):
+        row = [x * square for x in whole[i * (i + 1) // 2 : (i + 1) * (i + 2) // 2]]
+        row = row or [zero] * i + [square]
+        row[-1] = row[-1] - remainder
+        rows.append(row)
+    return rows
+
+
+def _below(bound: list[list[Any]], entries: list[Any]) -> bool:
+    """True only if bound - entries > 0, both by lower entries."""
+    at = iter(entries)
+    return certify_pivots([[b - next(at) for b in row] for row in bound])
 
 
 def _box(family: Normalised, series: _Series, E: Any, size: Any, width: Any) -> bool:
@@ -180,7 +207,8 @@ def _box(family: Normalised, series: _Series, E: Any, size: Any, width: Any) -> 
     if remainder is None or not remainder < scalar(rational(family.gamma)) ** 2:
         return False
     C = [power * E * h**k for k, power in enumerate(series.powers)]
-    return _below(family, combinations(series.to_bernstein, _coefficients(C)), remainder)
+    entries = combinations(series.to_bernstein, _coefficients(C))
+    return _unmet(family, entries, remainder) is None
 
 
 def _coefficients(C: list[Any]) -> list[Any]:
@@ -199,10 +227,17 @@ def _coefficients(C: list[Any]) -> list[Any]:
 
 def _to_bernstein() -> Any:
     """B_i = sum_j C(i, j) / C(d, j) G_j on [0, 1], exactly: see the module's text."""
+    return ball(_weights())
+
+
+@lru_cache(maxsize=1)
+def _weights() -> Exact:
     d = DEGREE
     weights = [[rational(math.comb(i, j)) / math.comb(d, j) for j in range(d + 1)]
                for i in range(d + 1)]  # fmt: skip
-    return ball(exact(weights))
+    table = exact(weights)
+    table.setflags(write=False)
+    return table
 
 
 def _first_width(series: _Series, length: float) -> float:

@@ -16,7 +16,9 @@ Matrix = NDArray[np.float64]
 class Condition:
     """M(theta) = left e^{F theta} right (left None: the identity) for all theta in [low, high].
 
-    F, left, right: exact (n, n); P_source, P_target: symmetric floats, taken exactly; gamma: float.
+    F (n, n), left (m, n), right (n, m'): exact; P_source (m', m'), P_target (m, m): symmetric
+    floats, taken exactly; gamma: float. others: matrices for which the same is to be proved, each
+    in place of P_source.
     """
 
     F: Exact
@@ -27,6 +29,7 @@ class Condition:
     high: float
     left: Exact | None = None
     gamma: float = 1.0
+    others: tuple[Matrix, ...] = ()
 
 
 def common(

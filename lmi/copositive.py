@@ -27,8 +27,7 @@ def decide_copositive(F: ArrayLike, H: ArrayLike, low: float, high: float) -> Ve
     """
     F_exact, H_exact = exact(F), exact(H)
     flow, jump = to_float(F_exact), to_float(H_exact)
-    positive = (flow - np.diag(np.diag(flow)) >= 0).all() and (jump >= 0).all()
-    if not positive or not (np.isfinite(flow).all() and np.isfinite(jump).all()):
+    if not looks_positive(flow, jump):
         return undecided("the flow is not Metzler, or the jump not nonnegative")
     for side in SIDES:
         for form in FORMS:
@@ -39,6 +38,12 @@ def decide_copositive(F: ArrayLike, H: ArrayLike, low: float, high: float) -> Ve
             if verdict.outcome == "proved":
                 return Verdict("proved", {"vector": v.tolist(), **verdict.evidence})
     return undecided("no vector was found, which is not instability")
+
+
+def looks_positive(F: Matrix, H: Matrix) -> bool:
+    """F Metzler and H >= 0, finite; floats."""
+    positive = (F - np.diag(np.diag(F)) >= 0).all() and (H >= 0).all()
+    return bool(positive and np.isfinite(F).all() and np.isfinite(H).all())
 
 
 def propose_vector(

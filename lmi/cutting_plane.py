@@ -1,11 +1,14 @@
 """Matrices for ranges of theta: solve on a few, look at all, add the worst, repeat.
 
+`propose` looks for one P on one range. `propose_edges` looks for the P of every node of a graph
+whose edges carry families of their own: several jump maps in one plant, windows of dwell times.
 What comes out is a proposal; `lmi.proof` decides whether it is one.
 """
 
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -13,10 +16,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lmi.families import FEWEST, Edge, balance, moved, slack_in, worst
-from lmi.semidefinite import FLOOR, Block, Solution, common_matrices
+from lmi.families import FEWEST, Edge, balance, moved_between, slack_of, worst
+from lmi.semidefinite import FLOOR, Solution, common_matrices
 
 Matrix = NDArray[Any]
+Cut = tuple[int, float]  # number of an edge, theta
+Grids = dict[tuple[Any, ...], tuple[Matrix, Matrix]]
 
 _ROUNDS = 25
 _ADDED = 4
@@ -30,6 +35,9 @@ _QUICK, _EXACT, _CLEAR = 1e-5, 1e-9, 100.0
 _LARGE, _SPREAD = 6, (0.1, 0.35)
 # Below this margin the least slack is sought between grid points too, near this many of them
 _NARROW, _LOOKED, _ZOOMS = 0.005, 3, 2
+_ENDS = ("source", "target")
+# Edges of a graph are short: so many points each
+_FEW = 16
 # Condition numbers of the coordinates, the roots of those of P: rounds move them this far freely,
 # and as far as the second only when nothing is found otherwise. Without the first they would drift
 # along directions that no map can feel.
@@ -38,20 +46,34 @@ _MODERATE, _LARGEST_CONDITION = 300.0, 1e7
 
 @dataclass(frozen=True)
 class Proposal:
-    """P and the theta it was made for; P is None when none was found.
+    """A P for every node and the theta they were made for; `matrices` None when none were found.
 
-    margin: least slack seen on the grid, relative to P. multipliers: Z (n, n) for each of `thetas`
-    when the solver found none; they may prove that none exists. L: coordinates of the last try.
-    optimum: the solver's last margin, negative where it found that no P fits.
+    matrices, coordinates (of the last try; lower triangular): (nodes, n, n). margin: least slack
+    seen on the grid, relative to P. multipliers: Z (k, n, n) for each of `thetas` when the solver
+    found none; they may prove that none exists. masses: their traces where P is the identity.
+    optimum: the solver's last margin, negative where it found that nothing fits. owners: (k,) the
+    edges that `thetas` belong to.
     """
 
-    P: Matrix | None
+    matrices: Matrix | None
     thetas: tuple[float, ...]
     margin: float
     worst_theta: float
     multipliers: Matrix | None = field(default=None, repr=False)
-    L: Matrix | None = field(default=None, repr=False)
+    masses: Matrix | None = field(default=None, repr=False)
+    coordinates: Matrix | None = field(default=None, repr=False)
     optimum: float = math.nan
+    owners: tuple[int, ...] = ()
+
+    @property
+    def P(self) -> Matrix | None:
+        """The matrix of the first node: the common P where there is one node."""
+        return None if self.matrices is None else self.matrices[0]
+
+    @property
+    def L(self) -> Matrix | None:
+        """Coordinates of the first node."""
+        return None if self.coordinates is None else self.coordinates[0]
 
 
 def propose(
@@ -68,121 +90,233 @@ def propose(
     seeds: theta that must be among those solved for; start: a P of a neighbouring problem, whose
     coordinates the solver then works in; points: at least so many theta are looked at.
     """
-    edge = Edge(F, H, low, high)
+    coordinates = None if start is None else np.linalg.cholesky(start)[None]
+    edges = [Edge(F, H, low, high)]
+    return propose_edges(edges, 1, [(0, theta) for theta in seeds], coordinates, points)
+
+
+def propose_edges(
+    edges: Sequence[Edge],
+    nodes: int,
+    seeds: Sequence[Cut] = (),
+    start: Matrix | None = None,
+    points: int = _FEW,
+    grids: Grids | None = None,
+    seconds: float = math.inf,
+) -> Proposal:
+    """P_w > 0, w < nodes, with M' P_target M < gamma^2 P_source on every edge, on fine grids.
+
+    start: lower triangular coordinates (nodes, n, n) to begin in. grids: what is kept of the maps
+    from one call to the next; calls that share it must share the arrays of their edges too.
+    seconds: processor time after which nothing is found.
+    """
     with np.errstate(all="ignore"):
-        thetas, maps = edge.grid(points)
+        pieces = [_grid(edge, points, {} if grids is None else grids) for edge in edges]
+        counts = [len(thetas) for thetas, _ in pieces]
+        thetas = np.concatenate([thetas for thetas, _ in pieces])
+        maps = np.concatenate([maps for _, maps in pieces])
         if not np.isfinite(maps).all():
-            return _guess(edge)
-        return _Search(edge, thetas, maps).run([*seeds], start)
+            return _guess(edges[0], nodes, maps.shape[-1])
+        starts = np.concatenate([[0], np.cumsum(counts)[:-1]])
+        owner = np.repeat(np.arange(len(edges)), counts)
+        source, target = (np.array([getattr(e, end) for e in edges]) for end in _ENDS)
+        search = _Search(tuple(edges), nodes, thetas, maps, owner, starts, source, target,
+                         time.process_time() + seconds)  # fmt: skip
+        return search.run([*seeds], start)
 
 
-def _guess(edge: Edge) -> Proposal:
+def _grid(edge: Edge, points: int, grids: Grids) -> tuple[Matrix, Matrix]:
+    parts = (id(edge.F), id(edge.H), id(edge.left))
+    key = (*parts, edge.low, edge.high, edge.gamma, points)
+    if key not in grids:
+        thetas, maps = edge.grid(points)
+        grids[key] = thetas, maps if edge.gamma == 1 else maps / edge.gamma
+    return grids[key]
+
+
+def _guess(edge: Edge, nodes: int, n: int) -> Proposal:
     """Where floats overflow, only the prover can tell; the identity is worth its try."""
-    return Proposal(np.eye(len(edge.F)), (), -math.inf, edge.low)
+    return Proposal(np.tile(np.eye(n), (nodes, 1, 1)), (), -math.inf, edge.low)
 
 
 @dataclass(frozen=True)
 class _Search:
-    edge: Edge
-    thetas: Matrix
+    edges: tuple[Edge, ...]
+    nodes: int
+    thetas: Matrix  # of all edges in turn
     maps: Matrix
+    owner: Matrix  # the edge of each
+    starts: Matrix  # the first of each edge
+    source: Matrix  # the nodes of each edge
+    target: Matrix
+    deadline: float
 
-    def run(self, seeds: list[float], start: Matrix | None) -> Proposal:
+    def run(self, seeds: list[Cut], start: Matrix | None) -> Proposal:
         """Rounds of the cutting-plane method, each in the coordinates of the last P."""
-        L = np.diag(balance(self.maps)) if start is None else np.linalg.cholesky(start)
+        L = np.tile(np.diag(balance(self.maps)), (self.nodes, 1, 1)) if start is None else start
         active, maps = self._first(L, seeds)
-        best = Proposal(None, tuple(active), -math.inf, active[0])
+        best = self._proposal(None, active, -math.inf, active[0][1])
         tolerance = _QUICK
         for _ in range(_ROUNDS):
-            blocks = [Block(moved(L, maps, L))]
-            solution = common_matrices(blocks, tolerance=tolerance)
+            owner = np.array([edge for edge, _ in active])
+            moved, nodes = self._moved(L, maps, owner), (self.source[owner], self.target[owner])
+            solution = self._solution(moved, nodes, tolerance)
             if tolerance == _QUICK and abs(solution.margin) < _CLEAR * _QUICK:
                 tolerance = _EXACT
-                solution = common_matrices(blocks, tolerance=tolerance)
-            inner = _cholesky(solution.P[0])
+                solution = self._solution(moved, nodes, tolerance)
+            if time.process_time() > self.deadline:
+                return best
+            inner = _cholesky(solution.P)
             if inner is None:
                 return best
             better = L @ inner
             if solution.margin <= _LEAST:
-                # at the floor of kappa(P) other coordinates may still allow one; else nothing will
-                hopeless = best.P is not None or np.diag(inner).min() ** 2 > 10 * FLOOR
-                if hopeless or np.linalg.cond(better) > _LARGEST_CONDITION:
-                    return self._none(active, solution, L, best)
+                if best.matrices is not None or not self._hopeful(inner, better):
+                    return self._none(active, solution, L, better, best)
                 L = better
                 continue
             best, more = self._judge(better, active, maps, best)
-            if np.linalg.cond(better) < _MODERATE:
-                L = better
+            tame = np.linalg.cond(better) < _MODERATE
+            L = np.where(tame[:, None, None], better, L)
             best = replace(best, optimum=solution.margin)
             if not more:
                 return best
             active = [*active, *more]
-            maps = np.concatenate([maps, self.edge.maps(more)])
+            maps = np.concatenate([maps, self._maps(more)])
         return best
 
-    def _first(self, L: Matrix, seeds: list[float]) -> tuple[list[float], Matrix]:
-        """The ends, the largest map in these coordinates, and what the caller asks for."""
+    def _solution(self, moved: Matrix, ends: tuple[Matrix, Matrix], tolerance: float) -> Solution:
+        left = self.deadline - time.process_time()
+        return common_matrices(moved, self.nodes, *ends, tolerance=tolerance, seconds=left)
+
+    def _hopeful(self, inner: Matrix, better: Matrix) -> bool:
+        """Nothing fits at the floor of kappa(P): may other coordinates still allow something?
+
+        Nodes that are short of room are split instead.
+        """
+        if self.nodes > 1:
+            return False
+        floored = np.diag(inner[0]).min() ** 2 <= 10 * FLOOR
+        return bool(floored and np.linalg.cond(better[0]) <= _LARGEST_CONDITION)
+
+    def _proposal(
+        self, L: Matrix | None, active: list[Cut], margin: float, theta: float
+    ) -> Proposal:
+        matrices = None if L is None else L @ np.swapaxes(L, 1, 2)
+        owners = tuple(edge for edge, _ in active)
+        return Proposal(matrices, tuple(theta for _, theta in active), margin, theta, owners=owners)
+
+    def _moved(self, L: Matrix, maps: Matrix, owner: Matrix) -> Matrix:
+        return moved_between(L, maps, self.source[owner], self.target[owner])
+
+    def _maps(self, cuts: Sequence[Cut]) -> Matrix:
+        if len(self.edges) == 1:
+            found = self.edges[0].maps([theta for _, theta in cuts])
+            return found / self.edges[0].gamma
+        return np.concatenate(
+            [self.edges[edge].maps([theta]) / self.edges[edge].gamma for edge, theta in cuts]
+        )
+
+    def _first(self, L: Matrix, seeds: list[Cut]) -> tuple[list[Cut], Matrix]:
+        """The ends of every edge, and what the caller asks for.
+
+        With one edge also the largest map in these coordinates, and where P is large more points.
+        """
         last = len(self.thetas) - 1
-        chosen = {0, last, int(np.argmin(slack_in(L, self.maps, L)))}
-        if len(L) >= _LARGE:
+        chosen = {*self.starts.tolist(), *(self.starts[1:] - 1).tolist(), last}
+        if len(self.edges) == 1:
+            chosen.add(int(np.argmin(slack_of(self._moved(L, self.maps, self.owner)))))
+        if len(self.edges) == 1 and L.shape[-1] >= _LARGE:
             span = self.thetas[-1] - self.thetas[0]
             chosen |= {
                 min(int(np.searchsorted(self.thetas, self.thetas[0] + share * span)), last)
                 for share in _SPREAD
             }
         index = sorted(chosen)
-        active, maps = [float(self.thetas[k]) for k in index], self.maps[index]
-        extra = [theta for theta in dict.fromkeys(seeds) if theta not in active]
+        active, maps = self._cuts(index), self.maps[index]
+        known = set(active)
+        extra = [cut for cut in dict.fromkeys(seeds) if cut not in known]
         if extra:
-            maps = np.concatenate([maps, self.edge.maps(extra)])
+            maps = np.concatenate([maps, self._maps(extra)])
         return [*active, *extra], maps
 
+    def _cuts(self, index: Sequence[int]) -> list[Cut]:
+        return [(int(self.owner[k]), float(self.thetas[k])) for k in index]
+
     def _judge(
-        self, L: Matrix, active: list[float], maps: Matrix, best: Proposal
-    ) -> tuple[Proposal, list[float]]:
-        """The better of this P and the best so far, and the theta to add (none: good enough)."""
-        both = slack_in(L, np.concatenate([self.maps, maps]), L)
+        self, L: Matrix, active: list[Cut], maps: Matrix, best: Proposal
+    ) -> tuple[Proposal, list[Cut]]:
+        """The better of these P and the best so far, and the theta to add (none: good enough)."""
+        owner = np.concatenate([self.owner, [edge for edge, _ in active]])
+        both = slack_of(self._moved(L, np.concatenate([self.maps, maps]), owner))
         slacks, goal = both[: len(self.maps)], float(both[len(self.maps) :].min())
         k = int(np.argmin(slacks))
-        least, theta = float(slacks[k]), float(self.thetas[k])
+        least, (edge, theta) = float(slacks[k]), self._cuts([k])[0]
         between = self._between(L, slacks) if 0 < least < _NARROW else None
         if between is not None and between[1] < least:
-            theta, least = between
+            (edge, theta), least = between
         if least > 0 and least >= best.margin:
-            best = Proposal(L @ L.T, tuple(active), least, theta)
-        elif best.P is None:
-            best = Proposal(None, tuple(active), least, theta)
+            best = self._proposal(L, active, least, theta)
+        elif best.matrices is None:
+            best = self._proposal(None, active, least, theta)
         if least > 0 and least >= _ENOUGH * goal:
             return best, []
+        known = set(active)
         if between is not None:
-            return best, [theta] if theta not in active else []
-        more = worst(self.thetas, slacks, _ENOUGH * max(goal, 0.0))[:_ADDED]
-        return best, [float(self.thetas[j]) for j in more if self.thetas[j] not in active]
+            return best, [(edge, theta)] if (edge, theta) not in known else []
+        found = worst(self.thetas, slacks, _ENOUGH * max(goal, 0.0), self.starts)
+        return best, [cut for cut in self._few(self._cuts(found)) if cut not in known]
 
-    def _between(self, L: Matrix, slacks: Matrix) -> tuple[float, float]:
+    def _few(self, cuts: list[Cut]) -> list[Cut]:
+        """The worst few of one edge, the worst one of each of many."""
+        if len(self.edges) == 1:
+            return cuts[:_ADDED]
+        first: dict[int, Cut] = {}
+        for cut in cuts:
+            first.setdefault(cut[0], cut)
+        return list(first.values())
+
+    def _between(self, L: Matrix, slacks: Matrix) -> tuple[Cut, float]:
         """Least slack near the lowest points of the grid: narrow margins hide between points."""
-        found, last = (float(self.thetas[0]), math.inf), len(self.thetas) - 1
-        for k in worst(self.thetas, slacks, math.inf)[:_LOOKED]:
-            left, right = self.thetas[max(k - 1, 0)], self.thetas[min(k + 1, last)]
+        found: tuple[Cut, float] = self._cuts([0])[0], math.inf
+        for k in worst(self.thetas, slacks, math.inf, self.starts)[:_LOOKED]:
+            number = int(self.owner[k])
+            edge, nodes = self.edges[number], (self.source[[number]], self.target[[number]])
+            near = [j for j in (k - 1, k, k + 1) if self._same_edge(j, number)]
+            left, right = self.thetas[near[0]], self.thetas[near[-1]]
             for _ in range(_ZOOMS):
                 points = np.linspace(left, right, 9)
-                values = slack_in(L, self.edge.maps(points), L)
+                maps = edge.maps(points) / edge.gamma
+                values = slack_of(moved_between(L, maps, *nodes))
                 j = int(np.argmin(values))
                 left, right = points[max(j - 1, 0)], points[min(j + 1, 8)]
                 if values[j] < found[1]:
-                    found = float(points[j]), float(values[j])
+                    found = (number, float(points[j])), float(values[j])
         return found
 
-    def _none(self, active: list[float], solution: Solution, L: Matrix, best: Proposal) -> Proposal:
-        if best.P is not None:
+    def _same_edge(self, k: int, number: int) -> bool:
+        return 0 <= k < len(self.owner) and int(self.owner[k]) == number
+
+    def _none(
+        self, active: list[Cut], solution: Solution, L: Matrix, better: Matrix, best: Proposal
+    ) -> Proposal:
+        if best.matrices is not None:
             return best
-        back = np.linalg.inv(L)
-        Z = solution.multipliers[0]
+        Z = solution.multipliers
         # inside the cone: the solver's zeros may be slightly negative
-        Z = Z + 1e-9 * np.trace(Z.sum(axis=0)) * np.eye(len(L))
-        Z = back.T @ Z @ back
-        Z = (Z + np.swapaxes(Z, 1, 2)) / 2
-        return Proposal(None, tuple(active), best.margin, best.worst_theta, Z, L, solution.margin)
+        Z = Z + 1e-9 * np.trace(Z.sum(axis=0)) * np.eye(L.shape[-1])
+        masses = np.trace(Z, axis1=1, axis2=2)
+        back = np.linalg.inv(L)[self.source[[edge for edge, _ in active]]]
+        Z = np.swapaxes(back, 1, 2) @ Z @ back
+        found = self._proposal(None, active, best.margin, best.worst_theta)
+        tame = np.linalg.cond(better) <= _LARGEST_CONDITION
+        return replace(
+            found,
+            multipliers=(Z + np.swapaxes(Z, 1, 2)) / 2,
+            masses=masses,
+            coordinates=np.where(tame[:, None, None], better, L),
+            optimum=solution.margin,
+        )
 
 
 def _cholesky(P: Matrix) -> Matrix | None:

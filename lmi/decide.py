@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
+from dataclasses import replace
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,27 +21,44 @@ from lmi.hurwitz import prove_hurwitz
 from lmi.infeasible import prove_no_common
 from lmi.products import worst_word
 from lmi.proof import prove_common
-from lmi.spectral import refute_spectral, refute_word
+from lmi.spectral import refute_spectral, refute_word, steps_within
+from lmi.splitting import Limits
 from lmi.verdict import Verdict, undecided
+from lmi.window_search import find_windows
 
 Matrix = NDArray[np.float64]
+Memory = int | Literal["auto"]
 
 _TURNS = 8
 _BOXES = 6000  # a proof that needs more is not worth the wait
+# so many dwell times of failed windows join the search for a destabilising sequence
+_HINTS = 12
 _SEED = 20161  # the search for destabilising sequences repeats itself exactly
 
 
-def decide(F: ArrayLike, H: ArrayLike, low: float, high: float) -> Verdict:
-    """Proved by one P (evidence["P"]), refuted by a mode or by dwell times, or undecided.
+def decide(
+    F: ArrayLike,
+    H: ArrayLike,
+    low: float,
+    high: float,
+    *,
+    memory: Memory = "auto",
+    jitter: float = math.inf,
+) -> Verdict:
+    """Proved by one P or by windows, refuted by a mode or by dwell times, or undecided.
 
     F, H: (n, n) floats or exact rationals; 0 <= low <= high <= infinity. With high infinite, F must
-    be Hurwitz (otherwise refuted with the mode). Undecided evidence holds the largest growth seen,
-    and "no_common_P" when a checked certificate excludes a common P, which is not instability.
+    be Hurwitz (otherwise refuted with the mode). jitter: only sequences whose dwell times change by
+    at most so much from one to the next. memory: 0 for a common P only, a number for windows that
+    look at most so many dwell times back and ahead, "auto" for as many as it takes.
+    Evidence: "P", or "windows" and "edges" (`lmi.windows_proof`), or "witness". Undecided evidence
+    holds the largest growth seen, and "no_common_P" when a checked certificate excludes a common P,
+    which is not instability.
     """
-    if not 0 <= low <= high:
-        raise ValueError(f"0 <= low <= high is required; got [{low}, {high}]")
     if not 0 <= low <= high or math.isinf(low):
         raise ValueError(f"0 <= low <= high, low finite, is required; got [{low}, {high}]")
+    if not (jitter >= 0 and (memory == "auto" or memory >= 0)):
+        raise ValueError(f"jitter and memory must be >= 0; got {jitter} and {memory}")
     F_exact, H_exact = exact(F), exact(H)
     if math.isinf(high):
         flow = prove_hurwitz(F_exact)
@@ -52,7 +70,33 @@ def decide(F: ArrayLike, H: ArrayLike, low: float, high: float) -> Verdict:
     counter = refute_spectral(F_exact, H_exact, low, high, proposal.thetas)
     if counter.outcome == "refuted":
         return counter
-    return refute_sequences(F_exact, H_exact, low, high, proposal, attempt)
+    attempt = refute_sequences(F_exact, H_exact, low, high, proposal, attempt, jitter)
+    if attempt.outcome == "refuted" or memory == 0 or low == high:
+        return attempt
+    return _by_windows(F_exact, H_exact, low, high, memory, jitter, proposal, attempt)
+
+
+def _by_windows(
+    F: Exact,
+    H: Exact,
+    low: float,
+    high: float,
+    memory: Memory,
+    jitter: float,
+    proposal: Proposal,
+    attempt: Verdict,
+) -> Verdict:
+    """Windows; where they fail, the dwell times that stood in their way may be a witness."""
+    limits = Limits() if memory == "auto" else Limits(memory, memory)
+    found = find_windows(F, H, low, high, jitter=jitter, limits=limits)
+    if found.verdict.outcome == "proved":
+        return found.verdict
+    hints = tuple(dict.fromkeys([*found.thetas[:_HINTS], *proposal.thetas]))
+    again = refute_sequences(F, H, low, high, replace(proposal, thetas=hints), attempt, jitter)
+    if again.outcome == "refuted":
+        return again
+    without = {key: value for key, value in again.evidence.items() if key != "reason"}
+    return undecided(f"{attempt.evidence['reason']}; {found.verdict.evidence['reason']}", **without)
 
 
 def find_and_prove(
@@ -67,7 +111,7 @@ def find_and_prove(
         quick = attempt if P is None else prove_common(F, H, P, low, high, steps=1)
         if P is not None and quick.outcome == "proved":
             return Verdict("proved", {"P": P.tolist(), **quick.evidence}), Proposal(
-                P, (low,), math.nan, low, L=np.linalg.cholesky(P)
+                P[None], (low,), math.nan, low, coordinates=np.linalg.cholesky(P)[None]
             )
     for _ in range(_TURNS):
         proposal = propose(F_float, H_float, low, high, seeds, start)
@@ -101,17 +145,24 @@ def _without(F: Exact, H: Exact, proposal: Proposal) -> Verdict:
 
 
 def refute_sequences(
-    F: Exact, H: Exact, low: float, high: float, proposal: Proposal, attempt: Verdict
+    F: Exact,
+    H: Exact,
+    low: float,
+    high: float,
+    proposal: Proposal,
+    attempt: Verdict,
+    jitter: float = math.inf,
 ) -> Verdict:
     """Refuted by a sequence of dwell times if one is found, else the attempt with what was seen."""
     edge = Edge(to_float(F), to_float(H), low, high)
     L = np.eye(len(edge.F)) if proposal.L is None else proposal.L
     try:
         with np.errstate(all="ignore"):
-            word = worst_word(edge, L, proposal.thetas, np.random.default_rng(_SEED))
+            rng = np.random.default_rng(_SEED)
+            word = worst_word(edge, L, proposal.thetas, rng, jitter=jitter)
     except (np.linalg.LinAlgError, ValueError):  # overflow: nothing to be learned from floats
         return attempt
-    if word.growth >= 1:
+    if word.growth >= 1 and steps_within(word.thetas, jitter):
         counter = refute_word(F, H, word.thetas)
         if counter.outcome == "refuted":
             return counter

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from lmi.balls import Exact, exact, to_float
 from lmi.cutting_plane import Proposal, propose
-from lmi.decide import decide, find_and_prove
+from lmi.decide import Memory, decide, find_and_prove
+from lmi.dwell_gap import Gap
 from lmi.families import Edge, horizon
 from lmi.hurwitz import prove_hurwitz
 from lmi.spectral import refute_word
@@ -28,6 +29,7 @@ Matrix = NDArray[Any]
 
 ACCURACY = 1e-6
 _STEPS = 60
+_COARSE = 1e-4
 _SUBDIVISIONS, _REFINEMENTS = 33, 9
 # a flow that does not decay may allow every finite dwell time: the search ends after this many
 # doublings of its own time scale
@@ -41,7 +43,8 @@ class Bracket:
     proved: the end for which stability is proved (evidence: `certificate`), None if none was found.
     not_proved: the nearest end that was not, with its verdict, refuted or undecided (evidence:
     `obstacle`); None where everything is proved. islands: further [a, b] in which every constant
-    dwell time contracts, by floats, so that the feasible set may not be one interval.
+    dwell time contracts, by floats, so that the feasible set may not be one interval. common: the
+    end that a common P proves, where windows of dwell times prove more or were tried.
     """
 
     proved: float | None
@@ -50,21 +53,37 @@ class Bracket:
     certificate: Mapping[str, Any] = field(default_factory=dict)
     obstacle: Mapping[str, Any] = field(default_factory=dict)
     islands: tuple[tuple[float, float], ...] = ()
+    common: float | None = None
 
 
 def shortest_dwell(
-    F: ArrayLike, H: ArrayLike, high: float, *, accuracy: float = ACCURACY
+    F: ArrayLike,
+    H: ArrayLike,
+    high: float,
+    *,
+    accuracy: float = ACCURACY,
+    memory: Memory = "auto",
+    jitter: float = math.inf,
 ) -> Bracket:
     """Smallest x for which [x, high] is proved; high may be infinite.
 
-    F, H: (n, n) floats or exact rationals. accuracy: relative width of the bracket.
+    F, H: (n, n) floats or exact rationals. accuracy: relative width of the bracket. memory, jitter:
+    as in `lmi.decide`.
     """
-    return _Search(exact(F), exact(H), high, accuracy, shortest=True).run()
+    return _Search(exact(F), exact(H), high, accuracy, True, memory, jitter).run()
 
 
-def longest_dwell(F: ArrayLike, H: ArrayLike, low: float, *, accuracy: float = ACCURACY) -> Bracket:
+def longest_dwell(
+    F: ArrayLike,
+    H: ArrayLike,
+    low: float,
+    *,
+    accuracy: float = ACCURACY,
+    memory: Memory = "auto",
+    jitter: float = math.inf,
+) -> Bracket:
     """Largest x for which [low, x] is proved, possibly infinity; arguments as `shortest_dwell`."""
-    return _Search(exact(F), exact(H), low, accuracy, shortest=False).run()
+    return _Search(exact(F), exact(H), low, accuracy, False, memory, jitter).run()
 
 
 @dataclass(frozen=True)
@@ -74,6 +93,8 @@ class _Search:
     fixed: float
     accuracy: float
     shortest: bool
+    memory: Memory = "auto"
+    jitter: float = math.inf
 
     def run(self) -> Bracket:
         """Everything proved; or nothing; or the bracket around the limit."""
@@ -84,22 +105,55 @@ class _Search:
         thetas, radii = self._scan()
         crossing = self._crossing(thetas, radii)
         islands = self._islands(thetas, radii, crossing)
+        last = float(thetas[0 if self.shortest else -1])
+        # windows go on from where a common P ends: no need to know that end exactly
+        common = self if self.memory == 0 else replace(self, accuracy=max(_COARSE, self.accuracy))
         if crossing is None:
             whole = self._prove(extreme)
             if whole.outcome == "proved":
                 return Bracket(extreme, None, None, whole.evidence)
-            bracket = self._up_to(float(thetas[0 if self.shortest else -1]), whole)
+            bracket = common._up_to(last, whole)
         else:
-            bracket = self._at(crossing) or self._follow(crossing)
-        return Bracket(bracket.proved, bracket.not_proved, bracket.verdict, bracket.certificate,
-                       bracket.obstacle, islands)  # fmt: skip
+            bracket = self._at(crossing) or common._follow(crossing)
+        if bracket.verdict == "undecided" and self.memory != 0:
+            bracket = self._beyond_common(bracket, crossing, last, extreme)
+        return replace(bracket, islands=islands)
+
+    def _beyond_common(
+        self, bracket: Bracket, crossing: float | None, last: float, extreme: float
+    ) -> Bracket:
+        """Windows of dwell times on the proved side, destabilising sequences on the other."""
+        common = bracket.proved
+        good = self.fixed if common is None else common
+        if math.isinf(good):
+            return bracket
+        gap = Gap(self.F, self.H, self.fixed, self.shortest, self.accuracy, self.memory,
+                  self.jitter)  # fmt: skip
+        P = bracket.certificate.get("P")
+        L = np.eye(len(self.F)) if P is None else np.linalg.cholesky(np.array(P))
+        far = last if crossing is None else self._inward(crossing, -0.4 * self.accuracy)
+        outside = gap.refuted(good, far, L)
+        if outside is None:
+            for end in dict.fromkeys((extreme, far) if crossing is None else ()):
+                whole = gap.attempt(end)
+                if whole.outcome == "proved":
+                    rest = None if end == extreme else extreme
+                    word = None if end == extreme else "undecided"
+                    return Bracket(end, rest, word, whole.evidence, common=common)
+        limit = far if outside is None else outside[0]
+        x, attempt = gap.proved(good, limit)
+        evidence = bracket.certificate if x is None else attempt.evidence
+        reached = common if x is None else x
+        if outside is not None:
+            return Bracket(reached, limit, "refuted", evidence, outside[1].evidence, common=common)
+        return Bracket(reached, limit, "undecided", evidence, bracket.obstacle, common=common)
 
     def _hopeless(self) -> Verdict | None:
         """The verdict on the smallest range there is, if that is not proved."""
         if self.shortest and math.isinf(self.fixed):
             flow = prove_hurwitz(self.F)
             return None if flow.outcome == "proved" else flow
-        one = decide(self.F, self.H, self.fixed, self.fixed)
+        one = decide(self.F, self.H, self.fixed, self.fixed, memory=0)
         return None if one.outcome == "proved" else one
 
     def _range(self, x: float) -> tuple[float, float]:
@@ -162,7 +216,7 @@ class _Search:
     def _prove(self, x: float) -> Verdict:
         low, high = self._range(x)
         if math.isinf(high) and prove_hurwitz(self.F).outcome != "proved":
-            return decide(self.F, self.H, low, high)
+            return decide(self.F, self.H, low, high, memory=0)
         return find_and_prove(self.F, self.H, low, high)[0]
 
     def _propose(self, x: float) -> Proposal:
@@ -185,14 +239,14 @@ class _Search:
             return None
         bad = refute_word(self.F, self.H, (outside,))
         if bad.outcome != "refuted":
-            bad = decide(self.F, self.H, *self._range(outside))
+            bad = decide(self.F, self.H, *self._range(outside), memory=0)
         return Bracket(inside, outside, bad.outcome, good.evidence, bad.evidence)
 
     def _follow(self, bad: float) -> Bracket:
         """From an end that cannot be proved towards the fixed one, by the sign of the margin."""
         good, proposal = self._first_good(bad)
         if good is None or proposal is None:
-            verdict = decide(self.F, self.H, *self._range(bad))
+            verdict = decide(self.F, self.H, *self._range(bad), memory=0)
             return Bracket(None, bad, verdict.outcome, obstacle=verdict.evidence)
         value_bad = self._propose(bad).optimum
         bad = self._narrow(good, bad, value_bad, proposal)
@@ -200,11 +254,11 @@ class _Search:
             x = self._inward(bad, 0.9 * self.accuracy * 4**step)
             attempt = self._prove(x)
             if attempt.outcome == "proved":
-                verdict = decide(self.F, self.H, *self._range(bad))
+                verdict = decide(self.F, self.H, *self._range(bad), memory=0)
                 if verdict.outcome == "proved":  # the limit itself is 0 or infinity, and excluded
                     x, attempt = bad, verdict
                     bad = 0.0 if self.shortest else math.inf
-                    verdict = decide(self.F, self.H, *self._range(bad))
+                    verdict = decide(self.F, self.H, *self._range(bad), memory=0)
                     if verdict.outcome == "proved":
                         return Bracket(bad, None, None, verdict.evidence)
                 return Bracket(x, bad, verdict.outcome, attempt.evidence, verdict.evidence)

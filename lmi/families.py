@@ -44,10 +44,10 @@ class Edge:
         flows = expm(self.F * np.asarray(thetas, dtype=np.float64)[:, None, None])
         return self._from_flows(flows)
 
-    def slopes(self, thetas: ArrayLike) -> Matrix:
-        """Derivative of M at each theta, (k, n, n)."""
+    def with_slopes(self, thetas: ArrayLike) -> tuple[Matrix, Matrix]:
+        """M and its derivative at each theta, (k, n, n) each."""
         flows = expm(self.F * np.asarray(thetas, dtype=np.float64)[:, None, None])
-        return self._from_flows(self.F @ flows)
+        return self._from_flows(flows), self._from_flows(self.F @ flows)
 
     def _from_flows(self, flows: Matrix) -> Matrix:
         moved = times(flows, self.H)
@@ -134,7 +134,11 @@ def approx_holds(P: Matrix, maps: Matrix) -> bool:
 
 def slack_in(L: Matrix, maps: Matrix, L_target: Matrix) -> Matrix:
     """`slack` for P_source = L L', P_target = L_target L_target'."""
-    N = moved(L, maps, L_target)
+    return slack_of(moved(L, maps, L_target))
+
+
+def slack_of(N: Matrix) -> Matrix:
+    """1 - |N|^2 for each N of (k, n, n); minus infinity where it is not finite."""
     gram = np.swapaxes(N, -1, -2) @ N
     finite: Matrix = np.asarray(np.isfinite(gram).all(axis=(-2, -1)))
     if not finite.all():
@@ -147,6 +151,15 @@ def moved(L: Matrix, maps: Matrix, L_target: Matrix) -> Matrix:
     """L_target' M L^-T: the maps in coordinates where both matrices are the identity."""
     right = np.swapaxes(times(maps, np.linalg.inv(L).T), 1, 2)
     return np.swapaxes(times(np.ascontiguousarray(right), L_target), 1, 2)
+
+
+def moved_between(L: Matrix, maps: Matrix, source: Matrix, target: Matrix) -> Matrix:
+    """`moved` for many nodes: L (nodes, n, n), source and target (k,) the nodes of each map."""
+    if len(L) == 1:
+        return moved(L[0], maps, L[0])
+    back = np.swapaxes(np.linalg.inv(L), 1, 2)
+    between: Matrix = np.swapaxes(L, 1, 2)[target] @ (maps @ back[source])
+    return between
 
 
 def balance(maps: Matrix) -> Matrix:
@@ -163,9 +176,15 @@ def balance(maps: Matrix) -> Matrix:
     return np.maximum(powers, 1e-100)
 
 
-def worst(thetas: Matrix, slacks: Matrix, limit: float) -> list[int]:
-    """Local minima of the slack below `limit`, ends included, worst first."""
-    padded = np.concatenate([[math.inf], slacks, [math.inf]])
-    local = (slacks <= padded[:-2]) & (slacks < padded[2:])
-    found = np.flatnonzero(local & (slacks < limit))
+def worst(thetas: Matrix, slacks: Matrix, limit: float, starts: Matrix | None = None) -> list[int]:
+    """Local minima of the slack below `limit`, ends included, worst first.
+
+    starts: where the points of each edge begin, for the slacks of several edges in a row.
+    """
+    before = np.concatenate([[math.inf], slacks[:-1]])
+    after = np.concatenate([slacks[1:], [math.inf]])
+    if starts is not None:
+        before[starts] = math.inf
+        after[starts[1:] - 1] = math.inf
+    found = np.flatnonzero((slacks <= before) & (slacks < after) & (slacks < limit))
     return sorted(found.tolist(), key=lambda k: slacks[k])

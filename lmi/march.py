@@ -1,9 +1,9 @@
 """Proof for all dwell times by steps: the logarithmic norm carries an inequality forward.
 
-With m the logarithmic norm of F in the norm of P (F'P + PF <= 2 m P), an inequality
-M(theta)' P M(theta) <= q P, q < 1, certified at one theta, holds on [theta, theta + s] while
-q e^{2 m s} < 1. It shares neither coordinates nor polynomials with `lmi.bernstein`: the second
-opinion.
+With m the logarithmic norm of F in the norm of the target P (F'P + PF <= 2 m P), an inequality
+M(theta)' P M(theta) <= q P_source, certified at one theta, holds on [theta, theta + s] with
+q e^{2 m s} in place of q. It shares neither coordinates nor polynomials with `lmi.bernstein`: the
+second opinion.
 """
 
 from __future__ import annotations
@@ -38,12 +38,12 @@ _PADS = dict(zip(PRECISIONS, (1e-9, 1e-12, 1e-14), strict=True))
 def march(condition: Condition, steps: int, bits: int) -> Verdict:
     """Proved by steps, or undecided with the theta where they ended, at the current precision."""
     pad = _PADS[bits]
-    F, P = condition.F, condition.P_source
-    plain = condition.left is None and condition.gamma == 1
-    if not plain or not np.array_equal(P, condition.P_target):
-        return undecided("the march is for one P before jumps, without a rate")
-    P_ball = ball(exact(P))
-    if not certify_positive_definite(P_ball):
+    F = condition.F
+    if condition.left is not None or condition.others:
+        return undecided("the march is for maps e^{F theta} H, one source at a time")
+    P_ball = ball(exact(condition.P_target))
+    source = ball(exact(condition.P_source)) * (number(condition.gamma) * number(condition.gamma))
+    if not certify_positive_definite(P_ball) or not certify_positive_definite(source):
         return undecided("P is not certainly positive definite")
     F_ball = ball(F)
     growth = F_ball.transpose() * P_ball + P_ball * F_ball
@@ -54,7 +54,7 @@ def march(condition: Condition, steps: int, bits: int) -> Verdict:
     H_ball, theta, least = ball(condition.right), condition.low, math.inf
     for step in range(1, steps + 1):
         M = exp_times(F, theta) * H_ball
-        q = _contraction(M, P, P_ball, pad)
+        q = _contraction(M, P_ball, source, pad)
         if q is None:
             return undecided(
                 f"the inequality fails, or nearly fails, at theta = {theta!r}", theta=theta
@@ -63,7 +63,7 @@ def march(condition: Condition, steps: int, bits: int) -> Verdict:
         done = {"method": "log-norm march", "steps": step, "least_margin": least}
         if m <= 0 or theta >= condition.high:
             return proved(**done)
-        if tail is not None and certify_positive_definite(P_ball - M.transpose() * tail * M):
+        if tail is not None and certify_positive_definite(source - M.transpose() * tail * M):
             return proved(**done, tail_from=theta)
         following = _advance(theta, q, m)
         if following is None:
@@ -76,7 +76,7 @@ def march(condition: Condition, steps: int, bits: int) -> Verdict:
 
 def _log_norm(condition: Condition, growth: Any, P_ball: Any, pad: float) -> float | None:
     """A certified m with F'P + PF <= 2 m P."""
-    F, P = to_float(condition.F), condition.P_source
+    F, P = to_float(condition.F), middle(P_ball)
     m = _largest_relative(F.T @ P + P @ F, 2 * P)
     if m is None:
         return None
@@ -87,16 +87,17 @@ def _log_norm(condition: Condition, growth: Any, P_ball: Any, pad: float) -> flo
     return m if certified else None
 
 
-def _contraction(M: Any, P: Matrix, P_ball: Any, pad: float) -> float | None:
-    """A certified q < 1 with M'PM <= q P."""
-    approx = middle(M)
+def _contraction(M: Any, target: Any, source: Any, pad: float) -> float | None:
+    """A certified q < 1 with M' target M <= q source."""
+    moved = M.transpose() * target * M
+    approx = middle(moved)
     if not np.isfinite(approx).all():
         return None
-    q = _largest_relative(approx.T @ P @ approx, P)
+    q = _largest_relative(approx, middle(source))
     if q is None:
         return None
     q = max(q, 0.0) * (1 + pad) + 1e-4 * pad
-    if q < 1 and certify_positive_definite(number(q) * P_ball - M.transpose() * P_ball * M):
+    if q < 1 and certify_positive_definite(number(q) * source - moved):
         return q
     return None
 
@@ -114,10 +115,10 @@ def _advance(theta: float, q: float, m: float) -> float | None:
 
 def _tail(condition: Condition, P_ball: Any, F_ball: Any) -> Any:
     """Certified Q >= P with F'Q + QF < 0, or None."""
-    Q = lyapunov_matrix(to_float(condition.F), condition.P_source)
+    Q = lyapunov_matrix(to_float(condition.F), middle(P_ball))
     if Q is None:
         return None
-    scale = _largest_relative(condition.P_source, Q)
+    scale = _largest_relative(middle(P_ball), Q)
     if scale is None:
         return None
     Q = Q * scale * (1 + 1e-6)

@@ -6,8 +6,9 @@ growth per jump is rho(M(theta_k) ... M(theta_1))^(1/k). Floats only: `lmi.spect
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,7 @@ Matrix = NDArray[Any]
 _UNIFORM = 7
 _WIDTH = 120
 _LONGEST = 10
+_FINE = 60  # with little jitter, letters must be close together, but not more of them
 _POLISHED = 6
 _RANDOM_STARTS = 4
 _RANDOM_LENGTHS = (2, 3, 4, 5, 6)
@@ -34,41 +36,68 @@ class Word:
 
 
 def worst_word(
-    edge: Edge, L: Matrix, seeds: Sequence[float], rng: np.random.Generator, enough: float = 1.0
+    edge: Edge,
+    L: Matrix,
+    seeds: Sequence[float],
+    rng: np.random.Generator,
+    enough: float = 1.0,
+    jitter: float = math.inf,
 ) -> Word:
     """The word with the largest growth found; stops early above `enough`.
 
     L: lower triangular, the search measures maps in the norm of P = L L'. seeds: dwell times to
-    try besides uniform ones. An infinite range is cut at `edge.last`.
+    try besides uniform ones. jitter: largest change from one dwell time to the next, in the word
+    repeated without end. An infinite range is cut at `edge.last`.
     """
     low, high = edge.low, edge.last
-    uniform = np.linspace(low, high, _UNIFORM if high > low else 1)
-    letters = np.unique(np.clip([*uniform, *seeds], low, high))
-    words = _beam(edge, L, letters)
+    count = _UNIFORM if high > low else 1
+    if high > low and jitter < (high - low) / count:
+        count = min(math.ceil(2 * (high - low) / max(jitter, 1e-300)) + 1, _FINE)
+    letters = np.unique(np.clip([*np.linspace(low, high, count), *seeds], low, high))
+    words = _beam(edge, L, letters, jitter)
     best = words[0]
     lengths = _RANDOM_LENGTHS if high > low else ()
-    starts = [Word(tuple(rng.uniform(low, high, k)), 0.0)
+    starts = [Word(tuple(_random(rng, low, high, k, jitter)), 0.0)
               for k in lengths for _ in range(_RANDOM_STARTS)]  # fmt: skip
     for word in [*words[:_POLISHED], *starts]:
         if best.growth > enough:
             break
-        polished = _polish(edge, word)
-        best = max(best, polished, key=lambda found: found.growth)
-    return best
+        best = max(best, polished(edge, word, jitter), key=lambda found: found.growth)
+    return replace(best, thetas=_primitive(best.thetas))
 
 
-def _beam(edge: Edge, L: Matrix, letters: Matrix) -> list[Word]:
+def _primitive(thetas: tuple[float, ...]) -> tuple[float, ...]:
+    """The shortest word of which this one is a repetition: it grows alike."""
+    k = len(thetas)
+    periods = (p for p in range(1, k + 1) if k % p == 0)
+    return next(thetas[:p] for p in periods if thetas[:p] * (k // p) == thetas)
+
+
+def _random(
+    rng: np.random.Generator, low: float, high: float, length: int, jitter: float
+) -> list[float]:
+    """Dwell times in the range; all within one `jitter` of each other."""
+    if jitter < high - low:
+        low = float(rng.uniform(low, high - jitter))
+        high = low + jitter
+    return [float(theta) for theta in rng.uniform(low, high, length)]
+
+
+def _beam(edge: Edge, L: Matrix, letters: Matrix, jitter: float) -> list[Word]:
     """Words over the letters, longest norms kept at each length; the fastest growing first."""
     maps = L.T @ edge.maps(letters) @ np.linalg.inv(L).T
-    products, words = maps, [(k,) for k in range(len(letters))]
+    near = np.abs(letters[:, None] - letters) <= jitter
+    products, words = maps, np.arange(len(letters))[:, None]
     found: list[Word] = []
     for length in range(1, _LONGEST + 1):
-        growth = _radii(products) ** (1.0 / length)
+        closed = near[words[:, -1], words[:, 0]]
+        growth = np.where(closed, _radii(products) ** (1.0 / length), 0.0)
         top = np.argsort(-growth)[:_POLISHED]
-        found += [Word(tuple(float(letters[i]) for i in words[k]), float(growth[k])) for k in top]
+        found += [Word(tuple(letters[words[k]].tolist()), float(growth[k])) for k in top]
         keep = np.argsort(-np.linalg.norm(products, axis=(1, 2)))[:_WIDTH]
-        products = (maps[:, None] @ products[keep][None]).reshape(-1, *maps.shape[1:])
-        words = [(*words[k], i) for i in range(len(letters)) for k in keep]
+        letter, word = np.nonzero(near[:, words[keep, -1]])
+        products = maps[letter] @ products[keep[word]]
+        words = np.concatenate([words[keep[word]], letter[:, None]], axis=1)
     return sorted(found, key=lambda word: -word.growth)
 
 
@@ -76,23 +105,42 @@ def _radii(M: Matrix) -> Matrix:
     return np.asarray(np.abs(np.linalg.eigvals(M)).max(axis=-1, initial=0.0))
 
 
-def _polish(edge: Edge, word: Word) -> Word:
+def polished(edge: Edge, word: Word, jitter: float = math.inf) -> Word:
     """Projected quasi-Newton ascent of log rho(product) / length in all dwell times at once."""
     from scipy.optimize import minimize
 
+    word = replace(word, growth=_growth(edge, np.array(word.thetas)))
     if edge.last == edge.low:
         return word
-    bounds = [(edge.low, edge.last)] * len(word.thetas)
-    result = minimize(lambda thetas: _loss(edge, thetas), np.array(word.thetas), jac=True,
-                      method="L-BFGS-B", bounds=bounds, options={"maxiter": 40})  # fmt: skip
-    thetas = np.clip(result.x, edge.low, edge.last)
-    polished = Word(tuple(float(theta) for theta in thetas), float(np.exp(-_loss(edge, thetas)[0])))
-    return max(word, polished, key=lambda found: found.growth)
+    bounds, start = [(edge.low, edge.last)] * len(word.thetas), np.array(word.thetas)
+    how: dict[str, Any] = {"method": "L-BFGS-B", "options": {"maxiter": 40}}
+    if jitter < edge.last - edge.low:
+        change = np.roll(np.eye(len(start)), 1, axis=1) - np.eye(len(start))
+        both = np.concatenate([change, -change])
+        room = {"type": "ineq", "fun": lambda x: jitter - both @ x, "jac": lambda x: -both}
+        how = {"method": "SLSQP", "options": {"maxiter": 40}, "constraints": [room]}
+    result = minimize(lambda x: _loss(edge, x), start, jac=True, bounds=bounds, **how)
+    thetas = _within(np.clip(result.x, edge.low, edge.last), jitter)
+    better = Word(tuple(float(theta) for theta in thetas), _growth(edge, thetas))
+    return max(word, better, key=lambda found: found.growth)
+
+
+def _growth(edge: Edge, thetas: Matrix) -> float:
+    return float(np.exp(-_loss(edge, thetas)[0]))
+
+
+def _within(thetas: Matrix, jitter: float) -> Matrix:
+    """Drawn together until no step exceeds `jitter`: solvers and rounding overstep a little."""
+    step = float(np.abs(thetas - np.roll(thetas, 1)).max())
+    if step <= jitter:
+        return thetas
+    centre = float(thetas.mean())
+    return np.asarray(centre + (thetas - centre) * (jitter / step) * (1 - 1e-12))
 
 
 def _loss(edge: Edge, thetas: Matrix) -> tuple[float, Matrix]:
     """-log rho(M_k ... M_1) / k and its gradient: d lambda = y* dM x / (y* x)."""
-    maps = edge.maps(thetas)
+    maps, slopes = edge.with_slopes(thetas)
     k, n = len(maps), maps.shape[-1]
     before = [np.eye(n)]
     for M in maps:
@@ -109,8 +157,6 @@ def _loss(edge: Edge, thetas: Matrix) -> tuple[float, Matrix]:
         return -float(np.log(abs(value))) / k, np.zeros(k)
     slope, after = np.zeros(k), y
     for i in reversed(range(k)):
-        # M = left e^{F theta} H: its derivative is left F e^{F theta} H
-        turned = edge.slopes(thetas[i : i + 1])[0]
-        slope[i] = float(np.real(after @ turned @ before[i] @ x / scale))
+        slope[i] = float(np.real(after @ slopes[i] @ before[i] @ x / scale))
         after = after @ maps[i]
     return -float(np.log(abs(value))) / k, -slope / k

@@ -1,10 +1,11 @@
 """Proofs for all dwell times: matrices P for a whole range of theta, in ball arithmetic.
 
 Question: M(theta)' P M(theta) < P for every theta in [low, high], M(theta) = e^{F theta} H, with P
-given. Two independent methods: Taylor-Bernstein boxes (`lmi.bernstein`, the default) and log-norm
-steps (`lmi.march`). High = infinity is closed by a Lyapunov matrix Q >= P of the flow: M' Q M
-decreases with theta, so Q in place of P at one theta* settles all later ones; Q also proves that
-the flow is Hurwitz, which the stability of bounded inputs needs there (docs/papers.md).
+given. Independent methods: Taylor-Bernstein boxes (`lmi.bernstein`, the default), log-norm steps
+(`lmi.march`) and chords (`lmi.chords`). High = infinity is closed by a Lyapunov matrix Q >= P of
+the flow: M' Q M decreases with theta, so Q in place of P at one theta* settles all later ones; Q
+also proves that the flow is Hurwitz, which the stability of bounded inputs needs there
+(docs/papers.md).
 
 Floats only steer; every comparison is made in balls, on the rational numbers that the stored floats
 are. No optimisation solver is imported here.
@@ -24,16 +25,18 @@ from lmi.balls import (
     certify_positive_definite,
     cholesky,
     exact,
+    identity,
     middle,
     precision,
 )
 from lmi.bernstein import Boxes, Normalised, prove_range
+from lmi.chords import chords
 from lmi.condition import Condition, common
 from lmi.hurwitz import lyapunov_matrix, modal_matrix, prove_hurwitz
 from lmi.march import march
 from lmi.verdict import Verdict, proved, undecided
 
-METHODS = ("bernstein", "march")
+METHODS = ("bernstein", "march", "chords")
 STEP_LIMIT = 20_000
 
 
@@ -75,6 +78,8 @@ def prove(condition: Condition, *, method: str = "bernstein", steps: int = STEP_
         with precision(bits), np.errstate(all="ignore"):
             if method == "march":
                 verdict = march(condition, steps, bits)
+            elif method == "chords":
+                verdict = chords(condition, steps)
             else:
                 verdict = _boxes(condition, steps)
         if verdict.outcome == "proved":
@@ -97,7 +102,8 @@ def _boxes(condition: Condition, limit: int) -> Verdict:
     reason = f"the inequality fails, or nearly fails, at theta = {boxes.failed!r}"
     if boxes.count >= limit:
         reason = f"{limit} boxes did not reach the end; they came to theta = {boxes.failed!r}"
-    return undecided(reason, theta=boxes.failed, boxes=boxes.count)
+    found = {"theta": boxes.failed, "boxes": boxes.count}
+    return undecided(reason, **found, **({"which": boxes.which} if condition.others else {}))
 
 
 def _account(boxes: Boxes) -> dict[str, Any]:
@@ -121,10 +127,15 @@ def _normalised(condition: Condition) -> Normalised | None:
         if condition.left is None:
             flow = target
             left = ball(exact(np.eye(len(condition.P_source))))
-        else:
+        elif len(condition.P_source) == len(condition.F):
             flow = source
             left = target * ball(condition.left) * back
-        return Normalised(flow * F * flow.inv(), left, flow * right * back, condition.gamma)
+        else:  # P of another size than the flow: the flow keeps its own coordinates
+            flow = identity(len(condition.F))
+            left = target * ball(condition.left)
+        turned = flow * F * flow.inv(), left, flow * right * back
+        others = tuple(back.transpose() * ball(exact(P)) * back for P in condition.others)
+        return Normalised(*turned, condition.gamma, others)
     except ZeroDivisionError:  # the balls are too wide to invert at this precision
         return None
 

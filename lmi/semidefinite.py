@@ -1,7 +1,8 @@
 """Matrices P_w for finitely many maps: the largest margin, by Clarabel, cones assembled directly.
 
-    maximise t   subject to   gamma^2 P_s - M_i' P_t M_i >= t I   for every map M_i from node t's
-                 past to node s (one node: the common P),   P_w >= floor I,   sum tr P_w = nodes * n
+    maximise t   subject to   P_s - M_i' P_t M_i >= t I   for every map M_i, from its source
+                 node s to its target node t (one node: the common P),
+                 P_w >= floor I,   sum tr P_w = nodes * n
 
 Unknowns are svec(P_w) (upper triangle by columns, off-diagonal entries times sqrt 2) and t. For a
 negative optimum the multipliers Z_i prove that no P exists (`lmi.infeasible` checks them).
@@ -10,7 +11,7 @@ Nothing here is proved.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -28,44 +29,47 @@ FLOOR = 1e-4
 
 
 @dataclass(frozen=True)
-class Block:
-    """gamma^2 P_source - M' P_target M > 0 for each M of maps (k, n, n)."""
-
-    maps: Matrix
-    source: int = 0
-    target: int = 0
-    gamma: float = 1.0
-
-
-@dataclass(frozen=True)
 class Solution:
-    """P (nodes, n, n), the margin t, and per block the multipliers Z (k, n, n); all floats."""
+    """P (nodes, n, n), the margin t, and the multiplier Z of each map (k, n, n); all floats."""
 
     P: Matrix
     margin: float
-    multipliers: tuple[Matrix, ...]
+    multipliers: Matrix
 
 
 def common_matrices(
-    blocks: Sequence[Block], nodes: int = 1, floor: float = FLOOR, tolerance: float = 1e-9
+    maps: Matrix,
+    nodes: int = 1,
+    source: Indices | None = None,
+    target: Indices | None = None,
+    floor: float = FLOOR,
+    tolerance: float = 1e-9,
+    seconds: float = math.inf,
 ) -> Solution:
-    """Best matrices for the blocks. A margin of minus infinity: the solver gave no numbers."""
-    n = blocks[0].maps.shape[-1]
+    """Best matrices for the maps (k, n, n). A margin of minus infinity: no numbers were found.
+
+    source, target: (k,) node of each map; None where there is one node. A rate gamma belongs into
+    the maps: M / gamma. seconds: time for the solver, whose numbers then are what it has got.
+    """
+    k, n = maps.shape[:2]
     size = n * (n + 1) // 2
-    counts = [len(block.maps) for block in blocks]
-    A, b = _constraints(blocks, nodes, n, floor)
-    cones = [clarabel.PSDTriangleConeT(n)] * (sum(counts) + nodes) + [clarabel.ZeroConeT(1)]
+    none = np.zeros(k, dtype=np.intp)
+    ends = none if source is None else source, none if target is None else target
+    A, b = _constraints(maps, *ends, nodes, floor)
+    cones = [clarabel.PSDTriangleConeT(n)] * (k + nodes) + [clarabel.ZeroConeT(1)]
     columns = nodes * size + 1
     objective = np.zeros(columns)
     objective[-1] = -1.0
-    none = sparse.csc_matrix((columns, columns))
-    result = clarabel.DefaultSolver(none, objective, A, b, cones, _settings(tolerance)).solve()
+    settings = _settings(tolerance)
+    if math.isfinite(seconds):
+        settings.time_limit = max(seconds, 1e-3)
+    empty = sparse.csc_matrix((columns, columns))
+    result = clarabel.DefaultSolver(empty, objective, A, b, cones, settings).solve()
     x, z = np.asarray(result.x), np.asarray(result.z)
     P = smat(x[:-1].reshape(nodes, size))
-    duals = smat(z[: sum(counts) * size].reshape(-1, size))
-    pieces = np.split(duals, np.cumsum(counts)[:-1])
+    duals = smat(z[: k * size].reshape(k, size))
     margin = float(x[-1]) if np.isfinite(x).all() else -np.inf
-    return Solution(P, margin, tuple(pieces))
+    return Solution(P, margin, duals)
 
 
 def _settings(tolerance: float) -> clarabel.DefaultSettings:
@@ -79,47 +83,35 @@ def _settings(tolerance: float) -> clarabel.DefaultSettings:
 
 
 def _constraints(
-    blocks: Sequence[Block], nodes: int, n: int, floor: float
+    maps: Matrix, source: Indices, target: Indices, nodes: int, floor: float
 ) -> tuple[sparse.csc_matrix, Matrix]:
-    """A, b of A x + s = b with s in the cones: map blocks, then P_w >= floor I, then the trace."""
+    """A, b of A x + s = b with s in the cones: the maps, then P_w >= floor I, then the trace."""
+    k, n = maps.shape[:2]
     size, unit = n * (n + 1) // 2, svec(np.eye(n))
-    total = sum(len(block.maps) for block in blocks)
-    pieces: list[list[tuple[int, Matrix]]] = [[] for _ in range(nodes)]
-    row = 0
-    for block in blocks:
-        count, moved = len(block.maps), congruences(block.maps)
-        own = block.gamma**2 * np.eye(size)
-        if block.source == block.target:
-            pieces[block.source].append((row, (moved - own).reshape(-1, size)))
-        else:
-            pieces[block.target].append((row, moved.reshape(-1, size)))
-            pieces[block.source].append((row, np.tile(-own, (count, 1))))
-        row += count * size
+    rows, own = (k + nodes) * size + 1, np.eye(size)
+    moved = congruences(maps)
+    moved[source == target] -= own
+    data, indices, counts = [], [], []
     for w in range(nodes):
-        pieces[w].append((row + w * size, -np.eye(size)))
-        pieces[w].append((row + nodes * size, unit[None]))
-    rows = row + nodes * size + 1
-    dense = [(first + np.arange(len(part)), part) for node in pieces for first, part in node]
-    widths = [len(node) for node in pieces]
-    data, indices, pointers = [], [], [0]
-    start = 0
-    for width in widths:
-        node = dense[start : start + width]
-        where = np.concatenate([index for index, _ in node])
-        order = np.argsort(where, kind="stable")
-        data.append(np.concatenate([part for _, part in node])[order].T.reshape(-1))
-        indices.append(np.tile(where[order], size))
-        pointers += [pointers[-1] + len(where) * (k + 1) for k in range(size)]
-        start += width
-    data.append(np.tile(unit, total))
-    indices.append(np.arange(total * size))
-    pointers.append(pointers[-1] + total * size)
+        into, out = np.flatnonzero(target == w), np.flatnonzero((source == w) & (target != w))
+        first = np.concatenate([into, out, [k + w]])
+        order = np.argsort(first)
+        parts = np.concatenate([moved[into], np.broadcast_to(-own, (len(out) + 1, size, size))])
+        where = (first[order, None] * size + np.arange(size)).reshape(-1)
+        columns = np.concatenate([parts[order].reshape(-1, size), unit[None]]).T
+        kept = columns != 0
+        data.append(columns[kept])
+        indices.append(np.broadcast_to([*where, rows - 1], columns.shape)[kept])
+        counts.append(kept.sum(axis=1))
+    data.append(np.tile(unit, k))
+    indices.append(np.arange(k * size))
+    counts.append(np.array([k * size]))
+    pointers = np.concatenate([[0], np.cumsum(np.concatenate(counts))])
     A = sparse.csc_matrix(
-        (np.concatenate(data), np.concatenate(indices), np.array(pointers)),
-        shape=(rows, nodes * size + 1),
+        (np.concatenate(data), np.concatenate(indices), pointers), shape=(rows, nodes * size + 1)
     )
     b = np.zeros(rows)
-    b[row : row + nodes * size] = np.tile(-floor * unit, nodes)
+    b[k * size : -1] = np.tile(-floor * unit, nodes)
     b[-1] = nodes * n
     return A, b
 

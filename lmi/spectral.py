@@ -28,6 +28,7 @@ from lmi.balls import (
     middle,
     number,
     precision,
+    rational,
     to_float,
 )
 from lmi.exponential import expm
@@ -141,6 +142,15 @@ def refute_word(F: ArrayLike, H: ArrayLike, thetas: Sequence[float]) -> Verdict:
                                 "reason": _word_reason(thetas, radius)})  # fmt: skip
     return undecided(f"the product of these {len(thetas)} maps is not proved to grow",
                      thetas=list(thetas), spectral_radius=radius)  # fmt: skip
+
+
+def steps_within(thetas: Sequence[float], jitter: float) -> bool:
+    """Is no step of the sequence, repeated without end, larger than `jitter`? In exact numbers."""
+    if math.isinf(jitter):
+        return True
+    numbers = [rational(theta) for theta in thetas]
+    following = [*numbers[1:], numbers[0]]
+    return all(abs(b - a) <= rational(jitter) for a, b in zip(numbers, following, strict=True))
 
 
 def _word_reason(thetas: Sequence[float], radius: float) -> str:

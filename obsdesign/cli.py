@@ -163,7 +163,8 @@ def search(problem: str, what: str, kind: str | None, accuracy: float, as_json: 
     "--step", type=float, help="Time between rows.  [default: the period, or about until/500]"
 )
 @click.option("--initial", help="True initial state x1,...,xn.  [default: ones]")
-@click.option("--dwell", default="random", show_default=True, help="shortest, random, or a number.")
+@click.option("--dwell", default="random", show_default=True,
+              help="shortest, random, a number, or a file of dwell times.")  # fmt: skip
 @click.option("--disturbance", default="random", show_default=True,
               help="zero, extreme, random or sine.")  # fmt: skip
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True)
@@ -223,12 +224,23 @@ def run(
 @click.argument("data", required=False)
 @click.option("-o", "--output", default="estimate.png", show_default=True, help="PNG or SVG file.")
 def plot(estimate: str, data: str | None, output: str) -> int:
-    """Picture an estimate file, against the true state where DATA.csv has it."""
+    """Picture an estimate file, against the true state where DATA.csv has it.
+
+    ESTIMATE may also be the answer of `search --json` or a design: the dwell times that are proved.
+    """
     from obsdesign.document import refuse_overwriting
-    from obsdesign.plotting import plot_estimate
 
     refuse_overwriting(output, estimate, data)
-    plot_estimate(estimate, data, output)
+    if estimate.lower().endswith(".json"):
+        if data is not None:
+            raise InputError(f"{data}: data belong to an estimate file; {estimate} is an answer.")
+        from obsdesign.plotting.dwell import plot_dwell
+
+        plot_dwell(_answer(estimate), output, estimate)
+    else:
+        from obsdesign.plotting.estimate import plot_estimate
+
+        plot_estimate(estimate, data, output)
     click.echo(f"written: {output}")
     return 0
 
@@ -245,6 +257,19 @@ def schema(which: str) -> int:
     return 0
 
 
+def _answer(path: str) -> dict[str, Any]:
+    """What a command printed with --json, or a design file."""
+    import json
+
+    try:
+        body = json.loads(Path(path).read_text("utf-8"))
+    except (OSError, ValueError, RecursionError) as error:
+        raise InputError(f"{path}: cannot be read as JSON: {error}.") from None
+    if not isinstance(body, dict):
+        raise InputError(f"{path}: one JSON object is required; got {type(body).__name__}.")
+    return body
+
+
 def _plant(source: str) -> Any:
     """The plant of a problem file, or of the problem inside a design file."""
     from obsdesign.document import FORMAT, load_design
@@ -259,11 +284,17 @@ def _plant(source: str) -> Any:
     return load_problem(source).plant
 
 
-def _dwell(text: str) -> float:
+def _dwell(text: str) -> float | list[float]:
     try:
         return float(text)
     except ValueError:
-        raise InputError(f"--dwell must be shortest, random or a number; got {text!r}.") from None
+        from obsdesign.dwell_file import read_dwell_times
+
+        if Path(text).is_file():
+            return read_dwell_times(text)
+        raise InputError(
+            f"--dwell must be shortest, random, a number or a file; got {text!r}."
+        ) from None
 
 
 def _numbers(text: str, option: str) -> list[float]:

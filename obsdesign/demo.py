@@ -12,7 +12,7 @@ from obsdesign import workflow
 from obsdesign.document import load_design, write_text
 from obsdesign.errors import InputError
 from obsdesign.execution import execute
-from obsdesign.plotting import plot_estimate
+from obsdesign.plotting.estimate import plot_estimate
 from obsdesign.presentation import EXIT_CODES, show
 from obsdesign.problem import load_problem
 from obsdesign.records import table_text

@@ -68,6 +68,10 @@ def show_bracket(what: str, outcome: Outcome) -> None:
         print("  the search ended there: longer finite dwell times may hold as well")
     if result["not_proved"] is not None:
         print(f"  {result['not_proved_verdict']} at {result['not_proved']!r}")
+    if result.get("common_P") is not None:
+        print(f"  one common P proves {result['common_P']!r}, windows of dwell times the rest")
+    if result.get("open") is not None and result["open"] > result["accuracy"]:
+        print(f"  open between them: {result['open']:.2g} of the limit")
     if result.get("reason"):
         print(f"  {result['reason']}")
     for low, high in result.get("islands", []):

@@ -48,7 +48,9 @@ class _Try:
 def search(problem: Problem, what: str, accuracy: float = ACCURACY) -> workflow.Outcome:
     """The bracket for `what`; accuracy is its relative width.
 
-    result: {"proved", "not_proved", "not_proved_verdict", "accuracy", "islands", "form", "gains"}.
+    result: {"proved", "not_proved", "not_proved_verdict", "accuracy", "common_P", "open",
+    "islands", "form", "gains"}; common_P is the end that one P proves, where windows of dwell times
+    were tried beyond it, open what is left between proved and not proved, relative to the latter.
     Verdict: proved when the bracket is as tight as asked, undecided when it is wider, refuted when
     no range is admissible. InputError when the kind has no such search.
     """
@@ -60,6 +62,10 @@ def search(problem: Problem, what: str, accuracy: float = ACCURACY) -> workflow.
     if not (math.isfinite(accuracy) and 1e-12 <= accuracy < 1):
         raise InputError(f"--accuracy must be a number from 1e-12 to 1; got {accuracy!r}.")
     problem.require_dwell_time()
+    if "schedule" in problem.options:
+        raise InputError(
+            "--for dwell times: observer.schedule divides a range that is fixed; search without it."
+        )
     shortest = what == "shortest_dwell"
     tried = [_bracket(problem, candidate, shortest, accuracy) for candidate in _candidates(problem)]
     best = max(tried, key=lambda one: one.reach(shortest))
@@ -70,7 +76,7 @@ def _candidates(problem: Problem) -> list[Any]:
     """What the problem gives or leaves to be found; of gains that were searched for, the proved."""
     synthesis = workflow.layer("synthesis", problem.require_kind())
     found = list(synthesis.synthesize(problem))
-    proved = [c for c in found if "P" in c.certificates.get("dwell_stability", {})]
+    proved = [c for c in found if {"P", "windows"} & set(c.certificates.get("dwell_stability", {}))]
     return (proved or found)[:1] if found[0].searched else found
 
 
@@ -83,10 +89,14 @@ def _bracket(problem: Problem, candidate: Any, shortest: bool, accuracy: float) 
     F, H = verification.dwell_pair(candidate.gains)
     # a decay rate that is asked for has to hold over the range that is found
     F = F + exact(float(problem.options.get("decay_rate", 0.0)) * np.eye(problem.plant.n))
-    if shortest:
-        bracket = shortest_dwell(F, H, high, accuracy=accuracy)
-    else:
-        bracket = longest_dwell(F, H, low, accuracy=accuracy)
+    jump = problem.plant.jump
+    asked: dict[str, Any] = {
+        "accuracy": accuracy,
+        "memory": problem.options.get("memory", "auto"),
+        "jitter": math.inf if jump is None else jump.dwell_jitter,
+    }
+    find, kept = (shortest_dwell, high) if shortest else (longest_dwell, low)
+    bracket = find(F, H, kept, **asked)
     return _Try(candidate.label, bracket, claims, candidate.gains)
 
 
@@ -103,8 +113,12 @@ def _outcome(
         "not_proved": bracket.not_proved,
         "not_proved_verdict": bracket.verdict,
         "accuracy": accuracy,
+        "kept": problem.require_dwell_time()[1 if shortest else 0],
+        "common_P": bracket.common,
+        "open": _open(bracket),
         "islands": [list(island) for island in bracket.islands],
         "reason": _reason(bracket),
+        "witness": bracket.obstacle.get("witness"),
         "form": best.label,
         "gains": {name: best.gains[name] for name in ("L", "M")},
     }
@@ -132,6 +146,13 @@ def _tight(bracket: Bracket, accuracy: float, unit: float) -> bool:
         return bracket.proved <= accuracy * unit  # nothing is close to zero relative to itself
     width = abs(bracket.proved - bracket.not_proved)
     return width <= accuracy * max(abs(bracket.proved), abs(bracket.not_proved)) * (1 + 1e-9)
+
+
+def _open(bracket: Bracket) -> float | None:
+    """Relative width of what is neither proved nor refuted; None where that has no meaning."""
+    if bracket.proved is None or not bracket.not_proved or math.isinf(bracket.not_proved):
+        return None
+    return abs(bracket.proved / bracket.not_proved - 1)
 
 
 def _reason(bracket: Bracket) -> str | None:

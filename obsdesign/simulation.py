@@ -6,6 +6,7 @@ plant, held inputs and signal generators, so that the record is the solution to 
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -64,9 +65,9 @@ def simulate(
 
     until, step: end and spacing of the rows, in the plant's time unit (default: some ten dwell
     times; the sampling period, else a round number near until/500). initial: x(0), default ones.
-    dwell: `shortest`, `random` (admissible), one dwell time, or a sequence of them. disturbance:
-    `zero` (the middle of every bound, no noise), `extreme` (a corner, held), `random` or `sine`.
-    rng: a numpy Generator (default: seed 0). Raises InputError for anything else.
+    dwell: `shortest`, `random` (admissible), one dwell time, or a sequence of them, repeated in
+    turn. disturbance: `zero` (the middle of every bound, no noise), `extreme` (a corner, held),
+    `random` or `sine`. rng: a numpy Generator (default: seed 0). Raises InputError otherwise.
     """
     if disturbance not in DISTURBANCES:
         raise InputError(
@@ -130,7 +131,7 @@ def _spacings(plant: Plant, dwell: Any, until: float, rng: np.random.Generator) 
         raise InputError(f"dwell must be shortest, random or a positive number; got {dwell!r}.")
     if isinstance(dwell, int | float):
         return _repeat(_positive(float(dwell), "dwell"), until)
-    return [_positive(float(theta), "dwell") for theta in dwell]
+    return _cycle([_positive(float(theta), "dwell") for theta in dwell], until)
 
 
 def _repeat(theta: float, until: float) -> Any:
@@ -141,6 +142,16 @@ def _repeat(theta: float, until: float) -> Any:
         )
     count = int(until / theta) + 2
     return np.diff(np.round(theta * np.arange(count), 12))
+
+
+def _cycle(thetas: list[float], until: float) -> Any:
+    """The sequence, repeated in turn."""
+    if not thetas or until * len(thetas) / sum(thetas) > _MOST_JUMPS:
+        raise InputError(
+            f"dwell: the sequence of {len(thetas)} dwell times must make at least one jump, and "
+            f"at most {_MOST_JUMPS:g} until {until:g}."
+        )
+    return itertools.cycle(thetas)
 
 
 def _random_spacings(

@@ -164,31 +164,60 @@ def verify(design: Design, *, paranoid: bool = False) -> Outcome:
         raise InputError(f"the problem inside the design: {error}") from None
     certificates = {claim.id: claim.evidence for claim in design.claims}
     claims = verification.claims(problem, design.gains, certificates, paranoid=paranoid)
-    claims = (*claims, _told_truly(design, claims, verification.guarantees(problem, claims)))
+    claims = (*claims, _told_truly(problem, design, claims, verification))
     return Outcome(overall(claim.verdict for claim in claims), design.kind, claims, {}, design)
 
 
 def _told_truly(
-    design: Design, claims: tuple[Claim, ...], guarantees: tuple[Mapping[str, Any], ...]
+    problem: Problem, design: Design, claims: tuple[Claim, ...], verification: Any
 ) -> Claim:
-    """The document says of itself exactly what was proved again."""
-    stored = sorted((c.id, c.statement, c.source, c.verdict) for c in design.claims)
-    found = sorted((c.id, c.statement, c.source, c.verdict) for c in claims)
-    wrong = sorted({entry[0] for entry in set(stored) ^ set(found)})
-    if not wrong and stored != found:
-        wrong = ["claims"]
-    if not wrong and jsonable(guarantees) != jsonable(design.guarantees):
-        wrong = ["guarantees"]
-    if not wrong and design.name != design.problem.get("name"):
-        wrong = ["name"]
-    evidence: Mapping[str, Any] = {"entries": len(stored)}
-    if wrong:
-        because = f"the document's {wrong[0]!r} is not what its gains and problem give"
-        evidence = {"witness": {"entry": wrong[0], "reason": because}}
+    """The document says of itself exactly what was proved again.
+
+    What is undecided now and stands as decided in the document makes it unconfirmed, not false.
+    """
+    stored = {claim.id: claim for claim in design.claims}
+    open_now = [
+        claim.id
+        for claim in claims
+        if claim.verdict == "undecided"
+        and claim.id in stored
+        and stored[claim.id].verdict != "undecided"
+    ]
+    assumed = tuple(stored[claim.id] if claim.id in open_now else claim for claim in claims)
+    try:
+        guarantees = verification.guarantees(problem, assumed)
+    except InputError:
+        raise
+    except (KeyError, TypeError, ValueError):  # evidence that nobody confirmed
+        guarantees = None
+    wrong = _difference(design.claims, assumed)
+    if wrong is None and jsonable(guarantees) != jsonable(design.guarantees):
+        wrong = "guarantees"
+    if wrong is None and design.name != design.problem.get("name"):
+        wrong = "name"
+    verdict, evidence = "proved", dict[str, Any](entries=len(stored))
+    if wrong is not None:
+        because = f"the document's {wrong!r} is not what its gains and problem give"
+        verdict, evidence = "refuted", {"witness": {"entry": wrong, "reason": because}}
+    elif open_now:
+        names = ", ".join(open_now)
+        verdict = "undecided"
+        evidence = {"reason": f"what the document says of {names} could not be confirmed"}
     return Claim(
         "document",
         "claims and guarantees in the document are those that were proved again",
         "format of a design file",
-        "refuted" if wrong else "proved",
+        verdict,
         evidence,
     )
+
+
+def _difference(stored: tuple[Claim, ...], found: tuple[Claim, ...]) -> str | None:
+    """The id of a claim in which the two differ, evidence apart."""
+    one, other = (
+        sorted((c.id, c.statement, c.source, c.verdict) for c in group) for group in (stored, found)
+    )
+    wrong = sorted({entry[0] for entry in set(one) ^ set(other)})
+    if wrong:
+        return wrong[0]
+    return "claims" if one != other else None

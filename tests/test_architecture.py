@@ -94,9 +94,29 @@ def test_layers_do_not_look_sideways(layer: str) -> None:
             assert not uses(path, f"obsdesign.{other}"), module(path)
 
 
+PROVERS = (
+    "proof", "balls", "verdict", "enclosure", "bernstein", "march", "chords", "condition", "rates",
+    "hurwitz", "windows_proof",
+)  # fmt: skip
+
+
+def test_windows_are_proved_without_their_finder() -> None:
+    """Directly or through what it imports, down to flint."""
+    finders = ("windows", "window_search", "splitting", "cutting_plane", "semidefinite", "decide")
+    seen, todo = set(), ["windows_proof"]
+    while todo:
+        name = todo.pop()
+        seen.add(name)
+        names = imported(ROOT / "lmi" / f"{name}.py")
+        found = {n.split(".")[1] for n in names if n.startswith("lmi.")}
+        todo += [n for n in found - seen if (ROOT / "lmi" / f"{n}.py").exists()]
+    assert {"balls", "bernstein"} <= seen
+    assert not seen & set(finders)
+
+
 def test_provers_import_no_solver() -> None:
     files = [*(ROOT / "obsdesign" / "verification").rglob("*.py")]
-    files += [ROOT / "lmi" / f"{name}.py" for name in ("proof", "balls", "verdict", "enclosure")]
+    files += [ROOT / "lmi" / f"{name}.py" for name in PROVERS]
     for path in files:
         for solver in SOLVERS:
             assert not uses(path, solver), f"{module(path)} imports {solver}"

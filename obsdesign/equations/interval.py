@@ -61,8 +61,8 @@ def objection(plant: Any, gains: Any, options: Any) -> str | None:
                 f"observer.gains.{name} belongs to forms that are not available in this version; "
                 f"the forms are {', '.join(FORMS)}."
             )
-    for name in ("objective", "gain_limit", "memory"):
-        if options.get(name) not in (None, "auto", "feasible", 0):
+    for name in ("objective", "gain_limit"):
+        if options.get(name) not in (None, "feasible"):
             return f"observer.{name} = {options[name]!r} is not available in this version."
     return None
 

@@ -32,14 +32,6 @@ Array = NDArray[Any]
 BORDER = 4e-9
 
 
-def objection(options: Any) -> str | None:
-    """A request that would not be honoured in this version, or None; one sentence."""
-    for name in ("memory",):
-        if options.get(name) not in (None, "auto", 0):
-            return f"observer.{name} = {options[name]!r} is not available in this version."
-    return None
-
-
 def measured_at_jump(G: Array, C: Array, jump_measurement: str) -> Array:
     """The matrix X with H = G - M X."""
     return C @ G if jump_measurement == "after" else C

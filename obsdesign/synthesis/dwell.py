@@ -2,34 +2,63 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import asdict
 from typing import Any
 
-from lmi.copositive import decide_copositive
-from lmi.decide import decide
+from lmi.balls import exact, to_float
+from lmi.copositive import decide_copositive, looks_positive
+from lmi.decide import Memory, decide
+from lmi.largest_rates import largest_rates
 from lmi.rates import propose_rates
+from obsdesign.problem import Problem
 
 # from so many states on, linear programs come first: a matrix has n (n + 1) / 2 unknowns
 _LARGE = 16
 
 
-def dwell_certificates(F: Any, H: Any, low: float, high: float) -> dict[str, Any]:
+def question(problem: Problem) -> dict[str, Any]:
+    """What a problem asks of `lmi.decide` beside the range: memory and jitter."""
+    jump = problem.plant.jump
+    jitter = math.inf if jump is None else jump.dwell_jitter
+    return {"memory": problem.options.get("memory", "auto"), "jitter": jitter}
+
+
+def dwell_certificates(
+    F: Any,
+    H: Any,
+    low: float,
+    high: float,
+    *,
+    memory: Memory = "auto",
+    jitter: float = math.inf,
+) -> dict[str, Any]:
     """Under the ids of the claims they are for: stability, and the rates its P allows.
 
-    A quadratic certificate is tried, and for positive systems a copositive one: whichever proves.
+    For positive systems a copositive certificate is tried too: first where matrices are large, else
+    where one common P is not enough, before windows are. memory, jitter: as in `lmi.decide`.
     """
-    found: dict[str, Any] = {}
-    if len(F) >= _LARGE:
+    positive = looks_positive(to_float(exact(F)), to_float(exact(H)))
+    asked: dict[str, Any] = {"memory": 0 if positive else memory, "jitter": jitter}
+    if positive and len(F) >= _LARGE:
         vector = decide_copositive(F, H, low, high)
         if vector.outcome == "proved":
             return {"dwell_stability": vector.evidence}
-    verdict = decide(F, H, low, high)
-    found["dwell_stability"] = verdict.evidence
-    if "P" in verdict.evidence:
-        rates = propose_rates(F, H, verdict.evidence["P"], low, high)
+    verdict = decide(F, H, low, high, **asked)
+    if positive and verdict.outcome == "undecided":
+        if len(F) < _LARGE:
+            vector = decide_copositive(F, H, low, high)
+            if vector.outcome == "proved":
+                return {"dwell_stability": vector.evidence}
+        if memory != 0:
+            verdict = decide(F, H, low, high, memory=memory, jitter=jitter)
+    found: dict[str, Any] = {"dwell_stability": verdict.evidence}
+    if verdict.outcome == "proved":
+        if "P" in verdict.evidence:
+            rates = largest_rates(F, H, verdict.evidence["P"], low, high)
+        else:
+            seen = propose_rates(F, H, verdict.evidence, low, high, jitter)
+            rates = None if seen is None else asdict(seen)
         if rates is not None:
-            found["rates"] = {"per_jump": rates.per_jump, "in_time": rates.in_time}
-    elif verdict.outcome == "undecided" and len(F) < _LARGE:
-        vector = decide_copositive(F, H, low, high)
-        if vector.outcome == "proved":
-            found["dwell_stability"] = vector.evidence
+            found["rates"] = rates
     return found

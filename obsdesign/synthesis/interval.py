@@ -14,7 +14,7 @@ from obsdesign.equations.estimation_error import flow_error_matrix, jump_error_m
 from obsdesign.errors import InputError
 from obsdesign.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
-from obsdesign.synthesis.dwell import dwell_certificates
+from obsdesign.synthesis.dwell import dwell_certificates, question
 from obsdesign.synthesis.given_gains import given_gain, refuse_unusable
 
 
@@ -38,10 +38,10 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
     F = flow_error_matrix(plant.flow.A, L, plant.output.C)
     H = _jump_error(problem, M)
     if form in ("cooperative", "auto") and not own:
-        yield _candidate("cooperative", data, F, F, 0 * F, H)
+        yield _candidate(problem, "cooperative", data, F, F, 0 * F, H)
     if form in ("split", "auto"):
         D0, D1 = _own_split(given, "D0", "D1", F, equations.metzler_split)
-        yield _candidate("split", data, F, D0, D1, H, given)
+        yield _candidate(problem, "split", data, F, D0, D1, H, given)
 
 
 def _gain(problem: Problem, name: str) -> Any:
@@ -76,7 +76,14 @@ def _own_split(given: Any, plus: str, minus: str, X: Any, minimal: Any) -> tuple
 
 
 def _candidate(
-    form: str, data: dict[str, Any], F: Any, D0: Any, D1: Any, H: Any, given: Any = None
+    problem: Problem,
+    form: str,
+    data: dict[str, Any],
+    F: Any,
+    D0: Any,
+    D1: Any,
+    H: Any,
+    given: Any = None,
 ) -> Candidate:
     gains = {"form": form} | data | {"D0": D0, "D1": D1}
     if H is None:
@@ -87,4 +94,5 @@ def _candidate(
         Gp, Gn = _own_split(given, "Gp", "Gn", H, equations.nonnegative_split)
     gains |= {"Gp": Gp, "Gn": Gn}
     W, N = equations.width_pair(F, H, gains)
-    return Candidate(form, gains, dwell_certificates(W, N, *gains["dwell_time"]))
+    certificates = dwell_certificates(W, N, *gains["dwell_time"], **question(problem))
+    return Candidate(form, gains, certificates)

@@ -18,7 +18,6 @@ from lmi.balls import exact
 from lmi.decide import decide
 from lmi.hurwitz import prove_hurwitz
 from lmi.spectral import refute_spectral
-from obsdesign.equations import luenberger as equations
 from obsdesign.equations.estimation_error import (
     flow_error_matrix,
     jump_error_matrix,
@@ -28,7 +27,7 @@ from obsdesign.errors import InputError
 from obsdesign.problem import Problem
 from obsdesign.structure import hidden_growth, hidden_pair
 from obsdesign.synthesis.candidate import Candidate
-from obsdesign.synthesis.dwell import dwell_certificates
+from obsdesign.synthesis.dwell import dwell_certificates, question
 from obsdesign.synthesis.given_gains import given_gain, refuse_unusable
 from obsdesign.synthesis.jump_gains import jump_gains
 from obsdesign.synthesis.placement import placed_gain, riccati_gain
@@ -37,8 +36,6 @@ from obsdesign.synthesis.schedule import check_schedule, scheduled_candidate
 
 def synthesize(problem: Problem) -> Iterator[Candidate]:
     """Candidates in order of preference; InputError for what cannot be built at all."""
-    if text := equations.objection(problem.options):
-        raise InputError(text)
     refuse_unusable(problem)
     check_schedule(problem)
     plant = problem.plant
@@ -114,15 +111,15 @@ def _jump_gain(problem: Problem, F: Any) -> Any:
 
 
 def _certificates(problem: Problem, F: Any, M: Any, rate: float) -> dict[str, Any]:
-    """P for the dwell inequality; with a decay rate, the P of F + rate I serves both claims."""
+    """What shows stability; with a decay rate, the P of F + rate I serve both claims."""
     plant = problem.plant
     if plant.jump is None:
         return {}
     ends = problem.require_dwell_time()
     H = jump_error_matrix(plant.jump.G, M, plant.output.C, plant.output.jump_measurement)
     if rate == 0:
-        return dwell_certificates(F, H, *ends)
-    asked = decide(F + rate * np.eye(plant.n), H, *ends).evidence
-    if "P" not in asked:
-        return dwell_certificates(F, H, *ends) | {"decay_rate": asked}
+        return dwell_certificates(F, H, *ends, **question(problem))
+    asked = decide(F + rate * np.eye(plant.n), H, *ends, **question(problem)).evidence
+    if not {"P", "windows"} & set(asked):
+        return dwell_certificates(F, H, *ends, **question(problem)) | {"decay_rate": asked}
     return {"dwell_stability": asked, "decay_rate": asked}

@@ -18,6 +18,8 @@ from obsdesign.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
 from obsdesign.synthesis.jump_gains import equal_cells, jump_gains
 
+_MOST_CELLS = 16
+
 
 def check_schedule(problem: Problem) -> None:
     """InputError when gains at jumps are asked to follow a schedule and cannot."""
@@ -34,11 +36,17 @@ def check_schedule(problem: Problem) -> None:
             f"{low!r}. Drop schedule."
         )
     asked = problem.options["schedule"]
+    cells = asked if isinstance(asked, int) else len(asked) + 1
+    if cells > _MOST_CELLS:
+        raise InputError(
+            f"observer.schedule must make at most {_MOST_CELLS} cells, each pair of which is an "
+            f"inequality; got {cells}."
+        )
     for border in () if isinstance(asked, int) else asked:
         if not low * (1 + 2 * equations.BORDER) < border < high * (1 - 2 * equations.BORDER):
             raise InputError(
-                f"observer.schedule must lie inside jump.dwell_time = [{low:g}, {high:g}]; "
-                f"got {border!r}."
+                f"observer.schedule must lie inside jump.dwell_time = [{low:g}, {high:g}], more "
+                f"than {2 * equations.BORDER:g} of itself from the ends; got {border!r}."
             )
 
 
@@ -55,11 +63,12 @@ def scheduled_candidate(problem: Problem, label: str, L: Any, F: Any) -> Candida
     cells = equations.schedule_cells(low, high, borders)
     pairs = equations.schedule_pairs(cells, plant.jump.dwell_jitter)
     found = jump_gains(problem, F, cells, pairs)
-    if found is None:
-        raise InputError("observer.schedule: the flow of the error overflows over the range.")
-    gains = plant_data(plant) | {"L": L, "M": found.M[0]}
-    gains |= {"M_cells": found.M, "dwell_borders": np.array(borders, dtype=float)}
-    certificate = {"P_cells": [((P + P.T) / 2).tolist() for P in found.P]}
+    M = np.zeros((len(cells), plant.n, plant.p)) if found is None else found.M
+    gains = plant_data(plant) | {"L": L, "M": M[0], "M_cells": M}
+    gains["dwell_borders"] = np.array(borders, dtype=float)
+    certificate: dict[str, Any] = {}
+    if found is not None:
+        certificate = {"P_cells": [((P + P.T) / 2).tolist() for P in found.P]}
     ids = ("dwell_stability", "decay_rate")
     return Candidate(
         f"{label}, M by {len(cells)} cells of dwell times",

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal, localcontext
 from typing import Any
 
 import numpy as np
@@ -12,8 +14,9 @@ from lmi.infeasible import prove_no_common
 from lmi.positive import FORMS, SIDES, prove_copositive
 from lmi.proof import prove_common
 from lmi.rates import Rates, prove_rates
-from lmi.spectral import refute_spectral, refute_word
+from lmi.spectral import refute_spectral, refute_word, steps_within
 from lmi.verdict import Verdict, undecided
+from lmi.windows_proof import prove_windows
 from obsdesign.document import Claim
 from obsdesign.problem import Problem
 
@@ -31,25 +34,45 @@ def unusable(problem: Problem) -> str | None:
     return None
 
 
-def range_text(low: float, high: float) -> str:
-    """A range of dwell times in words that round-trip: [0.7, inf)."""
-    return f"[{low!r}, inf)" if math.isinf(high) else f"[{low!r}, {high!r}]"
+@dataclass(frozen=True)
+class Dwell:
+    """The dwell times of a claim: the range, and the largest change from one to the next."""
+
+    low: float
+    high: float
+    jitter: float = math.inf
+
+    @staticmethod
+    def of(problem: Problem) -> Dwell:
+        """Those of a problem with jumps."""
+        assert problem.plant.jump is not None
+        return Dwell(*problem.require_dwell_time(), problem.plant.jump.dwell_jitter)
+
+    def __str__(self) -> str:
+        """In words that round-trip: [0.7, inf)."""
+        ends = f"[{self.low!r}, inf)" if math.isinf(self.high) else f"[{self.low!r}, {self.high!r}]"
+        if math.isinf(self.jitter):
+            return ends
+        return f"{ends} that change by at most {self.jitter!r} from one to the next"
 
 
 def dwell_stability(
-    F: Any, H: Any, low: float, high: float, certificate: Mapping[str, Any], paranoid: bool
+    F: Any, H: Any, dwell: Dwell, certificate: Mapping[str, Any], paranoid: bool
 ) -> Verdict:
-    """Is x -> e^{F theta} H x stable for every sequence of theta in [low, high]?
+    """Is x -> e^{F theta} H x stable for every admissible sequence of theta?
 
-    certificate: what a finder believes shows the answer: {"P": n x n}, {"witness": {"thetas": ...}}
-    or {"no_common_P": ...}; it is checked here, or not used. Refuted only by a checked witness.
-    paranoid: a proof is repeated by the second, independent method.
+    certificate: what a finder believes shows the answer: {"P": n x n}, {"windows": ..., "edges":
+    ...}, {"vector": ...}, {"witness": {"thetas": ...}} or {"no_common_P": ...}; it is checked
+    here, or not used. Refuted only by a checked witness. paranoid: a proof is repeated by the
+    second, independent method.
     """
+    low, high = dwell.low, dwell.high
     attempt = undecided("no certificate P was given or found")
-    if "P" in certificate:
-        attempt = _proof(F, H, low, high, certificate["P"], paranoid)
-        if attempt.outcome == "proved":
-            return attempt
+    for name, prover in (("P", _common), ("windows", _windows)):
+        if name in certificate:
+            attempt = _twice(prover, F, H, dwell, certificate, paranoid)
+            if attempt.outcome == "proved":
+                return attempt
     if "vector" in certificate:
         attempt = _copositive(F, H, low, high, certificate)
         if attempt.outcome == "proved":
@@ -58,7 +81,7 @@ def dwell_stability(
     if counter.outcome == "refuted":
         return counter
     word = _dwell_times(certificate.get("witness"), low, high)
-    if word:
+    if word and steps_within(word, dwell.jitter):
         counter = refute_word(F, H, word)
         if counter.outcome == "refuted":
             return counter
@@ -70,22 +93,40 @@ def dwell_stability(
     return Verdict("undecided", {key: value for key, value in seen.items() if value == value})
 
 
+def source_of(verdict: Verdict, paper: str) -> str:
+    """The paper, or what takes its place where windows of dwell times prove."""
+    if verdict.outcome == "proved" and "windows" in verdict.evidence:
+        return f"{paper}, with a P for every window of dwell times (lmi/windows_proof.py)"
+    return paper
+
+
 def rates_claim(
-    F: Any, H: Any, ends: tuple[float, float], certificates: Mapping[str, Any], source: str
+    F: Any, H: Any, dwell: Dwell, certificates: Mapping[str, Any], source: str
 ) -> tuple[Claim, ...]:
     """The decay per jump and in time that a finder proposes, for the P of the stability claim.
 
     No claim where nothing was proposed: a rate is extra, stability does not hang on it.
     """
     proposed = certificates.get("rates", {})
-    P = _matrix(certificates.get("dwell_stability", {}).get("P"), len(F))
-    if P is None or not all(isinstance(proposed.get(n), float) for n in ("per_jump", "in_time")):
+    certificate = certificates.get("dwell_stability", {})
+    if not all(isinstance(proposed.get(n), float) for n in ("per_jump", "in_time")):
+        return ()
+    if "P" in certificate and _matrix(certificate["P"], len(F)) is None:
+        return ()
+    if not {"P", "windows"} & set(certificate):
         return ()
     rates = Rates(proposed["per_jump"], proposed["in_time"])
-    verdict = prove_rates(F, H, P, *ends, rates)
+    own = {name: proposed[f"P_{name}"] for name in asdict(rates) if f"P_{name}" in proposed}
+    if any(_matrix(P, len(F)) is None for P in own.values()):
+        return ()
+    verdict = prove_rates(F, H, certificate, dwell.low, dwell.high, rates, dwell.jitter, own)
+    usual = "the P of dwell_stability"
+    if "P" not in certificate:
+        usual += " of the window that the dwell times are in"
+    norms = [f"P_{name}" if name in own else usual for name in asdict(rates)]
     statement = (
-        "in the norm of the P of dwell_stability, e^(F T) H shrinks every vector by the factor "
-        "per_jump, and by e^(-in_time T), for all dwell times T in the range"
+        f"e^(F T) H shrinks every vector by the factor per_jump in the norm of {norms[0]}, and by "
+        f"e^(-in_time T) in that of {norms[1]}, for all dwell times T in the range"
     )
     return (Claim("rates", statement, source, verdict.outcome, verdict.evidence),)
 
@@ -95,30 +136,59 @@ def rates_sentence(found: tuple[Claim, ...], what: str) -> list[tuple[str, list[
     for claim in found:
         if claim.id == "rates" and claim.verdict == "proved":
             per_jump, in_time = claim.evidence["per_jump"], claim.evidence["in_time"]
+            norm = "fixed norms"
+            if "window" in claim.statement:
+                norm = "norms that depend on neighbouring dwell times"
             text = (
-                f"Without disturbance and noise, {what} just before a jump shrinks, in a fixed "
-                f"norm, to at most {per_jump:.6g} of itself at the next one, and like "
-                f"e^(-{in_time:.6g} t) from jump to jump."
+                f"Without disturbance and noise, {what} just before a jump shrinks, in {norm}, "
+                f"to at most {_six_digits(per_jump, ROUND_CEILING)} of itself at the next one, and "
+                f"like e^(-{_six_digits(in_time, ROUND_FLOOR)} t) from jump to jump."
             )
             return [(text, ["dwell_stability", "rates"])]
     return []
 
 
-def _proof(F: Any, H: Any, low: float, high: float, values: Any, paranoid: bool) -> Verdict:
-    P = _matrix(values, len(F))
+def _six_digits(value: float, rounding: str) -> str:
+    """A positive number with six digits, rounded to the side that promises less."""
+    with localcontext(prec=6, rounding=rounding):
+        return f"{+Decimal(value):.6g}"
+
+
+def _twice(
+    prover: Any, F: Any, H: Any, dwell: Dwell, certificate: Mapping[str, Any], paranoid: bool
+) -> Verdict:
+    """The proof by one P or by windows, and where asked for a second one by the other method."""
+    verdict: Verdict = prover(F, H, dwell, certificate, "bernstein")
+    if verdict.outcome != "proved" or not paranoid:
+        return verdict
+    # many windows leave narrow margins, over which log-norm steps would take too long
+    second = prover(F, H, dwell, certificate, "march" if prover is _common else "chords")
+    if second.outcome != "proved":
+        why = second.evidence.get("reason", "")
+        return undecided(f"the second method does not confirm the proof: {why}")
+    given = ("P", "windows", "edges")
+    confirmed = {key: value for key, value in second.evidence.items() if key not in given}
+    return Verdict("proved", {**verdict.evidence, "confirmed_by": confirmed})
+
+
+def _common(F: Any, H: Any, dwell: Dwell, certificate: Mapping[str, Any], method: str) -> Verdict:
+    P = _matrix(certificate["P"], len(F))
     if P is None:
         return undecided("the certificate P is not a matrix of the right size")
-    verdict = prove_common(F, H, P, low, high)
+    verdict = prove_common(F, H, P, dwell.low, dwell.high, method=method)
     if verdict.outcome != "proved":
         return verdict
-    evidence = {"P": values, **verdict.evidence}
-    if paranoid:
-        second = prove_common(F, H, P, low, high, method="march")
-        if second.outcome != "proved":
-            why = second.evidence.get("reason", "")
-            return undecided(f"the second method does not confirm the proof: {why}")
-        evidence["confirmed_by"] = dict(second.evidence)
-    return Verdict("proved", evidence)
+    return Verdict("proved", {"P": certificate["P"], **verdict.evidence})
+
+
+def _windows(F: Any, H: Any, dwell: Dwell, certificate: Mapping[str, Any], method: str) -> Verdict:
+    verdict = prove_windows(
+        F, H, certificate, dwell.low, dwell.high, jitter=dwell.jitter, method=method
+    )
+    if verdict.outcome != "proved":
+        return verdict
+    given = {name: certificate[name] for name in ("windows", "edges")}
+    return Verdict("proved", {**given, **verdict.evidence})
 
 
 def _copositive(F: Any, H: Any, low: float, high: float, certificate: Mapping[str, Any]) -> Verdict:

@@ -27,10 +27,11 @@ from obsdesign.equations.estimation_error import (
 from obsdesign.problem import Problem
 from obsdesign.verification.consistency import consistency
 from obsdesign.verification.dwell import (
+    Dwell,
     dwell_stability,
-    range_text,
     rates_claim,
     rates_sentence,
+    source_of,
     unusable,
 )
 
@@ -67,12 +68,12 @@ def claims(
     H = jump_error_matrix(numbers["G"], numbers["M"], numbers["C"], gains["jump_measurement"])
     found.append(_split_claim("jump", form, H, numbers))
     W, N = dwell_pair(gains)
-    low, high = (float(end) for end in gains["dwell_time"])
-    if math.isinf(high):
+    dwell = Dwell.of(problem)
+    if math.isinf(dwell.high):
         found.append(_hurwitz_claim(W, "there is no longest dwell time"))
     certificate = certificates.get("dwell_stability", {})
-    found.append(_stability_claim(form, (W, N), (low, high), certificate, paranoid))
-    found += rates_claim(W, N, (low, high), certificates, f"{PAPER}, {THEOREMS[form]}")
+    found.append(_stability_claim(form, (W, N), dwell, certificate, paranoid))
+    found += rates_claim(W, N, dwell, certificates, f"{PAPER}, {THEOREMS[form]}")
     return tuple(found)
 
 
@@ -112,7 +113,7 @@ def guarantees(problem: Problem, found: tuple[Claim, ...]) -> tuple[dict[str, An
     ]
     bounded: list[str] = [name for name in ("hurwitz", "dwell_stability") if name in verdicts]
     jump = problem.plant.jump
-    ends = "" if jump is None else range_text(*problem.require_dwell_time())
+    ends = "" if jump is None else str(Dwell.of(problem))
     when = f" for every sequence of dwell times in {ends}" if ends else ""
     enclosure = (
         "The bounds contain the state at every instant, if they contain it at the start, b, c and "
@@ -219,19 +220,20 @@ def _hurwitz_claim(W: Any, why: str) -> Claim:
 def _stability_claim(
     form: str,
     pair: tuple[Any, Any],
-    ends: tuple[float, float],
+    dwell: Dwell,
     certificate: Mapping[str, Any],
     paranoid: bool,
 ) -> Claim:
     """Inequality (5), or (10) on the n-dimensional pair, for all dwell times in the range."""
     equation = "Assumption 2.i, (5)" if form == "cooperative" else "Assumption 5, (10)"
-    verdict = dwell_stability(*pair, *ends, certificate, paranoid)
+    verdict = dwell_stability(*pair, dwell, certificate, paranoid)
     return Claim(
         "dwell_stability",
         f"the width map w -> e^(W T) N w, W = D0 + D1, N = Gp + Gn, is stable for every sequence "
-        f"of dwell times T in {range_text(*ends)}: one P > 0 has N' e^(W' T) P e^(W T) N < P, or "
-        "one v > 0 has v' e^(W T) N < v' (or a like inequality), for all of them",
-        f"{PAPER}, {THEOREMS[form]}, {equation}",
+        f"of dwell times T in {dwell}: one P > 0 has N' e^(W' T) P e^(W T) N < P, or one P for "
+        "each window of dwell times has, or one v > 0 has v' e^(W T) N < v' (or a like "
+        "inequality), for all of them",
+        source_of(verdict, f"{PAPER}, {THEOREMS[form]}, {equation}"),
         verdict.outcome,
         verdict.evidence,
     )

@@ -16,7 +16,6 @@ from lmi.balls import exact
 from lmi.hurwitz import prove_hurwitz
 from lmi.verdict import overall
 from obsdesign.document import Claim
-from obsdesign.equations import luenberger as equations
 from obsdesign.equations.estimation_error import (
     flow_error_matrix,
     idle_gains,
@@ -26,10 +25,11 @@ from obsdesign.equations.estimation_error import (
 from obsdesign.problem import Problem
 from obsdesign.verification.consistency import consistency
 from obsdesign.verification.dwell import (
+    Dwell,
     dwell_stability,
-    range_text,
     rates_claim,
     rates_sentence,
+    source_of,
     unusable,
 )
 from obsdesign.verification.schedule import borders_objection, scheduled_stability
@@ -47,7 +47,8 @@ def claims(
 ) -> tuple[Claim, ...]:
     """All hypotheses of the design, each with its verdict.
 
-    certificates: {"dwell_stability": {"P": n x n}, "decay_rate": {"P": n x n}} where one was found.
+    certificates: {"dwell_stability": {"P": n x n}, "decay_rate": {"P": n x n}} where one was found,
+    or windows in place of P; they are checked, never believed.
     """
     agreement = consistency(_objection(problem, gains), gains, _expected(problem))
     if agreement.verdict != "proved":
@@ -62,16 +63,16 @@ def claims(
         if rate > 0:
             found.append(_hurwitz(shifted, "decay_rate", f"the rate {rate!r} was asked for", rate))
         return tuple(found)
-    low, high = problem.require_dwell_time()
-    if math.isinf(high):
+    dwell = Dwell.of(problem)
+    if math.isinf(dwell.high):
         found.append(_hurwitz(F, "hurwitz", "there is no longest dwell time"))
     if "schedule" in problem.options:
         return (*found, *_scheduled(problem, gains, F, rate, certificates, paranoid))
     H = dwell_pair(gains)[1]
-    found.append(_stability(F, H, (low, high), certificates, paranoid))
-    found += rates_claim(F, H, (low, high), certificates, PAPER)
+    found.append(_stability(F, H, dwell, certificates, paranoid))
+    found += rates_claim(F, H, dwell, certificates, PAPER)
     if rate > 0:
-        found.append(_decay(shifted, H, (low, high), rate, certificates, paranoid))
+        found.append(_decay(shifted, H, dwell, rate, certificates, paranoid))
     return tuple(found)
 
 
@@ -83,8 +84,7 @@ def dwell_pair(gains: Mapping[str, Any]) -> tuple[Any, Any]:
 
 
 def _objection(problem: Problem, gains: Mapping[str, Any]) -> str | None:
-    asked = equations.objection(problem.options) or unusable(problem)
-    return asked or borders_objection(problem, gains)
+    return unusable(problem) or borders_objection(problem, gains)
 
 
 def _expected(problem: Problem) -> dict[str, Any]:
@@ -112,14 +112,14 @@ def _hurwitz(F: Any, name: str, why: str, rate: float = 0.0) -> Claim:
 
 
 def _stability(
-    F: Any, H: Any, ends: tuple[float, float], certificates: Mapping[str, Any], paranoid: bool
+    F: Any, H: Any, dwell: Dwell, certificates: Mapping[str, Any], paranoid: bool
 ) -> Claim:
-    verdict = dwell_stability(F, H, *ends, certificates.get("dwell_stability", {}), paranoid)
+    verdict = dwell_stability(F, H, dwell, certificates.get("dwell_stability", {}), paranoid)
     return Claim(
         "dwell_stability",
         f"the error e -> e^(F T) H e, F = A - L C, H its matrix at jumps, is stable for every "
-        f"sequence of dwell times T in {range_text(*ends)}",
-        PAPER,
+        f"sequence of dwell times T in {dwell}",
+        source_of(verdict, PAPER),
         verdict.outcome,
         verdict.evidence,
     )
@@ -134,7 +134,7 @@ def _scheduled(
     paranoid: bool,
 ) -> list[Claim]:
     """Stability, and the rate that is asked for, with gains by cells of the last dwell time."""
-    ends, found = range_text(*problem.require_dwell_time()), []
+    dwell, found = Dwell.of(problem), []
     asked = [("dwell_stability", 0.0, "is stable")]
     asked += [("decay_rate", rate, f"decays like e^(-{rate!r} t)")] if rate > 0 else []
     for name, shift, what in asked:
@@ -143,7 +143,7 @@ def _scheduled(
         verdict = scheduled_stability(problem, gains, shifted, certificate, paranoid)
         statement = (
             "the error, corrected at a jump by the gain for the dwell time that ends there, "
-            f"{what} for every sequence of dwell times T in {ends}"
+            f"{what} for every sequence of dwell times T in {dwell}"
         )
         found.append(Claim(name, statement, PAPER, verdict.outcome, verdict.evidence))
     return found
@@ -152,20 +152,19 @@ def _scheduled(
 def _decay(
     shifted: Any,
     H: Any,
-    ends: tuple[float, float],
+    dwell: Dwell,
     rate: float,
     certificates: Mapping[str, Any],
     paranoid: bool,
 ) -> Claim:
-    flow = prove_hurwitz(shifted) if math.isinf(ends[1]) else None
-    verdict = dwell_stability(shifted, H, *ends, certificates.get("decay_rate", {}), paranoid)
+    flow = prove_hurwitz(shifted) if math.isinf(dwell.high) else None
+    verdict = dwell_stability(shifted, H, dwell, certificates.get("decay_rate", {}), paranoid)
     if flow is not None and overall([flow.outcome, verdict.outcome]) == flow.outcome != "proved":
         verdict = flow
     return Claim(
         "decay_rate",
-        f"the error decays like e^(-{rate!r} t) for every sequence of dwell times in "
-        f"{range_text(*ends)}",
-        f"{PAPER}, for A - L C + {rate!r} I",
+        f"the error decays like e^(-{rate!r} t) for every sequence of dwell times in {dwell}",
+        source_of(verdict, f"{PAPER}, for A - L C + {rate!r} I"),
         verdict.outcome,
         verdict.evidence,
     )
@@ -176,7 +175,7 @@ def guarantees(problem: Problem, found: tuple[Claim, ...]) -> tuple[dict[str, An
     plant = problem.plant
     verdicts = {claim.id: claim.verdict for claim in found}
     needed = [name for name in verdicts if name not in ("decay_rate", "rates")]
-    ends = "" if plant.jump is None else range_text(*problem.require_dwell_time())
+    ends = "" if plant.jump is None else str(Dwell.of(problem))
     when = f" for every sequence of dwell times in {ends}" if ends else ""
     at_jumps = plant.output.measured == "at_jumps"
     measured = "With y measured at every jump" if at_jumps else "With y measured continuously"

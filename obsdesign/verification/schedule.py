@@ -11,6 +11,7 @@ is computed here again.
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -18,7 +19,7 @@ import numpy as np
 
 from lmi.balls import exact
 from lmi.condition import Condition
-from lmi.proof import METHODS, prove
+from lmi.proof import prove
 from lmi.spectral import refute_spectral
 from lmi.verdict import Verdict, proved, undecided
 from obsdesign.equations import luenberger as equations
@@ -46,11 +47,16 @@ def scheduled_stability(
     attempt = undecided("no certificate P_cells was given or found")
     if matrices is not None:
         pairs = equations.schedule_pairs(cells, jump.dwell_jitter)
-        attempt = _proof(F, errors, matrices, cells, pairs, METHODS if paranoid else METHODS[:1])
+        methods = ("bernstein", "chords") if paranoid else ("bernstein",)
+        attempt = _proof(F, errors, matrices, cells, pairs, methods)
         if attempt.outcome == "proved":
             return Verdict("proved", {"P_cells": certificate["P_cells"], **attempt.evidence})
-    for H, ends in zip(errors, cells, strict=True):
-        counter = refute_spectral(F, H, *ends)
+    low, high = problem.require_dwell_time()
+    inner = itertools.pairwise([low, *_borders(gains), high])
+    for H, (start, end) in zip(errors, inner, strict=True):
+        # a cell ends just before the next one begins, and only the last one holds its end
+        last = end if end == high else math.nextafter(end, -math.inf)
+        counter = refute_spectral(F, H, start, last)
         if counter.outcome == "refuted":
             return counter
     return attempt
@@ -61,10 +67,10 @@ def borders_objection(problem: Problem, gains: Mapping[str, Any]) -> str | None:
     if "schedule" not in problem.options:
         return None
     low, high = problem.require_dwell_time()
-    try:
-        borders = [low, *np.asarray(gains["dwell_borders"], dtype=np.float64).tolist(), high]
-    except (KeyError, TypeError, ValueError):
+    inner = gains.get("dwell_borders")
+    if not isinstance(inner, np.ndarray) or inner.ndim != 1:
         return "gains.dwell_borders must be a list of numbers."
+    borders = [low, *inner.tolist(), high]
     if all(a < b for a, b in itertools.pairwise(borders)):
         return None
     return "gains.dwell_borders must increase inside problem.jump.dwell_time."

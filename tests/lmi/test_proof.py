@@ -128,3 +128,10 @@ def test_a_smaller_range_never_hurts(n: int, seed: int) -> None:
     assert prove((F, H), P, low, high) == "proved"
     # and neither a smaller jump
     assert prove((F, 0.9 * H), P, 0.1, 2.0) == "proved"
+
+
+@pytest.mark.parametrize("rate", [0.0, 1e-21, -1e-3])
+def test_ranges_whose_powers_overflow(rate: float) -> None:
+    assert prove_common([[rate]], [[0.5]], [[1.0]], 1.0, 1e20).outcome == "proved"
+    # e^{1e-20 1e20} = e exceeds what the jump takes away
+    assert prove_common([[1e-20]], [[0.5]], [[1.0]], 1.0, 1e20).outcome == "undecided"

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from lmi.decide import decide
 from lmi.exponential import expm
+from lmi.largest_rates import largest_rates
 from lmi.rates import Rates, propose_rates, prove_rates
 
 ROUNDING = 1e-9  # floats against a proof in exact arithmetic
@@ -27,10 +28,11 @@ def test_proved_rates_hold_and_better_ones_are_not_proved(seed: int, n: int, end
     H *= 0.6 / np.abs(np.linalg.eigvals(expm(F * thetas[:, None, None]) @ H)).max()
     high = math.inf if endless else 3.0
     verdict = decide(F, H, 0.2, high)
-    if verdict.outcome != "proved":
+    if "P" not in verdict.evidence:
         return
     P = np.array(verdict.evidence["P"])
-    rates = propose_rates(F, H, P, 0.2, high)
+    certificate = verdict.evidence
+    rates = propose_rates(F, H, certificate, 0.2, high)
     assert rates is not None
     L = np.linalg.cholesky(P)
     maps = expm(F * thetas[:, None, None]) @ H
@@ -39,14 +41,55 @@ def test_proved_rates_hold_and_better_ones_are_not_proved(seed: int, n: int, end
     assert np.all(norms <= np.exp(-rates.in_time * thetas) * (1 + ROUNDING))
     radii = np.abs(np.linalg.eigvals(maps)).max(axis=1)
     faster = Rates(max(float(radii.max()) * 0.999, 1e-9), rates.in_time)
-    assert prove_rates(F, H, P, 0.2, high, faster).outcome == "undecided"
+    assert prove_rates(F, H, certificate, 0.2, high, faster).outcome == "undecided"
     sooner = Rates(rates.per_jump, float(np.min(-np.log(radii) / thetas)) * 1.001 + 1e-9)
-    assert prove_rates(F, H, P, 0.2, high, sooner).outcome == "undecided"
+    assert prove_rates(F, H, certificate, 0.2, high, sooner).outcome == "undecided"
 
 
 @pytest.mark.parametrize(
     "rates", [Rates(1.0, 0.0), Rates(0.0, 0.0), Rates(0.5, -1.0), Rates(0.5, math.inf)]
 )
 def test_rates_that_are_none(rates: Rates) -> None:
-    assert prove_rates([[-1.0]], [[0.1]], [[1.0]], 1.0, 2.0, rates).outcome == "undecided"
-    assert prove_rates([[-1.0]], [[0.1]], [[1.0]], 1.0, 2.0, Rates(0.5, 0.1)).outcome == "proved"
+    assert prove_rates([[-1.0]], [[0.1]], {"P": [[1.0]]}, 1.0, 2.0, rates).outcome == "undecided"
+    assert (
+        prove_rates([[-1.0]], [[0.1]], {"P": [[1.0]]}, 1.0, 2.0, Rates(0.5, 0.1)).outcome
+        == "proved"
+    )
+
+
+@settings(max_examples=20, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), n=st.integers(1, 4), endless=st.booleans())
+def test_the_largest_rates_are_proved_and_lie_between(seed: int, n: int, endless: bool) -> None:
+    rng = np.random.default_rng(seed)
+    F, H = rng.standard_normal((2, n, n))
+    F -= (np.linalg.eigvals(F).real.max() + 0.3) * np.eye(n)
+    thetas = np.linspace(0.2, 3.0, 150)
+    H *= 0.6 / np.abs(np.linalg.eigvals(expm(F * thetas[:, None, None]) @ H)).max()
+    high = math.inf if endless else 3.0
+    verdict = decide(F, H, 0.2, high)
+    if "P" not in verdict.evidence:
+        return
+    first = propose_rates(F, H, verdict.evidence, 0.2, high)
+    best = largest_rates(F, H, verdict.evidence["P"], 0.2, high)
+    assert first is not None
+    assert best is not None
+    # a search that stops short of its end by a tenth of the way may lose as much, and no more
+    assert best["per_jump"] <= first.per_jump + 0.1 * (1 - first.per_jump)
+    assert best["in_time"] >= 0.9 * first.in_time
+    radii = np.abs(np.linalg.eigvals(expm(F * thetas[:, None, None]) @ H)).max(axis=1)
+    assert best["per_jump"] >= radii.max() * (1 - ROUNDING)
+    assert best["in_time"] <= np.min(-np.log(radii) / thetas) * (1 + ROUNDING)
+    own = {name: best[f"P_{name}"] for name in ("per_jump", "in_time") if f"P_{name}" in best}
+    rates = Rates(best["per_jump"], best["in_time"])
+    assert prove_rates(F, H, verdict.evidence, 0.2, high, rates, own=own).outcome == "proved"
+    swapped = {name: (-np.array(P)).tolist() for name, P in own.items()}
+    if own:
+        false = prove_rates(F, H, verdict.evidence, 0.2, high, rates, own=swapped)
+        assert false.outcome == "undecided"
+
+
+def test_the_largest_rates_of_one_state_are_those_of_the_worst_dwell_time() -> None:
+    best = largest_rates([[-1.0]], [[2.0]], [[1.0]], 0.8, 2.0)
+    assert best is not None
+    assert best["per_jump"] == pytest.approx(2 * math.exp(-0.8), abs=2e-3)
+    assert best["in_time"] == pytest.approx(1 - math.log(2) / 0.8, rel=0.03)

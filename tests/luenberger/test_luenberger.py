@@ -317,17 +317,22 @@ def test_stream_and_batch_agree_and_missing_samples_are_said() -> None:
 # --- alternating dwell times ------------------------------------------------------------------
 
 
-def sampled_data(longest: float) -> obsdesign.Outcome:
+def sampled_data_problem(
+    longest: float, jitter: float = np.inf, **options: Any
+) -> obsdesign.Problem:
     """A sampled-data benchmark: every constant dwell time is stable, alternating ones are not."""
     zeros = np.zeros((3, 1)).tolist()
-    return obsdesign.investigate(
-        obsdesign.Problem(
-            flow={"A": [[0, 1, 0], [-2, 0.1, 1], [0, 0, 0]]},
-            jump={"G": [[1, 0, 0], [0, 1, 0], [1, 0, 0]], "dwell_time": [0.4, longest]},
-            output={"C": [[1, 0, 0]]},
-            observer={"kind": "luenberger", "gains": {"L": zeros, "M": zeros}},
-        )
-    )  # fmt: skip
+    G = [[1, 0, 0], [0, 1, 0], [1, 0, 0]]
+    return obsdesign.Problem(
+        flow={"A": [[0, 1, 0], [-2, 0.1, 1], [0, 0, 0]]},
+        jump={"G": G, "dwell_time": [0.4, longest], "dwell_jitter": jitter},
+        output={"C": [[1, 0, 0]]},
+        observer={"kind": "luenberger", "gains": {"L": zeros, "M": zeros}, **options},
+    )
+
+
+def sampled_data(longest: float, jitter: float = np.inf, **options: Any) -> obsdesign.Outcome:
+    return obsdesign.investigate(sampled_data_problem(longest, jitter, **options))
 
 
 def test_a_sequence_of_dwell_times_may_refute_where_no_single_one_does() -> None:
@@ -347,7 +352,7 @@ def test_a_sequence_of_dwell_times_may_refute_where_no_single_one_does() -> None
 
 
 def test_no_common_p_is_not_instability() -> None:
-    outcome = sampled_data(1.87)
+    outcome = sampled_data(1.87, memory=0)
     claim = outcome.claims[-1]
     assert claim.verdict == "undecided"
     assert "no common P exists" in claim.evidence["reason"]

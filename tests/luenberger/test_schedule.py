@@ -17,6 +17,7 @@ from lmi.exponential import expm
 from obsdesign.document import jsonable
 from obsdesign.equations.luenberger import schedule_cells, schedule_pairs
 from obsdesign.runtime import Sample, from_design
+from obsdesign.search import search
 from obsdesign.simulation import simulate
 from obsdesign.verification.luenberger import claims
 
@@ -48,7 +49,7 @@ def design() -> obsdesign.Design:
 def test_more_dwell_times_than_any_one_gain_that_is_found(design: obsdesign.Design) -> None:
     assert obsdesign.investigate(problem(observer__schedule=None)).verdict == "undecided"
     assert {claim.verdict for claim in design.claims} == {"proved"}
-    assert obsdesign.verify(design).verdict == "proved"
+    assert obsdesign.verify(design, paranoid=True).verdict == "proved"
     assert design.gains["M_cells"].shape == (4, 3, 1)
 
 
@@ -157,7 +158,7 @@ def test_variants_are_proved_and_verified(changes: dict[str, Any], tmp_path: Pat
     found = obsdesign.design(problem(**changes))
     found.save(tmp_path / "design.json")
     again = obsdesign.load_design(tmp_path / "design.json")
-    assert obsdesign.verify(again).verdict == "proved"
+    assert obsdesign.verify(again, paranoid=True).verdict == "proved"
     assert json.dumps(jsonable(again.gains)) == json.dumps(jsonable(found.gains))
 
 
@@ -168,8 +169,16 @@ def test_an_unbounded_range_with_a_flow_that_decays() -> None:
         "jump__dwell_time": [0.05, "inf"],
     }
     found = obsdesign.design(problem(**slow))
-    assert obsdesign.verify(found).verdict == "proved"
+    assert obsdesign.verify(found, paranoid=True).verdict == "proved"
     assert "hurwitz" in {claim.id for claim in found.claims}
+
+
+def test_a_search_for_dwell_times_wants_one_gain() -> None:
+    with pytest.raises(obsdesign.InputError) as caught:
+        search(problem(), "longest_dwell")
+    assert str(caught.value) == (
+        "--for dwell times: observer.schedule divides a range that is fixed; search without it."
+    )
 
 
 def test_cells_cover_the_range_and_pairs_obey_the_jitter() -> None:
@@ -194,7 +203,13 @@ def test_cells_cover_the_range_and_pairs_obey_the_jitter() -> None:
         ),
         (
             {"observer__schedule": [0.1, 1.0]},
-            "observer.schedule must lie inside jump.dwell_time = [0.2, 1.6]; got 0.1.",
+            "observer.schedule must lie inside jump.dwell_time = [0.2, 1.6], more than 8e-09 of "
+            "itself from the ends; got 0.1.",
+        ),
+        (
+            {"observer__schedule": 17},
+            "observer.schedule must make at most 16 cells, each pair of which is an inequality; "
+            "got 17.",
         ),
         (
             {"jump__dwell_time": [0.5, 0.5]},

@@ -1,4 +1,4 @@
-"""Pictures of an estimate against data; the only file that imports matplotlib.
+"""Pictures of an estimate against data.
 
 One panel per state: the bounds as a band or the estimate as a line, the true state where the
 data has it, jump instants as vertical ticks, rows without guarantee marked on the time axis.
@@ -6,33 +6,20 @@ data has it, jump instants as vertical ticks, rows without guarantee marked on t
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from obsdesign.errors import InputError
+from obsdesign.plotting.style import BLACK, BLUE, VERMILION, check_output, picture
 from obsdesign.records import read_columns
 
 Vector = NDArray[np.float64]
 
-# Okabe-Ito: told apart in print and by colour-blind readers
 # beyond, the drawing library overflows
 _DRAWABLE = 1e100
-_TRUTH, _BAND, _ESTIMATE, _ALARM = "#000000", "#0072B2", "#0072B2", "#D55E00"
-_STYLE: Any = {
-    "font.size": 9,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "grid.alpha": 0.25,
-    "grid.linewidth": 0.5,
-    "svg.hashsalt": "obsdesign",
-}
+_TRUTH, _BAND, _ESTIMATE, _ALARM = BLACK, BLUE, BLUE, VERMILION
 
 
 def plot_estimate(estimate: str, data: str | None, output: str) -> None:
@@ -40,10 +27,7 @@ def plot_estimate(estimate: str, data: str | None, output: str) -> None:
 
     InputError for files that cannot be read, hold no states, or another kind of picture.
     """
-    if Path(output).suffix.lower() not in (".png", ".svg"):
-        raise InputError(f"{output}: a picture must end in .png or .svg.")
-    if not Path(output).absolute().parent.is_dir():
-        raise InputError(f"{output}: cannot be written: no such folder.")
+    check_output(output)
     estimates = read_columns(estimate)
     truth = {} if data is None else read_columns(data)
     t = _numbers(estimates, "t", estimate)
@@ -54,9 +38,7 @@ def plot_estimate(estimate: str, data: str | None, output: str) -> None:
         )
     times = _numbers(truth, "t", str(data)) if truth else np.zeros(0)
     jumps = times[_numbers(truth, "jump", str(data)) == 1] if "jump" in truth else np.zeros(0)
-    with mpl.rc_context(_STYLE):
-        figure = Figure(figsize=(7.0, 1.2 + 1.7 * len(names)), layout="constrained")
-        FigureCanvasAgg(figure)
+    with picture(7.0, 1.2 + 1.7 * len(names), output) as figure:
         axes = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
         for axis, name in zip(axes, names, strict=True):
             _panel(axis, name, t, estimates, estimate, times, truth, str(data), jumps)
@@ -69,7 +51,6 @@ def plot_estimate(estimate: str, data: str | None, output: str) -> None:
                     handles.append(handle)
                     labels.append(label)
         figure.legend(handles, labels, loc="outside upper center", ncols=len(labels), frameon=False)
-        figure.savefig(output, dpi=200, metadata={"Date": None} if output.endswith("svg") else None)
 
 
 def _states(columns: dict[str, list[str]]) -> list[str]:

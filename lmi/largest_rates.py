@@ -1,0 +1,119 @@
+"""The largest decay rates that some common P allows: each step of a secant search finds a P.
+
+The margin of the search falls almost linearly with the rate, so that two steps foretell where it
+ends; the next one stays a little on this side. Proposals are floats; the rates that come out are
+proved, each with a matrix of its own.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from lmi.balls import exact, to_float
+from lmi.cutting_plane import Proposal, propose
+from lmi.families import Edge
+from lmi.rates import SMALLEST, WORTH, Rates, approx_rates, propose_rates, prove_rate
+
+Matrix = NDArray[np.float64]
+
+# the search ends this close to where the margin is foretold to vanish, relative to the rate
+_FINE = {"per_jump": 1e-3, "in_time": 2e-2}
+# of the way to there, this much is left, so that there is something to prove
+_LEFT, _STEPS = 0.1, 6
+
+
+def largest_rates(
+    F: ArrayLike, H: ArrayLike, P: ArrayLike, low: float, high: float
+) -> Mapping[str, Any] | None:
+    """The largest rates that some common P allows, nearly, proved; None if none are.
+
+    F, H: (n, n) floats or exact rationals; P: (n, n) of a proof over the range.
+    Result: {"per_jump", "in_time", "P_per_jump", "P_in_time"}; where nothing better is proved, the
+    rates of the given P alone.
+    """
+    given = np.asarray(P, dtype=np.float64)
+    seen = approx_rates(F, H, {"P": given.tolist()}, low, high)
+    if seen is None:
+        return None
+    edge = Edge(to_float(exact(F)), to_float(exact(H)), low, high)
+    limits, unit = _limits(edge), np.eye(len(edge.F))
+    families = {
+        "per_jump": lambda x: (edge.F, edge.H / x),
+        "in_time": lambda x: (edge.F + x * unit, edge.H),
+    }
+    found: dict[str, Any] = {}
+    for name, family in families.items():
+        span = _Span(1.0 if name == "per_jump" else 0.0, getattr(seen, name), getattr(limits, name))
+        for value, better in _towards(family, span, edge, given, _FINE[name]):
+            rates = Rates(value, 0.0) if name == "per_jump" else Rates(0.5, value)
+            certificate = {"P": better.tolist()}
+            done = prove_rate(F, H, certificate, low, high, rates, math.inf, name, WORTH)
+            if done.outcome == "proved":
+                found |= {name: value, f"P_{name}": certificate["P"]}
+                break
+    if len(found) < 2 * len(families):
+        usual = propose_rates(F, H, {"P": given.tolist()}, low, high)
+        return None if usual is None else asdict(usual)
+    return found
+
+
+@dataclass(frozen=True)
+class _Span:
+    """What every stable system has, what its P seems to allow, and what none can exceed."""
+
+    nothing: float
+    seen: float
+    limit: float
+
+
+def _limits(edge: Edge) -> Rates:
+    """Rates that no P can exceed: those of the worst constant dwell time."""
+    with np.errstate(all="ignore"):
+        thetas, maps = edge.grid()
+        radii = np.clip(np.abs(np.linalg.eigvals(maps)).max(axis=1), SMALLEST, None)
+    later = thetas > 0
+    in_time = float(np.min(-np.log(radii[later]) / thetas[later], initial=math.inf))
+    if math.isinf(edge.high):
+        in_time = min(in_time, -float(np.linalg.eigvals(edge.F).real.max()))
+    return Rates(float(radii.max()), in_time)
+
+
+def _towards(
+    family: Callable[[float], tuple[Matrix, Matrix]],
+    span: _Span,
+    edge: Edge,
+    P: Matrix,
+    fine: float,
+) -> list[tuple[float, Matrix]]:
+    """Rates with a P that floats find for them, best first."""
+
+    def at(x: float) -> Proposal:
+        with np.errstate(all="ignore"):
+            return propose(*family(x), edge.low, edge.high, start=P)
+
+    here, margin, bad = span.nothing, at(span.nothing).optimum, span.limit
+    found = list[tuple[float, Matrix]]()
+    if not (math.isfinite(bad) and margin > 0):
+        return found
+    following = span.seen + _LEFT * (here - span.seen)
+    for _ in range(_STEPS):
+        if abs(following - here) <= fine * abs(here):
+            break
+        proposal = at(following)
+        if proposal.P is None:
+            bad = following
+            following = (here + bad) / 2
+            continue
+        fall = (margin - proposal.optimum) / (following - here)
+        here, margin = following, proposal.optimum
+        found.append((here, proposal.P))
+        end = here + margin / fall if fall * (bad - here) > 0 else bad
+        end = end if abs(end - here) < abs(bad - here) else bad
+        following = end + _LEFT * (here - end)
+    return found[::-1]

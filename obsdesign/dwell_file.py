@@ -1,0 +1,87 @@
+"""A sequence of dwell times from a file: one number a line, or the witness of an answer.
+
+An answer is what `design --json`, `verify --json` or `search --json` print, or a design file; its
+first witness that names dwell times is taken.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from obsdesign.errors import InputError
+
+
+def read_dwell_times(path: str) -> list[float]:
+    """Positive finite numbers, at least one; InputError for anything else."""
+    try:
+        text = Path(path).read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: cannot be read as text: {error}.") from None
+    found = _answer(text, path) if text.lstrip().startswith(("{", "[")) else _lines(text, path)
+    if not found:
+        raise InputError(f"{path}: at least one dwell time is required; the file holds none.")
+    return found
+
+
+def _lines(text: str, path: str) -> list[float]:
+    """Numbers, one a line; a first line of words is a header."""
+    found = []
+    for number, line in enumerate(text.splitlines(), start=1):
+        cell = line.strip().rstrip(",")
+        if not cell or (number == 1 and not _starts_a_number(cell)):
+            continue
+        try:
+            found.append(_positive(float(cell)))
+        except ValueError:
+            raise InputError(
+                f"{path} line {number}: a dwell time must be a positive finite number; "
+                f"got {cell[:40]!r}."
+            ) from None
+    return found
+
+
+def _starts_a_number(cell: str) -> bool:
+    return cell[0] in "+-.0123456789" or cell.lower() in ("nan", "inf")
+
+
+def _positive(value: float) -> float:
+    if not (value > 0 and math.isfinite(value)):
+        raise ValueError
+    return value
+
+
+def _answer(text: str, path: str) -> list[float]:
+    try:
+        body = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{path}: not valid JSON ({error}).") from None
+    candidates = [body] if isinstance(body, list) else _sequences(body)
+    for values in candidates:
+        try:
+            return [_positive(float(value)) for value in values]
+        except (TypeError, ValueError):
+            continue
+    raise InputError(
+        f"{path}: a list of positive dwell times, or an answer with a witness that names them, "
+        "is required; it has none."
+    )
+
+
+def _sequences(body: Any) -> Iterator[list[Any]]:
+    """Dwell times of all witnesses, as they come."""
+    if isinstance(body, Mapping):
+        witness = body.get("witness")
+        if isinstance(witness, Mapping):
+            if isinstance(witness.get("thetas"), list):
+                yield witness["thetas"]
+            if isinstance(witness.get("theta"), int | float):
+                yield [witness["theta"]]
+        for item in body.values():
+            yield from _sequences(item)
+    elif isinstance(body, list):
+        for item in body:
+            yield from _sequences(item)

@@ -1,0 +1,46 @@
+"""How pictures look, and where they may be written."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from obsdesign.errors import InputError
+
+# Okabe-Ito: told apart in print and by colour-blind readers
+BLACK, BLUE, GREEN, VERMILION, GREY = "#000000", "#0072B2", "#009E73", "#D55E00", "#BBBBBB"
+
+_STYLE: Any = {
+    "font.size": 9,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.alpha": 0.25,
+    "grid.linewidth": 0.5,
+    "svg.hashsalt": "obsdesign",
+}
+
+
+def check_output(output: str) -> None:
+    """InputError unless a PNG or SVG file can be written there."""
+    if Path(output).suffix.lower() not in (".png", ".svg"):
+        raise InputError(f"{output}: a picture must end in .png or .svg.")
+    if not Path(output).absolute().parent.is_dir():
+        raise InputError(f"{output}: cannot be written: no such folder.")
+
+
+@contextmanager
+def picture(width: float, height: float, output: str) -> Iterator[Any]:
+    """A figure of so many inches, written to `output` when all of it was drawn."""
+    with mpl.rc_context(_STYLE):
+        figure = Figure(figsize=(width, height), layout="constrained")
+        FigureCanvasAgg(figure)
+        yield figure
+        same = {"Date": None} if output.lower().endswith("svg") else None
+        figure.savefig(output, dpi=200, metadata=same)
