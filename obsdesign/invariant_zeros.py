@@ -16,7 +16,7 @@ from lmi.balls import Exact, ball, certify_positive_definite, exact, precision, 
 from lmi.hurwitz import prove_hurwitz
 from lmi.verdict import Verdict, proved, refuted, undecided
 from obsdesign.equations import unknown_input as equations
-from obsdesign.structure import approx_unobservable_modes, hidden_flow, nullspace
+from obsdesign.structure import approx_unobservable_modes, hidden_flow, nullspace, own_units
 
 Matrix = NDArray[np.float64]
 
@@ -41,7 +41,7 @@ def shows_every_input(C: Matrix, D: Matrix) -> Verdict:
     direction = exact(v)
     if not direction @ room @ direction <= 0:
         return undecided("C D is at the border between full and deficient rank")
-    blind = v * units
+    blind = np.ldexp(v, (units.min() - units).clip(-2000))
     return refuted(_blind(C_unit, D_unit, blind / np.abs(blind).max()))
 
 
@@ -85,7 +85,7 @@ def zeros_decay(A: Matrix, C: Matrix, D: Matrix) -> Verdict:
     restricted = zero_flow(A, C, D)
     if restricted is None:
         return proved(zeros=[], **_nearly(A, C, D))
-    approx = np.linalg.eigvals(to_float(restricted))
+    approx = _eigenvalues(to_float(restricted))
     found = [[z.real, abs(z.imag)] for z in sorted(approx, key=lambda z: -z.real) if z.imag >= 0]
     verdict = prove_hurwitz(restricted)
     if verdict.outcome == "proved":
@@ -101,11 +101,24 @@ def zeros_decay(A: Matrix, C: Matrix, D: Matrix) -> Verdict:
 
 def _nearly(A: Matrix, C: Matrix, D: Matrix) -> dict[str, Any]:
     """A mode with Re s >= 0 that floats cannot tell from a zero; exactly it is none."""
-    N = np.linalg.pinv(C @ D)
-    modes = approx_unobservable_modes(equations.zero_dynamics(A, C, D, N), C)
+    with np.errstate(all="ignore"):  # all signals of one size: only then a margin means something
+        sizes = own_units(A)[0]
+        A, (C, D, _) = A * sizes / sizes[:, None], equations.scaled(C * sizes, D / sizes[:, None])
+        N = np.linalg.pinv(C @ D) if np.isfinite(C @ D).all() else C @ D
+        kept = equations.zero_dynamics(A, C, D, N.reshape(D.shape[1], len(C)))
+    if not np.isfinite(kept).all():  # nothing to steer by
+        return {}
+    modes = approx_unobservable_modes(kept, C)
     border = -1e-12 * float(np.abs(A).max(initial=0.0))
     growing = [mode for mode in modes if mode.eigenvalue.real >= border]
     if not growing:
         return {}
     value = growing[0].eigenvalue
     return {"nearly": {"real": value.real, "imag": abs(value.imag), "margin": growing[0].margin}}
+
+
+def _eigenvalues(F: Matrix) -> NDArray[np.complex128]:
+    """Approximate ones, to be shown; none where the numbers are beyond binary64."""
+    if not np.isfinite(F).all():
+        return np.zeros(0, dtype=np.complex128)
+    return np.asarray(np.linalg.eigvals(F), dtype=np.complex128)

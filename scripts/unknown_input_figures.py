@@ -16,7 +16,7 @@ import numpy as np
 import obsdesign
 from lmi.exponential import expm
 from obsdesign.execution import execute
-from obsdesign.plotting import plot_estimate
+from obsdesign.plotting.estimate import plot_estimate
 from obsdesign.records import table_text
 
 EXAMPLES = Path(__file__).parent.parent / "examples"

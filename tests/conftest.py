@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
-import pytest
+# before numpy is imported: workers share the processors, and matrices are small
+for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(name, "1")
 
-import obsdesign
+import pytest  # noqa: E402
+
+import obsdesign  # noqa: E402
 
 ROOT = Path(__file__).parent.parent
 

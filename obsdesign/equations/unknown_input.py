@@ -52,16 +52,22 @@ def objection(plant: Any) -> str | None:
 def scaled(C: Array, D: Array) -> tuple[Array, Array, Array]:
     """C with rows and D with columns of about unit length, so that units of y and d drop out.
 
-    Exact: factors are powers of two. The third value holds those of D's columns, (q,).
+    Exact: powers of two. The third value holds the exponents taken from D's columns, (q,).
     """
-    of_C, of_D = lengths(C), lengths(D.T)
-    return of_C[:, None] * C, D * of_D, of_D
+    of_C, of_D = exponents(C), exponents(D.T)
+    return np.ldexp(C, -of_C[:, None]), np.ldexp(D, -of_D), of_D
+
+
+def exponents(rows: Array) -> Array:
+    """e with rows of about 2^e in length; 0 for rows of zeros. No overflow, no underflow."""
+    _, largest = np.frexp(np.abs(rows).max(axis=1, initial=0.0))
+    sizes = np.linalg.norm(np.ldexp(rows, -largest[:, None]), axis=1)
+    return largest + np.where(sizes > 0, np.frexp(sizes)[1], 0)
 
 
 def lengths(rows: Array) -> Array:
     """Powers of two that bring rows to about unit length; 1 for rows of zeros."""
-    sizes = np.linalg.norm(rows, axis=1)
-    return np.ldexp(1.0, -np.frexp(np.where(sizes > 0, sizes, 1.0))[1])
+    return np.ldexp(1.0, -np.clip(exponents(rows), -1000, 1000))
 
 
 def inputs(B: Array | None, lower: Array, upper: Array) -> Array:

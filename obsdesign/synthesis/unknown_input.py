@@ -51,7 +51,17 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
     if not exists or zeros_decay(A, C, D).outcome != "proved":
         yield Candidate("none exists", {})
         return
-    label, gains = _gains(problem, D)
+    try:
+        with np.errstate(all="ignore"):
+            label, gains = _gains(problem, D)
+            finite = all(np.isfinite(X).all() for X in gains.values() if isinstance(X, np.ndarray))
+    except InputError:
+        raise
+    except (np.linalg.LinAlgError, ValueError):  # what overflowed is nothing to decompose
+        finite = False
+    if not finite:
+        yield Candidate("beyond binary64", {}, searched=True)
+        return
     yield Candidate(label, gains, searched="L" not in problem.gains)
 
 

@@ -47,7 +47,8 @@ def claims(
     existence = _existence(problem)
     if any(claim.verdict != "proved" for claim in existence):
         return existence  # no gains to speak of
-    agreement = consistency(None, gains, _expected(problem))
+    beyond = None if gains else "the gains are beyond binary64; choose other units for y, d or x"
+    agreement = consistency(beyond, gains, _expected(problem))
     if agreement.verdict != "proved":
         return (agreement, *existence)
     numbers = _exact_gains(problem, gains)
@@ -165,7 +166,10 @@ def _stable(F: Any, zeros: Mapping[str, Any]) -> Claim:
                 "being an invariant zero, so that hardly any gain reaches it"
             )
             verdict = refuted({**witness, "reason": why})
-        fastest = float(np.abs(np.linalg.eigvals(to_float(F))).max())
+        approx = to_float(F)
+        fastest = (
+            float(np.abs(np.linalg.eigvals(approx)).max()) if np.isfinite(approx).all() else 0.0
+        )
     else:
         verdict, fastest = proved(method="nothing is left to be observed"), 0.0
     return Claim(

@@ -200,3 +200,28 @@ def test_a_zero_that_coordinates_round_away_leaves_the_design_undecided() -> Non
     design = obsdesign.design(problem(*stable))  # the twin: one that decays is simply kept
     assert np.abs(np.linalg.eigvals(design.gains["F"]) + 0.5).min() < 1e-9
     assert np.abs(design.gains["L"]).max() < 1e3
+
+
+EYE = -np.eye(3)
+ODD = [
+    (np.zeros((3, 3)), [[1, 0, 0], [0, 1, 0]], [[1], [0], [0]], "refuted"),  # x3 never shows
+    (1e200 * EYE, [[1, 0, 0], [0, 1, 0]], [[1], [0], [0]], "proved"),
+    (1e-300 * EYE, [[1, 0, 0], [0, 1, 0]], [[1], [0], [0]], "proved"),
+    (EYE, [[1e250, 0, 0], [0, 1, 0]], [[1], [0], [0]], "undecided"),
+    (EYE, [[1, 0, 0], [0, 1, 0]], [[1e308], [1e308], [0]], "undecided"),
+    (EYE, [[1, 0, 0], [0, 1, 0]], [[5e-324], [0], [0]], "undecided"),
+    (np.diag([-1e-8, -1, -1e8]), [[1, 1, 1], [0, 1, 0]], [[1], [0], [0]], "proved"),
+    (np.diag([1.0] * 5, 1), [[1, 0, 0, 0, 0, 0], [0, 0, 0, 0, 0, 1]], [[0]] * 5 + [[1]], "proved"),
+    (EYE, [[1, 0, 0]] * 3, [[1], [0], [0]], "proved"),
+    (EYE, [[0, 0, 0]], [[1], [0], [0]], "refuted"),
+]
+
+
+@pytest.mark.parametrize(("A", "C", "D", "verdict"), ODD)
+def test_odd_numbers_are_answered(A: Any, C: Any, D: Any, verdict: str) -> None:
+    outcome = obsdesign.investigate(problem(A, C, D))
+    assert outcome.verdict == verdict
+    if verdict == "undecided":
+        assert "beyond binary64" in outcome.claims[0].evidence["reason"]
+    elif verdict == "proved":
+        assert obsdesign.verify(outcome.design).verdict == "proved"
