@@ -123,8 +123,8 @@ class FiniteTimeObserver(SamplingWindow):
         period = self._period
         if abs(t - state.t - period) > self._slack(t, period):
             return None
-        if not isinstance(y, np.ndarray) or y.shape != (self._p,) or not math.isfinite(y.sum()):
-            return None
+        if not isinstance(y, np.ndarray) or y.shape != (self._p,) or not math.isfinite(y.dot(y)):
+            return None  # a square that overflows takes the long way too
         # one product for w and what it measures; dot, as its overhead is half that of @
         moved = self._flow_and_seen.dot(state.w) + state.drive
         w = moved[: -self._p]
