@@ -117,19 +117,21 @@ class FiniteTimeObserver(SamplingWindow):
         self, state: FiniteTimeState, t: float, y: ArrayLike | None
     ) -> FiniteTimeState | None:
         """The usual step, from one instant to the next with a full window; None for any other."""
-        regular = state.sampled == state.t and not state.missing and state.since + 1 < self.k
-        if self._special or not regular or state.filled < self.k:
-            return None
+        due = self._driven and state.since + 1 >= self.k
+        if due or self._special or state.sampled != state.t or state.missing:
+            return None  # good, hence full, is known
         period = self._period
         if abs(t - state.t - period) > self._slack(t, period):
             return None
-        if not isinstance(y, np.ndarray) or y.shape != (self._p,) or not math.isfinite(y.sum()):
-            return None
-        # one product for w and what it measures; dot, as its overhead is half that of @
-        moved = self._flow_and_seen.dot(state.w) + state.drive
-        w = moved[: -self._p]
-        x = w + self._gain.dot(state.window)
-        window = np.concatenate((state.window[self._p :], y - moved[-self._p :]))
+        if not isinstance(y, np.ndarray) or y.shape != (self._p,) or not math.isfinite(y.dot(y)):
+            return None  # a square that overflows takes the long way too
+        # dot, as its overhead is half that of @
+        x, w, residual = self._gain.dot(state.window), state.w, y
+        if self._driven:  # one product for w and what it measures
+            moved = self._flow_and_seen.dot(state.w) + state.drive
+            w, residual = moved[: -self._p], y - moved[-self._p :]
+            x = w + x
+        window = np.concatenate((state.window[self._p :], residual))
         return FiniteTimeState(
             t, x, w, state.u, state.drive, window, None, state.filled, 0, state.since + 1, t,
             True, x, state.radius, state.slip, True,

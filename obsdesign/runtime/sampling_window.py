@@ -147,7 +147,7 @@ class SamplingWindow:
         return self._moved_onto(state, x) if self._due(state) else state
 
     def _due(self, state: FiniteTimeState) -> bool:
-        return state.since >= self.k and not self.bounded
+        return state.since >= self.k and not self.bounded and self._driven
 
     def _moved_onto(self, state: FiniteTimeState, x: Vector) -> FiniteTimeState:
         """Another response w through x: the residuals of the window follow."""
@@ -216,6 +216,11 @@ class SamplingWindow:
     @cached_property
     def _period(self) -> float:
         return float(self.gains["period"])
+
+    @cached_property
+    def _driven(self) -> bool:
+        """Does anything known drive the plant? If not, w is zero and stays so."""
+        return "B" in self.gains or bool(np.any(self._forced(np.zeros(0))))
 
     @cached_property
     def _special(self) -> bool:
