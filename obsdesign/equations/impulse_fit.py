@@ -25,6 +25,7 @@ Array = NDArray[Any]
 
 _POINTS = 160
 _MOST_POINTS = 4000
+_LONGEST_REACH = 20.0  # |F| step beyond which Taylor's series loses too many digits
 _NEWTON_STEPS = 60
 _SETTLED = 1e-6  # of a cell of the grid: Newton steps this small converge quadratically
 _CLOSE = 0.9  # of the highest: lower grid maxima cannot win by refining
@@ -52,9 +53,13 @@ class ImpulseCurve:
 
         n: entries in front that are no features; by default the states of the plant.
         """
-        size = float(min(np.abs(F).sum(axis=0).max(), np.abs(F).sum(axis=1).max()))
+        size = _balanced_size(F)
         count = int(min(max(points, math.ceil(size * tau)), _MOST_POINTS))
         step = tau / count
+        if not size * step <= _LONGEST_REACH:
+            raise ValueError(
+                f"A - K C or an exponent is too large for the window: {size * tau:.3g} times 1/tau"
+            )
         reach, terms, term = size * step, 4, 1.0
         while term > 1e-18 and terms < 100:  # Taylor's remainder over one cell
             terms += 1
@@ -81,6 +86,17 @@ class ImpulseCurve:
         """[e^{D s} H; b(s)] at one age."""
         k = min(max(round(age / self.step), 0), len(self.states) - 1)
         return _sum(self.series(k), age - k * self.step)
+
+
+def _balanced_size(F: Array) -> float:
+    """Norm of F in units of its entries that make it small: units of the states do not matter."""
+    X = np.abs(np.asarray(F, dtype=np.float64))
+    for _ in range(20):
+        rows, columns = (X - np.diag(np.diag(X))).sum(axis=1), (X - np.diag(np.diag(X))).sum(axis=0)
+        both = (rows > 0) & (columns > 0)
+        scale = np.sqrt(np.where(both, columns, 1.0) / np.where(both, rows, 1.0))
+        X = X * scale[:, None] / scale[None, :]
+    return float(min(X.sum(axis=0).max(), X.sum(axis=1).max()))
 
 
 def _sum(series: Array, v: float) -> Array:

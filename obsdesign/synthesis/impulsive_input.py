@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from lmi.balls import exact, fixed_vector
 from obsdesign.equations import impulsive_input as equations
 from obsdesign.equations.estimation_error import flow_error_matrix, plant_data
+from obsdesign.equations.impulse_fit import ImpulseCurve
 from obsdesign.errors import InputError
 from obsdesign.problem import Problem
 from obsdesign.structure import approx_unobservable_modes
@@ -31,6 +32,7 @@ Matrix = NDArray[np.float64]
 _WINDOW = 0.8  # of the shortest dwell time
 _MARGIN = 0.25  # of the window
 _RATIO = 0.05
+_LARGEST_GROWTH = 300.0  # e to it still fits binary64 with room
 _FASTER, _APART = 1.25, 1.2  # poles of the observer against those of the plant and each other
 _SPACING = 1 / 13  # of exponents, relative to the largest
 _FASTEST = 3.3  # lambda margin, where no lambda keeps the ratio
@@ -77,7 +79,7 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
     for _ in range(n - 1):
         rows.append(rows[-1] @ exact(plant.flow.A))
     # a window that is too long and a state that is not seen refute every K and all exponents
-    open_question = window < low and fixed_vector(rows) is None
+    open_question = window < low and not any(fixed_vector(X) for X in (rows, [exact(data["H"])]))
     for count in (2 * n, 2 * n + 2):
         exponents = corner_exponents(
             D, plant.output.C, data["H"], window, margin, _ratio(problem), count
@@ -92,9 +94,18 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
 
 def _rule(data: dict[str, Any], D: Matrix, exponents: Matrix) -> str:
     """When to evaluate: at a peak of |R| where every impulse makes one, else by position."""
+    if float(exponents.max(initial=0.0)) * data["window"] > _LARGEST_GROWTH:
+        raise InputError(
+            f"observer.exponents times the window must be at most {_LARGEST_GROWTH:g}; got "
+            f"{float(exponents.max()) * data['window']:.6g}."
+        )
+    F = equations.filtered_system(D, data["C"], exponents)
+    try:
+        ImpulseCurve.of(F, data["H"], data["window"])
+    except ValueError as error:
+        raise InputError(f"{error}; are the units of flow.A what they should be?") from None
     if "threshold" in data:
         return "threshold"
-    F = equations.filtered_system(D, data["C"], exponents)
     peak = equations.has_peak(F, data["H"], data["window"], data["margin"])
     return "peak" if peak else "position"
 

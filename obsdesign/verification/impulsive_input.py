@@ -52,6 +52,10 @@ def claims(
         asked = float(problem.options["ratio"])
         found.append(window_claims.ratio(D, C, H, exponents, window, margin, asked))
     verdict = decide_uniqueness(D, C, H, exponents, window, margin)
+    try:
+        expected = expectations(to_float(D), gains)
+    except ValueError:  # numbers beyond what floats can follow: nothing to expect
+        expected = {}
     found.append(
         Claim(
             "uniqueness",
@@ -59,7 +63,7 @@ def claims(
             f"weight of an impulse whose age lies in [{margin!r}, {window!r}]",
             SOURCE,
             verdict.outcome,
-            {**verdict.evidence, "approx_expected": expectations(to_float(D), gains)},
+            {**verdict.evidence, "approx_expected": expected},
         )
     )
     return tuple(found)

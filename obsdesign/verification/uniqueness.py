@@ -81,6 +81,10 @@ def decide_uniqueness(
 ) -> Verdict:
     """Verdict on (17) for ages in [margin, window]; D, C, H exact, exponents floats."""
     n, m, q = len(D), len(exponents), H.shape[1]
+    idle = fixed_vector([H])
+    if idle is not None:
+        reason = f"impulses with weights {idle} do nothing: the columns of jump.H are dependent"
+        return refuted({"weights": idle, "reason": reason})
     real = real_spectrum(D)
     if real:
         found = _by_theorem(D, C, H, m, exponents, window)
