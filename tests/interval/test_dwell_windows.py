@@ -40,9 +40,9 @@ def test_windows_bound_the_width() -> None:
 
 
 def test_slow_changes_bound_the_width_where_quick_ones_do_not() -> None:
-    quick = obsdesign.investigate(problem(*SLOW))
+    quick = obsdesign.investigate(problem(*SLOW, form="split"))
     assert quick.verdict == "refuted"
-    slow = obsdesign.investigate(problem(*SLOW, jitter=0.2))
+    slow = obsdesign.investigate(problem(*SLOW, jitter=0.2, form="split"))
     assert slow.verdict == "proved"
     claim = next(c for c in slow.claims if c.id == "dwell_stability")
     assert "[0.1, 2.0] that change by at most 0.2 from one to the next" in claim.statement

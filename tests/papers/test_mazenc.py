@@ -9,7 +9,7 @@ import pytest
 from scipy.linalg import expm
 
 import obsdesign
-from lmi.balls import entries, identity, precision, solve
+from lmi.balls import entries, identity, precision, solve_entries
 from lmi.exponential import expm as expms
 from lmi.norms import float_above, float_below, middles
 from obsdesign.equations import finite_time as equations
@@ -89,7 +89,7 @@ def test_printed_matrices() -> None:
     with precision(160):
         sampled = Sampled.of(A, C, PERIOD, K)
         M = difference_matrix(sampled, L)[0] * gain_scale(sampled, L)
-        inverse = middles(solve(M, entries(identity(2))))
+        inverse = middles(solve_entries(M, entries(identity(2))))
         M = middles(M)
     assert np.abs(M - [[-0.0715, 0.0226], [0.1386, -0.0715]]).max() <= 0.5e-4
     assert np.abs(inverse - [[-36.0244, -11.3718], [-69.8228, -36.0244]]).max() <= 0.5e-4
