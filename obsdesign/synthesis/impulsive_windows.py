@@ -30,6 +30,8 @@ _LONGER = 4
 _RANK = 1e-10
 # log of the largest alpha that is worth its name
 _FASTEST = 200.0
+# the least weight that the impulses of a window may have, and the longest window
+_SPREAD, _LONGEST = 1e7, 4096
 # a proof that took so many boxes in vain is not repeated in more dimensions
 _TIRED = 1000
 
@@ -100,17 +102,34 @@ def windowed(
     core = equations.core_of(numbers)
     shortest = math.ceil(core.size / problem.plant.p)
     asked = problem.options.get("window")
+    if asked is not None and asked > _LONGEST:
+        raise InputError(f"observer.window must be at most {_LONGEST} impulses; got {asked}.")
     if math.isinf(ends[1]):
         return Candidate(label, dict(gains) | {"window": int(asked or shortest)}, others)
     blocks, verdict, searched = _provable(core, shortest, asked, ends)
     others["strongly_observable"] = {**verdict.evidence, "blocks": blocks}
     found = dict(gains) | {"window": int(asked or blocks)}
+    _refuse_lost_digits(problem, float(gains["alpha"]), blocks)
     if verdict.outcome == "proved" and "noise_target" in problem.options:
         found, met = quiet_enough(problem, found)
         others["noise_target"] = met
     if verdict.outcome == "proved":
         others["rate"] = {"estimated": estimate(problem, found)}
     return Candidate(label, found, others, searched=searched)
+
+
+def _refuse_lost_digits(problem: Problem, alpha: float, blocks: int) -> None:
+    """InputError where the oldest of the impulses that are needed would weigh next to nothing."""
+    if (blocks - 1) * math.log(alpha) <= math.log(_SPREAD):
+        return
+    name, value = "alpha", alpha
+    if "alpha" not in problem.options:
+        name, value = "decay_rate", float(problem.options["decay_rate"])
+    raise InputError(
+        f"observer.{name} = {value!r} weighs the oldest of {blocks} impulses by "
+        f"alpha^{1 - blocks} with alpha = {alpha:.4g}: fewer digits than binary64 has; at most "
+        f"alpha = {_SPREAD ** (1 / (blocks - 1)):.4g} can be executed."
+    )
 
 
 def _provable(

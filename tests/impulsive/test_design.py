@@ -402,3 +402,31 @@ def test_a_decay_rate_beyond_all_numbers() -> None:
         "observer.decay_rate must be at most 200 / jump.dwell_time[1] here; got 10000.0. "
         "Is it in the plant's unit of time?"
     )
+
+
+@pytest.mark.parametrize(
+    ("options", "line"),
+    [
+        (
+            {"decay_rate": 25.0},
+            "observer.decay_rate = 25.0 weighs the oldest of 2 impulses by alpha^-1 with alpha = "
+            "1.932e+16: fewer digits than binary64 has; at most alpha = 1e+07 can be executed.",
+        ),
+        (
+            {"alpha": 1e300, "window": 4},
+            "observer.alpha = 1e+300 weighs the oldest of 2 impulses by alpha^-1 with alpha = "
+            "1e+300: fewer digits than binary64 has; at most alpha = 1e+07 can be executed.",
+        ),
+        ({"window": 100000}, "observer.window must be at most 4096 impulses; got 100000."),
+    ],
+)
+def test_what_no_runtime_could_execute_is_refused(options: dict, line: str) -> None:
+    asked = obsdesign.Problem.from_dict({
+        "flow": {"A": [[0, 1], [0, 0]]},
+        "jump": {"dwell_time": [0.5, 1.5]},
+        "output": {"C": [[1, 0]], "measured": "at_jumps"},
+        "observer": {"kind": "impulsive", **options},
+    })  # fmt: skip
+    with pytest.raises(obsdesign.InputError) as caught:
+        obsdesign.investigate(asked)
+    assert str(caught.value) == line
