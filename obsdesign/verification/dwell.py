@@ -141,14 +141,14 @@ def rates_sentence(found: tuple[Claim, ...], what: str) -> list[tuple[str, list[
                 norm = "norms that depend on neighbouring dwell times"
             text = (
                 f"Without disturbance and noise, {what} just before a jump shrinks, in {norm}, "
-                f"to at most {_six_digits(per_jump, ROUND_CEILING)} of itself at the next one, and "
-                f"like e^(-{_six_digits(in_time, ROUND_FLOOR)} t) from jump to jump."
+                f"to at most {six_digits(per_jump, ROUND_CEILING)} of itself at the next one, and "
+                f"like e^(-{six_digits(in_time, ROUND_FLOOR)} t) from jump to jump."
             )
             return [(text, ["dwell_stability", "rates"])]
     return []
 
 
-def _six_digits(value: float, rounding: str) -> str:
+def six_digits(value: float, rounding: str) -> str:
     """A positive number with six digits, rounded to the side that promises less."""
     with localcontext(prec=6, rounding=rounding):
         return f"{+Decimal(value):.6g}"

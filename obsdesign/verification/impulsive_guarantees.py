@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from decimal import ROUND_CEILING, ROUND_FLOOR
 from typing import Any
 
 from obsdesign.document import Claim
 from obsdesign.problem import Problem
-from obsdesign.verification.dwell import Dwell
+from obsdesign.verification.dwell import Dwell, six_digits
 
 
 def guarantees(problem: Problem, found: tuple[Claim, ...]) -> tuple[dict[str, Any], ...]:
@@ -31,13 +32,22 @@ def guarantees(problem: Problem, found: tuple[Claim, ...]) -> tuple[dict[str, An
             )
             told.append((
                 f"Without {free}, the error just before an impulse is, N impulses later, at most "
-                f"{constant:.6g} * {each:.6g}^N of what it was; it decays like "
-                f"e^(-{in_time:.6g} t). Actual errors are far smaller.", [*needed, "rate"],
+                f"{six_digits(constant, ROUND_CEILING)} * {six_digits(each, ROUND_CEILING)}^N of "
+                f"what it was; it decays like e^(-{six_digits(in_time, ROUND_FLOOR)} t). Actual "
+                "errors are far smaller.", [*needed, "rate"],
             ))  # fmt: skip
     if "decay_rate" in verdicts:
         rate = float(problem.options["decay_rate"])
         told.append((f"The error decays like e^(-{rate!r} t) {when}.", [*needed, "decay_rate"]))
-    return tuple(
+    result = [
         {"statement": text, "given": all(verdicts[i] == "proved" for i in ids), "claims": ids}
         for text, ids in told
-    )
+    ]
+    if "noise_target" in problem.options:
+        target = ", ".join(repr(float(value)) for value in problem.options["noise_target"])
+        text = (
+            f"Noise leaves the states errors with standard deviations of at most {target}: "
+            "estimated by simulation, not proved."
+        )
+        result.append({"statement": text, "given": False, "claims": []})
+    return tuple(result)
