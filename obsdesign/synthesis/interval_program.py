@@ -60,6 +60,8 @@ class _Program:
 
     def solve(self, cost: Matrix, bounds: list[tuple[float | None, float | None]]) -> Matrix | None:
         """Minimiser, or None."""
+        if not (np.isfinite(self.values).all() and np.isfinite([*self.limits, *cost]).all()):
+            return None  # beyond binary64 there is nothing to propose
         shape = (len(self.limits), self.size)
         A = csr_matrix((self.values, (self.rows, self.columns)), shape=shape)
         answer = linprog(cost, A_ub=A, b_ub=self.limits, bounds=bounds, method="highs")
