@@ -11,6 +11,8 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+import numpy as np
+
 from lmi.balls import exact, inverse
 from lmi.dwell_search import shortest_dwell
 from obsdesign.equations import interval as equations
@@ -27,6 +29,8 @@ from obsdesign.synthesis.interval_sampled import propose_samples, propose_spacin
 from obsdesign.synthesis.interval_task import mean_width, sampling_task, task_of
 from obsdesign.synthesis.interval_tube import proved_width
 
+_LARGEST = 1e100
+
 
 def synthesize(problem: Problem) -> Iterator[Candidate]:
     """Candidates in the order in which they are to be preferred; those with a cost, by cost.
@@ -38,6 +42,7 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
     _refuse(problem)
     given = {name: given_gain(problem, name) for name in ("L", "M")}
     given = {name: gain for name, gain in given.items() if gain is not None}
+    _refuse_beyond_floats(problem, given)
     own = {name: problem.gains[name] for name in ("S", "S2", "T") if name in problem.gains}
     for form in equations.forms_asked(problem.gains, problem.options):
         if form == "coordinates" and "S" not in own:
@@ -58,6 +63,21 @@ def _refuse(problem: Problem) -> None:
             "observer.objective = 'shortest_dwell' is not available with measured = 'periodic'; "
             "it must be feasible or narrowest."
         )
+
+
+def _refuse_beyond_floats(problem: Problem, given: Mapping[str, Any]) -> None:
+    """InputError where gains are to be found and products of entries would overflow."""
+    plant = problem.plant
+    for name, entries in (
+        ("flow.A", plant.flow.A),
+        ("jump.G", None if plant.jump is None else plant.jump.G),
+    ):
+        largest = 0.0 if entries is None else float(np.abs(entries).max())
+        if {"L", "M"} - set(given) and largest > _LARGEST:
+            raise InputError(
+                f"{name} must not exceed {_LARGEST:g} where gains are to be found; got "
+                f"{largest:g}. Is it in the plant's units?"
+            )
 
 
 def untried(problem: Problem) -> dict[str, str]:

@@ -265,3 +265,18 @@ def test_an_obstruction_is_told_again_by_verify() -> None:
     gains = dict(design.gains) | {"dwell_time": [0.5, math.inf]}
     found = claims(obsdesign.Problem.from_dict(body), gains, {})
     assert next(c for c in found if c.id == "attainable").verdict == "refuted"
+
+
+def test_entries_whose_products_overflow_are_refused() -> None:
+    huge = obsdesign.Problem.from_dict({
+        "flow": {"A": [[-1e308, 1e308], [1e308, -1e308]]},
+        "jump": {"dwell_time": [0.5, 2]},
+        "output": {"C": [[1, 0]]},
+        "observer": {"kind": "interval"},
+    })  # fmt: skip
+    with pytest.raises(obsdesign.InputError) as caught:
+        obsdesign.investigate(huge)
+    assert str(caught.value) == (
+        "flow.A must not exceed 1e+100 where gains are to be found; got 1e+308. Is it in the "
+        "plant's units?"
+    )
