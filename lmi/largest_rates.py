@@ -43,6 +43,8 @@ def largest_rates(
         return None
     edge = Edge(to_float(exact(F)), to_float(exact(H)), low, high)
     limits, unit = _limits(edge), np.eye(len(edge.F))
+    with np.errstate(all="ignore"):
+        margin = propose(edge.F, edge.H, low, high, start=given).optimum
     families = {
         "per_jump": lambda x: (edge.F, edge.H / x),
         "in_time": lambda x: (edge.F + x * unit, edge.H),
@@ -50,7 +52,7 @@ def largest_rates(
     found: dict[str, Any] = {}
     for name, family in families.items():
         span = _Span(1.0 if name == "per_jump" else 0.0, getattr(seen, name), getattr(limits, name))
-        for value, better in _towards(family, span, edge, given, _FINE[name]):
+        for value, better in _towards(family, span, edge, given, margin, _FINE[name]):
             rates = Rates(value, 0.0) if name == "per_jump" else Rates(0.5, value)
             certificate = {"P": better.tolist()}
             done = prove_rate(F, H, certificate, low, high, rates, math.inf, name, WORTH)
@@ -89,15 +91,16 @@ def _towards(
     span: _Span,
     edge: Edge,
     P: Matrix,
+    margin: float,
     fine: float,
 ) -> list[tuple[float, Matrix]]:
-    """Rates with a P that floats find for them, best first."""
+    """Rates with a P that floats find for them, best first. margin: what is left at no rate."""
 
     def at(x: float) -> Proposal:
         with np.errstate(all="ignore"):
             return propose(*family(x), edge.low, edge.high, start=P)
 
-    here, margin, bad = span.nothing, at(span.nothing).optimum, span.limit
+    here, bad = span.nothing, span.limit
     found = list[tuple[float, Matrix]]()
     if not (math.isfinite(bad) and margin > 0):
         return found

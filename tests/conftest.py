@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
-# before numpy is imported: workers share the processors, and matrices are small
-for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(name, "1")
+import pytest
 
-import pytest  # noqa: E402
-
-import obsdesign  # noqa: E402
+import obsdesign
 
 ROOT = Path(__file__).parent.parent
 

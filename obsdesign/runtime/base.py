@@ -125,16 +125,21 @@ def require_gains(gains: Mapping[str, Any], squares: Sequence[str], jumps: Seque
     if "G" in gains:
         shapes |= dict.fromkeys(("G", *jumps), n + n) | {"jump_lower": n, "jump_upper": n}
         shapes |= {"dwell_time": (2,)}
-    for name, shape in shapes.items():
-        value = gains.get(name)
-        if not shape or not isinstance(value, np.ndarray | list) or np.shape(value) != shape:
-            found = "nothing" if value is None else f"shape {np.shape(value)}"
-            raise ValueError(f"gains.{name} must have shape {shape}; got {found}.")
+    require_shapes(gains, shapes)
     for name in ("B", "E"):
         if name in gains and (np.ndim(gains[name]) != 2 or len(gains[name]) != n[0]):
             raise ValueError(f"gains.{name} must have {n[0]} rows.")
     if gains.get("jump_measurement") not in ("before", "after", "none"):
         raise ValueError("gains.jump_measurement must be before, after or none.")
+
+
+def require_shapes(gains: Mapping[str, Any], shapes: Mapping[str, tuple[int, ...]]) -> None:
+    """ValueError unless each of these entries is there, in its shape."""
+    for name, shape in shapes.items():
+        value = gains.get(name)
+        if not shape or not isinstance(value, np.ndarray | list) or np.shape(value) != shape:
+            found = "nothing" if value is None else f"shape {np.shape(value)}"
+            raise ValueError(f"gains.{name} must have shape {shape}; got {found}.")
 
 
 def later(sample_t: float, t: float, started: bool) -> float:

@@ -14,7 +14,7 @@ sample at t itself enters the next window, as in the paper.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -22,17 +22,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from obsdesign.equations import finite_time as equations
-from obsdesign.errors import InputError
 from obsdesign.runtime.approximate_inputs import Known
 from obsdesign.runtime.base import (
-    Batch,
     Estimate,
     Sample,
-    collect,
     later,
     optional_measurement,
-    rows_of,
-    run,
     vector,
 )
 from obsdesign.runtime.sampling_window import FiniteTimeState, SamplingWindow
@@ -57,16 +52,6 @@ class FiniteTimeObserver(SamplingWindow):
         points = tuple(f"x{i + 1}" for i in range(self.n))
         ends = tuple(f"{name}_{end}" for name in points for end in ("lo", "hi"))
         return points + (ends if self.bounded else ())
-
-    def start(self, t: float, initial: Sequence[float] | None) -> FiniteTimeState:
-        """State from x1, ..., xn, default zeros; InputError if they are not n finite numbers."""
-        x = [0.0] * self.n if initial is None else list(initial)
-        if len(x) != self.n or not np.isfinite(x).all():
-            names = ",".join(f"x{i + 1}" for i in range(self.n))
-            raise InputError(
-                f"--initial must be the {self.n} finite numbers {names}; got {len(x)} numbers."
-            )
-        return self.init(t, x=x)
 
     def init(self, t: float = 0.0, *, x: ArrayLike | None = None) -> FiniteTimeState:
         """State at time t; x is a guess that is shown until the window is full, default zeros."""
@@ -136,25 +121,6 @@ class FiniteTimeObserver(SamplingWindow):
             t, x, w, state.u, state.drive, window, None, state.filled, 0, state.since + 1, t,
             True, x, state.radius, state.slip, True,
         )  # fmt: skip
-
-    def run(self, state: FiniteTimeState, samples: Iterable[Sample]) -> Iterator[Estimate]:
-        """Estimates for a stream of samples."""
-        return run(self, state, samples)
-
-    def run_batch(
-        self,
-        t: ArrayLike,
-        y: ArrayLike | None = None,
-        u: ArrayLike | None = None,
-        w: ArrayLike | None = None,
-        jump: ArrayLike | None = None,
-        *,
-        x: ArrayLike | None = None,
-    ) -> Batch:
-        """The whole record at once: a loop over `step` from a guess of x at its first row."""
-        times = np.asarray(t, dtype=np.float64)
-        state = self.init(float(times[0]), x=x)
-        return collect(self.run(state, rows_of(times, y, u, w, jump)))
 
     # --- time ---------------------------------------------------------------------------------
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from obsdesign.equations.impulsive_input import OPERATORS, RULES, WEIGHTINGS
+from obsdesign.runtime.base import require_shapes
 
 
 def check_gains(gains: Mapping[str, Any]) -> None:
@@ -17,11 +18,7 @@ def check_gains(gains: Mapping[str, Any]) -> None:
               "noise_cv": p, "dwell_time": (2,)}  # fmt: skip
     if gains.get("operator") == "integral":
         shapes |= {"K": n + p}
-    for name, shape in shapes.items():
-        value = gains.get(name)
-        if not shape or not isinstance(value, np.ndarray | list) or np.shape(value) != shape:
-            found = "nothing" if value is None else f"shape {np.shape(value)}"
-            raise ValueError(f"gains.{name} must have shape {shape}; got {found}.")
+    require_shapes(gains, shapes)
     for name in ("B", "H"):
         if (name in gains or name == "H") and (
             np.ndim(gains.get(name, ())) != 2 or len(gains[name]) != n[0]

@@ -15,7 +15,7 @@ an older measurement.
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar
@@ -25,21 +25,17 @@ from numpy.typing import ArrayLike
 
 from lmi.exponential import expm, flow_integrals
 from obsdesign.equations.impulsive import Core, core_of
-from obsdesign.errors import InputError
 from obsdesign.runtime.base import (
-    Batch,
     DwellGuard,
     Estimate,
     Sample,
     Vector,
-    collect,
     later,
     optional_measurement,
-    rows_of,
-    run,
     vector,
 )
 from obsdesign.runtime.impulsive_gains import require_impulsive_gains
+from obsdesign.runtime.point import SteppedObserver
 from obsdesign.runtime.sliding_window import Element, SlidingWindow
 from obsdesign.runtime.step_cache import cached_step
 
@@ -68,7 +64,7 @@ class ImpulsiveState:
 
 
 @dataclass(frozen=True)
-class ImpulsiveObserver:
+class ImpulsiveObserver(SteppedObserver[ImpulsiveState]):
     """Executes a design of kind `impulsive`."""
 
     gains: Mapping[str, Any]
@@ -86,32 +82,6 @@ class ImpulsiveObserver:
         """The observer of a design's `gains`; ValueError if they do not fit each other."""
         require_impulsive_gains(gains)
         return cls(gains)
-
-    @property
-    def n(self) -> int:
-        """Number of states."""
-        return len(self.gains["A"])
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Columns of the estimate after t."""
-        return tuple(f"x{i + 1}" for i in range(self.n))
-
-    @property
-    def reads(self) -> dict[str, int | bool]:
-        """How many y, u, w a sample has, and that jumps are reported."""
-        u, w = (self.gains[x].shape[1] if x in self.gains else 0 for x in ("B", "E"))
-        return {"y": len(self.gains["C"]), "u": u, "w": w, "jump": True}
-
-    def start(self, t: float, initial: Sequence[float] | None) -> ImpulsiveState:
-        """State from x1, ..., xn, default zeros; InputError if they are not n finite numbers."""
-        x = [0.0] * self.n if initial is None else list(initial)
-        if len(x) != self.n or not np.isfinite(x).all():
-            raise InputError(
-                f"--initial must be the {self.n} finite numbers {','.join(self.names)}; "
-                f"got {len(x)} numbers."
-            )
-        return self.init(t, x=x)
 
     def init(self, t: float = 0.0, *, x: ArrayLike | None = None) -> ImpulsiveState:
         """State at time t from a guess of x(t), before the first sample and its impulse."""
@@ -147,25 +117,6 @@ class ImpulsiveObserver:
         u = state.u if sample.u is None else vector(sample.u, len(state.u), "u")
         following = replace(moved, t=t, x=x, u=u, guard=guard, started=True)
         return following, Estimate(t, x=x, status="; ".join(objections) or "ok")
-
-    def run(self, state: ImpulsiveState, samples: Iterable[Sample]) -> Iterator[Estimate]:
-        """Estimates for a stream of samples."""
-        return run(self, state, samples)
-
-    def run_batch(
-        self,
-        t: ArrayLike,
-        y: ArrayLike | None = None,
-        u: ArrayLike | None = None,
-        w: ArrayLike | None = None,
-        jump: ArrayLike | None = None,
-        *,
-        x: ArrayLike | None = None,
-    ) -> Batch:
-        """The whole record at once: a loop over `step` from a guess of x at its first row."""
-        times = np.asarray(t, dtype=np.float64)
-        state = self.init(float(times[0]), x=x)
-        return collect(self.run(state, rows_of(times, y, u, w, jump)))
 
     @cached_property
     def _core(self) -> Core:

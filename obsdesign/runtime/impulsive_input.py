@@ -15,7 +15,6 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from obsdesign.errors import InputError
 from obsdesign.runtime.base import (
     Batch,
     Estimate,
@@ -29,6 +28,7 @@ from obsdesign.runtime.base import (
 from obsdesign.runtime.impulse_engine import Engine, IntegralEngine, Live
 from obsdesign.runtime.impulse_gains import check_gains
 from obsdesign.runtime.impulse_samples import SamplesEngine
+from obsdesign.runtime.point import PointObserver
 
 _BLOCK = 1024  # rows that a batch hands over at once, at least a window of them
 
@@ -45,7 +45,7 @@ class ImpulsiveInputState:
 
 
 @dataclass(frozen=True)
-class ImpulsiveInputObserver:
+class ImpulsiveInputObserver(PointObserver[ImpulsiveInputState]):
     """Executes a design of kind `impulsive_input`."""
 
     gains: Mapping[str, Any]
@@ -59,16 +59,6 @@ class ImpulsiveInputObserver:
         check_gains(gains)
         engines: dict[str, Any] = {"integral": IntegralEngine, "samples": SamplesEngine}
         return cls(gains, engines[gains["operator"]].from_gains(gains))
-
-    @property
-    def n(self) -> int:
-        """Number of states."""
-        return len(self.gains["A"])
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Columns of the estimate after t."""
-        return tuple(f"x{i + 1}" for i in range(self.n))
 
     @property
     def reads(self) -> dict[str, int | bool]:
@@ -88,16 +78,6 @@ class ImpulsiveInputObserver:
     def latency(self) -> float:
         """Time by which rows are late at least: the window; confirming a maximum adds to it."""
         return float(self.gains["window"])
-
-    def start(self, t: float, initial: Sequence[float] | None) -> ImpulsiveInputState:
-        """State from x1, ..., xn, default zeros; InputError if they are not n finite numbers."""
-        x = [0.0] * self.n if initial is None else list(initial)
-        if len(x) != self.n or not np.isfinite(x).all():
-            raise InputError(
-                f"--initial must be the {self.n} finite numbers {','.join(self.names)}; "
-                f"got {len(x)} numbers."
-            )
-        return self.init(t, x=x)
 
     def init(
         self, t: float = 0.0, *, x: ArrayLike | None = None, covariance: ArrayLike | None = None

@@ -33,7 +33,8 @@ class IntervalBundle:
         first = self.observers[0].gains
         for other in self.observers[1:]:
             for name in _PLANT:
-                if not np.array_equal(first.get(name), other.gains.get(name)):  # type: ignore[arg-type]
+                mine, theirs = (np.asarray(x.get(name)) for x in (first, other.gains))
+                if not np.array_equal(mine, theirs):
                     raise ValueError(
                         f"observers of a bundle must be for one plant; {name} differs."
                     )

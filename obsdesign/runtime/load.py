@@ -48,20 +48,19 @@ def from_design(design: Design, path: str = "design") -> Observer:
 # gains that repeat an entry of the problem, and where it stands there
 _REPEATED = (
     ("A", "flow", "A"), ("B", "flow", "B"), ("C", "output", "C"), ("G", "jump", "G"),
-    ("E", "jump", "E"), ("H", "jump", "H"), ("noise_bound", "output", "noise_bound"),
-    ("period", "output", "period"),
+    ("E", "jump", "E"), ("noise_bound", "output", "noise_bound"), ("period", "output", "period"),
     ("dwell_time", "jump", "dwell_time"), ("dwell_jitter", "jump", "dwell_jitter"),
     ("jump_measurement", "output", "jump_measurement"),
 )  # fmt: skip
+# the same, of one kind: elsewhere the name is a matrix of the observer
+_REPEATED_BY_KIND = {"impulsive_input": (("H", "jump", "H"),)}
 
 
 def _same_plant(design: Design, path: str) -> None:
     """InputError when the gains are for another plant than the one the design names."""
-    for name, block, key in _REPEATED:
+    for name, block, key in (*_REPEATED, *_REPEATED_BY_KIND.get(design.kind, ())):
         table = design.problem.get(block)
         stated = table.get(key) if isinstance(table, dict) else None
-        if name == "H" and design.kind != "impulsive_input":
-            continue  # a matrix of the observer
         if name in design.gains and jsonable(design.gains[name]) != jsonable(stated):
             if name == "dwell_time" and _holds(design.gains[name], stated):
                 continue  # the range found is wider than the one asked for

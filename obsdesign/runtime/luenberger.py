@@ -11,7 +11,7 @@ then the next sample stands alone. Without any, the plant alone predicts.
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
@@ -20,21 +20,17 @@ from numpy.typing import ArrayLike
 
 from lmi.exponential import expm
 from obsdesign.equations.estimation_error import flow_error_matrix
-from obsdesign.errors import InputError
 from obsdesign.runtime.base import (
-    Batch,
     DwellGuard,
     Estimate,
     Sample,
     Vector,
-    collect,
     later,
     optional_measurement,
     require_gains,
-    rows_of,
-    run,
     vector,
 )
+from obsdesign.runtime.point import SteppedObserver
 from obsdesign.runtime.step_cache import cached_step
 
 Maps = tuple[Any, Any, Any]
@@ -53,7 +49,7 @@ class LuenbergerState:
 
 
 @dataclass(frozen=True)
-class LuenbergerObserver:
+class LuenbergerObserver(SteppedObserver[LuenbergerState]):
     """Executes a design of kind `luenberger`."""
 
     gains: Mapping[str, Any]
@@ -72,32 +68,6 @@ class LuenbergerObserver:
             if np.shape(gains["M_cells"]) != (cells, *np.shape(gains["M"])):
                 raise ValueError(f"gains.M_cells must hold {cells} matrices of the shape of M.")
         return cls(gains)
-
-    @property
-    def n(self) -> int:
-        """Number of states."""
-        return len(self.gains["A"])
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Columns of the estimate after t."""
-        return tuple(f"x{i + 1}" for i in range(self.n))
-
-    @property
-    def reads(self) -> dict[str, int | bool]:
-        """How many y, u, w a sample has, and whether jumps are reported."""
-        u, w = (self.gains[x].shape[1] if x in self.gains else 0 for x in ("B", "E"))
-        return {"y": len(self.gains["C"]), "u": u, "w": w, "jump": "G" in self.gains}
-
-    def start(self, t: float, initial: Sequence[float] | None) -> LuenbergerState:
-        """State from x1, ..., xn, default zeros; InputError if they are not n finite numbers."""
-        x = [0.0] * self.n if initial is None else list(initial)
-        if len(x) != self.n or not np.isfinite(x).all():
-            raise InputError(
-                f"--initial must be the {self.n} finite numbers {','.join(self.names)}; "
-                f"got {len(x)} numbers."
-            )
-        return self.init(t, x=x)
 
     def init(self, t: float = 0.0, *, x: ArrayLike | None = None) -> LuenbergerState:
         """State at time t from a guess of x(t), before the first sample and its jump."""
@@ -132,25 +102,6 @@ class LuenbergerObserver:
     def _only_jumps(self) -> bool:
         """Without L, samples between jumps are of no use and none is missed."""
         return not np.any(self.gains["L"])
-
-    def run(self, state: LuenbergerState, samples: Iterable[Sample]) -> Iterator[Estimate]:
-        """Estimates for a stream of samples."""
-        return run(self, state, samples)
-
-    def run_batch(
-        self,
-        t: ArrayLike,
-        y: ArrayLike | None = None,
-        u: ArrayLike | None = None,
-        w: ArrayLike | None = None,
-        jump: ArrayLike | None = None,
-        *,
-        x: ArrayLike | None = None,
-    ) -> Batch:
-        """The whole record at once: a loop over `step` from a guess of x at its first row."""
-        times = np.asarray(t, dtype=np.float64)
-        state = self.init(float(times[0]), x=x)
-        return collect(self.run(state, rows_of(times, y, u, w, jump)))
 
     def _flow(self, state: LuenbergerState, t: float, y_end: Vector | None) -> Vector:
         if t == state.t:

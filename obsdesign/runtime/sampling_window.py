@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 from obsdesign.equations import finite_time as equations
 from obsdesign.runtime.approximate_inputs import ApproximateInputs, Known
 from obsdesign.runtime.base import RELATIVE_TIME_TOLERANCE, Vector, vector
+from obsdesign.runtime.point import SteppedObserver
 from obsdesign.runtime.step_cache import cached_step
 from obsdesign.runtime.window_error import FlowMaps, WindowError, flow_maps
 
@@ -56,18 +57,13 @@ class FiniteTimeState(NamedTuple):  # a frozen dataclass of this size costs more
 
 
 @dataclass(frozen=True)
-class SamplingWindow:
+class SamplingWindow(SteppedObserver[FiniteTimeState]):
     """What a window of samples needs: the gains, what follows from them, and its moves."""
 
     gains: Mapping[str, Any]
     _steps: OrderedDict[tuple[float, int], Any] = field(
         default_factory=OrderedDict, repr=False, compare=False
     )
-
-    @property
-    def n(self) -> int:
-        """Number of states."""
-        return len(self.gains["A"])
 
     @cached_property
     def k(self) -> int:
@@ -78,12 +74,6 @@ class SamplingWindow:
     def bounded(self) -> bool:
         """Are there bounds for disturbance or noise, and hence for the state?"""
         return bool(np.any(self.gains.get("radius", 0.0)))
-
-    @property
-    def reads(self) -> dict[str, int | bool]:
-        """How many y, u, w a sample has, and whether jumps are reported."""
-        u, w = (self.gains[x].shape[1] if x in self.gains else 0 for x in ("B", "E"))
-        return {"y": len(self.gains["C"]), "u": u, "w": w, "jump": "G" in self.gains}
 
     def _flow(self, state: FiniteTimeState, t: float) -> FiniteTimeState:
         """Everything that moves with the plant, to time t."""

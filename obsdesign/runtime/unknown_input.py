@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 from collections import OrderedDict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
@@ -24,7 +24,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from obsdesign.equations import unknown_input as equations
-from obsdesign.errors import InputError
 from obsdesign.runtime.base import (
     Batch,
     Estimate,
@@ -37,6 +36,7 @@ from obsdesign.runtime.base import (
     run,
     vector,
 )
+from obsdesign.runtime.point import PointObserver
 from obsdesign.runtime.step_cache import cached_step
 from obsdesign.runtime.unknown_input_steps import (
     UnknownInputState,
@@ -47,7 +47,7 @@ from obsdesign.runtime.unknown_input_steps import (
 
 
 @dataclass(frozen=True)
-class UnknownInputObserver:
+class UnknownInputObserver(PointObserver[UnknownInputState]):
     """Executes a design of kind `unknown_input`."""
 
     gains: Mapping[str, Any]
@@ -95,24 +95,13 @@ class UnknownInputObserver:
         inputs = self.gains["Gu"].shape[1] if self.gains["Gu"].size else self.gains["S"].shape[1]
         return {"y": len(self.gains["C"]), "u": inputs - 1, "w": 0, "jump": False}
 
-    def start(self, t: float, initial: Sequence[float] | None) -> UnknownInputState:
-        """State from x1, ..., xn; None: from the first sample. InputError if they do not fit."""
-        n = len(self.gains["A"])
-        if initial is not None and (len(initial) != n or not np.isfinite(initial).all()):
-            raise InputError(
-                f"--initial must be the {n} finite numbers {','.join(self.names[:n])}; "
-                f"got {len(initial)} numbers."
-            )
-        return self.init(t, x=None if initial is None else list(initial))
-
     def init(self, t: float = 0.0, *, x: ArrayLike | None = None) -> UnknownInputState:
         """State at time t, before the first sample.
 
         x: a guess of x(t), of which T x is kept; zeros give the paper's w(0) = 0. None: the w(0)
         of least norm that agrees with the first sample.
         """
-        n = len(self.gains["A"])
-        guess = vector(np.zeros(n) if x is None else x, n, "x")
+        guess = vector(np.zeros(self.n) if x is None else x, self.n, "x")
         w = None if x is None else self.gains["T"] @ guess
         inputs = np.zeros(int(self.reads["u"]) + 1)
         inputs[-1] = 1.0

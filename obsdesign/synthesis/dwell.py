@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
@@ -35,30 +36,44 @@ def dwell_certificates(
 ) -> dict[str, Any]:
     """Under the ids of the claims they are for: stability, and the rates its P allows.
 
+    memory, jitter: as in `lmi.decide`.
+    """
+    evidence = stability_certificate(F, H, low, high, memory=memory, jitter=jitter)
+    found: dict[str, Any] = {"dwell_stability": evidence}
+    rates: Mapping[str, Any] | None = None
+    if "P" in evidence:
+        rates = largest_rates(F, H, evidence["P"], low, high)
+    elif "windows" in evidence:
+        seen = propose_rates(F, H, evidence, low, high, jitter)
+        rates = None if seen is None else asdict(seen)
+    return found if rates is None else found | {"rates": rates}
+
+
+def stability_certificate(
+    F: Any,
+    H: Any,
+    low: float,
+    high: float,
+    *,
+    memory: Memory = "auto",
+    jitter: float = math.inf,
+) -> dict[str, Any]:
+    """Evidence that the pair is stable or is not, as far as any is found.
+
     For positive systems a copositive certificate is tried too: first where matrices are large, else
     where one common P is not enough, before windows are. memory, jitter: as in `lmi.decide`.
     """
     positive = looks_positive(to_float(exact(F)), to_float(exact(H)))
-    asked: dict[str, Any] = {"memory": 0 if positive else memory, "jitter": jitter}
     if positive and len(F) >= _LARGE:
         vector = decide_copositive(F, H, low, high)
         if vector.outcome == "proved":
-            return {"dwell_stability": vector.evidence}
-    verdict = decide(F, H, low, high, **asked)
+            return dict(vector.evidence)
+    verdict = decide(F, H, low, high, memory=0 if positive else memory, jitter=jitter)
     if positive and verdict.outcome == "undecided":
         if len(F) < _LARGE:
             vector = decide_copositive(F, H, low, high)
             if vector.outcome == "proved":
-                return {"dwell_stability": vector.evidence}
+                return dict(vector.evidence)
         if memory != 0:
             verdict = decide(F, H, low, high, memory=memory, jitter=jitter)
-    found: dict[str, Any] = {"dwell_stability": verdict.evidence}
-    if verdict.outcome == "proved":
-        if "P" in verdict.evidence:
-            rates = largest_rates(F, H, verdict.evidence["P"], low, high)
-        else:
-            seen = propose_rates(F, H, verdict.evidence, low, high, jitter)
-            rates = None if seen is None else asdict(seen)
-        if rates is not None:
-            found["rates"] = rates
-    return found
+    return dict(verdict.evidence)

@@ -19,7 +19,7 @@ from obsdesign.equations.estimation_error import plant_data
 from obsdesign.errors import InputError
 from obsdesign.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
-from obsdesign.synthesis.dwell import dwell_certificates
+from obsdesign.synthesis.dwell import stability_certificate
 from obsdesign.synthesis.impulsive_noise import estimate, quiet_enough
 from obsdesign.synthesis.invariant_subspace import Parts, corrected_part
 
@@ -240,7 +240,7 @@ def _alone(
 ) -> dict[str, Any]:
     """P for the decay of a block: as fast as the core's if it can be, else at the factor."""
     for tried in sorted({min(factor, 0.9 / alpha), factor}):
-        found: dict[str, Any] = dwell_certificates(F, H / tried, *ends, memory=0)["dwell_stability"]
+        found = stability_certificate(F, H / tried, *ends, memory=0)
         if "P" in found:
             break
     return found | {"factor": tried}

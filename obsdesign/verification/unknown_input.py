@@ -67,9 +67,7 @@ def guarantees(problem: Problem, found: tuple[Claim, ...]) -> tuple[dict[str, An
 
 def _expected(problem: Problem) -> dict[str, Any]:
     flow, C = problem.plant.flow, problem.plant.output.C
-    n, q = flow.D.shape  # type: ignore[union-attr]
-    m = 0 if flow.B is None else flow.B.shape[1]
-    shapes = equations.shapes(n, len(C), q, m)
+    shapes = _shapes(problem)
     stated = {"A": flow.A, "C": C, "D": flow.D} | ({} if flow.B is None else {"B": flow.B})
     computed = {name: shape for name, shape in shapes.items() if 0 not in shape}
     given = equations.without_empty(problem.gains)
@@ -77,11 +75,17 @@ def _expected(problem: Problem) -> dict[str, Any]:
 
 
 def _exact_gains(problem: Problem, gains: Mapping[str, Any]) -> dict[str, Any]:
-    flow, p = problem.plant.flow, problem.plant.p
-    n, q = flow.D.shape  # type: ignore[union-attr]
-    m = 0 if flow.B is None else flow.B.shape[1]
-    shapes = equations.shapes(n, p, q, m)
+    shapes = _shapes(problem)
     return {name: exact(gains.get(name, np.zeros(shape))) for name, shape in shapes.items()}
+
+
+def _shapes(problem: Problem) -> dict[str, tuple[int, int]]:
+    """Of everything that a design stores."""
+    flow = problem.plant.flow
+    assert flow.D is not None
+    n, q = flow.D.shape
+    m = 0 if flow.B is None else flow.B.shape[1]
+    return equations.shapes(n, problem.plant.p, q, m)
 
 
 def _existence(problem: Problem) -> tuple[Claim, Claim] | tuple[Claim]:

@@ -18,14 +18,20 @@ from lmi.rates import Rates, propose_rates, prove_rates
 ROUNDING = 1e-9  # floats against a proof in exact arithmetic
 
 
-@settings(max_examples=25, deadline=None)
-@given(seed=st.integers(0, 2**32 - 1), n=st.integers(1, 4), endless=st.booleans())
-def test_proved_rates_hold_and_better_ones_are_not_proved(seed: int, n: int, endless: bool) -> None:
+def _stable(seed: int, n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(F, H, dwell times) of a random pair that is stable at each constant dwell time."""
     rng = np.random.default_rng(seed)
     F, H = rng.standard_normal((2, n, n))
     F -= (np.linalg.eigvals(F).real.max() + 0.3) * np.eye(n)
     thetas = np.linspace(0.2, 3.0, 150)
     H *= 0.6 / np.abs(np.linalg.eigvals(expm(F * thetas[:, None, None]) @ H)).max()
+    return F, H, thetas
+
+
+@settings(max_examples=25, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), n=st.integers(1, 4), endless=st.booleans())
+def test_proved_rates_hold_and_better_ones_are_not_proved(seed: int, n: int, endless: bool) -> None:
+    F, H, thetas = _stable(seed, n)
     high = math.inf if endless else 3.0
     verdict = decide(F, H, 0.2, high)
     if "P" not in verdict.evidence:
@@ -60,11 +66,7 @@ def test_rates_that_are_none(rates: Rates) -> None:
 @settings(max_examples=20, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), n=st.integers(1, 4), endless=st.booleans())
 def test_the_largest_rates_are_proved_and_lie_between(seed: int, n: int, endless: bool) -> None:
-    rng = np.random.default_rng(seed)
-    F, H = rng.standard_normal((2, n, n))
-    F -= (np.linalg.eigvals(F).real.max() + 0.3) * np.eye(n)
-    thetas = np.linspace(0.2, 3.0, 150)
-    H *= 0.6 / np.abs(np.linalg.eigvals(expm(F * thetas[:, None, None]) @ H)).max()
+    F, H, thetas = _stable(seed, n)
     high = math.inf if endless else 3.0
     verdict = decide(F, H, 0.2, high)
     if "P" not in verdict.evidence:
