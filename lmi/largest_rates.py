@@ -44,7 +44,7 @@ def largest_rates(
     edge = Edge(to_float(exact(F)), to_float(exact(H)), low, high)
     limits, unit = _limits(edge), np.eye(len(edge.F))
     with np.errstate(all="ignore"):
-        margin = propose(edge.F, edge.H, low, high, start=given).optimum
+        first = propose(edge.F, edge.H, low, high, start=given)
     families = {
         "per_jump": lambda x: (edge.F, edge.H / x),
         "in_time": lambda x: (edge.F + x * unit, edge.H),
@@ -52,7 +52,7 @@ def largest_rates(
     found: dict[str, Any] = {}
     for name, family in families.items():
         span = _Span(1.0 if name == "per_jump" else 0.0, getattr(seen, name), getattr(limits, name))
-        for value, better in _towards(family, span, edge, given, margin, _FINE[name]):
+        for value, better in _towards(family, span, edge, given, first, _FINE[name]):
             rates = Rates(value, 0.0) if name == "per_jump" else Rates(0.5, value)
             certificate = {"P": better.tolist()}
             done = prove_rate(F, H, certificate, low, high, rates, math.inf, name, WORTH)
@@ -91,16 +91,14 @@ def _towards(
     span: _Span,
     edge: Edge,
     P: Matrix,
-    margin: float,
+    first: Proposal,
     fine: float,
 ) -> list[tuple[float, Matrix]]:
-    """Rates with a P that floats find for them, best first. margin: what is left at no rate."""
+    """Rates with a P that floats find for them, best first. first: what was found for no rate.
 
-    def at(x: float) -> Proposal:
-        with np.errstate(all="ignore"):
-            return propose(*family(x), edge.low, edge.high, start=P)
-
-    here, bad = span.nothing, span.limit
+    Each try works in the coordinates of P, with the theta of the last success.
+    """
+    last, here, margin, bad = first, span.nothing, first.optimum, span.limit
     found = list[tuple[float, Matrix]]()
     if not (math.isfinite(bad) and margin > 0):
         return found
@@ -108,13 +106,14 @@ def _towards(
     for _ in range(_STEPS):
         if abs(following - here) <= fine * abs(here):
             break
-        proposal = at(following)
+        with np.errstate(all="ignore"):
+            proposal = propose(*family(following), edge.low, edge.high, seeds=last.thetas, start=P)
         if proposal.P is None:
             bad = following
             following = (here + bad) / 2
             continue
         fall = (margin - proposal.optimum) / (following - here)
-        here, margin = following, proposal.optimum
+        last, here, margin = proposal, following, proposal.optimum
         found.append((here, proposal.P))
         end = here + margin / fall if fall * (bad - here) > 0 else bad
         end = end if abs(end - here) < abs(bad - here) else bad
