@@ -5,13 +5,14 @@ from __future__ import annotations
 from typing import Any
 
 from obsdesign import workflow
+from obsdesign.advice import next_step
 from obsdesign.errors import InputError
 from obsdesign.kinds import KINDS
 from obsdesign.problem import Problem
 
 
 def check_all(problem: Problem) -> tuple[str, dict[str, dict[str, Any]]]:
-    """(verdict, kind -> {"verdict", "reasons"}).
+    """(verdict, kind -> {"verdict", "reasons", "next"}).
 
     Proved if any kind is, else undecided if any is, else refuted: one observer is enough.
     """
@@ -22,13 +23,21 @@ def check_all(problem: Problem) -> tuple[str, dict[str, dict[str, Any]]]:
 
 
 def check_kind(problem: Problem, kind: str) -> dict[str, Any]:
-    """The verdict on one kind, and its reasons, one sentence each."""
+    """The verdict on one kind, its reasons, one sentence each, and what to try next."""
     try:
         asked, _ = problem.for_kind(kind)
         outcome = workflow.investigate(asked)
     except InputError as error:
         open_gain = "is required by kind" in str(error) and "observer.gains" in str(error)
-        return {"verdict": "undecided" if open_gain else "refuted", "reasons": [str(error)]}
-    failed = [c for c in outcome.claims if c.verdict != "proved"]
-    reasons = [f"{claim.id}: {workflow.reason(claim)}" for claim in failed]
-    return {"verdict": outcome.verdict, "reasons": reasons}
+        verdict, failed, reasons = "undecided" if open_gain else "refuted", [], [str(error)]
+    else:
+        verdict = outcome.verdict
+        # what decided comes first
+        failed = sorted(
+            (c for c in outcome.claims if c.verdict != "proved"),
+            key=lambda claim: claim.verdict != verdict,
+        )
+        reasons = [f"{claim.id}: {workflow.reason(claim)}" for claim in failed]
+    first = failed[0].id if failed else None
+    step = next_step(kind, verdict, first, reasons[0] if reasons else "")
+    return {"verdict": verdict, "reasons": reasons, "next": step}

@@ -249,6 +249,67 @@ def plot(estimate: str, data: str | None, output: str, events: str | None) -> in
 
 
 @cli.command()
+@click.argument("problem")
+@click.option("--data", help="Measurements to run on.  [default: a simulation]")
+@click.option("--simulate", "simulated", is_flag=True, help="Simulate the plant, the default.")
+@click.option("--until", type=float, help="End of the simulation.")
+@click.option("--step", type=float, help="Time between its rows.")
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True)
+@click.option("--initial", help="x1_lo,x1_hi,...; point observers begin in the middle.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object on stdout.")
+def compare(
+    problem: str, data: str | None, simulated: bool, seed: int, initial: str | None, as_json: bool,
+    **options: Any,
+) -> int:  # fmt: skip
+    """Run every observer that PROBLEM admits on the same record, beside a Kalman filter."""
+    import numpy as np
+
+    from obsdesign import compare as comparing
+    from obsdesign.presentation import compare_answer, show_comparison
+    from obsdesign.problem import load_problem
+
+    if data is not None and (simulated or any(value is not None for value in options.values())):
+        raise InputError("--data takes no --simulate, --until or --step: the record is the file's.")
+    loaded = load_problem(problem)
+    start = None if initial is None else _numbers(initial, "--initial")
+    if data is not None:
+        record = comparing.Record.read(data, loaded.plant)
+    else:
+        rng = np.random.default_rng(seed)
+        record = comparing.Record.simulated(loaded.plant, rng=rng, **options)
+    rows = list(comparing.compare(loaded, record, start))
+    if as_json:
+        click.echo(compare_answer(rows))
+    else:
+        show_comparison(rows)
+    return 0
+
+
+@cli.command()
+@click.argument("design_file", metavar="DESIGN")
+@click.option("--data", help="Run the observer on DATA.csv.  [default: a simulation of its plant]")
+@click.option("--initial", help="Where it starts, as `run` takes it.")
+@click.option("-o", "--output", default="report.html", show_default=True, help="HTML file.")
+def report(design_file: str, data: str | None, initial: str | None, output: str) -> int:
+    """Prove DESIGN again and tell it on one page: guarantees, claims, gains, an estimate."""
+    from obsdesign.document import refuse_overwriting
+    from obsdesign.presentation import EXIT_CODES
+    from obsdesign.report import write_report
+    from obsdesign.workflow import reason
+
+    refuse_overwriting(output, design_file, data)
+    start = None if initial is None else _numbers(initial, "--initial")
+    outcome = write_report(design_file, output, data, start)
+    if outcome.verdict == "refuted":
+        failed = [claim for claim in outcome.claims if claim.verdict == "refuted"]
+        click.echo("refuted: " + "; ".join(f"{c.id}: {reason(c)}" for c in failed))
+        click.echo("nothing written")
+    else:
+        click.echo(f"written: {output}")
+    return EXIT_CODES[outcome.verdict]
+
+
+@cli.command()
 @click.argument("which", type=click.Choice(["problem", "design"]), default="problem")
 def schema(which: str) -> int:
     """Print the JSON Schema of problem files or of design files."""

@@ -72,7 +72,7 @@ def _loop(
     state = observer.start(first.t, initial)
     out.write(estimate_header(observer.names) + "\n")
     live = stream is sys.stdin
-    for estimate in _estimates(observer, state, chain([first], samples), live):
+    for estimate in estimates_of(observer, state, chain([first], samples), live=live):
         out.write(estimate_line(estimate) + "\n")
         if log is not None:
             log.writelines(event_line(event) + "\n" for event in estimate.events)
@@ -83,8 +83,8 @@ def _loop(
     return counts
 
 
-def _estimates(
-    observer: Any, state: Any, samples: Iterator[Sample], live: bool
+def estimates_of(
+    observer: Any, state: Any, samples: Iterator[Sample], *, live: bool = False
 ) -> Iterator[Estimate]:
     """One for every row; an observer with a delay gives each once it is decided.
 

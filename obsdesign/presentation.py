@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
 
 from obsdesign.document import Claim, jsonable
 from obsdesign.workflow import Outcome, reason
+
+if TYPE_CHECKING:
+    from obsdesign.compare import Row  # other commands do without it
 
 EXIT_CODES = {"proved": 0, "refuted": 1, "undecided": 3}
 _COLOURS = {"proved": "green", "refuted": "red", "undecided": "yellow"}
@@ -45,13 +49,67 @@ def show_check(found: Mapping[str, Any]) -> None:
 
     words = {"proved": "possible", "refuted": "impossible", "undecided": "undecided"}
     table = Table(box=None, pad_edge=False, header_style="dim")
-    for title in ("kind", "answer", "why"):
+    for title in ("kind", "answer", "why, and what to try next"):
         table.add_column(title, overflow="fold")
     for kind, entry in found.items():
         colour = _COLOURS[entry["verdict"]]
         answer = f"[{colour}]{words[entry['verdict']]}[/]"
-        table.add_row(kind, answer, escape("; ".join(entry["reasons"])))
+        why = escape("; ".join(entry["reasons"]))
+        step = f"[dim]{escape(entry['next'])}[/]" if entry["next"] else ""
+        table.add_row(kind, answer, "\n".join(part for part in (why, step) if part))
     Console(highlight=False).print(table)
+
+
+def compare_answer(rows: Sequence[Row]) -> str:
+    """The JSON object of `compare`: one entry per observer, the filter last."""
+    verdict = "proved" if any(row.verdict == "proved" for row in rows) else "refuted"
+    if verdict == "refuted" and any(row.verdict == "undecided" for row in rows):
+        verdict = "undecided"
+    body: dict[str, Any] = {"command": "compare", "verdict": verdict, "kind": None, "claims": []}
+    result = {"rows": [asdict(row) for row in rows]}
+    return json.dumps(body | {"result": result}, ensure_ascii=False, allow_nan=False)
+
+
+def show_comparison(rows: Sequence[Row]) -> None:
+    """What runs as a table, with the columns that somebody has; then why the others do not."""
+    from rich.console import Console
+    from rich.markup import escape
+    from rich.table import Table
+
+    console = Console(highlight=False)
+    ran = [row for row in rows if row.seconds is not None]
+    columns: dict[str, Callable[[Row], float | None]] = {
+        "error": lambda row: row.error,
+        "worst": lambda row: row.worst,
+        "width": lambda row: row.width,
+        "error of d": lambda row: row.input_error,
+        "not ok": lambda row: row.without,
+        "µs/row": lambda row: None if row.seconds is None else 1e6 * row.seconds,
+    }
+    shown = {name: of for name, of in columns.items() if any(of(row) is not None for row in ran)}
+    table = Table(box=None, pad_edge=False, header_style="dim")
+    table.add_column("observer", no_wrap=True)
+    for title in shown:
+        table.add_column(title, justify="right", no_wrap=True)
+    table.add_column("proved", overflow="fold")
+    for row in ran:
+        cells = [_cell(of(row)) for of in shown.values()]
+        table.add_row(_name(row), *cells, escape(row.guarantee))
+    console.print(table)
+    for row in rows:
+        if row.seconds is None:
+            name = _name(row)
+            console.print(f"[{_COLOURS[row.verdict]}]{name}[/]: {escape(row.reason)}")
+
+
+def _name(row: Row) -> str:
+    return ", ".join(word.replace("_", " ") for word in (row.kind, row.variant) if word)
+
+
+def _cell(value: float | None) -> str:
+    if value is None:
+        return "–"
+    return str(value) if isinstance(value, int) else f"{value:.3g}"
 
 
 def show_bracket(what: str, outcome: Outcome) -> None:

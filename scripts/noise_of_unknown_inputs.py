@@ -15,8 +15,9 @@ import numpy as np
 
 import obsdesign
 from lmi.exponential import expm
-from obsdesign.random_walk_filter import random_walk_filter
+from obsdesign.kalman import kalman_filter
 from obsdesign.runtime import from_design
+from obsdesign.runtime.base import rows_of
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
 H, CELLS, SIGMA, FROM = 0.1, 100, 0.01, 3.0
@@ -73,7 +74,7 @@ def error(name: str, shape: str, method: str | float, runs: int, sigma: float = 
         if running is not None:
             d = running.run_batch(t, y, x=np.zeros(3)).d
         else:
-            d = random_walk_filter(plant, t, y, walk=float(method)).d
+            d = kalman_filter(plant, rows_of(t, y), walk=float(method)).d
         found.append(rmse(d, truth, t))
     return float(np.mean(found))
 

@@ -421,7 +421,7 @@ def test_check_answers_for_every_kind(tmp_path: Path) -> None:
     done = command("check", ACADEMIC, "--json", cwd=tmp_path)
     reply = json.loads(done.stdout)
     assert (done.returncode, reply["verdict"]) == (0, "proved")
-    assert reply["result"]["interval"] == {"verdict": "proved", "reasons": []}
+    assert reply["result"]["interval"].items() >= {"verdict": "proved", "reasons": []}.items()
     kinds = {
         "interval",
         "luenberger",

@@ -45,7 +45,7 @@ def test_the_demo_makes_what_it_says(tmp_path: Path) -> None:
 
 def test_console_block(tmp_path: Path) -> None:
     commands = re.findall(r"^\$ obsdesign (.*)$", block("console"), flags=re.MULTILINE)
-    assert len(commands) == 6
+    assert len(commands) == 9
     (tmp_path / "examples").symlink_to(ROOT / "examples")
     for line in commands:
         done = subprocess.run(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -36,11 +37,12 @@ def check_output(output: str) -> None:
 
 
 @contextmanager
-def picture(width: float, height: float, output: str) -> Iterator[Any]:
-    """A figure of so many inches, written to `output` when all of it was drawn."""
+def picture(width: float, height: float, output: str | io.StringIO) -> Iterator[Any]:
+    """A figure of so many inches, written when all of it was drawn: to a file, or as SVG text."""
     with mpl.rc_context(_STYLE):
         figure = Figure(figsize=(width, height), layout="constrained")
         FigureCanvasAgg(figure)
         yield figure
-        same = {"Date": None} if output.lower().endswith("svg") else None
-        figure.savefig(output, dpi=200, metadata=same)
+        svg = isinstance(output, io.StringIO) or output.lower().endswith("svg")
+        same = {"Date": None} if svg else None
+        figure.savefig(output, dpi=200, metadata=same, format="svg" if svg else None)

@@ -11,7 +11,6 @@ from scipy.linalg import expm
 
 import obsdesign
 from obsdesign.equations import block_pulse
-from obsdesign.random_walk_filter import random_walk_filter
 from obsdesign.runtime import Sample, from_design
 from obsdesign.simulation import simulate
 from tests.unknown_input.plants import plant_with_zeros, problem, random_plant
@@ -283,17 +282,3 @@ def test_neither_the_filter_nor_the_observer_wins_always() -> None:
     assert error("ahn_1", "sin", 1.0, 3) < ours  # told the right rate
     assert error("ahn_1", "sin", 0.01, 3) > 3 * ours  # told a wrong one
     assert error("ahn_1", "const", 0.01, 3) < ours / 3
-
-
-def test_the_filter_is_the_textbook_one_and_takes_odd_records() -> None:
-    body = obsdesign.load_problem(EXAMPLES / "ahn_1.toml").to_dict()
-    body["output"]["noise_std"] = [0.01, 0.01]
-    asked = obsdesign.Problem.from_dict(body).plant
-    t = np.cumsum(np.random.default_rng(0).uniform(0.05, 0.15, 60))
-    y = np.column_stack([np.ones(60), np.zeros(60)])
-    y[10:13] = np.nan
-    found = random_walk_filter(asked, t, y, walk=1.0)
-    assert found.x.shape == (60, 3)
-    assert np.isfinite(found.d).all()
-    with pytest.raises(ValueError, match="noise_std"):
-        random_walk_filter(obsdesign.load_problem(EXAMPLES / "ahn_1.toml").plant, t, y, walk=1.0)

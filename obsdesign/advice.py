@@ -1,0 +1,52 @@
+"""What to try next when an observer kind does not fit a plant: one sentence. Literal data."""
+
+from __future__ import annotations
+
+# claim that is not proved -> what may help
+_CLAIMS = {
+    "dwell_stability": "`obsdesign search` with --for shortest_dwell or longest_dwell tells which "
+    "dwell times can be had; leave observer.gains out to have gains synthesised.",
+    "decay_rate": "Ask for a smaller observer.decay_rate.",
+    "sampled_stability": "Try a shorter output.period.",
+    "hurwitz": "Leave observer.gains out to have them synthesised; where no dwell time is longest, "
+    "a finite jump.dwell_time[1] asks for less.",
+    "flow_positive": 'Try observer.form = "auto", which looks for coordinates too.',
+    "jump_positive": 'Try observer.form = "auto", which looks for coordinates too.',
+    "attainable": "Measure another state (a row more in output.C).",
+    "detectable": "Measure what the hidden mode moves (a row more in output.C).",
+    "observable": "Measure what stays hidden (a row more in output.C).",
+    "sampled_observable": "Try another output.period.",
+    "window_long_enough": "Try a longer observer.window.",
+    "difference_invertible": "Try another observer.window, or leave observer.gains out.",
+    "bounded_spacing": "Give a finite jump.dwell_time[1].",
+    "strongly_observable": "Measure more (a row more in output.C), or try a narrower range "
+    "jump.dwell_time or a longer observer.window.",
+    "noise_target": "Ask for a larger observer.noise_target.",
+    "window": "Try observer.window below the shortest dwell time jump.dwell_time[0].",
+    "exponents": "Leave observer.exponents out.",
+    "ratio": "Leave observer.exponents out, or ask for a larger observer.ratio.",
+    "uniqueness": "Measure another state as well, or try another observer.window.",
+    "rank": "Measure what the unknown input moves first: output.C flow.D needs full column rank.",
+    "zeros": "Measure another combination of states: the zeros belong to output.C and flow.D.",
+}
+# words of a complaint about the problem -> what may help
+_COMPLAINTS = (
+    ("output.measured", "If y can be taken that way, say so in output.measured."),
+    ("jump.H is required", "If impulses come at unknown times, give their direction jump.H."),
+    ("flow.D is required", "If an unknown input acts, give its matrix flow.D."),
+    ("[jump] must be absent", ""),
+    ("jump.dwell_time", "Give jump.dwell_time = [shortest, longest]."),
+    ("observer.gains", "Give that gain, or let another form or kind be synthesised."),
+)
+
+
+def next_step(kind: str, verdict: str, claim: str | None, reason: str) -> str:
+    """One sentence, or nothing where the reason says it all.
+
+    claim: the first claim that is not proved; None where the problem does not fit the kind.
+    """
+    if verdict == "proved":
+        return f"`obsdesign design PROBLEM --kind {kind}`"
+    if claim is not None:
+        return _CLAIMS.get(claim, f"`obsdesign design PROBLEM --kind {kind}` shows every claim.")
+    return next((advice for words, advice in _COMPLAINTS if words in reason), "")
