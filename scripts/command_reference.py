@@ -1,0 +1,37 @@
+"""The page of all commands and options, made from the program itself.
+
+python -m scripts.command_reference > docs/commands.md
+"""
+
+from __future__ import annotations
+
+import click
+
+from obsdesign.cli import cli
+
+HEAD = """# Commands
+
+Exit codes: 0 proved or done, 1 refuted (the witness is printed), 2 bad input or usage (one line on
+stderr), 3 undecided. `--json` prints exactly one JSON object on stdout. `NO_COLOR` is respected, and
+progress is shown on a terminal only. This page is made by `python -m scripts.command_reference`.
+"""
+
+
+def page() -> str:
+    """Markdown of every command, in the order of the help."""
+    with click.Context(cli, info_name="obsdesign") as context:
+        parts = [HEAD, _block(cli.get_help(context))]
+        for name in cli.list_commands(context):
+            command = cli.get_command(context, name)
+            assert command is not None
+            with click.Context(command, info_name=name, parent=context) as inner:
+                parts.append(f"\n## `obsdesign {name}`\n\n{_block(command.get_help(inner))}")
+    return "\n".join(parts).rstrip() + "\n"
+
+
+def _block(text: str) -> str:
+    return "\n".join(f"    {line}".rstrip() for line in text.splitlines()) + "\n"
+
+
+if __name__ == "__main__":
+    print(page(), end="")
