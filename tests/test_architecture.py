@@ -57,7 +57,7 @@ def test_packages_live_where_they_belong(path: Path) -> None:
         "matplotlib": ("obsdesign.plotting",),
         "casadi": ("obsdesign.synthesis",),
         "cvxpy": ("lmi", "obsdesign.synthesis"),
-        "click": ("obsdesign.cli", "obsdesign.demo"),
+        "click": ("obsdesign.cli", "obsdesign.commands", "obsdesign.demo"),
         "jsonschema": ("obsdesign.problem", "obsdesign.structure_check", "obsdesign.cli"),
     }
     for package, places in only.items():
