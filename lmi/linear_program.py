@@ -27,9 +27,7 @@ def minimise(
     sides: lower, upper (m,); bounds: low, high (n,), with infinities; seconds: on the wall.
     """
     n, m = len(cost), len(sides[0])
-    if isinstance(rows, np.ndarray):
-        rows = (*np.nonzero(rows), rows[np.nonzero(rows)])
-    row, column, value = (np.asarray(part) for part in rows)
+    row, column, value = _entries(rows) if isinstance(rows, np.ndarray) else rows
     finite = np.isfinite(value).all() and np.isfinite(cost).all()
     if not finite or np.isnan(np.concatenate([*sides, *bounds])).any():
         return None  # beyond binary64 there is nothing to propose
@@ -38,7 +36,9 @@ def minimise(
     program.col_cost_ = np.asarray(cost, dtype=np.float64)
     program.col_lower_, program.col_upper_ = (_ends(end) for end in bounds)
     program.row_lower_, program.row_upper_ = (_ends(end) for end in sides)
-    start, index, entries = _compressed(row, column, value, (m, n))
+    start, index, entries = _compressed(
+        np.asarray(row), np.asarray(column), np.asarray(value), (m, n)
+    )
     program.a_matrix_.format_ = highspy.MatrixFormat.kRowwise
     program.a_matrix_.start_, program.a_matrix_.index_ = start, index
     program.a_matrix_.value_ = entries
@@ -54,6 +54,11 @@ def minimise(
         return None
     x = np.array(solver.getSolution().col_value)
     return x if np.isfinite(x).all() else None
+
+
+def _entries(A: Matrix) -> tuple[Indices, Indices, Vector]:
+    row, column = np.nonzero(A)
+    return row, column, A[row, column]
 
 
 def _ends(values: Vector) -> Vector:
