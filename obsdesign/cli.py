@@ -12,6 +12,8 @@ from typing import Any
 
 import click
 
+from obsdesign.commands.export import export
+from obsdesign.commands.sweep import sweep
 from obsdesign.errors import InputError
 
 
@@ -19,6 +21,10 @@ from obsdesign.errors import InputError
 @click.version_option(package_name="obsdesign")
 def cli() -> None:
     """Observers for impulsive, sampled and unknown-input linear systems."""
+
+
+cli.add_command(sweep)
+cli.add_command(export)
 
 
 def main() -> None:
@@ -228,7 +234,8 @@ def run(
 def plot(estimate: str, data: str | None, output: str, events: str | None) -> int:
     """Picture an estimate file, against the true state where DATA.csv has it.
 
-    ESTIMATE may also be the answer of `search --json` or a design: the dwell times that are proved.
+    ESTIMATE may also be the answer of `search --json` or a design: the dwell times that are proved;
+    or the JSON lines of `sweep`: a curve or a map.
     """
     from obsdesign.document import refuse_overwriting
 
@@ -240,6 +247,13 @@ def plot(estimate: str, data: str | None, output: str, events: str | None) -> in
         from obsdesign.plotting.dwell import plot_dwell
 
         plot_dwell(_answer(estimate), output, estimate)
+    elif estimate.lower().endswith(".jsonl"):
+        from obsdesign.plotting.sweep import plot_sweep
+
+        for other in (data, events):
+            if other is not None:
+                raise InputError(f"{other}: belongs to an estimate file; {estimate} is a sweep.")
+        plot_sweep(estimate, output)
     else:
         from obsdesign.plotting.estimate import plot_estimate
 

@@ -1,0 +1,55 @@
+"""Sweeps on a Dask cluster: two workers, one of them killed in the middle."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from obsdesign import InputError
+from obsdesign.sweep.point import evaluate
+from obsdesign.sweep.run import run_sweep
+from tests.test_sweep import plan
+
+distributed = pytest.importorskip("distributed", reason="the extra `dask` is not installed")
+# connections that a killed worker leaves behind are closed by the garbage collector
+pytestmark = pytest.mark.filterwarnings("default")
+
+
+@pytest.fixture(scope="module")
+def cluster() -> Iterator[Any]:
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, dashboard_address=None
+    ) as running:
+        yield running
+
+
+def test_a_killed_worker_loses_nothing(cluster: Any, tmp_path: Path) -> None:
+    asked = plan("jump.dwell_time[1]=0.1:1:12", "jump.G[0][0]=0.2:0.6:2")
+    expected = [evaluate(asked, index) for index in range(len(asked))]
+    killed: list[int] = []
+
+    def kill_one(done: int, total: int) -> None:
+        if done >= 3 and not killed:
+            killed.append(cluster.workers[0].pid)
+            os.kill(killed[0], signal.SIGKILL)
+
+    path = tmp_path / "s.jsonl"
+    address = cluster.scheduler_address
+    assert run_sweep(asked, str(path), scheduler=address, progress=kill_one) == expected
+    assert killed
+    here = tmp_path / "here.jsonl"
+    run_sweep(asked, str(here), jobs=1)
+    assert path.read_bytes() == here.read_bytes()
+
+
+def test_nobody_there(tmp_path: Path) -> None:
+    for address in ("tcp://127.0.0.1:9", "nonsense://x"):
+        with pytest.raises(InputError, match="no Dask scheduler answers there"):
+            run_sweep(plan("jump.dwell_time[1]=0.1:1:2"), str(tmp_path / "s.jsonl"),
+                      scheduler=address)  # fmt: skip
+    assert not list(tmp_path.iterdir())
