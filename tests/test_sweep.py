@@ -19,7 +19,7 @@ from obsdesign.document import jsonable
 from obsdesign.plotting.sweep import plot_sweep
 from obsdesign.search import search
 from obsdesign.sweep import workers
-from obsdesign.sweep.axes import Axis, entries, parse_axis
+from obsdesign.sweep.axes import Axis, changed, entries, parse_axis, require_number
 from obsdesign.sweep.point import Plan, evaluate, plan_sweep
 from obsdesign.sweep.record import header, read_sweep
 from obsdesign.sweep.run import run_sweep
@@ -122,12 +122,11 @@ def test_a_complete_sweep_is_not_done_again(tmp_path: Path, monkeypatch: Any) ->
     assert run_sweep(asked, path) == rows
 
 
-@pytest.mark.parametrize("jobs", [2, 3])
-def test_a_dead_process_loses_nothing(tmp_path: Path, monkeypatch: Any, jobs: int) -> None:
+def test_a_dead_process_loses_nothing(tmp_path: Path, monkeypatch: Any) -> None:
     asked = plan(DWELL, name=str(tmp_path / "flag"))
     expected = [evaluate(asked, index) for index in range(len(asked))]
     monkeypatch.setattr(workers, "evaluate", dies)
-    assert run_sweep(asked, str(tmp_path / "s.jsonl"), jobs=jobs) == expected
+    assert run_sweep(asked, str(tmp_path / "s.jsonl"), jobs=2) == expected
     assert (tmp_path / "flag").exists()
 
 
@@ -250,13 +249,14 @@ def test_axes_are_decimal_and_end_where_they_say() -> None:
 
 
 def test_every_entry_that_is_offered_can_be_swept() -> None:
-    problem = obsdesign.load_problem(ACADEMIC)
-    offered = entries(problem.to_dict())
+    body = obsdesign.load_problem(ACADEMIC).to_dict()
+    offered = entries(body)
     assert {"flow.A[1][0]", "jump.dwell_time[1]", "observer.gains.M[1][0]"} <= set(offered)
     for key in offered:
-        asked = plan_sweep(problem, [Axis(key, 1.0, 1.0, 1)], "verdict", 1e-6)
-        body = asked.problem(0).to_dict() if key != "jump.dwell_jitter" else problem.to_dict()
-        assert sum(a != b for a, b in zip(flat(body), flat(problem.to_dict()), strict=True)) <= 1
+        axis = Axis(key, 1.25, 1.25, 1)
+        require_number(body, axis)
+        after = flat(changed(body, axis.path, 1.25))
+        assert [b for a, b in zip(flat(body), after, strict=True) if a != b] == [1.25], key
 
 
 def flat(body: Any) -> list[Any]:
@@ -303,7 +303,7 @@ GREEN, VERMILION, GREY = (0, 158, 115), (213, 94, 0), (187, 187, 187)
 
 def has_colour(path: Path, colour: tuple[int, int, int]) -> bool:
     wanted = 1 - 0.75 * (1 - np.array(colour) / 255)
-    return bool((np.abs(imread(path)[..., :3] - wanted).max(axis=2) < 0.02).sum() > 200)
+    return bool((np.abs(imread(path)[..., :3] - wanted).max(axis=2) < 0.02).mean() > 0.01)
 
 
 @pytest.mark.parametrize(

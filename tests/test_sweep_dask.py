@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -47,9 +48,20 @@ def test_a_killed_worker_loses_nothing(cluster: Any, tmp_path: Path) -> None:
     assert path.read_bytes() == here.read_bytes()
 
 
-def test_nobody_there(tmp_path: Path) -> None:
+def test_nobody_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("obsdesign.sweep.workers._ANSWER_SECONDS", 1)
     for address in ("tcp://127.0.0.1:9", "nonsense://x"):
         with pytest.raises(InputError, match="no Dask scheduler answers there"):
             run_sweep(plan("jump.dwell_time[1]=0.1:1:2"), str(tmp_path / "s.jsonl"),
                       scheduler=address)  # fmt: skip
+    assert not list(tmp_path.iterdir())
+
+
+def test_without_dask(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(InputError) as error:
+        run_sweep(plan("jump.dwell_time[1]=0.1:1:2"), str(tmp_path / "s.jsonl"), scheduler="x")
+    assert str(error.value) == (
+        "--scheduler requires the extra `dask`; it is missing: pip install 'obsdesign[dask]'."
+    )
     assert not list(tmp_path.iterdir())

@@ -20,7 +20,7 @@ _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 @click.option("--over", multiple=True, required=True, metavar="KEY=FIRST:LAST:COUNT",
               help="Entry and its values, once or twice: flow.A[0][1]=-1:1:21.")  # fmt: skip
 @click.option("--for", "what", default="verdict", show_default=True, metavar="WHAT",
-              help="Of a search, as there; of a design verdict, width, decay_rate, error.")  # fmt: skip
+              help="What `search` knows, or verdict, width, decay_rate, error.")  # fmt: skip
 @click.option("--kind", help="Observer kind; options of another kind in the file are dropped.")
 @click.option("--accuracy", type=float, default=1e-6, show_default=True, help="Of a search.")
 @click.option("--jobs", type=click.IntRange(min=1),

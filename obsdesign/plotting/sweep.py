@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from matplotlib.colors import ListedColormap, LogNorm
 from matplotlib.patches import Patch
+from matplotlib.ticker import LogLocator, NullLocator
 from numpy.typing import NDArray
 
 from obsdesign.plotting.style import BLACK, BLUE, GREEN, GREY, VERMILION, check_output, picture
@@ -29,7 +30,7 @@ _COLOURS = {
     "error": BLACK,
 }
 _FAINT = 0.75  # as in the other pictures: colours at three quarters of their strength
-_LOGARITHMIC = 50.0  # numbers of one sign whose largest is so many times the smallest
+_LOGARITHMIC = 10.0  # numbers of one sign whose largest is so many times the smallest
 
 
 @dataclass(frozen=True)
@@ -51,12 +52,12 @@ def plot_sweep(path: str, output: str) -> None:
     check_output(output)
     sweep = read_sweep(path)
     grid = _grid(sweep)
-    label = str(sweep.header["for"]).replace("_", " ")
+    label = f"proved {str(sweep.header['for']).replace('_', ' ')}".replace("dwell", "dwell time")
     with picture(6.4, 3.4 if len(grid.axes) == 1 else 4.6, output) as figure:
         axis = figure.subplots()
         draw = _curve if len(grid.axes) == 1 else _map
         handles = draw(figure, axis, grid, label)
-        axis.set_xlabel(grid.axes[-1].key)
+        axis.set_xlabel(grid.axes[0].key)
         if handles:
             figure.legend(handles=handles, loc="outside upper center", ncols=5, frameon=False)
 
@@ -67,7 +68,8 @@ def _grid(sweep: SweepFile) -> _Grid:
     for index, row in sweep.rows.items():
         numbers[index], words[index] = _read(row)
     shape = [axis.count for axis in axes]
-    return _Grid(axes, numbers.reshape(shape), words.reshape(shape))
+    # the first entry goes to the right
+    return _Grid(axes, numbers.reshape(shape).T, words.reshape(shape).T)
 
 
 def _read(row: Mapping[str, Any]) -> tuple[float, str]:
@@ -82,11 +84,10 @@ def _read(row: Mapping[str, Any]) -> tuple[float, str]:
 
 def _curve(figure: Any, axis: Any, grid: _Grid, label: str) -> list[Any]:
     """The numbers as a curve; a strip below it, or the whole panel, tells of the other points."""
-    values, handles = np.array(grid.axes[0].values), []
+    values, handles = np.array(grid.axes[0].values), list[Any]()
     numbers = bool(np.isfinite(grid.numbers).any())
     if numbers:
-        handles += axis.plot(values, grid.numbers, color=BLUE, lw=1.2, marker="o", ms=3,
-                             label=label)  # fmt: skip
+        axis.plot(values, grid.numbers, color=BLUE, lw=1.2, marker="o", ms=3)
         axis.set_yscale("log" if grid.logarithmic else "linear")
         axis.set_ylabel(label)
     else:
@@ -97,28 +98,31 @@ def _curve(figure: Any, axis: Any, grid: _Grid, label: str) -> list[Any]:
             low, high = sorted(edges[i : i + 2])
             axis.axvspan(low, high, ymax=0.05 if numbers else 1.0, color=colour, alpha=_FAINT, lw=0)
         if (grid.words == word).any():
-            handles.append(Patch(color=colour, alpha=_FAINT, label=word))
+            handles.append(Patch(facecolor=colour, alpha=_FAINT, label=word))
     axis.set_xlim(min(edges), max(edges))
     return handles
 
 
 def _map(figure: Any, axis: Any, grid: _Grid, label: str) -> list[Any]:
     """The numbers as colours of cells, the other points in the colours of their words."""
-    across, up = (_edges(np.array(a.values)) for a in (grid.axes[1], grid.axes[0]))
+    across, up = (_edges(np.array(a.values)) for a in grid.axes)
     if np.isfinite(grid.numbers).any():
         norm = LogNorm() if grid.logarithmic else None
         masked = np.ma.masked_invalid(grid.numbers)
         mesh = axis.pcolormesh(across, up, masked, cmap="viridis", norm=norm, rasterized=True)
-        figure.colorbar(mesh, ax=axis, label=label)
+        bar = figure.colorbar(mesh, ax=axis, label=label, format="%g")
+        if grid.logarithmic:
+            bar.ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+            bar.ax.yaxis.set_minor_locator(NullLocator())
     handles = []
     for word, colour in _COLOURS.items():
         there = np.ma.masked_where(grid.words != word, np.ones(grid.words.shape))
         if there.count():
             cells = ListedColormap([colour])
             axis.pcolormesh(across, up, there, cmap=cells, alpha=_FAINT, lw=0, rasterized=True)
-            handles.append(Patch(color=colour, alpha=_FAINT, label=word))
+            handles.append(Patch(facecolor=colour, alpha=_FAINT, label=word))
     axis.grid(visible=False)
-    axis.set_ylabel(grid.axes[0].key)
+    axis.set_ylabel(grid.axes[1].key)
     return handles
 
 
