@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import random
+import re
 import signal
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -84,6 +88,16 @@ def test_a_point_is_what_a_design_says_alone(what: str, claim: str, entry: str) 
     assert (proved["verdict"], refuted["verdict"]) == ("proved", "refuted")
     assert refuted["value"] is None
     assert refuted["reason"].startswith("dwell_stability: ")
+
+
+def test_the_error_of_samples_grows_with_their_noise() -> None:
+    problem = obsdesign.Problem(
+        flow={"A": [[0, 1], [-1, 0]]}, observer={"kind": "finite_time", "window": 0.8},
+        output={"C": [[1, 0]], "measured": "periodic", "period": 0.2, "noise_bound": [0.1]},
+    )  # fmt: skip
+    asked = plan_sweep(problem, [parse_axis("output.noise_bound[0]=0.1:0.2:2")], "error", 1e-6)
+    one, two = (evaluate(asked, index)["value"] for index in (0, 1))
+    assert two == pytest.approx(2 * one, rel=1e-6)
 
 
 @pytest.mark.parametrize("jobs", [None, 1, 2])
@@ -280,6 +294,34 @@ def test_from_the_command_line(tmp_path: Path) -> None:
     assert (
         refused.stderr == "obsdesign: data.csv: belongs to an estimate file; s.jsonl is a sweep.\n"
     )
+
+
+def on_a_terminal(*arguments: object, cwd: Path, **environment: str) -> str:
+    """What a command says on a terminal of 80 columns."""
+    import pty
+
+    code = f"import sys; sys.argv[1:] = {list(map(str, arguments))!r}; from obsdesign.cli import main; main()"
+    ours, theirs = pty.openpty()
+    told = {**os.environ, "COLUMNS": "80", "TERM": "xterm", **environment}
+    with subprocess.Popen(
+        [sys.executable, "-c", code], cwd=cwd, env=told, stderr=theirs, stdout=theirs
+    ) as run:
+        os.close(theirs)
+        text = b""
+        with contextlib.suppress(OSError):  # the other end closed
+            while piece := os.read(ours, 4096):
+                text += piece
+    os.close(ours)
+    assert run.returncode == 0, text
+    return text.decode()
+
+
+def test_progress_is_for_terminals_that_want_it(tmp_path: Path) -> None:
+    asked = ("sweep", ACADEMIC, "--over", "jump.dwell_time[0]=0.8:0.9:2", "--jobs", 1)
+    assert "2/2" in on_a_terminal(*asked, "-o", "a.jsonl", cwd=tmp_path)
+    for more, environment in (("--quiet", {}), ("-oc.jsonl", {"NO_COLOR": "1"})):
+        told = on_a_terminal(*asked, more, cwd=tmp_path, **environment)
+        assert re.fullmatch(r"written: \w+.jsonl, 2 points: 2 proved\r\n", told)
 
 
 def test_exit_codes(tmp_path: Path) -> None:
