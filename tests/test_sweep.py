@@ -30,7 +30,7 @@ from obsdesign.sweep.run import run_sweep
 from tests.test_cli import ROOT, command
 
 ACADEMIC = ROOT / "examples" / "degue_4_1.toml"
-DIED = "the process that worked on this point died twice; was it out of memory?"
+DIED = "the process that worked on this point died more than once; was it out of memory?"
 
 
 def stability(name: str = "plant") -> obsdesign.Problem:
@@ -191,6 +191,18 @@ def test_another_sweep_is_refused(tmp_path: Path) -> None:
         (b'{"format": "obsdesign/design"}\n', "a sweep file is required; its first line is not"),
         (b"a picture without lines", "a sweep file is required; its first line is not"),
         (b'HEAD\n{"point": 99, "at": [1]}\n', "line 2: a point of this sweep is required."),
+        (
+            b'{"format": "obsdesign/sweep", "version": 1, "over": 3}\n',
+            "line 1: over must be a list of axes.",
+        ),
+        (
+            b'{"format": "obsdesign/sweep", "version": 1, "over": [{"key": "a"}]}\n',
+            "line 1: over must be a list of axes.",
+        ),
+        (
+            b'{"format": "obsdesign/sweep", "version": 1, "over": []}\n',
+            "line 1: over must be one or two axes",
+        ),
         (b'HEAD\n{"point": 0, "a\n{}\n', "line 2: one JSON object is required."),
     ],
 )
@@ -202,6 +214,9 @@ def test_files_that_are_no_sweep(tmp_path: Path, text: bytes, complaint: str) ->
         run_sweep(asked, str(path))
     assert complaint in str(error.value)
     assert path.read_bytes() == before
+    with pytest.raises(InputError):
+        plot_sweep(str(path), str(tmp_path / "s.png"))
+    assert not (tmp_path / "s.png").exists()
 
 
 FORM = "--over must be key=first:last:count, such as jump.dwell_time[0]=0.5:2:16"
@@ -322,6 +337,29 @@ def test_progress_is_for_terminals_that_want_it(tmp_path: Path) -> None:
     for more, environment in (("--quiet", {}), ("-oc.jsonl", {"NO_COLOR": "1"})):
         told = on_a_terminal(*asked, more, cwd=tmp_path, **environment)
         assert re.fullmatch(r"written: \w+.jsonl, 2 points: 2 proved\r\n", told)
+
+
+@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT])
+def test_a_killed_run_goes_on(tmp_path: Path, how: int) -> None:
+    asked = ("sweep", ACADEMIC, "--over", "jump.dwell_time[0]=0.6:0.9:13", "--jobs", 1)
+    path = tmp_path / "sweep.jsonl"
+    code = f"import sys; sys.argv[1:] = {list(map(str, asked))!r}; from obsdesign.cli import main; main()"
+    with subprocess.Popen(
+        [sys.executable, "-c", code], cwd=tmp_path, stderr=subprocess.PIPE
+    ) as run:
+        while not path.exists() or path.read_bytes().count(b"\n") < 4:
+            assert run.poll() is None
+        run.send_signal(how)
+        told = run.stderr.read() if run.stderr else b""
+    assert (run.returncode, told) == ((130, b"") if how == signal.SIGINT else (-how, b""))
+    there = path.read_bytes().count(b"\n")
+    assert 4 <= there < 14
+    assert (
+        command(*asked, cwd=tmp_path).stdout
+        == "written: sweep.jsonl, 13 points: 9 proved, 4 refuted\n"
+    )
+    assert command(*asked, "-o", "whole.jsonl", cwd=tmp_path).returncode == 0
+    assert path.read_bytes() == (tmp_path / "whole.jsonl").read_bytes()
 
 
 def test_exit_codes(tmp_path: Path) -> None:

@@ -14,8 +14,9 @@ import pytest
 from obsdesign import InputError
 from obsdesign.sweep.point import evaluate
 from obsdesign.sweep.run import run_sweep
-from tests.test_sweep import plan
+from tests.test_sweep import DIED, dies, plan
 
+dask = pytest.importorskip("dask", reason="the extra `dask` is not installed")
 distributed = pytest.importorskip("distributed", reason="the extra `dask` is not installed")
 # connections that a killed worker leaves behind are closed by the garbage collector
 pytestmark = pytest.mark.filterwarnings("default")
@@ -46,6 +47,19 @@ def test_a_killed_worker_loses_nothing(cluster: Any, tmp_path: Path) -> None:
     here = tmp_path / "here.jsonl"
     run_sweep(asked, str(here), jobs=1)
     assert path.read_bytes() == here.read_bytes()
+
+
+def test_a_point_that_kills_workers_is_told(tmp_path: Path, monkeypatch: Any) -> None:
+    asked = plan("jump.dwell_time[1]=0.1:1:4", name="no/such/folder/flag")
+    expected = [evaluate(asked, index) for index in range(len(asked))]
+    expected[1] = {"point": 1, "at": [0.4], "error": DIED}
+    monkeypatch.setattr("obsdesign.sweep.workers.evaluate", dies)
+    with (
+        dask.config.set({"distributed.scheduler.allowed-failures": 0}),
+        distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as few,
+    ):
+        address = few.scheduler_address
+        assert run_sweep(asked, str(tmp_path / "s.jsonl"), scheduler=address) == expected
 
 
 def test_nobody_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -52,7 +52,9 @@ def plot_sweep(path: str, output: str) -> None:
     check_output(output)
     sweep = read_sweep(path)
     grid = _grid(sweep)
-    label = f"proved {str(sweep.header['for']).replace('_', ' ')}".replace("dwell", "dwell time")
+    label = f"proved {str(sweep.header.get('for', '')).replace('_', ' ')}".replace(
+        "dwell", "dwell time"
+    )
     with picture(6.4, 3.4 if len(grid.axes) == 1 else 4.6, output) as figure:
         axis = figure.subplots()
         draw = _curve if len(grid.axes) == 1 else _map

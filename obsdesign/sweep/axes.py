@@ -39,10 +39,13 @@ class Axis:
 
     @property
     def values(self) -> tuple[float, ...]:
-        """Equally spaced as decimal numbers: the third of 0:0.3:4 is 0.2."""
+        """All values, in their order."""
+        return tuple(map(self.value, range(self.count)))
+
+    def value(self, i: int) -> float:
+        """Value number i. Equally spaced as decimal numbers: the third of 0:0.3:4 is 0.2."""
         first, last = Fraction(repr(self.first)), Fraction(repr(self.last))
-        step = (last - first) / max(self.count - 1, 1)
-        return tuple(float(first + i * step) for i in range(self.count))
+        return float(first + i * (last - first) / max(self.count - 1, 1))
 
     def to_dict(self) -> dict[str, Any]:
         """The axis as it stands in the first line of a sweep file."""

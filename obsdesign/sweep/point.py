@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import functools
-import itertools
 import math
 import threading
 from collections.abc import Mapping, Sequence
@@ -29,7 +27,7 @@ QUALITIES: Mapping[str, Mapping[str, tuple[tuple[str, str], ...]]] = {
     },
     "error": {"finite_time": (("error_radius", "largest_error"),)},
 }
-_MOST_POINTS = 1_000_000
+MOST_POINTS = 1_000_000
 # the precision of ball arithmetic belongs to the process: threads of one worker take turns
 _ONE_AT_A_TIME = threading.Lock()
 
@@ -46,15 +44,18 @@ class Plan:
     def __len__(self) -> int:
         return math.prod(axis.count for axis in self.axes)
 
-    @functools.cached_property
-    def points(self) -> list[tuple[float, ...]]:
-        """Values of the axes, the last one changes fastest."""
-        return list(itertools.product(*(axis.values for axis in self.axes)))
+    def at(self, index: int) -> list[float]:
+        """Values of the axes at a point; the last axis changes fastest."""
+        values: list[float] = []
+        for axis in reversed(self.axes):
+            index, i = divmod(index, axis.count)
+            values.insert(0, axis.value(i))
+        return values
 
     def problem(self, index: int) -> Problem:
         """The problem of a point; InputError when it cannot be read with these numbers."""
         body: Any = self.body
-        for axis, value in zip(self.axes, self.points[index], strict=True):
+        for axis, value in zip(self.axes, self.at(index), strict=True):
             body = changed(body, axis.path, value)
         return Problem.from_dict(body)
 
@@ -78,14 +79,14 @@ def plan_sweep(problem: Problem, axes: Sequence[Axis], what: str, accuracy: floa
     if len({axis.path for axis in axes}) < len(axes):
         raise InputError(f"--over: {axes[0].key} is given twice; a map needs two entries.")
     plan = Plan(body, tuple(axes), what, accuracy)
-    if len(plan) > _MOST_POINTS:
-        raise InputError(f"--over: at most {_MOST_POINTS} points are possible; got {len(plan)}.")
+    if len(plan) > MOST_POINTS:
+        raise InputError(f"--over: at most {MOST_POINTS} points are possible; got {len(plan)}.")
     return plan
 
 
 def evaluate(plan: Plan, index: int) -> dict[str, Any]:
     """The line of one point, JSON-ready; what goes wrong there is one line of text in it."""
-    row = {"point": index, "at": list(plan.points[index])}
+    row = {"point": index, "at": plan.at(index)}
     with _ONE_AT_A_TIME:
         try:
             problem = plan.problem(index)

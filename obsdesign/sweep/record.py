@@ -18,7 +18,7 @@ from obsdesign import __version__
 from obsdesign.document import digest, write_text
 from obsdesign.entries import is_number
 from obsdesign.errors import InputError
-from obsdesign.sweep.point import Plan
+from obsdesign.sweep.point import MOST_POINTS, Plan
 
 FORMAT = "obsdesign/sweep"
 VERSION = 1
@@ -133,8 +133,10 @@ def parse(text: bytes, path: str) -> SweepFile:
             f"{path}: a sweep file is required; its first line is not {{\"format\": "
             f"{FORMAT!r}, \"version\": {VERSION}, ...}}. Name another file with -o."
         )  # fmt: skip
-    if not all(map(_is_axis, head.get("over") or [None])):
+    if not isinstance(head.get("over"), list) or not all(map(_is_axis, head["over"])):
         raise InputError(f"{path} line 1: over must be a list of axes. Was it edited?")
+    if not 1 <= len(head["over"]) <= 2 or math.prod(a["count"] for a in head["over"]) > MOST_POINTS:
+        raise InputError(f"{path} line 1: over must be one or two axes, with few enough points.")
     found = SweepFile(head, {}, end)
     rows: dict[int, Mapping[str, Any]] = {}
     for number, line in enumerate(lines[1:], start=2):
@@ -147,9 +149,11 @@ def parse(text: bytes, path: str) -> SweepFile:
 
 
 def _is_axis(value: Any) -> bool:
-    if not isinstance(value, dict) or not isinstance(value.get("key"), str):
+    if not isinstance(value, dict) or set(value) != {"key", "first", "last", "count"}:
         return False
     ends = (value.get("first"), value.get("last"))
+    if not isinstance(value["key"], str):
+        return False
     return all(map(is_number, ends)) and type(value.get("count")) is int and value["count"] > 0
 
 

@@ -20,7 +20,7 @@ Row = dict[str, Any]
 # starting processes, each with its imports, takes about as long: shorter sweeps stay here
 _SERIAL_SECONDS = 3.0
 _ANSWER_SECONDS = 10
-_DIED = "the process that worked on this point died twice; was it out of memory?"
+_DIED = "the process that worked on this point died more than once; was it out of memory?"
 
 
 def evaluate_all(
@@ -32,6 +32,8 @@ def evaluate_all(
     """
     left = list(points)
     if scheduler is not None:
+        if jobs is not None:
+            raise InputError("--jobs is for processes here, --scheduler has its own; give one.")
         yield from _on_cluster(plan, left, scheduler)
         return
     if jobs is None:
@@ -85,19 +87,25 @@ def _on_cluster(plan: Plan, points: Sequence[int], address: str) -> Iterator[Row
             f"--scheduler {address}: no Dask scheduler answers there: {text}"
         ) from None
     with client:
-        executor = client.get_executor(pure=False)
+        executor, accused = client.get_executor(pure=False), []
         futures = {executor.submit(evaluate, plan, index): index for index in points}
-        for future in as_completed(futures):
-            try:
-                yield future.result()
-            except KilledWorker:
-                yield _lost(plan, futures[future])
-            except CancelledError:
-                raise InputError(
-                    f"--scheduler {address}: the cluster is gone. Finished points are kept; the "
-                    "same command goes on from there."
-                ) from None
+        try:
+            for future in as_completed(futures):
+                try:
+                    yield future.result()
+                except KilledWorker:  # the points beside the culprit are blamed with it
+                    accused.append(futures[future])
+            for index in accused:
+                try:
+                    yield executor.submit(evaluate, plan, index).result()
+                except KilledWorker:
+                    yield _lost(plan, index)
+        except CancelledError:
+            raise InputError(
+                f"--scheduler {address}: the cluster is gone. Finished points are kept; the same "
+                "command goes on from there."
+            ) from None
 
 
 def _lost(plan: Plan, index: int) -> Row:
-    return {"point": index, "at": list(plan.points[index]), "error": _DIED}
+    return {"point": index, "at": plan.at(index), "error": _DIED}
