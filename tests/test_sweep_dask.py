@@ -25,7 +25,7 @@ pytestmark = pytest.mark.filterwarnings("default")
 @pytest.fixture(scope="module")
 def cluster() -> Iterator[Any]:
     with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, dashboard_address=None
+        n_workers=2, threads_per_worker=1, dashboard_address=":0"
     ) as running:
         yield running
 
@@ -56,7 +56,7 @@ def test_a_point_that_kills_workers_is_told(tmp_path: Path, monkeypatch: Any) ->
     monkeypatch.setattr("obsdesign.sweep.workers.evaluate", dies)
     with (
         dask.config.set({"distributed.scheduler.allowed-failures": 0}),
-        distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as few,
+        distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0") as few,
     ):
         address = few.scheduler_address
         assert run_sweep(asked, str(tmp_path / "s.jsonl"), scheduler=address) == expected
