@@ -14,7 +14,8 @@ import pytest
 from obsdesign import InputError
 from obsdesign.sweep.point import evaluate
 from obsdesign.sweep.run import run_sweep
-from tests.test_sweep import DIED, dies, plan
+from tests.test_cli import command
+from tests.test_sweep import ACADEMIC, DIED, dies, plan
 
 dask = pytest.importorskip("dask", reason="the extra `dask` is not installed")
 distributed = pytest.importorskip("distributed", reason="the extra `dask` is not installed")
@@ -47,6 +48,20 @@ def test_a_killed_worker_loses_nothing(cluster: Any, tmp_path: Path) -> None:
     here = tmp_path / "here.jsonl"
     run_sweep(asked, str(here), jobs=1)
     assert path.read_bytes() == here.read_bytes()
+
+
+def test_from_the_command_line(cluster: Any, tmp_path: Path) -> None:
+    asked = ("sweep", ACADEMIC, "--over", "jump.dwell_time[0]=0.6:0.8:3")
+    address = ("--scheduler", cluster.scheduler_address)
+    done = command(*asked, *address, cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout == "written: sweep.jsonl, 3 points: 2 proved, 1 refuted\n"
+    both = command(*asked, *address, "--jobs", 2, "-o", "b.jsonl", cwd=tmp_path)
+    assert (both.returncode, both.stdout) == (2, "")
+    assert both.stderr == (
+        "obsdesign: --jobs is for processes here, --scheduler has its own; give one.\n"
+    )
+    assert not (tmp_path / "b.jsonl").exists()
 
 
 def test_a_point_that_kills_workers_is_told(tmp_path: Path, monkeypatch: Any) -> None:
