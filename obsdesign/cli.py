@@ -10,7 +10,7 @@ import sys
 
 import click
 
-from obsdesign.commands import data, pages, proving
+from obsdesign.commands import data, pages, proving, sweeping
 from obsdesign.errors import InputError
 
 
@@ -28,7 +28,8 @@ def cli(quiet: bool, verbose: bool) -> None:
 
 for command in (
     pages.demo, proving.check, proving.design, proving.verify, proving.search, data.simulate,
-    data.run, data.plot, pages.compare, pages.report, pages.schema, pages.completion,
+    data.run, data.plot, data.export, sweeping.sweep, pages.compare, pages.report, pages.schema,
+    pages.completion,
 ):  # fmt: skip
     cli.add_command(command)
 

@@ -6,11 +6,20 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import click
+
 from obsdesign.errors import InputError
+from obsdesign.kinds import KINDS
 
 if TYPE_CHECKING:
     from obsdesign.plant import Plant
     from obsdesign.problem import Problem
+
+
+KIND = click.option(
+    "--kind", shell_complete=lambda context, option, word: [k for k in KINDS if k.startswith(word)],
+    help="Observer kind; options of another kind in the file are dropped.",
+)  # fmt: skip
 
 
 def problem_of(path: str, kind: str | None) -> tuple[Problem, list[str]]:

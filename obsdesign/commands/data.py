@@ -1,7 +1,8 @@
-"""`simulate`, `run`, `plot`: records and estimates."""
+"""`simulate`, `run`, `plot`, `export`: records, estimates, gains for other programs."""
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import click
@@ -98,15 +99,23 @@ def run(
 def plot(estimate: str, data: str | None, output: str, events: str | None) -> int:
     """Picture an estimate file, against the true state where DATA.csv has it.
 
-    ESTIMATE may also be the answer of `search --json` or a design: the dwell times that are proved.
+    ESTIMATE may also be the answer of `search --json` or a design: the dwell times that are proved;
+    or the JSON lines of `sweep`: a curve or a map.
     """
     from obsdesign.document import refuse_overwriting
 
     refuse_overwriting(output, estimate, data, events)
-    if estimate.lower().endswith(".json"):
+    suffix = Path(estimate).suffix.lower()
+    if suffix in (".json", ".jsonl"):
+        what = "an answer" if suffix == ".json" else "a sweep"
         for other in (data, events):
             if other is not None:
-                raise InputError(f"{other}: belongs to an estimate file; {estimate} is an answer.")
+                raise InputError(f"{other}: belongs to an estimate file; {estimate} is {what}.")
+    if suffix == ".jsonl":
+        from obsdesign.plotting.sweep import plot_sweep
+
+        plot_sweep(estimate, output)
+    elif suffix == ".json":
         from obsdesign.plotting.dwell import plot_dwell
 
         plot_dwell(answer_of(estimate), output, estimate)
@@ -115,4 +124,23 @@ def plot(estimate: str, data: str | None, output: str, events: str | None) -> in
 
         plot_estimate(estimate, data, output, events)
     say(f"written: {output}")
+    return 0
+
+
+@click.command()
+@click.argument("design_file", metavar="DESIGN", type=click.Path())
+@click.option(
+    "-o", "--output", type=click.Path(), default="gains.mat", show_default=True, help="MATLAB file."
+)
+def export(design_file: str, output: str) -> int:
+    """Write the gains and the plant of DESIGN to a MATLAB file."""
+    if Path(output).suffix.lower() != ".mat":
+        raise InputError(f"{output}: gains are exported to a file that ends in .mat.")
+    from obsdesign.document import load_design, refuse_overwriting
+    from obsdesign.interop.export import save_mat
+
+    refuse_overwriting(output, design_file)
+    design = load_design(design_file)
+    save_mat(design, output)
+    say(f"written: {output}, {len(design.gains)} gains of kind {design.kind}")
     return 0

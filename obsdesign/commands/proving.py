@@ -4,15 +4,9 @@ from __future__ import annotations
 
 import click
 
-from obsdesign.commands.arguments import problem_of
+from obsdesign.commands.arguments import KIND, problem_of
 from obsdesign.commands.talk import is_quiet, is_verbose, say, warn
 from obsdesign.errors import InputError
-from obsdesign.kinds import KINDS
-
-_KIND = click.option(
-    "--kind", shell_complete=lambda context, option, word: [k for k in KINDS if k.startswith(word)],
-    help="Observer kind; options of another kind in the file are dropped.",
-)  # fmt: skip
 
 
 @click.command()
@@ -34,7 +28,7 @@ def check(problem: str, as_json: bool) -> int:
 
 @click.command()
 @click.argument("problem", type=click.Path())
-@_KIND
+@KIND
 @click.option(
     "-o",
     "--output",
@@ -100,7 +94,7 @@ def verify(design_file: str, paranoid: bool, as_json: bool) -> int:
 @click.argument("problem", type=click.Path())
 @click.option("--for", "what", required=True, metavar="WHAT",
               help="shortest_dwell, longest_dwell, longest_period, shortest_window.")  # fmt: skip
-@_KIND
+@KIND
 @click.option("--accuracy", type=float, default=1e-6, show_default=True, help="Relative width.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object on stdout.")
 def search(problem: str, what: str, kind: str | None, accuracy: float, as_json: bool) -> int:
