@@ -35,6 +35,8 @@ Array = NDArray[Any]
 # lambda h beyond which a kernel bends too much between two samples for an integral operator, and
 # the same for the fastest mode of the plant
 _COARSE = 1.0
+# rule "position": age from which an impulse is evaluated, of the window
+OLD = 0.7
 OPERATORS = ("integral", "samples")
 WEIGHTINGS = ("plain", "gls")
 RULES = ("peak", "position", "threshold")

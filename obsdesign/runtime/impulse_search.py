@@ -20,9 +20,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from obsdesign.equations.impulsive_input import OLD
+
 Array = NDArray[Any]
 
-_OLD = 0.7  # age from which an impulse is evaluated, of the window
 _SHARE = 0.5  # of the features that it must explain
 
 
@@ -118,7 +119,7 @@ class Position:
     def of(cls, whitening: Array, ages: Array, b: Array, tau: float) -> Position:
         """From b (G, mp, q) at increasing ages, all above zero."""
         bases = np.linalg.qr(whitening @ b)[0]
-        return cls(whitening, bases, ages >= _OLD * tau)
+        return cls(whitening, bases, ages >= OLD * tau)
 
     def values(self, R: Array) -> Array:
         """Square root of what the best age explains of |R|^2, (k,) for R (k, mp); else zero.

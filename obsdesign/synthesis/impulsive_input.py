@@ -4,7 +4,8 @@ K places the poles of A - K C at real, distinct places a little faster than thos
 observers leave more of an impulse to be seen, and with a real spectrum few exponents determine an
 impulse (`verification.uniqueness`). The window is a part of the shortest dwell time. Exponents: the
 largest lambda for which what (15) neglects stays below `ratio` (it is monotone), and its
-neighbours below: among all choices with that ratio the slow corner is the least sensitive to noise.
+neighbours below: among all choices with that ratio the slow corner is the least sensitive to noise
+(`observer.check_exponents` asks IPOPT whether it is).
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from obsdesign.equations.impulse_fit import ImpulseCurve
 from obsdesign.errors import InputError
 from obsdesign.problem import Problem
 from obsdesign.structure import approx_unobservable_modes
+from obsdesign.synthesis import exponent_nlp
 from obsdesign.synthesis.candidate import Candidate
 from obsdesign.synthesis.impulse_samples import sampled_candidate
 from obsdesign.synthesis.placement import placed_gain
@@ -35,6 +37,7 @@ _RATIO = 0.05
 _LARGEST_GROWTH = 300.0  # e to it still fits binary64 with room
 _FASTER, _APART = 1.25, 1.2  # poles of the observer against those of the plant and each other
 _SPACING = 1 / 13  # of exponents, relative to the largest
+_BETTER = 0.99  # deviation against the corner's from which another choice counts
 _FASTEST = 3.3  # lambda margin, where no lambda keeps the ratio
 
 
@@ -84,12 +87,38 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
         exponents = corner_exponents(
             D, plant.output.C, data["H"], window, margin, _ratio(problem), count
         )
-        label = f"{count} exponents"
-        yield Candidate(
-            label,
-            data | {"exponents": exponents, "rule": _rule(data, D, exponents)},
-            searched=open_question,
-        )
+        for label, chosen in _looked_at_again(problem, data, D, exponents):
+            yield Candidate(
+                label,
+                data | {"exponents": chosen, "rule": _rule(data, D, chosen)},
+                searched=open_question,
+            )
+
+
+def _looked_at_again(
+    problem: Problem, data: dict[str, Any], D: Matrix, corner: Matrix
+) -> Iterator[tuple[str, Matrix]]:
+    """(label, exponents): the corner, and before it what IPOPT finds better, where asked."""
+    label = f"{len(corner)} exponents"
+    if not problem.options.get("check_exponents"):
+        yield label, corner
+        return
+    tau, std = data["window"], problem.plant.output.noise_std
+    age = None if _rule(data, D, corner) == "peak" else equations.OLD * tau
+    scale = std / std.max() if std.any() else np.ones(len(std))
+    found, size = exponent_nlp.second_opinion(D, data["C"], data["H"], corner, scale, tau, age)
+    told = f"times {size:.3g} as uncertain as with {corner[0]:.4g} ... {corner[-1]:.4g}"
+    if found is None:
+        label += "; IPOPT did not converge"
+    elif size > _BETTER:
+        label += ", confirmed by IPOPT"
+    elif equations.neglected_ratio(
+        D, data["C"], data["H"], found, tau, data["margin"]
+    )[0] > _ratio(problem) * (1 + 1e-6):  # fmt: skip
+        label += f"; IPOPT finds {told}, but more is neglected than the ratio allows"
+    else:
+        yield f"{label} from IPOPT, {told}", found
+    yield label, corner
 
 
 def _rule(data: dict[str, Any], D: Matrix, exponents: Matrix) -> str:
@@ -148,13 +177,34 @@ def _check_options(problem: Problem) -> None:
             "observer.state_correction needs observer.weighting = 'gls', and output.noise_std > 0: "
             "without noise there is nothing to weigh the state by."
         )
+    if options.get("check_exponents"):
+        if "exponents" in options or options.get("operator") == "samples":
+            other = "exponents" if "exponents" in options else "operator = 'samples'"
+            raise InputError(
+                f"observer.check_exponents looks at exponents that are left open; observer.{other} "
+                "leaves none."
+            )
+        if _weighting(problem) == "gls":
+            raise InputError(
+                "observer.check_exponents is about observer.weighting = 'plain': whitened features "
+                "hardly depend on the exponents."
+            )
+        if directions > 1:
+            raise InputError(
+                f"observer.check_exponents takes one direction of impulses; jump.H has "
+                f"{directions}."
+            )
 
 
 def _operator(problem: Problem, window: float) -> tuple[str, str]:
     """(operator, why): samples where an integral operator would be too coarse."""
     asked = problem.options.get("operator")
     plant = problem.plant
-    own = [name for name in ("exponents", "ratio", "threshold") if name in problem.options]
+    own = [
+        name
+        for name in ("exponents", "ratio", "threshold", "check_exponents")
+        if name in problem.options
+    ]
     own += ["gains.K"] if "K" in problem.gains else []
     if asked is not None:
         if asked == "samples" and own:
@@ -188,9 +238,10 @@ def _gain(problem: Problem, window: float) -> Matrix:
 def slowest_exponent(
     D: Matrix, C: Matrix, H: Matrix, window: float, margin: float, ratio: float
 ) -> float | None:
-    """The largest lambda < 0 with |E| <= ratio |b| for ages in [margin, window]; by bisection.
+    """The largest lambda <= -1/window with |E| <= ratio |b| for ages in [margin, window].
 
-    None where no lambda does: then h changes sign, and rows of b have zeros.
+    By bisection. None where no lambda does: then h changes sign, and rows of b have zeros. Kernels
+    slower than the window are all alike on it: their features hardly differ.
     """
 
     def holds(size: float) -> bool:
@@ -204,9 +255,9 @@ def slowest_exponent(
             return None
     low = high / 2
     while holds(low):
+        if low * window <= 1:
+            return -1.0 / window
         low /= 2
-        if low * window < 1e-3:
-            return -low
     for _ in range(40):
         middle = math.sqrt(low * high)
         low, high = (low, middle) if holds(middle) else (middle, high)
