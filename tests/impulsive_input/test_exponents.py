@@ -7,9 +7,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 import obsdesign
 from obsdesign.equations.estimation_error import flow_error_matrix
+from obsdesign.equations.impulsive_input import filtered_system
 from obsdesign.synthesis.exponent_nlp import peak_age, second_opinion, time_deviation
 from obsdesign.synthesis.impulsive_input import slowest_exponent
 from tests.impulsive_input.cases import CHAIN
@@ -43,9 +45,6 @@ def test_the_deviation_is_that_of_simulated_noise() -> None:
     lams = np.array([-0.65, -0.75, -0.9])
     kernels = np.exp(lams[:, None] * h * np.arange(2000))[:, ::-1]
     age = peak_age(D, C, H, lams, TAU)
-    from obsdesign.equations.impulsive_input import filtered_system
-    from scipy.linalg import expm
-
     F = filtered_system(D, C, lams)
     state = expm(F * age)[:, :3] @ H[:, 0]
     J = np.column_stack([(F @ state)[3:], state[3:]])
