@@ -38,6 +38,7 @@ _LARGEST_GROWTH = 300.0  # e to it still fits binary64 with room
 _FASTER, _APART = 1.25, 1.2  # poles of the observer against those of the plant and each other
 _SPACING = 1 / 13  # of exponents, relative to the largest
 _BETTER = 0.99  # deviation against the corner's from which another choice counts
+_SPREAD = 10.0  # the fastest of spread exponents, times the margin
 _FASTEST = 3.3  # lambda margin, where no lambda keeps the ratio
 
 
@@ -93,6 +94,13 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
                 data | {"exponents": chosen, "rule": _rule(data, D, chosen)},
                 searched=open_question,
             )
+    # many states: neighbours differ too little for the rank; kernels of all lengths differ most
+    spread = np.asarray(-np.geomspace(1.0 / window, _SPREAD / margin, 2 * n), dtype=np.float64)
+    yield Candidate(
+        f"{2 * n} spread exponents",
+        data | {"exponents": spread, "rule": _rule(data, D, spread)},
+        searched=open_question,
+    )
 
 
 def _looked_at_again(
