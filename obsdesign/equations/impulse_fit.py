@@ -53,7 +53,7 @@ class ImpulseCurve:
 
         n: entries in front that are no features; by default the states of the plant.
         """
-        size = _balanced_size(F)
+        size = balanced_size(F)
         count = int(min(max(points, math.ceil(size * tau)), _MOST_POINTS))
         step = tau / count
         if not size * step <= _LONGEST_REACH:
@@ -88,7 +88,7 @@ class ImpulseCurve:
         return _sum(self.series(k), age - k * self.step)
 
 
-def _balanced_size(F: Array) -> float:
+def balanced_size(F: Array) -> float:
     """Norm of F in units of its entries that make it small: units of the states do not matter."""
     X = np.abs(np.asarray(F, dtype=np.float64))
     for _ in range(20):

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from lmi.balls import exact, fixed_vector
 from obsdesign.equations import impulsive_input as equations
 from obsdesign.equations.estimation_error import flow_error_matrix, plant_data
-from obsdesign.equations.impulse_fit import ImpulseCurve
+from obsdesign.equations.impulse_fit import ImpulseCurve, balanced_size
 from obsdesign.errors import InputError
 from obsdesign.problem import Problem
 from obsdesign.structure import approx_unobservable_modes
@@ -33,6 +33,9 @@ Matrix = NDArray[np.float64]
 
 _WINDOW = 0.8  # of the shortest dwell time
 _MARGIN = 0.25  # of the window
+_LARGEST_GAIN = 1e3  # size of A - K C against that of A
+_MEMORY = 6.0  # time constants of the slowest mode of A - K C that a window is worth
+_FEWEST = 24  # samples of a window
 _RATIO = 0.05
 _LARGEST_GROWTH = 300.0  # e to it still fits binary64 with room
 _FASTER, _APART = 1.25, 1.2  # poles of the observer against those of the plant and each other
@@ -57,14 +60,16 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
     if operator == "samples":
         yield sampled_candidate(problem, low, reason)
         return
+    K = problem.gains.get("K")
+    K = _gain(problem, window) if K is None else K
+    D = flow_error_matrix(plant.flow.A, K, plant.output.C)
+    if "window" not in problem.options:
+        window = _remembered(problem, D, window)
     margin = float(problem.options.get("margin", _MARGIN * window))
     if margin >= window:
         raise InputError(
             f"observer.margin must be less than the window, {window!r}; got {margin!r}."
         )
-    K = problem.gains.get("K")
-    K = _gain(problem, window) if K is None else K
-    D = flow_error_matrix(plant.flow.A, K, plant.output.C)
     data = _data(problem) | {
         "K": K, "window": window, "margin": margin, "weighting": weighting,
         "operator": operator, "nonnegative": bool(problem.options.get("nonnegative", False)),
@@ -84,23 +89,45 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
         rows.append(rows[-1] @ exact(plant.flow.A))
     # a window that is too long and a state that is not seen refute every K and all exponents
     open_question = window < low and not any(fixed_vector(X) for X in (rows, [exact(data["H"])]))
-    for count in (2 * n, 2 * n + 2):
-        exponents = corner_exponents(
-            D, plant.output.C, data["H"], window, margin, _ratio(problem), count
-        )
-        for label, chosen in _looked_at_again(problem, data, D, exponents):
-            yield Candidate(
-                label,
-                data | {"exponents": chosen, "rule": _rule(data, D, chosen)},
-                searched=open_question,
-            )
-    # many states: neighbours differ too little for the rank; kernels of all lengths differ most
+    for label, chosen, rule in _choices(problem, data, D):
+        yield Candidate(label, data | {"exponents": chosen, "rule": rule}, searched=open_question)
+
+
+def _remembered(problem: Problem, D: Matrix, window: float) -> float:
+    """No longer than something of an impulse is left in the output, so that all of it is used."""
+    slowest = float(-np.linalg.eigvals(D).real.max())
+    if slowest <= 0:
+        return window
+    least = max(4 * float(problem.options.get("margin", 0.0)),
+                _FEWEST * float(problem.plant.output.period or 0.0))  # fmt: skip
+    return min(window, max(_MEMORY / slowest, least))
+
+
+def _choices(
+    problem: Problem, data: dict[str, Any], D: Matrix
+) -> Iterator[tuple[str, Matrix, str]]:
+    """(label, exponents, rule): the corner and spread exponents.
+
+    Spread ones first where |b| has no peak: impulses are then evaluated when they are old, which
+    fast kernels have forgotten. They also differ most from each other: with many states neighbours
+    are too much alike for the rank.
+    """
+    n, window, margin = len(D), data["window"], data["margin"]
     spread = np.asarray(-np.geomspace(1.0 / window, _SPREAD / margin, 2 * n), dtype=np.float64)
-    yield Candidate(
-        f"{2 * n} spread exponents",
-        data | {"exponents": spread, "rule": _rule(data, D, spread)},
-        searched=open_question,
-    )
+    last = (f"{2 * n} spread exponents", spread, _rule(data, D, spread))
+    corners = [
+        corner_exponents(D, data["C"], data["H"], window, margin, _ratio(problem), count)
+        for count in (2 * n, 2 * n + 2)
+    ]
+    asked = any(name in problem.options for name in ("ratio", "check_exponents", "threshold"))
+    early = not asked and _rule(data, D, corners[0]) == "position"
+    if early:
+        yield last
+    for corner in corners:
+        for label, chosen in _looked_at_again(problem, data, D, corner):
+            yield label, chosen, _rule(data, D, chosen)
+    if not early:
+        yield last
 
 
 def _looked_at_again(
@@ -231,7 +258,11 @@ def _operator(problem: Problem, window: float) -> tuple[str, str]:
 
 
 def _gain(problem: Problem, window: float) -> Matrix:
-    """Real distinct poles; zero where a mode is not seen (a claim says so)."""
+    """Real distinct poles; zero where a mode is not seen (a claim says so).
+
+    Also zero where that would take a gain beyond all measure and the plant forgets by itself: some
+    direction is hardly seen.
+    """
     A, C = problem.plant.flow.A, problem.plant.output.C
     if approx_unobservable_modes(A, C):
         return np.zeros((problem.plant.n, problem.plant.p))
@@ -240,7 +271,10 @@ def _gain(problem: Problem, window: float) -> Matrix:
     for speed in speeds.tolist():
         wanted = max(_FASTER * speed, 1.0 / window)
         poles.append(max(wanted, _APART * poles[-1]) if poles else wanted)
-    return placed_gain(A, C, [-pole for pole in poles])
+    K = placed_gain(A, C, [-pole for pole in poles])
+    immense = balanced_size(A - K @ C) > _LARGEST_GAIN * max(balanced_size(A), 1.0 / window)
+    forgets = float(np.linalg.eigvals(A).real.max()) * window < -1
+    return np.zeros_like(K) if immense and forgets else K
 
 
 def slowest_exponent(
