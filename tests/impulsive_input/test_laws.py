@@ -198,6 +198,40 @@ def test_random_systems_are_recovered(seed: int) -> None:
     assert outcome(seed)[0] == "found", outcome(seed)
 
 
+@pytest.mark.parametrize(
+    ("A", "H", "C", "dwell", "h", "std"),
+    [
+        ([[-1, 0], [1, -2]], [[1], [0]], [[0, 1]], 100, 0.05, 0.02),  # fast, rarely hit
+        ([[-0.1, 1], [-1, -0.1]], [[0], [1]], [[1, 0]], 30, 0.05, 0.05),  # rings
+        ([[0, 1], [-25, -0.2]], [[0], [1]], [[1, 0]], 5, 0.01, 0.005),  # a spring, hardly damped
+        ([[0, 1], [0, 0]], [[0], [1]], [[1, 0]], 10, 0.02, 0.01),  # a free mass
+        ([[-0.3, 0, 0], [1, -0.5, 0], [0, 0.5, -0.2]], [[1, 0], [0, 0], [0, 1]],
+         [[0, 1, 0], [0, 0, 1]], 20, 0.05, 0.05),  # two directions, two outputs
+    ],
+)  # fmt: skip
+def test_what_is_left_open_suits_the_plant(
+    A: Any, H: Any, C: Any, dwell: float, h: float, std: float
+) -> None:
+    body = {
+        "flow": {"A": A}, "jump": {"H": H, "dwell_time": [dwell, "inf"]},
+        "output": {"C": C, "measured": "periodic", "period": h, "noise_std": [std] * len(C)},
+        "observer": {"kind": "impulsive_input"},
+    }  # fmt: skip
+    rng = np.random.default_rng(8)
+    t = np.round(h * np.arange(round(7 * dwell / h)), 10)
+    q = len(H[0])
+    train = [(dwell * (1.3 * k + rng.uniform(0, 0.2)), rng.choice([-1, 1], q) * rng.uniform(1, 3, q))
+             for k in range(1, 5)]  # fmt: skip
+    x = record(np.array(A), H, train, t, np.zeros(len(A)))
+    y = x @ np.array(C).T + std * rng.standard_normal((len(t), len(C)))
+    found = observer_of(body).run_batch(t, y).events
+    assert [e.status for e in found] == ["ok"] * len(train)
+    for event, (moment, weights) in zip(found, train, strict=True):
+        assert event.t_std < 0.05 * dwell
+        assert abs(event.t - moment) < 5 * event.t_std
+        assert (np.abs(event.weights - weights) < 5 * event.weights_std + 0.02).all()
+
+
 def test_where_samples_cannot_show_the_onset_it_is_said() -> None:
     assert outcome(1000)[0] == HIDDEN
     one = {"flow": {"A": [[-1, 0], [0, -2]]}, "jump": {"H": [[1], [1]], "dwell_time": [3, "inf"]},
