@@ -306,7 +306,7 @@ class IntegralEngine:
             T = whitened(taps, track.y[:stop], unit)[1]
             curve = self.evaluator.curve
             b = curve.states[1:, curve.n :]
-            position = Position.of(T, curve.ages[1:], b, self.run.tau)
+            position = Position.of(T, curve.ages[1:], b, self.evaluator.oldest)
             own = T @ (taps.T @ track.y[:stop]).T.reshape(-1)
             exact = _EXACT_FLOOR * float(np.linalg.norm(own))
             rule = Rule(0.0, 0.0, 0.0, max(_LEAST if sigma > 0 else 0.0, exact))

@@ -9,6 +9,7 @@ beyond the paper.
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import dataclass, replace
 from typing import Any
@@ -99,6 +100,12 @@ class Evaluator:
     state_correction: bool
     nonnegative: bool
 
+    @functools.cached_property
+    def oldest(self) -> float:
+        """Ages that are searched end here; the end of the window if that leaves none."""
+        oldest = self.curve.oldest
+        return oldest if oldest > self.margin else self.tau
+
     def taps(self, times: Array) -> Array:
         """Psi (rows, m) of the window from times[0] on; the last row may lie beyond its end.
 
@@ -152,11 +159,12 @@ class Evaluator:
         again as samples show them. Features under the plain norm are nearly dependent; where to
         look is seen better in `whitened_too`, features and T without that.
         """
-        found = fit_impulse(R, self.curve, self.margin, self.tau, T, self.nonnegative)
+        found = fit_impulse(R, self.curve, self.margin, self.oldest, T, self.nonnegative)
         if found is None:
             return None
         ages = window.t[0] + self.tau - window.t
-        cells = np.flatnonzero((ages >= self.margin) & (np.arange(len(ages)) > 0))
+        searched = (ages >= self.margin) & (ages <= self.oldest)
+        cells = np.flatnonzero(searched & (np.arange(len(ages)) > 0))
         width = float(np.median(np.diff(window.t)))
         inside = expm(self.A * (width * np.array([0.0, 0.5, 1.0]))[:, None, None]) @ self.H
         likely = {int(np.searchsorted(window.t, self._time(window, found), "left"))}

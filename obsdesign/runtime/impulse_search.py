@@ -116,10 +116,11 @@ class Position:
     old: NDArray[np.bool_]
 
     @classmethod
-    def of(cls, whitening: Array, ages: Array, b: Array, tau: float) -> Position:
-        """From b (G, mp, q) at increasing ages, all above zero."""
+    def of(cls, whitening: Array, ages: Array, b: Array, oldest: float) -> Position:
+        """From b (G, mp, q) at increasing ages above zero; `oldest`: ages searched end here."""
+        ages, b = ages[ages <= oldest], b[ages <= oldest]
         bases = np.linalg.qr(whitening @ b)[0]
-        return cls(whitening, bases, ages >= OLD * tau)
+        return cls(whitening, bases, ages >= OLD * oldest)
 
     def values(self, R: Array) -> Array:
         """Square root of what the best age explains of |R|^2, (k,) for R (k, mp); else zero.

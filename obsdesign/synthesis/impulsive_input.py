@@ -120,14 +120,24 @@ def _choices(
         for count in (2 * n, 2 * n + 2)
     ]
     asked = any(name in problem.options for name in ("ratio", "check_exponents", "threshold"))
-    early = not asked and _rule(data, D, corners[0]) == "position"
+    early = not asked and _rule_or_none(data, D, corners[0]) in (None, "position")
     if early:
         yield last
     for corner in corners:
+        if _rule_or_none(data, D, corner) is None:
+            continue
         for label, chosen in _looked_at_again(problem, data, D, corner):
             yield label, chosen, _rule(data, D, chosen)
     if not early:
         yield last
+
+
+def _rule_or_none(data: dict[str, Any], D: Matrix, exponents: Matrix) -> str | None:
+    """None where these exponents cannot work in the window."""
+    try:
+        return _rule(data, D, exponents)
+    except InputError:
+        return None
 
 
 def _looked_at_again(
@@ -165,9 +175,17 @@ def _rule(data: dict[str, Any], D: Matrix, exponents: Matrix) -> str:
         )
     F = equations.filtered_system(D, data["C"], exponents)
     try:
-        ImpulseCurve.of(F, data["H"], data["window"])
+        curve = ImpulseCurve.of(F, data["H"], data["window"])
     except ValueError as error:
+        if data["window"] >= data["dwell_time"][0]:
+            return "position"  # a claim refutes the window, whatever the rule
         raise InputError(f"{error}; are the units of flow.A what they should be?") from None
+    if curve.oldest <= data["margin"] and data["H"].any():
+        raise InputError(
+            f"observer.margin must be below {curve.oldest:.3g}, where less than a thousandth of an "
+            f"impulse is left in the features; got {data['margin']!r}. Is observer.window = "
+            f"{data['window']!r} too long for the plant, or the exponents too fast?"
+        )
     if "threshold" in data:
         return "threshold"
     peak = equations.has_peak(F, data["H"], data["window"], data["margin"])

@@ -103,8 +103,10 @@ def _expected(problem: Problem, gains: Mapping[str, Any]) -> dict[str, Any]:
         "operator": set(equations.OPERATORS), "weighting": set(equations.WEIGHTINGS),
     }  # fmt: skip
     # numbers that the problem leaves open are what they are; `_objection` has looked at them
-    open_numbers = ("window", "margin", "state_correction", "nonnegative")
-    expected |= {name: gains.get(name) for name in open_numbers}
+    expected |= {name: gains.get(name) for name in ("window", "margin")}
+    # what nobody asked for: weights that are not negative would make the guarantee false
+    samples = gains.get("operator") == "samples"
+    expected |= {"nonnegative": False, "state_correction": samples}
     if plant.output.measured == "periodic":
         expected["period"] = plant.output.period
     if gains.get("operator") == "integral":
@@ -114,7 +116,10 @@ def _expected(problem: Problem, gains: Mapping[str, Any]) -> dict[str, Any]:
         expected["rule"] = {"peak", "position"}
         if "threshold" in options:
             expected |= {"threshold": options["threshold"], "rule": "threshold"}
-    for name in (*open_numbers, "operator", "weighting"):
+    if samples:
+        expected["margin"] = plant.output.period
+    named = ("window", "margin", "nonnegative", "operator", "weighting")
+    for name in (*named, *(() if samples else ("state_correction",))):
         if name in options:
             expected[name] = options[name]
     return expected

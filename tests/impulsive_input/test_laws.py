@@ -273,6 +273,7 @@ def test_a_design_is_proved_again_and_survives_its_file(tmp_path: Any) -> None:
 @pytest.mark.parametrize(
     ("changes", "reason"),
     [
+        ({"observer__window": 1e9}, "the window 1000000000.0 is not below the shortest dwell time 25.0: impulses at t = 0 and t = 25.0 would share one window"),
         ({"observer__window": 25}, "the window 25.0 is not below the shortest dwell time 25.0: impulses at t = 0 and t = 25.0 would share one window"),
         ({"observer__exponents": [-0.5, -0.6]}, "2 features (exponents times outputs) cannot show 3 states"),
         ({"output__C": [[1, 0, 0]]}, "the output never sees the direction [0, 1, 0] of the state"),
@@ -310,6 +311,7 @@ def test_forged_gains_are_seen() -> None:
     for name, value in (
         ("exponents", np.array([-0.6, -0.7, -0.8])), ("H", np.array([[1.0], [1], [0]])),
         ("window", 19.0), ("rule", "whenever"), ("margin", -1.0), ("weighting", "gls"),
+        ("nonnegative", True), ("state_correction", True),
     ):  # fmt: skip
         forged = replace(design, gains=dict(design.gains) | {name: value})
         assert obsdesign.verify(forged).verdict == "refuted", name
@@ -320,6 +322,7 @@ def test_forged_gains_are_seen() -> None:
     [
         ({"jump__G": [[2, 0, 0], [0, 1, 0], [0, 0, 1]]}, "jump.G must be the identity for kind 'impulsive_input': impulses add to the state at unknown times, and nothing else may happen then. Leave jump.G out."),
         ({"jump__E": [[1], [0], [0]]}, "jump.E is refused by kind 'impulsive_input': jump times are unknown, so that no known input can act at them."),
+        ({"observer__window": 24.9, "flow__A": [[-8, 0, 0], [2, -15, 0], [0, 5, -20]], "observer__margin": 20, "observer__exponents": [-5, -6, -7]}, "observer.margin must be below 1.7, where less than a thousandth of an impulse is left in the features; got 20.0. Is observer.window = 24.9 too long for the plant, or the exponents too fast?"),
         ({"observer__weighting": "gls"}, "output.noise_std must be > 0 with observer.weighting = 'gls'; got 0 for output 1."),
         ({"observer__state_correction": True}, "observer.state_correction needs observer.weighting = 'gls', and output.noise_std > 0: without noise there is nothing to weigh the state by."),
         ({"jump__H": [[1, 0], [0, 1], [0, 0]], "observer__nonnegative": True}, "observer.nonnegative takes one direction of impulses; jump.H has 2."),
