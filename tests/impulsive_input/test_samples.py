@@ -42,7 +42,7 @@ def found_in(observer: Any, t: Any, y: Any, **initial: Any) -> list[Any]:
 def test_six_impulses_in_the_hormone_record(observer: Any) -> None:
     # with a prior deviation of 3 for weights, to every digit; by default there is none
     for width, tolerance in ((3.0, (0.02, 0.01, 0.002, 0.001)), (np.inf, (0.1, 0.05, 0.02, 0.01))):
-        engine = replace(observer.engine, weight_std=width)
+        engine = replace(observer.engine, model=replace(observer.engine.model, weight_std=width))
         found = found_in(replace(observer, engine=engine), DATA[:, 0], DATA[:, 1:], **PRIOR)
         for event, numbers in zip(found, SIX, strict=True):
             told = (event.t, event.t_std, event.weights[0], event.weights_std[0])
