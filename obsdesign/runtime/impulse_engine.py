@@ -33,6 +33,8 @@ Array = NDArray[Any]
 
 _FLOOR = 8.0  # |R| must exceed this many deviations of noise
 _EXACT_FLOOR = 1e-7  # and this part of what the output itself leaves in R: interpolation, rounding
+_FAINT = 1e-3  # of the largest y of a window: proportional noise is no smaller than at this
+_MISFIT = 0.05  # of the residual: what an impulse may leave of it where there is no noise
 _LEAST = 6.0  # deviations that an impulse must explain before it is evaluated by its position
 _SMOOTHING = 0.05  # half width of the moving average, of the window
 # part of |R| that a rise or a drop must have; without noise only interpolation disturbs it
@@ -224,7 +226,9 @@ class IntegralEngine:
         if stop - row > 2 and end - track.t[stop - 2] < 1e-6 * (track.t[stop - 1] - end):
             stop -= 1
         std, cv = self.noise
-        spread = np.hypot(std, cv * track.y[row:stop])
+        y = track.y[row:stop]
+        level = np.maximum(np.abs(y), _FAINT * np.abs(y).max(axis=0))  # y = 0 is not exact
+        spread = np.hypot(std, np.where(level > 0, cv * level, cv))
         return self.evaluator.taps(track.t[row:stop]), spread, stop
 
     def _half(self, live: IntegralLive) -> float:
@@ -248,7 +252,22 @@ class IntegralEngine:
         if decision is None or decision.event is None:
             value = float(live.norms[min(search.position, len(live.norms)) - 1])
             return replace(live, search=search.given_up(value)), []
+        if not spread.any():
+            decision = self._compared(decision, track.t[top:stop], error)
         return self._added(live, top, decision, spread)
+
+    def _compared(self, decision: Decision, times: Array, error: Array) -> Decision:
+        """Without noise: does the output of the impulse match the residual? Features hardly tell.
+
+        Two impulses in a window, or an error of the state at its start, leave a difference.
+        """
+        event = decision.event
+        assert event is not None
+        shown = self.run.impulse_error(times, event.t, self.evaluator.H @ event.weights)
+        rest = error - shown @ self.run.C.T
+        if np.linalg.norm(rest) > _MISFIT * np.linalg.norm(error):
+            event = replace(event, status="does not fit one impulse in the window")
+        return replace(decision, event=event)
 
     def _added(
         self, live: IntegralLive, top: int, decision: Decision, spread: Array

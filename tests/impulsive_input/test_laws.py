@@ -190,6 +190,27 @@ def test_impulses_closer_than_the_dwell_time_are_flagged_in_noise() -> None:
     assert seen[1.0] == ["ok"]
 
 
+def test_impulses_closer_than_the_dwell_time_are_flagged_without_noise() -> None:
+    t = np.round(0.05 * np.arange(2001), 10)
+    A, H = np.array(CHAIN["flow"]["A"]), CHAIN["jump"]["H"]
+    for gap, fits in ((10.0, False), (30.0, True)):
+        x = record(A, H, ((30.0, 4.0), (30.0 + gap, 5.0)), t, [4, 20, 60])
+        found = observer_of(chain()).run_batch(t, x[:, 2:], x=[4, 20, 60])
+        assert all((e.status == "ok") is fits for e in found.events), gap
+        assert len(found.events) == 1 + fits
+        flagged = {s for s in found.status if "does not fit" in s}
+        assert (flagged == set()) is fits
+
+
+def test_proportional_noise_alone_and_outputs_that_are_zero() -> None:
+    t = np.round(0.05 * np.arange(2001), 10)
+    observer = observer_of(chain(output__noise_cv=[0.01]))
+    x = record(np.array(CHAIN["flow"]["A"]), CHAIN["jump"]["H"], ((30.0, 4.0),), t, [0, 0, 0])
+    (event,) = observer.run_batch(t, x[:, 2:]).events
+    assert event.t == pytest.approx(30, abs=0.05)
+    assert not observer.run_batch(t, 0 * x[:, 2:]).events
+
+
 # --- random systems ---------------------------------------------------------------------------------
 
 
