@@ -22,6 +22,7 @@ from obsdesign.runtime.impulse_estimate import (
     Evaluator,
     Window,
     feature_deviation,
+    noise_deviation,
     whitened,
 )
 from obsdesign.runtime.impulse_noise import added_by_noise, covariance_at, first_covariance
@@ -33,7 +34,6 @@ Array = NDArray[Any]
 
 _FLOOR = 8.0  # |R| must exceed this many deviations of noise
 _EXACT_FLOOR = 1e-7  # and this part of what the output itself leaves in R: interpolation, rounding
-_FAINT = 1e-3  # of the largest y of a window: proportional noise is no smaller than at this
 _MISFIT = 0.05  # of the residual: what an impulse may leave of it where there is no noise
 _LEAST = 6.0  # deviations that an impulse must explain before it is evaluated by its position
 _SMOOTHING = 0.05  # half width of the moving average, of the window
@@ -227,8 +227,7 @@ class IntegralEngine:
             stop -= 1
         std, cv = self.noise
         y = track.y[row:stop]
-        level = np.maximum(np.abs(y), _FAINT * np.abs(y).max(axis=0))  # y = 0 is not exact
-        spread = np.hypot(std, np.where(level > 0, cv * level, cv))
+        spread = noise_deviation(std, cv, y, np.abs(y).max(axis=0))
         return self.evaluator.taps(track.t[row:stop]), spread, stop
 
     def _half(self, live: IntegralLive) -> float:

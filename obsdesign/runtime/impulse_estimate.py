@@ -24,6 +24,8 @@ from obsdesign.runtime.base import Vector
 
 Array = NDArray[Any]
 
+# proportional noise is no smaller than at this part of the largest output
+_FAINT = 1e-3
 # singular values below this part of the largest carry more rounding than signal
 _RANK = 1e-11
 # |r|^2 of a fit that noise alone explains is below this, once in a thousand windows: chi-squared
@@ -255,6 +257,12 @@ def feature_deviation(taps: Array, spread: Array) -> float:
     """sigma_R: the largest deviation of R in any direction, from the noise of the samples."""
     sizes = [np.linalg.norm(taps * column[:, None], 2) for column in spread.T]
     return float(max(sizes))
+
+
+def noise_deviation(std: Vector, cv: Vector, y: Array, level: Array) -> Array:
+    """Deviation of the noise of outputs y whose largest so far is `level`: y = 0 is not exact."""
+    size = np.maximum(np.abs(y), _FAINT * level)
+    return np.asarray(np.hypot(std, np.where(size > 0, cv * size, cv)))
 
 
 def chi_squared_limit(freedom: int) -> float:

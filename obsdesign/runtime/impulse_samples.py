@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from lmi.exponential import expm
 from obsdesign.runtime.base import Estimate, Vector
-from obsdesign.runtime.impulse_estimate import Event, chi_squared_limit
+from obsdesign.runtime.impulse_estimate import Event, chi_squared_limit, noise_deviation
 from obsdesign.runtime.impulse_onset import ONSETS, Fit, OnsetModel, Row
 
 Array = NDArray[Any]
@@ -39,6 +39,7 @@ class SampledLive:
     """rows: from the window's start on; x, P: the filter there, with its sample used.
 
     before: (row, x, P) one row earlier, None right after a restart: where a refit may begin.
+    level: largest |y| so far.
     """
 
     t: float
@@ -49,6 +50,7 @@ class SampledLive:
     before: tuple[Row, Vector, Array] | None = None
     last_event: float = -math.inf
     doubt: tuple[float, float, str] = (math.inf, -math.inf, "")
+    level: Any = 0.0
 
 
 @dataclass(frozen=True)
@@ -86,7 +88,9 @@ class SamplesEngine:
         for k in range(len(t)):
             seen = bool(np.isfinite(y[k]).all())
             std, cv = self.noise
-            spread = np.hypot(std, cv * np.abs(y[k])) if seen else std
+            level = np.maximum(live.level, np.abs(y[k])) if seen else live.level
+            live = replace(live, level=level)
+            spread = noise_deviation(std, cv, y[k], level) if seen else std
             row = Row(float(t[k]), y[k] if seen else None, u[k], spread)
             if not live.rows:
                 live = self._first(live, row)
