@@ -23,7 +23,7 @@ from obsdesign.runtime.step_cache import cached_step
 from obsdesign.runtime.window_error import FlowMaps, WindowError, flow_maps
 
 # rounding of y - C w, as a part of w
-_SEEN = 2.0**-48
+SEEN_ROUNDING = 2.0**-48
 # the scaled rows of an incomplete window must be that far from losing rank
 _DETERMINED = 1e-11
 
@@ -91,7 +91,7 @@ class SamplingWindow(SteppedObserver[FiniteTimeState]):
         if not self.bounded:
             return state._replace(t=t, x=x, w=w, known=known)
         centre = maps.flow @ state.centre + maps.once @ forced
-        slip = np.maximum(state.slip, maps.error(state.w, forced) + _SEEN * np.abs(w))
+        slip = np.maximum(state.slip, maps.error(state.w, forced) + SEEN_ROUNDING * np.abs(w))
         radius = maps.spread(state.radius) + maps.error(state.centre, forced)
         return state._replace(t=t, x=x, w=w, known=known, centre=centre, radius=radius, slip=slip)
 
@@ -211,11 +211,6 @@ class SamplingWindow(SteppedObserver[FiniteTimeState]):
     def _driven(self) -> bool:
         """Does anything known drive the plant? If not, w is zero and stays so."""
         return "B" in self.gains or bool(np.any(self._forced(np.zeros(0))))
-
-    @cached_property
-    def _special(self) -> bool:
-        """Has a step more to do than the estimate alone?"""
-        return self.bounded or self.gains["method"] == "approximate"
 
     @cached_property
     def _period_maps(self) -> FlowMaps:
