@@ -55,7 +55,24 @@ def objection(plant: Any, gains: Any, options: Any) -> str | None:
             "jump.H is refused by kind 'interval': impulses of unknown weight leave no bounds "
             "on the state. Give bounds as jump.disturbance."
         )
+    if text := limit_objection(gains, options, "observer.gains"):
+        return text
     return _form_objection(plant, gains, options.get("form", "auto"))
+
+
+def limit_objection(gains: Any, options: Any, where: str) -> str | None:
+    """An entry of L or M beyond `gain_limit`, or None; exact. where: how the gains are called."""
+    limit = options.get("gain_limit")
+    for name in ("L", "M"):
+        if limit is None or name not in gains:
+            continue
+        for (i, k), value in np.ndenumerate(gains[name]):
+            if abs(value) > limit:
+                return (
+                    f"{where}.{name}, row {i + 1}, column {k + 1} must not exceed "
+                    f"observer.gain_limit = {limit:g}; got {float(value)!r}."
+                )
+    return None
 
 
 def _form_objection(plant: Any, gains: Any, form: str) -> str | None:

@@ -168,7 +168,7 @@ def _rounded(
 ) -> tuple[float, Matrix, Matrix]:
     """Few digits where they cost nothing: they are easier to read, and to copy by hand."""
     for digits in (3, 6, 9):
-        short_L, short_M = _digits(L, digits), _digits(M, digits)
+        short_L, short_M = _clipped(task, _digits(L, digits), _digits(M, digits))
         found = _value(task, goal, short_L, short_M)
         if found <= value + 1e-6 * abs(value):
             return found, short_L, short_M

@@ -32,6 +32,7 @@ from obsdesign.verification.dwell import (
 )
 from obsdesign.verification.interval_obstruction import obstruction_claim
 from obsdesign.verification.interval_sampled import (
+    at_any_spacing,
     no_spacing,
     sampled_sentences,
     samples_claim,
@@ -70,6 +71,8 @@ def claims(
     """
     agreement = consistency(_objection(problem), gains, expected_gains(problem, gains))
     if agreement.verdict == "proved":
+        agreement = _within_limit(problem, gains, agreement)
+    if agreement.verdict == "proved":
         agreement = _invertible(gains, agreement)
     if agreement.verdict != "proved":
         return (agreement,)
@@ -82,8 +85,8 @@ def claims(
         return (*found, samples_claim(system, gains, proposed, f"{source}; samples as jumps"))
     if system.N is None:
         found.append(_hurwitz_claim(system.W, "there are no jumps"))
-        found += limit_claim(system, certificates.get("width", {}), source)
-        return (*found, *_spacing(problem, system, gains, certificates))
+        width = limit_claim(system, certificates.get("width", {}), source)
+        return (*found, *width, *_spacing(problem, system, gains, certificates, width))
     low, high = (float(end) for end in gains["dwell_time"])
     dwell = Dwell(low, high, float(gains.get("dwell_jitter", math.inf)))
     if math.isinf(high):
@@ -91,16 +94,22 @@ def claims(
     certificate = certificates.get("dwell_stability", {})
     found.append(_stability_claim(form, system, dwell, certificate, paranoid))
     found += rates_claim(system.W, system.N, dwell, certificates, source)
-    found += width_claim(system, (low, high), certificates.get("width", {}), source)
-    return (*found, *_spacing(problem, system, gains, certificates))
+    width = width_claim(system, (low, high), certificates.get("width", {}), source)
+    return (*found, *width, *_spacing(problem, system, gains, certificates, width))
 
 
 def _spacing(
-    problem: Problem, system: WidthSystem, gains: Mapping[str, Any], certificates: Mapping[str, Any]
+    problem: Problem,
+    system: WidthSystem,
+    gains: Mapping[str, Any],
+    certificates: Mapping[str, Any],
+    width: tuple[Claim, ...],
 ) -> tuple[Claim, ...]:
-    """The step limit of a continuous y, where one was found."""
+    """The step limit of a continuous y, where one was found; none is needed with L = 0."""
     if problem.plant.output.measured != "continuous":
         return ()
+    if not np.any(gains["L"]):
+        return tuple(at_any_spacing(claim) for claim in width)
     low, high = gains.get("dwell_time", (math.inf, math.inf))
     source = f"{PAPER}, {THEOREMS[gains['form']]}; slope scheme of docs/interval.md"
     ends = (float(low), float(high))
@@ -111,6 +120,16 @@ def dwell_pair(gains: Mapping[str, Any]) -> tuple[Any, Any]:
     """(W, N), exact: the pair whose stability over a range of dwell times is claimed."""
     system = width_system_of(gains, exact, inverse)
     return system.W, system.N
+
+
+def _within_limit(problem: Problem, gains: Mapping[str, Any], agreement: Claim) -> Claim:
+    """The claim of consistency, refuted if a gain exceeds the limit that was asked for."""
+    reason = equations.limit_objection(gains, problem.options, "gains")
+    if reason is None:
+        return agreement
+    entry = reason.split(",")[0]
+    evidence = {"witness": {"entry": entry, "reason": reason}}
+    return replace(agreement, verdict="refuted", evidence=evidence)
 
 
 def _invertible(gains: Mapping[str, Any], agreement: Claim) -> Claim:

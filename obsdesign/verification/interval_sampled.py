@@ -84,6 +84,14 @@ def spacing_claim(
     return tuple(_spaced(claim, limit, flow) for claim in claims)
 
 
+def at_any_spacing(claim: Claim) -> Claim:
+    """The claim about the width of a design with L = 0: between jumps no sample is used."""
+    evidence = {"step_limit": math.inf, **claim.evidence}
+    evidence.pop("constant_dwell", None)
+    statement = f"with samples at any spacing, since L = 0: {claim.statement}"
+    return Claim("sampled_width", statement, claim.source, claim.verdict, evidence)
+
+
 def _spaced(claim: Claim, limit: float, flow: Verdict | None) -> Claim:
     evidence = {"step_limit": limit, **claim.evidence}
     verdict = claim.verdict
@@ -109,10 +117,12 @@ def sampled_sentences(found: tuple[Claim, ...]) -> list[tuple[str, list[str]]]:
             )
             told.append((text, ["sampled_stability"]))
         if claim.id == "sampled_width":
-            text = (
-                f"With samples at most {evidence['step_limit']:.6g} apart, at jumps and irregular "
-                f"ones too, the width comes to at most {shown(evidence['always'])} at any time."
-            )
+            limit = float(evidence["step_limit"])
+            apart = f"at most {limit:.6g} apart, at jumps and irregular ones too,"
+            if math.isinf(limit):
+                apart = "at any spacing, and at jumps if M is not zero,"
+            widest = shown(evidence["always"])
+            text = f"With samples {apart} the width comes to at most {widest} at any time."
             told.append((text, ["sampled_width"]))
     return told
 
@@ -120,6 +130,6 @@ def sampled_sentences(found: tuple[Claim, ...]) -> list[tuple[str, list[str]]]:
 def no_spacing() -> str:
     """What is said where no step limit is proved."""
     return (
-        "A bounded width for samples at a given spacing is not claimed: the spacing must be "
-        "small against 1/(|L||CA|)."
+        "A bounded width for samples at a given spacing is not claimed: no limit of the spacing "
+        "was proved. Unless L = 0, it must be small against 1/(|L||CA|)."
     )

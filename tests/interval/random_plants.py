@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -56,6 +57,8 @@ def _claimed(design: Any, period: float | None) -> tuple[Any, float]:
     for claim in design.claims:
         if claim.verdict == "proved" and claim.id in ("sampled_stability", "sampled_width"):
             step = claim.evidence.get("step_limit", period)
+            if step == math.inf:
+                return np.array(claim.evidence["always"]), 0.1
             if claim.id == "sampled_width":  # a shorter step of two digits
                 step = float(f"{0.9 * step:.2g}")
             return np.array(claim.evidence["always"]), float(step)

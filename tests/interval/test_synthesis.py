@@ -280,3 +280,24 @@ def test_entries_whose_products_overflow_are_refused() -> None:
         "flow.A must not exceed 1e+100 where gains are to be found; got 1e+308. Is it in the "
         "plant's units?"
     )
+
+
+@pytest.mark.parametrize("measured", ["continuous", "periodic"])
+def test_a_hidden_oscillation_that_never_decays_is_refused(measured: str) -> None:
+    def body(damping: float) -> Any:
+        output: dict[str, Any] = {"C": [[0, 0, 1]], "measured": measured}
+        if measured == "periodic":
+            output["period"] = 0.1
+        return obsdesign.Problem.from_dict({
+            "flow": {"A": [[-damping, 1, 0], [-1, -damping, 0], [0, 0, -1]],
+                     "disturbance": {"lower": [-0.1] * 3, "upper": [0.1] * 3}},
+            "jump": {"G": [[1, 0, 0], [0, 1, 0], [0, 0, 2]], "dwell_time": [0.5, 2]},
+            "output": output, "observer": {"kind": "interval"},
+        })  # fmt: skip
+
+    outcome = obsdesign.investigate(body(0.0))
+    refused = next(c for c in outcome.claims if c.id == "attainable")
+    assert refused.verdict == "refuted"
+    assert "no observer exists" in refused.evidence["witness"]["reason"]
+    damped = obsdesign.investigate(body(0.1))
+    assert all(c.id != "attainable" for c in damped.claims)
