@@ -56,9 +56,9 @@ def refute_spectral(
         return refuted({"theta": float(low), "spectral_radius": 1.0, "vector": still,
                         "reason": reason, "method": "exact invariant vector"})  # fmt: skip
     if low == 0 and not exactly_schur(H_exact):
-        radius = float(_radii(to_float(H_exact)))
-        reason = f"at dwell time 0 the jump alone has spectral radius {max(radius, 1.0):.9g} >= 1"
-        return refuted({"theta": 0.0, "spectral_radius": max(radius, 1.0), "reason": reason,
+        radius = max(1.0, float(_radii(to_float(H_exact))))  # floats that overflow give 1
+        reason = f"at dwell time 0 the jump alone has spectral radius {radius:.9g} >= 1"
+        return refuted({"theta": 0.0, "spectral_radius": radius, "reason": reason,
                         "method": "exact Schur test"})  # fmt: skip
     candidates = _worst_thetas(to_float(F_exact), to_float(H_exact), low, high, seeds)
     for theta, radius in candidates:

@@ -103,7 +103,9 @@ def _of_these_gains_only(claim: Claim) -> Claim:
     if claim.verdict != "refuted":
         return claim
     why = f"no gains were found for which it holds; for the last ones tried, {reason(claim)}"
-    return replace(claim, verdict="undecided", evidence={**claim.evidence, "reason": why})
+    kept = {name: value for name, value in claim.evidence.items() if name != "witness"}
+    kept["these_gains"] = {"witness": claim.evidence.get("witness")}
+    return replace(claim, verdict="undecided", evidence={**kept, "reason": why})
 
 
 def _summary(verdict: str, claims: tuple[Claim, ...]) -> dict[str, Any]:

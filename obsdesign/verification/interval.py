@@ -33,6 +33,7 @@ from obsdesign.verification.dwell import (
 from obsdesign.verification.interval_obstruction import obstruction_claim
 from obsdesign.verification.interval_sampled import (
     at_any_spacing,
+    in_every_period,
     no_spacing,
     sampled_sentences,
     samples_claim,
@@ -179,6 +180,8 @@ def expected_gains(problem: Problem, gains: Mapping[str, Any]) -> dict[str, Any]
     expected: dict[str, Any] = {"form": forms} | plant_data(plant)
     if plant.output.measured == "periodic":
         expected |= {"period": plant.output.period}
+    elif _watches_steps(problem, gains):  # `sampled_width` is about this limit, and no other
+        expected |= {"step_limit": gains["step_limit"]}
     if "dwell_time" in expected and _wider(problem, gains.get("dwell_time")):
         expected |= {"dwell_time": gains["dwell_time"]}
     expected |= {"L": (n, p), "M": (n, p), "D0": (n, n), "D1": (n, n)}
@@ -190,6 +193,13 @@ def expected_gains(problem: Problem, gains: Mapping[str, Any]) -> dict[str, Any]
         expected |= {"S": (n, n)}
     zeros = {name: np.zeros((n, p)) for name in idle_gains(plant)}
     return expected | dict(problem.gains) | zeros
+
+
+def _watches_steps(problem: Problem, gains: Mapping[str, Any]) -> bool:
+    """A continuous y whose spacing the problem names, and that is used between jumps."""
+    output = problem.plant.output
+    named = output.measured == "continuous" and output.period is not None
+    return named and "step_limit" in gains and bool(np.any(gains.get("L", 0.0)))
 
 
 def _wider(problem: Problem, found: Any) -> bool:
@@ -210,6 +220,7 @@ def guarantees(problem: Problem, found: tuple[Claim, ...]) -> tuple[dict[str, An
     jump = problem.plant.jump
     ends = "" if jump is None else _range(problem, found)
     periodic = problem.plant.output.measured == "periodic"
+    lost = jump is not None and problem.plant.output.jump_measurement == "none"
     when = f" for every sequence of dwell times in {ends}" if ends else ""
     enclosure = (
         "The bounds contain the state at every instant, if they contain it at the start, b, c and "
@@ -219,7 +230,7 @@ def guarantees(problem: Problem, found: tuple[Claim, ...]) -> tuple[dict[str, An
     at_jumps = problem.plant.output.measured == "at_jumps"
     measured = "With y measured at every jump" if at_jumps else "With y measured continuously"
     if periodic:
-        measured = "With a sample in every period"
+        measured = in_every_period(lost)
     width = (
         f"{measured}, the width of the bounds stays bounded{when}, and without disturbance and "
         f"noise it tends to zero{'' if jump is None else ' as jumps go on'}."
@@ -230,7 +241,7 @@ def guarantees(problem: Problem, found: tuple[Claim, ...]) -> tuple[dict[str, An
     told.append((width, _all(verdicts, enclosing + bounded), enclosing + bounded))
     for text, ids in rates_sentence(found, "the width"):
         told.append((f"{measured}: {text}", _all(verdicts, ids), ids))
-    sampled = sampled_sentences(found)
+    sampled = sampled_sentences(found, lost)
     for text, ids in [*width_sentence(found, measured), *sampled]:
         ids = [*enclosing, *(name for name in ("hurwitz",) if name in verdicts), *ids]
         told.append((text, _all(verdicts, ids), ids))

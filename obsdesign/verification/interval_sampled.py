@@ -29,11 +29,12 @@ def samples_claim(
     period = float(gains["period"])
     low, high = (float(end) for end in gains.get("dwell_time", (math.inf, math.inf)))
     ends = (low, high)
+    lost = system.N is not None and gains["jump_measurement"] == "none"
     names = ("tube", "sampled", "always") + (() if system.N is None else ("jumped",))
     found = vectors(proposed, names, len(system.f))
     verdict = undecided("no tube was given or found for samples and jumps between them")
     if found is not None:
-        verdict = _proof(system, period, ends, found)
+        verdict = _proof(system, period, ends, found, lost)
     if verdict.outcome == "proved" and found is not None:
         widths = {name: to_float(found[name]).tolist() for name in names}
         if system.N is not None:
@@ -44,8 +45,9 @@ def samples_claim(
         counter = refute_spectral(system.W, system.K, period, period)
         verdict = counter if counter.outcome == "refuted" else verdict
     jumps = "" if system.N is None else f" and jumps with dwell times in {Dwell(*ends)}"
+    spared = " (none is needed at the time of a jump)" if lost else ""
     statement = (
-        f"with a sample every {period!r}{jumps}, the width stays bounded: a tube that "
+        f"with a sample every {period!r}{spared}{jumps}, the width stays bounded: a tube that "
         "w' = W w + f, w+ = K w + k at samples and w+ = N w + h at jumps do not leave and are "
         "drawn to"
     )
@@ -53,9 +55,13 @@ def samples_claim(
 
 
 def _proof(
-    system: WidthSystem, period: float, ends: tuple[float, float], found: Mapping[str, Any]
+    system: WidthSystem,
+    period: float,
+    ends: tuple[float, float],
+    found: Mapping[str, Any],
+    lost: bool,
 ) -> Verdict:
-    question = Interleaved.of(system, period, *ends)
+    question = Interleaved.of(system, period, *ends, lost)
     bounds = Bounds(found["tube"], found["sampled"], found.get("jumped"), found["always"])
     return prove_interleaved(question, exact(system.out), bounds)
 
@@ -69,6 +75,9 @@ def spacing_claim(
 ) -> tuple[Claim, ...]:
     """A continuous y known at samples: the width for all spacings up to a limit; extra."""
     limit = proposed.get("step_limit")
+    if limit != gains.get("step_limit", limit):
+        nothing = undecided("the step limit of the gains is not the one to be proved")
+        return (Claim("sampled_width", "the width", source, nothing.outcome, nothing.evidence),)
     if not isinstance(limit, float) or not 0 < limit < math.inf:
         return ()
     L, CA, A, C, b = slope_scheme(gains, exact, inverse)
@@ -102,7 +111,12 @@ def _spaced(claim: Claim, limit: float, flow: Verdict | None) -> Claim:
     return Claim("sampled_width", statement, claim.source, verdict, evidence)
 
 
-def sampled_sentences(found: tuple[Claim, ...]) -> list[tuple[str, list[str]]]:
+def in_every_period(lost: bool) -> str:
+    """What is asked of periodic samples; lost: none is taken at the time of a jump."""
+    return "With a sample in every period" + (", save where it falls on a jump" if lost else "")
+
+
+def sampled_sentences(found: tuple[Claim, ...], lost: bool) -> list[tuple[str, list[str]]]:
     """The guarantees of proved claims about samples, and the claims behind them."""
     told = []
     for claim in found:
@@ -111,7 +125,7 @@ def sampled_sentences(found: tuple[Claim, ...]) -> list[tuple[str, list[str]]]:
         evidence = claim.evidence
         if claim.id == "sampled_stability":
             text = (
-                f"With a sample in every period the width comes to at most "
+                f"{in_every_period(lost)}, the width comes to at most "
                 f"{shown(evidence['after_sample'])} after samples and {shown(evidence['always'])} "
                 "at any time."
             )
