@@ -46,6 +46,10 @@ def best_gains(task: Task, objective: str) -> tuple[float, Matrix, Matrix]:
         value, L, M = _descent(task, goal, objective, L, M)
         if value < best[0]:
             best = value, L, M
+    plain = task.plain()
+    if goal is mean_width and plain is not task:  # descent is local: no wider than without weights
+        found = _descent(task, goal, objective, *best_gains(plain, objective)[1:])
+        best = min(best, found, key=lambda one: one[0])
     if math.isinf(best[0]) and goal is not growth:  # nothing to descend on: contract first
         _, L, M = _descent(task, growth, "feasible", *ranked[0])
         best = _descent(task, goal, objective, L, M)

@@ -221,3 +221,18 @@ def test_a_tube_that_is_nearly_touched_is_proved_with_more_room() -> None:
             told = [g for g in outcome.design.guarantees if "any spacing, and" in g["statement"]]
             assert [g["given"] for g in told] == [True]
         assert obsdesign.verify(outcome.design).verdict == "proved"
+
+
+def test_widths_of_constant_dwell_times_are_told_rounded_up() -> None:
+    W, N, f, h = random_system(np.random.default_rng(4), 3)
+    outcome = obsdesign.investigate(obsdesign.Problem(**body_of(W, N, f, h, [0.5, 1.0])))
+    rows = width_evidence(outcome)["constant_dwell"]
+    told = [
+        g["statement"] for g in outcome.design.guarantees if "a constant dwell" in g["statement"]
+    ]
+    assert len(told) == len(rows) == 2
+    for row, text in zip(rows, told, strict=True):
+        groups = [part.split(")")[0].split(", ") for part in text.split("(")[1:]]
+        for name, values in zip(("before_jump", "after_jump", "mean"), groups, strict=True):
+            for exactly, word in zip(row[name], values, strict=True):
+                assert exactly <= float(word) <= exactly * (1 + 1e-5)
