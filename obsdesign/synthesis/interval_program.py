@@ -27,6 +27,7 @@ from obsdesign.synthesis.interval_task import Task
 
 Matrix = NDArray[np.float64]
 
+_SECONDS = 5.0  # by the clock on the wall: the solver knows no other
 _MARGIN = 1e-3  # of contraction, where nothing else makes the inequalities strict
 
 
@@ -64,7 +65,8 @@ class _Program:
             return None  # beyond binary64 there is nothing to propose
         shape = (len(self.limits), self.size)
         A = csr_matrix((self.values, (self.rows, self.columns)), shape=shape)
-        answer = linprog(cost, A_ub=A, b_ub=self.limits, bounds=bounds, method="highs")
+        answer = linprog(cost, A_ub=A, b_ub=self.limits, bounds=bounds, method="highs",
+                         options={"time_limit": _SECONDS})  # fmt: skip
         return None if answer.x is None or answer.status != 0 else np.asarray(answer.x)
 
 

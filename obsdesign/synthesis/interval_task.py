@@ -31,6 +31,7 @@ Matrix = NDArray[np.float64]
 # shrinking, ever more slowly, as gains grow, and a limit may be approached only by endless gains
 _DEFAULT_LIMIT = {"narrowest": 20.0, "shortest_dwell": 100.0, "feasible": 1000.0}
 _POINTS = 16
+_ZOOMS = 8  # 17^8: to the last digits
 _TIE = 1e-6  # of equal pre-jump widths (a jump is forgotten at the next one) the least average
 # negative entries below this share of the largest are rounding of a zero that was aimed at
 ROUNDING = 1e-12
@@ -253,8 +254,12 @@ def shortest(task: Task, L: Matrix, M: Matrix) -> float:
         if bad[-1] == len(thetas) - 1:
             return math.inf
         left, right = thetas[bad[-1]], thetas[bad[-1] + 1]
-        for _ in range(40):
-            middle = 0.5 * (left + right)
-            radius = np.abs(np.linalg.eigvals(expm(system.W * middle) @ system.at_jumps[0])).max()
-            left, right = (middle, right) if radius >= 1 else (left, middle)
+        for _ in range(_ZOOMS):  # many at once: each call costs more than what it computes
+            finer = np.linspace(left, right, 18)
+            maps = expm(system.W * finer[1:-1, None, None]) @ system.at_jumps[0]
+            if not np.isfinite(maps).all():
+                return math.inf
+            bad = np.flatnonzero(np.abs(np.linalg.eigvals(maps)).max(axis=1) >= 1)
+            k = int(bad[-1]) + 1 if bad.size else 0
+            left, right = finer[k], finer[k + 1]
     return float(right)
