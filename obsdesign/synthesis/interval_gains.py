@@ -48,7 +48,7 @@ def best_gains(
     if not (task.open_L or task.open_M):
         none = np.zeros(task.limit_L.shape)
         return goal(task, none, none), none, none
-    starts = [*_starts(task, objective)]
+    starts = [*_starts(task, objective, until)]
     ranked = sorted(starts, key=lambda pair: _value(task, goal, *pair))
     best: tuple[float, Matrix, Matrix] = (math.inf, *ranked[0])
     for L, M in ranked[:2]:
@@ -80,27 +80,29 @@ def quick_gains(
     return _descent(task, goal, objective, L, M, until, most=_FEW)
 
 
-def _starts(task: Task, objective: str) -> Iterator[tuple[Matrix, Matrix]]:
+def _starts(task: Task, objective: str, until: float) -> Iterator[tuple[Matrix, Matrix]]:
     shape = task.limit_L.shape
     yield _clipped(task, np.zeros(shape), np.zeros(shape))
     low = 0.0 if task.G is None else task.low
     if objective == "shortest_dwell" and task.G is not None:
-        low = _shortest_program(task)
+        low = _shortest_program(task, until)
     found = clock_gains(task, low, _nodes(task, _NODES), objective == "narrowest")
     for L, M in found or ():
         yield _clipped(task, L, M)
 
 
-def _shortest_program(task: Task) -> float:
-    """About the shortest dwell time for which the program is feasible."""
+def _shortest_program(task: Task, until: float) -> float:
+    """About the shortest dwell time for which the program is feasible, as far as time lasts."""
     unit = 1.0 / max(float(np.abs(task.A).max()), 1e-12)
     high = task.high if math.isfinite(task.high) else unit
     while math.isinf(task.high) and clock_gains(task, high, _nodes(task, _NODES), False) is None:
         high *= 2
-        if high > 1e3 * unit:
+        if high > 1e3 * unit or time.process_time() > until:
             return task.low
     low = 0.0
     for _ in range(7):
+        if time.process_time() > until:
+            break
         middle = 0.5 * (low + high)
         if clock_gains(task, middle, _nodes(task, _NODES), False) is None:
             low = middle

@@ -292,7 +292,7 @@ def test_a_hidden_oscillation_that_never_decays_is_refused(measured: str) -> Non
             "flow": {"A": [[-damping, 1, 0], [-1, -damping, 0], [0, 0, -1]],
                      "disturbance": {"lower": [-0.1] * 3, "upper": [0.1] * 3}},
             "jump": {"G": [[1, 0, 0], [0, 1, 0], [0, 0, 2]], "dwell_time": [0.5, 2]},
-            "output": output, "observer": {"kind": "interval"},
+            "output": output, "observer": {"kind": "interval", "form": "split"},
         })  # fmt: skip
 
     outcome = obsdesign.investigate(body(0.0))
