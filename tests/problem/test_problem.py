@@ -175,6 +175,8 @@ def test_for_kind_drops_what_belongs_to_another() -> None:
     other, dropped = Problem.from_dict(body).for_kind("luenberger")
     assert other.kind == "luenberger"
     assert not other.gains
-    assert dropped == ["gains.L", "gains.M", "gains.S", "form", "objective", "gain_limit", "memory"]
+    gains = ["gains.L", "gains.M", "gains.S"]
+    own = ["form", "objective", "gain_limit", "memory", "width", "width_weights"]
+    assert dropped == [*gains, *own]
     same, none = Problem.from_dict(body).for_kind("interval")
     assert (same.kind, none) == ("interval", [])
