@@ -11,8 +11,8 @@ from obsdesign.errors import InputError
 from obsdesign.kinds import KINDS
 from obsdesign.problem import Problem
 
-# of processor time for each kind: a glance, not a search
-_SECONDS = 0.25
+# of processor time: a glance, not a search; more for the kind that the problem is about
+_SECONDS, _OWN_SECONDS = 0.3, 2.0
 
 
 def check_all(problem: Problem) -> tuple[str, dict[str, dict[str, Any]]]:
@@ -31,7 +31,7 @@ def check_kind(problem: Problem, kind: str) -> dict[str, Any]:
     impatient = False
     try:
         asked, _ = problem.for_kind(kind)
-        with at_most(_SECONDS):
+        with at_most(_OWN_SECONDS if kind == problem.kind else _SECONDS):
             outcome = workflow.investigate(asked)
             impatient = left() < 0
     except InputError as error:
