@@ -49,24 +49,26 @@ def well_ranked(X: Exact, threshold: float) -> Verdict:
     """Is the smallest singular value of X, (m, n), at least threshold times its Frobenius norm?
 
     Proved by X'X - (threshold |X|_F)^2 I > 0; refuted by a vector v with |X v| below that, checked.
-    Evidence holds the ratio in floats.
+    Evidence holds the ratio in floats, approx_ratio.
     """
     middle, scale = _scaled_middle(X)
     n = X.shape[1]
     if not scale:
-        return refuted({"vector": np.eye(n)[0].tolist(), "reason": "the matrix is zero"}, ratio=0.0)
+        return refuted(
+            {"vector": np.eye(n)[0].tolist(), "reason": "the matrix is zero"}, approx_ratio=0.0
+        )
     _, values, right = np.linalg.svd(middle, full_matrices=True)
     smallest = values[n - 1] if len(values) >= n else 0.0
     ratio = float(smallest / np.sqrt((values**2).sum()))
     gram = X.T @ X
     level = scalar(exact(threshold).item()) ** 2 * gram.trace()
     if certify_positive_definite(gram - entries(identity(n)) * level):
-        return proved(ratio=ratio, threshold=threshold)
+        return proved(approx_ratio=ratio, threshold=threshold)
     v = exact(right[-1])
     moved = X @ v
     if sum(x * x for x in moved) < level * scalar(sum(x * x for x in v)):
-        return refuted({"vector": right[-1].tolist()}, ratio=ratio, threshold=threshold)
-    return undecided("too close to the threshold", ratio=ratio, threshold=threshold)
+        return refuted({"vector": right[-1].tolist()}, approx_ratio=ratio, threshold=threshold)
+    return undecided("too close to the threshold", approx_ratio=ratio, threshold=threshold)
 
 
 def _scaled_middle(X: Exact) -> tuple[Any, Any]:

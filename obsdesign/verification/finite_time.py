@@ -18,7 +18,6 @@ from obsdesign.equations import finite_time as equations
 from obsdesign.problem import Problem
 from obsdesign.verification.consistency import consistency
 from obsdesign.verification.finite_time_bounds import bound_claims
-from obsdesign.verification.finite_time_evidence import altered
 from obsdesign.verification.finite_time_gains import (
     error_radius_claim,
     invertible,
@@ -44,7 +43,7 @@ def claims(
 ) -> tuple[Claim, ...]:
     """All hypotheses of the design, in the order of refusal, until one is not proved.
 
-    certificates are not needed, but their numbers have to be those that are found again; paranoid
+    certificates are not needed; paranoid
     proves with twice the precision.
     """
     agreement = consistency(_objection(problem), gains, expected_gains(problem, gains))
@@ -56,7 +55,7 @@ def claims(
             found = _hypotheses(gains)
         if all(claim.verdict != "undecided" for claim in found):
             break
-    return tuple(altered(certificates, (agreement, *found)))
+    return (agreement, *found)
 
 
 def _objection(problem: Problem) -> str | None:

@@ -109,7 +109,7 @@ def _warnings(problem: Problem, evidence: Mapping[str, Any]) -> list[dict[str, A
                 f"{other:.6g} differ by {turns:.6g} x 2 pi i / period, and only together do the "
                 "outputs tell them apart."
             )
-    ratio = evidence.get("window_long_enough", {}).get("ratio", 1.0)
+    ratio = evidence.get("window_long_enough", {}).get("approx_ratio", 1.0)
     if ratio < _WEAK:
         told.append(
             "A window that determines the state well: the smallest singular value of its scaled "

