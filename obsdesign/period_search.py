@@ -20,8 +20,12 @@ from obsdesign.document import Claim
 from obsdesign.equations import finite_time as equations
 from obsdesign.errors import InputError
 from obsdesign.problem import Problem
-from obsdesign.synthesis.finite_time_injection import best_injection, fewest_samples
-from obsdesign.synthesis.period_nlp import PeriodProgram
+from obsdesign.synthesis.finite_time_injection import (
+    Injection,
+    Open,
+    best_injection,
+    fewest_samples,
+)
 from obsdesign.verification.finite_time_bounds import Sizes
 from obsdesign.verification.finite_time_window import observable, sampled_index
 from obsdesign.window_gains import Sampled
@@ -31,7 +35,9 @@ PERIOD_SEARCHES = ("longest_period", "shortest_window")
 _BITS = 160
 # windows with fewer samples than the one that is found are all shown to fail, up to that many
 _MOST_SHOWN = 2000
-_STARTS = 8
+_SECONDS = 2.0
+# S is told where it gains more than rounding
+_BETTER = 1 + 1e-6
 _SOURCE = "Mazenc, Ahmed, MICNON 2018, Theorem 1, (13)"
 
 
@@ -53,7 +59,8 @@ def search_period(problem: Problem, what: str) -> Outcome:
 
     result: {"proved", "not_proved", "not_proved_verdict", "admissible", "samples", "window",
     "gains", "reason"}; admissible is the longest period window/k that (13) allows. "coordinates"
-    holds {"S", "L", "window", "proved"} where Theorem 1 for |S x| allows a longer period. Refuted
+    holds {"S", "L", "window", "proved"} (and "samples") where Theorem 1 for |S x| allows a longer
+    period, or a shorter window. Refuted
     when (A, C) is not observable or (13) holds for nothing. InputError as for a design.
     """
     if what not in PERIOD_SEARCHES:
@@ -69,7 +76,7 @@ def search_period(problem: Problem, what: str) -> Outcome:
             return _outcome(problem, None, first, False)
         find = _longest_period if what == "longest_period" else _shortest_window
         found = find(problem, period)
-        better = _in_coordinates(problem, found) if what == "longest_period" else {}
+        better = _in_coordinates(problem, found, period if what == "shortest_window" else None)
     searched = "L" not in problem.gains or (what, "window" in problem.options) == (
         "longest_period", False,
     )  # fmt: skip
@@ -89,7 +96,7 @@ def _longest_period(problem: Problem, period: float) -> _Found:
     if not np.any(A):  # (13) holds for any period: the window is all there is
         window, L = given or 2 * period, C.T if L is None else L
     elif given is None or L is None:
-        best = best_injection(A, C, given, L)
+        best = best_injection(Open(A, C, given, L), seconds=_SECONDS)
         window, L = best.window, best.L
     else:
         window = given
@@ -113,24 +120,47 @@ def _longest_period(problem: Problem, period: float) -> _Found:
     return _Found(ends[0], ends[1], window, max(k, least), L, claims, reason)
 
 
-def _in_coordinates(problem: Problem, plain: _Found) -> dict[str, Any]:
-    """(13) for S A S^-1, C S^-1, S L with an open L: Theorem 1 holds in the norm |S x| then."""
-    A, C = problem.plant.flow.A, problem.plant.output.C
-    if "L" in problem.gains or plain.proved is None or not np.any(A):
+def _in_coordinates(problem: Problem, plain: _Found, period: float | None) -> dict[str, Any]:
+    """(13) for S A S^-1, C S^-1, S L where that is better: Theorem 1 holds in the norm |S x| then.
+
+    period: where it is given, and the window is searched for; else None.
+    """
+    A, C, L = problem.plant.flow.A, problem.plant.output.C, problem.gains.get("L")
+    if not np.any(A) or (L is not None and not np.any(L @ C)):
         return {}
-    program = PeriodProgram(A, C, problem.options.get("window"), coordinates=True)
-    best: dict[str, Any] = {"proved": plain.proved}
-    for start in program.starts(_STARTS):
-        point = program.solve(start)
-        if not (np.isfinite(point.S).all() and np.isfinite(point.L).all() and point.window > 0):
-            continue
-        sizes = Sizes.of(Sampled.of(A, C, point.window, 1), point.L, point.S)
-        longest = None if sizes is None else sizes.longest_period()
-        period = 0.0 if longest is None else min(float_below(longest), point.window / len(A))
-        if sizes is not None and period > best["proved"] and sizes.condition(period) is True:
-            S = point.S.tolist()
-            best = {"S": S, "L": point.L, "window": point.window, "proved": period}
-    return {"coordinates": best} if "S" in best else {}
+    window = problem.options.get("window") if period is None else None
+    asked = Open(A, C, window, L, coordinates=True)
+    if period is None:
+        first = [] if plain.proved is None else [Injection(plain.L, plain.window, 0.0)]
+        found = best_injection(asked, first, seconds=_SECONDS)
+        longest = _proved_period(A, C, found)
+        if longest > (plain.proved or 0.0) * _BETTER:
+            return {"coordinates": _told(found, longest)}
+        return {}
+    k, found = fewest_samples(asked, period, sampled_index(Sampled.of(A, C, period, len(A))))
+    if k is None or (plain.proved is not None and k >= plain.samples) or found.S is None:
+        return {}
+    sizes = Sizes.of(Sampled.of(A, C, period, k), found.L, found.S)
+    if sizes is None or sizes.condition(period) is not True:
+        return {}
+    return {"coordinates": _told(replace(found, window=k * period), k * period) | {"samples": k}}
+
+
+def _proved_period(A: Any, C: Any, found: Injection) -> float:
+    """A period for which (13) is proved in these coordinates; 0 where there is none."""
+    sizes = None
+    if found.S is not None:
+        sizes = Sizes.of(Sampled.of(A, C, found.window, 1), found.L, found.S)
+    longest = None if sizes is None else sizes.longest_period()
+    if sizes is None or longest is None:
+        return 0.0
+    period = min(float_below(longest), found.window / _needed_samples(A, C, found.window))
+    return period if sizes.condition(period) is True else 0.0
+
+
+def _told(found: Injection, value: float) -> dict[str, Any]:
+    S = [] if found.S is None else found.S.tolist()
+    return {"S": S, "L": found.L, "window": found.window, "proved": value}
 
 
 def _needed_samples(A: Any, C: Any, window: float) -> int:
@@ -145,7 +175,8 @@ def _shortest_window(problem: Problem, period: float) -> _Found:
     A, C = problem.plant.flow.A, problem.plant.output.C
     least = sampled_index(Sampled.of(A, C, period, len(A)))
     given = problem.gains.get("L")
-    k, L = fewest_samples(A, C, given, period, least)
+    k, best = fewest_samples(Open(A, C, None, given), period, least)
+    L = best.L
     if k is None:
         return _nothing(least * period, L, f"(13) holds for no window with period {period!r}")
     sizes = Sizes.of(Sampled.of(A, C, period, k), L)

@@ -74,14 +74,29 @@ def largest_sigma(a: Any, m: Any) -> Any:
     return 1 / (a * (1 + m * a))
 
 
-def approx_log_longest_period(A: Array, C: Array, L: Array, T: float) -> float:
+def in_coordinates(S: Array, A: Array, C: Array, L: Array) -> tuple[Array, Array, Array]:
+    """A, C, L for the states S x: S A S^-1, C S^-1, S L. LinAlgError if S is singular."""
+    back = np.linalg.solve(S.T, np.vstack([S @ A, C]).T).T
+    return back[: len(A)], back[len(A) :], S @ L
+
+
+def approx_log_longest_period(
+    A: Array, C: Array, L: Array, T: float, S: Array | None = None
+) -> float:
     """log of the period below which (13) holds, -inf where M_T is singular; inf if A = 0.
 
     nu_max = log(1 + u / (g |L C|)) / |A|, u e^u = Sigma* e^{-f T}: in logarithms, as e^{2 f T}
-    overflows where the answer is still a number. Floats, no proof.
+    overflows where the answer is still a number. S: for the states S x. Floats, no proof.
     """
+    if S is not None:
+        try:
+            A, C, L = in_coordinates(S, A, C, L)
+        except np.linalg.LinAlgError:
+            return -math.inf
     LC = L @ C
-    size_LC, size_A = np.linalg.norm(LC, 2), np.linalg.norm(A, 2)
+    if not (np.isfinite(A).all() and np.isfinite(LC).all()):
+        return -math.inf
+    size_A, size_LC, f = np.linalg.svd(np.array([A, LC, A + LC]), compute_uv=False)[:, 0]
     if size_A == 0.0:
         return math.inf
     if size_LC == 0.0 or not T > 0:
@@ -92,12 +107,11 @@ def approx_log_longest_period(A: Array, C: Array, L: Array, T: float) -> float:
     whole = expm(block * T)
     if not np.isfinite(whole).all():
         return -math.inf
-    singular = np.linalg.svd(whole[:n, n:], compute_uv=False)
-    if singular[-1] <= 1e-300:
+    of_F, of_M = np.linalg.svd(np.array([whole[:n, :n], whole[:n, n:]]), compute_uv=False)
+    if of_M[-1] <= 1e-300:
         return -math.inf
-    f = float(np.linalg.norm(A + LC, 2))
-    log_a = math.log(np.linalg.norm(whole[:n, :n], 2))
-    log_ma = log_a - math.log(singular[-1]) - math.log(size_LC)
+    log_a = math.log(of_F[0])
+    log_ma = log_a - math.log(of_M[-1]) - math.log(size_LC)
     log_sigma = -log_a - np.logaddexp(0.0, log_ma)
     log_g = math.log(T) if f == 0.0 else 2 * f * T + math.log(-math.expm1(-2 * f * T) / (2 * f))
     log_ratio = log_lambert(log_sigma - f * T) - log_g - math.log(size_LC)

@@ -7,7 +7,9 @@ be unbiased is made so to rounding before it is stored.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -19,10 +21,12 @@ from obsdesign.errors import InputError
 from obsdesign.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
 from obsdesign.synthesis.finite_time_injection import (
+    Injection,
+    Open,
     best_injection,
-    chosen_injection,
     fewest_samples,
 )
+from obsdesign.synthesis.finite_time_noise import quiet_injection, quiet_samples
 from obsdesign.synthesis.minimax import minimax_gain
 from obsdesign.window_bounds import disturbance_bound, error_radius
 from obsdesign.window_gains import Sampled, approximate_gain, exact_gain, half_period
@@ -32,6 +36,7 @@ _BITS = (160, 320)
 _DETERMINED = 1e-2
 _LONGEST_DEFAULT = 2048
 _SINGULAR = 1e-11
+_BY_13 = ("longest_period", "shortest_window")
 
 
 def synthesize(problem: Problem) -> Iterator[Candidate]:
@@ -55,19 +60,39 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
         gains["deviations"] = equations.relative_deviations(problem.plant.output)
     if method not in equations.NEED_L:
         yield Candidate(method, _completed(problem, gains))
-    elif "L" in problem.gains:
-        yield Candidate(method, _completed(problem, gains | {"L": problem.gains["L"]}))
-    else:
-        completed = _completed(problem, gains | {"L": _injection(problem, k)})
-        yield Candidate(method, completed, searched=True)
+        return
+    chosen = _injection(problem, k)
+    S = {} if chosen.S is None else {"theorem_1_coordinates": {"S": chosen.S}}
+    completed = _completed(problem, gains | {"L": chosen.L})
+    yield Candidate(method, completed, S, searched="L" not in problem.gains)
 
 
-def _injection(problem: Problem, k: int) -> Any:
-    """L by the objective; any L where the samples do not determine the state with any."""
-    A, C = problem.plant.flow.A, problem.plant.output.C
-    if _reach(A, C, float(problem.plant.output.period or 1.0), k) < _SINGULAR:
-        return C.T
-    return chosen_injection(problem, k)
+def _injection(problem: Problem, k: int) -> Injection:
+    """L, given or by the objective, and S where only with it (13) holds, if that is the objective.
+
+    Any L where the samples do not determine the state with any.
+    """
+    A, C, L = problem.plant.flow.A, problem.plant.output.C, problem.gains.get("L")
+    period = float(problem.plant.output.period or 1.0)
+    window, objective = k * period, problem.options.get("objective")
+    blind = _reach(A, C, period, k) < _SINGULAR
+    if L is not None and (blind or objective not in _BY_13 or not np.any(L @ C)):
+        return Injection(L, window, -math.inf)
+    if blind:
+        return Injection(C.T, window, -math.inf)
+    if not np.any(A):
+        size = max(float(np.linalg.norm(C)) ** 2, 1e-300) * window
+        return Injection(C.T / size if L is None else L, window, math.inf)
+    asked = Open(A, C, window, L)
+    plain = asked.rated(L, window) if L is not None else best_injection(asked)
+    if objective == "least_noise":
+        method = str(problem.options.get("method"))
+        quiet = quiet_injection(A, C, plain.L, period, k, method)
+        return Injection(quiet, window, -math.inf)
+    if objective not in _BY_13 or plain.log_period > math.log(period):
+        return plain
+    found = best_injection(Open(A, C, window, L, coordinates=True), (plain,))
+    return found if found.log_period > math.log(period) else plain
 
 
 def _completed(problem: Problem, gains: dict[str, Any]) -> dict[str, Any]:
@@ -91,33 +116,39 @@ def _samples(problem: Problem) -> int:
     k: int | None = None
     if objective == "shortest_window":
         k = shortest
-    by_13 = objective in ("shortest_window", "longest_period") and np.any(A)
+    by_13 = objective in _BY_13 and np.any(A)
     if by_13 and shortest is not None and problem.options.get("method") in equations.NEED_L:
-        k = _samples_for_13(A, C, problem.gains.get("L"), period, shortest, str(objective))
+        k = _samples_for_13(Open(A, C, None, problem.gains.get("L")), period, shortest, objective)
+    if objective == "least_noise" and shortest is not None:
+        enough = [n for n in _counts(plant.n) if _reach(A, C, period, n) > _SINGULAR]
+        k = quiet_samples(plant, enough) if enough else None
     return _well_determined(A, C, period) if k is None else k
 
 
-def _samples_for_13(
-    A: Any, C: Any, L: Any, period: float, least: int, objective: str
-) -> int | None:
-    """The shortest window for which (13) holds, or the one that allows the longest period."""
+def _samples_for_13(asked: Open, period: float, least: int, objective: Any) -> int | None:
+    """The shortest window for which (13) holds, if need be in coordinates S, or the best one."""
     if objective == "shortest_window":
-        return fewest_samples(A, C, L, period, least)[0]
-    window = best_injection(A, C, None, L).window
+        k = fewest_samples(asked, period, least)[0]
+        return k or fewest_samples(replace(asked, coordinates=True), period, least)[0]
+    window = best_injection(asked).window
     return int(min(max(round(window / period), least), equations.MOST_SAMPLES))
 
 
 def _well_determined(A: Any, C: Any, period: float) -> int:
     """The first of n, 2 n, 4 n, ... samples that determines the state well, else the best."""
-    counts = [len(A)]
-    while 2 * counts[-1] <= _LONGEST_DEFAULT:
-        counts.append(2 * counts[-1])
     found = []
-    for k in counts:
+    for k in _counts(len(A)):
         found.append((_reach(A, C, period, k), k))
         if found[-1][0] >= _DETERMINED:
             return k
     return max(found, key=lambda entry: entry[0])[1]
+
+
+def _counts(n: int) -> list[int]:
+    counts = [n]
+    while 2 * counts[-1] <= _LONGEST_DEFAULT:
+        counts.append(2 * counts[-1])
+    return counts
 
 
 def _reach(A: Any, C: Any, period: float, k: int) -> float:

@@ -1,195 +1,235 @@
-"""L of finite-time estimation where it is left open, and the window with it.
+"""L of finite-time estimation where it is left open, and with it the window and coordinates S.
 
-By default L makes the period of condition (13) long: IPOPT from several starts
-(`period_nlp`), then Nelder and Mead on the true norms, which closes the last per cent. Small L are
-good for it, and bounded below (`SMALLEST_GAIN`). With objective `least_noise` L makes the gains
-small instead. Floats only; what comes out is proved or not by others.
+L makes the period of condition (13) long: IPOPT from several starts (`period_nlp`), then
+quasi-Newton steps, and Nelder and Mead on the true norms, which close the last per cent. Small L
+are good for it, and bounded below (`SMALLEST_GAIN`). S only changes the norms of Theorem 1, which
+then speaks of |S x|. Searches end after some processor time with the best they have seen. Floats
+only; what comes out is proved or not by others.
 """
 
 from __future__ import annotations
 
 import math
+import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lmi.exponential import expm, exponential_grid, flow_integrals
+from lmi.patience import until
 from obsdesign.equations import finite_time as equations
 from obsdesign.equations.finite_time_bounds import approx_log_longest_period
-from obsdesign.problem import Problem
+from obsdesign.synthesis.period_nlp import PeriodProgram, triangle_of, triangular
 
 Array = NDArray[np.float64]
 
 _STARTS = 8
+# processor time of one search, and the part of it that IPOPT may have
+SECONDS, _OF_PROGRAM = 0.8, 0.5
 # |L| of the first guess relative to |A| / |C|
 _SMALL = 1e-3
-_POLISH: Any = {"xatol": 1e-10, "fatol": 1e-12, "maxiter": 2000, "maxfev": 2000}
+_NELDER_MEAD: Any = {"xatol": 1e-10, "fatol": 1e-12, "maxiter": 2000, "maxfev": 2000}
+# beyond, a simplex only creeps
+_MOST_UNKNOWNS = 12
 
 
 @dataclass(frozen=True)
 class Injection:
-    """L (n, p), a window T, and log of the period below which (13) holds for them, in floats."""
+    """L (n, p), window T, log of the period below which (13) holds (in floats), S or None."""
 
     L: Array
     window: float
     log_period: float
+    S: Array | None = None
+
+
+@dataclass(frozen=True)
+class Open:
+    """A plant, and what of T, L and S is given; coordinates: is S to be found?"""
+
+    A: Array
+    C: Array
+    window: float | None = None
+    L: Array | None = None
+    coordinates: bool = False
+
+    def rated(self, L: Array, T: float, S: Array | None = None) -> Injection:
+        """As (13) allows, and short enough for the window to hold n / p samples."""
+        value = approx_log_longest_period(self.A, self.C, L, T, S)
+        most = math.log(T) - math.log(math.ceil(len(self.A) / len(self.C)))
+        return Injection(L, T, -math.inf if math.isnan(value) else min(value, most), S)
 
 
 def best_injection(
-    A: Array, C: Array, window: float | None, L: Array | None = None, starts: int = _STARTS
+    asked: Open,
+    first: Sequence[Injection] = (),
+    *,
+    starts: int = _STARTS,
+    seconds: float = SECONDS,
 ) -> Injection:
-    """The longest period of (13) over what is None: L, window, or both."""
-    guesses = _guesses(A, C, window, L, starts)
-    ranked = sorted(guesses, key=lambda one: -one.log_period)
-    best = _polished(A, C, ranked[0], window is None, L is None)
-    return max(best, ranked[0], key=lambda one: one.log_period)
+    """The longest period of (13) over what is open; never a shorter one than those of `first`."""
+    end = until(seconds)
+    known = [asked.rated(one.L, asked.window or one.window, one.S) for one in first]
+    guesses = [*known, *_guesses(asked)]
+    if starts and (asked.L is None or asked.coordinates):
+        guesses += _of_program(asked, starts, until(_OF_PROGRAM * seconds))
+    best = max(guesses, key=lambda one: one.log_period)
+    return max(_polished(asked, best, end), best, key=lambda one: one.log_period)
 
 
-def _guesses(
-    A: Array, C: Array, window: float | None, L: Array | None, starts: int
-) -> list[Injection]:
+def _guesses(asked: Open) -> list[Injection]:
+    A, C = asked.A, asked.C
     size = float(np.linalg.norm(A, 2)) or 1.0
-    windows = [window] if window is not None else [x / size for x in (0.1, 0.3, 1.0, 3.0)]
+    windows = [asked.window] if asked.window else [x / size for x in (0.1, 0.3, 1.0, 3.0)]
     small = _SMALL * size / float(np.linalg.norm(C, 2)) ** 2
-    gains = [small * C.T, -small * C.T, small * np.ones_like(C.T)] if L is None else [L]
-    found = [_rated(A, C, gain, T) for gain in gains for T in windows]
-    if L is None and starts:
-        from obsdesign.synthesis.period_nlp import PeriodProgram
+    gains = [asked.L]
+    if asked.L is None:
+        gains = [small * C.T, -small * C.T, small * np.ones_like(C.T)]
+    return [asked.rated(L, T) for L in gains for T in windows if L is not None]
 
-        program = PeriodProgram(A, C, window)
-        for start in program.starts(starts):
-            point = program.solve(start)
-            if np.isfinite(point.L).all() and 0 < point.window < math.inf:
-                found.append(_rated(A, C, point.L, point.window))
+
+def _of_program(asked: Open, starts: int, end: float) -> list[Injection]:
+    """What IPOPT makes of random starts, until the time is over."""
+    seconds = end - time.process_time()
+    if seconds <= 0:
+        return []
+    program = PeriodProgram(
+        asked.A, asked.C, asked.window, L=asked.L, coordinates=asked.coordinates,
+        seconds=max(seconds / 2, 0.05),
+    )  # fmt: skip
+    found = []
+    for start in program.starts(starts):
+        point = program.solve(start)
+        L = point.L if asked.L is None else asked.L
+        S = point.S if asked.coordinates else None
+        sound = np.isfinite(point.L).all() and np.isfinite(point.S).all()
+        if sound and 0 < point.window < math.inf:
+            found.append(asked.rated(L, point.window, S))
+        if time.process_time() > end:
+            break
     return found
 
 
-def _rated(A: Array, C: Array, L: Array, T: float) -> Injection:
-    return Injection(L, T, _log_period(A, C, L, T))
+# --- the last per cent ----------------------------------------------------------------------------
 
 
-def _log_period(A: Array, C: Array, L: Array, T: float) -> float:
-    """As (13) allows, and short enough for the window to hold n / p samples."""
-    value = approx_log_longest_period(A, C, L, T)
-    if math.isnan(value):
-        return -math.inf
-    return min(value, math.log(T) - math.log(math.ceil(len(A) / len(C))))
+class _Over(Exception):
+    """The time of a search has ended."""
 
 
-def _polished(A: Array, C: Array, start: Injection, free_window: bool, free_L: bool) -> Injection:
-    """Nelder and Mead from a point, over direction and size of L and log T."""
+class _Polish:
+    """What is open as one vector: direction and size of L, log T, the triangle of S."""
+
+    def __init__(self, asked: Open, start: Injection, end: float) -> None:
+        self._asked, self._start, self._end = asked, start, end
+        self.best = start
+        size = float(np.linalg.norm(start.L)) or 1.0
+        x: list[Array] = []
+        if asked.L is None:
+            x += [start.L.reshape(-1) / size, np.array([math.log(size)])]
+        if asked.window is None:
+            x.append(np.array([math.log(start.window)]))
+        if asked.coordinates:
+            x.append(triangle_of(np.eye(len(asked.A)) if start.S is None else start.S))
+        self.x0 = np.concatenate(x) if x else np.zeros(0)
+        self._least = equations.SMALLEST_GAIN * float(np.linalg.norm(asked.A, 2))
+
+    def cost(self, x: Array) -> float:
+        """-log of the period; _Over when time is."""
+        if time.process_time() > self._end:
+            raise _Over
+        if not np.isfinite(x).all() or np.abs(x).max() > 700:
+            return 1e6
+        found = self._point(x)
+        if found.log_period > self.best.log_period:
+            self.best = found
+        return -found.log_period if math.isfinite(found.log_period) else 1e6
+
+    def _point(self, x: Array) -> Injection:
+        asked, L, T, S = self._asked, self._start.L, self._start.window, None
+        if asked.L is None:
+            m = L.size
+            L = (x[:m] / (np.linalg.norm(x[:m]) or 1.0)).reshape(L.shape) * math.exp(x[m])
+            seen = float(np.linalg.norm(L @ asked.C, 2))
+            L = L * max(1.0, 1.000001 * self._least / seen) if seen > 0 else L
+            x = x[m + 1 :]
+        if asked.window is None:
+            T, x = math.exp(x[0]), x[1:]
+        if asked.coordinates:
+            S = triangular(x, len(asked.A))
+        return asked.rated(L, T, S)
+
+
+def _polished(asked: Open, start: Injection, end: float) -> Injection:
     from scipy.optimize import minimize
 
-    if math.isinf(start.log_period) or not (free_window or free_L):
+    polish = _Polish(asked, start, end)
+    x, count = polish.x0, len(polish.x0)
+    if math.isinf(start.log_period) or not count:
         return start
-    least = equations.SMALLEST_GAIN * float(np.linalg.norm(A, 2))
-    size = float(np.linalg.norm(start.L)) or 1.0
-
-    def point(x: Array) -> tuple[Array, float]:
-        L = start.L
-        if free_L:
-            L = (x[:-2] / (np.linalg.norm(x[:-2]) or 1.0)).reshape(L.shape) * math.exp(x[-2])
-            seen = float(np.linalg.norm(L @ C, 2))
-            L = L * max(1.0, 1.000001 * least / seen) if seen > 0 else L
-        return L, math.exp(x[-1]) if free_window else start.window
-
-    def cost(x: Array) -> float:
-        if abs(x[-1]) > 700 or abs(x[-2]) > 700:
-            return math.inf
-        value = _log_period(A, C, *point(x))
-        return -value if math.isfinite(value) else 1e6
-
-    x0 = np.concatenate([start.L.reshape(-1) / size, [math.log(size), math.log(start.window)]])
-    for _ in range(2):  # a simplex that has collapsed is opened again
-        spread = np.vstack([x0, x0 + 0.3 * np.eye(len(x0))])
-        x0 = minimize(
-            cost, x0, method="Nelder-Mead", options={**_POLISH, "initial_simplex": spread}
-        ).x
-    return _rated(A, C, *point(x0))
+    try:
+        x = minimize(polish.cost, x, method="BFGS", options={"gtol": 1e-7, "maxiter": 100}).x
+        # norms have kinks where singular values meet; a simplex that has collapsed is opened again
+        for spread in (0.3, 0.03) if count <= _MOST_UNKNOWNS else ():
+            simplex = np.vstack([x, x + spread * np.eye(count)])
+            options = {**_NELDER_MEAD, "initial_simplex": simplex}
+            x = minimize(polish.cost, x, method="Nelder-Mead", options=options).x
+    except _Over:
+        pass
+    return polish.best
 
 
-def fewest_samples(A: Any, C: Any, given: Any, period: float, least: int) -> tuple[int | None, Any]:
-    """(k, L): fewest samples, at least `least`, for which (13) seems to hold; None: there are none.
+# --- the fewest samples ---------------------------------------------------------------------------
+
+_BISECTION_SECONDS, _SCAN_SECONDS = 0.15, 10.0
+
+
+def fewest_samples(asked: Open, period: float, least: int) -> tuple[int | None, Injection]:
+    """Fewest samples, at least `least`, for which (13) seems to hold, and for what; None: none.
 
     For a given L all numbers are tried upwards; else by bisection below the best window.
     """
-    if not np.any(A):
-        return least, C.T if given is None else given
+    A, L = asked.A, asked.L
     log_period = math.log(period)
-    if given is not None:
-        # beyond some ten time constants only rounding is left of M_T
-        most = min(equations.MOST_SAMPLES, math.ceil(60.0 / (np.linalg.norm(A, 2) * period)))
-        for k in range(least, max(most, least) + 1):
-            if approx_log_longest_period(A, C, given, k * period) > log_period:
-                return k, given
-        return None, given
-    best = best_injection(A, C, None)
+    if not np.any(A):
+        return least, Injection(asked.C.T if L is None else L, least * period, math.inf)
+    if L is not None and not asked.coordinates:
+        return _scanned(asked, L, period, least)
+    best = best_injection(asked)
     if best.log_period <= log_period:
-        return None, best.L
-    low, high, L = least - 1, max(least, math.floor(best.window / period)), best.L
+        return None, best
+    low, high = least - 1, max(least, math.floor(best.window / period))
+    found = _with_samples(asked, high * period, best)
     while high - low > 1:
         middle = (low + high) // 2
-        found = best_injection(A, C, middle * period, starts=0)
-        if found.log_period > log_period:
-            high, L = middle, found.L
+        other = _with_samples(asked, middle * period, found)
+        if other.log_period > log_period:
+            high, found = middle, other
         else:
             low = middle
-    if approx_log_longest_period(A, C, L, high * period) <= log_period:
-        L = best_injection(A, C, high * period).L
-    return high, L
+    if found.log_period <= log_period:
+        found = best_injection(_at(asked, high * period), (best,))
+    return high, found
 
 
-def chosen_injection(problem: Problem, k: int) -> Array:
-    """L for a window of k samples, by the problem's objective."""
-    A, C = problem.plant.flow.A, problem.plant.output.C
-    period = float(problem.plant.output.period or 1.0)
-    if not np.any(C) or not np.any(A):
-        return C.T / max(float(np.linalg.norm(C)) ** 2, 1e-300) / (k * period)
-    L = best_injection(A, C, k * period).L
-    if problem.options.get("objective") == "least_noise":
-        return _quiet(A, C, L, period, k, str(problem.options.get("method")))
-    return L
+def _at(asked: Open, window: float) -> Open:
+    return Open(asked.A, asked.C, window, asked.L, asked.coordinates)
 
 
-def _quiet(A: Array, C: Array, L: Array, period: float, k: int, method: str) -> Array:
-    """L with the least Frobenius norm of the gains, from a first guess and larger ones."""
-    from scipy.optimize import minimize
-
-    gain = _exact_gain if method == "exact" else _approximate_gain
-
-    def cost(x: Array) -> float:
-        with np.errstate(all="ignore"):
-            try:
-                size = float(np.linalg.norm(gain(A, C, x.reshape(L.shape), period, k)))
-            except np.linalg.LinAlgError:
-                return 1e300
-        return size if math.isfinite(size) else 1e300
-
-    reach = float(np.linalg.norm(A, 2)) / float(np.linalg.norm(C, 2))
-    unit = L / np.linalg.norm(L)
-    starts = [L, *(unit * reach * factor for factor in (0.1, -0.1, 1.0, -1.0))]
-    runs = [minimize(cost, x.reshape(-1), method="Nelder-Mead") for x in starts]
-    best = min(runs, key=lambda run: float(run.fun))
-    return np.asarray(best.x).reshape(L.shape)
+def _with_samples(asked: Open, window: float, near: Injection) -> Injection:
+    return best_injection(_at(asked, window), (near,), starts=0, seconds=_BISECTION_SECONDS)
 
 
-def _exact_gain(A: Array, C: Array, L: Array, period: float, k: int) -> Array:
-    m = equations.series_steps(A, C, L, period)
-    backs = exponential_grid(-A, 0.0, period / m, m)
-    steps = [(back, 0.0) for back in backs]
-    forward = expm(A * period)
-    K_d = forward @ equations.discrete_injection(A, C, L, period / m, steps)
-    terms = equations.exact_terms(forward + K_d @ C, K_d, k)
-    W = equations.side_by_side(terms)
-    rows = equations.sample_rows(A, C, period, k).reshape(-1, len(A))
-    return np.asarray(np.linalg.solve(W @ rows, W))
-
-
-def _approximate_gain(A: Array, C: Array, L: Array, period: float, k: int) -> Array:
-    n = len(A)
-    back, once = flow_integrals(-(A + L @ C), period)
-    whole = expm(equations.difference_block(A, L @ C) * (k * period))
-    terms = equations.approximate_terms(back, once @ L, k)
-    return np.asarray(np.linalg.solve(whole[:n, n:], equations.side_by_side(terms)))
+def _scanned(asked: Open, L: Array, period: float, least: int) -> tuple[int | None, Injection]:
+    # beyond some ten time constants only rounding is left of M_T
+    reach = math.ceil(60.0 / (np.linalg.norm(asked.A, 2) * period))
+    end = until(_SCAN_SECONDS)
+    for k in range(least, max(min(equations.MOST_SAMPLES, reach), least) + 1):
+        value = approx_log_longest_period(asked.A, asked.C, L, k * period)
+        if value > math.log(period):
+            return k, Injection(L, k * period, value)
+        if time.process_time() > end:
+            break
+    return None, Injection(L, least * period, -math.inf)

@@ -30,15 +30,17 @@ _TAYLOR_DEGREE, _SQUARINGS = 16, 6
 _NORM_DOUBLINGS = 6  # p = 64
 _SCALAR_STATES = 3
 _LARGEST_GAIN = 1e3  # |L C| relative to |A|
+_WORST_BASIS = 1e6
 
 
 @dataclass(frozen=True)
 class Start:
-    """Where IPOPT starts: direction of L (n p,), its size, T (None where T is given)."""
+    """Where IPOPT starts: direction of L (n p,), its size, T, and S as `triangular` takes it."""
 
     direction: Array
     size: float
     window: float
+    triangle: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -55,16 +57,24 @@ class Found:
 class PeriodProgram:
     """The program of one plant, built once and solved from several starts.
 
-    A (n, n), C (p, n); window: T where it is given, else None; coordinates: is S free as well?
+    A (n, n), C (p, n); window, L: T and L where they are given, else None; coordinates: is S
+    free as well? seconds: of processor time, for a run.
     """
 
     def __init__(
-        self, A: Array, C: Array, window: float | None = None, *, coordinates: bool = False
+        self,
+        A: Array,
+        C: Array,
+        window: float | None = None,
+        *,
+        L: Array | None = None,
+        coordinates: bool = False,
+        seconds: float = math.inf,
     ) -> None:
         ca = _casadi()
 
         self._n, self._p = len(A), len(C)
-        self._window, self._coordinates = window, coordinates
+        self._window, self._L, self._coordinates = window, L, coordinates
         n, p = self._n, self._p
         # scalar expressions are faster, but grow like n^3 in their length: matrices beyond
         small = n <= _SCALAR_STATES
@@ -89,9 +99,11 @@ class PeriodProgram:
         log_nu = ca.log(ca.log1p(ca.exp(log_ratio))) - _log_norm(A_s)
         equality = w + ca.exp(w) - log_sigma + f * T
         unit_length = ca.dot(direction, direction) - 1
+        self._A = A
         self._size_A = float(np.linalg.norm(A, 2)) or 1.0
         self._size_C = float(np.linalg.norm(C, 2))
         ipopt = {"print_level": 0, "sb": "yes", "max_iter": 300}
+        ipopt |= {"max_cpu_time": seconds} if seconds < math.inf else {}
         ipopt |= {} if small else {"hessian_approximation": "limited-memory"}
         x = ca.vertcat(direction, size, log_T, w, triangle)
         self._equality = ca.Function("equality", [x], [equality])
@@ -104,40 +116,53 @@ class PeriodProgram:
     def solve(self, start: Start) -> Found:
         """One run of IPOPT."""
         n, p = self._n, self._p
-        triangle = np.zeros(n * (n + 1) // 2)
+        triangle = np.zeros(n * (n + 1) // 2) if start.triangle is None else start.triangle
         free = math.inf if self._coordinates else 0.0
         log_T = math.log(start.window if self._window is None else self._window)
         ends = (-math.inf, math.inf) if self._window is None else (log_T, log_T)
-        x0 = np.concatenate([start.direction, [math.log(start.size), log_T, 0.0], triangle])
+        direction, size = start.direction, start.size
+        if self._L is not None:
+            size = float(np.linalg.norm(self._L))
+            direction = self._L.T.reshape(-1) / size
+        x0 = np.concatenate([direction, [math.log(size), log_T, 0.0], triangle])
         missing = float(self._equality(x0))  # at w = 0, where the left-hand side is 1
         x0[n * p + 2] = log_lambert(1.0 - missing) if math.isfinite(missing) else -10.0
         fixed = np.full(len(triangle), free)
-        inner = np.full(n * p, math.inf)
+        inner = np.full(n * p + 1, math.inf)
+        low, high = -inner, inner
         least = math.log(SMALLEST_GAIN * self._size_A)
         most = math.log(_LARGEST_GAIN * self._size_A)
+        if self._L is not None:
+            low = high = x0[: n * p + 1]
+            least, most = -math.inf, math.inf
         result = self._solver(
             x0=x0,
-            lbx=np.concatenate([-inner, [-math.inf, ends[0], -math.inf], -fixed]),
-            ubx=np.concatenate([inner, [math.inf, ends[1], math.inf], fixed]),
+            lbx=np.concatenate([low, [ends[0], -math.inf], -fixed]),
+            ubx=np.concatenate([high, [ends[1], math.inf], fixed]),
             lbg=[0, 0, least], ubg=[0, 0, most],
         )  # fmt: skip
         x = np.asarray(result["x"]).reshape(-1)
         L = math.exp(min(x[n * p], 700.0)) * x[: n * p].reshape(p, n).T
-        S = np.asarray(_triangular_floats(x[n * p + 3 :], n))
+        S = triangular(x[n * p + 3 :], n)
         status = str(self._solver.stats()["return_status"])
         period = math.exp(min(-float(result["f"]), 700.0)) if result["f"].is_regular() else 0.0
         return Found(L, math.exp(min(x[n * p + 1], 700.0)), period, S, status)
 
     def starts(self, count: int) -> Sequence[Start]:
-        """Random directions, L C below and about the size of A, T below and about 1 / |A|."""
+        """Random directions, L C below and about the size of A, T below and about 1 / |A|.
+
+        Every second one starts in coordinates in which A is (nearly) normal.
+        """
         rng = np.random.default_rng(0)  # fixed: the same problem has the same starts
+        normal = normal_coordinates(self._A) if self._coordinates else None
         found = []
-        for _ in range(count):
+        for i in range(count):
             direction = rng.standard_normal(self._n * self._p)
             direction /= np.linalg.norm(direction)
             # from far below |A| there is no gradient back: most starts are near it
             size = self._size_A / self._size_C * 10.0 ** rng.uniform(-2, 0.5)
-            found.append(Start(direction, size, 10.0 ** rng.uniform(-1, 0.3) / self._size_A))
+            window = 10.0 ** rng.uniform(-1, 0.3) / self._size_A
+            found.append(Start(direction, size, window, normal if i % 2 == 0 else None))
         return found
 
 
@@ -160,11 +185,30 @@ def _triangular(entries: Any, n: int) -> tuple[Any, Any]:
     return S, _inverse(S, n)
 
 
-def _triangular_floats(entries: Array, n: int) -> Array:
+def triangular(entries: Array, n: int) -> Array:
+    """S upper triangular from its entries row by row, logarithms on the diagonal."""
     S = np.zeros((n, n))
     S[np.triu_indices(n)] = entries
-    np.fill_diagonal(S, np.exp(np.diag(S)))
+    np.fill_diagonal(S, np.exp(np.minimum(np.diag(S), 700.0)))
     return S
+
+
+def triangle_of(S: Array) -> Array:
+    """The reverse of `triangular` for any regular S: a rotation of S x changes no norm."""
+    R: Array = np.linalg.qr(S, mode="r")  # type: ignore[assignment]
+    R = R * np.where(np.diag(R) < 0, -1.0, 1.0)[:, None]
+    np.fill_diagonal(R, np.log(np.diag(R)))
+    return np.asarray(R[np.triu_indices(len(S))])
+
+
+def normal_coordinates(A: Array) -> Array | None:
+    """The triangle of an S with S A S^-1 normal; None where the eigenvectors hardly allow it."""
+    _, V = np.linalg.eig(A)
+    if np.linalg.cond(V) > _WORST_BASIS:
+        return None
+    # V^-1 = Q R up to a unitary Q: R'R = (V V*)^-1 is real, as eigenvectors come in pairs
+    inverse = np.linalg.inv(np.linalg.cholesky(np.real(V @ V.conj().T)))
+    return triangle_of(inverse)
 
 
 def _inverse(X: Any, n: int) -> Any:

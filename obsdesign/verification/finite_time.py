@@ -43,19 +43,29 @@ def claims(
 ) -> tuple[Claim, ...]:
     """All hypotheses of the design, in the order of refusal, until one is not proved.
 
-    certificates are not needed; paranoid
+    certificates: coordinates S for the norms of Theorem 1, if any; paranoid
     proves with twice the precision.
     """
     agreement = consistency(_objection(problem), gains, expected_gains(problem, gains))
     if agreement.verdict != "proved":
         return (agreement,)
+    S = _coordinates(certificates, problem.plant.n)
     found: list[Claim] = []
     for bits in _BITS[1:] if paranoid else _BITS:
         with precision(bits):
-            found = _hypotheses(gains)
+            found = _hypotheses(gains, S)
         if all(claim.verdict != "undecided" for claim in found):
             break
     return (agreement, *found)
+
+
+def _coordinates(certificates: Mapping[str, Mapping[str, Any]], n: int) -> Any:
+    """S of a certificate, or None where there is none that is an (n, n) matrix of numbers."""
+    try:
+        S = np.asarray(certificates["theorem_1_coordinates"]["S"], dtype=np.float64)
+    except (KeyError, TypeError, ValueError):
+        return None
+    return S if S.shape == (n, n) and np.isfinite(S).all() else None
 
 
 def _objection(problem: Problem) -> str | None:
@@ -88,17 +98,17 @@ def _is_count(value: Any) -> bool:
     return isinstance(value, int | float) and 1 <= value <= equations.MOST_SAMPLES
 
 
-def _hypotheses(gains: Mapping[str, Any]) -> list[Claim]:
+def _hypotheses(gains: Mapping[str, Any], S: Any) -> list[Claim]:
     sampled = Sampled.of(gains["A"], gains["C"], gains["period"], int(gains["samples"]))
     found: list[Claim] = []
-    for claim in _in_order(gains, sampled):
+    for claim in _in_order(gains, sampled, S):
         found.append(claim)
         if claim.verdict != "proved":
             break
     return found
 
 
-def _in_order(gains: Mapping[str, Any], sampled: Sampled) -> Any:
+def _in_order(gains: Mapping[str, Any], sampled: Sampled, S: Any) -> Any:
     yield observable(sampled)
     yield sampled_observable(sampled)
     yield long_enough(sampled)
@@ -107,13 +117,13 @@ def _in_order(gains: Mapping[str, Any], sampled: Sampled) -> Any:
         yield invertible(sampled, gains)
         yield of_the_method(sampled, gains)
     if method == "approximate":
-        yield from bound_claims(sampled, gains)
+        yield from bound_claims(sampled, gains, S)
         return
     yield unbiased(sampled, gains)
     if np.any(gains["radius"]) or _disturbed(gains):
         yield error_radius_claim(sampled, gains)
     if method == "exact":
-        yield from bound_claims(sampled, gains)
+        yield from bound_claims(sampled, gains, S)
 
 
 def _disturbed(gains: Mapping[str, Any]) -> bool:

@@ -24,6 +24,8 @@ def guarantees(problem: Problem, found: tuple[Claim, ...]) -> tuple[dict[str, An
     result = [_entry(text, ids, verdicts) for text, ids in told]
     if "theorem_1_numbers" in evidence:
         result.append(_theorem(evidence["theorem_1_numbers"], verdicts))
+    if evidence.get("theorem_1_coordinates", {}).get("condition_13") == "true":
+        result.append(_in_coordinates(evidence["theorem_1_coordinates"], verdicts))
     return (*result, *_warnings(problem, evidence))
 
 
@@ -94,6 +96,19 @@ def _theorem(evidence: Mapping[str, Any], verdicts: Mapping[str, str]) -> dict[s
     word = "is false" if evidence["condition_13"] == "false" else "is too close to call"
     text = f"The bound of Theorem 1 for observer (14): its condition (13) {word} here{below}."
     return {"statement": text, "given": False, "claims": []}
+
+
+def _in_coordinates(evidence: Mapping[str, Any], verdicts: Mapping[str, str]) -> dict[str, Any]:
+    """Theorem 1 for S x, and what that says of x."""
+    alpha, beta = evidence["alpha"][1], evidence["beta"][1]
+    last = evidence["gamma"][1] * evidence["sigma"][1]
+    text = (
+        f"Theorem 1 for observer (14) with this L, as corrected, in the coordinates S x: "
+        f"|S (xhat - x)| <= {alpha:.6g} |S int e^(A (t_i - m - T)) delta dm| + {beta:.6g} |S T~| + "
+        f"{last:.6g} T_Delta with |S .| inside it, and |xhat - x| is at most "
+        f"{evidence['norm_of_back'][1]:.6g} times that ((13) is true for S A S^-1, C S^-1, S L)."
+    )
+    return _entry(text, ["theorem_1_coordinates"], verdicts)
 
 
 def _warnings(problem: Problem, evidence: Mapping[str, Any]) -> list[dict[str, Any]]:

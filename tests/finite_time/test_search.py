@@ -17,7 +17,7 @@ from lmi.balls import precision
 from lmi.norms import float_below
 from obsdesign.equations.finite_time_bounds import approx_log_longest_period
 from obsdesign.search import search
-from obsdesign.synthesis.finite_time_injection import best_injection
+from obsdesign.synthesis.finite_time_injection import Open, best_injection
 from obsdesign.verification.finite_time_bounds import Sizes
 from obsdesign.window_gains import Sampled
 from tests.finite_time.test_claims import ROTATION, L, problem
@@ -177,9 +177,9 @@ def test_floats_and_balls_agree(seed: int, n: int) -> None:
 
 def test_freedom_never_hurts_and_units_do_not_matter() -> None:
     plant, output = np.array([[0.0, 1], [-1, -0.3]]), np.array([[1.0, 0.2]])
-    fixed = best_injection(plant, output, 0.5, np.array([[0.3], [-0.1]]))
-    free = best_injection(plant, output, 0.5)
-    freest = best_injection(plant, output, None)
+    fixed = best_injection(Open(plant, output, 0.5, np.array([[0.3], [-0.1]])))
+    free = best_injection(Open(plant, output, 0.5))
+    freest = best_injection(Open(plant, output))
     assert fixed.log_period <= free.log_period + 1e-9
     assert free.log_period <= freest.log_period + 1e-6
     # C -> c C, L -> L / c changes nothing; time t -> t / 8 divides the period by 8
@@ -207,7 +207,7 @@ def test_coordinates_are_part_of_the_program() -> None:
 
     chain, output = np.array([[0.0, 1], [0, 0]]), np.array([[1.0, 0]])
     program = PeriodProgram(chain, output, coordinates=True)
-    plain = best_injection(chain, output, None).log_period
+    plain = best_injection(Open(chain, output)).log_period
     best = -math.inf
     for start in program.starts(6):
         point = program.solve(start)
