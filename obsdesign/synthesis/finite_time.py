@@ -120,7 +120,7 @@ def _samples(problem: Problem) -> int:
     if by_13 and shortest is not None and problem.options.get("method") in equations.NEED_L:
         k = _samples_for_13(Open(A, C, None, problem.gains.get("L")), period, shortest, objective)
     if objective == "least_noise" and shortest is not None:
-        enough = [n for n in _counts(plant.n) if _reach(A, C, period, n) > _SINGULAR]
+        enough = [n for n in _counts(plant.n) if _reach(A, C, period, n) >= _DETERMINED]
         k = quiet_samples(plant, enough) if enough else None
     return _well_determined(A, C, period) if k is None else k
 

@@ -21,16 +21,23 @@ from numpy.typing import NDArray
 from lmi.patience import until
 from obsdesign.equations import finite_time as equations
 from obsdesign.equations.finite_time_bounds import approx_log_longest_period
-from obsdesign.synthesis.period_nlp import PeriodProgram, triangle_of, triangular
+from obsdesign.synthesis.period_nlp import (
+    PeriodProgram,
+    Start,
+    normal_coordinates,
+    triangle_of,
+    triangular,
+)
 
 Array = NDArray[np.float64]
 
-_STARTS = 8
+# starts of IPOPT, each the better one of so many
+_STARTS, _SCREENED = 6, 4
 # processor time of one search, and the part of it that IPOPT may have
-SECONDS, _OF_PROGRAM = 0.8, 0.5
+SECONDS, _OF_PROGRAM = 0.6, 0.5
 # |L| of the first guess relative to |A| / |C|
 _SMALL = 1e-3
-_NELDER_MEAD: Any = {"xatol": 1e-10, "fatol": 1e-12, "maxiter": 2000, "maxfev": 2000}
+_NELDER_MEAD: Any = {"xatol": 1e-7, "fatol": 1e-11, "maxiter": 2000, "maxfev": 2000}
 # beyond, a simplex only creeps
 _MOST_UNKNOWNS = 12
 
@@ -87,11 +94,16 @@ def _guesses(asked: Open) -> list[Injection]:
     gains = [asked.L]
     if asked.L is None:
         gains = [small * C.T, -small * C.T, small * np.ones_like(C.T)]
-    return [asked.rated(L, T) for L in gains for T in windows if L is not None]
+    found = [asked.rated(L, T) for L in gains for T in windows if L is not None]
+    normal = normal_coordinates(A) if asked.coordinates else None
+    if normal is not None:
+        S = triangular(normal, len(A))
+        found += [asked.rated(one.L, one.window, S) for one in found]
+    return found
 
 
 def _of_program(asked: Open, starts: int, end: float) -> list[Injection]:
-    """What IPOPT makes of random starts, until the time is over."""
+    """What IPOPT makes of the better ones of random starts, until the time is over."""
     seconds = end - time.process_time()
     if seconds <= 0:
         return []
@@ -99,8 +111,16 @@ def _of_program(asked: Open, starts: int, end: float) -> list[Injection]:
         asked.A, asked.C, asked.window, L=asked.L, coordinates=asked.coordinates,
         seconds=max(seconds / 2, 0.05),
     )  # fmt: skip
+
+    def promise(start: Start) -> float:
+        n, p = len(asked.A), len(asked.C)
+        L = start.size * start.direction.reshape(p, n).T if asked.L is None else asked.L
+        S = None if start.triangle is None else triangular(start.triangle, n)
+        return asked.rated(L, asked.window or start.window, S).log_period
+
+    ranked = sorted(program.starts(_SCREENED * starts), key=promise, reverse=True)
     found = []
-    for start in program.starts(starts):
+    for start in ranked[:starts]:
         point = program.solve(start)
         L = point.L if asked.L is None else asked.L
         S = point.S if asked.coordinates else None
@@ -172,7 +192,7 @@ def _polished(asked: Open, start: Injection, end: float) -> Injection:
     try:
         x = minimize(polish.cost, x, method="BFGS", options={"gtol": 1e-7, "maxiter": 100}).x
         # norms have kinks where singular values meet; a simplex that has collapsed is opened again
-        for spread in (0.3, 0.03) if count <= _MOST_UNKNOWNS else ():
+        for spread in (0.3, 0.1) if count <= _MOST_UNKNOWNS else ():
             simplex = np.vstack([x, x + spread * np.eye(count)])
             options = {**_NELDER_MEAD, "initial_simplex": simplex}
             x = minimize(polish.cost, x, method="Nelder-Mead", options=options).x

@@ -20,7 +20,7 @@ from obsdesign.plant import Plant
 
 Array = NDArray[np.float64]
 
-_SECONDS = 0.8
+_SECONDS = 0.6
 # a window may be that much worse than the best, and is the shortest such one
 _NEARLY = 1.1
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import time
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,8 @@ from hypothesis import strategies as st
 import obsdesign
 from lmi.balls import precision
 from lmi.norms import float_below
+from lmi.patience import at_most
+from obsdesign.document import digest, from_dict
 from obsdesign.equations.finite_time_bounds import approx_log_longest_period
 from obsdesign.search import search
 from obsdesign.synthesis.finite_time_injection import Open, best_injection
@@ -23,6 +26,7 @@ from obsdesign.window_gains import Sampled
 from tests.finite_time.test_claims import ROTATION, L, problem
 from tests.test_cli import ROOT, command
 
+CHAIN = [[0, 1], [0, 0]]
 A, C = np.array(ROTATION), np.array([[0.3, 0.0]])
 
 
@@ -255,5 +259,68 @@ def test_coordinates_that_allow_longer_periods() -> None:
     assert math.exp(value) == pytest.approx(other["proved"], rel=1e-6)
     # A of the paper's example is skew: nothing is gained
     assert "coordinates" not in found(window=6)
-    # a given L keeps the coordinates it is given in
-    assert "coordinates" not in found(window=6, gains={"L": L})
+    # with the printed L, A + L C is not skew
+    given = found(window=6, gains={"L": L})
+    assert np.array_equal(given["coordinates"]["L"], given["gains"]["L"])
+    assert given["coordinates"]["proved"] > 1.08 * given["proved"]
+
+
+def test_coordinates_that_allow_shorter_windows() -> None:
+    result = found("shortest_window", A=CHAIN, C=[[1, 0]], period=1e-4)
+    other = result["coordinates"]
+    assert other["samples"] < result["samples"] / 4
+    assert other["proved"] == other["samples"] * 1e-4 == other["window"]
+    chain, output = np.array(CHAIN, dtype=float), np.array([[1.0, 0.0]])
+    with precision(160):
+        sampled = Sampled.of(chain, output, 1e-4, other["samples"])
+        for S, holds in ((np.array(other["S"]), True), (None, False)):
+            sizes = Sizes.of(sampled, np.array(other["L"]), S)
+            assert sizes is not None
+            assert sizes.condition(1e-4) is holds
+
+
+def test_a_design_proves_theorem_1_in_coordinates_of_its_certificate() -> None:
+    design = obsdesign.design(
+        problem(CHAIN, [[1, 0]], period=1e-4, window=0.01, method="exact",
+                objective="longest_period")
+    )  # fmt: skip
+    claims = {claim.id: claim for claim in design.claims}
+    assert claims["theorem_1_numbers"].evidence["condition_13"] == "false"
+    assert claims["theorem_1_coordinates"].evidence["condition_13"] == "true"
+    told = [entry for entry in design.guarantees if "coordinates S x" in entry["statement"]]
+    assert [entry["given"] for entry in told] == [True]
+    assert obsdesign.verify(from_dict(design.to_dict())).verdict == "proved"
+    # the twins: coordinates in which nothing is proved, and none
+    for S in (np.eye(2).tolist(), [[1.0]]):
+        body = design.to_dict()
+        for claim in body["claims"]:
+            if claim["id"] == "theorem_1_coordinates":
+                claim["evidence"]["S"] = S
+        body["digest"] = digest({name: x for name, x in body.items() if name != "digest"})
+        assert obsdesign.verify(from_dict(body)).verdict == "refuted"
+
+
+def test_a_search_ends_when_patience_does() -> None:
+    rng = np.random.default_rng(0)
+    asked = Open(rng.standard_normal((5, 5)), rng.standard_normal((2, 5)), coordinates=True)
+    started = time.process_time()
+    with at_most(0.1):
+        assert math.isfinite(best_injection(asked, seconds=100.0).log_period)
+    assert time.process_time() - started < 2.0
+
+
+def test_quiet_windows() -> None:
+    noisy = obsdesign.design(problem(objective="least_noise")).gains
+    default = obsdesign.design(problem()).gains
+    assert noisy["samples"] > default["samples"]
+    assert np.linalg.norm(noisy["window_gain"]) < np.linalg.norm(default["window_gain"])
+    # what a disturbance does grows with the window: the shortest that is nearly best
+    bounded: dict[str, Any] = {
+        "flow": {"disturbance": {"lower": [-1, -1], "upper": [1, 1]}},
+        "output": {"noise_bound": [1.0]},
+    }
+    found = obsdesign.design(problem(objective="least_noise", **bounded)).gains
+    assert found["samples"] < noisy["samples"]
+    for count in (found["samples"] // 4, found["samples"] * 4):
+        other = obsdesign.design(problem(window=count * 0.05, **bounded)).gains
+        assert (other["radius"] > found["radius"]).any()
