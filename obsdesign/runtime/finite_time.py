@@ -65,7 +65,7 @@ class FiniteTimeObserver(SteadyWindow):
             u=np.zeros(int(self.reads["u"])), drive=self._drive(np.zeros(int(self.reads["u"]))),
             window=np.full(self.k * p, np.nan), known=known, filled=0, missing=0, since=0,
             sampled=None, good=None, centre=guess, radius=np.full(n, np.inf), slip=zero,
-            started=False,
+            lift=zero, anchor=float(t), ticks=0, started=False,
         )  # fmt: skip
 
     def step(self, state: FiniteTimeState, sample: Sample) -> tuple[FiniteTimeState, Estimate]:
@@ -87,12 +87,12 @@ class FiniteTimeObserver(SteadyWindow):
         if at_instant:
             state = self._instant(state, y_before)
         if irregular:
-            state = self._emptied(state)._replace(sampled=t)
+            state = self._anchored(self._emptied(state), t)
             state = self._pushed(state, y_before)
         if sample.jump:
             state = self._jumped(state, sample.w)
             if y_after is not None and self.gains["jump_measurement"] == "after":
-                state = self._pushed(state._replace(sampled=t), y_after)
+                state = self._pushed(self._anchored(state, t), y_after)
         if sample.u is not None:
             u = vector(sample.u, len(state.u), "u")
             state = state._replace(u=u, drive=self._drive(u))
@@ -108,25 +108,38 @@ class FiniteTimeObserver(SteadyWindow):
         period = float(self.gains["period"])
         if state.sampled is None:
             state = self._flow(state, t)
-            if measured:
-                state = state._replace(sampled=t)
-            return state, measured, None
+            return self._anchored(state, t) if measured else state, measured, None
         elapsed = t - state.sampled
         count = round(elapsed / period)
         slack = self._slack(t, elapsed)
         regular = count >= 1 and abs(elapsed - count * period) <= slack
-        passed = (count if regular else math.floor(elapsed / period)) - (1 if regular else 0)
+        # small deviations of the same sign add up within a window
+        ticks = state.ticks + count
+        together = abs(t - state.anchor - ticks * period) <= self._slack(t, ticks * period)
+        drifted, regular = regular and not together, regular and together
+        passed = count - 1 if regular or drifted else math.floor(elapsed / period)
         if passed > self.k:
-            state = self._emptied(self._flow(state, t))._replace(sampled=t)
+            state = self._anchored(self._emptied(self._flow(state, t)), t)
             passed = 0
         first = state.sampled
         for i in range(passed):
             state = self._instant(self._flow(state, float(first or 0.0) + (i + 1) * period), None)
         state = self._flow(state, t)
         if regular:
-            return state._replace(sampled=t), True, None
-        told = f"sampling time {elapsed:.9g} is not a multiple of {period:.9g}"
+            if ticks >= self._most_ticks or state.ticks + count != ticks:
+                return self._anchored(state, t), True, None
+            return state._replace(sampled=t, ticks=ticks), True, None
+        if passed:
+            at = float(first or 0.0) + passed * period
+            state = state._replace(sampled=at, ticks=state.ticks + passed)
+        since = t - state.anchor if drifted else elapsed
+        told = f"sampling time {since:.9g} is not a multiple of {period:.9g}"
         return state, False, told if measured else None
+
+    @staticmethod
+    def _anchored(state: FiniteTimeState, t: float) -> FiniteTimeState:
+        """An instant at t from which the coming ones are counted."""
+        return state._replace(sampled=t, anchor=t, ticks=0)
 
     def _estimate(self, state: FiniteTimeState, irregular: str | None) -> Estimate:
         reasons = [irregular] if irregular else []

@@ -27,6 +27,9 @@ from obsdesign.runtime.window_tape import Tape
 SEEN_ROUNDING = 2.0**-48
 # the scaled rows of an incomplete window must be that far from losing rank
 _DETERMINED = 1e-11
+# w is that much larger than the estimate before it is replaced where bounds are told
+_GROWN = 2.0
+_LEAST_TICKS = 64
 
 
 class FiniteTimeState(NamedTuple):  # a frozen dataclass of this size costs more than the step
@@ -36,7 +39,8 @@ class FiniteTimeState(NamedTuple):  # a frozen dataclass of this size costs more
     (k p,) residuals y - C w, oldest first, NaN where a sample is missing; filled: instants in it;
     since: instants since w was moved; sampled: time of the last instant; good: was x taken from
     a full window, False with gaps, None not yet; |state - centre| <= radius; slip: rounding of w
-    per step; tape, end: where the window may grow.
+    per step; lift: what moving w has cost the window; anchor, ticks: an instant, and how many ago
+    it was; tape, end: where the window may grow.
     """
 
     t: float
@@ -54,6 +58,9 @@ class FiniteTimeState(NamedTuple):  # a frozen dataclass of this size costs more
     centre: Vector
     radius: Vector
     slip: Vector
+    lift: Vector
+    anchor: float
+    ticks: int
     started: bool
     tape: Tape | None = None
     end: int = 0
@@ -72,6 +79,11 @@ class SamplingWindow(SteppedObserver[FiniteTimeState]):
     def k(self) -> int:
         """Samples in the window."""
         return int(self.gains["samples"])
+
+    @cached_property
+    def _most_ticks(self) -> int:
+        """Instants that are counted from the same one: a window, and not too few."""
+        return max(self.k, _LEAST_TICKS)
 
     @cached_property
     def bounded(self) -> bool:
@@ -125,25 +137,32 @@ class SamplingWindow(SteppedObserver[FiniteTimeState]):
     def _estimated(self, state: FiniteTimeState) -> FiniteTimeState:
         if state.missing:
             x = self._from_the_rest(state)
-            return state._replace(good=False) if x is None else state._replace(x=x, good=False)
+            state = state._replace(good=False, since=state.since + 1)
+            return self._refreshed(state if x is None else state._replace(x=x))
         if state.known is not None and self._inputs is not None:
             x = self.gains["window_gain"] @ state.window + self._inputs.known_part(state.known)
             return state._replace(x=x, good=True)
         x = self._seen_back @ state.w + self.gains["window_gain"] @ state.window
         if self.bounded:
-            radius = self._error.radius(state.window, state.w, x, state.slip)
+            radius = self._error.radius(state.window, state.w, x, state.slip) + state.lift
             state = state._replace(centre=x, radius=radius)
-        state = state._replace(x=x, good=True, since=state.since + 1)
-        # where bounds are told, w stays: moving it rounds the residuals
-        return self._moved_onto(state, x) if self._due(state) else state
+        return self._refreshed(state._replace(x=x, good=True, since=state.since + 1))
 
-    def _due(self, state: FiniteTimeState) -> bool:
-        return state.since >= self.k and not self.bounded and self._driven
+    def _refreshed(self, state: FiniteTimeState) -> FiniteTimeState:
+        """Once per window another response w, through the estimate: it may grow where x does not.
 
-    def _moved_onto(self, state: FiniteTimeState, x: Vector) -> FiniteTimeState:
-        """Another response w through x: the residuals of the window follow."""
-        window = state.window - self._rows @ (x - state.w)
-        return state._replace(w=x, window=window, since=0, tape=None)
+        Where bounds are told, only if it has grown: moving it rounds the residuals (`lift`).
+        """
+        if state.since < self.k or not self._driven or state.known is not None:
+            return state
+        if not self.bounded:
+            window = state.window - self._rows @ (state.x - state.w)
+            return state._replace(w=state.x, window=window, since=0, tape=None)
+        away = state.x - state.w
+        if not np.abs(state.w).max() > _GROWN * np.abs(state.x).max():
+            return state._replace(since=0, lift=np.zeros(self.n))
+        window, lift = self._error.moved(state.window, away)
+        return state._replace(w=state.x, window=window, lift=lift, since=0, tape=None)
 
     def _from_the_rest(self, state: FiniteTimeState) -> Vector | None:
         """Least squares on the samples that are there; None if they do not determine the state."""
@@ -178,7 +197,8 @@ class SamplingWindow(SteppedObserver[FiniteTimeState]):
         window = np.full_like(state.window, np.nan)
         return state._replace(
             window=window, filled=0, missing=0, since=0, sampled=None, good=None,
-            w=np.zeros(self.n), known=known, slip=np.zeros(self.n), tape=None,
+            w=np.zeros(self.n), known=known, slip=np.zeros(self.n), lift=np.zeros(self.n),
+            tape=None,
         )  # fmt: skip
 
     def _jumped(self, state: FiniteTimeState, w: ArrayLike | None) -> FiniteTimeState:

@@ -30,7 +30,11 @@ class SteadyWindow(SamplingWindow):
             return None
         if moves and state.since + 1 >= self.k:
             return None  # w is to be moved onto the estimate
-        if abs(t - state.t - period) > self._slack(t, period):
+        ticks = state.ticks + 1
+        if abs(t - state.t - period) > self._slack(t, period) or ticks > self._most_ticks:
+            return None
+        elapsed = ticks * period
+        if abs(t - state.anchor - elapsed) > self._slack(t, elapsed):
             return None
         y = sample.y
         if not isinstance(y, np.ndarray) or y.shape != (p,):
@@ -55,7 +59,7 @@ class SteadyWindow(SamplingWindow):
             tape, end = Tape(state.window), size
             window = tape.after(size, residual, size)
         new = (t, x, w, u, drive, window, state.known, state.filled, 0, state.since + 1, t, True, x,
-               radius, slip, True, tape, end + p)  # fmt: skip
+               radius, slip, state.lift, state.anchor, ticks, True, tape, end + p)  # fmt: skip
         return tuple.__new__(FiniteTimeState, new), Estimate(t, x, low, high)
 
     def _driven_or_bounded(self, state: FiniteTimeState, x: Vector, y: Vector) -> Any:
@@ -69,7 +73,7 @@ class SteadyWindow(SamplingWindow):
             x = x + (w if self._unbiased else self._seen_back.dot(w))
         if not self.bounded:
             return x, w, residual, slip, state.radius, None, None
-        radius = self._error.radius(state.window, w, x, slip)
+        radius = self._error.radius(state.window, w, x, slip) + state.lift
         return x, w, residual, slip, radius, *self._ends(x, radius)
 
     def _slipped(self, state: FiniteTimeState, w: Vector) -> Vector:
@@ -98,7 +102,7 @@ class SteadyWindow(SamplingWindow):
     @cached_property
     def _moves(self) -> bool:
         """Is w moved onto the estimate, once per window?"""
-        return self._driven and not self.bounded
+        return self._driven
 
     @cached_property
     def _unbiased(self) -> bool:

@@ -75,13 +75,19 @@ class WindowError:
     gain_length: Vector
     kicks: Vector
     kept: float
+    gain: Vector
+    rows: Enclosure
 
     @classmethod
     def of(cls, gains: Mapping[str, Any]) -> WindowError:
         """kicks = sum_l |R_l| + |G_l| |C|: what errors of w, and of C w, do to the estimate."""
         G, C = np.asarray(gains["window_gain"]), np.asarray(gains["C"])
         n, p = len(gains["A"]), len(C)
-        back = expm(Enclosure.exactly(gains["A"]).scaled(-float(gains["period"]))).mid
+        enclosed = expm(Enclosure.exactly(gains["A"]).scaled(-float(gains["period"])))
+        back, row, rows = enclosed.mid, Enclosure.exactly(C), []
+        for _ in range(int(gains["samples"])):
+            row = row @ enclosed
+            rows.append(row)
         R, kicks = np.zeros((n, n)), np.zeros((n, n))
         for j in range(int(gains["samples"])):
             term = G[:, j * p : (j + 1) * p]
@@ -96,7 +102,21 @@ class WindowError:
         with np.errstate(over="ignore", invalid="ignore"):
             exact = 1.001 * np.linalg.norm(G, axis=1)
         length = np.where((exact > 1e-140) & (exact < length), exact, length)
-        return cls(np.asarray(gains["radius"]), state_error, length, 2.0 * kicks, kept)
+        stack = Enclosure(
+            np.vstack([one.mid for one in rows[::-1]]), np.vstack([one.rad for one in rows[::-1]])
+        )
+        radius = np.asarray(gains["radius"])
+        return cls(radius, state_error, length, 2.0 * kicks, kept, G, stack)
+
+    def moved(self, window: Vector, away: Vector) -> tuple[Vector, Vector]:
+        """Residuals for w + away, and what their rounding may do to the estimate."""
+        fresh = window - self.rows.mid @ away
+        size = np.abs(away)
+        terms = len(away) + 4
+        rounding = terms * UNIT * (np.abs(self.rows.mid) @ size + np.abs(fresh))
+        error = self.rows.rad @ size + rounding + 1e-300
+        error = np.where(np.isnan(error), 0.0, error)  # samples that are missing count nothing
+        return fresh, raised(np.abs(self.gain) @ error, len(error) + 2 * terms)
 
     def radius(self, window: Vector, w: Vector, x: Vector, slip: Vector) -> Vector:
         """Bound of |x - state| at a sample."""

@@ -78,7 +78,7 @@ def expected_gains(problem: Problem, gains: Mapping[str, Any]) -> dict[str, Any]
     method = options.get("method", "least_squares")
     samples: Any = gains.get("samples")
     k = int(samples) if _is_count(samples) else 0
-    if "window" in options:
+    if "window" in options and equations.objection(plant, options) is None:
         k = equations.window_samples(options["window"], plant.output.period or 1.0)
     expected = equations.stored_plant(plant) | {"method": method, "samples": float(k)}
     expected |= {"window_gain": (plant.n, k * plant.p)}

@@ -23,9 +23,9 @@ def guarantees(problem: Problem, found: tuple[Claim, ...]) -> tuple[dict[str, An
     told = [_estimate(problem, method, evidence), *_bounded(problem, evidence)]
     result = [_entry(text, ids, verdicts) for text, ids in told]
     if "theorem_1_numbers" in evidence:
-        result.append(_theorem(evidence["theorem_1_numbers"], verdicts))
+        result.append(_theorem(problem, evidence["theorem_1_numbers"], verdicts))
     if evidence.get("theorem_1_coordinates", {}).get("condition_13") == "true":
-        result.append(_in_coordinates(evidence["theorem_1_coordinates"], verdicts))
+        result.append(_in_coordinates(problem, evidence["theorem_1_coordinates"], verdicts))
     return (*result, *_warnings(problem, evidence))
 
 
@@ -80,7 +80,19 @@ def _bounded(problem: Problem, evidence: Mapping[str, Any]) -> list[tuple[str, l
     ]
 
 
-def _theorem(evidence: Mapping[str, Any], verdicts: Mapping[str, str]) -> dict[str, Any]:
+def _of_the_theorem(problem: Problem) -> str:
+    """What Theorem 1 speaks of: (14) as printed, and nothing unknown in the window."""
+    free = " or ".join(["without disturbance", "noise", *_unbounded(problem)])
+    since = ", and since the last jump" if equations.announced_jumps(problem.plant) else ""
+    taken = ""
+    if problem.options.get("half_sample_correction"):
+        taken = " before its half-sample correction, which is not what runs"
+    return f"for observer (14) with this L{taken}, {free} in the window{since}, as corrected"
+
+
+def _theorem(
+    problem: Problem, evidence: Mapping[str, Any], verdicts: Mapping[str, str]
+) -> dict[str, Any]:
     """Theorem 1 where (13) holds, with its constants; else (13) with its number."""
     longest = evidence["longest_period"]
     below = "" if longest == "inf" else f"; it holds for periods below {longest:.9g}"
@@ -88,7 +100,7 @@ def _theorem(evidence: Mapping[str, Any], verdicts: Mapping[str, str]) -> dict[s
         alpha, beta = evidence["alpha"][1], evidence["beta"][1]
         last = evidence["gamma"][1] * evidence["sigma"][1]
         text = (
-            f"Theorem 1 for observer (14) with this L, as corrected: |xhat - x| <= {alpha:.6g} "
+            f"Theorem 1 {_of_the_theorem(problem)}: |xhat - x| <= {alpha:.6g} "
             f"|int e^(A (t_i - m - T)) delta dm| + {beta:.6g} |T~| + {last:.6g} T_Delta, integrals "
             f"over the window ((13) is true{below})."
         )
@@ -98,12 +110,14 @@ def _theorem(evidence: Mapping[str, Any], verdicts: Mapping[str, str]) -> dict[s
     return {"statement": text, "given": False, "claims": []}
 
 
-def _in_coordinates(evidence: Mapping[str, Any], verdicts: Mapping[str, str]) -> dict[str, Any]:
+def _in_coordinates(
+    problem: Problem, evidence: Mapping[str, Any], verdicts: Mapping[str, str]
+) -> dict[str, Any]:
     """Theorem 1 for S x, and what that says of x."""
     alpha, beta = evidence["alpha"][1], evidence["beta"][1]
     last = evidence["gamma"][1] * evidence["sigma"][1]
     text = (
-        f"Theorem 1 for observer (14) with this L, as corrected, in the coordinates S x: "
+        f"Theorem 1 {_of_the_theorem(problem)}, in the coordinates S x: "
         f"|S (xhat - x)| <= {alpha:.6g} |S int e^(A (t_i - m - T)) delta dm| + {beta:.6g} |S T~| + "
         f"{last:.6g} T_Delta with |S .| inside it, and |xhat - x| is at most "
         f"{evidence['norm_of_back'][1]:.6g} times that ((13) is true for S A S^-1, C S^-1, S L)."
