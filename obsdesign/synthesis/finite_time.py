@@ -170,8 +170,9 @@ def _window_gain(problem: Problem, gains: dict[str, Any]) -> Any:
     if method == "least_squares":
         return equations.made_unbiased(fitted, flat, fitted)
     if method == "minimax":
+        # row by row: where the solver gives up, least squares is unbiased too
         found = minimax_gain(gains, rows)
-        return nothing if found is None else equations.made_unbiased(found, flat, fitted)
+        return equations.made_unbiased(np.where(np.isfinite(found), found, fitted), flat, fitted)
     found = _formula(gains)
     return nothing if found is None or not np.isfinite(found).all() else found
 

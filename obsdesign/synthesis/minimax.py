@@ -9,6 +9,7 @@ by its midpoint, which steers well enough: what is found is made unbiased and bo
 
 from __future__ import annotations
 
+import contextlib
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,7 @@ _SMALL = 1e-9
 
 
 def minimax_gain(gains: dict[str, Any], rows: Any) -> Any:
-    """(n, k p), or None if the solver gives up. rows: (k, p, n) of `sample_rows`."""
+    """(n, k p), with NaN in rows where the solver gives up. rows: (k, p, n) of `sample_rows`."""
     import cvxpy as cp
 
     A, C, period, k = gains["A"], gains["C"], gains["period"], gains["samples"]
@@ -43,11 +44,8 @@ def minimax_gain(gains: dict[str, Any], rows: Any) -> Any:
     found = []
     for unit in np.eye(n):
         target.value = unit
-        try:
+        with contextlib.suppress(cp.error.SolverError):
             program.solve(solver=cp.CLARABEL)
-        except cp.error.SolverError:
-            return None
-        if g.value is None:
-            return None
-        found.append(np.asarray(g.value).reshape(-1))
+        value = g.value if program.status in (cp.OPTIMAL, cp.OPTIMAL_INACCURATE) else None
+        found.append(np.full(k * p, np.nan) if value is None else np.asarray(value).reshape(-1))
     return np.array(found)

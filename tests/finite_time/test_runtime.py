@@ -399,3 +399,39 @@ assert estimate.status == "ok"
     blocked = (*SOLVERS, "scipy", "flint", "matplotlib", "jsonschema", "click", "rich")
     done = run_blocked(blocked, code)
     assert done.returncode == 0, done.stderr
+
+
+def test_bounds_of_an_unstable_plant_that_feedback_keeps_small() -> None:
+    # the known response alone grows like e^t: it is moved onto the estimate once per window
+    observer: Any = from_design(obsdesign.design(
+        obsdesign.Problem(
+            flow={"A": [[1.0]], "B": [[1.0]]},
+            output={"C": [[1.0]], "measured": "periodic", "period": 0.1, "noise_bound": [0.01]},
+            observer={"kind": "finite_time", "window": 1.0},
+        )
+    ))  # fmt: skip
+    rng = np.random.default_rng(0)
+    state, x, u = observer.init(), 0.5, 0.0
+    for i in range(1000):
+        y = x + rng.uniform(-0.01, 0.01)
+        state, estimate = observer.step(state, Sample(0.1 * i, [y], u=[u]))
+        if i > 20:
+            assert estimate.status == "ok"
+            assert estimate.lower[0] <= x <= estimate.upper[0]
+            width = estimate.upper[0] - estimate.lower[0]
+            assert width <= 2 * observer.gains["radius"][0] * (1 + 1e-9)
+        u = -2.0 * estimate.x[0]
+        # the sample's u holds from its time on: the one given with the next sample comes later
+        state = state._replace(u=np.array([u]), drive=observer._drive(np.array([u])))
+        x = np.exp(0.1) * x + np.expm1(0.1) * u
+
+
+def test_stamps_that_drift_within_rounding_of_each_step() -> None:
+    # at 1.7e9 s the stamps' own rounding hides 1.5e-6 s per step, but not per window
+    design = obsdesign.design(problem(period=1e-3, window=0.064, output={"noise_bound": [1e-3]}))
+    observer: Any = from_design(design)
+    for period, good in ((1e-3, True), (1.0015e-3, False)):
+        t = 1.7e9 + period * np.arange(300)
+        batch = observer.run_batch(t, np.zeros((300, 1)))
+        assert (set(batch.status[70:]) == {"ok"}) is good
+        assert ("ok" in batch.status) is good

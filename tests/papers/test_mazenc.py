@@ -314,6 +314,93 @@ def test_robust_bounds(method: str, noise: float, size: Any, radius: Any) -> Non
     assert bounded(method, noise, size)["radius"] == pytest.approx(radius, abs=0.51e-5)
 
 
+@pytest.mark.parametrize(
+    ("period", "norm", "sums"),
+    [
+        (0.05, 1.18085, (5.42384, 10.22248)),
+        (0.5, 3.37267, (5.15936, 9.61065)),
+        (2.0, 5.12485, (4.64082, 8.29248)),
+        (3.0, 5.41887, None),
+    ],
+)
+def test_noise_gains_with_the_last_sample(period: float, norm: float, sums: Any) -> None:
+    # y_i as well: not what the paper's window holds, but what its samples could give
+    k = round(T / period)
+    rows = np.vstack([equations.sample_rows(A, C, period, k).reshape(-1, 2), C])
+    G = equations.least_squares_gain(rows, np.ones(k + 1))
+    assert np.linalg.norm(G, 2) == pytest.approx(norm, rel=1e-5)
+    if sums:
+        assert np.abs(G).sum(axis=1) == pytest.approx(sums, rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("period", "sums"),
+    [(0.05, (3.38549, 6.94192)), (0.5, (3.89472, 7.34601)), (2.0, (6.36891, 9.30941))],
+)
+def test_minimax_rows_for_noise_alone(period: float, sums: Any) -> None:
+    body = problem("minimax", period=period).to_dict()
+    body["output"]["noise_bound"] = [1.0]
+    gains = obsdesign.design(obsdesign.Problem.from_dict(body)).gains
+    assert gains["radius"] == pytest.approx(sums, rel=2e-6)
+    assert np.abs(gains["window_gain"]).sum(axis=1) == pytest.approx(sums, rel=2e-6)
+
+
+def test_near_pathological_sampling() -> None:
+    # 2 pi / 0.15 would hide everything but one output: periods near half of it amplify
+    design = obsdesign.design(problem("least_squares", period=20.0, window=40.0))
+    assert np.linalg.norm(design.gains["window_gain"], 2) == pytest.approx(33.3208, rel=1e-5)
+    rows = equations.sample_rows(A, C, 20.0, 2).reshape(-1, 2)
+    assert np.linalg.cond(rows) > 1
+
+
+@pytest.mark.parametrize(
+    ("gain", "ratio"), [([-3, 0], 1.195), ([-5, -5], 1.496), ([-10, -10], 2.066)]
+)
+def test_large_gains_of_the_exact_observer(gain: list[float], ratio: float) -> None:
+    asked = problem("exact").to_dict()
+    asked["observer"]["gains"] = {"L": [[x] for x in gain]}
+    sizes = [
+        np.linalg.norm(obsdesign.design(one).gains["window_gain"], 2)
+        for one in (obsdesign.Problem.from_dict(asked), problem("least_squares"))
+    ]
+    assert sizes[0] / sizes[1] == pytest.approx(ratio, abs=0.51e-3)
+
+
+def test_a_square_wave() -> None:
+    t = np.round(PERIOD * np.arange(601), 10)
+    d = np.where(np.floor(t / 5 + 1e-9) % 2 == 0, 0.5, -0.5)
+    big = np.zeros((3, 3))
+    big[:2, :2], big[0, 2] = A, 1.0
+    step, x = expm(big * PERIOD), [np.array([0.0, 2.0])]
+    for value in d[:-1]:
+        x.append((step @ np.append(x[-1], value))[:2])
+    truth = np.array(x)
+    assert truth[K] == pytest.approx([3.181489302, 0.056779311], rel=RELATIVE)
+    batch = from_design(obsdesign.design(problem("approximate"))).run_batch(t, truth @ C.T, d)
+    assert batch.x[K] == pytest.approx([3.180577880, 0.066647976], rel=RELATIVE)
+    error = np.linalg.norm(batch.x - truth, axis=1)[K:]
+    assert error[0] == pytest.approx(0.009910662, rel=RELATIVE)
+    assert error.max() == pytest.approx(0.011667379, rel=RELATIVE)
+    assert t[K + int(np.argmax(error))] == pytest.approx(8.05)
+    exact = from_design(obsdesign.design(problem("exact"))).run_batch(t, truth @ C.T, d)
+    assert np.linalg.norm(exact.x - truth, axis=1)[K:].max() < 1e-12
+
+
+def test_the_improved_lemma_2() -> None:
+    # |phi - e^{A t}| <= e^{|A| t} (e^{|E| t} - 1): tighter than Sigma, and no part of (13)
+    with precision(160):
+        found = sizes()
+        a, m, f, T_ball = found.a, found.m, found.f, found.T
+        s = found.size_LC * (found.size_A * PERIOD).expm1()
+        better = bounds.constants(a, m, (f * T_ball).exp() * (s * T_ball).expm1())
+        names = ("sigma", "gbar", "second", "alpha", "beta", "gamma")
+        values = [float_above(getattr(better, name)) for name in names]
+        printed = bounds.sigma(T_ball, f, s)
+        assert better.sigma < printed
+    told = [0.0033352063, 0.0039320549, 0.34203291, 45.218072, 49.528637, 143.80664]
+    assert values == pytest.approx(told, rel=RELATIVE)
+
+
 def test_minimax_is_least() -> None:
     radius = bounded("minimax", 1.0, (1, 1))["radius"]
     assert (radius <= np.array([3.50960, 16.84809]) + 0.5e-5).all()
