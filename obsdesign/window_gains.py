@@ -106,21 +106,29 @@ def half_period(sampled: Sampled) -> Any:
 
 
 def injection(sampled: Sampled, L: Any) -> Exact:
-    """K of one period; the rest of its series is in the balls."""
-    L_exact = exact(L)
-    A, C, gain = (to_float(X) for X in (sampled.A, sampled.C, L_exact))
+    """K of one period; the rest of its series is in the balls.
+
+    In units in which all states are seen about equally well: its steps depend on norms.
+    """
+    window = sampled.k * sampled.period
+    units = exact(equations.state_scales(to_float(sampled.A), to_float(sampled.C), window))
+    A_exact, C_exact = sampled.A * units / units[:, None], sampled.C * units
+    L_exact = exact(L) / units[:, None]
+    A, C, gain = (to_float(X) for X in (A_exact, C_exact, L_exact))
     m = equations.series_steps(A, C, gain, sampled.period)
     h = rational(sampled.period) / m
-    step = entries(exp_times(-sampled.A / rational(float(m)), sampled.period))
+    step = entries(exp_times(-A_exact / rational(float(m)), sampled.period))
     backs = [entries(identity(len(sampled.A)))]
     for _ in range(m - 1):
         backs.append(backs[-1] @ step)
-    sizes = (_size(sampled.A), _size(L_exact))
+    sizes = (_size(A_exact), _size(L_exact))
     count = max(equations.SERIES_TERMS, _TERMS_PER_BIT * working_bits() // 8)
-    reaches = [_size(sampled.C @ back) for back in backs]
+    reaches = [_size(C_exact @ back) for back in backs]
     rests = [equations.series_rest(*sizes, reach, scalar(h), count) for reach in reaches]
     steps = [(back, around_zero(rest)) for back, rest in zip(backs, rests, strict=True)]
-    return equations.discrete_injection(sampled.A, sampled.C, L_exact, scalar(h), steps, count)
+    K = equations.discrete_injection(A_exact, C_exact, L_exact, scalar(h), steps, count)
+    scaled: Exact = K * units[:, None]
+    return scaled
 
 
 def _size(X: Exact) -> Any:

@@ -47,7 +47,9 @@ def invertible(sampled: Sampled, gains: Mapping[str, Any]) -> Claim:
         statement = "P^k - A_d^k, P = A_d + K_d C = Phi^(-1) over a period, is invertible"
         matrix = exact_gain(sampled, L)[0]
     statement += f" at T = {T:.9g}: smallest singular value at least {SINGULAR:g} of its norm"
-    verdict = well_ranked(matrix, SINGULAR)
+    # in units in which the samples see all states about equally well
+    scales = state_scales(sampled, sampled.k)
+    verdict = well_ranked(matrix * scales / scales[:, None], SINGULAR)
     if verdict.outcome == "refuted":
         why = "L C = 0" if not np.any(np.asarray(L) @ gains["C"]) else f"for this L at T = {T:.9g}"
         letter = "M_T" if gains["method"] == "approximate" else "P^k - A_d^k"

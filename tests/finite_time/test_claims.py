@@ -387,3 +387,21 @@ def test_designs_keep_the_published_schema() -> None:
         kept = {} if method == "least_squares" else {"gains": {"L": L}}
         design = obsdesign.design(problem(window=1, method=method, **kept))
         jsonschema.validate(design.to_dict(), schema)
+
+
+@pytest.mark.parametrize("unit", [1e6, 1e-9])
+@pytest.mark.parametrize("method", ["exact", "approximate"])
+def test_units_of_the_states_do_not_decide(method: str, unit: float) -> None:
+    units = np.array([1.0, unit])
+    plain = obsdesign.design(problem(period=0.5, window=6, method=method, gains={"L": L}))
+    design = obsdesign.design(
+        problem(
+            (np.array(ROTATION) * units[:, None] / units).tolist(), period=0.5, window=6,
+            method=method, gains={"L": (np.array(L) * units[:, None]).tolist()},
+        )
+    )  # fmt: skip
+    expected = plain.gains["window_gain"] * units[:, None]
+    assert design.gains["window_gain"] == pytest.approx(expected, rel=1e-9)
+    # the twin: nothing is fed back in any units
+    with pytest.raises(obsdesign.NotProved, match="is singular: L C = 0"):
+        obsdesign.design(problem(period=0.5, method=method, gains={"L": [[0], [0]]}))

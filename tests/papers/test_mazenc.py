@@ -346,11 +346,9 @@ def test_minimax_rows_for_noise_alone(period: float, sums: Any) -> None:
 
 
 def test_near_pathological_sampling() -> None:
-    # 2 pi / 0.15 would hide everything but one output: periods near half of it amplify
+    # both eigenvalues look alike to samples pi / 0.15 = 20.94 apart: close to that gains grow
     design = obsdesign.design(problem("least_squares", period=20.0, window=40.0))
     assert np.linalg.norm(design.gains["window_gain"], 2) == pytest.approx(33.3208, rel=1e-5)
-    rows = equations.sample_rows(A, C, 20.0, 2).reshape(-1, 2)
-    assert np.linalg.cond(rows) > 1
 
 
 @pytest.mark.parametrize(
