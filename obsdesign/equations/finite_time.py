@@ -143,7 +143,10 @@ def state_scales(A: Array, C: Array, window: float) -> Array:
     with np.errstate(over="ignore", invalid="ignore"):
         for j in range(1, n):
             terms.append(terms[-1] @ A * (window / j))
-        sizes = np.linalg.norm(np.vstack(terms), axis=0)
+        stack = np.vstack(terms)
+        largest = np.abs(stack).max(axis=0)
+        # squares would underflow
+        sizes = largest * np.linalg.norm(stack / np.where(largest > 0, largest, 1.0), axis=0)
     usable = np.isfinite(sizes) & (sizes > 0)
     scales: Array = np.exp2(-np.round(np.log2(np.where(usable, sizes, 1.0))))
     return scales

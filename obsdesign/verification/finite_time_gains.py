@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from lmi.balls import entries, exact, identity, scalar
+from lmi.balls import entries, exact, identity, scalar, to_float
 from lmi.norms import float_above, well_ranked
 from lmi.verdict import Verdict, proved, refuted, undecided
 from obsdesign.document import Claim
@@ -32,6 +32,8 @@ from obsdesign.window_gains import (
 UNBIASED = 1e-8
 # stored gains agree with their formula to this part of the largest one of a row
 SAME_GAIN = 2.0**-40
+# a decay e^-36 is beyond the rounding of what it multiplies
+_MOST_DECAY = 36.0
 
 
 def invertible(sampled: Sampled, gains: Mapping[str, Any]) -> Claim:
@@ -117,6 +119,7 @@ def unbiased(sampled: Sampled, gains: Mapping[str, Any]) -> Claim:
             f"{stated[r][c]:.3g}; the gains amplify by {amplification:.3g}, which costs "
             f"{np.log10(max(amplification, 1)):.0f} of 16 digits"
         )
+        reason = _too_fast(sampled) or reason
         verdict = refuted({"state": np.eye(n)[c].tolist(), "reason": reason}, **evidence)
     else:
         verdict = undecided("the gains are not known well enough", **evidence)
@@ -126,6 +129,19 @@ def unbiased(sampled: Sampled, gains: Mapping[str, Any]) -> Claim:
         f"{UNBIASED:g} (scaled), and |G O - I| <= state_error entry by entry",
         "docs/finite_time.md; Gramian estimator, (16)",
         verdict,
+    )
+
+
+def _too_fast(sampled: Sampled) -> str | None:
+    """The reason where a mode decays in the window beyond what binary64 can turn back."""
+    T = sampled.k * sampled.period
+    fastest = float(-np.linalg.eigvals(to_float(sampled.A)).real.min(initial=0.0))
+    if fastest * T < _MOST_DECAY:
+        return None
+    return (
+        f"a mode of A decays by e^-{fastest * T:.3g} over the window T = {T:.6g}, so that samples "
+        "at its start cannot be told in terms of the last state in binary64; choose a window "
+        f"below {_MOST_DECAY / fastest:.3g}"
     )
 
 

@@ -405,3 +405,16 @@ def test_units_of_the_states_do_not_decide(method: str, unit: float) -> None:
     # the twin: nothing is fed back in any units
     with pytest.raises(obsdesign.NotProved, match="is singular: L C = 0"):
         obsdesign.design(problem(period=0.5, method=method, gains={"L": [[0], [0]]}))
+
+
+def test_a_window_too_long_for_a_fast_mode_says_so() -> None:
+    with pytest.raises(obsdesign.NotProved, match=r"decays by e\^-1e\+03 over the window"):
+        obsdesign.design(problem([[-50]], [[1]], period=0.1, window=20))
+    obsdesign.design(problem([[-50]], [[1]], period=0.1, window=0.7))  # what it advises
+
+
+def test_tiny_entries_are_seen() -> None:
+    # squares of 1e-200 underflow
+    obsdesign.design(problem([[0, 1e-200], [0, 0]], [[1, 0]], period=1, window=2))
+    with pytest.raises(obsdesign.NotProved, match="never seen"):
+        obsdesign.design(problem([[0, 0], [0, 0]], [[1, 0]], period=1, window=2))
