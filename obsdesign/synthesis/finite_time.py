@@ -135,13 +135,14 @@ def _samples_for_13(asked: Open, period: float, least: int, objective: Any) -> i
 
 
 def _well_determined(A: Any, C: Any, period: float) -> int:
-    """The first of n, 2 n, 4 n, ... samples that determines the state well, else the best."""
+    """The first of n, 2 n, ... samples that determines the state well, or half as well as any."""
     found = []
     for k in _counts(len(A)):
         found.append((_reach(A, C, period, k), k))
         if found[-1][0] >= _DETERMINED:
             return k
-    return max(found, key=lambda entry: entry[0])[1]
+    best = max(reach for reach, _ in found)
+    return next(k for reach, k in found if reach >= best / 2)
 
 
 def _counts(n: int) -> list[int]:
