@@ -16,6 +16,7 @@ from obsdesign.verification.finite_time_window import (
     SINGULAR,
     make_claim,
     state_scales,
+    unit_rows,
     with_reason,
 )
 from obsdesign.window_bounds import disturbance_bound, error_radius
@@ -48,10 +49,12 @@ def invertible(sampled: Sampled, gains: Mapping[str, Any]) -> Claim:
         name, source = "injection_invertible", f"{PAPER}, (9) with (16)"
         statement = "P^k - A_d^k, P = A_d + K_d C = Phi^(-1) over a period, is invertible"
         matrix = exact_gain(sampled, L)[0]
-    statement += f" at T = {T:.9g}: smallest singular value at least {SINGULAR:g} of its norm"
+    statement += (
+        f" at T = {T:.9g}: scaled, its smallest singular value is at least {SINGULAR:g} of its norm"
+    )
     # in units in which the samples see all states about equally well
-    scales = state_scales(sampled, sampled.k)
-    verdict = well_ranked(matrix * scales / scales[:, None], SINGULAR)
+    # and rows at unit length: what multiplies the matrix from the left multiplies its weights too
+    verdict = well_ranked(unit_rows(matrix * state_scales(sampled, sampled.k)), SINGULAR)
     if verdict.outcome == "refuted":
         why = "L C = 0" if not np.any(np.asarray(L) @ gains["C"]) else f"for this L at T = {T:.9g}"
         letter = "M_T" if gains["method"] == "approximate" else "P^k - A_d^k"
