@@ -120,7 +120,8 @@ class _Series:
                 return width if not any(sizes[1:]) else _WIDEST
             w = [size * width**k for k, size in enumerate(sizes)]
             kept = sum(w[i] * w[j] for i in orders for j in range(DEGREE + 1 - i))
-            found = sum(w) ** 2 - kept
+            total = sum(w)
+            found = total * total - kept  # a power would raise where this is infinite
             if not found > 0:
                 return 2 * width
             width *= min(2.0, (wanted / found) ** (1 / (DEGREE + 1)))

@@ -43,6 +43,10 @@ def prove_hurwitz(F: ArrayLike) -> Verdict:
                 return proved(method="Lyapunov matrix", approx_abscissa=worst.real)
     if _routh(characteristic_polynomial(numbers)):
         return proved(method="Routh's test, exact", approx_abscissa=worst.real)
+    if not (math.isfinite(worst.real) and math.isfinite(worst.imag)):
+        reason = "the flow has a mode that does not decay; floats overflow where it is"
+        mode = {"real": math.nan, "imag": math.nan}
+        return refuted({"eigenvalue": mode, "method": "Routh's test, exact", "reason": reason})
     real = worst.real if worst.real > 0 else 0.0  # floats may put a mode of the axis to its left
     reason = (
         f"the flow has a mode that does not decay: eigenvalue {real:.6g}"

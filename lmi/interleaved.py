@@ -11,6 +11,9 @@ From just after a sample, m periods without a jump and then one with a jump at t
 and if psi(s) < p for every s and every m that the range of dwell times allows, p is not exceeded at
 the sample after a jump, and drawn to: the strict inequality contracts what is outside. One jump at
 most falls in a period (low >= h). Ball arithmetic, no solver.
+
+lost: a sample at the time of a jump is not taken. Then psi = K u_{N u_{p_m}(h) + j}(h) + k < p has
+to hold as well, two periods between samples, and low > h: else there might be no samples at all.
 """
 
 from __future__ import annotations
@@ -43,7 +46,10 @@ _SHORTEST = 2.0**-30  # of a period
 
 @dataclass(frozen=True)
 class Interleaved:
-    """Exact matrices; N, j None without jumps. period, low, high: floats, taken exactly."""
+    """Exact matrices; N, j None without jumps. period, low, high: floats, taken exactly.
+
+    lost: no sample is taken at the time of a jump.
+    """
 
     W: Exact
     f: Exact
@@ -54,19 +60,22 @@ class Interleaved:
     period: float
     low: float
     high: float
+    lost: bool = False
 
     @staticmethod
-    def of(system: Any, period: float, low: float, high: float) -> Interleaved:
+    def of(system: Any, period: float, low: float, high: float, lost: bool = False) -> Interleaved:
         """From an object with W, f, K, k, N, h (N, h None without jumps)."""
         W, f, K, k = (exact(X) for X in (system.W, system.f, system.K, system.k))
         N, j = (None if X is None else exact(X) for X in (system.N, system.h))
-        return Interleaved(W, f, K, k, N, j, period, low, high)
+        return Interleaved(W, f, K, k, N, j, period, low, high, lost)
 
     @property
     def periods(self) -> tuple[int, float]:
         """Fewest and most periods without a jump between two that hold one."""
         h = rational(self.period)
-        fewest = max(1, int((rational(self.low) / h).floor())) - 1
+        whole = rational(self.low) / h
+        # a jump at a sample is in the period before it if that sample is lost, else in either
+        fewest = int(whole.ceil()) - 2 if self.lost else max(1, int(whole.floor())) - 1
         if math.isinf(self.high):
             return fewest, math.inf
         return fewest, max(int((rational(self.high) / h).ceil()) - 1, fewest)
@@ -125,6 +134,11 @@ def _cycles(system: Interleaved, bounds: Bounds) -> Verdict:
             f"the shortest dwell time {system.low!r} is below the sampling period "
             f"{system.period!r}: several jumps may fall between two samples"
         )
+    if system.lost and system.low <= system.period:
+        return undecided(
+            f"the shortest dwell time {system.low!r} is the sampling period: all samples may fall "
+            "on jumps, where nothing is measured"
+        )
     Z = _generator(system)
     sample = _augmented(system.K, system.k) * exp_times(Z, system.period)
     fewest, most = system.periods
@@ -147,6 +161,10 @@ def _cycles(system: Interleaved, bounds: Bounds) -> Verdict:
         return undecided("the width does not fall from sample to sample")
     assert widest is not None
     jump = _augmented(system.N, system.j)
+    if system.lost:
+        flow = exp_times(Z, system.period)
+        if not _below(sample * jump * flow * _column(exact(widest)), bounds.p):
+            return undecided("the tube fails after a jump at a sample, which is lost")
     verdict = _offsets(system, Z, jump, widest, bounds.p)
     if verdict.outcome != "proved":
         return verdict

@@ -2,8 +2,8 @@
 
 M(theta) = e^{F theta} H. A float scan proposes theta; the proof is one of: det(I - M) < 0 (a real
 eigenvalue above 1), det(I + M) < 0 (one below -1), a Stein inequality M'QM - Q > 0 with y'Qy > 0
-for some y (then x'Qx grows along x+ = M x), or a vector that every M(theta) leaves in place,
-exactly.
+for some y (then x'Qx grows along x+ = M x), or a vector, or a quadratic form, that every M(theta)
+leaves in place, exactly.
 """
 
 from __future__ import annotations
@@ -34,6 +34,7 @@ from lmi.balls import (
 from lmi.exponential import expm
 from lmi.families import Edge
 from lmi.hurwitz import exactly_schur
+from lmi.invariant_form import invariant_form
 from lmi.verdict import Verdict, refuted, undecided
 
 Matrix = NDArray[np.float64]
@@ -55,9 +56,9 @@ def refute_spectral(
         return refuted({"theta": float(low), "spectral_radius": 1.0, "vector": still,
                         "reason": reason, "method": "exact invariant vector"})  # fmt: skip
     if low == 0 and not exactly_schur(H_exact):
-        radius = float(_radii(to_float(H_exact)))
-        reason = f"at dwell time 0 the jump alone has spectral radius {max(radius, 1.0):.9g} >= 1"
-        return refuted({"theta": 0.0, "spectral_radius": max(radius, 1.0), "reason": reason,
+        radius = max(1.0, float(_radii(to_float(H_exact))))  # floats that overflow give 1
+        reason = f"at dwell time 0 the jump alone has spectral radius {radius:.9g} >= 1"
+        return refuted({"theta": 0.0, "spectral_radius": radius, "reason": reason,
                         "method": "exact Schur test"})  # fmt: skip
     candidates = _worst_thetas(to_float(F_exact), to_float(H_exact), low, high, seeds)
     for theta, radius in candidates:
@@ -73,6 +74,13 @@ def refute_spectral(
                 )
                 return refuted({"theta": theta, "spectral_radius": radius, "method": method,
                                 "reason": reason})  # fmt: skip
+    if (form := invariant_form(F_exact, H_exact)) is not None:
+        reason = (
+            "x'Qx is the same along the flow, and up to its sign at jumps, for a Q != 0 and every "
+            "theta: a state at which it is not zero never decays"
+        )
+        return refuted({"theta": float(low), "spectral_radius": 1.0, "Q": form.tolist(),
+                        "reason": reason, "method": "exact invariant form"})  # fmt: skip
     theta, radius = candidates[0] if candidates else (low, math.nan)
     return undecided(f"largest spectral radius seen is {radius:.9g} at dwell time {theta!r}",
                      theta=theta, spectral_radius=radius)  # fmt: skip

@@ -141,6 +141,17 @@ def _check_noise_target(found: Mapping[str, Any], kind: str, plant: Plant) -> No
         )
 
 
+def _check_width_weights(found: Mapping[str, Any], kind: str, plant: Plant) -> None:
+    given = found["width_weights"]
+    if len(given) != plant.n:
+        raise InputError(
+            f"observer.width_weights must have {plant.n} "
+            f"{'entry' if plant.n == 1 else 'entries'}, one per state; got {len(given)}."
+        )
+    if not any(given):
+        raise InputError("observer.width_weights must not all be zero.")
+
+
 def _check_margin(found: Mapping[str, Any], kind: str, plant: Plant) -> None:
     margin, window = found["margin"], found.get("window", math.inf)
     if margin >= window:
@@ -156,6 +167,7 @@ _CHECKS: Mapping[str, Callable[[Mapping[str, Any], str, Plant], None]] = Mapping
         "exponents": _check_exponents,
         "margin": _check_margin,
         "noise_target": _check_noise_target,
+        "width_weights": _check_width_weights,
     }
 )
 

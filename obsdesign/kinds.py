@@ -25,7 +25,7 @@ GAINS: Mapping[str, Mapping[str, tuple[str, str]]] = {
 }
 
 OPTIONS: Mapping[str, tuple[str, ...]] = {
-    "interval": ("form", "objective", "gain_limit", "memory"),
+    "interval": ("form", "objective", "gain_limit", "memory", "width", "width_weights"),
     "luenberger": ("poles", "decay_rate", "weights", "memory", "schedule"),
     "impulsive": ("window", "alpha", "strategy", "decay_rate", "noise_target"),
     "finite_time": ("window", "method", "objective", "half_sample_correction"),

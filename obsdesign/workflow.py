@@ -18,6 +18,8 @@ from obsdesign import __version__
 from obsdesign.document import Claim, Design, jsonable
 from obsdesign.errors import InputError
 from obsdesign.problem import Problem
+from obsdesign.verification.evidence import Difference as EvidenceDifference
+from obsdesign.verification.evidence import difference
 
 
 @dataclass(frozen=True)
@@ -101,7 +103,9 @@ def _of_these_gains_only(claim: Claim) -> Claim:
     if claim.verdict != "refuted":
         return claim
     why = f"no gains were found for which it holds; for the last ones tried, {reason(claim)}"
-    return replace(claim, verdict="undecided", evidence={**claim.evidence, "reason": why})
+    kept = {name: value for name, value in claim.evidence.items() if name != "witness"}
+    kept["these_gains"] = {"witness": claim.evidence.get("witness")}
+    return replace(claim, verdict="undecided", evidence={**kept, "reason": why})
 
 
 def _summary(verdict: str, claims: tuple[Claim, ...]) -> dict[str, Any]:
@@ -222,6 +226,9 @@ def _told_truly(
     except (KeyError, TypeError, ValueError):  # evidence that nobody confirmed
         guarantees = None
     wrong = _difference(design.claims, assumed)
+    evidence_gap = None if wrong is not None else _evidence_gap(stored, assumed)
+    if evidence_gap is not None and evidence_gap.false:
+        wrong = evidence_gap.entry
     if wrong is None and jsonable(guarantees) != jsonable(design.guarantees):
         wrong = "guarantees"
     if wrong is None and design.name != design.problem.get("name"):
@@ -234,6 +241,9 @@ def _told_truly(
         names = ", ".join(open_now)
         verdict = "undecided"
         evidence = {"reason": f"what the document says of {names} could not be confirmed"}
+    elif evidence_gap is not None:
+        why = f"the document's {evidence_gap.entry!r} is not quite what was found again"
+        verdict, evidence = "undecided", {"reason": why}
     return Claim(
         "document",
         "claims and guarantees in the document are those that were proved again",
@@ -241,6 +251,19 @@ def _told_truly(
         verdict,
         evidence,
     )
+
+
+def _evidence_gap(
+    stored: Mapping[str, Claim], found: tuple[Claim, ...]
+) -> EvidenceDifference | None:
+    """The gravest difference in the evidence of decided claims; what is undecided shows nothing."""
+    every = [
+        difference(claim.id, stored[claim.id].to_dict()["evidence"], claim.to_dict()["evidence"])
+        for claim in found
+        if claim.verdict != "undecided"
+    ]
+    gaps = [gap for gap in every if gap is not None]
+    return next((gap for gap in gaps if gap.false), gaps[0] if gaps else None)
 
 
 def _difference(stored: tuple[Claim, ...], found: tuple[Claim, ...]) -> str | None:

@@ -1,8 +1,10 @@
 """Random plants for each form: does the state leave its bounds, or a width the proved one?
 
-    python scripts/random_interval_forms.py [PLANTS] [FIRST_SEED]       default 200 plants a form
+    python scripts/random_interval_forms.py [PLANTS] [FIRST_SEED] [FORM ...]    default 200 a form
 
-Two to six states, several outputs, extreme and random disturbances. Prints verdicts, the largest
+Two to six states, several outputs. Disturbances: every corner of the box of b, held (all 2^n sign
+patterns, corners of c and v with them), all of them switching from corner to corner at every row,
+and random ones. Prints verdicts, the largest
 violation and how many proved widths were checked; exits with 1 if anything is violated.
 """
 
@@ -18,14 +20,17 @@ sys.path.insert(0, str(Path(__file__).parent.parent))
 
 from tests.interval.random_plants import FORMS, ROUNDING, trial
 
+ALL = 2**6  # sign patterns of six states
+
 
 def main() -> int:
     plants = int(sys.argv[1]) if len(sys.argv) > 1 else 200
     first = int(sys.argv[2]) if len(sys.argv) > 2 else 0
     good = True
     with ProcessPoolExecutor(2) as pool:
-        for form in FORMS:
-            found = list(pool.map(trial, repeat(form, plants), range(first, first + plants)))
+        for form in sys.argv[3:] or FORMS:
+            seeds = range(first, first + plants)
+            found = list(pool.map(trial, repeat(form, plants), seeds, repeat(ALL, plants)))
             widths = [one.wider for one in found if one.wider is not None]
             bad = [
                 first + k

@@ -55,7 +55,42 @@ def objection(plant: Any, gains: Any, options: Any) -> str | None:
             "jump.H is refused by kind 'interval': impulses of unknown weight leave no bounds "
             "on the state. Give bounds as jump.disturbance."
         )
+    if text := limit_objection(gains, options, "observer.gains"):
+        return text
+    if text := _width_objection(plant, options):
+        return text
     return _form_objection(plant, gains, options.get("form", "auto"))
+
+
+def _width_objection(plant: Any, options: Any) -> str | None:
+    """A width that is asked to be narrow where nothing is made narrow, or None."""
+    for name in ("width", "width_weights"):
+        if name in options and options.get("objective") != "narrowest":
+            return f"observer.{name} needs observer.objective = 'narrowest'; it is not asked for."
+    if options.get("width") == "pre_jump":
+        if plant.jump is None:
+            return "[jump] is required by observer.width = 'pre_jump'; it is missing."
+        if plant.output.measured == "periodic":
+            return (
+                "observer.width = 'pre_jump' is not available with measured = 'periodic'; "
+                "it must be mean."
+            )
+    return None
+
+
+def limit_objection(gains: Any, options: Any, where: str) -> str | None:
+    """An entry of L or M beyond `gain_limit`, or None; exact. where: how the gains are called."""
+    limit = options.get("gain_limit")
+    for name in ("L", "M"):
+        if limit is None or name not in gains:
+            continue
+        for (i, k), value in np.ndenumerate(gains[name]):
+            if abs(value) > limit:
+                return (
+                    f"{where}.{name}, row {i + 1}, column {k + 1} must not exceed "
+                    f"observer.gain_limit = {limit:g}; got {float(value)!r}."
+                )
+    return None
 
 
 def _form_objection(plant: Any, gains: Any, form: str) -> str | None:

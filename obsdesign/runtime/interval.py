@@ -212,7 +212,9 @@ class IntervalObserver:
         if jump or state.lost or type(y) is not ndarray or y.shape != _ONE_OUTPUT:
             return None
         found = self._recent.get((t - state.t, frexp(t)[1]))
-        if found is None or not t > state.t >= 0.0 or t - state.sampled > self._latest:
+        if found is None or not t > state.t >= 0.0:
+            return None
+        if t - state.sampled > self._latest and self._is_late(state, t):
             return None
         rows, blank, (box, y_end, known, sizes, checks, one, two) = found["usual"]
         v = blank.copy()
@@ -285,7 +287,8 @@ class IntervalObserver:
         if end - row < _FEWEST_ROWS or not fits:
             return state, None
         h = float(times[row] - state.t)
-        if max(h, float(times[row] - state.sampled)) > self._latest:
+        slack = 4 * math.ulp(float(times[row]))
+        if max(h, float(times[row] - state.sampled)) > self._latest + slack:
             return state, None
         length, half, _ = rounded_step(h, float(times[row]))
         steps = np.diff(times[row:end], prepend=state.t)
@@ -331,8 +334,9 @@ class IntervalObserver:
 
     @cached_property
     def _latest(self) -> float:
-        """How long after a sample the next one is in time."""
-        return (self._period or math.inf) * (1 + RELATIVE_TIME_TOLERANCE)
+        """How long after a sample the next one is in time; the longest step of a continuous y."""
+        longest = self._period or float(self.gains.get("step_limit", math.inf))
+        return longest * (1 + RELATIVE_TIME_TOLERANCE)
 
     @cached_property
     def _short(self) -> bool:
@@ -453,13 +457,32 @@ class IntervalObserver:
     ) -> list[str]:
         if self._period is None:
             needed = y is None and not (sample.jump and self._when == "none")
-            return ["missing sample"] if needed else []
+            found = ["missing sample"] if needed else []
+            step = t - state.t
+            if state.started and step > self._latest + 4 * math.ulp(t):
+                limit = self.gains["step_limit"]
+                found.append(f"step {step:.9g} above {limit:.9g}: no width is guaranteed")
+            return found
         if y is None and not sample.jump:
             return ["missing sample"]
         apart = t - state.sampled
-        if state.started and apart > self._latest:
+        if state.started and self._is_late(state, t):
             return [f"time {apart:.9g} since the last sample, above {self._period:.9g}"]
         return []
+
+    def _is_late(self, state: IntervalState, t: float) -> bool:
+        """More than a period since the last sample; two, where a jump took the place of one."""
+        assert self._period is not None
+        slack = 4 * math.ulp(t)  # what a difference of two time stamps is off by
+        apart = t - state.sampled
+        if apart <= self._latest + slack:
+            return False
+        jump = state.guard.last_jump
+        if self._when != "none" or jump is None:
+            return True
+        waited = jump - state.sampled
+        on_sample = abs(waited - self._period) <= self._latest - self._period + slack
+        return not (on_sample and t - jump <= self._latest + slack)
 
     def _results(
         self, chosen: Kernel, out: Vector

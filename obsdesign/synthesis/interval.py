@@ -144,7 +144,8 @@ def _candidate(
     objective = _objective(problem)
     cost = _cost(problem, form, gains) if objective == "narrowest" else None
     if "period" in gains:
-        found = propose_samples(system, approx, gains["period"], *_dwell_range(gains))
+        lost = gains["jump_measurement"] == "none"
+        found = propose_samples(system, approx, gains["period"], _dwell_range(gains), lost)
         certificates = {} if found is None else {"sampled_stability": found}
         return Candidate(form, gains, certificates, searched, cost, goes_on)
     certificates = {}
@@ -164,6 +165,8 @@ def _candidate(
         spacing = propose_spacing(gains, system, *_dwell_range(gains), period)
         if spacing is not None:
             certificates["sampled_width"] = spacing
+            if period is not None:  # a spacing was named: the observer watches it
+                gains["step_limit"] = spacing["step_limit"]
     return Candidate(form, gains, certificates, searched, cost, goes_on)
 
 

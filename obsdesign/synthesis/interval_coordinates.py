@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -31,6 +32,7 @@ Matrix = NDArray[np.float64]
 _WORST_CONDITION = 1e6
 _EVALUATIONS, _LARGE = 60, 4  # with more states than that, a third of them
 _MOST_BASES = 8
+_SECONDS = 3.0  # of processor time, for the bases and the search; the gains of the best come after
 _SETTLED = 0.9  # the largest growth from jump to jump that is good enough
 
 
@@ -49,22 +51,27 @@ def best_coordinates(
 ) -> Found | None:
     """The best of the candidate bases, improved if `search`; None if there is no basis at all."""
     found: list[Found] = []
+    until = time.process_time() + _SECONDS
     for S in itertools.islice(_bases(problem.plant, given), _MOST_BASES):
-        found.append(_quickly(problem, given, objective, S))
+        if found and time.process_time() > until:
+            break
+        found.append(_quickly(problem, given, objective, S, until))
         if _settled(found[-1], objective):
             return found[-1]
     if not found:
         return None
     best = min(found, key=lambda one: one.value)
     if search:
-        best = _searched(problem, given, objective, best)
+        best = _searched(problem, given, objective, best, until)
     thorough = _with_gains(problem, given, objective, best.S)
     return min(best, thorough, key=lambda one: one.value)
 
 
-def _quickly(problem: Problem, given: Mapping[str, Any], objective: str, S: Matrix) -> Found:
+def _quickly(
+    problem: Problem, given: Mapping[str, Any], objective: str, S: Matrix, until: float
+) -> Found:
     task = task_of(problem, False, S, given)
-    value, L, M = quick_gains(task, objective)
+    value, L, M = quick_gains(task, objective, until)
     return Found(value, S, *task.gains(L, M))
 
 
@@ -81,18 +88,20 @@ def _with_gains(problem: Problem, given: Mapping[str, Any], objective: str, S: M
     return Found(value, S, *task.gains(L, M))
 
 
-def _searched(problem: Problem, given: Mapping[str, Any], objective: str, start: Found) -> Found:
+def _searched(
+    problem: Problem, given: Mapping[str, Any], objective: str, start: Found, until: float
+) -> Found:
     """Nelder-Mead over the entries of S, gains from a small program for each."""
     n = problem.plant.n
     best = [start]
 
     def value(entries: Matrix) -> float:
-        if _settled(best[0], objective):
+        if _settled(best[0], objective) or time.process_time() > until:
             return best[0].value
         S = scaled_columns(entries.reshape(n, n))
         if S is None:
             return math.inf
-        found = _quickly(problem, given, objective, S)
+        found = _quickly(problem, given, objective, S, until)
         best[0] = min(best[0], found, key=lambda one: one.value)
         return min(found.value, 1e30)
 

@@ -8,6 +8,7 @@ at the limits, and around where it is.
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable, Iterator
 
 import numpy as np
@@ -26,16 +27,24 @@ OBJECTIVES: dict[str, Goal] = {
 }
 _NODES = 16
 _FEW_NODES = 6
+_LARGE = 6  # with more states than that, half of them
 _SWEEPS = 8
 # evaluations of a goal in one descent, and in one inside a search over coordinates
 _MOST, _FEW = 3000, 250
+SECONDS = 3.0  # of processor time, for the gains in one system of coordinates
 _ENOUGH = 0.9  # `feasible` is content with this growth from jump to jump
 _GAIN = 1e-7  # relative improvement that is worth another sweep
 
 
-def best_gains(task: Task, objective: str) -> tuple[float, Matrix, Matrix]:
-    """(value, L, M), gains in z; value as `OBJECTIVES` has it, inf where nothing is reached."""
+def best_gains(
+    task: Task, objective: str, until: float | None = None
+) -> tuple[float, Matrix, Matrix]:
+    """(value, L, M), gains in z; value as `OBJECTIVES` has it, inf where nothing is reached.
+
+    until: processor time at which the best so far has to do (default: `SECONDS` from now).
+    """
     goal = OBJECTIVES[objective]
+    until = time.process_time() + SECONDS if until is None else until
     if not (task.open_L or task.open_M):
         none = np.zeros(task.limit_L.shape)
         return goal(task, none, none), none, none
@@ -43,26 +52,32 @@ def best_gains(task: Task, objective: str) -> tuple[float, Matrix, Matrix]:
     ranked = sorted(starts, key=lambda pair: _value(task, goal, *pair))
     best: tuple[float, Matrix, Matrix] = (math.inf, *ranked[0])
     for L, M in ranked[:2]:
-        value, L, M = _descent(task, goal, objective, L, M)
+        value, L, M = _descent(task, goal, objective, L, M, until)
         if value < best[0]:
             best = value, L, M
+    plain = task.plain()
+    if goal is mean_width and plain is not task:  # descent is local: no wider than without weights
+        found = _descent(task, goal, objective, *best_gains(plain, objective, until)[1:], until)
+        best = min(best, found, key=lambda one: one[0])
     if math.isinf(best[0]) and goal is not growth:  # nothing to descend on: contract first
-        _, L, M = _descent(task, growth, "feasible", *ranked[0])
-        best = _descent(task, goal, objective, L, M)
+        _, L, M = _descent(task, growth, "feasible", *ranked[0], until)
+        best = _descent(task, goal, objective, L, M, until)
     return _rounded(task, goal, *best)
 
 
-def quick_gains(task: Task, objective: str) -> tuple[float, Matrix, Matrix]:
+def quick_gains(
+    task: Task, objective: str, until: float = math.inf
+) -> tuple[float, Matrix, Matrix]:
     """The same with a small program and little descent: inside a search over coordinates."""
     goal = OBJECTIVES[objective]
     if not (task.open_L or task.open_M):
         return best_gains(task, objective)
     starts = [_clipped(task, *(np.zeros(task.limit_L.shape) for _ in range(2)))]
     low = 0.0 if task.G is None else task.low
-    for L, M in clock_gains(task, low, _FEW_NODES, objective == "narrowest") or ():
+    for L, M in clock_gains(task, low, _nodes(task, _FEW_NODES), objective == "narrowest") or ():
         starts.append(_clipped(task, L, M))
     _, L, M = min(((_value(task, goal, *pair), *pair) for pair in starts), key=lambda one: one[0])
-    return _descent(task, goal, objective, L, M, most=_FEW)
+    return _descent(task, goal, objective, L, M, until, most=_FEW)
 
 
 def _starts(task: Task, objective: str) -> Iterator[tuple[Matrix, Matrix]]:
@@ -71,7 +86,7 @@ def _starts(task: Task, objective: str) -> Iterator[tuple[Matrix, Matrix]]:
     low = 0.0 if task.G is None else task.low
     if objective == "shortest_dwell" and task.G is not None:
         low = _shortest_program(task)
-    found = clock_gains(task, low, _NODES, objective == "narrowest")
+    found = clock_gains(task, low, _nodes(task, _NODES), objective == "narrowest")
     for L, M in found or ():
         yield _clipped(task, L, M)
 
@@ -80,18 +95,23 @@ def _shortest_program(task: Task) -> float:
     """About the shortest dwell time for which the program is feasible."""
     unit = 1.0 / max(float(np.abs(task.A).max()), 1e-12)
     high = task.high if math.isfinite(task.high) else unit
-    while math.isinf(task.high) and clock_gains(task, high, _NODES, False) is None:
+    while math.isinf(task.high) and clock_gains(task, high, _nodes(task, _NODES), False) is None:
         high *= 2
         if high > 1e3 * unit:
             return task.low
     low = 0.0
     for _ in range(7):
         middle = 0.5 * (low + high)
-        if clock_gains(task, middle, _NODES, False) is None:
+        if clock_gains(task, middle, _nodes(task, _NODES), False) is None:
             low = middle
         else:
             high = middle
     return high
+
+
+def _nodes(task: Task, most: int) -> int:
+    """Of the program, whose size grows with nodes times n^2."""
+    return most if len(task.A) <= _LARGE else most // 2
 
 
 def _clipped(task: Task, L: Matrix, M: Matrix) -> tuple[Matrix, Matrix]:
@@ -103,9 +123,9 @@ def _value(task: Task, goal: Goal, L: Matrix, M: Matrix) -> float:
 
 
 def _descent(
-    task: Task, goal: Goal, objective: str, L: Matrix, M: Matrix, most: int = _MOST
+    task: Task, goal: Goal, objective: str, L: Matrix, M: Matrix, until: float, most: int = _MOST
 ) -> tuple[float, Matrix, Matrix]:
-    """One entry at a time, as long as it helps."""
+    """One entry at a time, as long as it helps and time and effort last."""
     value = _value(task, goal, L, M)
     stride, spent = 0.5, 0
     for _ in range(_SWEEPS):
@@ -118,7 +138,7 @@ def _descent(
                     return value, L, M
                 for candidate in _candidates(task, which, L, M, index, stride, goal is mean_width):
                     spent += 1
-                    if spent > most:
+                    if spent > most or time.process_time() > until:
                         return value, L, M
                     new = (candidate, M) if which == "L" else (L, candidate)
                     found = _value(task, goal, *new)
@@ -168,7 +188,7 @@ def _rounded(
 ) -> tuple[float, Matrix, Matrix]:
     """Few digits where they cost nothing: they are easier to read, and to copy by hand."""
     for digits in (3, 6, 9):
-        short_L, short_M = _digits(L, digits), _digits(M, digits)
+        short_L, short_M = _clipped(task, _digits(L, digits), _digits(M, digits))
         found = _value(task, goal, short_L, short_M)
         if found <= value + 1e-6 * abs(value):
             return found, short_L, short_M

@@ -27,6 +27,7 @@ from obsdesign.synthesis.interval_task import Task
 
 Matrix = NDArray[np.float64]
 
+_SECONDS = 5.0  # by the clock on the wall: the solver knows no other
 _MARGIN = 1e-3  # of contraction, where nothing else makes the inequalities strict
 
 
@@ -64,7 +65,8 @@ class _Program:
             return None  # beyond binary64 there is nothing to propose
         shape = (len(self.limits), self.size)
         A = csr_matrix((self.values, (self.rows, self.columns)), shape=shape)
-        answer = linprog(cost, A_ub=A, b_ub=self.limits, bounds=bounds, method="highs")
+        answer = linprog(cost, A_ub=A, b_ub=self.limits, bounds=bounds, method="highs",
+                         options={"time_limit": _SECONDS})  # fmt: skip
         return None if answer.x is None or answer.status != 0 else np.asarray(answer.x)
 
 
@@ -73,7 +75,8 @@ def clock_gains(
 ) -> list[tuple[Matrix, Matrix]] | None:
     """Constant gains (L, M), in z, to try, for dwell times from `low` on; None if infeasible.
 
-    narrow: minimise the bound on the weighted time average of the width; otherwise small gains.
+    narrow: minimise the bound on the weighted time average of the width (on the pre-jump width, if
+    the task says so and jumps never stay away for ever); otherwise small gains.
     """
     n, p = task.A.shape[0], task.C.shape[0]
     clock = _clock(task, low, nodes)
@@ -125,7 +128,7 @@ def _flow_rows(
     Delta: NDArray[np.int_], narrow: bool,
 ) -> None:  # fmt: skip
     n = len(task.A)
-    q = task.weights if narrow else np.zeros(n)
+    q = task.weights if narrow and not _at_jumps(task) else np.zeros(n)
     for k in range(len(clock)):
         for i in range(n):
             for j in range(n):
@@ -156,6 +159,7 @@ def _jump_rows(
 ) -> None:  # fmt: skip
     assert task.G is not None
     n = len(task.A)
+    q = task.weights if margin == 0 and _at_jumps(task) else np.zeros(n)
     for i in range(n):
         for j in range(n):
             C = task.C_jump[:, j]
@@ -168,8 +172,13 @@ def _jump_rows(
             C = np.broadcast_to(task.C_jump[:, j], Z.shape[1:])
             program.below(
                 [(zeta[0], task.G[:, j]), (Z[0], -C), (Z[1], C), (Theta[:, j], np.array(2.0)),
-                 (zeta[k, j], np.array(margin - 1.0))], 0.0,
+                 (zeta[k, j], np.array(margin - 1.0))], -q[j],
             )  # fmt: skip
+
+
+def _at_jumps(task: Task) -> bool:
+    """Is it the pre-jump width that counts? Where jumps may stay away, its average stands in."""
+    return task.pre_jump and math.isfinite(task.high)
 
 
 def _cost_rows(
@@ -190,7 +199,8 @@ def _cost_rows(
         flow = [(zeta[i], share[i] * task.f0) for i in range(last + 1)] + [
             (U[s, i], share[i] * noise) for i in range(last + 1) for s in (0, 1)
         ]
-        program.below([*flow, *kick, (np.array(gamma), np.array(-clock[last]))], 0.0)
+        per = 1.0 if _at_jumps(task) else clock[last]
+        program.below([*flow, *kick, (np.array(gamma), np.array(-per))], 0.0)
     if task.G is None or math.isinf(task.high):
         rest = [(zeta[-1], task.f0), (U[0, -1], noise), (U[1, -1], noise)]
         program.below([*rest, (np.array(gamma), np.array(-1.0))], 0.0)

@@ -24,23 +24,24 @@ _HALVINGS = 14
 
 
 def propose_samples(
-    system: WidthSystem, approx: WidthSystem, period: float, low: float, high: float
+    system: WidthSystem, approx: WidthSystem, period: float, ends: tuple[float, float], lost: bool
 ) -> dict[str, Any] | None:
     """Proved {"tube", "sampled", ("jumped",) "always"} for samples as events, or None.
 
-    system, approx: exact and in floats, with K and k; low, high: inf, inf without jumps.
+    system, approx: exact and in floats, with K and k; ends: shortest and longest dwell time, inf
+    without jumps; lost: no sample is taken at the time of a jump.
     """
-    found = _propose(approx, period, low, high)
+    found = _propose(approx, period, ends, lost)
     if found is None:
         return None
-    question = Interleaved.of(system, period, low, high)
+    question = Interleaved.of(system, period, *ends, lost)
     jumped = exact(found["jumped"]) if "jumped" in found else None
     bounds = Bounds(exact(found["tube"]), exact(found["sampled"]), jumped, exact(found["always"]))
     verdict = prove_interleaved(question, exact(system.out), bounds)
     return found if verdict.outcome == "proved" else None
 
 
-def _propose(system: WidthSystem, period: float, low: float, high: float) -> Any:
+def _propose(system: WidthSystem, period: float, ends: tuple[float, float], lost: bool) -> Any:
     W, f, K, k = system.W, system.f, system.K, system.k
     assert K is not None
     assert k is not None
@@ -57,7 +58,7 @@ def _propose(system: WidthSystem, period: float, low: float, high: float) -> Any
                 return None
             sampled, jumped = p * (1 + ROOM), None
         else:
-            result = _cycle_tube(system, period, (low, high), (flows, pushes, Phi, c), scale)
+            result = _cycle_tube(system, period, ends, (flows, pushes, Phi, c), scale, lost)
             if result is None:
                 return None
             p, sampled, jumped = result
@@ -74,7 +75,7 @@ def _propose(system: WidthSystem, period: float, low: float, high: float) -> Any
 
 
 def _cycle_tube(
-    system: WidthSystem, h: float, ends: tuple[float, float], step: Any, scale: float
+    system: WidthSystem, h: float, ends: tuple[float, float], step: Any, scale: float, lost: bool
 ) -> tuple[Matrix, Matrix, Matrix] | None:
     """(p, after samples, after jumps): the least p for offsets and numbers of periods on a grid."""
     low, high = ends
@@ -84,6 +85,8 @@ def _cycle_tube(
     if low < h or (math.isinf(high) and max(abs(np.linalg.eigvals(Phi))) >= 1):
         return None
     fewest = max(1, math.floor(low / h * (1 - 1e-12))) - 1
+    if lost:  # not too few: more only asks for more
+        fewest = max(math.ceil(low / h * (1 - 1e-12)) - 2, 0)
     most = _MOST_PERIODS if math.isinf(high) else min(math.ceil(high / h), _MOST_PERIODS)
     # psi(s) = K [e^{W (h - s)} (N u(s) + j) + g(h - s)] + k, on the grid s reversed is h - s
     late, rest = flows[::-1], pushes[::-1]
@@ -91,6 +94,12 @@ def _cycle_tube(
     adds = (K @ ((late @ (N @ pushes[..., None] + j[:, None]))[..., 0] + rest)[..., None])[
         ..., 0
     ] + k
+    if lost:  # the sample at the jump's time is missing: a whole period more
+        whole = K @ flows[-1] @ N
+        maps = np.concatenate([maps, (whole @ flows[-1])[None]])
+        adds = np.concatenate(
+            [adds, (whole @ pushes[-1] + K @ (flows[-1] @ j + pushes[-1]) + k)[None]]
+        )
     powers, offsets = [np.eye(len(N))], [np.zeros(len(N))]
     for _ in range(most):
         powers.append(Phi @ powers[-1])

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -31,6 +31,8 @@ Matrix = NDArray[np.float64]
 # shrinking, ever more slowly, as gains grow, and a limit may be approached only by endless gains
 _DEFAULT_LIMIT = {"narrowest": 20.0, "shortest_dwell": 100.0, "feasible": 1000.0}
 _POINTS = 16
+_ZOOMS = 8  # 17^8: to the last digits
+_TIE = 1e-6  # of equal pre-jump widths (a jump is forgotten at the next one) the least average
 # negative entries below this share of the largest are rounding of a zero that was aimed at
 ROUNDING = 1e-12
 
@@ -39,7 +41,8 @@ ROUNDING = 1e-12
 class Task:
     """Everything in z. open_L, open_M: is the gain free; limit_L, limit_M: (n, p), may be inf.
 
-    positive: form `cooperative`, A - L C Metzler and G - M C_J >= 0; weights (n,): of the width.
+    positive: form `cooperative`, A - L C Metzler and G - M C_J >= 0; weights (n,): of the width;
+    pre_jump: of the width just before jumps, instead of its time average.
     low, high: dwell times (inf, inf without jumps). S: (n, n); L0, M0: given gains, in z.
     """
 
@@ -58,9 +61,17 @@ class Task:
     limit_M: Matrix
     positive: bool
     weights: Matrix
+    pre_jump: bool
     S: Matrix
     L0: Matrix
     M0: Matrix
+
+    def plain(self) -> Task:
+        """The same for the time average of all widths alike; itself, if it is that."""
+        weights = np.abs(self.S).sum(axis=0)
+        if not self.pre_jump and np.allclose(weights, self.weights, rtol=1e-12, atol=0.0):
+            return self
+        return replace(self, weights=weights, pre_jump=False)
 
     def gains(self, L: Matrix, M: Matrix) -> tuple[Matrix, Matrix]:
         """(L, M) in the plant's coordinates, for those found in z."""
@@ -114,7 +125,8 @@ def task_of(problem: Problem, positive: bool, S: Matrix | None, given: Mapping[s
         f0=f0, h0=h0, V=V, low=low, high=high,
         open_L="L" not in given and "L" not in idle, open_M="M" not in given and "M" not in idle,
         limit_L=limit_L, limit_M=limit_M, positive=positive,
-        weights=np.abs(basis).sum(axis=0), S=basis, L0=inward @ L, M0=inward @ M,
+        weights=_weights(problem) @ np.abs(basis),
+        pre_jump=problem.options.get("width") == "pre_jump", S=basis, L0=inward @ L, M0=inward @ M,
     )  # fmt: skip
 
 
@@ -138,8 +150,16 @@ def sampling_task(problem: Problem, S: Matrix | None, given: Mapping[str, Any]) 
         A=inward @ plant.flow.A @ basis, G=inward @ (np.eye(n) - L @ C) @ basis, C=C @ basis,
         C_jump=C @ basis, f0=f0, h0=2 * np.abs(inward @ L) @ V, V=V, low=period, high=period,
         open_L=False, open_M="L" not in given, limit_L=cap, limit_M=cap, positive=False,
-        weights=np.abs(basis).sum(axis=0), S=basis, L0=0 * L, M0=inward @ L,
+        weights=_weights(problem) @ np.abs(basis), pre_jump=False, S=basis, L0=0 * L, M0=inward @ L,
     )  # fmt: skip
+
+
+def _weights(problem: Problem) -> Matrix:
+    """Of the widths of the states, (n,), one on average."""
+    n = problem.plant.n
+    asked = np.array(problem.options.get("width_weights", np.ones(n)), dtype=np.float64)
+    asked = asked / asked.max()
+    return asked * (n / asked.sum())
 
 
 def _limits(problem: Problem, basis: Matrix) -> tuple[Matrix, Matrix]:
@@ -189,7 +209,9 @@ def growth(task: Task, L: Matrix, M: Matrix) -> float:
 
 
 def mean_width(task: Task, L: Matrix, M: Matrix) -> float:
-    """Weighted time average of the width, at the worse end of the range; inf if it grows."""
+    """Weighted time average of the width (of the pre-jump one, if that is what the task is about),
+    at the worse end of the range; inf if it grows.
+    """
     system = task.system(L, M)
     if (system.N is None or task.low < task.high) and growth(task, L, M) >= 1:
         return math.inf
@@ -203,10 +225,11 @@ def mean_width(task: Task, L: Matrix, M: Matrix) -> float:
         means = [float(settled)]
         for theta in {task.low, task.high} - {0.0, math.inf}:
             try:
-                mean = periodic_width(system.W, N, system.f, h, theta)[2]
+                before, _, mean = periodic_width(system.W, N, system.f, h, theta)
             except (ValueError, np.linalg.LinAlgError):
                 return math.inf
-            means.append(float(task.weights @ mean))
+            width = before + _TIE * mean if task.pre_jump else mean
+            means.append(float(task.weights @ width))
     if task.low == 0:  # jumps may follow each other at once
         try:
             means.append(float(task.weights @ np.linalg.solve(np.eye(len(N)) - N, h)))
@@ -231,8 +254,12 @@ def shortest(task: Task, L: Matrix, M: Matrix) -> float:
         if bad[-1] == len(thetas) - 1:
             return math.inf
         left, right = thetas[bad[-1]], thetas[bad[-1] + 1]
-        for _ in range(40):
-            middle = 0.5 * (left + right)
-            radius = np.abs(np.linalg.eigvals(expm(system.W * middle) @ system.at_jumps[0])).max()
-            left, right = (middle, right) if radius >= 1 else (left, middle)
+        for _ in range(_ZOOMS):  # many at once: each call costs more than what it computes
+            finer = np.linspace(left, right, 18)
+            maps = expm(system.W * finer[1:-1, None, None]) @ system.at_jumps[0]
+            if not np.isfinite(maps).all():
+                return math.inf
+            bad = np.flatnonzero(np.abs(np.linalg.eigvals(maps)).max(axis=1) >= 1)
+            k = int(bad[-1]) + 1 if bad.size else 0
+            left, right = finer[k], finer[k + 1]
     return float(right)

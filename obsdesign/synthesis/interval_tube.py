@@ -25,6 +25,8 @@ Matrix = NDArray[np.float64]
 
 # room for a strict proof, relative to what enters the width from jump to jump
 ROOM = 1e-6
+# narrow first; a tube that is nearly touched while the width decays cannot be proved without more
+_ROOMS = (ROOM, 1e-4, 1e-2)
 _ROUNDS, _FINE = 12, 800
 
 
@@ -37,22 +39,25 @@ def proved_width(
     """
     if system.N is None:
         return propose_limit(approx, vanishing)
-    found = propose_width(approx, low, high, vanishing)
-    if found is None:
-        return None
     W, f, N, h, out = (exact(X) for X in (system.W, system.f, *system.at_jumps, system.out))
     names = ("tube", "after_jump", "before_jump", "always")
-    tube = Tube(*(exact(found[name]) for name in names))
-    verdict = prove_tube(W, f, N, h, out, tube, low, high)
-    return found if verdict.outcome == "proved" else None
+    for room in _ROOMS:
+        found = propose_width(approx, low, high, vanishing, room)
+        if found is None:
+            return None
+        tube = Tube(*(exact(found[name]) for name in names))
+        if prove_tube(W, f, N, h, out, tube, low, high).outcome == "proved":
+            return found
+    return None
 
 
 def propose_width(
-    system: WidthSystem, low: float, high: float, vanishing: bool = False
+    system: WidthSystem, low: float, high: float, vanishing: bool = False, share: float = ROOM
 ) -> dict[str, Any] | None:
     """{"tube": (n,) in z, "after_jump", "before_jump", "always": (n,) in x}; None if none is found.
 
-    system: floats, with jumps. Without disturbance and noise the width vanishes: None.
+    system: floats, with jumps; share: room for a strict proof, relative.
+    Without disturbance and noise the width vanishes: None.
     """
     if math.isinf(high) and not rightmost(system.W).real < 0:
         return None
@@ -66,7 +71,7 @@ def propose_width(
     scale = float(entering.max(initial=0.0)) or float(vanishing)
     if not (np.isfinite(flows).all() and np.isfinite(entering).all() and scale > 0):
         return None
-    v = least(N @ flows, entering, ROOM * scale)
+    v = least(N @ flows, entering, share * scale)
     if v is None:
         return None
     until = np.concatenate([np.linspace(0.0, low, _FINE), thetas])
@@ -74,11 +79,11 @@ def propose_width(
     reached = (flows_all @ v + pushes_all) @ system.out.T
     if math.isinf(high):
         reached = np.vstack([reached, np.linalg.solve(-W, f) @ system.out.T])
-    room, grown = ROOM * scale, 1.0 + 10 * ROOM  # the grid misses the top by less
+    room, grown = share * scale, 1.0 + 10 * share  # the grid misses the top by less
     before = reached[_FINE:]
     return {
         "tube": v.tolist(),
-        "after_jump": ((system.out @ v) * (1.0 + ROOM)).tolist(),
+        "after_jump": ((system.out @ v) * (1.0 + share)).tolist(),
         "before_jump": (before.max(axis=0) * grown + room).tolist(),
         "always": (reached.max(axis=0) * grown + room).tolist(),
     }

@@ -32,6 +32,8 @@ from obsdesign.verification.dwell import (
 )
 from obsdesign.verification.interval_obstruction import obstruction_claim
 from obsdesign.verification.interval_sampled import (
+    at_any_spacing,
+    in_every_period,
     no_spacing,
     sampled_sentences,
     samples_claim,
@@ -70,6 +72,8 @@ def claims(
     """
     agreement = consistency(_objection(problem), gains, expected_gains(problem, gains))
     if agreement.verdict == "proved":
+        agreement = _within_limit(problem, gains, agreement)
+    if agreement.verdict == "proved":
         agreement = _invertible(gains, agreement)
     if agreement.verdict != "proved":
         return (agreement,)
@@ -82,8 +86,8 @@ def claims(
         return (*found, samples_claim(system, gains, proposed, f"{source}; samples as jumps"))
     if system.N is None:
         found.append(_hurwitz_claim(system.W, "there are no jumps"))
-        found += limit_claim(system, certificates.get("width", {}), source)
-        return (*found, *_spacing(problem, system, gains, certificates))
+        width = limit_claim(system, certificates.get("width", {}), source)
+        return (*found, *width, *_spacing(problem, system, gains, certificates, width))
     low, high = (float(end) for end in gains["dwell_time"])
     dwell = Dwell(low, high, float(gains.get("dwell_jitter", math.inf)))
     if math.isinf(high):
@@ -91,16 +95,22 @@ def claims(
     certificate = certificates.get("dwell_stability", {})
     found.append(_stability_claim(form, system, dwell, certificate, paranoid))
     found += rates_claim(system.W, system.N, dwell, certificates, source)
-    found += width_claim(system, (low, high), certificates.get("width", {}), source)
-    return (*found, *_spacing(problem, system, gains, certificates))
+    width = width_claim(system, (low, high), certificates.get("width", {}), source)
+    return (*found, *width, *_spacing(problem, system, gains, certificates, width))
 
 
 def _spacing(
-    problem: Problem, system: WidthSystem, gains: Mapping[str, Any], certificates: Mapping[str, Any]
+    problem: Problem,
+    system: WidthSystem,
+    gains: Mapping[str, Any],
+    certificates: Mapping[str, Any],
+    width: tuple[Claim, ...],
 ) -> tuple[Claim, ...]:
-    """The step limit of a continuous y, where one was found."""
+    """The step limit of a continuous y, where one was found; none is needed with L = 0."""
     if problem.plant.output.measured != "continuous":
         return ()
+    if not np.any(gains["L"]):
+        return tuple(at_any_spacing(claim) for claim in width)
     low, high = gains.get("dwell_time", (math.inf, math.inf))
     source = f"{PAPER}, {THEOREMS[gains['form']]}; slope scheme of docs/interval.md"
     ends = (float(low), float(high))
@@ -111,6 +121,16 @@ def dwell_pair(gains: Mapping[str, Any]) -> tuple[Any, Any]:
     """(W, N), exact: the pair whose stability over a range of dwell times is claimed."""
     system = width_system_of(gains, exact, inverse)
     return system.W, system.N
+
+
+def _within_limit(problem: Problem, gains: Mapping[str, Any], agreement: Claim) -> Claim:
+    """The claim of consistency, refuted if a gain exceeds the limit that was asked for."""
+    reason = equations.limit_objection(gains, problem.options, "gains")
+    if reason is None:
+        return agreement
+    entry = reason.split(",")[0]
+    evidence = {"witness": {"entry": entry, "reason": reason}}
+    return replace(agreement, verdict="refuted", evidence=evidence)
 
 
 def _invertible(gains: Mapping[str, Any], agreement: Claim) -> Claim:
@@ -160,6 +180,8 @@ def expected_gains(problem: Problem, gains: Mapping[str, Any]) -> dict[str, Any]
     expected: dict[str, Any] = {"form": forms} | plant_data(plant)
     if plant.output.measured == "periodic":
         expected |= {"period": plant.output.period}
+    elif _watches_steps(problem, gains):  # `sampled_width` is about this limit, and no other
+        expected |= {"step_limit": gains["step_limit"]}
     if "dwell_time" in expected and _wider(problem, gains.get("dwell_time")):
         expected |= {"dwell_time": gains["dwell_time"]}
     expected |= {"L": (n, p), "M": (n, p), "D0": (n, n), "D1": (n, n)}
@@ -171,6 +193,13 @@ def expected_gains(problem: Problem, gains: Mapping[str, Any]) -> dict[str, Any]
         expected |= {"S": (n, n)}
     zeros = {name: np.zeros((n, p)) for name in idle_gains(plant)}
     return expected | dict(problem.gains) | zeros
+
+
+def _watches_steps(problem: Problem, gains: Mapping[str, Any]) -> bool:
+    """A continuous y whose spacing the problem names, and that is used between jumps."""
+    output = problem.plant.output
+    named = output.measured == "continuous" and output.period is not None
+    return named and "step_limit" in gains and bool(np.any(gains.get("L", 0.0)))
 
 
 def _wider(problem: Problem, found: Any) -> bool:
@@ -191,6 +220,7 @@ def guarantees(problem: Problem, found: tuple[Claim, ...]) -> tuple[dict[str, An
     jump = problem.plant.jump
     ends = "" if jump is None else _range(problem, found)
     periodic = problem.plant.output.measured == "periodic"
+    lost = jump is not None and problem.plant.output.jump_measurement == "none"
     when = f" for every sequence of dwell times in {ends}" if ends else ""
     enclosure = (
         "The bounds contain the state at every instant, if they contain it at the start, b, c and "
@@ -200,7 +230,7 @@ def guarantees(problem: Problem, found: tuple[Claim, ...]) -> tuple[dict[str, An
     at_jumps = problem.plant.output.measured == "at_jumps"
     measured = "With y measured at every jump" if at_jumps else "With y measured continuously"
     if periodic:
-        measured = "With a sample in every period"
+        measured = in_every_period(lost)
     width = (
         f"{measured}, the width of the bounds stays bounded{when}, and without disturbance and "
         f"noise it tends to zero{'' if jump is None else ' as jumps go on'}."
@@ -211,7 +241,7 @@ def guarantees(problem: Problem, found: tuple[Claim, ...]) -> tuple[dict[str, An
     told.append((width, _all(verdicts, enclosing + bounded), enclosing + bounded))
     for text, ids in rates_sentence(found, "the width"):
         told.append((f"{measured}: {text}", _all(verdicts, ids), ids))
-    sampled = sampled_sentences(found)
+    sampled = sampled_sentences(found, lost)
     for text, ids in [*width_sentence(found, measured), *sampled]:
         ids = [*enclosing, *(name for name in ("hurwitz",) if name in verdicts), *ids]
         told.append((text, _all(verdicts, ids), ids))

@@ -34,8 +34,8 @@ def obstruction_claim(problem: Problem, gains: Mapping[str, Any], source: str) -
     idle = idle_gains(plant)
     is_open = {name: name not in problem.gains and name not in idle for name in ("L", "M")}
     if plant.output.measured == "periodic":
-        return ()
-    if any(is_open.values()):
+        found = _hidden(problem) if is_open["L"] else None
+    elif any(is_open.values()):
         found = _hidden(problem) or _in_these_coordinates(problem, gains, is_open)
     elif "S" in gains and "S" not in problem.gains:
         found = _unstable_error(problem, gains)

@@ -29,11 +29,12 @@ def samples_claim(
     period = float(gains["period"])
     low, high = (float(end) for end in gains.get("dwell_time", (math.inf, math.inf)))
     ends = (low, high)
+    lost = system.N is not None and gains["jump_measurement"] == "none"
     names = ("tube", "sampled", "always") + (() if system.N is None else ("jumped",))
     found = vectors(proposed, names, len(system.f))
     verdict = undecided("no tube was given or found for samples and jumps between them")
     if found is not None:
-        verdict = _proof(system, period, ends, found)
+        verdict = _proof(system, period, ends, found, lost)
     if verdict.outcome == "proved" and found is not None:
         widths = {name: to_float(found[name]).tolist() for name in names}
         if system.N is not None:
@@ -44,8 +45,9 @@ def samples_claim(
         counter = refute_spectral(system.W, system.K, period, period)
         verdict = counter if counter.outcome == "refuted" else verdict
     jumps = "" if system.N is None else f" and jumps with dwell times in {Dwell(*ends)}"
+    spared = " (none is needed at the time of a jump)" if lost else ""
     statement = (
-        f"with a sample every {period!r}{jumps}, the width stays bounded: a tube that "
+        f"with a sample every {period!r}{spared}{jumps}, the width stays bounded: a tube that "
         "w' = W w + f, w+ = K w + k at samples and w+ = N w + h at jumps do not leave and are "
         "drawn to"
     )
@@ -53,9 +55,13 @@ def samples_claim(
 
 
 def _proof(
-    system: WidthSystem, period: float, ends: tuple[float, float], found: Mapping[str, Any]
+    system: WidthSystem,
+    period: float,
+    ends: tuple[float, float],
+    found: Mapping[str, Any],
+    lost: bool,
 ) -> Verdict:
-    question = Interleaved.of(system, period, *ends)
+    question = Interleaved.of(system, period, *ends, lost)
     bounds = Bounds(found["tube"], found["sampled"], found.get("jumped"), found["always"])
     return prove_interleaved(question, exact(system.out), bounds)
 
@@ -69,6 +75,9 @@ def spacing_claim(
 ) -> tuple[Claim, ...]:
     """A continuous y known at samples: the width for all spacings up to a limit; extra."""
     limit = proposed.get("step_limit")
+    if limit != gains.get("step_limit", limit):
+        nothing = undecided("the step limit of the gains is not the one to be proved")
+        return (Claim("sampled_width", "the width", source, nothing.outcome, nothing.evidence),)
     if not isinstance(limit, float) or not 0 < limit < math.inf:
         return ()
     L, CA, A, C, b = slope_scheme(gains, exact, inverse)
@@ -84,6 +93,14 @@ def spacing_claim(
     return tuple(_spaced(claim, limit, flow) for claim in claims)
 
 
+def at_any_spacing(claim: Claim) -> Claim:
+    """The claim about the width of a design with L = 0: between jumps no sample is used."""
+    evidence = {"step_limit": math.inf, **claim.evidence}
+    evidence.pop("constant_dwell", None)
+    statement = f"with samples at any spacing, since L = 0: {claim.statement}"
+    return Claim("sampled_width", statement, claim.source, claim.verdict, evidence)
+
+
 def _spaced(claim: Claim, limit: float, flow: Verdict | None) -> Claim:
     evidence = {"step_limit": limit, **claim.evidence}
     verdict = claim.verdict
@@ -94,7 +111,12 @@ def _spaced(claim: Claim, limit: float, flow: Verdict | None) -> Claim:
     return Claim("sampled_width", statement, claim.source, verdict, evidence)
 
 
-def sampled_sentences(found: tuple[Claim, ...]) -> list[tuple[str, list[str]]]:
+def in_every_period(lost: bool) -> str:
+    """What is asked of periodic samples; lost: none is taken at the time of a jump."""
+    return "With a sample in every period" + (", save where it falls on a jump" if lost else "")
+
+
+def sampled_sentences(found: tuple[Claim, ...], lost: bool) -> list[tuple[str, list[str]]]:
     """The guarantees of proved claims about samples, and the claims behind them."""
     told = []
     for claim in found:
@@ -103,16 +125,18 @@ def sampled_sentences(found: tuple[Claim, ...]) -> list[tuple[str, list[str]]]:
         evidence = claim.evidence
         if claim.id == "sampled_stability":
             text = (
-                f"With a sample in every period the width comes to at most "
+                f"{in_every_period(lost)}, the width comes to at most "
                 f"{shown(evidence['after_sample'])} after samples and {shown(evidence['always'])} "
                 "at any time."
             )
             told.append((text, ["sampled_stability"]))
         if claim.id == "sampled_width":
-            text = (
-                f"With samples at most {evidence['step_limit']:.6g} apart, at jumps and irregular "
-                f"ones too, the width comes to at most {shown(evidence['always'])} at any time."
-            )
+            limit = float(evidence["step_limit"])
+            apart = f"at most {limit:.6g} apart, at jumps and irregular ones too,"
+            if math.isinf(limit):
+                apart = "at any spacing, and at jumps if M is not zero,"
+            widest = shown(evidence["always"])
+            text = f"With samples {apart} the width comes to at most {widest} at any time."
             told.append((text, ["sampled_width"]))
     return told
 
@@ -120,6 +144,6 @@ def sampled_sentences(found: tuple[Claim, ...]) -> list[tuple[str, list[str]]]:
 def no_spacing() -> str:
     """What is said where no step limit is proved."""
     return (
-        "A bounded width for samples at a given spacing is not claimed: the spacing must be "
-        "small against 1/(|L||CA|)."
+        "A bounded width for samples at a given spacing is not claimed: no limit of the spacing "
+        "was proved. Unless L = 0, it must be small against 1/(|L||CA|)."
     )

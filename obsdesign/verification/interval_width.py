@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from decimal import ROUND_CEILING
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from lmi.tube import Tube, periodic_limit, prove_tube
 from lmi.verdict import Verdict, proved, undecided
 from obsdesign.document import Claim
 from obsdesign.equations.interval_width import WidthSystem
-from obsdesign.verification.dwell import Dwell
+from obsdesign.verification.dwell import Dwell, six_digits
 
 
 def width_claim(
@@ -70,13 +71,23 @@ def width_sentence(found: tuple[Claim, ...], measured: str) -> list[tuple[str, l
                 f"{shown(evidence['after_jump'])} after jumps, {shown(evidence['before_jump'])} "
                 f"before them and {shown(evidence['always'])} at any time."
             )
-            return [(text, ["width"])]
+            rows = evidence.get("constant_dwell", [])
+            return [(text, ["width"]), *((_at_constant(row, measured), ["width"]) for row in rows)]
     return []
 
 
+def _at_constant(row: Mapping[str, Any], measured: str) -> str:
+    """What constant dwell times lead to, in a sentence."""
+    return (
+        f"{measured} and a constant dwell time of {float(row['dwell_time']):.6g}, the width comes "
+        f"to {shown(row['before_jump'])} before jumps, {shown(row['after_jump'])} after them and "
+        f"{shown(row['mean'])} on average: the limits, rounded up."
+    )
+
+
 def shown(values: Any) -> str:
-    """A vector as a sentence has it."""
-    return "(" + ", ".join(f"{value:.6g}" for value in values) + ")"
+    """A vector of upper bounds as a sentence has it: six digits, rounded up."""
+    return "(" + ", ".join(six_digits(float(value), ROUND_CEILING) for value in values) + ")"
 
 
 def vectors(proposed: Mapping[str, Any], names: tuple[str, ...], n: int) -> Any:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import itertools
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -28,21 +31,29 @@ class Trial:
     wider: float | None
 
 
-def trial(form: str, seed: int) -> Trial:
-    """Design a random plant in a form, run it under random and extreme disturbances."""
+def trial(form: str, seed: int, corners: int = 2) -> Trial:
+    """Design a random plant in a form, run it under random and extreme disturbances.
+
+    corners: sign patterns of b that are held, as many as there are at most; then all signals
+    switch from corner to corner.
+    """
     rng = np.random.default_rng([seed, FORMS.index(form)])
     outcome = obsdesign.investigate(random_problem(form, rng))
     design = outcome.design
     assert design is not None
     plant = obsdesign.Problem.from_dict(design.problem).plant
     always, step = _claimed(design, plant.output.period)
+    observer = from_design(design)
     beyond, wider = 0.0, None
-    for disturbance in ("extreme", "random"):
+    for held, kind, source in _disturbances(plant, corners, rng):
         x = rng.standard_normal(plant.n) * rng.choice([0.0, 1.0, 10.0])
-        record = simulate(plant, until=80 * step, step=step, initial=x, disturbance=disturbance,
-                          rng=rng)  # fmt: skip
+        record = simulate(held, until=80 * step, step=step, initial=x, disturbance=kind,
+                          dwell=rng.uniform(0.3, 2.0, 400).tolist(), rng=source)  # fmt: skip
+        y = record.block("y")
+        if held is not plant:  # noise at a corner of its own
+            y = y + plant.output.noise_bound * rng.choice([-1.0, 1.0], plant.p)
         size = 1.0 + float(np.abs(record.block("x")).max())
-        lower, upper = _bounds(design, record, x)
+        lower, upper = _bounds(observer, record, y, x)
         truth = record.block("x")
         beyond = max(beyond, float(np.maximum(lower - truth, truth - upper).max()) / size)
         if always is not None:  # from no width at all, the width stays below what is proved
@@ -51,21 +62,54 @@ def trial(form: str, seed: int) -> Trial:
     return Trial(outcome.verdict, beyond, wider)
 
 
+def _disturbances(plant: Any, corners: int, rng: Any) -> Iterator[tuple[Any, str, Any]]:
+    """(plant, kind of disturbance, source of chance): held corners, switching, random."""
+    signs = list(itertools.product((0.0, 1.0), repeat=plant.n))
+    chosen = rng.permutation(len(signs))[:corners]
+    for k in chosen:
+        flow, jump = (_at_corner(block, np.array(signs[k])) for block in (plant.flow, plant.jump))
+        if rng.random() < 0.5:  # at jumps the same corner, or any
+            jump = _at_corner(plant.jump, rng.integers(0, 2, plant.n))
+        yield replace(plant, flow=flow, jump=jump), "zero", rng
+    for _ in range(max(corners // 8, 1)):
+        yield plant, "random", Corners(rng)
+    yield plant, "random", rng
+
+
+def _at_corner(block: Any, signs: Any) -> Any:
+    corner = np.where(signs > 0, block.upper, block.lower)
+    return replace(block, lower=corner, upper=corner)
+
+
+@dataclass(frozen=True)
+class Corners:
+    """A source of chance whose uniform numbers are ends: what is drawn in a box is a corner."""
+
+    rng: np.random.Generator
+
+    def uniform(self, low: float, high: float, size: Any) -> Any:
+        """Low or high."""
+        return self.rng.choice([low, high], size)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.rng, name)
+
+
 def _claimed(design: Any, period: float | None) -> tuple[Any, float]:
     """(proved bound of the width at any time or None, the spacing of samples it is for)."""
     for claim in design.claims:
         if claim.verdict == "proved" and claim.id in ("sampled_stability", "sampled_width"):
             step = claim.evidence.get("step_limit", period)
+            if step == math.inf:
+                return np.array(claim.evidence["always"]), 0.1
             if claim.id == "sampled_width":  # a shorter step of two digits
                 step = float(f"{0.9 * step:.2g}")
             return np.array(claim.evidence["always"]), float(step)
     return None, float(period or 0.02)
 
 
-def _bounds(design: Any, record: Record, x: Any) -> tuple[Any, Any]:
-    batch = from_design(design).run_batch(
-        record.t, record.block("y"), jump=record.columns["jump"], lower=x, upper=x
-    )
+def _bounds(observer: Any, record: Record, y: Any, x: Any) -> tuple[Any, Any]:
+    batch = observer.run_batch(record.t, y, jump=record.columns["jump"], lower=x, upper=x)
     assert not any("outside" in text or "void" in text for text in batch.status)
     return batch.lower, batch.upper
 

@@ -280,3 +280,68 @@ def test_entries_whose_products_overflow_are_refused() -> None:
         "flow.A must not exceed 1e+100 where gains are to be found; got 1e+308. Is it in the "
         "plant's units?"
     )
+
+
+@pytest.mark.parametrize("measured", ["continuous", "periodic"])
+def test_a_hidden_oscillation_that_never_decays_is_refused(measured: str) -> None:
+    def body(damping: float) -> Any:
+        output: dict[str, Any] = {"C": [[0, 0, 1]], "measured": measured}
+        if measured == "periodic":
+            output["period"] = 0.1
+        return obsdesign.Problem.from_dict({
+            "flow": {"A": [[-damping, 1, 0], [-1, -damping, 0], [0, 0, -1]],
+                     "disturbance": {"lower": [-0.1] * 3, "upper": [0.1] * 3}},
+            "jump": {"G": [[1, 0, 0], [0, 1, 0], [0, 0, 2]], "dwell_time": [0.5, 2]},
+            "output": output, "observer": {"kind": "interval"},
+        })  # fmt: skip
+
+    outcome = obsdesign.investigate(body(0.0))
+    refused = next(c for c in outcome.claims if c.id == "attainable")
+    assert refused.verdict == "refuted"
+    assert "no observer exists" in refused.evidence["witness"]["reason"]
+    damped = obsdesign.investigate(body(0.1))
+    assert all(c.id != "attainable" for c in damped.claims)
+
+
+def narrowest(seed: int | None, **options: Any) -> tuple[np.ndarray, np.ndarray]:
+    """(mean width, width before jumps), at the one dwell time, of the narrowest split design."""
+    A, G = [[-1.0, 0.0], [1.0, -2.0]], [[2.0, 1.0], [1.0, 3.0]]
+    C: Any = [[0.0, 1.0]]
+    if seed is not None:
+        rng = np.random.default_rng(seed)
+        A = rng.standard_normal((3, 3)) - 3 * np.eye(3)
+        G, C = 0.7 * rng.standard_normal((3, 3)), rng.standard_normal((2, 3))
+    n, p = len(A), len(C)
+    outcome = obsdesign.investigate(obsdesign.Problem.from_dict({
+        "flow": {"A": np.array(A).tolist(), "disturbance": {"lower": [-0.1] * n, "upper": [0.1] * n}},
+        "jump": {"G": np.array(G).tolist(), "dwell_time": [1.5, 1.5],
+                 "disturbance": {"lower": [-0.3] * n, "upper": [0.3] * n}},
+        "output": {"C": np.array(C).tolist(), "noise_bound": [0.03] * p},
+        "observer": {"kind": "interval", "form": "split", "objective": "narrowest",
+                     "gain_limit": 10, **options},
+    }))  # fmt: skip
+    (row,) = next(c for c in outcome.claims if c.id == "width").evidence["constant_dwell"]
+    return np.array(row["mean"]), np.array(row["before_jump"])
+
+
+@pytest.mark.parametrize("seed", [None, 1])
+def test_what_is_asked_to_be_narrow_is_no_wider_than_without(seed: int | None) -> None:
+    mean, before = narrowest(seed)
+    again, _ = narrowest(seed, width_weights=[4.0] * len(mean))
+    assert np.array_equal(again, mean)
+    weights = np.array([1e6, *[1.0] * (len(mean) - 1)])
+    heavy, _ = narrowest(seed, width_weights=weights.tolist())
+    assert weights @ heavy <= (weights @ mean) * (1 + 1e-5)
+    assert heavy[0] <= mean[0] * (1 + 1e-5)
+    other, earlier = narrowest(seed, width="pre_jump")
+    assert earlier.sum() <= before.sum() * (1 + 1e-5)
+    assert mean.sum() <= other.sum() * (1 + 1e-5)
+
+
+def test_a_width_is_asked_for_where_something_is_made_narrow() -> None:
+    with pytest.raises(obsdesign.InputError, match="needs observer"):
+        narrowest(None, objective="feasible", width="mean")
+    with pytest.raises(obsdesign.InputError, match="2 entries, one per state; got 3"):
+        narrowest(None, width_weights=[1, 2, 3])
+    with pytest.raises(obsdesign.InputError, match="must not all be zero"):
+        narrowest(None, width_weights=[0, 0])

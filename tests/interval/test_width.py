@@ -194,3 +194,45 @@ def test_the_float_and_the_exact_width_system_agree() -> None:
     rough, true = width_system_of(design.gains), width_system_of(design.gains, exact, inverse)
     for name in ("W", "f", "N", "h"):
         np.testing.assert_allclose(getattr(rough, name), to_float(getattr(true, name)), rtol=1e-12)
+
+
+def test_a_tube_that_is_nearly_touched_is_proved_with_more_room() -> None:
+    # dead-beat coordinates of example 4.1: jumps at once and never, L = 0
+    S = np.array([[0.0, 2.0], [1.0, 1.0]])
+    body: dict[str, Any] = {
+        "flow": {"A": [[-1, 0], [1, -2]], "disturbance": {"lower": [-0.1] * 2, "upper": [0.1] * 2}},
+        "jump": {"G": [[2, 1], [1, 3]], "dwell_time": [0, "inf"],
+                 "disturbance": {"lower": [-0.3] * 2, "upper": [0.3] * 2}},
+        "output": {"C": [[0, 1]], "noise_bound": [0.03]},
+        "observer": {"kind": "interval", "form": "coordinates",
+                     "gains": {"S": S, "L": np.zeros((2, 1)), "M": [[5], [5]]}},
+    }  # fmt: skip
+    for form in ("given", "found"):
+        if form == "found":
+            body["observer"] = {"kind": "interval", "form": "coordinates"}
+        outcome = obsdesign.investigate(obsdesign.Problem(**body))
+        assert outcome.verdict == "proved"
+        always = width_evidence(outcome)["always"]
+        assert np.isfinite(always).all()
+        if form == "given":  # any spacing will do, and the document says so
+            spaced = next(c for c in outcome.claims if c.id == "sampled_width")
+            assert spaced.evidence["step_limit"] == math.inf
+            assert spaced.evidence["always"] == always
+            told = [g for g in outcome.design.guarantees if "any spacing, and" in g["statement"]]
+            assert [g["given"] for g in told] == [True]
+        assert obsdesign.verify(outcome.design).verdict == "proved"
+
+
+def test_widths_of_constant_dwell_times_are_told_rounded_up() -> None:
+    W, N, f, h = random_system(np.random.default_rng(4), 3)
+    outcome = obsdesign.investigate(obsdesign.Problem(**body_of(W, N, f, h, [0.5, 1.0])))
+    rows = width_evidence(outcome)["constant_dwell"]
+    told = [
+        g["statement"] for g in outcome.design.guarantees if "a constant dwell" in g["statement"]
+    ]
+    assert len(told) == len(rows) == 2
+    for row, text in zip(rows, told, strict=True):
+        groups = [part.split(")")[0].split(", ") for part in text.split("(")[1:]]
+        for name, values in zip(("before_jump", "after_jump", "mean"), groups, strict=True):
+            for exactly, word in zip(row[name], values, strict=True):
+                assert exactly <= float(word) <= exactly * (1 + 1e-5)

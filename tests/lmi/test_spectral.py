@@ -108,3 +108,23 @@ def test_a_peak_between_coarse_grid_points() -> None:
     verdict = refute_spectral(F, H, 0.2, 1.2)
     assert verdict.outcome == "refuted"
     assert radius(F, H, verdict.evidence["witness"]["theta"]) >= 1 - 1e-9
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_form_that_flow_and_jumps_leave_alone_refutes(sign: float) -> None:
+    rotation = np.array([[0.0, 1.0], [-2.0, 0.0]])  # 2 x1^2 + x2^2 stays
+    F = np.zeros((3, 3))
+    F[:2, :2], F[2, 2] = rotation, -1.0
+    H = np.diag([sign, sign, 0.5])
+    S = np.array([[1.0, 2.0, 0.0], [0.0, 1.0, -1.0], [0.0, 0.0, 1.0]])
+    S_inverse = np.array([[1.0, -2.0, -2.0], [0.0, 1.0, 1.0], [0.0, 0.0, 1.0]])
+    verdict = refute_spectral(S_inverse @ F @ S, S_inverse @ H @ S, 0.5, 2.0)
+    assert verdict.outcome == "refuted"
+    assert verdict.evidence["witness"]["method"] == "exact invariant form"
+    Q = np.array(verdict.evidence["witness"]["Q"])
+    F, H = S_inverse @ F @ S, S_inverse @ H @ S
+    assert np.allclose(F.T @ Q + Q @ F, 0)
+    assert np.allclose(H.T @ Q @ H, Q)
+    # twins that shrink a little, along the flow or at jumps
+    assert refute_spectral(F - 1e-6 * np.eye(3), H, 0.5, 2.0).outcome == "undecided"
+    assert refute_spectral(F, (1 - 1e-6) * H, 0.5, 2.0).outcome == "undecided"

@@ -50,7 +50,8 @@ jump_measurement = "before"
 """
 
 OBSERVERS = {
-    "interval": 'form = "auto"\nobjective = "narrowest"\ngain_limit = 20\nmemory = "auto"\n'
+    "interval": 'form = "auto"\nobjective = "narrowest"\ngain_limit = 20\nmemory = "auto"\nwidth = "mean"\n'
+    "width_weights = [1, 2]\n"
     "gains = { L = [[0], [1]], M = [[1], [2.8]], S = [[1, 0], [0, 1]] }",
     "luenberger": "poles = [-1, [-2, 1]]\ndecay_rate = 0.1\nweights = { state = [1, 1] }\nmemory = 2\nschedule = 4",
     "impulsive": 'window = 3\nalpha = 1.5\nstrategy = "compressed"\ndecay_rate = 0.1\n'
