@@ -16,7 +16,7 @@ from lmi.balls import Exact, ball, certify_positive_definite, exact, precision, 
 from lmi.hurwitz import prove_hurwitz
 from lmi.verdict import Verdict, proved, refuted, undecided
 from obsdesign.equations import unknown_input as equations
-from obsdesign.structure import approx_unobservable_modes, hidden_subspace, nullspace, own_units
+from obsdesign.structure import approx_unobservable_modes, hidden_subspace, nullspace
 
 Matrix = NDArray[np.float64]
 
@@ -147,8 +147,11 @@ def zeros_decay(A: Matrix, C: Matrix, D: Matrix) -> Verdict:
 
 def _nearly(A: Matrix, C: Matrix, D: Matrix) -> dict[str, Any]:
     """A mode with Re s >= 0 that floats cannot tell from a zero; exactly it is none."""
+    from scipy.linalg import matrix_balance
+
     with np.errstate(all="ignore"):  # all signals of one size: only then a margin means something
-        sizes = own_units(A, C, D)[0]
+        # by A alone: C and D could lend a coupling that is mere rounding the units to look real
+        sizes = matrix_balance(A, permute=False, separate=True)[1][0]
         A, (C, D, _) = A * sizes / sizes[:, None], equations.scaled(C * sizes, D / sizes[:, None])
         N = np.linalg.pinv(C @ D) if np.isfinite(C @ D).all() else C @ D
         kept = equations.zero_dynamics(A, C, D, N.reshape(D.shape[1], len(C)))

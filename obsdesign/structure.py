@@ -15,6 +15,8 @@ Matrix = NDArray[np.float64]
 
 # A mode counts as unseen when [A - s I; C] is this close to losing rank, relative to its size
 RANK_TOLERANCE = 1e-10
+# rounds of least squares in which entries far from all others lose weight
+_REWEIGHTED = 8
 
 
 @dataclass(frozen=True)
@@ -43,8 +45,9 @@ def own_units(A: Matrix, C: Matrix, D: Matrix) -> tuple[Matrix, float]:
 
 
 def _even_units(A: Matrix, C: Matrix, D: Matrix) -> Matrix:
-    """Sizes (n,) that bring the entries of A, C and D to one magnitude each, by least squares.
+    """Sizes (n,) that bring the entries of A, C and D to one magnitude each, most of them.
 
+    Sums of magnitudes by reweighted least squares: an entry that is mere rounding counts little.
     Linear in logarithms, so that other units of x, y, d or t move the answer by exactly those.
     Source: Curtis, Reid, On the automatic scaling of matrices for Gaussian elimination (1972).
     """
@@ -59,8 +62,12 @@ def _even_units(A: Matrix, C: Matrix, D: Matrix) -> Matrix:
                 values.append(np.log2(abs(X[i, j])))
     if not rows:
         return np.ones(n)
-    found = np.linalg.lstsq(np.array(rows), np.array(values))[0][:n]
-    return np.asarray(np.exp2(np.round(np.clip(found, -500, 500))))
+    table, bits, weights = np.array(rows), np.array(values), np.ones((len(rows), 1))
+    for _ in range(_REWEIGHTED):
+        found = np.linalg.lstsq(weights * table, weights[:, 0] * bits)[0]
+        weights = np.maximum(np.abs(table @ found - bits), 1.0)[:, None] ** -0.5
+    relative = np.round(found[:n] - found[0])  # the common factor is free
+    return np.asarray(np.exp2(np.clip(relative, -500, 500)))
 
 
 def approx_unobservable_modes(A: Matrix, C: Matrix) -> list[Mode]:

@@ -52,10 +52,10 @@ def claims(
         return existence  # no gains to speak of
     beyond = None if gains else "the gains are beyond binary64; choose other units for y, d or x"
     agreement = consistency(beyond, gains, _expected(problem))
-    if agreement.verdict == "proved" and (text := _false_first_state(gains)):
-        agreement = consistency(text, gains, _expected(problem))
     if agreement.verdict != "proved":
         return (agreement, *existence)
+    if text := _false_first_state(gains):
+        agreement = consistency(text, gains, _expected(problem))
     numbers = _exact_gains(problem, gains)
     plant, moved, pace = _in_own_units(problem, numbers)
     stable = _stable(numbers["F"], existence[-1].evidence)
