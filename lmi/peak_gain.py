@@ -71,4 +71,3 @@ def _below(F: Exact, B: Exact, C: Exact) -> Any:
         return np.zeros((len(C), B.shape[1]))
     left = entries(ball(C)) @ found
     return np.array([[float_below(abs(x).abs_lower()) for x in row] for row in left]).clip(0.0)
-

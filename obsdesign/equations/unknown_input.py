@@ -198,7 +198,7 @@ def zero_dynamics(A: Array, C: Array, D: Array, N: Array) -> Array:
     return A - D @ (N @ (C @ A))
 
 
-# the stored matrices are rounded: what they leave of the estimates for ever, relative to the signals
+# what the rounding of the stored matrices may leave of the estimates for ever, of the signals
 LASTING = 1e-6
 
 

@@ -49,6 +49,7 @@ from obsdesign.runtime.base import (
     Estimate,
     Sample,
     Vector,
+    first_time,
     later,
     optional_measurement,
     require_gains,
@@ -255,7 +256,7 @@ class IntervalObserver:
         """
         record = Columns.of(t, y, u, w, jump)
         times = record.t
-        state = self.init(float(times[0]), lower=lower, upper=upper)
+        state = self.init(first_time(times), lower=lower, upper=upper)
         lows, highs = np.empty((len(times), self.n)), np.empty((len(times), self.n))
         status = ["ok"] * len(times)
         ends = record.stretches()

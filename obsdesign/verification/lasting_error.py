@@ -1,4 +1,4 @@
-"""What the rounding of an unknown-input observer's stored matrices leaves of its estimates for ever.
+"""What the rounding of stored matrices leaves of the estimates of an unknown input for ever.
 
 Rounded matrices are no exact observer: the state, the inputs and the unknown input drive the error
 by `equations.leftovers`. What that comes to is bounded by the peak gain from each to each estimate.
