@@ -63,7 +63,13 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
     if not finite:
         yield Candidate("beyond binary64", {}, searched=True)
         return
-    yield Candidate(label, gains, searched="L" not in problem.gains)
+    yield Candidate(label, gains, searched=not ("L" in problem.gains or _asks_for_growth(problem)))
+
+
+def _asks_for_growth(problem: Problem) -> bool:
+    """Poles that do not decay refute what was asked, whatever gain gives them."""
+    real = [np.ravel(pole)[0] for pole in problem.options.get("poles", [])]
+    return any(value >= 0 for value in real)
 
 
 def _gains(problem: Problem, D: Matrix) -> tuple[str, dict[str, Any]]:
