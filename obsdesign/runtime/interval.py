@@ -254,9 +254,9 @@ class IntervalObserver:
         Stretches of equal steps are done together, all other rows by `step`: the bounds agree with
         those of `step` up to rounding, and hold as well.
         """
+        state = self.init(first_time(np.ravel(t)), lower=lower, upper=upper)
         record = Columns.of(t, y, u, w, jump)
         times = record.t
-        state = self.init(first_time(times), lower=lower, upper=upper)
         lows, highs = np.empty((len(times), self.n)), np.empty((len(times), self.n))
         status = ["ok"] * len(times)
         ends = record.stretches()

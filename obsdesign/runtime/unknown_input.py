@@ -43,6 +43,7 @@ from obsdesign.runtime.unknown_input_steps import (
     FreeStep,
     UnknownInputState,
     damped_slope,
+    kept,
     smoothed_record,
     stacked,
     usable,
@@ -163,7 +164,7 @@ class UnknownInputObserver(PointObserver[UnknownInputState]):
     def run(self, state: UnknownInputState, samples: Iterable[Sample]) -> Iterator[Estimate]:
         """Estimates for a stream of samples; with `batch`, of the record smoothed as a whole."""
         if self.gains["differentiator"] == "batch":
-            samples = smoothed_record(list(samples), self.gains["noise_std"])
+            samples = smoothed_record([kept(row) for row in samples], self.gains["noise_std"])
         return run(self, state, samples)
 
     def run_batch(

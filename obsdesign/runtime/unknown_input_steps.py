@@ -108,6 +108,12 @@ def usable(y: ArrayLike | None, size: int) -> tuple[Vector | None, str]:
     return found, ""
 
 
+def kept(sample: Sample) -> Sample:
+    """A sample that outlives the caller's arrays."""
+    y, u = (None if values is None else np.array(values) for values in (sample.y, sample.u))
+    return sample._replace(y=y, u=u)
+
+
 def smoothed_record(samples: Sequence[Sample], deviation: Vector) -> list[Sample]:
     """The samples with each output smoothed to its noise; missing ones stay missing."""
     rows = [usable(sample.y, len(deviation))[0] for sample in samples]
