@@ -231,7 +231,7 @@ class IntervalObserver:
         if guard.last_jump is not None and guard.after(t, False)[1]:
             return None
         ends, n = maximum(out[one], out[two]), self._n
-        following = IntervalState(t, out[box], state.u, y, guard, True, t)
+        following = IntervalState(t, out[box], state.u, v[y_end], guard, True, t)
         return following, Estimate(t, None, ends[:n], -ends[n:])
 
     def run(self, state: IntervalState, samples: Iterable[Sample]) -> Iterator[Estimate]:
