@@ -17,7 +17,6 @@ from dataclasses import dataclass
 import clarabel
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
 
 Matrix = NDArray[np.float64]
 Inequality = Callable[..., Matrix]  # unknowns -> (k, m, m) symmetric
@@ -109,6 +108,8 @@ def _solved(A: Matrix, b: Matrix, cones: list[object]) -> Matrix | None:
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     settings.max_threads = 1
+    from scipy import sparse  # slow to import
+
     empty = sparse.csc_matrix((A.shape[1], A.shape[1]))
     solver = clarabel.DefaultSolver(empty, objective, sparse.csc_matrix(A), b, cones, settings)
     x = np.array(solver.solve().x)

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from lmi.balls import exact, to_float
 from lmi.families import Edge
+from lmi.linear_program import minimise
 from lmi.positive import FORMS, SIDES, prove_copositive
 from lmi.verdict import Verdict, undecided
 
@@ -78,14 +79,12 @@ def _program(operators: Matrix) -> Matrix | None:
     """v of the largest t for these maps; None when t is not positive."""
     k, n, _ = operators.shape
     rows = (operators - np.eye(n)).reshape(k * n, n)
-    A = np.hstack([rows, np.ones((k * n, 1))])
-    sums = np.concatenate([np.ones(n), [0.0]])[None]
-    bounds = [(0, None)] * n + [(None, 1.0)]
-    cost = np.concatenate([np.zeros(n), [-1.0]])
-    from scipy.optimize import linprog  # slow to import, and rarely needed
-
-    answer = linprog(cost, A_ub=A, b_ub=np.zeros(k * n), A_eq=sums, b_eq=[float(n)], bounds=bounds,
-                     method="highs")  # fmt: skip
-    if answer.x is None or answer.x[-1] <= 1e-9 or not (answer.x[:n] > 0).all():
+    sums = np.concatenate([np.ones(n), [0.0]])
+    A = np.vstack([np.hstack([rows, np.ones((k * n, 1))]), sums])
+    sides = np.full(k * n + 1, -np.inf), np.zeros(k * n + 1)
+    sides[0][-1] = sides[1][-1] = n
+    bounds = np.array([*np.zeros(n), -np.inf]), np.array([*np.full(n, np.inf), 1.0])
+    x = minimise(-np.eye(n + 1)[-1], A, sides, bounds)
+    if x is None or x[-1] <= 1e-9 or not (x[:n] > 0).all():
         return None
-    return np.asarray(answer.x[:n], dtype=np.float64)
+    return x[:n]

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lmi.families import FEWEST, Edge, balance, moved_between, slack_of, worst
+from lmi.patience import until
 from lmi.semidefinite import FLOOR, Solution, common_matrices
 
 Matrix = NDArray[Any]
@@ -121,7 +122,7 @@ def propose_edges(
         owner = np.repeat(np.arange(len(edges)), counts)
         source, target = (np.array([getattr(e, end) for e in edges]) for end in _ENDS)
         search = _Search(tuple(edges), nodes, thetas, maps, owner, starts, source, target,
-                         time.process_time() + seconds)  # fmt: skip
+                         until(seconds))  # fmt: skip
         return search.run([*seeds], start)
 
 

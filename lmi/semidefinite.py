@@ -14,11 +14,14 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import clarabel
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
+
+if TYPE_CHECKING:
+    from scipy import sparse
 
 Matrix = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -51,6 +54,8 @@ def common_matrices(
     source, target: (k,) node of each map; None where there is one node. A rate gamma belongs into
     the maps: M / gamma. seconds: time for the solver, whose numbers then are what it has got.
     """
+    from scipy import sparse  # slow to import, and not every problem needs a solver
+
     k, n = maps.shape[:2]
     size = n * (n + 1) // 2
     none = np.zeros(k, dtype=np.intp)
@@ -86,6 +91,8 @@ def _constraints(
     maps: Matrix, source: Indices, target: Indices, nodes: int, floor: float
 ) -> tuple[sparse.csc_matrix, Matrix]:
     """A, b of A x + s = b with s in the cones: the maps, then P_w >= floor I, then the trace."""
+    from scipy import sparse
+
     k, n = maps.shape[:2]
     size, unit = n * (n + 1) // 2, svec(np.eye(n))
     rows, own = (k + nodes) * size + 1, np.eye(size)

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from lmi.balls import Exact, rank_factors, to_float
 from lmi.cutting_plane import Cut, Grids, Proposal, propose_edges
 from lmi.families import Edge, horizon
+from lmi.patience import until
 from lmi.splitting import Limits, cuttings
 from lmi.verdict import Verdict, undecided
 from lmi.windows import Links, Windows, whole
@@ -72,10 +73,10 @@ def find_windows(
     """
     budget, limits = budget or Budget(), limits or Limits()
     family = _Family.of(F, H, low, high, jitter)
-    began = time.process_time()
-    found = family.search(start, limits, budget, began)
+    deadline = until(budget.seconds)
+    found = family.search(start, limits, budget, deadline)
     if found.verdict.outcome != "proved" and limits.future > 0 and start is None:
-        back = family.search(None, Limits(limits.past, 0), budget, began)
+        back = family.search(None, Limits(limits.past, 0), budget, deadline)
         found = back if back.verdict.outcome == "proved" else found
     return found
 
@@ -114,22 +115,22 @@ class _Family:
         ]
 
     def search(
-        self, start: tuple[Windows, Matrix] | None, limits: Limits, budget: Budget, began: float
+        self, start: tuple[Windows, Matrix] | None, limits: Limits, budget: Budget, deadline: float
     ) -> Found:
         """Rounds of solving and cutting."""
         windows, L = (whole(self.low, self.high), None) if start is None else start
         links, seeds = windows.links(self.jitter), list[Cut]()
         while True:
-            left = budget.seconds - (time.process_time() - began)
+            left = deadline - time.process_time()
             proposal = propose_edges(
                 self.edges(links), len(windows), seeds, L, grids=self.grids, seconds=left
             )
             if proposal.matrices is not None:
                 return self._proved(windows, links, proposal)
             why = f"no P fit {len(windows)} windows of dwell times"
-            left = budget.seconds - (time.process_time() - began)
+            left = deadline - time.process_time()
             if proposal.masses is None or proposal.coordinates is None:
-                short = f"the search ended after {budget.seconds:g} s"
+                short = "the search ended with its time"
                 short = short if left < 0 else "the solver gave no numbers"
                 return Found(undecided(f"{why}: {short}"), proposal.thetas)
             cuts = cuttings(windows, links, np.array(proposal.owners), np.array(proposal.thetas),
@@ -139,8 +140,8 @@ class _Family:
             if not cuts:
                 return Found(undecided(f"{why}, and none of them can be cut further"), thetas)
             if len(windows) >= budget.windows or left < 0:
-                spent = f"{budget.seconds:g} s" if left < 0 else f"{budget.windows} windows"
-                return Found(undecided(f"{why}; the search ended after {spent}"), thetas)
+                spent = "with its time" if left < 0 else f"after {budget.windows} windows"
+                return Found(undecided(f"{why}; the search ended {spent}"), thetas)
             finer, parents = windows.cut(cuts[: budget.windows - len(windows)])
             following = finer.links(self.jitter)
             seeds = _carried(links, proposal, heavy, following, parents)

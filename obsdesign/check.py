@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from typing import Any
 
+from lmi.patience import at_most, left
 from obsdesign import workflow
 from obsdesign.advice import next_step
 from obsdesign.errors import InputError
 from obsdesign.kinds import KINDS
 from obsdesign.problem import Problem
+
+# of processor time: a glance, not a search; more for the kind that the problem is about
+_SECONDS, _OWN_SECONDS = 0.3, 2.0
 
 
 def check_all(problem: Problem) -> tuple[str, dict[str, dict[str, Any]]]:
@@ -24,9 +28,12 @@ def check_all(problem: Problem) -> tuple[str, dict[str, dict[str, Any]]]:
 
 def check_kind(problem: Problem, kind: str) -> dict[str, Any]:
     """The verdict on one kind, its reasons, one sentence each, and what to try next."""
+    impatient = False
     try:
         asked, _ = problem.for_kind(kind)
-        outcome = workflow.investigate(asked)
+        with at_most(_OWN_SECONDS if kind == problem.kind else _SECONDS):
+            outcome = workflow.investigate(asked)
+            impatient = left() < 0
     except InputError as error:
         open_gain = "is required by kind" in str(error) and "observer.gains" in str(error)
         verdict, failed, reasons = "undecided" if open_gain else "refuted", [], [str(error)]
@@ -39,5 +46,8 @@ def check_kind(problem: Problem, kind: str) -> dict[str, Any]:
         )
         reasons = [f"{claim.id}: {workflow.reason(claim)}" for claim in failed]
     first = failed[0].id if failed else None
+    if impatient and verdict == "undecided":
+        step = f"This was a quick look: `obsdesign design PROBLEM --kind {kind}` searches longer."
+        return {"verdict": verdict, "reasons": reasons, "next": step}
     step = next_step(kind, verdict, first, reasons[0] if reasons else "")
     return {"verdict": verdict, "reasons": reasons, "next": step}

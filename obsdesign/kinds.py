@@ -31,7 +31,7 @@ OPTIONS: Mapping[str, tuple[str, ...]] = {
     "finite_time": ("window", "method", "objective", "half_sample_correction"),
     "impulsive_input": (
         "window", "exponents", "margin", "ratio", "weighting", "operator", "state_correction",
-        "nonnegative", "threshold",
+        "nonnegative", "threshold", "check_exponents",
     ),
     "unknown_input": ("poles", "weights", "differentiator"),
 }  # fmt: skip

@@ -8,6 +8,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from obsdesign.document import Claim, jsonable
+from obsdesign.evidence import numbers_of
 from obsdesign.workflow import Outcome, reason
 
 if TYPE_CHECKING:
@@ -136,8 +137,8 @@ def show_bracket(what: str, outcome: Outcome) -> None:
         print(f"  not one interval: constant dwell times in [{low:g}, {high:g}] contract as well")
 
 
-def show(outcome: Outcome) -> None:
-    """Verdict and claims as a table on stdout."""
+def show(outcome: Outcome, numbers: bool = False) -> None:
+    """Verdict and claims as a table on stdout; on demand with the numbers behind them."""
     from rich.console import Console
     from rich.markup import escape
     from rich.table import Table
@@ -151,12 +152,19 @@ def show(outcome: Outcome) -> None:
         table.add_column(title, overflow="fold")
     for claim in outcome.claims:
         mark = f"[{_COLOURS[claim.verdict]}]{claim.verdict}[/]"
-        table.add_row(mark, claim.id, escape(_told(claim)))
+        what = escape(_told(claim))
+        if numbers:
+            lines = (f"{name}: {value}" for name, value in numbers_of(claim.evidence))
+            what = "\n".join([what, *(f"[dim]{escape(line)}[/]" for line in lines)])
+        table.add_row(mark, claim.id, what)
     console.print(table)
     for label, entry in outcome.result.get("forms", {}).items():
         if label != outcome.result.get("form") and entry["verdict"] != "proved":
             why = escape("; ".join(entry["reasons"]))
             console.print(f"form {label} is {entry['verdict']}: {why}")
+    if numbers and outcome.design is not None:
+        seconds = outcome.design.provenance.get("seconds")
+        console.print(f"[dim]designed in {seconds} s[/]")
     told = outcome.design is not None and outcome.verdict != "refuted"
     for guarantee in outcome.design.guarantees if told and outcome.design else ():
         word = "[green]guaranteed[/]" if guarantee["given"] else "[yellow]not guaranteed[/]"

@@ -9,7 +9,7 @@ import base64
 import json
 import tempfile
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -21,6 +21,7 @@ from obsdesign import workflow
 from obsdesign.curves import curve_of
 from obsdesign.document import Design, jsonable, load_design, write_text
 from obsdesign.errors import InputError
+from obsdesign.evidence import numbers_of
 from obsdesign.execution import execute
 from obsdesign.problem import Problem
 from obsdesign.records import table_text
@@ -39,8 +40,8 @@ _VERDICTS = {
     "undecided": "Not every claim could be proved: the marked ones are open, and nothing may be "
     "built on them.",
 }
-# gains with more entries than this are named, not shown; lists of evidence likewise
-_MOST_ENTRIES, _MOST_LISTED = 64, 8
+# gains with more entries than this are named, not shown
+_MOST_ENTRIES = 64
 
 
 def write_report(
@@ -126,33 +127,8 @@ def _claim(claim: Any) -> dict[str, Any]:
         "statement": claim.statement,
         "source": claim.source,
         "why": "" if claim.verdict == "proved" else workflow.reason(claim),
-        "numbers": list(_numbers(claim.evidence)),
+        "numbers": list(numbers_of(claim.evidence)),
     }
-
-
-def _numbers(evidence: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:
-    """What a proof says in few numbers; its matrices stay in the file."""
-    for key, value in evidence.items():
-        name = f"{prefix}{key.replace('_', ' ')}"
-        if isinstance(value, Mapping):
-            if key != "witness" and len(value) <= _MOST_LISTED:
-                yield from _numbers(value, f"{name}: ")
-        elif isinstance(value, bool | str | int | float | np.number):
-            yield name, _number(value)
-        elif _is_short_list(value):
-            yield name, ", ".join(_number(x) for x in value)
-
-
-def _is_short_list(value: Any) -> bool:
-    if not isinstance(value, list | tuple | np.ndarray) or len(value) > _MOST_LISTED:
-        return False
-    return np.ndim(np.asarray(value, dtype=object)) == 1
-
-
-def _number(value: Any) -> str:
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    return f"{value:.6g}" if isinstance(value, float | np.number) else str(value)
 
 
 def _origin(design: Design, digest: str) -> list[tuple[str, str]]:

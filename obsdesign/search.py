@@ -55,10 +55,22 @@ def search(problem: Problem, what: str, accuracy: float = ACCURACY) -> workflow.
     no range is admissible. InputError when the kind has no such search.
     """
     kind = problem.require_kind()
+    require_search(problem, what, accuracy)
+    if what in period_search.PERIOD_SEARCHES:
+        return period_search.search_period(problem, what)
+    shortest = what == "shortest_dwell"
+    tried = [_bracket(problem, candidate, shortest, accuracy) for candidate in _candidates(problem)]
+    best = max(tried, key=lambda one: one.reach(shortest))
+    return _outcome(problem, kind, best, shortest, accuracy)
+
+
+def require_search(problem: Problem, what: str, accuracy: float = ACCURACY) -> None:
+    """InputError unless `search` can be asked this of a problem of this kind."""
+    kind = problem.require_kind()
     if what not in SEARCHES:
         raise InputError(f"--for must be one of {', '.join(SEARCHES)}; got {what!r}.")
     if kind == "finite_time" and what in period_search.PERIOD_SEARCHES:
-        return period_search.search_period(problem, what)
+        return
     if what not in DWELL_SEARCHES or kind not in ("interval", "luenberger"):
         raise InputError(f"--for {what} is not available for kind {kind!r} in this version.")
     if problem.plant.output.measured == "periodic":
@@ -73,10 +85,6 @@ def search(problem: Problem, what: str, accuracy: float = ACCURACY) -> workflow.
         raise InputError(
             "--for dwell times: observer.schedule divides a range that is fixed; search without it."
         )
-    shortest = what == "shortest_dwell"
-    tried = [_bracket(problem, candidate, shortest, accuracy) for candidate in _candidates(problem)]
-    best = max(tried, key=lambda one: one.reach(shortest))
-    return _outcome(problem, kind, best, shortest, accuracy)
 
 
 def _candidates(problem: Problem) -> list[Any]:

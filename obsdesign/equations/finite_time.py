@@ -106,6 +106,14 @@ def stored_plant(plant: Any) -> dict[str, Any]:
     return data
 
 
+def relative_deviations(output: Any) -> Array:
+    """Relative sizes of the outputs' errors: standard deviations, else bounds, else equal."""
+    for sizes in (output.noise_std, output.noise_bound):
+        if (sizes > 0).all():
+            return np.asarray(sizes / sizes.max())
+    return np.ones(len(output.C))
+
+
 # --- what the samples see -----------------------------------------------------------------------
 
 

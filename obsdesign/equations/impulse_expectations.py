@@ -14,12 +14,16 @@ from numpy.typing import NDArray
 
 from lmi.exponential import expm
 from obsdesign.equations.impulse_fit import ImpulseCurve
-from obsdesign.equations.impulsive_input import filtered_system, neglected_ratio, window_taps
+from obsdesign.equations.impulsive_input import (
+    OLD,
+    filtered_system,
+    neglected_ratio,
+    window_taps,
+)
 
 Array = NDArray[Any]
 
 _MOST_SAMPLES = 20_000
-_OLD = 0.7
 
 
 def expectations(D: Array, gains: Any) -> dict[str, float]:
@@ -29,7 +33,7 @@ def expectations(D: Array, gains: Any) -> dict[str, float]:
     curve = ImpulseCurve.of(filtered_system(D, C, exponents), H, tau)
     size = np.linalg.norm(curve.states[:, n:], axis=(1, 2))
     top = int(np.argmax(size))
-    age = float(curve.ages[top]) if gains["rule"] == "peak" else _OLD * tau
+    age = float(curve.ages[top]) if gains["rule"] == "peak" else OLD * curve.oldest
     found = {"peak_age": float(curve.ages[top]), "peak": float(size[top]), "evaluated_at_age": age,
              "latency": tau}  # fmt: skip
     worst, _ = neglected_ratio(D, C, H, exponents, tau, margin)

@@ -26,6 +26,7 @@ Array = NDArray[Any]
 _POINTS = 160
 _MOST_POINTS = 4000
 _LONGEST_REACH = 20.0  # |F| step beyond which Taylor's series loses too many digits
+_LEFT = 1e-3  # of the largest |b|: ages that leave less are not searched
 _NEWTON_STEPS = 60
 _SETTLED = 1e-6  # of a cell of the grid: Newton steps this small converge quadratically
 _CLOSE = 0.9  # of the highest: lower grid maxima cannot win by refining
@@ -53,7 +54,7 @@ class ImpulseCurve:
 
         n: entries in front that are no features; by default the states of the plant.
         """
-        size = _balanced_size(F)
+        size = balanced_size(F)
         count = int(min(max(points, math.ceil(size * tau)), _MOST_POINTS))
         step = tau / count
         if not size * step <= _LONGEST_REACH:
@@ -74,6 +75,16 @@ class ImpulseCurve:
         """Grid of ages, (G,)."""
         return self.step * np.arange(len(self.states))
 
+    @property
+    def oldest(self) -> float:
+        """Age from which less than a thousandth of |b| is left, in some direction; else the last.
+
+        Beyond it whatever is in the window would be explained by an immense old impulse.
+        """
+        sizes = np.linalg.norm(self.states[:, self.n :], axis=1)  # (G, q)
+        left = (sizes >= _LEFT * sizes.max(axis=0)).all(axis=1)
+        return float(self.ages[np.flatnonzero(left)[-1]]) if left.any() else 0.0
+
     def series(self, k: int) -> Array:
         """Taylor coefficients of the curve about grid point k, (terms, n + mp, q)."""
         found = np.empty((self.terms, *self.states.shape[1:]))
@@ -88,7 +99,7 @@ class ImpulseCurve:
         return _sum(self.series(k), age - k * self.step)
 
 
-def _balanced_size(F: Array) -> float:
+def balanced_size(F: Array) -> float:
     """Norm of F in units of its entries that make it small: units of the states do not matter."""
     X = np.abs(np.asarray(F, dtype=np.float64))
     for _ in range(20):

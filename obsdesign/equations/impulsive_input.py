@@ -35,6 +35,10 @@ Array = NDArray[Any]
 # lambda h beyond which a kernel bends too much between two samples for an integral operator, and
 # the same for the fastest mode of the plant
 _COARSE = 1.0
+# rule "position": age from which an impulse is evaluated, of the window
+OLD = 0.7
+# rule "peak": where the peak of |b| must lie, of the window, and how far |b| must fall to its end
+_LATEST_PEAK, _FALLEN = 0.9, 0.98
 OPERATORS = ("integral", "samples")
 WEIGHTINGS = ("plain", "gls")
 RULES = ("peak", "position", "threshold")
@@ -81,14 +85,15 @@ def impulse_responses(F: Array, H: Array, step: float, count: int) -> Array:
 def has_peak(F: Array, H: Array, tau: float, margin: float, count: int = 400) -> bool:
     """Does |b(age)| rise to one maximum at an age in (margin, tau) and fall from there? On a grid.
 
-    Then the maximum of |R| tells when to evaluate an impulse, whatever its weight (Section IV).
+    Then the maximum of |R| tells when to evaluate an impulse, whatever its weight (Section IV). It
+    must have come and gone before the impulse leaves the window, when |R| may rise again.
     """
     if H.shape[1] > 1:
         return False  # where the maximum is depends on the weights
     size = np.linalg.norm(impulse_responses(F, H, tau / count, count + 1)[:, len(H) :, 0], axis=1)
     top = int(np.argmax(size))
     rising, falling = np.diff(size[: top + 1]), np.diff(size[top:])
-    inside = margin < top * tau / count < tau * (1 - 2 / count)
+    inside = margin < top * tau / count <= _LATEST_PEAK * tau and size[-1] < _FALLEN * size[top]
     return bool(inside and (rising > 0).all() and (falling < 0).all())
 
 

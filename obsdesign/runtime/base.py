@@ -178,6 +178,7 @@ class Batch:
     upper: NDArray[np.float64] | None
     d: NDArray[np.float64] | None
     status: tuple[str, ...] = field(default=())
+    events: tuple[Any, ...] = field(default=())  # impulses that were found, in order
 
 
 def first_time(times: Vector) -> float:
@@ -196,7 +197,10 @@ def collect(estimates: Iterable[Estimate]) -> Batch:
         return None if not values or values[0] is None else np.array(values)
 
     columns = {name: stacked(name) for name in ("x", "lower", "upper", "d")}
-    return Batch(np.array([row.t for row in rows]), **columns, status=tuple(r.status for r in rows))
+    return Batch(
+        np.array([row.t for row in rows]), **columns, status=tuple(r.status for r in rows),
+        events=tuple(event for row in rows for event in row.events),
+    )  # fmt: skip
 
 
 def rows_of(

@@ -30,11 +30,12 @@ from obsdesign.runtime.base import (
     optional_measurement,
     vector,
 )
-from obsdesign.runtime.sampling_window import FiniteTimeState, SamplingWindow
+from obsdesign.runtime.sampling_window import FiniteTimeState
+from obsdesign.runtime.steady_window import SteadyWindow
 
 
 @dataclass(frozen=True)
-class FiniteTimeObserver(SamplingWindow):
+class FiniteTimeObserver(SteadyWindow):
     """Executes a design of kind `finite_time`."""
 
     kind: ClassVar[str] = "finite_time"
@@ -73,10 +74,10 @@ class FiniteTimeObserver(SamplingWindow):
         ValueError if time does not increase (the first sample may share the initial time).
         """
         t = later(sample.t, state.t, state.started)
-        if state.good and not sample.jump and sample.u is None:
-            steady = self._steady(state, t, sample.y)
+        if state.good and not sample.jump:
+            steady = self._steady(state, t, sample)
             if steady is not None:
-                return steady, Estimate(t, x=steady.x)
+                return steady
         y = optional_measurement(sample.y, self._p)
         state, at_instant, irregular = self._to(state, t, y is not None)
         if sample.jump and self.gains.get("jump_measurement") != "before":
@@ -97,30 +98,6 @@ class FiniteTimeObserver(SamplingWindow):
             state = state._replace(u=u, drive=self._drive(u))
         state = state._replace(started=True)
         return state, self._estimate(state, irregular)
-
-    def _steady(
-        self, state: FiniteTimeState, t: float, y: ArrayLike | None
-    ) -> FiniteTimeState | None:
-        """The usual step, from one instant to the next with a full window; None for any other."""
-        due = self._driven and state.since + 1 >= self.k
-        if due or self._special or state.sampled != state.t or state.missing:
-            return None  # good, hence full, is known
-        period = self._period
-        if abs(t - state.t - period) > self._slack(t, period):
-            return None
-        if not isinstance(y, np.ndarray) or y.shape != (self._p,) or not math.isfinite(y.dot(y)):
-            return None  # a square that overflows takes the long way too
-        # dot, as its overhead is half that of @
-        x, w, residual = self._gain.dot(state.window), state.w, y
-        if self._driven:  # one product for w and what it measures
-            moved = self._flow_and_seen.dot(state.w) + state.drive
-            w, residual = moved[: -self._p], y - moved[-self._p :]
-            x = w + x
-        window = np.concatenate((state.window[self._p :], residual))
-        return FiniteTimeState(
-            t, x, w, state.u, state.drive, window, None, state.filled, 0, state.since + 1, t,
-            True, x, state.radius, state.slip, True,
-        )  # fmt: skip
 
     # --- time ---------------------------------------------------------------------------------
 
@@ -158,8 +135,7 @@ class FiniteTimeObserver(SamplingWindow):
         status = "; ".join(reasons) or "ok"
         if not self.bounded:
             return Estimate(state.t, x=state.x, status=status)
-        low, high = state.centre - state.radius, state.centre + state.radius
-        low, high = np.nextafter(low, -np.inf), np.nextafter(high, np.inf)
+        low, high = self._ends(state.centre, state.radius)
         return Estimate(state.t, x=state.x, lower=low, upper=high, status=status)
 
 

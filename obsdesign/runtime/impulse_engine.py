@@ -7,14 +7,12 @@ and a new search begins there: no sample is used twice.
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lmi.exponential import expm, exponential_grid
 from obsdesign.equations.estimation_error import flow_error_matrix
 from obsdesign.equations.impulse_fit import ImpulseCurve
 from obsdesign.equations.impulsive_input import filtered_system, window_matrix
@@ -22,24 +20,25 @@ from obsdesign.runtime.base import Estimate, Vector
 from obsdesign.runtime.impulse_estimate import (
     Decision,
     Evaluator,
-    Event,
     Window,
     feature_deviation,
+    noise_deviation,
     whitened,
 )
+from obsdesign.runtime.impulse_noise import added_by_noise, covariance_at, first_covariance
+from obsdesign.runtime.impulse_rows import IntegralLive, Rows
 from obsdesign.runtime.impulse_search import Position, Rule, Search, smoothed
-from obsdesign.runtime.impulse_track import FreeRun, Track
-from obsdesign.runtime.luenberger import responses
+from obsdesign.runtime.impulse_track import FreeRun
 
 Array = NDArray[Any]
 
 _FLOOR = 8.0  # |R| must exceed this many deviations of noise
 _EXACT_FLOOR = 1e-7  # and this part of what the output itself leaves in R: interpolation, rounding
+_MISFIT = 0.05  # of the residual: what an impulse may leave of it where there is no noise
 _LEAST = 6.0  # deviations that an impulse must explain before it is evaluated by its position
 _SMOOTHING = 0.05  # half width of the moving average, of the window
 # part of |R| that a rise or a drop must have; without noise only interpolation disturbs it
 _NOISY_SHARE, _EXACT_SHARE = 0.05, 1e-3
-_MISSING, _OPEN = "missing sample", "unresolved"
 
 
 class Live(Protocol):
@@ -62,38 +61,15 @@ class Engine(Protocol):
         """Rows that are not decided."""
 
 
-@dataclass(frozen=True, slots=True)
-class IntegralLive:
-    """t, x, u: last row and the estimate there. track: rows that are open, None before the first
-    measurement. norms: |R| of the first of them. waiting: rows after the last measurement.
-    """
-
-    t: float
-    x: Vector
-    u: Vector
-    covariance: Array | None
-    since: float  # time of the covariance
-    track: Track | None = None
-    norms: Array = field(default_factory=lambda: np.zeros(0))
-    search: Search = field(default_factory=Search)
-    rule: Rule | None = None
-    position: Position | None = None
-    waiting: tuple[tuple[float, Vector], ...] = ()
-    first: float | None = None  # time of the first row: the phase of periodic samples
-    last_event: float = -math.inf
-    doubt: tuple[float, float, str] = (math.inf, -math.inf, "")  # rows that a flagged event covers
-
-
 @dataclass(frozen=True)
 class IntegralEngine:
     """Parameters: the free run, the evaluation of a window, the plant, its noise and dwell time."""
 
     run: FreeRun
+    rows: Rows
     evaluator: Evaluator
-    A: Array
     noise: tuple[Vector, Vector]
     dwell: float
-    period: float | None
     threshold: float | None
     positional: bool
 
@@ -111,11 +87,11 @@ class IntegralEngine:
             ImpulseCurve.of(F, H, tau), gains["weighting"] == "gls",
             bool(gains.get("state_correction", False)), bool(gains.get("nonnegative", False)),
         )  # fmt: skip
+        run = FreeRun(A, K, C, B, drift, exponents, tau)
         return cls(
-            FreeRun(A, K, C, B, drift, exponents, tau), evaluator, A,
+            run, Rows(run, gains.get("period")), evaluator,
             (gains["noise_std"], gains["noise_cv"]), float(gains["dwell_time"][0]),
-            gains.get("period"), gains.get("threshold"),
-            gains.get("rule") == "position",
+            gains.get("threshold"), gains.get("rule") == "position",
         )  # fmt: skip
 
     # --- rows in ------------------------------------------------------------------------------
@@ -136,102 +112,19 @@ class IntegralEngine:
         if live.track is None:
             start = int(np.argmax(seen)) if seen.any() else len(t)
             for k in range(min(start + 1, len(t))):
-                x = self._predicted(live.t, live.x, live.u, float(t[k]))
+                x = self.rows.predicted(live.t, live.x, live.u, float(t[k]))
                 live = replace(live, t=float(t[k]), x=x, u=u[k])
                 if k < start:
-                    decided.append(Estimate(live.t, x=x, status=self._status(live, live.t, False)))
+                    decided.append(
+                        Estimate(live.t, x=x, status=self.rows.status(live, live.t, False))
+                    )
             if start == len(t):
                 return live, decided
             track = self.run.begin(live.t, y[start], u[start], live.x)
             live = replace(live, track=track, since=live.t)
             start += 1
-        live = self._appended(live, t[start:], y[start:], u[start:], seen[start:])
+        live = self.rows.appended(live, t[start:], y[start:], u[start:], seen[start:])
         return self._searched(live, decided)
-
-    def _appended(
-        self, live: IntegralLive, t: Array, y: Array, u: Array, seen: Any
-    ) -> IntegralLive:
-        """Rows up to the last measurement join the track; y is interpolated where it is missing."""
-        assert live.track is not None
-        known = int(np.flatnonzero(seen)[-1]) + 1 if seen.any() else 0
-        late = tuple((float(t[k]), u[k]) for k in range(known, len(t)))
-        if known:
-            wait_t = np.array([row[0] for row in live.waiting])
-            wait_u = np.array([row[1] for row in live.waiting]).reshape(len(wait_t), u.shape[1])
-            times = np.concatenate([wait_t, t[:known]])
-            there = np.concatenate([np.zeros(len(wait_t), bool), seen[:known]])
-            values = np.concatenate([np.full((len(wait_t), y.shape[1]), np.nan), y[:known]])
-            nodes = np.concatenate([live.track.t[-1:], times[there]])
-            for j in range(y.shape[1]):
-                at_nodes = np.concatenate([live.track.y[-1:, j], values[there, j]])
-                values[:, j] = np.where(there, values[:, j], np.interp(times, nodes, at_nodes))
-            inputs = np.concatenate([wait_u, u[:known]])
-            track = self.run.extended(live.track, times, values, inputs, there)
-            live = replace(live, track=track, waiting=())
-        return replace(live, waiting=live.waiting + late)
-
-    def prediction(self, live: IntegralLive) -> Vector:
-        """The free run at the last row; without measurement there, the plant from the last one."""
-        if live.track is None:
-            return live.x
-        t, x, u = float(live.track.t[-1]), live.track.x[-1], live.track.u[-1]
-        for time, following in live.waiting:
-            x, t, u = self._predicted(t, x, u, time), time, following
-        return np.asarray(x)
-
-    def _predicted(self, t: float, x: Vector, u: Vector, until: float) -> Vector:
-        if until <= t:
-            return x
-        flow, once, _ = responses(self.A, until - t)
-        return np.asarray(flow @ x + once @ (self.run.B @ u + self.run.drift))
-
-    # --- rows out -----------------------------------------------------------------------------
-
-    def tail(self, live: IntegralLive) -> tuple[Estimate, ...]:
-        """Rows of the last window: an impulse in them may not have been seen yet."""
-        if live.track is None:
-            return ()
-        rows = self._rows(live, len(live.track.t), _OPEN)
-        t, x, u = float(live.track.t[-1]), live.track.x[-1], live.track.u[-1]
-        for time, following in live.waiting:
-            x, t, u = self._predicted(t, x, u, time), time, following
-            missing = self._status(live, time, False)
-            status = _OPEN if missing == "ok" else f"{missing}; {_OPEN}"
-            rows.append(Estimate(time, x=x, status=status))
-        return tuple(rows)
-
-    def _rows(
-        self, live: IntegralLive, count: int, more: str = "", event: Event | None = None
-    ) -> list[Estimate]:
-        """Estimates for the first rows of the track; `event` goes with the first row after it."""
-        track = live.track
-        assert track is not None
-        found = []
-        times, seen, x = (
-            track.t[:count].tolist(),
-            track.seen[:count].tolist(),
-            list(track.x[:count]),
-        )
-        for k, t in enumerate(times):
-            status = more or "ok"
-            if not seen[k] or live.doubt[0] <= t <= live.doubt[1]:
-                words = [self._status(live, t, seen[k])]
-                words += [live.doubt[2]] if live.doubt[0] <= t <= live.doubt[1] else []
-                status = "; ".join(w for w in (*words, more) if w and w != "ok") or "ok"
-            events: tuple[Event, ...] = ()
-            if event is not None and (t >= event.t or k == count - 1):
-                events, event = (event,), None
-            found.append(Estimate(t, x=x[k], events=events, status=status))
-        return found
-
-    def _status(self, live: IntegralLive, t: float, seen: bool) -> str:
-        if seen:
-            return "ok"
-        if self.period is not None and live.first is not None:
-            count = (t - live.first) / self.period
-            if abs(count - round(count)) > 1e-6:
-                return "ok"  # a row between two samples misses none
-        return _MISSING
 
     def _dropped(self, live: IntegralLive) -> tuple[IntegralLive, list[Estimate]]:
         """Give out rows in front that no impulse can change any more."""
@@ -242,11 +135,19 @@ class IntegralEngine:
             front = int(np.searchsorted(live.track.t, live.track.t[front] - 1.01 * half))
         if front <= 0:
             return live, []
-        rows = self._rows(live, front)
+        rows = self.rows.given(live, front)
         return replace(
             live, track=live.track.without(front), norms=live.norms[front:],
             search=live.search.moved(front),
         ), rows  # fmt: skip
+
+    def prediction(self, live: IntegralLive) -> Vector:
+        """The estimate at the last row, as far as it is known."""
+        return self.rows.prediction(live)
+
+    def tail(self, live: IntegralLive) -> tuple[Estimate, ...]:
+        """Rows that are not decided."""
+        return self.rows.tail(live)
 
     # --- search -------------------------------------------------------------------------------
 
@@ -300,13 +201,13 @@ class IntegralEngine:
         floor = max(_FLOOR * sigma, _EXACT_FLOOR * size)
         P = live.covariance
         if self.evaluator.gls and P is None:
-            P = self._first_covariance(track, stop)
+            P = first_covariance(self.run, self.evaluator.H, track, stop)
         if self.positional:
             unit = spread if sigma > 0 else np.ones_like(spread)
             T = whitened(taps, track.y[:stop], unit)[1]
             curve = self.evaluator.curve
             b = curve.states[1:, curve.n :]
-            position = Position.of(T, curve.ages[1:], b, self.run.tau)
+            position = Position.of(T, curve.ages[1:], b, self.evaluator.oldest)
             own = T @ (taps.T @ track.y[:stop]).T.reshape(-1)
             exact = _EXACT_FLOOR * float(np.linalg.norm(own))
             rule = Rule(0.0, 0.0, 0.0, max(_LEAST if sigma > 0 else 0.0, exact))
@@ -314,19 +215,6 @@ class IntegralEngine:
         share = _NOISY_SHARE if sigma > 0 else _EXACT_SHARE
         rule = Rule(floor, sigma, share, self.threshold)
         return replace(live, rule=rule, covariance=P)
-
-    def _first_covariance(self, track: Track, stop: int) -> Array:
-        """As wide as an impulse that would explain the range of y in the first window."""
-        count = 64
-        grid = exponential_grid(self.A, 0.0, self.run.tau / count, count + 1)
-        states = np.einsum("kij,jq->kiq", grid, self.evaluator.H)
-        shown = np.abs(np.einsum("pi,kiq->kpq", self.run.C, states)).max(axis=0)  # (p, q)
-        ranges = np.ptp(track.y[:stop], axis=0) + np.abs(track.y[0] - self.run.C @ track.x[0])
-        with np.errstate(divide="ignore"):
-            weights = np.where(shown > 0, ranges[:, None] / shown, 0.0).max(axis=0)
-        sizes = (np.abs(states) * weights).max(axis=(0, 2))
-        largest = float(sizes.max()) or 1.0
-        return np.diag(np.maximum(sizes, 1e-6 * largest) ** 2)
 
     def _window(self, live: IntegralLive, row: int) -> tuple[Array, Array, int]:
         """(taps, spread of the noise at their rows, one past their last row)."""
@@ -338,7 +226,8 @@ class IntegralEngine:
         if stop - row > 2 and end - track.t[stop - 2] < 1e-6 * (track.t[stop - 1] - end):
             stop -= 1
         std, cv = self.noise
-        spread = np.hypot(std, cv * track.y[row:stop])
+        y = track.y[row:stop]
+        spread = noise_deviation(std, cv, y, np.abs(y).max(axis=0))
         return self.evaluator.taps(track.t[row:stop]), spread, stop
 
     def _half(self, live: IntegralLive) -> float:
@@ -355,14 +244,29 @@ class IntegralEngine:
         error = track.y[top:stop] - track.x[top:stop] @ self.run.C.T
         R = self.run.features(track, top, top + 1)[0]
         t_o = float(track.t[top])
-        P = self._covariance_at(live, t_o, spread)
+        P = covariance_at(self.run, live, t_o, spread)
         onsets = self.run.onset_features(track.t[top:stop], taps)
         window = Window(track.t[top:stop], taps, error, spread, onsets)
         decision = self.evaluator.decide(R, window, P, search.at_start)
         if decision is None or decision.event is None:
             value = float(live.norms[min(search.position, len(live.norms)) - 1])
             return replace(live, search=search.given_up(value)), []
+        if not spread.any():
+            decision = self._compared(decision, track.t[top:stop], error)
         return self._added(live, top, decision, spread)
+
+    def _compared(self, decision: Decision, times: Array, error: Array) -> Decision:
+        """Without noise: does the output of the impulse match the residual? Features hardly tell.
+
+        Two impulses in a window, or an error of the state at its start, leave a difference.
+        """
+        event = decision.event
+        assert event is not None
+        shown = self.run.impulse_error(times, event.t, self.evaluator.H @ event.weights)
+        rest = error - shown @ self.run.C.T
+        if np.linalg.norm(rest) > _MISFIT * np.linalg.norm(error):
+            event = replace(event, status="does not fit one impulse in the window")
+        return replace(decision, event=event)
 
     def _added(
         self, live: IntegralLive, top: int, decision: Decision, spread: Array
@@ -388,32 +292,12 @@ class IntegralEngine:
         if event.status != "ok":
             doubt = (t_o, float(track.t[restart]), event.status)
         whole = replace(live, track=replace(track, x=x), doubt=doubt)
-        rows = self._rows(whole, restart, event=event)
+        rows = self.rows.given(whole, restart, event=event)
         P, at = decision.covariance, t_o + tau
         if P is not None:
-            P = P + self._noise_covariance(track, spread, tau)
+            P = P + added_by_noise(self.run, track, spread, tau)
         fresh = self.run.restarted(track, restart, x[restart])
         return replace(
             live, track=fresh, norms=np.zeros(0), search=Search(), rule=None, covariance=P,
             since=at, last_event=event.t, doubt=doubt,
         ), rows  # fmt: skip
-
-    def _covariance_at(self, live: IntegralLive, t: float, spread: Array) -> Array | None:
-        """P(t): P' = D P + P D' + K Q K', Q the noise of the samples times their spacing."""
-        P = live.covariance
-        if P is None or live.track is None:
-            return None
-        elapsed = max(t - live.since, 0.0)
-        flow = expm(self.run.D * elapsed)
-        return flow @ P @ flow.T + self._noise_covariance(live.track, spread, elapsed)
-
-    def _noise_covariance(self, track: Track, spread: Array, elapsed: float) -> Array:
-        """What noise through K adds to P in a time: P_inf - e^{D t} P_inf e^{D' t}."""
-        D, K, n = self.run.D, self.run.K, len(self.run.D)
-        spacing = (track.t[-1] - track.t[0]) / max(len(track.t) - 1, 1)
-        Q = K @ np.diag((spread**2).mean(axis=0) * spacing) @ K.T
-        operator = np.kron(np.eye(n), D) + np.kron(D, np.eye(n))
-        limit = np.linalg.solve(operator, -Q.reshape(-1)).reshape(n, n)
-        flow = expm(D * elapsed)
-        found = limit - flow @ limit @ flow.T
-        return np.asarray((found + found.T) / 2)

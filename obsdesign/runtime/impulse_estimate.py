@@ -9,6 +9,7 @@ beyond the paper.
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import dataclass, replace
 from typing import Any
@@ -23,6 +24,8 @@ from obsdesign.runtime.base import Vector
 
 Array = NDArray[Any]
 
+# proportional noise is no smaller than at this part of the largest output
+_FAINT = 1e-3
 # singular values below this part of the largest carry more rounding than signal
 _RANK = 1e-11
 # |r|^2 of a fit that noise alone explains is below this, once in a thousand windows: chi-squared
@@ -99,6 +102,12 @@ class Evaluator:
     state_correction: bool
     nonnegative: bool
 
+    @functools.cached_property
+    def oldest(self) -> float:
+        """Ages that are searched end here; the end of the window if that leaves none."""
+        oldest = self.curve.oldest
+        return oldest if oldest > self.margin else self.tau
+
     def taps(self, times: Array) -> Array:
         """Psi (rows, m) of the window from times[0] on; the last row may lie beyond its end.
 
@@ -152,11 +161,12 @@ class Evaluator:
         again as samples show them. Features under the plain norm are nearly dependent; where to
         look is seen better in `whitened_too`, features and T without that.
         """
-        found = fit_impulse(R, self.curve, self.margin, self.tau, T, self.nonnegative)
+        found = fit_impulse(R, self.curve, self.margin, self.oldest, T, self.nonnegative)
         if found is None:
             return None
         ages = window.t[0] + self.tau - window.t
-        cells = np.flatnonzero((ages >= self.margin) & (np.arange(len(ages)) > 0))
+        searched = (ages >= self.margin) & (ages <= self.oldest)
+        cells = np.flatnonzero(searched & (np.arange(len(ages)) > 0))
         width = float(np.median(np.diff(window.t)))
         inside = expm(self.A * (width * np.array([0.0, 0.5, 1.0]))[:, None, None]) @ self.H
         likely = {int(np.searchsorted(window.t, self._time(window, found), "left"))}
@@ -247,6 +257,12 @@ def feature_deviation(taps: Array, spread: Array) -> float:
     """sigma_R: the largest deviation of R in any direction, from the noise of the samples."""
     sizes = [np.linalg.norm(taps * column[:, None], 2) for column in spread.T]
     return float(max(sizes))
+
+
+def noise_deviation(std: Vector, cv: Vector, y: Array, level: Array) -> Array:
+    """Deviation of the noise of outputs y whose largest so far is `level`: y = 0 is not exact."""
+    size = np.maximum(np.abs(y), _FAINT * level)
+    return np.asarray(np.hypot(std, np.where(size > 0, cv * size, cv)))
 
 
 def chi_squared_limit(freedom: int) -> float:

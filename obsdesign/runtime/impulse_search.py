@@ -20,9 +20,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from obsdesign.equations.impulsive_input import OLD
+
 Array = NDArray[Any]
 
-_OLD = 0.7  # age from which an impulse is evaluated, of the window
 _SHARE = 0.5  # of the features that it must explain
 
 
@@ -115,10 +116,11 @@ class Position:
     old: NDArray[np.bool_]
 
     @classmethod
-    def of(cls, whitening: Array, ages: Array, b: Array, tau: float) -> Position:
-        """From b (G, mp, q) at increasing ages, all above zero."""
+    def of(cls, whitening: Array, ages: Array, b: Array, oldest: float) -> Position:
+        """From b (G, mp, q) at increasing ages above zero; `oldest`: ages searched end here."""
+        ages, b = ages[ages <= oldest], b[ages <= oldest]
         bases = np.linalg.qr(whitening @ b)[0]
-        return cls(whitening, bases, ages >= _OLD * tau)
+        return cls(whitening, bases, ages >= OLD * oldest)
 
     def values(self, R: Array) -> Array:
         """Square root of what the best age explains of |R|^2, (k,) for R (k, mp); else zero.

@@ -21,9 +21,10 @@ from obsdesign.runtime.base import RELATIVE_TIME_TOLERANCE, Vector, vector
 from obsdesign.runtime.point import SteppedObserver
 from obsdesign.runtime.step_cache import cached_step
 from obsdesign.runtime.window_error import FlowMaps, WindowError, flow_maps
+from obsdesign.runtime.window_tape import Tape
 
 # rounding of y - C w, as a part of w
-_SEEN = 2.0**-48
+SEEN_ROUNDING = 2.0**-48
 # the scaled rows of an incomplete window must be that far from losing rank
 _DETERMINED = 1e-11
 
@@ -35,7 +36,7 @@ class FiniteTimeState(NamedTuple):  # a frozen dataclass of this size costs more
     (k p,) residuals y - C w, oldest first, NaN where a sample is missing; filled: instants in it;
     since: instants since w was moved; sampled: time of the last instant; good: was x taken from
     a full window, False with gaps, None not yet; |state - centre| <= radius; slip: rounding of w
-    per step.
+    per step; tape, end: where the window may grow.
     """
 
     t: float
@@ -54,6 +55,8 @@ class FiniteTimeState(NamedTuple):  # a frozen dataclass of this size costs more
     radius: Vector
     slip: Vector
     started: bool
+    tape: Tape | None = None
+    end: int = 0
 
 
 @dataclass(frozen=True)
@@ -91,7 +94,7 @@ class SamplingWindow(SteppedObserver[FiniteTimeState]):
         if not self.bounded:
             return state._replace(t=t, x=x, w=w, known=known)
         centre = maps.flow @ state.centre + maps.once @ forced
-        slip = np.maximum(state.slip, maps.error(state.w, forced) + _SEEN * np.abs(w))
+        slip = np.maximum(state.slip, maps.error(state.w, forced) + SEEN_ROUNDING * np.abs(w))
         radius = maps.spread(state.radius) + maps.error(state.centre, forced)
         return state._replace(t=t, x=x, w=w, known=known, centre=centre, radius=radius, slip=slip)
 
@@ -101,15 +104,13 @@ class SamplingWindow(SteppedObserver[FiniteTimeState]):
         return RELATIVE_TIME_TOLERANCE * elapsed + 8 * math.ulp(t)
 
     def _drive(self, u: Vector) -> Vector:
-        once = self._period_maps.once @ self._forced(u)
-        return np.concatenate([once, self.gains["C"] @ once])
+        return np.asarray(self._once_and_seen.dot(self._forced(u)))
 
     def _maps(self, h: float, error: float) -> Any:
         return flow_maps(self.gains, h, error)
 
     def _forced(self, u: Vector) -> Vector:
-        middle = (self.gains["flow_lower"] + self.gains["flow_upper"]) / 2
-        return np.asarray(middle + self.gains["B"] @ u if len(u) else middle)
+        return self._middle + self.gains["B"].dot(u) if len(u) else self._middle
 
     # --- the window -----------------------------------------------------------------------------
 
@@ -142,7 +143,7 @@ class SamplingWindow(SteppedObserver[FiniteTimeState]):
     def _moved_onto(self, state: FiniteTimeState, x: Vector) -> FiniteTimeState:
         """Another response w through x: the residuals of the window follow."""
         window = state.window - self._rows @ (x - state.w)
-        return state._replace(w=x, window=window, since=0)
+        return state._replace(w=x, window=window, since=0, tape=None)
 
     def _from_the_rest(self, state: FiniteTimeState) -> Vector | None:
         """Least squares on the samples that are there; None if they do not determine the state."""
@@ -166,7 +167,7 @@ class SamplingWindow(SteppedObserver[FiniteTimeState]):
         if known is not None:
             known = known.opened()
         filled = min(state.filled + 1, self.k)
-        return state._replace(window=window, filled=filled, missing=missing, known=known)
+        return state._replace(window=window, filled=filled, missing=missing, known=known, tape=None)
 
     def _base(self, state: FiniteTimeState) -> Vector:
         """What is taken off the measurements: nothing for (14), which has its own way."""
@@ -177,7 +178,7 @@ class SamplingWindow(SteppedObserver[FiniteTimeState]):
         window = np.full_like(state.window, np.nan)
         return state._replace(
             window=window, filled=0, missing=0, since=0, sampled=None, good=None,
-            w=np.zeros(self.n), known=known, slip=np.zeros(self.n),
+            w=np.zeros(self.n), known=known, slip=np.zeros(self.n), tape=None,
         )  # fmt: skip
 
     def _jumped(self, state: FiniteTimeState, w: ArrayLike | None) -> FiniteTimeState:
@@ -204,6 +205,10 @@ class SamplingWindow(SteppedObserver[FiniteTimeState]):
         return np.ascontiguousarray(self.gains["window_gain"])
 
     @cached_property
+    def _middle(self) -> Vector:
+        return np.asarray((self.gains["flow_lower"] + self.gains["flow_upper"]) / 2)
+
+    @cached_property
     def _period(self) -> float:
         return float(self.gains["period"])
 
@@ -213,11 +218,6 @@ class SamplingWindow(SteppedObserver[FiniteTimeState]):
         return "B" in self.gains or bool(np.any(self._forced(np.zeros(0))))
 
     @cached_property
-    def _special(self) -> bool:
-        """Has a step more to do than the estimate alone?"""
-        return self.bounded or self.gains["method"] == "approximate"
-
-    @cached_property
     def _period_maps(self) -> FlowMaps:
         return flow_maps(self.gains, self._period, 0.0)
 
@@ -225,6 +225,11 @@ class SamplingWindow(SteppedObserver[FiniteTimeState]):
     def _flow_and_seen(self) -> Vector:
         flow = self._period_maps.flow
         return np.vstack([flow, self.gains["C"] @ flow])
+
+    @cached_property
+    def _once_and_seen(self) -> Vector:
+        once = self._period_maps.once
+        return np.vstack([once, self.gains["C"] @ once])
 
     @cached_property
     def _rows(self) -> Vector:

@@ -7,6 +7,7 @@ the window, and the rounding of w, which acts like small kicks between samples.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -71,7 +72,7 @@ class WindowError:
 
     proved: Vector
     state_error: Vector
-    gain_size: Vector
+    gain_length: Vector
     kicks: Vector
     kept: float
 
@@ -90,15 +91,23 @@ class WindowError:
         # what rounding leaves of the recursion is far below this factor
         largest = float(np.abs(state_error).sum(axis=1).max())
         kept = 1.0 / (1.0 - largest) if largest < 0.5 else np.inf
-        return cls(np.asarray(gains["radius"]), state_error, np.abs(G), 2.0 * kicks, kept)
+        # sums of squares lose nothing that the factor does not cover
+        length = 1.001 * np.abs(G).max(axis=1) * np.sqrt(G.shape[1])
+        with np.errstate(over="ignore", invalid="ignore"):
+            exact = 1.001 * np.linalg.norm(G, axis=1)
+        length = np.where((exact > 1e-140) & (exact < length), exact, length)
+        return cls(np.asarray(gains["radius"]), state_error, length, 2.0 * kicks, kept)
 
     def radius(self, window: Vector, w: Vector, x: Vector, slip: Vector) -> Vector:
         """Bound of |x - state| at a sample."""
-        size = np.abs(window)
         terms = len(window) + 8
-        rounding = terms * UNIT * (self.gain_size @ size) + 4 * UNIT * (np.abs(w) + np.abs(x))
+        # |G| |window| is below the product of lengths; squares may underflow or overflow
+        size = math.sqrt(window.dot(window) + len(window) * 1e-307)
+        if not size < math.inf:
+            size = float(np.abs(window).sum())
         # every residual y - C w is itself rounded
-        rounding = rounding + 8 * UNIT * (self.gain_size @ size)
+        rounding = ((terms + 8) * UNIT * size) * self.gain_length
+        rounding = rounding + 4 * UNIT * (np.abs(w) + np.abs(x))
         inner = self.proved + rounding + self.kicks @ slip
         away = self.state_error @ (np.abs(x - w) + inner) * self.kept
         return raised(inner + away, terms)

@@ -48,19 +48,32 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
         )
     k = _samples(problem)
     gains = plant | {"method": method, "samples": k}
-    searched = False
-    if method in equations.NEED_L:
-        searched = "L" not in problem.gains
-        gains["L"] = chosen_injection(problem, k) if searched else problem.gains["L"]
     if method == "approximate":
         corrected = problem.options.get("half_sample_correction")
         gains["half_sample"] = "corrected" if corrected else "printed"
     if method == "least_squares":
-        gains["deviations"] = _deviations(problem)
-    gains["window_gain"] = _window_gain(problem, gains)
-    if method != "approximate":
-        gains |= _errors(gains)
-    yield Candidate(method, gains, searched=searched)
+        gains["deviations"] = equations.relative_deviations(problem.plant.output)
+    if method not in equations.NEED_L:
+        yield Candidate(method, _completed(problem, gains))
+    elif "L" in problem.gains:
+        yield Candidate(method, _completed(problem, gains | {"L": problem.gains["L"]}))
+    else:
+        completed = _completed(problem, gains | {"L": _injection(problem, k)})
+        yield Candidate(method, completed, searched=True)
+
+
+def _injection(problem: Problem, k: int) -> Any:
+    """L by the objective; any L where the samples do not determine the state with any."""
+    A, C = problem.plant.flow.A, problem.plant.output.C
+    if _reach(A, C, float(problem.plant.output.period or 1.0), k) < _SINGULAR:
+        return C.T
+    return chosen_injection(problem, k)
+
+
+def _completed(problem: Problem, gains: dict[str, Any]) -> dict[str, Any]:
+    """With the gains on the window and what they may be off by."""
+    gains = gains | {"window_gain": _window_gain(problem, gains)}
+    return gains if gains["method"] == "approximate" else gains | _errors(gains)
 
 
 def _disturbed(plant: dict[str, Any]) -> bool:
@@ -113,21 +126,23 @@ def _reach(A: Any, C: Any, period: float, k: int) -> float:
 
 
 def _window_gain(problem: Problem, gains: dict[str, Any]) -> Any:
-    """Gains (n, k p) of the method; zeros where its matrices are singular, which is refuted."""
+    """Gains (n, k p) of the method; zeros, which are refuted, where it has none in binary64."""
     A, C, k, method = gains["A"], gains["C"], gains["samples"], gains["method"]
     nothing = np.zeros((len(A), k * len(C)))
     rows = equations.sample_rows(A, C, gains["period"], k)
     flat = rows.reshape(-1, len(A))
     if equations.approx_determinacy(flat, np.ones(len(A))) == 0.0:
         return nothing
-    fitted = equations.least_squares_gain(flat, np.tile(_deviations(problem), k))
+    fitted = equations.least_squares_gain(
+        flat, np.tile(equations.relative_deviations(problem.plant.output), k)
+    )
     if method == "least_squares":
         return equations.made_unbiased(fitted, flat, fitted)
     if method == "minimax":
         found = minimax_gain(gains, rows)
         return nothing if found is None else equations.made_unbiased(found, flat, fitted)
     found = _formula(gains)
-    return nothing if found is None else found
+    return nothing if found is None or not np.isfinite(found).all() else found
 
 
 def _formula(gains: dict[str, Any]) -> Any:
@@ -144,15 +159,6 @@ def _formula(gains: dict[str, Any]) -> Any:
             if found is not None:
                 return middles(found)
     return None
-
-
-def _deviations(problem: Problem) -> Any:
-    """Relative sizes of the outputs' errors: standard deviations, else bounds, else equal."""
-    output = problem.plant.output
-    for sizes in (output.noise_std, output.noise_bound):
-        if (sizes > 0).all():
-            return sizes / sizes.max()
-    return np.ones(problem.plant.p)
 
 
 def _errors(gains: dict[str, Any]) -> dict[str, Any]:

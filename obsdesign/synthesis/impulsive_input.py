@@ -4,7 +4,8 @@ K places the poles of A - K C at real, distinct places a little faster than thos
 observers leave more of an impulse to be seen, and with a real spectrum few exponents determine an
 impulse (`verification.uniqueness`). The window is a part of the shortest dwell time. Exponents: the
 largest lambda for which what (15) neglects stays below `ratio` (it is monotone), and its
-neighbours below: among all choices with that ratio the slow corner is the least sensitive to noise.
+neighbours below: among all choices with that ratio the slow corner is the least sensitive to noise
+(`observer.check_exponents` asks IPOPT whether it is).
 """
 
 from __future__ import annotations
@@ -19,10 +20,11 @@ from numpy.typing import NDArray
 from lmi.balls import exact, fixed_vector
 from obsdesign.equations import impulsive_input as equations
 from obsdesign.equations.estimation_error import flow_error_matrix, plant_data
-from obsdesign.equations.impulse_fit import ImpulseCurve
+from obsdesign.equations.impulse_fit import ImpulseCurve, balanced_size
 from obsdesign.errors import InputError
 from obsdesign.problem import Problem
 from obsdesign.structure import approx_unobservable_modes
+from obsdesign.synthesis import exponent_nlp
 from obsdesign.synthesis.candidate import Candidate
 from obsdesign.synthesis.impulse_samples import sampled_candidate
 from obsdesign.synthesis.placement import placed_gain
@@ -31,10 +33,15 @@ Matrix = NDArray[np.float64]
 
 _WINDOW = 0.8  # of the shortest dwell time
 _MARGIN = 0.25  # of the window
+_LARGEST_GAIN = 1e3  # size of A - K C against that of A
+_MEMORY = 6.0  # time constants of the slowest mode of A - K C that a window is worth
+_FEWEST = 24  # samples of a window
 _RATIO = 0.05
 _LARGEST_GROWTH = 300.0  # e to it still fits binary64 with room
 _FASTER, _APART = 1.25, 1.2  # poles of the observer against those of the plant and each other
 _SPACING = 1 / 13  # of exponents, relative to the largest
+_BETTER = 0.99  # deviation against the corner's from which another choice counts
+_SPREAD = 10.0  # the fastest of spread exponents, times the margin
 _FASTEST = 3.3  # lambda margin, where no lambda keeps the ratio
 
 
@@ -53,14 +60,16 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
     if operator == "samples":
         yield sampled_candidate(problem, low, reason)
         return
+    K = problem.gains.get("K")
+    K = _gain(problem, window) if K is None else K
+    D = flow_error_matrix(plant.flow.A, K, plant.output.C)
+    if "window" not in problem.options:
+        window = _remembered(problem, D, window)
     margin = float(problem.options.get("margin", _MARGIN * window))
     if margin >= window:
         raise InputError(
             f"observer.margin must be less than the window, {window!r}; got {margin!r}."
         )
-    K = problem.gains.get("K")
-    K = _gain(problem, window) if K is None else K
-    D = flow_error_matrix(plant.flow.A, K, plant.output.C)
     data = _data(problem) | {
         "K": K, "window": window, "margin": margin, "weighting": weighting,
         "operator": operator, "nonnegative": bool(problem.options.get("nonnegative", False)),
@@ -80,16 +89,81 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
         rows.append(rows[-1] @ exact(plant.flow.A))
     # a window that is too long and a state that is not seen refute every K and all exponents
     open_question = window < low and not any(fixed_vector(X) for X in (rows, [exact(data["H"])]))
-    for count in (2 * n, 2 * n + 2):
-        exponents = corner_exponents(
-            D, plant.output.C, data["H"], window, margin, _ratio(problem), count
-        )
-        label = f"{count} exponents"
-        yield Candidate(
-            label,
-            data | {"exponents": exponents, "rule": _rule(data, D, exponents)},
-            searched=open_question,
-        )
+    for label, chosen, rule in _choices(problem, data, D):
+        yield Candidate(label, data | {"exponents": chosen, "rule": rule}, searched=open_question)
+
+
+def _remembered(problem: Problem, D: Matrix, window: float) -> float:
+    """No longer than something of an impulse is left in the output, so that all of it is used."""
+    slowest = float(-np.linalg.eigvals(D).real.max())
+    if slowest <= 0:
+        return window
+    least = max(4 * float(problem.options.get("margin", 0.0)),
+                _FEWEST * float(problem.plant.output.period or 0.0))  # fmt: skip
+    return min(window, max(_MEMORY / slowest, least))
+
+
+def _choices(
+    problem: Problem, data: dict[str, Any], D: Matrix
+) -> Iterator[tuple[str, Matrix, str]]:
+    """(label, exponents, rule): the corner and spread exponents.
+
+    Spread ones first where |b| has no peak: impulses are then evaluated when they are old, which
+    fast kernels have forgotten. They also differ most from each other: with many states neighbours
+    are too much alike for the rank.
+    """
+    n, window, margin = len(D), data["window"], data["margin"]
+    spread = np.asarray(-np.geomspace(1.0 / window, _SPREAD / margin, 2 * n), dtype=np.float64)
+    last = (f"{2 * n} spread exponents", spread, _rule(data, D, spread))
+    corners = [
+        corner_exponents(D, data["C"], data["H"], window, margin, _ratio(problem), count)
+        for count in (2 * n, 2 * n + 2)
+    ]
+    asked = any(name in problem.options for name in ("ratio", "check_exponents", "threshold"))
+    early = not asked and _rule_or_none(data, D, corners[0]) in (None, "position")
+    if early:
+        yield last
+    for corner in corners:
+        if _rule_or_none(data, D, corner) is None:
+            continue
+        for label, chosen in _looked_at_again(problem, data, D, corner):
+            yield label, chosen, _rule(data, D, chosen)
+    if not early:
+        yield last
+
+
+def _rule_or_none(data: dict[str, Any], D: Matrix, exponents: Matrix) -> str | None:
+    """None where these exponents cannot work in the window."""
+    try:
+        return _rule(data, D, exponents)
+    except InputError:
+        return None
+
+
+def _looked_at_again(
+    problem: Problem, data: dict[str, Any], D: Matrix, corner: Matrix
+) -> Iterator[tuple[str, Matrix]]:
+    """(label, exponents): the corner, and before it what IPOPT finds better, where asked."""
+    label = f"{len(corner)} exponents"
+    if not problem.options.get("check_exponents"):
+        yield label, corner
+        return
+    tau, std = data["window"], problem.plant.output.noise_std
+    age = None if _rule(data, D, corner) == "peak" else equations.OLD * tau
+    scale = std / std.max() if std.any() else np.ones(len(std))
+    found, size = exponent_nlp.second_opinion(D, data["C"], data["H"], corner, scale, tau, age)
+    told = f"times {size:.3g} as uncertain as with {corner[0]:.4g} ... {corner[-1]:.4g}"
+    if found is None:
+        label += "; IPOPT did not converge"
+    elif size > _BETTER:
+        label += ", confirmed by IPOPT"
+    elif equations.neglected_ratio(
+        D, data["C"], data["H"], found, tau, data["margin"]
+    )[0] > _ratio(problem) * (1 + 1e-6):  # fmt: skip
+        label += f"; IPOPT finds {told}, but more is neglected than the ratio allows"
+    else:
+        yield f"{label} from IPOPT, {told}", found
+    yield label, corner
 
 
 def _rule(data: dict[str, Any], D: Matrix, exponents: Matrix) -> str:
@@ -101,9 +175,17 @@ def _rule(data: dict[str, Any], D: Matrix, exponents: Matrix) -> str:
         )
     F = equations.filtered_system(D, data["C"], exponents)
     try:
-        ImpulseCurve.of(F, data["H"], data["window"])
+        curve = ImpulseCurve.of(F, data["H"], data["window"])
     except ValueError as error:
+        if data["window"] >= data["dwell_time"][0]:
+            return "position"  # a claim refutes the window, whatever the rule
         raise InputError(f"{error}; are the units of flow.A what they should be?") from None
+    if curve.oldest <= data["margin"] and data["H"].any():
+        raise InputError(
+            f"observer.margin must be below {curve.oldest:.3g}, where less than a thousandth of an "
+            f"impulse is left in the features; got {data['margin']!r}. Is observer.window = "
+            f"{data['window']!r} too long for the plant, or the exponents too fast?"
+        )
     if "threshold" in data:
         return "threshold"
     peak = equations.has_peak(F, data["H"], data["window"], data["margin"])
@@ -148,13 +230,34 @@ def _check_options(problem: Problem) -> None:
             "observer.state_correction needs observer.weighting = 'gls', and output.noise_std > 0: "
             "without noise there is nothing to weigh the state by."
         )
+    if options.get("check_exponents"):
+        if "exponents" in options or options.get("operator") == "samples":
+            other = "exponents" if "exponents" in options else "operator = 'samples'"
+            raise InputError(
+                f"observer.check_exponents looks at exponents that are left open; observer.{other} "
+                "leaves none."
+            )
+        if _weighting(problem) == "gls":
+            raise InputError(
+                "observer.check_exponents is about observer.weighting = 'plain': whitened features "
+                "hardly depend on the exponents."
+            )
+        if directions > 1:
+            raise InputError(
+                f"observer.check_exponents takes one direction of impulses; jump.H has "
+                f"{directions}."
+            )
 
 
 def _operator(problem: Problem, window: float) -> tuple[str, str]:
     """(operator, why): samples where an integral operator would be too coarse."""
     asked = problem.options.get("operator")
     plant = problem.plant
-    own = [name for name in ("exponents", "ratio", "threshold") if name in problem.options]
+    own = [
+        name
+        for name in ("exponents", "ratio", "threshold", "check_exponents")
+        if name in problem.options
+    ]
     own += ["gains.K"] if "K" in problem.gains else []
     if asked is not None:
         if asked == "samples" and own:
@@ -173,7 +276,11 @@ def _operator(problem: Problem, window: float) -> tuple[str, str]:
 
 
 def _gain(problem: Problem, window: float) -> Matrix:
-    """Real distinct poles; zero where a mode is not seen (a claim says so)."""
+    """Real distinct poles; zero where a mode is not seen (a claim says so).
+
+    Also zero where that would take a gain beyond all measure and the plant forgets by itself: some
+    direction is hardly seen.
+    """
     A, C = problem.plant.flow.A, problem.plant.output.C
     if approx_unobservable_modes(A, C):
         return np.zeros((problem.plant.n, problem.plant.p))
@@ -182,15 +289,19 @@ def _gain(problem: Problem, window: float) -> Matrix:
     for speed in speeds.tolist():
         wanted = max(_FASTER * speed, 1.0 / window)
         poles.append(max(wanted, _APART * poles[-1]) if poles else wanted)
-    return placed_gain(A, C, [-pole for pole in poles])
+    K = placed_gain(A, C, [-pole for pole in poles])
+    immense = balanced_size(A - K @ C) > _LARGEST_GAIN * max(balanced_size(A), 1.0 / window)
+    forgets = float(np.linalg.eigvals(A).real.max()) * window < -1
+    return np.zeros_like(K) if immense and forgets else K
 
 
 def slowest_exponent(
     D: Matrix, C: Matrix, H: Matrix, window: float, margin: float, ratio: float
 ) -> float | None:
-    """The largest lambda < 0 with |E| <= ratio |b| for ages in [margin, window]; by bisection.
+    """The largest lambda <= -1/window with |E| <= ratio |b| for ages in [margin, window].
 
-    None where no lambda does: then h changes sign, and rows of b have zeros.
+    By bisection. None where no lambda does: then h changes sign, and rows of b have zeros. Kernels
+    slower than the window are all alike on it: their features hardly differ.
     """
 
     def holds(size: float) -> bool:
@@ -204,9 +315,9 @@ def slowest_exponent(
             return None
     low = high / 2
     while holds(low):
+        if low * window <= 1:
+            return -1.0 / window
         low /= 2
-        if low * window < 1e-3:
-            return -low
     for _ in range(40):
         middle = math.sqrt(low * high)
         low, high = (low, middle) if holds(middle) else (middle, high)

@@ -7,7 +7,6 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
-import scipy.linalg
 
 from lmi.balls import exact, inverse, to_float
 from lmi.deficient import decide_full_rank
@@ -61,16 +60,18 @@ def image_of(G: Any) -> tuple[Any, Any]:
 
     For G = 0 one column that nothing comes from.
     """
+    from scipy.linalg import qr  # slow to import
+
     sizes = np.abs(G).max(axis=0)
     scale = np.where(sizes > 0, sizes, 1.0)
-    upper, order = scipy.linalg.qr(G / scale, mode="r", pivoting=True)
+    upper, order = qr(G / scale, mode="r", pivoting=True)
     diagonal = np.abs(np.diag(upper))
     rank = int(np.sum(diagonal > _RANK * max(float(diagonal.max(initial=0.0)), 1e-300)))
     if not rank:
         return np.eye(len(G))[:, :1], np.zeros((1, len(G)))
     chosen = np.sort(order[:rank])
     U = G[:, chosen]
-    rows = np.sort(scipy.linalg.qr(U.T, mode="r", pivoting=True)[1][:rank])
+    rows = np.sort(qr(U.T, mode="r", pivoting=True)[1][:rank])
     back = inverse(exact(U[rows]))
     if back is not None:
         exactly = to_float(back @ exact(G[rows]))

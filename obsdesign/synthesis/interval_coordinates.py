@@ -17,8 +17,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize
 
+from lmi.patience import until
 from obsdesign.equations.interval import flow_and_jump
 from obsdesign.plant import Plant
 from obsdesign.problem import Problem
@@ -51,27 +51,27 @@ def best_coordinates(
 ) -> Found | None:
     """The best of the candidate bases, improved if `search`; None if there is no basis at all."""
     found: list[Found] = []
-    until = time.process_time() + _SECONDS
+    end = until(_SECONDS)
     for S in itertools.islice(_bases(problem.plant, given), _MOST_BASES):
-        if found and time.process_time() > until:
+        if found and time.process_time() > end:
             break
-        found.append(_quickly(problem, given, objective, S, until))
+        found.append(_quickly(problem, given, objective, S, end))
         if _settled(found[-1], objective):
             return found[-1]
     if not found:
         return None
     best = min(found, key=lambda one: one.value)
     if search:
-        best = _searched(problem, given, objective, best, until)
+        best = _searched(problem, given, objective, best, end)
     thorough = _with_gains(problem, given, objective, best.S)
     return min(best, thorough, key=lambda one: one.value)
 
 
 def _quickly(
-    problem: Problem, given: Mapping[str, Any], objective: str, S: Matrix, until: float
+    problem: Problem, given: Mapping[str, Any], objective: str, S: Matrix, end: float
 ) -> Found:
     task = task_of(problem, False, S, given)
-    value, L, M = quick_gains(task, objective, until)
+    value, L, M = quick_gains(task, objective, end)
     return Found(value, S, *task.gains(L, M))
 
 
@@ -89,21 +89,23 @@ def _with_gains(problem: Problem, given: Mapping[str, Any], objective: str, S: M
 
 
 def _searched(
-    problem: Problem, given: Mapping[str, Any], objective: str, start: Found, until: float
+    problem: Problem, given: Mapping[str, Any], objective: str, start: Found, end: float
 ) -> Found:
     """Nelder-Mead over the entries of S, gains from a small program for each."""
     n = problem.plant.n
     best = [start]
 
     def value(entries: Matrix) -> float:
-        if _settled(best[0], objective) or time.process_time() > until:
+        if _settled(best[0], objective) or time.process_time() > end:
             return best[0].value
         S = scaled_columns(entries.reshape(n, n))
         if S is None:
             return math.inf
-        found = _quickly(problem, given, objective, S, until)
+        found = _quickly(problem, given, objective, S, end)
         best[0] = min(best[0], found, key=lambda one: one.value)
         return min(found.value, 1e30)
+
+    from scipy.optimize import minimize  # slow to import, and rarely needed
 
     effort = _EVALUATIONS if n <= _LARGE else _EVALUATIONS // 3
     with np.errstate(all="ignore"):

@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from lmi.patience import until
 from obsdesign.synthesis.interval_program import clock_gains
 from obsdesign.synthesis.interval_task import Task, growth, mean_width, shortest
 
@@ -37,37 +38,35 @@ _GAIN = 1e-7  # relative improvement that is worth another sweep
 
 
 def best_gains(
-    task: Task, objective: str, until: float | None = None
+    task: Task, objective: str, end: float | None = None
 ) -> tuple[float, Matrix, Matrix]:
     """(value, L, M), gains in z; value as `OBJECTIVES` has it, inf where nothing is reached.
 
-    until: processor time at which the best so far has to do (default: `SECONDS` from now).
+    end: processor time at which the best so far has to do (default: `SECONDS` from now).
     """
     goal = OBJECTIVES[objective]
-    until = time.process_time() + SECONDS if until is None else until
+    end = until(SECONDS) if end is None else end
     if not (task.open_L or task.open_M):
         none = np.zeros(task.limit_L.shape)
         return goal(task, none, none), none, none
-    starts = [*_starts(task, objective)]
+    starts = [*_starts(task, objective, end)]
     ranked = sorted(starts, key=lambda pair: _value(task, goal, *pair))
     best: tuple[float, Matrix, Matrix] = (math.inf, *ranked[0])
     for L, M in ranked[:2]:
-        value, L, M = _descent(task, goal, objective, L, M, until)
+        value, L, M = _descent(task, goal, objective, L, M, end)
         if value < best[0]:
             best = value, L, M
     plain = task.plain()
     if goal is mean_width and plain is not task:  # descent is local: no wider than without weights
-        found = _descent(task, goal, objective, *best_gains(plain, objective, until)[1:], until)
+        found = _descent(task, goal, objective, *best_gains(plain, objective, end)[1:], end)
         best = min(best, found, key=lambda one: one[0])
     if math.isinf(best[0]) and goal is not growth:  # nothing to descend on: contract first
-        _, L, M = _descent(task, growth, "feasible", *ranked[0], until)
-        best = _descent(task, goal, objective, L, M, until)
+        _, L, M = _descent(task, growth, "feasible", *ranked[0], end)
+        best = _descent(task, goal, objective, L, M, end)
     return _rounded(task, goal, *best)
 
 
-def quick_gains(
-    task: Task, objective: str, until: float = math.inf
-) -> tuple[float, Matrix, Matrix]:
+def quick_gains(task: Task, objective: str, end: float = math.inf) -> tuple[float, Matrix, Matrix]:
     """The same with a small program and little descent: inside a search over coordinates."""
     goal = OBJECTIVES[objective]
     if not (task.open_L or task.open_M):
@@ -77,30 +76,32 @@ def quick_gains(
     for L, M in clock_gains(task, low, _nodes(task, _FEW_NODES), objective == "narrowest") or ():
         starts.append(_clipped(task, L, M))
     _, L, M = min(((_value(task, goal, *pair), *pair) for pair in starts), key=lambda one: one[0])
-    return _descent(task, goal, objective, L, M, until, most=_FEW)
+    return _descent(task, goal, objective, L, M, end, most=_FEW)
 
 
-def _starts(task: Task, objective: str) -> Iterator[tuple[Matrix, Matrix]]:
+def _starts(task: Task, objective: str, end: float) -> Iterator[tuple[Matrix, Matrix]]:
     shape = task.limit_L.shape
     yield _clipped(task, np.zeros(shape), np.zeros(shape))
     low = 0.0 if task.G is None else task.low
     if objective == "shortest_dwell" and task.G is not None:
-        low = _shortest_program(task)
+        low = _shortest_program(task, end)
     found = clock_gains(task, low, _nodes(task, _NODES), objective == "narrowest")
     for L, M in found or ():
         yield _clipped(task, L, M)
 
 
-def _shortest_program(task: Task) -> float:
-    """About the shortest dwell time for which the program is feasible."""
+def _shortest_program(task: Task, end: float) -> float:
+    """About the shortest dwell time for which the program is feasible, as far as time lasts."""
     unit = 1.0 / max(float(np.abs(task.A).max()), 1e-12)
     high = task.high if math.isfinite(task.high) else unit
     while math.isinf(task.high) and clock_gains(task, high, _nodes(task, _NODES), False) is None:
         high *= 2
-        if high > 1e3 * unit:
+        if high > 1e3 * unit or time.process_time() > end:
             return task.low
     low = 0.0
     for _ in range(7):
+        if time.process_time() > end:
+            break
         middle = 0.5 * (low + high)
         if clock_gains(task, middle, _nodes(task, _NODES), False) is None:
             low = middle
@@ -123,7 +124,7 @@ def _value(task: Task, goal: Goal, L: Matrix, M: Matrix) -> float:
 
 
 def _descent(
-    task: Task, goal: Goal, objective: str, L: Matrix, M: Matrix, until: float, most: int = _MOST
+    task: Task, goal: Goal, objective: str, L: Matrix, M: Matrix, end: float, most: int = _MOST
 ) -> tuple[float, Matrix, Matrix]:
     """One entry at a time, as long as it helps and time and effort last."""
     value = _value(task, goal, L, M)
@@ -138,7 +139,7 @@ def _descent(
                     return value, L, M
                 for candidate in _candidates(task, which, L, M, index, stride, goal is mean_width):
                     spent += 1
-                    if spent > most or time.process_time() > until:
+                    if spent > most or time.process_time() > end:
                         return value, L, M
                     new = (candidate, M) if which == "L" else (L, candidate)
                     found = _value(task, goal, *new)

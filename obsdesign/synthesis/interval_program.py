@@ -20,9 +20,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linprog
-from scipy.sparse import csr_matrix
 
+from lmi.linear_program import minimise
+from lmi.patience import left
 from obsdesign.synthesis.interval_task import Task
 
 Matrix = NDArray[np.float64]
@@ -61,13 +61,11 @@ class _Program:
 
     def solve(self, cost: Matrix, bounds: list[tuple[float | None, float | None]]) -> Matrix | None:
         """Minimiser, or None."""
-        if not (np.isfinite(self.values).all() and np.isfinite([*self.limits, *cost]).all()):
-            return None  # beyond binary64 there is nothing to propose
-        shape = (len(self.limits), self.size)
-        A = csr_matrix((self.values, (self.rows, self.columns)), shape=shape)
-        answer = linprog(cost, A_ub=A, b_ub=self.limits, bounds=bounds, method="highs",
-                         options={"time_limit": _SECONDS})  # fmt: skip
-        return None if answer.x is None or answer.status != 0 else np.asarray(answer.x)
+        entries = (np.array(self.rows), np.array(self.columns), np.array(self.values))
+        sides = np.full(len(self.limits), -np.inf), np.array(self.limits)
+        low = np.array([-np.inf if end is None else end for end, _ in bounds])
+        high = np.array([np.inf if end is None else end for _, end in bounds])
+        return minimise(cost, entries, sides, (low, high), seconds=left(_SECONDS))
 
 
 def clock_gains(

@@ -158,8 +158,8 @@ def _weights(problem: Problem) -> Matrix:
     """Of the widths of the states, (n,), one on average."""
     n = problem.plant.n
     asked = np.array(problem.options.get("width_weights", np.ones(n)), dtype=np.float64)
-    asked = asked / asked.max()
-    return asked * (n / asked.sum())
+    found: Matrix = asked / asked.max()
+    return found * (n / float(found.sum()))
 
 
 def _limits(problem: Problem, basis: Matrix) -> tuple[Matrix, Matrix]:

@@ -12,12 +12,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linprog
 
 from lmi.balls import exact
 from lmi.exponential import expm
 from lmi.families import Edge
 from lmi.hurwitz import rightmost
+from lmi.linear_program import minimise
 from lmi.tube import Tube, prove_tube
 from obsdesign.equations.interval_width import WidthSystem
 
@@ -122,10 +122,10 @@ def least(maps: Matrix, entering: Matrix, room: float) -> Matrix | None:
     for _ in range(_ROUNDS):
         rows = (maps[active] - np.eye(n)).reshape(-1, n)
         limits = -(entering[active] + room).reshape(-1)
-        answer = linprog(np.ones(n), A_ub=rows, b_ub=limits, bounds=(0, None), method="highs")
-        if answer.x is None or answer.status != 0:
+        sides = np.full(len(limits), -np.inf), limits
+        v = minimise(np.ones(n), rows, sides, (np.zeros(n), np.full(n, np.inf)))
+        if v is None:
             return None
-        v: Matrix = np.asarray(answer.x, dtype=np.float64)
         excess = (maps @ v + entering + 0.5 * room - v).max(axis=1)
         worst = int(np.argmax(excess))
         if excess[worst] <= 0:

@@ -16,7 +16,6 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-import scipy.linalg
 from numpy.typing import NDArray
 
 from lmi.exponential import expm
@@ -76,6 +75,8 @@ def _growing(A: Matrix, G: Matrix, low: float, high: float, factor: float) -> Ma
 
 def _growing_directions(A: Matrix, G: Matrix, low: float, high: float, factor: float) -> Matrix:
     """Generalised eigenspaces of words in e^{A delta} G that do not shrink by `factor` a letter."""
+    from scipy.linalg import schur  # slow to import
+
     letters = [G @ expm(A * delta) for delta in np.linspace(low, high, _SPACINGS)]
     found = np.zeros((len(A), 0))
     if not np.isfinite(letters).all():
@@ -86,7 +87,7 @@ def _growing_directions(A: Matrix, G: Matrix, low: float, high: float, factor: f
             if not np.isfinite(M).all():
                 return np.eye(len(A))
             limit = factor**length
-            _, Q, kept = scipy.linalg.schur(
+            _, Q, kept = schur(
                 M, output="real", sort=lambda re, im, limit=limit: np.hypot(re, im) >= limit
             )
             found = _span(np.hstack([found, Q[:, :kept]]))
@@ -164,9 +165,11 @@ def _beyond(U: Matrix, V: Matrix) -> Matrix:
 
 def _simple(V: Matrix) -> Matrix:
     """The same span with an identity at well-chosen rows, entries near simple numbers made so."""
+    from scipy.linalg import qr  # slow to import
+
     if not V.shape[1]:
         return V
-    _, order = scipy.linalg.qr(V.T, mode="r", pivoting=True)
+    _, order = qr(V.T, mode="r", pivoting=True)
     rows = np.sort(order[: V.shape[1]])
     W = V @ np.linalg.inv(V[rows])
     W[rows] = np.eye(V.shape[1])
@@ -191,7 +194,9 @@ def _simple_rest(rest: Matrix, V: Matrix) -> Matrix:
 
 def _independent_of(V: Matrix, columns: Matrix, count: int) -> Matrix:
     """Those `count` of the columns that are least inside span V."""
+    from scipy.linalg import qr  # slow to import
+
     Q = _span(V)
     outside = columns - Q @ (Q.T @ columns)
-    _, order = scipy.linalg.qr(outside, mode="r", pivoting=True)
+    _, order = qr(outside, mode="r", pivoting=True)
     return columns[:, np.sort(order[:count])]

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import Any
 
 # how a proof went: depends on the floats that steer it
-_COURSE = ("bits", "boxes", "largest_remainder", "method", "periods", "smallest_box", "steps",
+_COURSE = ("bits", "boxes", "method", "periods", "smallest_box", "steps",
            "tail_from")  # fmt: skip
 # what a second proof adds, and a file need not have
 _ADDED = "confirmed_by"

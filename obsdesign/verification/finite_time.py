@@ -18,6 +18,7 @@ from obsdesign.equations import finite_time as equations
 from obsdesign.problem import Problem
 from obsdesign.verification.consistency import consistency
 from obsdesign.verification.finite_time_bounds import bound_claims
+from obsdesign.verification.finite_time_evidence import altered
 from obsdesign.verification.finite_time_gains import (
     error_radius_claim,
     invertible,
@@ -43,9 +44,9 @@ def claims(
 ) -> tuple[Claim, ...]:
     """All hypotheses of the design, in the order of refusal, until one is not proved.
 
-    certificates are not needed; paranoid proves with twice the precision.
+    certificates are not needed, but their numbers have to be those that are found again; paranoid
+    proves with twice the precision.
     """
-    del certificates
     agreement = consistency(_objection(problem), gains, expected_gains(problem, gains))
     if agreement.verdict != "proved":
         return (agreement,)
@@ -55,7 +56,7 @@ def claims(
             found = _hypotheses(gains)
         if all(claim.verdict != "undecided" for claim in found):
             break
-    return (agreement, *found)
+    return tuple(altered(certificates, (agreement, *found)))
 
 
 def _objection(problem: Problem) -> str | None:
@@ -80,7 +81,7 @@ def expected_gains(problem: Problem, gains: Mapping[str, Any]) -> dict[str, Any]
     else:
         expected |= {"radius": (plant.n,), "state_error": (plant.n, plant.n)}
     if method == "least_squares":
-        expected |= {"deviations": (plant.p,)}
+        expected |= {"deviations": equations.relative_deviations(plant.output)}
     return expected | {name: X for name, X in problem.gains.items() if name in expected}
 
 

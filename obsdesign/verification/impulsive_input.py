@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from lmi.balls import exact, to_float
+from lmi.balls import exact, fixed_vector, to_float
 from obsdesign.document import Claim
 from obsdesign.equations import impulsive_input as equations
 from obsdesign.equations.estimation_error import flow_error_matrix, plant_data
@@ -103,8 +103,10 @@ def _expected(problem: Problem, gains: Mapping[str, Any]) -> dict[str, Any]:
         "operator": set(equations.OPERATORS), "weighting": set(equations.WEIGHTINGS),
     }  # fmt: skip
     # numbers that the problem leaves open are what they are; `_objection` has looked at them
-    open_numbers = ("window", "margin", "state_correction", "nonnegative")
-    expected |= {name: gains.get(name) for name in open_numbers}
+    expected |= {name: gains.get(name) for name in ("window", "margin")}
+    # what nobody asked for: weights that are not negative would make the guarantee false
+    samples = gains.get("operator") == "samples"
+    expected |= {"nonnegative": False, "state_correction": samples}
     if plant.output.measured == "periodic":
         expected["period"] = plant.output.period
     if gains.get("operator") == "integral":
@@ -114,7 +116,10 @@ def _expected(problem: Problem, gains: Mapping[str, Any]) -> dict[str, Any]:
         expected["rule"] = {"peak", "position"}
         if "threshold" in options:
             expected |= {"threshold": options["threshold"], "rule": "threshold"}
-    for name in (*open_numbers, "operator", "weighting"):
+    if samples:
+        expected["margin"] = plant.output.period
+    named = ("window", "margin", "nonnegative", "operator", "weighting")
+    for name in (*named, *(() if samples else ("state_correction",))):
         if name in options:
             expected[name] = options[name]
     return expected
@@ -127,11 +132,12 @@ def guarantees(problem: Problem, found: tuple[Claim, ...]) -> tuple[dict[str, An
     plant = problem.plant
     without = ["disturbance"] + (["unknown input d"] if plant.flow.D is not None else [])
     low = "" if plant.jump is None else f"{problem.require_dwell_time()[0]!r}"
+    between = _between_samples(plant)
     told = [
         (
             f"Without noise and {' and '.join(without)}, an impulse at least {low} from its "
             "neighbours that a window holds alone is found at its time and with its weight, up to "
-            "what is left of the initial error, which decays.",
+            f"what is left of the initial error, which decays{between}.",
             all(verdicts[name] == "proved" for name in needed),
             needed,
         ),
@@ -144,3 +150,14 @@ def guarantees(problem: Problem, found: tuple[Claim, ...]) -> tuple[dict[str, An
         ("That every impulse is found in noise is not claimed: small ones are missed.", False, []),
     ]
     return tuple({"statement": text, "given": given, "claims": ids} for text, given, ids in told)
+
+
+def _between_samples(plant: Any) -> str:
+    """What samples cannot tell: the onset between two of them, where e^{A v} H g stays in H."""
+    if plant.output.measured != "periodic":
+        return ""
+    H, A = exact(plant.jump.H), exact(plant.flow.A)
+    if fixed_vector([np.hstack([H, A @ H])]) is None:
+        return ""
+    some = " for weights g with flow.A jump.H g in the span of jump.H" if H.shape[1] > 1 else ""
+    return f"; samples show only between which two of them it came{some}"

@@ -28,8 +28,9 @@ from lmi.balls import (
     precision,
     to_float,
 )
+from lmi.exponential import exponential_grid
 from lmi.verdict import Verdict, proved, refuted, undecided
-from obsdesign.equations.impulsive_input import filtered_system, impulse_responses
+from obsdesign.equations.impulsive_input import filtered_system
 from obsdesign.verification import exponential_sign as signs
 
 SOURCE = "Mattsson, Medvedev, ECC 2013, (17); Descartes' rule for Laplace transforms"
@@ -168,8 +169,9 @@ def _by_turning(D: Any, C: Any, H: Any, exponents: Any, window: float, margin: f
     F = filtered_system(D, C, exact(exponents))
     z = np.vstack([H, exact(np.zeros((rows, 1)))])
     step = (window - margin) / _GRID
-    curve = impulse_responses(to_float(F), to_float(H), step, _GRID + 1 + round(margin / step))
-    b = curve[-(_GRID + 1) :, n:, 0]
+    # from the margin on: next to the window, steps are far shorter than the way there
+    grid = exponential_grid(to_float(F), margin, step, _GRID + 1)
+    b = (grid[:, n:, :n] @ to_float(H))[:, :, 0]
     pairs = list(itertools.combinations(range(rows), 2))
     pairs.sort(key=lambda pair: -_least_turn(b, *pair))
     place = margin

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 import obsdesign
 from lmi.balls import precision
-from obsdesign.document import Design, from_dict
+from obsdesign.document import Design, digest, from_dict
 from obsdesign.errors import InputError
 from obsdesign.verification.finite_time import claims
 from obsdesign.window_gains import Sampled
@@ -74,6 +74,34 @@ def test_unobservable_even_if_detectable() -> None:
     # the twin: a coupling so small that floats would call it zero is enough for the claim itself
     tiny = obsdesign.investigate(problem([[-1, 1e-30], [0, -2]], [[1, 0]], window=1))
     assert {c.id: c.verdict for c in tiny.claims}["observable"] == "proved"
+
+
+@pytest.mark.parametrize("method", ["exact", "approximate"])
+def test_no_gain_helps_a_state_that_is_not_seen(method: str) -> None:
+    """L is open, yet the answer is no, not perhaps."""
+    claim = failed(problem([[-1, 0], [0, -2]], [[1, 0]], window=1, method=method))
+    assert claim.id == "observable"
+    period = 2 * np.pi / 0.3
+    claim = failed(problem(period=period, window=2 * period, method=method))
+    assert claim.id == "sampled_observable"
+    assert failed(problem(window=0.05, method=method)).id == "window_long_enough"
+    # the twin: an L that was looked for and is of no use refutes nothing
+    fast = problem([[50, 1], [0, 40]], [[1, 0]], 0.5, window=20, method=method)
+    assert obsdesign.investigate(fast).verdict == "undecided"
+
+
+@pytest.mark.parametrize("method", ["least_squares", "exact", "approximate"])
+def test_gains_beyond_floats_are_an_answer(method: str) -> None:
+    # e^{50 T} with T = 20 overflows
+    given = {} if method == "least_squares" else {"gains": {"L": [[1], [1]]}}
+    for sign in (1, -1) if method == "least_squares" else (1,):
+        A = sign * np.array([[50.0, 1], [0, 40]])
+        asked = problem(A, [[1, 0]], 0.5, window=20, method=method, **given)
+        outcome = obsdesign.investigate(asked)
+        assert outcome.verdict in ("proved", "refuted", "undecided")
+        gain = outcome.design.gains["window_gain"]  # type: ignore[union-attr]
+        assert np.isfinite(gain).all()
+        assert (outcome.verdict == "proved") == bool(np.any(gain))
 
 
 def test_pathological_sampling_names_pair_and_period() -> None:
@@ -163,6 +191,43 @@ def test_gains_that_miss_are_refuted(method: str) -> None:
     assert outcome.verdict == "refuted"
     wrong = [c.id for c in outcome.claims if c.verdict == "refuted"]
     assert wrong[0] == ("unbiased" if method == "least_squares" else "gains_of_the_method")
+
+
+def numbers(value: Any, path: tuple[Any, ...] = ()) -> Any:
+    """Paths of all numbers in nested lists and dictionaries."""
+    if isinstance(value, dict | list):
+        for name, inner in value.items() if isinstance(value, dict) else enumerate(value):
+            yield from numbers(inner, (*path, name))
+    elif isinstance(value, int | float) and not isinstance(value, bool):
+        yield path
+
+
+@pytest.mark.parametrize("method", ["least_squares", "exact", "approximate"])
+def test_every_number_told_as_evidence_is_checked(method: str) -> None:
+    given = {} if method == "least_squares" else {"gains": {"L": L}}
+    told = {"noise_bound": [0.1]}
+    whole = obsdesign.design(problem(period=0.25, window=2, method=method, output=told, **given))
+    assert obsdesign.verify(from_dict(whole.to_dict())).verdict == "proved"  # the twin
+    every = 3 if method == "approximate" else 1  # its integral takes a while
+    for path in list(numbers(whole.to_dict()["claims"]))[::every]:
+        if path[-1] == 1:  # of intervals one end
+            continue
+        body = whole.to_dict()
+        inner: Any = body["claims"]
+        for name in path[:-1]:
+            inner = inner[name]
+        inner[path[-1]] = 1.01 * inner[path[-1]] + 1e-300
+        body["digest"] = digest({name: x for name, x in body.items() if name != "digest"})
+        assert obsdesign.verify(from_dict(body)).verdict == "refuted", path
+
+
+def test_weights_of_missing_samples_are_those_of_the_problem() -> None:
+    both = {"noise_std": [0.1, 0.2]}
+    design = obsdesign.design(problem(C=np.eye(2), period=0.25, window=2, output=both))
+    assert design.gains["deviations"].tolist() == [0.5, 1.0]
+    outcome = obsdesign.verify(changed(design, "deviations", lambda d: d[::-1]))
+    assert outcome.verdict == "refuted"
+    assert {c.id: c.verdict for c in outcome.claims}["consistent"] == "refuted"
 
 
 def test_a_small_radius_is_refuted() -> None:

@@ -225,21 +225,73 @@ def test_a_jump_starts_the_window_again(when: str) -> None:
 # --- laws -----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("method", ["least_squares", "exact", "approximate"])
-def test_the_usual_step_is_the_general_one(method: str) -> None:
-    """A list instead of an array, or an input that is repeated, takes the long way."""
-    given_gain = {} if method == "least_squares" else {"gains": {"L": L}}
-    asked = problem(period=0.25, window=2, method=method, flow={"B": [[1], [0]]}, **given_gain)
+BOUNDS = {"disturbance": {"lower": [-0.02, 0], "upper": [0.02, 0.01]}}
+
+
+@pytest.mark.parametrize("driven", [False, True])
+@pytest.mark.parametrize("bounded", [False, True])
+@pytest.mark.parametrize("method", ["least_squares", "exact", "approximate", "corrected"])
+def test_the_usual_step_is_the_general_one(
+    method: str, bounded: bool, driven: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kept: dict[str, Any] = {} if method == "least_squares" else {"gains": {"L": L}}
+    if method == "corrected":
+        method, kept = "approximate", kept | {"half_sample_correction": True}
+    flow = {"B": [[1], [0]]} if driven else {}
+    asked = problem(
+        period=0.25, window=2, method=method, flow=flow | (BOUNDS if bounded else {}),
+        output={"noise_bound": [0.1]} if bounded else {}, **kept,
+    )  # fmt: skip
+    record = record_of(asked, until=60)
+    y, u = record.block("y"), record.block("u") if driven else None
+    observer = observer_of(asked)
+    usual = observer.run_batch(record.t, y, u)
+    monkeypatch.setattr(type(observer), "_steady", lambda *_: None)
+    general = observer.run_batch(record.t, y, u)
+    assert usual.status == general.status
+    assert np.abs(usual.x - general.x).max() < 1e-12
+    assert (
+        (usual.lower is None) == (general.lower is None) == (method == "approximate" or not bounded)
+    )
+    if usual.lower is not None and general.lower is not None:
+        full = np.isfinite(general.lower).all(axis=1)
+        assert full.sum() == len(y) - 8
+        assert np.abs(usual.lower[full] - general.lower[full]).max() < 1e-11
+        assert np.abs(usual.upper[full] - general.upper[full]).max() < 1e-11
+
+
+def test_lists_and_arrays_are_the_same_samples() -> None:
+    asked = problem(period=0.25, window=2, flow={"B": [[1], [0]]})
     record = record_of(asked, until=20)
     y, u = record.block("y"), record.block("u")
     observer = observer_of(asked)
     one, two = observer.init(), observer.init()
     for i, t in enumerate(record.t.tolist()):
-        changed = u[i] if i == 0 or (u[i] != u[i - 1]).any() else None
-        one, first = observer.step(one, Sample(t, y[i], changed))
-        two, second = observer.step(two, Sample(t, y[i].tolist(), u[i]))
+        one, first = observer.step(one, Sample(t, y[i], u[i]))
+        two, second = observer.step(two, Sample(t, y[i].tolist(), u[i].tolist()))
+        assert np.array_equal(first.x, second.x)
         assert first.status == second.status
-        assert np.abs(first.x - second.x).max() < 1e-12
+
+
+def test_one_state_may_be_continued_twice() -> None:
+    """Windows of both futures share their past in memory, and nothing else."""
+    observer = observer_of(problem(period=0.25, window=1))
+    rng = np.random.default_rng(0)
+    past, futures = rng.standard_normal((20, 1)), rng.standard_normal((2, 1500, 1))
+    state = observer.init()
+    for i, y in enumerate(past):
+        state, _ = observer.step(state, Sample(0.25 * i, y))
+    branches, found = [state, state], [[], []]  # type: ignore[var-annotated]
+    for i in range(len(futures[0])):
+        for j in range(2):
+            branches[j], estimate = observer.step(
+                branches[j], Sample(0.25 * (20 + i), futures[j][i])
+            )
+            found[j].append(estimate.x)
+    for j in range(2):
+        y = np.concatenate([past, futures[j]])
+        whole = observer.run_batch(0.25 * np.arange(len(y)), y)
+        assert np.array_equal(np.array(found[j]), whole.x[20:])
 
 
 def test_units_of_time_do_not_matter() -> None:

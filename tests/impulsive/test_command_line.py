@@ -112,4 +112,4 @@ def test_a_record_shorter_than_the_window_and_a_gap_in_it(tmp_path: Path) -> Non
 
 def test_check_knows_the_kind(tmp_path: Path) -> None:
     reply = json.loads(command("check", written(tmp_path).name, "--json", cwd=tmp_path).stdout)
-    assert reply["result"]["impulsive"] == {"verdict": "proved", "reasons": []}
+    assert reply["result"]["impulsive"].items() >= {"verdict": "proved", "reasons": []}.items()

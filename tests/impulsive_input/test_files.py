@@ -109,7 +109,7 @@ def test_check_says_why_the_kind_does_not_fit(tmp_path: Path) -> None:
     from obsdesign.check import check_kind
 
     fits = check_kind(obsdesign.load_problem(EXAMPLE), "impulsive_input")
-    assert fits == {"verdict": "proved", "reasons": []}
+    assert fits.items() >= {"verdict": "proved", "reasons": []}.items()
     other = check_kind(
         obsdesign.load_problem(ROOT / "examples" / "degue_4_1.toml"), "impulsive_input"
     )

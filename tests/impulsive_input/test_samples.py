@@ -42,7 +42,7 @@ def found_in(observer: Any, t: Any, y: Any, **initial: Any) -> list[Any]:
 def test_six_impulses_in_the_hormone_record(observer: Any) -> None:
     # with a prior deviation of 3 for weights, to every digit; by default there is none
     for width, tolerance in ((3.0, (0.02, 0.01, 0.002, 0.001)), (np.inf, (0.1, 0.05, 0.02, 0.01))):
-        engine = replace(observer.engine, weight_std=width)
+        engine = replace(observer.engine, model=replace(observer.engine.model, weight_std=width))
         found = found_in(replace(observer, engine=engine), DATA[:, 0], DATA[:, 1:], **PRIOR)
         for event, numbers in zip(found, SIX, strict=True):
             told = (event.t, event.t_std, event.weights[0], event.weights_std[0])
@@ -140,3 +140,15 @@ def test_bad_input_has_its_line(body: dict[str, Any], changes: Any, line: str) -
     with pytest.raises(obsdesign.InputError) as error:
         obsdesign.investigate(obsdesign.Problem.from_dict(wrong))
     assert str(error.value) == line
+
+
+def test_an_output_of_zero_with_proportional_noise_is_not_exact(body: dict[str, Any]) -> None:
+    still = copy.deepcopy(body)
+    still["output"] |= {"noise_std": [0.0], "noise_cv": [0.1]}
+    del still["flow"]["disturbance"]
+    observer = from_design(obsdesign.design(obsdesign.Problem.from_dict(still)))
+    t = 10.0 * np.arange(30)
+    assert not observer.run_batch(t, np.zeros((30, 1))).events
+    x = record(still["flow"]["A"], still["jump"]["H"], [(104.0, 2.0)], t, [0.0, 0.0])
+    (event,) = observer.run_batch(t, x[:, 1:]).events
+    assert event.t == pytest.approx(104, abs=4)

@@ -292,7 +292,7 @@ def test_a_hidden_oscillation_that_never_decays_is_refused(measured: str) -> Non
             "flow": {"A": [[-damping, 1, 0], [-1, -damping, 0], [0, 0, -1]],
                      "disturbance": {"lower": [-0.1] * 3, "upper": [0.1] * 3}},
             "jump": {"G": [[1, 0, 0], [0, 1, 0], [0, 0, 2]], "dwell_time": [0.5, 2]},
-            "output": output, "observer": {"kind": "interval"},
+            "output": output, "observer": {"kind": "interval", "form": "split"},
         })  # fmt: skip
 
     outcome = obsdesign.investigate(body(0.0))
@@ -300,7 +300,7 @@ def test_a_hidden_oscillation_that_never_decays_is_refused(measured: str) -> Non
     assert refused.verdict == "refuted"
     assert "no observer exists" in refused.evidence["witness"]["reason"]
     damped = obsdesign.investigate(body(0.1))
-    assert all(c.id != "attainable" for c in damped.claims)
+    assert all("no observer exists" not in str(c.evidence) for c in damped.claims)
 
 
 def narrowest(seed: int | None, **options: Any) -> tuple[np.ndarray, np.ndarray]:

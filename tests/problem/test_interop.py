@@ -24,11 +24,33 @@ def test_a_state_space_is_a_problem() -> None:
         flow={"A": A, "B": B}, jump={"dwell_time": [1, 2]},
         output={"C": C, "noise_bound": [0.1]}, name="from scipy",
     )  # fmt: skip
+    control = pytest.importorskip("control", reason="the extra `interop` is not installed")
+    assert problem == from_state_space(
+        control.ss(A, B, C, D), jump={"dwell_time": [1, 2]}, output={"noise_bound": [0.1]},
+        name="from scipy",
+    )  # fmt: skip
     # control.StateSpace: dt is 0 in continuous time, matrices may have no columns
     alone = SimpleNamespace(
         A=np.array(A), B=np.zeros((2, 0)), C=np.array(C), D=np.zeros((1, 0)), dt=0
     )
     assert from_state_space(alone).plant.flow.B is None
+
+
+def test_further_blocks_are_given_as_in_a_file() -> None:
+    bounds = {"lower": [-1, -1], "upper": [1, 1]}
+    problem = from_state_space(
+        scipy.signal.StateSpace(A, B, C, D), flow={"D": [[1], [0]], "disturbance": bounds},
+        observer={"kind": "unknown_input"}, output={"measured": "periodic", "period": 0.1},
+    )  # fmt: skip
+    assert problem == Problem(
+        flow={"A": A, "B": B, "D": [[1], [0]], "disturbance": bounds},
+        output={"C": C, "measured": "periodic", "period": 0.1}, observer={"kind": "unknown_input"},
+    )  # fmt: skip
+    for block, key in (("flow", "A"), ("flow", "B"), ("output", "C")):
+        twice: Any = {block: {key: [[1]]}}
+        with pytest.raises(InputError) as error:
+            from_state_space(scipy.signal.StateSpace(A, B, C, D), **twice)
+        assert str(error.value) == f"{block}.{key} is given by the system; give it once."
 
 
 @pytest.mark.parametrize(

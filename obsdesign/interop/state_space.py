@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 
 from obsdesign.errors import InputError
-from obsdesign.plant import Flow, Jump
+from obsdesign.plant import Jump
 from obsdesign.problem import Problem
 
 
 def from_state_space(
     system: Any,
     *,
+    flow: Mapping[str, Any] | None = None,
     jump: Jump | Mapping[str, Any] | None = None,
     output: Mapping[str, Any] | None = None,
     observer: Mapping[str, Any] | None = None,
@@ -24,8 +25,9 @@ def from_state_space(
     """A problem from a continuous-time model x' = A x + B u, y = C x.
 
     system: anything with matrices A (n, n), B (n, m), C (p, n), D (p, m) and a time step `dt`, as
-    `scipy.signal.StateSpace` and `control.StateSpace` have. output: further keys of [output].
-    InputError for a discrete model, a feedthrough D, or an object without the matrices.
+    `scipy.signal.StateSpace` and `control.StateSpace` have. flow, output: further keys of [flow]
+    (D, disturbance) and [output]; jump, observer: those blocks. InputError for a discrete model, a
+    feedthrough D, an object without the matrices, or A, B, C given twice.
     """
     missing = [key for key in ("A", "B", "C", "D") if not hasattr(system, key)]
     if missing:
@@ -41,5 +43,15 @@ def from_state_space(
             "system must have no feedthrough, y = C x; its D is not zero. "
             "Subtract D u from the measurement and set D to zero."
         )
-    flow = Flow(system.A, B=system.B if np.any(system.B) else None)
-    return Problem(flow, {**(output or {}), "C": system.C}, jump, observer, name)
+    for block, given, taken in (("flow", flow, "AB"), ("output", output, "C")):
+        for key in taken:
+            if key in (given or {}):
+                raise InputError(f"{block}.{key} is given by the system; give it once.")
+    known = {"B": system.B} if np.any(system.B) else {}
+    return Problem(
+        {**(flow or {}), "A": system.A, **known},
+        {**(output or {}), "C": system.C},
+        jump,
+        observer,
+        name,
+    )

@@ -1,0 +1,37 @@
+"""How long searches may take: their own budgets, and what whoever asks has the patience for.
+
+with at_most(0.5):
+    ...              # every search in here ends after half a second of processor time, undecided
+
+A search asks `until(its own budget)` for the moment to stop at. Proofs never look at a clock.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+
+_END: ContextVar[float] = ContextVar("end", default=math.inf)
+
+
+@contextmanager
+def at_most(seconds: float) -> Iterator[None]:
+    """No search in here goes on for longer, in seconds of processor time; nested, the least."""
+    token = _END.set(until(seconds))
+    try:
+        yield
+    finally:
+        _END.reset(token)
+
+
+def until(seconds: float) -> float:
+    """`time.process_time()` at which a search with this budget has to stop."""
+    return min(time.process_time() + seconds, _END.get())
+
+
+def left(seconds: float = math.inf) -> float:
+    """What remains of a budget that starts now; negative when patience has ended."""
+    return until(seconds) - time.process_time()

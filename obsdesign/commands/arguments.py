@@ -1,0 +1,76 @@
+"""What arguments of the command line mean: plants, numbers, dwell times, answers."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from obsdesign.errors import InputError
+from obsdesign.kinds import KINDS
+
+if TYPE_CHECKING:
+    from obsdesign.plant import Plant
+    from obsdesign.problem import Problem
+
+
+KIND = click.option(
+    "--kind", shell_complete=lambda context, option, word: [k for k in KINDS if k.startswith(word)],
+    help="Observer kind; options of another kind in the file are dropped.",
+)  # fmt: skip
+
+
+def problem_of(path: str, kind: str | None) -> tuple[Problem, list[str]]:
+    """The problem in a file, for its own kind or another, and what had to be dropped for that."""
+    from obsdesign.problem import load_for_kind, load_problem
+
+    return load_for_kind(path, kind) if kind else (load_problem(path), [])
+
+
+def plant_of(source: str) -> Plant:
+    """The plant of a problem file, or of the problem inside a design file."""
+    from obsdesign.document import FORMAT, load_design
+    from obsdesign.problem import Problem, load_problem
+
+    try:
+        is_design = source.endswith(".json") and f'"{FORMAT}"' in Path(source).read_text("utf-8")
+    except (OSError, UnicodeDecodeError):
+        is_design = False  # load_problem says what is wrong with the file
+    if is_design:
+        return Problem.from_dict(load_design(source).problem).plant
+    return load_problem(source).plant
+
+
+def dwell_times(text: str) -> float | list[float]:
+    """A dwell time, or a file of them."""
+    try:
+        return float(text)
+    except ValueError:
+        from obsdesign.dwell_file import read_dwell_times
+
+        if Path(text).is_file():
+            return read_dwell_times(text)
+        raise InputError(
+            f"--dwell must be shortest, random, a number or a file; got {text!r}."
+        ) from None
+
+
+def numbers(text: str, option: str) -> list[float]:
+    """x1,x2,... as an option has them."""
+    try:
+        return [float(part) for part in text.split(",")]
+    except ValueError:
+        raise InputError(f"{option} must be numbers separated by commas; got {text!r}.") from None
+
+
+def answer_of(path: str) -> dict[str, Any]:
+    """What a command printed with --json, or a design file."""
+    try:
+        body = json.loads(Path(path).read_text("utf-8"))
+    except (OSError, ValueError, RecursionError) as error:
+        raise InputError(f"{path}: cannot be read as JSON: {error}.") from None
+    if not isinstance(body, dict):
+        raise InputError(f"{path}: one JSON object is required; got {type(body).__name__}.")
+    return body

@@ -1,0 +1,116 @@
+"""`check`, `design`, `verify`, `search`: what ends in a verdict."""
+
+from __future__ import annotations
+
+import click
+
+from obsdesign.commands.arguments import KIND, problem_of
+from obsdesign.commands.talk import is_quiet, is_verbose, say, warn
+from obsdesign.errors import InputError
+
+
+@click.command()
+@click.argument("problem", type=click.Path())
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object on stdout.")
+def check(problem: str, as_json: bool) -> int:
+    """For each observer kind: can it be built for the plant in PROBLEM, and if not, why."""
+    from obsdesign.check import check_all
+    from obsdesign.presentation import EXIT_CODES, check_answer, show_check
+    from obsdesign.problem import load_problem
+
+    verdict, found = check_all(load_problem(problem))
+    if as_json:
+        click.echo(check_answer(verdict, found))
+    elif not is_quiet():
+        show_check(found)
+    return EXIT_CODES[verdict]
+
+
+@click.command()
+@click.argument("problem", type=click.Path())
+@KIND
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(),
+    default="design.json",
+    show_default=True,
+    help="Design file.",
+)
+@click.option("--allow-undecided", is_flag=True, help="Write a design with undecided claims too.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object on stdout.")
+def design(
+    problem: str, kind: str | None, output: str, allow_undecided: bool, as_json: bool
+) -> int:
+    """Synthesise what PROBLEM leaves open, prove it, and write a design file."""
+    from obsdesign import workflow
+    from obsdesign.document import refuse_overwriting
+    from obsdesign.presentation import EXIT_CODES, answer, show
+
+    loaded, dropped = problem_of(problem, kind)
+    refuse_overwriting(output, problem)
+    try:
+        outcome = workflow.investigate(loaded)
+    except InputError as error:
+        raise InputError(f"{problem}: {error}") from None
+    if dropped:
+        warn(f"dropped for kind {kind}: {', '.join(dropped)}")
+    keep = outcome.verdict == "proved" or (outcome.verdict == "undecided" and allow_undecided)
+    written = output if keep and outcome.design else None
+    if outcome.design and written:
+        outcome.design.save(written)
+    if as_json:
+        gains = outcome.design.gains if outcome.design else {}
+        click.echo(answer("design", outcome, {**outcome.result, "file": written, "gains": gains}))
+    elif not is_quiet():
+        show(outcome, numbers=is_verbose())
+        say(f"written: {written}" if written else "nothing written")
+    return EXIT_CODES[outcome.verdict]
+
+
+@click.command()
+@click.argument("design_file", metavar="DESIGN", type=click.Path())
+@click.option("--paranoid", is_flag=True, help="Prove a second time by an independent method.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object on stdout.")
+def verify(design_file: str, paranoid: bool, as_json: bool) -> int:
+    """Prove everything in DESIGN again, from the file alone and without a solver."""
+    from obsdesign import workflow
+    from obsdesign.document import load_design
+    from obsdesign.presentation import EXIT_CODES, answer, show
+
+    design = load_design(design_file)
+    try:
+        outcome = workflow.verify(design, paranoid=paranoid)
+    except InputError as error:
+        raise InputError(f"{design_file}: {error}") from None
+    if as_json:
+        click.echo(answer("verify", outcome, outcome.result))
+    elif not is_quiet():
+        show(outcome, numbers=is_verbose())
+    return EXIT_CODES[outcome.verdict]
+
+
+@click.command()
+@click.argument("problem", type=click.Path())
+@click.option("--for", "what", required=True, metavar="WHAT",
+              help="shortest_dwell, longest_dwell, longest_period, shortest_window.")  # fmt: skip
+@KIND
+@click.option("--accuracy", type=float, default=1e-6, show_default=True, help="Relative width.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object on stdout.")
+def search(problem: str, what: str, kind: str | None, accuracy: float, as_json: bool) -> int:
+    """Find the limit of WHAT for PROBLEM: a bracket, proved on one side."""
+    from obsdesign import search as searching
+    from obsdesign.presentation import EXIT_CODES, answer, show_bracket
+
+    loaded, dropped = problem_of(problem, kind)
+    try:
+        outcome = searching.search(loaded, what, accuracy)
+    except InputError as error:
+        raise InputError(f"{problem}: {error}") from None
+    if dropped:
+        warn(f"dropped for kind {kind}: {', '.join(dropped)}")
+    if as_json:
+        click.echo(answer("search", outcome, outcome.result))
+    elif not is_quiet():
+        show_bracket(what, outcome)
+    return EXIT_CODES[outcome.verdict]

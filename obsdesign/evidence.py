@@ -1,0 +1,35 @@
+"""The few numbers behind a claim, in words and digits; its matrices stay in the design file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+_MOST_LISTED = 8
+
+
+def numbers_of(evidence: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:
+    """What a proof says in few numbers; its matrices stay in the file."""
+    for key, value in evidence.items():
+        name = f"{prefix}{key.replace('_', ' ')}"
+        if isinstance(value, Mapping):
+            if key != "witness" and len(value) <= _MOST_LISTED:
+                yield from numbers_of(value, f"{name}: ")
+        elif isinstance(value, bool | str | int | float | np.number):
+            yield name, _number(value)
+        elif _is_short_list(value):
+            yield name, ", ".join(_number(x) for x in value)
+
+
+def _is_short_list(value: Any) -> bool:
+    if not isinstance(value, list | tuple | np.ndarray) or len(value) > _MOST_LISTED:
+        return False
+    return np.ndim(np.asarray(value, dtype=object)) == 1
+
+
+def _number(value: Any) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return f"{value:.6g}" if isinstance(value, float | np.number) else str(value)

@@ -1,0 +1,100 @@
+"""A design in the hands of other tools: gains for MATLAB, an estimator for python-control."""
+
+from __future__ import annotations
+
+import io
+import os
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from obsdesign.document import Design, replacing
+from obsdesign.equations.estimation_error import flow_error_matrix
+from obsdesign.errors import InputError
+
+# why the observer of a kind is no linear time-invariant system from (y, u) to x_hat
+_NOT_LINEAR = {
+    "interval": "it answers with bounds, which follow its jumps and the noise bounds",
+    "impulsive": "it works on the measurements of a sliding window of impulses",
+    "finite_time": "it works on the samples of a sliding window",
+    "impulsive_input": "it looks for impulses in a sliding window and answers with a delay",
+    "unknown_input": "it differentiates y, which no proper state-space model does",
+}
+
+
+def save_mat(design: Design, path: str | os.PathLike[str]) -> None:
+    """Write gains to a MATLAB file, each under its name; name, kind and digest beside them.
+
+    The plant and what was asked stand in the struct `problem`, with the keys of a problem file;
+    infinity is Inf. Vectors are columns. An existing file is replaced whole or not at all;
+    InputError when it cannot be written.
+    """
+    from scipy.io import savemat
+
+    about = {"name": design.name, "kind": design.kind, "digest": design.to_dict()["digest"]}
+    body = {**_matlab(design.gains), **about, "problem": _matlab(design.problem)}
+    content = io.BytesIO()
+    savemat(content, body, long_field_names=True, oned_as="column")
+    with replacing(path) as file:
+        file.buffer.write(content.getvalue())
+
+
+def _matlab(value: Any) -> Any:
+    """What savemat knows: dicts, texts, arrays; what has no common shape becomes a cell array."""
+    if isinstance(value, Mapping):
+        return {str(key): _matlab(item) for key, item in value.items() if item is not None}
+    if isinstance(value, bool):
+        return np.array(value)
+    if isinstance(value, str):
+        return np.array(np.inf) if value == "inf" else value
+    if isinstance(value, list | tuple):
+        parts = [_matlab(item) for item in value]
+        shapes = {np.shape(part) if isinstance(part, np.ndarray) else None for part in parts}
+        if len(shapes) == 1 and None not in shapes:
+            return np.array(parts)
+        cells = np.empty(len(parts), dtype=object)
+        cells[:] = parts
+        return cells
+    return np.asarray(value, dtype=np.float64)
+
+
+def control_estimator(design: Design) -> Any:
+    """The observer as a `control.StateSpace` from (y1, ..., yp, u1, ..., um) to x_hat.
+
+        x_hat' = (A - L C) x_hat + [L, B] (y; u),    n states, n outputs
+
+    It makes sense for kind `luenberger` without jumps. InputError for every other design, with the
+    reason; where the middle of flow.disturbance is not zero, since a linear system adds no
+    constant; and when python-control (extra `interop`) is not installed.
+    """
+    gains, why = design.gains, _NOT_LINEAR.get(design.kind)
+    if design.kind == "luenberger" and "G" in gains:
+        why = "its estimate jumps with the plant; a state-space model does not"
+    if why is not None:
+        raise InputError(
+            f"a control estimator exists for kind 'luenberger' without jumps; this design is of "
+            f"kind {design.kind!r}: {why}. Run it with obsdesign.runtime."
+        )
+    if np.any(np.asarray(gains["flow_lower"]) + np.asarray(gains["flow_upper"])):
+        raise InputError(
+            "a control estimator needs flow.disturbance with its middle at 0, since a linear "
+            "system adds no constant; it is elsewhere. Take the middle out of the plant first."
+        )
+    try:
+        import control
+    except ImportError:
+        raise InputError(
+            "a control estimator requires the package `control`; it is missing: "
+            "pip install 'obsdesign[interop]'."
+        ) from None
+    L, C = np.asarray(gains["L"]), np.asarray(gains["C"])
+    n, p = L.shape
+    B = np.asarray(gains.get("B", np.zeros((n, 0))))
+    F = flow_error_matrix(np.asarray(gains["A"]), L, C)
+    states = [f"x{i + 1}_hat" for i in range(n)]
+    inputs = [f"y{i + 1}" for i in range(p)] + [f"u{i + 1}" for i in range(B.shape[1])]
+    return control.StateSpace(
+        F, np.hstack([L, B]), np.eye(n), np.zeros((n, p + B.shape[1])), 0,
+        inputs=inputs, outputs=states, states=states, name=f"{design.name}_observer",
+    )  # fmt: skip

@@ -1,0 +1,158 @@
+"""Which entry of a problem a sweep changes, and the values it takes.
+
+An entry is written as in Python: `flow.A[0][1]`, `jump.dwell_time[1]`, `output.period`; indices
+begin with 0. It must stand in the normalised problem (defaults filled in) and hold a number.
+"""
+
+from __future__ import annotations
+
+import copy
+import difflib
+import math
+import re
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any
+
+from obsdesign.entries import is_number
+from obsdesign.errors import InputError
+
+Path = tuple[str | int, ...]
+
+_KEY = re.compile(r"[A-Za-z]\w*(?:\.[A-Za-z]\w*|\[\d+\])*")
+_STEP = re.compile(r"([A-Za-z]\w*)|\[(\d+)\]")
+
+
+@dataclass(frozen=True)
+class Axis:
+    """`count` equally spaced values of an entry, from `first` to `last`; `last` may be less."""
+
+    key: str
+    first: float
+    last: float
+    count: int
+
+    @property
+    def path(self) -> Path:
+        """The entry as keys and indices."""
+        return tuple(int(i) if i else name for name, i in _STEP.findall(self.key))
+
+    @property
+    def values(self) -> tuple[float, ...]:
+        """All values, in their order."""
+        return tuple(map(self.value, range(self.count)))
+
+    def value(self, i: int) -> float:
+        """Value number i. Equally spaced as decimal numbers: the third of 0:0.3:4 is 0.2."""
+        first, last = Fraction(repr(self.first)), Fraction(repr(self.last))
+        return float(first + i * (last - first) / max(self.count - 1, 1))
+
+    def to_dict(self) -> dict[str, Any]:
+        """The axis as it stands in the first line of a sweep file."""
+        return {"key": self.key, "first": self.first, "last": self.last, "count": self.count}
+
+
+def parse_axis(text: str) -> Axis:
+    """The axis of `key=first:last:count`; InputError when it is written otherwise."""
+    key, equals, ends = text.partition("=")
+    parts = ends.split(":")
+    form = "--over must be key=first:last:count, such as jump.dwell_time[0]=0.5:2:16"
+    if not equals or len(parts) != 3 or not _KEY.fullmatch(key.strip()):
+        raise InputError(f"{form}; got {text!r}.")
+    try:
+        first, last = (float(part) for part in parts[:2])
+    except ValueError:
+        raise InputError(f"{form}; {parts[0]!r} and {parts[1]!r} are not both numbers.") from None
+    if not (math.isfinite(first) and math.isfinite(last)):
+        raise InputError(f"{form}; both ends must be finite, got {parts[0]} and {parts[1]}.")
+    try:
+        count = int(parts[2])
+    except ValueError:
+        count = 0
+    if count < 1:
+        raise InputError(f"{form}; count must be an integer >= 1, got {parts[2]!r}.")
+    return Axis(key.strip(), first + 0.0, last + 0.0, count)
+
+
+def changed(body: Any, path: Path, value: float) -> dict[str, Any]:
+    """A copy of a problem as a dict with another number in one entry."""
+    result: dict[str, Any] = copy.deepcopy(body)
+    place: Any = result
+    for step in path[:-1]:
+        place = place[step]
+    place[path[-1]] = value
+    return result
+
+
+def require_number(body: Any, axis: Axis) -> None:
+    """InputError unless the entry of an axis is there and holds a number; says what is there."""
+    place, so_far = body, ""
+    for step in axis.path:
+        place = _entered(place, step, so_far, axis.key)
+        so_far = _written(so_far, step)
+    if _is_entry(place):
+        return
+    if isinstance(place, dict | list) and (below := entries(place, so_far)):
+        told = f"is {_shape(place)}, not one number. Choose one of {_listed(below)}"
+    else:
+        numbers = entries(body.get(axis.path[0], {}), str(axis.path[0]))
+        told = f"is {place!r}, not a number. Numbers there: {_listed(numbers) or 'none'}"
+    raise InputError(f"--over {axis.key}: it {told}.")
+
+
+def entries(body: Any, prefix: str = "") -> list[str]:
+    """Every entry below `body` that holds a number, as it is written for --over."""
+    if _is_entry(body):
+        return [prefix]
+    if isinstance(body, dict):
+        below = [(str(key), item) for key, item in body.items()]
+        return [name for key, item in below for name in entries(item, _written(prefix, key))]
+    if isinstance(body, list):
+        pairs = enumerate(body)
+        return [name for i, item in pairs for name in entries(item, _written(prefix, i))]
+    return []
+
+
+def _is_entry(value: Any) -> bool:
+    return is_number(value) or value == "inf"
+
+
+def _written(prefix: str, step: str | int) -> str:
+    if isinstance(step, int):
+        return f"{prefix}[{step}]"
+    return f"{prefix}.{step}" if prefix else step
+
+
+def _entered(place: Any, step: str | int, so_far: str, key: str) -> Any:
+    where = so_far or "the problem"
+    if isinstance(step, int):
+        if not isinstance(place, list):
+            raise InputError(f"--over {key}: {where} has no entries [0], [1], ...; it is "
+                             f"{_shape(place)}.")  # fmt: skip
+        if step >= len(place):
+            raise InputError(f"--over {key}: {where} has entries [0] to [{len(place) - 1}]; "
+                             f"got [{step}]. The first one is [0].")  # fmt: skip
+        return place[step]
+    if not isinstance(place, dict):
+        raise InputError(f"--over {key}: {where} has no {step!r}; it is {_shape(place)}.")
+    if step not in place:
+        names = {name.lower(): name for name in place}
+        near = difflib.get_close_matches(step.lower(), list(names), 1)
+        hint = f" Did you mean {names[near[0]]!r}?" if near else ""
+        raise InputError(
+            f"--over {key}: {where} has no {step!r}; it has {', '.join(place) or 'nothing'}.{hint}"
+        )
+    return place[step]
+
+
+def _shape(place: Any) -> str:
+    if isinstance(place, dict):
+        return "a table"
+    if isinstance(place, list):
+        rows = [len(row) for row in place if isinstance(row, list)]
+        return f"a {len(place)}x{rows[0]} matrix" if rows else f"a list of {len(place)}"
+    return f"{place!r}"
+
+
+def _listed(names: list[str]) -> str:
+    return ", ".join(names[:6]) + (f", ... ({len(names)} in all)" if len(names) > 6 else "")
