@@ -59,10 +59,11 @@ def _even_sizes(terms: Exact) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     table = np.zeros((p * q, p + q))
     table[np.arange(p * q), np.repeat(np.arange(p), q)] = 1.0
     table[np.arange(p * q), p + np.tile(np.arange(q), p)] = 1.0
-    there = [k for k, value in enumerate(terms.flat) if value != 0]
+    values: list[Any] = list(terms.flat)
+    there = [k for k, value in enumerate(values) if value != 0]
     if not there:
         return np.zeros(p, np.int64), np.zeros(q, np.int64)
-    bits = [int(v.p).bit_length() - int(v.q).bit_length() for v in terms.flat if v != 0]
+    bits = [int(v.p).bit_length() - int(v.q).bit_length() for v in values if v != 0]
     found = np.linalg.lstsq(table[there], np.array(bits, dtype=np.float64))[0]
     sizes = np.round(found).astype(np.int64)
     return sizes[:p], sizes[p:]

@@ -507,11 +507,14 @@ def test_output_that_cannot_be_written_is_no_verdict(desk: Path) -> None:
 
 
 def test_a_jump_in_the_data_of_a_plant_without_jumps(tmp_path: Path) -> None:
-    path, data = tmp_path / "design.json", tmp_path / "data.csv"
-    obsdesign.design(obsdesign.load_problem(EXAMPLES / "ahn_1.toml")).save(path)
+    design = obsdesign.design(obsdesign.load_problem(ACADEMIC.parent / "ahn_1.toml"))
+    design.save(tmp_path / "design.json")
+    data = tmp_path / "data.csv"
     data.write_text("t,y1,y2,jump\n0,1,1,0\n0.1,1,1,1\n")
-    done = CliRunner().invoke(main, ["run", str(path), str(data)])
-    assert done.exit_code == 2
+    done = command("run", "design.json", "data.csv", "-o", "est.csv", cwd=tmp_path)
+    assert done.returncode == 2
     assert "line 3: jump must be 0, since the design's plant has no [jump]" in done.stderr
+    assert done.stderr.count("\n") == 1
+    assert not (tmp_path / "est.csv").exists()
     data.write_text("t,y1,y2,jump\n0,1,1,0\n0.1,1,1,0\n")
-    assert CliRunner().invoke(main, ["run", str(path), str(data)]).exit_code == 0
+    assert command("run", "design.json", "data.csv", cwd=tmp_path).returncode == 0
