@@ -112,8 +112,8 @@ def left_inverse(CD: Matrix, variances: Matrix) -> tuple[Matrix, Matrix]:
 def annihilator(CD: Matrix, units: Matrix) -> Matrix:
     """Z, (p - q, p), full rank, Z C D = 0; the unit matrix at the leftmost columns that allow it.
 
-    units: factors (p,) that bring the outputs to one size. The normal form depends on C and D
-    alone, so that a given L means the same everywhere.
+    units: factors (p,) that bring the outputs to one size. The normal form depends on the
+    plant alone, so that a given L means the same everywhere.
     """
     p, q = CD.shape
     Z = np.linalg.qr(units[:, None] * CD, mode="complete")[0][:, q:].T

@@ -83,7 +83,7 @@ def _gains(problem: Problem, D: Matrix) -> tuple[str, dict[str, Any]]:
     else:
         T = np.linalg.solve(T1, np.eye(n))[: n - q]
     N, root = left_inverse(C @ D, output_variances(problem))
-    Z = annihilator(C @ D, equations.lengths(C))
+    Z = annihilator(C @ D, equations.lengths(C * sizes))
     balanced = flow.A * sizes / sizes[:, None], C * sizes, D / sizes[:, None]
     hidden = T @ hidden_states(flow.A, C, D)
     reduced = Reduced.of(*balanced, T1[:, : n - q] / sizes[:, None], T * sizes, N, Z, hidden)
