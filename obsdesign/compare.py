@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -35,6 +35,8 @@ _VARIANTS: dict[str, tuple[str, tuple[str, ...]]] = {
     "unknown_input": ("differentiator", ("cell", "damped", "batch")),
 }
 REFERENCE = "Kalman filter"
+# a design beside the filter is run on so many rows at most
+MOST_ROWS = 5000
 # errors are taken over this last part of the record, when transients have gone
 _LATE = 0.5
 
@@ -114,6 +116,44 @@ def compare(
     for kind in KINDS:
         yield from _of_kind(problem, kind, record, start)
     yield _filtered(problem, record, start)
+
+
+def beside_filter(
+    design: Design, record: Record, initial: Sequence[float] | None = None
+) -> tuple[Row, Row]:
+    """A design and the filter on the first rows of a record; initial: as for `compare`."""
+    problem = Problem.from_dict(design.problem)
+    x, d = (None if truth is None else truth[:MOST_ROWS] for truth in (record.x, record.d))
+    short = Record(record.samples[:MOST_ROWS], x, d)
+    start = _initial(problem, short, initial)
+    return Row(design.kind, "", "", **_run(design, short, start)), _filtered(problem, short, start)
+
+
+def table(rows: Sequence[Row]) -> tuple[list[str], list[list[str]]]:
+    """Titles and cells of the rows that ran, with the columns that one of them has."""
+    columns: dict[str, Callable[[Row], float | None]] = {
+        "error": lambda row: row.error,
+        "worst": lambda row: row.worst,
+        "width": lambda row: row.width,
+        "error of d": lambda row: row.input_error,
+        "not ok": lambda row: row.without,
+        "µs/row": lambda row: None if row.seconds is None else 1e6 * row.seconds,
+    }
+    ran = [row for row in rows if row.seconds is not None]
+    shown = {name: of for name, of in columns.items() if any(of(row) is not None for row in ran)}
+    cells = [[name_of(row), *(_cell(of(row)) for of in shown.values())] for row in ran]
+    return ["observer", *shown], cells
+
+
+def name_of(row: Row) -> str:
+    """Kind and variant, for people."""
+    return ", ".join(word.replace("_", " ") for word in (row.kind, row.variant) if word)
+
+
+def _cell(value: float | None) -> str:
+    if value is None:
+        return "–"
+    return str(value) if isinstance(value, int) else f"{value:.3g}"
 
 
 def _of_kind(problem: Problem, kind: str, record: Record, start: Array) -> Iterator[Row]:
