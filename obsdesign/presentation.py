@@ -12,7 +12,7 @@ from obsdesign.evidence import numbers_of
 from obsdesign.workflow import Outcome, reason
 
 if TYPE_CHECKING:
-    from obsdesign.compare import Row  # other commands do without it
+    from obsdesign.comparison.row import Row  # other commands do without it
 
 EXIT_CODES = {"proved": 0, "refuted": 1, "undecided": 3}
 _COLOURS = {"proved": "green", "refuted": "red", "undecided": "yellow"}
@@ -77,7 +77,7 @@ def show_comparison(rows: Sequence[Row]) -> None:
     from rich.markup import escape
     from rich.table import Table
 
-    from obsdesign.compare import name_of, table
+    from obsdesign.comparison.row import name_of, table
 
     console = Console(highlight=False)
     (first, *titles), lines = table(rows)

@@ -18,7 +18,9 @@ import jinja2
 import numpy as np
 
 from obsdesign import workflow
-from obsdesign.compare import MOST_ROWS, Record, beside_filter, table
+from obsdesign.comparison.compare import MOST_ROWS, beside_filter
+from obsdesign.comparison.record import Record
+from obsdesign.comparison.row import table
 from obsdesign.curves import curve_of
 from obsdesign.document import Design, jsonable, load_design, write_text
 from obsdesign.errors import InputError
