@@ -20,7 +20,7 @@ EAGER = """
 import casadi, clarabel, click, cvxpy, flint, highspy, jinja2, jsonschema, matplotlib.figure, numpy
 import rich.console, rich.table, scipy.linalg, scipy.optimize, scipy.signal
 import obsdesign.workflow, obsdesign.search, obsdesign.simulation
-import obsdesign.report, obsdesign.compare
+import obsdesign.report, obsdesign.comparison.compare
 """
 RUNTIME, NUMPY = "import obsdesign.runtime", "import numpy"
 HELP = "import sys; sys.argv = ['obsdesign', '--help']; from obsdesign.cli import main; main()"

@@ -8,6 +8,7 @@ orthonormal (`lmi.stack`), its smallest singular value must stay above MARGIN. R
 from __future__ import annotations
 
 import itertools
+from typing import Any
 
 import numpy as np
 
@@ -29,8 +30,8 @@ def decide_full_rank(stack: Stack, low: float, high: float, limit: int = BOX_LIM
     """Full column rank with MARGIN for all thetas in [low, high]^m: search, refute or prove.
 
     0 <= low <= high, both finite. Proved evidence as `prove_full_rank`, with "approx_sigma_min"
-    and "approx_worst", the least value seen and where, and "asked", the margin to be proved;
-    refuted evidence holds the witness.
+    and "approx_worst", the least singular value of O where it is least in its coordinates, and
+    "asked", the margin to be proved; refuted evidence holds the witness.
     """
     if (witness := outright(stack)) is not None:
         return refuted(witness)
@@ -58,11 +59,19 @@ def decide_full_rank(stack: Stack, low: float, high: float, limit: int = BOX_LIM
         if margin < MARGIN:
             counter = check_deficient(stack, low, high, {"thetas": worst.tolist()})
             verdict = counter if counter.outcome == "refuted" else verdict
-    plain = np.eye(stack.shape[1])
-    everywhere = np.vstack([points, worst[None]])
-    told = {"approx_sigma_min": float(approx_margin(stack, everywhere, plain).min()),
-            "approx_worst": worst.tolist(), "asked": asked}  # fmt: skip
+    told = {"asked": asked, **seen_at(stack, worst.tolist(), low, high)}
     return Verdict(verdict.outcome, {**verdict.evidence, **told})
+
+
+def seen_at(stack: Stack, thetas: Any, low: float, high: float) -> dict[str, Any]:
+    """{"approx_sigma_min", "approx_worst"}: O at thetas (m,) in floats; {} for no such thetas."""
+    if not isinstance(thetas, list) or len(thetas) != stack.thetas:
+        return {}
+    place = np.array([thetas], dtype=np.float64)
+    if not ((place >= low) & (place <= high)).all():
+        return {}
+    value = approx_margin(stack, place, np.eye(stack.shape[1]))
+    return {"approx_sigma_min": float(value[0]), "approx_worst": place[0].tolist()}
 
 
 @np.errstate(all="ignore")

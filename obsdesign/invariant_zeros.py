@@ -16,48 +16,84 @@ from lmi.balls import Exact, ball, certify_positive_definite, exact, precision, 
 from lmi.hurwitz import prove_hurwitz
 from lmi.verdict import Verdict, proved, refuted, undecided
 from obsdesign.equations import unknown_input as equations
-from obsdesign.structure import approx_unobservable_modes, hidden_flow, nullspace, own_units
+from obsdesign.structure import approx_unobservable_modes, hidden_subspace, nullspace
 
 Matrix = NDArray[np.float64]
 
 
 def shows_every_input(C: Matrix, D: Matrix) -> Verdict:
-    """|C D v| > margin |C| |D| |v| for every v != 0, or a v that shows the opposite.
+    """|C D v| > margin |M| |v| for every v != 0, M = |C| |D| entry by entry, or a v that does not.
 
-    C (p, n), D (n, q), scaled so that neither the units of y nor those of d matter.
+    C (p, n), D (n, q). Rows of M (y) and columns (d) are brought to one size; units of x drop out
+    of both products.
     """
-    C_unit, D_unit, units = equations.scaled(C, D)
-    rows, columns = exact(C_unit), exact(D_unit)
-    seen = rows @ columns
-    size = (rows**2).sum() * (columns**2).sum()
+    rows, columns = exact(C), exact(D)
+    seen, terms = rows @ columns, abs(rows) @ abs(columns)
+    of_y, of_d = _even_sizes(terms)
+    factor = _powers(-of_y[:, None] - of_d)
+    seen, terms = seen * factor, terms * factor
+    size = (terms**2).sum()
     room = seen.T @ seen - exact(equations.RANK_MARGIN**2 * np.eye(D.shape[1])) * size
     approx = to_float(seen)
+    values = np.linalg.svd(approx, compute_uv=False)
+    whole = float(np.linalg.norm(to_float(terms)))
     with precision(256):
         if certify_positive_definite(ball(room)):
-            smallest = np.linalg.svd(approx, compute_uv=False)[-1]
-            whole = np.linalg.norm(C_unit) * np.linalg.norm(D_unit)
-            return proved(approx_margin=float(smallest / whole))
+            return proved(approx_margin=float(values[-1] / whole))
     v = np.linalg.svd(approx)[2][-1]
     direction = exact(v)
     if not direction @ room @ direction <= 0:
         return undecided("C D is at the border between full and deficient rank")
-    blind = np.ldexp(v, (units.min() - units).clip(-2000))
-    return refuted(_blind(C_unit, D_unit, blind / np.abs(blind).max()))
+    blind = np.ldexp(v, (of_d.min() - of_d).clip(-2000))
+    rank = int((values > equations.RANK_MARGIN * whole).sum())
+    left = float(values[0] / whole) if whole and values.size else 0.0
+    return refuted(_blind(C, D, blind / np.abs(blind).max(), rank, left))
 
 
-def _blind(C: Matrix, D: Matrix, v: Matrix) -> dict[str, Any]:
-    """Witness: d = v moves y' by nothing that could be told from rounding, and why."""
+def _even_sizes(terms: Exact) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Exponents of rows (p,) and columns (q,) that bring positive entries to one size.
+
+    Least squares of logarithms: other units of rows and columns move them by exactly those.
+    """
+    p, q = terms.shape
+    table = np.zeros((p * q, p + q))
+    table[np.arange(p * q), np.repeat(np.arange(p), q)] = 1.0
+    table[np.arange(p * q), p + np.tile(np.arange(q), p)] = 1.0
+    values: list[Any] = list(terms.flat)
+    there = [k for k, value in enumerate(values) if value != 0]
+    if not there:
+        return np.zeros(p, np.int64), np.zeros(q, np.int64)
+    bits = [int(v.p).bit_length() - int(v.q).bit_length() for v in values if v != 0]
+    found = np.linalg.lstsq(table[there], np.array(bits, dtype=np.float64))[0]
+    sizes = np.round(found).astype(np.int64)
+    return sizes[:p], sizes[p:]
+
+
+def _powers(exponents: NDArray[np.int64]) -> Exact:
+    """2^e, exactly, for any e."""
+    values = exact(np.ones(exponents.shape))
+    two = exact(2.0).item()
+    for index, e in np.ndenumerate(exponents):
+        values[index] = two ** int(e)
+    return values
+
+
+def _blind(C: Matrix, D: Matrix, v: Matrix, rank: int, left: float) -> dict[str, Any]:
+    """Witness: d = v moves y' by nothing that could be told from rounding, and why.
+
+    left: the largest part of |C| |D| that C D leaves of any input.
+    """
     p, q = len(C), D.shape[1]
-    size = np.linalg.norm(C) * np.linalg.norm(D)
-    values = np.linalg.svd(C @ D, compute_uv=False)
-    rank = int((values > equations.RANK_MARGIN * size).sum())
-    own = int((np.linalg.svd(D, compute_uv=False) > equations.RANK_MARGIN).sum())
+    columns = np.ldexp(D, -equations.exponents(D)[:, None])
+    columns = np.ldexp(columns, -equations.exponents(columns.T))
+    own = int((np.linalg.svd(columns, compute_uv=False) > equations.RANK_MARGIN).sum())
     if own < q:
         why = f"the columns of flow.D are dependent (rank {own}); drop inputs that others replace"
     elif p < q:
         why = f"there are fewer outputs ({p}) than unknown inputs ({q})"
     elif rank == 0:
-        why = "C D = 0, so that d reaches y only through further integrations"
+        equal = "C D = 0" if left == 0 else f"C D cancels to {left:.1g} of |C| |D|"
+        why = f"{equal}, so that d reaches y only through further integrations"
     else:
         why = "this combination of unknown inputs reaches y only through further integrations"
     shown = ", ".join(f"{entry:.6g}" for entry in v)
@@ -71,12 +107,23 @@ def zero_flow(A: Matrix, C: Matrix, D: Matrix) -> Exact | None:
     C D must have full column rank: then they are the modes that C does not see of the flow that
     keeps y' = 0.
     """
+    found = _hidden(A, C, D)
+    return None if found is None else found[0]
+
+
+def hidden_states(A: Matrix, C: Matrix, D: Matrix) -> Matrix:
+    """Basis (n, h), rounded, of the states that can move unseen: those of the h zeros."""
+    found = _hidden(A, C, D)
+    return np.zeros((len(A), 0)) if found is None else to_float(found[1])
+
+
+def _hidden(A: Matrix, C: Matrix, D: Matrix) -> tuple[Exact, Exact] | None:
     numbers = exact(A), exact(C), exact(D)
     seen = numbers[1] @ numbers[2]
     # N = (seen' seen)^-1 seen': solutions of [seen' seen, -seen'] [N; I] = 0
     solutions, _ = nullspace(np.hstack([seen.T @ seen, -seen.T]))
     kept = equations.zero_dynamics(*numbers, solutions[: D.shape[1]])
-    found: Exact | None = hidden_flow(kept, numbers[1])
+    found: tuple[Exact, Exact] | None = hidden_subspace(kept, numbers[1])
     return found
 
 
@@ -101,8 +148,11 @@ def zeros_decay(A: Matrix, C: Matrix, D: Matrix) -> Verdict:
 
 def _nearly(A: Matrix, C: Matrix, D: Matrix) -> dict[str, Any]:
     """A mode with Re s >= 0 that floats cannot tell from a zero; exactly it is none."""
+    from scipy.linalg import matrix_balance
+
     with np.errstate(all="ignore"):  # all signals of one size: only then a margin means something
-        sizes = own_units(A)[0]
+        # by A alone: C and D could lend a coupling that is mere rounding the units to look real
+        sizes = matrix_balance(A, permute=False, separate=True)[1][0]
         A, (C, D, _) = A * sizes / sizes[:, None], equations.scaled(C * sizes, D / sizes[:, None])
         N = np.linalg.pinv(C @ D) if np.isfinite(C @ D).all() else C @ D
         kept = equations.zero_dynamics(A, C, D, N.reshape(D.shape[1], len(C)))

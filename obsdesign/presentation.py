@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +12,7 @@ from obsdesign.evidence import numbers_of
 from obsdesign.workflow import Outcome, reason
 
 if TYPE_CHECKING:
-    from obsdesign.compare import Row  # other commands do without it
+    from obsdesign.comparison.row import Row  # other commands do without it
 
 EXIT_CODES = {"proved": 0, "refuted": 1, "undecided": 3}
 _COLOURS = {"proved": "green", "refuted": "red", "undecided": "yellow"}
@@ -77,40 +77,22 @@ def show_comparison(rows: Sequence[Row]) -> None:
     from rich.markup import escape
     from rich.table import Table
 
+    from obsdesign.comparison.row import name_of, table
+
     console = Console(highlight=False)
+    (first, *titles), lines = table(rows)
+    shown = Table(box=None, pad_edge=False, header_style="dim")
+    shown.add_column(first, no_wrap=True)
+    for title in titles:
+        shown.add_column(title, justify="right", no_wrap=True)
+    shown.add_column("proved", overflow="fold")
     ran = [row for row in rows if row.seconds is not None]
-    columns: dict[str, Callable[[Row], float | None]] = {
-        "error": lambda row: row.error,
-        "worst": lambda row: row.worst,
-        "width": lambda row: row.width,
-        "error of d": lambda row: row.input_error,
-        "not ok": lambda row: row.without,
-        "µs/row": lambda row: None if row.seconds is None else 1e6 * row.seconds,
-    }
-    shown = {name: of for name, of in columns.items() if any(of(row) is not None for row in ran)}
-    table = Table(box=None, pad_edge=False, header_style="dim")
-    table.add_column("observer", no_wrap=True)
-    for title in shown:
-        table.add_column(title, justify="right", no_wrap=True)
-    table.add_column("proved", overflow="fold")
-    for row in ran:
-        cells = [_cell(of(row)) for of in shown.values()]
-        table.add_row(_name(row), *cells, escape(row.guarantee))
-    console.print(table)
+    for row, cells in zip(ran, lines, strict=True):
+        shown.add_row(*map(escape, cells), escape(row.guarantee))
+    console.print(shown)
     for row in rows:
         if row.seconds is None:
-            name = _name(row)
-            console.print(f"[{_COLOURS[row.verdict]}]{name}[/]: {escape(row.reason)}")
-
-
-def _name(row: Row) -> str:
-    return ", ".join(word.replace("_", " ") for word in (row.kind, row.variant) if word)
-
-
-def _cell(value: float | None) -> str:
-    if value is None:
-        return "–"
-    return str(value) if isinstance(value, int) else f"{value:.3g}"
+            console.print(f"[{_COLOURS[row.verdict]}]{name_of(row)}[/]: {escape(row.reason)}")
 
 
 def show_bracket(what: str, outcome: Outcome) -> None:

@@ -50,6 +50,7 @@ def read_samples(stream: TextIO, layout: Layout, name: str) -> Iterator[Sample]:
             f"{name}: a header line with column 't', ... is required; the file is empty."
         )
     places = _places(header, layout, name)
+    unused = None if layout.jump or "jump" not in header else header.index("jump")
     previous = -math.inf
     while (cells := _next_row(rows, name)) is not None:
         where = f"{name} line {rows.line_num}"
@@ -60,6 +61,11 @@ def read_samples(stream: TextIO, layout: Layout, name: str) -> Iterator[Sample]:
                 f"{where}: {len(header)} values are required, one per column; got {len(cells)}."
             )
         sample = _sample(cells, places, layout, where)
+        if unused is not None and cells[unused].strip() not in ("", "0", "0.0"):
+            raise InputError(
+                f"{where}: jump must be 0, since the design's plant has no [jump]; got "
+                f"{cells[unused].strip()!r}. Is it the data of another plant?"
+            )
         if sample.t <= previous:
             raise InputError(
                 f"{where}: t must increase; got {sample.t!r} after {previous!r}. "

@@ -18,6 +18,9 @@ import jinja2
 import numpy as np
 
 from obsdesign import workflow
+from obsdesign.comparison.compare import MOST_ROWS, beside_filter
+from obsdesign.comparison.record import Record
+from obsdesign.comparison.row import table
 from obsdesign.curves import curve_of
 from obsdesign.document import Design, jsonable, load_design, write_text
 from obsdesign.errors import InputError
@@ -68,9 +71,9 @@ def page(
     outcome: workflow.Outcome,
     seconds: float,
     digest: str,
-    estimate: Mapping[str, str] | None = None,
+    estimate: Mapping[str, Any] | None = None,
 ) -> str:
-    """The page as HTML text. estimate: {"title", "image", "caption"} of a picture."""
+    """The page as HTML text. estimate: {"title", "image", "caption", "beside": a table}."""
     environment = jinja2.Environment(
         autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True
     )
@@ -89,6 +92,7 @@ def page(
         given=[statement for given, statement in guarantees if given],
         withheld=[statement for given, statement in guarantees if not given],
         estimate=estimate,
+        most_rows=MOST_ROWS,
         curve=_curve(design),
         claims=[_claim(claim) for claim in outcome.claims],
         gains=[{"name": name, "rows": _rows(value)} for name, value in shown.items()
@@ -156,7 +160,7 @@ def _inline(svg: str) -> str:
 
 def _estimate(
     design: Design, path: str, data: str | None, initial: Sequence[float] | None
-) -> dict[str, str] | None:
+) -> dict[str, Any] | None:
     """The observer on data, or on a simulation of its plant, as a picture."""
     from obsdesign.plotting.estimate import plot_estimate
 
@@ -177,7 +181,22 @@ def _estimate(
         counts = execute(path, source, estimates, initial, None)
         plot_estimate(estimates, source, picture)
         svg = Path(picture).read_text("utf-8")
+        beside = _beside(design, source, initial)
     total = counts.pop("rows")
     told = ", ".join(f"{number} {status}" for status, number in counts.most_common())
     origin = f"of {Path(data).name}" if data else "simulated with random admissible disturbances"
-    return {"title": title, "image": _inline(svg), "caption": f"{total} rows {origin}: {told}."}
+    caption = f"{total} rows {origin}: {told}."
+    return {"title": title, "image": _inline(svg), "caption": caption, "beside": beside}
+
+
+def _beside(
+    design: Design, source: str, initial: Sequence[float] | None
+) -> tuple[list[str], list[list[str]]] | None:
+    """The design and a Kalman filter, where the record has the true state."""
+    record = Record.read(source, Problem.from_dict(design.problem).plant)
+    if record.x is None:
+        return None
+    if initial is not None and design.kind != "interval":
+        x = np.asarray(initial, dtype=np.float64)
+        initial = np.column_stack([x - 1, x + 1]).reshape(-1).tolist()
+    return table(beside_filter(design, record, initial))

@@ -18,6 +18,7 @@ from lmi.verdict import overall
 from obsdesign import __version__
 from obsdesign.document import Claim, Design, jsonable
 from obsdesign.errors import InputError
+from obsdesign.kinds import KINDS
 from obsdesign.problem import Problem
 from obsdesign.verification.evidence import Difference as EvidenceDifference
 from obsdesign.verification.evidence import difference
@@ -35,7 +36,12 @@ class Outcome:
 
 
 def layer(name: str, kind: str) -> Any:
-    """The module of a kind in a layer: `equations`, `synthesis`, `verification`."""
+    """The module of a kind in a layer: `equations`, `synthesis`, `verification`.
+
+    InputError for what is no kind: a design file may name anything.
+    """
+    if kind not in KINDS:
+        raise InputError(f"kind must be one of {', '.join(KINDS)}; got {kind!r}.")
     return importlib.import_module(f"obsdesign.{name}.{kind}")
 
 

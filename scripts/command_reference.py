@@ -19,14 +19,19 @@ and progress is shown on a terminal only. Made by `python -m scripts.command_ref
 
 def page() -> str:
     """Markdown of every command, in the order of the help."""
-    with click.Context(cli, info_name="obsdesign") as context:
+    with _context(cli, "obsdesign", None) as context:
         parts = [HEAD, _block(cli.get_help(context))]
         for name in cli.list_commands(context):
             command = cli.get_command(context, name)
             assert command is not None
-            with click.Context(command, info_name=name, parent=context) as inner:
+            with _context(command, name, context) as inner:
                 parts.append(f"\n## `obsdesign {name}`\n\n{_block(command.get_help(inner))}")
     return "\n".join(parts).rstrip() + "\n"
+
+
+def _context(command: click.Command, name: str, parent: click.Context | None) -> click.Context:
+    """As a call would make it, with the command's own settings."""
+    return command.make_context(name, [], parent=parent, resilient_parsing=True)
 
 
 def _block(text: str) -> str:

@@ -504,3 +504,17 @@ def test_output_that_cannot_be_written_is_no_verdict(desk: Path) -> None:
         )  # fmt: skip
     assert done.returncode == 2
     assert done.stderr == "obsdesign: the output cannot be written: No space left on device.\n"
+
+
+def test_a_jump_in_the_data_of_a_plant_without_jumps(tmp_path: Path) -> None:
+    design = obsdesign.design(obsdesign.load_problem(ACADEMIC.parent / "ahn_1.toml"))
+    design.save(tmp_path / "design.json")
+    data = tmp_path / "data.csv"
+    data.write_text("t,y1,y2,jump\n0,1,1,0\n0.1,1,1,1\n")
+    done = command("run", "design.json", "data.csv", "-o", "est.csv", cwd=tmp_path)
+    assert done.returncode == 2
+    assert "line 3: jump must be 0, since the design's plant has no [jump]" in done.stderr
+    assert done.stderr.count("\n") == 1
+    assert not (tmp_path / "est.csv").exists()
+    data.write_text("t,y1,y2,jump\n0,1,1,0\n0.1,1,1,0\n")
+    assert command("run", "design.json", "data.csv", cwd=tmp_path).returncode == 0

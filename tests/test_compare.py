@@ -12,7 +12,9 @@ from click.testing import CliRunner
 
 import obsdesign
 from obsdesign.cli import cli
-from obsdesign.compare import REFERENCE, Record, compare
+from obsdesign.comparison.compare import compare
+from obsdesign.comparison.record import Record
+from obsdesign.comparison.row import REFERENCE
 from obsdesign.kinds import KINDS
 from obsdesign.runtime import from_design
 

@@ -77,6 +77,7 @@ def test_a_page_tells_everything_of_its_design(example: str, tmp_path: Path) -> 
     for guarantee in design.guarantees:
         assert " ".join(str(guarantee["statement"]).split()) in page.text
     assert json.loads(source.read_text("utf-8"))["digest"] in page.text
+    assert "Kalman filter" in page.text  # a simulation knows the true state
     for name, value in design.provenance["versions"].items():
         assert f"{name} {value}" in page.text
 
@@ -122,7 +123,9 @@ def test_data_is_used_and_starts_as_told(academic_design: Path, tmp_path: Path) 
     base = ["report", str(academic_design), "--data", str(data), "-o", str(out)]
     done = CliRunner().invoke(cli, [*base, "--initial", "0,2,0,2"], standalone_mode=False)
     assert done.return_value == 0
-    assert "3 rows of data.csv: 3 ok." in Page(out.read_text("utf-8")).text
+    text = Page(out.read_text("utf-8")).text
+    assert "3 rows of data.csv: 3 ok." in text
+    assert "Kalman filter" not in text  # nobody knows the truth here
     out.unlink()
     done = CliRunner().invoke(cli, base, standalone_mode=False)
     assert "--initial" in str(done.exception)  # bounds have no default

@@ -31,7 +31,8 @@ def compare(
     """Run every observer that PROBLEM admits on the same record, beside a Kalman filter."""
     import numpy as np
 
-    from obsdesign import compare as comparing
+    from obsdesign.comparison.compare import compare as compare_all
+    from obsdesign.comparison.record import Record
     from obsdesign.presentation import compare_answer, show_comparison
     from obsdesign.problem import load_problem
 
@@ -40,11 +41,11 @@ def compare(
     loaded = load_problem(problem)
     start = None if initial is None else numbers(initial, "--initial")
     if data is not None:
-        record = comparing.Record.read(data, loaded.plant)
+        record = Record.read(data, loaded.plant)
     else:
         rng = np.random.default_rng(seed)
-        record = comparing.Record.simulated(loaded.plant, rng=rng, **options)
-    rows = list(comparing.compare(loaded, record, start))
+        record = Record.simulated(loaded.plant, rng=rng, **options)
+    rows = list(compare_all(loaded, record, start))
     if as_json:
         click.echo(compare_answer(rows))
     elif not is_quiet():

@@ -34,6 +34,8 @@ Array = NDArray[Any]  # float64, or object arrays of exact rationals
 RANK_MARGIN = 1e-9
 # Tustin steps of a pole f ring (their own pole is negative) beyond h |f| = 2
 STEP_LIMIT = 2.0
+# a direction of the reduced state counts as unseen when it shows by less than this part
+UNSEEN = 1e-10
 # pole of the damped differentiator: -DAMPING instead of -1, late by h (1 - r)/(2 (1 + r)) = h / 6
 DAMPING = 0.5
 DIFFERENTIATORS = ("cell", "damped", "batch")
@@ -94,35 +96,77 @@ def matrices(
 
 
 def conditions(plant: tuple[Array, Array, Array, Array], g: Mapping[str, Array]) -> dict[str, Any]:
-    """What makes it an observer: name -> (residual, size), residual zero if it holds exactly.
+    """By what the gains follow from the plant: name -> (residual, size).
 
-    size: the largest sum of magnitudes of the terms that cancel. Works on exact matrices.
+    The residual is zero if the formula holds exactly; size, in its shape: the magnitudes of all
+    that is multiplied, nothing cancelled. Works on exact matrices.
     """
     A, B, C, D = plant
     n, q = D.shape
     eye = np.eye(n, dtype=np.int64)
-    terms = {
-        "T T1 = [I, 0]": [g["T"] @ g["T1"], -eye[: n - q]],
-        "T1 = [Ta, D]": [g["T1"][:, n - q :], -D],
-        "Z C D = 0": [g["Z"] @ (C @ D)],
-        "N C D = I": [g["N"] @ (C @ D), -np.eye(q, dtype=np.int64)],
-        "F = (T A - L Z C) X": [g["F"], -(g["T"] @ A @ g["X"]), g["L"] @ g["Z"] @ C @ g["X"]],
-        "T A = F T + H C": [g["T"] @ A, -(g["F"] @ g["T"]), -(g["H"] @ C)],
-        "T D = 0": [g["T"] @ D],
-        "Gu = T B": [g["Gu"], -(g["T"] @ B)],
-        "X T + Xy C = I": [g["X"] @ g["T"], g["Xy"] @ C, -eye],
-        "Q T + R C + N C A = 0": [g["Q"] @ g["T"], g["R"] @ C, g["N"] @ C @ A],
-        "S = -N C B": [g["S"], g["N"] @ C @ B],
+    T, X, Z, N, L = (g[name] for name in ("T", "X", "Z", "N", "L"))
+    terms: dict[str, list[tuple[Array, ...]]] = {
+        "T T1 = [I, 0]": [(T, g["T1"]), (-eye[: n - q],)],
+        "T1 = [Ta, D]": [(g["T1"][:, n - q :],), (-D,)],
+        "Z C D = 0": [(Z, C, D)],
+        "N C D = I": [(N, C, D), (-np.eye(q, dtype=np.int64),)],
+        "F = (T A - L Z C) X": [(g["F"],), (-T, A, X), (L, Z, C, X)],
+        "T A = F T + H C": [(T, A), (-g["F"], T), (-g["H"], C)],
+        "T D = 0": [(T, D)],
+        "Gu = T B": [(g["Gu"],), (-T, B)],
+        "X T + Xy C = I": [(X, T), (g["Xy"], C), (-eye,)],
+        "Q T + R C + N C A = 0": [(g["Q"], T), (g["R"], C), (N, C, A)],
+        "S = -N C B": [(g["S"],), (N, C, B)],
     }
-    factors = {"Z C D = 0": [g["Z"], C, D], "T D = 0": [g["T"], D]}
     found = {}
     for name, parts in terms.items():
-        total = sum(parts[1:], parts[0])
-        magnitudes = [abs(part) for part in parts]
-        if name in factors and total.size:  # one product that cancels within itself
-            magnitudes = [abs(total) * 0 + math.prod(max(abs(X).flat) for X in factors[name])]
-        found[name] = total, sum(magnitudes[1:], magnitudes[0])
+        products = [_product(factors) for factors in parts]
+        sizes = [_product(tuple(abs(X) for X in factors)) for factors in parts]
+        largest = [math.prod(max(abs(X).flat, default=0) for X in factors) for factors in parts]
+        # a sparse product may vanish but for rounding: its factors' largest entries are its size
+        floor = max(largest) if len(parts) == 1 else 0
+        found[name] = sum(products[1:], products[0]), sum(sizes[1:], sizes[0]) + floor
     return found
+
+
+def _product(factors: tuple[Array, ...]) -> Array:
+    result = factors[0]
+    for factor in factors[1:]:
+        result = result @ factor
+    return result
+
+
+def leftovers(
+    plant: tuple[Array, Array, Array, Array], g: Mapping[str, Array]
+) -> dict[str, dict[str, Array]]:
+    """What drives the errors of the stored matrices, all zero for an observer: by signal x, u, d.
+
+        e' = F e + error x + ...,  e = zeta - T x
+        xhat - x = X e + state x + ...,   dhat - d = Q e + input x + ...
+
+    Returns {"error": {"x": ..., "u": ..., "d": ...}, "state": ..., "input": ...}.
+    """
+    A, B, C, D = plant
+    n, q = D.shape
+    eye = np.eye(n, dtype=np.int64)
+    shows = g["N"] @ C
+    return {
+        "error": {
+            "x": g["F"] @ g["T"] + g["H"] @ C - g["T"] @ A,
+            "u": g["Gu"] - g["T"] @ B,
+            "d": -(g["T"] @ D),
+        },
+        "state": {
+            "x": g["X"] @ g["T"] + g["Xy"] @ C - eye,
+            "u": 0 * B,
+            "d": 0 * D,
+        },
+        "input": {
+            "x": g["Q"] @ g["T"] + g["R"] @ C + shows @ A,
+            "u": g["S"] + shows @ B,
+            "d": shows @ D - np.eye(q, dtype=np.int64),
+        },
+    }
 
 
 # of every matrix, in which units its rows and its columns are: states x, reduced states w, outputs
@@ -152,6 +196,24 @@ def zero_dynamics(A: Array, C: Array, D: Array, N: Array) -> Array:
     The invariant zeros of (A, D, C) are its modes that C does not see; no gain moves them.
     """
     return A - D @ (N @ (C @ A))
+
+
+# what the rounding of the stored matrices may leave of the estimates for ever, of the signals
+LASTING = 1e-6
+
+
+def first_state(seen: Array, Z: Array, sizes: Array) -> Array:
+    """The reduced state of least norm that agrees with the first y: (k, p), floats.
+
+    seen (p - q, k): how it shows in Z y; sizes (p - q,): of the terms of each of its rows.
+    """
+    weights = 1 / np.where(sizes > 0, sizes, 1.0)
+    rows = seen * weights[:, None]
+    largest = float(np.linalg.norm(rows, 2)) if rows.size else 0.0
+    if largest <= UNSEEN:
+        return np.zeros((seen.shape[1], Z.shape[1]))
+    inverse = np.linalg.pinv(rows, rcond=UNSEEN / largest)
+    return np.asarray((inverse * weights) @ Z)
 
 
 def without_empty(gains: Mapping[str, Any]) -> dict[str, Any]:

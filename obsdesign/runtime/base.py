@@ -153,8 +153,8 @@ def later(sample_t: float, t: float, started: bool) -> float:
 
 
 def vector(values: ArrayLike, size: int, name: str) -> Vector:
-    """A float vector of the required size; ValueError names what arrived."""
-    result = np.asarray(values, dtype=np.float64).reshape(-1)
+    """A new float vector of the required size; ValueError names what arrived."""
+    result = np.array(values, dtype=np.float64).reshape(-1)
     if result.shape != (size,):
         raise ValueError(f"{name} must have {size} entries; got {result.size}.")
     return result
@@ -179,6 +179,13 @@ class Batch:
     d: NDArray[np.float64] | None
     status: tuple[str, ...] = field(default=())
     events: tuple[Any, ...] = field(default=())  # impulses that were found, in order
+
+
+def first_time(times: Vector) -> float:
+    """When a record begins; ValueError if it has no row."""
+    if not len(times):
+        raise ValueError("at least one row is required; got none.")
+    return float(times[0])
 
 
 def collect(estimates: Iterable[Estimate]) -> Batch:

@@ -49,6 +49,7 @@ from obsdesign.runtime.base import (
     Estimate,
     Sample,
     Vector,
+    first_time,
     later,
     optional_measurement,
     require_gains,
@@ -230,7 +231,7 @@ class IntervalObserver:
         if guard.last_jump is not None and guard.after(t, False)[1]:
             return None
         ends, n = maximum(out[one], out[two]), self._n
-        following = IntervalState(t, out[box], state.u, y, guard, True, t)
+        following = IntervalState(t, out[box], state.u, v[y_end], guard, True, t)
         return following, Estimate(t, None, ends[:n], -ends[n:])
 
     def run(self, state: IntervalState, samples: Iterable[Sample]) -> Iterator[Estimate]:
@@ -253,9 +254,9 @@ class IntervalObserver:
         Stretches of equal steps are done together, all other rows by `step`: the bounds agree with
         those of `step` up to rounding, and hold as well.
         """
+        state = self.init(first_time(np.ravel(t)), lower=lower, upper=upper)
         record = Columns.of(t, y, u, w, jump)
         times = record.t
-        state = self.init(float(times[0]), lower=lower, upper=upper)
         lows, highs = np.empty((len(times), self.n)), np.empty((len(times), self.n))
         status = ["ok"] * len(times)
         ends = record.stretches()

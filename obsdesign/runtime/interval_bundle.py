@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from obsdesign.runtime.base import Batch, Estimate, Sample, collect, rows_of, run
+from obsdesign.runtime.base import Batch, Estimate, Sample, collect, first_time, rows_of, run
 from obsdesign.runtime.interval import IntervalObserver, IntervalState
 
 _PLANT = ("A", "B", "C", "G", "E", "flow_lower", "flow_upper", "jump_lower", "jump_upper",
@@ -99,5 +99,5 @@ class IntervalBundle:
     ) -> Batch:
         """The whole record: a loop over `step` from bounds of x at its first row."""
         times = np.asarray(t, dtype=np.float64)
-        state = self.init(float(times[0]), lower=lower, upper=upper)
+        state = self.init(first_time(times), lower=lower, upper=upper)
         return collect(self.run(state, rows_of(times, y, u, w, jump)))

@@ -66,7 +66,7 @@ class Fleet:
 
         Measurements must be finite: a plant that misses one needs an observer of its own.
         """
-        seen = np.asarray(y, dtype=np.float64)
+        seen = np.array(y, dtype=np.float64)
         if not t > state.t:
             raise ValueError(f"time must increase; got {t!r} after {state.t!r}.")
         chosen = self.observer.fleet_kernel(t - state.t, t, state.y is not None)

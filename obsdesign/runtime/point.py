@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from obsdesign.errors import InputError
-from obsdesign.runtime.base import Batch, Estimate, Sample, collect, rows_of, run
+from obsdesign.runtime.base import Batch, Estimate, Sample, collect, first_time, rows_of, run
 
 State = TypeVar("State")
 
@@ -74,5 +74,5 @@ class SteppedObserver(PointObserver[State]):
     ) -> Batch:
         """The whole record at once: a loop over `step` from a guess of x at its first row."""
         times = np.asarray(t, dtype=np.float64)
-        state = self.init(float(times[0]), x=x)
+        state = self.init(first_time(times), x=x)
         return collect(self.run(state, rows_of(times, y, u, w, jump)))

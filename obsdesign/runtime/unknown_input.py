@@ -8,7 +8,7 @@ with Ad = (I - hF/2)^-1 (I + hF/2), Bw = h (I - hF/2)^-1, Wc = (w + w+)/2. Y' is
 quotient (y - y_prev)/h (`cell`) or its damped recursion (`damped`); (34) needs no recursion, see
 `equations.block_pulse`. With `batch`, `run` smooths the whole record to its noise first, and `step`
 takes samples as they come. A step covers the time since the last sample that was there, of any
-length.
+length: of two equal ones in a row the second is one product, any other is a solution of (30).
 Source: P. Ahn (2002), (29)-(34).
 """
 
@@ -18,6 +18,7 @@ import math
 from collections import OrderedDict
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -30,8 +31,8 @@ from obsdesign.runtime.base import (
     Sample,
     Vector,
     collect,
+    first_time,
     later,
-    optional_measurement,
     rows_of,
     run,
     vector,
@@ -39,11 +40,20 @@ from obsdesign.runtime.base import (
 from obsdesign.runtime.point import PointObserver
 from obsdesign.runtime.step_cache import cached_step
 from obsdesign.runtime.unknown_input_steps import (
+    FreeStep,
     UnknownInputState,
     damped_slope,
+    kept,
     smoothed_record,
     stacked,
+    usable,
 )
+
+# time stamps must tell a step to this part of its length
+_RESOLVED = 0.01
+# measurements shorter than this need no further look
+_NORMAL = 1e145
+_COARSE = "time stamps resolve"
 
 
 @dataclass(frozen=True)
@@ -57,7 +67,7 @@ class UnknownInputObserver(PointObserver[UnknownInputState]):
     _damped: bool
     kind: ClassVar[str] = "unknown_input"
     finds_events: ClassVar[bool] = False
-    _steps: OrderedDict[tuple[float, int], tuple[Vector, bool]] = field(
+    _steps: OrderedDict[tuple[float, int], Vector] = field(
         default_factory=OrderedDict, repr=False, compare=False
     )
 
@@ -117,39 +127,44 @@ class UnknownInputObserver(PointObserver[UnknownInputState]):
         if sample.jump:
             raise ValueError("this plant has no jumps ([jump] is absent), but a sample says jump.")
         t = later(sample.t, state.t, state.started)
-        y, u = self._measurement(sample.y), state.u
+        y, u, why = self._measurement(sample.y), state.u, ""
+        if y is None:
+            y, why = usable(sample.y, self._p)
         if sample.u is not None and len(u) > 1:
             u = np.append(vector(sample.u, len(u) - 1, "u"), 1.0)
         if state.y is None or state.w is None:
-            return self._first(state, t, y, u)
+            return self._first(state, t, y, u, why)
         used = state.used
         if y is None or used is not None:
             used = state.u * (t - state.t) + (0.0 if used is None else used)
         h = t - state.t_seen
         last, size = state.last, max(abs(t), abs(state.t))
-        if last is None or abs(h - last[0]) > 4 * math.ulp(size):  # usually they are all alike
-            last = (h, *cached_step(self._steps, h, size, self._stacked))
-        step, rings = last[1], last[2]
+        if last is None or last[1] is None or abs(h - last[0]) > 4 * math.ulp(size):
+            last = self._next_step(last, h, size)  # usually they are all alike
         mean = state.u if used is None else used / h
         k, p, q = self._k, self._p, self._q
         known = np.concatenate((state.w, state.y, state.y if y is None else y, mean))
-        found = step.dot(known)
-        w, x, d = found[:k], found[k:-q], found[-q:]
+        if last[1] is None:
+            w, found = self._free.of(h, known)
+        else:
+            found = last[1].dot(known)
+            w, found = found[:k], found[k:]
+        x, d = found[:-q], found[-q:]
         if y is None:
             following = state._replace(t=t, x=x, u=u, used=used)
-            return following, Estimate(t, x=x, d=d * np.nan, status="missing sample")
+            return following, Estimate(t, x=x, d=d * np.nan, status=why)
         slope = None
         if self._damped:
             slope = damped_slope(state, h, y)
             d = d + self.gains["N"] @ slope[2]
         # y from `known`: the sample's own array is the caller's
         following = UnknownInputState(t, t, x, w, known[k + p : k + 2 * p], u, None, slope, last)
-        return following, Estimate(t, x=x, d=d, status=self._ringing(h) if rings else "ok")
+        return following, Estimate(t, x=x, d=d, status=last[2])
 
     def run(self, state: UnknownInputState, samples: Iterable[Sample]) -> Iterator[Estimate]:
         """Estimates for a stream of samples; with `batch`, of the record smoothed as a whole."""
         if self.gains["differentiator"] == "batch":
-            samples = smoothed_record(list(samples), self.gains["noise_std"])
+            samples = smoothed_record([kept(row) for row in samples], self.gains["noise_std"])
         return run(self, state, samples)
 
     def run_batch(
@@ -162,36 +177,60 @@ class UnknownInputObserver(PointObserver[UnknownInputState]):
     ) -> Batch:
         """The whole record at once: a loop over `step`, from a guess of x or the first sample."""
         times = np.asarray(t, dtype=np.float64)
-        state = self.init(float(times[0]), x=x)
+        state = self.init(first_time(times), x=x)
         return collect(self.run(state, rows_of(times, y, u)))
 
     def _first(
-        self, state: UnknownInputState, t: float, y: Vector | None, u: Vector
+        self, state: UnknownInputState, t: float, y: Vector | None, u: Vector, why: str
     ) -> tuple[UnknownInputState, Estimate]:
         """No interval yet, so nothing is known of d; before any measurement, x is the guess."""
         nothing = np.full(self.gains["D"].shape[1], np.nan)
         if y is None:
             following = state._replace(t=t, u=u, started=True)
-            return following, Estimate(t, x=state.x, d=nothing, status="missing sample")
+            return following, Estimate(t, x=state.x, d=nothing, status=why)
         w = self.gains["first"] @ y if state.w is None else state.w
         x = self.gains["X"] @ w + self.gains["Xy"] @ y
-        return UnknownInputState(t, t, x, w, y, u, None), Estimate(t, x=x, d=nothing)
+        # a copy: the sample's own array is the caller's
+        return UnknownInputState(t, t, x, w, y.copy(), u, None), Estimate(t, x=x, d=nothing)
 
     def _measurement(self, y: ArrayLike | None) -> Vector | None:
-        """`optional_measurement`; a finite sum of squares spares it the look at every entry."""
+        """An array as it is if its length says that `usable` need not look at every entry."""
         if type(y) is np.ndarray and y.dtype.char == "d" and y.shape == (self._p,):
-            return y if math.isfinite(y.dot(y)) else optional_measurement(y, self._p)
-        return optional_measurement(y, self._p)
+            return y if math.hypot(*y.tolist()) < _NORMAL else None
+        return None
 
-    def _stacked(self, h: float, error: float) -> tuple[Vector, bool]:
-        """The matrix of a step of length h, and whether such steps ring."""
+    def _next_step(
+        self, before: tuple[float, Vector | None, str] | None, h: float, size: float
+    ) -> tuple[float, Vector | None, str]:
+        """(length, its matrix once a second step of that length follows, what is to be said).
+
+        Decided by the state alone, so that a stream gives the same numbers whatever ran before.
+        """
+        if before is None or abs(h - before[0]) > 4 * math.ulp(size):
+            return h, None, self._status(h, size)
+        if before[2].startswith(_COARSE):
+            return h, None, before[2]
+        return h, cached_step(self._steps, h, size, self._stacked), before[2]
+
+    def _stacked(self, h: float, error: float) -> Vector:
+        """The matrix of a step of length h."""
         del error  # a point estimate owes nothing to half an ulp of time
-        return stacked(self.gains, h, self._damped), h * self._fastest > equations.STEP_LIMIT
+        return stacked(self.gains, h, self._damped)
 
-    @property
+    @cached_property
+    def _free(self) -> FreeStep:
+        return FreeStep(self.gains, self._damped)
+
+    @cached_property
     def _fastest(self) -> float:
         F = self.gains["F"]
         return float(np.abs(np.linalg.eigvals(F)).max()) if F.size else 0.0
 
-    def _ringing(self, h: float) -> str:
-        return f"sampling time {h:.9g} above {equations.STEP_LIMIT / self._fastest:.6g} = 2/|f|"
+    def _status(self, h: float, size: float) -> str:
+        told = []
+        if 4 * math.ulp(size) > _RESOLVED * h:
+            told.append(f"{_COARSE} {2 * math.ulp(size):.2g} for sampling time {h:.9g}")
+        if h * self._fastest > equations.STEP_LIMIT:
+            limit = equations.STEP_LIMIT / self._fastest
+            told.append(f"sampling time {h:.9g} above {limit:.6g} = 2/|f|")
+        return "; ".join(told) or "ok"

@@ -25,9 +25,9 @@ from lmi.proof import prove_common
 from lmi.stack import Stack
 from obsdesign.equations.estimation_error import plant_data
 from obsdesign.equations.impulsive import seen_before_jump
+from obsdesign.impulsive_estimate import estimate
 from obsdesign.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
-from obsdesign.synthesis.impulsive_noise import estimate
 
 _GRID, _CONDITION = 25, 1e8
 _CELLS = 128

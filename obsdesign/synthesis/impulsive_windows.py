@@ -16,10 +16,11 @@ from lmi.verdict import Verdict
 from obsdesign.equations import impulsive as equations
 from obsdesign.equations.estimation_error import plant_data
 from obsdesign.errors import InputError
+from obsdesign.impulsive_estimate import estimate
 from obsdesign.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
 from obsdesign.synthesis.dwell import stability_certificate
-from obsdesign.synthesis.impulsive_noise import estimate, quiet_enough
+from obsdesign.synthesis.impulsive_noise import quiet_enough
 from obsdesign.synthesis.invariant_subspace import Parts, corrected_part
 
 # weight of the past where nothing else says: the error is certified to shrink by a quarter
@@ -112,8 +113,8 @@ def windowed(
     found = dict(gains) | {"window": int(asked or blocks)}
     _refuse_lost_digits(problem, float(gains["alpha"]), blocks)
     if verdict.outcome == "proved" and "noise_target" in problem.options:
-        found, met = quiet_enough(problem, found)
-        others["noise_target"] = met
+        found, short = quiet_enough(problem, found)
+        others["noise_target"] = short
     if verdict.outcome == "proved":
         others["rate"] = {"estimated": estimate(problem, found)}
     return Candidate(label, found, others, searched=searched)

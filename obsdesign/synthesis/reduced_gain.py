@@ -8,12 +8,13 @@ L places or optimises the others.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from obsdesign.equations import unknown_input as equations
 from obsdesign.errors import InputError
 from obsdesign.problem import Problem
 from obsdesign.structure import own_units
@@ -21,22 +22,19 @@ from obsdesign.synthesis.placement import complex_text, placed_gain, with_conjug
 
 Matrix = NDArray[np.float64]
 
-# a direction counts as unseen when it is seen by less than this part of the matrices' size
-_UNSEEN = 1e-10
-
 
 @dataclass(frozen=True)
 class Reduced:
-    """A (k, k), C (p - q, k) of the reduced system, k = n - q.
+    """A (k, k), C (p - q, k) of the reduced system, k = n - q, of a plant in `own_units`.
 
-    sizes: of the terms whose sums A and C are. T (k, n), Z (p - q, p): from x and y to x1 and Z y;
-    coupling (k, q): how x2 drives x1. visible, hidden: orthonormal, what C sees and what it never
-    does.
+    sizes: of the terms whose sums A and C are, a number and one per row. T (k, n), Z (p - q, p):
+    from x and y to x1 and Z y; coupling (k, q): how x2 drives x1. visible, hidden: orthonormal,
+    what C sees and what it never does.
     """
 
     A: Matrix
     C: Matrix
-    sizes: tuple[float, float]
+    sizes: tuple[float, Matrix]
     T: Matrix
     Z: Matrix
     coupling: Matrix
@@ -45,25 +43,40 @@ class Reduced:
 
     @classmethod
     def of(
-        cls, A: Matrix, C: Matrix, D: Matrix, Ta: Matrix, T: Matrix, N: Matrix, Z: Matrix
+        cls,
+        A: Matrix,
+        C: Matrix,
+        D: Matrix,
+        Ta: Matrix,
+        T: Matrix,
+        N: Matrix,
+        Z: Matrix,
+        hidden: Matrix,
     ) -> Reduced:
-        """The reduced system of a plant in the coordinates [Ta, D]."""
+        """The reduced system of a plant in the coordinates [Ta, D].
+
+        hidden (k, h): basis of what is exactly unseen, columns of any size.
+        """
         back = Ta - D @ (N @ C @ Ta)
         inner, seen = T @ A @ back, Z @ C @ Ta
-        sizes = tuple(
-            float(np.linalg.norm(X) * np.linalg.norm(Y)) for X, Y in ((T @ A, back), (Z @ C, Ta))
-        )
-        hidden = _unseen(inner, seen, sizes)
-        visible = np.linalg.qr(hidden, mode="complete")[0][:, hidden.shape[1] :]
-        return cls(inner, seen, (sizes[0], sizes[1]), T, Z, T @ A @ D, visible, hidden)
+        rows = np.abs(Z) @ np.abs(C) @ np.abs(Ta)
+        sizes = float(np.linalg.norm(T @ A) * np.linalg.norm(back)), np.linalg.norm(rows, axis=1)
+        largest = np.linalg.norm(hidden, axis=0)
+        unseen = np.linalg.qr(hidden / np.where(largest > 0, largest, 1.0))[0]
+        return cls(inner, seen, sizes, T, Z, T @ A @ D, _complement(unseen), unseen)
+
+    def nearly(self) -> Reduced:
+        """The same with everything hidden that floats cannot tell from it."""
+        hidden = _unseen(self.A, self.C, self.sizes)
+        return replace(self, visible=_complement(hidden), hidden=hidden)
 
     def first_state(self) -> Matrix:
         """x1 of least norm that agrees with the first y: (k, p)."""
-        largest = float(np.linalg.norm(self.C, 2)) if self.C.size else 0.0
-        if largest <= _UNSEEN * self.sizes[1]:
-            return np.zeros((len(self.A), self.Z.shape[1]))
-        inverse = np.linalg.pinv(self.C, rcond=_UNSEEN * self.sizes[1] / largest)
-        return np.asarray(inverse @ self.Z)
+        return equations.first_state(self.C, self.Z, self.sizes[1])
+
+
+def _complement(basis: Matrix) -> Matrix:
+    return np.asarray(np.linalg.qr(basis, mode="complete")[0][:, basis.shape[1] :])
 
 
 def output_variances(problem: Problem) -> Matrix:
@@ -75,8 +88,9 @@ def output_variances(problem: Problem) -> Matrix:
     given = problem.options.get("weights", {}).get("output")
     if given is not None:
         return np.asarray(given, dtype=np.float64)
-    output = problem.plant.output
-    lengths = np.sum((output.C * own_units(problem.plant.flow.A)[0]) ** 2, axis=1)
+    flow, output = problem.plant.flow, problem.plant.output
+    assert flow.D is not None
+    lengths = np.sum((output.C * own_units(flow.A, output.C, flow.D)[0]) ** 2, axis=1)
     lengths = np.where(lengths > 0, lengths, 1.0)
     if not np.all(output.noise_std > 0):
         return np.asarray(lengths)
@@ -98,8 +112,8 @@ def left_inverse(CD: Matrix, variances: Matrix) -> tuple[Matrix, Matrix]:
 def annihilator(CD: Matrix, units: Matrix) -> Matrix:
     """Z, (p - q, p), full rank, Z C D = 0; the unit matrix at the leftmost columns that allow it.
 
-    units: factors (p,) that bring the outputs to one size. The normal form depends on C and D
-    alone, so that a given L means the same everywhere.
+    units: factors (p,) that bring the outputs to one size. The normal form depends on the
+    plant alone, so that a given L means the same everywhere.
     """
     p, q = CD.shape
     Z = np.linalg.qr(units[:, None] * CD, mode="complete")[0][:, q:].T
@@ -125,25 +139,51 @@ def reduced_gain(problem: Problem, system: Reduced, root: Matrix) -> tuple[str, 
     """
     if "L" in problem.gains:
         return "given L", problem.gains["L"]
-    visible = system.visible
-    inner, seen = visible.T @ system.A @ visible, system.C @ visible
     if "poles" in problem.options:
-        wanted = _free_poles(problem.options["poles"], system)
-        return "placed L", visible @ placed_gain(inner, seen, wanted)
-    if not seen.size:
-        return "no L: every pole is an invariant zero", np.zeros(system.C.T.shape)
+        return "placed L", _placed(problem.options["poles"], system)
+    for tried in (system, system.nearly()):
+        if not tried.visible.shape[1]:
+            return "no L: every pole is an invariant zero", np.zeros(system.C.T.shape)
+        try:
+            L = _riccati(problem, tried, root)
+        except np.linalg.LinAlgError:  # something is all but unseen
+            continue
+        if np.linalg.eigvals(system.A - L @ system.C).real.max() < 0:
+            return "Riccati L", L
+    return "no finite Riccati L in floats, L = 0", np.zeros(system.C.T.shape)
+
+
+def _riccati(problem: Problem, system: Reduced, root: Matrix) -> Matrix:
+    flow, visible = problem.plant.flow, system.visible
+    assert flow.D is not None
     weights = problem.options.get("weights", {})
-    sizes, pace = own_units(problem.plant.flow.A)
-    state = np.asarray(weights.get("state", sizes**2))
+    sizes, pace = own_units(flow.A, problem.plant.output.C, flow.D)
+    state = np.asarray(weights["state"]) / sizes**2 if "state" in weights else np.ones(len(sizes))
     pace = 1.0 if "state" in weights else pace  # without a weight the plant's own unit of time
     driven = np.linalg.solve(root.T, system.coupling.T / pace)
     W = (system.T * state) @ system.T.T + driven.T @ driven
     noise = system.Z * np.sqrt(output_variances(problem))
+    inner, seen = visible.T @ system.A @ visible, system.C @ visible
+    return pace * visible @ _kalman(inner / pace, seen, visible.T @ W @ visible, noise)
+
+
+def _placed(poles: Any, system: Reduced) -> Matrix:
+    """L for the poles it can move: those besides the zeros, or besides what is nearly one."""
     try:
-        L = _kalman(inner / pace, seen, visible.T @ W @ visible, noise)
-    except np.linalg.LinAlgError:  # something is all but unseen
-        return "no finite Riccati L in floats, L = 0", np.zeros(system.C.T.shape)
-    return "Riccati L", pace * visible @ L
+        tried, wanted = system, _free_poles(poles, system)
+    except InputError:
+        tried = system.nearly()
+        if tried.hidden.shape == system.hidden.shape:
+            raise
+        try:
+            wanted = _free_poles(poles, tried)
+        except InputError:
+            wanted = []
+        if not wanted:
+            raise
+    visible = tried.visible
+    inner, seen = visible.T @ tried.A @ visible, tried.C @ visible
+    return visible @ placed_gain(inner, seen, wanted)
 
 
 def _kalman(A: Matrix, C: Matrix, W: Matrix, noise: Matrix) -> Matrix:
@@ -156,9 +196,9 @@ def _kalman(A: Matrix, C: Matrix, W: Matrix, noise: Matrix) -> Matrix:
     return np.asarray(np.linalg.solve(R, white @ S).T)
 
 
-def _unseen(A: Matrix, C: Matrix, sizes: tuple[float, ...]) -> Matrix:
-    """Orthonormal basis of the subspace that A keeps and C never sees, in floats."""
-    basis = _null(C / max(sizes[1], 1e-300))
+def _unseen(A: Matrix, C: Matrix, sizes: tuple[float, Matrix]) -> Matrix:
+    """Orthonormal basis of the subspace that A keeps and C sees by no more than rounding."""
+    basis = _null(C / np.maximum(sizes[1], 1e-300)[:, None])
     while basis.shape[1]:
         moved = A @ basis
         inside = _null((moved - basis @ (basis.T @ moved)) / max(sizes[0], 1e-300))
@@ -172,7 +212,7 @@ def _null(X: Matrix) -> Matrix:
     if not X.size:
         return np.eye(X.shape[1])
     _, values, V = np.linalg.svd(X)
-    return np.asarray(V[int((values > _UNSEEN).sum()) :].T)
+    return np.asarray(V[int((values > equations.UNSEEN).sum()) :].T)
 
 
 def _free_poles(poles: Any, system: Reduced) -> list[Any]:

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from obsdesign.equations import unknown_input as equations
 from obsdesign.errors import InputError
-from obsdesign.invariant_zeros import shows_every_input, zeros_decay
+from obsdesign.invariant_zeros import hidden_states, shows_every_input, zeros_decay
 from obsdesign.problem import Problem
+from obsdesign.structure import own_units
 from obsdesign.synthesis.candidate import Candidate
 from obsdesign.synthesis.reduced_gain import (
     Reduced,
@@ -62,20 +63,30 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
     if not finite:
         yield Candidate("beyond binary64", {}, searched=True)
         return
-    yield Candidate(label, gains, searched="L" not in problem.gains)
+    yield Candidate(label, gains, searched=not ("L" in problem.gains or _asks_for_growth(problem)))
+
+
+def _asks_for_growth(problem: Problem) -> bool:
+    """Poles that do not decay refute what was asked, whatever gain gives them."""
+    real = [np.ravel(pole)[0] for pole in problem.options.get("poles", [])]
+    return any(value >= 0 for value in real)
 
 
 def _gains(problem: Problem, D: Matrix) -> tuple[str, dict[str, Any]]:
     flow, C, (n, q) = problem.plant.flow, problem.plant.output.C, D.shape
+    sizes = own_units(flow.A, C, D)[0]
     T1 = problem.gains.get("T1")
-    if T1 is None:  # the last columns of Q are orthogonal to D
-        T1 = np.hstack([np.linalg.qr(D, mode="complete")[0][:, q:], D])
-        T = T1[:, : n - q].T
+    if T1 is None:  # in units that balance the plant, the last columns of Q are orthogonal to D
+        unit = D / sizes[:, None] * equations.lengths((D / sizes[:, None]).T)
+        Ta = np.linalg.qr(unit, mode="complete")[0][:, q:]
+        T1, T = np.hstack([Ta * sizes[:, None], D]), Ta.T / sizes
     else:
         T = np.linalg.solve(T1, np.eye(n))[: n - q]
     N, root = left_inverse(C @ D, output_variances(problem))
-    Z = annihilator(C @ D, equations.lengths(C))
-    reduced = Reduced.of(flow.A, C, D, T1[:, : n - q], T, N, Z)
+    Z = annihilator(C @ D, equations.lengths(C * sizes))
+    balanced = flow.A * sizes / sizes[:, None], C * sizes, D / sizes[:, None]
+    hidden = T @ hidden_states(flow.A, C, D)
+    reduced = Reduced.of(*balanced, T1[:, : n - q] / sizes[:, None], T * sizes, N, Z, hidden)
     label, L = reduced_gain(problem, reduced, root)
     B = equations.inputs(flow.B, flow.lower, flow.upper)
     found = equations.matrices((flow.A, B, C, D), T1, T, N, Z, L)

@@ -18,6 +18,7 @@ from lmi.verdict import overall, proved, refuted, undecided
 from obsdesign.document import Claim
 from obsdesign.equations import impulsive as equations
 from obsdesign.equations.estimation_error import plant_data
+from obsdesign.impulsive_estimate import estimate, missed
 from obsdesign.problem import Problem
 from obsdesign.verification.consistency import consistency
 from obsdesign.verification.dwell import Dwell
@@ -82,14 +83,14 @@ def claims(
         with in_balls():
             told = promised(bound, high, certificates.get("rate", {}))
         if told is not None:
-            found.append(rate_claim(told, certificates.get("rate", {}).get("estimated")))
+            told_too = "estimated" in certificates.get("rate", {})
+            found.append(rate_claim(told, estimate(problem, gains) if told_too else None))
         if rate > 0:
             found.append(decay_claim(told, rate, high))
     elif rate > 0:
         found.append(decay_claim(None, rate, high))
-    missed = certificates.get("noise_target", {})
-    if missed:
-        found.append(missed_target(missed))
+    if certificates.get("noise_target"):
+        found.append(missed_target(missed(problem, gains)))
     return tuple(found)
 
 

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from lmi.balls import number
-from lmi.deficient import decide_full_rank, prove_again
+from lmi.deficient import decide_full_rank, prove_again, seen_at
 from lmi.rank_witness import MARGIN, check_deficient
 from lmi.stack import Stack
 from lmi.verdict import Verdict, proved, refuted, undecided
@@ -63,13 +63,13 @@ def nominal_plant(numbers: Mapping[str, Any], verdict: Verdict) -> Claim:
 
 
 def missed_target(evidence: Mapping[str, Any]) -> Claim:
-    """A noise target that no window and alpha tried would meet, by estimate."""
+    """A noise target that no window and alpha tried would meet, by estimate (`missed`)."""
     return Claim(
         "noise_target",
         "the estimated errors stay below noise_target",
         "covariance recursion over random spacings, an estimate",
         "undecided",
-        {key: evidence[key] for key in ("reason", "estimated_std") if key in evidence},
+        evidence,
     )
 
 
@@ -145,11 +145,7 @@ def full_rank(stack: Stack, low: float, high: float, certificate: Mapping[str, A
     if not isinstance(asked, float) or not 0 <= asked < math.inf:
         return decide_full_rank(stack, low, high)
     verdict = prove_again(stack, low, high, asked)
-    seen = {
-        key: certificate[key]
-        for key in ("approx_sigma_min", "approx_worst", "asked")
-        if key in certificate
-    }
+    seen = {"asked": asked, **seen_at(stack, certificate.get("approx_worst"), low, high)}
     return Verdict(verdict.outcome, {**seen, **verdict.evidence})
 
 

@@ -16,14 +16,15 @@ Sentence = dict[str, Any]
 def sentences(problem: Problem, found: tuple[Claim, ...]) -> tuple[Sentence, ...]:
     """Guarantees of a design: {"statement", "given", "claims"} each."""
     claims = {claim.id: claim for claim in found}
-    needed = ["rank", "zeros", "observer_equations", "hurwitz"]
+    needed = ["rank", "zeros", "observer_equations", "hurwitz", "rounding"]
     given = all(claims[name].verdict == "proved" for name in needed if name in claims)
     given = given and set(needed) <= set(claims)
     result = [
         {
             "statement": "Without noise, disturbance and jumps the estimate of the state tends to "
             "x, and that of the unknown input to its mean over each sampling interval, up to the "
-            "curvature of y within an interval (the trapezoid rule stands in for it).",
+            "curvature of y within an interval (the trapezoid rule stands in for it)"
+            f"{_rounding(claims)}.",
             "given": given,
             "claims": needed,
         },
@@ -39,6 +40,26 @@ def sentences(problem: Problem, found: tuple[Claim, ...]) -> tuple[Sentence, ...
     if "hurwitz" in claims:
         result += _about_steps(problem, claims["hurwitz"].evidence)
     return tuple(result)
+
+
+def _rounding(claims: Mapping[str, Claim]) -> str:
+    """What the stored matrices leave for ever."""
+    found = claims["rounding"].evidence.get("bounds") if "rounding" in claims else None
+    if found is None:
+        return ""
+    return (
+        f" and to the rounding of the stored matrices: {_up(found['state'])} of the largest state "
+        f"and {_up(found['input'])} of the largest input, in units that balance the plant"
+    )
+
+
+def _up(value: float) -> str:
+    """One digit, not below the value."""
+    if not 1e-20 < value < math.inf:
+        return "1e-20" if value <= 1e-20 else "inf"
+    power = math.floor(math.log10(value))
+    digit = math.ceil(value / 10.0**power)
+    return f"{digit}e{power}" if digit < 10 else f"1e{power + 1}"
 
 
 def _about_zeros(evidence: Mapping[str, Any]) -> list[Sentence]:

@@ -12,7 +12,7 @@ import pytest
 
 import obsdesign
 from obsdesign.equations.impulsive import Core, core_of, window_gains
-from obsdesign.synthesis.impulsive_noise import simulated
+from obsdesign.impulsive_estimate import simulated
 from obsdesign.verification.impulsive import claims
 from tests.impulsive.systems import (
     DOUBLE,

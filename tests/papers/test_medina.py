@@ -17,8 +17,8 @@ from scipy.linalg import expm
 import obsdesign
 from lmi.exponential import expm as flow_of
 from obsdesign.equations.impulsive import Core, window_gains, window_matrix
+from obsdesign.impulsive_estimate import simulated
 from obsdesign.runtime import Sample, from_design
-from obsdesign.synthesis.impulsive_noise import simulated
 from tests.impulsive.systems import DOUBLE, SPLINE, chain, claim, first, problem, rebased
 
 ROOT = Path(__file__).parent.parent.parent

@@ -154,3 +154,37 @@ def test_long_records_are_smoothed_in_windows() -> None:
     assert np.sqrt(np.mean(off[5:-5] ** 2)) < 0.5 * 0.05
     slope = np.diff(found[:, 0]) / H
     assert np.sqrt(np.mean((slope - np.cos(t[1:] - H / 2)) ** 2)) < 0.1  # 0.7 unsmoothed
+
+
+def test_a_finer_sampling_does_not_shorten_what_is_averaged() -> None:
+    """Windows are as long in time as the signal allows: more samples never mean a worse slope."""
+    off = []
+    for h in (0.02, 0.002, 0.0005):
+        t = h * np.arange(round(10 / h) + 1)
+        y = np.sin(t)[:, None] + 0.01 * np.random.default_rng(3).standard_normal((len(t), 1))
+        slope = np.diff(smoothed(t, y, np.array([0.01]))[:, 0]) / h
+        off.append(np.sqrt(np.mean((slope - np.cos(t[1:] - h / 2))[t[1:] > 1] ** 2)))
+    assert off[1] < 0.8 * off[0]
+    assert off[2] < 0.8 * off[1]
+    assert off[2] < 0.01  # the difference quotient is off by 28
+
+
+def test_what_means_would_swallow_is_kept() -> None:
+    """A fast oscillation far above the noise, in a record that has 50 samples per window node."""
+    t = 0.001 * np.arange(10001)
+    y = (t + np.sin(40 * t))[:, None]
+    y += 0.01 * np.random.default_rng(4).standard_normal(y.shape)
+    found = smoothed(t, y, np.array([0.01]))[:, 0]
+    assert np.sqrt(np.mean((found - t - np.sin(40 * t)) ** 2)) < 0.005
+    # the twin: an oscillation that neighbours cannot tell from noise is noise
+    y = t[:, None] + 0.01 * np.cos(np.pi * np.arange(len(t)))[:, None]
+    assert np.abs(smoothed(t, y, np.array([0.01]))[:, 0] - t).max() < 0.002
+
+
+def test_long_records_of_parabolas_are_left_alone() -> None:
+    for t in (
+        0.01 * np.arange(3001),
+        np.cumsum(np.random.default_rng(5).uniform(0.005, 0.015, 3001)),
+    ):
+        y = (3 - 2 * t + t**2)[:, None]
+        np.testing.assert_allclose(smoothed(t, y, np.array([0.05])), y, atol=2e-5)

@@ -125,9 +125,10 @@ def test_units_of_outputs_and_inputs_do_not_matter() -> None:
 
 
 def test_the_margin_decides_near_the_border() -> None:
-    A, D = np.zeros((2, 2)) - np.eye(2), np.array([[1.0], [0]])
+    """By how much C D cancels, which is in no unit."""
+    A, D = np.zeros((2, 2)) - np.eye(2), np.array([[1.0], [1.0]])
     for angle, verdict in ((1e-8, "proved"), (1e-10, "refuted"), (0.0, "refuted")):
-        C = np.array([[angle, 1.0]])
+        C = np.array([[1 + angle, -1.0]])
         assert shows_every_input(C, D).outcome == verdict
         claims = obsdesign.investigate(problem(A, C, D)).claims
         assert next(c for c in claims if c.id == "rank").verdict == verdict

@@ -282,3 +282,48 @@ def test_neither_the_filter_nor_the_observer_wins_always() -> None:
     assert error("ahn_1", "sin", 1.0, 3) < ours  # told the right rate
     assert error("ahn_1", "sin", 0.01, 3) > 3 * ours  # told a wrong one
     assert error("ahn_1", "const", 0.01, 3) < ours / 3
+
+
+@pytest.mark.parametrize("differentiator", ["cell", "damped"])
+def test_irregular_periods_need_no_matrix_of_their_own(differentiator: str) -> None:
+    """A step that is solved agrees with one by its matrix, and what ran before changes nothing."""
+    body = plant().to_dict()
+    body["observer"]["differentiator"] = differentiator
+    observer = from_design(obsdesign.design(obsdesign.Problem.from_dict(body)))
+    rng = np.random.default_rng(5)
+    y, u = rng.standard_normal((60, 3)), rng.standard_normal((60, 2))
+    t = np.cumsum(rng.uniform(0.05, 0.15, 60))
+    first = observer.run_batch(t, y, u)
+    assert not observer._steps
+    observer.run_batch(0.1 * np.arange(60), y, u)
+    assert len(observer._steps) == 1
+    np.testing.assert_array_equal(observer.run_batch(t, y, u).d, first.d)
+    # regular samples, where the first step is solved and the others are products
+    mixed = observer.run_batch(0.1 * np.arange(60), y, u)
+    jittered = observer.run_batch(0.1 * np.arange(60) + 1e-13 * rng.random(60), y, u)
+    np.testing.assert_allclose(jittered.x, mixed.x, atol=1e-9)
+    np.testing.assert_allclose(jittered.d[1:], mixed.d[1:], atol=1e-8)
+
+
+def test_time_stamps_too_coarse_for_the_step_are_told() -> None:
+    observer = from_design(obsdesign.design(obsdesign.load_problem(EXAMPLES / "ahn_1.toml")))
+    y = np.random.default_rng(0).standard_normal((20, 2))
+    for step, told in ((5e-7, True), (1e-3, False)):
+        batch = observer.run_batch(1.7e9 + step * np.arange(20), y)
+        assert np.isfinite(batch.d[1:]).all()
+        assert batch.status[5].startswith("time stamps resolve 4.8e-07") == told
+        assert (batch.status[5] == "ok") != told
+
+
+@pytest.mark.parametrize("size", [1e308, -1e200])
+def test_measurements_beyond_arithmetic_are_not_used(size: float) -> None:
+    observer = from_design(obsdesign.design(obsdesign.load_problem(EXAMPLES / "ahn_1.toml")))
+    y = np.ones((10, 2))
+    y[4, 1] = size
+    batch = observer.run_batch(0.1 * np.arange(10), y)
+    assert batch.status[4] == "measurement beyond 1e+150"
+    assert [row for k, row in enumerate(batch.status) if k != 4] == ["ok"] * 9
+    y[4] = np.nan
+    missing = observer.run_batch(0.1 * np.arange(10), y)
+    np.testing.assert_array_equal(batch.x, missing.x)
+    np.testing.assert_array_equal(batch.d, missing.d)
