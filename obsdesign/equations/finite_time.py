@@ -72,7 +72,7 @@ def window_objection(window: float, period: float) -> str | None:
             "The window holds no sample."
         )
     count = window / period
-    if abs(count - round(count)) > WHOLE_TOLERANCE * count:
+    if count < math.inf and abs(count - round(count)) > WHOLE_TOLERANCE * count:
         near = [k * period for k in (math.floor(count), math.ceil(count))]
         return (
             f"observer.window must be a multiple of output.period = {period!r}; got {window!r}, "
