@@ -13,8 +13,9 @@ backwards and is negative.
 
 from __future__ import annotations
 
+from collections import OrderedDict
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,7 @@ import numpy as np
 from lmi.exponential import expm
 from obsdesign.equations import finite_time as equations
 from obsdesign.runtime.base import Vector
+from obsdesign.runtime.step_cache import cached_step
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +55,9 @@ class ApproximateInputs:
     weights: Vector
     A: Vector
     generator: Vector
+    _steps: OrderedDict[tuple[float, int], Any] = field(
+        default_factory=OrderedDict, repr=False, compare=False
+    )
 
     @classmethod
     def of(cls, gains: Mapping[str, Any]) -> ApproximateInputs:
@@ -78,13 +83,14 @@ class ApproximateInputs:
         ])  # fmt: skip
         return cls(np.asarray(weights), A, generator)
 
-    def moved(self, known: Known, forced: Vector, h: float, maps: Any) -> Known:
-        """The open period, h later, with the known input `forced` held."""
+    def moved(self, known: Known, forced: Vector, h: float, size: float, maps: Any) -> Known:
+        """The open period, h later, with the known input `forced` held; size: of time stamps."""
         if not (np.any(forced) or np.any(known.d) or np.any(known.c) or np.any(known.q)):
             return replace(known, age=known.age + h)
         n = len(forced)
         aged = expm(-self.A * known.age) @ forced if known.age else forced
-        moved = expm(self.generator * h)[: 2 * n] @ np.concatenate([known.c, known.q, aged, forced])
+        whole = cached_step(self._steps, h, size, lambda step, _: expm(self.generator * step))
+        moved = whole[: 2 * n] @ np.concatenate([known.c, known.q, aged, forced])
         d = maps.flow @ known.d + maps.once @ forced
         return replace(known, d=d, c=moved[:n], q=moved[n:], age=known.age + h)
 

@@ -102,7 +102,7 @@ class SamplingWindow(SteppedObserver[FiniteTimeState]):
         w = maps.flow @ state.w + maps.once @ forced
         known = state.known
         if known is not None and self._inputs is not None:
-            known = self._inputs.moved(known, forced, h, maps)
+            known = self._inputs.moved(known, forced, h, size, maps)
         if not self.bounded:
             return state._replace(t=t, x=x, w=w, known=known)
         centre = maps.flow @ state.centre + maps.once @ forced
