@@ -16,7 +16,6 @@ from obsdesign.verification.finite_time_window import (
     SINGULAR,
     make_claim,
     state_scales,
-    unit_rows,
     with_reason,
 )
 from obsdesign.window_bounds import disturbance_bound, error_radius
@@ -53,8 +52,8 @@ def invertible(sampled: Sampled, gains: Mapping[str, Any]) -> Claim:
         f" at T = {T:.9g}: scaled, its smallest singular value is at least {SINGULAR:g} of its norm"
     )
     # in units in which the samples see all states about equally well
-    # and rows at unit length: what multiplies the matrix from the left multiplies its weights too
-    verdict = well_ranked(unit_rows(matrix * state_scales(sampled, sampled.k)), SINGULAR)
+    scales = state_scales(sampled, sampled.k)
+    verdict = well_ranked(matrix * scales / scales[:, None], SINGULAR)
     if verdict.outcome == "refuted":
         why = "L C = 0" if not np.any(np.asarray(L) @ gains["C"]) else f"for this L at T = {T:.9g}"
         letter = "M_T" if gains["method"] == "approximate" else "P^k - A_d^k"

@@ -93,13 +93,9 @@ def sampled_index(sampled: Sampled) -> int:
 def _row_rank(sampled: Sampled, k: int) -> Verdict:
     """The rank of C A_d^-l, l = 1..k, in units of `state_scales`, rows at unit length."""
     rows = Sampled(sampled.A, sampled.C, sampled.period, k, sampled.forward, sampled.back).rows()
-    return well_ranked(unit_rows(rows * state_scales(sampled, k)), SINGULAR)
-
-
-def unit_rows(X: Any) -> Any:
-    """X with rows of about unit length, times exact powers of two."""
-    units = [_power_of_two(sum(x * x for x in row)) for row in X]
-    return X * np.array(units, dtype=object)[:, None]
+    scaled = rows * state_scales(sampled, k)
+    units = [_power_of_two(sum(x * x for x in row)) for row in scaled]
+    return well_ranked(scaled * np.array(units, dtype=object)[:, None], SINGULAR)
 
 
 def state_scales(sampled: Sampled, k: int) -> Any:
