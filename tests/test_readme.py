@@ -31,7 +31,7 @@ def test_two_commands_do_all_set_up() -> None:
 def test_the_demo_makes_what_it_says(tmp_path: Path) -> None:
     done = subprocess.run(
         [sys.executable, "-c", "from obsdesign.cli import main; main()", "demo"],
-        cwd=tmp_path, capture_output=True, text=True, check=False, timeout=60,
+        cwd=tmp_path, capture_output=True, text=True, check=False, timeout=300,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     folder = tmp_path / "obsdesign-demo"
@@ -50,7 +50,7 @@ def test_console_block(tmp_path: Path) -> None:
     for line in commands:
         done = subprocess.run(
             [sys.executable, "-c", "from obsdesign.cli import main; main()", *shlex.split(line)],
-            cwd=tmp_path, capture_output=True, text=True, check=False, timeout=60,
+            cwd=tmp_path, capture_output=True, text=True, check=False, timeout=300,
         )  # fmt: skip
         assert done.returncode == 0, (line, done.stderr)
     assert (tmp_path / "estimate.png").exists()
