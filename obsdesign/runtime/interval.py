@@ -512,8 +512,8 @@ class IntervalObserver:
             return ["missing sample"]
         if state.started and self._is_late(state, t):
             if state.sampled != state.phase == state.phase:  # others came, off the period
-                found = f"no sample {self._period:.9g} after the one at {state.phase:.9g}"
-                return [f"{found}: no width is guaranteed"]
+                after = f"{self._period:.9g} after the one at {state.phase:.9g}"
+                return [f"no sample {after}: no width is guaranteed"]
             apart = t - state.sampled
             return [f"time {apart:.9g} since the last sample, above {self._period:.9g}"]
         return []

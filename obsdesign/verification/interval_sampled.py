@@ -16,7 +16,13 @@ from obsdesign.document import Claim
 from obsdesign.equations.interval_sampling import slope_scheme
 from obsdesign.equations.interval_width import WidthSystem
 from obsdesign.verification.dwell import Dwell
-from obsdesign.verification.interval_width import limit_claim, shown, vectors, width_claim
+from obsdesign.verification.interval_width import (
+    limit_claim,
+    raised_product,
+    shown,
+    vectors,
+    width_claim,
+)
 
 
 def samples_claim(
@@ -38,8 +44,8 @@ def samples_claim(
     if verdict.outcome == "proved" and found is not None:
         widths = {name: to_float(found[name]).tolist() for name in names}
         if system.N is not None:
-            widths["after_jump"] = to_float(system.out @ found["jumped"]).tolist()
-        widths["after_sample"] = to_float(system.out @ found["sampled"]).tolist()
+            widths["after_jump"] = raised_product(system.out, found["jumped"])
+        widths["after_sample"] = raised_product(system.out, found["sampled"])
         verdict = Verdict("proved", {**widths, **verdict.evidence})
     elif system.K is not None and (system.N is None or math.isinf(high)):
         counter = refute_spectral(system.W, system.K, period, period)
