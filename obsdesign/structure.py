@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 from lmi.balls import exact, row_echelon, surely_observable
 from lmi.hurwitz import prove_hurwitz
+from lmi.spectral import refute_spectral
 
 Matrix = NDArray[np.float64]
 
@@ -123,6 +125,56 @@ def hidden_pair(A: Any, G: Any, C: Any) -> tuple[Any, Any] | None:
             return flow, jump
         rows, hidden, free = stacked, smaller, fewer
     return None
+
+
+def hidden_for_ever(
+    A: Any, G: Any | None, C: Any, ends: tuple[float, float]
+) -> dict[str, Any] | None:
+    """Why two states are never told apart and never come together, whatever the gains; or None.
+
+    G: None without jumps; ends: shortest and longest dwell time. The reason, and its witness.
+    """
+    if (G is None or math.isinf(ends[1])) and hidden_growth(A, C):
+        ending = "there are no jumps" if G is None else "there is no longest dwell time"
+        reason = f"no observer exists: an unobservable mode of flow.A does not decay, and {ending}"
+        return {"reason": reason}
+    pair = None if G is None else hidden_pair(A, G, C)
+    if pair is None:
+        return None
+    verdict = refute_spectral(*pair, *ends)
+    if verdict.outcome != "refuted":
+        return None
+    witness = dict(verdict.evidence["witness"])
+    part = "a direction" if len(pair[0]) == 1 else f"a {len(pair[0])}-dimensional part"
+    reason = (
+        f"no observer exists: {part} of the state that no output ever sees, along flow and "
+        f"jumps, does not shrink: {witness['reason']}"
+    )
+    return {**witness, "reason": reason}
+
+
+def hardly_hidden(A: Matrix, C: Matrix) -> str | None:
+    """What is missing where a mode that lasts is hidden but for rounding, in floats; or None.
+
+    Such a mode is often one that is lossless and unseen in other coordinates: exactly it is
+    neither, so that nothing can be proved against it, and no gain does anything about it.
+    """
+    size = max(float(np.abs(A).max(initial=0.0)), 1e-300)
+    lasting = [
+        mode
+        for mode in approx_unobservable_modes(A, C)
+        if mode.eigenvalue.real > -RANK_TOLERANCE * size
+    ]
+    if not lasting:
+        return None
+    value = lasting[0].eigenvalue
+    real = value.real if abs(value.real) > RANK_TOLERANCE * size else 0.0
+    shown = f"{real:.3g}" + (f"+-{abs(value.imag):.6g}i" if value.imag else "")
+    return (
+        f"flow.A has a mode ({shown}) that no output sees and that lasts, but for rounding "
+        f"(relative {RANK_TOLERANCE:g}); the stored numbers do not have it exactly, so it is no "
+        "proof that no observer exists: give the plant in coordinates in which they do"
+    )
 
 
 def hidden_flow(A: Any, C: Any) -> Any | None:

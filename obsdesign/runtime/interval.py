@@ -21,6 +21,10 @@ Without any, A predicts alone: m+ = z_c(h), r+ = rho(h). For h -> 0 this is the 
 
 With `measured = periodic` a sample is an event like a jump: A predicts, then z+ = z + L(y - C z),
 r+ = |I - L C| r + |L| V; what is reported is also cut with |C x - y| <= V and the prediction.
+What is claimed of the width is about samples a period apart, and |I - L C| need not contract by
+itself. So of a sample off the period (early, or at a jump) and of its absence the better is kept,
+as a box: r+ is then at most the prediction's, and every later radius at most what it would be
+without that sample, since radii obey r+ = R r + g with R >= 0.
 
 All of it is linear in (m, y, u, 1) and (r, 1): one matrix per step size, cached
 (`interval_steps`, `interval_kernel`). Matrices are enclosed; what they may be off by, and the
@@ -75,7 +79,8 @@ class IntervalState(NamedTuple):
 
     box: (2n,), radius and centre in the observer's coordinates; u: input that holds; y: measurement
     that the next step may start from; sampled: time of the last one used; lost: since when, and
-    why, the bounds are refuted.
+    why, the bounds are refuted; phase: time of the last sample that was a period after another
+    one, or began anew (periodic samples only), NaN before the first.
     """
 
     t: float
@@ -86,6 +91,7 @@ class IntervalState(NamedTuple):
     started: bool
     sampled: float
     lost: str = ""
+    phase: float = math.nan
 
 
 @dataclass(frozen=True)
@@ -184,8 +190,13 @@ class IntervalObserver:
         with np.errstate(over="ignore", invalid="ignore"):
             out = chosen.rows.dot(chosen.vector(state.box, state.y, seen, state.u))
             objections = [] if seen is None else self._implausible(out)
+            off = y is not None and self._off_period(state, t)
+            if off and seen is not None:
+                plain = kernels["none"]
+                free = plain.rows.dot(plain.vector(state.box, None, None, state.u))
+                chosen, out = self._better(chosen, out, free)
             if sample.jump:
-                chosen, out = self._jump(kernels, out, state, y, sample.w)
+                chosen, out = self._jump(kernels, out, state, y, sample.w, off)
         guard, late = state.guard.after(t, sample.jump)
         if late:
             objections.append(late)
@@ -198,8 +209,9 @@ class IntervalObserver:
         u = state.u if sample.u is None else vector(sample.u, len(state.u), "u")
         usable = y if not sample.jump or self._when == "after" else None
         following = IntervalState(
-            t, box, u, usable, guard, True, state.sampled if y is None else t, lost
-        )
+            t, box, u, usable, guard, True, state.sampled if y is None else t, lost,
+            state.phase if y is None or off else t,
+        )  # fmt: skip
         status = "; ".join(objections) if objections else "ok"
         events = tuple((t, text) for text in (["jump"] if sample.jump else []) + objections)
         return following, Estimate(t, None, *bounds, events=events, status=status)
@@ -215,7 +227,8 @@ class IntervalObserver:
         found = self._recent.get((t - state.t, frexp(t)[1]))
         if found is None or not t > state.t >= 0.0:
             return None
-        if t - state.sampled > self._latest and self._is_late(state, t):
+        apart = t - state.phase
+        if not self._earliest <= apart <= self._latest and not self._in_time(state, t):
             return None
         rows, blank, (box, y_end, known, sizes, checks, one, two) = found["usual"]
         v = blank.copy()
@@ -231,7 +244,7 @@ class IntervalObserver:
         if guard.last_jump is not None and guard.after(t, False)[1]:
             return None
         ends, n = maximum(out[one], out[two]), self._n
-        following = IntervalState(t, out[box], state.u, v[y_end], guard, True, t)
+        following = IntervalState(t, out[box], state.u, v[y_end], guard, True, t, "", t)
         return following, Estimate(t, None, ends[:n], -ends[n:])
 
     def run(self, state: IntervalState, samples: Iterable[Sample]) -> Iterator[Estimate]:
@@ -289,7 +302,12 @@ class IntervalObserver:
             return state, None
         h = float(times[row] - state.t)
         slack = 4 * math.ulp(float(times[row]))
-        if max(h, float(times[row] - state.sampled)) > self._latest + slack:
+        if mode == "start" and max(h, float(times[row] - state.sampled)) > self._latest + slack:
+            return state, None
+        if mode == "sampled" and not (
+            self._earliest - slack <= h <= self._latest + slack
+            and self._in_time(state, float(times[row]))
+        ):
             return state, None
         length, half, _ = rounded_step(h, float(times[row]))
         steps = np.diff(times[row:end], prepend=state.t)
@@ -305,7 +323,7 @@ class IntervalObserver:
             return state, None
         now = float(times[row + done - 1])
         following = IntervalState(
-            now, found.box, inputs[done], after[done - 1], state.guard, True, now
+            now, found.box, inputs[done], after[done - 1], state.guard, True, now, "", now
         )
         return following, found
 
@@ -338,6 +356,11 @@ class IntervalObserver:
         """How long after a sample the next one is in time; the longest step of a continuous y."""
         longest = self._period or float(self.gains.get("step_limit", math.inf))
         return longest * (1 + RELATIVE_TIME_TOLERANCE)
+
+    @cached_property
+    def _earliest(self) -> float:
+        """How soon after a sample the next one is a period later."""
+        return (self._period or 0.0) * (1 - RELATIVE_TIME_TOLERANCE)
 
     @cached_property
     def _short(self) -> bool:
@@ -411,11 +434,12 @@ class IntervalObserver:
         state: IntervalState,
         y: Vector | None,
         w: ArrayLike | None,
+        off: bool,
     ) -> tuple[Kernel, Vector]:
         """The result after a jump, from the one just before it.
 
         With samples as events: the sample and the jump, one after the other, then cut with the
-        jump corrected by M.
+        jump corrected by M. off: the sample is off the period.
         """
         if "G" not in self.gains:
             raise ValueError("this plant has no jumps ([jump] is absent), but a sample says jump.")
@@ -434,8 +458,10 @@ class IntervalObserver:
         if not use:
             return k, after
         if self._when == "after":
-            k = self._update
-            after = k.rows.dot(k.vector(after[:n2], None, y, state.u))
+            k, free = self._update, after
+            after = k.rows.dot(k.vector(free[:n2], None, y, state.u))
+            if off:
+                k, after = self._better(k, after, free)
         if np.any(self.gains["M"]):
             plain = kernels["none"]
             before = plain.rows.dot(plain.vector(state.box, state.y, None, state.u))
@@ -444,6 +470,21 @@ class IntervalObserver:
             k = self._kernels(0.0, 0.0)["none"]
             after = k.rows.dot(k.vector(box, None, None, state.u))
         return k, after
+
+    def _better(self, chosen: Kernel, used: Vector, free: Vector) -> tuple[Kernel, Vector]:
+        """The result of what two share: one that uses a sample, and one without it.
+
+        What is reported is cut with all that the sample says, as far as that leaves something.
+        """
+        n, n2 = self.n, 2 * self.n
+        k = self._kernels(0.0, 0.0)["none"]
+        box = _common(free[:n2], used[:n2], n)
+        out: Vector = k.rows.dot(k.vector(box, None, None, np.zeros(int(self.reads["u"]))))
+        lower, upper = chosen.bounds(used)
+        ends = np.maximum(out[-n2:], np.concatenate([lower, -upper]))
+        if (ends[:n] <= -ends[n:]).all():
+            out[-n2:] = ends
+        return k, out
 
     def _implausible(self, out: Vector) -> list[str]:
         """A measurement that no state inside the bounds can give refutes them."""
@@ -460,28 +501,51 @@ class IntervalObserver:
             needed = y is None and not (sample.jump and self._when == "none")
             found = ["missing sample"] if needed else []
             step = t - state.t
+            unseen = state.y is None and y is None and not needed and step > 0
+            if state.started and unseen and np.any(self.gains["L"]):
+                found.append("no sample at either end of the step: no width is guaranteed")
             if state.started and step > self._latest + 4 * math.ulp(t):
                 limit = self.gains["step_limit"]
                 found.append(f"step {step:.9g} above {limit:.9g}: no width is guaranteed")
             return found
         if y is None and not sample.jump:
             return ["missing sample"]
-        apart = t - state.sampled
         if state.started and self._is_late(state, t):
+            if state.sampled != state.phase == state.phase:  # others came, off the period
+                after = f"{self._period:.9g} after the one at {state.phase:.9g}"
+                return [f"no sample {after}: no width is guaranteed"]
+            apart = t - state.sampled
             return [f"time {apart:.9g} since the last sample, above {self._period:.9g}"]
         return []
+
+    def _in_time(self, state: IntervalState, t: float) -> bool:
+        """A whole number of periods since the last sample on the period, and not late."""
+        assert self._period is not None
+        apart = t - state.phase
+        if not apart > 0:
+            return False
+        off = abs(apart - max(round(apart / self._period), 1) * self._period)
+        near = off <= self._latest - self._period + 4 * math.ulp(t)
+        return near and not self._is_late(state, t)
+
+    def _off_period(self, state: IntervalState, t: float) -> bool:
+        """Is a sample at t early, so that what is claimed of the width does not count it?"""
+        if self._period is None or math.isnan(state.phase):
+            return False
+        return not self._in_time(state, t) and not self._is_late(state, t)
 
     def _is_late(self, state: IntervalState, t: float) -> bool:
         """More than a period since the last sample; two, where a jump took the place of one."""
         assert self._period is not None
         slack = 4 * math.ulp(t)  # what a difference of two time stamps is off by
-        apart = t - state.sampled
+        last = state.sampled if math.isnan(state.phase) else state.phase
+        apart = t - last
         if apart <= self._latest + slack:
             return False
         jump = state.guard.last_jump
         if self._when != "none" or jump is None:
             return True
-        waited = jump - state.sampled
+        waited = jump - last
         on_sample = abs(waited - self._period) <= self._latest - self._period + slack
         return not (on_sample and t - jump <= self._latest + slack)
 

@@ -43,7 +43,8 @@ class FleetEstimate(NamedTuple):
 class Fleet:
     """Executes one design for many plants without inputs, between jumps.
 
-    observer: of a design without known inputs. ValueError for one that has any.
+    observer: of a design without known inputs. ValueError for one that has any. With periodic
+    samples every one is used: a width is guaranteed for steps of a period only.
     """
 
     observer: IntervalObserver

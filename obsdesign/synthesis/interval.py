@@ -16,9 +16,11 @@ import numpy as np
 from lmi.balls import exact, inverse
 from lmi.dwell_search import shortest_dwell
 from obsdesign.equations import interval as equations
+from obsdesign.equations.estimation_error import idle_gains
 from obsdesign.equations.interval_width import WidthSystem, width_system_of
 from obsdesign.errors import InputError
 from obsdesign.problem import Problem
+from obsdesign.structure import hidden_for_ever
 from obsdesign.synthesis.candidate import Candidate
 from obsdesign.synthesis.dwell import dwell_certificates, question
 from obsdesign.synthesis.given_gains import given_gain, refuse_unusable
@@ -44,11 +46,37 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
     given = {name: gain for name, gain in given.items() if gain is not None}
     _refuse_beyond_floats(problem, given)
     own = {name: problem.gains[name] for name in ("S", "S2", "T") if name in problem.gains}
+    if _hopeless(problem):
+        yield from _unsearched(problem, given, own)
+        return
     for form in equations.forms_asked(problem.gains, problem.options):
         if form == "coordinates" and "S" not in own:
             yield from _in_found_coordinates(problem, given)
         else:
             yield _in_known_coordinates(problem, form, given, own)
+
+
+def _hopeless(problem: Problem) -> bool:
+    """Gains are open and none can do, since no output sees what does not shrink."""
+    plant = problem.plant
+    needed = ("L",) if plant.output.measured == "periodic" else ("L", "M")
+    if not {*needed} - {*problem.gains, *idle_gains(plant)}:
+        return False
+    G, ends = None, (math.inf, math.inf)
+    if plant.jump is not None:
+        G, ends = plant.jump.G, problem.require_dwell_time()
+    return hidden_for_ever(plant.flow.A, G, plant.output.C, ends) is not None
+
+
+def _unsearched(
+    problem: Problem, given: Mapping[str, Any], own: Mapping[str, Any]
+) -> Iterator[Candidate]:
+    """The forms as they are without gains: what verification says of them holds for all gains."""
+    zero = np.zeros((problem.plant.n, problem.plant.p))
+    L, M = given.get("L", zero), given.get("M", zero)
+    for form in equations.forms_asked(problem.gains, problem.options):
+        frame = {"S": np.eye(problem.plant.n)} if form == "coordinates" else {}
+        yield Candidate(form, formed(problem, form, L, M, {**frame, **own}), searched=True)
 
 
 def _refuse(problem: Problem) -> None:

@@ -3,7 +3,8 @@
 Three sorts of entries. Numbers that are proved, and certificates, must be the ones found again.
 Entries named as estimates (`approx_...`, everything inside `estimated`) are floats that prove
 nothing: they may differ as libraries do. How a proof went (number of boxes, precision) is nobody's
-promise, and is compared in its kind alone. An entry that nothing produced is never let through.
+promise, and is compared in its kind alone: a count stays one. An entry that nothing produced is
+never let through.
 """
 
 from __future__ import annotations
@@ -16,6 +17,8 @@ from typing import Any
 # how a proof went: depends on the floats that steer it
 _COURSE = ("bits", "boxes", "method", "periods", "smallest_box", "steps",
            "tail_from")  # fmt: skip
+# of these, what is counted
+_COUNTS = ("bits", "boxes", "periods", "steps")
 # what a second proof adds, and a file need not have
 _ADDED = "confirmed_by"
 # other libraries round otherwise: less than this, relatively, is not a false statement
@@ -46,7 +49,7 @@ def _differences(path: str, stored: Any, found: Any, estimate: bool) -> Iterator
             if key not in stored or key not in found:
                 yield Difference(here, True)
             elif key in _COURSE:
-                if not _alike(stored[key], found[key]):
+                if not _alike(key, stored[key], found[key]):
                     yield Difference(here, True)
             else:
                 named = key == "estimated" or key.startswith("approx_")
@@ -81,8 +84,11 @@ def _is_number(value: Any) -> bool:
         return False
 
 
-def _alike(stored: Any, found: Any) -> bool:
-    """The same sort of scalar (a word is the same word)."""
+def _alike(key: str, stored: Any, found: Any) -> bool:
+    """The same sort of scalar: the same word, a count for a count, never below zero."""
     if isinstance(found, str):
         return bool(stored == found)
-    return _is_number(stored) == _is_number(found) and not isinstance(stored, Mapping | list | str)
+    if not _is_number(found):
+        return not _is_number(stored) and not isinstance(stored, Mapping | list | str)
+    whole = key not in _COUNTS or isinstance(stored, int)
+    return _is_number(stored) and whole and stored >= 0

@@ -30,7 +30,7 @@ from obsdesign.verification.dwell import (
     source_of,
     unusable,
 )
-from obsdesign.verification.interval_obstruction import obstruction_claim
+from obsdesign.verification.interval_obstruction import explained, obstruction_claim
 from obsdesign.verification.interval_sampled import (
     at_any_spacing,
     in_every_period,
@@ -83,7 +83,8 @@ def claims(
     system = width_system_of(gains, exact, inverse)
     if "period" in gains:
         proposed = certificates.get("sampled_stability", {})
-        return (*found, samples_claim(system, gains, proposed, f"{source}; samples as jumps"))
+        stability = samples_claim(system, gains, proposed, f"{source}; samples as jumps")
+        return explained(problem, (*found, stability))
     if system.N is None:
         found.append(_hurwitz_claim(system.W, "there are no jumps"))
         width = limit_claim(system, certificates.get("width", {}), source)
@@ -96,7 +97,8 @@ def claims(
     found.append(_stability_claim(form, system, dwell, certificate, paranoid))
     found += rates_claim(system.W, system.N, dwell, certificates, source)
     width = width_claim(system, (low, high), certificates.get("width", {}), source)
-    return (*found, *width, *_spacing(problem, system, gains, certificates, width))
+    spacing = _spacing(problem, system, gains, certificates, width)
+    return explained(problem, (*found, *width, *spacing))
 
 
 def _spacing(

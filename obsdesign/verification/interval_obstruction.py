@@ -9,6 +9,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -22,10 +23,11 @@ from obsdesign.equations.estimation_error import idle_gains
 from obsdesign.equations.interval import absolute_metzler, flow_and_jump, in_coordinates
 from obsdesign.equations.interval_width import Coordinates
 from obsdesign.problem import Problem
-from obsdesign.structure import hidden_growth, hidden_pair, nullspace
+from obsdesign.structure import hardly_hidden, hidden_for_ever, nullspace
 
 # supports of Farkas vectors that are looked at, one row after the other
 _MOST_SUPPORTS = 2000
+_STABILITY = ("dwell_stability", "sampled_stability")
 
 
 def obstruction_claim(problem: Problem, gains: Mapping[str, Any], source: str) -> tuple[Claim, ...]:
@@ -56,22 +58,40 @@ def obstruction_claim(problem: Problem, gains: Mapping[str, Any], source: str) -
 
 def _hidden(problem: Problem) -> dict[str, Any] | None:
     """Two states that no output ever tells apart, and whose distance does not shrink."""
+    A, G, C, ends = _plant(problem)
+    return hidden_for_ever(A, G, C, ends)
+
+
+def _plant(problem: Problem) -> tuple[Any, Any, Any, tuple[float, float]]:
+    """A, G (None without jumps), C, and the range of dwell times."""
     plant = problem.plant
-    A, C = plant.flow.A, plant.output.C
-    endless = plant.jump is None or math.isinf(problem.require_dwell_time()[1])
-    if endless and hidden_growth(A, C):
-        return {
-            "reason": "no observer exists: an unobservable mode of flow.A does not decay, and "
-            f"{'there are no jumps' if plant.jump is None else 'there is no longest dwell time'}"
-        }
-    pair = None if plant.jump is None else hidden_pair(A, plant.jump.G, C)
-    if pair is None:
-        return None
-    verdict = refute_spectral(*pair, *problem.require_dwell_time())
-    return _told(
-        verdict, f"no observer exists: {_dimension(len(pair[0]))} of the state that no output "
-        "ever sees, along flow and jumps, does not shrink: "
-    )  # fmt: skip
+    if plant.jump is None:
+        return plant.flow.A, None, plant.output.C, (math.inf, math.inf)
+    return plant.flow.A, plant.jump.G, plant.output.C, problem.require_dwell_time()
+
+
+def explained(problem: Problem, found: tuple[Claim, ...]) -> tuple[Claim, ...]:
+    """The same claims; what fails says so where a mode is hidden but for rounding.
+
+    Only where gains are open: a given one is judged by itself.
+    """
+    failed = [c for c in found if c.id in _STABILITY and c.verdict != "proved"]
+    is_open = {"L", "M"} - {*problem.gains, *idle_gains(problem.plant)}
+    if not failed or not is_open or any(c.id == "attainable" for c in found):
+        return found
+    missing = hardly_hidden(problem.plant.flow.A, problem.plant.output.C)
+    if missing is None:
+        return found
+    return tuple(_with_hint(c, missing) if c in failed else c for c in found)
+
+
+def _with_hint(claim: Claim, missing: str) -> Claim:
+    witness = claim.evidence.get("witness")
+    if witness is not None:
+        witness = {**witness, "reason": f"{witness['reason']}; {missing}"}
+        return replace(claim, evidence={**claim.evidence, "witness": witness})
+    why = f"{claim.evidence.get('reason', 'not proved')}; {missing}"
+    return replace(claim, evidence={**claim.evidence, "reason": why})
 
 
 def _unstable_error(problem: Problem, gains: Mapping[str, Any]) -> dict[str, Any] | None:
@@ -84,10 +104,6 @@ def _unstable_error(problem: Problem, gains: Mapping[str, Any]) -> dict[str, Any
     low, high = problem.require_dwell_time()
     found = _told(prove_hurwitz(F), beginning) if math.isinf(high) else None
     return found or _told(refute_spectral(F, H, low, high), beginning)
-
-
-def _dimension(n: int) -> str:
-    return "a direction" if n == 1 else f"a {n}-dimensional part"
 
 
 def _told(verdict: Verdict, beginning: str) -> dict[str, Any] | None:

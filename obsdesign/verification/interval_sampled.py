@@ -16,7 +16,13 @@ from obsdesign.document import Claim
 from obsdesign.equations.interval_sampling import slope_scheme
 from obsdesign.equations.interval_width import WidthSystem
 from obsdesign.verification.dwell import Dwell
-from obsdesign.verification.interval_width import limit_claim, shown, vectors, width_claim
+from obsdesign.verification.interval_width import (
+    limit_claim,
+    raised_product,
+    shown,
+    vectors,
+    width_claim,
+)
 
 
 def samples_claim(
@@ -38,8 +44,8 @@ def samples_claim(
     if verdict.outcome == "proved" and found is not None:
         widths = {name: to_float(found[name]).tolist() for name in names}
         if system.N is not None:
-            widths["after_jump"] = to_float(system.out @ found["jumped"]).tolist()
-        widths["after_sample"] = to_float(system.out @ found["sampled"]).tolist()
+            widths["after_jump"] = raised_product(system.out, found["jumped"])
+        widths["after_sample"] = raised_product(system.out, found["sampled"])
         verdict = Verdict("proved", {**widths, **verdict.evidence})
     elif system.K is not None and (system.N is None or math.isinf(high)):
         counter = refute_spectral(system.W, system.K, period, period)
@@ -90,7 +96,8 @@ def spacing_claim(
     else:
         claims = width_claim(spaced, ends, proposed, source)
     flow = prove_hurwitz(spaced.W) if math.isinf(ends[1]) else None
-    return tuple(_spaced(claim, limit, flow) for claim in claims)
+    lost = system.N is not None and gains["jump_measurement"] == "none"
+    return tuple(_spaced(claim, limit, flow, lost) for claim in claims)
 
 
 def at_any_spacing(claim: Claim) -> Claim:
@@ -101,19 +108,22 @@ def at_any_spacing(claim: Claim) -> Claim:
     return Claim("sampled_width", statement, claim.source, claim.verdict, evidence)
 
 
-def _spaced(claim: Claim, limit: float, flow: Verdict | None) -> Claim:
+def _spaced(claim: Claim, limit: float, flow: Verdict | None, lost: bool) -> Claim:
+    """lost: no sample is taken at jumps, so that two in a row would leave a step without any."""
     evidence = {"step_limit": limit, **claim.evidence}
     verdict = claim.verdict
     if verdict == "proved" and flow is not None and flow.outcome != "proved":
         verdict, evidence = "undecided", {**evidence, "reason": "the flow does not decay"}
     evidence.pop("constant_dwell", None)
-    statement = f"with a sample at every step of at most {limit!r}: {claim.statement}"
+    where = "at every step" if not lost else "at one end at least of every step"
+    statement = f"with a sample {where} of at most {limit!r}: {claim.statement}"
     return Claim("sampled_width", statement, claim.source, verdict, evidence)
 
 
 def in_every_period(lost: bool) -> str:
     """What is asked of periodic samples; lost: none is taken at the time of a jump."""
-    return "With a sample in every period" + (", save where it falls on a jump" if lost else "")
+    spared = ", save where one falls on a jump," if lost else ""
+    return f"With samples a period apart{spared} and any others besides"
 
 
 def sampled_sentences(found: tuple[Claim, ...], lost: bool) -> list[tuple[str, list[str]]]:
@@ -133,6 +143,11 @@ def sampled_sentences(found: tuple[Claim, ...], lost: bool) -> list[tuple[str, l
         if claim.id == "sampled_width":
             limit = float(evidence["step_limit"])
             apart = f"at most {limit:.6g} apart, at jumps and irregular ones too,"
+            if lost:
+                apart = (
+                    f"at most {limit:.6g} apart, irregular ones too, save where one falls on a "
+                    "jump, and a sample between any two jumps,"
+                )
             if math.isinf(limit):
                 apart = "at any spacing, and at jumps if M is not zero,"
             widest = shown(evidence["always"])

@@ -119,14 +119,14 @@ def _constant_dwell(system: WidthSystem, ends: tuple[float, float]) -> list[dict
         limit = periodic_limit(W, N, f, h, theta)
         if limit is not None:
             names = ("before_jump", "after_jump", "mean")
-            widths = {name: _raised(out, x) for name, x in zip(names, limit, strict=True)}
+            widths = {name: raised_product(out, x) for name, x in zip(names, limit, strict=True)}
             rows.append({"dwell_time": theta, **widths})
     return rows
 
 
-def _raised(out: Any, x: Any) -> list[float]:
-    """|S| x, rounded up."""
-    if np.array_equal(out, np.eye(len(out))):
-        return [float(value) for value in x]
+def raised_product(out: Any, x: Any) -> list[float]:
+    """|S| x, rounded up; x: floats, or exact numbers that are floats."""
+    if np.array_equal(to_float(exact(out)), np.eye(len(out))):
+        return [float(value) for value in to_float(exact(x))]
     total = to_float(exact(out) @ exact(x))
     return [float(value) for value in np.nextafter(total, np.inf)]

@@ -345,3 +345,48 @@ def test_a_width_is_asked_for_where_something_is_made_narrow() -> None:
         narrowest(None, width_weights=[1, 2, 3])
     with pytest.raises(obsdesign.InputError, match="must not all be zero"):
         narrowest(None, width_weights=[0, 0])
+
+
+@pytest.mark.parametrize("measured", ["continuous", "periodic"])
+def test_a_hopeless_plant_is_refused_before_any_search(
+    measured: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def searched(*args: Any) -> None:
+        raise AssertionError("gains were looked for")
+
+    for name in ("best_gains", "best_coordinates", "bases"):
+        monkeypatch.setattr(f"obsdesign.synthesis.interval.{name}", searched)
+    body = hidden_oscillation(np.eye(3))
+    body["output"] |= {"measured": measured} | ({"period": 0.1} if measured != "continuous" else {})
+    outcome = obsdesign.investigate(obsdesign.Problem.from_dict(body))
+    assert outcome.verdict == "refuted"
+    forms = outcome.result["forms"]
+    for form in ("cooperative", "split", "coordinates"):
+        assert "no observer exists" in str(forms[form]["reasons"])
+    body["flow"]["A"][2][0] = 1.0  # now the output sees it
+    with pytest.raises(AssertionError, match="looked for"):
+        obsdesign.investigate(obsdesign.Problem.from_dict(body))
+
+
+def hidden_oscillation(S: Any) -> Any:
+    """An oscillation that no output sees, beside a state that one does; in coordinates S."""
+    A = S @ [[0, 1, 0], [-1, 0, 0], [0, 0, -1]] @ np.linalg.inv(S)
+    C = [[0, 0, 1]] @ np.linalg.inv(S)
+    return {
+        "flow": {"A": A.tolist(), "disturbance": {"lower": [-0.1] * 3, "upper": [0.1] * 3}},
+        "jump": {"G": np.eye(3).tolist(), "dwell_time": [0.5, 2]},
+        "output": {"C": C.tolist()},
+        "observer": {"kind": "interval"},
+    }
+
+
+def test_a_mode_that_is_hidden_but_for_rounding_is_told() -> None:
+    body = hidden_oscillation(np.array([[1, 2, 0], [0, 1, 1], [1, 0, 1.0]]))
+    body["observer"]["form"] = "split"
+    outcome = obsdesign.investigate(obsdesign.Problem.from_dict(body))
+    assert outcome.verdict == "undecided"
+    told = [reason(c) for c in outcome.claims if c.id == "dwell_stability"]
+    assert "flow.A has a mode (0+-1i) that no output sees" in told[0]
+    body["output"]["C"] = [[1, 0, 0]]
+    seen = obsdesign.investigate(obsdesign.Problem.from_dict(body))
+    assert all("no output sees" not in reason(c) for c in seen.claims)

@@ -140,3 +140,24 @@ def test_differences_by_sort() -> None:
         gap = difference("c", stored, found)
         assert gap is not None
         assert not gap.false
+
+
+@pytest.mark.parametrize("value", [0.5, -1, 40.000001, True, "many"])
+def test_a_count_of_how_a_proof_went_stays_a_count(value: Any) -> None:
+    found = {"boxes": 3, "steps": 40, "smallest_box": 0.25, "tail_from": 2.0}
+    assert difference("dwell_stability", {**found, "boxes": 7, "tail_from": 1.5}, found) is None
+    for key in ("boxes", "steps"):
+        gap = difference("dwell_stability", {**found, key: value}, found)
+        assert gap is not None
+        assert gap.false
+    assert difference("dwell_stability", {**found, "tail_from": -1.0}, found) is not None
+
+
+def test_a_fraction_of_a_step_is_refused() -> None:
+    def halved(body: Any) -> None:
+        body["claims"] = [
+            {**c, "evidence": {**c["evidence"], "steps": 1.5}} if "steps" in c["evidence"] else c
+            for c in body["claims"]
+        ]
+
+    assert verified(halved, periodic=True).verdict == "refuted"

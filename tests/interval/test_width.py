@@ -18,6 +18,7 @@ from lmi.tube import Affine, periodic_limit, prove_below
 from obsdesign.equations.interval_width import periodic_width, width_system_of
 from obsdesign.synthesis.interval import synthesize
 from obsdesign.verification.interval import claims
+from obsdesign.verification.interval_width import raised_product
 
 TIGHT = 1e-4  # a proved bound is at most this much above the width that is reached
 
@@ -236,3 +237,10 @@ def test_widths_of_constant_dwell_times_are_told_rounded_up() -> None:
         for name, values in zip(("before_jump", "after_jump", "mean"), groups, strict=True):
             for exactly, word in zip(row[name], values, strict=True):
                 assert exactly <= float(word) <= exactly * (1 + 1e-5)
+
+
+@given(st.lists(st.floats(0.01, 10.0), min_size=6, max_size=6))
+def test_widths_are_carried_into_the_plant_rounded_up(numbers: list[float]) -> None:
+    S, x = exact(np.array(numbers[:4]).reshape(2, 2)), exact(np.array(numbers[4:]))
+    assert all(exact(up).item() >= y for up, y in zip(raised_product(S, x), S @ x, strict=True))
+    assert raised_product(exact(np.eye(2)), x) == numbers[4:]
