@@ -12,6 +12,7 @@ import math
 import numpy as np
 
 from lmi.balls import precision
+from lmi.patience import left
 from lmi.stack import Matrix, Stack
 from lmi.stack_box import Box, Normalised, bounds, normalised
 from lmi.verdict import Verdict, proved, undecided
@@ -73,7 +74,8 @@ def _branch(stack: Stack, family: Normalised, margin: float, limit: int) -> Verd
             spread, largest = np.maximum(spread, found.spread), max(largest, found.largest)
             recalled = max(recalled, found.recalled)
             continue
-        if widest is None or box.sides[widest][0] >= _DEPTH or count + len(todo) >= limit:
+        ended = count + len(todo) >= limit or left() < 0
+        if widest is None or box.sides[widest][0] >= _DEPTH or ended:
             open_box = box
             break
         todo += box.halves(widest)[::-1]
@@ -82,6 +84,7 @@ def _branch(stack: Stack, family: Normalised, margin: float, limit: int) -> Verd
                       largest=largest, recalled=recalled, boxes=count)  # fmt: skip
     place = [family.centre(side) for side in open_box.sides]
     why = f"{limit} boxes did not suffice" if count + len(todo) >= limit else "it nearly fails"
+    why = "the search ended with its time" if left() < 0 else why
     text = ", ".join(f"{theta:.9g}" for theta in place)
     return undecided(f"full rank could not be shown: {why}; the worst place is ({text})",
                      thetas=place, boxes=count)  # fmt: skip

@@ -3,7 +3,8 @@
 with at_most(0.5):
     ...              # every search in here ends after half a second of processor time, undecided
 
-A search asks `until(its own budget)` for the moment to stop at. Proofs never look at a clock.
+A search asks `until(its own budget)` for the moment to stop at. A proof of stored numbers has no
+budget of its own: it ends early only inside of `at_most`, undecided.
 """
 
 from __future__ import annotations

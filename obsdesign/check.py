@@ -46,7 +46,8 @@ def check_kind(problem: Problem, kind: str) -> dict[str, Any]:
         )
         reasons = [f"{claim.id}: {workflow.reason(claim)}" for claim in failed]
     first = failed[0].id if failed else None
-    if impatient and verdict == "undecided":
+    if impatient and verdict != "proved":  # other forms were not looked at
+        verdict = "undecided"
         step = f"This was a quick look: `obsdesign design PROBLEM --kind {kind}` searches longer."
         return {"verdict": verdict, "reasons": reasons, "next": step}
     step = next_step(kind, verdict, first, reasons[0] if reasons else "")

@@ -40,6 +40,8 @@ def main() -> None:
         from click.shell_completion import shell_complete
 
         sys.exit(shell_complete(cli, {}, "obsdesign", pages.COMPLETE, asked))
+    if len(sys.argv) == 1:
+        sys.argv.append("--help")
     try:
         # not cli.main(): it answers a closed pipe with exit code 1, which means refuted here
         with cli.make_context("obsdesign", sys.argv[1:]) as context:

@@ -26,7 +26,7 @@ def numbers_of(evidence: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[
 def _is_short_list(value: Any) -> bool:
     if not isinstance(value, list | tuple | np.ndarray) or len(value) > _MOST_LISTED:
         return False
-    return np.ndim(np.asarray(value, dtype=object)) == 1
+    return all(isinstance(x, bool | str | int | float | np.number) for x in value)
 
 
 def _number(value: Any) -> str:

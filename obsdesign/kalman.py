@@ -54,17 +54,19 @@ def kalman_filter(
     *,
     walk: float = 0.0,
     initial: ArrayLike | None = None,
-    initial_variance: float = 25.0,
+    initial_variance: ArrayLike = 25.0,
 ) -> Filtered:
     """Filter a record.
 
     walk: variance that unknown inputs d gain per unit of time, and that impulses add to H g;
-    initial: x at the first row, 0 by default, d being 0; initial_variance: of each of [x; d].
+    initial: x at the first row, 0 by default, d being 0; initial_variance: of x, (n,) or one
+    number, and the largest of them of each of d. Of a measurement what is there is used.
     The noise of y is output.noise_std, and uniform in output.noise_bound.
     """
     rows = list(samples)
     n, q = plant.n, 0 if plant.flow.D is None else plant.flow.D.shape[1]
-    now = _Moments(np.zeros(n + q), initial_variance * np.eye(n + q))
+    variance = np.broadcast_to(np.asarray(initial_variance, dtype=np.float64), n)
+    now = _Moments(np.zeros(n + q), np.diag([*variance, *np.full(q, variance.max())]))
     if initial is not None:
         now.z[:n] = initial
     steps = _Steps(plant, walk)
@@ -76,8 +78,9 @@ def kalman_filter(
             now = steps.flow(now, row.t - rows[k - 1].t, u)
         if row.jump and after:
             now = steps.jump(now, row)
-        if row.y is not None and np.isfinite(row.y).all():
-            now, gained = _update(now, np.asarray(row.y, dtype=np.float64), plant.output.C, R)
+        y = np.full(plant.p, np.nan) if row.y is None else np.asarray(row.y, dtype=np.float64)
+        if (there := np.isfinite(y)).any():
+            now, gained = _update(now, y[there], plant.output.C[there], R[np.ix_(there, there)])
             log_likelihood += gained
         if row.jump and not after:
             now = steps.jump(now, row)

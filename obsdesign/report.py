@@ -176,9 +176,15 @@ def _estimate(
             write_text(source, table_text(record.columns))
             if initial is None and design.kind == "interval":
                 x = record.block("x")[0]
-                initial = np.column_stack([x - 1, x + 1]).reshape(-1).tolist()
+                # not around the truth: nobody knows it so well
+                initial = np.column_stack([x - 0.5, x + 1.5]).reshape(-1).tolist()
         estimates, picture = str(Path(folder, "estimate.csv")), str(Path(folder, "estimate.svg"))
-        counts = execute(path, source, estimates, initial, None)
+        try:
+            counts = execute(path, source, estimates, initial, None)
+        except InputError:
+            if data is None:  # impulses at unknown times, which this kind has to be told
+                return None
+            raise
         plot_estimate(estimates, source, picture)
         svg = Path(picture).read_text("utf-8")
         beside = _beside(design, source, initial)

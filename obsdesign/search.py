@@ -64,6 +64,12 @@ def search(problem: Problem, what: str, accuracy: float = ACCURACY) -> workflow.
     return _outcome(problem, kind, best, shortest, accuracy)
 
 
+def require_accuracy(accuracy: float) -> None:
+    """InputError unless it is the relative width of a bracket that can be found."""
+    if not (math.isfinite(accuracy) and 1e-12 <= accuracy < 1):
+        raise InputError(f"--accuracy must be a number from 1e-12 to 1; got {accuracy!r}.")
+
+
 def require_search(problem: Problem, what: str, accuracy: float = ACCURACY) -> None:
     """InputError unless `search` can be asked this of a problem of this kind."""
     kind = problem.require_kind()
@@ -78,8 +84,7 @@ def require_search(problem: Problem, what: str, accuracy: float = ACCURACY) -> N
             f"--for {what} is not available with output.measured = 'periodic'; it must be "
             "continuous or at_jumps."
         )
-    if not (math.isfinite(accuracy) and 1e-12 <= accuracy < 1):
-        raise InputError(f"--accuracy must be a number from 1e-12 to 1; got {accuracy!r}.")
+    require_accuracy(accuracy)
     problem.require_dwell_time()
     if "schedule" in problem.options:
         raise InputError(

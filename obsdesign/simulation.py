@@ -78,12 +78,17 @@ def simulate(
     x = np.ones(n) if initial is None else np.asarray(initial, dtype=np.float64)
     if x.shape != (n,) or not np.isfinite(x).all():
         raise InputError(f"initial must have {n} finite entries, one per state; got {x.tolist()}.")
-    until = _default_until(plant, dwell) if until is None else _positive(until, "until")
+    until = default_until(plant, dwell) if until is None else _positive(until, "until")
     jumps = jump_times(plant, dwell, until, rng)
     # what is measured at jumps only has rows between them only if they are asked for
     between = step is not None or plant.output.measured != "at_jumps"
     step = _default_step(plant, until) if step is None else _positive(step, "step")
     instants = _instants(plant, jumps, until, step, between)
+    if not (np.diff(instants[0]) > 0).all():
+        raise InputError(
+            f"until = {until:g} and step = {step:g} leave rows closer than 1e-12 apart; choose a "
+            "smaller unit of time."
+        )
     source = signals(plant, disturbance, len(instants[0]), rng)
     with np.errstate(over="ignore", invalid="ignore"):
         record = _trajectory(plant, x, *instants, source)
@@ -182,7 +187,7 @@ def _positive(value: float, name: str) -> float:
     return float(value)
 
 
-def _default_until(plant: Plant, dwell: Any) -> float:
+def default_until(plant: Plant, dwell: Any) -> float:
     """Ten dwell times where there are jumps, else ten time units."""
     if isinstance(dwell, int | float) and plant.jump is not None:
         return 10.0 * float(dwell)

@@ -19,6 +19,8 @@ def check(problem: str, as_json: bool) -> int:
     from obsdesign.problem import load_problem
 
     verdict, found = check_all(load_problem(problem))
+    for entry in found.values():
+        entry["next"] = entry["next"].replace("PROBLEM", problem)
     if as_json:
         click.echo(check_answer(verdict, found))
     elif not is_quiet():

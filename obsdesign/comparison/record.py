@@ -14,7 +14,7 @@ from obsdesign.plant import Plant
 from obsdesign.records import Layout, read_columns, read_samples
 from obsdesign.runtime import Sample
 from obsdesign.runtime.base import rows_of
-from obsdesign.simulation import simulate
+from obsdesign.simulation import default_until, simulate
 
 Array = NDArray[np.float64]
 
@@ -29,7 +29,12 @@ class Record:
 
     @staticmethod
     def simulated(plant: Plant, **options: Any) -> Record:
-        """A simulation of the plant; options: those of `simulation.simulate`."""
+        """A simulation of the plant; options: those of `simulation.simulate`.
+
+        What is measured at jumps only is simulated for five times as long: a row is a jump.
+        """
+        if options.get("until") is None and plant.output.measured == "at_jumps":
+            options["until"] = 5 * default_until(plant, "random")
         made = simulate(plant, **options)
         given = {letter: made.block(letter) for letter in "uw" if made.block(letter).size}
         samples = rows_of(made.t, made.block("y"), **given, jump=made.columns.get("jump"))
@@ -41,8 +46,10 @@ class Record:
         """A data file, with its truth where it has all of x1, ..., xn (and d1, ...)."""
         flow, jump = plant.flow, plant.jump
         u, w = (0 if X is None else X.shape[1] for X in (flow.B, None if jump is None else jump.E))
-        layout = Layout(plant.p, u, w, jump is not None and jump.H is None)
         columns = read_columns(path)
+        # impulses of unknown weight may come unannounced
+        announced = jump is not None and (jump.H is None or "jump" in columns)
+        layout = Layout(plant.p, u, w, announced)
         with open(path, encoding="utf-8", newline="") as stream:
             samples = tuple(read_samples(stream, layout, path))
         q = 0 if flow.D is None else flow.D.shape[1]

@@ -19,6 +19,8 @@ Vector = NDArray[np.float64]
 
 # beyond, the drawing library overflows
 _DRAWABLE = 1e100
+# with more jumps than this part of the rows, nothing is known between them: no lines are drawn
+_ROWS_ONLY = 0.9
 _LABELLED = 12  # impulses whose times fit above their bars
 _EXPECTED = ("unresolved", "provisional: the record ends inside its window")
 _TRUTH, _BAND, _ESTIMATE, _ALARM = BLACK, BLUE, BLUE, VERMILION
@@ -107,7 +109,11 @@ def _panel(
     for k, instant in enumerate(jumps):
         axis.axvline(instant, color="0.55", lw=0.7, ls=(0, (2, 2)), zorder=0,
                      label="jump" if k == 0 else None)  # fmt: skip
-    if f"{name}_lo" in estimates:
+    rows_only = len(t) > 0 and float(np.isin(t, jumps).mean()) > _ROWS_ONLY
+    if f"{name}_lo" in estimates and rows_only:
+        low, high = (_finite(_numbers(estimates, f"{name}_{end}", path)) for end in ("lo", "hi"))
+        axis.vlines(t, low, high, color=_BAND, lw=2.5, alpha=0.6, label="bounds")
+    elif f"{name}_lo" in estimates:
         low = _finite(_numbers(estimates, f"{name}_lo", path))
         high = _finite(_numbers(estimates, f"{name}_hi", path))
         split, pieces = _with_gaps(t, [low, high], jumps)
@@ -118,8 +124,12 @@ def _panel(
             axis.plot(split, edge, color=_BAND, lw=0.9)
     if name in estimates:
         values = _finite(_numbers(estimates, name, path))
-        axis.plot(t, values, color=_ESTIMATE, lw=1.4, label="estimate")
-    if name in truth:
+        axis.plot(t, values, "o" if rows_only else "-", ms=4, color=_ESTIMATE, lw=1.4,
+                  label="estimate")  # fmt: skip
+    if name in truth and rows_only:
+        axis.plot(times, _numbers(truth, name, truth_path), ".", color=_TRUTH, ms=4,
+                  label="true state")  # fmt: skip
+    elif name in truth:
         split, pieces = _with_gaps(times, [_numbers(truth, name, truth_path)], jumps)
         axis.plot(split, pieces[0], color=_TRUTH, lw=1.1, label="true state")
     subscript = f"${name[0]}_{{{name[1:]}}}$"

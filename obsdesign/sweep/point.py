@@ -63,6 +63,7 @@ class Plan:
 def plan_sweep(problem: Problem, axes: Sequence[Axis], what: str, accuracy: float) -> Plan:
     """A sweep that makes sense, or InputError: what is asked, how many axes, entries that exist."""
     kind = problem.require_kind()
+    searching.require_accuracy(accuracy)
     known = (*searching.SEARCHES, *QUALITIES)
     if what not in known:
         raise InputError(f"--for must be one of {', '.join(known)}; got {what!r}.")
