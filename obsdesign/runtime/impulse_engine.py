@@ -115,12 +115,10 @@ class IntegralEngine:
                 x = self.rows.predicted(live.t, live.x, live.u, float(t[k]))
                 live = replace(live, t=float(t[k]), x=x, u=u[k])
                 if k < start:
-                    decided.append(
-                        Estimate(live.t, x=x, status=self.rows.status(live, live.t, False))
-                    )
+                    decided.append(Estimate(live.t, x=x, status=self.rows.status(live, live.t)))
             if start == len(t):
                 return live, decided
-            track = self.run.begin(live.t, y[start], u[start], live.x)
+            track = self.run.begin(live.t, y[start], self.rows.forcing(u[start]), live.x)
             live = replace(live, track=track, since=live.t)
             start += 1
         live = self.rows.appended(live, t[start:], y[start:], u[start:], seen[start:])
@@ -138,7 +136,7 @@ class IntegralEngine:
         rows = self.rows.given(live, front)
         return replace(
             live, track=live.track.without(front), norms=live.norms[front:],
-            search=live.search.moved(front),
+            search=live.search.moved(front), absent=self.rows.left(live, float(live.track.t[front])),
         ), rows  # fmt: skip
 
     def prediction(self, live: IntegralLive) -> Vector:
@@ -292,7 +290,7 @@ class IntegralEngine:
         if event.status != "ok":
             doubt = (t_o, float(track.t[restart]), event.status)
         whole = replace(live, track=replace(track, x=x), doubt=doubt)
-        rows = self.rows.given(whole, restart, event=event)
+        rows = self.rows.given(whole, restart, event=event, jump=jump)
         P, at = decision.covariance, t_o + tau
         if P is not None:
             P = P + added_by_noise(self.run, track, spread, tau)
@@ -300,4 +298,5 @@ class IntegralEngine:
         return replace(
             live, track=fresh, norms=np.zeros(0), search=Search(), rule=None, covariance=P,
             since=at, last_event=event.t, doubt=doubt,
+            absent=self.rows.left(live, float(track.t[restart])),
         ), rows  # fmt: skip
