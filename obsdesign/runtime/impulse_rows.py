@@ -48,6 +48,7 @@ class IntegralLive:
     absent: tuple[tuple[float, Vector], ...] = ()
     first: float | None = None  # time of the first row: the phase of periodic samples
     last_event: float = -math.inf
+    largest: float = 0.0  # value of the search at which an impulse was evaluated
     doubt: tuple[float, float, str] = (math.inf, -math.inf, "")  # rows that a flagged event covers
 
 
@@ -89,7 +90,7 @@ class Rows:
     def _bridged(
         self, since: float, before: Vector, gap: list[tuple[float, Vector]], until: float
     ) -> tuple[list[tuple[float, Vector]], Vector]:
-        """(rows of the gap with what the forcing did since `since`, a constant that does it all)."""
+        """(rows of the gap with what the forcing did until then, a constant that does it all)."""
         at, value, moved, rows = since, before, np.zeros(len(before)), []
         for t, following in [*gap, (until, before)]:
             flow, once, _ = responses(self.run.A, t - at)

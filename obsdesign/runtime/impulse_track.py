@@ -121,7 +121,7 @@ class FreeRun:
             sums = np.concatenate([zeros[None], sums])
             near = _at(times, back, sums, -up, -starts)
             far = _at(times, back, sums, -up, -(starts + self.tau))
-            R[:, :, ~falling] = np.exp(up * self.tau) * near - far
+            R[:, :, ~falling] = near - np.exp(-up * self.tau) * far  # scaled by e^{-lambda tau}
         return R.reshape(len(starts), -1)
 
     def _estimates(
@@ -148,7 +148,7 @@ class FreeRun:
         As this observer makes it from samples; close to e^{D (t - since)} x.
         """
         error = np.zeros((len(times), len(self.A)))
-        after = times >= since
+        after = times >= since - 1e-9 * self.tau
         if after.any():
             error[after] = self._coasted(self.A, times[after], since, x)
         y, nothing = error @ self.C.T, np.zeros_like(error)
