@@ -85,7 +85,8 @@ class IntegralEngine:
         scales = feature_scales(exponents, tau)
         F = filtered_system(D, C, exponents, scales)
         evaluator = Evaluator(
-            A, D, C, H, exponents, tau, float(gains["margin"]), window_matrix(D, C, exponents, tau, scales),
+            A, D, C, H, exponents, tau, float(gains["margin"]),
+            window_matrix(D, C, exponents, tau, scales),
             ImpulseCurve.of(F, H, tau), gains["weighting"] == "gls",
             bool(gains.get("state_correction", False)), bool(gains.get("nonnegative", False)),
         )  # fmt: skip

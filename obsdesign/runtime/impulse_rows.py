@@ -100,7 +100,7 @@ class Rows:
         if all(np.array_equal(following, before) for _, following in gap):
             return rows[:-1], before
         once = responses(self.run.A, until - since)[1]
-        return rows[:-1], np.linalg.lstsq(once, moved, rcond=None)[0]
+        return rows[:-1], np.asarray(np.linalg.lstsq(once, moved, rcond=None)[0], np.float64)
 
     def prediction(self, live: IntegralLive) -> Vector:
         """The free run at the last row; without measurement there, the plant from the last one."""

@@ -37,11 +37,13 @@ def sampled_candidate(problem: Problem, low: float, reason: str) -> Candidate:
         raise InputError(
             f"jump.H must have one column for operator 'samples'; it has {H.shape[1]}."
         )
+    other = " Or give gains.K: operator 'integral' is then used."
+    other = "" if reason == "asked for" else other
     for i in range(plant.p):
         if plant.output.noise_std[i] == 0 and plant.output.noise_cv[i] == 0:
             raise InputError(
                 f"output.noise_std must be > 0 for operator 'samples' ({reason}); got 0 for "
-                f"output {i + 1}. Or give gains.K: then operator 'integral' is used."
+                f"output {i + 1}.{other}"
             )
     if problem.options.get("weighting") == "plain":
         raise InputError("observer.weighting must be 'gls' for operator 'samples'; got 'plain'.")

@@ -98,7 +98,7 @@ def _sampled_rows(A: Any, C: Any, step: float, count: int) -> Callable[[], list[
     def rows() -> list[list[Any]]:
         forward = exp_times(A, step)
         at = ball(C)
-        found = at.tolist()
+        found: list[list[Any]] = at.tolist()
         for _ in range(count):
             at = at * forward
             found += at.tolist()

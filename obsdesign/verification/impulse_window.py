@@ -142,7 +142,7 @@ def rank_verdict(rows: Callable[[], list[list[Any]]], row_sizes: Any, n: int, wh
             W = np.array([[float(x.mid()) for x in row] for row in table])
             if not (np.isfinite(W).all() and np.isfinite(row_sizes).all()):
                 return undecided("W(tau) overflows: exponents times window are too large")
-            if not sizes_of_zero(table):
+            if all(x == 0 for row in table for x in row):
                 reason = f"{what} are zero: they show nothing of the state"
                 return refuted({"vector": [1.0] + [0.0] * (n - 1), "reason": reason})
             row_scale = _powers(np.asarray(row_sizes))
@@ -181,11 +181,6 @@ def rank_verdict(rows: Callable[[], list[list[Any]]], row_sizes: Any, n: int, wh
                 )
                 return refuted({"vector": direction, "approx_margin": margin, "reason": reason})
     return undecided(f"the rank is not certain: relative margin {margin:.3g}", approx_margin=margin)
-
-
-def sizes_of_zero(table: list[list[Any]]) -> bool:
-    """False where every entry is zero exactly."""
-    return any(not x == 0 for row in table for x in row)
 
 
 def _powers(sizes: Any) -> Any:

@@ -188,28 +188,31 @@ def guarantees(problem: Problem, found: tuple[Claim, ...]) -> tuple[dict[str, An
 def _promise(problem: Problem, low: str, without: str, between: str) -> str:
     """What holds without noise, for the weighting, rule and weights that the problem asks for."""
     options, output = problem.options, problem.plant.output
-    sign = " of nonnegative weight" if options.get("nonnegative") else ""
+    positive = bool(options.get("nonnegative"))
     noisy = bool(((output.noise_std > 0) | (output.noise_cv > 0)).all())
     if options.get("weighting", "gls" if noisy else "plain") == "gls":
+        said = "Negative weights are not looked for. " if positive else ""
         return (
             f"Without noise and {without}, and up to what is left of the initial error, the record "
-            f"of a window that holds one impulse{sign} determines its time and weight{between}. "
-            "What is reported is an estimate that allows for the stated noise, with its deviation: "
-            "without noise too it is not exact, and an impulse that noise could explain is not "
-            "reported."
+            f"of a window that holds one impulse determines its time and weight{between}. "
+            f"{said}What is reported is an estimate that allows for the stated noise, with its "
+            "deviation: without noise too it is not exact, and an impulse that noise could explain "
+            "is not reported."
         )
+    sign = " of nonnegative weight" if positive else ""
     threshold = ""
     if "threshold" in options:
         threshold = (
-            f", whose features first exceed the threshold {float(options['threshold'])!r} at an "
-            "age within the margin and the window (smaller ones are missed, larger ones evaluated "
-            "too early: the evidence of `uniqueness` tells the weights)"
+            f", each with features that first exceed the threshold "
+            f"{float(options['threshold'])!r} at an age within the margin and the window (smaller "
+            "ones are missed, larger ones evaluated too early: the evidence of `uniqueness` tells "
+            "the weights)"
         )
     return (
-        f"Without noise and {without}, an impulse{sign} at least {low} from its neighbours that a "
-        "window holds alone, and whose output is no smaller than 1e-5 of the largest before it"
-        f"{threshold}, is found at its time and with its weight, up to what is left of the initial "
-        f"error, which decays{between}."
+        f"Without noise and {without}, impulses{sign} all at least {low} apart, each with an output "
+        f"no smaller than 1e-5 of the largest before it{threshold}, are found at their times and "
+        "with their weights, up to what is left of the initial error, which decays, where "
+        f"windows hold them alone{between}."
     )
 
 
