@@ -21,7 +21,7 @@ from obsdesign.verification.impulse_window import rank_verdict
 from obsdesign.verification.uniqueness import real_spectrum
 
 _FEWEST_CELLS = 3  # of a window: two samples after an onset that is most of the window old
-_MOST_ROWS = 64  # of a window that are looked at: more do not lower a rank
+_MOST_ROWS = 64  # of a window that are looked at
 SOURCE = "Mattsson, Medvedev, ECC 2013, Section III-B, for samples"
 
 
@@ -81,13 +81,10 @@ def window_samples(A: Any, C: Any, directions: int, period: float, window: float
             samples=cells + 1,
         )
     else:
-        sizes = np.tile(np.linalg.norm(to_float(C), axis=1), cells + 1)
-        if min(cells, _MOST_ROWS) < cells:  # n + 1 of them, far apart, are enough
-            step = period * (cells // _MOST_ROWS)
-            sizes = sizes[: p * (_MOST_ROWS + 1)]
-            rows = _sampled_rows(A, C, step, _MOST_ROWS)
-        else:
-            rows = _sampled_rows(A, C, period, cells)
+        # of many samples some, evenly spaced, are enough: more do not lower a rank
+        count = min(cells, _MOST_ROWS)
+        rows = _sampled_rows(A, C, period * (cells // count), count)
+        sizes = np.tile(np.linalg.norm(to_float(C), axis=1), count + 1)
         verdict = rank_verdict(rows, sizes, n, "the samples of a window")
     return Claim("samples", statement, SOURCE, verdict.outcome, verdict.evidence)
 

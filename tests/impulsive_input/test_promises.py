@@ -187,7 +187,7 @@ def test_an_onset_that_samples_hide_lies_in_its_interval() -> None:
         t = np.round(h * np.arange(721), 10)
         x = record(A, np.eye(2), train, t, [0.5, -1.0])
         events = observer_of(body).run_batch(t, x @ C.T, x=x[0]).events
-        cells = [np.ceil(event.t / h - 1e-6) for event in events]
+        cells = [np.ceil(event.t / h - 1e-7) for event in events]
         assert cells == [np.ceil(at / h) for at, _ in train]
         assert {event.status for event in events} == {"ok"}
 
