@@ -209,8 +209,8 @@ def _promise(problem: Problem, low: str, without: str, between: str) -> str:
             "the weights)"
         )
     return (
-        f"Without noise and {without}, impulses{sign} all at least {low} apart, each with an "
-        f"output no smaller than 1e-5 of the largest before it{threshold}, are found at their times and "
+        f"Without noise and {without}, impulses{sign} all at least {low} apart, each with "
+        f"an output no smaller than 1e-5 of the largest before it{threshold}, are found at their times and "
         "with their weights, up to what is left of the initial error, which decays, where "
         f"windows hold them alone{between}."
     )
