@@ -120,13 +120,14 @@ def _rule(problem: Problem, gains: Mapping[str, Any]) -> str:
     if not isinstance(K, np.ndarray) or K.shape != (plant.n, plant.p) or not np.isfinite(K).all():
         return fallback
     D = flow_error_matrix(plant.flow.A, K, plant.output.C)
+    window, margin = float(gains["window"]), float(gains["margin"])
+    exponents = np.asarray(gains["exponents"], float)
     try:
-        return impulse_rule.rule_of(
-            D, plant.output.C, H, np.asarray(gains["exponents"], float),
-            float(gains["window"]), float(gains["margin"]),
-        )[0]  # fmt: skip
+        rule, oldest = impulse_rule.rule_of(D, plant.output.C, H, exponents, window, margin)
     except ValueError:
         return fallback
+    refused = H.any() and impulse_rule.margin_objection(oldest, window, margin) is not None
+    return "" if refused else rule  # no rule can work with ages that leave nothing
 
 
 def _expected(problem: Problem, gains: Mapping[str, Any]) -> dict[str, Any]:
@@ -210,9 +211,9 @@ def _promise(problem: Problem, low: str, without: str, between: str) -> str:
         )
     return (
         f"Without noise and {without}, impulses{sign} all at least {low} apart, each with "
-        f"an output no smaller than 1e-5 of the largest before it{threshold}, are found at their times and "
-        "with their weights, up to what is left of the initial error, which decays, where "
-        f"windows hold them alone{between}."
+        f"an output no smaller than 1e-5 of the largest before it{threshold}, are found at their "
+        "times and with their weights, up to what is left of the initial error, which decays, "
+        f"where windows hold them alone{between}."
     )
 
 

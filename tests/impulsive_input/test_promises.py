@@ -202,7 +202,7 @@ def test_an_onset_that_samples_hide_lies_in_its_interval() -> None:
         {"exponents": np.array([14, 14.1, 14.2, 14.3, 14.4, 14.5])},
         {"exponents": np.array([-0.01, -0.02, -0.03, -0.04, -0.05, -0.06])},
         {"exponents": ["a"]}, {"exponents": np.array([])}, {"exponents": np.array([np.inf, -1])},
-        {"window": "inf"}, {"window": np.inf}, {"rule": 3},
+        {"window": "inf"}, {"window": np.inf}, {"rule": 3}, {"margin": 1e3},
     ],
 )  # fmt: skip
 def test_gains_that_do_not_fit_are_refuted(changes: dict[str, Any]) -> None:
