@@ -93,7 +93,7 @@ class Rows:
         """(rows of the gap with what the forcing did until then, a constant that does it all)."""
         at, value, moved, rows = since, before, np.zeros(len(before)), []
         for t, following in [*gap, (until, before)]:
-            flow, once, _ = responses(self.run.A, t - at)
+            flow, once = self.run.plant_step(at, t)
             moved = flow @ moved + once @ value
             rows.append((t, moved))
             at, value = t, following
@@ -151,7 +151,7 @@ class Rows:
         rows = [(float(t), x, False) for t, x in zip(track.t[:count], track.x[:count], strict=True)]
         for t, moved in between:
             k = int(np.searchsorted(track.t, t)) - 1
-            x = expm(self.run.A * (t - float(track.t[k]))) @ track.x[k] + moved
+            x = self.run.plant_step(float(track.t[k]), t)[0] @ track.x[k] + moved
             if event is not None and jump is not None and float(track.t[k]) < event.t <= t:
                 x = x + expm(self.run.A * (t - event.t)) @ jump
             rows.append((t, x, True))

@@ -130,9 +130,9 @@ class FreeRun:
         """xhat at times[1:] from `at` at times[0], with outputs y and other inputs `forced`."""
         x = np.empty((len(times) - 1, len(self.A)))
         for a, b in ends:
-            flow, older, newer, held, _ = self._maps(
-                float(times[a + 1] - times[a]), float(times[b])
-            )
+            flow, older, newer, held = self._maps(float(times[a + 1] - times[a]), float(times[b]))[
+                :4
+            ]
             driven = y[a:b] @ older.T + y[a + 1 : b + 1] @ newer.T + forced[a:b] @ held.T
             x[a:b] = _accumulated(flow, driven, at)
             at = x[b - 1]
@@ -173,6 +173,11 @@ class FreeRun:
             kicks[a + 1 : b + 1] = np.eye(n) - maps[2] @ self.C
         return np.asarray(found @ kicks)
 
+    def plant_step(self, since: float, until: float) -> tuple[Rows, Rows]:
+        """(e^{A h}, its integral over h) for h = until - since."""
+        maps = self._maps(until - since, abs(until))
+        return maps[5], maps[6]
+
     def _coasted(self, X: Rows, times: Rows, since: float, x: Vector) -> Rows:
         found = np.empty((len(times), len(x)))
         found[0] = expm(X * float(times[0] - since)) @ x
@@ -209,7 +214,7 @@ class FreeRun:
         cuts = np.cumsum([n, p, p])
         parts = np.split(solved, cuts, axis=1)
         error = flow - parts[1] @ self.C - parts[2] @ self.C @ flow  # x - xhat over the step
-        return parts[0], parts[1], parts[2], parts[3], error
+        return parts[0], parts[1], parts[2], parts[3], error, flow, once
 
 
 def _accumulated(flow: Rows, forced: Rows, start: Rows) -> Rows:
