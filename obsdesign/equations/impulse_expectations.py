@@ -16,6 +16,7 @@ from lmi.exponential import expm
 from obsdesign.equations.impulse_fit import ImpulseCurve
 from obsdesign.equations.impulsive_input import (
     OLD,
+    feature_scales,
     filtered_system,
     neglected_ratio,
     window_taps,
@@ -30,12 +31,18 @@ def expectations(D: Array, gains: Any) -> dict[str, float]:
     """Peak of |b|, ratio of (15), deviations of time and weight; for operator `integral`."""
     C, H, exponents = gains["C"], gains["H"], np.asarray(gains["exponents"])
     tau, margin, n = float(gains["window"]), float(gains["margin"]), len(D)
-    curve = ImpulseCurve.of(filtered_system(D, C, exponents), H, tau)
+    scales = feature_scales(exponents, tau)
+    curve = ImpulseCurve.of(filtered_system(D, C, exponents, scales), H, tau)
     size = np.linalg.norm(curve.states[:, n:], axis=(1, 2))
     top = int(np.argmax(size))
     age = float(curve.ages[top]) if gains["rule"] == "peak" else OLD * curve.oldest
     found = {"peak_age": float(curve.ages[top]), "peak": float(size[top]), "evaluated_at_age": age,
              "latency": tau}  # fmt: skip
+    if "threshold" in gains and H.shape[1] == 1:
+        # the smallest that exceeds it at all, the largest that does not before it is evaluable
+        early = float(size[curve.ages <= margin].max())
+        found["smallest_weight"] = float(gains["threshold"]) / float(size.max())
+        found["largest_weight"] = float(gains["threshold"]) / early if early > 0 else np.inf
     worst, _ = neglected_ratio(D, C, H, exponents, tau, margin)
     if np.isfinite(worst):
         found["neglected_ratio"] = worst

@@ -61,8 +61,50 @@ def objection(plant: Any) -> str | None:
     return None
 
 
-def filtered_system(D: Array, C: Array, exponents: Array) -> Array:
+def feature_scales(exponents: Array, tau: float) -> Array:
+    """What features are multiplied by at run time, (m,): e^{-lambda tau} where lambda > 0, else 1.
+
+    A kernel is then one at most. Unscaled, those of growing exponents drown all others.
+    """
+    return np.asarray(np.exp(-np.maximum(np.asarray(exponents, float), 0.0) * tau))
+
+
+def is_positive(value: Any) -> bool:
+    """A positive, finite number."""
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    return number and value > 0 and math.isfinite(value)
+
+
+def are_exponents(value: Any) -> bool:
+    """A list of one or more distinct, finite numbers."""
+    try:
+        found = np.asarray(value)
+    except ValueError:
+        return False
+    if found.ndim != 1 or found.dtype.kind not in "fi" or len(found) == 0:
+        return False
+    return bool(np.isfinite(found).all()) and len(set(found.tolist())) == len(found)
+
+
+def samples_objection(plant: Any, gains: Any) -> str | None:
+    """What forbids gains of operator `samples`, or None; one sentence."""
+    period, window = plant.output.period, gains["window"]
+    if plant.output.measured != "periodic" or not is_positive(period):
+        return "output.measured must be 'periodic' for operator 'samples'"
+    count = float(window) / float(period)
+    if abs(count - round(count)) > 1e-6 or round(count) < 1:
+        return f"gains.window must be a multiple of output.period = {period!r}; got {window!r}"
+    if gains.get("weighting") != "gls":
+        return "gains.weighting must be 'gls' for operator 'samples'"
+    if plant.jump.H.shape[1] != 1:
+        return "jump.H must have one column for operator 'samples'"
+    return None
+
+
+def filtered_system(D: Array, C: Array, exponents: Array, scales: Array | None = None) -> Array:
     """F of [v; b]' = F [v; b], v' = D v, b_i' = lambda_i b_i + C v; floats or exact numbers.
+
+    scales (m,): of the features, b_i' = lambda_i b_i + scales_i C v; one by default.
 
     From [H; 0] it carries e^{D s} H and b(s), from [I; 0] e^{D s} and V(s): no cancellation, and
     nothing special where an exponent is an eigenvalue of D.
@@ -73,7 +115,7 @@ def filtered_system(D: Array, C: Array, exponents: Array) -> Array:
     for j in range(p):
         for i in range(m):
             row = n + j * m + i
-            F[row, :n], F[row, row] = C[j], exponents[i]
+            F[row, :n], F[row, row] = C[j] if scales is None else scales[i] * C[j], exponents[i]
     return F
 
 
@@ -109,10 +151,12 @@ def operator_matrix(D: Array, C: Array, exponents: Array, tau: float) -> Array:
     return stacked.reshape(-1, len(D))
 
 
-def window_matrix(D: Array, C: Array, exponents: Array, tau: float) -> Array:
-    """V(tau) = W(tau) e^{D tau}, (m p, n)."""
+def window_matrix(
+    D: Array, C: Array, exponents: Array, tau: float, scales: Array | None = None
+) -> Array:
+    """V(tau) = W(tau) e^{D tau}, (m p, n), rows times `scales`."""
     n = len(D)
-    return expm(filtered_system(D, C, exponents) * tau)[n:, :n]
+    return expm(filtered_system(D, C, exponents, scales) * tau)[n:, :n]
 
 
 def neglected_part(D: Array, C: Array, H: Array, exponents: Array, tau: float, age: float) -> Array:

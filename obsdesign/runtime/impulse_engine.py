@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from obsdesign.equations.estimation_error import flow_error_matrix
 from obsdesign.equations.impulse_fit import ImpulseCurve
-from obsdesign.equations.impulsive_input import filtered_system, window_matrix
+from obsdesign.equations.impulsive_input import feature_scales, filtered_system, window_matrix
 from obsdesign.runtime.base import Estimate, Vector
 from obsdesign.runtime.impulse_estimate import (
     Decision,
@@ -34,6 +34,7 @@ Array = NDArray[Any]
 
 _FLOOR = 8.0  # |R| must exceed this many deviations of noise
 _EXACT_FLOOR = 1e-7  # and this part of what the output itself leaves in R: interpolation, rounding
+_AFTER_FLOOR = 3e-6  # and this part of what impulses before it made of it: they are added as found
 _MISFIT = 0.05  # of the residual: what an impulse may leave of it where there is no noise
 _LEAST = 6.0  # deviations that an impulse must explain before it is evaluated by its position
 _SMOOTHING = 0.05  # half width of the moving average, of the window
@@ -81,9 +82,11 @@ class IntegralEngine:
         exponents, tau = np.asarray(gains["exponents"]), float(gains["window"])
         B = gains.get("B", np.zeros((len(A), 0)))
         drift = (gains["flow_lower"] + gains["flow_upper"]) / 2
-        F = filtered_system(D, C, exponents)
+        scales = feature_scales(exponents, tau)
+        F = filtered_system(D, C, exponents, scales)
         evaluator = Evaluator(
-            A, D, C, H, exponents, tau, float(gains["margin"]), window_matrix(D, C, exponents, tau),
+            A, D, C, H, exponents, tau, float(gains["margin"]),
+            window_matrix(D, C, exponents, tau, scales),
             ImpulseCurve.of(F, H, tau), gains["weighting"] == "gls",
             bool(gains.get("state_correction", False)), bool(gains.get("nonnegative", False)),
         )  # fmt: skip
@@ -115,12 +118,10 @@ class IntegralEngine:
                 x = self.rows.predicted(live.t, live.x, live.u, float(t[k]))
                 live = replace(live, t=float(t[k]), x=x, u=u[k])
                 if k < start:
-                    decided.append(
-                        Estimate(live.t, x=x, status=self.rows.status(live, live.t, False))
-                    )
+                    decided.append(Estimate(live.t, x=x, status=self.rows.status(live, live.t)))
             if start == len(t):
                 return live, decided
-            track = self.run.begin(live.t, y[start], u[start], live.x)
+            track = self.run.begin(live.t, y[start], self.rows.forcing(u[start]), live.x)
             live = replace(live, track=track, since=live.t)
             start += 1
         live = self.rows.appended(live, t[start:], y[start:], u[start:], seen[start:])
@@ -139,6 +140,7 @@ class IntegralEngine:
         return replace(
             live, track=live.track.without(front), norms=live.norms[front:],
             search=live.search.moved(front),
+            absent=self.rows.left(live, float(live.track.t[front])),
         ), rows  # fmt: skip
 
     def prediction(self, live: IntegralLive) -> Vector:
@@ -198,7 +200,8 @@ class IntegralEngine:
         taps, spread, stop = self._window(live, 0)
         sigma = feature_deviation(taps, spread) if spread.any() else 0.0
         size = float(np.linalg.norm(taps.T @ track.y[:stop]))
-        floor = max(_FLOOR * sigma, _EXACT_FLOOR * size)
+        before = 0.0 if sigma > 0 else _AFTER_FLOOR * live.largest
+        floor = max(_FLOOR * sigma, _EXACT_FLOOR * size, before)
         P = live.covariance
         if self.evaluator.gls and P is None:
             P = first_covariance(self.run, self.evaluator.H, track, stop)
@@ -210,7 +213,7 @@ class IntegralEngine:
             position = Position.of(T, curve.ages[1:], b, self.evaluator.oldest)
             own = T @ (taps.T @ track.y[:stop]).T.reshape(-1)
             exact = _EXACT_FLOOR * float(np.linalg.norm(own))
-            rule = Rule(0.0, 0.0, 0.0, max(_LEAST if sigma > 0 else 0.0, exact))
+            rule = Rule(0.0, 0.0, 0.0, max(_LEAST if sigma > 0 else 0.0, exact, before))
             return replace(live, rule=rule, position=position, covariance=P)
         share = _NOISY_SHARE if sigma > 0 else _EXACT_SHARE
         rule = Rule(floor, sigma, share, self.threshold)
@@ -292,12 +295,14 @@ class IntegralEngine:
         if event.status != "ok":
             doubt = (t_o, float(track.t[restart]), event.status)
         whole = replace(live, track=replace(track, x=x), doubt=doubt)
-        rows = self.rows.given(whole, restart, event=event)
+        rows = self.rows.given(whole, restart, event=event, jump=jump)
         P, at = decision.covariance, t_o + tau
         if P is not None:
             P = P + added_by_noise(self.run, track, spread, tau)
+        largest = max(live.largest, float(live.norms[top : live.search.position].max(initial=0.0)))
         fresh = self.run.restarted(track, restart, x[restart])
         return replace(
             live, track=fresh, norms=np.zeros(0), search=Search(), rule=None, covariance=P,
-            since=at, last_event=event.t, doubt=doubt,
+            since=at, last_event=event.t, doubt=doubt, largest=largest,
+            absent=self.rows.left(live, float(track.t[restart])),
         ), rows  # fmt: skip

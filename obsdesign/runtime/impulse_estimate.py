@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from lmi.exponential import expm
 from obsdesign.equations.impulse_fit import Impulse, ImpulseCurve, explained, fit_impulse, peaks
-from obsdesign.equations.impulsive_input import window_taps
+from obsdesign.equations.impulsive_input import feature_scales, window_taps
 from obsdesign.runtime.base import Vector
 
 Array = NDArray[Any]
@@ -117,12 +117,15 @@ class Evaluator:
         before, after = times[-2], times[-1]
         share = (end - before) / (after - before)
         if share > 1 - 1e-6:
-            return window_taps(self.exponents, times)
-        taps = window_taps(self.exponents, np.append(times[:-1], end))
+            return self._scaled_taps(times)
+        taps = self._scaled_taps(np.append(times[:-1], end))
         last = taps[-1].copy()
         taps[-1] = share * last
         taps[-2] += (1 - share) * last
         return taps
+
+    def _scaled_taps(self, times: Array) -> Array:
+        return window_taps(self.exponents, times) * feature_scales(self.exponents, self.tau)
 
     def decide(self, R: Vector, window: Window, P: Array | None, at_start: bool) -> Decision | None:
         """Evaluate a window; None: nothing there that counts.
@@ -197,7 +200,8 @@ class Evaluator:
         width = t_c - float(window.t[cell - 1])
         curve = ImpulseCurve.of(self.A, self.H, width, points=4, n=0)
         M = T @ window.onsets[cell]
-        found = fit_impulse(R, curve, 0.0, width, M, self.nonnegative)
+        # an onset at the row before would be one that this row shows already
+        found = fit_impulse(R, curve, 0.0, width * (1 - 1e-6), M, self.nonnegative)
         if found is None:
             return None
         return replace(found, age=float(window.t[0]) + self.tau - t_c + found.age)

@@ -7,7 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from obsdesign.equations.impulsive_input import OPERATORS, RULES, WEIGHTINGS
+from obsdesign.equations.impulsive_input import (
+    OPERATORS,
+    RULES,
+    WEIGHTINGS,
+    are_exponents,
+    is_positive,
+)
 from obsdesign.runtime.base import require_shapes
 
 
@@ -31,8 +37,14 @@ def check_gains(gains: Mapping[str, Any]) -> None:
     if gains["operator"] == "integral" and gains.get("rule") not in RULES:
         raise ValueError(f"gains.rule must be one of {', '.join(RULES)}.")
     for name in ("window", "margin"):
-        value = gains.get(name)
-        if not isinstance(value, int | float) or isinstance(value, bool) or not value > 0:
+        if not is_positive(gains.get(name)):
             raise ValueError(f"gains.{name} must be a positive number.")
-    if gains["operator"] == "integral" and np.ndim(gains.get("exponents", ())) != 1:
-        raise ValueError("gains.exponents must be a list of numbers.")
+    if gains["operator"] == "integral":
+        if not are_exponents(gains.get("exponents")):
+            raise ValueError("gains.exponents must be distinct, finite numbers, one or more.")
+        return
+    if not is_positive(gains.get("period")):
+        raise ValueError("gains.period must be a positive number for operator 'samples'.")
+    count = float(gains["window"]) / float(gains["period"])
+    if abs(count - round(count)) > 1e-6 or round(count) < 1:
+        raise ValueError("gains.window must be a multiple of gains.period.")

@@ -61,6 +61,7 @@ class SamplesEngine:
     noise: tuple[Vector, Vector]
     window: float
     dwell: float
+    period: float
 
     @classmethod
     def from_gains(cls, gains: Any) -> SamplesEngine:
@@ -72,7 +73,9 @@ class SamplesEngine:
             bool(gains.get("nonnegative", False)),
         )  # fmt: skip
         noise = gains["noise_std"], gains["noise_cv"]
-        return cls(model, noise, float(gains["window"]), float(gains["dwell_time"][0]))
+        return cls(model, noise, float(gains["window"]), float(gains["dwell_time"][0]),
+            float(gains["period"]),
+        )  # fmt: skip
 
     # --- rows in, rows out ----------------------------------------------------------------------
 
@@ -147,8 +150,11 @@ class SamplesEngine:
         return np.asarray(np.maximum(sizes, 1e-6 * (float(sizes.max()) or 1.0)))
 
     def _complete(self, live: SampledLive) -> bool:
-        end = live.rows[0].t + self.window
-        return len(live.rows) > 1 and live.rows[-1].t >= end - 1e-9 * self.window
+        return len(live.rows) > 1 and live.rows[-1].t >= self._end(live) - 1e-9 * self.window
+
+    def _end(self, live: SampledLive) -> float:
+        """End of the window; after a gap in the rows it reaches as far behind it as it would."""
+        return max(live.rows[0].t, live.rows[1].t - self.period) + self.window
 
     def _estimate(
         self, live: SampledLive, row: Row, x: Vector, events: tuple[Event, ...] = ()
@@ -166,7 +172,7 @@ class SamplesEngine:
         """Fire, or go on by one row."""
         rows = live.rows[:available]
         if not provisional:
-            end = rows[0].t + self.window + 1e-9 * self.window
+            end = self._end(live) + 1e-9 * self.window
             rows = tuple(row for row in rows if row.t <= end)
         assert live.P is not None
         first, second = rows[0].t, rows[1].t

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import itertools
 from collections import OrderedDict
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -31,18 +31,17 @@ Rows = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Track:
-    """Rows of a free run: times t (L,), y (L, p), u (L, m), xhat (L, n).
+    """Measured rows of a free run: times t (L,), y (L, p), forcing (L, n), xhat (L, n).
 
-    integrals (L, p, k): running integrals I of the residual for the k exponents below zero;
-    seen (L,): rows with a measurement of their own.
+    forcing: B u + b_mid up to the next row, or the constant that moves the plant as far until then;
+    integrals (L, p, k): running integrals I of the residual for the k exponents below zero.
     """
 
     t: Rows
     y: Rows
-    u: Rows
+    forcing: Rows
     x: Rows
     integrals: Rows
-    seen: NDArray[np.bool_]
 
     def without(self, rows: int) -> Track:
         """The track from row `rows` on."""
@@ -73,32 +72,32 @@ class FreeRun:
     def _falling(self) -> NDArray[np.bool_]:
         return np.asarray(self.exponents < 0)
 
-    def begin(self, t: float, y: Rows, u: Rows, x: Rows) -> Track:
+    def begin(self, t: float, y: Rows, forcing: Rows, x: Rows) -> Track:
         """A track of one row, where the estimate is x."""
         zeros = np.zeros((1, len(self.C), int(self._falling.sum())))
-        return Track(np.array([t]), y[None], u[None], x[None], zeros, np.array([True]))
+        return Track(np.array([t]), y[None], forcing[None], x[None], zeros)
 
     def restarted(self, track: Track, row: int, x: Rows) -> Track:
         """The track from `row` on, run again with the estimate x there."""
-        first = self.begin(float(track.t[row]), track.y[row], track.u[row], x)
-        first = replace(first, seen=track.seen[row : row + 1])  # y may have been interpolated
+        first = self.begin(float(track.t[row]), track.y[row], track.forcing[row], x)
         rest = track.without(row + 1)
-        return self.extended(first, rest.t, rest.y, rest.u, rest.seen)
+        return self.extended(first, rest.t, rest.y, rest.forcing)
 
-    def extended(self, track: Track, t: Rows, y: Rows, u: Rows, seen: NDArray[np.bool_]) -> Track:
+    def extended(self, track: Track, t: Rows, y: Rows, forcing: Rows) -> Track:
         """The track with further rows."""
         if len(t) == 0:
             return track
         times = np.concatenate([track.t[-1:], t])
-        ys, us = np.concatenate([track.y[-1:], y]), np.concatenate([track.u[-1:], u])
+        ys = np.concatenate([track.y[-1:], y])
+        forced = np.concatenate([track.forcing[-1:], forcing])
         ends = self._runs(times)
-        x = self._estimates(times, ends, ys, us @ self.B.T + self.drift, track.x[-1])
+        x = self._estimates(times, ends, ys, forced, track.x[-1])
         error = ys - np.concatenate([track.x[-1:], x]) @ self.C.T
         lams = self.exponents[self._falling]
         sums = _integrals(times, ends, error, lams, track.integrals[-1])
         parts = zip(
-            (track.t, track.y, track.u, track.x, track.integrals, track.seen),
-            (t, y, u, x, sums, seen),
+            (track.t, track.y, track.forcing, track.x, track.integrals),
+            (t, y, forcing, x, sums),
             strict=True,
         )
         return Track(*(np.concatenate(pair) for pair in parts))
@@ -122,7 +121,7 @@ class FreeRun:
             sums = np.concatenate([zeros[None], sums])
             near = _at(times, back, sums, -up, -starts)
             far = _at(times, back, sums, -up, -(starts + self.tau))
-            R[:, :, ~falling] = np.exp(up * self.tau) * near - far
+            R[:, :, ~falling] = near - np.exp(-up * self.tau) * far  # scaled by e^{-lambda tau}
         return R.reshape(len(starts), -1)
 
     def _estimates(
@@ -131,9 +130,9 @@ class FreeRun:
         """xhat at times[1:] from `at` at times[0], with outputs y and other inputs `forced`."""
         x = np.empty((len(times) - 1, len(self.A)))
         for a, b in ends:
-            flow, older, newer, held, _ = self._maps(
-                float(times[a + 1] - times[a]), float(times[b])
-            )
+            flow, older, newer, held = self._maps(float(times[a + 1] - times[a]), float(times[b]))[
+                :4
+            ]
             driven = y[a:b] @ older.T + y[a + 1 : b + 1] @ newer.T + forced[a:b] @ held.T
             x[a:b] = _accumulated(flow, driven, at)
             at = x[b - 1]
@@ -149,7 +148,7 @@ class FreeRun:
         As this observer makes it from samples; close to e^{D (t - since)} x.
         """
         error = np.zeros((len(times), len(self.A)))
-        after = times >= since
+        after = times >= since - 1e-9 * self.tau
         if after.any():
             error[after] = self._coasted(self.A, times[after], since, x)
         y, nothing = error @ self.C.T, np.zeros_like(error)
@@ -173,6 +172,11 @@ class FreeRun:
             found[a:b] = _doubled(maps[4].T, backwards)[::-1]
             kicks[a + 1 : b + 1] = np.eye(n) - maps[2] @ self.C
         return np.asarray(found @ kicks)
+
+    def plant_step(self, since: float, until: float) -> tuple[Rows, Rows]:
+        """(e^{A h}, its integral over h) for h = until - since."""
+        maps = self._maps(until - since, abs(until))
+        return maps[5], maps[6]
 
     def _coasted(self, X: Rows, times: Rows, since: float, x: Vector) -> Rows:
         found = np.empty((len(times), len(x)))
@@ -210,7 +214,7 @@ class FreeRun:
         cuts = np.cumsum([n, p, p])
         parts = np.split(solved, cuts, axis=1)
         error = flow - parts[1] @ self.C - parts[2] @ self.C @ flow  # x - xhat over the step
-        return parts[0], parts[1], parts[2], parts[3], error
+        return parts[0], parts[1], parts[2], parts[3], error, flow, once
 
 
 def _accumulated(flow: Rows, forced: Rows, start: Rows) -> Rows:

@@ -16,17 +16,34 @@ _WINDOW = 4  # samples, where dwell times allow them
 def sampled_candidate(problem: Problem, low: float, reason: str) -> Candidate:
     """Gains for operator `samples`; InputError where it cannot work."""
     plant = problem.plant
+    if plant.output.measured != "periodic":
+        raise InputError(
+            "output.measured must be 'periodic', with a period, for operator 'samples'; got "
+            f"{plant.output.measured!r}."
+        )
     period = problem.require("output.period")
+    if "margin" in problem.options:
+        raise InputError(
+            f"observer.margin belongs to operator 'integral'; 'samples' ({reason}) has no use for "
+            f"it. Leave it out; got {problem.options['margin']!r}."
+        )
+    if problem.options.get("state_correction") is False:
+        raise InputError(
+            "observer.state_correction = false belongs to operator 'integral': 'samples' "
+            f"({reason}) always corrects the state. Leave it out."
+        )
     H = problem.require("jump.H")
     if H.shape[1] > 1:
         raise InputError(
             f"jump.H must have one column for operator 'samples'; it has {H.shape[1]}."
         )
+    other = " Or give gains.K: operator 'integral' is then used."
+    other = "" if reason == "asked for" else other
     for i in range(plant.p):
         if plant.output.noise_std[i] == 0 and plant.output.noise_cv[i] == 0:
             raise InputError(
                 f"output.noise_std must be > 0 for operator 'samples' ({reason}); got 0 for "
-                f"output {i + 1}."
+                f"output {i + 1}.{other}"
             )
     if problem.options.get("weighting") == "plain":
         raise InputError("observer.weighting must be 'gls' for operator 'samples'; got 'plain'.")
@@ -43,7 +60,7 @@ def sampled_candidate(problem: Problem, low: float, reason: str) -> Candidate:
     data: dict[str, Any] = plant_data(plant) | {
         "H": H, "noise_std": plant.output.noise_std, "noise_cv": plant.output.noise_cv,
         "period": float(period), "window": float(window),
-        "margin": float(problem.options.get("margin", period)), "weighting": "gls",
+        "margin": float(period), "weighting": "gls",
         "operator": "samples", "state_correction": True,
         "nonnegative": bool(problem.options.get("nonnegative", False)),
     }  # fmt: skip

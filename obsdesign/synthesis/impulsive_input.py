@@ -18,9 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lmi.balls import exact, fixed_vector
+from obsdesign.equations import impulse_rule
 from obsdesign.equations import impulsive_input as equations
 from obsdesign.equations.estimation_error import flow_error_matrix, plant_data
-from obsdesign.equations.impulse_fit import ImpulseCurve, balanced_size
+from obsdesign.equations.impulse_fit import balanced_size
 from obsdesign.errors import InputError
 from obsdesign.problem import Problem
 from obsdesign.structure import approx_unobservable_modes
@@ -37,7 +38,6 @@ _LARGEST_GAIN = 1e3  # size of A - K C against that of A
 _MEMORY = 6.0  # time constants of the slowest mode of A - K C that a window is worth
 _FEWEST = 24  # samples of a window
 _RATIO = 0.05
-_LARGEST_GROWTH = 300.0  # e to it still fits binary64 with room
 _FASTER, _APART = 1.25, 1.2  # poles of the observer against those of the plant and each other
 _SPACING = 1 / 13  # of exponents, relative to the largest
 _BETTER = 0.99  # deviation against the corner's from which another choice counts
@@ -168,28 +168,19 @@ def _looked_at_again(
 
 def _rule(data: dict[str, Any], D: Matrix, exponents: Matrix) -> str:
     """When to evaluate: at a peak of |R| where every impulse makes one, else by position."""
-    if float(exponents.max(initial=0.0)) * data["window"] > _LARGEST_GROWTH:
-        raise InputError(
-            f"observer.exponents times the window must be at most {_LARGEST_GROWTH:g}; got "
-            f"{float(exponents.max()) * data['window']:.6g}."
-        )
-    F = equations.filtered_system(D, data["C"], exponents)
+    window, margin = data["window"], data["margin"]
+    if text := impulse_rule.growth_objection(exponents, len(D), len(data["C"]), window):
+        raise InputError(text)
     try:
-        curve = ImpulseCurve.of(F, data["H"], data["window"])
+        rule, oldest = impulse_rule.rule_of(D, data["C"], data["H"], exponents, window, margin)
     except ValueError as error:
-        if data["window"] >= data["dwell_time"][0]:
+        if window >= data["dwell_time"][0]:
             return "position"  # a claim refutes the window, whatever the rule
         raise InputError(f"{error}; are the units of flow.A what they should be?") from None
-    if curve.oldest <= data["margin"] and data["H"].any():
-        raise InputError(
-            f"observer.margin must be below {curve.oldest:.3g}, where less than a thousandth of an "
-            f"impulse is left in the features; got {data['margin']!r}. Is observer.window = "
-            f"{data['window']!r} too long for the plant, or the exponents too fast?"
-        )
-    if "threshold" in data:
-        return "threshold"
-    peak = equations.has_peak(F, data["H"], data["window"], data["margin"])
-    return "peak" if peak else "position"
+    text = impulse_rule.margin_objection(oldest, window, margin)
+    if text and data["H"].any():
+        raise InputError(text)
+    return "threshold" if "threshold" in data else rule
 
 
 def _data(problem: Problem) -> dict[str, Any]:

@@ -8,7 +8,8 @@ eigenvector of A: otherwise every v explains the samples equally well.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,8 @@ from obsdesign.document import Claim
 from obsdesign.verification.impulse_window import rank_verdict
 from obsdesign.verification.uniqueness import real_spectrum
 
+_FEWEST_CELLS = 3  # of a window: two samples after an onset that is most of the window old
+_MOST_ROWS = 64  # of a window that are looked at
 SOURCE = "Mattsson, Medvedev, ECC 2013, Section III-B, for samples"
 
 
@@ -55,6 +58,50 @@ def sampled_claims(A: Any, C: Any, H: Any, gains: Mapping[str, Any]) -> tuple[Cl
             onset.evidence,
         ),
     )
+
+
+def window_samples(A: Any, C: Any, directions: int, period: float, window: float) -> Claim:
+    """Operator `integral`: a window holds samples enough for a state, an onset and its weights."""
+    n, p = len(A), len(C)
+    cells = math.floor(window / period * (1 + 1e-9))
+    unknown = n + 1 + directions
+    statement = f"the samples of a window show the state, and time and weight of an impulse: {n}"
+    statement += f" + {1 + directions} unknown numbers, and two samples after the onset"
+    if cells < 2:
+        reason = (
+            f"output.period = {period!r} leaves {cells + 1} sample{'s' * (cells > 0)} in a window "
+            f"of {window!r}: two after an onset are needed"
+        )
+        verdict = refuted({"samples": cells + 1, "reason": reason})
+    elif (cells + 1) * p < unknown or cells < _FEWEST_CELLS:
+        verdict = undecided(
+            f"{cells + 1} samples in a window are too few to be certain: {unknown} numbers are "
+            f"unknown, and {_FEWEST_CELLS + 1} samples are asked for at least; choose operator "
+            "'samples' (with output.noise_std), or a longer window",
+            samples=cells + 1,
+        )
+    else:
+        # of many samples some, evenly spaced, are enough: more do not lower a rank
+        count = min(cells, _MOST_ROWS)
+        rows = _sampled_rows(A, C, period * (cells // count), count)
+        sizes = np.tile(np.linalg.norm(to_float(C), axis=1), count + 1)
+        verdict = rank_verdict(rows, sizes, n, "the samples of a window")
+    return Claim("samples", statement, SOURCE, verdict.outcome, verdict.evidence)
+
+
+def _sampled_rows(A: Any, C: Any, step: float, count: int) -> Callable[[], list[list[Any]]]:
+    """Function of no arguments: rows C e^{A k step}, k = 0 .. count, as balls."""
+
+    def rows() -> list[list[Any]]:
+        forward = exp_times(A, step)
+        at = ball(C)
+        found: list[list[Any]] = at.tolist()
+        for _ in range(count):
+            at = at * forward
+            found += at.tolist()
+        return found
+
+    return rows
 
 
 def _uniqueness(A: Any, H: Any, h: float) -> Verdict:

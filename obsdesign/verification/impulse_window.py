@@ -142,6 +142,9 @@ def rank_verdict(rows: Callable[[], list[list[Any]]], row_sizes: Any, n: int, wh
             W = np.array([[float(x.mid()) for x in row] for row in table])
             if not (np.isfinite(W).all() and np.isfinite(row_sizes).all()):
                 return undecided("W(tau) overflows: exponents times window are too large")
+            if all(x == 0 for row in table for x in row):
+                reason = f"{what} are zero: they show nothing of the state"
+                return refuted({"vector": [1.0] + [0.0] * (n - 1), "reason": reason})
             row_scale = _powers(np.asarray(row_sizes))
             scaled = W / row_scale[:, None]
             column_scale = _powers(np.linalg.norm(scaled, axis=0))

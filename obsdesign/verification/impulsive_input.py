@@ -14,13 +14,14 @@ import numpy as np
 
 from lmi.balls import exact, fixed_vector, to_float
 from obsdesign.document import Claim
+from obsdesign.equations import impulse_rule
 from obsdesign.equations import impulsive_input as equations
 from obsdesign.equations.estimation_error import flow_error_matrix, plant_data
 from obsdesign.equations.impulse_expectations import expectations
 from obsdesign.problem import Problem
 from obsdesign.verification import impulse_window as window_claims
 from obsdesign.verification.consistency import consistency
-from obsdesign.verification.impulse_samples import sampled_claims
+from obsdesign.verification.impulse_samples import sampled_claims, window_samples
 from obsdesign.verification.uniqueness import SOURCE, decide_uniqueness
 
 PAPER = "Mattsson, Medvedev, ECC 2013"
@@ -43,6 +44,8 @@ def claims(
     found = [agreement, window_claims.observable(A, C), window_claims.dwell(window, low)]
     if gains["operator"] == "samples":
         return (*found, *sampled_claims(A, C, H, gains))
+    if "period" in gains:
+        found.append(window_samples(A, C, H.shape[1], float(gains["period"]), window))
     D = flow_error_matrix(A, exact(gains["K"]), C)
     exponents = [float(value) for value in gains["exponents"]]
     found.append(window_claims.hurwitz(D))
@@ -76,22 +79,55 @@ def _objection(problem: Problem, gains: Mapping[str, Any]) -> str | None:
     if text := equations.objection(plant):
         return text
     for name in ("window", "margin"):
-        value = gains.get(name)
-        if isinstance(value, bool) or not isinstance(value, int | float) or not value > 0:
+        if not equations.is_positive(gains.get(name)):
             return f"gains.{name} must be a positive number"
     for name in ("state_correction", "nonnegative"):
         if not isinstance(gains.get(name), bool):
             return f"gains.{name} must be true or false"
+    text = None
     if gains.get("operator") == "integral":
-        if not float(gains["margin"]) < float(gains["window"]):
-            return "gains.margin must be less than gains.window"
-        exponents = np.asarray(gains.get("exponents", ()))
-        if exponents.ndim != 1 or len(set(exponents.tolist())) < len(exponents):
-            return "gains.exponents must be distinct numbers"
+        text = _integral_objection(plant, gains)
+    elif gains.get("operator") == "samples":
+        text = equations.samples_objection(plant, gains)
+    if text is not None:
+        return text
     noisy = (plant.output.noise_std > 0) | (plant.output.noise_cv > 0)
     if gains.get("weighting") == "gls" and not noisy.all():
         return "weighting 'gls' needs noise on every output"
     return None
+
+
+def _integral_objection(plant: Any, gains: Mapping[str, Any]) -> str | None:
+    window = float(gains["window"])
+    if not float(gains["margin"]) < window:
+        return "gains.margin must be less than gains.window"
+    if not equations.are_exponents(gains.get("exponents")):
+        return "gains.exponents must be distinct, finite numbers, one or more"
+    return impulse_rule.growth_objection(np.asarray(gains["exponents"]), plant.n, plant.p, window)
+
+
+def _rule(problem: Problem, gains: Mapping[str, Any]) -> str:
+    """What the stored exponents need; any rule where other claims tell what is wrong."""
+    stored = gains.get("rule")
+    fallback = stored if isinstance(stored, str) and stored in equations.RULES[:2] else "peak"
+    K, plant = gains.get("K"), problem.plant
+    H = None if plant.jump is None else plant.jump.H
+    readable = equations.is_positive(gains.get("window")) and equations.is_positive(
+        gains.get("margin")
+    )
+    if H is None or not readable or not equations.are_exponents(gains.get("exponents")):
+        return fallback
+    if not isinstance(K, np.ndarray) or K.shape != (plant.n, plant.p) or not np.isfinite(K).all():
+        return fallback
+    D = flow_error_matrix(plant.flow.A, K, plant.output.C)
+    window, margin = float(gains["window"]), float(gains["margin"])
+    exponents = np.asarray(gains["exponents"], float)
+    try:
+        rule, oldest = impulse_rule.rule_of(D, plant.output.C, H, exponents, window, margin)
+    except ValueError:
+        return fallback
+    refused = H.any() and impulse_rule.margin_objection(oldest, window, margin) is not None
+    return "" if refused else rule  # no rule can work with ages that leave nothing
 
 
 def _expected(problem: Problem, gains: Mapping[str, Any]) -> dict[str, Any]:
@@ -113,7 +149,7 @@ def _expected(problem: Problem, gains: Mapping[str, Any]) -> dict[str, Any]:
         expected |= {"K": problem.gains.get("K", (n, p))}
         given = options.get("exponents")
         expected["exponents"] = gains.get("exponents") if given is None else np.array(given)
-        expected["rule"] = {"peak", "position"}
+        expected["rule"] = _rule(problem, gains)
         if "threshold" in options:
             expected |= {"threshold": options["threshold"], "rule": "threshold"}
     if samples:
@@ -135,9 +171,7 @@ def guarantees(problem: Problem, found: tuple[Claim, ...]) -> tuple[dict[str, An
     between = _between_samples(plant)
     told = [
         (
-            f"Without noise and {' and '.join(without)}, an impulse at least {low} from its "
-            "neighbours that a window holds alone is found at its time and with its weight, up to "
-            f"what is left of the initial error, which decays{between}.",
+            _promise(problem, low, " and ".join(without), between),
             all(verdicts[name] == "proved" for name in needed),
             needed,
         ),
@@ -150,6 +184,37 @@ def guarantees(problem: Problem, found: tuple[Claim, ...]) -> tuple[dict[str, An
         ("That every impulse is found in noise is not claimed: small ones are missed.", False, []),
     ]
     return tuple({"statement": text, "given": given, "claims": ids} for text, given, ids in told)
+
+
+def _promise(problem: Problem, low: str, without: str, between: str) -> str:
+    """What holds without noise, for the weighting, rule and weights that the problem asks for."""
+    options, output = problem.options, problem.plant.output
+    positive = bool(options.get("nonnegative"))
+    noisy = bool(((output.noise_std > 0) | (output.noise_cv > 0)).all())
+    if options.get("weighting", "gls" if noisy else "plain") == "gls":
+        said = "Negative weights are not looked for. " if positive else ""
+        return (
+            f"Without noise and {without}, and up to what is left of the initial error, the record "
+            f"of a window that holds one impulse determines its time and weight{between}. "
+            f"{said}What is reported is an estimate that allows for the stated noise, with its "
+            "deviation: without noise too it is not exact, and an impulse that noise could explain "
+            "is not reported."
+        )
+    sign = " of nonnegative weight" if positive else ""
+    threshold = ""
+    if "threshold" in options:
+        threshold = (
+            f", each with features that first exceed the threshold "
+            f"{float(options['threshold'])!r} at an age within the margin and the window (smaller "
+            "ones are missed, larger ones evaluated too early: the evidence of `uniqueness` tells "
+            "the weights)"
+        )
+    return (
+        f"Without noise and {without}, impulses{sign} all at least {low} apart, each with "
+        f"an output no smaller than 1e-5 of the largest before it{threshold}, are found at their "
+        "times and with their weights, up to what is left of the initial error, which decays, "
+        f"where windows hold them alone{between}."
+    )
 
 
 def _between_samples(plant: Any) -> str:
