@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from obsdesign.comparison.row import Row  # other commands do without it
 
 EXIT_CODES = {"proved": 0, "refuted": 1, "undecided": 3}
+# columns of a terminal that hold a comparison with its guarantees
+_WIDE = 110
 _COLOURS = {"proved": "green", "refuted": "red", "undecided": "yellow"}
 
 
@@ -85,11 +87,16 @@ def show_comparison(rows: Sequence[Row]) -> None:
     shown.add_column(first, no_wrap=True)
     for title in titles:
         shown.add_column(title, justify="right", no_wrap=True)
-    shown.add_column("proved", overflow="fold")
+    wide = console.width >= _WIDE
+    if wide:
+        shown.add_column("proved", no_wrap=True)
     ran = [row for row in rows if row.seconds is not None]
     for row, cells in zip(ran, lines, strict=True):
-        shown.add_row(*map(escape, cells), escape(row.guarantee))
+        shown.add_row(*map(escape, cells), *([escape(row.guarantee)] if wide else []))
     console.print(shown)
+    if not wide:
+        for name, told in {row.kind.replace("_", " "): row.guarantee for row in ran}.items():
+            console.print(f"proved of {name}: {escape(told)}")
     for row in rows:
         if row.seconds is None:
             console.print(f"[{_COLOURS[row.verdict]}]{name_of(row)}[/]: {escape(row.reason)}")
