@@ -10,6 +10,7 @@ import numpy as np
 
 from lmi.balls import exact, inverse, to_float
 from lmi.deficient import decide_full_rank
+from lmi.patience import left
 from lmi.rank_witness import MARGIN, check_deficient
 from lmi.stack import Stack, approx_margin, coordinates
 from lmi.verdict import Verdict
@@ -146,7 +147,7 @@ def _provable(
             return blocks, verdict, False
         if _hopeless(core, verdict, *ends):
             return _for_window(core, verdict, blocks, asked or blocks, ends)
-        if verdict.evidence.get("boxes", 0) > _TIRED:
+        if verdict.evidence.get("boxes", 0) > _TIRED or left() < 0:
             break
     return blocks, verdict, asked is None or asked > blocks
 
