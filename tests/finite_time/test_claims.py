@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from typing import Any
 
@@ -119,6 +120,23 @@ def test_pathological_sampling_names_pair_and_period() -> None:
     assert np.linalg.norm(vector) == pytest.approx(1)
     # close to it the plant is solved: k = 2 at 95 % of that period
     assert obsdesign.design(problem(period=20.0, window=40.0)).gains["samples"] == 2
+
+
+@pytest.mark.parametrize(("period", "samples"), [(0.05, 6), (0.02, 12)])
+def test_a_window_that_would_do_is_named(period: float, samples: int) -> None:
+    # six slow modes in one output: neighbouring samples are almost the same
+    asked = {"A": np.diag([0.1, 0.2, 0.3, 0.4, 0.5, 0.6]), "C": [[1] * 6]}
+    claim = failed(problem(**asked, period=period, window=samples * period))
+    assert claim.id == "sampled_observable"
+    told = re.search(r"hardly see a state; (\d+) of them, a window of (\S+), see", reason(claim))
+    assert told is not None
+    window = float(told[2])
+    assert window == pytest.approx(period * int(told[1]))
+    found = obsdesign.investigate(problem(**asked, period=period, window=window))
+    assert found.verdict == "proved"
+    # the twin: where none is found, none is named
+    claim = failed(problem(**asked, period=1e-5, window=6e-5))
+    assert reason(claim).endswith("hardly see a state; change the period or the window")
 
 
 def test_several_outputs_survive_a_pathological_period() -> None:
