@@ -177,8 +177,11 @@ def approx_determinacy(rows: Array, scales: Array) -> float:
     """
     if not np.isfinite(rows).all() or len(rows) < len(scales):
         return 0.0
-    scaled = rows * scales
-    lengths = np.linalg.norm(scaled, axis=1)
+    with np.errstate(over="ignore"):
+        scaled = rows * scales
+        lengths = np.linalg.norm(scaled, axis=1)
+    if not np.isfinite(scaled).all():
+        return 0.0
     scaled = scaled / np.where(lengths > 0, lengths, 1.0)[:, None]
     values = np.linalg.svd(scaled, compute_uv=False)
     return float(values[-1] / math.sqrt(float((values**2).sum()) or 1.0))
