@@ -26,6 +26,7 @@ from obsdesign.synthesis.finite_time_injection import (
     best_injection,
     fewest_samples,
 )
+from obsdesign.synthesis.whole_windows import whole_windows
 from obsdesign.verification.finite_time_bounds import Sizes
 from obsdesign.verification.finite_time_window import observable, sampled_index
 from obsdesign.window_gains import Sampled
@@ -52,13 +53,16 @@ class _Found:
     L: Any
     claims: tuple[Claim, ...]
     reason: str | None
+    whole: float | None = None  # a period for which (13) is proved with T = samples * whole
 
 
 def search_period(problem: Problem, what: str) -> Outcome:
     """The bracket for `what`.
 
     result: {"proved", "not_proved", "not_proved_verdict", "admissible", "samples", "window",
-    "gains", "reason"}; admissible is the longest period window/k that (13) allows. "coordinates"
+    "gains", "reason"}; admissible is the longest period that (13) allows with a whole number of
+    samples in a window: in this window, or where the window is open in admissible_window =
+    samples * admissible, if that is longer. "coordinates"
     holds {"S", "L", "window", "proved"} (and "samples") where Theorem 1 for |S x| allows a longer
     period, or a shorter window. Refuted
     when (A, C) is not observable or (13) holds for nothing. InputError as for a design.
@@ -117,7 +121,24 @@ def _longest_period(problem: Problem, period: float) -> _Found:
     claims = (_condition(sizes, ends[0], True), _condition(sizes, ends[1], False))
     k = math.floor(window / ends[0]) + (window / math.floor(window / ends[0]) > ends[0])
     reason = f"at T = {window!r}, (13) fails beyond"
-    return _Found(ends[0], ends[1], window, max(k, least), L, claims, reason)
+    found = _Found(ends[0], ends[1], window, max(k, least), L, claims, reason)
+    return found if given is not None or not np.any(A) else _in_whole_samples(A, C, found)
+
+
+def _in_whole_samples(A: Any, C: Any, found: _Found) -> _Found:
+    """With another window near the found one, where that allows a longer period T/k."""
+    asked = Open(A, C, None, found.L)
+    best = Injection(found.L, found.window, math.log(found.proved or math.inf))
+    least = _needed_samples(A, C, found.window)
+    for period, k in whole_windows(asked, best, least):
+        if period <= found.window / found.samples:
+            break
+        sampled = Sampled.of(A, C, period, k)
+        sizes = Sizes.of(sampled, found.L) if sampled_index(sampled) <= k else None
+        if sizes is not None and sizes.condition(period) is True:
+            claim = replace(_condition(sizes, period, True), id="condition_13_admissible")
+            return replace(found, samples=k, claims=(*found.claims, claim), whole=period)
+    return found
 
 
 def _in_coordinates(problem: Problem, plain: _Found, period: float | None) -> dict[str, Any]:
@@ -237,7 +258,9 @@ def _outcome(problem: Problem, found: _Found | None, first: Claim, searched: boo
     verdict = "proved" if all(claim.verdict == "proved" for claim in claims) else "undecided"
     if found.proved is not None:
         result |= {"proved": found.proved, "not_proved": found.not_proved}
-        result |= {"samples": found.samples, "admissible": found.window / found.samples}
+        period = found.window / found.samples if found.whole is None else found.whole
+        window = found.window if found.whole is None else found.samples * found.whole
+        result |= {"samples": found.samples, "admissible": period, "admissible_window": window}
         if found.not_proved is not None:
             result["not_proved_verdict"] = "undecided" if searched else "refuted"
     return Outcome(verdict, "finite_time", claims, result, None)

@@ -64,6 +64,24 @@ def objection(plant: Any, options: Any) -> str | None:
     return None
 
 
+def objective_objection(options: Any) -> str | None:
+    """Why `objective` has nothing to choose for a design without L, or None."""
+    method, objective = options.get("method", "least_squares"), options.get("objective")
+    if objective is None or method in NEED_L:
+        return None
+    if objective == "longest_period":
+        return (
+            "observer.objective = 'longest_period' chooses L and the window of methods 'exact' and "
+            f"'approximate' by condition (13); the method is {method!r}, which has none."
+        )
+    if "window" in options:
+        return (
+            f"observer.objective = {objective!r} chooses the window of method {method!r}, and "
+            f"nothing else; observer.window = {options['window']!r} is given. Leave one out."
+        )
+    return None
+
+
 def window_objection(window: float, period: float) -> str | None:
     """Why this window does not fit the period, or None."""
     if window < period * (1 - WHOLE_TOLERANCE):
@@ -159,8 +177,11 @@ def approx_determinacy(rows: Array, scales: Array) -> float:
     """
     if not np.isfinite(rows).all() or len(rows) < len(scales):
         return 0.0
-    scaled = rows * scales
-    lengths = np.linalg.norm(scaled, axis=1)
+    with np.errstate(over="ignore"):
+        scaled = rows * scales
+        lengths = np.linalg.norm(scaled, axis=1)
+    if not np.isfinite(scaled).all():
+        return 0.0
     scaled = scaled / np.where(lengths > 0, lengths, 1.0)[:, None]
     values = np.linalg.svd(scaled, compute_uv=False)
     return float(values[-1] / math.sqrt(float((values**2).sum()) or 1.0))

@@ -42,7 +42,8 @@ _BY_13 = ("longest_period", "shortest_window")
 def synthesize(problem: Problem) -> Iterator[Candidate]:
     """One candidate; InputError for what cannot be built at all."""
     problem.require_measured("periodic")
-    if text := equations.objection(problem.plant, problem.options):
+    text = equations.objection(problem.plant, problem.options)
+    if text := text or equations.objective_objection(problem.options):
         raise InputError(text)
     method = problem.options.get("method", "least_squares")
     plant = equations.stored_plant(problem.plant)

@@ -69,7 +69,8 @@ def _coordinates(certificates: Mapping[str, Mapping[str, Any]], n: int) -> Any:
 
 
 def _objection(problem: Problem) -> str | None:
-    return equations.objection(problem.plant, problem.options)
+    text = equations.objection(problem.plant, problem.options)
+    return text or equations.objective_objection(problem.options)
 
 
 def expected_gains(problem: Problem, gains: Mapping[str, Any]) -> dict[str, Any]:

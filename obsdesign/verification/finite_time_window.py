@@ -21,6 +21,9 @@ from obsdesign.window_gains import Sampled
 PAPER = "Mazenc, Ahmed, MICNON 2018"
 # a smallest singular value below this part of the norm counts as zero
 SINGULAR = 1e-11
+# windows up to that many samples are tried where another one might do
+_MOST_TRIED = 2048
+_WITH_MARGIN = 1e-6
 
 
 def observable(sampled: Sampled) -> Claim:
@@ -60,10 +63,35 @@ def _why_badly_sampled(sampled: Sampled) -> str:
             f"{turns:.9g} times 2 pi i / period, so that samples {sampled.period!r} apart cannot "
             "tell them apart; choose another period"
         )
-    return (
+    told = (
         f"samples {sampled.period!r} apart, {max(sampled.k, len(sampled.A))} of them, hardly see a "
-        "state; change the period or the window"
+        "state; "
     )
+    k = _enough_samples(sampled)
+    if k is None:
+        return told + "change the period or the window"
+    return told + f"{k} of them, a window of {k * sampled.period:.9g}, see every state"
+
+
+def _enough_samples(sampled: Sampled) -> int | None:
+    """2, 1/2, 4, 1/4, ... times as many samples: the first with a margin, else the best one.
+
+    Only if the claim is proved for it.
+    """
+    A, C, n = to_float(sampled.A), to_float(sampled.C), len(sampled.A)
+    first = max(sampled.k, n)
+    powers = range(1, _MOST_TRIED.bit_length())
+    counts = [k for i in powers for k in (first << i, first >> i) if n <= k <= _MOST_TRIED]
+
+    def seen(k: int) -> float:
+        rows = equations.sample_rows(A, C, sampled.period, k).reshape(-1, n)
+        scales = equations.state_scales(A, C, k * sampled.period)
+        return min(equations.approx_determinacy(rows, scales), _WITH_MARGIN)
+
+    best = max(counts, key=seen, default=None)
+    if best is None or seen(best) < SINGULAR or _row_rank(sampled, best).outcome != "proved":
+        return None
+    return best
 
 
 def long_enough(sampled: Sampled) -> Claim:

@@ -129,6 +129,12 @@ def _warnings(problem: Problem, evidence: Mapping[str, Any]) -> list[dict[str, A
     """What a user should know although the claims hold."""
     told = []
     plant = problem.plant
+    method = problem.options.get("method", "least_squares")
+    if "L" in problem.gains and method not in equations.NEED_L:
+        told.append(
+            f"An estimate that depends on observer.gains.L: method {method!r} has no L, and the "
+            "one of the file is not used."
+        )
     if evidence.get("sampled_observable"):
         for one, other, turns in equations.pathological_pairs(
             plant.flow.A, plant.output.period or 1.0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from typing import Any
 
@@ -51,6 +52,9 @@ WRONG: list[tuple[dict[str, Any], str]] = [
     ({"window": 1e6}, "observer.window must hold at most 20000 samples; got 2e+07, 1000000.0 with period 0.05."),
     ({"method": "minimax", "window": 6}, "observer.method = 'minimax' needs output.noise_bound or flow.disturbance: it makes the largest error small, and without either there is none."),
     ({"half_sample_correction": True, "window": 6}, "observer.half_sample_correction belongs to method = 'approximate'; the method is 'least_squares', which has no bias to correct."),
+    ({"objective": "least_noise", "window": 6}, "observer.objective = 'least_noise' chooses the window of method 'least_squares', and nothing else; observer.window = 6.0 is given. Leave one out."),
+    ({"objective": "longest_period"}, "observer.objective = 'longest_period' chooses L and the window of methods 'exact' and 'approximate' by condition (13); the method is 'least_squares', which has none."),
+    ({"objective": "shortest_window", "method": "minimax", "window": 6, "output": {"noise_bound": [1]}}, "observer.objective = 'shortest_window' chooses the window of method 'minimax', and nothing else; observer.window = 6.0 is given. Leave one out."),
     ({"output": {"measured": "continuous"}, "window": 6}, "output.measured must be periodic for kind 'finite_time'; got 'continuous'."),
 ]  # fmt: skip
 
@@ -116,6 +120,23 @@ def test_pathological_sampling_names_pair_and_period() -> None:
     assert np.linalg.norm(vector) == pytest.approx(1)
     # close to it the plant is solved: k = 2 at 95 % of that period
     assert obsdesign.design(problem(period=20.0, window=40.0)).gains["samples"] == 2
+
+
+@pytest.mark.parametrize(("period", "samples"), [(0.05, 6), (0.02, 12)])
+def test_a_window_that_would_do_is_named(period: float, samples: int) -> None:
+    # six slow modes in one output: neighbouring samples are almost the same
+    asked = {"A": np.diag([0.1, 0.2, 0.3, 0.4, 0.5, 0.6]), "C": [[1] * 6]}
+    claim = failed(problem(**asked, period=period, window=samples * period))
+    assert claim.id == "sampled_observable"
+    told = re.search(r"hardly see a state; (\d+) of them, a window of (\S+), see", reason(claim))
+    assert told is not None
+    window = float(told[2])
+    assert window == pytest.approx(period * int(told[1]))
+    found = obsdesign.investigate(problem(**asked, period=period, window=window))
+    assert found.verdict == "proved"
+    # the twin: where none is found, none is named
+    claim = failed(problem(**asked, period=1e-5, window=6e-5))
+    assert reason(claim).endswith("hardly see a state; change the period or the window")
 
 
 def test_several_outputs_survive_a_pathological_period() -> None:
@@ -337,6 +358,18 @@ def test_the_objective_chooses_the_window(objective: str, method: str, samples: 
     if kept:
         told = [e["given"] for e in design.guarantees if e["statement"].startswith("Theorem 1")]
         assert told == [True]
+
+
+@pytest.mark.parametrize("method", ["least_squares", "minimax", "exact"])
+def test_a_gain_that_is_not_used_is_told(method: str) -> None:
+    bounded = {"noise_bound": [0.01]}
+    asked = problem(method=method, window=6, gains={"L": L}, output=bounded)
+    told = [e for e in obsdesign.design(asked).guarantees if "observer.gains.L" in e["statement"]]
+    assert [entry["given"] for entry in told] == ([] if method == "exact" else [False])
+    without = problem(method=method, window=6, output=bounded)
+    if method != "exact":
+        same, other = obsdesign.design(asked).gains, obsdesign.design(without).gains
+        assert np.array_equal(same["window_gain"], other["window_gain"])
 
 
 def test_least_noise_is_no_worse() -> None:

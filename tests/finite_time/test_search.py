@@ -68,6 +68,34 @@ def test_nothing_given() -> None:
     assert result["window"] == pytest.approx(5.66, abs=0.01)
 
 
+@pytest.mark.parametrize(
+    ("gains", "k", "window", "least"),
+    [({}, 90, 5.6315, 0.062572), ({"gains": {"L": L}}, 99, 5.215, 0.0526768)],
+)
+def test_an_open_window_is_a_whole_number_of_the_longest_periods(
+    gains: dict[str, Any], k: int, window: float, least: float
+) -> None:
+    result = found(**gains)
+    assert result["samples"] == k
+    assert result["admissible_window"] == pytest.approx(window, abs=2e-3)
+    assert least * (1 - 1e-5) <= result["admissible"] < result["proved"]
+    assert result["admissible_window"] == k * result["admissible"]
+    gain = np.array(result["gains"]["L"])
+    with precision(160):
+        for factor, holds in ((1.0, True), (1 + 1e-9, False)):
+            period = result["admissible"] * factor
+            sizes = Sizes.of(Sampled.of(A, C, period, k), gain)
+            assert sizes is not None
+            assert sizes.condition(period) is holds
+    design = obsdesign.design(
+        problem(
+            period=result["admissible"], window=result["admissible_window"], method="exact",
+            gains={"L": gain},
+        )
+    )  # fmt: skip
+    assert {c.id: c.evidence for c in design.claims}["theorem_1_numbers"]["condition_13"] == "true"
+
+
 def test_feasible_windows_at_the_printed_gain() -> None:
     result = found("shortest_window", gains={"L": L})
     assert (result["proved"], result["not_proved"]) == (pytest.approx(4.2), pytest.approx(4.15))
@@ -129,7 +157,9 @@ def test_a_period_is_never_longer_than_its_window() -> None:
     # one state: as T -> 0 (13) alone would allow periods beyond T
     result = found(A=[[-1]], C=[[2]], period=0.1)
     assert result["proved"] <= result["window"]
-    assert result["admissible"] == result["window"] / result["samples"]
+    assert result["admissible"] == result["admissible_window"] / result["samples"]
+    assert result["samples"] == 1
+    assert result["admissible"] == pytest.approx(result["proved"], rel=1e-9)
     tiny = found(A=[[-1]], C=[[2]], period=0.1, window=1e-9, gains={"L": [[0.5]]})
     assert tiny["proved"] == 1e-9
     assert tiny["not_proved"] is None
