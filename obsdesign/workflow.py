@@ -200,13 +200,13 @@ def verify(design: Design, *, paranoid: bool = False) -> Outcome:
     paranoid: prove a second time by an independent method where there is one. Also checks that
     problem, gains, claims and guarantees of the document agree.
     """
+    verification = layer("verification", design.kind)
     try:
         problem = Problem.from_dict(design.problem)
         if problem.require_kind() != design.kind:
             raise InputError(f"problem.observer.kind is {problem.kind!r}, kind is {design.kind!r}.")
     except InputError as error:
         raise InputError(f"the problem inside the design: {error}") from None
-    verification = layer("verification", design.kind)
     certificates = {claim.id: claim.evidence for claim in design.claims}
     claims = verification.claims(problem, design.gains, certificates, paranoid=paranoid)
     claims = (*claims, _told_truly(problem, design, claims, verification))
