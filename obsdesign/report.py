@@ -61,8 +61,7 @@ def write_report(
     seconds = time.perf_counter() - started
     if outcome.verdict != "refuted":
         estimate = _estimate(design, path, data, initial)
-        digest = json.loads(Path(path).read_text("utf-8"))["digest"]
-        write_text(output, page(design, outcome, seconds, digest, estimate))
+        write_text(output, page(design, outcome, seconds, estimate))
     return outcome
 
 
@@ -70,7 +69,6 @@ def page(
     design: Design,
     outcome: workflow.Outcome,
     seconds: float,
-    digest: str,
     estimate: Mapping[str, Any] | None = None,
 ) -> str:
     """The page as HTML text. estimate: {"title", "image", "caption", "beside": a table}."""
@@ -99,7 +97,7 @@ def page(
                if np.size(value) <= _MOST_ENTRIES],
         unshown=", ".join(f"{name} ({' × '.join(map(str, np.shape(value)))})"
                           for name, value in shown.items() if np.size(value) > _MOST_ENTRIES),
-        origin=_origin(design, digest),
+        origin=_origin(design),
         problem=json.dumps(jsonable(design.problem), ensure_ascii=False),
     )  # fmt: skip
 
@@ -135,14 +133,14 @@ def _claim(claim: Any) -> dict[str, Any]:
     }
 
 
-def _origin(design: Design, digest: str) -> list[tuple[str, str]]:
+def _origin(design: Design) -> list[tuple[str, str]]:
     provenance = dict(design.provenance)
     versions = provenance.get("versions", {})
     solver = provenance.get("solver", {})
     found = [(str(name), str(version)) for name, version in versions.items()]
     if solver:
         found.append(("gains found with", f"{solver.get('name')} {solver.get('version')}"))
-    return [("kind", design.kind), *found, ("digest", digest)]
+    return [("kind", design.kind), *found, ("digest", design.to_dict()["digest"])]
 
 
 def _curve(design: Design) -> dict[str, str] | None:

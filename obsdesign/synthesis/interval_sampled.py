@@ -158,11 +158,11 @@ def spaced_tube(
         return None
     more, drift = added
     spaced = replace(system, W=system.W + more, f=system.f + drift)
-    arrays = {
+    arrays: dict[str, Any] = {
         name: None if value is None else to_float(exact(value))
         for name, value in vars(spaced).items()
     }
-    approx = WidthSystem(**arrays)  # type: ignore[arg-type]
+    approx = WidthSystem(**arrays)
     if not np.isfinite(approx.W).all():
         return None
     if math.isinf(high) and not rightmost(approx.W).real < 0:
