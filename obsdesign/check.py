@@ -12,7 +12,7 @@ from obsdesign.kinds import KINDS
 from obsdesign.problem import Problem
 
 # of processor time: a glance, not a search; more for the kind that the problem is about
-_SECONDS, _OWN_SECONDS = 0.3, 2.0
+_SECONDS, _OWN_SECONDS = 0.2, 1.0
 
 
 def check_all(problem: Problem) -> tuple[str, dict[str, dict[str, Any]]]:
@@ -31,6 +31,8 @@ def check_kind(problem: Problem, kind: str) -> dict[str, Any]:
     impatient = False
     try:
         asked, _ = problem.for_kind(kind)
+        for name in ("synthesis", "verification"):  # to load them is no part of the search
+            workflow.layer(name, kind)
         with at_most(_OWN_SECONDS if kind == problem.kind else _SECONDS):
             outcome = workflow.investigate(asked)
             impatient = left() < 0

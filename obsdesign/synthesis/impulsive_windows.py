@@ -10,7 +10,7 @@ import numpy as np
 
 from lmi.balls import exact, inverse, to_float
 from lmi.deficient import decide_full_rank
-from lmi.patience import left
+from lmi.patience import hurried, left
 from lmi.rank_witness import MARGIN, check_deficient
 from lmi.stack import Stack, approx_margin, coordinates
 from lmi.verdict import Verdict
@@ -116,7 +116,7 @@ def windowed(
     if verdict.outcome == "proved" and "noise_target" in problem.options:
         found, short = quiet_enough(problem, found)
         others["noise_target"] = short
-    if verdict.outcome == "proved":
+    if verdict.outcome == "proved" and not hurried():
         others["rate"] = {"estimated": estimate(problem, found)}
     return Candidate(label, found, others, searched=searched)
 
