@@ -16,13 +16,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lmi.families import FEWEST, Edge, balance, moved_between, slack_of, worst
+from lmi.edge_grid import Cut, EdgeGrid, Grids
+from lmi.families import FEWEST, Edge, balance, slack_of
 from lmi.patience import until
 from lmi.semidefinite import FLOOR, Solution, common_matrices
 
 Matrix = NDArray[Any]
-Cut = tuple[int, float]  # number of an edge, theta
-Grids = dict[tuple[Any, ...], tuple[Matrix, Matrix]]
 
 _ROUNDS = 25
 _ADDED = 4
@@ -34,9 +33,8 @@ _ENOUGH = 0.3
 _QUICK, _EXACT, _CLEAR = 1e-5, 1e-9, 100.0
 # With large P a round costs more than a block: these shares of the range join the first round
 _LARGE, _SPREAD = 6, (0.1, 0.35)
-# Below this margin the least slack is sought between grid points too, near this many of them
-_NARROW, _LOOKED, _ZOOMS = 0.005, 3, 2
-_ENDS = ("source", "target")
+# Below this margin the least slack is sought between grid points too
+_NARROW = 0.005
 # Edges of a graph are short: so many points each
 _FEW = 16
 # Condition numbers of the coordinates, the roots of those of P: rounds move them this far freely,
@@ -112,27 +110,10 @@ def propose_edges(
     seconds: processor time after which nothing is found.
     """
     with np.errstate(all="ignore"):
-        pieces = [_grid(edge, points, {} if grids is None else grids) for edge in edges]
-        counts = [len(thetas) for thetas, _ in pieces]
-        thetas = np.concatenate([thetas for thetas, _ in pieces])
-        maps = np.concatenate([maps for _, maps in pieces])
-        if not np.isfinite(maps).all():
-            return _guess(edges[0], nodes, maps.shape[-1])
-        starts = np.concatenate([[0], np.cumsum(counts)[:-1]])
-        owner = np.repeat(np.arange(len(edges)), counts)
-        source, target = (np.array([getattr(e, end) for e in edges]) for end in _ENDS)
-        search = _Search(tuple(edges), nodes, thetas, maps, owner, starts, source, target,
-                         until(seconds))  # fmt: skip
-        return search.run([*seeds], start)
-
-
-def _grid(edge: Edge, points: int, grids: Grids) -> tuple[Matrix, Matrix]:
-    parts = (id(edge.F), id(edge.H), id(edge.left))
-    key = (*parts, edge.low, edge.high, edge.gamma, points)
-    if key not in grids:
-        thetas, maps = edge.grid(points)
-        grids[key] = thetas, maps if edge.gamma == 1 else maps / edge.gamma
-    return grids[key]
+        grid = EdgeGrid.of(edges, points, {} if grids is None else grids)
+        if not np.isfinite(grid.maps).all():
+            return _guess(edges[0], nodes, grid.maps.shape[-1])
+        return _Search(grid, nodes, until(seconds)).run([*seeds], start)
 
 
 def _guess(edge: Edge, nodes: int, n: int) -> Proposal:
@@ -142,29 +123,24 @@ def _guess(edge: Edge, nodes: int, n: int) -> Proposal:
 
 @dataclass(frozen=True)
 class _Search:
-    edges: tuple[Edge, ...]
+    grid: EdgeGrid
     nodes: int
-    thetas: Matrix  # of all edges in turn
-    maps: Matrix
-    owner: Matrix  # the edge of each
-    starts: Matrix  # the first of each edge
-    source: Matrix  # the nodes of each edge
-    target: Matrix
     deadline: float
 
     def run(self, seeds: list[Cut], start: Matrix | None) -> Proposal:
         """Rounds of the cutting-plane method, each in the coordinates of the last P."""
-        L = np.tile(np.diag(balance(self.maps)), (self.nodes, 1, 1)) if start is None else start
+        scale = np.diag(balance(self.grid.maps))
+        L = np.tile(scale, (self.nodes, 1, 1)) if start is None else start
         active, maps = self._first(L, seeds)
         best = self._proposal(None, active, -math.inf, active[0][1])
         tolerance = _QUICK
         for _ in range(_ROUNDS):
             owner = np.array([edge for edge, _ in active])
-            moved, nodes = self._moved(L, maps, owner), (self.source[owner], self.target[owner])
-            solution = self._solution(moved, nodes, tolerance)
+            moved, ends = self.grid.moved(L, maps, owner), self.grid.nodes_of(owner)
+            solution = self._solution(moved, ends, tolerance)
             if tolerance == _QUICK and abs(solution.margin) < _CLEAR * _QUICK:
                 tolerance = _EXACT
-                solution = self._solution(moved, nodes, tolerance)
+                solution = self._solution(moved, ends, tolerance)
             if time.process_time() > self.deadline:
                 return best
             inner = _cholesky(solution.P)
@@ -183,7 +159,7 @@ class _Search:
             if not more:
                 return best
             active = [*active, *more]
-            maps = np.concatenate([maps, self._maps(more)])
+            maps = np.concatenate([maps, self.grid.maps_of(more)])
         return best
 
     def _solution(self, moved: Matrix, ends: tuple[Matrix, Matrix], tolerance: float) -> Solution:
@@ -207,53 +183,40 @@ class _Search:
         owners = tuple(edge for edge, _ in active)
         return Proposal(matrices, tuple(theta for _, theta in active), margin, theta, owners=owners)
 
-    def _moved(self, L: Matrix, maps: Matrix, owner: Matrix) -> Matrix:
-        return moved_between(L, maps, self.source[owner], self.target[owner])
-
-    def _maps(self, cuts: Sequence[Cut]) -> Matrix:
-        if len(self.edges) == 1:
-            found = self.edges[0].maps([theta for _, theta in cuts])
-            return found / self.edges[0].gamma
-        return np.concatenate(
-            [self.edges[edge].maps([theta]) / self.edges[edge].gamma for edge, theta in cuts]
-        )
-
     def _first(self, L: Matrix, seeds: list[Cut]) -> tuple[list[Cut], Matrix]:
         """The ends of every edge, and what the caller asks for.
 
         With one edge also the largest map in these coordinates, and where P is large more points.
         """
-        last = len(self.thetas) - 1
-        chosen = {*self.starts.tolist(), *(self.starts[1:] - 1).tolist(), last}
-        if len(self.edges) == 1:
-            chosen.add(int(np.argmin(slack_of(self._moved(L, self.maps, self.owner)))))
-        if len(self.edges) == 1 and L.shape[-1] >= _LARGE:
-            span = self.thetas[-1] - self.thetas[0]
+        grid, thetas, last = self.grid, self.grid.thetas, len(self.grid.thetas) - 1
+        chosen = grid.ends
+        if len(grid.edges) == 1:
+            chosen.add(int(np.argmin(slack_of(grid.moved(L, grid.maps, grid.owner)))))
+        if len(grid.edges) == 1 and L.shape[-1] >= _LARGE:
+            span = thetas[-1] - thetas[0]
             chosen |= {
-                min(int(np.searchsorted(self.thetas, self.thetas[0] + share * span)), last)
+                min(int(np.searchsorted(thetas, thetas[0] + share * span)), last)
                 for share in _SPREAD
             }
-        index = sorted(chosen)
-        active, maps = self._cuts(index), self.maps[index]
+        places = sorted(chosen)
+        active, maps = grid.cuts(places), grid.maps[places]
         known = set(active)
         extra = [cut for cut in dict.fromkeys(seeds) if cut not in known]
         if extra:
-            maps = np.concatenate([maps, self._maps(extra)])
+            maps = np.concatenate([maps, grid.maps_of(extra)])
         return [*active, *extra], maps
-
-    def _cuts(self, index: Sequence[int]) -> list[Cut]:
-        return [(int(self.owner[k]), float(self.thetas[k])) for k in index]
 
     def _judge(
         self, L: Matrix, active: list[Cut], maps: Matrix, best: Proposal
     ) -> tuple[Proposal, list[Cut]]:
         """The better of these P and the best so far, and the theta to add (none: good enough)."""
-        owner = np.concatenate([self.owner, [edge for edge, _ in active]])
-        both = slack_of(self._moved(L, np.concatenate([self.maps, maps]), owner))
-        slacks, goal = both[: len(self.maps)], float(both[len(self.maps) :].min())
+        grid, looked_at = self.grid, len(self.grid.maps)
+        owner = np.concatenate([grid.owner, [edge for edge, _ in active]])
+        both = slack_of(grid.moved(L, np.concatenate([grid.maps, maps]), owner))
+        slacks, goal = both[:looked_at], float(both[looked_at:].min())
         k = int(np.argmin(slacks))
-        least, (edge, theta) = float(slacks[k]), self._cuts([k])[0]
-        between = self._between(L, slacks) if 0 < least < _NARROW else None
+        least, (edge, theta) = float(slacks[k]), grid.cuts([k])[0]
+        between = grid.least_between(L, slacks) if 0 < least < _NARROW else None
         if between is not None and between[1] < least:
             (edge, theta), least = between
         if least > 0 and least >= best.margin:
@@ -265,38 +228,17 @@ class _Search:
         known = set(active)
         if between is not None:
             return best, [(edge, theta)] if (edge, theta) not in known else []
-        found = worst(self.thetas, slacks, _ENOUGH * max(goal, 0.0), self.starts)
-        return best, [cut for cut in self._few(self._cuts(found)) if cut not in known]
+        found = grid.worst(slacks, _ENOUGH * max(goal, 0.0))
+        return best, [cut for cut in self._few(found) if cut not in known]
 
     def _few(self, cuts: list[Cut]) -> list[Cut]:
         """The worst few of one edge, the worst one of each of many."""
-        if len(self.edges) == 1:
+        if len(self.grid.edges) == 1:
             return cuts[:_ADDED]
         first: dict[int, Cut] = {}
         for cut in cuts:
             first.setdefault(cut[0], cut)
         return list(first.values())
-
-    def _between(self, L: Matrix, slacks: Matrix) -> tuple[Cut, float]:
-        """Least slack near the lowest points of the grid: narrow margins hide between points."""
-        found: tuple[Cut, float] = self._cuts([0])[0], math.inf
-        for k in worst(self.thetas, slacks, math.inf, self.starts)[:_LOOKED]:
-            number = int(self.owner[k])
-            edge, nodes = self.edges[number], (self.source[[number]], self.target[[number]])
-            near = [j for j in (k - 1, k, k + 1) if self._same_edge(j, number)]
-            left, right = self.thetas[near[0]], self.thetas[near[-1]]
-            for _ in range(_ZOOMS):
-                points = np.linspace(left, right, 9)
-                maps = edge.maps(points) / edge.gamma
-                values = slack_of(moved_between(L, maps, *nodes))
-                j = int(np.argmin(values))
-                left, right = points[max(j - 1, 0)], points[min(j + 1, 8)]
-                if values[j] < found[1]:
-                    found = (number, float(points[j])), float(values[j])
-        return found
-
-    def _same_edge(self, k: int, number: int) -> bool:
-        return 0 <= k < len(self.owner) and int(self.owner[k]) == number
 
     def _none(
         self, active: list[Cut], solution: Solution, L: Matrix, better: Matrix, best: Proposal
@@ -307,7 +249,7 @@ class _Search:
         # inside the cone: the solver's zeros may be slightly negative
         Z = Z + 1e-9 * np.trace(Z.sum(axis=0)) * np.eye(L.shape[-1])
         masses = np.trace(Z, axis1=1, axis2=2)
-        back = np.linalg.inv(L)[self.source[[edge for edge, _ in active]]]
+        back = np.linalg.inv(L)[self.grid.source[[edge for edge, _ in active]]]
         Z = np.swapaxes(back, 1, 2) @ Z @ back
         found = self._proposal(None, active, best.margin, best.worst_theta)
         tame = np.linalg.cond(better) <= _LARGEST_CONDITION

@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lmi.balls import Exact, rank_factors, to_float
-from lmi.cutting_plane import Cut, Grids, Proposal, propose_edges
+from lmi.cutting_plane import Proposal, propose_edges
+from lmi.edge_grid import Cut, Grids
 from lmi.families import Edge, horizon
 from lmi.patience import until
 from lmi.splitting import Limits, cuttings
