@@ -102,13 +102,16 @@ def test_layers_do_not_look_sideways(layer: str) -> None:
 
 PROVERS = (
     "proof", "balls", "verdict", "enclosure", "bernstein", "march", "chords", "condition", "rates",
-    "hurwitz", "windows_proof",
+    "hurwitz", "windows_proof", "window_partition",
 )  # fmt: skip
 
 
 def test_windows_are_proved_without_their_finder() -> None:
     """Directly or through what it imports, down to flint."""
-    finders = ("windows", "window_search", "splitting", "cutting_plane", "semidefinite", "decide")
+    finders = (
+        "windows", "window_search", "splitting", "cutting_plane", "edge_grid", "semidefinite",
+        "decide",
+    )  # fmt: skip
     seen, todo = set(), ["windows_proof"]
     while todo:
         name = todo.pop()
