@@ -20,7 +20,8 @@ from lmi.balls import Exact, exact, to_float
 from lmi.cutting_plane import Proposal, propose
 from lmi.decide import Memory, decide, find_and_prove
 from lmi.dwell_gap import Gap
-from lmi.families import Edge, horizon
+from lmi.dwell_scan import scan
+from lmi.families import horizon
 from lmi.hurwitz import prove_hurwitz
 from lmi.spectral import refute_word
 from lmi.verdict import Verdict
@@ -30,10 +31,6 @@ Matrix = NDArray[Any]
 ACCURACY = 1e-6
 _STEPS = 60
 _COARSE = 1e-4
-_SUBDIVISIONS, _REFINEMENTS = 33, 9
-# a flow that does not decay may allow every finite dwell time: the search ends after this many
-# doublings of its own time scale
-_DOUBLINGS = 6
 
 
 @dataclass(frozen=True)
@@ -102,10 +99,8 @@ class _Search:
         hopeless = self._hopeless()
         if hopeless is not None:
             return Bracket(None, self.fixed, hopeless.outcome, obstacle=hopeless.evidence)
-        thetas, radii = self._scan()
-        crossing = self._crossing(thetas, radii)
-        islands = self._islands(thetas, radii, crossing)
-        last = float(thetas[0 if self.shortest else -1])
+        looked = scan(self.F, self.H, self.fixed, self.shortest)
+        crossing, last = looked.crossing, looked.last
         # windows go on from where a common P ends: no need to know that end exactly
         common = self if self.memory == 0 else replace(self, accuracy=max(_COARSE, self.accuracy))
         if crossing is None:
@@ -117,7 +112,7 @@ class _Search:
             bracket = self._at(crossing) or common._follow(crossing)
         if bracket.verdict == "undecided" and self.memory != 0:
             bracket = self._beyond_common(bracket, crossing, last, extreme)
-        return replace(bracket, islands=islands)
+        return replace(bracket, islands=looked.islands)
 
     def _beyond_common(
         self, bracket: Bracket, crossing: float | None, last: float, extreme: float
@@ -161,51 +156,6 @@ class _Search:
 
     def _floats(self) -> tuple[Matrix, Matrix]:
         return to_float(self.F), to_float(self.H)
-
-    def _scan(self) -> tuple[Matrix, Matrix]:
-        """Dwell times that the search may reach, and the spectral radius of the map at each."""
-        F, H = self._floats()
-        if self.shortest:
-            return _radii(Edge(F, H, 0.0, self.fixed))
-        span = horizon(F)
-        for _ in range(_DOUBLINGS):
-            thetas, radii = _radii(Edge(F, H, self.fixed, self.fixed + span))
-            if not (radii < 1).all() or prove_hurwitz(self.F).outcome == "proved":
-                break
-            span *= 2
-        return thetas, radii
-
-    def _crossing(self, thetas: Matrix, radii: Matrix) -> float | None:
-        """The dwell time nearest to the fixed end at which the radius reaches 1; a float."""
-        outside = np.flatnonzero(~(radii < 1))
-        if not len(outside):
-            return None
-        if self.shortest:
-            k = int(outside[-1])
-            return self._refined(float(thetas[k]), float(thetas[min(k + 1, len(thetas) - 1)]))
-        k = int(outside[0])
-        return self._refined(float(thetas[k]), float(thetas[max(k - 1, 0)]))
-
-    def _refined(self, outside: float, inside: float) -> float:
-        edge = Edge(*self._floats(), 0.0, 0.0)
-        for _ in range(_REFINEMENTS):
-            points = np.linspace(inside, outside, _SUBDIVISIONS)
-            radii = np.abs(np.linalg.eigvals(edge.maps(points))).max(axis=-1)
-            beyond = np.flatnonzero(~(radii < 1))
-            k = int(beyond[0]) if len(beyond) else _SUBDIVISIONS - 1
-            inside, outside = float(points[max(k - 1, 0)]), float(points[k])
-        return outside
-
-    def _islands(
-        self, thetas: Matrix, radii: Matrix, crossing: float | None
-    ) -> tuple[tuple[float, float], ...]:
-        if crossing is None:
-            return ()
-        beyond = thetas < crossing if self.shortest else thetas > crossing
-        inside = (radii < 1) & beyond & (thetas > 0)
-        ends = np.flatnonzero(np.diff(np.concatenate([[0], inside.astype(int), [0]])))
-        return tuple((float(thetas[a]), float(thetas[b - 1]))
-                     for a, b in zip(ends[::2], ends[1::2], strict=True) if b - a > 1)  # fmt: skip
 
     def _inward(self, x: float, relative: float) -> float:
         """x moved towards the fixed end, so far and not past it."""
@@ -302,11 +252,3 @@ class _Search:
                 value_good *= 0.5 if before == -1 else 1.0
                 before = -1
         return bad
-
-
-def _radii(edge: Edge) -> tuple[Matrix, Matrix]:
-    with np.errstate(all="ignore"):
-        thetas, maps = edge.grid()
-        finite: Matrix = np.asarray(np.isfinite(maps).all(axis=(-2, -1)))
-        radii = np.abs(np.linalg.eigvals(np.where(finite[:, None, None], maps, 0.0))).max(axis=-1)
-    return thetas, np.where(finite, radii, math.inf)
