@@ -148,7 +148,7 @@ def load_design(path: str | os.PathLike[str]) -> Design:
         raise InputError(f"{path}: cannot be read: {reason}.") from None
     try:
         body = json.loads(
-            text, parse_constant=_refuse_constant, parse_float=_finite, object_pairs_hook=_once
+            text, parse_constant=_refuse_constant, parse_float=_finite, object_pairs_hook=keys_once
         )
     except (ValueError, RecursionError) as error:
         where = f" ({error})" if text.strip() else " (the file is empty)"
@@ -167,7 +167,8 @@ def _finite(text: str) -> float:
     return value
 
 
-def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+def keys_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """For `json.loads`: an object whose keys all differ, or ValueError."""
     result = dict(pairs)
     if len(result) < len(pairs):
         names = [name for name, _ in pairs]

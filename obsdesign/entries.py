@@ -5,6 +5,7 @@ Every InputError names the entry as it stands in a problem file, what was requir
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -104,6 +105,13 @@ def bounds(
             f"{ends[1][i]:g} for state {i + 1}. Are they swapped?"
         )
     return ends[0], ends[1]
+
+
+def positive(value: float, entry: str) -> float:
+    """A positive finite number, or InputError."""
+    if not (math.isfinite(value) and value > 0):
+        raise InputError(f"{entry} must be a positive finite number; got {value!r}.")
+    return float(value)
 
 
 def real(value: Any, entry: str) -> float:

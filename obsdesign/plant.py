@@ -16,7 +16,17 @@ from typing import Any
 
 import numpy as np
 
-from obsdesign.entries import Array, bounds, matrix, real, require_shape, shown, size_text, vector
+from obsdesign.entries import (
+    Array,
+    bounds,
+    matrix,
+    positive,
+    real,
+    require_shape,
+    shown,
+    size_text,
+    vector,
+)
 from obsdesign.errors import InputError
 
 MEASURED = ("continuous", "periodic", "at_jumps")
@@ -133,10 +143,7 @@ class Output:
                     "output.period is required when measured = 'periodic'; it is missing."
                 )
             return
-        period = real(self.period, "output.period")
-        if not (period > 0 and math.isfinite(period)):
-            raise InputError(f"output.period must be a positive finite number; got {period!r}.")
-        _set(self, period=period)
+        _set(self, period=positive(real(self.period, "output.period"), "output.period"))
 
     def __eq__(self, other: object) -> bool:
         return _same(self, other)

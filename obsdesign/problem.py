@@ -1,4 +1,4 @@
-"""Problem files (TOML or JSON) to and from `Problem`: a plant and what is asked of it.
+"""`Problem`, a plant and what is asked of it, to and from what a problem file holds.
 
 Structure is checked by the published JSON Schema, meaning by the plant's own checks; both speak in
 one line (`obsdesign.errors.InputError`).
@@ -6,12 +6,9 @@ one line (`obsdesign.errors.InputError`).
 
 from __future__ import annotations
 
-import json
 import math
 import os
-import tomllib
 from collections.abc import Mapping
-from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
@@ -22,6 +19,7 @@ from obsdesign.document import jsonable
 from obsdesign.errors import InputError
 from obsdesign.kinds import KINDS
 from obsdesign.plant import Flow, Jump, Output, Plant
+from obsdesign.problem_file import read_problem_file
 from obsdesign.structure_check import check_structure
 
 Blocks = Mapping[str, Any]
@@ -166,7 +164,7 @@ def load_for_kind(path: str | os.PathLike[str], kind: str | None) -> tuple[Probl
 
     Unlike `load_problem` then `for_kind`, this reads files that hold entries of several kinds.
     """
-    body = _read(path)
+    body = read_problem_file(path)
     dropped: list[str] = []
     if kind is not None and isinstance(body, dict) and isinstance(body.get("observer", {}), dict):
         asked, dropped = asked_of.for_kind(body.get("observer", {}), kind)
@@ -175,49 +173,6 @@ def load_for_kind(path: str | os.PathLike[str], kind: str | None) -> tuple[Probl
         return Problem.from_dict(body), dropped
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
-
-
-def _read(path: str | os.PathLike[str]) -> Any:
-    try:
-        text = Path(path).read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError:
-        raise InputError(
-            f"{path}: UTF-8 text is required; it is not. Is it a binary file?"
-        ) from None
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise InputError(f"{path}: cannot be read: {reason}.") from None
-    if not text.strip():
-        raise InputError(f"{path}: a problem is required; the file is empty.")
-    is_json = Path(path).suffix.lower() == ".json"
-    try:
-        return _parse_json(text) if is_json else tomllib.loads(text)
-    except RecursionError:
-        raise InputError(f"{path}: nested too deeply to be a problem file.") from None
-    except ValueError as error:
-        raise InputError(f"{path}: not valid {_complaint(error, text, is_json)}") from None
-
-
-def _complaint(error: ValueError, text: str, is_json: bool) -> str:
-    reason = "an integer has thousands of digits" if "4300 digits" in str(error) else str(error)
-    hint = ""
-    if text.lstrip().startswith("{") != is_json:
-        hint = " Is it TOML? Name it .toml." if is_json else " Is it JSON? Name it .json."
-    return f"{'JSON' if is_json else 'TOML'}: {reason}.{hint}"
-
-
-def _parse_json(text: str) -> Any:
-    def once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-        names = [name for name, _ in pairs]
-        for name in names:
-            if names.count(name) > 1:
-                raise ValueError(f"key {name!r} stands {names.count(name)} times")
-        return dict(pairs)
-
-    def constant(name: str) -> float:
-        raise ValueError(f'{name} is not allowed; infinity is written "inf"')
-
-    return json.loads(text, object_pairs_hook=once, parse_constant=constant)
 
 
 def _as_block(value: Any) -> Any:

@@ -6,7 +6,6 @@ plant, held inputs and signal generators, so that the record is the solution to 
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,15 +15,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lmi.exponential import expm
+from obsdesign.entries import positive
 from obsdesign.errors import InputError
+from obsdesign.jump_times import jump_times
 from obsdesign.plant import Plant
 from obsdesign.signals import DISTURBANCES, Signals, signals
 
 Vector = NDArray[np.float64]
 
-_MOST_JUMPS = 1e5
 _MOST_ROWS = 1e7
-SAME_INSTANT = 1e-9  # time stamps closer than this part of a step are one instant
+_SAME_INSTANT = 1e-9  # time stamps closer than this part of a step are one instant
 
 
 @dataclass(frozen=True)
@@ -78,11 +78,11 @@ def simulate(
     x = np.ones(n) if initial is None else np.asarray(initial, dtype=np.float64)
     if x.shape != (n,) or not np.isfinite(x).all():
         raise InputError(f"initial must have {n} finite entries, one per state; got {x.tolist()}.")
-    until = default_until(plant, dwell) if until is None else _positive(until, "until")
+    until = default_until(plant, dwell) if until is None else positive(until, "until")
     jumps = jump_times(plant, dwell, until, rng)
     # what is measured at jumps only has rows between them only if they are asked for
     between = step is not None or plant.output.measured != "at_jumps"
-    step = _default_step(plant, until) if step is None else _positive(step, "step")
+    step = _default_step(plant, until) if step is None else positive(step, "step")
     instants = _instants(plant, jumps, until, step, between)
     if not (np.diff(instants[0]) > 0).all():
         raise InputError(
@@ -99,92 +99,6 @@ def simulate(
             "for these jumps; give a smaller --until."
         )
     return record
-
-
-def jump_times(
-    plant: Plant, dwell: str | float | Sequence[float], until: float, rng: np.random.Generator
-) -> Vector:
-    """Jump instants in (0, until]; the first one a dwell time after 0."""
-    if plant.jump is None:
-        return np.zeros(0)
-    spacing = _spacings(plant, dwell, until, rng)
-    times, t = [], 0.0
-    for theta in spacing:
-        t += theta
-        if t > until * (1 + 1e-12):
-            break
-        times.append(t)
-    return np.array(times)
-
-
-def _spacings(plant: Plant, dwell: Any, until: float, rng: np.random.Generator) -> Any:
-    if plant.jump is None or plant.jump.dwell_time is None:
-        if isinstance(dwell, str):
-            raise InputError(
-                "jump.dwell_time is required to simulate jumps; it is missing. Give --dwell T."
-            )
-        low, high, jitter = 0.0, math.inf, math.inf
-    else:
-        (low, high), jitter = plant.jump.dwell_time, plant.jump.dwell_jitter
-    if dwell == "random":
-        return _random_spacings(low, high, jitter, until, rng)
-    if dwell == "shortest":
-        if low == 0.0:
-            raise InputError(
-                "dwell = shortest needs jump.dwell_time[0] > 0; it is 0. Give a number."
-            )
-        return _repeat(low, until)
-    if isinstance(dwell, str):
-        raise InputError(f"dwell must be shortest, random or a positive number; got {dwell!r}.")
-    if isinstance(dwell, int | float):
-        return _repeat(_positive(float(dwell), "dwell"), until)
-    return _cycle([_positive(float(theta), "dwell") for theta in dwell], until)
-
-
-def _repeat(theta: float, until: float) -> Any:
-    if until / theta > _MOST_JUMPS:
-        raise InputError(
-            f"dwell = {theta:g} makes {until / theta:.4g} jumps until {until:g}; "
-            f"{_MOST_JUMPS:g} is the limit."
-        )
-    count = int(until / theta) + 2
-    return np.diff(np.round(theta * np.arange(count), 12))
-
-
-def _cycle(thetas: list[float], until: float) -> Any:
-    """The sequence, repeated in turn."""
-    if not thetas or until * len(thetas) / sum(thetas) > _MOST_JUMPS:
-        raise InputError(
-            f"dwell: the sequence of {len(thetas)} dwell times must make at least one jump, and "
-            f"at most {_MOST_JUMPS:g} until {until:g}."
-        )
-    return itertools.cycle(thetas)
-
-
-def _random_spacings(
-    low: float, high: float, jitter: float, until: float, rng: np.random.Generator
-) -> Any:
-    """Uniform in the range; a mean of two shortest dwell times where it has no end."""
-    top = high if math.isfinite(high) else (3 * low if low > 0 else until / 5)
-    floor = max(low, 1e-3 * min(top, until))  # a range that starts at 0 must not pile up jumps
-    if until / ((floor + top) / 2) > _MOST_JUMPS:
-        raise InputError(f"until = {until:g} makes more than {_MOST_JUMPS:g} jumps; shorten it.")
-    theta, elapsed = None, 0.0
-    while elapsed <= until:
-        near = (
-            (floor, top)
-            if theta is None
-            else (max(floor, theta - jitter), min(top, theta + jitter))
-        )
-        theta = float(np.clip(rng.uniform(*near), low, high))
-        elapsed += theta
-        yield theta
-
-
-def _positive(value: float, name: str) -> float:
-    if not (math.isfinite(value) and value > 0):
-        raise InputError(f"{name} must be a positive finite number; got {value!r}.")
-    return float(value)
 
 
 def default_until(plant: Plant, dwell: Any) -> float:
@@ -225,7 +139,7 @@ def _instants(
     ends = np.concatenate([[-math.inf], jumps, [math.inf]])
     places = np.searchsorted(ends, grid)
     distance = np.minimum(np.abs(grid - ends[places - 1]), np.abs(ends[places] - grid))
-    grid = grid[distance > SAME_INSTANT * step]
+    grid = grid[distance > _SAME_INSTANT * step]
     times = np.concatenate([grid, jumps])
     order = np.argsort(times)
     is_jump = np.concatenate([np.zeros(len(grid), bool), np.ones(len(jumps), bool)])[order]

@@ -9,8 +9,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from obsdesign.errors import InputError
+from obsdesign.jump_times import jump_times
 from obsdesign.plant import Flow, Jump, Output, Plant
-from obsdesign.simulation import Record, jump_times, simulate
+from obsdesign.simulation import Record, simulate
 
 ODE_TOLERANCE = 1e-8  # of the integrator that checks us; ours is exact to rounding
 

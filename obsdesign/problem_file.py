@@ -1,0 +1,50 @@
+"""The text of a problem file, TOML or JSON, as nested dicts and lists, whatever they mean."""
+
+from __future__ import annotations
+
+import json
+import os
+import tomllib
+from pathlib import Path
+from typing import Any
+
+from obsdesign.document import keys_once
+from obsdesign.errors import InputError
+
+
+def read_problem_file(path: str | os.PathLike[str]) -> Any:
+    """Nested dicts and lists: JSON by its suffix .json, else TOML. InputError names the file."""
+    try:
+        text = Path(path).read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError:
+        raise InputError(
+            f"{path}: UTF-8 text is required; it is not. Is it a binary file?"
+        ) from None
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"{path}: cannot be read: {reason}.") from None
+    if not text.strip():
+        raise InputError(f"{path}: a problem is required; the file is empty.")
+    is_json = Path(path).suffix.lower() == ".json"
+    try:
+        return _parse_json(text) if is_json else tomllib.loads(text)
+    except RecursionError:
+        raise InputError(f"{path}: nested too deeply to be a problem file.") from None
+    except ValueError as error:
+        raise InputError(f"{path}: not valid {_complaint(error, text, is_json)}") from None
+
+
+def _complaint(error: ValueError, text: str, is_json: bool) -> str:
+    reason = "an integer has thousands of digits" if "4300 digits" in str(error) else str(error)
+    hint = ""
+    if text.lstrip().startswith("{") != is_json:
+        hint = " Is it TOML? Name it .toml." if is_json else " Is it JSON? Name it .json."
+    return f"{'JSON' if is_json else 'TOML'}: {reason}.{hint}"
+
+
+def _parse_json(text: str) -> Any:
+    return json.loads(text, object_pairs_hook=keys_once, parse_constant=_refuse_constant)
+
+
+def _refuse_constant(name: str) -> float:
+    raise ValueError(f'{name} is not allowed; infinity is written "inf"')
