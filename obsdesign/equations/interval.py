@@ -36,7 +36,6 @@ Array = NDArray[Any]  # float64, or object arrays of exact rationals
 
 FORMS = ("cooperative", "split", "coordinates", "two_coordinates")
 _SPLITS = ("D0", "D1", "Gp", "Gn")
-_OBJECTIVES = ("feasible", "shortest_dwell", "narrowest")
 
 
 def objection(plant: Any, gains: Any, options: Any) -> str | None:

@@ -15,8 +15,9 @@ from obsdesign.equations import impulsive as equations
 from obsdesign.errors import InputError
 from obsdesign.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
+from obsdesign.synthesis.impulsive_part import part_candidates
 from obsdesign.synthesis.impulsive_quadratic import quadratic_candidate
-from obsdesign.synthesis.impulsive_windows import base, image_of, part_candidates, windowed
+from obsdesign.synthesis.impulsive_windows import base, image_of, windowed
 
 
 def synthesize(problem: Problem) -> Iterator[Candidate]:

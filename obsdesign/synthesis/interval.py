@@ -28,8 +28,9 @@ from obsdesign.synthesis.given_gains import given_gain, refuse_unusable
 from obsdesign.synthesis.interval_coordinates import bases, best_coordinates
 from obsdesign.synthesis.interval_forms import formed
 from obsdesign.synthesis.interval_gains import best_gains
+from obsdesign.synthesis.interval_goals import mean_width
 from obsdesign.synthesis.interval_sampled import propose_samples, propose_spacing
-from obsdesign.synthesis.interval_task import mean_width, sampling_task, task_of
+from obsdesign.synthesis.interval_task import sampling_task, task_of
 from obsdesign.synthesis.interval_tube import proved_width
 
 _LARGEST = 1e100

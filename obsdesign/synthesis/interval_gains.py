@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lmi.patience import until
+from obsdesign.synthesis.interval_goals import growth, mean_width, shortest
 from obsdesign.synthesis.interval_program import clock_gains
-from obsdesign.synthesis.interval_task import Task, growth, mean_width, shortest
+from obsdesign.synthesis.interval_task import Task
 
 Matrix = NDArray[np.float64]
 Goal = Callable[[Task, Matrix, Matrix], float]

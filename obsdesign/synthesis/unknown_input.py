@@ -18,12 +18,12 @@ from obsdesign.invariant_zeros import hidden_states, shows_every_input, zeros_de
 from obsdesign.problem import Problem
 from obsdesign.structure import own_units
 from obsdesign.synthesis.candidate import Candidate
-from obsdesign.synthesis.reduced_gain import (
+from obsdesign.synthesis.reduced_gain import reduced_gain
+from obsdesign.synthesis.reduced_system import (
     Reduced,
     annihilator,
     left_inverse,
     output_variances,
-    reduced_gain,
 )
 
 Matrix = NDArray[np.float64]

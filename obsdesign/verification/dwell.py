@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
-from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal, localcontext
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,11 +12,9 @@ import numpy as np
 from lmi.infeasible import prove_no_common
 from lmi.positive import FORMS, SIDES, prove_copositive
 from lmi.proof import prove_common
-from lmi.rates import Rates, prove_rates
 from lmi.spectral import refute_spectral, refute_word, steps_within
 from lmi.verdict import Verdict, undecided
 from lmi.windows_proof import prove_windows
-from obsdesign.document import Claim
 from obsdesign.problem import Problem
 
 
@@ -100,60 +97,6 @@ def source_of(verdict: Verdict, paper: str) -> str:
     return paper
 
 
-def rates_claim(
-    F: Any, H: Any, dwell: Dwell, certificates: Mapping[str, Any], source: str
-) -> tuple[Claim, ...]:
-    """The decay per jump and in time that a finder proposes, for the P of the stability claim.
-
-    No claim where nothing was proposed: a rate is extra, stability does not hang on it.
-    """
-    proposed = certificates.get("rates", {})
-    certificate = certificates.get("dwell_stability", {})
-    if not all(isinstance(proposed.get(n), float) for n in ("per_jump", "in_time")):
-        return ()
-    if "P" in certificate and _matrix(certificate["P"], len(F)) is None:
-        return ()
-    if not {"P", "windows"} & set(certificate):
-        return ()
-    rates = Rates(proposed["per_jump"], proposed["in_time"])
-    own = {name: proposed[f"P_{name}"] for name in asdict(rates) if f"P_{name}" in proposed}
-    if any(_matrix(P, len(F)) is None for P in own.values()):
-        return ()
-    verdict = prove_rates(F, H, certificate, dwell.low, dwell.high, rates, dwell.jitter, own)
-    usual = "the P of dwell_stability"
-    if "P" not in certificate:
-        usual += " of the window that the dwell times are in"
-    norms = [f"P_{name}" if name in own else usual for name in asdict(rates)]
-    statement = (
-        f"e^(F T) H shrinks every vector by the factor per_jump in the norm of {norms[0]}, and by "
-        f"e^(-in_time T) in that of {norms[1]}, for all dwell times T in the range"
-    )
-    return (Claim("rates", statement, source, verdict.outcome, verdict.evidence),)
-
-
-def rates_sentence(found: tuple[Claim, ...], what: str) -> list[tuple[str, list[str]]]:
-    """The guarantee that a proved rates claim gives, and the claims behind it."""
-    for claim in found:
-        if claim.id == "rates" and claim.verdict == "proved":
-            per_jump, in_time = claim.evidence["per_jump"], claim.evidence["in_time"]
-            norm = "fixed norms"
-            if "window" in claim.statement:
-                norm = "norms that depend on neighbouring dwell times"
-            text = (
-                f"Without disturbance and noise, {what} just before a jump shrinks, in {norm}, "
-                f"to at most {six_digits(per_jump, ROUND_CEILING)} of itself at the next one, and "
-                f"like e^(-{six_digits(in_time, ROUND_FLOOR)} t) from jump to jump."
-            )
-            return [(text, ["dwell_stability", "rates"])]
-    return []
-
-
-def six_digits(value: float, rounding: str) -> str:
-    """A positive number with six digits, rounded to the side that promises less."""
-    with localcontext(prec=6, rounding=rounding):
-        return f"{+Decimal(value):.6g}"
-
-
 def _twice(
     prover: Any, F: Any, H: Any, dwell: Dwell, certificate: Mapping[str, Any], paranoid: bool
 ) -> Verdict:
@@ -172,7 +115,7 @@ def _twice(
 
 
 def _common(F: Any, H: Any, dwell: Dwell, certificate: Mapping[str, Any], method: str) -> Verdict:
-    P = _matrix(certificate["P"], len(F))
+    P = matrix_of(certificate["P"], len(F))
     if P is None:
         return undecided("the certificate P is not a matrix of the right size")
     verdict = prove_common(F, H, P, dwell.low, dwell.high, method=method)
@@ -220,7 +163,8 @@ def _no_common(F: Any, H: Any, low: float, high: float, certificate: Any) -> Ver
     )
 
 
-def _matrix(values: Any, n: int) -> Any:
+def matrix_of(values: Any, n: int) -> Any:
+    """A matrix of a certificate as floats, (n, n); None if it is not one."""
     P = _numbers(values)
     return P if P is not None and P.shape == (n, n) else None
 

@@ -7,7 +7,8 @@ from typing import Any
 
 from obsdesign.document import Claim
 from obsdesign.problem import Problem
-from obsdesign.verification.dwell import Dwell, six_digits
+from obsdesign.verification.dwell import Dwell
+from obsdesign.verification.rates import six_digits
 
 
 def guarantees(problem: Problem, found: tuple[Claim, ...]) -> tuple[dict[str, Any], ...]:

@@ -25,7 +25,6 @@ from obsdesign.verification.consistency import consistency
 from obsdesign.verification.dwell import (
     Dwell,
     dwell_stability,
-    rates_claim,
     source_of,
     unusable,
 )
@@ -38,6 +37,7 @@ from obsdesign.verification.interval_sampled import (
 from obsdesign.verification.interval_signs import metzler_claim, nonnegative_claim, split_claim
 from obsdesign.verification.interval_width import limit_claim, width_claim
 from obsdesign.verification.interval_words import guarantees
+from obsdesign.verification.rates import rates_claim
 
 __all__ = ["claims", "dwell_pair", "expected_gains", "guarantees"]
 

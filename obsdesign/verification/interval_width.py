@@ -14,7 +14,8 @@ from lmi.tube import Tube, periodic_limit, prove_tube
 from lmi.verdict import Verdict, proved, undecided
 from obsdesign.document import Claim
 from obsdesign.equations.interval_width import WidthSystem
-from obsdesign.verification.dwell import Dwell, six_digits
+from obsdesign.verification.dwell import Dwell
+from obsdesign.verification.rates import six_digits
 
 
 def width_claim(

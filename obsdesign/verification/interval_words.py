@@ -8,13 +8,14 @@ from typing import Any
 
 from obsdesign.document import Claim
 from obsdesign.problem import Problem
-from obsdesign.verification.dwell import Dwell, rates_sentence
+from obsdesign.verification.dwell import Dwell
 from obsdesign.verification.interval_sampled import (
     in_every_period,
     no_spacing,
     sampled_sentences,
 )
 from obsdesign.verification.interval_width import width_sentence
+from obsdesign.verification.rates import rates_sentence
 
 
 def guarantees(problem: Problem, found: tuple[Claim, ...]) -> tuple[dict[str, Any], ...]:

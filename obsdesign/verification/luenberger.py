@@ -27,11 +27,10 @@ from obsdesign.verification.consistency import consistency
 from obsdesign.verification.dwell import (
     Dwell,
     dwell_stability,
-    rates_claim,
-    rates_sentence,
     source_of,
     unusable,
 )
+from obsdesign.verification.rates import rates_claim, rates_sentence
 from obsdesign.verification.schedule import borders_objection, scheduled_stability
 
 PAPER = "Briat, Automatica 49 (2013), Theorem 3"

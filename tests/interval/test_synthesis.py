@@ -17,8 +17,9 @@ import obsdesign
 from obsdesign.equations.interval_width import periodic_width, width_system_of
 from obsdesign.runtime import from_design
 from obsdesign.synthesis.interval_gains import best_gains
+from obsdesign.synthesis.interval_goals import growth, mean_width, shortest
 from obsdesign.synthesis.interval_program import clock_gains
-from obsdesign.synthesis.interval_task import growth, mean_width, shortest, task_of
+from obsdesign.synthesis.interval_task import task_of
 from obsdesign.workflow import reason
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
