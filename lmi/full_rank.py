@@ -12,9 +12,10 @@ import math
 import numpy as np
 
 from lmi.balls import precision
+from lmi.normalised_stack import NormalisedStack, normalised
 from lmi.patience import left
 from lmi.stack import Matrix, Stack
-from lmi.stack_box import Box, Normalised, bounds, normalised
+from lmi.stack_box import Box, bounds
 from lmi.verdict import Verdict, proved, undecided
 
 BOX_LIMIT = 20_000
@@ -60,7 +61,7 @@ def prove_full_rank(
         return _branch(stack, family, margin, limit)
 
 
-def _branch(stack: Stack, family: Normalised, margin: float, limit: int) -> Verdict:
+def _branch(stack: Stack, family: NormalisedStack, margin: float, limit: int) -> Verdict:
     todo = [Box(((0, 0),) * stack.thetas)]
     least, least_margin, count, open_box = math.inf, math.inf, 0, None
     spread, largest, recalled = np.zeros(stack.blocks), 0.0, 0.0

@@ -15,16 +15,14 @@ float matrices, raised by far more than their rounding.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from lmi.balls import ball, exact, identity, middle, rational, scalar, to_float
-from lmi.stack import Matrix, Stack, state_basis
-
-# sums of a few positive floats, and LAPACK's singular values, are off by far less
-_RAISED = 1.0 + 1e-10
+from lmi.balls import ball, exact, identity, middle, scalar
+from lmi.normalised_stack import RAISED, NormalisedStack, magnitudes, norm_above
+from lmi.stack import Matrix, Stack
 
 
 @dataclass(frozen=True)
@@ -41,65 +39,6 @@ class Box:
         return Box(first), Box(second)
 
 
-@dataclass
-class Normalised:
-    """The stack in coordinates (R, T): F, H, C, right ball matrices; flows over sides, cached.
-
-    K: the flow of the columns, undone where the stack flows first, in the coordinates R.
-    """
-
-    F: Any
-    H: Any
-    C: Any
-    right: Any
-    K: Any
-    R: Any
-    R_back: Any
-    back: Matrix
-    low: Any
-    length: Any
-    flows: dict[tuple[int, int], tuple[Any, Any]] = field(default_factory=dict)
-    undone: dict[tuple[int, int], tuple[Any, Any, float, float, float]] = field(
-        default_factory=dict
-    )
-
-    def undoing(self, key: tuple[int, int]) -> tuple[Any, Any, float, float, float]:
-        """e^{-K (theta - middle)} at the centre of a side and on it, and what its norm is below.
-
-        The norms are those in the coordinates R and in the original ones; last, that of what
-        undoes the undoing, in R.
-        """
-        if key not in self.undone:
-            level, index = key
-            half = self.length / 2 ** (level + 1)
-            offset = (2 * index + 1) * half - self.length / 2
-            centre = (-self.K * scalar(offset)).exp()
-            whole = centre * (self.K * scalar(-half).union(scalar(half))).exp()
-            plain = self.R_back * whole * self.R
-            again = (self.K * scalar(offset)).exp() * (
-                self.K * scalar(-half).union(scalar(half))
-            ).exp()
-            norms = (_norm(_magnitudes(X)) for X in (whole, plain, again))
-            self.undone[key] = (centre, whole, *norms)
-        return self.undone[key]
-
-    def side(self, key: tuple[int, int]) -> tuple[Any, Any]:
-        """e^{F c} and e^{F theta} for all theta of a side."""
-        if key not in self.flows:
-            level, index = key
-            half = self.length / 2 ** (level + 1)
-            centre = (self.F * scalar(self.low + (2 * index + 1) * half)).exp()
-            spread = scalar(-half).union(scalar(half))
-            self.flows[key] = centre, centre * (self.F * spread).exp()
-        return self.flows[key]
-
-    def centre(self, key: tuple[int, int]) -> float:
-        """Middle of a side."""
-        level, index = key
-        exactly = self.low + (2 * index + 1) * self.length / 2 ** (level + 1)
-        return float(int(exactly.p) / int(exactly.q))
-
-
 @dataclass(frozen=True)
 class Found:
     """Lower bounds of sigma_min of O and of O R^-1 on a box (0: none), the side to halve; the rest
@@ -114,7 +53,7 @@ class Found:
     recalled: float = math.inf
 
 
-def bounds(stack: Stack, family: Normalised, box: Box, largest: float, margin: float) -> Found:
+def bounds(stack: Stack, family: NormalisedStack, box: Box, largest: float, margin: float) -> Found:
     """What a box gives: nothing unless the error norm is below `largest`, O R^-1 above margin."""
     nothing = np.zeros(stack.blocks)
     flows = [family.side(side) for side in box.sides]
@@ -142,16 +81,16 @@ def bounds(stack: Stack, family: Normalised, box: Box, largest: float, margin: f
         np.linalg.norm(Y, 2) * np.linalg.norm(Z_in, 2) * more
         for Z_in, more in zip((family.back @ Z, Z), undone, strict=True)
     ]
-    size, relative = (float((1 - e) / (s * _RAISED) / _RAISED) for s in sizes)
+    size, relative = (float((1 - e) / (s * RAISED) / RAISED) for s in sizes)
     if not relative > margin:
         return Found(0.0, 0.0, widest, nothing)
     # a right factor cancels in X O^+, so that nothing has to be undone there
     states = _states(family, X, [around for _, around in steps])
-    worst = float(np.linalg.norm(Y, 2)) * _RAISED / (1 - e) * _RAISED
+    worst = float(np.linalg.norm(Y, 2)) * RAISED / (1 - e) * RAISED
     Z_ball = ball(exact(Z))
-    spread = [_norm(_magnitudes(state * Z_ball)) * worst for state in states]
+    spread = [norm_above(magnitudes(state * Z_ball)) * worst for state in states]
     seen = [family.C * state for state in states]
-    outputs = _norm(np.vstack([_magnitudes(row) for row in seen]))
+    outputs = norm_above(np.vstack([magnitudes(row) for row in seen]))
     outputs *= 1.0 if first is None else first[4]
     recalled = _recalled(seen, states[-1], len(Z))
     return Found(size, relative, widest, np.array(spread), outputs, recalled)
@@ -168,21 +107,26 @@ def _pair(rows: list[Any]) -> tuple[Matrix, Matrix] | None:
 
 
 def _error(
-    family: Normalised, box: Box, rows: list[Any], slopes: list[list[Any]], Y: Matrix, Z: Matrix
+    family: NormalisedStack,
+    box: Box,
+    rows: list[Any],
+    slopes: list[list[Any]],
+    Y: Matrix,
+    Z: Matrix,
 ) -> tuple[float, list[float]]:
     """Above ||I - Y O Z|| on the box, and the share of each side in it."""
     p = Y.shape[1] // len(rows)
     blocks = [ball(exact(Y[:, j * p : (j + 1) * p])) for j in range(len(rows))]
     Z_ball = ball(exact(Z))
     shown = _total([b * row for b, row in zip(blocks, rows, strict=True)]) * Z_ball
-    error, widths = _magnitudes(identity(len(Y)) - shown), []
+    error, widths = magnitudes(identity(len(Y)) - shown), []
     length = float(int(family.length.p) / int(family.length.q))
     for i, slope in enumerate(slopes):
         change = _total([b * s for b, s in zip(blocks, slope, strict=True) if s is not None])
-        moved = _magnitudes(change * Z_ball) * (length / 2 ** (box.sides[i][0] + 1) * _RAISED)
+        moved = magnitudes(change * Z_ball) * (length / 2 ** (box.sides[i][0] + 1) * RAISED)
         error = error + moved
-        widths.append(_norm(moved))
-    return _norm(error), widths
+        widths.append(norm_above(moved))
+    return norm_above(error), widths
 
 
 def _recalled(seen: list[Any], last: Any, columns: int) -> float:
@@ -191,7 +135,7 @@ def _recalled(seen: list[Any], last: Any, columns: int) -> float:
         back = _first_rows(last, columns).inv()
     except ZeroDivisionError:
         return math.inf
-    bound = _norm(np.vstack([_magnitudes(row * back) for row in seen]))
+    bound = norm_above(np.vstack([magnitudes(row * back) for row in seen]))
     return bound if math.isfinite(bound) else math.inf
 
 
@@ -201,7 +145,7 @@ def _first_rows(X: Any, count: int) -> Any:
     return type(X)(count, X.ncols(), [x for row in X.tolist()[:count] for x in row])
 
 
-def _states(family: Normalised, X: Any, flows: list[Any]) -> list[Any]:
+def _states(family: NormalisedStack, X: Any, flows: list[Any]) -> list[Any]:
     """X_0, X_1, ... from X_0 on, for given flows."""
     found = [X]
     for E in flows:
@@ -210,7 +154,7 @@ def _states(family: Normalised, X: Any, flows: list[Any]) -> list[Any]:
 
 
 def _slopes(
-    stack: Stack, family: Normalised, X: Any, slope_first: Any, flows: list[Any]
+    stack: Stack, family: NormalisedStack, X: Any, slope_first: Any, flows: list[Any]
 ) -> list[list[Any]]:
     """For each theta, the derivatives of the block rows over the box; None where they are zero.
 
@@ -236,17 +180,6 @@ def _total(terms: list[Any]) -> Any:
     return total
 
 
-def _magnitudes(S: Any) -> Matrix:
-    """Upper bounds of the absolute values of a ball matrix's entries."""
-    return np.array([[float(x.abs_upper()) for x in row] for row in S.tolist()]) * _RAISED
-
-
-def _norm(bound: Matrix) -> float:
-    """Above the spectral norm of every matrix whose entries are below these."""
-    either = math.sqrt(float(bound.sum(axis=0).max() * bound.sum(axis=1).max()))
-    return min(either, float(np.sqrt((bound**2).sum()))) * _RAISED
-
-
 def _longest(box: Box) -> int | None:
     levels = [level for level, _ in box.sides]
     return int(np.argmin(levels)) if levels else None
@@ -258,29 +191,3 @@ def _inverse(upper: Matrix) -> Matrix | None:
     except np.linalg.LinAlgError:
         return None
     return Z if np.isfinite(Z).all() else None
-
-
-def normalised(stack: Stack, low: float, high: float, R: Matrix) -> Normalised | None:
-    """Coordinates R for the columns, and for the state T = [right R^-1, rest]^-1."""
-    try:
-        R_back = ball(exact(R)).inv()
-        back = middle(R_back)
-        into = ball(exact(state_basis(stack, R)))
-        T = into.inv()
-    except (ZeroDivisionError, np.linalg.LinAlgError, ValueError):
-        return None
-    start, end = rational(low), rational(high)
-    F = to_float(stack.F)
-    K = R @ np.linalg.lstsq(to_float(stack.right), F @ to_float(stack.right))[0] @ back
-    return Normalised(
-        F=T * ball(stack.F) * into,
-        H=T * ball(stack.H) * into,
-        C=ball(stack.C) * into,
-        right=T * ball(stack.right) * R_back,
-        K=ball(exact(K)),
-        R=ball(exact(R)),
-        R_back=R_back,
-        back=back,
-        low=start,
-        length=end - start,
-    )

@@ -31,6 +31,8 @@ from obsdesign.errors import InputError
 
 MEASURED = ("continuous", "periodic", "at_jumps")
 JUMP_MEASUREMENTS = ("before", "after", "none")
+# what is left out: __post_init__ fills it in, and for a jump the plant, which knows the sizes
+_DEFAULT: Any = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,8 +42,8 @@ class Flow:
     A: Array
     B: Array | None = None
     D: Array | None = None
-    lower: Array = None  # type: ignore[assignment]
-    upper: Array = None  # type: ignore[assignment]
+    lower: Array = _DEFAULT
+    upper: Array = _DEFAULT
 
     def __post_init__(self) -> None:
         A = matrix(self.A, "flow.A")
@@ -64,11 +66,11 @@ class Jump:
     may be infinite; dwell_jitter: largest change from one dwell time to the next.
     """
 
-    G: Array = None  # type: ignore[assignment]
+    G: Array = _DEFAULT
     E: Array | None = None
     H: Array | None = None
-    lower: Array = None  # type: ignore[assignment]
-    upper: Array = None  # type: ignore[assignment]
+    lower: Array = _DEFAULT
+    upper: Array = _DEFAULT
     dwell_time: tuple[float, float] | None = None
     dwell_jitter: float = math.inf
 
@@ -106,9 +108,9 @@ class Output:
     """
 
     C: Array
-    noise_bound: Array = None  # type: ignore[assignment]
-    noise_std: Array = None  # type: ignore[assignment]
-    noise_cv: Array = None  # type: ignore[assignment]
+    noise_bound: Array = _DEFAULT
+    noise_std: Array = _DEFAULT
+    noise_cv: Array = _DEFAULT
     measured: str = "continuous"
     period: float | None = None
     jump_measurement: str = "before"

@@ -76,8 +76,6 @@ class Problem:
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Problem) and self.to_dict() == other.to_dict()
 
-    __hash__ = None  # type: ignore[assignment]
-
     @staticmethod
     def from_dict(body: Any) -> Problem:
         """A problem from parsed TOML or JSON."""

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from lmi.balls import exact, inverse, to_float
 from lmi.hurwitz import rightmost
-from lmi.interleaved import Bounds, Interleaved, prove_interleaved, sampled_flow
+from lmi.interleaved import Bounds, Interleaved, prove_interleaved
+from lmi.sampled_flow import sampled_flow
 from obsdesign.equations.interval_sampling import slope_scheme
 from obsdesign.equations.interval_width import WidthSystem
 from obsdesign.synthesis.interval_tube import ROOM, least, moved, proved_width

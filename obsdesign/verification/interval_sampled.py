@@ -9,7 +9,8 @@ from typing import Any
 
 from lmi.balls import exact, inverse, to_float
 from lmi.hurwitz import prove_hurwitz
-from lmi.interleaved import Bounds, Interleaved, prove_interleaved, sampled_flow
+from lmi.interleaved import Bounds, Interleaved, prove_interleaved
+from lmi.sampled_flow import sampled_flow
 from lmi.spectral import refute_spectral
 from lmi.verdict import Verdict, undecided
 from obsdesign.document import Claim
