@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from lmi.exponential import expm
 from obsdesign.equations import impulsive as equations
+from obsdesign.equations.estimation_error import seen_before_jump
 from obsdesign.problem import Problem
 
 Matrix = NDArray[np.float64]
@@ -44,7 +45,7 @@ def simulated(
     """Estimate for a design's gains and the standard deviations of its measurements, (p,)."""
     low, high = (float(end) for end in gains["dwell_time"])
     A, G = gains["A"], gains["G"]
-    C = equations.seen_before_jump(G, gains["C"], gains["jump_measurement"])
+    C = seen_before_jump(G, gains["C"], gains["jump_measurement"])
     window = int(gains.get("window", 1))
     rng = np.random.default_rng(seed)
     spacings = rng.uniform(low, high, (sequences, impulses + window))

@@ -35,6 +35,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from obsdesign.equations.estimation_error import seen_before_jump
+
 Array = NDArray[Any]  # float64, or object arrays of exact rationals
 
 # what is left to itself must shrink by this factor per impulse, in the norm of its P: a margin,
@@ -148,8 +150,3 @@ def objection(plant: Any) -> str | None:
             "jump.dwell_time = [shortest, longest] is required by kind 'impulsive'; it is missing."
         )
     return None
-
-
-def seen_before_jump(G: Array, C: Array, jump_measurement: str) -> Array:
-    """What a measurement sees of the state before the impulse: C, or C G for one after it."""
-    return C @ G if jump_measurement == "after" else C

@@ -32,11 +32,6 @@ Array = NDArray[Any]
 BORDER = 4e-9
 
 
-def measured_at_jump(G: Array, C: Array, jump_measurement: str) -> Array:
-    """The matrix X with H = G - M X."""
-    return C @ G if jump_measurement == "after" else C
-
-
 def post_jump_inequality(
     P: Array, Z: Array, G: Array, seen: Array, flows: Array, before: Array | None = None
 ) -> Array:

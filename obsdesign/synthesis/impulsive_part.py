@@ -9,6 +9,7 @@ import numpy as np
 
 from lmi.balls import exact, inverse, to_float
 from obsdesign.equations import impulsive as equations
+from obsdesign.equations.estimation_error import seen_before_jump
 from obsdesign.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
 from obsdesign.synthesis.dwell import stability_certificate
@@ -23,7 +24,7 @@ def part_candidates(
     plant = problem.plant
     assert plant.jump is not None
     low, high = problem.require_dwell_time()
-    C = equations.seen_before_jump(plant.jump.G, plant.output.C, plant.output.jump_measurement)
+    C = seen_before_jump(plant.jump.G, plant.output.C, plant.output.jump_measurement)
     rate = float(problem.options.get("decay_rate", 0.0))
     factor = equations.factor_left_alone(rate, high)
     parts = corrected_part(plant.flow.A, plant.jump.G, C, low, high, factor)

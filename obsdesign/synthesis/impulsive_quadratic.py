@@ -24,8 +24,7 @@ from lmi.hidden_mode import propose_hiding
 from lmi.patience import hurried, left
 from lmi.proof import prove_common
 from lmi.stack import Stack
-from obsdesign.equations.estimation_error import plant_data
-from obsdesign.equations.impulsive import seen_before_jump
+from obsdesign.equations.estimation_error import plant_data, seen_before_jump
 from obsdesign.impulsive_estimate import estimate
 from obsdesign.problem import Problem
 from obsdesign.synthesis.candidate import Candidate

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from obsdesign.equations.estimation_error import idle_gains
+from obsdesign.equations.estimation_error import idle_gains, seen_before_jump
 from obsdesign.equations.interval import absolute_metzler
 from obsdesign.equations.interval_width import WidthSystem
 from obsdesign.problem import Problem
@@ -110,7 +110,7 @@ def task_of(problem: Problem, positive: bool, S: Matrix | None, given: Mapping[s
     C_jump, h0 = C, np.zeros(n)
     if plant.jump is not None:
         low, high = problem.require_dwell_time()
-        C_jump = C @ plant.jump.G if plant.output.jump_measurement == "after" else C
+        C_jump = seen_before_jump(plant.jump.G, C, plant.output.jump_measurement)
         G = inward @ (plant.jump.G - M @ C_jump) @ basis
         h0 = np.abs(inward) @ (plant.jump.upper - plant.jump.lower) + 2 * np.abs(inward @ M) @ V
     f0 = np.abs(inward) @ (plant.flow.upper - plant.flow.lower) + 2 * np.abs(inward @ L) @ V

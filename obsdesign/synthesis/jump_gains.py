@@ -18,6 +18,7 @@ import numpy as np
 from lmi.affine import Unknown, best_margin
 from lmi.families import Edge, worst
 from obsdesign.equations import luenberger as equations
+from obsdesign.equations.estimation_error import seen_before_jump
 from obsdesign.problem import Problem
 
 Array = Any
@@ -50,7 +51,7 @@ def jump_gains(
     plant = problem.plant
     assert plant.jump is not None
     n, p, G = plant.n, plant.p, plant.jump.G
-    seen = equations.measured_at_jump(G, plant.output.C, plant.output.jump_measurement)
+    seen = seen_before_jump(G, plant.output.C, plant.output.jump_measurement)
     with np.errstate(all="ignore"):
         grids = [Edge(F, np.eye(n), *ends).grid(_EACH_POINTS) for ends in cells]
     if not all(np.isfinite(flows).all() for _, flows in grids):

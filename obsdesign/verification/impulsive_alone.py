@@ -16,7 +16,8 @@ from lmi.proof import prove_common
 from lmi.rank_witness import MARGIN
 from lmi.verdict import Verdict, proved, refuted, undecided
 from obsdesign.document import Claim
-from obsdesign.equations.impulsive import factor_left_alone, seen_before_jump
+from obsdesign.equations.estimation_error import seen_before_jump
+from obsdesign.equations.impulsive import factor_left_alone
 from obsdesign.problem import Problem
 from obsdesign.structure import hidden_pair
 from obsdesign.verification.dwell import Dwell, dwell_stability

@@ -20,7 +20,8 @@ import numpy as np
 from lmi.balls import Exact, exact, inverse, number, rational, scalar
 from lmi.largest_norm import norm_of, norm_over
 from lmi.stack import Stack, coordinates, state_basis
-from obsdesign.equations.impulsive import Core, seen_before_jump
+from obsdesign.equations.estimation_error import seen_before_jump
+from obsdesign.equations.impulsive import Core
 from obsdesign.verification.impulsive_rate import (
     Bound,
     Reach,

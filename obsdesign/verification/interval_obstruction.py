@@ -19,7 +19,7 @@ from lmi.hurwitz import prove_hurwitz
 from lmi.spectral import refute_spectral
 from lmi.verdict import Verdict
 from obsdesign.document import Claim
-from obsdesign.equations.estimation_error import idle_gains
+from obsdesign.equations.estimation_error import idle_gains, seen_before_jump
 from obsdesign.equations.interval import absolute_metzler, flow_and_jump, in_coordinates
 from obsdesign.equations.interval_width import Coordinates
 from obsdesign.problem import Problem
@@ -127,7 +127,7 @@ def _in_these_coordinates(
     H, C_jump = None, C
     if plant.jump is not None:
         G = exact(plant.jump.G)
-        C_jump = C @ G if plant.output.jump_measurement == "after" else C
+        C_jump = seen_before_jump(G, C, plant.output.jump_measurement)
         H = in_coordinates(G - M @ C_jump, frame.S, frame.S_inverse)
     if frame.S is not None:
         C, C_jump = C @ frame.S, C_jump @ frame.S
