@@ -59,7 +59,7 @@ def propose_constrained(
                 return None
             slacks = slack(P, maps)
             # the optimum sits on the constraint: half of the slack is left to the solver's digits
-            more = [k for k in worst(thetas, slacks, slack_wanted / 2) if k not in active]
+            more = [k for k in worst(slacks, slack_wanted / 2) if k not in active]
             if not more:
                 return P if slacks.min() > 0 else None
             active += more[:_ADDED]

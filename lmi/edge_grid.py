@@ -82,12 +82,12 @@ class EdgeGrid:
 
     def worst(self, slacks: Matrix, limit: float) -> list[Cut]:
         """Local minima of the slack on the grid (k,) below the limit, worst first."""
-        return self.cuts(worst(self.thetas, slacks, limit, self.starts))
+        return self.cuts(worst(slacks, limit, self.starts))
 
     def least_between(self, L: Matrix, slacks: Matrix) -> tuple[Cut, float]:
         """Least slack near the lowest points of the grid: narrow margins hide between points."""
         found: tuple[Cut, float] = self.cuts([0])[0], math.inf
-        for k in worst(self.thetas, slacks, math.inf, self.starts)[:_LOOKED]:
+        for k in worst(slacks, math.inf, self.starts)[:_LOOKED]:
             number = int(self.owner[k])
             edge, nodes = self.edges[number], self.nodes_of(np.array([number]))
             near = [j for j in (k - 1, k, k + 1) if self._same_edge(j, number)]

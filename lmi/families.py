@@ -176,7 +176,7 @@ def balance(maps: Matrix) -> Matrix:
     return np.maximum(powers, 1e-100)
 
 
-def worst(thetas: Matrix, slacks: Matrix, limit: float, starts: Matrix | None = None) -> list[int]:
+def worst(slacks: Matrix, limit: float, starts: Matrix | None = None) -> list[int]:
     """Local minima of the slack below `limit`, ends included, worst first.
 
     starts: where the points of each edge begin, for the slacks of several edges in a row.

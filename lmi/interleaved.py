@@ -141,25 +141,10 @@ def _cycles(system: Interleaved, bounds: Bounds) -> Verdict:
         )
     Z = _generator(system)
     sample = _augmented(system.K, system.k) * exp_times(Z, system.period)
-    fewest, most = system.periods
-    widest, m = None, 0
-    p = _column(bounds.p)
-    while True:
-        if not _below(p, bounds.sampled, strictly=False):
-            return undecided(f"the bound after samples fails {m} periods after a jump")
-        if m >= fewest:
-            widest = _uppermost(p, widest)
-        following = sample * p
-        if _falls(following, p) and m >= fewest:
-            break  # and goes on falling: sample is monotone
-        if m >= most:
-            break
-        p, m = following, m + 1
-        if m > MOST_PERIODS:
-            return undecided(f"the width still grows {MOST_PERIODS} periods after a jump")
-    if math.isinf(most) and not _falls(following, p):
-        return undecided("the width does not fall from sample to sample")
-    assert widest is not None
+    before_jumps = _uppermost_before_jumps(system, bounds, sample)
+    if isinstance(before_jumps, str):
+        return undecided(before_jumps)
+    widest, m = before_jumps
     jump = _augmented(system.N, system.j)
     if system.lost:
         flow = exp_times(Z, system.period)
@@ -175,6 +160,32 @@ def _cycles(system: Interleaved, bounds: Bounds) -> Verdict:
     if before.outcome != "proved":
         return before
     return proved(method="cycles in balls", periods=m, steps=verdict.evidence["steps"])
+
+
+def _uppermost_before_jumps(
+    system: Interleaved, bounds: Bounds, sample: Any
+) -> tuple[Any, int] | str:
+    """Above p_m for every m that allows a jump, and the last m looked at; or why there is none."""
+    fewest, most = system.periods
+    widest, m = None, 0
+    p = _column(bounds.p)
+    while True:
+        if not _below(p, bounds.sampled, strictly=False):
+            return f"the bound after samples fails {m} periods after a jump"
+        if m >= fewest:
+            widest = _uppermost(p, widest)
+        following = sample * p
+        if _falls(following, p) and m >= fewest:
+            break  # and goes on falling: sample is monotone
+        if m >= most:
+            break
+        p, m = following, m + 1
+        if m > MOST_PERIODS:
+            return f"the width still grows {MOST_PERIODS} periods after a jump"
+    if math.isinf(most) and not _falls(following, p):
+        return "the width does not fall from sample to sample"
+    assert widest is not None
+    return widest, m
 
 
 def _offsets(system: Interleaved, Z: Exact, jump: Any, start: Any, bound: Exact) -> Verdict:

@@ -75,12 +75,19 @@ def prove_windows(
     for w, P in enumerate(found.P):
         if not _positive(P):
             return undecided(f"P of window {w + 1} is not certainly positive definite")
-    told = {"window_count": len(found.boxes), "edge_count": len(found.edges)}
+    counts = {"window_count": len(found.boxes), "edge_count": len(found.edges)}
+    family = Condition(flow, right, found.P[0], found.P[0], low, high, left, gamma)
+    verdict = _prove_edges(family, found, method, steps)
+    return verdict if verdict.outcome != "proved" else proved(**counts, **verdict.evidence)
+
+
+def _prove_edges(family: Condition, found: Certificate, method: str, steps: int) -> Verdict:
+    """The inequalities of all edges; the family gives all but their windows and ranges."""
     work: dict[str, Any] = {}
     for (target, *ends), sources in _groups(found.edges, together=method == "bernstein"):
         first, *others = (found.P[s] for s in sources)
-        condition = Condition(flow, right, first, found.P[target], ends[0], ends[1], left, gamma,
-                              tuple(others))  # fmt: skip
+        condition = replace(family, P_source=first, P_target=found.P[target], low=ends[0],
+                            high=ends[1], others=tuple(others))  # fmt: skip
         if method == "march":
             condition = _unreduced(condition)
         verdict = prove(condition, method=method, steps=steps)
@@ -89,7 +96,7 @@ def prove_windows(
             edge = [source, target, ends[0], _word(ends[1])]
             return Verdict("undecided", {**verdict.evidence, "edge": edge})
         _account(work, verdict.evidence)
-    return proved(**told, **work)
+    return proved(**work)
 
 
 def _account(work: dict[str, Any], evidence: Mapping[str, Any]) -> None:

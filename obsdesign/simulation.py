@@ -74,10 +74,7 @@ def simulate(
             f"disturbance must be one of {', '.join(DISTURBANCES)}; got {disturbance!r}."
         )
     rng = np.random.default_rng(0) if rng is None else rng
-    n = len(plant.flow.A)
-    x = np.ones(n) if initial is None else np.asarray(initial, dtype=np.float64)
-    if x.shape != (n,) or not np.isfinite(x).all():
-        raise InputError(f"initial must have {n} finite entries, one per state; got {x.tolist()}.")
+    x = _initial(plant.n, initial)
     until = default_until(plant, dwell) if until is None else positive(until, "until")
     jumps = jump_times(plant, dwell, until, rng)
     # what is measured at jumps only has rows between them only if they are asked for
@@ -99,6 +96,13 @@ def simulate(
             "for these jumps; give a smaller --until."
         )
     return record
+
+
+def _initial(n: int, initial: ArrayLike | None) -> Vector:
+    x = np.ones(n) if initial is None else np.asarray(initial, dtype=np.float64)
+    if x.shape != (n,) or not np.isfinite(x).all():
+        raise InputError(f"initial must have {n} finite entries, one per state; got {x.tolist()}.")
+    return x
 
 
 def default_until(plant: Plant, dwell: Any) -> float:

@@ -50,9 +50,9 @@ def _rank(error: Any) -> tuple[int, int, list[str]]:
 def _sentence(error: Any, body: Any, schema: Any) -> str:
     path = list(error.absolute_path)
     if error.validator in ("propertyNames", "enum") and _inside(error, "propertyNames"):
-        return _unknown(error.instance, path, list(_names(path)), body, schema)
+        return _unknown(error.instance, path, list(_names()), body, schema)
     if error.validator == "propertyNames":
-        return _unknown(error.instance, path, _names(path), body, schema)
+        return _unknown(error.instance, path, _names(), body, schema)
     if error.validator == "additionalProperties":
         known = list(error.schema.get("properties", {}))
         name = next(key for key in error.instance if key not in known)
@@ -67,7 +67,7 @@ def _inside(error: Any, keyword: str) -> bool:
     return keyword in error.absolute_schema_path
 
 
-def _names(path: Sequence[Any]) -> list[str]:
+def _names() -> list[str]:
     return ["kind", "gains", *sorted({name for names in OPTIONS.values() for name in names})]
 
 
@@ -102,7 +102,7 @@ def _home(name: str, schema: Any) -> str | None:
         title: list(block.get("properties", {})) for title, block in schema["properties"].items()
     }
     observer = schema["properties"]["observer"]["properties"]
-    blocks |= {"observer": _names([]), "observer.gains": list(observer["gains"]["properties"])}
+    blocks |= {"observer": _names(), "observer.gains": list(observer["gains"]["properties"])}
     homes = [title for title, names in blocks.items() if name in names]
     return homes[0] if len(homes) == 1 else None
 

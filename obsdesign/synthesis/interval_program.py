@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,12 +36,10 @@ class _Program:
     """Rows a'x <= b in sparse triplets."""
 
     size: int = 0
-
-    def __post_init__(self) -> None:
-        self.values: list[float] = []
-        self.columns: list[int] = []
-        self.rows: list[int] = []
-        self.limits: list[float] = []
+    values: list[float] = field(default_factory=list)
+    columns: list[int] = field(default_factory=list)
+    rows: list[int] = field(default_factory=list)
+    limits: list[float] = field(default_factory=list)
 
     def block(self, *shape: int) -> NDArray[np.int_]:
         """New variables."""
@@ -96,7 +94,7 @@ def clock_gains(
     small = 1e-9 if narrow else 1.0
     cost[U.ravel()], cost[Z.ravel()], cost[zeta.ravel()] = small / k, small, small / k
     x = program.solve(cost, bounds)
-    return None if x is None else list(_constant(task, x, zeta, U, Z))
+    return None if x is None else list(_constant(x, zeta, U, Z))
 
 
 def _clock(task: Task, low: float, nodes: int) -> Matrix:
@@ -231,7 +229,7 @@ def _bounds(
 
 
 def _constant(
-    task: Task, x: Matrix, zeta: NDArray[np.int_], U: NDArray[np.int_], Z: NDArray[np.int_]
+    x: Matrix, zeta: NDArray[np.int_], U: NDArray[np.int_], Z: NDArray[np.int_]
 ) -> Iterator[tuple[Matrix, Matrix]]:
     """Gains that do not depend on the clock: on average, at its end, at its start."""
     scale = np.maximum(x[zeta], 1e-12)

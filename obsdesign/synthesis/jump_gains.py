@@ -95,10 +95,10 @@ def _violated(
     """(earlier, later, number of theta) where the inequality fails most."""
     found = set()
     for i, j in pairs:
-        thetas, flows = grids[j]
+        flows = grids[j][1]
         held = equations.post_jump_inequality(P[j], Z[j], G, seen, flows, P[i])
         slacks = np.linalg.eigvalsh(held)[:, 0]
-        found |= {(i, j, k) for k in worst(thetas, slacks, 0.0)[:_ADDED]}
+        found |= {(i, j, k) for k in worst(slacks, 0.0)[:_ADDED]}
     return found
 
 
