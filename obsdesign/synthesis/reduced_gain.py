@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from obsdesign.errors import InputError
+from obsdesign.own_units import own_units
 from obsdesign.problem import Problem
-from obsdesign.structure import own_units
 from obsdesign.synthesis.placement import complex_text, placed_gain, with_conjugates
 from obsdesign.synthesis.reduced_system import Reduced, output_variances
 

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from obsdesign.equations import unknown_input as equations
+from obsdesign.own_units import own_units
 from obsdesign.problem import Problem
-from obsdesign.structure import own_units
 
 Matrix = NDArray[np.float64]
 

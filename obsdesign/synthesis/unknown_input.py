@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from obsdesign.equations import unknown_input as equations
 from obsdesign.errors import InputError
 from obsdesign.invariant_zeros import hidden_states, shows_every_input, zeros_decay
+from obsdesign.own_units import own_units
 from obsdesign.problem import Problem
-from obsdesign.structure import own_units
 from obsdesign.synthesis.candidate import Candidate
 from obsdesign.synthesis.reduced_gain import reduced_gain
 from obsdesign.synthesis.reduced_system import (

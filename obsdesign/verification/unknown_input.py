@@ -18,8 +18,8 @@ from lmi.verdict import proved, refuted
 from obsdesign.document import Claim
 from obsdesign.equations import unknown_input as equations
 from obsdesign.invariant_zeros import shows_every_input, zeros_decay
+from obsdesign.own_units import own_units
 from obsdesign.problem import Problem
-from obsdesign.structure import own_units
 from obsdesign.verification.consistency import consistency
 from obsdesign.verification.lasting_error import lasting_error
 from obsdesign.verification.observer_sentences import sentences
