@@ -6,7 +6,6 @@ range that is kept, no dwell-time range can go on.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 from lmi.balls import Exact, to_float
 from lmi.families import Edge, horizon
 from lmi.hurwitz import prove_hurwitz
+from lmi.spectral import spectral_radii
 
 Matrix = NDArray[Any]
 
@@ -65,12 +65,10 @@ def _longer(F: Exact, flow: Matrix, jump: Matrix, low: float) -> tuple[Matrix, M
 
 
 def _radii(edge: Edge) -> tuple[Matrix, Matrix]:
-    """(dwell times, spectral radius of the map at each), infinite where the map overflows."""
+    """(dwell times, spectral radius of the map at each), NaN where the map overflows."""
     with np.errstate(all="ignore"):
         thetas, maps = edge.grid()
-        finite: Matrix = np.asarray(np.isfinite(maps).all(axis=(-2, -1)))
-        radii = np.abs(np.linalg.eigvals(np.where(finite[:, None, None], maps, 0.0))).max(axis=-1)
-    return thetas, np.where(finite, radii, math.inf)
+        return thetas, spectral_radii(maps)
 
 
 def _crossing(edge: Edge, thetas: Matrix, radii: Matrix, shortest: bool) -> float | None:
@@ -87,7 +85,7 @@ def _crossing(edge: Edge, thetas: Matrix, radii: Matrix, shortest: bool) -> floa
 def _refined(edge: Edge, outside: float, inside: float) -> float:
     for _ in range(_REFINEMENTS):
         points = np.linspace(inside, outside, _SUBDIVISIONS)
-        radii = np.abs(np.linalg.eigvals(edge.maps(points))).max(axis=-1)
+        radii = spectral_radii(edge.maps(points))
         beyond = np.flatnonzero(~(radii < 1))
         k = int(beyond[0]) if len(beyond) else _SUBDIVISIONS - 1
         inside, outside = float(points[max(k - 1, 0)]), float(points[k])

@@ -56,7 +56,7 @@ def refute_spectral(
         return refuted({"theta": float(low), "spectral_radius": 1.0, "vector": still,
                         "reason": reason, "method": "exact invariant vector"})  # fmt: skip
     if low == 0 and not exactly_schur(H_exact):
-        radius = max(1.0, float(_radii(to_float(H_exact))))  # floats that overflow give 1
+        radius = max(1.0, float(spectral_radii(to_float(H_exact))))  # floats that overflow give 1
         reason = f"at dwell time 0 the jump alone has spectral radius {radius:.9g} >= 1"
         return refuted({"theta": 0.0, "spectral_radius": radius, "reason": reason,
                         "method": "exact Schur test"})  # fmt: skip
@@ -101,18 +101,19 @@ def _worst_thetas(
         edge = Edge(F, H, low, high)
         last = edge.last
         thetas, maps = edge.grid()
-        radii = _radii(maps)
+        radii = spectral_radii(maps)
         inner = np.flatnonzero((radii[1:-1] >= radii[:-2]) & (radii[1:-1] >= radii[2:])) + 1
         best = sorted(inner, key=lambda k: -radii[k])[:_TRIED]
-        found = [(low, float(_radii(expm(F * low) @ H))), (last, float(_radii(expm(F * last) @ H)))]
-        found += [(s, float(_radii(expm(F * s) @ H))) for s in seeds if low <= s <= high]
+        chosen = [low, last, *(theta for theta in seeds if low <= theta <= high)]
+        found = [(theta, float(spectral_radii(expm(F * theta) @ H))) for theta in chosen]
         for k in best:
             found.append(_refined(F, H, float(thetas[k - 1]), float(thetas[k + 1])))
     finite = [(theta, radius) for theta, radius in found if math.isfinite(radius)]
     return sorted(finite, key=lambda entry: -entry[1])
 
 
-def _radii(M: Matrix) -> Any:
+def spectral_radii(M: Matrix) -> Matrix:
+    """Of each M of (..., n, n), in floats; NaN where it is not finite."""
     finite = np.asarray(np.isfinite(M).all(axis=(-2, -1), keepdims=True))
     radii = np.abs(np.linalg.eigvals(np.where(finite, M, 0.0))).max(axis=-1, initial=0.0)
     return np.where(finite[..., 0, 0], radii, np.nan)
@@ -122,7 +123,7 @@ def _refined(F: Matrix, H: Matrix, left: float, right: float) -> tuple[float, fl
     """Maximum of the radius between two points, by repeated subdivision."""
     for _ in range(6):
         thetas = np.linspace(left, right, 17)
-        radii = _radii(expm(F * thetas[:, None, None]) @ H)
+        radii = spectral_radii(expm(F * thetas[:, None, None]) @ H)
         k = int(np.nanargmax(radii)) if np.isfinite(radii).any() else 8
         left, right = float(thetas[max(k - 1, 0)]), float(thetas[min(k + 1, 16)])
     return float(thetas[k]), float(radii[k])
@@ -140,7 +141,7 @@ def refute_word(F: ArrayLike, H: ArrayLike, thetas: Sequence[float]) -> Verdict:
         product = np.eye(len(flow))
         for M in Edge(flow, jump, 0.0, 0.0).maps(thetas):
             product = M @ product
-        radius = float(_radii(product))
+        radius = float(spectral_radii(product))
         for bits in PRECISIONS:
             with precision(bits):
                 method = _certify(F_exact, H_exact, *thetas)
@@ -185,7 +186,7 @@ def _certify(F: Exact, H: Exact, *thetas: float) -> str | None:
 def _stein(M: Any, approx: Matrix) -> str | None:
     """Q of M'QM - r^2 Q = I, 1 <= r < rho(M): x'Qx grows strictly, and is positive somewhere."""
     n = len(approx)
-    r = (1 + max(float(_radii(approx)), 1.0)) / 2
+    r = (1 + max(float(spectral_radii(approx)), 1.0)) / 2
     try:
         Q = np.linalg.solve(
             np.kron(approx.T, approx.T) - r * r * np.eye(n * n), np.eye(n).reshape(-1)

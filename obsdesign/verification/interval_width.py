@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from lmi.balls import exact, to_float
-from lmi.tube import Tube, periodic_limit, prove_tube
+from lmi.periodic_limit import periodic_limit
+from lmi.tube import Tube, prove_tube
 from lmi.verdict import Verdict, proved, undecided
 from obsdesign.document import Claim
 from obsdesign.equations.interval_width import WidthSystem

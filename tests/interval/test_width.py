@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 import obsdesign
 from lmi.balls import exact
 from lmi.exponential import expm
-from lmi.tube import Affine, periodic_limit, prove_below
+from lmi.periodic_limit import periodic_limit
+from lmi.tube import Affine, prove_below
 from obsdesign.equations.interval_width import periodic_width, width_system_of
 from obsdesign.synthesis.interval import synthesize
 from obsdesign.verification.interval import claims
