@@ -21,6 +21,7 @@ from obsdesign.runtime.impulse_estimate import (
     Decision,
     Evaluator,
     Window,
+    chi_squared_limit,
     feature_deviation,
     noise_deviation,
     whitened,
@@ -167,7 +168,8 @@ class IntegralEngine:
             if first >= len(values):
                 break
             means = smoothed(live.track.t, values, first, half)
-            search, fired = live.rule.advance(live.search, means.tolist(), first)
+            times, tau = live.track.t, self.run.tau
+            search, fired = live.rule.advance(live.search, means.tolist(), first, times, tau)
             live = replace(live, search=search)
             if not fired:
                 break
@@ -254,20 +256,23 @@ class IntegralEngine:
         if decision is None or decision.event is None:
             value = float(live.norms[min(search.position, len(live.norms)) - 1])
             return replace(live, search=search.given_up(value)), []
-        if not spread.any():
-            decision = self._compared(decision, track.t[top:stop], error)
+        if not self.evaluator.gls:
+            decision = self._compared(decision, track.t[top:stop], error, spread)
         return self._added(live, top, decision, spread)
 
-    def _compared(self, decision: Decision, times: Array, error: Array) -> Decision:
-        """Without noise: does the output of the impulse match the residual? Features hardly tell.
+    def _compared(self, decision: Decision, times: Array, error: Array, spread: Array) -> Decision:
+        """Under the plain norm: does the output of the impulse match the residual, but for noise?
 
-        Two impulses in a window, or an error of the state at its start, leave a difference.
+        Features hardly tell. Two impulses in a window, a steady input, or an error of the state at
+        its start leave a difference.
         """
         event = decision.event
         assert event is not None
         shown = self.run.impulse_error(times, event.t, self.evaluator.H @ event.weights)
         rest = error - shown @ self.run.C.T
-        if np.linalg.norm(rest) > _MISFIT * np.linalg.norm(error):
+        size = float(np.abs(spread).max()) or 1.0
+        noise = size**2 * chi_squared_limit(rest.size) if spread.any() else 0.0
+        if (rest**2).sum() > noise + (_MISFIT * np.linalg.norm(error)) ** 2:
             event = replace(event, status="does not fit one impulse in the window")
         return replace(decision, event=event)
 
