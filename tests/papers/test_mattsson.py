@@ -229,7 +229,13 @@ def test_the_solution_of_17_is_not_unique_in_general() -> None:
     np.testing.assert_allclose(g1 * first, g2 * second, atol=1e-9)
     assert abs(s1 - low) > 0.5
     # three exponents are no better here, four are, by the theorem
-    assert decide_uniqueness(*plant, [-2.0, -3.0, -4.0], 5.0, 0.1).outcome == "undecided"
+    found = decide_uniqueness(*plant, [-2.0, -3.0, -4.0], 5.0, 0.1)
+    assert found.outcome == "refuted"
+    ages, (one, other) = (found.evidence["witness"][k] for k in ("ages", "weights"))
+    for (low, high), printed in zip(ages, (0.50665112821918, 2.15682324393891), strict=True):
+        assert low < printed < high
+        assert high - low < 1e-5
+    assert (one, other) == (1.0, pytest.approx(-1.30137425456950, abs=1e-6))
     assert decide_uniqueness(*plant, [-2.0, -3.0, -4.0, -5.0], 5.0, 0.1).outcome == "proved"
 
 
