@@ -61,14 +61,15 @@ class ImpulseCurve:
             raise ValueError(
                 f"A - K C or an exponent is too large for the window: {size * tau:.3g} times 1/tau"
             )
+        states = impulse_responses(F, H, step, count + 1)
+        if not np.isfinite(states).all():
+            raise ValueError("floats cannot follow an impulse through A - K C and the features")
         reach, terms, term = size * step, 4, 1.0
         while term > 1e-18 and terms < 100:  # Taylor's remainder over one cell
             terms += 1
             term = math.exp(min(reach, 300.0) + terms * math.log(max(reach, 1e-300))
                             - math.lgamma(terms + 1))  # fmt: skip
-        return cls(
-            F, len(H) if n is None else n, step, impulse_responses(F, H, step, count + 1), terms
-        )
+        return cls(F, len(H) if n is None else n, step, states, terms)
 
     @property
     def ages(self) -> Array:
@@ -100,14 +101,22 @@ class ImpulseCurve:
 
 
 def balanced_size(F: Array) -> float:
-    """Norm of F in units of its entries that make it small: units of the states do not matter."""
+    """Norm of F in units of its entries that make it small: units of the states do not matter.
+
+    Units that tie states in one direction only could shrink for ever: they stop at the diagonal.
+    """
     X = np.abs(np.asarray(F, dtype=np.float64))
-    for _ in range(20):
-        rows, columns = (X - np.diag(np.diag(X))).sum(axis=1), (X - np.diag(np.diag(X))).sum(axis=0)
+    own = np.diag(np.diag(X))
+    least, found = 0.0, math.inf
+    for sweep in range(60):
+        if sweep == 20:
+            least = float(own.max(initial=0.0))
+        rows, columns = (X - own).sum(axis=1) + least, (X - own).sum(axis=0) + least
         both = (rows > 0) & (columns > 0)
         scale = np.sqrt(np.where(both, columns, 1.0) / np.where(both, rows, 1.0))
         X = X * scale[:, None] / scale[None, :]
-    return float(min(X.sum(axis=0).max(), X.sum(axis=1).max()))
+        found = min(found, float(X.sum(axis=0).max()), float(X.sum(axis=1).max()))
+    return found
 
 
 def _sum(series: Array, v: float) -> Array:

@@ -209,7 +209,7 @@ class Evaluator:
     def _weighted(self, window: Window, P: Array, at_start: bool) -> Decision | None:
         R, T = whitened(window.taps, window.error, window.spread)
         V = T @ self.V
-        half = np.linalg.cholesky(np.eye(len(R)) + V @ P @ V.T)
+        half = _root_of_sum(V, P)
         R, T, V = (np.linalg.solve(half, part) for part in (R, T, V))
         found = self._fitted(R, window, T)
         if found is None or found.gain <= _LEAST_GAIN:
@@ -265,7 +265,7 @@ def feature_deviation(taps: Array, spread: Array) -> float:
 
 def noise_deviation(std: Vector, cv: Vector, y: Array, level: Array) -> Array:
     """Deviation of the noise of outputs y whose largest so far is `level`: y = 0 is not exact."""
-    size = np.maximum(np.abs(y), _FAINT * level)
+    size = np.where(std > 0, np.abs(y), np.maximum(np.abs(y), _FAINT * level))
     return np.asarray(np.hypot(std, np.where(size > 0, cv * size, cv)))
 
 
@@ -293,6 +293,13 @@ def _plain_deviations(found: Impulse, taps: Array, spread: Array) -> tuple[float
     C = back @ _noise_covariance(taps, spread) @ back.T
     deviations = np.sqrt(np.diag(C))
     return float(deviations[0]), deviations[1:]
+
+
+def _root_of_sum(V: Array, P: Array) -> Array:
+    """Lower triangular root of I + V P V', by QR: the sum, which may not show I, is not formed."""
+    sizes, directions = np.linalg.eigh(P)
+    spread = V @ (directions * np.sqrt(np.maximum(sizes, 0.0)))
+    return np.asarray(np.linalg.qr(np.vstack([np.eye(len(V)), spread.T]), mode="r")).T
 
 
 def _covariance(J: Array) -> Array:

@@ -176,7 +176,9 @@ def _rule(data: dict[str, Any], D: Matrix, exponents: Matrix) -> str:
     except ValueError as error:
         if window >= data["dwell_time"][0]:
             return "position"  # a claim refutes the window, whatever the rule
-        raise InputError(f"{error}; are the units of flow.A what they should be?") from None
+        raise InputError(
+            f"{error}; are the units of flow.A and output.C what they should be?"
+        ) from None
     text = impulse_rule.margin_objection(oldest, window, margin)
     if text and data["H"].any():
         raise InputError(text)
