@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from obsdesign.equations.impulse_fit import ImpulseCurve
+from obsdesign.equations.impulse_curve import ImpulseCurve
 from obsdesign.equations.impulsive_input import feature_scales, filtered_system, has_peak
 
 Array = NDArray[Any]

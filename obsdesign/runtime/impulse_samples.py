@@ -24,10 +24,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from obsdesign.runtime.base import Estimate, Vector
-from obsdesign.runtime.impulse_estimate import Event, chi_squared_limit, noise_deviation
+from obsdesign.runtime.impulse_estimate import Event
 from obsdesign.runtime.impulse_filter import Filtered, Row, SampledPlant
 from obsdesign.runtime.impulse_onset import ONSETS, Cells, Fit, OnsetModel
 from obsdesign.runtime.impulse_steady import STEADY, Steady
+from obsdesign.runtime.impulse_whitening import chi_squared_limit, noise_deviation
 
 Array = NDArray[Any]
 

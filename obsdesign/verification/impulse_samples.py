@@ -18,7 +18,7 @@ from lmi.balls import ball, exact, exp_times, to_float
 from lmi.real_spectrum import real_spectrum
 from lmi.verdict import Verdict, proved, refuted, undecided
 from obsdesign.document import Claim
-from obsdesign.verification.impulse_window import rank_verdict
+from obsdesign.verification.impulse_rank import rank_verdict
 
 _FEWEST_CELLS = 3  # of a window: two samples after an onset that is most of the window old
 _MOST_ROWS = 64  # of a window that are looked at

@@ -13,11 +13,12 @@ from scipy.linalg import expm
 import obsdesign
 from lmi.balls import exact
 from obsdesign.equations import impulsive_input as eq
-from obsdesign.equations.impulse_fit import ImpulseCurve, fit_impulse
+from obsdesign.equations.impulse_curve import ImpulseCurve
+from obsdesign.equations.impulse_fit import fit_impulse
 from obsdesign.runtime import from_design
-from obsdesign.synthesis.impulsive_input import slowest_exponent
+from obsdesign.synthesis.impulse_exponents import slowest_exponent
 from obsdesign.synthesis.placement import placed_gain
-from obsdesign.verification.impulse_window import full_rank
+from obsdesign.verification.impulse_rank import full_rank
 from obsdesign.verification.uniqueness import decide_uniqueness
 from tests.impulsive_input.cases import events_of, record, rows_from
 
