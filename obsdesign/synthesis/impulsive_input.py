@@ -46,7 +46,7 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
         raise InputError(text)
     _check_options(problem)
     weighting = _weighting(problem)
-    window = float(problem.options.get("window", _WINDOW * low or 1.0))
+    window = float(problem.options.get("window", _longest(problem, low)))
     operator, reason = _operator(problem, window)
     if operator == "samples":
         yield sampled_candidate(problem, low, reason)
@@ -70,6 +70,12 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
     open_question = window < low and not any(fixed_vector(X) for X in (rows, [exact(data["H"])]))
     for label, chosen, rule in exponent_choices(problem, data, D):
         yield Candidate(label, data | {"exponents": chosen, "rule": rule}, searched=open_question)
+
+
+def _longest(problem: Problem, low: float) -> float:
+    """A part of the shortest dwell time, which leaves two periods of the samples."""
+    left = low - 2 * float(problem.plant.output.period or 0.0)
+    return (min(_WINDOW * low, left) if left > 0 else _WINDOW * low) or 1.0
 
 
 def _remembered(problem: Problem, D: Matrix, window: float) -> float:

@@ -46,7 +46,7 @@ def claims(
     if gains["operator"] == "samples":
         return (*found, *sampled_claims(A, C, H, gains))
     if "period" in gains:
-        found.append(window_samples(A, C, H.shape[1], float(gains["period"]), window))
+        found.append(window_samples(A, C, H.shape[1], float(gains["period"]), window, low))
     return (*found, *_integral_claims(problem, gains, A, C, H))
 
 
