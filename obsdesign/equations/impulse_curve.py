@@ -15,6 +15,7 @@ Array = NDArray[Any]
 
 _POINTS = 160
 _MOST_POINTS = 4000
+_SWEEPS, _EVEN = 40, 1.5  # of balancing, and the scales at which it ends
 _LONGEST_REACH = 20.0  # |F| step beyond which Taylor's series loses too many digits
 _LEFT = 1e-3  # of the largest |b|: ages that leave less are not searched
 
@@ -92,16 +93,20 @@ def balanced_size(F: Array) -> float:
     Units that tie states in one direction only could shrink for ever: they stop at the diagonal.
     """
     X = np.abs(np.asarray(F, dtype=np.float64))
-    own = np.diag(np.diag(X))
-    least, found = 0.0, math.inf
-    for sweep in range(60):
-        if sweep == 20:
-            least = float(own.max(initial=0.0))
-        rows, columns = (X - own).sum(axis=1) + least, (X - own).sum(axis=0) + least
-        both = (rows > 0) & (columns > 0)
-        scale = np.sqrt(np.where(both, columns, 1.0) / np.where(both, rows, 1.0))
-        X = X * scale[:, None] / scale[None, :]
-        found = min(found, float(X.sum(axis=0).max()), float(X.sum(axis=1).max()))
+    own = X.diagonal().copy()
+    np.fill_diagonal(X, 0.0)
+    found, least = math.inf, float(own.max(initial=0.0))
+    for _ in range(_SWEEPS):
+        rows, columns = X.sum(axis=1), X.sum(axis=0)
+        found = min(found, float((rows + own).max()), float((columns + own).max()))
+        rows, columns = rows + least, columns + least
+        if least == 0:
+            both = (rows > 0) & (columns > 0)
+            rows, columns = np.where(both, rows, 1.0), np.where(both, columns, 1.0)
+        scale = np.sqrt(columns / rows)
+        if scale.max() < _EVEN and scale.min() * _EVEN > 1:
+            break
+        X = X * scale[:, None] / scale
     return found
 
 

@@ -343,7 +343,7 @@ def test_forged_gains_are_seen() -> None:
     [
         ({"jump__G": [[2, 0, 0], [0, 1, 0], [0, 0, 1]]}, "jump.G must be the identity for kind 'impulsive_input': impulses add to the state at unknown times, and nothing else may happen then. Leave jump.G out."),
         ({"jump__E": [[1], [0], [0]]}, "jump.E is refused by kind 'impulsive_input': jump times are unknown, so that no known input can act at them."),
-        ({"observer__window": 24.9, "flow__A": [[-8, 0, 0], [2, -15, 0], [0, 5, -20]], "observer__margin": 20, "observer__exponents": [-5, -6, -7]}, "observer.margin must be below 1.69, where less than a thousandth of an impulse is left in the features; got 20.0. Is observer.window = 24.9 too long for the plant, or the exponents too fast?"),
+        ({"observer__window": 24.9, "flow__A": [[-8, 0, 0], [2, -15, 0], [0, 5, -20]], "observer__margin": 20, "observer__exponents": [-5, -6, -7]}, "observer.margin must be below 1.7, where less than a thousandth of an impulse is left in the features; got 20.0. Is observer.window = 24.9 too long for the plant, or the exponents too fast?"),
         ({"observer__weighting": "gls"}, "output.noise_std must be > 0 with observer.weighting = 'gls'; got 0 for output 1."),
         ({"observer__state_correction": True}, "observer.state_correction needs observer.weighting = 'gls', and output.noise_std > 0: without noise there is nothing to weigh the state by."),
         ({"jump__H": [[1, 0], [0, 1], [0, 0]], "observer__nonnegative": True}, "observer.nonnegative takes one direction of impulses; jump.H has 2."),
