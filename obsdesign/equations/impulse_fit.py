@@ -104,13 +104,9 @@ def peaks(gains: Array) -> list[int]:
 
 
 def _refine(
-    R: Array,
-    curve: ImpulseCurve,
-    k: int,
-    bracket: tuple[float, float],
-    limits: tuple[float, float],
-    weighting: Array | None,
-) -> Impulse:
+    R: Array, curve: ImpulseCurve, k: int, bracket: tuple[float, float],
+    limits: tuple[float, float], weighting: Array | None,
+) -> Impulse:  # fmt: skip
     """Newton on F inside the bracket around grid point k; bisection where it would leave it."""
     n, origin = curve.n, k * curve.step
     series = curve.series(k)

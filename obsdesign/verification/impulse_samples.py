@@ -97,12 +97,16 @@ def window_samples(
             samples=cells + 1,
         )
     else:
-        # of many samples some, evenly spaced, are enough: more do not lower a rank
-        count = min(cells, _MOST_ROWS)
-        rows = _sampled_rows(A, C, period * (cells // count), count)
-        sizes = np.tile(np.linalg.norm(to_float(C), axis=1), count + 1)
-        verdict = rank_verdict(rows, sizes, n, "the samples of a window")
+        verdict = _rank(A, C, period, cells)
     return Claim("samples", statement, SOURCE, verdict.outcome, verdict.evidence)
+
+
+def _rank(A: Any, C: Any, period: float, cells: int) -> Verdict:
+    """Of many samples some, evenly spaced, are enough: more do not lower a rank."""
+    count = min(cells, _MOST_ROWS)
+    rows = _sampled_rows(A, C, period * (cells // count), count)
+    sizes = np.tile(np.linalg.norm(to_float(C), axis=1), count + 1)
+    return rank_verdict(rows, sizes, len(A), "the samples of a window")
 
 
 def _sampled_rows(A: Any, C: Any, step: float, count: int) -> Callable[[], list[list[Any]]]:

@@ -123,13 +123,8 @@ def _ratio(
         at_margin = exp_times(F, margin) * ball(rest)  # [e^{D eps} h; b(eps)]
         far = exp_times(D, margin - window) * ball(h)  # e^{D (eps - tau)} h
         growth = (number(lam) * number(window)).exp()
+        left = _inner(D, c, h, lam, window - margin)
         # E(eps) = e^{lam eps} c int_0^{tau - eps} e^{(lam - D) u} du h
-        shifted = exact(lam * np.eye(n)) - D
-        inner = np.block([[shifted, exact(np.eye(n))], [exact(np.zeros((n, 2 * n)))]])
-        pick = ball(np.hstack([c, exact(np.zeros((1, n)))])) * exp_times(inner, window - margin)
-        tail = pick.tolist()[0][n:]
-        column = [x[0] for x in ball(h).tolist()]
-        left = sum((a * b for a, b in zip(tail, column, strict=True)), number(0.0))
         E = left * (number(lam) * number(margin)).exp()
         b = at_margin.tolist()[n][0]
         if not (b > 0 or b < 0):
@@ -153,6 +148,16 @@ def _ratio(
                 return refuted({"age": age, "exponent": lam, "reason": reason})
             return undecided(f"exponent {lam!r}, near age {age:.6g}", age=age)
     return None
+
+
+def _inner(D: Any, c: Any, h: Any, lam: float, length: float) -> Any:
+    """Ball of c int_0^length e^{(lam - D) u} du h."""
+    n = len(D)
+    shifted = exact(lam * np.eye(n)) - D
+    inner = np.block([[shifted, exact(np.eye(n))], [exact(np.zeros((n, 2 * n)))]])
+    pick = ball(np.hstack([c, exact(np.zeros((1, n)))])) * exp_times(inner, length)
+    tail, column = pick.tolist()[0][n:], [x[0] for x in ball(h).tolist()]
+    return sum((a * b for a, b in zip(tail, column, strict=True)), number(0.0))
 
 
 def shown(vector: Any) -> str:
