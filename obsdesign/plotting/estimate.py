@@ -6,6 +6,7 @@ data has it, jump instants as vertical ticks, rows without guarantee marked on t
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,7 @@ Vector = NDArray[np.float64]
 _DRAWABLE = 1e100
 # with more jumps than this part of the rows, nothing is known between them: no lines are drawn
 _ROWS_ONLY = 0.9
+_STACKED = 4  # with more panels there are two columns of them
 _LABELLED = 12  # impulses whose times fit above their bars
 _EXPECTED = ("unresolved", "provisional: the record ends inside its window")
 _TRUTH, _BAND, _ESTIMATE, _ALARM = BLACK, BLUE, BLUE, VERMILION
@@ -48,8 +50,14 @@ def plot_estimate(estimate: str, data: str | None, output: str, events: str | No
     found = {} if events is None else read_columns(events)
     measured = [name for name in truth if name[0] == "y" and name[1:].isdigit()] if found else []
     panels = [*measured, *names, *(["weight"] if found else [])]
-    with picture(7.0, 1.2 + 1.7 * len(panels), output) as figure:
-        axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
+    columns = 1 if found or len(panels) <= _STACKED else 2
+    rows = -(-len(panels) // columns)
+    with picture(7.0 + 3.5 * (columns - 1), 1.2 + 1.7 * rows, output) as figure:
+        grid = figure.subplots(rows, columns, sharex=True, squeeze=False)
+        axes = grid.ravel()[: len(panels)]
+        bottom = axes[-columns:]
+        for axis in grid.ravel()[len(panels) :]:
+            axis.set_axis_off()
         for axis, name in zip(axes, panels, strict=True):
             if name == "weight":
                 _weights(axis, found, str(events))
@@ -61,11 +69,14 @@ def plot_estimate(estimate: str, data: str | None, output: str, events: str | No
                 if name != "weight":
                     _bands(axis, found, str(events))
                 _open_end(axis, t, estimates.get("status", []))
-        axes[-1].set_xlabel("time")
+        for axis in bottom:
+            axis.set_xlabel("time")
+            axis.tick_params(labelbottom=True)
         told = estimates.get("status", [])
         if found:  # the open end is shaded
             told = ["; ".join(w for w in s.split("; ") if w not in _EXPECTED) for s in told]
-        _mark_status(axes[-1], t, told)
+        for axis in bottom:
+            _mark_status(axis, t, told)
         handles, labels = axes[0].get_legend_handles_labels()
         for axis in axes[1:]:
             for handle, label in zip(*axis.get_legend_handles_labels(), strict=True):
@@ -166,14 +177,25 @@ def _weights(axis: Any, events: dict[str, list[str]], path: str) -> None:
         )
         tops = np.maximum(tops, weights + 2 * spread)
     if len(t) <= _LABELLED:
-        for moment, top in zip(t, tops, strict=True):
-            axis.annotate(f"{moment:.3g}", (moment, top), (0, 3), textcoords="offset points",
+        for text, moment, top in zip(_moments(t, events, path), t, tops, strict=True):
+            axis.annotate(text, (moment, top), (0, 3), textcoords="offset points",
                           ha="center", fontsize=8)  # fmt: skip
     axis.axhline(0, color="0.3", lw=0.6)
     axis.margins(y=0.25)
     if len(t) and tops.min() > 0:
         axis.set_ylim(bottom=0)
     axis.set_ylabel("weight", rotation=0, ha="right", va="center")
+
+
+def _moments(t: Vector, events: dict[str, list[str]], path: str) -> list[str]:
+    """Times with the decimals that their deviations leave, doubtful ones with a question mark."""
+    found = []
+    spread = np.nan_to_num(_numbers(events, "t_std", path))
+    for moment, std, status in zip(t, spread, events.get("status", ["ok"] * len(t)), strict=True):
+        decimals = max(0, math.ceil(-math.log10(2 * std))) if std > 0 else 6
+        text = f"{moment:.{min(decimals, 6)}f}" if std > 0 else f"{moment:.4g}"
+        found.append(text + ("" if status in ("ok", *_EXPECTED) else " ?"))
+    return found
 
 
 def _open_end(axis: Any, t: Vector, statuses: list[str]) -> None:

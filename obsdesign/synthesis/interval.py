@@ -19,7 +19,7 @@ from lmi.patience import hurried
 from obsdesign.equations import interval as equations
 from obsdesign.equations.estimation_error import idle_gains
 from obsdesign.equations.interval_width import WidthSystem, width_system_of
-from obsdesign.errors import InputError
+from obsdesign.errors import InputError, LimitError
 from obsdesign.problem import Problem
 from obsdesign.structure import hidden_for_ever
 from obsdesign.synthesis.candidate import Candidate
@@ -104,7 +104,7 @@ def _refuse_beyond_floats(problem: Problem, given: Mapping[str, Any]) -> None:
     ):
         largest = 0.0 if entries is None else float(np.abs(entries).max())
         if {"L", "M"} - set(given) and largest > _LARGEST:
-            raise InputError(
+            raise LimitError(
                 f"{name} must not exceed {_LARGEST:g} where gains are to be found; got "
                 f"{largest:g}. Is it in the plant's units?"
             )
