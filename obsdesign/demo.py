@@ -9,9 +9,10 @@ import click
 import numpy as np
 
 from obsdesign import workflow
-from obsdesign.document import load_design, write_text
+from obsdesign.document import load_design
 from obsdesign.errors import InputError
 from obsdesign.execution import execute
+from obsdesign.output_files import write_text
 from obsdesign.plotting.estimate import plot_estimate
 from obsdesign.presentation import EXIT_CODES, show
 from obsdesign.problem import load_problem

@@ -11,8 +11,8 @@ from contextlib import contextmanager
 from itertools import chain
 from typing import Any, TextIO
 
-from obsdesign.document import refuse_overwriting, replacing
 from obsdesign.errors import InputError
+from obsdesign.output_files import refuse_overwriting, replacing
 from obsdesign.records import Layout, estimate_header, estimate_line, event_line, read_samples
 from obsdesign.runtime import load
 from obsdesign.runtime.base import Estimate, Sample

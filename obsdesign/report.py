@@ -22,10 +22,11 @@ from obsdesign.comparison.compare import MOST_ROWS, beside_filter
 from obsdesign.comparison.record import Record
 from obsdesign.comparison.row import table
 from obsdesign.curves import curve_of
-from obsdesign.document import Design, jsonable, load_design, write_text
+from obsdesign.document import Design, jsonable, load_design
 from obsdesign.errors import InputError
 from obsdesign.evidence import numbers_of
 from obsdesign.execution import execute
+from obsdesign.output_files import write_text
 from obsdesign.problem import Problem
 from obsdesign.records import table_text
 from obsdesign.simulation import simulate

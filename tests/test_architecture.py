@@ -76,7 +76,8 @@ LIGHT = ("numpy", "lmi.exponential", "lmi.enclosure")
     ("prefix", "allowed"),
     [
         ("obsdesign.equations", (*LIGHT, "obsdesign.equations")),
-        ("obsdesign.document", (*LIGHT, "obsdesign.errors")),
+        ("obsdesign.output_files", ("obsdesign.errors",)),
+        ("obsdesign.document", (*LIGHT, "obsdesign.errors", "obsdesign.output_files")),
         ("obsdesign.errors", ()),
         (
             "obsdesign.runtime",

@@ -32,7 +32,7 @@ def simulate(source: str, output: str, events: str | None, seed: int, **options:
     """Simulate the plant of a problem or design exactly, with its true state."""
     import numpy as np
 
-    from obsdesign.document import refuse_overwriting, write_text
+    from obsdesign.output_files import refuse_overwriting, write_text
     from obsdesign.records import table_text
     from obsdesign.simulation import simulate as run_simulation
 
@@ -105,7 +105,7 @@ def plot(estimate: str, data: str | None, output: str, events: str | None) -> in
     ESTIMATE may also be the answer of `search --json` or a design: the dwell times that are proved;
     or the JSON lines of `sweep`: a curve or a map.
     """
-    from obsdesign.document import refuse_overwriting
+    from obsdesign.output_files import refuse_overwriting
 
     refuse_overwriting(output, estimate, data, events)
     suffix = Path(estimate).suffix.lower()
@@ -139,8 +139,9 @@ def export(design_file: str, output: str) -> int:
     """Write the gains and the plant of DESIGN to a MATLAB file."""
     if Path(output).suffix.lower() != ".mat":
         raise InputError(f"{output}: gains are exported to a file that ends in .mat.")
-    from obsdesign.document import load_design, refuse_overwriting
+    from obsdesign.document import load_design
     from obsdesign.interop.export import save_mat
+    from obsdesign.output_files import refuse_overwriting
 
     refuse_overwriting(output, design_file)
     design = load_design(design_file)

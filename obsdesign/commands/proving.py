@@ -46,7 +46,7 @@ def design(
 ) -> int:
     """Synthesise what PROBLEM leaves open, prove it, and write a design file."""
     from obsdesign import workflow
-    from obsdesign.document import refuse_overwriting
+    from obsdesign.output_files import refuse_overwriting
     from obsdesign.presentation import EXIT_CODES, answer, show
 
     loaded, dropped = problem_of(problem, kind)

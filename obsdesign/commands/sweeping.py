@@ -37,7 +37,7 @@ def sweep(
     """Map WHAT for PROBLEM over one or two of its entries; `plot` draws it."""
     for name in _THREADS:
         os.environ.setdefault(name, "1")
-    from obsdesign.document import refuse_overwriting
+    from obsdesign.output_files import refuse_overwriting
     from obsdesign.sweep.axes import parse_axis
     from obsdesign.sweep.point import plan_sweep
     from obsdesign.sweep.run import counted, run_sweep

@@ -9,9 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from obsdesign.document import Design, replacing
+from obsdesign.document import Design
 from obsdesign.equations.estimation_error import flow_error_matrix
 from obsdesign.errors import InputError
+from obsdesign.output_files import replacing
 
 # why the observer of a kind is no linear time-invariant system from (y, u) to x_hat
 _NOT_LINEAR = {

@@ -15,9 +15,10 @@ from types import TracebackType
 from typing import Any, BinaryIO
 
 from obsdesign import __version__
-from obsdesign.document import digest, write_text
+from obsdesign.document import digest
 from obsdesign.entries import is_number
 from obsdesign.errors import InputError
+from obsdesign.output_files import write_text
 from obsdesign.sweep.point import MOST_POINTS, Plan
 
 FORMAT = "obsdesign/sweep"
