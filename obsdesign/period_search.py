@@ -16,6 +16,7 @@ import numpy as np
 
 from lmi.balls import precision
 from lmi.norms import float_above, float_below
+from lmi.patience import listening
 from obsdesign.document import Claim
 from obsdesign.equations import finite_time as equations
 from obsdesign.errors import InputError
@@ -74,7 +75,7 @@ def search_period(problem: Problem, what: str) -> Outcome:
     asked = {} if what == "shortest_window" else _without_window(problem)
     if text := equations.objection(problem.plant, asked):
         raise InputError(text)
-    with precision(_BITS):
+    with listening() as remarks, precision(_BITS):
         first = observable(Sampled.of(problem.plant.flow.A, problem.plant.output.C, period, 1))
         if first.verdict != "proved":
             return _outcome(problem, None, first, False)
@@ -85,7 +86,8 @@ def search_period(problem: Problem, what: str) -> Outcome:
         "longest_period", False,
     )  # fmt: skip
     outcome = _outcome(problem, found, first, searched)
-    return replace(outcome, result={**outcome.result, **better})
+    told = {"remarks": remarks} if remarks else {}
+    return replace(outcome, result={**outcome.result, **better, **told})
 
 
 def _without_window(problem: Problem) -> dict[str, Any]:

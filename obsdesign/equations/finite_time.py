@@ -27,13 +27,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lmi.exponential import exponential_grid
+from lmi.exponential import expm, exponential_grid
 from obsdesign.equations.estimation_error import plant_data
 
 Array = NDArray[Any]
 
 METHODS = ("least_squares", "exact", "approximate", "minimax")
 NEED_L = ("exact", "approximate")
+# which state a bias is measured against, and rows are written in: x(t_i) or x(t_i - T)
+END, START = "end", "start"
+REFERENCES = (END, START)
+# largest deviation of G O from what it should be, states in units of `state_scales`: what rounding
+# leaves of gains that do not amplify beyond reason
+UNBIASED = 1e-8
 # T / nu counts as whole when it is that close to a whole number: both are decimal numbers
 WHOLE_TOLERANCE = 1e-9
 # more samples than this make a design file too large to handle
@@ -135,19 +141,24 @@ def relative_deviations(output: Any) -> Array:
 # --- what the samples see -----------------------------------------------------------------------
 
 
-def sample_rows(A: Array, C: Array, period: float, k: int) -> Array:
-    """C A_d^(j-k), j = 0..k-1, (k, p, n): the samples as functions of x(t_i)."""
-    backwards = exponential_grid(-A, period, period, k)
+def sample_rows(A: Array, C: Array, period: float, k: int, reference: str = END) -> Array:
+    """C A_d^(j-k), j = 0..k-1, (k, p, n): the samples as functions of x(t_i).
+
+    With START C A_d^j: of x(t_i - T). Fast stable modes are large in the one, unstable ones in
+    the other.
+    """
     with np.errstate(over="ignore", invalid="ignore"):
-        return C @ backwards[::-1]
+        if reference == START:
+            return np.asarray(C @ exponential_grid(A, 0.0, period, k))
+        return np.asarray(C @ exponential_grid(-A, period, period, k)[::-1])
 
 
-def stacked_rows(C: Array, back: Array, k: int) -> Array:
-    """The same from A_d^-1 by products, for ball numbers."""
-    rows = [C @ back]
+def stacked_rows(C: Array, power: Array, k: int) -> Array:
+    """C, C X, ..., C X^(k-1), (k, p, n), by products, for ball numbers."""
+    rows = [C]
     for _ in range(k - 1):
-        rows.append(rows[-1] @ back)
-    return np.array(rows[::-1])
+        rows.append(rows[-1] @ power)
+    return np.array(rows)
 
 
 def state_scales(A: Array, C: Array, window: float) -> Array:
@@ -187,6 +198,13 @@ def approx_determinacy(rows: Array, scales: Array) -> float:
     return float(values[-1] / math.sqrt(float((values**2).sum()) or 1.0))
 
 
+def approx_reach(A: Array, C: Array, period: float, k: int) -> float:
+    """How well k samples determine the state: at the window's end or at its start, in floats."""
+    scales = state_scales(A, C, k * period)
+    stacks = (sample_rows(A, C, period, k, reference) for reference in REFERENCES)
+    return max(approx_determinacy(rows.reshape(-1, len(A)), scales) for rows in stacks)
+
+
 def pathological_pairs(A: Array, period: float) -> list[tuple[complex, complex, float]]:
     """Eigenvalues of A that (almost) coincide after sampling: (one, other, turns between them).
 
@@ -209,7 +227,7 @@ def pathological_pairs(A: Array, period: float) -> list[tuple[complex, complex, 
 
 
 def least_squares_gain(rows: Array, deviations: Array) -> Array:
-    """Gains (n, m) of the weighted least-squares estimate, by QR.
+    """Gains (n, m) of the weighted least-squares estimate of the state that rows speak of, by QR.
 
     rows: (m, n), of `sample_rows`; deviations: (m,) relative sizes of the samples' errors.
     """
@@ -220,9 +238,17 @@ def least_squares_gain(rows: Array, deviations: Array) -> Array:
     return scales[:, None] * np.linalg.solve(R, Q.T) * weights
 
 
-def made_unbiased(gain: Array, rows: Array, unbiased: Array) -> Array:
-    """The gain made unbiased, G + (I - G O) G_0, by a G_0 that is: G_0 O = I. rows: O, (m, n)."""
-    return gain + (np.eye(rows.shape[1]) - gain @ rows) @ unbiased
+def made_unbiased(gain: Array, rows: Array, unbiased: Array, wanted: Array) -> Array:
+    """The gain made unbiased, G + (X - G O) G_0, by a G_0 that is: G_0 O = I. rows: O, (m, n).
+
+    wanted: X = G O, what x(t_i) is of the state that rows speak of (`last_state`).
+    """
+    return gain + (wanted - gain @ rows) @ unbiased
+
+
+def last_state(A: Array, window: float, reference: str) -> Array:
+    """x(t_i) as a function of x(t_i), or with START of x(t_i - T): I or A_d^k, (n, n)."""
+    return np.asarray(expm(A * window)) if reference == START else np.eye(len(A))
 
 
 def discrete_injection(

@@ -20,7 +20,7 @@ from obsdesign.runtime.approximate_inputs import ApproximateInputs, Known
 from obsdesign.runtime.base import RELATIVE_TIME_TOLERANCE, Vector, vector
 from obsdesign.runtime.point import SteppedObserver
 from obsdesign.runtime.step_cache import cached_step
-from obsdesign.runtime.window_error import FlowMaps, WindowError, flow_maps
+from obsdesign.runtime.window_error import FlowMaps, WindowError, flow_maps, window_length
 from obsdesign.runtime.window_tape import Tape
 
 # rounding of y - C w, as a part of w
@@ -32,6 +32,18 @@ _GROWN = 2.0
 _LEAST_TICKS = 64
 
 
+class Cover(NamedTuple):
+    """A radius that holds as long as everything it depends on stays below what is stored here."""
+
+    w: Vector
+    x: Vector
+    forced: Vector
+    square: float
+    lift: Vector
+    slip: Vector
+    radius: Vector
+
+
 class FiniteTimeState(NamedTuple):  # a frozen dataclass of this size costs more than the step
     """Everything the next step needs, just after time t.
 
@@ -40,7 +52,7 @@ class FiniteTimeState(NamedTuple):  # a frozen dataclass of this size costs more
     since: instants since w was moved; sampled: time of the last instant; good: was x taken from
     a full window, False with gaps, None not yet; |state - centre| <= radius; slip: rounding of w
     per step; lift: what moving w has cost the window; anchor, ticks: an instant, and how many ago
-    it was; tape, end: where the window may grow.
+    it was; tape, end: where the window may grow; cover: the last radius, and how long it holds.
     """
 
     t: float
@@ -64,6 +76,7 @@ class FiniteTimeState(NamedTuple):  # a frozen dataclass of this size costs more
     started: bool
     tape: Tape | None = None
     end: int = 0
+    cover: Cover | None = None
 
 
 @dataclass(frozen=True)
@@ -144,7 +157,9 @@ class SamplingWindow(SteppedObserver[FiniteTimeState]):
             return state._replace(x=x, good=True)
         x = self._seen_back @ state.w + self.gains["window_gain"] @ state.window
         if self.bounded:
-            radius = self._error.radius(state.window, state.w, x, state.slip) + state.lift
+            size, away = window_length(state.window), np.abs(x - state.w)
+            w = np.abs(state.w)
+            radius = self._error.radius(size, w, np.abs(x), state.slip, away) + state.lift
             state = state._replace(centre=x, radius=radius)
         return self._refreshed(state._replace(x=x, good=True, since=state.since + 1))
 
@@ -155,14 +170,18 @@ class SamplingWindow(SteppedObserver[FiniteTimeState]):
         """
         if state.since < self.k or not self._driven or state.known is not None:
             return state
-        if not self.bounded:
-            window = state.window - self._rows @ (state.x - state.w)
-            return state._replace(w=state.x, window=window, since=0, tape=None)
-        away = state.x - state.w
-        if not np.abs(state.w).max() > _GROWN * np.abs(state.x).max():
+        if self.bounded and not np.abs(state.w).max() > _GROWN * np.abs(state.x).max():
             return state._replace(since=0, lift=np.zeros(self.n))
-        window, lift = self._error.moved(state.window, away)
-        return state._replace(w=state.x, window=window, lift=lift, since=0, tape=None)
+        if self._of_start is None:
+            away, w = state.x - state.w, state.x
+        else:  # back in time fast modes would explode: from the window's start instead
+            away = self._of_start @ np.nan_to_num(state.window)
+            w = state.w + self._last @ away
+        if self.bounded:
+            window, lift = self._error.moved(state.window, away, w)
+        else:
+            window, lift = state.window - self._rows @ away, state.lift
+        return state._replace(w=w, window=window, lift=lift, since=0, tape=None)
 
     def _from_the_rest(self, state: FiniteTimeState) -> Vector | None:
         """Least squares on the samples that are there; None if they do not determine the state."""
@@ -174,7 +193,7 @@ class SamplingWindow(SteppedObserver[FiniteTimeState]):
             return None
         deviations = np.tile(self.gains["deviations"], self.k)[there]
         gain = equations.least_squares_gain(rows, deviations)
-        return np.asarray(state.w + gain @ state.window[there])
+        return np.asarray(state.w + self._last @ (gain @ state.window[there]))
 
     def _pushed(self, state: FiniteTimeState, y: Vector | None) -> FiniteTimeState:
         p = len(self.gains["C"])
@@ -253,10 +272,28 @@ class SamplingWindow(SteppedObserver[FiniteTimeState]):
 
     @cached_property
     def _rows(self) -> Vector:
-        """C A_d^(j-k), (k p, n)."""
+        """C A_d^(j-k), or C A_d^j where the window speaks of its start, (k p, n)."""
         gains = self.gains
-        rows = equations.sample_rows(gains["A"], gains["C"], float(gains["period"]), self.k)
+        rows = equations.sample_rows(gains["A"], gains["C"], self._period, self.k, self._reference)
         return rows.reshape(-1, self.n)
+
+    @cached_property
+    def _reference(self) -> str:
+        return str(self.gains.get("reference", equations.END))
+
+    @cached_property
+    def _last(self) -> Vector:
+        """x(t_i) as a function of what `_rows` speak of."""
+        if self.bounded and self._error.start is not None:
+            return self._error.start.last.mid
+        return equations.last_state(self.gains["A"], self.k * self._period, self._reference)
+
+    @cached_property
+    def _of_start(self) -> Vector | None:
+        """x(t_i - T) - w from the window; None where the window speaks of its end."""
+        if self._reference == equations.END:
+            return None
+        return equations.least_squares_gain(self._rows, np.ones(len(self._rows)))
 
     @cached_property
     def _scales(self) -> Vector:

@@ -8,12 +8,17 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
 from obsdesign.runtime.base import Estimate, Sample, Vector, vector
-from obsdesign.runtime.sampling_window import SEEN_ROUNDING, FiniteTimeState, SamplingWindow
+from obsdesign.runtime.sampling_window import (
+    SEEN_ROUNDING,
+    Cover,
+    FiniteTimeState,
+    SamplingWindow,
+)
+from obsdesign.runtime.window_error import window_length
 from obsdesign.runtime.window_tape import Tape
 
 
@@ -49,37 +54,59 @@ class SteadyWindow(SamplingWindow):
             drive = drive if (u == state.u).all() else self._drive(u)
         # dot, as its overhead is half that of @
         x = gain.dot(state.window)
-        if plain:
-            w, residual, slip, radius, low, high = state.w, y, state.slip, state.radius, None, None
-        else:
-            x, w, residual, slip, radius, low, high = self._driven_or_bounded(state, x, y)
+        w, residual, slip, radius, low, high, cover = (
+            state.w,
+            y,
+            state.slip,
+            state.radius,
+            None,
+            None,
+            None,
+        )
+        if not plain:
+            if self._driven:  # one product for w and what it measures
+                moved = self._flow_and_seen.dot(w) + state.drive
+                w, residual = moved[:-p], y - moved[-p:]
+                x = x + (w if self._unbiased else self._seen_back.dot(w))
+            if self.bounded:
+                cover = self._cover(state, x, w)
+                slip, radius = cover.slip, cover.radius
+                low, high = self._ends(x, radius)
         tape, end = state.tape, state.end
         window = None if tape is None else tape.after(end, residual, size)
         if window is None:
             tape, end = Tape(state.window), size
             window = tape.after(size, residual, size)
         new = (t, x, w, u, drive, window, state.known, state.filled, 0, state.since + 1, t, True, x,
-               radius, slip, state.lift, state.anchor, ticks, True, tape, end + p)  # fmt: skip
+               radius, slip, state.lift, state.anchor, ticks, True, tape, end + p,
+               cover)  # fmt: skip
         return tuple.__new__(FiniteTimeState, new), Estimate(t, x, low, high)
 
-    def _driven_or_bounded(self, state: FiniteTimeState, x: Vector, y: Vector) -> Any:
-        """x, w, y - C w, slip, radius and bounds; x arrives as the product with the window."""
-        w, residual, slip = state.w, y, state.slip
-        if self._driven:  # one product for w and what it measures
-            moved = self._flow_and_seen.dot(w) + state.drive
-            if self.bounded:
-                slip = self._slipped(state, moved[: -self._p])
-            w, residual = moved[: -self._p], y - moved[-self._p :]
-            x = x + (w if self._unbiased else self._seen_back.dot(w))
-        if not self.bounded:
-            return x, w, residual, slip, state.radius, None, None
-        radius = self._error.radius(state.window, w, x, slip) + state.lift
-        return x, w, residual, slip, radius, *self._ends(x, radius)
+    def _cover(self, state: FiniteTimeState, x: Vector, w: Vector) -> Cover:
+        """The radius at x, with the rounding of w up to now: the last one as long as it holds.
 
-    def _slipped(self, state: FiniteTimeState, w: Vector) -> Vector:
-        """Rounding of w per step, and of what it measures: at most this so far."""
-        error = self._period_maps.error(state.w, self._forced(state.u))
-        return np.maximum(state.slip, error + SEEN_ROUNDING * np.abs(w))
+        It is worked out for twice the sizes it depends on: what it adds to `proved` is rounding.
+        """
+        cover, square = state.cover, float(state.window.dot(state.window))
+        forced = self._forced(state.u) if len(state.u) else self._middle
+        if (
+            cover is not None
+            and square <= cover.square
+            and state.lift is cover.lift
+            and (np.abs(x) <= cover.x).all()
+            and (not self._driven or (np.abs(w) <= cover.w).all())
+            and (forced is self._middle or (np.abs(forced) <= cover.forced).all())
+        ):
+            return cover
+        most_x, most = 2 * np.abs(x), 2 * np.maximum(np.abs(w), np.abs(state.w))
+        push = 2 * np.abs(forced)
+        slip = state.slip
+        if self._driven:
+            slip = np.maximum(slip, self._period_maps.error(most, push) + SEEN_ROUNDING * most)
+        away = most_x + most if self._driven else most_x
+        size = 2 * window_length(state.window)
+        radius = self._error.radius(size, most, most_x, slip, away) + state.lift
+        return Cover(most, most_x, push, 4 * square, state.lift, slip, radius)
 
     @staticmethod
     def _ends(centre: Vector, radius: Vector) -> tuple[Vector, Vector]:

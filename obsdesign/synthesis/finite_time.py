@@ -14,8 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from lmi.balls import entries, exact, identity, precision, scalar
+from lmi.balls import precision, scalar
 from lmi.norms import float_above, middles
+from lmi.patience import remark
 from obsdesign.equations import finite_time as equations
 from obsdesign.errors import InputError
 from obsdesign.problem import Problem
@@ -28,7 +29,7 @@ from obsdesign.synthesis.finite_time_injection import (
 )
 from obsdesign.synthesis.finite_time_noise import quiet_injection, quiet_samples
 from obsdesign.synthesis.minimax import minimax_gain
-from obsdesign.window_bounds import disturbance_bound, error_radius
+from obsdesign.window_bounds import bias, disturbance_bound, error_radius
 from obsdesign.window_gains import Sampled, approximate_gain, exact_gain, half_period
 
 _BITS = (160, 320)
@@ -36,6 +37,8 @@ _BITS = (160, 320)
 _DETERMINED = 1e-2
 _LONGEST_DEFAULT = 2048
 _SINGULAR = 1e-11
+# a bias above is corrected once more, with exact numbers
+_ROUNDING = 1e-13
 _BY_13 = ("longest_period", "shortest_window")
 
 
@@ -76,7 +79,7 @@ def _injection(problem: Problem, k: int) -> Injection:
     A, C, L = problem.plant.flow.A, problem.plant.output.C, problem.gains.get("L")
     period = float(problem.plant.output.period or 1.0)
     window, objective = k * period, problem.options.get("objective")
-    blind = _reach(A, C, period, k) < _SINGULAR
+    blind = equations.approx_reach(A, C, period, k) < _SINGULAR
     if L is not None and (blind or objective not in _BY_13 or not np.any(L @ C)):
         return Injection(L, window, -math.inf)
     if blind:
@@ -97,9 +100,21 @@ def _injection(problem: Problem, k: int) -> Injection:
 
 
 def _completed(problem: Problem, gains: dict[str, Any]) -> dict[str, Any]:
-    """With the gains on the window and what they may be off by."""
-    gains = gains | {"window_gain": _window_gain(problem, gains)}
-    return gains if gains["method"] == "approximate" else gains | _errors(gains)
+    """With the gains on the window and what they may be off by.
+
+    Against the last state; where that is hopeless, as fast modes have decayed, against the first.
+    """
+    chosen = gains | {"window_gain": _window_gain(problem, gains)}
+    if gains["method"] == "approximate":
+        return chosen
+    chosen, error, size = _refined(chosen)
+    if not size <= equations.UNBIASED and np.linalg.eigvals(gains["A"]).real.min() < 0:
+        other = gains | {"reference": equations.START}
+        other |= {"window_gain": _window_gain(problem, other)}
+        other, of_other, smaller = _refined(other)
+        if smaller <= equations.UNBIASED:
+            chosen, error = other, of_other
+    return chosen | {"radius": _radius(chosen), "state_error": error}
 
 
 def _disturbed(plant: dict[str, Any]) -> bool:
@@ -113,7 +128,10 @@ def _samples(problem: Problem) -> int:
     if "window" in problem.options:
         return equations.window_samples(problem.options["window"], period)
     A, C, objective = plant.flow.A, plant.output.C, problem.options.get("objective")
-    shortest = next((k for k in range(1, plant.n + 1) if _reach(A, C, period, k) > _SINGULAR), None)
+    shortest = next(
+        (k for k in range(1, plant.n + 1) if equations.approx_reach(A, C, period, k) > _SINGULAR),
+        None,
+    )
     k: int | None = None
     if objective == "shortest_window":
         k = shortest
@@ -121,7 +139,9 @@ def _samples(problem: Problem) -> int:
     if by_13 and shortest is not None and problem.options.get("method") in equations.NEED_L:
         k = _samples_for_13(Open(A, C, None, problem.gains.get("L")), period, shortest, objective)
     if objective == "least_noise" and shortest is not None:
-        enough = [n for n in _counts(plant.n) if _reach(A, C, period, n) >= _DETERMINED]
+        enough = [
+            n for n in _counts(plant.n) if equations.approx_reach(A, C, period, n) >= _DETERMINED
+        ]
         k = quiet_samples(plant, enough) if enough else None
     return _well_determined(A, C, period) if k is None else k
 
@@ -139,7 +159,7 @@ def _well_determined(A: Any, C: Any, period: float) -> int:
     """The first of n, 2 n, ... samples that determines the state well, or half as well as any."""
     found = []
     for k in _counts(len(A)):
-        found.append((_reach(A, C, period, k), k))
+        found.append((equations.approx_reach(A, C, period, k), k))
         if found[-1][0] >= _DETERMINED:
             return k
     best = max(reach for reach, _ in found)
@@ -153,28 +173,35 @@ def _counts(n: int) -> list[int]:
     return counts
 
 
-def _reach(A: Any, C: Any, period: float, k: int) -> float:
-    rows = equations.sample_rows(A, C, period, k).reshape(-1, len(A))
-    return equations.approx_determinacy(rows, equations.state_scales(A, C, k * period))
-
-
 def _window_gain(problem: Problem, gains: dict[str, Any]) -> Any:
     """Gains (n, k p) of the method; zeros, which are refuted, where it has none in binary64."""
     A, C, k, method = gains["A"], gains["C"], gains["samples"], gains["method"]
     nothing = np.zeros((len(A), k * len(C)))
-    rows = equations.sample_rows(A, C, gains["period"], k)
+    reference = gains.get("reference", equations.END)
+    rows = equations.sample_rows(A, C, gains["period"], k, reference)
+    wanted = equations.last_state(A, k * gains["period"], reference)
     flat = rows.reshape(-1, len(A))
     if equations.approx_determinacy(flat, np.ones(len(A))) == 0.0:
         return nothing
-    fitted = equations.least_squares_gain(
+    left = equations.least_squares_gain(
         flat, np.tile(equations.relative_deviations(problem.plant.output), k)
     )
+    fitted = wanted @ left
     if method == "least_squares":
-        return equations.made_unbiased(fitted, flat, fitted)
+        return equations.made_unbiased(fitted, flat, left, wanted)
     if method == "minimax":
-        # row by row: where the solver gives up, least squares is unbiased too
-        found = minimax_gain(gains, rows)
-        return equations.made_unbiased(np.where(np.isfinite(found), found, fitted), flat, fitted)
+
+        def project(gain: Any) -> Any:
+            return equations.made_unbiased(gain, flat, left, wanted)
+
+        found, kept = minimax_gain(gains, project(fitted), project)
+        if kept:
+            told = ", ".join(f"x{r + 1}" for r in kept)
+            remark(
+                f"minimax: the solvers find nothing better for {told} than least squares, whose "
+                "gains are used for it"
+            )
+        return found
     found = _formula(gains)
     return nothing if found is None or not np.isfinite(found).all() else found
 
@@ -183,7 +210,7 @@ def _formula(gains: dict[str, Any]) -> Any:
     """(14), or (9) with (16), rounded from an enclosure that is tight enough."""
     for bits in _BITS:
         with precision(bits):
-            sampled = Sampled.of(gains["A"], gains["C"], gains["period"], gains["samples"])
+            sampled = _sampled(gains)
             if gains["method"] == "exact":
                 found = exact_gain(sampled, gains["L"])[1]
             else:
@@ -195,15 +222,45 @@ def _formula(gains: dict[str, Any]) -> Any:
     return None
 
 
-def _errors(gains: dict[str, Any]) -> dict[str, Any]:
-    """radius (n,), state_error (n, n): what the stored gains may be off by, rounded upwards."""
+def _radius(gains: dict[str, Any]) -> Any:
+    """(n,): what noise and disturbance inside their bounds do to the estimate, rounded upwards."""
     with precision(_BITS[0]):
-        sampled = Sampled.of(gains["A"], gains["C"], gains["period"], gains["samples"])
-        gain = gains["window_gain"]
-        sizes = error_radius(sampled, gain, gains["noise_bound"], disturbance_bound(gains))
-        error = exact(gain) @ sampled.rows() - entries(identity(len(gains["A"])))
-        state_error = np.array([[float_above(abs(x)) for x in row] for row in error])
-        return {
-            "radius": np.array([float_above(scalar(x)) if x > 0 else 0.0 for x in sizes]),
-            "state_error": np.where(np.isfinite(state_error), state_error, 1e300),
-        }
+        sizes = error_radius(
+            _sampled(gains), gains["window_gain"], gains["noise_bound"], disturbance_bound(gains)
+        )
+        return np.array([float_above(scalar(x)) if x > 0 else 0.0 for x in sizes])
+
+
+def _refined(gains: dict[str, Any]) -> tuple[dict[str, Any], Any, float]:
+    """Gains made unbiased once more; state_error (n, n); the latter's size, units scaled away.
+
+    With exact numbers: floats alone leave a bias that is amplified twice.
+    """
+    with precision(_BITS[0]):
+        sampled = _sampled(gains)
+        error, size = bias(sampled, gains["window_gain"])
+        free = gains["method"] not in equations.NEED_L
+        if free and _ROUNDING < float_above(size) < 1:
+            moved = _less(gains, sampled, error)
+            of_moved, smaller = bias(sampled, moved["window_gain"])
+            if float_above(smaller) < float_above(size):
+                gains, error, size = moved, of_moved, smaller
+        found = np.array([[float_above(abs(x)) for x in row] for row in error])
+        return gains, np.where(np.isfinite(found), found, 1e300), float_above(size)
+
+
+def _less(gains: dict[str, Any], sampled: Sampled, error: Any) -> dict[str, Any]:
+    """The gains less an error (n, n) of G O."""
+    rows = equations.sample_rows(
+        gains["A"], gains["C"], gains["period"], gains["samples"], sampled.reference
+    ).reshape(-1, len(error))
+    try:
+        left = equations.least_squares_gain(rows, np.ones(len(rows)))
+    except np.linalg.LinAlgError:
+        return gains
+    return gains | {"window_gain": gains["window_gain"] - middles(error) @ left}
+
+
+def _sampled(gains: dict[str, Any]) -> Sampled:
+    reference = gains.get("reference", equations.END)
+    return Sampled.of(gains["A"], gains["C"], gains["period"], gains["samples"], reference)

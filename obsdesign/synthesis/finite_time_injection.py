@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lmi.patience import until
+from lmi.patience import remark, until
 from obsdesign.equations import finite_time as equations
 from obsdesign.equations.finite_time_bounds import approx_log_longest_period
 from obsdesign.synthesis.period_nlp import (
@@ -197,8 +197,12 @@ def _polished(asked: Open, start: Injection, end: float) -> Injection:
             options = {**_NELDER_MEAD, "initial_simplex": simplex}
             x = minimize(polish.cost, x, method="Nelder-Mead", options=options).x
     except _Over:
-        pass
+        _ended("of L, the window or the coordinates")
     return polish.best
+
+
+def _ended(what: str) -> None:
+    remark(f"the search {what} ended with its time; a longer one might find better")
 
 
 # --- the fewest samples ---------------------------------------------------------------------------
@@ -251,5 +255,6 @@ def _scanned(asked: Open, L: Array, period: float, least: int) -> tuple[int | No
         if value > math.log(period):
             return k, Injection(L, k * period, value)
         if time.process_time() > end:
+            _ended("of the shortest window")
             break
     return None, Injection(L, least * period, -math.inf)

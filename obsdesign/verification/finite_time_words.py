@@ -44,7 +44,10 @@ def _estimate(problem: Problem, method: str, evidence: Mapping[str, Any]) -> tup
     when = f"Once the window is full of samples {since}and without {free} in it,"
     ids = ["consistent", "observable", "sampled_observable", "window_long_enough"]
     if method != "approximate":
-        return f"{when} the estimate is the state, to rounding.", [*ids, "unbiased"]
+        of_what = ""
+        if evidence.get("unbiased", {}).get("reference") == equations.START:
+            of_what = " of what it was at the window's start"
+        return f"{when} the estimate is the state, to rounding{of_what}.", [*ids, "unbiased"]
     ids += ["difference_invertible", "gains_of_the_method"]
     if "error_identity" in evidence:
         factor = evidence["error_identity"].get("factor", math.inf)
