@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -54,17 +54,29 @@ class Injection:
 
 @dataclass(frozen=True)
 class Open:
-    """A plant, and what of T, L and S is given; coordinates: is S to be found?"""
+    """A plant, and what of T, L and S is given; coordinates: is S to be found?
+
+    tighter: with `tighter_sigma` in place of Sigma in (13).
+    """
 
     A: Array
     C: Array
     window: float | None = None
     L: Array | None = None
     coordinates: bool = False
+    tighter: bool = False
+
+    @property
+    def unknowns(self) -> str:
+        """What is open, for a person."""
+        names = ["L"] if self.L is None else []
+        names += ["the window"] if self.window is None else []
+        names += ["coordinates S"] if self.coordinates else []
+        return " and ".join(names) + (" for a tighter Lemma 2" if self.tighter else "")
 
     def rated(self, L: Array, T: float, S: Array | None = None) -> Injection:
         """As (13) allows, and short enough for the window to hold n / p samples."""
-        value = approx_log_longest_period(self.A, self.C, L, T, S)
+        value = approx_log_longest_period(self.A, self.C, L, T, S, self.tighter)
         most = math.log(T) - math.log(math.ceil(len(self.A) / len(self.C)))
         return Injection(L, T, -math.inf if math.isnan(value) else min(value, most), S)
 
@@ -109,7 +121,7 @@ def _of_program(asked: Open, starts: int, end: float) -> list[Injection]:
         return []
     program = PeriodProgram(
         asked.A, asked.C, asked.window, L=asked.L, coordinates=asked.coordinates,
-        seconds=max(seconds / 2, 0.05),
+        tighter=asked.tighter, seconds=max(seconds / 2, 0.05),
     )  # fmt: skip
 
     def promise(start: Start) -> float:
@@ -197,12 +209,12 @@ def _polished(asked: Open, start: Injection, end: float) -> Injection:
             options = {**_NELDER_MEAD, "initial_simplex": simplex}
             x = minimize(polish.cost, x, method="Nelder-Mead", options=options).x
     except _Over:
-        _ended("of L, the window or the coordinates")
+        _ended(asked.unknowns)
     return polish.best
 
 
 def _ended(what: str) -> None:
-    remark(f"the search {what} ended with its time; a longer one might find better")
+    remark(f"the search of {what} ended with its time; a longer one might find better")
 
 
 # --- the fewest samples ---------------------------------------------------------------------------
@@ -239,7 +251,7 @@ def fewest_samples(asked: Open, period: float, least: int) -> tuple[int | None, 
 
 
 def _at(asked: Open, window: float) -> Open:
-    return Open(asked.A, asked.C, window, asked.L, asked.coordinates)
+    return replace(asked, window=window)
 
 
 def _with_samples(asked: Open, window: float, near: Injection) -> Injection:
@@ -251,10 +263,10 @@ def _scanned(asked: Open, L: Array, period: float, least: int) -> tuple[int | No
     reach = math.ceil(60.0 / (np.linalg.norm(asked.A, 2) * period))
     end = until(_SCAN_SECONDS)
     for k in range(least, max(min(equations.MOST_SAMPLES, reach), least) + 1):
-        value = approx_log_longest_period(asked.A, asked.C, L, k * period)
+        value = approx_log_longest_period(asked.A, asked.C, L, k * period, None, asked.tighter)
         if value > math.log(period):
             return k, Injection(L, k * period, value)
         if time.process_time() > end:
-            _ended("of the shortest window")
+            _ended("the shortest window")
             break
     return None, Injection(L, least * period, -math.inf)

@@ -58,7 +58,8 @@ class PeriodProgram:
     """The program of one plant, built once and solved from several starts.
 
     A (n, n), C (p, n); window, L: T and L where they are given, else None; coordinates: is S
-    free as well? seconds: of processor time, for a run.
+    free as well? tighter: with `tighter_sigma` in place of Sigma, where u is
+    log(1 + Sigma* e^{-f T}) and T stands for g; seconds: of processor time, for a run.
     """
 
     def __init__(
@@ -69,6 +70,7 @@ class PeriodProgram:
         *,
         L: Array | None = None,
         coordinates: bool = False,
+        tighter: bool = False,
         seconds: float = math.inf,
     ) -> None:
         ca = _casadi()
@@ -95,9 +97,14 @@ class PeriodProgram:
         f = ca.exp(log_f)
         log_sigma = -log_a - _softplus(log_m + log_a)
         log_g = 2 * f * T + ca.log(-ca.expm1(-2 * f * T)) - math.log(2) - log_f
+        if tighter:
+            log_g = log_T
         log_ratio = w - log_g - log_LC
         log_nu = ca.log(ca.log1p(ca.exp(log_ratio))) - _log_norm(A_s)
         equality = w + ca.exp(w) - log_sigma + f * T
+        if tighter:  # w = log u; as e^u - 1 = Sigma* e^{-f T}, which does not underflow
+            u = ca.exp(w)
+            equality = u + ca.log(-ca.expm1(-u)) - log_sigma + f * T
         unit_length = ca.dot(direction, direction) - 1
         self._A = A
         self._size_A = float(np.linalg.norm(A, 2)) or 1.0
