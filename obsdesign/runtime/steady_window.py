@@ -8,10 +8,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
-from obsdesign.runtime.base import Estimate, Sample, Vector, vector
+from obsdesign.runtime.base import RELATIVE_TIME_TOLERANCE, Estimate, Sample, Vector, vector
 from obsdesign.runtime.sampling_window import (
     SEEN_ROUNDING,
     Cover,
@@ -30,16 +31,17 @@ class SteadyWindow(SamplingWindow):
         self, state: FiniteTimeState, t: float, sample: Sample
     ) -> tuple[FiniteTimeState, Estimate] | None:
         """Step and estimate; None for any step but the usual one. The window is full and whole."""
-        period, p, size, with_inputs, moves, plain, gain = self._plan
-        if with_inputs or state.sampled != state.t or state.missing:
-            return None
-        if moves and state.since + 1 >= self.k:
-            return None  # w is to be moved onto the estimate
-        ticks = state.ticks + 1
-        if abs(t - state.t - period) > self._slack(t, period) or ticks > self._most_ticks:
-            return None
-        elapsed = ticks * period
-        if abs(t - state.anchor - elapsed) > self._slack(t, elapsed):
+        period, p, size, most_ticks, plain, gain = self._plan
+        ticks, slack = state.ticks + 1, 8 * math.ulp(t)
+        # as `_slack` for one period, and for all since the anchor
+        if (
+            state.sampled != state.t
+            or state.missing
+            or ticks > most_ticks
+            or abs(t - state.t - period) > RELATIVE_TIME_TOLERANCE * period + slack
+            or abs(t - state.anchor - ticks * period)
+            > RELATIVE_TIME_TOLERANCE * ticks * period + slack
+        ):
             return None
         y = sample.y
         if not isinstance(y, np.ndarray) or y.shape != (p,):
@@ -53,23 +55,15 @@ class SteadyWindow(SamplingWindow):
             u = vector(sample.u, len(u), "u")
             drive = drive if (u == state.u).all() else self._drive(u)
         # dot, as its overhead is half that of @
-        x = gain.dot(state.window)
-        w, residual, slip, radius, low, high, cover = (
-            state.w,
-            y,
-            state.slip,
-            state.radius,
-            None,
-            None,
-            None,
-        )
+        x, w, residual, known = gain.dot(state.window), state.w, y, state.known
+        radius, slip, cover = state.radius, state.slip, None
+        low = high = None
         if not plain:
-            if self._driven:  # one product for w and what it measures
-                moved = self._flow_and_seen.dot(w) + state.drive
-                w, residual = moved[:-p], y - moved[-p:]
-                x = x + (w if self._unbiased else self._seen_back.dot(w))
-            if self.bounded:
-                cover = self._cover(state, x, w)
+            more = self._more(state, x, y)
+            if more is None:
+                return None
+            x, w, residual, known, cover = more
+            if cover is not None:
                 slip, radius = cover.slip, cover.radius
                 low, high = self._ends(x, radius)
         tape, end = state.tape, state.end
@@ -77,10 +71,29 @@ class SteadyWindow(SamplingWindow):
         if window is None:
             tape, end = Tape(state.window), size
             window = tape.after(size, residual, size)
-        new = (t, x, w, u, drive, window, state.known, state.filled, 0, state.since + 1, t, True, x,
+        new = (t, x, w, u, drive, window, known, state.filled, 0, state.since + 1, t, True, x,
                radius, slip, state.lift, state.anchor, ticks, True, tape, end + p,
                cover)  # fmt: skip
         return tuple.__new__(FiniteTimeState, new), Estimate(t, x, low, high)
+
+    def _more(self, state: FiniteTimeState, x: Vector, y: Vector) -> Any:
+        """x, w, the residual, known inputs and the radius, where there is more than the window.
+
+        None where the usual step does not do. x arrives as the product with the window.
+        """
+        w, residual, known = state.w, y, state.known
+        if self._with_inputs and known is not None and self._inputs is not None:
+            if known.age:
+                return None  # an input changed before the last sample
+            known = self._inputs.passed(known, state.drive)
+            return x + self._inputs.weights.dot(known.closed), w, residual, known, None
+        if self._driven:  # one product for w and what it measures
+            if state.since + 1 >= self.k:
+                return None  # w is to be moved onto the estimate
+            moved = self._flow_and_seen.dot(w) + state.drive
+            w, residual = moved[: -self._p], y - moved[-self._p :]
+            x = x + (w if self._unbiased else self._seen_back.dot(w))
+        return x, w, residual, known, self._cover(state, x, w) if self.bounded else None
 
     def _cover(self, state: FiniteTimeState, x: Vector, w: Vector) -> Cover:
         """The radius at x, with the rounding of w up to now: the last one as long as it holds.
@@ -115,21 +128,16 @@ class SteadyWindow(SamplingWindow):
         return np.nextafter(low, -np.inf), np.nextafter(high, np.inf)
 
     @cached_property
-    def _plan(self) -> tuple[float, int, int, bool, bool, bool, Vector]:
+    def _plan(self) -> tuple[float, int, int, int, bool, Vector]:
         """What every step asks, in one look."""
         plain = not self._driven and not self.bounded
         size = self.k * self._p
-        return (self._period, self._p, size, self._with_inputs, self._moves, plain, self._gain)
+        return (self._period, self._p, size, self._most_ticks, plain, self._gain)
 
     @cached_property
     def _with_inputs(self) -> bool:
         """Does (14) as printed have known inputs to integrate? Without any it is a product."""
         return self._inputs is not None and self._driven
-
-    @cached_property
-    def _moves(self) -> bool:
-        """Is w moved onto the estimate, once per window?"""
-        return self._driven
 
     @cached_property
     def _unbiased(self) -> bool:

@@ -32,10 +32,11 @@ class Tape:
         None where somebody has, or where there is no room: counting is atomic, also among threads.
         """
         new = end + len(fresh)
+        claims, data = self._claims, self._data
         for place in range(end, new):
-            if next(self._claims) != place:
+            if next(claims) != place:
                 return None
-        if new > len(self._data):
+        if new > len(data):
             return None
-        self._data[end:new] = fresh
-        return self._data[new - size : new]
+        data[end:new] = fresh
+        return data[new - size : new]
