@@ -70,11 +70,13 @@ def objection(plant: Any, options: Any) -> str | None:
     return None
 
 
-def objective_objection(options: Any) -> str | None:
-    """Why `objective` has nothing to choose for a design without L, or None."""
+def objective_objection(options: Any, L: bool = False) -> str | None:
+    """Why `objective` has nothing to choose for a design, or None. L: is it given?"""
     method, objective = options.get("method", "least_squares"), options.get("objective")
-    if objective is None or method in NEED_L:
+    if objective is None:
         return None
+    if method in NEED_L:
+        return _nothing_open(method, objective, options.get("window"), L)
     if objective == "longest_period":
         return (
             "observer.objective = 'longest_period' chooses L and the window of methods 'exact' and "
@@ -84,6 +86,23 @@ def objective_objection(options: Any) -> str | None:
         return (
             f"observer.objective = {objective!r} chooses the window of method {method!r}, and "
             f"nothing else; observer.window = {options['window']!r} is given. Leave one out."
+        )
+    return None
+
+
+def _nothing_open(method: str, objective: str, window: float | None, L: bool) -> str | None:
+    """The same for methods with L; longest_period chooses coordinates S where L and T are given."""
+    if window is None:
+        return None
+    if objective == "shortest_window":
+        return (
+            "observer.objective = 'shortest_window' chooses the window; observer.window = "
+            f"{window!r} is given. Leave one out."
+        )
+    if objective == "least_noise" and L:
+        return (
+            f"observer.objective = 'least_noise' chooses L and the window of method {method!r}; "
+            "observer.gains.L and observer.window are given. Leave one of them out."
         )
     return None
 

@@ -70,7 +70,7 @@ def _coordinates(certificates: Mapping[str, Mapping[str, Any]], n: int) -> Any:
 
 def _objection(problem: Problem) -> str | None:
     text = equations.objection(problem.plant, problem.options)
-    return text or equations.objective_objection(problem.options)
+    return text or equations.objective_objection(problem.options, "L" in problem.gains)
 
 
 def expected_gains(problem: Problem, gains: Mapping[str, Any]) -> dict[str, Any]:
