@@ -28,7 +28,39 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lmi.exponential import exponential_grid
-from obsdesign.equations.estimation_error import plant_data
+from obsdesign.equations.finite_time_options import (
+    METHODS as METHODS,
+)
+from obsdesign.equations.finite_time_options import (
+    MOST_SAMPLES as MOST_SAMPLES,
+)
+from obsdesign.equations.finite_time_options import (
+    NEED_L as NEED_L,
+)
+from obsdesign.equations.finite_time_options import (
+    WHOLE_TOLERANCE as WHOLE_TOLERANCE,
+)
+from obsdesign.equations.finite_time_options import (
+    announced_jumps as announced_jumps,
+)
+from obsdesign.equations.finite_time_options import (
+    objection as objection,
+)
+from obsdesign.equations.finite_time_options import (
+    objective_objection as objective_objection,
+)
+from obsdesign.equations.finite_time_options import (
+    relative_deviations as relative_deviations,
+)
+from obsdesign.equations.finite_time_options import (
+    stored_plant as stored_plant,
+)
+from obsdesign.equations.finite_time_options import (
+    window_objection as window_objection,
+)
+from obsdesign.equations.finite_time_options import (
+    window_samples as window_samples,
+)
 from obsdesign.equations.window_rows import (
     END as END,
 )
@@ -71,123 +103,11 @@ from obsdesign.equations.window_rows import (
 
 Array = NDArray[Any]
 
-METHODS = ("least_squares", "exact", "approximate", "minimax")
-NEED_L = ("exact", "approximate")
-# T / nu counts as whole when it is that close to a whole number: both are decimal numbers
-WHOLE_TOLERANCE = 1e-9
-# more samples than this make a design file too large to handle
-MOST_SAMPLES = 20_000
 # the norm of the generator times a step of the series below, and the terms it is summed to
 _SERIES_STEP, SERIES_TERMS = 0.5, 36
 _MOST_STEPS = 500
 # least |L C| relative to |A| that a search may use: smaller ones gain nothing and lose digits
 SMALLEST_GAIN = 1e-6
-_OF_JUMPS = ("G", "E", "jump_lower", "jump_upper", "dwell_time", "dwell_jitter")
-
-
-def objection(plant: Any, options: Any) -> str | None:
-    """What forbids a finite-time observer for a problem, or None; one sentence."""
-    if plant.output.measured != "periodic":
-        return (
-            "output.measured must be periodic for kind 'finite_time'; "
-            f"got {plant.output.measured!r}."
-        )
-    method = options.get("method", "least_squares")
-    if options.get("half_sample_correction") and method != "approximate":
-        return (
-            "observer.half_sample_correction belongs to method = 'approximate'; the method is "
-            f"{method!r}, which has no bias to correct."
-        )
-    if "window" in options:
-        return window_objection(options["window"], plant.output.period)
-    return None
-
-
-def objective_objection(options: Any, L: bool = False) -> str | None:
-    """Why `objective` has nothing to choose for a design, or None. L: is it given?"""
-    method, objective = options.get("method", "least_squares"), options.get("objective")
-    if objective is None:
-        return None
-    if method in NEED_L:
-        return _nothing_open(method, objective, options.get("window"), L)
-    if objective == "longest_period":
-        return (
-            "observer.objective = 'longest_period' chooses L and the window of methods 'exact' and "
-            f"'approximate' by condition (13); the method is {method!r}, which has none."
-        )
-    if "window" in options:
-        return (
-            f"observer.objective = {objective!r} chooses the window of method {method!r}, and "
-            f"nothing else; observer.window = {options['window']!r} is given. Leave one out."
-        )
-    return None
-
-
-def _nothing_open(method: str, objective: str, window: float | None, L: bool) -> str | None:
-    """The same for methods with L; longest_period chooses coordinates S where L and T are given."""
-    if window is None:
-        return None
-    if objective == "shortest_window":
-        return (
-            "observer.objective = 'shortest_window' chooses the window; observer.window = "
-            f"{window!r} is given. Leave one out."
-        )
-    if objective == "least_noise" and L:
-        return (
-            f"observer.objective = 'least_noise' chooses L and the window of method {method!r}; "
-            "observer.gains.L and observer.window are given. Leave one of them out."
-        )
-    return None
-
-
-def window_objection(window: float, period: float) -> str | None:
-    """Why this window does not fit the period, or None."""
-    if window < period * (1 - WHOLE_TOLERANCE):
-        return (
-            f"observer.window must be at least output.period = {period!r}; got {window!r}. "
-            "The window holds no sample."
-        )
-    count = window / period
-    if count < math.inf and abs(count - round(count)) > WHOLE_TOLERANCE * count:
-        near = [k * period for k in (math.floor(count), math.ceil(count))]
-        return (
-            f"observer.window must be a multiple of output.period = {period!r}; got {window!r}, "
-            f"which is {count:.6g} periods. The nearest multiples are {near[0]:.9g} and "
-            f"{near[1]:.9g}."
-        )
-    if count > MOST_SAMPLES:
-        return (
-            f"observer.window must hold at most {MOST_SAMPLES} samples; got {count:.6g}, "
-            f"{window!r} with period {period!r}."
-        )
-    return None
-
-
-def window_samples(window: float, period: float) -> int:
-    """k = T / nu for a window that `window_objection` has nothing against."""
-    return round(window / period)
-
-
-def announced_jumps(plant: Any) -> bool:
-    """Does the data tell when the plant jumps? Impulses of unknown weight alone are not told."""
-    jump = plant.jump
-    return jump is not None and (jump.H is None or not np.array_equal(jump.G, np.eye(plant.n)))
-
-
-def stored_plant(plant: Any) -> dict[str, Any]:
-    """The plant's numbers in a design's gains: without jumps that no data announce."""
-    data = plant_data(plant) | {"period": plant.output.period}
-    if not announced_jumps(plant):
-        data = {name: value for name, value in data.items() if name not in _OF_JUMPS}
-    return data
-
-
-def relative_deviations(output: Any) -> Array:
-    """Relative sizes of the outputs' errors: standard deviations, else bounds, else equal."""
-    for sizes in (output.noise_std, output.noise_bound):
-        if (sizes > 0).all():
-            return np.asarray(sizes / sizes.max())
-    return np.ones(len(output.C))
 
 
 # --- gains ----------------------------------------------------------------------------------------

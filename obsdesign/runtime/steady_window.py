@@ -32,16 +32,8 @@ class SteadyWindow(SamplingWindow):
     ) -> tuple[FiniteTimeState, Estimate] | None:
         """Step and estimate; None for any step but the usual one. The window is full and whole."""
         period, p, size, most_ticks, plain, gain = self._plan
-        ticks, slack = state.ticks + 1, 8 * math.ulp(t)
-        # as `_slack` for one period, and for all since the anchor
-        if (
-            state.sampled != state.t
-            or state.missing
-            or ticks > most_ticks
-            or abs(t - state.t - period) > RELATIVE_TIME_TOLERANCE * period + slack
-            or abs(t - state.anchor - ticks * period)
-            > RELATIVE_TIME_TOLERANCE * ticks * period + slack
-        ):
+        ticks = state.ticks + 1
+        if ticks > most_ticks or not self._on_time(state, t, period, ticks):
             return None
         y = sample.y
         if not isinstance(y, np.ndarray) or y.shape != (p,):
@@ -75,6 +67,18 @@ class SteadyWindow(SamplingWindow):
                radius, slip, state.lift, state.anchor, ticks, True, tape, end + p,
                cover)  # fmt: skip
         return tuple.__new__(FiniteTimeState, new), Estimate(t, x, low, high)
+
+    @staticmethod
+    def _on_time(state: FiniteTimeState, t: float, period: float, ticks: int) -> bool:
+        """Is t the next instant after a whole window? As `_slack`, now and since the anchor."""
+        slack = 8 * math.ulp(t)
+        return (
+            state.sampled == state.t
+            and not state.missing
+            and abs(t - state.t - period) <= RELATIVE_TIME_TOLERANCE * period + slack
+            and abs(t - state.anchor - ticks * period)
+            <= RELATIVE_TIME_TOLERANCE * ticks * period + slack
+        )
 
     def _more(self, state: FiniteTimeState, x: Vector, y: Vector) -> Any:
         """x, w, the residual, known inputs and the radius, where there is more than the window.

@@ -1,7 +1,11 @@
-"""Smooth formulas of CasADi: an exponential, an inverse, norms from above. SX and MX alike."""
+"""Smooth formulas of CasADi: condition (13), an exponential, an inverse, norms from above.
+
+SX and MX alike.
+"""
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 _TAYLOR_DEGREE, _SQUARINGS = 16, 6
@@ -69,3 +73,37 @@ def softplus(x: Any) -> Any:
     ca = casadi_package()
 
     return ca.fmax(x, 0) + ca.log1p(ca.exp(-ca.fabs(x)))
+
+
+def condition_13(A: Any, C: Any, kind: Any, tighter: bool) -> tuple[Any, Any, Any, Any]:
+    """(unknowns, log nu, what has to vanish, (|l|^2 - 1, log |L C|)); kind: SX or MX.
+
+    unknowns: l (n p,), log of the size of L, log T, w = log u, the triangle of S.
+    """
+    ca = casadi_package()
+
+    n, p = len(A), len(C)
+    direction, size = kind.sym("l", n * p), kind.sym("size")
+    log_T, w = kind.sym("T"), kind.sym("w")
+    triangle = kind.sym("S", n * (n + 1) // 2)
+    S, S_inverse = triangular_of(triangle, n)
+    A_s = ca.mtimes([S, ca.DM(A), S_inverse])
+    unit = ca.mtimes([S, ca.reshape(direction, n, p), ca.DM(C), S_inverse])
+    T = ca.exp(log_T)
+    F = A_s + ca.exp(size) * unit
+    block = ca.blockcat([[-F, unit], [kind.zeros(n, n), -A_s]]) * T
+    whole = exponential_of(block)
+    log_a = log_norm(whole[:n, :n])
+    log_m = log_norm(inverse_of(whole[:n, n:], n)) - size
+    log_f, log_LC = log_norm(F), log_norm(unit) + size
+    f = ca.exp(log_f)
+    log_sigma = -log_a - softplus(log_m + log_a)
+    if tighter:  # e^u - 1 = Sigma* e^{-f T}, which does not underflow
+        u, log_g = ca.exp(w), log_T
+        equality = u + ca.log(-ca.expm1(-u)) - log_sigma + f * T
+    else:
+        log_g = 2 * f * T + ca.log(-ca.expm1(-2 * f * T)) - math.log(2) - log_f
+        equality = w + ca.exp(w) - log_sigma + f * T
+    log_nu = ca.log(ca.log1p(ca.exp(w - log_g - log_LC))) - log_norm(A_s)
+    unknowns = ca.vertcat(direction, size, log_T, w, triangle)
+    return unknowns, log_nu, equality, (ca.dot(direction, direction) - 1, log_LC)

@@ -23,14 +23,7 @@ from numpy.typing import NDArray
 from obsdesign.equations.finite_time import SMALLEST_GAIN
 from obsdesign.equations.finite_time_bounds import log_lambert
 from obsdesign.synthesis.period_coordinates import normal_coordinates, triangular
-from obsdesign.synthesis.period_formulas import (
-    casadi_package,
-    exponential_of,
-    inverse_of,
-    log_norm,
-    softplus,
-    triangular_of,
-)
+from obsdesign.synthesis.period_formulas import casadi_package, condition_13
 
 Array = NDArray[np.float64]
 
@@ -82,46 +75,19 @@ class PeriodProgram:
 
         self._n, self._p = len(A), len(C)
         self._window, self._L, self._coordinates = window, L, coordinates
-        n, p = self._n, self._p
         # scalar expressions are faster, but grow like n^3 in their length: matrices beyond
-        small = n <= _SCALAR_STATES
-        kind = ca.SX if small else ca.MX
-        direction, size = kind.sym("l", n * p), kind.sym("size")
-        log_T, w = kind.sym("T"), kind.sym("w")
-        triangle = kind.sym("S", n * (n + 1) // 2)
-        S, S_inverse = triangular_of(triangle, n)
-        A_s = ca.mtimes([S, ca.DM(A), S_inverse])
-        unit = ca.mtimes([S, ca.reshape(direction, n, p), ca.DM(C), S_inverse])
-        T = ca.exp(log_T)
-        F = A_s + ca.exp(size) * unit
-        block = ca.blockcat([[-F, unit], [kind.zeros(n, n), -A_s]]) * T
-        whole = exponential_of(block)
-        log_a = log_norm(whole[:n, :n])
-        log_m = log_norm(inverse_of(whole[:n, n:], n)) - size
-        log_f, log_LC = log_norm(F), log_norm(unit) + size
-        f = ca.exp(log_f)
-        log_sigma = -log_a - softplus(log_m + log_a)
-        log_g = 2 * f * T + ca.log(-ca.expm1(-2 * f * T)) - math.log(2) - log_f
-        if tighter:
-            log_g = log_T
-        log_ratio = w - log_g - log_LC
-        log_nu = ca.log(ca.log1p(ca.exp(log_ratio))) - log_norm(A_s)
-        equality = w + ca.exp(w) - log_sigma + f * T
-        if tighter:  # w = log u; as e^u - 1 = Sigma* e^{-f T}, which does not underflow
-            u = ca.exp(w)
-            equality = u + ca.log(-ca.expm1(-u)) - log_sigma + f * T
-        unit_length = ca.dot(direction, direction) - 1
+        small = len(A) <= _SCALAR_STATES
+        x, log_nu, equality, conditions = condition_13(A, C, ca.SX if small else ca.MX, tighter)
         self._A = A
         self._size_A = float(np.linalg.norm(A, 2)) or 1.0
         self._size_C = float(np.linalg.norm(C, 2))
         ipopt = {"print_level": 0, "sb": "yes", "max_iter": 300}
         ipopt |= {"max_cpu_time": seconds} if seconds < math.inf else {}
         ipopt |= {} if small else {"hessian_approximation": "limited-memory"}
-        x = ca.vertcat(direction, size, log_T, w, triangle)
         self._equality = ca.Function("equality", [x], [equality])
         self._solver = ca.nlpsol(
             "period", "ipopt",
-            {"x": x, "f": -log_nu, "g": ca.vertcat(equality, unit_length, log_LC)},
+            {"x": x, "f": -log_nu, "g": ca.vertcat(equality, *conditions)},
             {"print_time": False, "show_eval_warnings": False, "ipopt": ipopt},
         )  # fmt: skip
 
