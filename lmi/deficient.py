@@ -48,7 +48,7 @@ def decide_full_rank(stack: Stack, low: float, high: float, limit: int = BOX_LIM
             return verdict
     verdict = undecided("no attempt was made")
     wanted = (_SHARE_FIRST if stack.flows_first else _SHARE) * margin
-    for asked, share in ((wanted, limit // 10), (MARGIN, limit)):
+    for asked, share in ((wanted, min(BOX_LIMIT // 10, limit)), (MARGIN, limit)):
         asked = max(asked, MARGIN)
         verdict = prove_full_rank(stack, low, high, R, margin=asked, limit=share)
         if verdict.outcome == "proved":

@@ -6,8 +6,9 @@ with at_most(0.5):
 with listening() as remarks:
     ...              # sentences of searches that ended early or settled for less
 
-A search asks `until(its own budget)` for the moment to stop at. A proof of stored numbers has no
-budget of its own: it ends early only inside of `at_most`, undecided.
+A search asks `until(its own budget)` for the moment to stop at, and who finds more than was asked
+for, the better of two answers or how good one is, asks `hurried()` first. A proof of stored numbers
+has no budget of its own: it ends early only inside of `at_most`, undecided.
 """
 
 from __future__ import annotations
@@ -48,6 +49,11 @@ def at_most(seconds: float) -> Iterator[None]:
         yield
     finally:
         _END.reset(token)
+
+
+def hurried() -> bool:
+    """Does anybody wait? Then only what decides is worth doing: whether, and not how well."""
+    return _END.get() < math.inf
 
 
 def until(seconds: float) -> float:

@@ -8,3 +8,7 @@ class InputError(ValueError):
 
     The text is one line: which entry, what was required, what arrived, the likely cause.
     """
+
+
+class LimitError(InputError):
+    """Numbers beyond what this program can work with: they say nothing about the plant."""

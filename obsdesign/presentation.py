@@ -95,7 +95,7 @@ def show_comparison(rows: Sequence[Row]) -> None:
         shown.add_row(*map(escape, cells), *([escape(row.guarantee)] if wide else []))
     console.print(shown)
     if not wide:
-        for name, told in {row.kind.replace("_", " "): row.guarantee for row in ran}.items():
+        for name, told in {name_of(row): row.guarantee for row in ran if row.verdict}.items():
             console.print(f"proved of {name}: {escape(told)}")
     for row in rows:
         if row.seconds is None:

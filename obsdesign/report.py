@@ -168,7 +168,9 @@ def _estimate(
         if data is None:
             title = "On a simulation"
             try:
-                record = simulate(Problem.from_dict(design.problem).plant)
+                plant = Problem.from_dict(design.problem).plant
+                announced = plant.jump is not None and design.kind != "impulsive_input"
+                record = simulate(plant, announced=announced)
             except InputError:  # an unstable plant, or no dwell time to simulate with
                 return None
             write_text(source, table_text(record.columns))

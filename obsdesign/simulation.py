@@ -60,6 +60,7 @@ def simulate(
     dwell: str | float | Sequence[float] = "random",
     disturbance: str = "random",
     rng: np.random.Generator | None = None,
+    announced: bool = False,
 ) -> Record:
     """Simulate a plant from t = 0.
 
@@ -67,7 +68,9 @@ def simulate(
     times; the sampling period, else a round number near until/500). initial: x(0), default ones.
     dwell: `shortest`, `random` (admissible), one dwell time, or a sequence of them, repeated in
     turn. disturbance: `zero` (the middle of every bound, no noise), `extreme` (a corner, held),
-    `random` or `sine`. rng: a numpy Generator (default: seed 0). Raises InputError otherwise.
+    `random` or `sine`. rng: a numpy Generator (default: seed 0). announced: the record tells when
+    impulses of unknown weight come too, as every kind but `impulsive_input` has to know. Raises
+    InputError otherwise.
     """
     if disturbance not in DISTURBANCES:
         raise InputError(
@@ -91,7 +94,7 @@ def simulate(
         )
     source = signals(plant, disturbance, len(instants[0]), rng)
     with np.errstate(over="ignore", invalid="ignore"):
-        record = _trajectory(plant, x, *instants, source)
+        record = _trajectory(plant, x, *instants, source, announced)
     finite = np.isfinite(record.block("x")).all(axis=1)
     if not finite.all():
         raise InputError(
@@ -250,6 +253,7 @@ def _trajectory(
     is_jump: NDArray[np.bool_],
     measured: NDArray[np.bool_],
     source: Signals,
+    announced: bool,
 ) -> Record:
     """Step from row to row; matrices are shared between equal steps."""
     C, n = plant.output.C, len(x)
@@ -273,22 +277,28 @@ def _trajectory(
         truth.append(x)
         now = t
     seen_rows = np.array(seen).reshape(len(times), len(C))
-    table = _columns(plant, times, is_jump, seen_rows, np.array(truth).reshape(-1, n), source)
+    states = np.array(truth).reshape(-1, n)
+    told = is_jump if announced or not _unannounced(plant) else None
+    table = _columns(times, is_jump, told, seen_rows, states, source)
     return Record(table, np.array(events).reshape(len(events), 1 + source.weights.shape[1]))
 
 
+def _unannounced(plant: Plant) -> bool:
+    """Is there no jump, or nothing at one but an impulse of unknown weight?"""
+    jump = plant.jump
+    return jump is None or (jump.H is not None and np.array_equal(jump.G, np.eye(plant.n)))
+
+
 def _columns(
-    plant: Plant, times: Vector, is_jump: Any, seen: Vector, truth: Vector, source: Signals
+    times: Vector, is_jump: Any, told: Any, seen: Vector, truth: Vector, source: Signals
 ) -> dict[str, NDArray[Any]]:
     columns: dict[str, NDArray[Any]] = {"t": times}
     w = np.where(is_jump[:, None], source.w, np.nan)
     d = source.unknown(times)
     for letter, values in (("y", seen), ("u", source.u), ("w", w)):
         columns |= {f"{letter}{i + 1}": values[:, i] for i in range(values.shape[1])}
-    # impulses of unknown weight come unannounced, unless the state jumps with them
-    jump = plant.jump
-    if jump is not None and (jump.H is None or not np.array_equal(jump.G, np.eye(plant.n))):
-        columns["jump"] = is_jump.astype(np.int64)
+    if told is not None:
+        columns["jump"] = told.astype(np.int64)
     for letter, values in (("x", truth), ("d", d)):
         columns |= {f"{letter}{i + 1}": values[:, i] for i in range(values.shape[1])}
     return columns

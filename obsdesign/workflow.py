@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from lmi.patience import left, listening
+from lmi.patience import hurried, left, listening
 from lmi.verdict import overall
 from obsdesign import __version__
 from obsdesign.document import Claim, Design, jsonable
@@ -48,8 +48,9 @@ def layer(name: str, kind: str) -> Any:
 def investigate(problem: Problem) -> Outcome:
     """Synthesise candidates and prove them: the first proved one, else the most hopeful.
 
-    Within `lmi.patience.at_most` searches end early; what they have not found stays undecided.
-    result["remarks"] holds their sentences, if they have any.
+    Within `lmi.patience.at_most` searches end early, the first proved candidate is the answer, and
+    claims of how well it does are left out; what was not found stays undecided. result["remarks"]
+    holds sentences of searches that ended early or settled for less, if there are any.
 
     InputError when the problem cannot be read as asked (a block is missing, a form does not fit).
     """
@@ -70,8 +71,8 @@ def _investigated(problem: Problem) -> Outcome:
         seconds = time.perf_counter() - started
         design = _document(problem, kind, candidate, claims, seconds)
         tried.append(_Attempt(candidate.label, verdict, candidate.cost, design))
-        done = not candidate.goes_on and any(one.verdict == "proved" for one in tried)
-        if done or left() < 0:
+        enough = hurried() or not candidate.goes_on
+        if left() < 0 or (enough and any(one.verdict == "proved" for one in tried)):
             break
     best = _best(tried)
     forms = {one.label: _summary(one.verdict, one.design.claims) for one in tried}

@@ -518,3 +518,26 @@ def test_a_jump_in_the_data_of_a_plant_without_jumps(tmp_path: Path) -> None:
     assert not (tmp_path / "est.csv").exists()
     data.write_text("t,y1,y2,jump\n0,1,1,0\n0.1,1,1,0\n")
     assert command("run", "design.json", "data.csv", cwd=tmp_path).returncode == 0
+
+
+def test_impulses_are_announced_to_kinds_that_cannot_find_them(tmp_path: Path) -> None:
+    text = (
+        "[flow]\nA = [[0, 1], [-1, -1]]\n[jump]\nH = [[0], [1]]\ndwell_time = [0.3, 1.2]\n"
+        '[output]\nC = [[1, 0]]\n[observer]\nkind = "{kind}"\n'
+    )
+    for kind, announced in (("luenberger", True), ("impulsive_input", False)):
+        problem, data = tmp_path / f"{kind}.toml", tmp_path / f"{kind}.csv"
+        problem.write_text(text.replace("{kind}", kind))
+        assert command("simulate", problem, "-o", data, cwd=tmp_path).returncode == 0
+        assert ("jump" in data.read_text().splitlines()[0].split(",")) == announced
+    design, estimate = tmp_path / "design.json", tmp_path / "estimate.csv"
+    assert (
+        command("design", tmp_path / "luenberger.toml", "-o", design, cwd=tmp_path).returncode == 0
+    )
+    assert (
+        command("run", design, tmp_path / "luenberger.csv", "-o", estimate, cwd=tmp_path).returncode
+        == 0
+    )
+    status = [line.rsplit(",", 1)[1] for line in estimate.read_text().splitlines()[1:]]
+    assert status
+    assert set(status) == {"ok"}

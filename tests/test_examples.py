@@ -11,7 +11,7 @@ import pytest
 
 import obsdesign
 from obsdesign.runtime import from_design
-from obsdesign.runtime.base import rows_of, run
+from obsdesign.runtime.base import rows_of
 from obsdesign.simulation import simulate
 
 EXAMPLES = sorted((Path(__file__).parent.parent / "examples").glob("*.toml"))
@@ -37,7 +37,7 @@ def test_an_example_is_proved_and_runs(path: Path) -> None:
     state = observer.start(float(record.t[0]), initial)
     given = {letter: record.block(letter) for letter in "uw" if record.block(letter).size}
     samples = rows_of(record.t, record.block("y"), **given, jump=record.columns.get("jump"))
-    estimates = list(run(observer, state, samples))
+    estimates = list(observer.run(state, samples))
     assert len(estimates) == len(record.t)
     assert estimates[-1].status == "ok"
 

@@ -12,7 +12,6 @@ from obsdesign.errors import InputError
 from obsdesign.kinds import KINDS
 
 if TYPE_CHECKING:
-    from obsdesign.plant import Plant
     from obsdesign.problem import Problem
 
 
@@ -29,8 +28,8 @@ def problem_of(path: str, kind: str | None) -> tuple[Problem, list[str]]:
     return load_for_kind(path, kind) if kind else (load_problem(path), [])
 
 
-def plant_of(source: str) -> Plant:
-    """The plant of a problem file, or of the problem inside a design file."""
+def source_of(source: str) -> Problem:
+    """The problem in a problem file, or inside a design file."""
     from obsdesign.document import FORMAT, load_design
     from obsdesign.problem import Problem, load_problem
 
@@ -39,8 +38,8 @@ def plant_of(source: str) -> Plant:
     except (OSError, UnicodeDecodeError):
         is_design = False  # load_problem says what is wrong with the file
     if is_design:
-        return Problem.from_dict(load_design(source).problem).plant
-    return load_problem(source).plant
+        return Problem.from_dict(load_design(source).problem)
+    return load_problem(source)
 
 
 def dwell_times(text: str) -> float | list[float]:

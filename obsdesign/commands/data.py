@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from obsdesign.commands.arguments import answer_of, dwell_times, numbers, plant_of
+from obsdesign.commands.arguments import answer_of, dwell_times, numbers, source_of
 from obsdesign.commands.talk import is_quiet, say
 from obsdesign.errors import InputError
 
@@ -40,12 +40,15 @@ def simulate(source: str, output: str, events: str | None, seed: int, **options:
     refuse_overwriting(events, source)
     if events is not None and events == output:
         raise InputError(f"--events: {events} is the data file; give another name.")
-    plant = plant_of(source)
+    problem = source_of(source)
     if options["initial"] is not None:
         options["initial"] = numbers(options["initial"], "--initial")
     if options["dwell"] not in ("shortest", "random"):
         options["dwell"] = dwell_times(options["dwell"])
-    record = run_simulation(plant, rng=np.random.default_rng(seed), **options)
+    # impulses of unknown weight are announced to the kinds that cannot find them
+    announced = problem.plant.jump is not None and problem.kind not in (None, "impulsive_input")
+    rng = np.random.default_rng(seed)
+    record = run_simulation(problem.plant, rng=rng, announced=announced, **options)
     write_text(output, table_text(record.columns))
     if events:
         width = max(record.events.shape[1] - 1, 1)

@@ -21,12 +21,12 @@ COMPLETE = "_OBSDESIGN_COMPLETE"
 @click.option("--simulate", "simulated", is_flag=True, help="Simulate the plant, the default.")
 @click.option("--until", type=float, help="End of the simulation.")
 @click.option("--step", type=float, help="Time between its rows.")
-@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True)
+@click.option("--seed", type=click.IntRange(min=0), help="Of the simulation.  [default: 0]")
 @click.option("--initial", help="x1_lo,x1_hi,...; point observers begin in the middle.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object on stdout.")
 def compare(
-    problem: str, data: str | None, simulated: bool, seed: int, initial: str | None, as_json: bool,
-    **options: Any,
+    problem: str, data: str | None, simulated: bool, seed: int | None, initial: str | None,
+    as_json: bool, **options: Any,
 ) -> int:  # fmt: skip
     """Run every observer that PROBLEM admits on the same record, beside a Kalman filter."""
     import numpy as np
@@ -36,14 +36,17 @@ def compare(
     from obsdesign.presentation import compare_answer, show_comparison
     from obsdesign.problem import load_problem
 
-    if data is not None and (simulated or any(value is not None for value in options.values())):
-        raise InputError("--data takes no --simulate, --until or --step: the record is the file's.")
+    made = (seed, *options.values())
+    if data is not None and (simulated or any(value is not None for value in made)):
+        raise InputError(
+            "--data takes no --simulate, --until, --step or --seed: the record is the file's."
+        )
     loaded = load_problem(problem)
     start = None if initial is None else numbers(initial, "--initial")
     if data is not None:
         record = Record.read(data, loaded.plant)
     else:
-        rng = np.random.default_rng(seed)
+        rng = np.random.default_rng(seed or 0)
         record = Record.simulated(loaded.plant, rng=rng, **options)
     rows = list(compare_all(loaded, record, start))
     if as_json:

@@ -111,11 +111,11 @@ def _guarantee(design: Design) -> str:
     decay = f", like exp(-{rate:.3g} t)" if isinstance(rate, float) and rate > 0 else ""
     return {
         "interval": "bounds contain the state",
-        "luenberger": f"error tends to 0{decay}",
-        "impulsive": f"error tends to 0{decay}",
-        "finite_time": "exact from a full window on",
-        "unknown_input": "error tends to 0, whatever d is",
-        "impulsive_input": "times and weights of impulses",
+        "luenberger": f"undisturbed, error tends to 0{decay}",
+        "impulsive": f"undisturbed, error tends to 0{decay}",
+        "finite_time": "undisturbed, exact from a full window on",
+        "unknown_input": "without noise, error tends to 0, whatever d is",
+        "impulsive_input": "without noise, times and weights of impulses",
     }[design.kind]
 
 

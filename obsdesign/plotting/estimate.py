@@ -21,6 +21,7 @@ Vector = NDArray[np.float64]
 _DRAWABLE = 1e100
 # with more jumps than this part of the rows, nothing is known between them: no lines are drawn
 _ROWS_ONLY = 0.9
+_STACKED = 4  # with more panels there are two columns of them
 _LABELLED = 12  # impulses whose times fit above their bars
 _EXPECTED = ("unresolved", "provisional: the record ends inside its window")
 _TRUTH, _BAND, _ESTIMATE, _ALARM = BLACK, BLUE, BLUE, VERMILION
@@ -48,8 +49,14 @@ def plot_estimate(estimate: str, data: str | None, output: str, events: str | No
     found = {} if events is None else read_columns(events)
     measured = [name for name in truth if name[0] == "y" and name[1:].isdigit()] if found else []
     panels = [*measured, *names, *(["weight"] if found else [])]
-    with picture(7.0, 1.2 + 1.7 * len(panels), output) as figure:
-        axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
+    columns = 1 if found or len(panels) <= _STACKED else 2
+    rows = -(-len(panels) // columns)
+    with picture(7.0 + 3.5 * (columns - 1), 1.2 + 1.7 * rows, output) as figure:
+        grid = figure.subplots(rows, columns, sharex=True, squeeze=False)
+        axes = grid.ravel()[: len(panels)]
+        bottom = axes[-columns:]
+        for axis in grid.ravel()[len(panels) :]:
+            axis.set_axis_off()
         for axis, name in zip(axes, panels, strict=True):
             if name == "weight":
                 _weights(axis, found, str(events))
@@ -61,11 +68,14 @@ def plot_estimate(estimate: str, data: str | None, output: str, events: str | No
                 if name != "weight":
                     _bands(axis, found, str(events))
                 _open_end(axis, t, estimates.get("status", []))
-        axes[-1].set_xlabel("time")
+        for axis in bottom:
+            axis.set_xlabel("time")
+            axis.tick_params(labelbottom=True)
         told = estimates.get("status", [])
         if found:  # the open end is shaded
             told = ["; ".join(w for w in s.split("; ") if w not in _EXPECTED) for s in told]
-        _mark_status(axes[-1], t, told)
+        for axis in bottom:
+            _mark_status(axis, t, told)
         handles, labels = axes[0].get_legend_handles_labels()
         for axis in axes[1:]:
             for handle, label in zip(*axis.get_legend_handles_labels(), strict=True):

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Vector = NDArray[np.float64]
+State = TypeVar("State")
 
 # Time stamps are decimal numbers stored in binary: dwell times closer than this are the same.
 RELATIVE_TIME_TOLERANCE = 1e-9
@@ -66,11 +68,24 @@ class Observer(Protocol):
         """The state and the estimate after one sample."""
 
 
-def run(observer: Observer, state: Any, samples: Iterable[Sample]) -> Iterator[Estimate]:
-    """Estimates for a stream of samples, one each, in constant memory."""
-    for sample in samples:
-        state, estimate = observer.step(state, sample)
-        yield estimate
+class Stepped(ABC, Generic[State]):
+    """An observer with one estimate for every sample: a stream of them is a loop over `step`."""
+
+    @abstractmethod
+    def step(self, state: State, sample: Sample) -> tuple[State, Estimate]:
+        """The state and the estimate after one sample."""
+
+    def run(self, state: State, samples: Iterable[Sample]) -> Iterator[Estimate]:
+        """Estimates for a stream of samples, one each, in constant memory."""
+        for sample in samples:
+            state, estimate = self.step(state, sample)
+            yield estimate
+
+
+def columns_read(gains: Mapping[str, Any]) -> dict[str, int | bool]:
+    """How many y, u, w a sample has for these gains, and whether jumps are reported."""
+    u, w = (gains[x].shape[1] if x in gains else 0 for x in ("B", "E"))
+    return {"y": len(gains["C"]), "u": u, "w": w, "jump": "G" in gains}
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from obsdesign.runtime.base import Batch, Estimate, Sample, collect, first_time, rows_of, run
-from obsdesign.runtime.interval import IntervalObserver, IntervalState
+from obsdesign.runtime.base import Estimate, Sample
+from obsdesign.runtime.bounds import BoundObserver
+from obsdesign.runtime.interval import IntervalObserver
+from obsdesign.runtime.interval_state import IntervalState
 
 _PLANT = ("A", "B", "C", "G", "E", "flow_lower", "flow_upper", "jump_lower", "jump_upper",
           "noise_bound", "jump_measurement")  # fmt: skip
 
 
 @dataclass(frozen=True)
-class IntervalBundle:
+class IntervalBundle(BoundObserver[tuple[IntervalState, ...]]):
     """Runs observers side by side and reports the intersection of their bounds.
 
     observers: at least one, all of designs for the same plant (ValueError otherwise). A guarantee
@@ -25,7 +25,6 @@ class IntervalBundle:
     """
 
     observers: tuple[IntervalObserver, ...]
-    kind: ClassVar[str] = "interval"
 
     def __post_init__(self) -> None:
         if not self.observers:
@@ -40,18 +39,14 @@ class IntervalBundle:
                     )
 
     @property
-    def names(self) -> tuple[str, ...]:
-        """Columns of the estimate after t: x1_lo, x1_hi, ..."""
-        return self.observers[0].names
+    def n(self) -> int:
+        """Number of states."""
+        return self.observers[0].n
 
     @property
     def reads(self) -> dict[str, int | bool]:
         """How many y, u, w a sample has, and whether jumps are reported."""
         return self.observers[0].reads
-
-    def start(self, t: float, initial: Sequence[float] | None) -> tuple[IntervalState, ...]:
-        """States from x1_lo, x1_hi, x2_lo, ...; InputError if they are not bounds."""
-        return tuple(one.start(t, initial) for one in self.observers)
 
     def init(
         self, t: float = 0.0, *, lower: ArrayLike, upper: ArrayLike
@@ -81,23 +76,3 @@ class IntervalBundle:
         events = tuple(dict.fromkeys(event for one in found for event in one.events))
         status = "; ".join(dict.fromkeys(said)) or "ok"
         return following, Estimate(found[0].t, None, lower, upper, events=events, status=status)
-
-    def run(self, state: Any, samples: Iterable[Sample]) -> Iterator[Estimate]:
-        """Estimates for a stream of samples."""
-        return run(self, state, samples)
-
-    def run_batch(
-        self,
-        t: ArrayLike,
-        y: ArrayLike | None = None,
-        u: ArrayLike | None = None,
-        w: ArrayLike | None = None,
-        jump: ArrayLike | None = None,
-        *,
-        lower: ArrayLike,
-        upper: ArrayLike,
-    ) -> Batch:
-        """The whole record: a loop over `step` from bounds of x at its first row."""
-        times = np.asarray(t, dtype=np.float64)
-        state = self.init(first_time(times), lower=lower, upper=upper)
-        return collect(self.run(state, rows_of(times, y, u, w, jump)))

@@ -79,6 +79,14 @@ class Kernel:
             ends = np.maximum.reduce(ends.reshape(self.candidates, 2 * n))
         return ends[:n], -ends[n:]
 
+    def implausible(self, out: Matrix) -> list[str]:
+        """Measurements that no state inside the bounds can give: they refute the bounds."""
+        n, p = self.n, self.p
+        room = out[2 * n : 2 * n + 2 * p].tolist()
+        if min(room) >= 0:
+            return []
+        return [f"y{i + 1} outside its bounds" for i in range(p) if min(room[i], room[p + i]) < 0]
+
 
 def kernel(model: Model, step: BoxMap, predicted: BoxMap, C: Matrix, strips: bool) -> Kernel:
     """The kernel of a step; predicted: the same step without y1.

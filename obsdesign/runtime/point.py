@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import Any, Generic, TypeVar
+from collections.abc import Mapping, Sequence
+from typing import Any, Generic
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from obsdesign.errors import InputError
-from obsdesign.runtime.base import Batch, Estimate, Sample, collect, first_time, rows_of, run
-
-State = TypeVar("State")
+from obsdesign.runtime.base import (
+    Batch,
+    State,
+    Stepped,
+    collect,
+    columns_read,
+    first_time,
+    rows_of,
+)
 
 
 class PointObserver(ABC, Generic[State]):
@@ -33,8 +39,7 @@ class PointObserver(ABC, Generic[State]):
     @property
     def reads(self) -> dict[str, int | bool]:
         """How many y, u, w a sample has, and whether jumps are reported."""
-        u, w = (self.gains[x].shape[1] if x in self.gains else 0 for x in ("B", "E"))
-        return {"y": len(self.gains["C"]), "u": u, "w": w, "jump": "G" in self.gains}
+        return columns_read(self.gains)
 
     @abstractmethod
     def init(self, t: float = 0.0, *, x: ArrayLike | None = None) -> State:
@@ -51,16 +56,8 @@ class PointObserver(ABC, Generic[State]):
         return self.init(t, x=None if initial is None else list(initial))
 
 
-class SteppedObserver(PointObserver[State]):
+class SteppedObserver(PointObserver[State], Stepped[State]):
     """One estimate for every sample, and a record is a loop over `step`."""
-
-    @abstractmethod
-    def step(self, state: State, sample: Sample) -> tuple[State, Estimate]:
-        """The state and the estimate after one sample."""
-
-    def run(self, state: State, samples: Iterable[Sample]) -> Iterator[Estimate]:
-        """Estimates for a stream of samples."""
-        return run(self, state, samples)
 
     def run_batch(
         self,

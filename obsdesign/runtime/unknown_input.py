@@ -29,12 +29,12 @@ from obsdesign.runtime.base import (
     Batch,
     Estimate,
     Sample,
+    Stepped,
     Vector,
     collect,
     first_time,
     later,
     rows_of,
-    run,
     vector,
 )
 from obsdesign.runtime.point import PointObserver
@@ -57,7 +57,7 @@ _COARSE = "time stamps resolve"
 
 
 @dataclass(frozen=True)
-class UnknownInputObserver(PointObserver[UnknownInputState]):
+class UnknownInputObserver(PointObserver[UnknownInputState], Stepped[UnknownInputState]):
     """Executes a design of kind `unknown_input`."""
 
     gains: Mapping[str, Any]
@@ -165,7 +165,7 @@ class UnknownInputObserver(PointObserver[UnknownInputState]):
         """Estimates for a stream of samples; with `batch`, of the record smoothed as a whole."""
         if self.gains["differentiator"] == "batch":
             samples = smoothed_record([kept(row) for row in samples], self.gains["noise_std"])
-        return run(self, state, samples)
+        return super().run(state, samples)
 
     def run_batch(
         self,

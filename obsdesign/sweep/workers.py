@@ -75,11 +75,18 @@ def _on_cluster(plan: Plan, points: Sequence[int], address: str) -> Iterator[Row
     """The scheduler gives the point of a dead worker to another, up to its `allowed-failures`."""
     try:
         from distributed import Client, KilledWorker
+        from distributed.comm.addressing import parse_address, parse_host_port
+        from distributed.comm.registry import get_backend
     except ImportError:
         raise InputError(
             "--scheduler requires the extra `dask`; it is missing: pip install 'obsdesign[dask]'."
         ) from None
     try:
+        # a client that fails while it is made hangs when it is collected: look at the address first
+        scheme, location = parse_address(address)
+        get_backend(scheme)
+        if scheme != "inproc":
+            parse_host_port(location)
         client = Client(address, timeout=_ANSWER_SECONDS, set_as_default=False)
     except (OSError, ValueError, ImportError) as error:
         text = " ".join(str(error).split()) or type(error).__name__

@@ -11,12 +11,16 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
+from lmi.full_rank import BOX_LIMIT
 from obsdesign.equations import impulsive as equations
 from obsdesign.errors import InputError
 from obsdesign.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
 from obsdesign.synthesis.impulsive_quadratic import quadratic_candidate
 from obsdesign.synthesis.impulsive_windows import base, image_of, part_candidates, windowed
+
+# a proof that takes more is put off until the weaker strategies have been tried
+_FEW_BOXES = 2000
 
 
 def synthesize(problem: Problem) -> Iterator[Candidate]:
@@ -37,17 +41,26 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
         order = order[:1]
     for strategy in order:
         if strategy == "full":
-            yield _full(problem)
+            first = _full(problem, BOX_LIMIT if len(order) == 1 else _FEW_BOXES)
+            yield first
         if strategy == "compressed":
             yield from _compressed(problem, asked == "auto")
         if strategy == "subspace":
             yield from part_candidates(problem, base(problem, "subspace"), asked == "auto")
         if strategy == "quadratic":
             yield quadratic_candidate(problem)
+    if len(order) > 1 and _tired(first):  # nothing weaker could be proved
+        yield _full(problem, BOX_LIMIT)
 
 
-def _full(problem: Problem) -> Candidate:
-    return windowed(problem, base(problem, "full"), "full")
+def _full(problem: Problem, limit: int) -> Candidate:
+    return windowed(problem, base(problem, "full"), "full", limit=limit)
+
+
+def _tired(candidate: Candidate) -> bool:
+    """Did its proof end for want of boxes?"""
+    boxes = candidate.certificates.get("strongly_observable", {}).get("boxes", 0)
+    return bool(boxes > _FEW_BOXES // 2)
 
 
 def _compressed(problem: Problem, only_if_singular: bool) -> Iterator[Candidate]:

@@ -21,6 +21,7 @@ from lmi.balls import exact
 from lmi.exponential import expm
 from lmi.families import balance
 from lmi.hidden_mode import propose_hiding
+from lmi.patience import hurried, left
 from lmi.proof import prove_common
 from lmi.stack import Stack
 from obsdesign.equations.estimation_error import plant_data
@@ -47,7 +48,8 @@ def quadratic_candidate(problem: Problem) -> Candidate:
     gains = plant_data(plant) | {"strategy": "quadratic"}
     rate = float(problem.options.get("decay_rate", 0.0))
     limit = math.exp(-rate * high) * (1 - 1e-9)
-    for gamma in sorted({*(f for f in _FACTORS if f < limit), *([limit] if limit < 1 else [])}):
+    factors = {*(f for f in _FACTORS if f < limit), *([limit] if limit < 1 else [])}
+    for gamma in sorted(factors, reverse=hurried()):
         P = common_matrix(A, G, C, low, high, gamma)
         if P is None:
             continue
@@ -108,15 +110,15 @@ def _table(
     """Cells and gains for which the contraction is proved; None if there would be too many."""
     A_exact, G_exact, C_exact = exact(A), exact(G), exact(C)
     todo, borders, gains = [ends], [ends[0]], []
-    while todo:
+    while todo and left() > 0:
         start, end = todo.pop()
         try:
             L = best_gain(A, G, C, P, (start + end) / 2)
+            hopeful = _shrinks(A, G + L @ C, P, (start, end), gamma)
         except np.linalg.LinAlgError:
             return None
         H = G_exact + exact(L) @ C_exact
-        verdict = prove_common(A_exact, H, P, start, end, form="after_jump", gamma=gamma)
-        if verdict.outcome == "proved":
+        if hopeful and _proved(A_exact, H, P, (start, end), gamma):
             borders.append(end)
             gains.append(L)
         elif len(todo) + len(gains) >= _CELLS or end - start < 1e-3 * (ends[1] - ends[0]):
@@ -124,4 +126,17 @@ def _table(
         else:
             middle = (start + end) / 2
             todo += [(middle, end), (start, middle)]
-    return np.array(borders), np.array(gains)
+    return None if todo else (np.array(borders), np.array(gains))
+
+
+def _shrinks(A: Any, H: Any, P: Any, ends: tuple[float, float], gamma: float) -> bool:
+    """Does |H e^{A theta}| in the norm of P look like at most gamma at both ends of a cell?"""
+    root = np.linalg.cholesky(P).T
+    maps = root @ H @ expm(A * np.array(ends)[:, None, None])
+    turned = np.linalg.solve(root.T, np.swapaxes(maps, 1, 2))
+    return bool(np.linalg.norm(turned, 2, axis=(1, 2)).max() <= gamma)
+
+
+def _proved(A: Any, H: Any, P: Any, ends: tuple[float, float], gamma: float) -> bool:
+    verdict = prove_common(A, H, P, *ends, form="after_jump", gamma=gamma)
+    return verdict.outcome == "proved"

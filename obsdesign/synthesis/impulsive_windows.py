@@ -10,7 +10,8 @@ import numpy as np
 
 from lmi.balls import exact, inverse, to_float
 from lmi.deficient import decide_full_rank
-from lmi.patience import left
+from lmi.full_rank import BOX_LIMIT
+from lmi.patience import hurried, left
 from lmi.rank_witness import MARGIN, check_deficient
 from lmi.stack import Stack, approx_margin, coordinates
 from lmi.verdict import Verdict
@@ -90,10 +91,11 @@ def windowed(
     gains: Mapping[str, Any],
     label: str,
     certificates: Mapping[str, Mapping[str, Any]] | None = None,
+    limit: int = BOX_LIMIT,
 ) -> Candidate:
     """The candidate with the window that is asked for, or the shortest one that is proved.
 
-    A shorter window that is proved proves every longer one.
+    A shorter window that is proved proves every longer one. limit: boxes of a proof that is tried.
     """
     ends = problem.require_dwell_time()
     others = dict(certificates or {})
@@ -109,14 +111,14 @@ def windowed(
         raise InputError(f"observer.window must be at most {_LONGEST} impulses; got {asked}.")
     if math.isinf(ends[1]):
         return Candidate(label, dict(gains) | {"window": int(asked or shortest)}, others)
-    blocks, verdict, searched = _provable(core, shortest, asked, ends)
+    blocks, verdict, searched = _provable(core, shortest, asked, ends, limit)
     others["strongly_observable"] = {**verdict.evidence, "blocks": blocks}
     found = dict(gains) | {"window": int(asked or blocks)}
     _refuse_lost_digits(problem, float(gains["alpha"]), blocks)
     if verdict.outcome == "proved" and "noise_target" in problem.options:
         found, short = quiet_enough(problem, found)
         others["noise_target"] = short
-    if verdict.outcome == "proved":
+    if verdict.outcome == "proved" and not hurried():
         others["rate"] = {"estimated": estimate(problem, found)}
     return Candidate(label, found, others, searched=searched)
 
@@ -136,13 +138,13 @@ def _refuse_lost_digits(problem: Problem, alpha: float, blocks: int) -> None:
 
 
 def _provable(
-    core: equations.Core, shortest: int, asked: int | None, ends: tuple[float, float]
+    core: equations.Core, shortest: int, asked: int | None, ends: tuple[float, float], limit: int
 ) -> tuple[int, Verdict, bool]:
     """(blocks, verdict on a window of so many, whether longer ones might still do)."""
     last = shortest + _LONGER if asked is None else min(asked, shortest + _LONGER)
     blocks = min(shortest, last)
     for blocks in range(min(shortest, last), last + 1):
-        verdict = decide_full_rank(_stack(core, blocks), *ends)
+        verdict = decide_full_rank(_stack(core, blocks), *ends, limit)
         if verdict.outcome == "proved":
             return blocks, verdict, False
         if _hopeless(core, verdict, *ends):

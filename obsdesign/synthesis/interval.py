@@ -15,10 +15,11 @@ import numpy as np
 
 from lmi.balls import exact, inverse
 from lmi.dwell_search import shortest_dwell
+from lmi.patience import hurried
 from obsdesign.equations import interval as equations
 from obsdesign.equations.estimation_error import idle_gains
 from obsdesign.equations.interval_width import WidthSystem, width_system_of
-from obsdesign.errors import InputError
+from obsdesign.errors import InputError, LimitError
 from obsdesign.problem import Problem
 from obsdesign.structure import hidden_for_ever
 from obsdesign.synthesis.candidate import Candidate
@@ -86,7 +87,7 @@ def _refuse(problem: Problem) -> None:
         return
     if problem.plant.jump is not None:
         problem.require_dwell_time()
-    if _objective(problem) == "shortest_dwell":
+    if problem.options.get("objective") == "shortest_dwell":
         raise InputError(
             "observer.objective = 'shortest_dwell' is not available with measured = 'periodic'; "
             "it must be feasible or narrowest."
@@ -102,7 +103,7 @@ def _refuse_beyond_floats(problem: Problem, given: Mapping[str, Any]) -> None:
     ):
         largest = 0.0 if entries is None else float(np.abs(entries).max())
         if {"L", "M"} - set(given) and largest > _LARGEST:
-            raise InputError(
+            raise LimitError(
                 f"{name} must not exceed {_LARGEST:g} where gains are to be found; got "
                 f"{largest:g}. Is it in the plant's units?"
             )
@@ -120,7 +121,7 @@ def untried(problem: Problem) -> dict[str, str]:
 
 
 def _objective(problem: Problem) -> str:
-    return str(problem.options.get("objective", "feasible"))
+    return "feasible" if hurried() else str(problem.options.get("objective", "feasible"))
 
 
 def _in_known_coordinates(
@@ -174,9 +175,9 @@ def _candidate(
     if "period" in gains:
         lost = gains["jump_measurement"] == "none"
         found = propose_samples(system, approx, gains["period"], _dwell_range(gains), lost)
-        certificates = {} if found is None else {"sampled_stability": found}
-        return Candidate(form, gains, certificates, searched, cost, goes_on)
-    certificates = {}
+        sampled = {} if found is None else {"sampled_stability": found}
+        return Candidate(form, gains, sampled, searched, cost, goes_on)
+    certificates: dict[str, Any] = {}
     if system.N is not None:
         low, high = gains["dwell_time"]
         if objective == "shortest_dwell":
@@ -185,17 +186,28 @@ def _candidate(
         certificates = certificates or dwell_certificates(
             system.W, system.N, low, high, **question(problem)
         )
+    if not hurried():
+        certificates |= _widths(problem, gains, system, approx)
+        # where a spacing was named, the observer watches it
+        if "sampled_width" in certificates and problem.plant.output.period is not None:
+            gains["step_limit"] = certificates["sampled_width"]["step_limit"]
+    return Candidate(form, gains, certificates, searched, cost, goes_on)
+
+
+def _widths(
+    problem: Problem, gains: Mapping[str, Any], system: WidthSystem, approx: WidthSystem
+) -> dict[str, Any]:
+    """How wide the bounds get with a continuous y, and with samples of it, as far as found."""
+    found: dict[str, Any] = {}
     width = proved_width(system, approx, *_dwell_range(gains))
     if width is not None:
-        certificates["width"] = width
+        found["width"] = width
     if problem.plant.output.measured == "continuous":
         period = problem.plant.output.period
         spacing = propose_spacing(gains, system, *_dwell_range(gains), period)
         if spacing is not None:
-            certificates["sampled_width"] = spacing
-            if period is not None:  # a spacing was named: the observer watches it
-                gains["step_limit"] = spacing["step_limit"]
-    return Candidate(form, gains, certificates, searched, cost, goes_on)
+            found["sampled_width"] = spacing
+    return found
 
 
 def _dwell_range(gains: Mapping[str, Any]) -> tuple[float, float]:

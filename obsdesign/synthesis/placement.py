@@ -40,8 +40,12 @@ def riccati_gain(
     # the equation has no solution while an unseen mode does not decay: look at A from below it
     below = max([0.0, *(value + rate + 1e-3 * (1 + abs(value)) for value in hidden)])
     shifted = A + (rate - below) * np.eye(n)
-    S = solve_continuous_are(shifted.T, C.T, Q, R)
-    return np.asarray(np.linalg.solve(R, C @ S).T, dtype=np.float64)
+    with np.errstate(all="ignore"):  # overflow in there shows in the result
+        S = solve_continuous_are(shifted.T, C.T, Q, R)
+        L = np.asarray(np.linalg.solve(R, C @ S).T, dtype=np.float64)
+    if not np.isfinite(L).all():
+        raise np.linalg.LinAlgError("the Riccati equation has no finite solution in floats")
+    return L
 
 
 def placed_gain(A: Matrix, C: Matrix, poles: Sequence[Any]) -> Matrix:

@@ -8,7 +8,7 @@ import time
 import numpy as np
 
 from lmi.decide import decide
-from lmi.patience import at_most, left, until
+from lmi.patience import at_most, hurried, left, until
 from lmi.proof import prove_common
 from tests.lmi.systems import SAMPLED
 
@@ -37,3 +37,10 @@ def test_a_search_without_time_is_undecided_and_short_and_a_proof_is_a_proof() -
     assert quick.outcome == "undecided"
     assert easy.outcome == "proved"
     assert time.process_time() - began < 5.0
+
+
+def test_only_who_waits_is_hurried() -> None:
+    assert not hurried()
+    with at_most(10.0):
+        assert hurried()
+    assert not hurried()

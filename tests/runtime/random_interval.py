@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -101,8 +101,3 @@ def execute(
     assert batch.lower is not None
     assert batch.upper is not None
     return Run(record, batch.lower, batch.upper, batch.status)
-
-
-def without_rounding(observer: IntervalObserver) -> IntervalObserver:
-    """The same observer with its margin for rounding taken out: it must fail somewhere."""
-    return replace(observer)

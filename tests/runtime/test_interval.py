@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping
+from functools import cached_property
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from obsdesign.plant import Flow, Jump, Output, Plant
 from obsdesign.runtime import Sample
 from obsdesign.runtime.interval import IntervalObserver
 from obsdesign.runtime.interval_kernel import Kernel
+from obsdesign.runtime.interval_kernels import StepKernels
 from obsdesign.runtime.interval_steps import BoxMap
 from tests.runtime.random_interval import (
     SIMULATION_ROUNDING,
@@ -92,7 +94,7 @@ def rounding_case(observer_of) -> bool:
     return inside
 
 
-class WithoutMargin(IntervalObserver):
+class KernelsWithoutMargin(StepKernels):
     """The same matrices, but nothing added for rounding."""
 
     def _kernel(self, name: str, maps: Mapping[str, BoxMap]) -> Kernel:
@@ -100,6 +102,12 @@ class WithoutMargin(IntervalObserver):
         rows = whole.rows.copy()
         rows[:, whole.middle :] = 0.0
         return dataclasses.replace(whole, rows=rows)
+
+
+class WithoutMargin(IntervalObserver):
+    @cached_property
+    def _kernels(self) -> StepKernels:
+        return KernelsWithoutMargin(self.gains)
 
 
 def test_bounds_of_no_width_contain_the_exact_state() -> None:
