@@ -118,7 +118,7 @@ class ApproximateInputs:
         size, tape, end = len(known.closed), known.tape, known.end
         closed = None if tape is None else tape.after(end, driven, size)
         if closed is None:
-            tape, end = Tape(known.closed), size
+            tape, end = Tape(known.closed, len(driven)), size
             closed = tape.after(size, driven, size)
         assert closed is not None
         return Known(known.d, known.c, known.q, 0.0, closed, tape, end + len(driven))

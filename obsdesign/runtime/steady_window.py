@@ -61,7 +61,7 @@ class SteadyWindow(SamplingWindow):
         tape, end = state.tape, state.end
         window = None if tape is None else tape.after(end, residual, size)
         if window is None:
-            tape, end = Tape(state.window), size
+            tape, end = Tape(state.window, p), size
             window = tape.after(size, residual, size)
         new = (t, x, w, u, drive, window, known, state.filled, 0, state.since + 1, t, True, x,
                radius, slip, state.lift, state.anchor, ticks, True, tape, end + p,

@@ -43,15 +43,19 @@ def best_injection(
     *,
     starts: int = _STARTS,
     seconds: float = SECONDS,
+    enough: float = math.inf,
 ) -> Injection:
-    """The longest period of (13) over what is open; never a shorter one than those of `first`."""
+    """The longest period of (13) over what is open; never a shorter one than those of `first`.
+
+    enough: log of a period beyond which the search need not go.
+    """
     end = until(seconds)
     known = [asked.rated(one.L, asked.window or one.window, one.S) for one in first]
     guesses = [*known, *_guesses(asked)]
     if starts and (asked.L is None or asked.coordinates):
         guesses += _of_program(asked, starts, until(_OF_PROGRAM * seconds))
     best = max(guesses, key=lambda one: one.log_period)
-    return max(polished(asked, best, end), best, key=lambda one: one.log_period)
+    return max(polished(asked, best, end, enough), best, key=lambda one: one.log_period)
 
 
 def _guesses(asked: Open) -> list[Injection]:
@@ -103,6 +107,8 @@ def _of_program(asked: Open, starts: int, end: float) -> list[Injection]:
 # --- the fewest samples ---------------------------------------------------------------------------
 
 _BISECTION_SECONDS, _SCAN_SECONDS = 0.15, 10.0
+# bisections from other starts, with that many of the samples of the one before
+_ROUNDS, _FEWER = 4, 0.9
 
 
 def fewest_samples(asked: Open, period: float, least: int) -> tuple[int | None, Injection]:
@@ -119,17 +125,37 @@ def fewest_samples(asked: Open, period: float, least: int) -> tuple[int | None, 
     best = best_injection(asked)
     if best.log_period <= log_period:
         return None, best
-    low, high = least - 1, max(least, math.floor(best.window / period))
-    found = _with_samples(asked, high * period, best)
+    high = max(least, math.floor(best.window / period))
+    found = _with_samples(asked, high * period, best, log_period)
+    for _ in range(_ROUNDS):
+        high, found = _bisected(asked, period, (least - 1, high), found)
+        if high <= least:
+            break
+        # another start than where the last one has led to
+        fewer = max(least, math.floor(_FEWER * high))
+        other = best_injection(
+            _at(asked, fewer * period), (found,), seconds=2 * SECONDS, enough=log_period
+        )
+        if other.log_period <= log_period:
+            break
+        high, found = fewer, other
+    if found.log_period <= log_period:
+        found = best_injection(_at(asked, high * period), (best,))
+    return high, found
+
+
+def _bisected(
+    asked: Open, period: float, ends: tuple[int, int], found: Injection
+) -> tuple[int, Injection]:
+    """The fewest samples between the ends, the second of which will do with what was found."""
+    low, high = ends
     while high - low > 1:
         middle = (low + high) // 2
-        other = _with_samples(asked, middle * period, found)
-        if other.log_period > log_period:
+        other = _with_samples(asked, middle * period, found, math.log(period))
+        if other.log_period > math.log(period):
             high, found = middle, other
         else:
             low = middle
-    if found.log_period <= log_period:
-        found = best_injection(_at(asked, high * period), (best,))
     return high, found
 
 
@@ -137,8 +163,10 @@ def _at(asked: Open, window: float) -> Open:
     return replace(asked, window=window)
 
 
-def _with_samples(asked: Open, window: float, near: Injection) -> Injection:
-    return best_injection(_at(asked, window), (near,), starts=0, seconds=_BISECTION_SECONDS)
+def _with_samples(asked: Open, window: float, near: Injection, enough: float) -> Injection:
+    return best_injection(
+        _at(asked, window), (near,), starts=0, seconds=_BISECTION_SECONDS, enough=enough
+    )
 
 
 def _scanned(asked: Open, L: Array, period: float, least: int) -> tuple[int | None, Injection]:

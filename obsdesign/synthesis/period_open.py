@@ -44,7 +44,8 @@ class Open:
         names = ["L"] if self.L is None else []
         names += ["the window"] if self.window is None else []
         names += ["coordinates S"] if self.coordinates else []
-        return " and ".join(names) + (" for a tighter Lemma 2" if self.tighter else "")
+        told = " and ".join([", ".join(names[:-1]), *names[-1:]] if len(names) > 1 else names)
+        return told + (" for a tighter Lemma 2" if self.tighter else "")
 
     def rated(self, L: Array, T: float, S: Array | None = None) -> Injection:
         """As (13) allows, and short enough for the window to hold n / p samples."""

@@ -24,11 +24,15 @@ class _Over(Exception):
     """The time of a search has ended."""
 
 
+class _Enough(Exception):
+    """What is asked for has been found."""
+
+
 class _Polish:
     """What is open as one vector: direction and size of L, log T, the triangle of S."""
 
-    def __init__(self, asked: Open, start: Injection, end: float) -> None:
-        self._asked, self._start, self._end = asked, start, end
+    def __init__(self, asked: Open, start: Injection, end: float, enough: float) -> None:
+        self._asked, self._start, self._end, self._enough = asked, start, end, enough
         self.best = start
         size = float(np.linalg.norm(start.L)) or 1.0
         x: list[Array] = []
@@ -50,6 +54,8 @@ class _Polish:
         found = self._point(x)
         if found.log_period > self.best.log_period:
             self.best = found
+            if found.log_period > self._enough:
+                raise _Enough
         return -found.log_period if math.isfinite(found.log_period) else 1e6
 
     def _point(self, x: Array) -> Injection:
@@ -67,13 +73,16 @@ class _Polish:
         return asked.rated(L, T, S)
 
 
-def polished(asked: Open, start: Injection, end: float) -> Injection:
-    """At least as good as start, by quasi-Newton steps and simplices until the time is over."""
+def polished(asked: Open, start: Injection, end: float, enough: float = math.inf) -> Injection:
+    """At least as good as start, by quasi-Newton steps and simplices until the time is over.
+
+    enough: log of a period beyond which nobody asks.
+    """
     from scipy.optimize import minimize
 
-    polish = _Polish(asked, start, end)
+    polish = _Polish(asked, start, end, enough)
     x, count = polish.x0, len(polish.x0)
-    if math.isinf(start.log_period) or not count:
+    if math.isinf(start.log_period) or not count or start.log_period > enough:
         return start
     try:
         x = minimize(polish.cost, x, method="BFGS", options={"gtol": 1e-7, "maxiter": 100}).x
@@ -82,6 +91,8 @@ def polished(asked: Open, start: Injection, end: float) -> Injection:
             simplex = np.vstack([x, x + spread * np.eye(count)])
             options = {**_NELDER_MEAD, "initial_simplex": simplex}
             x = minimize(polish.cost, x, method="Nelder-Mead", options=options).x
+    except _Enough:
+        pass
     except _Over:
         ended(asked.unknowns)
     return polish.best
