@@ -8,7 +8,8 @@ import sys
 import numpy as np
 
 from benchmarks.cases import report, seconds
-from obsdesign.equations.impulse_fit import ImpulseCurve, fit_impulse
+from obsdesign.equations.impulse_curve import ImpulseCurve
+from obsdesign.equations.impulse_fit import fit_impulse
 from obsdesign.equations.impulsive_input import filtered_system
 
 A = np.array([[-0.08, 0, 0], [2, -0.15, 0], [0, 0.5, -0.2]])

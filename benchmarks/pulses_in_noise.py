@@ -84,9 +84,8 @@ def main() -> bool:
     for seed in SEEDS:
         y = x @ C.T + np.random.default_rng(seed).normal(0, VARIANCE**0.5, (ROWS, 1))
         blind = kinds["paper, slow exponents"].engine.run
-        track = blind.begin(0.0, y[0], np.zeros(0), GUESS)
-        rest = np.ones(ROWS - 1, bool)
-        track = blind.extended(track, t[1:], y[1:], np.zeros((ROWS - 1, 0)), rest)
+        track = blind.begin(0.0, y[0], np.zeros(3), GUESS)
+        track = blind.extended(track, t[1:], y[1:], np.zeros((ROWS - 1, 3)))
         found["Luenberger"].append(rms(track.x))
         both = [kalman(y, q) for q in ORACLE]
         found["Kalman filter"].append(min(rms(pair[0]) for pair in both))

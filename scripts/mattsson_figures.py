@@ -111,8 +111,9 @@ def with_noise(output: str) -> None:
     markers = dict(zip(runs, ("s", "o", "^"), strict=True))
     with picture(7.2, 6.4, output) as figure:
         axes = figure.subplots(3, 1, sharex=True, height_ratios=[1, 1.8, 1.4])
-        axes[0].plot(t[SHOWN], (x @ C.T + noise)[SHOWN], color=GREY, lw=0.4)
-        axes[0].plot(t[SHOWN], (x @ C.T)[SHOWN], color=BLACK, lw=0.9)
+        axes[0].plot(t[SHOWN], (x @ C.T + noise)[SHOWN], color=GREY, lw=0.4, label="measured")
+        axes[0].plot(t[SHOWN], (x @ C.T)[SHOWN], color=BLACK, lw=0.9, label="true")
+        axes[0].legend(frameon=False, loc="upper right", ncols=2)
         axes[0].set_ylabel("$y$")
         true_impulses(axes[2])
         for label, (batch, colour) in runs.items():
@@ -121,6 +122,7 @@ def with_noise(output: str) -> None:
         axes[1].set_ylabel("$|x - \\hat x|$")
         axes[1].set_ylim(1e-2, 3e2)
         axes[1].legend(frameon=False, loc="upper right")
+        axes[2].legend(frameon=False, loc="upper right")
         axes[2].set_xlim(0, 240)
         axes[2].set_xlabel("time")
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lmi.exponential import expm
-from obsdesign.equations.impulse_fit import ImpulseCurve
+from obsdesign.equations.impulse_curve import ImpulseCurve
 from obsdesign.equations.impulsive_input import (
     OLD,
     feature_scales,

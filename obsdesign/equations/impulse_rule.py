@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from obsdesign.equations.impulse_fit import ImpulseCurve
+from obsdesign.equations.impulse_curve import ImpulseCurve
 from obsdesign.equations.impulsive_input import feature_scales, filtered_system, has_peak
 
 Array = NDArray[Any]
@@ -54,7 +54,7 @@ def margin_objection(oldest: float, window: float, margin: float) -> str | None:
     if margin < oldest:
         return None
     return (
-        f"observer.margin must be below {oldest:.3g}, where less than a thousandth of an impulse "
+        f"observer.margin must be below {oldest:.2g}, where less than a thousandth of an impulse "
         f"is left in the features; got {margin!r}. Is observer.window = {window!r} too long for "
         "the plant, or the exponents too fast?"
     )

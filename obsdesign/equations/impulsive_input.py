@@ -39,6 +39,8 @@ _COARSE = 1.0
 OLD = 0.7
 # rule "peak": where the peak of |b| must lie, of the window, and how far |b| must fall to its end
 _LATEST_PEAK, _FALLEN = 0.9, 0.98
+# what is measured and its noise are squared, and multiplied by gains
+LARGEST, SMALLEST = 1e100, 1e-100
 OPERATORS = ("integral", "samples")
 WEIGHTINGS = ("plain", "gls")
 RULES = ("peak", "position", "threshold")
@@ -58,6 +60,28 @@ def objection(plant: Any) -> str | None:
             "jump.E is refused by kind 'impulsive_input': jump times are unknown, so that no known "
             "input can act at them."
         )
+    return size_objection(plant)
+
+
+def size_objection(plant: Any) -> str | None:
+    """Which number of a plant floats cannot square, or None; one sentence."""
+    output = plant.output
+    entries = {
+        "flow.A": plant.flow.A, "jump.H": plant.jump.H, "output.C": output.C,
+        "output.noise_std": output.noise_std, "output.noise_cv": output.noise_cv,
+    }  # fmt: skip
+    for name, values in entries.items():
+        sizes = np.abs(values[values != 0])
+        least = SMALLEST if "noise" in name else 0.0
+        wrong = sizes[(sizes > LARGEST) | (sizes < least)]
+        if len(wrong):
+            allowed = (
+                f"0, or between {least:g} and {LARGEST:g}" if least else f"at most {LARGEST:g}"
+            )
+            return (
+                f"{name} must be {allowed} in size for kind 'impulsive_input', which squares it; "
+                f"got {wrong[0]:g}. Are the units what they should be?"
+            )
     return None
 
 

@@ -6,6 +6,7 @@ data has it, jump instants as vertical ticks, rows without guarantee marked on t
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -176,14 +177,25 @@ def _weights(axis: Any, events: dict[str, list[str]], path: str) -> None:
         )
         tops = np.maximum(tops, weights + 2 * spread)
     if len(t) <= _LABELLED:
-        for moment, top in zip(t, tops, strict=True):
-            axis.annotate(f"{moment:.3g}", (moment, top), (0, 3), textcoords="offset points",
+        for text, moment, top in zip(_moments(t, events, path), t, tops, strict=True):
+            axis.annotate(text, (moment, top), (0, 3), textcoords="offset points",
                           ha="center", fontsize=8)  # fmt: skip
     axis.axhline(0, color="0.3", lw=0.6)
     axis.margins(y=0.25)
     if len(t) and tops.min() > 0:
         axis.set_ylim(bottom=0)
     axis.set_ylabel("weight", rotation=0, ha="right", va="center")
+
+
+def _moments(t: Vector, events: dict[str, list[str]], path: str) -> list[str]:
+    """Times with the decimals that their deviations leave, doubtful ones with a question mark."""
+    found = []
+    spread = np.nan_to_num(_numbers(events, "t_std", path))
+    for moment, std, status in zip(t, spread, events.get("status", ["ok"] * len(t)), strict=True):
+        decimals = max(0, math.ceil(-math.log10(2 * std))) if std > 0 else 6
+        text = f"{moment:.{min(decimals, 6)}f}" if std > 0 else f"{moment:.4g}"
+        found.append(text + ("" if status in ("ok", *_EXPECTED) else " ?"))
+    return found
 
 
 def _open_end(axis: Any, t: Vector, statuses: list[str]) -> None:

@@ -14,28 +14,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from obsdesign.equations.estimation_error import flow_error_matrix
-from obsdesign.equations.impulse_fit import ImpulseCurve
+from obsdesign.equations.impulse_curve import ImpulseCurve
 from obsdesign.equations.impulsive_input import feature_scales, filtered_system, window_matrix
 from obsdesign.runtime.base import Estimate, Vector
-from obsdesign.runtime.impulse_estimate import (
-    Decision,
-    Evaluator,
-    Window,
+from obsdesign.runtime.impulse_addition import Addition
+from obsdesign.runtime.impulse_estimate import Evaluator, Window
+from obsdesign.runtime.impulse_noise import covariance_at, first_covariance
+from obsdesign.runtime.impulse_rows import IntegralLive, Rows
+from obsdesign.runtime.impulse_search import Position, Rule, smoothed
+from obsdesign.runtime.impulse_track import FreeRun
+from obsdesign.runtime.impulse_whitening import (
     feature_deviation,
     noise_deviation,
     whitened,
 )
-from obsdesign.runtime.impulse_noise import added_by_noise, covariance_at, first_covariance
-from obsdesign.runtime.impulse_rows import IntegralLive, Rows
-from obsdesign.runtime.impulse_search import Position, Rule, Search, smoothed
-from obsdesign.runtime.impulse_track import FreeRun
 
 Array = NDArray[Any]
 
 _FLOOR = 8.0  # |R| must exceed this many deviations of noise
 _EXACT_FLOOR = 1e-7  # and this part of what the output itself leaves in R: interpolation, rounding
 _AFTER_FLOOR = 3e-6  # and this part of what impulses before it made of it: they are added as found
-_MISFIT = 0.05  # of the residual: what an impulse may leave of it where there is no noise
 _LEAST = 6.0  # deviations that an impulse must explain before it is evaluated by its position
 _SMOOTHING = 0.05  # half width of the moving average, of the window
 # part of |R| that a rise or a drop must have; without noise only interpolation disturbs it
@@ -64,13 +62,13 @@ class Engine(Protocol):
 
 @dataclass(frozen=True)
 class IntegralEngine:
-    """Parameters: the free run, the evaluation of a window, the plant, its noise and dwell time."""
+    """Parameters: the free run, the evaluation of a window, noise, how an impulse is added."""
 
     run: FreeRun
     rows: Rows
     evaluator: Evaluator
     noise: tuple[Vector, Vector]
-    dwell: float
+    addition: Addition
     threshold: float | None
     positional: bool
 
@@ -91,9 +89,10 @@ class IntegralEngine:
             bool(gains.get("state_correction", False)), bool(gains.get("nonnegative", False)),
         )  # fmt: skip
         run = FreeRun(A, K, C, B, drift, exponents, tau)
+        rows = Rows(run, gains.get("period"))
         return cls(
-            run, Rows(run, gains.get("period")), evaluator,
-            (gains["noise_std"], gains["noise_cv"]), float(gains["dwell_time"][0]),
+            run, rows, evaluator, (gains["noise_std"], gains["noise_cv"]),
+            Addition(run, rows, H, float(gains["dwell_time"][0])),
             gains.get("threshold"), gains.get("rule") == "position",
         )  # fmt: skip
 
@@ -167,7 +166,8 @@ class IntegralEngine:
             if first >= len(values):
                 break
             means = smoothed(live.track.t, values, first, half)
-            search, fired = live.rule.advance(live.search, means.tolist(), first)
+            times, tau = live.track.t, self.run.tau
+            search, fired = live.rule.advance(live.search, means.tolist(), first, times, tau)
             live = replace(live, search=search)
             if not fired:
                 break
@@ -254,55 +254,6 @@ class IntegralEngine:
         if decision is None or decision.event is None:
             value = float(live.norms[min(search.position, len(live.norms)) - 1])
             return replace(live, search=search.given_up(value)), []
-        if not spread.any():
-            decision = self._compared(decision, track.t[top:stop], error)
-        return self._added(live, top, decision, spread)
-
-    def _compared(self, decision: Decision, times: Array, error: Array) -> Decision:
-        """Without noise: does the output of the impulse match the residual? Features hardly tell.
-
-        Two impulses in a window, or an error of the state at its start, leave a difference.
-        """
-        event = decision.event
-        assert event is not None
-        shown = self.run.impulse_error(times, event.t, self.evaluator.H @ event.weights)
-        rest = error - shown @ self.run.C.T
-        if np.linalg.norm(rest) > _MISFIT * np.linalg.norm(error):
-            event = replace(event, status="does not fit one impulse in the window")
-        return replace(decision, event=event)
-
-    def _added(
-        self, live: IntegralLive, top: int, decision: Decision, spread: Array
-    ) -> tuple[IntegralLive, list[Estimate]]:
-        """Add the impulse, give out rows up to the end of the window, begin again there."""
-        track, event, tau = live.track, decision.event, self.run.tau
-        assert track is not None
-        assert event is not None
-        t_o = float(track.t[top])
-        restart = int(np.searchsorted(track.t, t_o + tau - 1e-9 * tau, "left"))
-        restart = min(restart, len(track.t) - 1)
-        x = track.x.copy()
-        window = np.arange(top, restart + 1)
-        jump = self.evaluator.H @ event.weights
-        x[window] += self.run.impulse_error(track.t[window], event.t, jump)
-        if decision.correction.any():
-            x[window] += self.run.coasting(track.t[window], t_o, decision.correction)
-        if event.t - live.last_event < self.dwell * (1 - 1e-9):
-            gap = f"dwell time {event.t - live.last_event:.9g} below {self.dwell:.9g}"
-            words = gap if event.status == "ok" else f"{event.status}; {gap}"
-            event = replace(event, status=words)
-        doubt = live.doubt
-        if event.status != "ok":
-            doubt = (t_o, float(track.t[restart]), event.status)
-        whole = replace(live, track=replace(track, x=x), doubt=doubt)
-        rows = self.rows.given(whole, restart, event=event, jump=jump)
-        P, at = decision.covariance, t_o + tau
-        if P is not None:
-            P = P + added_by_noise(self.run, track, spread, tau)
-        largest = max(live.largest, float(live.norms[top : live.search.position].max(initial=0.0)))
-        fresh = self.run.restarted(track, restart, x[restart])
-        return replace(
-            live, track=fresh, norms=np.zeros(0), search=Search(), rule=None, covariance=P,
-            since=at, last_event=event.t, doubt=doubt, largest=largest,
-            absent=self.rows.left(live, float(track.t[restart])),
-        ), rows  # fmt: skip
+        if not self.evaluator.gls:
+            decision = self.addition.compared(decision, track.t[top:stop], error, spread)
+        return self.addition.added(live, top, decision, spread)

@@ -18,19 +18,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lmi.exponential import expm
-from obsdesign.equations.impulse_fit import Impulse, ImpulseCurve, explained, fit_impulse, peaks
+from obsdesign.equations.impulse_curve import ImpulseCurve
+from obsdesign.equations.impulse_fit import Impulse, explained, fit_impulse, peaks
 from obsdesign.equations.impulsive_input import feature_scales, window_taps
 from obsdesign.runtime.base import Vector
+from obsdesign.runtime.impulse_whitening import (
+    Z_SCORE,
+    chi_squared_limit,
+    covariance_of,
+    noise_covariance,
+    plain_deviations,
+    root_of_sum,
+    whitened,
+)
 
 Array = NDArray[Any]
 
-# proportional noise is no smaller than at this part of the largest output
-_FAINT = 1e-3
-# singular values below this part of the largest carry more rounding than signal
-_RANK = 1e-11
-# |r|^2 of a fit that noise alone explains is below this, once in a thousand windows: chi-squared
-# quantiles by Wilson and Hilferty, z = 3.0902
-_Z = 3.090232306167813
 # gls: likelihood ratio of an impulse against none
 _LEAST_GAIN = 36.0
 # plain, without noise: part of R that a fit may leave at the start of a search
@@ -143,11 +146,11 @@ class Evaluator:
         if at_start:
             allowed = _GOOD_FIT**2 * float(R @ R)
             if noisy:
-                N = _noise_covariance(window.taps, window.spread)
-                allowed += float(np.trace(N)) + _Z * math.sqrt(2 * float((N * N).sum()))
+                N = noise_covariance(window.taps, window.spread)
+                allowed += float(np.trace(N)) + Z_SCORE * math.sqrt(2 * float((N * N).sum()))
             if found.cost > allowed or not found.inside:
                 return None
-        stds = _plain_deviations(found, window.taps, window.spread) if noisy else (None, None)
+        stds = plain_deviations(found, window.taps, window.spread) if noisy else (None, None)
         event = Event(self._time(window, found), found.weights, *stds)
         return Decision(event, found.age, np.zeros(len(self.D)), None)
 
@@ -209,7 +212,7 @@ class Evaluator:
     def _weighted(self, window: Window, P: Array, at_start: bool) -> Decision | None:
         R, T = whitened(window.taps, window.error, window.spread)
         V = T @ self.V
-        half = np.linalg.cholesky(np.eye(len(R)) + V @ P @ V.T)
+        half = root_of_sum(V, P)
         R, T, V = (np.linalg.solve(half, part) for part in (R, T, V))
         found = self._fitted(R, window, T)
         if found is None or found.gain <= _LEAST_GAIN:
@@ -218,7 +221,7 @@ class Evaluator:
         if at_start and (found.cost > limit or not found.inside):
             return None
         J = np.column_stack([found.b_dot @ found.weights, found.b])  # d(b g)/d(age, g)
-        spread_of = _covariance(J)
+        spread_of = covariance_of(J)
         status = "ok" if found.cost <= limit else "does not fit one impulse in the window"
         event = Event(
             self._time(window, found), found.weights,
@@ -242,60 +245,3 @@ class Evaluator:
             moves = moves - flow @ gain @ J
         covariance = flow @ P @ flow.T + moves @ spread_of @ moves.T
         return Decision(event, found.age, correction, (covariance + covariance.T) / 2)
-
-
-def whitened(taps: Array, error: Array, spread: Array) -> tuple[Array, Array]:
-    """(features (r,), T (r, p m)): what unit noise covariance makes of R, and of b and V."""
-    features, maps, m = [], [], taps.shape[1]
-    for j in range(error.shape[1]):
-        U, sizes, right = np.linalg.svd(taps * spread[:, j, None], full_matrices=False)
-        kept = sizes > _RANK * sizes[0]
-        features.append(U[:, kept].T @ (error[:, j] / spread[:, j]))
-        block = np.zeros((int(kept.sum()), m * error.shape[1]))
-        block[:, j * m : (j + 1) * m] = right[kept] / sizes[kept, None]
-        maps.append(block)
-    return np.concatenate(features), np.vstack(maps)
-
-
-def feature_deviation(taps: Array, spread: Array) -> float:
-    """sigma_R: the largest deviation of R in any direction, from the noise of the samples."""
-    sizes = [np.linalg.norm(taps * column[:, None], 2) for column in spread.T]
-    return float(max(sizes))
-
-
-def noise_deviation(std: Vector, cv: Vector, y: Array, level: Array) -> Array:
-    """Deviation of the noise of outputs y whose largest so far is `level`: y = 0 is not exact."""
-    size = np.maximum(np.abs(y), _FAINT * level)
-    return np.asarray(np.hypot(std, np.where(size > 0, cv * size, cv)))
-
-
-def chi_squared_limit(freedom: int) -> float:
-    """0.999 quantile of chi-squared (Wilson, Hilferty 1931); infinite without freedom."""
-    if freedom < 1:
-        return math.inf
-    ninth = 2.0 / (9.0 * freedom)
-    return float(freedom * (1 - ninth + _Z * math.sqrt(ninth)) ** 3)
-
-
-def _noise_covariance(taps: Array, spread: Array) -> Array:
-    p, m = spread.shape[1], taps.shape[1]
-    N = np.zeros((p * m, p * m))
-    for j in range(p):
-        weighted = taps * spread[:, j, None]
-        N[j * m : (j + 1) * m, j * m : (j + 1) * m] = weighted.T @ weighted
-    return N
-
-
-def _plain_deviations(found: Impulse, taps: Array, spread: Array) -> tuple[float, Vector]:
-    """Deviations of age and weights under the plain norm: J^+ N J^+', N the covariance of R."""
-    J = np.column_stack([found.b_dot @ found.weights, found.b])
-    back = np.linalg.pinv(J)
-    C = back @ _noise_covariance(taps, spread) @ back.T
-    deviations = np.sqrt(np.diag(C))
-    return float(deviations[0]), deviations[1:]
-
-
-def _covariance(J: Array) -> Array:
-    """(J'J)^-1 by QR; no Gramian is inverted."""
-    back = np.linalg.pinv(np.linalg.qr(J)[1])
-    return np.asarray(back @ back.T)

@@ -6,14 +6,17 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from obsdesign.equations.impulsive_input import (
+    LARGEST,
     OPERATORS,
     RULES,
     WEIGHTINGS,
     are_exponents,
     is_positive,
 )
+from obsdesign.errors import InputError
 from obsdesign.runtime.base import require_shapes
 
 
@@ -48,3 +51,15 @@ def check_gains(gains: Mapping[str, Any]) -> None:
     count = float(gains["window"]) / float(gains["period"])
     if abs(count - round(count)) > 1e-6 or round(count) < 1:
         raise ValueError("gains.window must be a multiple of gains.period.")
+
+
+def check_size(name: str, values: NDArray[np.float64], times: NDArray[np.float64]) -> None:
+    """InputError for a number, in rows (k, m) at times (k,), that floats cannot square."""
+    large = np.abs(values) > LARGEST  # NaN, a missing sample, is not
+    if large.any():
+        k, i = np.argwhere(large)[0]
+        cause = " Is it a mark for a missing value? Leave that empty." if name == "y" else ""
+        raise InputError(
+            f"{name}{i + 1} must be at most {LARGEST:g} in size, since it is squared; got "
+            f"{values[k, i]:g} at t = {times[k]:.10g}.{cause}"
+        )

@@ -1,14 +1,21 @@
-"""An impulse somewhere in a window of few samples: filter, likelihood of onsets, what follows.
+"""An impulse somewhere in a window of few samples: likelihood of onsets, and what follows from it.
 
 The exact relation of samples, onset and weight that `runtime.impulse_samples` states; everything
-here is about one window, and nothing about when to look.
+here is about one window, and nothing about when to look. An impulse in the cell that ends at row c
+moves the state there by v = e^{A (t_c - onset)} H g, and the scaled innovations after it by linear
+functions of v. So two sums for each cell hold all that samples say of it,
+
+    score s_c = sum_k Psi_kc' surprise_k,      information I_c = sum_k Psi_kc' Psi_kc,
+
+and the likelihood ratio of an onset is (v's)^2 / v'I v, v for weight 1: no covariance of a whole
+window is formed, and another row costs the same however many there are.
 """
 
 from __future__ import annotations
 
 import math
 from collections import OrderedDict
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -16,31 +23,109 @@ from numpy.typing import NDArray
 
 from lmi.exponential import expm
 from obsdesign.runtime.base import Vector
-from obsdesign.runtime.luenberger import responses
+from obsdesign.runtime.impulse_filter import Filtered, Row, SampledPlant
+from obsdesign.runtime.step_cache import cached_step
 
 Array = NDArray[Any]
 
-ONSETS = 40  # per interval between samples
+ONSETS = 40  # per period of the samples
 _REFINEMENTS = 12  # of the grid of onsets, tenfold each
 _CROWDED = 0.95  # probability of three neighbours from which a grid is too coarse
-_CACHED = 64
+_SAME = 1e-12  # times closer than this are one
 
 
-@dataclass(frozen=True, slots=True)
-class Row:
-    """One row: time, measurement (None: missing), known input from then on, deviations (p,)."""
+@dataclass(frozen=True)
+class Grid:
+    """Onsets (G,), the cell of each (G,), and e^{A (t_c - onset)} H (G, n), t_c the cell's end."""
 
-    t: float
-    y: Vector | None
-    u: Vector
-    spread: Vector
+    onsets: Array
+    cell: Array
+    states: Array
+
+    @classmethod
+    def empty(cls, n: int) -> Grid:
+        """No onsets."""
+        return cls(np.zeros(0), np.zeros(0, dtype=int), np.zeros((0, n)))
+
+    def joined(self, onsets: Array, cell: int, states: Array) -> Grid:
+        """With the onsets of one more cell."""
+        return Grid(
+            np.concatenate([self.onsets, onsets]),
+            np.concatenate([self.cell, np.full(len(onsets), cell)]),
+            np.concatenate([self.states, states]),
+        )
+
+    def without_first(self) -> Grid:
+        """Without those of the first cell."""
+        k = int(np.searchsorted(self.cell, 1))
+        return Grid(self.onsets[k:], self.cell[k:] - 1, self.states[k:])
+
+    def before(self, t: float) -> Grid:
+        """Those that lie before a time; one at least."""
+        k = max(int(np.searchsorted(self.onsets, t - _SAME)), 1)
+        return Grid(self.onsets[:k], self.cell[:k], self.states[:k])
+
+
+@dataclass(frozen=True)
+class Cells:
+    """What the samples of a window say of an impulse in each cell between two rows, N cells.
+
+    ends (N,): times of rows; moved (n, N, n): what is left in the filter now (first axis) of unit
+    errors at a cell's end (last); information (N, n, n), score (N, n); costs: squares of all scaled
+    innovations, one for each row; grid: onsets that are looked at whenever the window moves.
+    """
+
+    ends: Array
+    moved: Array
+    information: Array
+    score: Array
+    costs: Array
+    grid: Grid
+
+    @classmethod
+    def empty(cls, n: int) -> Cells:
+        """A window that begins at a row, before the next one."""
+        none = np.zeros(0)
+        return cls(none, np.zeros((n, 0, n)), np.zeros((0, n, n)), np.zeros((0, n)), none,
+                   Grid.empty(n))  # fmt: skip
+
+    def after(self, at: Filtered, opens: bool = True) -> Cells:
+        """With one more row; `opens`: an onset in the cell before it is looked for."""
+        n, moved = len(at.x), at.flow @ self.moved.reshape(len(at.x), -1)
+        information, score, ends = self.information, self.score, self.ends
+        if opens:
+            moved = np.hstack([moved, np.eye(n)])
+            information = np.concatenate([information, np.zeros((1, n, n))])
+            score = np.concatenate([score, np.zeros((1, n))])
+            ends = np.append(ends, at.row.t)
+        seen = (at.shown @ moved).reshape(-1, len(ends), n)
+        pairs = (seen[:, :, :, None] * seen[:, :, None, :]).sum(axis=0)
+        return replace(
+            self, ends=ends, moved=(at.kept @ moved).reshape(n, -1, n),
+            information=information + pairs, score=score + np.tensordot(at.surprise, seen, 1),
+            costs=np.append(self.costs, at.cost),
+        )  # fmt: skip
+
+    def without_first(self) -> Cells:
+        """The window that begins one row later."""
+        return Cells(
+            self.ends[1:], self.moved[:, 1:], self.information[1:], self.score[1:],
+            self.costs[1:], self.grid.without_first(),
+        )  # fmt: skip
+
+    def of(self, onsets: Array) -> Array:
+        """Index of the cell of each onset; one at a row belongs to the cell that ends there."""
+        return np.minimum(np.searchsorted(self.ends, onsets - _SAME), len(self.ends) - 1)
 
 
 @dataclass(frozen=True)
 class Fit:
-    """A posterior over onsets: times, probabilities, weights, what remains; shapes (G,)."""
+    """A posterior over onsets: probabilities, weights, their precision, likelihood ratios, (G,).
 
-    onsets: Array
+    cost: what the best of them leaves, to be compared with chi-squared.
+    """
+
+    grid: Grid
     probability: Array
     weights: Array
     precision: Array
@@ -50,68 +135,53 @@ class Fit:
 
 @dataclass(frozen=True)
 class OnsetModel:
-    """The plant, seen through samples; weight_std: prior deviation of weights, inf for none."""
+    """How likely onsets are; weight_std: prior deviation of weights, inf for none."""
 
-    A: Array
-    B: Array
-    C: Array
-    H: Array
-    drift: Vector
+    plant: SampledPlant
     nonnegative: bool
     weight_std: float = math.inf
-    _responses: OrderedDict[tuple[float, ...], Array] = field(
+    _grids: OrderedDict[tuple[float, int], tuple[Array, Array]] = field(
         default_factory=OrderedDict, repr=False, compare=False
     )
 
-    # --- filter ---------------------------------------------------------------------------------
+    def window(self, first: Filtered, rows: list[Row], until: float) -> Cells:
+        """Cells of a window from `first` on; onsets are looked for up to a time."""
+        cells, at = Cells.empty(len(first.x)), first
+        for row in rows:
+            opens = at.row.t < until
+            at = self.plant.after(at, row)
+            cells = cells.after(at, opens)
+        return cells
 
-    def free(self, t: float, x: Vector, u: Vector, until: float) -> Vector:
-        """The state at `until` from x at t, input u held, no impulse."""
-        if until <= t:
-            return x
-        flow, once, _ = responses(self.A, until - t)
-        return np.asarray(flow @ x + once @ (self.B @ u + self.drift))
+    def gridded(self, cells: Cells, since: float, period: float) -> Cells:
+        """The cells with a grid of onsets in the last one, which begins at `since`."""
+        until, cell = float(cells.ends[-1]), len(cells.ends) - 1
 
-    def filtered(self, x: Vector, P: Array, one: Row, other: Row) -> tuple[Vector, Array]:
-        """Kalman filter from one row to the next: state and covariance, its sample used."""
-        flow = expm(self.A * (other.t - one.t))
-        return self.updated(self.free(one.t, x, one.u, other.t), flow @ P @ flow.T, other)
+        def build(width: float, _: float) -> tuple[Array, Array]:
+            count = min(max(round(ONSETS * width / period), 1), ONSETS)
+            late = width / count * np.arange(count)
+            return late, self.states(width - late)
 
-    def updated(self, x: Vector, P: Array, row: Row) -> tuple[Vector, Array]:
-        """State and covariance after the sample of a row, if there is one."""
-        if row.y is None:
-            return x, P
-        S = self.C @ P @ self.C.T + np.diag(row.spread**2)
-        gain = np.linalg.solve(S, self.C @ P).T
-        P = P - gain @ self.C @ P
-        return x + gain @ (row.y - self.C @ x), (P + P.T) / 2
+        late, states = cached_step(self._grids, until - since, max(abs(since), abs(until)), build)
+        return replace(cells, grid=cells.grid.joined(since + late, cell, states))
 
-    def fitted(
-        self, rows: tuple[Row, ...], x: Vector, P: Array, low: float, high: float, interval: float
-    ) -> Fit:
-        """Likelihood ratios and posterior over onsets in [low, high), from rows after the first.
+    def states(self, ages: Array) -> Array:
+        """e^{A age} H, (G, n)."""
+        return np.asarray((expm(self.plant.A * ages[:, None, None]) @ self.plant.H)[..., 0])
+
+    def at(self, cells: Cells, onsets: Array) -> Grid:
+        """Any onsets within the cells."""
+        cell = cells.of(onsets)
+        return Grid(onsets, cell, self.states(np.maximum(cells.ends[cell] - onsets, 0.0)))
+
+    def posterior(self, cells: Cells, grid: Grid) -> Fit:
+        """Likelihood ratios, and the posterior for onsets that are evenly spaced.
 
         The likelihood of (onset, g) with eps_o ~ (0, P) part of the noise; g ~ (0, weight_std).
         """
-        step = interval / ONSETS
-        return self._posterior(rows, x, P, low + step * np.arange(round((high - low) / step)))
-
-    def refined(self, rows: tuple[Row, ...], x: Vector, P: Array, fit: Fit) -> Fit:
-        """The posterior on finer and finer grids, while a few onsets hold all of it."""
-        for _ in range(_REFINEMENTS):
-            top = int(np.argmax(fit.probability))
-            if fit.probability[max(top - 1, 0) : top + 2].sum() < _CROWDED:
-                break
-            low, high = fit.onsets[max(top - 2, 0)], fit.onsets[min(top + 2, len(fit.onsets) - 1)]
-            fit = self._posterior(rows, x, P, np.linspace(low, high, ONSETS + 1))
-        return fit
-
-    def _posterior(self, rows: tuple[Row, ...], x: Vector, P: Array, onsets: Array) -> Fit:
-        _, error, S, _ = self.residuals(rows, x, P)
-        half = np.linalg.cholesky(S)
-        b = np.linalg.solve(half, self.responses_at(rows, onsets).T)  # (K p, G)
-        e = np.linalg.solve(half, error)
-        num, den = e @ b, (b * b).sum(axis=0)
+        cell, states = grid.cell, grid.states
+        num = (cells.score[cell] * states).sum(axis=1)
+        den = np.einsum("gij,gi,gj->g", cells.information[cell], states, states)
         if self.nonnegative:
             num = np.maximum(num, 0.0)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -121,67 +191,48 @@ class OnsetModel:
                              0.5 * num**2 / d - 0.5 * np.log(d), -math.inf)  # fmt: skip
         p = np.exp(log_p - log_p.max()) if np.isfinite(log_p).any() else np.ones_like(log_p)
         weights = np.where(den > 0, num / np.where(d > 0, d, 1.0), 0.0)
-        return Fit(onsets, p / p.sum(), weights, d, ratio, float(e @ e - ratio.max()))
+        cost = float(cells.costs.sum() - ratio.max())
+        return Fit(grid, p / p.sum(), weights, d, ratio, cost)
 
-    def residuals(
-        self, rows: tuple[Row, ...], x: Vector, P: Array
-    ) -> tuple[float, Array, Array, Array]:
-        """(t_o, residuals (K p,), their covariance without impulse, C e^{A (t - t_o)} (K p, n))."""
-        t_o, at, t, u = rows[0].t, x, rows[0].t, rows[0].u
-        error, noise, seen = [], [], []
-        for row in rows[1:]:
-            at, t, u = self.free(t, at, u, row.t), row.t, row.u
-            if row.y is not None:
-                error.append(row.y - self.C @ at)
-                noise.append(row.spread**2)
-                seen.append(row.t - t_o)
-        if not seen:
-            n = len(x)
-            return t_o, np.zeros(0), np.zeros((0, 0)), np.zeros((0, n))
-        flows = expm(self.A * np.array(seen)[:, None, None])
-        shown = (self.C @ flows).reshape(-1, len(x))
-        S = np.diag(np.concatenate(noise)) + shown @ P @ shown.T
-        return t_o, np.concatenate(error), S, shown
-
-    def responses_at(self, rows: tuple[Row, ...], onsets: Array) -> Array:
-        """C e^{A (t_k - t)} H of an impulse at each onset t, (G, K p)."""
-        seen = np.array([row.t for row in rows[1:] if row.y is not None])
-        ends = np.concatenate([seen, onsets[:2], onsets[-1:]]) - rows[0].t
-        key = (*np.round(ends, 12).tolist(), float(len(onsets)))
-        if key not in self._responses:
-            ages = seen[None, :] - onsets[:, None]
-            live = ages >= -1e-12
-            flows = expm(self.A * np.maximum(ages, 0.0)[:, :, None, None])
-            found = (self.C @ flows @ self.H)[..., 0] * live[:, :, None]
-            self._responses[key] = found.reshape(len(onsets), -1)
-            if len(self._responses) > _CACHED:
-                self._responses.popitem(last=False)
-        return self._responses[key]
+    def refined(self, cells: Cells, fit: Fit) -> Fit:
+        """The posterior on finer and finer grids, while a few onsets hold all of it."""
+        for _ in range(_REFINEMENTS):
+            top = int(np.argmax(fit.probability))
+            if fit.probability[max(top - 1, 0) : top + 2].sum() < _CROWDED:
+                break
+            onsets = fit.grid.onsets
+            low, high = onsets[max(top - 2, 0)], onsets[min(top + 2, len(onsets) - 1)]
+            fit = self.posterior(cells, self.at(cells, np.linspace(low, high, ONSETS + 1)))
+        return fit
 
     def collapsed(
-        self, fit: Fit, rows: tuple[Row, ...], x: Vector, P: Array
-    ) -> tuple[list[Vector], Vector, Array]:
-        """(means at the rows, mean and covariance at the last), over the posterior of onsets."""
-        t_o, error, S, seen = self.residuals(rows, x, P)
-        gain = np.linalg.solve(S, seen @ P).T
-        b = self.responses_at(rows, fit.onsets)  # (G, K p)
-        p, g = fit.probability, fit.weights
-        eps = gain @ (error[:, None] - b.T * g)  # (n, G): error at t_o for each onset
-        means, t, u, free = [], t_o, rows[0].u, x
-        moved = eps
-        for row in rows:
-            free, t, u = self.free(t, free, u, row.t), row.t, row.u
-            flow = expm(self.A * (row.t - t_o))
-            ages = row.t - fit.onsets
-            jumps = expm(self.A * np.maximum(ages, 0.0)[:, None, None]) @ self.H
-            jumps = jumps[..., 0].T * (ages >= -1e-12)  # (n, G)
-            moved = free[:, None] + flow @ eps + jumps * g
-            means.append(moved @ p)
-        onto = jumps - flow @ gain @ b.T
-        rest = flow @ (P - gain @ seen @ P) @ flow.T
-        away = moved - means[-1][:, None]
-        covariance = rest + (onto * (p / fit.precision)) @ onto.T + (away * p) @ away.T
-        covariance = (covariance + covariance.T) / 2
+        self, fit: Fit, cells: Cells, first: Filtered, rows: list[Row]
+    ) -> tuple[list[Vector], Filtered]:
+        """(means at `first` and the rows after it, the filter at the last), over the posterior.
+
+        The filter is affine in what impulses do: it runs once more with their mean.
+        """
+        n, mean = len(first.x), fit.probability * fit.weights
+        jumps = np.zeros((len(rows), n))
+        np.add.at(jumps, fit.grid.cell, mean[:, None] * fit.grid.states)
+        run, at, reach, score = [], first, np.eye(n), np.zeros(n)
+        for row, jump in zip(rows, jumps, strict=True):
+            at = self.plant.after(at, row, jump)
+            seen = at.flow @ reach
+            score = score + (at.shown @ seen).T @ at.surprise
+            reach = at.kept @ seen
+            run.append(at)
+        x, since = first.x + first.P @ score, first.row
+        means = [x]
+        for there, jump in zip(run, jumps, strict=True):  # smoothed by all samples of the window
+            x = self.plant.free(since.t, x, since.u, there.row.t) + jump
+            since = there.row
+            means.append(x)
+        onto = (cells.moved[:, fit.grid.cell] * fit.grid.states).sum(axis=2)  # (n, G): d x / d g
+        away = onto * fit.weights - (onto @ mean)[:, None]
+        P = at.P + (onto * (fit.probability / fit.precision)) @ onto.T
+        P = P + (away * fit.probability) @ away.T
         # rounding must not leave it indefinite
-        floor = 1e-9 * float(np.trace(covariance)) / len(x)
-        return means, means[-1], covariance + floor * np.eye(len(x))
+        floor = 1e-9 * float(np.trace(P)) / n
+        P = (P + P.T) / 2 + floor * np.eye(n)
+        return [*means[:-1], at.x], Filtered.given(at.row, at.x, P)

@@ -16,38 +16,46 @@ An extension of (18) of the paper; in the limit of all taps a fixed-lag likeliho
 from __future__ import annotations
 
 import math
+from bisect import bisect_left
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lmi.exponential import expm
 from obsdesign.runtime.base import Estimate, Vector
-from obsdesign.runtime.impulse_estimate import Event, chi_squared_limit, noise_deviation
-from obsdesign.runtime.impulse_onset import ONSETS, Fit, OnsetModel, Row
+from obsdesign.runtime.impulse_estimate import Event
+from obsdesign.runtime.impulse_filter import Filtered, Row, SampledPlant
+from obsdesign.runtime.impulse_onset import ONSETS, Cells, Fit, OnsetModel
+from obsdesign.runtime.impulse_steady import STEADY, Steady
+from obsdesign.runtime.impulse_whitening import chi_squared_limit, noise_deviation
 
 Array = NDArray[Any]
 
 _LEAST_RATIO = 12.0  # twice the log-likelihood ratio from which an impulse counts
 _LATEST = 0.3  # intervals before the end of a window in which no onset is looked for
+# what a steady input must leave more than impulses do: what they must be worth against nothing
+_AHEAD = _LEAST_RATIO
 _FEWEST = 2  # samples of an incomplete window at the end of a record
 
 
 @dataclass(frozen=True, slots=True)
 class SampledLive:
-    """rows: from the window's start on; x, P: the filter there, with its sample used.
+    """t, x, P, u: before the first row. rows: the filter from the window's start on.
 
-    before: (row, x, P) one row earlier, None right after a restart: where a refit may begin.
-    level: largest |y| so far.
+    cells: what the rows after that start say of onsets. before: the filter at rows of one period
+    before it, empty right after a restart: where a refit may begin. steady: what explains the
+    samples without impulses. level: largest |y| so far.
     """
 
     t: float
     x: Vector
     P: Array | None
     u: Vector
-    rows: tuple[Row, ...] = ()
-    before: tuple[Row, Vector, Array] | None = None
+    cells: Cells
+    rows: tuple[Filtered, ...] = ()
+    before: tuple[Filtered, ...] = ()
+    steady: tuple[Steady, ...] = ()
     last_event: float = -math.inf
     doubt: tuple[float, float, str] = (math.inf, -math.inf, "")
     level: Any = 0.0
@@ -63,25 +71,31 @@ class SamplesEngine:
     dwell: float
     period: float
 
+    @property
+    def _slack(self) -> float:
+        """Time stamps are decimal: what is closer is one time."""
+        return 1e-9 * self.window
+
     @classmethod
     def from_gains(cls, gains: Any) -> SamplesEngine:
         """From a design's gains."""
         A = gains["A"]
-        model = OnsetModel(
+        plant = SampledPlant(
             A, gains.get("B", np.zeros((len(A), 0))), gains["C"], gains["H"],
             (gains["flow_lower"] + gains["flow_upper"]) / 2,
-            bool(gains.get("nonnegative", False)),
         )  # fmt: skip
         noise = gains["noise_std"], gains["noise_cv"]
-        return cls(model, noise, float(gains["window"]), float(gains["dwell_time"][0]),
-            float(gains["period"]),
+        return cls(
+            OnsetModel(plant, bool(gains.get("nonnegative", False))), noise,
+            float(gains["window"]), float(gains["dwell_time"][0]), float(gains["period"]),
         )  # fmt: skip
 
     # --- rows in, rows out ----------------------------------------------------------------------
 
     def begin(self, t: float, x: Vector, covariance: Array | None) -> SampledLive:
         """Nothing seen yet."""
-        return SampledLive(t, x, covariance, np.zeros(self.model.B.shape[1]))
+        inputs = np.zeros(self.model.plant.B.shape[1])
+        return SampledLive(t, x, covariance, inputs, Cells.empty(len(x)))
 
     def extended(
         self, live: SampledLive, t: Array, y: Array, u: Array
@@ -98,63 +112,56 @@ class SamplesEngine:
             if not live.rows:
                 live = self._first(live, row)
                 continue
-            live = replace(live, rows=(*live.rows, row))
-            while self._complete(live):
-                live, rows = self._evaluated(live, len(live.rows))
+            while len(live.rows) > 1 and row.t > self._end(live) + self._slack:
+                live, rows = self._evaluated(live)
+                decided += rows
+            live = self._with(live, row)
+            if row.t >= self._end(live) - self._slack:
+                live, rows = self._evaluated(live)
                 decided += rows
         return live, decided
 
     def prediction(self, live: SampledLive) -> Vector:
         """The filter over all rows that are open, without further impulses."""
-        if not live.rows:
-            return live.x
-        x, P = live.x, live.P
-        assert P is not None
-        for one, other in zip(live.rows, live.rows[1:], strict=False):
-            x, P = self.model.filtered(x, P, one, other)
-        return x
+        return live.rows[-1].x if live.rows else live.x
 
     def tail(self, live: SampledLive) -> tuple[Estimate, ...]:
         """Rows that are open; impulses that an incomplete window shows are provisional."""
         found: list[Estimate] = []
         while len(live.rows) > _FEWEST:
-            live, rows = self._evaluated(live, len(live.rows), provisional=True)
+            live, rows = self._evaluated(live, provisional=True)
             found += rows
-        x, P = live.x, live.P
-        for k, row in enumerate(live.rows):
-            if k:
-                assert P is not None
-                x, P = self.model.filtered(x, P, live.rows[k - 1], row)
-            found.append(self._estimate(live, row, x))
+        found += [self._estimate(live, at.row, at.x) for at in live.rows]
         return tuple(row._replace(status=_joined(row.status, "unresolved")) for row in found)
 
     def _first(self, live: SampledLive, row: Row) -> SampledLive:
-        x = self.model.free(live.t, live.x, live.u, row.t)
-        P = live.P
-        if P is None:
-            size = self._guess(x, row)
-            P = np.diag(size**2)
-        flow = expm(self.model.A * (row.t - live.t))
-        x, P = self.model.updated(x, flow @ P @ flow.T, row)
-        return replace(live, t=row.t, x=x, P=P, u=row.u, rows=(row,))
+        plant = self.model.plant
+        x, P = plant.free(live.t, live.x, live.u, row.t), live.P
+        P = np.diag(self._guess(x, row) ** 2) if P is None else P
+        at = plant.start(live.t, live.x, P, live.u, row)
+        return replace(live, rows=(at,), steady=(Steady.begin(at),) * 2)
 
     def _guess(self, x: Vector, row: Row) -> Vector:
         """Deviations of a first guess: an impulse as large as the first measurement."""
-        count = 64
-        span = np.linspace(0.0, self.window, count + 1)
-        states = expm(self.model.A * span[:, None, None]) @ self.model.H  # (k, n, 1)
-        shown = float(np.abs(self.model.C @ states).max()) or 1.0
+        count, C = 64, self.model.plant.C
+        states = self.model.states(np.linspace(0.0, self.window, count + 1))  # (k, n)
+        shown = float(np.abs(states @ C.T).max()) or 1.0
         level = float(np.abs(row.y).max()) if row.y is not None else 1.0
-        miss = float(np.abs(row.y - self.model.C @ x).max()) if row.y is not None else 0.0
-        sizes = np.abs(states).max(axis=(0, 2)) * max(level / 2, miss) / shown
+        miss = float(np.abs(row.y - C @ x).max()) if row.y is not None else 0.0
+        sizes = np.abs(states).max(axis=0) * max(level / 2, miss) / shown
         return np.asarray(np.maximum(sizes, 1e-6 * (float(sizes.max()) or 1.0)))
 
-    def _complete(self, live: SampledLive) -> bool:
-        return len(live.rows) > 1 and live.rows[-1].t >= self._end(live) - 1e-9 * self.window
+    def _with(self, live: SampledLive, row: Row) -> SampledLive:
+        """One more row in the window."""
+        last = live.rows[-1]
+        at = self.model.plant.after(last, row)
+        cells = self.model.gridded(live.cells.after(at), last.row.t, self.period)
+        return replace(live, rows=(*live.rows, at), cells=cells)
 
     def _end(self, live: SampledLive) -> float:
         """End of the window; after a gap in the rows it reaches as far behind it as it would."""
-        return max(live.rows[0].t, live.rows[1].t - self.period) + self.window
+        first, second = live.rows[0].row.t, live.rows[1].row.t
+        return max(first, second - self.period) + self.window
 
     def _estimate(
         self, live: SampledLive, row: Row, x: Vector, events: tuple[Event, ...] = ()
@@ -167,72 +174,90 @@ class SamplesEngine:
     # --- windows --------------------------------------------------------------------------------
 
     def _evaluated(
-        self, live: SampledLive, available: int, provisional: bool = False
+        self, live: SampledLive, provisional: bool = False
     ) -> tuple[SampledLive, list[Estimate]]:
         """Fire, or go on by one row."""
-        rows = live.rows[:available]
-        if not provisional:
-            end = self._end(live) + 1e-9 * self.window
-            rows = tuple(row for row in rows if row.t <= end)
-        assert live.P is not None
-        first, second = rows[0].t, rows[1].t
-        last = rows[-1].t - _LATEST * (rows[-1].t - rows[-2].t)
-        fit = self.model.fitted(rows, live.x, live.P, first, last, second - first)
+        first, second = live.rows[:2]
+        interval = max(second.row.t - first.row.t, self.period)
+        before, last = live.rows[-2].row.t, live.rows[-1].row.t
+        fit = self.model.posterior(
+            live.cells, live.cells.grid.before(last - _LATEST * (last - before))
+        )
         top = int(np.argmax(fit.ratio))
-        if fit.ratio[top] > _LEAST_RATIO and fit.onsets[top] < second:
-            return self._fired(live, rows, provisional)
-        decided = [self._estimate(live, rows[0], live.x)]
-        x, P = self.model.filtered(live.x, live.P, rows[0], rows[1])
+        oldest = first.row.t + interval - 1e-9 * self.period
+        if fit.ratio[top] > _LEAST_RATIO and fit.grid.onsets[top] < oldest:
+            return self._fired(live, interval, provisional)
+        since = second.row.t - self.period * (1 + 1e-9)
+        kept = live.before[bisect_left(live.before, since, key=lambda at: at.row.t) :]
         return replace(
-            live, rows=live.rows[1:], x=x, P=P, before=(rows[0], live.x, live.P)
-        ), decided
+            live, rows=live.rows[1:], cells=live.cells.without_first(), before=(*kept, first),
+            steady=self._followed(live.steady, second.row, second.cost),
+        ), [self._estimate(live, first.row, first.x)]  # fmt: skip
 
     # --- an impulse -------------------------------------------------------------------------------
 
     def _fired(
-        self, live: SampledLive, rows: tuple[Row, ...], provisional: bool
+        self, live: SampledLive, interval: float, provisional: bool
     ) -> tuple[SampledLive, list[Estimate]]:
-        x, P, start = live.x, live.P, rows
-        assert P is not None
-        if live.before is not None:
-            row, x, P = live.before
-            start = (row, *rows)
-        interval = rows[1].t - rows[0].t
-        end = rows[2].t if len(rows) > 2 else rows[1].t
-        fit = self.model.fitted(start, x, P, start[0].t, end - interval / ONSETS, interval)
-        fit = self.model.refined(start, x, P, fit)
-        event = self._event(live, fit, start, provisional)
+        """The impulse of this window, its rows, and a window that begins at its end."""
+        known = (*live.before, *live.rows)
+        start, rows = known[0], [at.row for at in known[1:]]
+        third = live.rows[min(2, len(live.rows) - 1)].row.t
+        end = min(max(third, live.rows[0].row.t + 2 * interval), rows[-1].t)
+        cells, step = self.model.window(start, rows, end), interval / ONSETS
+        count = max(round((end - start.row.t) / step) - 1, 2)
+        grid = self.model.at(cells, start.row.t + step * np.arange(count))
+        fit = self.model.refined(cells, self.model.posterior(cells, grid))
+        steady, ahead = self._ahead(live, fit.cost)
+        event = self._event(live, fit, rows, ahead >= _AHEAD, provisional)
         doubt = live.doubt
         if event.status != "ok":
-            doubt = (rows[0].t, rows[-1].t, event.status)
+            doubt = (live.rows[0].row.t, rows[-1].t, event.status)
         live = replace(live, doubt=doubt)
-        means, x, P = self.model.collapsed(fit, start, x, P)
+        means, last = self.model.collapsed(fit, cells, start, rows)
         decided, given = [], False
-        for row, mean in zip(start, means, strict=True):
-            if row.t < rows[0].t or row is rows[-1]:
-                continue  # given already, or the next window's first row
-            last = row is rows[-2]
-            events = (event,) if not given and (row.t >= event.t or last) else ()
+        for at, mean in list(zip(known, means, strict=True))[len(live.before) : -1]:
+            events = (event,) if not given and (at.row.t >= event.t or at is known[-2]) else ()
             given = given or bool(events)
-            decided.append(self._estimate(live, row, mean, events))
-        rest = live.rows[len(rows) - 1 :]
-        following = replace(live, rows=rest, x=x, P=P, before=None, last_event=event.t)
-        return following, decided
+            decided.append(self._estimate(live, at.row, mean, events))
+        return replace(
+            live, rows=(last,), cells=Cells.empty(len(last.x)), before=(),
+            steady=(steady[ahead >= _AHEAD], Steady.begin(last)), last_event=event.t,
+        ), decided  # fmt: skip
+
+    def _ahead(self, live: SampledLive, cost: float) -> tuple[tuple[Steady, ...], float]:
+        """(the steady input up to the end of the window, what it leaves more than the impulses do).
+
+        cost: what the impulse leaves of the samples after the first row that is known.
+        """
+        again = sum(at.cost for at in (*live.before, live.rows[0])[1:])  # now explained by the fit
+        steady, share = live.steady, (cost - again) / (len(live.rows) - 1)
+        for at in live.rows[1:]:
+            steady = self._followed(steady, at.row, share)
+        ahead = steady[0].cost(self.model.nonnegative) - steady[0].rival
+        return steady, ahead
+
+    def _followed(self, steady: tuple[Steady, ...], row: Row, rival: float) -> tuple[Steady, ...]:
+        return tuple(one.after(self.model.plant, row, rival) for one in steady)
 
     def _event(
-        self, live: SampledLive, fit: Fit, rows: tuple[Row, ...], provisional: bool
+        self, live: SampledLive, fit: Fit, rows: list[Row], alone: bool, provisional: bool
     ) -> Event:
-        p, step = fit.probability, float(fit.onsets[1] - fit.onsets[0])
-        t = float(p @ fit.onsets)
+        """What is told of an impulse; alone: nothing steady explains the samples as well."""
+        p, onsets = fit.probability, fit.grid.onsets
+        step = float(onsets[1] - onsets[0])
+        t = float(p @ onsets)
         weight = float(p @ fit.weights)
-        t_std = math.sqrt(float(p @ (fit.onsets - t) ** 2) + step**2 / 12)
+        t_std = math.sqrt(float(p @ (onsets - t) ** 2) + step**2 / 12)
         spread = float(p @ (fit.weights**2 + 1 / fit.precision)) - weight**2
         status = "ok"
-        samples = sum(row.y is not None for row in rows[1:]) * len(self.model.C)
+        samples = sum(row.y is not None for row in rows) * len(self.model.plant.C)
         if fit.cost > chi_squared_limit(samples - 2):
             status = "does not fit one impulse in the window"
         if t - live.last_event < self.dwell * (1 - 1e-9):
             status = _joined(status, f"dwell time {t - live.last_event:.9g} below {self.dwell:.9g}")
+        if not alone:
+            status = _joined(status, STEADY)
         if provisional:
             status = _joined(status, "provisional: the record ends inside its window")
         return Event(t, np.array([weight]), t_std, np.array([math.sqrt(max(spread, 0.0))]), status)

@@ -67,10 +67,13 @@ class Rule:
     share: float
     threshold: float | None = None
 
-    def advance(self, search: Search, values: list[float], offset: int) -> tuple[Search, bool]:
+    def advance(
+        self, search: Search, values: list[float], offset: int, times: Array, tau: float
+    ) -> tuple[Search, bool]:
         """(search, fired) after the values of rows offset, offset + 1, ...; stops when it fires.
 
-        A fired search points with `top` at t_o.
+        A fired search points with `top` at t_o. times: of all rows. A maximum that no drop followed
+        within tau is final: what made it has left the window by then, or was no impulse.
         """
         if self.threshold is not None:
             return self._exceeded(search, values, offset)
@@ -84,13 +87,13 @@ class Rule:
                 continue
             if not armed:
                 lowest = min(lowest, value)
-                if value >= lowest + self.share * max(value, self.floor) + self.sigma:
+                if value > lowest + self.share * max(value, self.floor) + self.sigma:
                     armed, at_start, highest, top = True, False, value, j
                 continue
             if value > highest:
                 at_start &= value < lowest + self.share * max(value, self.floor) + self.sigma
                 highest, top = value, top if at_start else j
-            elif value < highest - self.share * highest - self.sigma:
+            elif value < highest - self.share * highest - self.sigma or times[j] - times[top] > tau:
                 if highest > self.floor:
                     return Search(j + 1, True, at_start, lowest, highest, top), True
                 armed, at_start, lowest, highest = False, False, value, -math.inf

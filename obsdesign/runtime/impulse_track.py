@@ -21,8 +21,13 @@ from numpy.typing import NDArray
 
 from lmi.exponential import expm
 from obsdesign.equations.estimation_error import flow_error_matrix
-from obsdesign.equations.impulsive_input import kernel_weights
 from obsdesign.runtime.base import RELATIVE_TIME_TOLERANCE, Vector
+from obsdesign.runtime.impulse_integrals import (
+    accumulated,
+    doubled,
+    integrals_at,
+    running_integrals,
+)
 from obsdesign.runtime.luenberger import responses
 from obsdesign.runtime.step_cache import cached_step
 
@@ -94,7 +99,7 @@ class FreeRun:
         x = self._estimates(times, ends, ys, forced, track.x[-1])
         error = ys - np.concatenate([track.x[-1:], x]) @ self.C.T
         lams = self.exponents[self._falling]
-        sums = _integrals(times, ends, error, lams, track.integrals[-1])
+        sums = running_integrals(times, ends, error, lams, track.integrals[-1])
         parts = zip(
             (track.t, track.y, track.forcing, track.x, track.integrals),
             (t, y, forcing, x, sums),
@@ -110,17 +115,17 @@ class FreeRun:
         R = np.empty((len(starts), len(self.C), len(lams)))
         if falling.any():
             down = lams[falling]
-            ending = _at(track.t, error, track.integrals, down, starts + self.tau)
+            ending = integrals_at(track.t, error, track.integrals, down, starts + self.tau)
             R[:, :, falling] = ending - np.exp(down * self.tau) * track.integrals[first:last]
         if not falling.all():
             up = lams[~falling]
             stop = min(int(np.searchsorted(track.t, starts[-1] + self.tau)) + 2, len(track.t))
             times, back = -track.t[first:stop][::-1], error[first:stop][::-1]
             zeros = np.zeros((len(self.C), len(up)))
-            sums = _integrals(times, self._runs(times), back, -up, zeros)
+            sums = running_integrals(times, self._runs(times), back, -up, zeros)
             sums = np.concatenate([zeros[None], sums])
-            near = _at(times, back, sums, -up, -starts)
-            far = _at(times, back, sums, -up, -(starts + self.tau))
+            near = integrals_at(times, back, sums, -up, -starts)
+            far = integrals_at(times, back, sums, -up, -(starts + self.tau))
             R[:, :, ~falling] = near - np.exp(-up * self.tau) * far  # scaled by e^{-lambda tau}
         return R.reshape(len(starts), -1)
 
@@ -134,7 +139,7 @@ class FreeRun:
                 :4
             ]
             driven = y[a:b] @ older.T + y[a + 1 : b + 1] @ newer.T + forced[a:b] @ held.T
-            x[a:b] = _accumulated(flow, driven, at)
+            x[a:b] = accumulated(flow, driven, at)
             at = x[b - 1]
         return x
 
@@ -169,7 +174,7 @@ class FreeRun:
             maps = self._maps(float(times[a + 1] - times[a]), float(times[b]))
             backwards = shown[a:b][::-1].copy()
             backwards[0] += found[b] @ maps[4]
-            found[a:b] = _doubled(maps[4].T, backwards)[::-1]
+            found[a:b] = doubled(maps[4].T, backwards)[::-1]
             kicks[a + 1 : b + 1] = np.eye(n) - maps[2] @ self.C
         return np.asarray(found @ kicks)
 
@@ -183,7 +188,7 @@ class FreeRun:
         found[0] = expm(X * float(times[0] - since)) @ x
         for a, b in self._runs(times):
             flow = expm(X * float(times[a + 1] - times[a]))
-            found[a + 1 : b + 1] = _accumulated(flow, np.zeros((b - a, len(x))), found[a])
+            found[a + 1 : b + 1] = accumulated(flow, np.zeros((b - a, len(x))), found[a])
         return found
 
     def _runs(self, times: Rows) -> list[tuple[int, int]]:
@@ -215,66 +220,3 @@ class FreeRun:
         parts = np.split(solved, cuts, axis=1)
         error = flow - parts[1] @ self.C - parts[2] @ self.C @ flow  # x - xhat over the step
         return parts[0], parts[1], parts[2], parts[3], error, flow, once
-
-
-def _accumulated(flow: Rows, forced: Rows, start: Rows) -> Rows:
-    """x_j = flow x_{j-1} + forced_j, all j by doubling: x = sum of flow^i forced_{j-i}."""
-    x = forced.copy()
-    x[0] += flow @ start
-    return _doubled(flow, x)
-
-
-def _doubled(flow: Rows, x: Rows) -> Rows:
-    """x_j + flow x_{j-1} + flow^2 x_{j-2} + ..., in place; x (L, n), or (L, k, n) of rows."""
-    power, reach = flow, 1
-    while reach < len(x):
-        x[reach:] = x[reach:] + x[:-reach] @ power.T
-        power, reach = power @ power, 2 * reach
-    return x
-
-
-def _integrals(
-    times: Rows, runs: list[tuple[int, int]], error: Rows, lams: Vector, start: Rows
-) -> Rows:
-    """Running integrals at times[1:], (L, p, k), from `start` at times[0]; all lams decay."""
-    sums = np.empty((len(times) - 1, error.shape[1], len(lams)))
-    at = start
-    for a, b in runs:
-        h = float(times[a + 1] - times[a])
-        newer, older = kernel_weights(lams, h)
-        pieces = error[a + 1 : b + 1, :, None] * newer + error[a:b, :, None] * older
-        factor, reach = np.exp(lams * h), 1
-        pieces[0] += factor * at
-        while reach < len(pieces):
-            pieces[reach:] = pieces[reach:] + factor * pieces[:-reach]
-            factor, reach = factor * factor, 2 * reach
-        sums[a:b] = pieces
-        at = pieces[-1]
-    return sums
-
-
-def _at(t: Rows, error: Rows, integrals: Rows, lams: Vector, times: Rows) -> Rows:
-    """Running integrals at any times of a track, the residual linear between its rows."""
-    last = len(t) - 1
-    cell = np.clip(np.searchsorted(t, times, side="right") - 1, 0, max(last - 1, 0))
-    width = t[np.minimum(cell + 1, last)] - t[cell]
-    share = (times - t[cell]) / np.where(width > 0, width, 1.0)
-    # a window may end on a row: time stamps are decimal
-    share = np.where(np.abs(share) < 1e-6, 0.0, np.where(np.abs(share - 1) < 1e-6, 1.0, share))
-    cell, share = (
-        np.where(share == 1, np.minimum(cell + 1, last), cell),
-        np.where(share == 1, 0.0, share),
-    )
-    found = integrals[cell]
-    between = np.flatnonzero(share)
-    if len(between):
-        at, v = cell[between], (share * width)[between]
-        newer, older = kernel_weights(lams, v)
-        part = share[between][:, None]
-        there = error[at] + part * (error[at + 1] - error[at])
-        found[between] = (
-            np.exp(lams * v[:, None])[:, None, :] * integrals[at]
-            + newer[:, None, :] * there[:, :, None]
-            + older[:, None, :] * error[at][:, :, None]
-        )
-    return found

@@ -26,7 +26,7 @@ from obsdesign.runtime.base import (
     vector,
 )
 from obsdesign.runtime.impulse_engine import Engine, IntegralEngine, Live
-from obsdesign.runtime.impulse_gains import check_gains
+from obsdesign.runtime.impulse_gains import check_gains, check_size
 from obsdesign.runtime.impulse_samples import SamplesEngine
 from obsdesign.runtime.point import PointObserver
 
@@ -88,6 +88,9 @@ class ImpulsiveInputObserver(PointObserver[ImpulsiveInputState]):
         first window, as an impulse that would explain their range.
         """
         guess = vector(np.zeros(self.n) if x is None else x, self.n, "x")
+        if not np.isfinite(guess).all():
+            raise ValueError("x must be finite.")
+        check_size("x", guess[None], np.array([t]))
         P = None if covariance is None else np.asarray(covariance, dtype=np.float64)
         if P is not None and P.shape != (self.n, self.n):
             raise ValueError(f"covariance must be {self.n}x{self.n}; got shape {P.shape}.")
@@ -141,6 +144,8 @@ class ImpulsiveInputObserver(PointObserver[ImpulsiveInputState]):
             if values.size != rows * width:
                 raise ValueError(f"every array must have {rows} rows, as t has; got {len(values)}.")
         ys, us = ys.reshape(rows, p), us.reshape(rows, m)
+        check_size("y", ys, times)
+        check_size("u", us, times)
         live, found = self.init(float(times[0]), x=x, covariance=covariance).live, []
         for k in range(0, rows, _BLOCK):
             cut = slice(k, k + _BLOCK)
@@ -162,6 +167,8 @@ class ImpulsiveInputObserver(PointObserver[ImpulsiveInputState]):
             held = held if sample.u is None else vector(sample.u, m, "u")
             u[k] = held
         t = np.array([float(sample.t) for sample in samples])
+        check_size("y", y, t)
+        check_size("u", u, t)
         live, decided = self.engine.extended(state.live, t, y, u)
         return replace(
             state, t=float(t[-1]), u=held, started=True, live=live, decided=tuple(decided)

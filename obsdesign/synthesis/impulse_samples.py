@@ -16,12 +16,27 @@ _WINDOW = 4  # samples, where dwell times allow them
 def sampled_candidate(problem: Problem, low: float, reason: str) -> Candidate:
     """Gains for operator `samples`; InputError where it cannot work."""
     plant = problem.plant
+    _check(problem, reason)
+    period = problem.require("output.period")
+    window = _window(problem, low, float(period))
+    data: dict[str, Any] = plant_data(plant) | {
+        "H": problem.require("jump.H"),
+        "noise_std": plant.output.noise_std, "noise_cv": plant.output.noise_cv,
+        "period": float(period), "window": float(window),
+        "margin": float(period), "weighting": "gls",
+        "operator": "samples", "state_correction": True,
+        "nonnegative": bool(problem.options.get("nonnegative", False)),
+    }  # fmt: skip
+    return Candidate(f"samples: {reason}", data)
+
+
+def _check(problem: Problem, reason: str) -> None:
+    plant = problem.plant
     if plant.output.measured != "periodic":
         raise InputError(
             "output.measured must be 'periodic', with a period, for operator 'samples'; got "
             f"{plant.output.measured!r}."
         )
-    period = problem.require("output.period")
     if "margin" in problem.options:
         raise InputError(
             f"observer.margin belongs to operator 'integral'; 'samples' ({reason}) has no use for "
@@ -47,6 +62,10 @@ def sampled_candidate(problem: Problem, low: float, reason: str) -> Candidate:
             )
     if problem.options.get("weighting") == "plain":
         raise InputError("observer.weighting must be 'gls' for operator 'samples'; got 'plain'.")
+
+
+def _window(problem: Problem, low: float, period: float) -> float:
+    """As asked, else four samples where the dwell time allows them."""
     window = problem.options.get("window")
     if window is None:
         most = math.ceil(low / period * (1 - 1e-9)) - 1
@@ -57,11 +76,4 @@ def sampled_candidate(problem: Problem, low: float, reason: str) -> Candidate:
             f"observer.window must be a multiple of output.period = {period!r} for operator "
             f"'samples'; got {window!r}."
         )
-    data: dict[str, Any] = plant_data(plant) | {
-        "H": H, "noise_std": plant.output.noise_std, "noise_cv": plant.output.noise_cv,
-        "period": float(period), "window": float(window),
-        "margin": float(period), "weighting": "gls",
-        "operator": "samples", "state_correction": True,
-        "nonnegative": bool(problem.options.get("nonnegative", False)),
-    }  # fmt: skip
-    return Candidate(f"samples: {reason}", data)
+    return float(window)

@@ -2,15 +2,12 @@
 
 K places the poles of A - K C at real, distinct places a little faster than those of A: slow
 observers leave more of an impulse to be seen, and with a real spectrum few exponents determine an
-impulse (`verification.uniqueness`). The window is a part of the shortest dwell time. Exponents: the
-largest lambda for which what (15) neglects stays below `ratio` (it is monotone), and its
-neighbours below: among all choices with that ratio the slow corner is the least sensitive to noise
-(`observer.check_exponents` asks IPOPT whether it is).
+impulse (`verification.uniqueness`). The window is a part of the shortest dwell time. Exponents:
+`synthesis.impulse_exponents`.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from typing import Any
 
@@ -18,15 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lmi.balls import exact, fixed_vector
-from obsdesign.equations import impulse_rule
 from obsdesign.equations import impulsive_input as equations
 from obsdesign.equations.estimation_error import flow_error_matrix, plant_data
-from obsdesign.equations.impulse_fit import balanced_size
+from obsdesign.equations.impulse_curve import balanced_size
 from obsdesign.errors import InputError
 from obsdesign.problem import Problem
 from obsdesign.structure import approx_unobservable_modes
-from obsdesign.synthesis import exponent_nlp
 from obsdesign.synthesis.candidate import Candidate
+from obsdesign.synthesis.impulse_exponents import exponent_choices, rule_for
 from obsdesign.synthesis.impulse_samples import sampled_candidate
 from obsdesign.synthesis.placement import placed_gain
 
@@ -37,12 +33,7 @@ _MARGIN = 0.25  # of the window
 _LARGEST_GAIN = 1e3  # size of A - K C against that of A
 _MEMORY = 6.0  # time constants of the slowest mode of A - K C that a window is worth
 _FEWEST = 24  # samples of a window
-_RATIO = 0.05
 _FASTER, _APART = 1.25, 1.2  # poles of the observer against those of the plant and each other
-_SPACING = 1 / 13  # of exponents, relative to the largest
-_BETTER = 0.99  # deviation against the corner's from which another choice counts
-_SPREAD = 10.0  # the fastest of spread exponents, times the margin
-_FASTEST = 3.3  # lambda margin, where no lambda keeps the ratio
 
 
 def synthesize(problem: Problem) -> Iterator[Candidate]:
@@ -55,7 +46,7 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
         raise InputError(text)
     _check_options(problem)
     weighting = _weighting(problem)
-    window = float(problem.options.get("window", _WINDOW * low or 1.0))
+    window = float(problem.options.get("window", _longest(problem, low)))
     operator, reason = _operator(problem, window)
     if operator == "samples":
         yield sampled_candidate(problem, low, reason)
@@ -63,24 +54,12 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
     K = problem.gains.get("K")
     K = _gain(problem, window) if K is None else K
     D = flow_error_matrix(plant.flow.A, K, plant.output.C)
-    if "window" not in problem.options:
-        window = _remembered(problem, D, window)
-    margin = float(problem.options.get("margin", _MARGIN * window))
-    if margin >= window:
-        raise InputError(
-            f"observer.margin must be less than the window, {window!r}; got {margin!r}."
-        )
-    data = _data(problem) | {
-        "K": K, "window": window, "margin": margin, "weighting": weighting,
-        "operator": operator, "nonnegative": bool(problem.options.get("nonnegative", False)),
-        "state_correction": bool(problem.options.get("state_correction", False)),
-    }  # fmt: skip
-    if "threshold" in problem.options:
-        data["threshold"] = float(problem.options["threshold"])
+    data = _data(problem, D, window) | {"K": K, "weighting": weighting, "operator": operator}
+    window = data["window"]
     if "exponents" in problem.options:
         given = np.array(problem.options["exponents"], dtype=np.float64)
         yield Candidate(
-            "given exponents", data | {"exponents": given, "rule": _rule(data, D, given)}
+            "given exponents", data | {"exponents": given, "rule": rule_for(data, D, given)}
         )
         return
     n = plant.n
@@ -89,8 +68,14 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
         rows.append(rows[-1] @ exact(plant.flow.A))
     # a window that is too long and a state that is not seen refute every K and all exponents
     open_question = window < low and not any(fixed_vector(X) for X in (rows, [exact(data["H"])]))
-    for label, chosen, rule in _choices(problem, data, D):
+    for label, chosen, rule in exponent_choices(problem, data, D):
         yield Candidate(label, data | {"exponents": chosen, "rule": rule}, searched=open_question)
+
+
+def _longest(problem: Problem, low: float) -> float:
+    """A part of the shortest dwell time, which leaves two periods of the samples."""
+    left = low - 2 * float(problem.plant.output.period or 0.0)
+    return (min(_WINDOW * low, left) if left > 0 else _WINDOW * low) or 1.0
 
 
 def _remembered(problem: Problem, D: Matrix, window: float) -> float:
@@ -103,97 +88,26 @@ def _remembered(problem: Problem, D: Matrix, window: float) -> float:
     return min(window, max(_MEMORY / slowest, least))
 
 
-def _choices(
-    problem: Problem, data: dict[str, Any], D: Matrix
-) -> Iterator[tuple[str, Matrix, str]]:
-    """(label, exponents, rule): the corner and spread exponents.
-
-    Spread ones first where |b| has no peak: impulses are then evaluated when they are old, which
-    fast kernels have forgotten. They also differ most from each other: with many states neighbours
-    are too much alike for the rank.
-    """
-    n, window, margin = len(D), data["window"], data["margin"]
-    spread = np.asarray(-np.geomspace(1.0 / window, _SPREAD / margin, 2 * n), dtype=np.float64)
-    last = (f"{2 * n} spread exponents", spread, _rule(data, D, spread))
-    corners = [
-        corner_exponents(D, data["C"], data["H"], window, margin, _ratio(problem), count)
-        for count in (2 * n, 2 * n + 2)
-    ]
-    asked = any(name in problem.options for name in ("ratio", "check_exponents", "threshold"))
-    early = not asked and _rule_or_none(data, D, corners[0]) in (None, "position")
-    if early:
-        yield last
-    for corner in corners:
-        if _rule_or_none(data, D, corner) is None:
-            continue
-        for label, chosen in _looked_at_again(problem, data, D, corner):
-            yield label, chosen, _rule(data, D, chosen)
-    if not early:
-        yield last
-
-
-def _rule_or_none(data: dict[str, Any], D: Matrix, exponents: Matrix) -> str | None:
-    """None where these exponents cannot work in the window."""
-    try:
-        return _rule(data, D, exponents)
-    except InputError:
-        return None
-
-
-def _looked_at_again(
-    problem: Problem, data: dict[str, Any], D: Matrix, corner: Matrix
-) -> Iterator[tuple[str, Matrix]]:
-    """(label, exponents): the corner, and before it what IPOPT finds better, where asked."""
-    label = f"{len(corner)} exponents"
-    if not problem.options.get("check_exponents"):
-        yield label, corner
-        return
-    tau, std = data["window"], problem.plant.output.noise_std
-    age = None if _rule(data, D, corner) == "peak" else equations.OLD * tau
-    scale = std / std.max() if std.any() else np.ones(len(std))
-    found, size = exponent_nlp.second_opinion(D, data["C"], data["H"], corner, scale, tau, age)
-    told = f"times {size:.3g} as uncertain as with {corner[0]:.4g} ... {corner[-1]:.4g}"
-    if found is None:
-        label += "; IPOPT did not converge"
-    elif size > _BETTER:
-        label += ", confirmed by IPOPT"
-    elif equations.neglected_ratio(
-        D, data["C"], data["H"], found, tau, data["margin"]
-    )[0] > _ratio(problem) * (1 + 1e-6):  # fmt: skip
-        label += f"; IPOPT finds {told}, but more is neglected than the ratio allows"
-    else:
-        yield f"{label} from IPOPT, {told}", found
-    yield label, corner
-
-
-def _rule(data: dict[str, Any], D: Matrix, exponents: Matrix) -> str:
-    """When to evaluate: at a peak of |R| where every impulse makes one, else by position."""
-    window, margin = data["window"], data["margin"]
-    if text := impulse_rule.growth_objection(exponents, len(D), len(data["C"]), window):
-        raise InputError(text)
-    try:
-        rule, oldest = impulse_rule.rule_of(D, data["C"], data["H"], exponents, window, margin)
-    except ValueError as error:
-        if window >= data["dwell_time"][0]:
-            return "position"  # a claim refutes the window, whatever the rule
-        raise InputError(f"{error}; are the units of flow.A what they should be?") from None
-    text = impulse_rule.margin_objection(oldest, window, margin)
-    if text and data["H"].any():
-        raise InputError(text)
-    return "threshold" if "threshold" in data else rule
-
-
-def _data(problem: Problem) -> dict[str, Any]:
-    plant = problem.plant
-    data = plant_data(plant) | {"H": problem.require("jump.H")}
-    data |= {"noise_std": plant.output.noise_std, "noise_cv": plant.output.noise_cv}
+def _data(problem: Problem, D: Matrix, window: float) -> dict[str, Any]:
+    """Gains but for K and exponents; InputError for a margin that leaves nothing of the window."""
+    plant, options = problem.plant, problem.options
+    if "window" not in options:
+        window = _remembered(problem, D, window)
+    margin = float(options.get("margin", _MARGIN * window))
+    if margin >= window:
+        raise InputError(
+            f"observer.margin must be less than the window, {window!r}; got {margin!r}."
+        )
+    data = plant_data(plant) | {
+        "H": problem.require("jump.H"), "window": window, "margin": margin,
+        "noise_std": plant.output.noise_std, "noise_cv": plant.output.noise_cv,
+    }  # fmt: skip
+    data |= {name: bool(options.get(name, False)) for name in ("nonnegative", "state_correction")}
     if plant.output.measured == "periodic":
         data["period"] = float(plant.output.period or 0.0)
+    if "threshold" in options:
+        data["threshold"] = float(options["threshold"])
     return data
-
-
-def _ratio(problem: Problem) -> float:
-    return float(problem.options.get("ratio", _RATIO))
 
 
 def _weighting(problem: Problem) -> str:
@@ -284,46 +198,3 @@ def _gain(problem: Problem, window: float) -> Matrix:
     immense = balanced_size(A - K @ C) > _LARGEST_GAIN * max(balanced_size(A), 1.0 / window)
     forgets = float(np.linalg.eigvals(A).real.max()) * window < -1
     return np.zeros_like(K) if immense and forgets else K
-
-
-def slowest_exponent(
-    D: Matrix, C: Matrix, H: Matrix, window: float, margin: float, ratio: float
-) -> float | None:
-    """The largest lambda <= -1/window with |E| <= ratio |b| for ages in [margin, window].
-
-    By bisection. None where no lambda does: then h changes sign, and rows of b have zeros. Kernels
-    slower than the window are all alike on it: their features hardly differ.
-    """
-
-    def holds(size: float) -> bool:
-        worst, _ = equations.neglected_ratio(D, C, H, np.array([-size]), window, margin, 60)
-        return worst <= ratio
-
-    high = 1.0 / margin
-    while not holds(high):
-        high *= 2
-        if high * window > 500:
-            return None
-    low = high / 2
-    while holds(low):
-        if low * window <= 1:
-            return -1.0 / window
-        low /= 2
-    for _ in range(40):
-        middle = math.sqrt(low * high)
-        low, high = (low, middle) if holds(middle) else (middle, high)
-    return -high
-
-
-def corner_exponents(
-    D: Matrix, C: Matrix, H: Matrix, window: float, margin: float, ratio: float, count: int
-) -> Matrix:
-    """`count` exponents: the slowest one the ratio allows, and as many below it, evenly spaced.
-
-    Where no ratio can be kept: from the length of the window to that of the margin, evenly in
-    proportion.
-    """
-    first = slowest_exponent(D, C, H, window, margin, ratio)
-    if first is None:
-        return np.asarray(-np.geomspace(1.0 / window, _FASTEST / margin, count), dtype=np.float64)
-    return np.asarray(first * (1 + _SPACING * np.arange(count)), dtype=np.float64)

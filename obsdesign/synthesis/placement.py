@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from obsdesign.errors import InputError
-from obsdesign.structure import approx_unobservable_modes
+from obsdesign.structure import approx_unobservable_modes, own_units
 
 Matrix = NDArray[np.float64]
 
@@ -51,6 +51,7 @@ def riccati_gain(
 def placed_gain(A: Matrix, C: Matrix, poles: Sequence[Any]) -> Matrix:
     """L, (n, p), with the eigenvalues of A - L C at `poles`: numbers or pairs [real, imaginary].
 
+    Placed in units that balance the plant, so that those of states, outputs and time do not matter.
     InputError when their number is wrong, a complex one lacks its conjugate, or C does not see a
     mode (then its eigenvalue stays where it is).
     """
@@ -62,14 +63,20 @@ def placed_gain(A: Matrix, C: Matrix, poles: Sequence[Any]) -> Matrix:
             f"observer.poles: the mode {complex_text(hidden[0].eigenvalue)} of flow.A cannot be "
             "moved, since output.C does not see it; leave poles out."
         )
+    sizes, pace = own_units(A, C, np.zeros((len(A), 0)))
+    shown = C * sizes
+    rows = np.linalg.norm(shown, axis=1)
+    rows = np.where(rows > 0, rows, 1.0)
+    balanced, seen = A * sizes / sizes[:, None] / pace, shown / rows[:, None]
     try:
-        found = place_poles(A.T, C.T, wanted)
+        found = place_poles(balanced.T, seen.T, wanted / pace)
     except ValueError as error:
-        text = str(error)
-        if "repeated" in text:
-            text = f"a pole may stand at most {np.linalg.matrix_rank(C)} times, once per output"
-        raise InputError(f"observer.poles cannot be placed: {text}.") from None
-    return np.asarray(found.gain_matrix.T, dtype=np.float64)
+        text = "floats do not resolve how output.C sees the plant; are the units right?"
+        if "repeated" in str(error):
+            text = f"a pole may stand at most {np.linalg.matrix_rank(seen)} times, once per output."
+        raise InputError(f"observer.poles cannot be placed: {text}") from None
+    gain = found.gain_matrix.T * sizes[:, None] * pace / rows
+    return np.asarray(gain, dtype=np.float64)
 
 
 def _poles(poles: Sequence[Any], n: int) -> NDArray[np.complex128]:

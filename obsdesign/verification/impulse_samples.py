@@ -14,11 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from lmi.balls import ball, exact, exp_times, to_float
+from lmi.balls import ball, exact, exp_times, rational, to_float
+from lmi.real_spectrum import real_spectrum
 from lmi.verdict import Verdict, proved, refuted, undecided
 from obsdesign.document import Claim
-from obsdesign.verification.impulse_window import rank_verdict
-from obsdesign.verification.uniqueness import real_spectrum
+from obsdesign.verification.impulse_rank import rank_verdict
 
 _FEWEST_CELLS = 3  # of a window: two samples after an onset that is most of the window old
 _MOST_ROWS = 64  # of a window that are looked at
@@ -60,13 +60,21 @@ def sampled_claims(A: Any, C: Any, H: Any, gains: Mapping[str, Any]) -> tuple[Cl
     )
 
 
-def window_samples(A: Any, C: Any, directions: int, period: float, window: float) -> Claim:
-    """Operator `integral`: a window holds samples enough for a state, an onset and its weights."""
+def window_samples(
+    A: Any, C: Any, directions: int, period: float, window: float, shortest: float
+) -> Claim:
+    """Operator `integral`: a window holds samples enough for a state, an onset and its weights.
+
+    And two periods fit between the window and the shortest dwell time: the last sample of a window
+    comes up to a period after its end, t_o is a sample too, and an impulse after that must still
+    be before its peak when the next search begins.
+    """
     n, p = len(A), len(C)
     cells = math.floor(window / period * (1 + 1e-9))
     unknown = n + 1 + directions
     statement = f"the samples of a window show the state, and time and weight of an impulse: {n}"
-    statement += f" + {1 + directions} unknown numbers, and two samples after the onset"
+    statement += f" + {1 + directions} unknown numbers, two samples after the onset, and no sample "
+    statement += "of another impulse"
     if cells < 2:
         reason = (
             f"output.period = {period!r} leaves {cells + 1} sample{'s' * (cells > 0)} in a window "
@@ -76,17 +84,29 @@ def window_samples(A: Any, C: Any, directions: int, period: float, window: float
     elif (cells + 1) * p < unknown or cells < _FEWEST_CELLS:
         verdict = undecided(
             f"{cells + 1} samples in a window are too few to be certain: {unknown} numbers are "
-            f"unknown, and {_FEWEST_CELLS + 1} samples are asked for at least; choose operator "
-            "'samples' (with output.noise_std), or a longer window",
+            f"unknown, and {_FEWEST_CELLS + 1} samples are asked for at least (fewer do where the "
+            "state is known from before, which nothing here proves); choose operator 'samples' "
+            "(with output.noise_std), or a longer window",
+            samples=cells + 1,
+        )
+    elif rational(window) + 2 * rational(period) > rational(shortest):
+        verdict = undecided(
+            f"the window {window!r} and two periods of {period!r} exceed the shortest dwell time "
+            f"{shortest!r}: the sample that ends a window may show the next impulse, which may be "
+            "past its peak when its search begins; choose a shorter window",
             samples=cells + 1,
         )
     else:
-        # of many samples some, evenly spaced, are enough: more do not lower a rank
-        count = min(cells, _MOST_ROWS)
-        rows = _sampled_rows(A, C, period * (cells // count), count)
-        sizes = np.tile(np.linalg.norm(to_float(C), axis=1), count + 1)
-        verdict = rank_verdict(rows, sizes, n, "the samples of a window")
+        verdict = _rank(A, C, period, cells)
     return Claim("samples", statement, SOURCE, verdict.outcome, verdict.evidence)
+
+
+def _rank(A: Any, C: Any, period: float, cells: int) -> Verdict:
+    """Of many samples some, evenly spaced, are enough: more do not lower a rank."""
+    count = min(cells, _MOST_ROWS)
+    rows = _sampled_rows(A, C, period * (cells // count), count)
+    sizes = np.tile(np.linalg.norm(to_float(C), axis=1), count + 1)
+    return rank_verdict(rows, sizes, len(A), "the samples of a window")
 
 
 def _sampled_rows(A: Any, C: Any, step: float, count: int) -> Callable[[], list[list[Any]]]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -12,7 +10,6 @@ from lmi.balls import (
     PRECISIONS,
     ball,
     ball_column,
-    certify_pivots,
     characteristic_polynomial,
     exact,
     exp_times,
@@ -20,17 +17,13 @@ from lmi.balls import (
     number,
     precision,
     rational,
-    to_float,
 )
-from lmi.exponential import exponential_grid
 from lmi.hurwitz import prove_hurwitz
 from lmi.verdict import Verdict, proved, refuted, undecided
 from obsdesign.document import Claim
 from obsdesign.verification import exponential_sign as signs
 
 PAPER = "Mattsson, Medvedev, ECC 2013"
-# rank is decided relative to size: smallest singular value of W, rows and columns scaled to one
-RANK_TOLERANCE = 1e-10
 
 
 def observable(A: Any, C: Any) -> Claim:
@@ -41,9 +34,9 @@ def observable(A: Any, C: Any) -> Claim:
     hidden = fixed_vector(rows)
     verdict = proved(method="rank of [C; C A; ...], exact")
     if hidden is not None:
-        reason = f"the output never sees the direction {_shown(hidden)} of the state"
+        reason = f"the output never sees the direction {shown(hidden)} of the state"
         verdict = refuted({"vector": hidden, "reason": reason})
-    return _claim("observable", "the output sees every direction of the state",
+    return claim_of("observable", "the output sees every direction of the state",
                   f"{PAPER}, Section II", verdict)  # fmt: skip
 
 
@@ -57,13 +50,13 @@ def dwell(window: float, shortest: float) -> Claim:
             f"t = 0 and t = {shortest!r} would share one window"
         )
         verdict = refuted({"times": [0.0, shortest], "window": window, "reason": reason})
-    return _claim("window", f"a window of length {window!r} holds one impulse at most",
+    return claim_of("window", f"a window of length {window!r} holds one impulse at most",
                   f"{PAPER}, Section III", verdict)  # fmt: skip
 
 
 def hurwitz(D: Any) -> Claim:
     """The error decays between impulses."""
-    return _claim("hurwitz", "the error between impulses decays: A - K C is Hurwitz",
+    return claim_of("hurwitz", "the error between impulses decays: A - K C is Hurwitz",
                   f"{PAPER}, Section III", prove_hurwitz(D))  # fmt: skip
 
 
@@ -88,109 +81,7 @@ def enough_exponents(D: Any, C: Any, exponents: list[float]) -> Claim:
                 reason = f"the exponent {lam!r} is an eigenvalue of A - K C"
                 verdict = refuted({"exponent": lam, "reason": reason})
                 break
-    return _claim("exponents", statement, f"{PAPER}, (12)", verdict)
-
-
-def full_rank(D: Any, C: Any, exponents: list[float], window: float) -> Claim:
-    """W(tau) has rank n; (12) is not enough for this where the spectrum of D is complex."""
-    statement = (
-        "the features of a window determine the error of the state: W(tau) has rank n, its "
-        f"smallest singular value at least {RANK_TOLERANCE!r} of the largest when scaled"
-    )
-    rows = _operator_ball(D, C, exponents, window)
-    verdict = rank_verdict(rows, _row_sizes(D, C, exponents, window), len(D), "the features")
-    return _claim("rank", statement, f"{PAPER}, Section III-B", verdict)
-
-
-def _operator_ball(D: Any, C: Any, exponents: list[float], window: float) -> Any:
-    """Function of no arguments: rows of W(tau) as balls at the precision in force."""
-
-    def rows() -> list[list[Any]]:
-        n = len(D)
-        zero, unit = exact(np.zeros((n, n))), exact(np.eye(n))
-        found = []
-        for row in range(len(C)):
-            for lam in exponents:
-                F = np.block([[exact(lam * np.eye(n)) - D, unit], [zero, zero]])
-                pick = np.hstack([C[row : row + 1], exact(np.zeros((1, n)))])
-                whole = ball(pick) * exp_times(F, window)
-                found.append(whole.tolist()[0][n:])
-        return found
-
-    return rows
-
-
-def _row_sizes(D: Any, C: Any, exponents: list[float], window: float) -> Any:
-    """Size of each row of W if nothing in its integral cancelled; floats, to scale by."""
-    D_float, C_float, count = to_float(D), to_float(C), 64
-    found = []
-    for lam in exponents:
-        grid = exponential_grid(lam * np.eye(len(D)) - D_float, 0.0, window / count, count + 1)
-        found.append(np.abs(C_float @ grid).mean(axis=0).max(axis=1) * window)
-    return np.array(found).T.reshape(-1)  # output by output
-
-
-def rank_verdict(rows: Callable[[], list[list[Any]]], row_sizes: Any, n: int, what: str) -> Verdict:
-    """n columns of balls are independent, relative to RANK_TOLERANCE; refuted with a vector.
-
-    row_sizes: natural size of each row; rows are divided by them, columns by their own size.
-    """
-    margin = math.nan
-    for bits in PRECISIONS:
-        with precision(bits):
-            table = rows()
-            W = np.array([[float(x.mid()) for x in row] for row in table])
-            if not (np.isfinite(W).all() and np.isfinite(row_sizes).all()):
-                return undecided("W(tau) overflows: exponents times window are too large")
-            if all(x == 0 for row in table for x in row):
-                reason = f"{what} are zero: they show nothing of the state"
-                return refuted({"vector": [1.0] + [0.0] * (n - 1), "reason": reason})
-            row_scale = _powers(np.asarray(row_sizes))
-            scaled = W / row_scale[:, None]
-            column_scale = _powers(np.linalg.norm(scaled, axis=0))
-            scaled = scaled / column_scale
-            sizes = np.linalg.svd(scaled, compute_uv=False)
-            margin = float(sizes[-1] / sizes[0]) if sizes[0] > 0 and len(W) >= n else 0.0
-            balls = [
-                [
-                    x / number(float(a)) / number(float(b))
-                    for x, b in zip(row, column_scale, strict=True)
-                ]
-                for row, a in zip(table, row_scale, strict=True)
-            ]
-            gram = [[_dot(balls, i, j) for j in range(i + 1)] for i in range(n)]
-            total = sum((gram[i][i] for i in range(n)), number(0.0))
-            least = number(RANK_TOLERANCE) ** 2 * total  # trace >= largest singular value squared
-            for i in range(n):
-                gram[i][i] = gram[i][i] - least
-            if certify_pivots(gram):
-                return proved(approx_margin=margin, tolerance=RANK_TOLERANCE)
-            vector = np.linalg.svd(scaled)[2][-1]
-            v = [number(float(x)) for x in vector]
-            through = [
-                sum((a * b for a, b in zip(row, v, strict=True)), number(0.0)) for row in balls
-            ]
-            seen = sum((x * x for x in through), number(0.0))
-            size = sum((x * x for x in v), number(0.0))
-            # the largest singular value squared is at least trace / n
-            if seen < number(RANK_TOLERANCE) ** 2 * (total / n) * size:
-                direction = (vector / column_scale).tolist()
-                reason = (
-                    f"{what} hardly show the direction {_shown(direction)} of the state: "
-                    f"relative size {margin:.3g}, below {RANK_TOLERANCE:g}; change the window"
-                )
-                return refuted({"vector": direction, "approx_margin": margin, "reason": reason})
-    return undecided(f"the rank is not certain: relative margin {margin:.3g}", approx_margin=margin)
-
-
-def _powers(sizes: Any) -> Any:
-    with np.errstate(divide="ignore"):
-        exponents = np.where(sizes > 0, np.round(np.log2(np.where(sizes > 0, sizes, 1.0))), 0.0)
-    return np.ldexp(1.0, exponents.astype(int))
-
-
-def _dot(rows: list[list[Any]], i: int, j: int) -> Any:
-    return sum((row[i] * row[j] for row in rows), number(0.0))
+    return claim_of("exponents", statement, f"{PAPER}, (12)", verdict)
 
 
 def ratio(
@@ -218,7 +109,7 @@ def ratio(
         pass
     except ValueError as error:
         verdict = undecided(str(error))
-    return _claim("ratio", statement, f"{PAPER}, Proposition 3.2", verdict)
+    return claim_of("ratio", statement, f"{PAPER}, Proposition 3.2", verdict)
 
 
 def _ratio(
@@ -232,13 +123,8 @@ def _ratio(
         at_margin = exp_times(F, margin) * ball(rest)  # [e^{D eps} h; b(eps)]
         far = exp_times(D, margin - window) * ball(h)  # e^{D (eps - tau)} h
         growth = (number(lam) * number(window)).exp()
+        left = _inner(D, c, h, lam, window - margin)
         # E(eps) = e^{lam eps} c int_0^{tau - eps} e^{(lam - D) u} du h
-        shifted = exact(lam * np.eye(n)) - D
-        inner = np.block([[shifted, exact(np.eye(n))], [exact(np.zeros((n, 2 * n)))]])
-        pick = ball(np.hstack([c, exact(np.zeros((1, n)))])) * exp_times(inner, window - margin)
-        tail = pick.tolist()[0][n:]
-        column = [x[0] for x in ball(h).tolist()]
-        left = sum((a * b for a, b in zip(tail, column, strict=True)), number(0.0))
         E = left * (number(lam) * number(margin)).exp()
         b = at_margin.tolist()[n][0]
         if not (b > 0 or b < 0):
@@ -264,10 +150,22 @@ def _ratio(
     return None
 
 
-def _shown(vector: Any) -> str:
+def _inner(D: Any, c: Any, h: Any, lam: float, length: float) -> Any:
+    """Ball of c int_0^length e^{(lam - D) u} du h."""
+    n = len(D)
+    shifted = exact(lam * np.eye(n)) - D
+    inner = np.block([[shifted, exact(np.eye(n))], [exact(np.zeros((n, 2 * n)))]])
+    pick = ball(np.hstack([c, exact(np.zeros((1, n)))])) * exp_times(inner, length)
+    tail, column = pick.tolist()[0][n:], [x[0] for x in ball(h).tolist()]
+    return sum((a * b for a, b in zip(tail, column, strict=True)), number(0.0))
+
+
+def shown(vector: Any) -> str:
+    """A direction as people read it, its largest entry 1."""
     largest = max((abs(x) for x in vector), default=1.0) or 1.0
     return "[" + ", ".join(f"{x / largest:.4g}" for x in vector) + "]"
 
 
-def _claim(name: str, statement: str, source: str, verdict: Verdict) -> Claim:
+def claim_of(name: str, statement: str, source: str, verdict: Verdict) -> Claim:
+    """A claim with the outcome and evidence of a verdict."""
     return Claim(name, statement, source, verdict.outcome, verdict.evidence)

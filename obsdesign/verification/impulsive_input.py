@@ -21,6 +21,7 @@ from obsdesign.equations.impulse_expectations import expectations
 from obsdesign.problem import Problem
 from obsdesign.verification import impulse_window as window_claims
 from obsdesign.verification.consistency import consistency
+from obsdesign.verification.impulse_rank import full_rank
 from obsdesign.verification.impulse_samples import sampled_claims, window_samples
 from obsdesign.verification.uniqueness import SOURCE, decide_uniqueness
 
@@ -40,17 +41,27 @@ def claims(
         return (agreement,)
     low, _ = problem.require_dwell_time()
     A, C, H = (exact(gains[name]) for name in ("A", "C", "H"))
-    window, margin = float(gains["window"]), float(gains["margin"])
+    window = float(gains["window"])
     found = [agreement, window_claims.observable(A, C), window_claims.dwell(window, low)]
     if gains["operator"] == "samples":
         return (*found, *sampled_claims(A, C, H, gains))
     if "period" in gains:
-        found.append(window_samples(A, C, H.shape[1], float(gains["period"]), window))
+        found.append(window_samples(A, C, H.shape[1], float(gains["period"]), window, low))
+    return (*found, *_integral_claims(problem, gains, A, C, H))
+
+
+def _integral_claims(
+    problem: Problem, gains: Mapping[str, Any], A: Any, C: Any, H: Any
+) -> tuple[Claim, ...]:
+    """What operator `integral` claims of its gains; A, C, H exact."""
+    window, margin = float(gains["window"]), float(gains["margin"])
     D = flow_error_matrix(A, exact(gains["K"]), C)
     exponents = [float(value) for value in gains["exponents"]]
-    found.append(window_claims.hurwitz(D))
-    found.append(window_claims.enough_exponents(D, C, exponents))
-    found.append(window_claims.full_rank(D, C, exponents, window))
+    found = [
+        window_claims.hurwitz(D),
+        window_claims.enough_exponents(D, C, exponents),
+        full_rank(D, C, exponents, window),
+    ]
     if "ratio" in problem.options:
         asked = float(problem.options["ratio"])
         found.append(window_claims.ratio(D, C, H, exponents, window, margin, asked))

@@ -9,7 +9,7 @@ The paper calls uniqueness likely; it is false in general. What decides here, fo
    suffices, m >= n + 1 if h has no zero, and m >= 2 if C_j (s I - D)^-1 H has no zero at all: then
    h is a Polya frequency function and b_i / b_j is strictly monotone.
 2. Any spectrum: the plane curve (b_i, b_j) turns one way, by less than pi. Proved in balls.
-3. A second solution, where two features are all there is: a crossing, by change of sign.
+3. A second solution, where two or three features are all there is: `second_solution`.
 """
 
 from __future__ import annotations
@@ -21,51 +21,22 @@ import numpy as np
 
 from lmi.balls import (
     ball,
-    characteristic_polynomial,
     exact,
     fixed_vector,
-    number,
     precision,
     to_float,
 )
 from lmi.exponential import exponential_grid
+from lmi.real_spectrum import real_spectrum
 from lmi.verdict import Verdict, proved, refuted, undecided
 from obsdesign.equations.impulsive_input import filtered_system
 from obsdesign.verification import exponential_sign as signs
+from obsdesign.verification.second_solution import second_solution
 
 SOURCE = "Mattsson, Medvedev, ECC 2013, (17); Descartes' rule for Laplace transforms"
 _BITS = 160
 _PAIRS = 4  # pairs of features that are tried
 _GRID = 200
-
-
-def real_spectrum(F: Any) -> bool:
-    """Are all eigenvalues of the exact matrix F real? By Sturm's sequence of its polynomial."""
-    chain = [characteristic_polynomial(F)]
-    chain.append([k * c for k, c in enumerate(chain[0])][1:])
-    while True:
-        rest = _remainder(chain[-2], chain[-1])
-        if not rest:
-            break
-        chain.append([-c for c in rest])
-    distinct = (len(chain[0]) - 1) - (len(chain[-1]) - 1)
-    at_ends = []
-    for end in (-1, 1):
-        leading = [p[-1] * end ** (len(p) - 1) for p in chain]
-        at_ends.append(sum(a * b < 0 for a, b in itertools.pairwise(leading)))
-    return bool(at_ends[0] - at_ends[1] == distinct)
-
-
-def _remainder(p: list[Any], q: list[Any]) -> list[Any]:
-    rest = list(p)
-    while len(rest) >= len(q):
-        factor, shift = rest[-1] / q[-1], len(rest) - len(q)
-        for i, c in enumerate(q):
-            rest[i + shift] = rest[i + shift] - factor * c
-        rest.pop()
-    while rest and rest[-1] == 0:
-        rest.pop()
-    return rest
 
 
 def markov_parameters(D: Any, c: Any, H: Any) -> list[Any]:
@@ -181,10 +152,9 @@ def _by_turning(D: Any, C: Any, H: Any, exponents: Any, window: float, margin: f
             if turns:
                 return proved(method="a pair of features turns one way, by less than pi",
                               features=[i + 1, j + 1])  # fmt: skip
-        if rows == 2:
-            found = _second_solution(F, z, n, b, window, margin)
-            if found is not None:
-                return found
+        found = second_solution(F, z, n, b, window, margin)
+        if found is not None:
+            return found
     return undecided(
         f"no pair of features was seen to turn one way for all ages; the last one tried fails near "
         f"age {place:.6g}. With a real spectrum of A - K C, {2 * n} exponents decide",
@@ -248,52 +218,3 @@ def _with_derivatives(F: Any, z: Any, rows: list[int]) -> tuple[Any, Any]:
                        np.vstack([top, F])])  # fmt: skip
     start = np.vstack([z[rows[0] : rows[0] + 1], z[rows[1] : rows[1] + 1], picked @ z, z])
     return whole, start
-
-
-def _second_solution(
-    F: Any, z: Any, n: int, b: Any, window: float, margin: float
-) -> Verdict | None:
-    """Two features: ages s1 < s2 with b(s1), b(s2) parallel, between two certain signs."""
-    ages = np.linspace(margin, window, len(b))
-    for k in range(0, len(b) - 8, 4):
-        cross = b[k, 0] * b[:, 1] - b[k, 1] * b[:, 0]
-        far = np.arange(k + 4, len(b) - 1)
-        changes = far[cross[far] * cross[far + 1] < 0]
-        for j in changes[:1]:
-            found = _crossing(F, z, n, float(ages[k]), float(ages[j]), float(ages[j + 1]))
-            if found is not None:
-                return found
-    return None
-
-
-def _crossing(F: Any, z: Any, n: int, s1: float, low: float, high: float) -> Verdict | None:
-    first = signs.value(F, z, s1)[n:]
-
-    def cross(s: float) -> Any:
-        there = signs.value(F, z, s)[n:]
-        return first[0] * there[1] - first[1] * there[0]
-
-    ends = cross(low), cross(high)
-    if not ((ends[0] < 0 and ends[1] > 0) or (ends[0] > 0 and ends[1] < 0)):
-        return None
-    rising = bool(ends[0] < 0)
-    for _ in range(45):
-        middle = (low + high) / 2
-        at = cross(middle)
-        if not (at < 0 or at > 0):
-            break
-        if bool(at < 0) == rising:
-            low = middle
-        else:
-            high = middle
-    there = signs.value(F, z, high)[n:]
-    index = 0 if abs(float(there[0].mid())) > abs(float(there[1].mid())) else 1
-    slope = number(high - low)
-    if not (there[index] > slope or there[index] < -slope):
-        return None
-    weight = float((first[index] / there[index]).mid())
-    reason = (
-        f"an impulse of age {s1:.9g} and weight 1 and one of age {high:.9g} and weight "
-        f"{weight:.9g} leave the same two features; give more exponents"
-    )
-    return refuted({"ages": [s1, [low, high]], "weights": [1.0, weight], "reason": reason})

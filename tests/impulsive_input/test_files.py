@@ -7,9 +7,11 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import obsdesign
+from obsdesign.plotting.estimate import _moments
 from tests.test_architecture import SOLVERS, run_blocked
 
 ROOT = Path(__file__).parents[2]
@@ -115,3 +117,14 @@ def test_check_says_why_the_kind_does_not_fit(tmp_path: Path) -> None:
     )
     assert other["verdict"] == "refuted"
     assert other["reasons"] == ["jump.H is required by kind 'impulsive_input'; it is missing."]
+
+
+def test_times_of_impulses_show_the_decimals_that_are_known() -> None:
+    events = {
+        "t": ["54.387", "10.2412", "40.02611", "80.00015", "7.5"],
+        "t_std": ["2.9", "0.29", "0.021", "nan", "0.3"],
+        "status": ["ok", "ok", "provisional: the record ends inside its window", "ok",
+                   "does not fit one impulse in the window"],
+    }  # fmt: skip
+    t = np.array([float(x) for x in events["t"]])
+    assert _moments(t, events, "events.csv") == ["54", "10.2", "40.03", "80", "7.5 ?"]

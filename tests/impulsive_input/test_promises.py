@@ -126,7 +126,7 @@ def test_known_inputs_of_missing_rows_count() -> None:
 
 
 @pytest.mark.parametrize(("period", "verdict"), [(30.0, "refuted"), (12.0, "refuted"),
-                                                 (8.0, "undecided"), (4.0, "proved")])  # fmt: skip
+                                                 (8.0, "undecided"), (4.0, "undecided"), (2.5, "proved")])  # fmt: skip
 def test_samples_of_a_window_are_a_claim(period: float, verdict: str) -> None:
     outcome, verdicts = claims_of(chain(period, exponents=SLOW))
     assert verdicts["samples"] == verdict
@@ -269,3 +269,33 @@ def test_an_output_of_zeros_is_refuted() -> None:
     body["output"]["C"] = [[0, 0, 0]]
     _, verdicts = claims_of(body)
     assert {verdicts["observable"], verdicts["rank"]} == {"refuted"}
+
+
+@pytest.mark.parametrize("cells", [3.5, 4.3, 6.5])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_few_samples_leave_room_for_the_next_impulse(cells: float, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    A = np.array([[-rng.uniform(0.05, 0.2), 0], [rng.uniform(0.5, 2), -rng.uniform(0.05, 0.3)]])
+    H, C = np.array([[1.0], [0.0]]), np.array([[0.0, 1.0]])
+    for slack, wanted in ((2.01, "proved"), (0.02, "undecided")):
+        period = 10 / (cells + slack)
+        body = {
+            "flow": {"A": A.tolist()}, "jump": {"H": H.tolist(), "dwell_time": [10, "inf"]},
+            "output": {"C": C.tolist(), "measured": "periodic", "period": period},
+            "observer": {"kind": "impulsive_input", "window": cells * period,
+                         "operator": "integral"},
+        }  # fmt: skip
+        outcome, verdicts = claims_of(body)
+        assert verdicts["samples"] == wanted
+        if wanted != "proved" or outcome.verdict != "proved":
+            continue
+        onsets = 11 + np.cumsum(10 + rng.uniform(0, 0.5, 6) * (rng.random(6) < 0.6))
+        train = list(zip(onsets, rng.uniform(1, 5, 6), strict=True))
+        t = period * np.arange(int(120 / period))
+        events = (
+            from_design(outcome.design).run_batch(t, record(A, H, train, t, [0, 0]) @ C.T).events
+        )
+        for event, (onset, weight) in zip(events, train[:-1], strict=False):
+            assert event.t == pytest.approx(onset, abs=1e-4)
+            assert event.weights[0] == pytest.approx(weight, abs=1e-4)
+        assert len(events) >= 5

@@ -13,11 +13,12 @@ from scipy.linalg import expm
 import obsdesign
 from lmi.balls import exact
 from obsdesign.equations import impulsive_input as eq
-from obsdesign.equations.impulse_fit import ImpulseCurve, fit_impulse
+from obsdesign.equations.impulse_curve import ImpulseCurve
+from obsdesign.equations.impulse_fit import fit_impulse
 from obsdesign.runtime import from_design
-from obsdesign.synthesis.impulsive_input import slowest_exponent
+from obsdesign.synthesis.impulse_exponents import slowest_exponent
 from obsdesign.synthesis.placement import placed_gain
-from obsdesign.verification.impulse_window import full_rank
+from obsdesign.verification.impulse_rank import full_rank
 from obsdesign.verification.uniqueness import decide_uniqueness
 from tests.impulsive_input.cases import events_of, record, rows_from
 
@@ -229,7 +230,13 @@ def test_the_solution_of_17_is_not_unique_in_general() -> None:
     np.testing.assert_allclose(g1 * first, g2 * second, atol=1e-9)
     assert abs(s1 - low) > 0.5
     # three exponents are no better here, four are, by the theorem
-    assert decide_uniqueness(*plant, [-2.0, -3.0, -4.0], 5.0, 0.1).outcome == "undecided"
+    found = decide_uniqueness(*plant, [-2.0, -3.0, -4.0], 5.0, 0.1)
+    assert found.outcome == "refuted"
+    ages, (one, other) = (found.evidence["witness"][k] for k in ("ages", "weights"))
+    for (low, high), printed in zip(ages, (0.50665112821918, 2.15682324393891), strict=True):
+        assert low < printed < high
+        assert high - low < 1e-5
+    assert (one, other) == (1.0, pytest.approx(-1.30137425456950, abs=1e-6))
     assert decide_uniqueness(*plant, [-2.0, -3.0, -4.0, -5.0], 5.0, 0.1).outcome == "proved"
 
 

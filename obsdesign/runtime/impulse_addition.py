@@ -1,0 +1,83 @@
+"""An impulse that was decided joins the record: whether it fits, and which rows it settles."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from obsdesign.runtime.base import Estimate
+from obsdesign.runtime.impulse_estimate import Decision
+from obsdesign.runtime.impulse_noise import added_by_noise
+from obsdesign.runtime.impulse_rows import IntegralLive, Rows
+from obsdesign.runtime.impulse_search import Search
+from obsdesign.runtime.impulse_track import FreeRun
+from obsdesign.runtime.impulse_whitening import chi_squared_limit
+
+Array = NDArray[Any]
+
+_MISFIT = 0.05  # of the residual: what an impulse may leave of it where there is no noise
+
+
+@dataclass(frozen=True)
+class Addition:
+    """The free run, its rows, jump.H (n, q), and the shortest time between impulses."""
+
+    run: FreeRun
+    rows: Rows
+    H: Array
+    dwell: float
+
+    def compared(self, decision: Decision, times: Array, error: Array, spread: Array) -> Decision:
+        """Under the plain norm: does the output of the impulse match the residual, but for noise?
+
+        Features hardly tell. Two impulses in a window, a steady input, or an error of the state at
+        its start leave a difference.
+        """
+        event = decision.event
+        assert event is not None
+        shown = self.run.impulse_error(times, event.t, self.H @ event.weights)
+        rest = error - shown @ self.run.C.T
+        size = float(np.abs(spread).max()) or 1.0
+        noise = size**2 * chi_squared_limit(rest.size) if spread.any() else 0.0
+        if (rest**2).sum() > noise + (_MISFIT * np.linalg.norm(error)) ** 2:
+            event = replace(event, status="does not fit one impulse in the window")
+        return replace(decision, event=event)
+
+    def added(
+        self, live: IntegralLive, top: int, decision: Decision, spread: Array
+    ) -> tuple[IntegralLive, list[Estimate]]:
+        """Add the impulse, give out rows up to the end of the window, begin again there."""
+        track, event, tau = live.track, decision.event, self.run.tau
+        assert track is not None
+        assert event is not None
+        t_o = float(track.t[top])
+        restart = int(np.searchsorted(track.t, t_o + tau - 1e-9 * tau, "left"))
+        restart = min(restart, len(track.t) - 1)
+        x = track.x.copy()
+        window = np.arange(top, restart + 1)
+        jump = self.H @ event.weights
+        x[window] += self.run.impulse_error(track.t[window], event.t, jump)
+        if decision.correction.any():
+            x[window] += self.run.coasting(track.t[window], t_o, decision.correction)
+        if event.t - live.last_event < self.dwell * (1 - 1e-9):
+            gap = f"dwell time {event.t - live.last_event:.9g} below {self.dwell:.9g}"
+            words = gap if event.status == "ok" else f"{event.status}; {gap}"
+            event = replace(event, status=words)
+        doubt = live.doubt
+        if event.status != "ok":
+            doubt = (t_o, float(track.t[restart]), event.status)
+        whole = replace(live, track=replace(track, x=x), doubt=doubt)
+        rows = self.rows.given(whole, restart, event=event, jump=jump)
+        P, at = decision.covariance, t_o + tau
+        if P is not None:
+            P = P + added_by_noise(self.run, track, spread, tau)
+        largest = max(live.largest, float(live.norms[top : live.search.position].max(initial=0.0)))
+        fresh = self.run.restarted(track, restart, x[restart])
+        return replace(
+            live, track=fresh, norms=np.zeros(0), search=Search(), rule=None, covariance=P,
+            since=at, last_event=event.t, doubt=doubt, largest=largest,
+            absent=self.rows.left(live, float(track.t[restart])),
+        ), rows  # fmt: skip
