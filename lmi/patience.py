@@ -3,6 +3,9 @@
 with at_most(0.5):
     ...              # every search in here ends after half a second of processor time, undecided
 
+with listening() as remarks:
+    ...              # sentences of searches that ended early or settled for less
+
 A search asks `until(its own budget)` for the moment to stop at, and who finds more than was asked
 for, the better of two answers or how good one is, asks `hurried()` first. A proof of stored numbers
 has no budget of its own: it ends early only inside of `at_most`, undecided.
@@ -17,6 +20,25 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 
 _END: ContextVar[float] = ContextVar("end", default=math.inf)
+_HEARD: ContextVar[list[str] | None] = ContextVar("heard", default=None)
+
+
+@contextmanager
+def listening() -> Iterator[list[str]]:
+    """What searches in here remark: that one ended early, or had to settle for less."""
+    heard: list[str] = []
+    token = _HEARD.set(heard)
+    try:
+        yield heard
+    finally:
+        _HEARD.reset(token)
+
+
+def remark(text: str) -> None:
+    """One sentence for whoever asked, said once; nobody may be listening."""
+    heard = _HEARD.get()
+    if heard is not None and text not in heard:
+        heard.append(text)
 
 
 @contextmanager

@@ -16,9 +16,11 @@ import numpy as np
 
 from lmi.balls import precision
 from lmi.norms import float_above, float_below
+from lmi.patience import listening
 from obsdesign.document import Claim
 from obsdesign.equations import finite_time as equations
 from obsdesign.errors import InputError
+from obsdesign.period_extensions import longer_periods, needed_samples, shorter_windows
 from obsdesign.problem import Problem
 from obsdesign.synthesis.finite_time_injection import (
     Injection,
@@ -37,8 +39,6 @@ _BITS = 160
 # windows with fewer samples than the one that is found are all shown to fail, up to that many
 _MOST_SHOWN = 2000
 _SECONDS = 2.0
-# S is told where it gains more than rounding
-_BETTER = 1 + 1e-6
 _SOURCE = "Mazenc, Ahmed, MICNON 2018, Theorem 1, (13)"
 
 
@@ -62,10 +62,9 @@ def search_period(problem: Problem, what: str) -> Outcome:
     result: {"proved", "not_proved", "not_proved_verdict", "admissible", "samples", "window",
     "gains", "reason"}; admissible is the longest period that (13) allows with a whole number of
     samples in a window: in this window, or where the window is open in admissible_window =
-    samples * admissible, if that is longer. "coordinates"
-    holds {"S", "L", "window", "proved"} (and "samples") where Theorem 1 for |S x| allows a longer
-    period, or a shorter window. Refuted
-    when (A, C) is not observable or (13) holds for nothing. InputError as for a design.
+    samples * admissible, if that is longer. "coordinates" and "tighter" are those of
+    `period_extensions`, "remarks" sentences of searches that ended early. Refuted when (A, C)
+    is not observable or (13) holds for nothing. InputError as for a design.
     """
     if what not in PERIOD_SEARCHES:
         raise InputError(f"--for {what} is not available for kind 'finite_time'.")
@@ -74,18 +73,28 @@ def search_period(problem: Problem, what: str) -> Outcome:
     asked = {} if what == "shortest_window" else _without_window(problem)
     if text := equations.objection(problem.plant, asked):
         raise InputError(text)
-    with precision(_BITS):
+    with listening() as remarks, precision(_BITS):
         first = observable(Sampled.of(problem.plant.flow.A, problem.plant.output.C, period, 1))
         if first.verdict != "proved":
             return _outcome(problem, None, first, False)
         find = _longest_period if what == "longest_period" else _shortest_window
         found = find(problem, period)
-        better = _in_coordinates(problem, found, period if what == "shortest_window" else None)
+        better = _better(problem, found, None if what == "longest_period" else period)
     searched = "L" not in problem.gains or (what, "window" in problem.options) == (
         "longest_period", False,
     )  # fmt: skip
     outcome = _outcome(problem, found, first, searched)
-    return replace(outcome, result={**outcome.result, **better})
+    told = {"remarks": remarks} if remarks else {}
+    return replace(outcome, result={**outcome.result, **better, **told})
+
+
+def _better(problem: Problem, found: _Found, period: float | None) -> dict[str, Any]:
+    """Longer periods, or shorter windows at this one, than those of (13) as printed."""
+    if period is not None:
+        return shorter_windows(problem, None if found.proved is None else found.samples, period)
+    if found.proved is None or not 0 < found.proved < math.inf:
+        return longer_periods(problem, None)
+    return longer_periods(problem, Injection(found.L, found.window, math.log(found.proved)))
 
 
 def _without_window(problem: Problem) -> dict[str, Any]:
@@ -112,7 +121,7 @@ def _longest_period(problem: Problem, period: float) -> _Found:
     if not ends[0] > window * 2.0**-52:
         reason = f"at T = {window!r} (13) allows periods below {ends[1]:.3g} only: too many samples"
         return _nothing(window, L, reason)
-    least = _needed_samples(A, C, window)
+    least = needed_samples(A, C, window)
     if ends[0] * least > window:
         reason = f"the window {window!r} has to hold {least} samples; (13) would allow more"
         period = window / least
@@ -129,7 +138,7 @@ def _in_whole_samples(A: Any, C: Any, found: _Found) -> _Found:
     """With another window near the found one, where that allows a longer period T/k."""
     asked = Open(A, C, None, found.L)
     best = Injection(found.L, found.window, math.log(found.proved or math.inf))
-    least = _needed_samples(A, C, found.window)
+    least = needed_samples(A, C, found.window)
     for period, k in whole_windows(asked, best, least):
         if period <= found.window / found.samples:
             break
@@ -139,57 +148,6 @@ def _in_whole_samples(A: Any, C: Any, found: _Found) -> _Found:
             claim = replace(_condition(sizes, period, True), id="condition_13_admissible")
             return replace(found, samples=k, claims=(*found.claims, claim), whole=period)
     return found
-
-
-def _in_coordinates(problem: Problem, plain: _Found, period: float | None) -> dict[str, Any]:
-    """(13) for S A S^-1, C S^-1, S L where that is better: Theorem 1 holds in the norm |S x| then.
-
-    period: where it is given, and the window is searched for; else None.
-    """
-    A, C, L = problem.plant.flow.A, problem.plant.output.C, problem.gains.get("L")
-    if not np.any(A) or (L is not None and not np.any(L @ C)):
-        return {}
-    window = problem.options.get("window") if period is None else None
-    asked = Open(A, C, window, L, coordinates=True)
-    if period is None:
-        first = [] if plain.proved is None else [Injection(plain.L, plain.window, 0.0)]
-        found = best_injection(asked, first, seconds=_SECONDS)
-        longest = _proved_period(A, C, found)
-        if longest > (plain.proved or 0.0) * _BETTER:
-            return {"coordinates": _told(found, longest)}
-        return {}
-    k, found = fewest_samples(asked, period, sampled_index(Sampled.of(A, C, period, len(A))))
-    if k is None or (plain.proved is not None and k >= plain.samples) or found.S is None:
-        return {}
-    sizes = Sizes.of(Sampled.of(A, C, period, k), found.L, found.S)
-    if sizes is None or sizes.condition(period) is not True:
-        return {}
-    return {"coordinates": _told(replace(found, window=k * period), k * period) | {"samples": k}}
-
-
-def _proved_period(A: Any, C: Any, found: Injection) -> float:
-    """A period for which (13) is proved in these coordinates; 0 where there is none."""
-    sizes = None
-    if found.S is not None:
-        sizes = Sizes.of(Sampled.of(A, C, found.window, 1), found.L, found.S)
-    longest = None if sizes is None else sizes.longest_period()
-    if sizes is None or longest is None:
-        return 0.0
-    period = min(float_below(longest), found.window / _needed_samples(A, C, found.window))
-    return period if sizes.condition(period) is True else 0.0
-
-
-def _told(found: Injection, value: float) -> dict[str, Any]:
-    S = [] if found.S is None else found.S.tolist()
-    return {"S": S, "L": found.L, "window": found.window, "proved": value}
-
-
-def _needed_samples(A: Any, C: Any, window: float) -> int:
-    """The least k for which k samples, window/k apart, determine the state."""
-    for k in range(1, len(A) + 1):
-        if sampled_index(Sampled.of(A, C, window / k, k)) <= k:
-            return k
-    return len(A)
 
 
 def _shortest_window(problem: Problem, period: float) -> _Found:

@@ -33,7 +33,10 @@ _TERMS_PER_BIT = 3
 
 @dataclass(frozen=True)
 class Sampled:
-    """A, C (exact rationals) and one period: A_d, A_d^-1 as balls; k samples in the window."""
+    """A, C (exact rationals) and one period: A_d, A_d^-1 as balls; k samples in the window.
+
+    reference: does the window speak of x(t_i), or of x(t_i - T)?
+    """
 
     A: Exact
     C: Exact
@@ -41,19 +44,35 @@ class Sampled:
     k: int
     forward: Exact
     back: Exact
+    reference: str = equations.END
 
     @staticmethod
-    def of(A: Any, C: Any, period: float, k: int) -> Sampled:
+    def of(A: Any, C: Any, period: float, k: int, reference: str = equations.END) -> Sampled:
         """From the numbers of a plant."""
         A_exact = exact(A)
         forward = entries(exp_times(A_exact, period))
         back = entries(exp_times(-A_exact, period))
-        return Sampled(A_exact, exact(C), period, k, forward, back)
+        return Sampled(A_exact, exact(C), period, k, forward, back, reference)
 
     def rows(self) -> Exact:
-        """C A_d^(j-k), j = 0..k-1, (k p, n)."""
-        stack = equations.stacked_rows(self.C, self.back, self.k)
+        """C A_d^(j-k), or C A_d^j, j = 0..k-1, (k p, n)."""
+        if self.reference == equations.START:
+            unit = entries(identity(len(self.A)))
+            stack = equations.stacked_rows(self.C @ unit, self.forward, self.k)
+        else:
+            stack = equations.stacked_rows(self.C @ self.back, self.back, self.k)[::-1]
         return stack.reshape(-1, len(self.A))
+
+    def last(self) -> Exact:
+        """What x(t_i) is of the reference: I, or A_d^k."""
+        if self.reference == equations.START:
+            return exponential(self.A, self.period, self.k)
+        return entries(identity(len(self.A)))
+
+    def units(self) -> Exact:
+        """Units of the states for this window, exact powers of two (`state_scales`)."""
+        A, C = to_float(self.A), to_float(self.C)
+        return exact(equations.state_scales(A, C, self.k * self.period))
 
 
 def exponential(A: Exact, period: float, k: int = 1) -> Exact:
@@ -88,7 +107,7 @@ def approximate_gain(sampled: Sampled, L: Any) -> Exact | None:
 def exact_gain(sampled: Sampled, L: Any) -> tuple[Exact, Exact | None]:
     """(N, gains (n, k p)) of (9) with (16): see `equations.exact_terms`; None if N may be singular.
 
-    N is scaled by the size of L.
+    N is P^k - A_d^k, times A_d^-k where the reference is the window's end, over the size of L.
     """
     scale = gain_scale(sampled, L)
     n = len(sampled.A)
@@ -96,8 +115,9 @@ def exact_gain(sampled: Sampled, L: Any) -> tuple[Exact, Exact | None]:
     K_d = sampled.forward @ K
     P = sampled.forward + K_d @ sampled.C
     terms = equations.exact_terms(P, K_d / scale, sampled.k)
-    N = equations.side_by_side(terms) @ sampled.rows()
-    return N.reshape(n, n), solve_entries(N, equations.side_by_side(terms))
+    N = (equations.side_by_side(terms) @ sampled.rows()).reshape(n, n)
+    found = solve_entries(N, equations.side_by_side(terms))
+    return N, None if found is None else sampled.last() @ found
 
 
 def half_period(sampled: Sampled) -> Any:
@@ -110,8 +130,7 @@ def injection(sampled: Sampled, L: Any) -> Exact:
 
     In units in which all states are seen about equally well: its steps depend on norms.
     """
-    window = sampled.k * sampled.period
-    units = exact(equations.state_scales(to_float(sampled.A), to_float(sampled.C), window))
+    units = sampled.units()
     A_exact, C_exact = sampled.A * units / units[:, None], sampled.C * units
     L_exact = exact(L) / units[:, None]
     A, C, gain = (to_float(X) for X in (A_exact, C_exact, L_exact))

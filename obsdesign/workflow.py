@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from lmi.patience import hurried, left
+from lmi.patience import hurried, left, listening
 from lmi.verdict import overall
 from obsdesign import __version__
 from obsdesign.document import Claim, Design, jsonable
@@ -49,10 +49,19 @@ def investigate(problem: Problem) -> Outcome:
     """Synthesise candidates and prove them: the first proved one, else the most hopeful.
 
     Within `lmi.patience.at_most` searches end early, the first proved candidate is the answer, and
-    claims of how well it does are left out; what was not found stays undecided.
+    claims of how well it does are left out; what was not found stays undecided. result["remarks"]
+    holds sentences of searches that ended early or settled for less, if there are any.
 
     InputError when the problem cannot be read as asked (a block is missing, a form does not fit).
     """
+    with listening() as remarks:
+        outcome = _investigated(problem)
+    if remarks:
+        outcome = replace(outcome, result={**outcome.result, "remarks": remarks})
+    return outcome
+
+
+def _investigated(problem: Problem) -> Outcome:
     started = time.perf_counter()
     kind = problem.require_kind()
     synthesis, verification = layer("synthesis", kind), layer("verification", kind)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import click
 
 from obsdesign.commands.arguments import KIND, problem_of
-from obsdesign.commands.talk import is_quiet, is_verbose, say, warn
+from obsdesign.commands.talk import is_quiet, is_verbose, say, told_if_slow, warn
 from obsdesign.errors import InputError
 
 
@@ -52,11 +52,14 @@ def design(
     loaded, dropped = problem_of(problem, kind)
     refuse_overwriting(output, problem)
     try:
-        outcome = workflow.investigate(loaded)
+        with told_if_slow("designing"):
+            outcome = workflow.investigate(loaded)
     except InputError as error:
         raise InputError(f"{problem}: {error}") from None
     if dropped:
         warn(f"dropped for kind {kind}: {', '.join(dropped)}")
+    for remark in outcome.result.get("remarks", ()):
+        warn(remark)
     keep = outcome.verdict == "proved" or (outcome.verdict == "undecided" and allow_undecided)
     written = output if keep and outcome.design else None
     if outcome.design and written:
@@ -82,7 +85,8 @@ def verify(design_file: str, paranoid: bool, as_json: bool) -> int:
 
     design = load_design(design_file)
     try:
-        outcome = workflow.verify(design, paranoid=paranoid)
+        with told_if_slow("verifying"):
+            outcome = workflow.verify(design, paranoid=paranoid)
     except InputError as error:
         raise InputError(f"{design_file}: {error}") from None
     if as_json:
@@ -106,11 +110,14 @@ def search(problem: str, what: str, kind: str | None, accuracy: float, as_json: 
 
     loaded, dropped = problem_of(problem, kind)
     try:
-        outcome = searching.search(loaded, what, accuracy)
+        with told_if_slow("searching"):
+            outcome = searching.search(loaded, what, accuracy)
     except InputError as error:
         raise InputError(f"{problem}: {error}") from None
     if dropped:
         warn(f"dropped for kind {kind}: {', '.join(dropped)}")
+    for remark in outcome.result.get("remarks", ()):
+        warn(remark)
     if as_json:
         click.echo(answer("search", outcome, outcome.result))
     elif not is_quiet():

@@ -5,7 +5,15 @@ Quiet leaves errors, exit codes, files, and what --json or standard output was a
 
 from __future__ import annotations
 
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from threading import Event, Thread
+
 import click
+
+# seconds of processor time that nobody has to be told of, and how often to look
+_WHILE, _LOOK = 2.0, 0.25
 
 
 def is_quiet() -> bool:
@@ -28,6 +36,25 @@ def warn(text: str) -> None:
     """A line for a person on standard error."""
     if not is_quiet():
         click.echo(f"obsdesign: {text}", err=True)
+
+
+@contextmanager
+def told_if_slow(doing: str) -> Iterator[None]:
+    """One line on standard error where this takes a while of processor time; said meanwhile."""
+    done, start = Event(), time.process_time()
+
+    def watch() -> None:
+        while not done.wait(_LOOK):
+            if time.process_time() - start > _WHILE:
+                click.echo(f"obsdesign: still {doing} after {_WHILE:g} s", err=True)
+                return
+
+    if not is_quiet():  # asked here: the other thread has no context
+        Thread(target=watch, daemon=True).start()
+    try:
+        yield
+    finally:
+        done.set()
 
 
 def _given(name: str) -> bool:

@@ -28,201 +28,89 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lmi.exponential import exponential_grid
-from obsdesign.equations.estimation_error import plant_data
+from obsdesign.equations.finite_time_options import (
+    METHODS as METHODS,
+)
+from obsdesign.equations.finite_time_options import (
+    MOST_SAMPLES as MOST_SAMPLES,
+)
+from obsdesign.equations.finite_time_options import (
+    NEED_L as NEED_L,
+)
+from obsdesign.equations.finite_time_options import (
+    WHOLE_TOLERANCE as WHOLE_TOLERANCE,
+)
+from obsdesign.equations.finite_time_options import (
+    announced_jumps as announced_jumps,
+)
+from obsdesign.equations.finite_time_options import (
+    objection as objection,
+)
+from obsdesign.equations.finite_time_options import (
+    objective_objection as objective_objection,
+)
+from obsdesign.equations.finite_time_options import (
+    relative_deviations as relative_deviations,
+)
+from obsdesign.equations.finite_time_options import (
+    stored_plant as stored_plant,
+)
+from obsdesign.equations.finite_time_options import (
+    window_objection as window_objection,
+)
+from obsdesign.equations.finite_time_options import (
+    window_samples as window_samples,
+)
+from obsdesign.equations.window_rows import (
+    END as END,
+)
+from obsdesign.equations.window_rows import (
+    REFERENCES as REFERENCES,
+)
+from obsdesign.equations.window_rows import (
+    START as START,
+)
+from obsdesign.equations.window_rows import (
+    UNBIASED as UNBIASED,
+)
+from obsdesign.equations.window_rows import (
+    approx_determinacy as approx_determinacy,
+)
+from obsdesign.equations.window_rows import (
+    approx_reach as approx_reach,
+)
+from obsdesign.equations.window_rows import (
+    last_state as last_state,
+)
+from obsdesign.equations.window_rows import (
+    least_squares_gain as least_squares_gain,
+)
+from obsdesign.equations.window_rows import (
+    made_unbiased as made_unbiased,
+)
+from obsdesign.equations.window_rows import (
+    pathological_pairs as pathological_pairs,
+)
+from obsdesign.equations.window_rows import (
+    sample_rows as sample_rows,
+)
+from obsdesign.equations.window_rows import (
+    stacked_rows as stacked_rows,
+)
+from obsdesign.equations.window_rows import (
+    state_scales as state_scales,
+)
 
 Array = NDArray[Any]
 
-METHODS = ("least_squares", "exact", "approximate", "minimax")
-NEED_L = ("exact", "approximate")
-# T / nu counts as whole when it is that close to a whole number: both are decimal numbers
-WHOLE_TOLERANCE = 1e-9
-# more samples than this make a design file too large to handle
-MOST_SAMPLES = 20_000
 # the norm of the generator times a step of the series below, and the terms it is summed to
 _SERIES_STEP, SERIES_TERMS = 0.5, 36
 _MOST_STEPS = 500
 # least |L C| relative to |A| that a search may use: smaller ones gain nothing and lose digits
 SMALLEST_GAIN = 1e-6
-_OF_JUMPS = ("G", "E", "jump_lower", "jump_upper", "dwell_time", "dwell_jitter")
 
 
-def objection(plant: Any, options: Any) -> str | None:
-    """What forbids a finite-time observer for a problem, or None; one sentence."""
-    if plant.output.measured != "periodic":
-        return (
-            "output.measured must be periodic for kind 'finite_time'; "
-            f"got {plant.output.measured!r}."
-        )
-    method = options.get("method", "least_squares")
-    if options.get("half_sample_correction") and method != "approximate":
-        return (
-            "observer.half_sample_correction belongs to method = 'approximate'; the method is "
-            f"{method!r}, which has no bias to correct."
-        )
-    if "window" in options:
-        return window_objection(options["window"], plant.output.period)
-    return None
-
-
-def objective_objection(options: Any) -> str | None:
-    """Why `objective` has nothing to choose for a design without L, or None."""
-    method, objective = options.get("method", "least_squares"), options.get("objective")
-    if objective is None or method in NEED_L:
-        return None
-    if objective == "longest_period":
-        return (
-            "observer.objective = 'longest_period' chooses L and the window of methods 'exact' and "
-            f"'approximate' by condition (13); the method is {method!r}, which has none."
-        )
-    if "window" in options:
-        return (
-            f"observer.objective = {objective!r} chooses the window of method {method!r}, and "
-            f"nothing else; observer.window = {options['window']!r} is given. Leave one out."
-        )
-    return None
-
-
-def window_objection(window: float, period: float) -> str | None:
-    """Why this window does not fit the period, or None."""
-    if window < period * (1 - WHOLE_TOLERANCE):
-        return (
-            f"observer.window must be at least output.period = {period!r}; got {window!r}. "
-            "The window holds no sample."
-        )
-    count = window / period
-    if count < math.inf and abs(count - round(count)) > WHOLE_TOLERANCE * count:
-        near = [k * period for k in (math.floor(count), math.ceil(count))]
-        return (
-            f"observer.window must be a multiple of output.period = {period!r}; got {window!r}, "
-            f"which is {count:.6g} periods. The nearest multiples are {near[0]:.9g} and "
-            f"{near[1]:.9g}."
-        )
-    if count > MOST_SAMPLES:
-        return (
-            f"observer.window must hold at most {MOST_SAMPLES} samples; got {count:.6g}, "
-            f"{window!r} with period {period!r}."
-        )
-    return None
-
-
-def window_samples(window: float, period: float) -> int:
-    """k = T / nu for a window that `window_objection` has nothing against."""
-    return round(window / period)
-
-
-def announced_jumps(plant: Any) -> bool:
-    """Does the data tell when the plant jumps? Impulses of unknown weight alone are not told."""
-    jump = plant.jump
-    return jump is not None and (jump.H is None or not np.array_equal(jump.G, np.eye(plant.n)))
-
-
-def stored_plant(plant: Any) -> dict[str, Any]:
-    """The plant's numbers in a design's gains: without jumps that no data announce."""
-    data = plant_data(plant) | {"period": plant.output.period}
-    if not announced_jumps(plant):
-        data = {name: value for name, value in data.items() if name not in _OF_JUMPS}
-    return data
-
-
-def relative_deviations(output: Any) -> Array:
-    """Relative sizes of the outputs' errors: standard deviations, else bounds, else equal."""
-    for sizes in (output.noise_std, output.noise_bound):
-        if (sizes > 0).all():
-            return np.asarray(sizes / sizes.max())
-    return np.ones(len(output.C))
-
-
-# --- what the samples see -----------------------------------------------------------------------
-
-
-def sample_rows(A: Array, C: Array, period: float, k: int) -> Array:
-    """C A_d^(j-k), j = 0..k-1, (k, p, n): the samples as functions of x(t_i)."""
-    backwards = exponential_grid(-A, period, period, k)
-    with np.errstate(over="ignore", invalid="ignore"):
-        return C @ backwards[::-1]
-
-
-def stacked_rows(C: Array, back: Array, k: int) -> Array:
-    """The same from A_d^-1 by products, for ball numbers."""
-    rows = [C @ back]
-    for _ in range(k - 1):
-        rows.append(rows[-1] @ back)
-    return np.array(rows[::-1])
-
-
-def state_scales(A: Array, C: Array, window: float) -> Array:
-    """Powers of two (n,): states in units in which they are seen about equally well.
-
-    1 / the column norms of C (A T)^j / j!, j < n: what the flow could tell of a state in the
-    window. Other units of the states scale along; samples that see less than that are noticed.
-    """
-    n = len(A)
-    terms = [np.asarray(C, dtype=np.float64)]
-    with np.errstate(over="ignore", invalid="ignore"):
-        for j in range(1, n):
-            terms.append(terms[-1] @ A * (window / j))
-        stack = np.vstack(terms)
-        largest = np.abs(stack).max(axis=0)
-        # squares would underflow
-        sizes = largest * np.linalg.norm(stack / np.where(largest > 0, largest, 1.0), axis=0)
-    usable = np.isfinite(sizes) & (sizes > 0)
-    scales: Array = np.exp2(-np.round(np.log2(np.where(usable, sizes, 1.0))))
-    return scales
-
-
-def approx_determinacy(rows: Array, scales: Array) -> float:
-    """Least singular value of scaled rows at unit length, relative to their Frobenius norm.
-
-    rows: (m, n); in floats; 0 where they are fewer than n or not finite.
-    """
-    if not np.isfinite(rows).all() or len(rows) < len(scales):
-        return 0.0
-    with np.errstate(over="ignore"):
-        scaled = rows * scales
-        lengths = np.linalg.norm(scaled, axis=1)
-    if not np.isfinite(scaled).all():
-        return 0.0
-    scaled = scaled / np.where(lengths > 0, lengths, 1.0)[:, None]
-    values = np.linalg.svd(scaled, compute_uv=False)
-    return float(values[-1] / math.sqrt(float((values**2).sum()) or 1.0))
-
-
-def pathological_pairs(A: Array, period: float) -> list[tuple[complex, complex, float]]:
-    """Eigenvalues of A that (almost) coincide after sampling: (one, other, turns between them).
-
-    Kalman, Ho, Narendra: equal real parts and imaginary parts that differ by a multiple of
-    2 pi / nu. A warning: several outputs may still see both.
-    """
-    values = np.linalg.eigvals(A)
-    size = max(float(np.abs(values).max(initial=0.0)), 1e-300)
-    found = []
-    for i, one in enumerate(values):
-        for other in values[i + 1 :]:
-            turns = abs(one.imag - other.imag) * period / (2 * math.pi)
-            same = abs(one.real - other.real) <= 1e-9 * size
-            if same and round(turns) > 0 and abs(turns - round(turns)) <= 1e-6 * turns:
-                found.append((complex(one), complex(other), float(turns)))
-    return found
-
-
-# --- unbiased gains -----------------------------------------------------------------------------
-
-
-def least_squares_gain(rows: Array, deviations: Array) -> Array:
-    """Gains (n, m) of the weighted least-squares estimate, by QR.
-
-    rows: (m, n), of `sample_rows`; deviations: (m,) relative sizes of the samples' errors.
-    """
-    weights = 1.0 / deviations
-    flat = rows * weights[:, None]
-    scales = np.exp2(-np.round(np.log2(np.maximum(np.abs(flat).max(axis=0), 1e-300))))
-    Q, R = np.linalg.qr(flat * scales)
-    return scales[:, None] * np.linalg.solve(R, Q.T) * weights
-
-
-def made_unbiased(gain: Array, rows: Array, unbiased: Array) -> Array:
-    """The gain made unbiased, G + (I - G O) G_0, by a G_0 that is: G_0 O = I. rows: O, (m, n)."""
-    return gain + (np.eye(rows.shape[1]) - gain @ rows) @ unbiased
+# --- gains ----------------------------------------------------------------------------------------
 
 
 def discrete_injection(

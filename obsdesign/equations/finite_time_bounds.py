@@ -58,6 +58,19 @@ def log_sigma(T: Any, f: Any, s: Any) -> Any:
     return np.log(s) + T * f + np.log(g) + s * g
 
 
+def tighter_sigma(T: Any, f: Any, s: Any) -> Any:
+    """What |phi - e^{F t}| is at most for t <= T: e^{f T} (e^{s T} - 1), never above Sigma.
+
+    The Dyson series bounds it at once, where Lemma 2 bounds its square by Gronwall's inequality.
+    """
+    return np.exp(f * T) * np.expm1(s * T)
+
+
+def log_tighter_sigma(T: Any, f: Any, s: Any) -> Any:
+    """Its logarithm. s > 0."""
+    return f * T + np.log(np.expm1(s * T))
+
+
 def constants(a: Any, m: Any, sigma_value: Any) -> Constants:
     """(10)-(12); meaningful where both numbers of (13) are below one."""
     first = a * sigma_value
@@ -81,12 +94,13 @@ def in_coordinates(S: Array, A: Array, C: Array, L: Array) -> tuple[Array, Array
 
 
 def approx_log_longest_period(
-    A: Array, C: Array, L: Array, T: float, S: Array | None = None
+    A: Array, C: Array, L: Array, T: float, S: Array | None = None, tighter: bool = False
 ) -> float:
     """log of the period below which (13) holds, -inf where M_T is singular; inf if A = 0.
 
     nu_max = log(1 + u / (g |L C|)) / |A|, u e^u = Sigma* e^{-f T}: in logarithms, as e^{2 f T}
-    overflows where the answer is still a number. S: for the states S x. Floats, no proof.
+    overflows where the answer is still a number. S: for the states S x; tighter: with
+    `tighter_sigma` in place of Sigma. Floats, no proof.
     """
     if S is not None:
         try:
@@ -113,8 +127,16 @@ def approx_log_longest_period(
     log_a = math.log(of_F[0])
     log_ma = log_a - math.log(of_M[-1]) - math.log(size_LC)
     log_sigma = -log_a - np.logaddexp(0.0, log_ma)
+    if tighter:
+        exponent = log_sigma - f * T
+        inner = math.log(np.logaddexp(0.0, exponent)) if exponent > -700 else exponent
+        return _log_of_period(inner - math.log(T) - math.log(size_LC), size_A)
     log_g = math.log(T) if f == 0.0 else 2 * f * T + math.log(-math.expm1(-2 * f * T) / (2 * f))
-    log_ratio = log_lambert(log_sigma - f * T) - log_g - math.log(size_LC)
+    return _log_of_period(log_lambert(log_sigma - f * T) - log_g - math.log(size_LC), size_A)
+
+
+def _log_of_period(log_ratio: float, size_A: float) -> float:
+    """log (log(1 + ratio) / |A|)."""
     if log_ratio < -36:  # log1p changes nothing any more
         return log_ratio - math.log(size_A)
     return math.log(np.logaddexp(0.0, log_ratio)) - math.log(size_A)
@@ -135,3 +157,9 @@ def enclosed_longest_period(a: Any, m: Any, f: Any, sizes: tuple[Any, Any], T: A
     """The same in balls, which do not overflow; sizes = (|A|, |L C|), both positive."""
     u = (largest_sigma(a, m) * np.exp(-(f * T))).lambertw()
     return np.log1p(u / (flow_growth(f, T) * sizes[1])) / sizes[0]
+
+
+def enclosed_tighter_period(a: Any, m: Any, f: Any, sizes: tuple[Any, Any], T: Any) -> Any:
+    """The same with `tighter_sigma`: log(1 + log(1 + Sigma* e^{-f T}) / (T |L C|)) / |A|."""
+    inner = np.log1p(largest_sigma(a, m) * np.exp(-(f * T)))
+    return np.log1p(inner / (T * sizes[1])) / sizes[0]

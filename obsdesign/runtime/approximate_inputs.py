@@ -20,21 +20,27 @@ from typing import Any
 
 import numpy as np
 
-from lmi.exponential import expm
+from lmi.exponential import expm, flow_integrals
 from obsdesign.equations import finite_time as equations
 from obsdesign.runtime.base import Vector
 from obsdesign.runtime.step_cache import cached_step
+from obsdesign.runtime.window_tape import Tape
 
 
 @dataclass(frozen=True, slots=True)
 class Known:
-    """What the known input did: (d, c, q) of the open period, its age, and closed periods."""
+    """What the known input did: (d, c, q) of the open period, its age, and closed periods.
+
+    tape, end: where the closed periods may grow.
+    """
 
     d: Vector
     c: Vector
     q: Vector
     age: float
     closed: Vector
+    tape: Tape | None = None
+    end: int = 0
 
     @staticmethod
     def zero(n: int, k: int) -> Known:
@@ -50,9 +56,13 @@ class Known:
 
 @dataclass(frozen=True)
 class ApproximateInputs:
-    """Weights (n, 2 n k) of the closed periods' (d_j, c_j), and the generator of a period."""
+    """Weights (n, 2 n k) of the closed periods' (d_j, c_j), and the generator of a period.
+
+    of_period (2 n, n): (d, c) of a period in which the input does not change.
+    """
 
     weights: Vector
+    of_period: Vector
     A: Vector
     generator: Vector
     _steps: OrderedDict[tuple[float, int], Any] = field(
@@ -81,7 +91,10 @@ class ApproximateInputs:
             [A + LC, -LC, zero, unit], [zero, zero, unit, zero],
             [zero, zero, -A, zero], [zero, zero, zero, zero],
         ])  # fmt: skip
-        return cls(np.asarray(weights), A, generator)
+        over = expm(generator * period)
+        once = flow_integrals(A, period)[1]
+        of_period = np.vstack([once, over[:n, 2 * n : 3 * n] + over[:n, 3 * n :]])
+        return cls(np.ascontiguousarray(weights), of_period, A, generator)
 
     def moved(self, known: Known, forced: Vector, h: float, size: float, maps: Any) -> Known:
         """The open period, h later, with the known input `forced` held; size: of time stamps."""
@@ -97,7 +110,18 @@ class ApproximateInputs:
     def closed(self, known: Known) -> Known:
         """At the end of a period: it takes its place among the closed ones."""
         n = len(known.d)
-        return replace(known, closed=np.concatenate([known.closed[2 * n :], known.d, known.c]))
+        closed = np.concatenate([known.closed[2 * n :], known.d, known.c])
+        return replace(known, closed=closed, tape=None)
+
+    def passed(self, known: Known, driven: Vector) -> Known:
+        """From one instant to the next: `driven` is (d, c) of the whole period (`of_period`)."""
+        size, tape, end = len(known.closed), known.tape, known.end
+        closed = None if tape is None else tape.after(end, driven, size)
+        if closed is None:
+            tape, end = Tape(known.closed, len(driven)), size
+            closed = tape.after(size, driven, size)
+        assert closed is not None
+        return Known(known.d, known.c, known.q, 0.0, closed, tape, end + len(driven))
 
     def known_part(self, known: Known) -> Vector:
         """M_T^{-1} (e^{-A T} D - e^{-F T} sum_j e^{F (k-1-j) nu} c_j)."""

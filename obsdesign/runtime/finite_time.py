@@ -96,7 +96,7 @@ class FiniteTimeObserver(SteadyWindow):
         if sample.u is not None:
             u = vector(sample.u, len(state.u), "u")
             state = state._replace(u=u, drive=self._drive(u))
-        state = state._replace(started=True)
+        state = state._replace(started=True, cover=None)
         return state, self._estimate(state, irregular)
 
     # --- time ---------------------------------------------------------------------------------

@@ -6,21 +6,20 @@ A state is never changed: every move returns a new one.
 from __future__ import annotations
 
 import math
-from collections import OrderedDict
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from functools import cached_property
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from obsdesign.equations import finite_time as equations
-from obsdesign.runtime.approximate_inputs import ApproximateInputs, Known
+from obsdesign.runtime.approximate_inputs import Known
 from obsdesign.runtime.base import RELATIVE_TIME_TOLERANCE, Vector, vector
+from obsdesign.runtime.flow_maps import flow_maps
 from obsdesign.runtime.point import SteppedObserver
 from obsdesign.runtime.step_cache import cached_step
-from obsdesign.runtime.window_error import FlowMaps, WindowError, flow_maps
+from obsdesign.runtime.window_constants import WindowConstants
+from obsdesign.runtime.window_error import window_length
 from obsdesign.runtime.window_tape import Tape
 
 # rounding of y - C w, as a part of w
@@ -29,7 +28,18 @@ SEEN_ROUNDING = 2.0**-48
 _DETERMINED = 1e-11
 # w is that much larger than the estimate before it is replaced where bounds are told
 _GROWN = 2.0
-_LEAST_TICKS = 64
+
+
+class Cover(NamedTuple):
+    """A radius that holds as long as everything it depends on stays below what is stored here."""
+
+    w: Vector
+    x: Vector
+    forced: Vector
+    square: float
+    lift: Vector
+    slip: Vector
+    radius: Vector
 
 
 class FiniteTimeState(NamedTuple):  # a frozen dataclass of this size costs more than the step
@@ -40,7 +50,7 @@ class FiniteTimeState(NamedTuple):  # a frozen dataclass of this size costs more
     since: instants since w was moved; sampled: time of the last instant; good: was x taken from
     a full window, False with gaps, None not yet; |state - centre| <= radius; slip: rounding of w
     per step; lift: what moving w has cost the window; anchor, ticks: an instant, and how many ago
-    it was; tape, end: where the window may grow.
+    it was; tape, end: where the window may grow; cover: the last radius, and how long it holds.
     """
 
     t: float
@@ -64,31 +74,12 @@ class FiniteTimeState(NamedTuple):  # a frozen dataclass of this size costs more
     started: bool
     tape: Tape | None = None
     end: int = 0
+    cover: Cover | None = None
 
 
 @dataclass(frozen=True)
-class SamplingWindow(SteppedObserver[FiniteTimeState]):
+class SamplingWindow(WindowConstants, SteppedObserver[FiniteTimeState]):
     """What a window of samples needs: the gains, what follows from them, and its moves."""
-
-    gains: Mapping[str, Any]
-    _steps: OrderedDict[tuple[float, int], Any] = field(
-        default_factory=OrderedDict, repr=False, compare=False
-    )
-
-    @cached_property
-    def k(self) -> int:
-        """Samples in the window."""
-        return int(self.gains["samples"])
-
-    @cached_property
-    def _most_ticks(self) -> int:
-        """Instants that are counted from the same one: a window, and not too few."""
-        return max(self.k, _LEAST_TICKS)
-
-    @cached_property
-    def bounded(self) -> bool:
-        """Are there bounds for disturbance or noise, and hence for the state?"""
-        return bool(np.any(self.gains.get("radius", 0.0)))
 
     def _flow(self, state: FiniteTimeState, t: float) -> FiniteTimeState:
         """Everything that moves with the plant, to time t."""
@@ -115,14 +106,8 @@ class SamplingWindow(SteppedObserver[FiniteTimeState]):
         """Time stamps are decimal: how far two of them may be from `elapsed` apart."""
         return RELATIVE_TIME_TOLERANCE * elapsed + 8 * math.ulp(t)
 
-    def _drive(self, u: Vector) -> Vector:
-        return np.asarray(self._once_and_seen.dot(self._forced(u)))
-
     def _maps(self, h: float, error: float) -> Any:
         return flow_maps(self.gains, h, error)
-
-    def _forced(self, u: Vector) -> Vector:
-        return self._middle + self.gains["B"].dot(u) if len(u) else self._middle
 
     # --- the window -----------------------------------------------------------------------------
 
@@ -144,7 +129,9 @@ class SamplingWindow(SteppedObserver[FiniteTimeState]):
             return state._replace(x=x, good=True)
         x = self._seen_back @ state.w + self.gains["window_gain"] @ state.window
         if self.bounded:
-            radius = self._error.radius(state.window, state.w, x, state.slip) + state.lift
+            size, away = window_length(state.window), np.abs(x - state.w)
+            w = np.abs(state.w)
+            radius = self._error.radius(size, w, np.abs(x), state.slip, away) + state.lift
             state = state._replace(centre=x, radius=radius)
         return self._refreshed(state._replace(x=x, good=True, since=state.since + 1))
 
@@ -155,14 +142,18 @@ class SamplingWindow(SteppedObserver[FiniteTimeState]):
         """
         if state.since < self.k or not self._driven or state.known is not None:
             return state
-        if not self.bounded:
-            window = state.window - self._rows @ (state.x - state.w)
-            return state._replace(w=state.x, window=window, since=0, tape=None)
-        away = state.x - state.w
-        if not np.abs(state.w).max() > _GROWN * np.abs(state.x).max():
+        if self.bounded and not np.abs(state.w).max() > _GROWN * np.abs(state.x).max():
             return state._replace(since=0, lift=np.zeros(self.n))
-        window, lift = self._error.moved(state.window, away)
-        return state._replace(w=state.x, window=window, lift=lift, since=0, tape=None)
+        if self._of_start is None:
+            away, w = state.x - state.w, state.x
+        else:  # back in time fast modes would explode: from the window's start instead
+            away = self._of_start @ np.nan_to_num(state.window)
+            w = state.w + self._last @ away
+        if self.bounded:
+            window, lift = self._error.moved(state.window, away, w)
+        else:
+            window, lift = state.window - self._rows @ away, state.lift
+        return state._replace(w=w, window=window, lift=lift, since=0, tape=None)
 
     def _from_the_rest(self, state: FiniteTimeState) -> Vector | None:
         """Least squares on the samples that are there; None if they do not determine the state."""
@@ -174,7 +165,7 @@ class SamplingWindow(SteppedObserver[FiniteTimeState]):
             return None
         deviations = np.tile(self.gains["deviations"], self.k)[there]
         gain = equations.least_squares_gain(rows, deviations)
-        return np.asarray(state.w + gain @ state.window[there])
+        return np.asarray(state.w + self._last @ (gain @ state.window[there]))
 
     def _pushed(self, state: FiniteTimeState, y: Vector | None) -> FiniteTimeState:
         p = len(self.gains["C"])
@@ -213,70 +204,3 @@ class SamplingWindow(SteppedObserver[FiniteTimeState]):
         spread = np.full(self.n, np.inf)
         x = gains["G"] @ state.x + moved
         return self._emptied(state)._replace(x=x, centre=x, radius=spread)
-
-    # --- what follows from the gains --------------------------------------------------------------
-
-    @cached_property
-    def _p(self) -> int:
-        return len(self.gains["C"])
-
-    @cached_property
-    def _gain(self) -> Vector:
-        return np.ascontiguousarray(self.gains["window_gain"])
-
-    @cached_property
-    def _middle(self) -> Vector:
-        return np.asarray((self.gains["flow_lower"] + self.gains["flow_upper"]) / 2)
-
-    @cached_property
-    def _period(self) -> float:
-        return float(self.gains["period"])
-
-    @cached_property
-    def _driven(self) -> bool:
-        """Does anything known drive the plant? If not, w is zero and stays so."""
-        return "B" in self.gains or bool(np.any(self._forced(np.zeros(0))))
-
-    @cached_property
-    def _period_maps(self) -> FlowMaps:
-        return flow_maps(self.gains, self._period, 0.0)
-
-    @cached_property
-    def _flow_and_seen(self) -> Vector:
-        flow = self._period_maps.flow
-        return np.vstack([flow, self.gains["C"] @ flow])
-
-    @cached_property
-    def _once_and_seen(self) -> Vector:
-        once = self._period_maps.once
-        return np.vstack([once, self.gains["C"] @ once])
-
-    @cached_property
-    def _rows(self) -> Vector:
-        """C A_d^(j-k), (k p, n)."""
-        gains = self.gains
-        rows = equations.sample_rows(gains["A"], gains["C"], float(gains["period"]), self.k)
-        return rows.reshape(-1, self.n)
-
-    @cached_property
-    def _scales(self) -> Vector:
-        A, C = self.gains["A"], self.gains["C"]
-        return np.asarray(equations.state_scales(A, C, self.k * self._period))
-
-    @cached_property
-    def _seen_back(self) -> Vector:
-        """sum_j G_j C A_d^(j-k): the identity, but for (14) with its delay taken off."""
-        if self.gains["method"] != "approximate":
-            return np.eye(self.n)
-        return np.asarray(self.gains["window_gain"] @ self._rows)
-
-    @cached_property
-    def _error(self) -> WindowError:
-        return WindowError.of(self.gains)
-
-    @cached_property
-    def _inputs(self) -> ApproximateInputs | None:
-        """How (14) as printed treats known inputs; None for every other method."""
-        if self.gains["method"] != "approximate" or self.gains["half_sample"] != "printed":
-            return None
-        return ApproximateInputs.of(self.gains)

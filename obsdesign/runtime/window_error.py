@@ -1,7 +1,8 @@
 """Bounds around a finite-time estimate: what disturbance, noise and rounding may do, outwards.
 
 At a sample the state is within `radius` (proved, stored in the design) of the exact estimate. To
-that come the stored gains' own rounding, |state_error| |x - w|, the rounding of their product with
+that come the stored gains' own rounding, |state_error| |x - w| (now, or at the window's start where
+the design says so), the rounding of their product with
 the window, and the rounding of w, which acts like small kicks between samples.
 """
 
@@ -15,55 +16,56 @@ from typing import Any
 import numpy as np
 
 from lmi.enclosure import UNIT, Enclosure, expm, raised
+from lmi.exponential import expm as plain_expm
+from obsdesign.equations import finite_time as equations
 from obsdesign.runtime.base import Vector
+from obsdesign.runtime.flow_maps import flow_maps
 
 
 @dataclass(frozen=True)
-class FlowMaps:
-    """One step: e^{A h}, int e^{A s} ds, their errors, and the comparison system of a radius."""
+class StartError:
+    """Bias against x(t_i - T): the window itself tells how far that is from w.
 
-    flow: Vector
-    once: Vector
-    flow_error: Vector
-    once_error: Vector
-    growth: Vector
-    inflow: Vector
+    per_level (n,): |bias| where |x(t_i - T) - w| is one unit of the window; it is at most
+    of_length |window| + of_noise + of_slip @ slip.
+    """
 
-    def error(self, x: Vector, forced: Vector) -> Vector:
-        """Bound of the rounding in flow @ x + once @ forced, matrices included."""
-        terms = 2 * len(x) + 4
-        size, push = np.abs(x), np.abs(forced)
-        rounding = np.abs(self.flow) @ size + np.abs(self.once) @ push
-        total = self.flow_error @ size + self.once_error @ push + terms * UNIT * rounding
-        return raised(total, terms)
+    per_level: Vector
+    of_length: float
+    of_noise: float
+    of_slip: Vector
+    last: Enclosure  # e^{A T}
 
-    def spread(self, radius: Vector) -> Vector:
-        """Radius after the step: rho' = Mz(A) rho + Delta bounds every path's distance."""
-        if not np.isfinite(radius).all():
-            return np.full_like(radius, np.inf)
-        return raised(self.growth @ radius + self.inflow, 2 * len(radius))
+    @classmethod
+    def of(cls, gains: Mapping[str, Any], rows: Enclosure) -> StartError:
+        """rows: C A_d^j; X with X rows = I up to E inverts them, |X r| + |E| e bounds e."""
+        A, C, k = gains["A"], gains["C"], int(gains["samples"])
+        n = len(A)
+        units = equations.state_scales(A, C, k * float(gains["period"]))
+        X = equations.least_squares_gain(rows.mid, np.ones(len(rows.mid)))
+        missed = (Enclosure.exactly(X) @ rows - Enclosure.exactly(np.eye(n))).magnitude
+        scaled = raised(np.abs(X) / units[:, None], 1)
+        left = float((missed * units / units[:, None]).sum(axis=1).max())
+        kept = 1.01 / (1.0 - left) if left < 0.5 else np.inf
+        maps, seen = flow_maps(gains, float(gains["period"]), 0.0), np.abs(C)
+        noise, reach, kicks = [], np.zeros(n), np.zeros((n, n))
+        slips = []
+        with np.errstate(over="ignore", invalid="ignore"):
+            for _ in range(k):
+                noise.append(seen @ reach + gains["noise_bound"])
+                slips.append(seen @ kicks + seen)
+                reach, kicks = maps.spread(reach), maps.growth @ kicks + np.eye(n)
+            most = scaled @ np.vstack(slips)
+            level = float((scaled @ np.concatenate(noise)).max())
+            length = float(np.linalg.norm(scaled, axis=1).max())
+        per_level = raised(np.asarray(gains["state_error"]) @ units, 2 * n)
+        last = expm(Enclosure.exactly(A).scaled(k * float(gains["period"]), 0.0))
+        return cls(per_level, kept * length, kept * level, kept * most.max(axis=0), last)
 
-
-def flow_maps(gains: Mapping[str, Any], h: float, error: float) -> FlowMaps:
-    """Matrices of a step of length h, known to `error`."""
-    A = np.asarray(gains["A"])
-    n = len(A)
-    Delta = (gains["flow_upper"] - gains["flow_lower"]) / 2
-    metzler = np.where(np.eye(n, dtype=bool), A, np.abs(A))
-    whole = _enclosed(A, np.eye(n), h, error)
-    compared = _enclosed(metzler, raised(Delta, 1)[:, None], h, error)
-    top = compared.magnitude[:n]
-    return FlowMaps(
-        whole.mid[:n, :n], whole.mid[:n, n:], whole.rad[:n, :n], whole.rad[:n, n:],
-        top[:, :n], top[:, n],
-    )  # fmt: skip
-
-
-def _enclosed(A: Vector, inflow: Vector, h: float, error: float) -> Enclosure:
-    n, m = len(A), inflow.shape[1]
-    block = np.zeros((n + m, n + m))
-    block[:n, :n], block[:n, n:] = A, inflow
-    return expm(Enclosure.exactly(block).scaled(h, error))
+    def radius(self, size: float, slip: Vector) -> Vector:
+        """Bound of the bias; size: length of the window."""
+        level = self.of_length * size + self.of_noise + float(self.of_slip @ slip)
+        return self.per_level * level if level < math.inf else np.full(len(slip), np.inf)
 
 
 @dataclass(frozen=True)
@@ -77,22 +79,14 @@ class WindowError:
     kept: float
     gain: Vector
     rows: Enclosure
+    start: StartError | None
+    outputs: int
 
     @classmethod
     def of(cls, gains: Mapping[str, Any]) -> WindowError:
-        """kicks = sum_l |R_l| + |G_l| |C|: what errors of w, and of C w, do to the estimate."""
-        G, C = np.asarray(gains["window_gain"]), np.asarray(gains["C"])
-        n, p = len(gains["A"]), len(C)
-        enclosed = expm(Enclosure.exactly(gains["A"]).scaled(-float(gains["period"])))
-        back, row, rows = enclosed.mid, Enclosure.exactly(C), []
-        for _ in range(int(gains["samples"])):
-            row = row @ enclosed
-            rows.append(row)
-        R, kicks = np.zeros((n, n)), np.zeros((n, n))
-        for j in range(int(gains["samples"])):
-            term = G[:, j * p : (j + 1) * p]
-            R = R @ back + term @ C
-            kicks = kicks + np.abs(R) + np.abs(term) @ np.abs(C)
+        """kicks: what errors of w, and of C w, do to the estimate, at most."""
+        G, of_start = np.asarray(gains["window_gain"]), "reference" in gains
+        rows = _rows(gains, of_start)
         state_error = np.asarray(gains["state_error"])
         # what rounding leaves of the recursion is far below this factor
         largest = float(np.abs(state_error).sum(axis=1).max())
@@ -102,32 +96,83 @@ class WindowError:
         with np.errstate(over="ignore", invalid="ignore"):
             exact = 1.001 * np.linalg.norm(G, axis=1)
         length = np.where((exact > 1e-140) & (exact < length), exact, length)
-        stack = Enclosure(
-            np.vstack([one.mid for one in rows[::-1]]), np.vstack([one.rad for one in rows[::-1]])
-        )
+        start = StartError.of(gains, rows) if of_start else None
+        kicks = 2.0 * _kicks(gains, of_start)
         radius = np.asarray(gains["radius"])
-        return cls(radius, state_error, length, 2.0 * kicks, kept, G, stack)
+        return cls(radius, state_error, length, kicks, kept, G, rows, start, len(gains["C"]))
 
-    def moved(self, window: Vector, away: Vector) -> tuple[Vector, Vector]:
-        """Residuals for w + away, and what their rounding may do to the estimate."""
+    def moved(self, window: Vector, away: Vector, w: Vector) -> tuple[Vector, Vector]:
+        """Residuals for another w, and what their rounding may do while they are in the window.
+
+        away: by how much w changes, at the window's end or at its start; w: the new one.
+        """
         fresh = window - self.rows.mid @ away
         size = np.abs(away)
         terms = len(away) + 4
         rounding = terms * UNIT * (np.abs(self.rows.mid) @ size + np.abs(fresh))
         error = self.rows.rad @ size + rounding + 1e-300
         error = np.where(np.isnan(error), 0.0, error)  # samples that are missing count nothing
-        return fresh, raised(np.abs(self.gain) @ error, len(error) + 2 * terms)
+        lift = _while_inside(np.abs(self.gain), error, self.outputs)
+        if self.start is not None:  # w has not followed exactly
+            last = self.start.last
+            kick = last.rad @ size + terms * UNIT * (np.abs(last.mid) @ size + np.abs(w))
+            lift = lift + self.kicks @ kick
+        return fresh, raised(lift, len(error) + 2 * terms)
 
-    def radius(self, window: Vector, w: Vector, x: Vector, slip: Vector) -> Vector:
-        """Bound of |x - state| at a sample."""
-        terms = len(window) + 8
-        # |G| |window| is below the product of lengths; squares may underflow or overflow
-        size = math.sqrt(window.dot(window) + len(window) * 1e-307)
-        if not size < math.inf:
-            size = float(np.abs(window).sum())
-        # every residual y - C w is itself rounded
+    def radius(self, size: float, w: Vector, x: Vector, slip: Vector, away: Vector) -> Vector:
+        """Bound of |x - state| at a sample.
+
+        size: length of the window; |w|, |x|, |x - w|: at most w, x, away.
+        """
+        terms = self.gain.shape[1] + 8
+        # |G| |window| is below the product of lengths; every residual y - C w is itself rounded
         rounding = ((terms + 8) * UNIT * size) * self.gain_length
-        rounding = rounding + 4 * UNIT * (np.abs(w) + np.abs(x))
-        inner = self.proved + rounding + self.kicks @ slip
-        away = self.state_error @ (np.abs(x - w) + inner) * self.kept
-        return raised(inner + away, terms)
+        inner = self.proved + rounding + 4 * UNIT * (w + x) + self.kicks @ slip
+        if self.start is not None:
+            return raised(inner + self.start.radius(size, slip), terms)
+        return raised(inner + self.state_error @ (away + inner) * self.kept, terms)
+
+
+def window_length(window: Vector) -> float:
+    """Not below the Euclidean length: squares may underflow or overflow."""
+    size = math.sqrt(window.dot(window) + len(window) * 1e-307)
+    return size if size < math.inf else float(np.abs(window).sum())
+
+
+def _rows(gains: Mapping[str, Any], of_start: bool) -> Enclosure:
+    """C A_d^(j-k), or C A_d^j, enclosed, (k p, n)."""
+    period, k = float(gains["period"]), int(gains["samples"])
+    step = expm(Enclosure.exactly(gains["A"]).scaled(period if of_start else -period))
+    row = Enclosure.exactly(gains["C"])
+    rows = [row if of_start else row @ step]
+    for _ in range(k - 1):
+        rows.append(rows[-1] @ step)
+    ordered = rows if of_start else rows[::-1]
+    return Enclosure(np.vstack([X.mid for X in ordered]), np.vstack([X.rad for X in ordered]))
+
+
+def _kicks(gains: Mapping[str, Any], of_start: bool) -> Vector:
+    """sum_l |R_l| + |G_l| |C|, or of |Q_l|, (n, n): see `window_bounds`."""
+    G, C, k = np.asarray(gains["window_gain"]), np.asarray(gains["C"]), int(gains["samples"])
+    n, p, period = len(gains["A"]), len(C), float(gains["period"])
+    step = plain_expm(gains["A"] * (period if of_start else -period))
+    terms = [G[:, j * p : (j + 1) * p] for j in range(k)]
+    weight, kicks = np.eye(n) if of_start else np.zeros((n, n)), np.zeros((n, n))
+    for term in terms[::-1] if of_start else terms:
+        if not of_start:
+            weight = weight @ step + term @ C
+        kicks = kicks + np.abs(weight) + np.abs(term) @ np.abs(C)
+        if of_start:
+            weight = weight @ step - term @ C
+    return kicks
+
+
+def _while_inside(gain: Vector, error: Vector, p: int) -> Vector:
+    """(n,): the most that errors of a window's residuals do while newer ones push them out."""
+    n, k = len(gain), len(error) // p
+    weights, errors = gain.reshape(n, k, p), error.reshape(k, p)
+    after = [
+        sum(np.correlate(errors[:, c], row[:, c], "full")[k - 1 :] for c in range(p))
+        for row in weights
+    ]
+    return np.array([float(np.max(one)) for one in after])

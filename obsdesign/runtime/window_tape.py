@@ -20,22 +20,21 @@ class Tape:
 
     __slots__ = ("_claims", "_data")
 
-    def __init__(self, window: Vector) -> None:
-        """The window's entries are copied to the beginning."""
-        self._data = np.empty(2 * len(window) + _LEAST_ROOM)
+    def __init__(self, window: Vector, step: int) -> None:
+        """The window's entries are copied to the beginning; `step` more come at a time."""
+        self._data = np.empty(2 * len(window) + max(_LEAST_ROOM, step))
         self._data[: len(window)] = window
-        self._claims = count(len(window))
+        self._claims = count(len(window), step)
 
     def after(self, end: int, fresh: Vector, size: int) -> Vector | None:
         """The last `size` entries once `fresh` stands at `end`, if nobody has been there.
 
         None where somebody has, or where there is no room: counting is atomic, also among threads.
         """
-        new = end + len(fresh)
-        for place in range(end, new):
-            if next(self._claims) != place:
-                return None
-        if new > len(self._data):
+        if next(self._claims) != end:
             return None
-        self._data[end:new] = fresh
-        return self._data[new - size : new]
+        new, data = end + len(fresh), self._data
+        if new > len(data):
+            return None
+        data[end:new] = fresh
+        return data[new - size : new]

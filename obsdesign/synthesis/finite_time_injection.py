@@ -12,8 +12,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,13 +20,12 @@ from numpy.typing import NDArray
 from lmi.patience import until
 from obsdesign.equations import finite_time as equations
 from obsdesign.equations.finite_time_bounds import approx_log_longest_period
-from obsdesign.synthesis.period_nlp import (
-    PeriodProgram,
-    Start,
-    normal_coordinates,
-    triangle_of,
-    triangular,
-)
+from obsdesign.synthesis.period_coordinates import normal_coordinates, triangular
+from obsdesign.synthesis.period_nlp import PeriodProgram, Start
+from obsdesign.synthesis.period_open import Injection as Injection
+from obsdesign.synthesis.period_open import Open as Open
+from obsdesign.synthesis.period_open import ended
+from obsdesign.synthesis.period_polish import polished
 
 Array = NDArray[np.float64]
 
@@ -37,36 +35,6 @@ _STARTS, _SCREENED = 6, 4
 SECONDS, _OF_PROGRAM = 0.6, 0.5
 # |L| of the first guess relative to |A| / |C|
 _SMALL = 1e-3
-_NELDER_MEAD: Any = {"xatol": 1e-7, "fatol": 1e-11, "maxiter": 2000, "maxfev": 2000}
-# beyond, a simplex only creeps
-_MOST_UNKNOWNS = 12
-
-
-@dataclass(frozen=True)
-class Injection:
-    """L (n, p), window T, log of the period below which (13) holds (in floats), S or None."""
-
-    L: Array
-    window: float
-    log_period: float
-    S: Array | None = None
-
-
-@dataclass(frozen=True)
-class Open:
-    """A plant, and what of T, L and S is given; coordinates: is S to be found?"""
-
-    A: Array
-    C: Array
-    window: float | None = None
-    L: Array | None = None
-    coordinates: bool = False
-
-    def rated(self, L: Array, T: float, S: Array | None = None) -> Injection:
-        """As (13) allows, and short enough for the window to hold n / p samples."""
-        value = approx_log_longest_period(self.A, self.C, L, T, S)
-        most = math.log(T) - math.log(math.ceil(len(self.A) / len(self.C)))
-        return Injection(L, T, -math.inf if math.isnan(value) else min(value, most), S)
 
 
 def best_injection(
@@ -75,15 +43,19 @@ def best_injection(
     *,
     starts: int = _STARTS,
     seconds: float = SECONDS,
+    enough: float = math.inf,
 ) -> Injection:
-    """The longest period of (13) over what is open; never a shorter one than those of `first`."""
+    """The longest period of (13) over what is open; never a shorter one than those of `first`.
+
+    enough: log of a period beyond which the search need not go.
+    """
     end = until(seconds)
     known = [asked.rated(one.L, asked.window or one.window, one.S) for one in first]
     guesses = [*known, *_guesses(asked)]
     if starts and (asked.L is None or asked.coordinates):
         guesses += _of_program(asked, starts, until(_OF_PROGRAM * seconds))
     best = max(guesses, key=lambda one: one.log_period)
-    return max(_polished(asked, best, end), best, key=lambda one: one.log_period)
+    return max(polished(asked, best, end, enough), best, key=lambda one: one.log_period)
 
 
 def _guesses(asked: Open) -> list[Injection]:
@@ -109,7 +81,7 @@ def _of_program(asked: Open, starts: int, end: float) -> list[Injection]:
         return []
     program = PeriodProgram(
         asked.A, asked.C, asked.window, L=asked.L, coordinates=asked.coordinates,
-        seconds=max(seconds / 2, 0.05),
+        tighter=asked.tighter, seconds=max(seconds / 2, 0.05),
     )  # fmt: skip
 
     def promise(start: Start) -> float:
@@ -132,78 +104,11 @@ def _of_program(asked: Open, starts: int, end: float) -> list[Injection]:
     return found
 
 
-# --- the last per cent ----------------------------------------------------------------------------
-
-
-class _Over(Exception):
-    """The time of a search has ended."""
-
-
-class _Polish:
-    """What is open as one vector: direction and size of L, log T, the triangle of S."""
-
-    def __init__(self, asked: Open, start: Injection, end: float) -> None:
-        self._asked, self._start, self._end = asked, start, end
-        self.best = start
-        size = float(np.linalg.norm(start.L)) or 1.0
-        x: list[Array] = []
-        if asked.L is None:
-            x += [start.L.reshape(-1) / size, np.array([math.log(size)])]
-        if asked.window is None:
-            x.append(np.array([math.log(start.window)]))
-        if asked.coordinates:
-            x.append(triangle_of(np.eye(len(asked.A)) if start.S is None else start.S))
-        self.x0 = np.concatenate(x) if x else np.zeros(0)
-        self._least = equations.SMALLEST_GAIN * float(np.linalg.norm(asked.A, 2))
-
-    def cost(self, x: Array) -> float:
-        """-log of the period; _Over when time is."""
-        if time.process_time() > self._end:
-            raise _Over
-        if not np.isfinite(x).all() or np.abs(x).max() > 700:
-            return 1e6
-        found = self._point(x)
-        if found.log_period > self.best.log_period:
-            self.best = found
-        return -found.log_period if math.isfinite(found.log_period) else 1e6
-
-    def _point(self, x: Array) -> Injection:
-        asked, L, T, S = self._asked, self._start.L, self._start.window, None
-        if asked.L is None:
-            m = L.size
-            L = (x[:m] / (np.linalg.norm(x[:m]) or 1.0)).reshape(L.shape) * math.exp(x[m])
-            seen = float(np.linalg.norm(L @ asked.C, 2))
-            L = L * max(1.0, 1.000001 * self._least / seen) if seen > 0 else L
-            x = x[m + 1 :]
-        if asked.window is None:
-            T, x = math.exp(x[0]), x[1:]
-        if asked.coordinates:
-            S = triangular(x, len(asked.A))
-        return asked.rated(L, T, S)
-
-
-def _polished(asked: Open, start: Injection, end: float) -> Injection:
-    from scipy.optimize import minimize
-
-    polish = _Polish(asked, start, end)
-    x, count = polish.x0, len(polish.x0)
-    if math.isinf(start.log_period) or not count:
-        return start
-    try:
-        x = minimize(polish.cost, x, method="BFGS", options={"gtol": 1e-7, "maxiter": 100}).x
-        # norms have kinks where singular values meet; a simplex that has collapsed is opened again
-        for spread in (0.3, 0.1) if count <= _MOST_UNKNOWNS else ():
-            simplex = np.vstack([x, x + spread * np.eye(count)])
-            options = {**_NELDER_MEAD, "initial_simplex": simplex}
-            x = minimize(polish.cost, x, method="Nelder-Mead", options=options).x
-    except _Over:
-        pass
-    return polish.best
-
-
 # --- the fewest samples ---------------------------------------------------------------------------
 
 _BISECTION_SECONDS, _SCAN_SECONDS = 0.15, 10.0
+# bisections from other starts, with that many of the samples of the one before
+_ROUNDS, _FEWER = 4, 0.9
 
 
 def fewest_samples(asked: Open, period: float, least: int) -> tuple[int | None, Injection]:
@@ -220,26 +125,48 @@ def fewest_samples(asked: Open, period: float, least: int) -> tuple[int | None, 
     best = best_injection(asked)
     if best.log_period <= log_period:
         return None, best
-    low, high = least - 1, max(least, math.floor(best.window / period))
-    found = _with_samples(asked, high * period, best)
-    while high - low > 1:
-        middle = (low + high) // 2
-        other = _with_samples(asked, middle * period, found)
-        if other.log_period > log_period:
-            high, found = middle, other
-        else:
-            low = middle
+    high = max(least, math.floor(best.window / period))
+    found = _with_samples(asked, high * period, best, log_period)
+    for _ in range(_ROUNDS):
+        high, found = _bisected(asked, period, (least - 1, high), found)
+        if high <= least:
+            break
+        # another start than where the last one has led to
+        fewer = max(least, math.floor(_FEWER * high))
+        other = best_injection(
+            _at(asked, fewer * period), (found,), seconds=2 * SECONDS, enough=log_period
+        )
+        if other.log_period <= log_period:
+            break
+        high, found = fewer, other
     if found.log_period <= log_period:
         found = best_injection(_at(asked, high * period), (best,))
     return high, found
 
 
+def _bisected(
+    asked: Open, period: float, ends: tuple[int, int], found: Injection
+) -> tuple[int, Injection]:
+    """The fewest samples between the ends, the second of which will do with what was found."""
+    low, high = ends
+    while high - low > 1:
+        middle = (low + high) // 2
+        other = _with_samples(asked, middle * period, found, math.log(period))
+        if other.log_period > math.log(period):
+            high, found = middle, other
+        else:
+            low = middle
+    return high, found
+
+
 def _at(asked: Open, window: float) -> Open:
-    return Open(asked.A, asked.C, window, asked.L, asked.coordinates)
+    return replace(asked, window=window)
 
 
-def _with_samples(asked: Open, window: float, near: Injection) -> Injection:
-    return best_injection(_at(asked, window), (near,), starts=0, seconds=_BISECTION_SECONDS)
+def _with_samples(asked: Open, window: float, near: Injection, enough: float) -> Injection:
+    return best_injection(
+        _at(asked, window), (near,), starts=0, seconds=_BISECTION_SECONDS, enough=enough
+    )
 
 
 def _scanned(asked: Open, L: Array, period: float, least: int) -> tuple[int | None, Injection]:
@@ -247,9 +174,10 @@ def _scanned(asked: Open, L: Array, period: float, least: int) -> tuple[int | No
     reach = math.ceil(60.0 / (np.linalg.norm(asked.A, 2) * period))
     end = until(_SCAN_SECONDS)
     for k in range(least, max(min(equations.MOST_SAMPLES, reach), least) + 1):
-        value = approx_log_longest_period(asked.A, asked.C, L, k * period)
+        value = approx_log_longest_period(asked.A, asked.C, L, k * period, None, asked.tighter)
         if value > math.log(period):
             return k, Injection(L, k * period, value)
         if time.process_time() > end:
+            ended("the shortest window")
             break
     return None, Injection(L, least * period, -math.inf)

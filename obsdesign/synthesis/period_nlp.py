@@ -16,21 +16,19 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from obsdesign.equations.finite_time import SMALLEST_GAIN
 from obsdesign.equations.finite_time_bounds import log_lambert
+from obsdesign.synthesis.period_coordinates import normal_coordinates, triangular
+from obsdesign.synthesis.period_formulas import casadi_package, condition_13
 
 Array = NDArray[np.float64]
 
-_TAYLOR_DEGREE, _SQUARINGS = 16, 6
-_NORM_DOUBLINGS = 6  # p = 64
 _SCALAR_STATES = 3
 _LARGEST_GAIN = 1e3  # |L C| relative to |A|
-_WORST_BASIS = 1e6
 
 
 @dataclass(frozen=True)
@@ -58,7 +56,8 @@ class PeriodProgram:
     """The program of one plant, built once and solved from several starts.
 
     A (n, n), C (p, n); window, L: T and L where they are given, else None; coordinates: is S
-    free as well? seconds: of processor time, for a run.
+    free as well? tighter: with `tighter_sigma` in place of Sigma, where u is
+    log(1 + Sigma* e^{-f T}) and T stands for g; seconds: of processor time, for a run.
     """
 
     def __init__(
@@ -69,47 +68,26 @@ class PeriodProgram:
         *,
         L: Array | None = None,
         coordinates: bool = False,
+        tighter: bool = False,
         seconds: float = math.inf,
     ) -> None:
-        ca = _casadi()
+        ca = casadi_package()
 
         self._n, self._p = len(A), len(C)
         self._window, self._L, self._coordinates = window, L, coordinates
-        n, p = self._n, self._p
         # scalar expressions are faster, but grow like n^3 in their length: matrices beyond
-        small = n <= _SCALAR_STATES
-        kind = ca.SX if small else ca.MX
-        direction, size = kind.sym("l", n * p), kind.sym("size")
-        log_T, w = kind.sym("T"), kind.sym("w")
-        triangle = kind.sym("S", n * (n + 1) // 2)
-        S, S_inverse = _triangular(triangle, n)
-        A_s = ca.mtimes([S, ca.DM(A), S_inverse])
-        unit = ca.mtimes([S, ca.reshape(direction, n, p), ca.DM(C), S_inverse])
-        T = ca.exp(log_T)
-        F = A_s + ca.exp(size) * unit
-        block = ca.blockcat([[-F, unit], [kind.zeros(n, n), -A_s]]) * T
-        whole = _exponential(block)
-        log_a = _log_norm(whole[:n, :n])
-        log_m = _log_norm(_inverse(whole[:n, n:], n)) - size
-        log_f, log_LC = _log_norm(F), _log_norm(unit) + size
-        f = ca.exp(log_f)
-        log_sigma = -log_a - _softplus(log_m + log_a)
-        log_g = 2 * f * T + ca.log(-ca.expm1(-2 * f * T)) - math.log(2) - log_f
-        log_ratio = w - log_g - log_LC
-        log_nu = ca.log(ca.log1p(ca.exp(log_ratio))) - _log_norm(A_s)
-        equality = w + ca.exp(w) - log_sigma + f * T
-        unit_length = ca.dot(direction, direction) - 1
+        small = len(A) <= _SCALAR_STATES
+        x, log_nu, equality, conditions = condition_13(A, C, ca.SX if small else ca.MX, tighter)
         self._A = A
         self._size_A = float(np.linalg.norm(A, 2)) or 1.0
         self._size_C = float(np.linalg.norm(C, 2))
         ipopt = {"print_level": 0, "sb": "yes", "max_iter": 300}
         ipopt |= {"max_cpu_time": seconds} if seconds < math.inf else {}
         ipopt |= {} if small else {"hessian_approximation": "limited-memory"}
-        x = ca.vertcat(direction, size, log_T, w, triangle)
         self._equality = ca.Function("equality", [x], [equality])
         self._solver = ca.nlpsol(
             "period", "ipopt",
-            {"x": x, "f": -log_nu, "g": ca.vertcat(equality, unit_length, log_LC)},
+            {"x": x, "f": -log_nu, "g": ca.vertcat(equality, *conditions)},
             {"print_time": False, "show_eval_warnings": False, "ipopt": ipopt},
         )  # fmt: skip
 
@@ -164,89 +142,3 @@ class PeriodProgram:
             window = 10.0 ** rng.uniform(-1, 0.3) / self._size_A
             found.append(Start(direction, size, window, normal if i % 2 == 0 else None))
         return found
-
-
-def _casadi() -> Any:
-    """The package without its type hints, which do not know that a formula takes SX and MX."""
-    import casadi
-
-    return casadi
-
-
-def _triangular(entries: Any, n: int) -> tuple[Any, Any]:
-    """S upper triangular with exponentials on its diagonal, and its inverse."""
-    ca = _casadi()
-
-    S, k = type(entries).zeros(n, n), 0
-    for i in range(n):
-        for j in range(i, n):
-            S[i, j] = ca.exp(entries[k]) if i == j else entries[k]
-            k += 1
-    return S, _inverse(S, n)
-
-
-def triangular(entries: Array, n: int) -> Array:
-    """S upper triangular from its entries row by row, logarithms on the diagonal."""
-    S = np.zeros((n, n))
-    S[np.triu_indices(n)] = entries
-    np.fill_diagonal(S, np.exp(np.minimum(np.diag(S), 700.0)))
-    return S
-
-
-def triangle_of(S: Array) -> Array:
-    """The reverse of `triangular` for any regular S: a rotation of S x changes no norm."""
-    R: Array = np.linalg.qr(S, mode="r")  # type: ignore[assignment]
-    R = R * np.where(np.diag(R) < 0, -1.0, 1.0)[:, None]
-    np.fill_diagonal(R, np.log(np.diag(R)))
-    return np.asarray(R[np.triu_indices(len(S))])
-
-
-def normal_coordinates(A: Array) -> Array | None:
-    """The triangle of an S with S A S^-1 normal; None where the eigenvectors hardly allow it."""
-    _, V = np.linalg.eig(A)
-    if np.linalg.cond(V) > _WORST_BASIS:
-        return None
-    # V^-1 = Q R up to a unitary Q: R'R = (V V*)^-1 is real, as eigenvectors come in pairs
-    inverse = np.linalg.inv(np.linalg.cholesky(np.real(V @ V.conj().T)))
-    return triangle_of(inverse)
-
-
-def _inverse(X: Any, n: int) -> Any:
-    ca = _casadi()
-
-    unit = type(X).eye(n)
-    return ca.solve(X, unit) if isinstance(X, ca.SX) else ca.solve(X, unit, "lapackqr")
-
-
-def _exponential(X: Any) -> Any:
-    ca = _casadi()
-
-    scaled = X / 2**_SQUARINGS
-    unit = type(X).eye(X.shape[0])
-    result = unit
-    for k in range(_TAYLOR_DEGREE, 0, -1):
-        result = unit + ca.mtimes(scaled, result) / k
-    for _ in range(_SQUARINGS):
-        result = ca.mtimes(result, result)
-    return result
-
-
-def _log_norm(X: Any) -> Any:
-    """log (tr (X'X)^p)^(1/2p), p = 2^doublings, each power scaled by its trace."""
-    ca = _casadi()
-
-    power = ca.mtimes(X.T, X)
-    total, weight = 0, 1.0
-    for _ in range(_NORM_DOUBLINGS):
-        trace = ca.trace(power)
-        total = total + weight * ca.log(trace)
-        power = power / trace
-        power = ca.mtimes(power, power)
-        weight /= 2
-    return (total + weight * ca.log(ca.trace(power))) / 2
-
-
-def _softplus(x: Any) -> Any:
-    ca = _casadi()
-
-    return ca.fmax(x, 0) + ca.log1p(ca.exp(-ca.fabs(x)))

@@ -70,7 +70,7 @@ def _coordinates(certificates: Mapping[str, Mapping[str, Any]], n: int) -> Any:
 
 def _objection(problem: Problem) -> str | None:
     text = equations.objection(problem.plant, problem.options)
-    return text or equations.objective_objection(problem.options)
+    return text or equations.objective_objection(problem.options, "L" in problem.gains)
 
 
 def expected_gains(problem: Problem, gains: Mapping[str, Any]) -> dict[str, Any]:
@@ -90,6 +90,8 @@ def expected_gains(problem: Problem, gains: Mapping[str, Any]) -> dict[str, Any]
         expected |= {"half_sample": "corrected" if corrected else "printed"}
     else:
         expected |= {"radius": (plant.n,), "state_error": (plant.n, plant.n)}
+        if "reference" in gains:  # without it, the window's end
+            expected |= {"reference": {equations.START}}
     if method == "least_squares":
         expected |= {"deviations": equations.relative_deviations(plant.output)}
     return expected | {name: X for name, X in problem.gains.items() if name in expected}
@@ -100,7 +102,10 @@ def _is_count(value: Any) -> bool:
 
 
 def _hypotheses(gains: Mapping[str, Any], S: Any) -> list[Claim]:
-    sampled = Sampled.of(gains["A"], gains["C"], gains["period"], int(gains["samples"]))
+    sampled = Sampled.of(
+        gains["A"], gains["C"], gains["period"], int(gains["samples"]),
+        gains.get("reference", equations.END),
+    )  # fmt: skip
     found: list[Claim] = []
     for claim in _in_order(gains, sampled, S):
         found.append(claim)

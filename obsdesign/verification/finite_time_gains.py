@@ -7,18 +7,18 @@ from typing import Any
 
 import numpy as np
 
-from lmi.balls import entries, exact, identity, scalar, to_float
+from lmi.balls import exact, scalar, to_float
 from lmi.norms import float_above, well_ranked
 from lmi.verdict import Verdict, proved, refuted, undecided
 from obsdesign.document import Claim
+from obsdesign.equations.finite_time import START, UNBIASED
 from obsdesign.verification.finite_time_window import (
     PAPER,
     SINGULAR,
     make_claim,
-    state_scales,
     with_reason,
 )
-from obsdesign.window_bounds import disturbance_bound, error_radius
+from obsdesign.window_bounds import bias, disturbance_bound, error_radius
 from obsdesign.window_gains import (
     Sampled,
     approximate_gain,
@@ -27,13 +27,12 @@ from obsdesign.window_gains import (
     half_period,
 )
 
-# largest deviation of G O from the identity, states in units of `state_scales`: what rounding
-# leaves of gains that do not amplify beyond reason
-UNBIASED = 1e-8
 # stored gains agree with their formula to this part of the largest one of a row
 SAME_GAIN = 2.0**-40
-# a decay e^-36 is beyond the rounding of what it multiplies
-_MOST_DECAY = 36.0
+# e^36 is beyond the rounding of what it multiplies
+_MOST_GROWTH = 36.0
+# decay within a period, as an exponent, that hides what e^{-A s} is added to
+_MOST_IN_A_PERIOD = 10.0
 
 
 def invertible(sampled: Sampled, gains: Mapping[str, Any]) -> Claim:
@@ -52,13 +51,27 @@ def invertible(sampled: Sampled, gains: Mapping[str, Any]) -> Claim:
         f" at T = {T:.9g}: scaled, its smallest singular value is at least {SINGULAR:g} of its norm"
     )
     # in units in which the samples see all states about equally well
-    scales = state_scales(sampled, sampled.k)
+    scales = sampled.units()
     verdict = well_ranked(matrix * scales / scales[:, None], SINGULAR)
+    if verdict.outcome == "undecided":
+        verdict = undecided(_hidden(sampled) or str(verdict.evidence["reason"]))
     if verdict.outcome == "refuted":
         why = "L C = 0" if not np.any(np.asarray(L) @ gains["C"]) else f"for this L at T = {T:.9g}"
         letter = "M_T" if gains["method"] == "approximate" else "P^k - A_d^k"
         verdict = with_reason(verdict, f"{letter} is singular: {why}")
     return make_claim(name, statement, source, verdict)
+
+
+def _hidden(sampled: Sampled) -> str | None:
+    """Why e^{-A s} within one period hides the matrix of a method, if it does."""
+    rates = np.linalg.eigvals(to_float(sampled.A)).real
+    decay = float(-rates.min(initial=0.0)) * sampled.period
+    if decay < _MOST_IN_A_PERIOD:
+        return None
+    return (
+        f"a mode of A decays by e^-{decay:.3g} in one period; the method multiplies by its "
+        "inverse, which method 'least_squares' does not need"
+    )
 
 
 def of_the_method(sampled: Sampled, gains: Mapping[str, Any]) -> Claim:
@@ -98,57 +111,64 @@ def _close(stored: Any, formula: Any) -> Verdict:
 
 
 def unbiased(sampled: Sampled, gains: Mapping[str, Any]) -> Claim:
-    """G O = I up to rounding, by exact numbers; with how much the gains amplify what comes in."""
-    rows, n = sampled.rows(), len(sampled.A)
-    G = exact(gains["window_gain"])
-    scales = state_scales(sampled, sampled.k)
-    error = G @ rows - entries(identity(n))
-    relative = (error * scales) / scales[:, None]
-    size = _root_sum(relative)
-    amplified = np.abs(G) @ np.abs(rows)
+    """G O = I, or A_d^k, up to rounding, by exact numbers; with what the gains amplify."""
+    error, size = bias(sampled, gains["window_gain"])
+    amplified = np.abs(exact(gains["window_gain"])) @ np.abs(sampled.rows())
     amplification = float_above(max(sum(row) for row in amplified))
     limit = scalar(exact(UNBIASED).item())
-    evidence = {"amplification": amplification, "error": float_above(size)}
-    stated = [[float_above(abs(x)) for x in row] for row in error]
-    if size <= limit and not (np.array(stated) <= gains["state_error"]).all():
+    evidence: dict[str, Any] = {"amplification": amplification, "error": float_above(size)}
+    if sampled.reference == START:
+        evidence["reference"] = START
+    stated = np.array([[float_above(abs(x)) for x in row] for row in error])
+    if size <= limit and not (stated <= gains["state_error"]).all():
         verdict = undecided("gains.state_error is below what is proved", **evidence)
     elif size <= limit:
         verdict = proved(**evidence)
     elif size > limit:
-        r, c = np.unravel_index(int(np.argmax(stated)), (n, n))
-        reason = (
-            f"with x{c + 1} = 1 and no noise the estimate of x{r + 1} is off by "
-            f"{stated[r][c]:.3g}; the gains amplify by {amplification:.3g}, which costs "
-            f"{np.log10(max(amplification, 1)):.0f} of 16 digits"
-        )
-        reason = _too_fast(sampled) or reason
-        verdict = refuted({"state": np.eye(n)[c].tolist(), "reason": reason}, **evidence)
+        verdict = refuted(_missed(sampled, stated, amplification), **evidence)
     else:
         verdict = undecided("the gains are not known well enough", **evidence)
-    return make_claim(
-        "unbiased",
-        "the stored gains reproduce every state: sum_j G_j C A_d^(j-k) = I to within "
-        f"{UNBIASED:g} (scaled), and |G O - I| <= state_error entry by entry",
-        "docs/finite_time.md; Gramian estimator, (16)",
-        verdict,
+    source = "docs/finite_time.md; Gramian estimator, (16)"
+    if sampled.reference == START:
+        statement = (
+            "the stored gains reproduce every state up to rounding of what it was at the window's "
+            f"start: sum_j G_j C A_d^j = A_d^k to within {UNBIASED:g} (scaled), and "
+            "|xhat - x| <= state_error |x(t_i - T)| entry by entry"
+        )
+    else:
+        statement = (
+            "the stored gains reproduce every state: sum_j G_j C A_d^(j-k) = I to within "
+            f"{UNBIASED:g} (scaled), and |G O - I| <= state_error entry by entry"
+        )
+    return make_claim("unbiased", statement, source, verdict)
+
+
+def _missed(sampled: Sampled, error: Any, amplification: float) -> dict[str, Any]:
+    """A state that is not reproduced, and why; error (n, n) in floats."""
+    n = len(error)
+    r, c = np.unravel_index(int(np.argmax(error)), (n, n))
+    when = " at the window's start" if sampled.reference == START else ""
+    reason = _too_fast(sampled) or (
+        f"with x{c + 1} = 1{when} and no noise the estimate of x{r + 1} is off by "
+        f"{error[r][c]:.3g}; the gains amplify by {amplification:.3g}, which costs "
+        f"{np.log10(max(amplification, 1)):.0f} of 16 digits"
     )
+    return {"state": np.eye(n)[c].tolist(), "reason": reason}
 
 
 def _too_fast(sampled: Sampled) -> str | None:
-    """The reason where a mode decays in the window beyond what binary64 can turn back."""
+    """The reason where modes decay and grow in the window beyond what binary64 can hold."""
     T = sampled.k * sampled.period
-    fastest = float(-np.linalg.eigvals(to_float(sampled.A)).real.min(initial=0.0))
-    if fastest * T < _MOST_DECAY:
+    rates = np.linalg.eigvals(to_float(sampled.A)).real
+    decay, growth = float(-rates.min(initial=0.0)), float(rates.max(initial=0.0))
+    if (decay + growth) * T < _MOST_GROWTH:
         return None
+    told = [f"decays by e^-{decay * T:.3g}"] if decay > 0 else []
+    told += [f"grows by e^{growth * T:.3g}"] if growth > 0 else []
     return (
-        f"a mode of A decays by e^-{fastest * T:.3g} over the window T = {T:.6g}, so that samples "
-        "at its start cannot be told in terms of the last state in binary64; choose a window "
-        f"below {_MOST_DECAY / fastest:.3g}"
+        f"over the window T = {T:.6g} a mode of A {' and another one '.join(told)}, more than "
+        f"binary64 can hold; choose a window below {_MOST_GROWTH / (decay + growth):.3g}"
     )
-
-
-def _root_sum(X: Any) -> Any:
-    return scalar(sum(x * x for x in X.flat)).sqrt()
 
 
 def error_radius_claim(sampled: Sampled, gains: Mapping[str, Any]) -> Claim:

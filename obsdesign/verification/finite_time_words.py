@@ -24,6 +24,8 @@ def guarantees(problem: Problem, found: tuple[Claim, ...]) -> tuple[dict[str, An
     result = [_entry(text, ids, verdicts) for text, ids in told]
     if "theorem_1_numbers" in evidence:
         result.append(_theorem(problem, evidence["theorem_1_numbers"], verdicts))
+    if evidence.get("theorem_1_tighter", {}).get("condition_13") == "true":
+        result.append(_tighter(problem, evidence["theorem_1_tighter"], verdicts))
     if evidence.get("theorem_1_coordinates", {}).get("condition_13") == "true":
         result.append(_in_coordinates(problem, evidence["theorem_1_coordinates"], verdicts))
     return (*result, *_warnings(problem, evidence))
@@ -44,7 +46,10 @@ def _estimate(problem: Problem, method: str, evidence: Mapping[str, Any]) -> tup
     when = f"Once the window is full of samples {since}and without {free} in it,"
     ids = ["consistent", "observable", "sampled_observable", "window_long_enough"]
     if method != "approximate":
-        return f"{when} the estimate is the state, to rounding.", [*ids, "unbiased"]
+        of_what = ""
+        if evidence.get("unbiased", {}).get("reference") == equations.START:
+            of_what = " of what it was at the window's start"
+        return f"{when} the estimate is the state, to rounding{of_what}.", [*ids, "unbiased"]
     ids += ["difference_invertible", "gains_of_the_method"]
     if "error_identity" in evidence:
         factor = evidence["error_identity"].get("factor", math.inf)
@@ -90,6 +95,16 @@ def _of_the_theorem(problem: Problem) -> str:
     return f"for observer (14) with this L{taken}, {free} in the window{since}, as corrected"
 
 
+def _bound(evidence: Mapping[str, Any]) -> str:
+    """The right-hand side of Theorem 1."""
+    alpha, beta = evidence["alpha"][1], evidence["beta"][1]
+    last = evidence["gamma"][1] * evidence["sigma"][1]
+    return (
+        f"{alpha:.6g} |int e^(A (t_i - m - T)) delta dm| + {beta:.6g} |T~| + {last:.6g} T_Delta, "
+        "integrals over the window"
+    )
+
+
 def _theorem(
     problem: Problem, evidence: Mapping[str, Any], verdicts: Mapping[str, str]
 ) -> dict[str, Any]:
@@ -97,17 +112,27 @@ def _theorem(
     longest = evidence["longest_period"]
     below = "" if longest == "inf" else f"; it holds for periods below {longest:.9g}"
     if evidence["condition_13"] == "true":
-        alpha, beta = evidence["alpha"][1], evidence["beta"][1]
-        last = evidence["gamma"][1] * evidence["sigma"][1]
         text = (
-            f"Theorem 1 {_of_the_theorem(problem)}: |xhat - x| <= {alpha:.6g} "
-            f"|int e^(A (t_i - m - T)) delta dm| + {beta:.6g} |T~| + {last:.6g} T_Delta, integrals "
-            f"over the window ((13) is true{below})."
+            f"Theorem 1 {_of_the_theorem(problem)}: |xhat - x| <= {_bound(evidence)} "
+            f"((13) is true{below})."
         )
         return _entry(text, ["theorem_1_numbers"], verdicts)
     word = "is false" if evidence["condition_13"] == "false" else "is too close to call"
     text = f"The bound of Theorem 1 for observer (14): its condition (13) {word} here{below}."
     return {"statement": text, "given": False, "claims": []}
+
+
+def _tighter(
+    problem: Problem, evidence: Mapping[str, Any], verdicts: Mapping[str, str]
+) -> dict[str, Any]:
+    """The theorem with a tighter Lemma 2, where its condition holds: a smaller bound."""
+    longest = evidence["longest_period"]
+    below = "" if longest == "inf" else f", which it is for periods below {longest:.9g}"
+    text = (
+        f"With a tighter Lemma 2 Theorem 1 {_of_the_theorem(problem)}, says more: |xhat - x| <= "
+        f"{_bound(evidence)} (its condition, with that in place of Sigma, is true{below})."
+    )
+    return _entry(text, ["theorem_1_tighter"], verdicts)
 
 
 def _in_coordinates(

@@ -249,7 +249,9 @@ def test_the_usual_step_is_the_general_one(
     monkeypatch.setattr(type(observer), "_steady", lambda *_: None)
     general = observer.run_batch(record.t, y, u)
     assert usual.status == general.status
-    assert np.abs(usual.x - general.x).max() < 1e-12
+    # (14) integrates known inputs by other products, whose rounding M_T^-1 amplifies
+    amplified = 10 if method == "approximate" and driven else 1
+    assert np.abs(usual.x - general.x).max() < 1e-12 * amplified
     assert (
         (usual.lower is None) == (general.lower is None) == (method == "approximate" or not bounded)
     )

@@ -15,6 +15,7 @@ from lmi.norms import float_above, float_below, middles
 from obsdesign.equations import finite_time as equations
 from obsdesign.equations import finite_time_bounds as bounds
 from obsdesign.runtime import from_design
+from obsdesign.synthesis.finite_time_injection import Open, best_injection
 from obsdesign.verification.finite_time_bounds import Sizes
 from obsdesign.window_gains import (
     Sampled,
@@ -345,6 +346,34 @@ def test_minimax_rows_for_noise_alone(period: float, sums: Any) -> None:
     assert np.abs(gains["window_gain"]).sum(axis=1) == pytest.approx(sums, rel=2e-6)
 
 
+@pytest.mark.parametrize(
+    ("period", "size", "sums"),
+    [(0.05, 0, (3.33333, 6.90052)), (0.5, 0, (3.33333, 6.90052)), (2.0, 0, (3.33333, 6.90052)),
+     (0.05, 1, (3.33333, 16.78756))],
+)  # fmt: skip
+def test_least_rows_with_the_last_sample(period: float, size: float, sums: Any) -> None:
+    """y_i beside the window: a program over the k + 1 samples, by another solver."""
+    from scipy.optimize import linprog
+
+    k = round(T / period)
+    rows = np.vstack([equations.sample_rows(A, C, period, k).reshape(-1, 2), C])
+    back, half = expm(-A * period), expm(-A * period / 2)
+    # R_l of a unit gain at sample j is C back^(l - j); y_i acts on no interval of the window
+    R = np.zeros((k, 2, k + 1))
+    for j in range(k):
+        R[j:, :, j] = [(C @ np.linalg.matrix_power(back, m) @ half)[0] for m in range(k - j)]
+    effects = np.vstack([np.eye(k + 1), size * period * R.reshape(2 * k, k + 1)])
+    m = len(effects)
+    found = []
+    for unit in np.eye(2):
+        cost = np.concatenate([np.zeros(k + 1), np.ones(m)])
+        above = np.block([[effects, -np.eye(m)], [-effects, -np.eye(m)]])
+        equal = np.hstack([rows.T, np.zeros((2, m))])
+        free = [(None, None)] * (k + 1) + [(0, None)] * m
+        found.append(linprog(cost, above, np.zeros(2 * m), equal, unit, free).fun)
+    assert found == pytest.approx(sums, rel=2e-6)
+
+
 def test_near_pathological_sampling() -> None:
     # both eigenvalues look alike to samples pi / 0.15 = 20.94 apart: close to that gains grow
     design = obsdesign.design(problem("least_squares", period=20.0, window=40.0))
@@ -362,6 +391,18 @@ def test_large_gains_of_the_exact_observer(gain: list[float], ratio: float) -> N
         for one in (obsdesign.Problem.from_dict(asked), problem("least_squares"))
     ]
     assert sizes[0] / sizes[1] == pytest.approx(ratio, abs=0.51e-3)
+
+
+def test_a_gain_whose_matrix_has_lost_all_digits() -> None:
+    # L = [-20, -50]: condition 3e14, and 7e-3 accurate in floats; rounded once from balls it is not
+    asked = problem("exact").to_dict()
+    asked["observer"]["gains"] = {"L": [[-20], [-50]]}
+    design = obsdesign.design(obsdesign.Problem.from_dict(asked))
+    found = design.gains["window_gain"]
+    fitted = obsdesign.design(problem("least_squares")).gains["window_gain"]
+    assert np.linalg.norm(found, 2) / np.linalg.norm(fitted, 2) == pytest.approx(3.68, rel=7e-3)
+    rows = equations.sample_rows(A, C, PERIOD, K).reshape(-1, 2)
+    assert np.abs(found @ rows - np.eye(2)).max() < 1e-12
 
 
 def test_a_square_wave() -> None:
@@ -388,15 +429,55 @@ def test_the_improved_lemma_2() -> None:
     # |phi - e^{A t}| <= e^{|A| t} (e^{|E| t} - 1): tighter than Sigma, and no part of (13)
     with precision(160):
         found = sizes()
-        a, m, f, T_ball = found.a, found.m, found.f, found.T
-        s = found.size_LC * (found.size_A * PERIOD).expm1()
-        better = bounds.constants(a, m, (f * T_ball).exp() * (s * T_ball).expm1())
+        better, printed = found.constants(PERIOD, tighter=True), found.constants(PERIOD)
         names = ("sigma", "gbar", "second", "alpha", "beta", "gamma")
         values = [float_above(getattr(better, name)) for name in names]
-        printed = bounds.sigma(T_ball, f, s)
-        assert better.sigma < printed
+        assert better.sigma < printed.sigma
     told = [0.0033352063, 0.0039320549, 0.34203291, 45.218072, 49.528637, 143.80664]
     assert values == pytest.approx(told, rel=RELATIVE)
+
+
+@pytest.mark.parametrize(("window", "longest"), [(6.0, 0.1439677351), (10.18999, 0.1822966154)])
+def test_longest_period_of_the_improved_lemma(window: float, longest: float) -> None:
+    value = bounds.approx_log_longest_period(A, C, L, window, tighter=True)
+    assert np.exp(value) == pytest.approx(longest, rel=RELATIVE)
+    with precision(160):
+        found = sizes(window, 1)
+        ball = found.longest_period(tighter=True)
+        low, high = float_below(ball), float_above(ball)
+        assert found.condition(low, tighter=True) is True
+        assert found.condition(high, tighter=True) is False
+        assert found.condition(low) is False
+    assert low * (1 - RELATIVE) <= longest <= high * (1 + RELATIVE)
+
+
+@pytest.mark.parametrize(
+    ("known", "longest"),
+    [
+        ({"window": 6.0}, 0.1734128),
+        ({}, 0.2490231),
+        ({"window": 6.0, "coordinates": True}, 0.175406),
+    ],
+)
+def test_longest_period_that_the_improved_lemma_allows(known: Any, longest: float) -> None:
+    found = best_injection(Open(A, C, tighter=True, **known), seconds=2.0)
+    assert np.exp(found.log_period) >= longest * (1 - 1e-5)
+
+
+def test_the_design_tells_the_better_bound() -> None:
+    """At 0.1 the printed (13) is false, and the theorem holds all the same; at 0.2 neither."""
+    told = {}
+    for period in (0.05, 0.1, 0.2):
+        design = obsdesign.design(problem("approximate", period=period))
+        told[period] = [
+            (entry["given"], entry["statement"][:12])
+            for entry in design.guarantees
+            if "Theorem 1" in entry["statement"]
+        ]
+    tighter = (True, "With a tight")
+    assert told[0.05] == [(True, "Theorem 1 fo"), tighter]
+    assert told[0.1] == [(False, "The bound of"), tighter]
+    assert told[0.2] == [(False, "The bound of")]
 
 
 def test_minimax_is_least() -> None:

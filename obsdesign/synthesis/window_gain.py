@@ -1,0 +1,136 @@
+"""Gains on the window of finite-time estimation, and what they may be off by, rounded to be stored.
+
+Gains of (14) and (9) come from ball enclosures and are rounded once, so that a matrix with a bad
+condition costs no digits; least squares by QR; minimax by a linear program per state. What should
+be unbiased is made so to rounding before it is stored.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from lmi.balls import precision, scalar
+from lmi.norms import float_above, middles
+from lmi.patience import remark
+from obsdesign.equations import finite_time as equations
+from obsdesign.problem import Problem
+from obsdesign.synthesis.minimax import minimax_gain
+from obsdesign.window_bounds import bias, disturbance_bound, error_radius
+from obsdesign.window_gains import Sampled, approximate_gain, exact_gain, half_period
+
+_BITS = (160, 320)
+# a bias above is corrected once more, with exact numbers
+_ROUNDING = 1e-13
+
+
+def completed(problem: Problem, gains: dict[str, Any]) -> dict[str, Any]:
+    """With the gains on the window and what they may be off by.
+
+    Against the last state; where that is hopeless, as fast modes have decayed, against the first.
+    """
+    chosen = gains | {"window_gain": _window_gain(problem, gains)}
+    if gains["method"] == "approximate":
+        return chosen
+    chosen, error, size = _refined(chosen)
+    if not size <= equations.UNBIASED and np.linalg.eigvals(gains["A"]).real.min() < 0:
+        other = gains | {"reference": equations.START}
+        other |= {"window_gain": _window_gain(problem, other)}
+        other, of_other, smaller = _refined(other)
+        if smaller <= equations.UNBIASED:
+            chosen, error = other, of_other
+    return chosen | {"radius": _radius(chosen), "state_error": error}
+
+
+def _window_gain(problem: Problem, gains: dict[str, Any]) -> Any:
+    """Gains (n, k p) of the method; zeros, which are refuted, where it has none in binary64."""
+    A, C, k, method = gains["A"], gains["C"], gains["samples"], gains["method"]
+    nothing = np.zeros((len(A), k * len(C)))
+    reference = gains.get("reference", equations.END)
+    rows = equations.sample_rows(A, C, gains["period"], k, reference)
+    wanted = equations.last_state(A, k * gains["period"], reference)
+    flat = rows.reshape(-1, len(A))
+    if equations.approx_determinacy(flat, np.ones(len(A))) == 0.0:
+        return nothing
+    left = equations.least_squares_gain(
+        flat, np.tile(equations.relative_deviations(problem.plant.output), k)
+    )
+    fitted = wanted @ left
+    if method == "least_squares":
+        return equations.made_unbiased(fitted, flat, left, wanted)
+    if method == "minimax":
+
+        def project(gain: Any) -> Any:
+            return equations.made_unbiased(gain, flat, left, wanted)
+
+        found, kept = minimax_gain(gains, project(fitted), project)
+        if kept:
+            told = ", ".join(f"x{r + 1}" for r in kept)
+            remark(
+                f"minimax: the solvers find nothing better for {told} than least squares, whose "
+                "gains are used for it"
+            )
+        return found
+    found = _formula(gains)
+    return nothing if found is None or not np.isfinite(found).all() else found
+
+
+def _formula(gains: dict[str, Any]) -> Any:
+    """(14), or (9) with (16), rounded from an enclosure that is tight enough."""
+    for bits in _BITS:
+        with precision(bits):
+            sampled = _sampled(gains)
+            if gains["method"] == "exact":
+                found = exact_gain(sampled, gains["L"])[1]
+            else:
+                found = approximate_gain(sampled, gains["L"])
+                if found is not None and gains["half_sample"] == "corrected":
+                    found = half_period(sampled) @ found
+            if found is not None:
+                return middles(found)
+    return None
+
+
+def _radius(gains: dict[str, Any]) -> Any:
+    """(n,): what noise and disturbance inside their bounds do to the estimate, rounded upwards."""
+    with precision(_BITS[0]):
+        sizes = error_radius(
+            _sampled(gains), gains["window_gain"], gains["noise_bound"], disturbance_bound(gains)
+        )
+        return np.array([float_above(scalar(x)) if x > 0 else 0.0 for x in sizes])
+
+
+def _refined(gains: dict[str, Any]) -> tuple[dict[str, Any], Any, float]:
+    """Gains made unbiased once more; state_error (n, n); the latter's size, units scaled away.
+
+    With exact numbers: floats alone leave a bias that is amplified twice.
+    """
+    with precision(_BITS[0]):
+        sampled = _sampled(gains)
+        error, size = bias(sampled, gains["window_gain"])
+        free = gains["method"] not in equations.NEED_L
+        if free and _ROUNDING < float_above(size) < 1:
+            moved = _less(gains, sampled, error)
+            of_moved, smaller = bias(sampled, moved["window_gain"])
+            if float_above(smaller) < float_above(size):
+                gains, error, size = moved, of_moved, smaller
+        found = np.array([[float_above(abs(x)) for x in row] for row in error])
+        return gains, np.where(np.isfinite(found), found, 1e300), float_above(size)
+
+
+def _less(gains: dict[str, Any], sampled: Sampled, error: Any) -> dict[str, Any]:
+    """The gains less an error (n, n) of G O."""
+    rows = equations.sample_rows(
+        gains["A"], gains["C"], gains["period"], gains["samples"], sampled.reference
+    ).reshape(-1, len(error))
+    try:
+        left = equations.least_squares_gain(rows, np.ones(len(rows)))
+    except np.linalg.LinAlgError:
+        return gains
+    return gains | {"window_gain": gains["window_gain"] - middles(error) @ left}
+
+
+def _sampled(gains: dict[str, Any]) -> Sampled:
+    reference = gains.get("reference", equations.END)
+    return Sampled.of(gains["A"], gains["C"], gains["period"], gains["samples"], reference)

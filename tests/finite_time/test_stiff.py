@@ -1,0 +1,193 @@
+"""Plants whose modes decay within a window: solved against the state at the window's start."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import obsdesign
+from lmi.patience import listening
+from obsdesign.document import from_dict
+from obsdesign.runtime import Sample, from_design
+from obsdesign.simulation import simulate
+from obsdesign.synthesis import minimax
+from tests.finite_time.test_claims import problem
+
+BOTH = [[1.0, 1.0]]
+BOUNDS: Any = {
+    "flow": {"disturbance": {"lower": [-1, -1], "upper": [1, 1]}, "B": [[0], [1]]},
+    "output": {"noise_bound": [0.1]},
+}
+
+
+def stiff(fast: float, **more: Any) -> obsdesign.Problem:
+    return problem(np.diag([-fast, -1.0]), BOTH, 0.1, window=0.4, **more)
+
+
+def verdicts(outcome: Any) -> dict[str, str]:
+    return {claim.id: claim.verdict for claim in outcome.claims}
+
+
+@pytest.mark.parametrize("fast", [200.0, 300.0, 1000.0])
+@pytest.mark.parametrize("method", ["least_squares", "minimax"])
+def test_fast_modes_are_measured_at_the_start(fast: float, method: str) -> None:
+    design = obsdesign.design(stiff(fast, method=method, **BOUNDS))
+    assert design.gains["reference"] == "start"
+    # nothing is amplified, and what is missed is rounding of x(t_i - T)
+    assert np.abs(design.gains["window_gain"]).sum(axis=1).max() < 1.0
+    assert design.gains["state_error"].max() < 1e-14
+    assert design.guarantees[0]["statement"].endswith(
+        "to rounding of what it was at the window's start."
+    )
+    again = from_dict(design.to_dict())
+    assert obsdesign.verify(again, paranoid=True).verdict == "proved"
+
+
+def test_everything_may_be_forgotten() -> None:
+    design = obsdesign.design(problem([[-1e4]], [[1.0]], 0.05, window=6))
+    assert design.gains["window_gain"].max() == 0.0  # e^-60000
+    # the twin: a mode that stays is not forgotten
+    design = obsdesign.design(problem([[-1e-4]], [[1.0]], 0.05, window=6))
+    assert "reference" not in design.gains
+
+
+def test_twins_that_are_not_proved() -> None:
+    design = obsdesign.design(stiff(300.0))
+    G = np.array(design.gains["window_gain"])
+    G[1, 0] += 1e-6
+    wrong = obsdesign.verify(replace(design, gains={**design.gains, "window_gain": G}))
+    assert verdicts(wrong)["unbiased"] == "refuted"
+    smaller = {**design.gains, "state_error": design.gains["state_error"] / 2}
+    assert verdicts(obsdesign.verify(replace(design, gains=smaller)))["unbiased"] == "undecided"
+    # against the last state, the same gains miss what has decayed
+    last = {name: value for name, value in design.gains.items() if name != "reference"}
+    assert verdicts(obsdesign.verify(replace(design, gains=last)))["unbiased"] == "refuted"
+    other = {**design.gains, "reference": "middle"}
+    assert verdicts(obsdesign.verify(replace(design, gains=other)))["consistent"] == "refuted"
+    bounded = obsdesign.design(stiff(300.0, **BOUNDS))
+    less = {**bounded.gains, "radius": bounded.gains["radius"] * (1 - 1e-6)}
+    assert verdicts(obsdesign.verify(replace(bounded, gains=less)))["error_radius"] == "refuted"
+
+
+def test_what_stays_hidden_is_refused() -> None:
+    # pathological sampling beside a fast mode, and two modes that no sample tells apart
+    A = np.zeros((3, 3))
+    A[:2, :2], A[2, 2] = [[0, 0.15], [-0.15, 0]], -50.0
+    period = 2 * np.pi / 0.3
+    with pytest.raises(obsdesign.NotProved, match="pathological sampling"):
+        obsdesign.design(problem(A, [[1, 0, 1]], period, window=3 * period))
+    obsdesign.design(problem(A, [[1, 0, 1]], 1.0, window=3))
+    with pytest.raises(obsdesign.NotProved, match="hardly see a state"):
+        obsdesign.design(problem(np.diag([-300.0, -300.0 * (1 + 1e-13)]), BOTH, 0.1, window=0.4))
+    with pytest.raises(obsdesign.NotProved, match="and another one grows by"):
+        obsdesign.design(problem(np.diag([-200.0, 100.0]), BOTH, 0.1, window=0.4))
+
+
+@pytest.mark.parametrize("rate", [-1.0, 0.3])
+@pytest.mark.parametrize("method", ["least_squares", "minimax"])
+def test_bounds_hold_and_w_moves(rate: float, method: str) -> None:
+    """Feedback keeps an unstable slow mode small while w alone would grow."""
+    plant = {"A": [[-300.0, 50.0], [0.0, rate]], "C": BOTH, "period": 0.1, "window": 0.8}
+    asked = problem(**plant, method=method, **BOUNDS)
+    observer: Any = from_design(obsdesign.design(asked))
+    rng = np.random.default_rng(0)
+    A, h = np.array(plant["A"]), 0.1
+    from lmi.exponential import flow_integrals
+
+    flow, once = flow_integrals(A, h)
+    x, state, seen = np.array([5.0, 1.0]), observer.init(), 0
+    for i in range(200):
+        v = 0.1 * rng.choice([-1.0, 1.0])
+        u = np.array([-1.5 * x[1]])
+        state, told = observer.step(state, Sample(i * h, BOTH @ x + v, u=u))
+        if told.status == "ok":
+            seen += 1
+            assert (told.lower <= x).all()
+            assert (x <= told.upper).all()
+        x = flow @ x + once @ (np.array([0.0, u[0]]) + rng.choice([-1.0, 1.0], 2))
+    assert seen == 192
+    assert np.abs(state.w).max() < 100
+    radius = observer.gains["radius"]
+    assert (told.upper - told.lower <= 2 * radius * (1 + 1e-9) + 1e-9).all()
+
+
+@settings(max_examples=10, deadline=None)
+@given(seed=st.integers(0, 10**6), n=st.integers(1, 4), fast=st.floats(100, 500))
+def test_random_stiff_plants_to_rounding(seed: int, n: int, fast: float) -> None:
+    rng = np.random.default_rng(seed)
+    S, rates = rng.standard_normal((n + 1, n + 1)), np.append(rng.uniform(-1.0, 0.2, n), -fast)
+    A = S @ np.diag(rates) @ np.linalg.inv(S)
+    C = rng.standard_normal((1, n + 1))
+    asked = problem(
+        A, C, 0.2, window=0.2 * 4 * (n + 1), flow={"B": rng.standard_normal((n + 1, 1))}
+    )
+    outcome = obsdesign.investigate(asked)
+    if outcome.verdict != "proved":
+        return
+    amplified = {c.id: c for c in outcome.claims}["unbiased"].evidence["amplification"]
+    record = simulate(
+        asked.plant, until=4.0 * (n + 1), step=0.1, initial=rng.standard_normal(n + 1),
+        disturbance="zero", rng=rng,
+    )  # fmt: skip
+    batch = from_design(outcome.design).run_batch(record.t, record.block("y"), record.block("u"))
+    full = np.array([status == "ok" for status in batch.status])
+    x = record.block("x")
+    assert full.any()
+    size = np.abs(x).max() + np.abs(record.block("u")).max()
+    limit = 1e-12 * (1 + amplified) * size * np.linalg.cond(S)
+    assert np.abs(batch.x - x)[full].max() <= limit
+
+
+def test_missing_samples_of_a_stiff_plant() -> None:
+    design = obsdesign.design(problem(np.diag([-300.0, -1.0]), BOTH, 0.1, window=0.8))
+    observer: Any = from_design(design)
+    t = 0.1 * np.arange(30)
+    x = np.exp(np.outer(t, [-300.0, -1.0])) * [3.0, 2.0]
+    y = x.sum(axis=1)[:, None]
+    y[12] = np.nan
+    batch = observer.run_batch(t, y)
+    assert batch.status[14] == "missing sample"
+    # a sample that shows the fast mode is 12 decades below: the rest still gives the slow one
+    assert np.abs(batch.x[8:] - x[8:]).max() < 1e-13
+
+
+# --- minimax --------------------------------------------------------------------------------------
+
+
+def test_minimax_is_never_worse_than_least_squares() -> None:
+    # an unscaled program of this plant is called infeasible, although least squares is there
+    rng = np.random.default_rng(3)
+    A = rng.standard_normal((5, 5)) * 0.1 - 0.3 * np.eye(5)
+    units = 10.0 ** rng.integers(-4, 5, 5)
+    more = {
+        "flow": {"disturbance": {"lower": -units, "upper": units}}, "output": {"noise_bound": [0.1]},
+    }  # fmt: skip
+    A, C = units[:, None] * A / units, rng.standard_normal((1, 5)) / units
+    radii = [
+        obsdesign.design(problem(A, C, 0.3, window=6, method=method, **more)).gains["radius"]
+        for method in ("least_squares", "minimax")
+    ]
+    assert (radii[1] <= 0.98 * radii[0]).all()
+
+
+def test_a_solver_that_gives_up_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(minimax, "_solved", lambda *_: [])
+    asked = {"window": 2, "output": {"noise_bound": [0.1]}}
+    outcome = obsdesign.investigate(problem(method="minimax", **asked))
+    assert outcome.verdict == "proved"
+    assert outcome.result["remarks"] == [
+        "minimax: the solvers find nothing better for x1, x2 than least squares, whose gains are "
+        "used for it"
+    ]
+    fitted = obsdesign.design(problem(**asked)).gains["window_gain"]
+    assert outcome.design is not None
+    assert np.abs(outcome.design.gains["window_gain"] - fitted).max() < 1e-12
+    monkeypatch.undo()
+    with listening() as heard:  # the twin
+        obsdesign.design(problem(method="minimax", **asked))
+    assert heard == []
