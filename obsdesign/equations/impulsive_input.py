@@ -41,6 +41,8 @@ OLD = 0.7
 _LATEST_PEAK, _FALLEN = 0.9, 0.98
 # what is measured and its noise are squared, and multiplied by gains
 LARGEST, SMALLEST = 1e100, 1e-100
+# squares of what an impulse makes of y are multiplied with each other
+_FAINTEST = 1e-70
 OPERATORS = ("integral", "samples")
 WEIGHTINGS = ("plain", "gls")
 RULES = ("peak", "position", "threshold")
@@ -81,6 +83,11 @@ def size_objection(plant: Any) -> str | None:
             return (
                 f"{name} must be {allowed} in size for kind 'impulsive_input', which squares it; "
                 f"got {wrong[0]:g}. Are the units what they should be?"
+            )
+        if name in ("output.C", "jump.H") and 0 < sizes.max(initial=0.0) < _FAINTEST:
+            return (
+                f"{name} must be 0, or at least {_FAINTEST:g} in size for kind 'impulsive_input', "
+                f"which squares it; got {sizes.max():g}. Are the units what they should be?"
             )
     return None
 

@@ -56,8 +56,6 @@ def placed_gain(A: Matrix, C: Matrix, poles: Sequence[Any]) -> Matrix:
     InputError when their number is wrong, a complex one lacks its conjugate, or C does not see a
     mode (then its eigenvalue stays where it is).
     """
-    from scipy.signal import place_poles
-
     wanted = _poles(poles, len(A))
     if hidden := approx_unobservable_modes(A, C):
         raise InputError(
@@ -69,15 +67,50 @@ def placed_gain(A: Matrix, C: Matrix, poles: Sequence[Any]) -> Matrix:
     rows = np.linalg.norm(shown, axis=1)
     rows = np.where(rows > 0, rows, 1.0)
     balanced, seen = A * sizes / sizes[:, None] / pace, shown / rows[:, None]
+    once = len(set(wanted.tolist())) == len(wanted)
+    unique = len(C) == 1 and once
+    placed = (_unique_gain if unique else _robust_gain)(balanced, seen, wanted / pace)
+    return np.asarray(placed * sizes[:, None] * pace / rows, dtype=np.float64)
+
+
+def _unique_gain(A: Matrix, C: Matrix, poles: NDArray[np.complex128]) -> Matrix:
+    """With one output and distinct poles there is no choice: A' v - C' g = pole v and L' v = g.
+
+    Does without scipy.signal, which takes longer to load than everything else.
+    """
+    eye = np.eye(len(A))
+    pairs = [np.linalg.svd(np.hstack([A.T - pole * eye, -C.T]))[2][-1].conj() for pole in poles]
+    v, g = np.split(np.array(pairs), [len(A)], axis=1)
     try:
-        found = place_poles(balanced.T, seen.T, wanted / pace)
+        L: Matrix = np.linalg.solve(v, g).real
+    except np.linalg.LinAlgError:
+        L = np.full_like(C.T, np.nan)
+    if not np.isfinite(L).all():
+        raise _unresolved()
+    return L
+
+
+def _robust_gain(A: Matrix, C: Matrix, poles: NDArray[np.complex128]) -> Matrix:
+    from scipy.signal import place_poles
+
+    try:
+        found = place_poles(A.T, C.T, poles)
     except ValueError as error:
-        text = "floats do not resolve how output.C sees the plant; are the units right?"
         if "repeated" in str(error):
-            text = f"a pole may stand at most {np.linalg.matrix_rank(seen)} times, once per output."
-        raise InputError(f"observer.poles cannot be placed: {text}") from None
-    gain = found.gain_matrix.T * sizes[:, None] * pace / rows
-    return np.asarray(gain, dtype=np.float64)
+            most = np.linalg.matrix_rank(C)
+            raise InputError(
+                f"observer.poles cannot be placed: a pole may stand at most {most} times, once per "
+                "output."
+            ) from None
+        raise _unresolved() from None
+    return np.asarray(found.gain_matrix.T, dtype=np.float64)
+
+
+def _unresolved() -> InputError:
+    return InputError(
+        "observer.poles cannot be placed: floats do not resolve how output.C sees the plant; are "
+        "the units right?"
+    )
 
 
 def _poles(poles: Sequence[Any], n: int) -> NDArray[np.complex128]:

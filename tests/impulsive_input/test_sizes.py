@@ -54,7 +54,7 @@ def test_units_of_the_states_do_not_matter(sizes: tuple[float, ...]) -> None:
         ("output", "noise_std", [1e-300], "output.noise_std must be 0, or between"),
         ("output", "C", [[0, 0, 1e200]], "output.C must be at most 1e\\+100 in size"),
         ("output", "C", [[0, 0, 1e50]], "are the units of flow.A and output.C what they should be"),
-        ("output", "C", [[0, 0, 1e-99]], "cannot be placed: floats do not resolve"),
+        ("output", "C", [[0, 0, 1e-99]], "output.C must be 0, or at least 1e-70 in size"),
         ("jump", "H", [[1e200], [0], [0]], "jump.H must be at most 1e\\+100 in size"),
     ],
 )  # fmt: skip
