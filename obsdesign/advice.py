@@ -47,6 +47,11 @@ def next_step(kind: str, verdict: str, claim: str | None, reason: str) -> str:
     """
     if verdict == "proved":
         return f"`obsdesign design PROBLEM --kind {kind}`"
+    if kind == "luenberger" and "output.measured = 'periodic'" in reason:
+        return (
+            'Samples a period T apart are measured = "at_jumps" with jump.dwell_time = [T, T]; '
+            "kinds finite_time and interval take them as they are."
+        )
     if claim is not None:
         return _CLAIMS.get(claim, f"`obsdesign design PROBLEM --kind {kind}` shows every claim.")
     return next((advice for words, advice in _COMPLAINTS if words in reason), "")

@@ -19,7 +19,11 @@ from lmi.exponential import expm
 from lmi.stack import Stack, approx_margin, coordinates
 from obsdesign.document import Design
 from obsdesign.equations import impulsive, impulsive_input
-from obsdesign.equations.estimation_error import flow_error_matrix, jump_error_matrix
+from obsdesign.equations.estimation_error import (
+    flow_error_matrix,
+    jump_error_matrix,
+    seen_before_jump,
+)
 from obsdesign.equations.interval_width import width_system_of
 
 Array = NDArray[np.float64]
@@ -155,6 +159,8 @@ def _decay(F: Array) -> Curve | None:
 
 
 def _impulsive(gains: Mapping[str, Any], evidence: Mapping[str, Any]) -> Curve | None:
+    if "table" in gains:
+        return _quadratic(gains, evidence)
     proof = evidence.get("strongly_observable", {})
     low, high = (float(end) for end in gains["dwell_time"])
     core = impulsive.core_of(
@@ -176,6 +182,31 @@ def _impulsive(gains: Mapping[str, Any], evidence: Mapping[str, Any]) -> Curve |
         "the dashed level, in every order.",
         proof.get("sigma_min"),
         (low, min(high, float(theta[-1]))),
+    )
+
+
+def _quadratic(gains: Mapping[str, Any], evidence: Mapping[str, Any]) -> Curve | None:
+    proof = evidence.get("contracting", {})
+    if "P" not in proof:
+        return None
+    G, root = gains["G"], np.linalg.cholesky(np.asarray(proof["P"], float)).T
+    C = seen_before_jump(G, gains["C"], gains["jump_measurement"])
+    cells, table = np.asarray(gains["cells"]), np.asarray(gains["table"])
+    low, high = (float(end) for end in gains["dwell_time"])
+    theta: Array = np.linspace(low, high, _POINTS)
+    cell = np.clip(np.searchsorted(cells, theta, side="right") - 1, 0, len(table) - 1)
+    maps = root @ (G + table[cell] @ C) @ expm(gains["A"] * theta[:, None, None])
+    moved = np.linalg.solve(root.T, np.swapaxes(maps, 1, 2))
+    return Curve(
+        "What is left of the error after an impulse",
+        "spacing of impulses",
+        "factor, in the norm of P",
+        theta,
+        {"worst error": np.linalg.norm(moved, 2, axis=(1, 2))},
+        "With the gain of the cell that the last spacing is in. Shaded: the spacings for which it "
+        "is proved to stay below the dashed level.",
+        float(proof["gamma"]),
+        (low, high),
     )
 
 

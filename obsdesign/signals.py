@@ -73,11 +73,13 @@ class Signals:
         return total
 
     def measurement(self, clean: Array, k: int, t: float, measured: bool) -> Array:
-        """Measured y at row k, NaN where there is none."""
+        """y at row k, NaN where there is none. A bound of the noise holds for all of it."""
         if not measured:
             return np.full_like(clean, np.nan)
         spread = np.hypot(self.plant.output.noise_std, self.plant.output.noise_cv * clean)
-        value: Array = clean + self.noise.at(k, t) + spread * self.gaussian[k]
+        bound = self.plant.output.noise_bound
+        noise = self.noise.at(k, t) + spread * self.gaussian[k]
+        value: Array = clean + np.where(bound > 0, np.clip(noise, -bound, bound), noise)
         return value
 
     def unknown(self, times: Array) -> Array:

@@ -23,6 +23,8 @@ from obsdesign.signals import DISTURBANCES, Signals, signals
 
 Vector = NDArray[np.float64]
 
+# exponent by which an unstable mode may grow in a default simulation
+_GROWN = 6.0
 _MOST_ROWS = 1e7
 _SAME_INSTANT = 1e-9  # time stamps closer than this part of a step are one instant
 
@@ -109,14 +111,28 @@ def _initial(n: int, initial: ArrayLike | None) -> Vector:
 
 
 def default_until(plant: Plant, dwell: Any) -> float:
-    """Ten dwell times where there are jumps, else ten time units."""
+    """Ten dwell times where there are jumps, else 200 samples or what the slowest mode takes."""
     if isinstance(dwell, int | float) and plant.jump is not None:
         return 10.0 * float(dwell)
     if plant.jump is None or plant.jump.dwell_time is None:
-        return 10.0
+        return _settled(plant)
     low, high = plant.jump.dwell_time
     typical = low if dwell == "shortest" else (low + high) / 2 if math.isfinite(high) else 2 * low
     return 10.0 * (typical or 1.0)
+
+
+def _settled(plant: Plant) -> float:
+    """200 sampling periods, or ten times the slowest mode's; less where x would grow far."""
+    modes = np.linalg.eigvals(plant.flow.A)
+    fastest, period = float(np.abs(modes).max()), plant.output.period or 0.0
+    if fastest == 0 or not math.isfinite(fastest):
+        return 200 * period or 10.0
+    slowest = float(np.abs(modes[np.abs(modes) > 1e-6 * fastest]).min())
+    until = 200 * period or min(10 / slowest, 1000 / fastest)
+    growth = float(modes.real.max())
+    if growth * until > _GROWN:
+        until = max(_GROWN / growth, 50 * period)
+    return float(f"{until:.2g}")
 
 
 def _default_step(plant: Plant, until: float) -> float:

@@ -70,3 +70,13 @@ def test_nothing_speaks_of_how_it_was_made() -> None:
         if path.name == "test_docs.py" or ".venv" in path.parts:
             continue
         assert not forbidden.search(path.read_text("utf-8")), path
+
+
+@pytest.mark.parametrize("page", sorted((ROOT / "docs").glob("*.md")), ids=lambda path: path.name)
+def test_tables_have_as_many_cells_in_every_row(page: Path) -> None:
+    """A bar inside of a cell has to be written \\|, or the row falls apart."""
+    columns = 0
+    for number, line in enumerate(page.read_text("utf-8").splitlines(), 1):
+        bars = len(re.findall(r"(?<!\\)\|", line)) if line.startswith("|") else 0
+        columns = columns if columns and bars else bars
+        assert bars == columns, f"{page.name} line {number}"

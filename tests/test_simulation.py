@@ -160,3 +160,26 @@ def test_a_state_that_jumps_with_its_impulses_announces_them() -> None:
     jump = Jump(base.jump.G, H=np.array([[1.0], [0.0]]), dwell_time=(1.0, 2.0))
     record = simulate(Plant(base.flow, jump, base.output), until=10.0)
     assert record.columns["jump"].sum() == len(record.events)
+
+
+def test_noise_with_a_bound_keeps_it_whatever_else_is_added() -> None:
+    flow = Flow(np.array([[-1.0]]))
+    noise = {"noise_bound": [0.1], "noise_std": [0.2], "noise_cv": [0.5]}
+    for kind in ("random", "extreme", "sine"):
+        record = simulate(Plant(flow, None, Output(np.array([[1.0]]), **noise)), disturbance=kind)
+        off = np.abs(record.block("y") - record.block("x")).max()
+        assert 0.09 < off <= 0.1 + 1e-15
+    free = Plant(flow, None, Output(np.array([[1.0]]), noise_std=[0.2]))
+    record = simulate(free, disturbance="random")
+    assert np.abs(record.block("y") - record.block("x")).max() > 0.3
+
+
+@pytest.mark.parametrize("pace", [1e-6, 1.0, 1e5])
+def test_a_simulation_lasts_as_long_as_its_plant_takes(pace: float) -> None:
+    A = pace * np.array([[-1.0, 0.0], [0.0, -20.0]])
+    continuous = simulate(Plant(Flow(A), None, Output(np.array([[1.0, 1.0]]))))
+    assert continuous.t[-1] * pace == pytest.approx(10, rel=0.05)
+    output = Output(np.array([[1.0, 1.0]]), measured="periodic", period=0.1 / pace)
+    assert len(simulate(Plant(Flow(A), None, output)).t) == 201
+    grows = simulate(Plant(Flow(-A), None, Output(np.array([[1.0, 1.0]]))))
+    assert np.abs(grows.block("x")).max() < 1e3

@@ -79,7 +79,7 @@ def test_a_point_that_kills_workers_is_told(tmp_path: Path, monkeypatch: Any) ->
 
 def test_nobody_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("obsdesign.sweep.workers._ANSWER_SECONDS", 1)
-    for address in ("tcp://127.0.0.1:9", "nonsense", "nonsense://x:1"):
+    for address in ("tcp://127.0.0.1:9", "nonsense", "nonsense://x:1", "inproc://x"):
         with pytest.raises(InputError, match="no Dask scheduler answers there"):
             run_sweep(plan("jump.dwell_time[1]=0.1:1:2"), str(tmp_path / "s.jsonl"),
                       scheduler=address)  # fmt: skip

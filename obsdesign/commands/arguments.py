@@ -15,8 +15,13 @@ if TYPE_CHECKING:
     from obsdesign.problem import Problem
 
 
+def one_of(*words: str) -> Any:
+    """Completion of an option by these words."""
+    return lambda context, option, begun: [word for word in words if word.startswith(begun)]
+
+
 KIND = click.option(
-    "--kind", shell_complete=lambda context, option, word: [k for k in KINDS if k.startswith(word)],
+    "--kind", shell_complete=one_of(*KINDS),
     help="Observer kind; options of another kind in the file are dropped.",
 )  # fmt: skip
 

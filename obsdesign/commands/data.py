@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from obsdesign.commands.arguments import answer_of, dwell_times, numbers, source_of
+from obsdesign.commands.arguments import answer_of, dwell_times, numbers, one_of, source_of
 from obsdesign.commands.talk import is_quiet, say
 from obsdesign.errors import InputError
 
@@ -20,8 +20,10 @@ from obsdesign.errors import InputError
 )
 @click.option("--initial", help="True initial state x1,...,xn.  [default: ones]")
 @click.option("--dwell", default="random", show_default=True,
+              shell_complete=one_of("shortest", "random"),
               help="shortest, random, a number, or a file of dwell times.")  # fmt: skip
 @click.option("--disturbance", default="random", show_default=True,
+              shell_complete=one_of("zero", "extreme", "random", "sine"),
               help="zero, extreme, random or sine.")  # fmt: skip
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True)
 @click.option("--events", type=click.Path(), help="Write the true unknown impulses to this file.")

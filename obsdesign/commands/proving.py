@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import click
 
-from obsdesign.commands.arguments import KIND, problem_of
+from obsdesign.commands.arguments import KIND, one_of, problem_of
 from obsdesign.commands.talk import is_quiet, is_verbose, say, told_if_slow, warn
 from obsdesign.errors import InputError
+
+_LIMITS = ("shortest_dwell", "longest_dwell", "longest_period", "shortest_window")
 
 
 @click.command()
@@ -99,7 +101,8 @@ def verify(design_file: str, paranoid: bool, as_json: bool) -> int:
 @click.command()
 @click.argument("problem", type=click.Path())
 @click.option("--for", "what", required=True, metavar="WHAT",
-              help="shortest_dwell, longest_dwell, longest_period, shortest_window.")  # fmt: skip
+              shell_complete=one_of(*_LIMITS),
+              help=", ".join(_LIMITS) + ".")  # fmt: skip
 @KIND
 @click.option("--accuracy", type=float, default=1e-6, show_default=True, help="Relative width.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object on stdout.")

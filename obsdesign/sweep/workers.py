@@ -85,8 +85,9 @@ def _on_cluster(plan: Plan, points: Sequence[int], address: str) -> Iterator[Row
         # a client that fails while it is made hangs when it is collected: look at the address first
         scheme, location = parse_address(address)
         get_backend(scheme)
-        if scheme != "inproc":
-            parse_host_port(location)
+        if scheme == "inproc":
+            raise ValueError("another process cannot be reached by inproc")
+        parse_host_port(location)
         client = Client(address, timeout=_ANSWER_SECONDS, set_as_default=False)
     except (OSError, ValueError, ImportError) as error:
         text = " ".join(str(error).split()) or type(error).__name__

@@ -19,12 +19,12 @@ from lmi.patience import hurried
 from obsdesign.equations import interval as equations
 from obsdesign.equations.estimation_error import idle_gains
 from obsdesign.equations.interval_width import WidthSystem, width_system_of
-from obsdesign.errors import InputError, LimitError
+from obsdesign.errors import InputError
 from obsdesign.problem import Problem
 from obsdesign.structure import hidden_for_ever
 from obsdesign.synthesis.candidate import Candidate
 from obsdesign.synthesis.dwell import dwell_certificates, question
-from obsdesign.synthesis.given_gains import given_gain, refuse_unusable
+from obsdesign.synthesis.given_gains import given_gain, refuse_beyond_floats, refuse_unusable
 from obsdesign.synthesis.interval_coordinates import bases, best_coordinates
 from obsdesign.synthesis.interval_forms import formed
 from obsdesign.synthesis.interval_gains import best_gains
@@ -32,8 +32,6 @@ from obsdesign.synthesis.interval_goals import mean_width
 from obsdesign.synthesis.interval_sampled import propose_samples, propose_spacing
 from obsdesign.synthesis.interval_task import sampling_task, task_of
 from obsdesign.synthesis.interval_tube import proved_width
-
-_LARGEST = 1e100
 
 
 def synthesize(problem: Problem) -> Iterator[Candidate]:
@@ -46,7 +44,7 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
     _refuse(problem)
     given = {name: given_gain(problem, name) for name in ("L", "M")}
     given = {name: gain for name, gain in given.items() if gain is not None}
-    _refuse_beyond_floats(problem, given)
+    refuse_beyond_floats(problem, {"L", "M"} - set(given))
     own = {name: problem.gains[name] for name in ("S", "S2", "T") if name in problem.gains}
     if _hopeless(problem):
         yield from _unsearched(problem, given, own)
@@ -93,21 +91,6 @@ def _refuse(problem: Problem) -> None:
             "observer.objective = 'shortest_dwell' is not available with measured = 'periodic'; "
             "it must be feasible or narrowest."
         )
-
-
-def _refuse_beyond_floats(problem: Problem, given: Mapping[str, Any]) -> None:
-    """InputError where gains are to be found and products of entries would overflow."""
-    plant = problem.plant
-    for name, entries in (
-        ("flow.A", plant.flow.A),
-        ("jump.G", None if plant.jump is None else plant.jump.G),
-    ):
-        largest = 0.0 if entries is None else float(np.abs(entries).max())
-        if {"L", "M"} - set(given) and largest > _LARGEST:
-            raise LimitError(
-                f"{name} must not exceed {_LARGEST:g} where gains are to be found; got "
-                f"{largest:g}. Is it in the plant's units?"
-            )
 
 
 def untried(problem: Problem) -> dict[str, str]:

@@ -28,7 +28,7 @@ from obsdesign.problem import Problem
 from obsdesign.structure import hidden_growth, hidden_pair
 from obsdesign.synthesis.candidate import Candidate
 from obsdesign.synthesis.dwell import dwell_certificates, question
-from obsdesign.synthesis.given_gains import given_gain, refuse_unusable
+from obsdesign.synthesis.given_gains import given_gain, refuse_beyond_floats, refuse_unusable
 from obsdesign.synthesis.jump_gains import jump_gains
 from obsdesign.synthesis.placement import placed_gain, riccati_gain
 from obsdesign.synthesis.schedule import check_schedule, scheduled_candidate
@@ -38,6 +38,7 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
     """Candidates in order of preference; InputError for what cannot be built at all."""
     refuse_unusable(problem)
     check_schedule(problem)
+    refuse_beyond_floats(problem, [name for name in "LM" if given_gain(problem, name) is None])
     plant = problem.plant
     rate = float(problem.options.get("decay_rate", 0.0))
     chosen = given_gain(problem, "L") is None and "poles" not in problem.options
@@ -88,7 +89,7 @@ def _flow_gains(problem: Problem, rate: float) -> Iterator[tuple[str, Any]]:
     if "poles" in problem.options and "weights" in problem.options:
         raise InputError("observer.poles and observer.weights both choose L; drop one.")
     if given is not None:
-        yield "given L", given
+        yield "L as given" if "L" in problem.gains else "L = 0", given
         return
     if "poles" in problem.options:
         yield "placed L", placed_gain(A, C, problem.options["poles"])
@@ -100,7 +101,7 @@ def _flow_gains(problem: Problem, rate: float) -> Iterator[tuple[str, Any]]:
             L = riccati_gain(A, C, weights, rate + factor * speed)
         except np.linalg.LinAlgError:  # no finite solution in floats: not this one
             continue
-        yield f"Riccati L, {factor:g} x faster", L
+        yield "Riccati L" + (f", {factor:g} x faster" if factor else ""), L
     yield "L = 0", np.zeros((problem.plant.n, problem.plant.p))
 
 
