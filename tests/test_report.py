@@ -10,6 +10,7 @@ import subprocess
 from html.parser import HTMLParser
 from pathlib import Path
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
@@ -80,6 +81,23 @@ def test_a_page_tells_everything_of_its_design(example: str, tmp_path: Path) -> 
     assert "Kalman filter" in page.text  # a simulation knows the true state
     for name, value in design.provenance["versions"].items():
         assert f"{name} {value}" in page.text
+
+
+@pytest.mark.parametrize("strategy", ["full", "quadratic"])
+def test_every_strategy_of_impulses_has_its_curve(strategy: str, tmp_path: Path) -> None:
+    body = obsdesign.load_problem(ROOT / "examples" / "gantry_crane.toml").to_dict()
+    body["observer"] = {"kind": "impulsive", "strategy": strategy}
+    design = obsdesign.design(obsdesign.Problem.from_dict(body))
+    curve = curve_of(design)
+    assert curve is not None
+    (values,) = curve.series.values()
+    assert np.isfinite(values).all()
+    inside = (curve.x >= curve.proved[0]) & (curve.x <= curve.proved[1])
+    # what is proved keeps its level: from below, or from above
+    beyond = values[inside] - curve.level
+    assert (beyond <= 1e-9).all() if strategy == "quadratic" else (beyond >= -1e-9).all()
+    design.save(tmp_path / "design.json")
+    assert write_report(str(tmp_path / "design.json"), str(tmp_path / "out.html"))
 
 
 def test_text_of_a_design_is_never_markup(tmp_path: Path) -> None:
