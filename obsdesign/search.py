@@ -37,6 +37,7 @@ class _Try:
     bracket: Bracket | None
     claims: tuple[Claim, ...]
     gains: Mapping[str, Any]
+    searched: bool = False
 
     def reach(self, shortest: bool) -> float:
         """How far the proved range reaches; larger is better."""
@@ -108,6 +109,7 @@ def _candidates(problem: Problem) -> list[Any]:
 def _bracket(problem: Problem, candidate: Any, shortest: bool, accuracy: float) -> _Try:
     verification = workflow.layer("verification", problem.require_kind())
     claims = verification.claims(problem, candidate.gains, {})
+    claims = workflow.of_what_is_open(candidate, claims)
     if any(c.verdict != "proved" for c in claims if c.id not in _OF_THE_RANGE):
         return _Try(candidate.label, None, claims, candidate.gains)
     low, high = problem.require_dwell_time()
@@ -122,7 +124,7 @@ def _bracket(problem: Problem, candidate: Any, shortest: bool, accuracy: float) 
     }
     find, kept = (shortest_dwell, high) if shortest else (longest_dwell, low)
     bracket = find(F, H, kept, **asked)
-    return _Try(candidate.label, bracket, claims, candidate.gains)
+    return _Try(candidate.label, bracket, claims, candidate.gains, candidate.searched)
 
 
 def _outcome(
@@ -148,7 +150,9 @@ def _outcome(
         "gains": {name: best.gains[name] for name in ("L", "M")},
     }
     if bracket.proved is None:
-        return workflow.Outcome(bracket.verdict or "undecided", kind, best.claims, result, None)
+        # other gains may do where those that were found do not
+        verdict = "undecided" if best.searched else bracket.verdict or "undecided"
+        return workflow.Outcome(verdict, kind, best.claims, result, None)
     low, high = problem.require_dwell_time()
     ends = (bracket.proved, high) if shortest else (low, bracket.proved)
     narrowed = problem.with_dwell_time(*ends)

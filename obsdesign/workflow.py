@@ -108,9 +108,14 @@ def _attempts(
 ) -> Iterator[tuple[Any, tuple[Claim, ...]]]:
     for candidate in synthesis.synthesize(problem):
         claims = verification.claims(problem, candidate.gains, candidate.certificates)
-        if candidate.searched and not any(_of_all_gains(claim) for claim in claims):
-            claims = tuple(_of_these_gains_only(claim) for claim in claims)
-        yield candidate, claims
+        yield candidate, of_what_is_open(candidate, claims)
+
+
+def of_what_is_open(candidate: Any, claims: tuple[Claim, ...]) -> tuple[Claim, ...]:
+    """Claims about a candidate as answers to its problem: a search that fails refutes nothing."""
+    if not candidate.searched or any(_of_all_gains(claim) for claim in claims):
+        return claims
+    return tuple(_of_these_gains_only(claim) for claim in claims)
 
 
 def _of_all_gains(claim: Claim) -> bool:
