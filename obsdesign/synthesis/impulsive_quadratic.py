@@ -50,6 +50,8 @@ def quadratic_candidate(problem: Problem) -> Candidate:
     factors = {*(f for f in _FACTORS if f < limit), *([limit] if limit < 1 else [])}
     for gamma in sorted(factors, reverse=hurried()):
         P = common_matrix(A, G, C, low, high, gamma)
+        if P is None and hurried():
+            break  # the slowest factor comes first then, and a faster one asks for more
         if P is None:
             continue
         # a little room between the search and the proof
