@@ -149,25 +149,36 @@ def _instants(
     plant: Plant, jumps: Vector, until: float, step: float, between: bool
 ) -> tuple[Vector, NDArray[np.bool_], NDArray[np.bool_]]:
     """(times, is a jump, has a measurement) of all rows."""
+    grid = _grid(step, until) if between else np.zeros(0)
+    if plant.output.measured == "periodic" and plant.output.period:
+        samples = _grid(float(plant.output.period), until)
+        grid = np.sort(np.concatenate([_away(grid, samples, _SAME_INSTANT * step), samples]))
+    # a jump instant takes the place of the grid row that it coincides with
+    grid = _away(grid, jumps, _SAME_INSTANT * step)
+    times = np.concatenate([grid, jumps])
+    order = np.argsort(times)
+    is_jump = np.concatenate([np.zeros(len(grid), bool), np.ones(len(jumps), bool)])[order]
+    times = times[order]
+    return times, is_jump, _measured(plant, times, is_jump)
+
+
+def _grid(step: float, until: float) -> Vector:
     if until / step > _MOST_ROWS:
         raise InputError(
             f"step = {step:g} makes {until / step:.4g} rows until {until:g}; "
             f"{_MOST_ROWS:g} is the limit."
         )
     rows = int(until / step * (1 + 1e-12)) + 1
-    grid = np.round(step * np.arange(rows), 12)
-    if not between:
-        grid = np.zeros(0)
-    # a jump instant takes the place of the grid row that it coincides with
-    ends = np.concatenate([[-math.inf], jumps, [math.inf]])
+    return np.asarray(np.round(step * np.arange(rows), 12), dtype=np.float64)
+
+
+def _away(grid: Vector, instants: Vector, least: float) -> Vector:
+    """What of a grid is not at one of these instants, in order."""
+    ends = np.concatenate([[-math.inf], instants, [math.inf]])
     places = np.searchsorted(ends, grid)
     distance = np.minimum(np.abs(grid - ends[places - 1]), np.abs(ends[places] - grid))
-    grid = grid[distance > _SAME_INSTANT * step]
-    times = np.concatenate([grid, jumps])
-    order = np.argsort(times)
-    is_jump = np.concatenate([np.zeros(len(grid), bool), np.ones(len(jumps), bool)])[order]
-    times = times[order]
-    return times, is_jump, _measured(plant, times, is_jump)
+    kept: Vector = grid[distance > least]
+    return kept
 
 
 def _measured(plant: Plant, times: Vector, is_jump: NDArray[np.bool_]) -> NDArray[np.bool_]:

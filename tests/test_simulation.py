@@ -174,6 +174,14 @@ def test_noise_with_a_bound_keeps_it_whatever_else_is_added() -> None:
     assert np.abs(record.block("y") - record.block("x")).max() > 0.3
 
 
+def test_rows_between_samples_take_none_away() -> None:
+    output = Output(np.array([[1.0]]), measured="periodic", period=2.0)
+    record = simulate(Plant(Flow(np.array([[-0.1]])), None, output), until=12.0, step=1.5)
+    np.testing.assert_array_equal(record.t, [0, 1.5, 2, 3, 4, 4.5, 6, 7.5, 8, 9, 10, 10.5, 12])
+    seen = np.isfinite(record.block("y")[:, 0])
+    np.testing.assert_array_equal(record.t[seen], np.arange(0, 13, 2))
+
+
 @pytest.mark.parametrize("pace", [1e-6, 1.0, 1e5])
 def test_a_simulation_lasts_as_long_as_its_plant_takes(pace: float) -> None:
     A = pace * np.array([[-1.0, 0.0], [0.0, -20.0]])

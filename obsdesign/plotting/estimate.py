@@ -45,6 +45,7 @@ def plot_estimate(estimate: str, data: str | None, output: str, events: str | No
         raise InputError(
             f"{estimate}: columns x1_lo, x1_hi or x1 and at least one row are required."
         )
+    _same_plant(names, estimate, truth, str(data))
     times = _numbers(truth, "t", str(data)) if truth else np.zeros(0)
     jumps = times[_numbers(truth, "jump", str(data)) == 1] if "jump" in truth else np.zeros(0)
     found = {} if events is None else read_columns(events)
@@ -84,6 +85,16 @@ def plot_estimate(estimate: str, data: str | None, output: str, events: str | No
                     handles.append(handle)
                     labels.append(label)
         figure.legend(handles, labels, loc="outside upper center", ncols=len(labels), frameon=False)
+
+
+def _same_plant(names: list[str], estimate: str, truth: dict[str, list[str]], data: str) -> None:
+    """InputError if the true states of the data are more or fewer than those of the estimate."""
+    mine, theirs = (sum(name[0] == "x" for name in some) for some in (names, _states(truth)))
+    if theirs and mine != theirs:
+        raise InputError(
+            f"{data}: {mine} states are required, as in {estimate}; it has {theirs}. "
+            "Is it the data of another plant?"
+        )
 
 
 def _states(columns: dict[str, list[str]]) -> list[str]:
