@@ -57,7 +57,9 @@ def show_check(found: Mapping[str, Any]) -> None:
     for kind, entry in found.items():
         colour = _COLOURS[entry["verdict"]]
         answer = f"[{colour}]{words[entry['verdict']]}[/]"
-        why = escape("; ".join(entry["reasons"]))
+        first, *more = entry["reasons"] or [""]
+        others = f" (and {len(more)} more; --json has all)" if more else ""
+        why = escape(first + others)
         step = f"[dim]{escape(entry['next'])}[/]" if entry["next"] else ""
         table.add_row(kind, answer, "\n".join(part for part in (why, step) if part))
     Console(highlight=False).print(table)
@@ -148,7 +150,9 @@ def show(outcome: Outcome, numbers: bool = False) -> None:
         table.add_row(mark, claim.id, what)
     console.print(table)
     for label, entry in outcome.result.get("forms", {}).items():
-        if label != outcome.result.get("form") and entry["verdict"] != "proved":
+        untried = all(text.startswith("not tried") for text in entry["reasons"])
+        wanted = outcome.verdict != "proved" or not untried or numbers
+        if wanted and label != outcome.result.get("form") and entry["verdict"] != "proved":
             why = escape("; ".join(entry["reasons"]))
             console.print(f"form {label} is {entry['verdict']}: {why}")
     if numbers and outcome.design is not None:
