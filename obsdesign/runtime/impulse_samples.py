@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from obsdesign.runtime.base import Estimate, Vector
+from obsdesign.runtime.impulse_addition import short_dwell
 from obsdesign.runtime.impulse_estimate import Event
 from obsdesign.runtime.impulse_filter import Filtered, Row, SampledPlant
 from obsdesign.runtime.impulse_onset import ONSETS, Cells, Fit, OnsetModel
@@ -57,6 +58,7 @@ class SampledLive:
     before: tuple[Filtered, ...] = ()
     steady: tuple[Steady, ...] = ()
     last_event: float = -math.inf
+    last_std: float = 0.0
     doubt: tuple[float, float, str] = (math.inf, -math.inf, "")
     level: Any = 0.0
 
@@ -223,6 +225,7 @@ class SamplesEngine:
         return replace(
             live, rows=(last,), cells=Cells.empty(len(last.x)), before=(),
             steady=(steady[ahead >= _AHEAD], Steady.begin(last)), last_event=event.t,
+            last_std=event.t_std or 0.0,
         ), decided  # fmt: skip
 
     def _ahead(self, live: SampledLive, cost: float) -> tuple[tuple[Steady, ...], float]:
@@ -254,8 +257,8 @@ class SamplesEngine:
         samples = sum(row.y is not None for row in rows) * len(self.model.plant.C)
         if fit.cost > chi_squared_limit(samples - 2):
             status = "does not fit one impulse in the window"
-        if t - live.last_event < self.dwell * (1 - 1e-9):
-            status = _joined(status, f"dwell time {t - live.last_event:.9g} below {self.dwell:.9g}")
+        if gap := short_dwell(t - live.last_event, self.dwell, live.last_std, t_std):
+            status = _joined(status, gap)
         if not alone:
             status = _joined(status, STEADY)
         if provisional:

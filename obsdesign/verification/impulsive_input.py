@@ -26,6 +26,7 @@ from obsdesign.verification.impulse_samples import sampled_claims, window_sample
 from obsdesign.verification.uniqueness import SOURCE, decide_uniqueness
 
 PAPER = "Mattsson, Medvedev, ECC 2013"
+_KNOWN_INTEGRALS = ", and with the integrals of y known exactly (y measured continuously)"
 
 
 def claims(
@@ -46,7 +47,7 @@ def claims(
     if gains["operator"] == "samples":
         return (*found, *sampled_claims(A, C, H, gains))
     if "period" in gains:
-        found.append(window_samples(A, C, H.shape[1], float(gains["period"]), window, low))
+        found.append(window_samples(A, C, H.shape[1], gains, low))
     return (*found, *_integral_claims(problem, gains, A, C, H))
 
 
@@ -180,9 +181,10 @@ def guarantees(problem: Problem, found: tuple[Claim, ...]) -> tuple[dict[str, An
     without = ["disturbance"] + (["unknown input d"] if plant.flow.D is not None else [])
     low = "" if plant.jump is None else f"{problem.require_dwell_time()[0]!r}"
     between = _between_samples(plant)
+    integrals = _KNOWN_INTEGRALS if "hurwitz" in verdicts else ""
     told = [
         (
-            _promise(problem, low, " and ".join(without), between),
+            _promise(problem, low, " and ".join(without) + integrals, between),
             all(verdicts[name] == "proved" for name in needed),
             needed,
         ),
@@ -194,6 +196,7 @@ def guarantees(problem: Problem, found: tuple[Claim, ...]) -> tuple[dict[str, An
         ),
         ("That every impulse is found in noise is not claimed: small ones are missed.", False, []),
     ]
+    told += [(text, False, ["samples"]) for text in _left_by_sampling(problem, found)]
     return tuple({"statement": text, "given": given, "claims": ids} for text, given, ids in told)
 
 
@@ -222,10 +225,23 @@ def _promise(problem: Problem, low: str, without: str, between: str) -> str:
         )
     return (
         f"Without noise and {without}, impulses{sign} all at least {low} apart, each with "
-        f"an output no smaller than 1e-5 of the largest before it{threshold}, are found at their "
-        "times and with their weights, up to what is left of the initial error, which decays, "
-        f"where windows hold them alone{between}."
+        f"an output no smaller than 1e-5 of the largest before it and of the whole output, what "
+        f"known inputs make of it included{threshold}, are found at their times and with their "
+        "weights, up to what is left of the initial error, which decays, where windows hold them "
+        f"alone{between}."
     )
+
+
+def _left_by_sampling(problem: Problem, found: tuple[Claim, ...]) -> list[str]:
+    """What operator `integral` does not promise of a sampled output."""
+    return [
+        f"That samples {problem.plant.output.period!r} apart reproduce these integrals is not "
+        "claimed: between them the residual is taken as linear. The fastest mode of A - K C times "
+        f"the period is {claim.evidence['approx_mode_times_period']:.3g}, the largest exponent "
+        f"times the period {claim.evidence['approx_exponent_times_period']:.3g}."
+        for claim in found
+        if claim.id == "samples" and "approx_mode_times_period" in claim.evidence
+    ]
 
 
 def _between_samples(plant: Any) -> str:
