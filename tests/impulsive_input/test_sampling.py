@@ -14,6 +14,7 @@ import obsdesign
 from obsdesign.equations import impulsive_input as equations
 from obsdesign.runtime import from_design
 from obsdesign.runtime.impulse_addition import short_dwell
+from obsdesign.synthesis.placement import placed_gain
 from tests.impulsive_input.cases import CHAIN, record
 
 TURNING: dict[str, Any] = {
@@ -139,15 +140,16 @@ def test_what_is_given_speaks_of_integrals_and_not_of_samples() -> None:
 def test_no_row_is_ok_that_floats_cannot_follow() -> None:
     body = copy.deepcopy(CHAIN)
     body["output"]["period"] = 0.01
-    body["observer"] = {"kind": "impulsive_input", "window": 0.5, "gains": {"K": [
-        [5.8e6], [2.8e5], [659.57]]}}  # fmt: skip
+    A, C = np.array(body["flow"]["A"]), np.array(body["output"]["C"], float)
+    K = placed_gain(A, C, [-400.0, -440.0, -480.0])
+    body["observer"] = {"kind": "impulsive_input", "window": 0.5, "gains": {"K": K.tolist()}}
     samples = outcome(body)[1]
     assert samples.verdict == "undecided"
     body["output"] = {"C": body["output"]["C"], "measured": "continuous"}
     problem = obsdesign.Problem.from_dict(body)
     observer = from_design(obsdesign.design(problem, allow_undecided=True))
     for step, followed in ((0.01, False), (0.001, True)):
-        t = step * np.arange(6000)
+        t = step * np.arange(8000)
         x = record(body["flow"]["A"], body["jump"]["H"], [(1.0, 1.0)], t, [0, 0, 0])
         with warnings.catch_warnings():
             warnings.simplefilter("error")
