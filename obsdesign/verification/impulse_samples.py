@@ -34,16 +34,7 @@ def sampled_claims(A: Any, C: Any, H: Any, gains: Mapping[str, Any]) -> tuple[Cl
     h, window = float(gains["period"]), float(gains["window"])
     count = round(window / h)
 
-    def rows() -> list[list[Any]]:
-        step = exp_times(A, h)
-        at, found = ball(C), []
-        for _ in range(count):
-            at = at * step
-            found += at.tolist()
-        return found
-
-    sizes = np.tile(np.linalg.norm(to_float(C), axis=1), count)
-    rank = rank_verdict(rows, sizes, len(A), "the samples of a window")
+    rank = _rank(A, C, h, count, first=1)
     onset = _uniqueness(A, H, h)
     return (
         Claim(
@@ -150,24 +141,36 @@ def _too_fast(D: Any, gains: Mapping[str, Any]) -> Verdict | None:
     )
 
 
-def _rank(A: Any, C: Any, period: float, cells: int) -> Verdict:
-    """Of many samples some, evenly spaced, are enough: more do not lower a rank."""
+def _rank(A: Any, C: Any, period: float, cells: int, first: int = 0) -> Verdict:
+    """Of many samples some, evenly spaced, are enough: more do not lower a rank.
+
+    Samples `first` .. `cells` of a window; where some do not do, nothing follows for all.
+    """
     count = min(cells, _MOST_ROWS)
-    rows = _sampled_rows(A, C, period * (cells // count), count)
-    sizes = np.tile(np.linalg.norm(to_float(C), axis=1), count + 1)
-    return rank_verdict(rows, sizes, len(A), "the samples of a window")
+    rows = _sampled_rows(A, C, period * (cells // count), first, count)
+    sizes = np.tile(np.linalg.norm(to_float(C), axis=1), count + 1 - first)
+    found = rank_verdict(rows, sizes, len(A), "the samples of a window")
+    if found.outcome == "refuted" and count < cells:
+        return undecided(
+            f"{count} of the {cells} samples of a window do not determine the state: change the "
+            "window or the period"
+        )
+    return found
 
 
-def _sampled_rows(A: Any, C: Any, step: float, count: int) -> Callable[[], list[list[Any]]]:
-    """Function of no arguments: rows C e^{A k step}, k = 0 .. count, as balls."""
+def _sampled_rows(
+    A: Any, C: Any, step: float, first: int, count: int
+) -> Callable[[], list[list[Any]]]:
+    """Function of no arguments: rows C e^{A k step}, k = first .. count, as balls."""
 
     def rows() -> list[list[Any]]:
         forward = exp_times(A, step)
         at = ball(C)
-        found: list[list[Any]] = at.tolist()
-        for _ in range(count):
+        found: list[list[Any]] = []
+        for k in range(count + 1):
+            if k >= first:
+                found += at.tolist()
             at = at * forward
-            found += at.tolist()
         return found
 
     return rows

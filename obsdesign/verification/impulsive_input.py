@@ -66,7 +66,8 @@ def _integral_claims(
     if "ratio" in problem.options:
         asked = float(problem.options["ratio"])
         found.append(window_claims.ratio(D, C, H, exponents, window, margin, asked))
-    verdict = decide_uniqueness(D, C, H, exponents, window, margin)
+    nonnegative = bool(gains["nonnegative"])
+    verdict = decide_uniqueness(D, C, H, exponents, window, margin, nonnegative)
     try:
         expected = expectations(to_float(D), gains)
     except ValueError:  # numbers beyond what floats can follow: nothing to expect
@@ -75,7 +76,8 @@ def _integral_claims(
         Claim(
             "uniqueness",
             f"without noise and error of the state, the features of a window determine time and "
-            f"weight of an impulse whose age lies in [{margin!r}, {window!r}]",
+            f"{'nonnegative ' if nonnegative else ''}weight of an impulse whose age lies in "
+            f"[{margin!r}, {window!r}]",
             SOURCE,
             verdict.outcome,
             {**verdict.evidence, "approx_expected": expected},
