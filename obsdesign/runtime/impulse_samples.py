@@ -33,7 +33,9 @@ from obsdesign.runtime.impulse_whitening import chi_squared_limit, noise_deviati
 
 Array = NDArray[Any]
 
-_LEAST_RATIO = 12.0  # twice the log-likelihood ratio from which an impulse counts
+# twice the log-likelihood ratio from which an impulse counts, in a window of four samples; each
+# doubling of the onsets that noise may choose from adds 2 ln 2
+_LEAST_RATIO, _FEW = 12.0, 4
 _LATEST = 0.3  # intervals before the end of a window in which no onset is looked for
 # what a steady input must leave more than impulses do: what they must be worth against nothing
 _AHEAD = _LEAST_RATIO
@@ -77,6 +79,11 @@ class SamplesEngine:
     def _slack(self) -> float:
         """Time stamps are decimal: what is closer is one time."""
         return 1e-9 * self.window
+
+    @property
+    def least_ratio(self) -> float:
+        """What an impulse must explain to count: more where there are more onsets to choose."""
+        return _LEAST_RATIO + 2 * math.log(max(self.window / self.period / _FEW, 1.0))
 
     @classmethod
     def from_gains(cls, gains: Any) -> SamplesEngine:
@@ -187,7 +194,7 @@ class SamplesEngine:
         )
         top = int(np.argmax(fit.ratio))
         oldest = first.row.t + interval - 1e-9 * self.period
-        if fit.ratio[top] > _LEAST_RATIO and fit.grid.onsets[top] < oldest:
+        if fit.ratio[top] > self.least_ratio and fit.grid.onsets[top] < oldest:
             return self._fired(live, interval, provisional)
         since = second.row.t - self.period * (1 + 1e-9)
         kept = live.before[bisect_left(live.before, since, key=lambda at: at.row.t) :]

@@ -180,6 +180,22 @@ def test_an_output_that_jumps_is_taken_as_samples_in_noise(period: float) -> Non
     assert 0.3 < np.sqrt(np.mean(np.square(errors))) < 2
 
 
+def test_noise_alone_makes_few_impulses_of_a_fine_record() -> None:
+    body = turning(0.05, noise=0.1)
+    observer = from_design(obsdesign.design(obsdesign.Problem.from_dict(body)))
+    few = turning(0.05, noise=0.1, operator="samples")
+    four = from_design(obsdesign.design(obsdesign.Problem.from_dict(few)))
+    assert observer.engine.least_ratio == pytest.approx(12 + 2 * np.log(8))
+    assert four.engine.least_ratio == 12.0
+    t = 0.05 * np.arange(800)
+    noise = [0.1 * np.random.default_rng(seed).standard_normal((800, 1)) for seed in range(3)]
+    assert sum(len(observer.run_batch(t, y, x=[0, 0]).events) for y in noise) <= 1
+    # the twin: what noise does not make is seen
+    kicked = record(body["flow"]["A"], [[1], [0]], [(20.01, 0.7)], t, [0, 0])[:, :1] + noise[0]
+    found = [event.t for event in observer.run_batch(t, kicked, x=[0, 0]).events]
+    assert min(abs(at - 20.01) for at in found) < 0.2
+
+
 @pytest.mark.parametrize(
     ("block", "entries"),
     [("jump", {"H": [[0], [1]]}), ("observer", {"operator": "integral"}), ("observer", {"margin": 0.3}),
