@@ -23,6 +23,13 @@ from obsdesign.problem import Problem
 from obsdesign.structure import approx_unobservable_modes
 from obsdesign.synthesis.candidate import Candidate
 from obsdesign.synthesis.impulse_exponents import exponent_choices, rule_for
+from obsdesign.synthesis.impulse_operator import (
+    asks_for_samples,
+    few_samples,
+    jumping_output,
+    period_for_integrals,
+    samples_within,
+)
 from obsdesign.synthesis.impulse_samples import sampled_candidate
 from obsdesign.synthesis.placement import placed_gain
 
@@ -32,11 +39,6 @@ _WINDOW = 0.8  # of the shortest dwell time
 _MARGIN = 0.25  # of the window
 _LARGEST_GAIN = 1e3  # size of A - K C against that of A
 _MEMORY = 6.0  # time constants of the slowest mode of A - K C that a window is worth
-_FEWEST = 12  # samples of a window
-_MOST = 32  # samples of a window of operator `samples`: more only take time
-_JUMPS = (
-    0.05  # of its response that an impulse must show at once to be one that the output jumps with
-)
 _FASTER, _APART = 1.25, 1.2  # poles of the observer against those of the plant and each other
 
 
@@ -50,7 +52,7 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
         raise InputError(text)
     _check_options(problem)
     weighting = _weighting(problem)
-    if _asks_for_samples(problem):
+    if asks_for_samples(problem):
         yield sampled_candidate(problem, low, "asked for")
         return
     window = float(problem.options.get("window", _longest(problem, low)))
@@ -59,11 +61,11 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
     D = flow_error_matrix(plant.flow.A, K, plant.output.C)
     data = _data(problem, D, window) | {"K": K, "weighting": weighting, "operator": "integral"}
     window = data["window"]
-    if reason := _few_samples(problem, D, window):
-        yield sampled_candidate(problem, low, reason, longest=_period_for_integrals(D, window))
+    if reason := few_samples(problem, D, window):
+        yield sampled_candidate(problem, low, reason, longest=period_for_integrals(D, window))
         return
-    if reason := _jumping_output(problem, window, weighting):
-        yield sampled_candidate(problem, low, reason, count=_samples_within(problem, window))
+    if reason := jumping_output(problem, window, weighting):
+        yield sampled_candidate(problem, low, reason, count=samples_within(problem, window))
         return
     if "exponents" in problem.options:
         given = np.array(problem.options["exponents"], dtype=np.float64)
@@ -159,80 +161,6 @@ def _check_options(problem: Problem) -> None:
                 f"observer.check_exponents takes one direction of impulses; jump.H has "
                 f"{directions}."
             )
-
-
-def _own(problem: Problem) -> list[str]:
-    """What the file gives that belongs to operator `integral`."""
-    names = ("exponents", "ratio", "threshold", "check_exponents")
-    own = [name for name in names if name in problem.options]
-    return own + (["gains.K"] if "K" in problem.gains else [])
-
-
-def _asks_for_samples(problem: Problem) -> bool:
-    asked = problem.options.get("operator") == "samples"
-    if asked and (own := _own(problem)):
-        raise InputError(
-            f"observer.{own[0]} belongs to operator 'integral'; with 'samples' all samples of "
-            "the window are used as they are."
-        )
-    return asked
-
-
-def _is_open(problem: Problem) -> bool:
-    """Is the operator left open, and are both possible?"""
-    periodic = problem.plant.output.measured == "periodic"
-    return periodic and "operator" not in problem.options and not _own(problem)
-
-
-def _few_samples(problem: Problem, D: Matrix, window: float) -> str | None:
-    """Why samples are too few for operator `integral` where the operator is open, or None."""
-    if not _is_open(problem):
-        return None
-    period = float(problem.plant.output.period or 0.0)
-    longest = equations.longest_period(D, None, window)
-    if period > longest:
-        fastest = float(np.abs(np.linalg.eigvals(D)).max()) * period
-        limit = fastest * longest / period
-        return f"the fastest mode of A - K C times the period is {fastest:.3g}, above {limit:.3g}"
-    if window < _FEWEST * period:
-        return f"the window holds only {window / period:.4g} samples"
-    return None
-
-
-def _jumping_output(problem: Problem, window: float, weighting: str) -> str | None:
-    """Why `samples` is chosen in noise where the output jumps with an impulse, or None.
-
-    None also where `samples` cannot work: it is a choice, nobody asked for it.
-    """
-    plant, options = problem.plant, problem.options
-    if not _is_open(problem):
-        return None
-    A, H = plant.flow.A, problem.require("jump.H")
-    refused = weighting == "plain" or "margin" in options or H.shape[1] > 1
-    refused |= options.get("state_correction") is False
-    asked = float(options.get("window", 0.0)) / float(plant.output.period or 1.0)
-    if refused or not H.any() or abs(asked - round(asked)) > 1e-6:
-        return None
-    along = np.hstack([H, A @ H])
-    hidden = np.linalg.matrix_rank(along / np.linalg.norm(along, axis=0).clip(1e-300)) < 2
-    share = equations.jump_share(A, plant.output.C, H, window)
-    if hidden or share < _JUMPS:
-        return None
-    return (
-        f"the output jumps with an impulse, by {share:.0%} of what it leaves at most: in noise "
-        "integrals of samples miss such impulses, samples as they are do not"
-    )
-
-
-def _samples_within(problem: Problem, window: float) -> int:
-    """Samples of a window of operator `samples` that could be as long as this one."""
-    return min(int(window / float(problem.plant.output.period or 1.0) * (1 + 1e-9)), _MOST)
-
-
-def _period_for_integrals(D: Matrix, window: float) -> float:
-    """At most this period lets operator `integral` do; three digits."""
-    longest = min(equations.longest_period(D, None, window), window / _FEWEST)
-    return equations.rounded_down(longest)
 
 
 def _gain(problem: Problem, window: float) -> Matrix:
