@@ -34,7 +34,7 @@ Array = NDArray[Any]
 
 # |mu| h of the modes of A - K C, and |lambda| h, up to which integrals of samples show an impulse:
 # measured over random plants, where impulses were missed from 0.56 on in windows longer than LONG
-# time constants of the slowest mode, from 0.99 on in others
+# time constants of the slowest mode, from 1.28 on in others
 _FASTEST, _FASTEST_LONG, LONG, STEEPEST = 0.7, 0.4, 7.0, 12.0
 # rule "position": age from which an impulse is evaluated, of the window
 OLD = 0.7
