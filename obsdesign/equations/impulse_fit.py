@@ -69,7 +69,8 @@ def fit_impulse(
     for k in peaks(gains):
         if gains[k] <= 0:
             continue
-        ends = (max(low, ages[inside[k]] - curve.step), min(high, ages[inside[k]] + curve.step))
+        age = float(ages[inside[k]])
+        ends = (max(low, age - curve.step), min(high, age + curve.step))
         found = _refine(R, curve, int(inside[k]), ends, (low, high), weighting)
         if nonnegative and (found.weights < 0).any():
             continue

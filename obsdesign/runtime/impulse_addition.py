@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -19,6 +20,16 @@ from obsdesign.runtime.impulse_whitening import chi_squared_limit
 Array = NDArray[Any]
 
 _MISFIT = 0.05  # of the residual: what an impulse may leave of it where there is no noise
+
+
+_CERTAIN = 3.0  # deviations by which a dwell time must be too short
+
+
+def short_dwell(gap: float, dwell: float, *deviations: float) -> str:
+    """That a dwell time is too short, beyond what the deviations of both times allow; or ""."""
+    if gap >= dwell * (1 - 1e-9) - _CERTAIN * math.hypot(*deviations):
+        return ""
+    return f"dwell time {gap:.9g} below {dwell:.9g}"
 
 
 @dataclass(frozen=True)
@@ -62,8 +73,8 @@ class Addition:
         x[window] += self.run.impulse_error(track.t[window], event.t, jump)
         if decision.correction.any():
             x[window] += self.run.coasting(track.t[window], t_o, decision.correction)
-        if event.t - live.last_event < self.dwell * (1 - 1e-9):
-            gap = f"dwell time {event.t - live.last_event:.9g} below {self.dwell:.9g}"
+        gap = short_dwell(event.t - live.last_event, self.dwell, live.last_std, event.t_std or 0.0)
+        if gap:
             words = gap if event.status == "ok" else f"{event.status}; {gap}"
             event = replace(event, status=words)
         doubt = live.doubt
@@ -78,6 +89,6 @@ class Addition:
         fresh = self.run.restarted(track, restart, x[restart])
         return replace(
             live, track=fresh, norms=np.zeros(0), search=Search(), rule=None, covariance=P,
-            since=at, last_event=event.t, doubt=doubt, largest=largest,
+            since=at, last_event=event.t, last_std=event.t_std or 0.0, doubt=doubt, largest=largest,
             absent=self.rows.left(live, float(track.t[restart])),
         ), rows  # fmt: skip

@@ -106,6 +106,12 @@ class IntegralEngine:
         self, live: IntegralLive, t: Array, y: Array, u: Array
     ) -> tuple[IntegralLive, list[Estimate]]:
         """Rows before the first measurement are predicted; then rows wait for their window."""
+        with np.errstate(over="ignore", invalid="ignore"):  # rows that are not finite say so
+            return self._extended(live, t, y, u)
+
+    def _extended(
+        self, live: IntegralLive, t: Array, y: Array, u: Array
+    ) -> tuple[IntegralLive, list[Estimate]]:
         decided: list[Estimate] = []
         seen: Any = np.isfinite(y).all(axis=1)
         start = 0

@@ -58,7 +58,13 @@ class Event:
         unknown = np.full(len(self.weights), np.nan)
         spread = unknown if self.weights_std is None else self.weights_std
         t_std = np.nan if self.t_std is None else self.t_std
-        return (self.t, *map(float, self.weights), float(t_std), *map(float, spread), self.status)
+        return (
+            float(self.t),
+            *map(float, self.weights),
+            float(t_std),
+            *map(float, spread),
+            self.status,
+        )
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lmi.exponential import expm
+from obsdesign.equations.impulsive_input import LARGEST
 from obsdesign.runtime.base import Estimate, Vector
 from obsdesign.runtime.impulse_estimate import Event
 from obsdesign.runtime.impulse_search import Position, Rule, Search
@@ -24,6 +25,7 @@ from obsdesign.runtime.luenberger import responses
 Array = NDArray[Any]
 
 _MISSING, _OPEN = "missing sample", "unresolved"
+_BEYOND = "beyond what floats can follow: samples are too far apart for A - K C"
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,6 +50,7 @@ class IntegralLive:
     absent: tuple[tuple[float, Vector], ...] = ()
     first: float | None = None  # time of the first row: the phase of periodic samples
     last_event: float = -math.inf
+    last_std: float = 0.0  # its deviation
     largest: float = 0.0  # value of the search at which an impulse was evaluated
     doubt: tuple[float, float, str] = (math.inf, -math.inf, "")  # rows that a flagged event covers
 
@@ -162,6 +165,7 @@ class Rows:
             doubtful = live.doubt[0] <= t <= live.doubt[1]
             words = [
                 self.status(live, t) if absent else "",
+                "" if np.abs(x).max() < LARGEST else _BEYOND,
                 live.doubt[2] if doubtful else "",
                 more,
             ]

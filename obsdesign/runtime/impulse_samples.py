@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from obsdesign.runtime.base import Estimate, Vector
+from obsdesign.runtime.impulse_addition import short_dwell
 from obsdesign.runtime.impulse_estimate import Event
 from obsdesign.runtime.impulse_filter import Filtered, Row, SampledPlant
 from obsdesign.runtime.impulse_onset import ONSETS, Cells, Fit, OnsetModel
@@ -32,7 +33,9 @@ from obsdesign.runtime.impulse_whitening import chi_squared_limit, noise_deviati
 
 Array = NDArray[Any]
 
-_LEAST_RATIO = 12.0  # twice the log-likelihood ratio from which an impulse counts
+# twice the log-likelihood ratio from which an impulse counts, in a window of four samples; each
+# doubling of the onsets that noise may choose from adds 2 ln 2
+_LEAST_RATIO, _FEW = 12.0, 4
 _LATEST = 0.3  # intervals before the end of a window in which no onset is looked for
 # what a steady input must leave more than impulses do: what they must be worth against nothing
 _AHEAD = _LEAST_RATIO
@@ -57,6 +60,7 @@ class SampledLive:
     before: tuple[Filtered, ...] = ()
     steady: tuple[Steady, ...] = ()
     last_event: float = -math.inf
+    last_std: float = 0.0
     doubt: tuple[float, float, str] = (math.inf, -math.inf, "")
     level: Any = 0.0
 
@@ -75,6 +79,11 @@ class SamplesEngine:
     def _slack(self) -> float:
         """Time stamps are decimal: what is closer is one time."""
         return 1e-9 * self.window
+
+    @property
+    def least_ratio(self) -> float:
+        """What an impulse must explain to count: more where there are more onsets to choose."""
+        return _LEAST_RATIO + 2 * math.log(max(self.window / self.period / _FEW, 1.0))
 
     @classmethod
     def from_gains(cls, gains: Any) -> SamplesEngine:
@@ -185,7 +194,7 @@ class SamplesEngine:
         )
         top = int(np.argmax(fit.ratio))
         oldest = first.row.t + interval - 1e-9 * self.period
-        if fit.ratio[top] > _LEAST_RATIO and fit.grid.onsets[top] < oldest:
+        if fit.ratio[top] > self.least_ratio and fit.grid.onsets[top] < oldest:
             return self._fired(live, interval, provisional)
         since = second.row.t - self.period * (1 + 1e-9)
         kept = live.before[bisect_left(live.before, since, key=lambda at: at.row.t) :]
@@ -223,6 +232,7 @@ class SamplesEngine:
         return replace(
             live, rows=(last,), cells=Cells.empty(len(last.x)), before=(),
             steady=(steady[ahead >= _AHEAD], Steady.begin(last)), last_event=event.t,
+            last_std=event.t_std or 0.0,
         ), decided  # fmt: skip
 
     def _ahead(self, live: SampledLive, cost: float) -> tuple[tuple[Steady, ...], float]:
@@ -254,8 +264,8 @@ class SamplesEngine:
         samples = sum(row.y is not None for row in rows) * len(self.model.plant.C)
         if fit.cost > chi_squared_limit(samples - 2):
             status = "does not fit one impulse in the window"
-        if t - live.last_event < self.dwell * (1 - 1e-9):
-            status = _joined(status, f"dwell time {t - live.last_event:.9g} below {self.dwell:.9g}")
+        if gap := short_dwell(t - live.last_event, self.dwell, live.last_std, t_std):
+            status = _joined(status, gap)
         if not alone:
             status = _joined(status, STEADY)
         if provisional:

@@ -10,15 +10,21 @@ from obsdesign.errors import InputError
 from obsdesign.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
 
-_WINDOW = 4  # samples, where dwell times allow them
+_WINDOW = 4  # samples, where they are few and dwell times allow them
 
 
-def sampled_candidate(problem: Problem, low: float, reason: str) -> Candidate:
-    """Gains for operator `samples`; InputError where it cannot work."""
+def sampled_candidate(
+    problem: Problem, low: float, reason: str, *, longest: float | None = None, count: int = _WINDOW
+) -> Candidate:
+    """Gains for operator `samples`; InputError where it cannot work.
+
+    longest: the period up to which operator `integral` would do, where `samples` was not asked for;
+    count: samples of a window that is left open.
+    """
     plant = problem.plant
-    _check(problem, reason)
+    _check(problem, reason, longest)
     period = problem.require("output.period")
-    window = _window(problem, low, float(period))
+    window = _window(problem, low, float(period), count)
     data: dict[str, Any] = plant_data(plant) | {
         "H": problem.require("jump.H"),
         "noise_std": plant.output.noise_std, "noise_cv": plant.output.noise_cv,
@@ -30,7 +36,7 @@ def sampled_candidate(problem: Problem, low: float, reason: str) -> Candidate:
     return Candidate(f"samples: {reason}", data)
 
 
-def _check(problem: Problem, reason: str) -> None:
+def _check(problem: Problem, reason: str, longest: float | None) -> None:
     plant = problem.plant
     if plant.output.measured != "periodic":
         raise InputError(
@@ -52,8 +58,8 @@ def _check(problem: Problem, reason: str) -> None:
         raise InputError(
             f"jump.H must have one column for operator 'samples'; it has {H.shape[1]}."
         )
-    other = " Or give gains.K: operator 'integral' is then used."
-    other = "" if reason == "asked for" else other
+    other = " Or sample faster: operator 'integral' needs an output.period of at most"
+    other = "" if longest is None else f"{other} {longest:g}."
     for i in range(plant.p):
         if plant.output.noise_std[i] == 0 and plant.output.noise_cv[i] == 0:
             raise InputError(
@@ -64,12 +70,12 @@ def _check(problem: Problem, reason: str) -> None:
         raise InputError("observer.weighting must be 'gls' for operator 'samples'; got 'plain'.")
 
 
-def _window(problem: Problem, low: float, period: float) -> float:
-    """As asked, else four samples where the dwell time allows them."""
+def _window(problem: Problem, low: float, period: float, samples: int) -> float:
+    """As asked, else so many samples where the dwell time allows them."""
     window = problem.options.get("window")
     if window is None:
         most = math.ceil(low / period * (1 - 1e-9)) - 1
-        window = period * max(min(_WINDOW, most), 1)
+        window = period * max(min(samples, most), 1)
     count = float(window) / period
     if abs(count - round(count)) > 1e-6 or round(count) < 1:
         raise InputError(

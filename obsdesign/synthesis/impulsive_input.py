@@ -23,6 +23,13 @@ from obsdesign.problem import Problem
 from obsdesign.structure import approx_unobservable_modes
 from obsdesign.synthesis.candidate import Candidate
 from obsdesign.synthesis.impulse_exponents import exponent_choices, rule_for
+from obsdesign.synthesis.impulse_operator import (
+    asks_for_samples,
+    few_samples,
+    jumping_output,
+    period_for_integrals,
+    samples_within,
+)
 from obsdesign.synthesis.impulse_samples import sampled_candidate
 from obsdesign.synthesis.placement import placed_gain
 
@@ -32,7 +39,6 @@ _WINDOW = 0.8  # of the shortest dwell time
 _MARGIN = 0.25  # of the window
 _LARGEST_GAIN = 1e3  # size of A - K C against that of A
 _MEMORY = 6.0  # time constants of the slowest mode of A - K C that a window is worth
-_FEWEST = 24  # samples of a window
 _FASTER, _APART = 1.25, 1.2  # poles of the observer against those of the plant and each other
 
 
@@ -46,16 +52,21 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
         raise InputError(text)
     _check_options(problem)
     weighting = _weighting(problem)
-    window = float(problem.options.get("window", _longest(problem, low)))
-    operator, reason = _operator(problem, window)
-    if operator == "samples":
-        yield sampled_candidate(problem, low, reason)
+    if asks_for_samples(problem):
+        yield sampled_candidate(problem, low, "asked for")
         return
+    window = float(problem.options.get("window", _longest(problem, low)))
     K = problem.gains.get("K")
     K = _gain(problem, window) if K is None else K
     D = flow_error_matrix(plant.flow.A, K, plant.output.C)
-    data = _data(problem, D, window) | {"K": K, "weighting": weighting, "operator": operator}
+    data = _data(problem, D, window) | {"K": K, "weighting": weighting, "operator": "integral"}
     window = data["window"]
+    if reason := few_samples(problem, D, window):
+        yield sampled_candidate(problem, low, reason, longest=period_for_integrals(D, window))
+        return
+    if reason := jumping_output(problem, window, weighting):
+        yield sampled_candidate(problem, low, reason, count=samples_within(problem, window))
+        return
     if "exponents" in problem.options:
         given = np.array(problem.options["exponents"], dtype=np.float64)
         yield Candidate(
@@ -83,9 +94,7 @@ def _remembered(problem: Problem, D: Matrix, window: float) -> float:
     slowest = float(-np.linalg.eigvals(D).real.max())
     if slowest <= 0:
         return window
-    least = max(4 * float(problem.options.get("margin", 0.0)),
-                _FEWEST * float(problem.plant.output.period or 0.0))  # fmt: skip
-    return min(window, max(_MEMORY / slowest, least))
+    return min(window, max(_MEMORY / slowest, 4 * float(problem.options.get("margin", 0.0))))
 
 
 def _data(problem: Problem, D: Matrix, window: float) -> dict[str, Any]:
@@ -152,32 +161,6 @@ def _check_options(problem: Problem) -> None:
                 f"observer.check_exponents takes one direction of impulses; jump.H has "
                 f"{directions}."
             )
-
-
-def _operator(problem: Problem, window: float) -> tuple[str, str]:
-    """(operator, why): samples where an integral operator would be too coarse."""
-    asked = problem.options.get("operator")
-    plant = problem.plant
-    own = [
-        name
-        for name in ("exponents", "ratio", "threshold", "check_exponents")
-        if name in problem.options
-    ]
-    own += ["gains.K"] if "K" in problem.gains else []
-    if asked is not None:
-        if asked == "samples" and own:
-            raise InputError(
-                f"observer.{own[0]} belongs to operator 'integral'; with 'samples' all samples of "
-                "the window are used as they are."
-            )
-        return str(asked), "asked for"
-    if plant.output.measured != "periodic" or own:
-        return "integral", ""
-    reason = equations.is_coarse(plant.flow.A, None, float(plant.output.period or 0.0))
-    if reason is None:
-        few = window / float(plant.output.period or 1.0)
-        reason = f"the window holds only {few:.3g} samples" if few < 12 else None
-    return ("integral", "") if reason is None else ("samples", reason)
 
 
 def _gain(problem: Problem, window: float) -> Matrix:

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from lmi.balls import ball, exp_times, number, to_float
+from lmi.patience import left as patience_left
 
 _TERMS = 24
 _BITS_PER_UNIT = 1.0  # boxes per unit of |F| length
@@ -31,14 +32,32 @@ class Box:
     rows: tuple[Polynomial, ...]
 
 
-def boxes(F: Any, z: Any, start: float, end: float, rows: list[int]) -> Iterator[Box]:
+@dataclass
+class Effort:
+    """Boxes and halvings that a proof may still take: it ends by their number, not by the clock.
+
+    So that the same file is decided alike everywhere; whoever waits (`lmi.patience`) ends it too.
+    """
+
+    left: int
+
+    def spend(self) -> None:
+        """One more; ValueError when there are none left."""
+        self.left -= 1
+        if self.left < 0 or patience_left() < 0:
+            raise ValueError("the ages take too many boxes to cover")
+
+
+def boxes(
+    F: Any, z: Any, start: float, end: float, rows: list[int], effort: Effort | None = None
+) -> Iterator[Box]:
     """Boxes that cover [start, end] for entries `rows` of e^{F s} z; F exact, z a ball column.
 
     At the precision in force. ValueError when there would be too many boxes.
     """
     size = float(abs(to_float(F)).sum(axis=1).max())
     count = max(1, math.ceil(size * (end - start) * _BITS_PER_UNIT))
-    if count > _MOST_BOXES:
+    if count > min(_MOST_BOXES, math.inf if effort is None else effort.left):
         raise ValueError(f"|F| times the length is {size * (end - start):.3g}, too much to cover")
     width = 2.0 ** math.ceil(math.log2((end - start) / count))  # exact in binary
     count = math.ceil((end - start) / width)
@@ -47,6 +66,8 @@ def boxes(F: Any, z: Any, start: float, end: float, rows: list[int]) -> Iterator
     norm = number(size * (1 + 1e-12))
     for k in range(count):
         low = start + k * width
+        if effort is not None:
+            effort.spend()
         yield Box(low, width, _taylor(F_ball, at, norm, width, rows))
         at = step * at
 
@@ -83,45 +104,52 @@ def combined(*terms: tuple[Any, Polynomial]) -> Polynomial:
     return result
 
 
-def positive(p: Polynomial) -> bool | None:
+def positive(p: Polynomial, effort: Effort | None = None) -> bool | None:
     """True: p > 0 on [0, 1], proved. False: p < 0 somewhere, proved. None: neither."""
-    return _positive(_bernstein(p), _DEPTH)
+    return _positive(_bernstein(p), _DEPTH, effort)
 
 
 def _bernstein(p: Polynomial) -> Polynomial:
+    """b_k = sum_i binom(k, i) p_i / binom(n, i), by Pascal's triangle."""
     n = len(p) - 1
-    return [
-        sum((p[i] * math.comb(k, i) / math.comb(n, i) for i in range(1, k + 1)), p[0])
-        for k in range(n + 1)
-    ]
+    b = [p[i] / math.comb(n, i) for i in range(n + 1)]
+    for row in range(1, n + 1):
+        for k in range(n, row - 1, -1):
+            b[k] = b[k] + b[k - 1]
+    return b
 
 
-def _positive(b: Polynomial, depth: int) -> bool | None:
+def _positive(b: Polynomial, depth: int, effort: Effort | None) -> bool | None:
     if b[0] < 0 or b[-1] < 0:
         return False
     if all(x > 0 for x in b):
         return True
     if depth == 0:
         return None
+    if effort is not None:
+        effort.spend()
     left, right, row = [b[0]], [b[-1]], b
     while len(row) > 1:
         row = [(x + y) / 2 for x, y in itertools.pairwise(row)]
         left.append(row[0])
         right.append(row[-1])
-    first = _positive(left, depth - 1)
+    first = _positive(left, depth - 1, effort)
     if first is not True:
         return first
-    return _positive(right[::-1], depth - 1)
+    return _positive(right[::-1], depth - 1, effort)
 
 
 def one_sign(
-    cover: Iterator[Box], function: Callable[[Box], Polynomial], sign: int
+    cover: Iterator[Box],
+    function: Callable[[Box], Polynomial],
+    sign: int,
+    effort: Effort | None = None,
 ) -> tuple[bool | None, float]:
     """(verdict of `positive` for sign x function over all boxes, start of the box that decided)."""
     place = math.nan
     for box in cover:
         place = box.start
-        found = positive([sign * c for c in function(box)])
+        found = positive([sign * c for c in function(box)], effort)
         if found is not True:
             return found, place
     return True, place

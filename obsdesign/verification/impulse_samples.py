@@ -10,14 +10,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from lmi.balls import ball, exact, exp_times, rational, to_float
+from lmi.hurwitz import exactly_schur, prove_hurwitz
 from lmi.real_spectrum import real_spectrum
 from lmi.verdict import Verdict, proved, refuted, undecided
 from obsdesign.document import Claim
+from obsdesign.equations import impulsive_input as equations
+from obsdesign.equations.estimation_error import flow_error_matrix
 from obsdesign.verification.impulse_rank import rank_verdict
 
 _FEWEST_CELLS = 3  # of a window: two samples after an onset that is most of the window old
@@ -30,16 +34,7 @@ def sampled_claims(A: Any, C: Any, H: Any, gains: Mapping[str, Any]) -> tuple[Cl
     h, window = float(gains["period"]), float(gains["window"])
     count = round(window / h)
 
-    def rows() -> list[list[Any]]:
-        step = exp_times(A, h)
-        at, found = ball(C), []
-        for _ in range(count):
-            at = at * step
-            found += at.tolist()
-        return found
-
-    sizes = np.tile(np.linalg.norm(to_float(C), axis=1), count)
-    rank = rank_verdict(rows, sizes, len(A), "the samples of a window")
+    rank = _rank(A, C, h, count, first=1)
     onset = _uniqueness(A, H, h)
     return (
         Claim(
@@ -61,20 +56,23 @@ def sampled_claims(A: Any, C: Any, H: Any, gains: Mapping[str, Any]) -> tuple[Cl
 
 
 def window_samples(
-    A: Any, C: Any, directions: int, period: float, window: float, shortest: float
+    A: Any, C: Any, directions: int, gains: Mapping[str, Any], shortest: float
 ) -> Claim:
     """Operator `integral`: a window holds samples enough for a state, an onset and its weights.
 
     And two periods fit between the window and the shortest dwell time: the last sample of a window
     comes up to a period after its end, t_o is a sample too, and an impulse after that must still
-    be before its peak when the next search begins.
+    be before its peak when the next search begins. Modes of A - K C and exponents are slow enough
+    for the period (`equations.impulsive_input.longest_period`), exactly.
     """
     n, p = len(A), len(C)
+    period, window = float(gains["period"]), float(gains["window"])
+    D = flow_error_matrix(A, exact(gains["K"]), C)
     cells = math.floor(window / period * (1 + 1e-9))
     unknown = n + 1 + directions
     statement = f"the samples of a window show the state, and time and weight of an impulse: {n}"
     statement += f" + {1 + directions} unknown numbers, two samples after the onset, and no sample "
-    statement += "of another impulse"
+    statement += "of another impulse; they are close enough for A - K C and the exponents"
     if cells < 2:
         reason = (
             f"output.period = {period!r} leaves {cells + 1} sample{'s' * (cells > 0)} in a window "
@@ -97,28 +95,82 @@ def window_samples(
             samples=cells + 1,
         )
     else:
-        verdict = _rank(A, C, period, cells)
+        fast = _too_fast(D, gains)
+        verdict = _rank(A, C, period, cells) if fast is None else fast
+    verdict = replace(verdict, evidence={**verdict.evidence, **_speeds(D, gains)})
     return Claim("samples", statement, SOURCE, verdict.outcome, verdict.evidence)
 
 
-def _rank(A: Any, C: Any, period: float, cells: int) -> Verdict:
-    """Of many samples some, evenly spaced, are enough: more do not lower a rank."""
+def _speeds(D: Any, gains: Mapping[str, Any]) -> dict[str, float]:
+    """The fastest mode of A - K C and the largest exponent, times the period; floats."""
+    period, modes = float(gains["period"]), np.linalg.eigvals(to_float(D))
+    exponents = np.asarray(gains["exponents"], float)
+    return {
+        "approx_mode_times_period": float(np.abs(modes).max()) * period,
+        "approx_exponent_times_period": float(np.abs(exponents).max()) * period,
+    }
+
+
+def _too_fast(D: Any, gains: Mapping[str, Any]) -> Verdict | None:
+    """Undecided where integrals of samples cannot follow, with a period that would do; or None."""
+    period, window = float(gains["period"]), float(gains["window"])
+    # every mode decays by more than LONG time constants within the window
+    faster = D + exact(np.eye(len(D))) * (rational(equations.LONG) / rational(window))
+    long = prove_hurwitz(faster).outcome == "proved"
+    limit = equations.fastest_limit(long)
+    speeds, reasons = _speeds(D, gains), []
+    if not exactly_schur(D * (rational(period) / rational(limit))):
+        which = f" in a window of more than {equations.LONG:g} time constants" if long else ""
+        reasons.append(
+            f"the fastest mode of A - K C times the period is "
+            f"{speeds['approx_mode_times_period']:.3g}, not below {limit:g}{which}"
+        )
+    steepest = speeds["approx_exponent_times_period"]
+    if steepest > equations.STEEPEST:
+        reasons.append(
+            f"the largest exponent times the period is {steepest:.3g}, above {equations.STEEPEST:g}"
+        )
+    if not reasons:
+        return None
+    exponents = np.asarray(gains["exponents"], float)
+    enough = equations.rounded_down(equations.longest_period(to_float(D), exponents, window))
+    return undecided(
+        f"{'; '.join(reasons)}: integrals of samples may miss impulses. An output.period of at "
+        f"most {enough:g} would do, or operator 'samples' (with output.noise_std)",
+        period=enough,
+    )
+
+
+def _rank(A: Any, C: Any, period: float, cells: int, first: int = 0) -> Verdict:
+    """Of many samples some, evenly spaced, are enough: more do not lower a rank.
+
+    Samples `first` .. `cells` of a window; where some do not do, nothing follows for all.
+    """
     count = min(cells, _MOST_ROWS)
-    rows = _sampled_rows(A, C, period * (cells // count), count)
-    sizes = np.tile(np.linalg.norm(to_float(C), axis=1), count + 1)
-    return rank_verdict(rows, sizes, len(A), "the samples of a window")
+    rows = _sampled_rows(A, C, period * (cells // count), first, count)
+    sizes = np.tile(np.linalg.norm(to_float(C), axis=1), count + 1 - first)
+    found = rank_verdict(rows, sizes, len(A), "the samples of a window")
+    if found.outcome == "refuted" and count < cells:
+        return undecided(
+            f"{count} of the {cells} samples of a window do not determine the state: change the "
+            "window or the period"
+        )
+    return found
 
 
-def _sampled_rows(A: Any, C: Any, step: float, count: int) -> Callable[[], list[list[Any]]]:
-    """Function of no arguments: rows C e^{A k step}, k = 0 .. count, as balls."""
+def _sampled_rows(
+    A: Any, C: Any, step: float, first: int, count: int
+) -> Callable[[], list[list[Any]]]:
+    """Function of no arguments: rows C e^{A k step}, k = first .. count, as balls."""
 
     def rows() -> list[list[Any]]:
         forward = exp_times(A, step)
         at = ball(C)
-        found: list[list[Any]] = at.tolist()
-        for _ in range(count):
+        found: list[list[Any]] = []
+        for k in range(count + 1):
+            if k >= first:
+                found += at.tolist()
             at = at * forward
-            found += at.tolist()
         return found
 
     return rows

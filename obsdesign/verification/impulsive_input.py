@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from lmi.balls import exact, fixed_vector, to_float
+from lmi.balls import exact, to_float
 from obsdesign.document import Claim
 from obsdesign.equations import impulse_rule
 from obsdesign.equations import impulsive_input as equations
@@ -23,6 +23,7 @@ from obsdesign.verification import impulse_window as window_claims
 from obsdesign.verification.consistency import consistency
 from obsdesign.verification.impulse_rank import full_rank
 from obsdesign.verification.impulse_samples import sampled_claims, window_samples
+from obsdesign.verification.impulse_words import guarantees as guarantees
 from obsdesign.verification.uniqueness import SOURCE, decide_uniqueness
 
 PAPER = "Mattsson, Medvedev, ECC 2013"
@@ -46,7 +47,7 @@ def claims(
     if gains["operator"] == "samples":
         return (*found, *sampled_claims(A, C, H, gains))
     if "period" in gains:
-        found.append(window_samples(A, C, H.shape[1], float(gains["period"]), window, low))
+        found.append(window_samples(A, C, H.shape[1], gains, low))
     return (*found, *_integral_claims(problem, gains, A, C, H))
 
 
@@ -65,7 +66,8 @@ def _integral_claims(
     if "ratio" in problem.options:
         asked = float(problem.options["ratio"])
         found.append(window_claims.ratio(D, C, H, exponents, window, margin, asked))
-    verdict = decide_uniqueness(D, C, H, exponents, window, margin)
+    nonnegative = bool(gains["nonnegative"])
+    verdict = decide_uniqueness(D, C, H, exponents, window, margin, nonnegative)
     try:
         expected = expectations(to_float(D), gains)
     except ValueError:  # numbers beyond what floats can follow: nothing to expect
@@ -74,7 +76,8 @@ def _integral_claims(
         Claim(
             "uniqueness",
             f"without noise and error of the state, the features of a window determine time and "
-            f"weight of an impulse whose age lies in [{margin!r}, {window!r}]",
+            f"{'nonnegative ' if nonnegative else ''}weight of an impulse whose age lies in "
+            f"[{margin!r}, {window!r}]",
             SOURCE,
             verdict.outcome,
             {**verdict.evidence, "approx_expected": expected},
@@ -170,70 +173,3 @@ def _expected(problem: Problem, gains: Mapping[str, Any]) -> dict[str, Any]:
         if name in options:
             expected[name] = options[name]
     return expected
-
-
-def guarantees(problem: Problem, found: tuple[Claim, ...]) -> tuple[dict[str, Any], ...]:
-    """The sentences a user may rely on, and those that were asked for and not proved."""
-    verdicts = {claim.id: claim.verdict for claim in found}
-    needed = list(verdicts)
-    plant = problem.plant
-    without = ["disturbance"] + (["unknown input d"] if plant.flow.D is not None else [])
-    low = "" if plant.jump is None else f"{problem.require_dwell_time()[0]!r}"
-    between = _between_samples(plant)
-    told = [
-        (
-            _promise(problem, low, " and ".join(without), between),
-            all(verdicts[name] == "proved" for name in needed),
-            needed,
-        ),
-        (
-            "Two impulses within one window are not told apart where one impulse explains the "
-            "record as well; the test of fit flags them only where noise does not hide them.",
-            False,
-            [],
-        ),
-        ("That every impulse is found in noise is not claimed: small ones are missed.", False, []),
-    ]
-    return tuple({"statement": text, "given": given, "claims": ids} for text, given, ids in told)
-
-
-def _promise(problem: Problem, low: str, without: str, between: str) -> str:
-    """What holds without noise, for the weighting, rule and weights that the problem asks for."""
-    options, output = problem.options, problem.plant.output
-    positive = bool(options.get("nonnegative"))
-    noisy = bool(((output.noise_std > 0) | (output.noise_cv > 0)).all())
-    if options.get("weighting", "gls" if noisy else "plain") == "gls":
-        said = "Negative weights are not looked for. " if positive else ""
-        return (
-            f"Without noise and {without}, and up to what is left of the initial error, the record "
-            f"of a window that holds one impulse determines its time and weight{between}. "
-            f"{said}What is reported is an estimate that allows for the stated noise, with its "
-            "deviation: without noise too it is not exact, and an impulse that noise could explain "
-            "is not reported."
-        )
-    sign = " of nonnegative weight" if positive else ""
-    threshold = ""
-    if "threshold" in options:
-        threshold = (
-            f", each with features that first exceed the threshold "
-            f"{float(options['threshold'])!r} at an age within the margin and the window (smaller "
-            "ones are missed, larger ones evaluated too early: the evidence of `uniqueness` tells "
-            "the weights)"
-        )
-    return (
-        f"Without noise and {without}, impulses{sign} all at least {low} apart, each with "
-        f"an output no smaller than 1e-5 of the largest before it{threshold}, are found at their "
-        "times and with their weights, up to what is left of the initial error, which decays, "
-        f"where windows hold them alone{between}."
-    )
-
-
-def _between_samples(plant: Any) -> str:
-    """What samples cannot tell: the onset between two of them, where e^{A v} H g stays in H."""
-    if plant.output.measured != "periodic":
-        return ""
-    H, A = exact(plant.jump.H), exact(plant.flow.A)
-    if fixed_vector([np.hstack([H, A @ H])]) is None:
-        return ""
-    some = " for weights g with flow.A jump.H g in the span of jump.H" if H.shape[1] > 1 else ""
-    return f"; samples show only between which two of them it came{some}"

@@ -24,13 +24,18 @@ _APART = 1e-3  # of the window: ages closer than this are one
 _RADII = (1e-8, 1e-10, 1e-6)  # of the window: boxes of ages that are tried
 
 
-def second_solution(F: Any, z: Any, n: int, b: Any, window: float, margin: float) -> Verdict | None:
-    """Refuted, or None. F, z: exact, [v; b](s) = e^{F s} z, v (n,); b (k, r): on a grid, floats."""
+def second_solution(
+    F: Any, z: Any, n: int, b: Any, window: float, margin: float, nonnegative: bool = False
+) -> Verdict | None:
+    """Refuted, or None. F, z: exact, [v; b](s) = e^{F s} z, v (n,); b (k, r): on a grid, floats.
+
+    nonnegative: weights of opposite sign are no second answer.
+    """
     if b.shape[1] == 2:
-        return _crossing_anywhere(F, z, n, b, window, margin)
+        return _crossing_anywhere(F, z, n, b, window, margin, nonnegative)
     if b.shape[1] == 3:
         for ages in _meetings(F, z, n, b, window, margin):
-            found = _certain_meeting(F, z, n, ages, (margin, window))
+            found = _certain_meeting(F, z, n, ages, (margin, window), nonnegative)
             if found is not None:
                 return found
     return None
@@ -40,7 +45,7 @@ def second_solution(F: Any, z: Any, n: int, b: Any, window: float, margin: float
 
 
 def _crossing_anywhere(
-    F: Any, z: Any, n: int, b: Any, window: float, margin: float
+    F: Any, z: Any, n: int, b: Any, window: float, margin: float, nonnegative: bool
 ) -> Verdict | None:
     """Two features: ages s1 < s2 with b(s1), b(s2) parallel, between two certain signs."""
     ages = np.linspace(margin, window, len(b))
@@ -48,14 +53,19 @@ def _crossing_anywhere(
         cross = b[k, 0] * b[:, 1] - b[k, 1] * b[:, 0]
         far = np.arange(k + 4, len(b) - 1)
         changes = far[cross[far] * cross[far + 1] < 0]
+        if nonnegative:
+            changes = changes[b[changes] @ b[k] > 0]
         for j in changes[:1]:
-            found = _crossing(F, z, n, float(ages[k]), float(ages[j]), float(ages[j + 1]))
+            brackets = float(ages[k]), float(ages[j]), float(ages[j + 1])
+            found = _crossing(F, z, n, *brackets, nonnegative)
             if found is not None:
                 return found
     return None
 
 
-def _crossing(F: Any, z: Any, n: int, s1: float, low: float, high: float) -> Verdict | None:
+def _crossing(
+    F: Any, z: Any, n: int, s1: float, low: float, high: float, nonnegative: bool
+) -> Verdict | None:
     first = signs.value(F, z, s1)[n:]
 
     def cross(s: float) -> Any:
@@ -79,6 +89,8 @@ def _crossing(F: Any, z: Any, n: int, s1: float, low: float, high: float) -> Ver
     index = 0 if abs(float(there[0].mid())) > abs(float(there[1].mid())) else 1
     slope = number(high - low)
     if not (there[index] > slope or there[index] < -slope):
+        return None
+    if nonnegative and not first[index] / there[index] > 0:
         return None
     weight = float((first[index] / there[index]).mid())
     reason = (
@@ -153,8 +165,9 @@ def _largest(values: Any) -> int:
 
 
 def _certain_meeting(
-    F: Any, z: Any, n: int, ages: tuple[float, float], limits: tuple[float, float]
-) -> Verdict | None:
+    F: Any, z: Any, n: int, ages: tuple[float, float], limits: tuple[float, float],
+    nonnegative: bool,
+) -> Verdict | None:  # fmt: skip
     """Krawczyk: m - Y f(m) + (1 - Y f'(X)) (X - m) lies inside X, so that X holds a zero."""
     rates = ball(F)
     there = []
@@ -176,7 +189,7 @@ def _certain_meeting(
             continue
         spread = _minors(*boxes)[1]
         if all(_stays(back[i], values, spread, i, radius) for i in range(2)):
-            return _witness(boxes, ages, radius)
+            return _witness(boxes, ages, radius, nonnegative)
     return None
 
 
@@ -191,10 +204,14 @@ def _stays(row: Any, values: Any, slopes: Any, i: int, radius: float) -> bool:
     return bool(abs(moved) < r)
 
 
-def _witness(boxes: Any, ages: tuple[float, float], radius: float) -> Verdict | None:
+def _witness(
+    boxes: Any, ages: tuple[float, float], radius: float, nonnegative: bool
+) -> Verdict | None:
     b1, b2 = boxes[0][0], boxes[1][0]
     k = _largest(b1)
     if not (b1[k] > 0 or b1[k] < 0) or not (b2[k] > 0 or b2[k] < 0):
+        return None
+    if nonnegative and not b1[k] / b2[k] > 0:
         return None
     weight = float((b1[k] / b2[k]).mid())
     reason = (

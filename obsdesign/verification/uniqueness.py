@@ -8,7 +8,8 @@ The paper calls uniqueness likely; it is false in general. What decides here, fo
    no more zeros than q has sign changes, at most 2 n - 1, or n where h has no zero. So m >= 2 n
    suffices, m >= n + 1 if h has no zero, and m >= 2 if C_j (s I - D)^-1 H has no zero at all: then
    h is a Polya frequency function and b_i / b_j is strictly monotone.
-2. Any spectrum: the plane curve (b_i, b_j) turns one way, by less than pi. Proved in balls.
+2. Any spectrum: the plane curve (b_i, b_j) turns one way, by less than pi. Proved in balls. Among
+   nonnegative weights less than 2 pi is enough: opposite directions are no longer one answer.
 3. A second solution, where two or three features are all there is: `second_solution`.
 """
 
@@ -37,6 +38,7 @@ SOURCE = "Mattsson, Medvedev, ECC 2013, (17); Descartes' rule for Laplace transf
 _BITS = 160
 _PAIRS = 4  # pairs of features that are tried
 _GRID = 200
+_EFFORT = 6000  # boxes and halvings, a few seconds
 
 
 def markov_parameters(D: Any, c: Any, H: Any) -> list[Any]:
@@ -49,9 +51,13 @@ def markov_parameters(D: Any, c: Any, H: Any) -> list[Any]:
 
 
 def decide_uniqueness(
-    D: Any, C: Any, H: Any, exponents: Any, window: float, margin: float
-) -> Verdict:
-    """Verdict on (17) for ages in [margin, window]; D, C, H exact, exponents floats."""
+    D: Any, C: Any, H: Any, exponents: Any, window: float, margin: float,
+    nonnegative: bool = False,
+) -> Verdict:  # fmt: skip
+    """Verdict on (17) for ages in [margin, window]; D, C, H exact, exponents floats.
+
+    nonnegative: among weights that are not negative, of one direction.
+    """
     n, m, q = len(D), len(exponents), H.shape[1]
     idle = fixed_vector([H])
     if idle is not None:
@@ -70,7 +76,7 @@ def decide_uniqueness(
     if m * len(C) == 1:
         return _one_feature(D, C, H, exponents, window, margin)
     try:
-        return _by_turning(D, C, H, exponents, window, margin)
+        return _by_turning(D, C, H, exponents, window, margin, nonnegative)
     except ValueError as error:
         return undecided(str(error))
 
@@ -122,10 +128,11 @@ def _one_feature(D: Any, C: Any, H: Any, exponents: Any, window: float, margin: 
     """A single feature: any two ages at which it does not vanish explain it equally well."""
     F = filtered_system(D, C, exact(exponents))
     z = np.vstack([H, exact([[0.0]])])
-    ages = (window, (window + margin) / 2)
-    with precision(_BITS):
-        first, second = (signs.value(F, z, age)[-1] for age in ages)
-        if first != 0 and second != 0:
+    for part in range(1, 12):  # close to the window the signs are the same: weights may not differ
+        ages = (window, window - (window - margin) * 0.5**part)
+        with precision(_BITS):
+            first, second = (signs.value(F, z, age)[-1] for age in ages)
+        if (first > 0 and second > 0) or (first < 0 and second < 0):
             other = float(first / second)
             reason = (
                 f"one feature cannot tell two unknowns: age {ages[0]!r}, weight 1 and age "
@@ -135,7 +142,9 @@ def _one_feature(D: Any, C: Any, H: Any, exponents: Any, window: float, margin: 
     return undecided("a single feature, and its sign is not certain")
 
 
-def _by_turning(D: Any, C: Any, H: Any, exponents: Any, window: float, margin: float) -> Verdict:
+def _by_turning(
+    D: Any, C: Any, H: Any, exponents: Any, window: float, margin: float, nonnegative: bool
+) -> Verdict:
     n, rows = len(D), len(exponents) * len(C)
     F = filtered_system(D, C, exact(exponents))
     z = np.vstack([H, exact(np.zeros((rows, 1)))])
@@ -145,21 +154,35 @@ def _by_turning(D: Any, C: Any, H: Any, exponents: Any, window: float, margin: f
     b = (grid[:, n:, :n] @ to_float(H))[:, :, 0]
     pairs = list(itertools.combinations(range(rows), 2))
     pairs.sort(key=lambda pair: -_least_turn(b, *pair))
-    place = margin
+    place, stopped, effort = margin, "", signs.Effort(_EFFORT)
     with precision(_BITS):
         for i, j in pairs[:_PAIRS]:
-            turns, place = _turns_one_way(F, z, n, i, j, window, margin)
+            back = _opposite(b, i, j, margin, step) if nonnegative else None
+            try:
+                turns, place = _turns_one_way(F, z, n, (i, j), (margin, window), back, effort)
+            except ValueError as error:
+                stopped = f"{error}; "
+                break
             if turns:
-                return proved(method="a pair of features turns one way, by less than pi",
+                angle = "pi" if back is None else "2 pi, for nonnegative weights"
+                return proved(method=f"a pair of features turns one way, by less than {angle}",
                               features=[i + 1, j + 1])  # fmt: skip
-        found = second_solution(F, z, n, b, window, margin)
+        found = second_solution(F, z, n, b, window, margin, nonnegative)
         if found is not None:
             return found
     return undecided(
-        f"no pair of features was seen to turn one way for all ages; the last one tried fails near "
-        f"age {place:.6g}. With a real spectrum of A - K C, {2 * n} exponents decide",
+        f"{stopped}no pair of features was seen to turn one way for all ages; the last one tried "
+        f"fails near age {place:.6g}. With a real spectrum of A - K C, {2 * n} exponents decide",
         age=place,
     )
+
+
+def _opposite(b: Any, i: int, j: int, margin: float, step: float) -> float | None:
+    """Age at which (b_i, b_j) is opposite to what it is at the margin, or None; floats."""
+    cross = b[0, i] * b[:, j] - b[0, j] * b[:, i]
+    along = b[0, i] * b[:, i] + b[0, j] * b[:, j]
+    back = np.flatnonzero((cross[1:-1] * cross[2:] < 0) & (along[1:-1] < 0))
+    return None if len(back) == 0 else margin + step * (float(back[0]) + 1.5)
 
 
 def _least_turn(b: Any, i: int, j: int) -> float:
@@ -172,16 +195,23 @@ def _least_turn(b: Any, i: int, j: int) -> float:
 
 
 def _turns_one_way(
-    F: Any, z: Any, n: int, i: int, j: int, window: float, margin: float
-) -> tuple[bool, float]:
-    """b_i b_j' - b_j b_i' has one sign, and the curve never comes back to its first direction."""
-    rows = [n + i, n + j]
+    F: Any, z: Any, n: int, pair: tuple[int, int], ages: tuple[float, float], back: float | None,
+    effort: signs.Effort,
+) -> tuple[bool, float]:  # fmt: skip
+    """b_i b_j' - b_j b_i' has one sign, and the curve never comes back to its first direction.
+
+    back: None, or an age at which it is about opposite to it. Then it must be beside the first
+    direction before, behind it around that age, and on the other side of it afterwards: so it
+    turns by less than 2 pi.
+    """
+    margin, window = ages
+    rows = [n + pair[0], n + pair[1]]
     first = signs.value(F, z, margin)
     start = [first[row] for row in rows]
 
     def with_rates(s: float, end: float) -> Any:
         whole, state = _with_derivatives(F, z, rows)
-        return signs.boxes(whole, ball(state), s, end, list(range(4)))
+        return signs.boxes(whole, ball(state), s, end, list(range(4)), effort)
 
     def turn(box: signs.Box) -> Any:
         p, q, dp, dq = box.rows
@@ -190,23 +220,39 @@ def _turns_one_way(
     def against_start(box: signs.Box) -> Any:
         return signs.combined((start[0], box.rows[1]), (-start[1], box.rows[0]))
 
+    def behind(box: signs.Box) -> Any:
+        return signs.combined((-start[0], box.rows[0]), (-start[1], box.rows[1]))
+
     def leaving(box: signs.Box) -> Any:
         return signs.combined((start[0], box.rows[3]), (-start[1], box.rows[2]))
 
     sign = 1
     place = margin
     for sign in (1, -1):
-        found, place = signs.one_sign(with_rates(margin, window), turn, sign)
+        found, place = signs.one_sign(with_rates(margin, window), turn, sign, effort)
         if found is True:
             break
     else:
         return False, place
     near = margin + (window - margin) / 64
-    leaves, place = signs.one_sign(with_rates(margin, near), leaving, sign)
+    leaves, place = signs.one_sign(with_rates(margin, near), leaving, sign, effort)
     if leaves is not True:
         return False, place
-    away, place = signs.one_sign(with_rates(near, window), against_start, sign)
-    return away is True, place
+    parts = [(near, window, against_start, sign)]
+    if back is not None:
+        room = min(back - near, window - back) / 2
+        if room <= 0:
+            return False, place
+        parts = [
+            (near, back - room / 2, against_start, sign),
+            (back - room, back + room, behind, 1),
+            (back + room / 2, window, against_start, -sign),
+        ]
+    for low, high, side, wanted in parts:
+        away, place = signs.one_sign(with_rates(low, high), side, wanted, effort)
+        if away is not True:
+            return False, place
+    return True, place
 
 
 def _with_derivatives(F: Any, z: Any, rows: list[int]) -> tuple[Any, Any]:

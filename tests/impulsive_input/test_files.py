@@ -107,6 +107,49 @@ def test_simulate_makes_records_that_the_observer_reads(
         assert spread == ""
 
 
+ONE = """
+[flow]
+A = {A}
+[jump]
+H = {H}
+dwell_time = [6, inf]
+[output]
+C = {C}
+measured = "periodic"
+period = 0.05
+{noise}
+[observer]
+kind = "impulsive_input"
+"""
+
+
+@pytest.mark.parametrize(
+    ("A", "H", "C", "noise"),
+    [("[[-0.5]]", "[[1]]", "[[1]]", ""),
+     ("[[0, 1], [-2, -0.4]]", "[[1], [0]]", "[[1, 0]]", "noise_std = [0.01]")],
+)  # fmt: skip
+def test_every_event_file_can_be_drawn(A: str, H: str, C: str, noise: str, tmp_path: Path) -> None:
+    names = ("one.toml", "one.json", "data.csv", "est.csv", "events.csv", "picture.svg")
+    problem, design, data, estimate, events, picture = (tmp_path / name for name in names)
+    problem.write_text(ONE.format(A=A, H=H, C=C, noise=noise), "utf-8")
+    for words in (
+        ("design", problem, "-o", design),
+        ("simulate", design, "--until", 45, "-o", data, "--seed", 1),
+        ("run", design, data, "-o", estimate, "--events", events),
+        ("plot", estimate, data, "--events", events, "-o", picture),
+    ):
+        done = command(*words)
+        assert done.returncode == 0, (words, done.stderr)
+    rows = list(csv.DictReader(events.read_text("utf-8").splitlines()))
+    assert len(rows) >= 2
+    assert all(float(row["t"]) > 0 and float(row["weight"]) != 0 for row in rows)
+    # the twin: a time that is no number is refused, so that the picture proves something
+    events.write_text(events.read_text("utf-8").replace(rows[0]["t"], f"time({rows[0]['t']})"))
+    refused = command("plot", estimate, data, "--events", events, "-o", picture)
+    assert refused.returncode == 2
+    assert "must hold numbers" in refused.stderr
+
+
 def test_check_says_why_the_kind_does_not_fit(tmp_path: Path) -> None:
     from obsdesign.check import check_kind
 

@@ -11,9 +11,13 @@ import numpy as np
 import pytest
 
 import obsdesign
+from lmi.balls import exact
 from lmi.exponential import expm
 from obsdesign.runtime import from_design
 from obsdesign.runtime.base import rows_of
+from obsdesign.synthesis import impulsive_input as synthesis
+from obsdesign.verification import impulsive_input as verification
+from obsdesign.verification.impulse_samples import sampled_claims
 from tests.impulsive_input.cases import events_of, record
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -106,7 +110,9 @@ def test_the_operator_is_chosen_by_the_sampling(body: dict[str, Any]) -> None:
     for name in ("operator", "window"):
         del open_body["observer"][name]
     outcome = obsdesign.investigate(obsdesign.Problem.from_dict(open_body))
-    assert outcome.result["form"].startswith("samples: the fastest mode times the period is 2")
+    assert outcome.result["form"].startswith(
+        "samples: the fastest mode of A - K C times the period is 2.5"
+    )
     assert outcome.design.gains["window"] == 40.0
     open_body["output"]["period"] = 0.1
     outcome = obsdesign.investigate(obsdesign.Problem.from_dict(open_body))
@@ -152,3 +158,19 @@ def test_an_output_of_zero_with_proportional_noise_is_not_exact(body: dict[str, 
     x = record(still["flow"]["A"], still["jump"]["H"], [(104.0, 2.0)], t, [0.0, 0.0])
     (event,) = observer.run_batch(t, x[:, 1:]).events
     assert event.t == pytest.approx(104, abs=4)
+
+
+def test_a_window_of_very_many_samples_is_looked_at_in_some(body: dict[str, Any]) -> None:
+    fine = copy.deepcopy(body)
+    fine["output"]["period"] = 1e-5
+    fine["observer"]["window"] = 40.0
+    problem = obsdesign.Problem.from_dict(fine)
+    gains = {**next(synthesis.synthesize(problem)).gains}
+    verdicts = {c.id: c.verdict for c in verification.claims(problem, gains, {})}
+    assert set(verdicts.values()) == {"proved"}
+    # the twin: what a few samples cannot show at all is not called impossible for all of them
+    A, C = np.array([[0.0, np.pi], [-np.pi, 0.0]]), np.array([[1.0, 1.0]])
+    H = np.array([[1.0], [2.0]])
+    for window, words in ((64.0, "refuted"), (128.0, "undecided")):
+        every = sampled_claims(exact(A), exact(C), exact(H), {"period": 1.0, "window": window})
+        assert next(c for c in every if c.id == "rank").verdict == words

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import itertools
+import time
 from typing import Any
 
 import numpy as np
 import pytest
 
-from lmi.balls import exact
+from lmi.balls import ball, exact, precision
 from lmi.exponential import expm
 from obsdesign.equations.impulsive_input import filtered_system
+from obsdesign.verification import exponential_sign as signs
 from obsdesign.verification.uniqueness import decide_uniqueness
 
 TWO_MODES = (np.diag([-0.5, -1.0]), np.array([[1.0, 1.0]]), np.array([[2.0], [-3.0]]))
@@ -20,8 +23,12 @@ def features(D: Any, C: Any, H: Any, exponents: Any, age: float) -> Any:
     return expm(filtered_system(D, C, np.asarray(exponents)) * age)[n:, :n] @ H[:, 0]
 
 
-def decided(D: Any, C: Any, H: Any, exponents: Any, window: float, margin: float) -> Any:
-    return decide_uniqueness(exact(D), exact(C), exact(H), list(exponents), window, margin)
+def decided(
+    D: Any, C: Any, H: Any, exponents: Any, window: float, margin: float, nonnegative: bool = False
+) -> Any:
+    return decide_uniqueness(
+        exact(D), exact(C), exact(H), list(exponents), window, margin, nonnegative
+    )
 
 
 def middle(age: Any) -> float:
@@ -71,3 +78,107 @@ def test_a_plant_without_zeros_has_none() -> None:
     D = np.array([[-0.5, 0.0], [1.0, -1.0]])
     found = decided(D, np.array([[0.0, 1.0]]), np.array([[1.0], [0.0]]), [-2, -3, -4], 5.0, 0.1)
     assert found.outcome == "proved"
+
+
+# --- nonnegative weights --------------------------------------------------------------------------
+
+
+def turned(
+    D: Any, C: Any, H: Any, exponents: Any, window: float, margin: float
+) -> tuple[Any, bool]:
+    """(angle by which two features turn, is it always one way?), on a grid."""
+    b = np.array([features(D, C, H, exponents, age) for age in np.linspace(margin, window, 301)])
+    angle = np.unwrap(np.arctan2(b[:, 1] / np.abs(b[:, 1]).max(), b[:, 0] / np.abs(b[:, 0]).max()))
+    steps = np.diff(angle)
+    return abs(angle[-1] - angle[0]), bool((steps > 0).all() or (steps < 0).all())
+
+
+def turning_plants(count: int) -> Any:
+    for seed in range(count):
+        rng = np.random.default_rng(seed)
+        speed = rng.uniform(0.5, 3)
+        D = np.array([[-0.2, speed], [-speed, -0.2]])
+        H, C = rng.standard_normal((2, 1)), rng.standard_normal((1, 2))
+        window = float(rng.uniform(1, 6))
+        yield D, C, H, np.sort(-rng.uniform(0.1, 4, 2))[::-1], window, 0.2 * window
+
+
+def test_of_nonnegative_weights_less_than_a_whole_turn_is_unique() -> None:
+    proved = refuted = 0
+    for plant in turning_plants(14):
+        angle, one_way = turned(*plant)
+        signed, positive = decided(*plant), decided(*plant, nonnegative=True)
+        if signed.outcome == "proved":  # fewer weights never have more answers
+            assert positive.outcome == "proved"
+        if positive.outcome == "proved":
+            assert one_way
+            assert angle < 2 * np.pi
+            proved += signed.outcome == "refuted"
+        if positive.outcome == "refuted":
+            witness = positive.evidence["witness"]
+            first, second = map(middle, witness["ages"])
+            g1, g2 = witness["weights"]
+            assert g1 > 0
+            assert g2 > 0
+            b1, b2 = (features(*plant[:4], age) for age in (first, second))
+            np.testing.assert_allclose(g1 * b1, g2 * b2, atol=1e-6 * np.abs(b1).max())
+            refuted += 1
+        if one_way and np.pi * 1.05 < angle < 1.9 * np.pi:
+            assert (signed.outcome, positive.outcome) == ("refuted", "proved")
+    assert proved
+    assert refuted
+
+
+def test_three_features_and_one_feature_of_nonnegative_weights() -> None:
+    D, C, H = TWO_MODES
+    exponents = [-2.0, -3.0, -4.0]
+    weights = decided(D, C, H, exponents, 5.0, 0.1).evidence["witness"]["weights"]
+    assert min(weights) < 0  # the sign of h changes: so does that of the second answer
+    assert decided(D, C, H, exponents, 5.0, 0.1, nonnegative=True).outcome != "refuted"
+    one = decided(D, C, H, [-2.0], 5.0, 0.1, nonnegative=True).evidence["witness"]
+    assert min(one["weights"]) > 0
+    b = [features(D, C, H, [-2.0], age)[0] for age in one["ages"]]
+    assert b[0] * one["weights"][0] == pytest.approx(b[1] * one["weights"][1])
+
+
+# --- how long it may take -------------------------------------------------------------------------
+
+
+def test_a_stiff_plant_with_many_features_is_undecided_soon() -> None:
+    rng = np.random.default_rng(1)
+    D = np.diag([-0.2, -0.2, -0.5, -1.0])
+    D[:2, :2] = [[-0.2, 3.0], [-3.0, -0.2]]
+    T = np.diag([3e3, 1.0, 0.02, 1.0]) @ rng.standard_normal((4, 4))
+    D, C, H = T @ D @ np.linalg.inv(T), rng.standard_normal((1, 4)), T @ rng.standard_normal((4, 1))
+    start = time.process_time()
+    found = decided(D, C, H, [-0.7, -1.5, -2.0, -2.7], 5.0, 0.2)
+    assert found.outcome == "undecided"
+    assert "too much to cover" in found.evidence["reason"]
+    assert time.process_time() - start < 20  # a few seconds; minutes without its budget
+
+
+def test_an_effort_ends_a_proof_and_nothing_else() -> None:
+    F, z = exact(np.array([[0.0, 1.0], [-1.0, 0.0]])), exact(np.array([[1.0], [0.0]]))
+    with precision(160):
+        for end, sign in ((1.0, True), (1.7, False)):  # cos has its zero between
+            enough, little = signs.Effort(100), signs.Effort(1)
+            cover = signs.boxes(F, ball(z), 0.0, end, [0], enough)
+            assert signs.one_sign(cover, lambda box: box.rows[0], 1, enough)[0] in (
+                (True,) if sign else (False, None)
+            )
+            assert enough.left < 100
+            with pytest.raises(ValueError, match="too much to cover"):
+                next(iter(signs.boxes(F, ball(z), 0.0, 2 * end, [0], little)))
+
+
+def test_bernstein_coefficients_are_those_of_the_polynomial() -> None:
+    rng = np.random.default_rng(0)
+    p = rng.standard_normal(9).tolist()
+    b = signs._bernstein(p)
+    assert b[0] == p[0]
+    assert b[-1] == pytest.approx(sum(p))
+    for s in (0.2, 0.7):
+        while len(c := b) > 1:
+            b = [(1 - s) * x + s * y for x, y in itertools.pairwise(c)]
+        assert b[0] == pytest.approx(np.polynomial.polynomial.polyval(s, p))
+        b = signs._bernstein(p)
