@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 import obsdesign
 from lmi.patience import listening
 from obsdesign.document import from_dict
+from obsdesign.equations.finite_time import least_squares_gain
 from obsdesign.runtime import Sample, from_design
 from obsdesign.simulation import simulate
 from obsdesign.synthesis import minimax
@@ -86,6 +87,19 @@ def test_what_stays_hidden_is_refused() -> None:
         obsdesign.design(problem(np.diag([-300.0, -300.0 * (1 + 1e-13)]), BOTH, 0.1, window=0.4))
     with pytest.raises(obsdesign.NotProved, match="and another one grows by"):
         obsdesign.design(problem(np.diag([-200.0, 100.0]), BOTH, 0.1, window=0.4))
+
+
+def test_rows_that_are_singular_to_the_last_bit() -> None:
+    """Modes that die within a period make R of the QR singular: an answer, no traceback."""
+    A = np.diag([-1565.0, -704.0, -100.0, 0.3]) + np.diag(np.ones(3), 1)
+    outcome = obsdesign.investigate(problem(A, [[1.0, 1.0, 1.0, 1.0]], 0.05, window=0.2))
+    assert outcome.claims[-1].verdict != "undecided"
+    rows = np.array([[1.0, 0.0], [2.0, 0.0]])
+    fitted = least_squares_gain(rows, np.ones(2))
+    assert np.abs(fitted @ rows - np.diag([1.0, 0.0])).max() < 1e-14  # onto what is seen
+    # the twin: rows that are not singular are inverted
+    rows = np.array([[1.0, 1.0], [2.0, 1.0]])
+    assert np.abs(least_squares_gain(rows, np.ones(2)) @ rows - np.eye(2)).max() < 1e-14
 
 
 @pytest.mark.parametrize("rate", [-1.0, 0.3])
