@@ -82,7 +82,7 @@ def _formula(gains: dict[str, Any]) -> Any:
         with precision(bits):
             sampled = _sampled(gains)
             if gains["method"] == "exact":
-                found = exact_gain(sampled, gains["L"])[1]
+                found = exact_gain(sampled, gains["L"])
             else:
                 found = approximate_gain(sampled, gains["L"])
                 if found is not None and gains["half_sample"] == "corrected":

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 import obsdesign
 from lmi.patience import listening
+from obsdesign import window_gains
 from obsdesign.document import from_dict
 from obsdesign.equations.finite_time import least_squares_gain
 from obsdesign.runtime import Sample, from_design
@@ -100,6 +101,38 @@ def test_rows_that_are_singular_to_the_last_bit() -> None:
     # the twin: rows that are not singular are inverted
     rows = np.array([[1.0, 1.0], [2.0, 1.0]])
     assert np.abs(least_squares_gain(rows, np.ones(2)) @ rows - np.eye(2)).max() < 1e-14
+
+
+def exact(fast: float, gain: float = 0.3) -> Any:
+    asked = problem(
+        np.diag([-fast, -1.0]), BOTH, 0.3, window=1.2, method="exact",
+        gains={"L": [[gain], [gain]]},
+    )  # fmt: skip
+    return obsdesign.investigate(asked)
+
+
+def test_exact_is_refuted_for_its_own_matrix_alone() -> None:
+    """sigma_min / |P^k - A_d^k| is 9.4e-4 here, and 3e-13 only after the product with A_d^-k."""
+    outcome = exact(20.0)
+    assert outcome.verdict == "proved"
+    ratio = {c.id: c for c in outcome.claims}["injection_invertible"].evidence["approx_ratio"]
+    assert ratio > 1e-6
+    assert outcome.design is not None
+    assert obsdesign.verify(outcome.design).verdict == "proved"
+    # the twin: Z = exp(C W L) is e^21 over a period, so that P^k - A_d^k is all but of rank one
+    assert verdicts(exact(25.0))["injection_invertible"] == "refuted"
+    witness = exact(25.0).claims[-1].evidence["witness"]
+    assert "of its norm" in witness["reason"]
+    assert "is singular: L C = 0" in exact(20.0, 0.0).claims[-1].evidence["witness"]["reason"]
+
+
+def test_exact_has_an_end_of_its_patience(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(window_gains, "_MOST_WORK", 1e4)
+    claim = exact(21.0).claims[-1]
+    assert (claim.id, claim.verdict) == ("injection_invertible", "undecided")
+    monkeypatch.undo()
+    window_gains._injection.cache_clear()
+    assert exact(21.0).verdict != "undecided"  # the twin
 
 
 @pytest.mark.parametrize("rate", [-1.0, 0.3])
