@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import obsdesign
+from lmi.exponential import flow_integrals
 from lmi.patience import listening
 from obsdesign import window_gains
 from obsdesign.document import from_dict
@@ -144,8 +145,6 @@ def test_bounds_hold_and_w_moves(rate: float, method: str) -> None:
     observer: Any = from_design(obsdesign.design(asked))
     rng = np.random.default_rng(0)
     A, h = np.array(plant["A"]), 0.1
-    from lmi.exponential import flow_integrals
-
     flow, once = flow_integrals(A, h)
     x, state, seen = np.array([5.0, 1.0]), observer.init(), 0
     for i in range(200):
@@ -161,6 +160,51 @@ def test_bounds_hold_and_w_moves(rate: float, method: str) -> None:
     assert np.abs(state.w).max() < 100
     radius = observer.gains["radius"]
     assert (told.upper - told.lower <= 2 * radius * (1 + 1e-9) + 1e-9).all()
+
+
+def coupled(seed: int) -> tuple[Any, Any, Any]:
+    """A, C and the noise's bounds of a plant with rates over three decades, in mixed states."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(2, 5))
+    rates = -(10.0 ** rng.uniform(0, 3.5, n))
+    rates[0] = rng.choice([0.3, -0.2, 0.0])
+    T = rng.standard_normal((n, n)) + 2 * np.eye(n)
+    return T @ np.diag(rates) @ np.linalg.inv(T), rng.standard_normal((2, n)), [0.01, 0.02]
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2, 5, 7, 9])
+def test_what_is_written_is_what_is_promised(seed: int) -> None:
+    """Coupled fast modes: e^(|A| nu) is beyond 10^40, and |e^(A nu)| about one."""
+    A, C, V = coupled(seed)
+    n = len(A)
+    disturbance = {"lower": np.full(n, -0.1), "upper": np.full(n, 0.1)}
+    asked = problem(
+        A, C, 0.1, window=0.4, flow={"disturbance": disturbance}, output={"noise_bound": V}
+    )
+    outcome = obsdesign.investigate(asked)
+    assert outcome.verdict == "proved"
+    observer: Any = from_design(outcome.design)
+    promised = observer.gains["radius"]
+    flow, once = flow_integrals(A, 0.1)
+    rng = np.random.default_rng(seed)
+    x, state = rng.standard_normal(n), observer.init()
+    wide, attained = 0.0, 0.0
+    for i in range(40):
+        state, told = observer.step(state, Sample(i * 0.1, C @ x + V * rng.choice([-1, 1], 2)))
+        x_true = x
+        x = flow @ x + once @ (0.1 * rng.choice([-1.0, 1.0], n))
+        if told.status != "ok":
+            continue
+        assert (told.lower <= x_true).all()
+        assert (x_true <= told.upper).all()
+        wide = max(wide, float(((told.upper - told.lower) / 2 / promised).max()))
+        attained = max(attained, float((np.abs(told.x - x_true) / promised).max()))
+    assert wide <= 1.001
+    # the twin: a tenth of it would have been violated
+    assert attained > 0.1
+    # between samples the plant predicts, and no comparison system blows that up
+    _, between = observer.step(state, Sample(39.5 * 0.1))
+    assert ((between.upper - between.lower) / 2 <= 100 * promised.max()).all()
 
 
 @settings(max_examples=10, deadline=None)
