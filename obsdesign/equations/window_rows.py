@@ -22,6 +22,8 @@ REFERENCES = (END, START)
 # largest deviation of G O from what it should be, states in units of `state_scales`: what rounding
 # leaves of gains that do not amplify beyond reason
 UNBIASED = 1e-8
+# what the samples do not see of the window's start is that much of it at its end, at most
+DEAD = 1e-11
 _ROUNDING = 1e-15
 
 

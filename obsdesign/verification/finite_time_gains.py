@@ -17,6 +17,7 @@ from obsdesign.verification.finite_time_window import (
     PAPER,
     SINGULAR,
     make_claim,
+    sampled_index,
     with_reason,
 )
 from obsdesign.window_bounds import bias, disturbance_bound, error_radius
@@ -33,6 +34,8 @@ from obsdesign.window_gains import (
 SAME_GAIN = 2.0**-40
 # e^36 is beyond the rounding of what it multiplies
 _MOST_GROWTH = 36.0
+# e^0.01 is no growth to speak of
+_SOME_GROWTH = 1e-2
 # decay within a period, as an exponent, that hides what e^{-A s} is added to
 _MOST_IN_A_PERIOD = 10.0
 _TOO_MUCH = (
@@ -186,10 +189,15 @@ def _missed(sampled: Sampled, error: Any, amplification: float) -> dict[str, Any
     n = len(error)
     r, c = np.unravel_index(int(np.argmax(error)), (n, n))
     when = " at the window's start" if sampled.reference == START else ""
+    costs = (
+        f"; the gains amplify by {amplification:.3g}, which costs "
+        f"{np.log10(amplification):.0f} of 16 digits"
+        if amplification > 1
+        else ""
+    )
     reason = _too_fast(sampled) or (
         f"with x{c + 1} = 1{when} and no noise the estimate of x{r + 1} is off by "
-        f"{error[r][c]:.3g}; the gains amplify by {amplification:.3g}, which costs "
-        f"{np.log10(max(amplification, 1)):.0f} of 16 digits"
+        f"{error[r][c]:.3g}{costs}"
     )
     return {"state": np.eye(n)[c].tolist(), "reason": reason}
 
@@ -201,11 +209,15 @@ def _too_fast(sampled: Sampled) -> str | None:
     decay, growth = float(-rates.min(initial=0.0)), float(rates.max(initial=0.0))
     if (decay + growth) * T < _MOST_GROWTH:
         return None
-    told = [f"decays by e^-{decay * T:.3g}"] if decay > 0 else []
-    told += [f"grows by e^{growth * T:.3g}"] if growth > 0 else []
+    told = [f"decays by e^-{decay * T:.3g}"] if decay * T > _SOME_GROWTH else []
+    told += [f"grows by e^{growth * T:.3g}"] if growth * T > _SOME_GROWTH else []
+    limit = _MOST_GROWTH / (decay + growth)
+    advice = f"choose a window below {limit:.3g}"
+    if limit < sampled_index(sampled) * sampled.period:  # no window of enough samples is
+        advice = "choose a shorter period, and with it a shorter window"
     return (
         f"over the window T = {T:.6g} a mode of A {' and another one '.join(told)}, more than "
-        f"binary64 can hold; choose a window below {_MOST_GROWTH / (decay + growth):.3g}"
+        f"binary64 can hold; {advice}"
     )
 
 

@@ -19,6 +19,8 @@ from obsdesign.equations.finite_time import least_squares_gain
 from obsdesign.runtime import Sample, from_design
 from obsdesign.simulation import simulate
 from obsdesign.synthesis import minimax
+from obsdesign.verification.finite_time_gains import _too_fast
+from obsdesign.window_gains import Sampled
 from tests.finite_time.test_claims import problem
 
 BOTH = [[1.0, 1.0]]
@@ -86,7 +88,7 @@ def test_what_stays_hidden_is_refused() -> None:
         obsdesign.design(problem(A, [[1, 0, 1]], period, window=3 * period))
     obsdesign.design(problem(A, [[1, 0, 1]], 1.0, window=3))
     with pytest.raises(obsdesign.NotProved, match="hardly see a state"):
-        obsdesign.design(problem(np.diag([-300.0, -300.0 * (1 + 1e-13)]), BOTH, 0.1, window=0.4))
+        obsdesign.design(problem(np.diag([-3.0, -3.0 * (1 + 1e-13)]), BOTH, 0.1, window=0.4))
     with pytest.raises(obsdesign.NotProved, match="and another one grows by"):
         obsdesign.design(problem(np.diag([-200.0, 100.0]), BOTH, 0.1, window=0.4))
 
@@ -170,6 +172,72 @@ def coupled(seed: int) -> tuple[Any, Any, Any]:
     rates[0] = rng.choice([0.3, -0.2, 0.0])
     T = rng.standard_normal((n, n)) + 2 * np.eye(n)
     return T @ np.diag(rates) @ np.linalg.inv(T), rng.standard_normal((2, n)), [0.01, 0.02]
+
+
+@pytest.mark.parametrize("method", ["least_squares", "minimax"])
+def test_modes_that_die_within_a_period_need_not_be_told_apart(method: str) -> None:
+    """diag(-1000, -900, -1): y at the start shows x1 + x2 + x3, and later x3 alone."""
+    rng = np.random.default_rng(1)
+    S = rng.standard_normal((3, 3)) + 2 * np.eye(3)
+    A = S @ np.diag([-1000.0, -900.0, -1.0]) @ np.linalg.inv(S)
+    C = rng.standard_normal((1, 3))
+    bounds: Any = {"output": {"noise_bound": [0.1]}}
+    design = obsdesign.design(problem(A, C, 0.1, window=0.9, method=method, **bounds))
+    assert design.gains["reference"] == "start"
+    assert np.abs(design.gains["window_gain"]).max() < 10
+    evidence = {claim.id: claim.evidence for claim in design.claims}
+    assert evidence["sampled_observable"] == {"died_out": True}
+    assert evidence["unbiased"]["error"] <= 1e-11
+    assert obsdesign.verify(from_dict(design.to_dict()), paranoid=True).verdict == "proved"
+    # what no sample shows has no bound, and the design says so
+    told = [entry["statement"] for entry in design.guarantees if entry["given"]]
+    assert any("the bounds that run are infinite" in text for text in told)
+    observer: Any = from_design(design)
+    flow = flow_integrals(A, 0.1)[0]
+    x, state = np.array([5.0, -3.0, 1.0]), observer.init()
+    for i in range(30):
+        state, estimate = observer.step(state, Sample(0.1 * i, C @ x))
+        if estimate.status == "ok":
+            assert np.abs(estimate.x - x).max() < 1e-12
+            assert np.isinf(estimate.upper).all()
+        x = flow @ x
+    # the twins: other gains, and a mode that lasts a little
+    G = np.array(design.gains["window_gain"])
+    G[0, 0] += 1e-9
+    wrong = obsdesign.verify(replace(design, gains={**design.gains, "window_gain": G}))
+    assert verdicts(wrong)["sampled_observable"] == "refuted"
+    A = S @ np.diag([-10.0, -10.0 * (1 + 1e-13), -1.0]) @ np.linalg.inv(S)
+    with pytest.raises(obsdesign.NotProved, match="hardly see a state"):
+        obsdesign.design(problem(A, C, 0.1, window=0.9, method=method, **bounds))
+
+
+def test_random_stiff_stable_plants_are_not_refused() -> None:
+    """Rates over four and a half decades: what lasts is always seen."""
+    reasons = []
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        n = int(rng.integers(2, 6))
+        rates = -(10.0 ** rng.uniform(0, 4.5, n))
+        rates[0] = rng.choice([0.3, -0.2, 0.0])
+        T = rng.standard_normal((n, n)) + 2 * np.eye(n)
+        A, C = T @ np.diag(rates) @ np.linalg.inv(T), rng.standard_normal((2, n))
+        outcome = obsdesign.investigate(problem(A, C, 0.05, window=0.1 * n))
+        reasons += [] if outcome.verdict == "proved" else [seed]
+    assert reasons == []
+
+
+def test_words_of_a_refusal_make_sense() -> None:
+    # growth and decay beyond 16 digits within the shortest window
+    with pytest.raises(obsdesign.NotProved, match="choose a shorter period, and with it"):
+        obsdesign.design(problem(np.diag([-400.0, 400.0]), BOTH, 0.1, window=0.4))
+    fast = _too_fast(Sampled.of(np.diag([-100.0, 100.0]), BOTH, 0.01, 100))
+    assert fast is not None
+    assert fast.endswith("choose a window below 0.18")
+    # what hardly grows is not said to grow
+    told = _too_fast(Sampled.of(np.diag([-100.0, 1e-10]), BOTH, 0.01, 100))
+    assert told is not None
+    assert "grows" not in told
+    assert _too_fast(Sampled.of(np.diag([-100.0, 100.0]), BOTH, 0.01, 10)) is None  # the twin
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2, 5, 7, 9])
