@@ -34,6 +34,8 @@ from obsdesign.window_gains import (
 SAME_GAIN = 2.0**-40
 # e^36 is beyond the rounding of what it multiplies
 _MOST_GROWTH = 36.0
+# a radius is the largest error to within this factor
+_ATTAINED = 1.000001
 # e^0.01 is no growth to speak of
 _SOME_GROWTH = 1e-2
 # decay within a period, as an exponent, that hides what e^{-A s} is added to
@@ -163,6 +165,9 @@ def unbiased(sampled: Sampled, gains: Mapping[str, Any]) -> Claim:
     stated = np.array([[float_above(abs(x)) for x in row] for row in error])
     if size <= limit and not (stated <= gains["state_error"]).all():
         verdict = undecided("gains.state_error is below what is proved", **evidence)
+    elif size <= limit and _too_large(sampled, gains["state_error"]):
+        reason = f"gains.state_error is above {UNBIASED:g} (scaled), far more than what is missed"
+        verdict = refuted({"reason": reason}, **evidence)
     elif size <= limit:
         verdict = proved(**evidence)
     elif size > limit:
@@ -182,6 +187,13 @@ def unbiased(sampled: Sampled, gains: Mapping[str, Any]) -> Claim:
             f"{UNBIASED:g} (scaled), and |G O - I| <= state_error entry by entry"
         )
     return make_claim("unbiased", statement, source, verdict)
+
+
+def _too_large(sampled: Sampled, state_error: Any) -> bool:
+    """Would bounds that run be wider than what is told, for nothing?"""
+    units = sampled.units()
+    scaled: list[Any] = list((exact(state_error) * units / units[:, None]).flat)
+    return bool(sum(x * x for x in scaled) > exact((2 * UNBIASED) ** 2).item())
 
 
 def _missed(sampled: Sampled, error: Any, amplification: float) -> dict[str, Any]:
@@ -238,10 +250,19 @@ def error_radius_claim(sampled: Sampled, gains: Mapping[str, Any]) -> Claim:
             break
         if not bound <= radius:
             verdict = undecided(f"radius of x{r + 1} is too close to the largest error")
+            break
+        if radius > scalar(exact(float_above(bound) * _ATTAINED).item()):
+            reason = (
+                f"the estimate of x{r + 1} is off by at most {float_above(bound):.9g}, less than "
+                f"radius {gains['radius'][r]:.9g}: what runs is not what is told"
+            )
+            verdict = refuted({"state": r + 1, "reason": reason})
+            break
     return make_claim(
         "error_radius",
         "with noise and disturbance inside their bounds, no estimate of x_r is off by more than "
-        "radius_r (attained by noise and disturbance that switch with the signs of their weights)",
+        f"radius_r, which is attained to within a factor of {_ATTAINED:g} (by noise and "
+        "disturbance that switch with the signs of their weights)",
         "docs/finite_time.md; error of an unbiased gain",
         verdict,
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import replace
 from typing import Any
 
@@ -313,6 +314,38 @@ def test_missing_samples_of_a_stiff_plant() -> None:
     assert batch.status[14] == "missing sample"
     # a sample that shows the fast mode is 12 decades below: the rest still gives the slow one
     assert np.abs(batch.x[8:] - x[8:]).max() < 1e-13
+
+
+def test_what_runs_is_what_is_told() -> None:
+    """A larger radius or state_error would make the bounds that run wider than the sentence."""
+    design = obsdesign.design(stiff(300.0, **BOUNDS))
+    radius, state_error = design.gains["radius"], design.gains["state_error"]
+    wider = {**design.gains, "radius": radius * (1 + 1e-4)}
+    claims = verdicts(obsdesign.verify(replace(design, gains=wider)))
+    assert claims["error_radius"] == "refuted"
+    wider = {**design.gains, "state_error": state_error + 1e-6}
+    assert verdicts(obsdesign.verify(replace(design, gains=wider)))["unbiased"] == "refuted"
+    # the twin: what rounding does to a file is no lie
+    wider = {**design.gains, "radius": radius * (1 + 1e-12), "state_error": state_error * 2}
+    assert obsdesign.verify(replace(design, gains=wider)).verdict == "proved"
+
+
+def test_a_window_that_is_never_full_warns_of_nothing() -> None:
+    asked = problem(
+        [[-1333.0, 666.0], [-666.0, 332.0]], [[1.0, 0.0]], 0.1, window=0.4,
+        flow={"B": [[1], [0]], "disturbance": {"lower": [-0.1, -0.1], "upper": [0.1, 0.1]}},
+        output={"noise_bound": [0.01]},
+    )  # fmt: skip
+    design = obsdesign.design(asked)
+    observer: Any = from_design(design)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        state = observer.init()
+        for i in range(30):
+            state, told = observer.step(state, Sample(0.07 * i, np.zeros(1), u=np.zeros(1)))
+    assert not np.isfinite(told.upper).all()  # no window was ever full
+    with pytest.warns(RuntimeWarning), np.errstate(all="warn"):  # the twin
+        _ = told.lower + told.upper
 
 
 # --- minimax --------------------------------------------------------------------------------------
