@@ -90,6 +90,19 @@ def stack(rows: list[list[Enclosure]]) -> Enclosure:
     )
 
 
+def powers(X: Enclosure, count: int) -> Enclosure:
+    """I, X, ..., X^(count-1), (count, n, n), by doubling: few factors keep the radii small."""
+    found = Enclosure.exactly(np.eye(len(X.mid))[None])
+    with np.errstate(over="ignore", invalid="ignore"):
+        while len(found.mid) < count:
+            more = found @ X
+            found = Enclosure(
+                np.concatenate([found.mid, more.mid]), np.concatenate([found.rad, more.rad])
+            )
+            X = X @ X
+    return Enclosure(found.mid[:count], found.rad[:count])
+
+
 def inverse(values: Matrix) -> Enclosure:
     """Enclosure of the inverse of a square matrix, exactly as stored.
 

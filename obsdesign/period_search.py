@@ -16,7 +16,7 @@ import numpy as np
 
 from lmi.balls import precision
 from lmi.norms import float_above, float_below
-from lmi.patience import listening
+from lmi.patience import listening, remark
 from obsdesign.document import Claim
 from obsdesign.equations import finite_time as equations
 from obsdesign.errors import InputError
@@ -36,6 +36,10 @@ from obsdesign.workflow import Outcome
 
 PERIOD_SEARCHES = ("longest_period", "shortest_window")
 _BITS = 160
+_TOO_MANY = (
+    f"{{}} samples in a window are more than the {equations.MOST_SAMPLES} that a design may hold: "
+    "none has the period that is found"
+)
 # windows with fewer samples than the one that is found are all shown to fail, up to that many
 _MOST_SHOWN = 2000
 _SECONDS = 2.0
@@ -79,6 +83,8 @@ def search_period(problem: Problem, what: str) -> Outcome:
             return _outcome(problem, None, first, False)
         find = _longest_period if what == "longest_period" else _shortest_window
         found = find(problem, period)
+        if found.samples > equations.MOST_SAMPLES:
+            remark(_TOO_MANY.format(found.samples))
         better = _better(problem, found, None if what == "longest_period" else period)
     searched = "L" not in problem.gains or (what, "window" in problem.options) == (
         "longest_period", False,

@@ -21,7 +21,7 @@ end values and a bound of its slope.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -110,7 +110,17 @@ def _pieces(sampled: Sampled) -> list[_Piece]:
         grown = entries(exp_times(sizes * part, sampled.period))
         h = scalar(rational(sampled.period) * part)
         found.append(_Piece(h, whole[:n, :n], whole[:n, n:], A, grown))
+    for depth in range(_HALVINGS - 1, -1, -1):
+        # the same from the two halves, which keeps the decay of coupled fast modes
+        half = found[depth + 1]
+        second = np.abs(half.over) @ half.grown
+        grown = _least(found[depth].grown, _most(half.grown, second))
+        found[depth] = replace(found[depth], grown=grown)
     return found
+
+
+_least = np.frompyfunc(lambda x, y: x.min(y), 2, 1)
+_most = np.frompyfunc(lambda x, y: x.max(y), 2, 1)
 
 
 def _integrals(

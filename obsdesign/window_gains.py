@@ -8,7 +8,8 @@ balls at the current precision (`lmi.balls.precision`). Formulas: `equations.fin
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from functools import lru_cache
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -29,6 +30,8 @@ from obsdesign.equations import finite_time as equations
 
 # eighths of a term of the series per bit: each is about a quarter of the one before
 _TERMS_PER_BIT = 3
+# ball multiplications (twice) of one `injection`: a few seconds
+_MOST_WORK = 3e7
 
 
 @dataclass(frozen=True)
@@ -104,20 +107,27 @@ def approximate_gain(sampled: Sampled, L: Any) -> Exact | None:
     return solve_entries(M, equations.side_by_side(terms))
 
 
-def exact_gain(sampled: Sampled, L: Any) -> tuple[Exact, Exact | None]:
-    """(N, gains (n, k p)) of (9) with (16): see `equations.exact_terms`; None if N may be singular.
+def exact_matrix(sampled: Sampled, L: Any) -> tuple[Exact, Exact] | None:
+    """(N, W) with N xhat = W y, of (9) with (16): see `equations.exact_terms`.
 
-    N is P^k - A_d^k, times A_d^-k where the reference is the window's end, over the size of L.
+    N is P^k - A_d^k, times A_d^-k where the reference is the window's end, both over the size of
+    L. None where enclosing them is beyond `_MOST_WORK`.
     """
-    scale = gain_scale(sampled, L)
     n = len(sampled.A)
     K = injection(sampled, L)
+    if K is None:
+        return None
     K_d = sampled.forward @ K
     P = sampled.forward + K_d @ sampled.C
-    terms = equations.exact_terms(P, K_d / scale, sampled.k)
-    N = (equations.side_by_side(terms) @ sampled.rows()).reshape(n, n)
-    found = solve_entries(N, equations.side_by_side(terms))
-    return N, None if found is None else sampled.last() @ found
+    W = equations.side_by_side(equations.exact_terms(P, K_d / gain_scale(sampled, L), sampled.k))
+    return (W @ sampled.rows()).reshape(n, n), W
+
+
+def exact_gain(sampled: Sampled, L: Any) -> Exact | None:
+    """Gains (n, k p) of (9) with (16); None if N may be singular, or is not known."""
+    pair = exact_matrix(sampled, L)
+    found = None if pair is None else solve_entries(*pair)
+    return None if found is None else sampled.last() @ found
 
 
 def half_period(sampled: Sampled) -> Any:
@@ -125,29 +135,50 @@ def half_period(sampled: Sampled) -> Any:
     return entries(exp_times(sampled.A * rational(0.5), sampled.period))
 
 
-def injection(sampled: Sampled, L: Any) -> Exact:
-    """K of one period; the rest of its series is in the balls.
+def injection(sampled: Sampled, L: Any) -> Exact | None:
+    """K of one period; the rest of its series is in the balls. None if that is too much work.
 
     In units in which all states are seen about equally well: its steps depend on norms.
     """
     units = sampled.units()
-    A_exact, C_exact = sampled.A * units / units[:, None], sampled.C * units
-    L_exact = exact(L) / units[:, None]
+    A, C = sampled.A * units / units[:, None], sampled.C * units
+    K = _injection(
+        *(_Key(X.shape, tuple(X.flat)) for X in (A, C, exact(L) / units[:, None])),
+        sampled.period, working_bits(),
+    )  # fmt: skip
+    return None if K is None else K * units[:, None]
+
+
+class _Key(NamedTuple):
+    """An exact matrix that can be remembered."""
+
+    shape: tuple[int, ...]
+    values: tuple[Any, ...]
+
+    def matrix(self) -> Exact:
+        found = np.empty(len(self.values), dtype=object)
+        found[:] = self.values
+        return found.reshape(self.shape)
+
+
+@lru_cache(maxsize=8)  # a design asks for the same one several times
+def _injection(of_A: _Key, of_C: _Key, of_L: _Key, period: float, bits: int) -> Exact | None:
+    A_exact, C_exact, L_exact = of_A.matrix(), of_C.matrix(), of_L.matrix()
     A, C, gain = (to_float(X) for X in (A_exact, C_exact, L_exact))
-    m = equations.series_steps(A, C, gain, sampled.period)
-    h = rational(sampled.period) / m
-    step = entries(exp_times(-A_exact / rational(float(m)), sampled.period))
-    backs = [entries(identity(len(sampled.A)))]
+    m = equations.series_steps(A, C, gain, period)
+    count = max(equations.SERIES_TERMS, _TERMS_PER_BIT * bits // 8)
+    if m * L_exact.size * len(C) * count**2 > _MOST_WORK:
+        return None
+    h = rational(period) / m
+    step = entries(exp_times(-A_exact / rational(float(m)), period))
+    backs = [entries(identity(len(A)))]
     for _ in range(m - 1):
         backs.append(backs[-1] @ step)
     sizes = (_size(A_exact), _size(L_exact))
-    count = max(equations.SERIES_TERMS, _TERMS_PER_BIT * working_bits() // 8)
     reaches = [_size(C_exact @ back) for back in backs]
     rests = [equations.series_rest(*sizes, reach, scalar(h), count) for reach in reaches]
     steps = [(back, around_zero(rest)) for back, rest in zip(backs, rests, strict=True)]
-    K = equations.discrete_injection(A_exact, C_exact, L_exact, scalar(h), steps, count)
-    scaled: Exact = K * units[:, None]
-    return scaled
+    return equations.discrete_injection(A_exact, C_exact, L_exact, scalar(h), steps, count)
 
 
 def _size(X: Exact) -> Any:

@@ -66,11 +66,12 @@ def run(design: Design, record: Record, start: Array) -> dict[str, Any]:
     good[: int(_LATE * len(good))] = False
     if estimates[0].lower is not None:
         low, high = (np.array([getattr(e, end) for e in estimates]) for end in ("lower", "upper"))
-        with np.errstate(invalid="ignore"):  # nothing is known yet: -inf and inf
-            x = (low + high) / 2
         found["width"] = _size((high - low)[good])
     if estimates[0].x is not None:
         x = np.array([estimate.x for estimate in estimates])
+    else:
+        with np.errstate(invalid="ignore"):  # where both ends are infinite there is no middle
+            x = (low + high) / 2
     d = None if estimates[-1].d is None else np.array([estimate.d for estimate in estimates])
     return found | _errors(record, x, d, good)
 

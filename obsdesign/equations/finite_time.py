@@ -29,6 +29,9 @@ from numpy.typing import NDArray
 
 from lmi.exponential import exponential_grid
 from obsdesign.equations.finite_time_options import (
+    FREE as FREE,
+)
+from obsdesign.equations.finite_time_options import (
     METHODS as METHODS,
 )
 from obsdesign.equations.finite_time_options import (
@@ -60,6 +63,9 @@ from obsdesign.equations.finite_time_options import (
 )
 from obsdesign.equations.finite_time_options import (
     window_samples as window_samples,
+)
+from obsdesign.equations.window_rows import (
+    DEAD as DEAD,
 )
 from obsdesign.equations.window_rows import (
     END as END,

@@ -14,6 +14,7 @@ Array = NDArray[Any]
 
 METHODS = ("least_squares", "exact", "approximate", "minimax")
 NEED_L = ("exact", "approximate")
+FREE = ("least_squares", "minimax")
 # T / nu counts as whole when it is that close to a whole number: both are decimal numbers
 WHOLE_TOLERANCE = 1e-9
 # more samples than this make a design file too large to handle

@@ -22,6 +22,9 @@ REFERENCES = (END, START)
 # largest deviation of G O from what it should be, states in units of `state_scales`: what rounding
 # leaves of gains that do not amplify beyond reason
 UNBIASED = 1e-8
+# what the samples do not see of the window's start is that much of it at its end, at most
+DEAD = 1e-11
+_ROUNDING = 1e-15
 
 
 def sample_rows(A: Array, C: Array, period: float, k: int, reference: str = END) -> Array:
@@ -106,16 +109,23 @@ def pathological_pairs(A: Array, period: float) -> list[tuple[complex, complex, 
     return found
 
 
-def least_squares_gain(rows: Array, deviations: Array) -> Array:
+def least_squares_gain(rows: Array, deviations: Array, cut: float = 0.0) -> Array:
     """Gains (n, m) of the weighted least-squares estimate of the state that rows speak of, by QR.
 
-    rows: (m, n), of `sample_rows`; deviations: (m,) relative sizes of the samples' errors.
+    rows: (m, n), of `sample_rows`; deviations: (m,) relative sizes of the samples' errors; cut: of
+    the scaled rows, singular values below that part of the largest count as zero (by SVD then).
+    Rows that are singular to the last bit are cut at the rounding.
     """
     weights = 1.0 / deviations
     flat = rows * weights[:, None]
     scales = np.exp2(-np.round(np.log2(np.maximum(np.abs(flat).max(axis=0), 1e-300))))
-    Q, R = np.linalg.qr(flat * scales)
-    return scales[:, None] * np.linalg.solve(R, Q.T) * weights
+    if not cut:
+        Q, R = np.linalg.qr(flat * scales)
+        try:
+            return scales[:, None] * np.linalg.solve(R, Q.T) * weights
+        except np.linalg.LinAlgError:
+            cut = _ROUNDING
+    return scales[:, None] * np.linalg.pinv(flat * scales, rcond=cut) * weights
 
 
 def made_unbiased(gain: Array, rows: Array, unbiased: Array, wanted: Array) -> Array:

@@ -17,6 +17,7 @@ from obsdesign.runtime.flow_maps import FlowMaps, flow_maps
 from obsdesign.runtime.window_error import WindowError
 
 _LEAST_TICKS = 64
+_UNSEEN = 1e-12
 
 
 @dataclass(frozen=True)
@@ -109,7 +110,8 @@ class WindowConstants:
         """x(t_i - T) - w from the window; None where the window speaks of its end."""
         if self._reference == equations.END:
             return None
-        return equations.least_squares_gain(self._rows, np.ones(len(self._rows)))
+        # what the window does not see need not move
+        return equations.least_squares_gain(self._rows, np.ones(len(self._rows)), _UNSEEN)
 
     @cached_property
     def _scales(self) -> Vector:

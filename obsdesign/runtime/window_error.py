@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from lmi.enclosure import UNIT, Enclosure, expm, raised
+from lmi.enclosure import UNIT, Enclosure, expm, powers, raised
 from lmi.exponential import expm as plain_expm
 from obsdesign.equations import finite_time as equations
 from obsdesign.runtime.base import Vector
@@ -47,16 +47,16 @@ class StartError:
         scaled = raised(np.abs(X) / units[:, None], 1)
         left = float((missed * units / units[:, None]).sum(axis=1).max())
         kept = 1.01 / (1.0 - left) if left < 0.5 else np.inf
-        maps, seen = flow_maps(gains, float(gains["period"]), 0.0), np.abs(C)
-        noise, reach, kicks = [], np.zeros(n), np.zeros((n, n))
-        slips = []
+        inflow = flow_maps(gains, float(gains["period"]), 0.0).inflow
         with np.errstate(over="ignore", invalid="ignore"):
-            for _ in range(k):
-                noise.append(seen @ reach + gains["noise_bound"])
-                slips.append(seen @ kicks + seen)
-                reach, kicks = maps.spread(reach), maps.growth @ kicks + np.eye(n)
-            most = scaled @ np.vstack(slips)
-            level = float((scaled @ np.concatenate(noise)).max())
+            # what a kick in one of the periods before has become: sum_(l<j) |C A_d^l|
+            seen = rows.magnitude.reshape(k, -1, n)
+            summed = np.cumsum(seen, axis=0)[:-1]
+            before = raised(np.concatenate([np.zeros_like(seen[:1]), summed]), k)
+            noise = before @ inflow + gains["noise_bound"]
+            slips = (before + np.abs(C)).reshape(-1, n)
+            most = scaled @ slips
+            level = float((scaled @ noise.reshape(-1)).max())
             length = float(np.linalg.norm(scaled, axis=1).max())
         per_level = raised(np.asarray(gains["state_error"]) @ units, 2 * n)
         last = expm(Enclosure.exactly(A).scaled(k * float(gains["period"]), 0.0))
@@ -143,12 +143,10 @@ def _rows(gains: Mapping[str, Any], of_start: bool) -> Enclosure:
     """C A_d^(j-k), or C A_d^j, enclosed, (k p, n)."""
     period, k = float(gains["period"]), int(gains["samples"])
     step = expm(Enclosure.exactly(gains["A"]).scaled(period if of_start else -period))
-    row = Enclosure.exactly(gains["C"])
-    rows = [row if of_start else row @ step]
-    for _ in range(k - 1):
-        rows.append(rows[-1] @ step)
-    ordered = rows if of_start else rows[::-1]
-    return Enclosure(np.vstack([X.mid for X in ordered]), np.vstack([X.rad for X in ordered]))
+    found = Enclosure.exactly(gains["C"]) @ powers(step, k + 1)
+    ordered = slice(0, k) if of_start else slice(k, 0, -1)
+    n = len(step.mid)
+    return Enclosure(found.mid[ordered].reshape(-1, n), found.rad[ordered].reshape(-1, n))
 
 
 def _kicks(gains: Mapping[str, Any], of_start: bool) -> Vector:

@@ -24,7 +24,12 @@ from obsdesign.verification.finite_time_gains import (
     of_the_method,
     unbiased,
 )
-from obsdesign.verification.finite_time_window import long_enough, observable, sampled_observable
+from obsdesign.verification.finite_time_window import (
+    dead_otherwise,
+    long_enough,
+    observable,
+    sampled_observable,
+)
 from obsdesign.verification.finite_time_words import guarantees
 from obsdesign.window_gains import Sampled
 
@@ -116,8 +121,9 @@ def _hypotheses(gains: Mapping[str, Any], S: Any) -> list[Claim]:
 
 def _in_order(gains: Mapping[str, Any], sampled: Sampled, S: Any) -> Any:
     yield observable(sampled)
-    yield sampled_observable(sampled)
-    yield long_enough(sampled)
+    dead = dead_otherwise(sampled, gains)
+    yield sampled_observable(sampled, dead)
+    yield long_enough(sampled, dead)
     method = gains["method"]
     if method in equations.NEED_L:
         yield invertible(sampled, gains)

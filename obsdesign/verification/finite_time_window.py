@@ -7,24 +7,31 @@ hardly see, and the pair of eigenvalues that makes it so where there is one.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from lmi.balls import fixed_vector, scalar, to_float
+from lmi.balls import exact, fixed_vector, scalar, to_float
 from lmi.norms import well_ranked
 from lmi.verdict import Verdict, proved, refuted
 from obsdesign.document import Claim
 from obsdesign.equations import finite_time as equations
+from obsdesign.window_bounds import bias
 from obsdesign.window_gains import Sampled
 
 PAPER = "Mazenc, Ahmed, MICNON 2018"
+_SOURCES = {
+    "sampled_observable": f"{PAPER}, Assumption 1, sampled",
+    "window_long_enough": "sampled observability index",
+}
 # a smallest singular value below this part of the norm counts as zero
 SINGULAR = 1e-11
 # windows up to that many samples are tried where another one might do
 _MOST_TRIED = 2048
 _WITH_MARGIN = 1e-6
+_MOST_AMPLIFIED = 1e6
 
 
 def observable(sampled: Sampled) -> Claim:
@@ -42,18 +49,47 @@ def observable(sampled: Sampled) -> Claim:
     return make_claim("observable", "(A, C) is observable", f"{PAPER}, Assumption 1", verdict)
 
 
-def sampled_observable(sampled: Sampled) -> Claim:
-    """The rank of max(k, n) samples: their spacing, not their number, is in question."""
+def dead_otherwise(sampled: Sampled, gains: Mapping[str, Any]) -> bool:
+    """Do the stored gains show that what the samples do not see has died within the window?"""
+    if sampled.reference != equations.START or gains["method"] not in equations.FREE:
+        return False
+    if not bias(sampled, gains["window_gain"])[1] <= scalar(exact(equations.DEAD).item()):
+        return False
+    # gains that pick a state out of what rounding leaves of it are no such gains
+    units = sampled.units()
+    seen = np.abs(exact(gains["window_gain"])) @ np.abs(sampled.rows())
+    amplified: list[Any] = list((seen * units / units[:, None]).flat)
+    return all(bool(x <= scalar(exact(_MOST_AMPLIFIED).item())) for x in amplified)
+
+
+def _but_for_the_dead(verdict: Verdict, name: str, statement: str, dead: bool) -> Claim:
+    """A rank that is needed only of what lasts."""
+    if verdict.outcome != "proved" and dead:
+        statement = (
+            f"{statement}; or, as here, what they do not tell apart at the window's start is at "
+            f"its end at most {equations.DEAD:g} of what it was: sum_j G_j C A_d^j = A_d^k to "
+            "within that for the stored gains, and no entry of sum_j |G_j| |C A_d^j| is above "
+            f"{_MOST_AMPLIFIED:g} (scaled)"
+        )
+        verdict = proved(died_out=True)
+    return make_claim(name, statement, _SOURCES[name], verdict)
+
+
+def sampled_observable(sampled: Sampled, dead: bool = False) -> Claim:
+    """The rank of max(k, n) samples: their spacing, not their number, is in question.
+
+    dead: is what they do not see dead at the window's end (`dead_otherwise`)?
+    """
     n = len(sampled.A)
     verdict = _row_rank(sampled, max(sampled.k, n))
-    if verdict.outcome == "refuted":
+    if verdict.outcome == "refuted" and not dead:
         verdict = with_reason(verdict, _why_badly_sampled(sampled), of_all_gains=True)
     statement = (
         f"samples {sampled.period!r} apart see every state: the smallest singular value of the "
         f"scaled C A_d^-l, l = 1..{max(sampled.k, n)}, or of the scaled C A_d^l, l = 0.., is at "
         f"least {SINGULAR:g} of their norm"
     )
-    return make_claim("sampled_observable", statement, f"{PAPER}, Assumption 1, sampled", verdict)
+    return _but_for_the_dead(verdict, "sampled_observable", statement, dead)
 
 
 def _why_badly_sampled(sampled: Sampled) -> str:
@@ -94,17 +130,17 @@ def _enough_samples(sampled: Sampled) -> int | None:
     return best
 
 
-def long_enough(sampled: Sampled) -> Claim:
-    """The rank of the window's own samples."""
+def long_enough(sampled: Sampled, dead: bool = False) -> Claim:
+    """The rank of the window's own samples; dead: as for `sampled_observable`."""
     verdict = _row_rank(sampled, sampled.k)
-    if verdict.outcome == "refuted":
+    if verdict.outcome == "refuted" and not dead:
         least = sampled_index(sampled)
         reason = f"the window holds {sampled.k} samples; at least {least} are needed"
         verdict = with_reason(verdict, reason, of_all_gains=True)
     statement = (
         f"the window's {sampled.k} samples determine the state: the same for l = 1..{sampled.k}"
     )
-    return make_claim("window_long_enough", statement, "sampled observability index", verdict)
+    return _but_for_the_dead(verdict, "window_long_enough", statement, dead)
 
 
 def sampled_index(sampled: Sampled) -> int:

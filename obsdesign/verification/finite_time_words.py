@@ -75,6 +75,17 @@ def _bounded(problem: Problem, evidence: Mapping[str, Any]) -> list[tuple[str, l
     free = " or ".join(_unbounded(problem))
     sizes = evidence["error_radius"].get("largest_error", [])
     told = ", ".join(f"{x:.6g}" for x in sizes)
+    if evidence.get("window_long_enough", {}).get("died_out"):
+        return [
+            (
+                "With disturbance and noise inside their bounds, and a full window"
+                f"{' without ' + free if free else ''} and no sample missing, the state is at a "
+                f"sample this far from the estimate: {told}, and state_error times what it was at "
+                "the window's start. The samples do not bound all of that, modes that die within a "
+                "period: the bounds that run are infinite.",
+                ["unbiased", "error_radius"],
+            )
+        ]
     return [
         (
             "With disturbance and noise inside their bounds, a full window"

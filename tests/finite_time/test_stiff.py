@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import replace
 from typing import Any
 
@@ -11,11 +12,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import obsdesign
+from lmi.exponential import flow_integrals
 from lmi.patience import listening
+from obsdesign import window_gains
 from obsdesign.document import from_dict
+from obsdesign.equations.finite_time import least_squares_gain
 from obsdesign.runtime import Sample, from_design
 from obsdesign.simulation import simulate
 from obsdesign.synthesis import minimax
+from obsdesign.verification.finite_time_gains import _too_fast
+from obsdesign.window_gains import Sampled
 from tests.finite_time.test_claims import problem
 
 BOTH = [[1.0, 1.0]]
@@ -83,9 +89,54 @@ def test_what_stays_hidden_is_refused() -> None:
         obsdesign.design(problem(A, [[1, 0, 1]], period, window=3 * period))
     obsdesign.design(problem(A, [[1, 0, 1]], 1.0, window=3))
     with pytest.raises(obsdesign.NotProved, match="hardly see a state"):
-        obsdesign.design(problem(np.diag([-300.0, -300.0 * (1 + 1e-13)]), BOTH, 0.1, window=0.4))
+        obsdesign.design(problem(np.diag([-3.0, -3.0 * (1 + 1e-13)]), BOTH, 0.1, window=0.4))
     with pytest.raises(obsdesign.NotProved, match="and another one grows by"):
         obsdesign.design(problem(np.diag([-200.0, 100.0]), BOTH, 0.1, window=0.4))
+
+
+def test_rows_that_are_singular_to_the_last_bit() -> None:
+    """Modes that die within a period make R of the QR singular: an answer, no traceback."""
+    A = np.diag([-1565.0, -704.0, -100.0, 0.3]) + np.diag(np.ones(3), 1)
+    outcome = obsdesign.investigate(problem(A, [[1.0, 1.0, 1.0, 1.0]], 0.05, window=0.2))
+    assert outcome.claims[-1].verdict != "undecided"
+    rows = np.array([[1.0, 0.0], [2.0, 0.0]])
+    fitted = least_squares_gain(rows, np.ones(2))
+    assert np.abs(fitted @ rows - np.diag([1.0, 0.0])).max() < 1e-14  # onto what is seen
+    # the twin: rows that are not singular are inverted
+    rows = np.array([[1.0, 1.0], [2.0, 1.0]])
+    assert np.abs(least_squares_gain(rows, np.ones(2)) @ rows - np.eye(2)).max() < 1e-14
+
+
+def exact(fast: float, gain: float = 0.3) -> Any:
+    asked = problem(
+        np.diag([-fast, -1.0]), BOTH, 0.3, window=1.2, method="exact",
+        gains={"L": [[gain], [gain]]},
+    )  # fmt: skip
+    return obsdesign.investigate(asked)
+
+
+def test_exact_is_refuted_for_its_own_matrix_alone() -> None:
+    """sigma_min / |P^k - A_d^k| is 9.4e-4 here, and 3e-13 only after the product with A_d^-k."""
+    outcome = exact(20.0)
+    assert outcome.verdict == "proved"
+    ratio = {c.id: c for c in outcome.claims}["injection_invertible"].evidence["approx_ratio"]
+    assert ratio > 1e-6
+    assert outcome.design is not None
+    assert obsdesign.verify(outcome.design).verdict == "proved"
+    # the twin: Z = exp(C W L) is e^21 over a period, so that P^k - A_d^k is all but of rank one
+    assert verdicts(exact(25.0))["injection_invertible"] == "refuted"
+    witness = exact(25.0).claims[-1].evidence["witness"]
+    assert "of its norm" in witness["reason"]
+    assert "is singular: L C = 0" in exact(20.0, 0.0).claims[-1].evidence["witness"]["reason"]
+
+
+def test_exact_has_an_end_of_its_patience(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(window_gains, "_MOST_WORK", 1e4)
+    claim = exact(21.0).claims[-1]
+    assert (claim.id, claim.verdict) == ("injection_invertible", "undecided")
+    monkeypatch.undo()
+    window_gains._injection.cache_clear()
+    assert exact(21.0).verdict != "undecided"  # the twin
 
 
 @pytest.mark.parametrize("rate", [-1.0, 0.3])
@@ -97,8 +148,6 @@ def test_bounds_hold_and_w_moves(rate: float, method: str) -> None:
     observer: Any = from_design(obsdesign.design(asked))
     rng = np.random.default_rng(0)
     A, h = np.array(plant["A"]), 0.1
-    from lmi.exponential import flow_integrals
-
     flow, once = flow_integrals(A, h)
     x, state, seen = np.array([5.0, 1.0]), observer.init(), 0
     for i in range(200):
@@ -114,6 +163,117 @@ def test_bounds_hold_and_w_moves(rate: float, method: str) -> None:
     assert np.abs(state.w).max() < 100
     radius = observer.gains["radius"]
     assert (told.upper - told.lower <= 2 * radius * (1 + 1e-9) + 1e-9).all()
+
+
+def coupled(seed: int) -> tuple[Any, Any, Any]:
+    """A, C and the noise's bounds of a plant with rates over three decades, in mixed states."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(2, 5))
+    rates = -(10.0 ** rng.uniform(0, 3.5, n))
+    rates[0] = rng.choice([0.3, -0.2, 0.0])
+    T = rng.standard_normal((n, n)) + 2 * np.eye(n)
+    return T @ np.diag(rates) @ np.linalg.inv(T), rng.standard_normal((2, n)), [0.01, 0.02]
+
+
+@pytest.mark.parametrize("method", ["least_squares", "minimax"])
+def test_modes_that_die_within_a_period_need_not_be_told_apart(method: str) -> None:
+    """diag(-1000, -900, -1): y at the start shows x1 + x2 + x3, and later x3 alone."""
+    rng = np.random.default_rng(1)
+    S = rng.standard_normal((3, 3)) + 2 * np.eye(3)
+    A = S @ np.diag([-1000.0, -900.0, -1.0]) @ np.linalg.inv(S)
+    C = rng.standard_normal((1, 3))
+    bounds: Any = {"output": {"noise_bound": [0.1]}}
+    design = obsdesign.design(problem(A, C, 0.1, window=0.9, method=method, **bounds))
+    assert design.gains["reference"] == "start"
+    assert np.abs(design.gains["window_gain"]).max() < 10
+    evidence = {claim.id: claim.evidence for claim in design.claims}
+    assert evidence["sampled_observable"] == {"died_out": True}
+    assert evidence["unbiased"]["error"] <= 1e-11
+    assert obsdesign.verify(from_dict(design.to_dict()), paranoid=True).verdict == "proved"
+    # what no sample shows has no bound, and the design says so
+    told = [entry["statement"] for entry in design.guarantees if entry["given"]]
+    assert any("the bounds that run are infinite" in text for text in told)
+    observer: Any = from_design(design)
+    flow = flow_integrals(A, 0.1)[0]
+    x, state = np.array([5.0, -3.0, 1.0]), observer.init()
+    for i in range(30):
+        state, estimate = observer.step(state, Sample(0.1 * i, C @ x))
+        if estimate.status == "ok":
+            assert np.abs(estimate.x - x).max() < 1e-12
+            assert np.isinf(estimate.upper).all()
+        x = flow @ x
+    # the twins: other gains, and a mode that lasts a little
+    G = np.array(design.gains["window_gain"])
+    G[0, 0] += 1e-9
+    wrong = obsdesign.verify(replace(design, gains={**design.gains, "window_gain": G}))
+    assert verdicts(wrong)["sampled_observable"] == "refuted"
+    A = S @ np.diag([-10.0, -10.0 * (1 + 1e-13), -1.0]) @ np.linalg.inv(S)
+    with pytest.raises(obsdesign.NotProved, match="hardly see a state"):
+        obsdesign.design(problem(A, C, 0.1, window=0.9, method=method, **bounds))
+
+
+def test_random_stiff_stable_plants_are_not_refused() -> None:
+    """Rates over four and a half decades: what lasts is always seen."""
+    reasons = []
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        n = int(rng.integers(2, 6))
+        rates = -(10.0 ** rng.uniform(0, 4.5, n))
+        rates[0] = rng.choice([0.3, -0.2, 0.0])
+        T = rng.standard_normal((n, n)) + 2 * np.eye(n)
+        A, C = T @ np.diag(rates) @ np.linalg.inv(T), rng.standard_normal((2, n))
+        outcome = obsdesign.investigate(problem(A, C, 0.05, window=0.1 * n))
+        reasons += [] if outcome.verdict == "proved" else [seed]
+    assert reasons == []
+
+
+def test_words_of_a_refusal_make_sense() -> None:
+    # growth and decay beyond 16 digits within the shortest window
+    with pytest.raises(obsdesign.NotProved, match="choose a shorter period, and with it"):
+        obsdesign.design(problem(np.diag([-400.0, 400.0]), BOTH, 0.1, window=0.4))
+    fast = _too_fast(Sampled.of(np.diag([-100.0, 100.0]), BOTH, 0.01, 100))
+    assert fast is not None
+    assert fast.endswith("choose a window below 0.18")
+    # what hardly grows is not said to grow
+    told = _too_fast(Sampled.of(np.diag([-100.0, 1e-10]), BOTH, 0.01, 100))
+    assert told is not None
+    assert "grows" not in told
+    assert _too_fast(Sampled.of(np.diag([-100.0, 100.0]), BOTH, 0.01, 10)) is None  # the twin
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2, 5, 7, 9])
+def test_what_is_written_is_what_is_promised(seed: int) -> None:
+    """Coupled fast modes: e^(|A| nu) is beyond 10^40, and |e^(A nu)| about one."""
+    A, C, V = coupled(seed)
+    n = len(A)
+    disturbance = {"lower": np.full(n, -0.1), "upper": np.full(n, 0.1)}
+    asked = problem(
+        A, C, 0.1, window=0.4, flow={"disturbance": disturbance}, output={"noise_bound": V}
+    )
+    outcome = obsdesign.investigate(asked)
+    assert outcome.verdict == "proved"
+    observer: Any = from_design(outcome.design)
+    promised = observer.gains["radius"]
+    flow, once = flow_integrals(A, 0.1)
+    rng = np.random.default_rng(seed)
+    x, state = rng.standard_normal(n), observer.init()
+    wide, attained = 0.0, 0.0
+    for i in range(40):
+        state, told = observer.step(state, Sample(i * 0.1, C @ x + V * rng.choice([-1, 1], 2)))
+        x_true = x
+        x = flow @ x + once @ (0.1 * rng.choice([-1.0, 1.0], n))
+        if told.status != "ok":
+            continue
+        assert (told.lower <= x_true).all()
+        assert (x_true <= told.upper).all()
+        wide = max(wide, float(((told.upper - told.lower) / 2 / promised).max()))
+        attained = max(attained, float((np.abs(told.x - x_true) / promised).max()))
+    assert wide <= 1.001
+    # the twin: a tenth of it would have been violated
+    assert attained > 0.1
+    # between samples the plant predicts, and no comparison system blows that up
+    _, between = observer.step(state, Sample(39.5 * 0.1))
+    assert ((between.upper - between.lower) / 2 <= 100 * promised.max()).all()
 
 
 @settings(max_examples=10, deadline=None)
@@ -154,6 +314,38 @@ def test_missing_samples_of_a_stiff_plant() -> None:
     assert batch.status[14] == "missing sample"
     # a sample that shows the fast mode is 12 decades below: the rest still gives the slow one
     assert np.abs(batch.x[8:] - x[8:]).max() < 1e-13
+
+
+def test_what_runs_is_what_is_told() -> None:
+    """A larger radius or state_error would make the bounds that run wider than the sentence."""
+    design = obsdesign.design(stiff(300.0, **BOUNDS))
+    radius, state_error = design.gains["radius"], design.gains["state_error"]
+    wider = {**design.gains, "radius": radius * (1 + 1e-4)}
+    claims = verdicts(obsdesign.verify(replace(design, gains=wider)))
+    assert claims["error_radius"] == "refuted"
+    wider = {**design.gains, "state_error": state_error + 1e-6}
+    assert verdicts(obsdesign.verify(replace(design, gains=wider)))["unbiased"] == "refuted"
+    # the twin: what rounding does to a file is no lie
+    wider = {**design.gains, "radius": radius * (1 + 1e-12), "state_error": state_error * 2}
+    assert obsdesign.verify(replace(design, gains=wider)).verdict == "proved"
+
+
+def test_a_window_that_is_never_full_warns_of_nothing() -> None:
+    asked = problem(
+        [[-1333.0, 666.0], [-666.0, 332.0]], [[1.0, 0.0]], 0.1, window=0.4,
+        flow={"B": [[1], [0]], "disturbance": {"lower": [-0.1, -0.1], "upper": [0.1, 0.1]}},
+        output={"noise_bound": [0.01]},
+    )  # fmt: skip
+    design = obsdesign.design(asked)
+    observer: Any = from_design(design)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        state = observer.init()
+        for i in range(30):
+            state, told = observer.step(state, Sample(0.07 * i, np.zeros(1), u=np.zeros(1)))
+    assert not np.isfinite(told.upper).all()  # no window was ever full
+    with pytest.warns(RuntimeWarning), np.errstate(all="warn"):  # the twin
+        _ = told.lower + told.upper
 
 
 # --- minimax --------------------------------------------------------------------------------------
