@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -67,6 +68,23 @@ def test_a_wider_start_never_narrows_the_bounds() -> None:
     )
     assert narrow.keys() == wide.keys()
     assert all(narrow[form] <= wide[form] for form in narrow)
+
+
+def test_infinite_bounds_leave_an_estimate() -> None:
+    """What no sample shows has no bound: the estimate is what is compared, and nothing warns."""
+    problem = obsdesign.Problem(
+        flow={"A": np.diag([-1000.0, -900.0, -1.0])},
+        output={"C": [[1, 1, 1]], "measured": "periodic", "period": 0.1, "noise_bound": [0.1]},
+        observer={"kind": "finite_time", "window": 0.9},
+    )
+    record = Record.simulated(problem.plant, until=6.0, rng=np.random.default_rng(3))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", RuntimeWarning)
+        rows = [row for row in compare(problem, record) if row.kind == "finite_time"]
+    ran = [row for row in rows if row.seconds is not None]
+    assert ran
+    assert all(row.width is None for row in ran)
+    assert all(row.error is not None and row.error < 0.2 for row in ran)
 
 
 def test_unknown_inputs_and_methods_are_compared() -> None:

@@ -266,8 +266,11 @@ def test_a_small_radius_is_refuted() -> None:
     outcome = obsdesign.verify(changed(design, "radius", lambda r: r * (1 - 1e-6)))
     found = {c.id: c.verdict for c in outcome.claims}
     assert found["error_radius"] == "refuted"
+    # nor may what runs be wider than what is told
     wider = obsdesign.verify(changed(design, "radius", lambda r: r * 1.5))
-    assert {c.id: c.verdict for c in wider.claims}["error_radius"] == "proved"
+    assert {c.id: c.verdict for c in wider.claims}["error_radius"] == "refuted"
+    rounded = obsdesign.verify(changed(design, "radius", lambda r: r * (1 + 1e-12)))
+    assert {c.id: c.verdict for c in rounded.claims}["error_radius"] == "proved"
 
 
 def test_another_l_or_window_is_noticed() -> None:

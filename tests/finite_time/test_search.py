@@ -18,6 +18,7 @@ from lmi.balls import precision
 from lmi.norms import float_below
 from lmi.patience import at_most
 from obsdesign.document import digest, from_dict
+from obsdesign.equations import finite_time as equations
 from obsdesign.equations.finite_time_bounds import approx_log_longest_period
 from obsdesign.search import search
 from obsdesign.synthesis.finite_time_injection import Open, best_injection
@@ -45,6 +46,15 @@ def test_given_window_and_gain() -> None:
     assert result["proved"] < result["not_proved"] < result["proved"] * (1 + 1e-11)
     assert result["not_proved_verdict"] == "refuted"
     assert (result["samples"], result["admissible"]) == (117, 6 / 117)
+
+
+def test_more_samples_than_a_design_holds_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(equations, "MOST_SAMPLES", 116)
+    remarks = found(window=6, gains={"L": L})["remarks"]
+    assert any("117 samples in a window are more than" in text for text in remarks)
+    monkeypatch.setattr(equations, "MOST_SAMPLES", 117)  # the twin
+    remarks = found(window=6, gains={"L": L}).get("remarks", [])
+    assert not any("samples in a window" in text for text in remarks)
 
 
 def test_given_gain() -> None:
