@@ -48,7 +48,7 @@ def longer_periods(problem: Problem, plain: Injection | None) -> dict[str, Any]:
     asked = replace(asked, tighter=True)
     found = best_injection(asked, first, seconds=SECONDS)
     longest = _proved(asked, found)
-    moved = best_injection(replace(asked, coordinates=True), (found,), seconds=SECONDS)
+    moved = best_injection(replace(asked, coordinates=True), (found,), seconds=_SECONDS)
     further = _proved(asked, moved)
     if further > longest * _BETTER:
         found, longest = moved, further

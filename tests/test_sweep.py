@@ -342,7 +342,11 @@ def test_progress_is_for_terminals_that_want_it(tmp_path: Path) -> None:
 def test_a_killed_run_goes_on(tmp_path: Path, how: int) -> None:
     asked = ("sweep", ACADEMIC, "--over", "jump.dwell_time[0]=0.6:1.4:9", "--jobs", 1)
     path = tmp_path / "sweep.jsonl"
-    code = f"import sys; sys.argv[1:] = {list(map(str, asked))!r}; from obsdesign.cli import main; main()"
+    # a run in the background of a shell ignores SIGINT, and so would its children
+    code = (
+        "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler); "
+        f"sys.argv[1:] = {list(map(str, asked))!r}; from obsdesign.cli import main; main()"
+    )
     with subprocess.Popen(
         [sys.executable, "-c", code], cwd=tmp_path, stderr=subprocess.PIPE
     ) as run:
