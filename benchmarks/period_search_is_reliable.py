@@ -16,6 +16,7 @@ from typing import Any
 from benchmarks.cases import np, seconds
 from obsdesign.equations.finite_time_bounds import approx_log_longest_period
 from obsdesign.synthesis import period_nlp
+from obsdesign.synthesis.period_formulas import exponential_of, log_norm
 
 STARTS, NEAR, FLOOR, TIME_FLOOR = 20, 0.98, 1.5, 2.0
 _SLACK = 0.999
@@ -41,10 +42,10 @@ def obvious(A: Any, C: Any) -> Any:
     L, T, nu = ca.SX.sym("L", n), ca.SX.sym("T"), ca.SX.sym("nu")
     LC = ca.mtimes(L, ca.DM(C))
     F = ca.DM(A) + LC
-    back_F, back_A = period_nlp._exponential(-F * T), period_nlp._exponential(-ca.DM(A) * T)
+    back_F, back_A = exponential_of(-F * T), exponential_of(-ca.DM(A) * T)
 
     def norm(X: Any) -> Any:
-        return ca.exp(period_nlp._log_norm(X))
+        return ca.exp(log_norm(X))
 
     a, f = norm(back_F), norm(F)
     m = norm(ca.solve(back_A - back_F, ca.SX.eye(n)))
