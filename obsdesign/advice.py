@@ -31,6 +31,11 @@ _CLAIMS = {
 }
 # words of a complaint about the problem -> what may help
 _COMPLAINTS = (
+    (
+        "output.measured = 'periodic' is not available",
+        'Samples a period T apart are measured = "at_jumps" with jump.dwell_time = [T, T]; '
+        "kinds finite_time and interval take them as they are.",
+    ),
     ("output.measured", "If y can be taken that way, say so in output.measured."),
     ("jump.H is required", "If impulses come at unknown times, give their direction jump.H."),
     ("flow.D is required", "If an unknown input acts, give its matrix flow.D."),
@@ -47,11 +52,6 @@ def next_step(kind: str, verdict: str, claim: str | None, reason: str) -> str:
     """
     if verdict == "proved":
         return f"`obsdesign design PROBLEM --kind {kind}`"
-    if kind == "luenberger" and "output.measured = 'periodic'" in reason:
-        return (
-            'Samples a period T apart are measured = "at_jumps" with jump.dwell_time = [T, T]; '
-            "kinds finite_time and interval take them as they are."
-        )
     if claim is not None:
         return _CLAIMS.get(claim, f"`obsdesign design PROBLEM --kind {kind}` shows every claim.")
     return next((advice for words, advice in _COMPLAINTS if words in reason), "")

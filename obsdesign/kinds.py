@@ -38,6 +38,11 @@ OPTIONS: Mapping[str, tuple[str, ...]] = {
 
 KINDS = tuple(GAINS)
 
+# what `search` knows: ends of a range of dwell times, and of finite_time
+DWELL_SEARCHES = ("shortest_dwell", "longest_dwell")
+PERIOD_SEARCHES = ("longest_period", "shortest_window")
+SEARCHES = (*DWELL_SEARCHES, *PERIOD_SEARCHES)
+
 # changes of coordinates: their inverse is needed
 INVERTIBLE = ("S", "S2", "T1")
 

@@ -20,6 +20,7 @@ from lmi.patience import listening, remark
 from obsdesign.document import Claim
 from obsdesign.equations import finite_time as equations
 from obsdesign.errors import InputError
+from obsdesign.kinds import PERIOD_SEARCHES
 from obsdesign.period_extensions import longer_periods, needed_samples, shorter_windows
 from obsdesign.problem import Problem
 from obsdesign.synthesis.finite_time_injection import (
@@ -34,7 +35,6 @@ from obsdesign.verification.finite_time_window import observable, sampled_index
 from obsdesign.window_gains import Sampled
 from obsdesign.workflow import Outcome
 
-PERIOD_SEARCHES = ("longest_period", "shortest_window")
 _BITS = 160
 _TOO_MANY = (
     f"{{}} samples in a window are more than the {equations.MOST_SAMPLES} that a design may hold: "

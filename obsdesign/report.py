@@ -170,8 +170,7 @@ def _estimate(
             title = "On a simulation"
             try:
                 plant = Problem.from_dict(design.problem).plant
-                announced = plant.jump is not None and design.kind != "impulsive_input"
-                record = simulate(plant, announced=announced)
+                record = simulate(plant, announced=design.kind != "impulsive_input")
             except InputError:  # an unstable plant, or no dwell time to simulate with
                 return None
             write_text(source, table_text(record.columns))

@@ -20,10 +20,8 @@ from lmi.verdict import overall
 from obsdesign import period_search, workflow
 from obsdesign.document import Claim
 from obsdesign.errors import InputError
+from obsdesign.kinds import DWELL_SEARCHES, PERIOD_SEARCHES, SEARCHES
 from obsdesign.problem import Problem
-
-DWELL_SEARCHES = ("shortest_dwell", "longest_dwell")
-SEARCHES = (*DWELL_SEARCHES, "longest_period", "shortest_window")
 
 # claims about the range itself; all others must hold before a range is looked for
 _OF_THE_RANGE = ("dwell_stability", "decay_rate", "hurwitz", "rates")
@@ -57,7 +55,7 @@ def search(problem: Problem, what: str, accuracy: float = ACCURACY) -> workflow.
     """
     kind = problem.require_kind()
     require_search(problem, what, accuracy)
-    if what in period_search.PERIOD_SEARCHES:
+    if what in PERIOD_SEARCHES:
         return period_search.search_period(problem, what)
     shortest = what == "shortest_dwell"
     tried = [_bracket(problem, candidate, shortest, accuracy) for candidate in _candidates(problem)]
@@ -76,7 +74,7 @@ def require_search(problem: Problem, what: str, accuracy: float = ACCURACY) -> N
     kind = problem.require_kind()
     if what not in SEARCHES:
         raise InputError(f"--for must be one of {', '.join(SEARCHES)}; got {what!r}.")
-    if kind == "finite_time" and what in period_search.PERIOD_SEARCHES:
+    if kind == "finite_time" and what in PERIOD_SEARCHES:
         return
     if what not in DWELL_SEARCHES or kind not in ("interval", "luenberger"):
         raise InputError(f"--for {what} is not available for kind {kind!r} in this version.")

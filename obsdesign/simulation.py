@@ -223,15 +223,17 @@ def _trajectory(
         now = t
     seen_rows = np.array(seen).reshape(len(times), len(C))
     states = np.array(truth).reshape(-1, n)
-    told = is_jump if announced or not _unannounced(plant) else None
+    told = is_jump if _tells_jumps(plant, announced) else None
     table = _columns(times, is_jump, told, seen_rows, states, source)
     return Record(table, np.array(events).reshape(len(events), 1 + source.weights.shape[1]))
 
 
-def _unannounced(plant: Plant) -> bool:
-    """Is there no jump, or nothing at one but an impulse of unknown weight?"""
+def _tells_jumps(plant: Plant, announced: bool) -> bool:
+    """Jumps are told, those that are nothing but an impulse of unknown weight only if announced."""
     jump = plant.jump
-    return jump is None or (jump.H is not None and np.array_equal(jump.G, np.eye(plant.n)))
+    if jump is None:
+        return False
+    return announced or jump.H is None or not np.array_equal(jump.G, np.eye(plant.n))
 
 
 def _columns(

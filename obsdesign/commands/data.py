@@ -14,7 +14,10 @@ from obsdesign.errors import InputError
 
 @click.command()
 @click.argument("source", metavar="PROBLEM_OR_DESIGN", type=click.Path())
-@click.option("--until", type=float, help="End time.  [default: about ten dwell times]")
+@click.option(
+    "--until", type=float,
+    help="End time.  [default: ten dwell times, 200 samples, or what the slowest mode takes]",
+)  # fmt: skip
 @click.option(
     "--step", type=float, help="Time between rows.  [default: the period, or about until/500]"
 )
@@ -48,7 +51,7 @@ def simulate(source: str, output: str, events: str | None, seed: int, **options:
     if options["dwell"] not in ("shortest", "random"):
         options["dwell"] = dwell_times(options["dwell"])
     # impulses of unknown weight are announced to the kinds that cannot find them
-    announced = problem.plant.jump is not None and problem.kind not in (None, "impulsive_input")
+    announced = problem.kind not in (None, "impulsive_input")
     rng = np.random.default_rng(seed)
     record = run_simulation(problem.plant, rng=rng, announced=announced, **options)
     write_text(output, table_text(record.columns))

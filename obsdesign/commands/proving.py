@@ -7,8 +7,7 @@ import click
 from obsdesign.commands.arguments import KIND, one_of, problem_of
 from obsdesign.commands.talk import is_quiet, is_verbose, say, told_if_slow, warn
 from obsdesign.errors import InputError
-
-_LIMITS = ("shortest_dwell", "longest_dwell", "longest_period", "shortest_window")
+from obsdesign.kinds import SEARCHES
 
 
 @click.command()
@@ -101,8 +100,8 @@ def verify(design_file: str, paranoid: bool, as_json: bool) -> int:
 @click.command()
 @click.argument("problem", type=click.Path())
 @click.option("--for", "what", required=True, metavar="WHAT",
-              shell_complete=one_of(*_LIMITS),
-              help=", ".join(_LIMITS) + ".")  # fmt: skip
+              shell_complete=one_of(*SEARCHES),
+              help=", ".join(SEARCHES) + ".")  # fmt: skip
 @KIND
 @click.option("--accuracy", type=float, default=1e-6, show_default=True, help="Relative width.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object on stdout.")

@@ -35,7 +35,7 @@ class Record:
         """
         if options.get("until") is None and plant.output.measured == "at_jumps":
             options["until"] = 5 * default_until(plant, "random")
-        made = simulate(plant, announced=plant.jump is not None, **options)
+        made = simulate(plant, announced=True, **options)
         given = {letter: made.block(letter) for letter in "uw" if made.block(letter).size}
         samples = rows_of(made.t, made.block("y"), **given, jump=made.columns.get("jump"))
         d = made.block("d")

@@ -12,7 +12,7 @@ from obsdesign import search as searching
 from obsdesign import workflow
 from obsdesign.document import jsonable
 from obsdesign.errors import InputError
-from obsdesign.kinds import KINDS
+from obsdesign.kinds import KINDS, SEARCHES
 from obsdesign.problem import Problem
 from obsdesign.sweep.axes import Axis, changed, require_number
 
@@ -64,10 +64,10 @@ def plan_sweep(problem: Problem, axes: Sequence[Axis], what: str, accuracy: floa
     """A sweep that makes sense, or InputError: what is asked, how many axes, entries that exist."""
     kind = problem.require_kind()
     searching.require_accuracy(accuracy)
-    known = (*searching.SEARCHES, *QUALITIES)
+    known = (*SEARCHES, *QUALITIES)
     if what not in known:
         raise InputError(f"--for must be one of {', '.join(known)}; got {what!r}.")
-    if what in searching.SEARCHES:
+    if what in SEARCHES:
         searching.require_search(problem, what, accuracy)
     elif kind not in QUALITIES[what]:
         kinds = " and ".join(map(repr, QUALITIES[what]))
@@ -91,7 +91,7 @@ def evaluate(plan: Plan, index: int) -> dict[str, Any]:
     with _ONE_AT_A_TIME:
         try:
             problem = plan.problem(index)
-            if plan.what in searching.SEARCHES:
+            if plan.what in SEARCHES:
                 told = _searched(searching.search(problem, plan.what, plan.accuracy))
             else:
                 told = _designed(workflow.investigate(problem), plan.what)

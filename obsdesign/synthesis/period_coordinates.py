@@ -20,7 +20,7 @@ def triangular(entries: Array, n: int) -> Array:
 
 def triangle_of(S: Array) -> Array:
     """The reverse of `triangular` for any regular S: a rotation of S x changes no norm."""
-    R: Array = np.linalg.qr(S, mode="r")  # type: ignore[assignment]
+    R = np.asarray(np.linalg.qr(S, mode="r"), dtype=np.float64)
     R = R * np.where(np.diag(R) < 0, -1.0, 1.0)[:, None]
     np.fill_diagonal(R, np.log(np.diag(R)))
     return np.asarray(R[np.triu_indices(len(S))])

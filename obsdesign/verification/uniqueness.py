@@ -16,6 +16,8 @@ The paper calls uniqueness likely; it is false in general. What decides here, fo
 from __future__ import annotations
 
 import itertools
+import math
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -226,13 +228,8 @@ def _turns_one_way(
     def leaving(box: signs.Box) -> Any:
         return signs.combined((start[0], box.rows[3]), (-start[1], box.rows[2]))
 
-    sign = 1
-    place = margin
-    for sign in (1, -1):
-        found, place = signs.one_sign(with_rates(margin, window), turn, sign, effort)
-        if found is True:
-            break
-    else:
+    sign, place = _one_way(lambda: with_rates(margin, window), turn, effort)
+    if sign == 0:
         return False, place
     near = margin + (window - margin) / 64
     leaves, place = signs.one_sign(with_rates(margin, near), leaving, sign, effort)
@@ -253,6 +250,18 @@ def _turns_one_way(
         if away is not True:
             return False, place
     return True, place
+
+
+def _one_way(
+    cover: Callable[[], Iterator[signs.Box]], turn: Any, effort: signs.Effort
+) -> tuple[int, float]:
+    """(the sign that `turn` has on all boxes, 0 if it has none, where that was not seen)."""
+    place = math.nan
+    for sign in (1, -1):  # boxes are used up by being looked at: new ones for each sign
+        found, place = signs.one_sign(cover(), turn, sign, effort)
+        if found is True:
+            return sign, place
+    return 0, place
 
 
 def _with_derivatives(F: Any, z: Any, rows: list[int]) -> tuple[Any, Any]:

@@ -29,16 +29,6 @@ SIX = [
 PRIOR = {"x": [0, 2.4], "covariance": np.diag([0.25, 1.0])}
 
 
-@pytest.fixture(scope="module")
-def body() -> dict[str, Any]:
-    return obsdesign.load_problem(EXAMPLES / "luteinizing_hormone.toml").to_dict()
-
-
-@pytest.fixture(scope="module")
-def observer(body: dict[str, Any]) -> Any:
-    return from_design(obsdesign.design(obsdesign.Problem.from_dict(body)))
-
-
 def found_in(observer: Any, t: Any, y: Any, **initial: Any) -> list[Any]:
     return events_of(list(observer.run(observer.init(float(t[0]), **initial), rows_of(t, y))))
 

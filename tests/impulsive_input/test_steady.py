@@ -9,9 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-import obsdesign
 from lmi.exponential import expm, flow_integrals
-from obsdesign.runtime import from_design
 from obsdesign.runtime.base import rows_of
 from obsdesign.runtime.impulse_filter import Filtered, Row
 from obsdesign.runtime.impulse_steady import STEADY, Steady
@@ -19,16 +17,6 @@ from tests.impulsive_input.cases import CHAIN, events_of, observer_of, record
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 PULSES = [(54.3, 1.0), (131.5, 2.0), (212.0, 1.2), (263.3, 1.4), (379.0, 2.6)]
-
-
-@pytest.fixture(scope="module")
-def body() -> dict[str, Any]:
-    return obsdesign.load_problem(EXAMPLES / "luteinizing_hormone.toml").to_dict()
-
-
-@pytest.fixture(scope="module")
-def observer(body: dict[str, Any]) -> Any:
-    return from_design(obsdesign.design(obsdesign.Problem.from_dict(body)))
 
 
 def hormone(body: dict[str, Any], t: Any, train: Any, seed: int) -> np.ndarray:
