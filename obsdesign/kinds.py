@@ -33,7 +33,7 @@ OPTIONS: Mapping[str, tuple[str, ...]] = {
         "window", "exponents", "margin", "ratio", "weighting", "operator", "state_correction",
         "nonnegative", "threshold", "check_exponents",
     ),
-    "unknown_input": ("poles", "weights", "differentiator"),
+    "unknown_input": ("poles", "weights", "differentiator", "lag"),
 }  # fmt: skip
 
 KINDS = tuple(GAINS)
@@ -52,6 +52,7 @@ WHOLE = (
     ("luenberger", "memory"),
     ("luenberger", "schedule"),
     ("impulsive", "window"),
+    ("unknown_input", "lag"),
 )
 
 

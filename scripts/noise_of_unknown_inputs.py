@@ -1,4 +1,4 @@
-"""Error of the unknown input under noise: three differentiators and a Kalman filter, side by side.
+"""Error of the unknown input under noise: four differentiators and a Kalman filter, side by side.
 
 python -m scripts.noise_of_unknown_inputs [runs]: root mean square error over t >= 3 of both of the
 paper's examples, h = 0.1, 100 cells, noise 0.01 on every sample; compared with d at mid-cell.
@@ -83,7 +83,7 @@ def main() -> None:
     runs = int(sys.argv[1]) if len(sys.argv) > 1 else 20
     cases = [(name, shape) for name in LEVELS for shape in SHAPES]
     print("method".ljust(20) + "".join(f"{name} {shape}".rjust(13) for name, shape in cases))
-    methods: list[str | float] = ["cell", "damped", "batch", *WALKS]
+    methods: list[str | float] = ["cell", "damped", "fixed_lag", "batch", *WALKS]
     for method in methods:
         label = method if isinstance(method, str) else f"filter, walk {method:g}"
         row = [error(name, shape, method, runs) for name, shape in cases]

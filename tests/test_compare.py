@@ -94,7 +94,7 @@ def test_unknown_inputs_and_methods_are_compared() -> None:
     record = Record.simulated(problem.plant, until=6.0, rng=np.random.default_rng(0))
     rows = {(row.kind, row.variant): row for row in compare(problem, record)}
     mine = {variant for kind, variant in rows if kind == "unknown_input"}
-    assert mine == {"cell", "damped", "batch"}
+    assert mine == {"cell", "damped", "batch", "fixed_lag"}
     assert all(rows["unknown_input", variant].input_error is not None for variant in mine)
     reference = next(row for (kind, _), row in rows.items() if kind == REFERENCE)
     assert reference.input_error is not None

@@ -23,7 +23,7 @@ _VARIANTS: dict[str, tuple[str, tuple[str, ...]]] = {
     "interval": ("form", interval.FORMS),
     "impulsive": ("strategy", impulsive.STRATEGIES),
     "finite_time": ("method", finite_time.METHODS),
-    "unknown_input": ("differentiator", ("cell", "damped", "batch")),
+    "unknown_input": ("differentiator", ("cell", "damped", "batch", "fixed_lag")),
 }
 _FARTHEST = 1e100
 # a design beside the filter is run on so many rows at most
@@ -78,8 +78,9 @@ def _of_kind(problem: Problem, kind: str, record: Record, start: Array) -> Itera
 def _variant(
     asked: Problem, kind: str, option: str, value: str, record: Record, start: Array
 ) -> Row:
-    """Gains that were given are for the way that was asked for; here they are synthesised."""
+    """Gains and a lag that were given are for the way that was asked for; here they are chosen."""
     body = asked.to_dict()
+    body["observer"].pop("lag", None)
     body["observer"] = {**body["observer"], option: value, "gains": {}}
     try:
         return _row(workflow.investigate(Problem.from_dict(body)), option, record, start, value)

@@ -89,6 +89,11 @@ def _between(nodes: Array, values: Array, t: Array) -> Array:
     return result
 
 
+def smoothed_window(t: Array, y: Array, deviation: Array) -> Array:
+    """Smooth each column of y, (rows, p), to its noise, (p,), as one window without means."""
+    return _window(t, y, deviation)[0]
+
+
 def _in_windows(t: Array, y: Array, deviation: Array) -> tuple[Array, float]:
     """(smoothed y, the most ways in which a window bends)."""
     rows, half = len(t), WINDOW // 2

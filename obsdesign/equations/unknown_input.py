@@ -38,7 +38,11 @@ STEP_LIMIT = 2.0
 UNSEEN = 1e-10
 # pole of the damped differentiator: -DAMPING instead of -1, late by h (1 - r)/(2 (1 + r)) = h / 6
 DAMPING = 0.5
-DIFFERENTIATORS = ("cell", "damped", "batch")
+DIFFERENTIATORS = ("cell", "damped", "batch", "fixed_lag")
+# they smooth to the noise, so that its deviation is required
+SMOOTHING = ("batch", "fixed_lag")
+# samples that `fixed_lag` waits for: with windows of three lags about as good as `batch`
+LAG = 10
 
 
 def objection(plant: Any) -> str | None:
@@ -221,11 +225,20 @@ def without_empty(gains: Mapping[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in gains.items() if np.size(value)}
 
 
-def asked(problem: Any) -> dict[str, Any]:
-    """The differentiator, and the noise that `batch` smooths to, as a design stores them."""
-    chosen = problem.options.get("differentiator", "cell")
-    noise = {"noise_std": problem.plant.output.noise_std} if chosen == "batch" else {}
-    return {"differentiator": chosen} | noise
+def differentiator(problem: Any) -> str:
+    """The differentiator of a problem: `fixed_lag` where all outputs have noise, else `cell`."""
+    noisy = bool(np.all(problem.plant.output.noise_std > 0))
+    return str(problem.options.get("differentiator", "fixed_lag" if noisy else "cell"))
+
+
+def differentiation(problem: Any, chosen: str) -> dict[str, Any]:
+    """A differentiator as a design stores it: its name, the noise it smooths to, its lag."""
+    stored: dict[str, Any] = {"differentiator": chosen}
+    if chosen in SMOOTHING:
+        stored["noise_std"] = problem.plant.output.noise_std
+    if chosen == "fixed_lag":
+        stored["lag"] = problem.options.get("lag", LAG)
+    return stored
 
 
 def shapes(n: int, p: int, q: int, m: int) -> dict[str, tuple[int, int]]:

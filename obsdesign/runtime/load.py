@@ -21,6 +21,8 @@ OBSERVERS = {
     "unknown_input": ("obsdesign.runtime.unknown_input", "UnknownInputObserver"),
     "impulsive_input": ("obsdesign.runtime.impulsive_input", "ImpulsiveInputObserver"),
 }
+# rows come later, which takes a state of another shape
+_WITH_LAG = ("obsdesign.runtime.fixed_lag", "FixedLagObserver")
 
 
 def load(path: str | os.PathLike[str]) -> Observer:
@@ -37,6 +39,8 @@ def from_design(design: Design, path: str = "design") -> Observer:
         known = ", ".join(OBSERVERS)
         raise InputError(f"{path}: kind must be one of {known}; got {design.kind!r}.")
     module, name = OBSERVERS[design.kind]
+    if design.gains.get("differentiator") == "fixed_lag":
+        module, name = _WITH_LAG
     _same_plant(design, path)
     try:
         observer: Observer = getattr(importlib.import_module(module), name).from_gains(design.gains)

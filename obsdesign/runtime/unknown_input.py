@@ -7,8 +7,10 @@
 with Ad = (I - hF/2)^-1 (I + hF/2), Bw = h (I - hF/2)^-1, Wc = (w + w+)/2. Y' is the difference
 quotient (y - y_prev)/h (`cell`) or its damped recursion (`damped`); (34) needs no recursion, see
 `equations.block_pulse`. With `batch`, `run` smooths the whole record to its noise first, and `step`
-takes samples as they come. A step covers the time since the last sample that was there, of any
-length: of two equal ones in a row the second is one product, any other is a solution of (30).
+takes samples as they come; with `fixed_lag` see `runtime.fixed_lag`.
+
+A step covers the time since the last sample that was there, of any length: of two equal ones in a
+row the second is one product, any other is a solution of (30).
 Source: P. Ahn (2002), (29)-(34).
 """
 
@@ -86,12 +88,13 @@ class UnknownInputObserver(PointObserver[UnknownInputState], Stepped[UnknownInpu
                 found = "nothing" if value is None else f"shape {np.shape(value)}"
                 raise ValueError(f"gains.{name} must have shape {shape}; got {found}.")
             complete[name] = value
-        if complete.get("differentiator") not in equations.DIFFERENTIATORS:
+        chosen = complete.get("differentiator")
+        if chosen not in equations.DIFFERENTIATORS:
             words = ", ".join(equations.DIFFERENTIATORS)
             raise ValueError(f"gains.differentiator must be one of {words}.")
-        if complete["differentiator"] == "batch" and np.shape(gains.get("noise_std", 0)) != (p,):
+        if chosen in equations.SMOOTHING and np.shape(gains.get("noise_std", 0)) != (p,):
             raise ValueError(f"gains.noise_std must have shape ({p},).")
-        return cls(complete, n - q, p, q, complete["differentiator"] == "damped")
+        return cls(complete, n - q, p, q, chosen == "damped")
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -6,12 +6,13 @@ is chosen in `synthesis.reduced_gain`.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lmi.patience import remark
 from obsdesign.equations import unknown_input as equations
 from obsdesign.errors import InputError
 from obsdesign.invariant_zeros import hidden_states, shows_every_input, zeros_decay
@@ -42,10 +43,15 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
     if "poles" in problem.options and "weights" in problem.options:
         raise InputError("observer.poles and observer.weights both choose L; drop one.")
     noise = plant.output.noise_std
-    if problem.options.get("differentiator") == "batch" and not np.all(noise > 0):
+    chosen = equations.differentiator(problem)
+    if chosen in equations.SMOOTHING and not np.all(noise > 0):
         raise InputError(
-            "output.noise_std is required by differentiator = 'batch', positive for every output; "
-            f"got {noise.tolist()}."
+            f"output.noise_std is required by differentiator = {chosen!r}, positive for every "
+            f"output; got {noise.tolist()}."
+        )
+    if "lag" in problem.options and chosen != "fixed_lag":
+        raise InputError(
+            f"observer.lag is the delay of differentiator = 'fixed_lag'; got {chosen!r}. Drop one."
         )
     A, C = plant.flow.A, plant.output.C
     exists = shows_every_input(C, D).outcome == "proved"
@@ -63,7 +69,23 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
     if not finite:
         yield Candidate("beyond binary64", {}, searched=True)
         return
+    if "differentiator" not in problem.options and chosen == "fixed_lag":
+        remark(_choice_of_differentiator(problem, gains))
     yield Candidate(label, gains, searched=not ("L" in problem.gains or _asks_for_growth(problem)))
+
+
+def _choice_of_differentiator(problem: Problem, gains: Mapping[str, Any]) -> str:
+    """The delay of the differentiator that was chosen, and the noise of the one without delay."""
+    h, lag = problem.plant.output.period, gains["lag"]
+    late, noise = f"{lag} samples late", ""
+    if h is not None:
+        late += f" ({lag * h:g})"
+        spread = np.sqrt(2 * (gains["N"] ** 2 @ problem.plant.output.noise_std**2)) / h
+        noise = f", which leaves noise of {', '.join(f'{value:.2g}' for value in spread)} in d"
+    return (
+        "output.noise_std is given, so that observer.differentiator = 'fixed_lag' was chosen: rows "
+        f"come {late}, smoothed to the noise. Without delay: 'cell'{noise}."
+    )
 
 
 def _asks_for_growth(problem: Problem) -> bool:
@@ -93,4 +115,5 @@ def _gains(problem: Problem, D: Matrix) -> tuple[str, dict[str, Any]]:
     plain = {"A": flow.A, "C": C, "D": D} | ({} if flow.B is None else {"B": flow.B})
     gains = plain | {"T1": T1, "T": T, "N": N, "Z": Z, "L": L} | found
     gains |= {"first": reduced.first_state()}
-    return label, equations.without_empty(gains) | equations.asked(problem)
+    chosen = equations.differentiator(problem)
+    return label, equations.without_empty(gains) | equations.differentiation(problem, chosen)

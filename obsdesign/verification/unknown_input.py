@@ -51,11 +51,11 @@ def claims(
     if any(claim.verdict != "proved" for claim in existence):
         return existence  # no gains to speak of
     beyond = None if gains else "the gains are beyond binary64; choose other units for y, d or x"
-    agreement = consistency(beyond, gains, _expected(problem))
+    agreement = consistency(beyond, gains, _expected(problem, gains))
     if agreement.verdict != "proved":
         return (agreement, *existence)
     if text := _false_first_state(gains):
-        agreement = consistency(text, gains, _expected(problem))
+        agreement = consistency(text, gains, _expected(problem, gains))
     numbers = _exact_gains(problem, gains)
     plant, moved, pace = _in_own_units(problem, numbers)
     stable = _stable(numbers["F"], existence[-1].evidence)
@@ -68,13 +68,16 @@ def guarantees(problem: Problem, found: tuple[Claim, ...]) -> tuple[dict[str, An
     return sentences(problem, found)
 
 
-def _expected(problem: Problem) -> dict[str, Any]:
+def _expected(problem: Problem, gains: Mapping[str, Any]) -> dict[str, Any]:
     flow, C = problem.plant.flow, problem.plant.output.C
     shapes = _shapes(problem)
     stated = {"A": flow.A, "C": C, "D": flow.D} | ({} if flow.B is None else {"B": flow.B})
     computed = {name: shape for name, shape in shapes.items() if 0 not in shape}
     given = equations.without_empty(problem.gains)
-    return stated | computed | given | equations.asked(problem)
+    chosen = problem.options.get("differentiator", gains.get("differentiator"))
+    if chosen not in equations.DIFFERENTIATORS:  # any will do where the problem names none
+        return stated | computed | given | {"differentiator": set(equations.DIFFERENTIATORS)}
+    return stated | computed | given | equations.differentiation(problem, chosen)
 
 
 def _false_first_state(gains: Mapping[str, Any]) -> str | None:
