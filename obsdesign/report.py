@@ -10,6 +10,7 @@ import json
 import tempfile
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -79,7 +80,7 @@ def page(
     template = environment.from_string(
         files("obsdesign").joinpath("templates/report.html").read_text("utf-8")
     )
-    guarantees = [(bool(g["given"]), str(g["statement"])) for g in design.guarantees]
+    guarantees = [(bool(g["given"]), str(g["statement"])) for g in outcome.guarantees]
     shown = {name: value for name, value in design.gains.items() if _is_matrix(value)}
     return template.render(
         design=design,
@@ -92,7 +93,7 @@ def page(
         withheld=[statement for given, statement in guarantees if not given],
         estimate=estimate,
         most_rows=MOST_ROWS,
-        curve=_curve(design),
+        curve=_curve(replace(design, claims=outcome.claims)),
         claims=[_claim(claim) for claim in outcome.claims],
         gains=[{"name": name, "rows": _rows(value)} for name, value in shown.items()
                if np.size(value) <= _MOST_ENTRIES],
