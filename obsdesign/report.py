@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import base64
 import json
-import tempfile
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -27,7 +26,7 @@ from obsdesign.document import Design, jsonable, load_design
 from obsdesign.errors import InputError
 from obsdesign.evidence import numbers_of
 from obsdesign.execution import execute
-from obsdesign.output_files import write_text
+from obsdesign.output_files import temporary_folder, write_text
 from obsdesign.problem import Problem
 from obsdesign.records import table_text
 from obsdesign.simulation import simulate
@@ -164,7 +163,7 @@ def _estimate(
     """The observer on data, or on a simulation of its plant, as a picture."""
     from obsdesign.plotting.estimate import plot_estimate
 
-    with tempfile.TemporaryDirectory() as folder:
+    with temporary_folder() as folder:
         title = "On data"
         source = data or str(Path(folder, "simulated.csv"))
         if data is None:
