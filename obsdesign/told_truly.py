@@ -10,7 +10,6 @@ from obsdesign.errors import InputError
 from obsdesign.problem import Problem
 from obsdesign.verification.evidence import Difference, difference
 
-
 Sentences = tuple[Mapping[str, Any], ...]
 
 

@@ -151,9 +151,7 @@ def reason(claim: Claim) -> str:
     return str(evidence.get("reason") or witness.get("reason") or claim.statement)
 
 
-def _document(
-    problem: Problem, kind: str, candidate: Any, claims: tuple[Claim, ...]
-) -> Design:
+def _document(problem: Problem, kind: str, candidate: Any, claims: tuple[Claim, ...]) -> Design:
     """The design of a candidate; nothing in it differs from run to run."""
     verification = layer("verification", kind)
     return Design(

@@ -1,7 +1,7 @@
 """A sweep on disk: JSON lines, the first says which sweep, each further one holds a point.
 
-The digest at the end of a line is that of the first line and this point together: a point of another
-sweep, or one that was edited, does not match it.
+The digest at the end of a line is that of the first line and this point together. A point of
+another sweep, or one that was edited, does not match it.
 
 While it grows, lines stand in the order in which they were finished; a complete file is put in the
 order of its points, so that two runs of one sweep leave the same bytes, interrupted or not.

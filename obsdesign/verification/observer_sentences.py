@@ -66,8 +66,13 @@ def _about_zeros(claim: Claim) -> list[Sentence]:
     told, evidence = [], claim.evidence
     if zeros := evidence.get("zeros"):
         text = ", ".join(f"{re:.6g}" + (f" +- {im:.6g}i" if im else "") for re, im in zeros)
-        told.append(_resting_on(claim, f"The poles include the invariant zeros {text}, which no "
-                                "gain moves; errors along them decay at their own rate."))  # fmt: skip
+        told.append(
+            _resting_on(
+                claim,
+                f"The poles include the invariant zeros {text}, which no gain moves; errors along "
+                "them decay at their own rate.",
+            )
+        )
     if mode := evidence.get("nearly"):
         text = f"{mode['real']:.6g}" + (f" +- {mode['imag']:.6g}i" if mode["imag"] else "")
         told.append(
