@@ -53,7 +53,10 @@ class Curve:
 
 @np.errstate(all="ignore")
 def curve_of(design: Design) -> Curve | None:
-    """The curve of a design's kind; None where floats have nothing to show."""
+    """The curve of a design's kind; None where floats have nothing to show.
+
+    What its caption calls proved rests on the verdicts of `design.claims`.
+    """
     found = {
         "interval": _interval,
         "luenberger": _luenberger,
@@ -61,7 +64,7 @@ def curve_of(design: Design) -> Curve | None:
         "finite_time": _finite_time,
         "impulsive_input": _impulsive_input,
         "unknown_input": _unknown_input,
-    }[design.kind](design.gains, {claim.id: claim.evidence for claim in design.claims})
+    }[design.kind](design.gains, {c.id: c.evidence for c in design.claims if c.verdict == "proved"})
     if found is None or not all(np.isfinite(y).any() for y in found.series.values()):
         return None
     return found
@@ -117,15 +120,17 @@ def _growth(
         series["worst direction, norm of P"] = np.linalg.norm(
             np.nan_to_num(moved), ord=2, axis=(1, 2)
         )
-    proved = "the shaded range is proved, for every order in which dwell times may come"
+    marked = "the design is for the marked one"
+    if event == "jump":
+        marked = "the shaded range is proved, for every order in which dwell times may come"
+        marked = marked if "dwell_stability" in evidence else "the design is for the shaded range"
     return Curve(
         f"Growth of the {what} from {event} to {event}",
         between,
         f"factor per {event}",
         theta,
         series,
-        f"Below 1 it shrinks from each {event} to the next; "
-        + (f"{proved}." if event == "jump" else "the design is for the marked one."),
+        f"Below 1 it shrinks from each {event} to the next; {marked}.",
         1.0,
         (low, min(high, float(theta[-1]))),
     )
@@ -178,8 +183,12 @@ def _impulsive(gains: Mapping[str, Any], evidence: Mapping[str, Any]) -> Curve |
         "smallest singular value",
         theta,
         {"of the scaled window matrix": np.asarray(margin)},
-        "At 0 a state would stay hidden. Shaded: the spacings for which it is proved to stay above "
-        "the dashed level, in every order.",
+        "At 0 a state would stay hidden. Shaded: the spacings "
+        + (
+            "for which it is proved to stay above the dashed level, in every order."
+            if proof
+            else "of the design."
+        ),
         proof.get("sigma_min"),
         (low, min(high, float(theta[-1]))),
     )

@@ -2,25 +2,38 @@
 
 from __future__ import annotations
 
-import itertools
+import io
+import math
 import re
 import sys
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from itertools import chain
 from typing import Any, TextIO
 
+from obsdesign.document import load_design
 from obsdesign.errors import InputError
-from obsdesign.output_files import refuse_overwriting, replacing
-from obsdesign.records import Layout, estimate_header, estimate_line, event_line, read_samples
-from obsdesign.runtime import load
-from obsdesign.runtime.base import Estimate, Sample
+from obsdesign.output_files import refuse_overwriting, replacing, write_text
+from obsdesign.records import (
+    Layout,
+    Remark,
+    estimate_header,
+    estimate_line,
+    event_line,
+    ignored,
+    read_samples,
+)
+from obsdesign.runtime import from_design
+from obsdesign.runtime.base import Estimate
+from obsdesign.runtime.stored_state import state_text
+from obsdesign.stream import Stream, begun, estimates_of, resumed
 
 # "dwell time 0.5 below 0.7" is counted as "dwell time below 0.7"
 _NUMBER = re.compile(r"(?<=time )[-+.\de]+ ")
 
-_READ_AHEAD = 1024  # rows of a file that an observer with a delay takes at once
+_MOSTLY_VOID = 0.5  # of the rows, from which the data is hardly of this plant
 
 
 def execute(
@@ -29,50 +42,61 @@ def execute(
     output: str | None,
     initial: Sequence[float] | None,
     events: str | None,
+    *,
+    state: str | None = None,
+    skip_bad: bool = False,
+    remark: Remark = ignored,
 ) -> Counter[str]:
     """Estimates of a design for DATA (None: standard input) into `output` (None: standard output).
+
+    state: the file that says where the observer stands; where it exists the run goes on from there,
+    and at the end it is written for the next part of the record. skip_bad: a malformed line is a
+    remark, not an error. remark: called with each of these, and at the end with signs that the data
+    are of another plant.
 
     Returns how many rows there were ("rows") and how many had which status. A data file is checked
     whole before anything is written; a pipe is answered row by row. InputError names what is wrong
     with which file.
     """
-    observer: Any = load(design)
-    for target in (output, events):
-        refuse_overwriting(target, design, data)
-    if events is not None and events == output:
-        raise InputError(f"--events: {events} is the estimate file; give another name.")
+    signed = load_design(design)
+    observer: Any = from_design(signed, design)
+    _refuse_targets((design, data), output, events, state)
     if events is not None and not observer.finds_events:
         raise InputError(f"--events: kind {observer.kind!r} has none to write.")
-    layout = Layout(**observer.reads)
-    if data is None:
-        with _writer(output) as out, _log(events, observer) as log:
-            return _loop(observer, sys.stdin, layout, "standard input", initial, out, log)
-    with _opened(data) as stream:
-        for sample in read_samples(stream, layout, data):
-            observer.start(sample.t, initial)  # complain before anything is written
-            break
-        for _ in read_samples(stream, layout, data) if stream.seek(0) == 0 else ():
-            pass
-    with _opened(data) as stream, _writer(output) as out, _log(events, observer) as log:
-        return _loop(observer, stream, layout, data, initial, out, log)
+    stand = None if state is None else resumed(state, signed, observer, initial)
+    name, remarks = data or "standard input", list[str]()
+    after = -math.inf if stand is None else stand.t
+    read = partial(read_samples, layout=Layout(**observer.reads), name=name, after=after)
+    if data is not None:
+        with _opened(data) as stream:
+            samples = read(stream, skip=ignored if skip_bad else None)
+            begun(observer, stand, next(samples), initial)  # complain before anything is written
+            for _ in samples:
+                pass
+    with _source(data) as stream, _writer(output) as out, _log(events, observer) as log:
+        samples = read(stream, skip=remark if skip_bad else None, remark=remarks.append)
+        first = next(samples)  # there is one, or they complain
+        along = Stream(observer, begun(observer, stand, first, initial))
+        rows, live = chain([first], samples), data is None
+        if state is None:
+            estimates = estimates_of(observer, along.progress.state, rows, live=live)
+        else:
+            estimates = along.estimates(rows, live=live)
+        counts = _write(observer, estimates, out, log, live=live)
+    if state is not None:
+        write_text(state, state_text(signed, along.progress))
+    for text in [*remarks, *_void(name, counts)]:
+        remark(text)
+    return counts
 
 
-def _loop(
-    observer: Any,
-    stream: TextIO,
-    layout: Layout,
-    name: str,
-    initial: Any,
-    out: TextIO,
-    log: TextIO | None,
+def _write(
+    observer: Any, estimates: Iterator[Estimate], out: TextIO, log: TextIO | None, *, live: bool
 ) -> Counter[str]:
+    """Every estimate as a line, and how many there are of which status."""
     counts: Counter[str] = Counter()
-    samples = read_samples(stream, layout, name)
-    first = next(samples)  # there is one, or they complain
-    state = observer.start(first.t, initial)
     out.write(estimate_header(observer.names) + "\n")
-    live = stream is sys.stdin
-    for estimate in estimates_of(observer, state, chain([first], samples), live=live):
+    for estimate in estimates:
         out.write(estimate_line(estimate) + "\n")
         if log is not None:
             log.writelines(event_line(event) + "\n" for event in estimate.events)
@@ -83,20 +107,27 @@ def _loop(
     return counts
 
 
-def estimates_of(
-    observer: Any, state: Any, samples: Iterator[Sample], *, live: bool = False
-) -> Iterator[Estimate]:
-    """One for every row; an observer with a delay gives each once it is decided.
+def _void(name: str, counts: Counter[str]) -> list[str]:
+    """A remark if the data refute the bounds on most of the rows."""
+    void = sum(number for status, number in counts.items() if status.startswith("void "))
+    if not void > _MOSTLY_VOID * counts["rows"]:
+        return []
+    return [
+        f"{name}: the bounds are void on {void} of {counts['rows']} rows. Is it the data of "
+        "another plant?"
+    ]
 
-    live: answer row by row; a file may be read ahead.
-    """
-    if not hasattr(observer, "finish"):
-        yield from observer.run(state, samples)
-        return
-    while block := list(itertools.islice(samples, 1 if live else _READ_AHEAD)):
-        state = observer.block(state, block)
-        yield from state.decided
-    yield from observer.finish(state)
+
+def _refuse_targets(
+    read: tuple[str | None, ...], output: str | None, events: str | None, state: str | None
+) -> None:
+    """InputError if a file to be written is one that is read, or is written twice."""
+    for target in (output, events, state):
+        refuse_overwriting(target, *read)
+    if events is not None and events == output:
+        raise InputError(f"--events: {events} is the estimate file; give another name.")
+    if state is not None and state in (output, events):
+        raise InputError(f"--state: {state} is another file of this run; give another name.")
 
 
 @contextmanager
@@ -111,9 +142,22 @@ def _log(path: str | None, observer: Any) -> Iterator[TextIO | None]:
 
 
 @contextmanager
+def _source(path: str | None) -> Iterator[TextIO]:
+    """A data file, or standard input."""
+    if path is not None:
+        with _opened(path) as stream:
+            yield stream
+        return
+    if isinstance(sys.stdin, io.TextIOWrapper):
+        sys.stdin.reconfigure(errors="surrogateescape")
+    yield sys.stdin
+
+
+@contextmanager
 def _opened(path: str) -> Iterator[TextIO]:
+    """A file whose bytes are handed on as they are: noise on a line is wrong there alone."""
     try:
-        stream = open(path, encoding="utf-8", newline="")  # noqa: SIM115 - closed below
+        stream = open(path, encoding="utf-8", newline="", errors="surrogateescape")  # noqa: SIM115
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}.") from None
     with stream:

@@ -155,11 +155,9 @@ def show(outcome: Outcome, numbers: bool = False) -> None:
         if wanted and label != outcome.result.get("form") and entry["verdict"] != "proved":
             why = escape("; ".join(entry["reasons"]))
             console.print(f"form {label} is {entry['verdict']}: {why}")
-    if numbers and outcome.design is not None:
-        seconds = outcome.design.provenance.get("seconds")
-        console.print(f"[dim]designed in {seconds} s[/]")
-    told = outcome.design is not None and outcome.verdict != "refuted"
-    for guarantee in outcome.design.guarantees if told and outcome.design else ():
+    if numbers and "seconds" in outcome.result:
+        console.print(f"[dim]designed in {outcome.result['seconds']} s[/]")
+    for guarantee in outcome.guarantees if outcome.verdict != "refuted" else ():
         word = "[green]guaranteed[/]" if guarantee["given"] else "[yellow]not guaranteed[/]"
         console.print(f"{word}: {escape(str(guarantee['statement']))}")
 

@@ -11,7 +11,7 @@ import csv
 import io
 import math
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any, TextIO
 
@@ -19,6 +19,13 @@ import numpy as np
 
 from obsdesign.errors import InputError
 from obsdesign.runtime.base import Estimate, Sample
+
+Remark = Callable[[str], None]
+_NOT_TEXT = "{}: UTF-8 text is required; it is not. Is it a binary file?"
+
+
+def ignored(text: str) -> None:
+    """What nobody asked to be told."""
 
 
 @dataclass(frozen=True)
@@ -37,44 +44,99 @@ class Layout:
         return ("t", *numbered, *(["jump"] if self.jump else []))
 
 
-def read_samples(stream: TextIO, layout: Layout, name: str) -> Iterator[Sample]:
-    """Samples of a CSV file or pipe, checked row by row.
+def read_samples(
+    stream: TextIO,
+    layout: Layout,
+    name: str,
+    *,
+    after: float = -math.inf,
+    remark: Remark = ignored,
+    skip: Remark | None = None,
+) -> Iterator[Sample]:
+    """Samples of a CSV file or pipe, checked row by row; one row is one line.
+
+    after: a time before the first row; remark: told of columns that the plant has no use for; skip:
+    told of every line that is no row, instead of an error.
 
     InputError: no header, missing or doubled columns, text where a number belongs, times that do
     not increase, rows of the wrong length.
     """
-    rows = csv.reader(_decoded(stream, name), strict=True)
-    header = [title.strip() for title in _next_row(rows, name) or []]
+    lines = enumerate(_lines(stream, name), start=1)
+    header = [title.strip() for title in _cells(next(lines, (1, ""))[1], f"{name} line 1", name)]
     if not header:
         raise InputError(
             f"{name}: a header line with column 't', ... is required; the file is empty."
         )
     places = _places(header, layout, name)
-    unused = None if layout.jump or "jump" not in header else header.index("jump")
-    previous = -math.inf
-    while (cells := _next_row(rows, name)) is not None:
-        where = f"{name} line {rows.line_num}"
-        if not cells or all(not cell.strip() for cell in cells):
+    if more := _more_outputs(header, layout):
+        remark(
+            f"{name}: {', '.join(more)} of the header are not used, since the design's plant has "
+            f"{layout.y} output{'s' * (layout.y != 1)}. Is it the data of another plant?"
+        )
+    previous, rows = after, 0
+    for number, line in lines:
+        where = f"{name} line {number}"
+        try:
+            cells = _cells(line, where, name)
+            if not cells or all(not cell.strip() for cell in cells):
+                continue
+            sample = _row(cells, header, places, layout, where)
+            if sample.t <= previous:
+                raise InputError(
+                    f"{where}: t must increase; got {sample.t!r} after {previous!r}. "
+                    "Are the rows sorted, without repeats?"
+                )
+        except InputError as error:
+            if skip is None:
+                raise
+            skip(f"{error} Line {number} is skipped.")
             continue
-        if len(cells) != len(header):
-            raise InputError(
-                f"{where}: {len(header)} values are required, one per column; got {len(cells)}."
-            )
-        sample = _sample(cells, places, layout, where)
-        if unused is not None and cells[unused].strip() not in ("", "0", "0.0"):
-            raise InputError(
-                f"{where}: jump must be 0, since the design's plant has no [jump]; got "
-                f"{cells[unused].strip()!r}. Is it the data of another plant?"
-            )
-        if sample.t <= previous:
-            raise InputError(
-                f"{where}: t must increase; got {sample.t!r} after {previous!r}. "
-                "Are the rows sorted, without repeats?"
-            )
-        previous = sample.t
+        previous, rows = sample.t, rows + 1
         yield sample
-    if previous == -math.inf:
+    if not rows:
         raise InputError(f"{name}: at least one row of data is required; there is only a header.")
+
+
+def _row(
+    cells: list[str], header: list[str], places: dict[str, int], layout: Layout, where: str
+) -> Sample:
+    if len(cells) != len(header):
+        raise InputError(
+            f"{where}: {len(header)} values are required, one per column; got {len(cells)}."
+        )
+    sample = _sample(cells, places, layout, where)
+    unused = None if layout.jump or "jump" not in header else header.index("jump")
+    if unused is not None and cells[unused].strip() not in ("", "0", "0.0"):
+        raise InputError(
+            f"{where}: jump must be 0, since the design's plant has no [jump]; got "
+            f"{cells[unused].strip()!r}. Is it the data of another plant?"
+        )
+    return sample
+
+
+def _more_outputs(header: list[str], layout: Layout) -> list[str]:
+    """Columns y1, y2, ... beyond those of the plant."""
+    return [x for x in header if re.fullmatch(r"y[1-9]\d*", x) and x not in layout.columns]
+
+
+def _lines(stream: TextIO, name: str) -> Iterator[str]:
+    try:
+        for line in stream:  # noqa: UP028 - `yield from` would close the stream with the generator
+            yield line
+    except UnicodeDecodeError:
+        raise InputError(_NOT_TEXT.format(name)) from None
+
+
+def _cells(line: str, where: str, name: str) -> list[str]:
+    """The cells of one line; an InputError is about this line alone."""
+    if not line.isascii() and any("\ud800" <= x <= "\udfff" for x in line):
+        raise InputError(_NOT_TEXT.format(name))  # bytes that a stream handed on as they were
+    if "\0" in line:
+        raise InputError(f"{name}: a text file is required; it holds a zero byte.")
+    try:
+        return next(csv.reader([line], strict=True), [])
+    except csv.Error as error:
+        raise InputError(f"{where}: not valid CSV: {error}.") from None
 
 
 def _decoded(stream: TextIO, name: str) -> Iterator[str]:
@@ -84,9 +146,7 @@ def _decoded(stream: TextIO, name: str) -> Iterator[str]:
                 raise InputError(f"{name}: a text file is required; it holds a zero byte.")
             yield line
     except UnicodeDecodeError:
-        raise InputError(
-            f"{name}: UTF-8 text is required; it is not. Is it a binary file?"
-        ) from None
+        raise InputError(_NOT_TEXT.format(name)) from None
 
 
 def _next_row(rows: Any, name: str) -> list[str] | None:

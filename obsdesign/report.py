@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import base64
 import json
-import tempfile
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -26,7 +26,7 @@ from obsdesign.document import Design, jsonable, load_design
 from obsdesign.errors import InputError
 from obsdesign.evidence import numbers_of
 from obsdesign.execution import execute
-from obsdesign.output_files import write_text
+from obsdesign.output_files import temporary_folder, write_text
 from obsdesign.problem import Problem
 from obsdesign.records import table_text
 from obsdesign.simulation import simulate
@@ -79,7 +79,7 @@ def page(
     template = environment.from_string(
         files("obsdesign").joinpath("templates/report.html").read_text("utf-8")
     )
-    guarantees = [(bool(g["given"]), str(g["statement"])) for g in design.guarantees]
+    guarantees = [(bool(g["given"]), str(g["statement"])) for g in outcome.guarantees]
     shown = {name: value for name, value in design.gains.items() if _is_matrix(value)}
     return template.render(
         design=design,
@@ -92,7 +92,7 @@ def page(
         withheld=[statement for given, statement in guarantees if not given],
         estimate=estimate,
         most_rows=MOST_ROWS,
-        curve=_curve(design),
+        curve=_curve(replace(design, claims=outcome.claims)),
         claims=[_claim(claim) for claim in outcome.claims],
         gains=[{"name": name, "rows": _rows(value)} for name, value in shown.items()
                if np.size(value) <= _MOST_ENTRIES],
@@ -163,7 +163,7 @@ def _estimate(
     """The observer on data, or on a simulation of its plant, as a picture."""
     from obsdesign.plotting.estimate import plot_estimate
 
-    with tempfile.TemporaryDirectory() as folder:
+    with temporary_folder() as folder:
         title = "On data"
         source = data or str(Path(folder, "simulated.csv"))
         if data is None:

@@ -10,13 +10,29 @@ from obsdesign.errors import InputError
 from obsdesign.problem import Problem
 from obsdesign.verification.evidence import Difference, difference
 
+Sentences = tuple[Mapping[str, Any], ...]
+
+
+def guarantees_of(problem: Problem, claims: tuple[Claim, ...], verification: Any) -> Sentences:
+    """Sentences that follow from claims; given where all they rest on is proved among these.
+
+    Every sentence rests on `consistent` beside the claims it names: they are about these gains.
+    """
+    proved = {claim.id for claim in claims if claim.verdict == "proved"}
+    return tuple(
+        {**entry, "given": bool(entry["given"] and entry["claims"])
+         and {"consistent", *entry["claims"]} <= proved}
+        for entry in verification.guarantees(problem, claims)
+    )  # fmt: skip
+
 
 def told_truly(
     problem: Problem, design: Design, claims: tuple[Claim, ...], verification: Any
-) -> Claim:
-    """The document says of itself exactly what was proved again.
+) -> tuple[Claim, Sentences]:
+    """The claim that the document states exactly what was proved again, and its sentences.
 
     What is undecided now and stands as decided in the document makes it unconfirmed, not false.
+    The sentences are recomputed from the claims; there are none unless the claim is proved.
     """
     stored = {claim.id: claim for claim in design.claims}
     open_now = [
@@ -27,8 +43,9 @@ def told_truly(
         and stored[claim.id].verdict != "undecided"
     ]
     assumed = tuple(stored[claim.id] if claim.id in open_now else claim for claim in claims)
+    guarantees: Sentences | None
     try:
-        guarantees = verification.guarantees(problem, assumed)
+        guarantees = guarantees_of(problem, assumed, verification)
     except InputError:
         raise
     except (KeyError, TypeError, ValueError):  # evidence that nobody confirmed
@@ -52,13 +69,14 @@ def told_truly(
     elif evidence_gap is not None:
         why = f"the document's {evidence_gap.entry!r} is not quite what was found again"
         verdict, evidence = "undecided", {"reason": why}
-    return Claim(
+    claim = Claim(
         "document",
         "claims and guarantees in the document are those that were proved again",
         "format of a design file",
         verdict,
         evidence,
     )
+    return claim, guarantees if guarantees and verdict == "proved" else ()
 
 
 def _evidence_gap(stored: Mapping[str, Claim], found: tuple[Claim, ...]) -> Difference | None:

@@ -20,18 +20,23 @@ from obsdesign.document import Claim, Design
 from obsdesign.errors import InputError
 from obsdesign.kinds import KINDS
 from obsdesign.problem import Problem
-from obsdesign.told_truly import told_truly
+from obsdesign.told_truly import guarantees_of, told_truly
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a command has to say: the verdict of its claims, and a design where there is one."""
+    """What a command has to say: the verdict of its claims, and a design where there is one.
+
+    guarantees: sentences {"statement", "given", "claims"} that follow from these claims, never
+    those that stand in a file; none where a file's own statements were not confirmed.
+    """
 
     verdict: str
     kind: str
     claims: tuple[Claim, ...]
     result: Mapping[str, Any]
     design: Design | None
+    guarantees: tuple[Mapping[str, Any], ...] = ()
 
 
 def layer(name: str, kind: str) -> Any:
@@ -67,8 +72,7 @@ def _investigated(problem: Problem) -> Outcome:
     tried: list[_Attempt] = []
     for candidate, claims in _attempts(problem, synthesis, verification):
         verdict = overall(claim.verdict for claim in claims)
-        seconds = time.perf_counter() - started
-        design = _document(problem, kind, candidate, claims, seconds)
+        design = _document(problem, kind, candidate, claims)
         tried.append(_Attempt(candidate.label, verdict, candidate.cost, design))
         enough = hurried() or not candidate.goes_on
         if left() < 0 or (enough and any(one.verdict == "proved" for one in tried)):
@@ -77,8 +81,9 @@ def _investigated(problem: Problem) -> Outcome:
     forms = {one.label: _summary(one.verdict, one.design.claims) for one in tried}
     untried = synthesis.untried(problem) if hasattr(synthesis, "untried") else {}
     forms |= {name: {"verdict": "undecided", "reasons": [why]} for name, why in untried.items()}
-    claims = best.design.claims
-    return Outcome(best.verdict, kind, claims, {"form": best.label, "forms": forms}, best.design)
+    design, seconds = best.design, round(time.perf_counter() - started, 6)
+    result = {"form": best.label, "forms": forms, "seconds": seconds}
+    return Outcome(best.verdict, kind, design.claims, result, design, design.guarantees)
 
 
 @dataclass(frozen=True)
@@ -146,9 +151,8 @@ def reason(claim: Claim) -> str:
     return str(evidence.get("reason") or witness.get("reason") or claim.statement)
 
 
-def _document(
-    problem: Problem, kind: str, candidate: Any, claims: tuple[Claim, ...], seconds: float
-) -> Design:
+def _document(problem: Problem, kind: str, candidate: Any, claims: tuple[Claim, ...]) -> Design:
+    """The design of a candidate; nothing in it differs from run to run."""
     verification = layer("verification", kind)
     return Design(
         name=problem.name,
@@ -156,14 +160,13 @@ def _document(
         problem=problem.to_dict(),
         gains=dict(candidate.gains),
         claims=claims,
-        guarantees=verification.guarantees(problem, claims),
+        guarantees=guarantees_of(problem, claims, verification),
         provenance={
             "versions": {"obsdesign": __version__}
             | {name: version(name) for name in ("numpy", "python-flint")}
             | {"python": platform.python_version()},
             "solver": {"name": "clarabel", "version": version("clarabel")},
             "options": {"label": candidate.label},
-            "seconds": round(seconds, 6),
         },
     )
 
@@ -223,5 +226,7 @@ def verify(design: Design, *, paranoid: bool = False) -> Outcome:
         raise InputError(f"the problem inside the design: {error}") from None
     certificates = {claim.id: claim.evidence for claim in design.claims}
     claims = verification.claims(problem, design.gains, certificates, paranoid=paranoid)
-    claims = (*claims, told_truly(problem, design, claims, verification))
-    return Outcome(overall(claim.verdict for claim in claims), design.kind, claims, {}, design)
+    document, guarantees = told_truly(problem, design, claims, verification)
+    claims = (*claims, document)
+    verdict = overall(claim.verdict for claim in claims)
+    return Outcome(verdict, design.kind, claims, {}, design, guarantees)

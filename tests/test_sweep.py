@@ -110,7 +110,9 @@ def test_neither_workers_nor_order_change_the_file(tmp_path: Path, jobs: int | N
     found = list(workers.evaluate_all(asked, shuffled, jobs))
     assert sorted(found, key=lambda row: row["point"]) == expected
     text = [json.loads(line) for line in (tmp_path / "s.jsonl").read_text("utf-8").splitlines()]
+    signatures = [line.pop("digest") for line in text[1:]]
     assert text == [header(asked), *expected]
+    assert len(set(signatures)) == len(asked)
 
 
 @pytest.mark.parametrize("cut", [0, 1, 40, -1, -2, -60, -200])
@@ -126,6 +128,38 @@ def test_an_interrupted_sweep_goes_on(tmp_path: Path, cut: int) -> None:
     run_sweep(asked, str(path), progress=lambda done, total: steps.append(done))
     assert path.read_bytes() == whole
     assert steps == list(range(kept, len(asked) + 1))
+
+
+@pytest.mark.parametrize(
+    "edit",
+    [
+        lambda line, other: line.replace(b'"refuted"', b'"proved"'),
+        lambda line, other: line.replace(b'"point": 6', b'"point": 5'),
+        lambda line, other: line.replace(b"sha256:", b"sha256:0"),
+        lambda line, other: line.replace(b'"at": [1.0]', b'"at": [NaN]'),
+        lambda line, other: other,
+    ],
+)
+def test_a_point_that_was_edited_or_is_of_another_sweep(tmp_path: Path, edit: Any) -> None:
+    paths = tmp_path / "s.jsonl", tmp_path / "other.jsonl"
+    for path, name in zip(paths, ("plant", "another plant"), strict=True):
+        run_sweep(plan(DWELL, name=name), str(path), jobs=1)
+    lines, others = (path.read_bytes().splitlines(keepends=True) for path in paths)
+    assert json.loads(lines[7])["verdict"] == "refuted"
+    changed_line = edit(lines[7], others[7])
+    assert changed_line != lines[7]
+    paths[0].write_bytes(b"".join([*lines[:7], changed_line]))
+    before = paths[0].read_bytes()
+    for use in (lambda: run_sweep(plan(DWELL), str(paths[0])),
+                lambda: plot_sweep(str(paths[0]), str(tmp_path / "s.png"))):  # fmt: skip
+        with pytest.raises(InputError) as error:
+            use()
+        assert str(error.value) == (
+            f"{paths[0]} line 8: digest does not match the point and the first line. Is it of "
+            "another sweep, or was it edited? Remove the line to have it done again."
+        )
+    assert paths[0].read_bytes() == before
+    assert not (tmp_path / "s.png").exists()
 
 
 def test_a_complete_sweep_is_not_done_again(tmp_path: Path, monkeypatch: Any) -> None:

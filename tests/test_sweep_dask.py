@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,6 +14,7 @@ import pytest
 
 from obsdesign import InputError
 from obsdesign.sweep.point import evaluate
+from obsdesign.sweep.record import read_sweep
 from obsdesign.sweep.run import run_sweep
 from tests.test_cli import command
 from tests.test_sweep import ACADEMIC, DIED, dies, plan
@@ -75,6 +77,37 @@ def test_a_point_that_kills_workers_is_told(tmp_path: Path, monkeypatch: Any) ->
     ):
         address = few.scheduler_address
         assert run_sweep(asked, str(tmp_path / "s.jsonl"), scheduler=address) == expected
+
+
+CLUSTER = """
+import sys, distributed
+with distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=False,
+                              protocol="tcp", dashboard_address=None) as running:
+    print(running.scheduler_address, flush=True)
+    sys.stdin.read()
+"""
+
+
+def test_a_scheduler_that_dies_is_one_line(tmp_path: Path) -> None:
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    quiet = pipes | {"stderr": subprocess.DEVNULL}
+    path = tmp_path / "sweep.jsonl"
+    with subprocess.Popen([sys.executable, "-c", CLUSTER], text=True, **quiet) as cluster:
+        address = cluster.stdout.readline().strip()
+        asked = ("sweep", ACADEMIC, "--over", "jump.dwell_time[0]=0.6:1.4:60", "--scheduler")
+        code = "from obsdesign.cli import main; main()"
+        run = subprocess.Popen([sys.executable, "-c", code, *map(str, asked), address],
+                               cwd=tmp_path, text=True, **pipes)  # fmt: skip
+        while not path.exists() or path.read_bytes().count(b"\n") < 4:
+            assert run.poll() is None, run.stderr.read()
+        cluster.kill()
+        said, told = run.communicate(timeout=60)
+    assert (run.returncode, said) == (2, "")
+    assert told == (
+        f"obsdesign: --scheduler {address}: the cluster is gone. Finished points are kept; the "
+        "same command goes on from there.\n"
+    )
+    assert len(read_sweep(str(path)).rows) >= 3
 
 
 def test_nobody_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

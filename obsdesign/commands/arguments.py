@@ -70,11 +70,15 @@ def numbers(text: str, option: str) -> list[float]:
 
 
 def answer_of(path: str) -> dict[str, Any]:
-    """What a command printed with --json, or a design file."""
+    """What a command printed with --json, or a design file: that one must be as it was signed."""
+    from obsdesign.document import load_design
+
     try:
         body = json.loads(Path(path).read_text("utf-8"))
     except (OSError, ValueError, RecursionError) as error:
         raise InputError(f"{path}: cannot be read as JSON: {error}.") from None
     if not isinstance(body, dict):
         raise InputError(f"{path}: one JSON object is required; got {type(body).__name__}.")
+    if "command" not in body:
+        load_design(path)
     return body

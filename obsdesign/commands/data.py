@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from obsdesign.commands.arguments import answer_of, dwell_times, numbers, one_of, source_of
-from obsdesign.commands.talk import is_quiet, say
+from obsdesign.commands.talk import is_quiet, say, warn
 from obsdesign.errors import InputError
 
 
@@ -75,19 +75,32 @@ def simulate(source: str, output: str, events: str | None, seed: int, **options:
 @click.option(
     "--events", type=click.Path(), help="Write found impulses, or a log of events, to this file."
 )
+@click.option(
+    "--state", type=click.Path(),
+    help="Go on from this file if it exists, and save the observer in it for the next data.",
+)  # fmt: skip
+@click.option("--skip-bad", is_flag=True, help="Report malformed lines and leave them out.")
+@click.option("--strict", is_flag=True, help="Exit code 4 if the status of a row is not ok.")
 def run(
-    design_file: str, data: str | None, output: str | None, initial: str | None, events: str | None
-) -> int:
-    """Execute DESIGN on DATA.csv, or row by row on standard input."""
+    design_file: str, data: str | None, output: str | None, initial: str | None, events: str | None,
+    state: str | None, skip_bad: bool, strict: bool,
+) -> int:  # fmt: skip
+    """Execute DESIGN on DATA.csv, or row by row on standard input.
+
+    Exit code 0 whatever the statuses of the rows, unless --strict is given; with --state, rows that
+    an observer with a delay has not decided wait for the next data.
+    """
     from obsdesign.execution import execute
 
     start = None if initial is None else numbers(initial, "--initial")
-    counts = execute(design_file, data, output, start, events)
+    counts = execute(
+        design_file, data, output, start, events, state=state, skip_bad=skip_bad, remark=warn
+    )
     total = counts.pop("rows")
     told = ", ".join(f"{number} {status}" for status, number in counts.most_common())
     if not is_quiet():
         click.echo(f"{total} rows: {told}", err=True)
-    return 0
+    return 4 if strict and counts["ok"] < total else 0
 
 
 @click.command()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import sys
 from collections.abc import Callable, Iterator
@@ -42,6 +43,8 @@ def sweep(
     from obsdesign.sweep.point import plan_sweep
     from obsdesign.sweep.run import counted, run_sweep
 
+    if scheduler is not None:  # a cluster that is gone is one line of ours, no trace of theirs
+        logging.disable(logging.CRITICAL)
     loaded, dropped = problem_of(problem, kind)
     refuse_overwriting(output, problem)
     axes = [parse_axis(text) for text in over]

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from obsdesign.comparison.record import Record
 from obsdesign.document import Design
-from obsdesign.execution import estimates_of
 from obsdesign.kalman import kalman_filter, tuned_walk
 from obsdesign.plant import Plant
 from obsdesign.runtime import from_design
+from obsdesign.stream import estimates_of
 
 Array = NDArray[np.float64]
 

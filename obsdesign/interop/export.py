@@ -12,7 +12,7 @@ import numpy as np
 from obsdesign.document import Design
 from obsdesign.equations.estimation_error import flow_error_matrix
 from obsdesign.errors import InputError
-from obsdesign.output_files import replacing
+from obsdesign.output_files import write_bytes
 
 # why the observer of a kind is no linear time-invariant system from (y, u) to x_hat
 _NOT_LINEAR = {
@@ -37,8 +37,7 @@ def save_mat(design: Design, path: str | os.PathLike[str]) -> None:
     body = {**_matlab(design.gains), **about, "problem": _matlab(design.problem)}
     content = io.BytesIO()
     savemat(content, body, long_field_names=True, oned_as="column")
-    with replacing(path) as file:
-        file.buffer.write(content.getvalue())
+    write_bytes(path, content.getvalue())
 
 
 def _matlab(value: Any) -> Any:

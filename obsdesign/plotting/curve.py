@@ -17,14 +17,14 @@ _WIDE = 1e3
 
 def curve_svg(curve: Curve) -> str:
     """The picture as SVG text."""
-    out = io.StringIO()
+    out = io.BytesIO()
     with picture(7.0, 3.0, out) as figure:
         axis = figure.subplots()
         _draw(axis, curve)
         if len(curve.series) <= len(_COLOURS):
             figure.legend(loc="outside upper center", ncols=min(4, len(curve.series) + 2),
                           frameon=False)  # fmt: skip
-    return out.getvalue()
+    return out.getvalue().decode("utf-8")
 
 
 def _draw(axis: Any, curve: Curve) -> None:

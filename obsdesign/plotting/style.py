@@ -13,6 +13,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from obsdesign.errors import InputError
+from obsdesign.output_files import write_bytes
 
 # Okabe-Ito: told apart in print and by colour-blind readers
 BLACK, BLUE, GREEN, VERMILION, GREY = "#000000", "#0072B2", "#009E73", "#D55E00", "#BBBBBB"
@@ -37,12 +38,16 @@ def check_output(output: str) -> None:
 
 
 @contextmanager
-def picture(width: float, height: float, output: str | io.StringIO) -> Iterator[Any]:
-    """A figure of so many inches, written when all of it was drawn: to a file, or as SVG text."""
+def picture(width: float, height: float, output: str | io.BytesIO) -> Iterator[Any]:
+    """A figure of so many inches, written when all of it was drawn: to a file, or as SVG."""
+    svg, drawn = not isinstance(output, str) or output.lower().endswith("svg"), io.BytesIO()
     with mpl.rc_context(_STYLE):
         figure = Figure(figsize=(width, height), layout="constrained")
         FigureCanvasAgg(figure)
         yield figure
-        svg = isinstance(output, io.StringIO) or output.lower().endswith("svg")
-        same = {"Date": None} if svg else None
-        figure.savefig(output, dpi=200, metadata=same, format="svg" if svg else None)
+        same, kind = ({"Date": None}, "svg") if svg else (None, "png")
+        figure.savefig(drawn, dpi=200, metadata=same, format=kind)
+    if isinstance(output, str):
+        write_bytes(output, drawn.getvalue())
+    else:
+        output.write(drawn.getvalue())

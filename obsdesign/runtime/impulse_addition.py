@@ -84,7 +84,7 @@ class Addition:
         rows = self.rows.given(whole, restart, event=event, jump=jump)
         P, at = decision.covariance, t_o + tau
         if P is not None:
-            P = P + added_by_noise(self.run, track, spread, tau)
+            P = P + added_by_noise(self.run, track.t[top : top + len(spread)], spread, tau)
         largest = max(live.largest, float(live.norms[top : live.search.position].max(initial=0.0)))
         fresh = self.run.restarted(track, restart, x[restart])
         return replace(

@@ -40,10 +40,6 @@ _SMOOTHING = 0.05  # half width of the moving average, of the window
 _NOISY_SHARE, _EXACT_SHARE = 0.05, 1e-3
 
 
-class Live(Protocol):
-    """What an engine carries from step to step."""
-
-
 class Engine(Protocol):
     """One way to find impulses along a record; rows come in blocks, y NaN where it is missing."""
 
@@ -252,14 +248,14 @@ class IntegralEngine:
         taps, spread, stop = self._window(live, top)
         error = track.y[top:stop] - track.x[top:stop] @ self.run.C.T
         R = self.run.features(track, top, top + 1)[0]
-        t_o = float(track.t[top])
-        P = covariance_at(self.run, live, t_o, spread)
-        onsets = self.run.onset_features(track.t[top:stop], taps)
-        window = Window(track.t[top:stop], taps, error, spread, onsets)
+        times = track.t[top:stop]
+        P = covariance_at(self.run, live, times, spread)
+        onsets = self.run.onset_features(times, taps)
+        window = Window(times, taps, error, spread, onsets)
         decision = self.evaluator.decide(R, window, P, search.at_start)
         if decision is None or decision.event is None:
             value = float(live.norms[min(search.position, len(live.norms)) - 1])
             return replace(live, search=search.given_up(value)), []
         if not self.evaluator.gls:
-            decision = self.addition.compared(decision, track.t[top:stop], error, spread)
+            decision = self.addition.compared(decision, times, error, spread)
         return self.addition.added(live, top, decision, spread)

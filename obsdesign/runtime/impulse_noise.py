@@ -28,20 +28,20 @@ def first_covariance(run: FreeRun, H: Array, track: Track, stop: int) -> Array:
     return np.diag(np.maximum(sizes, 1e-6 * largest) ** 2)
 
 
-def covariance_at(run: FreeRun, live: IntegralLive, t: float, spread: Array) -> Array | None:
-    """P(t): P' = D P + P D' + K Q K', Q the noise of the samples times their spacing."""
+def covariance_at(run: FreeRun, live: IntegralLive, times: Array, spread: Array) -> Array | None:
+    """P(times[0]): P' = D P + P D' + K Q K', Q the noise of samples at `times` times their spacing."""
     P = live.covariance
-    if P is None or live.track is None:
+    if P is None:
         return None
-    elapsed = max(t - live.since, 0.0)
+    elapsed = max(float(times[0]) - live.since, 0.0)
     flow = expm(run.D * elapsed)
-    return flow @ P @ flow.T + added_by_noise(run, live.track, spread, elapsed)
+    return flow @ P @ flow.T + added_by_noise(run, times, spread, elapsed)
 
 
-def added_by_noise(run: FreeRun, track: Track, spread: Array, elapsed: float) -> Array:
+def added_by_noise(run: FreeRun, times: Array, spread: Array, elapsed: float) -> Array:
     """What noise through K adds to P in a time: P_inf - e^{D t} P_inf e^{D' t}."""
     D, K, n = run.D, run.K, len(run.D)
-    spacing = (track.t[-1] - track.t[0]) / max(len(track.t) - 1, 1)
+    spacing = (times[-1] - times[0]) / max(len(times) - 1, 1)
     Q = K @ np.diag((spread**2).mean(axis=0) * spacing) @ K.T
     operator = np.kron(np.eye(n), D) + np.kron(D, np.eye(n))
     limit = np.linalg.solve(operator, -Q.reshape(-1)).reshape(n, n)

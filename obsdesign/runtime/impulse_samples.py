@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_left
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -62,7 +62,7 @@ class SampledLive:
     last_event: float = -math.inf
     last_std: float = 0.0
     doubt: tuple[float, float, str] = (math.inf, -math.inf, "")
-    level: Any = 0.0
+    level: Array = field(default_factory=lambda: np.zeros(()))
 
 
 @dataclass(frozen=True)

@@ -36,7 +36,7 @@ from obsdesign.runtime.base import (
 )
 from obsdesign.runtime.impulsive_gains import require_impulsive_gains
 from obsdesign.runtime.point import SteppedObserver
-from obsdesign.runtime.sliding_window import Element, SlidingWindow
+from obsdesign.runtime.sliding_window import Element, Matrix, SlidingWindow
 from obsdesign.runtime.step_cache import cached_step
 
 # condition numbers, columns scaled to their usual sizes: digits are lost; nothing is left
@@ -57,7 +57,7 @@ class ImpulsiveState:
     window: SlidingWindow
     spacing: float | None
     guard: DwellGuard
-    carry: Any = None
+    carry: Matrix | None = None
     skipped: bool = False
     doubts: int = 0
     started: bool = False

@@ -25,9 +25,10 @@ from obsdesign.runtime.base import (
     optional_measurement,
     vector,
 )
-from obsdesign.runtime.impulse_engine import Engine, IntegralEngine, Live
+from obsdesign.runtime.impulse_engine import Engine, IntegralEngine
 from obsdesign.runtime.impulse_gains import check_gains, check_size
-from obsdesign.runtime.impulse_samples import SamplesEngine
+from obsdesign.runtime.impulse_rows import IntegralLive
+from obsdesign.runtime.impulse_samples import SampledLive, SamplesEngine
 from obsdesign.runtime.point import PointObserver
 
 _BLOCK = 1024  # rows that a batch hands over at once, at least a window of them
@@ -40,7 +41,7 @@ class ImpulsiveInputState:
     t: float
     u: Vector
     started: bool
-    live: Live
+    live: IntegralLive | SampledLive
     decided: tuple[Estimate, ...] = ()
 
 

@@ -38,20 +38,18 @@ class Element:
         return Element(later.move @ self.move, rows, self.count + later.count)
 
 
-# (product from here to the end of the stack, its first element, the rest of the stack)
-Front = tuple[Element, Element, "Front | None"]
-# newest first
-Back = tuple[Element, "Back | None"]
-
-
 @dataclass(frozen=True, slots=True)
 class SlidingWindow:
-    """A queue of elements with their product; every operation returns a new queue."""
+    """A queue of elements with their product; every operation returns a new queue.
+
+    front: (product from an element to the end of this stack, the element), the oldest last; back:
+    elements that came since, the newest last; recent: their product.
+    """
 
     alpha: float
     mask: Matrix
-    front: Front | None = None
-    back: Back | None = None
+    front: tuple[tuple[Element, Element], ...] = ()
+    back: tuple[Element, ...] = ()
     recent: Element | None = None
 
     @staticmethod
@@ -67,50 +65,39 @@ class SlidingWindow:
     def push(self, element: Element) -> SlidingWindow:
         """Append the newest element."""
         joined = element if self.recent is None else self._joined(self.recent, element)
-        return SlidingWindow(self.alpha, self.mask, self.front, (element, self.back), joined)
+        back = (*self.back, element)
+        return SlidingWindow(self.alpha, self.mask, self.front, back, joined)
 
     def pop(self) -> SlidingWindow:
         """Drop the oldest element; IndexError if there is none."""
-        if self.front is not None:
-            return SlidingWindow(self.alpha, self.mask, self.front[2], self.back, self.recent)
-        if self.back is None:
+        if self.front:
+            return SlidingWindow(self.alpha, self.mask, self.front[:-1], self.back, self.recent)
+        if not self.back:
             raise IndexError("the window is empty")
-        front: Front | None = None
-        node: Back | None = self.back
-        while node is not None:
-            element, node = node
-            product = element if front is None else self._joined(element, front[0])
-            front = (product, element, front)
-        return SlidingWindow(self.alpha, self.mask, front).pop()
+        front: list[tuple[Element, Element]] = []
+        for element in reversed(self.back):
+            product = self._joined(element, front[-1][0]) if front else element
+            front.append((product, element))
+        return SlidingWindow(self.alpha, self.mask, tuple(front[:-1]))
 
     @property
     def product(self) -> Element | None:
         """All elements joined; None for an empty queue."""
-        if self.front is None or self.recent is None:
-            return self.recent if self.front is None else self.front[0]
-        return self._joined(self.front[0], self.recent)
+        if not self.front or self.recent is None:
+            return self.front[-1][0] if self.front else self.recent
+        return self._joined(self.front[-1][0], self.recent)
 
     @property
     def empty(self) -> bool:
         """Is there no element?"""
-        return self.front is None and self.recent is None
+        return not self.front and self.recent is None
 
     def _joined(self, older: Element, newer: Element) -> Element:
         return older.then(newer, self.alpha, self.mask)
 
     def elements(self) -> list[Element]:
         """All elements, oldest first."""
-        older: list[Element] = []
-        place = self.front
-        while place is not None:
-            older.append(place[1])
-            place = place[2]
-        newer: list[Element] = []
-        node = self.back
-        while node is not None:
-            newer.append(node[0])
-            node = node[1]
-        return older + newer[::-1]
+        return [element for _, element in reversed(self.front)] + list(self.back)
 
     def stretched(self, move: Matrix) -> SlidingWindow:
         """The newest element moves further: an impulse without a measurement lies in it."""

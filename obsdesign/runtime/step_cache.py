@@ -21,12 +21,13 @@ def cached_step(
     """What `build(length, error)` makes for a step of about h between time stamps of size `size`.
 
     A difference of two stamps is known to an ulp of the larger. It is rounded to that many
-    decimals, and `error` bounds how far the true step may be from the rounded one.
+    decimals, and `error` bounds how far the true step may be from the rounded one, for all stamps
+    whose steps are rounded alike: what is cached does not depend on which of them came first.
     """
     length, half, decimals = rounded_step(h, size)
     key = (length, decimals)
     if key not in cache:
-        cache[key] = build(length, half + 2 * math.ulp(size))
+        cache[key] = build(length, 2 * half)  # 4 ulp(size) is at most one unit, 2 half
         if len(cache) > _CACHED_STEPS:
             cache.popitem(last=False)
     return cache[key]

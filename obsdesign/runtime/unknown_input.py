@@ -108,6 +108,11 @@ class UnknownInputObserver(PointObserver[UnknownInputState], Stepped[UnknownInpu
         inputs = self.gains["Gu"].shape[1] if self.gains["Gu"].size else self.gains["S"].shape[1]
         return {"y": len(self.gains["C"]), "u": inputs - 1, "w": 0, "jump": False}
 
+    @property
+    def takes_whole_records(self) -> bool:
+        """Does `run` need all rows at once?"""
+        return bool(self.gains["differentiator"] == "batch")
+
     def init(self, t: float = 0.0, *, x: ArrayLike | None = None) -> UnknownInputState:
         """State at time t, before the first sample.
 
@@ -166,7 +171,7 @@ class UnknownInputObserver(PointObserver[UnknownInputState], Stepped[UnknownInpu
 
     def run(self, state: UnknownInputState, samples: Iterable[Sample]) -> Iterator[Estimate]:
         """Estimates for a stream of samples; with `batch`, of the record smoothed as a whole."""
-        if self.gains["differentiator"] == "batch":
+        if self.takes_whole_records:
             samples = smoothed_record([kept(row) for row in samples], self.gains["noise_std"])
         return super().run(state, samples)
 

@@ -1,5 +1,8 @@
 """A sweep on disk: JSON lines, the first says which sweep, each further one holds a point.
 
+The digest at the end of a line is that of the first line and this point together. A point of
+another sweep, or one that was edited, does not match it.
+
 While it grows, lines stand in the order in which they were finished; a complete file is put in the
 order of its points, so that two runs of one sweep leave the same bytes, interrupted or not.
 """
@@ -86,7 +89,7 @@ class Record:
         """Add the line of a point; it is in the file when this returns."""
         self.rows[int(row["point"])] = row
         file = self._file = self._file or self._opened()
-        file.write((_line(row) + "\n").encode())
+        file.write((_line(_signed(header(self._plan), row)) + "\n").encode())
         file.flush()
 
     def __enter__(self) -> Record:
@@ -101,8 +104,9 @@ class Record:
         if self._file is not None:
             self._file.close()
         if kind is None and len(self.rows) == len(self._plan):
-            lines = [header(self._plan), *(self.rows[index] for index in sorted(self.rows))]
-            write_text(self._path, "\n".join(map(_line, lines)))
+            head = header(self._plan)
+            points = (_signed(head, self.rows[index]) for index in sorted(self.rows))
+            write_text(self._path, "\n".join(map(_line, [head, *points])))
 
     def _opened(self) -> BinaryIO:
         """The file behind its last finished line; made when there is a point to write."""
@@ -145,8 +149,25 @@ def parse(text: bytes, path: str) -> SweepFile:
         index = row.get("point")
         if type(index) is not int or not 0 <= index < found.count or "at" not in row:
             raise InputError(f"{path} line {number}: a point of this sweep is required.")
-        rows[index] = row
+        rows[index] = {key: value for key, value in row.items() if key != "digest"}
+        if not _is_signed(head, row):
+            raise InputError(
+                f"{path} line {number}: digest does not match the point and the first line. Is it "
+                "of another sweep, or was it edited? Remove the line to have it done again."
+            )
     return SweepFile(head, rows, end)
+
+
+def _signed(head: Mapping[str, Any], row: Mapping[str, Any]) -> dict[str, Any]:
+    """The line of a point as it stands in the file of a sweep."""
+    return {**row, "digest": digest({**row, "sweep": dict(head)})}
+
+
+def _is_signed(head: Mapping[str, Any], row: Mapping[str, Any]) -> bool:
+    try:
+        return bool(_signed(head, row)["digest"] == row.get("digest"))
+    except ValueError:  # NaN, or a text that is no Unicode: nothing that was written here
+        return False
 
 
 def _is_axis(value: Any) -> bool:

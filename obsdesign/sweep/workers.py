@@ -108,7 +108,7 @@ def _on_cluster(plan: Plan, points: Sequence[int], address: str) -> Iterator[Row
                     yield executor.submit(evaluate, plan, index).result()
                 except KilledWorker:
                     yield _lost(plan, index)
-        except CancelledError:
+        except (CancelledError, OSError):
             raise InputError(
                 f"--scheduler {address}: the cluster is gone. Finished points are kept; the same "
                 "command goes on from there."

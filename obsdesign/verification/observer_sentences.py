@@ -36,9 +36,9 @@ def sentences(problem: Problem, found: tuple[Claim, ...]) -> tuple[Sentence, ...
         },
     ]
     if "zeros" in claims:
-        result += _about_zeros(claims["zeros"].evidence)
+        result += _about_zeros(claims["zeros"])
     if "hurwitz" in claims:
-        result += _about_steps(problem, claims["hurwitz"].evidence)
+        result += _about_steps(problem, claims["hurwitz"])
     return tuple(result)
 
 
@@ -62,42 +62,49 @@ def _up(value: float) -> str:
     return f"{digit}e{power}" if digit < 10 else f"1e{power + 1}"
 
 
-def _about_zeros(evidence: Mapping[str, Any]) -> list[Sentence]:
-    told = []
+def _about_zeros(claim: Claim) -> list[Sentence]:
+    told, evidence = [], claim.evidence
     if zeros := evidence.get("zeros"):
         text = ", ".join(f"{re:.6g}" + (f" +- {im:.6g}i" if im else "") for re, im in zeros)
-        told.append(_plain(f"The poles include the invariant zeros {text}, which no gain moves; "
-                           "errors along them decay at their own rate.", True))  # fmt: skip
+        told.append(
+            _resting_on(
+                claim,
+                f"The poles include the invariant zeros {text}, which no gain moves; errors along "
+                "them decay at their own rate.",
+            )
+        )
     if mode := evidence.get("nearly"):
         text = f"{mode['real']:.6g}" + (f" +- {mode['imag']:.6g}i" if mode["imag"] else "")
         told.append(
-            _plain(
+            _withheld(
                 f"It survives rounding of the plant: s = {text} is within {mode['margin']:.1g} of "
-                "being an invariant zero that does not decay.",
-                False,
+                "being an invariant zero that does not decay."
             )
         )
     return told
 
 
-def _about_steps(problem: Problem, evidence: Mapping[str, Any]) -> list[Sentence]:
+def _about_steps(problem: Problem, claim: Claim) -> list[Sentence]:
     """h |f| <= 2 for every pole f: no ringing."""
-    fastest, h = float(evidence.get("approx_fastest", 0.0)), problem.plant.output.period
+    fastest, h = float(claim.evidence.get("approx_fastest", 0.0)), problem.plant.output.period
     if h is None or not math.isfinite(fastest):
         return []
     product = h * fastest
     limit = equations.STEP_LIMIT
     text = f"h |f| = {product:.3g} for the period h = {h:g} and the fastest pole f"
     if product <= limit:
-        return [_plain(f"The steps do not ring: {text} is at most {limit:g}.", True)]
+        return [_resting_on(claim, f"The steps do not ring: {text} is at most {limit:g}.")]
     return [
-        _plain(
+        _withheld(
             f"The steps do not ring: {text} exceeds {limit:g}, so that errors alternate from row "
-            "to row. Is the period in the time unit of flow.A? Else choose slower poles.",
-            False,
+            "to row. Is the period in the time unit of flow.A? Else choose slower poles."
         )
     ]
 
 
-def _plain(statement: str, given: bool) -> Sentence:
-    return {"statement": statement, "given": given, "claims": []}
+def _resting_on(claim: Claim, statement: str) -> Sentence:
+    return {"statement": statement, "given": claim.verdict == "proved", "claims": [claim.id]}
+
+
+def _withheld(statement: str) -> Sentence:
+    return {"statement": statement, "given": False, "claims": []}

@@ -1,0 +1,238 @@
+"""The state of an observer between two parts of a record, as JSON, and back by its types.
+
+A state is built of dataclasses, named tuples, tuples, arrays and scalars. What is read back is
+checked against the annotations of these classes, entry by entry: no text names what is called.
+Arrays stand in a list of their own, so that what was one array is one array again; caches are left
+out. Every number is read back bit by bit.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import types
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, is_dataclass
+from typing import Any, Union, get_args, get_origin, get_type_hints
+
+import numpy as np
+
+from obsdesign.document import Design, digest, keys_once
+from obsdesign.errors import InputError
+from obsdesign.runtime.base import Vector
+from obsdesign.runtime.window_tape import Tape
+
+FORMAT = "obsdesign/state"
+VERSION = 1
+_KEYS = {"format", "version", "kind", "design", "progress", "arrays", "digest"}
+_WORDS = {"nan": math.nan, "inf": math.inf, "-inf": -math.inf}
+_DTYPES: Mapping[str, Any] = {"float": np.float64, "int": np.int64, "bool": np.bool_}
+
+Row = tuple[float, Vector | None, Vector | None]
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Where an observer stands: its state, and rows (t, y, u) since then that are taken again.
+
+    given: estimates out of these rows that were given out already.
+    """
+
+    state: Any
+    waiting: tuple[Row, ...] = ()
+    given: int = 0
+
+    @property
+    def t(self) -> float:
+        """Time of the last row."""
+        return float(self.waiting[-1][0] if self.waiting else self.state.t)
+
+
+def state_text(design: Design, progress: Progress) -> str:
+    """The state file of an observer of a design, signed like the design."""
+    writer = _Writer()
+    body = {
+        "format": FORMAT,
+        "version": VERSION,
+        "kind": design.kind,
+        "design": design.to_dict()["digest"],
+        "progress": [writer.entry(getattr(progress, one.name)) for one in fields(Progress)],
+        "arrays": writer.arrays,
+    }
+    return json.dumps(body | {"digest": digest(body)}, ensure_ascii=False, allow_nan=False)
+
+
+def progress_from_text(text: str, design: Design, observer: Any, path: str) -> Progress:
+    """What `state_text` wrote for an observer of this design.
+
+    InputError when it is no state file, was changed, belongs to another design, or holds an entry
+    of another type than the observer's state has there.
+    """
+    body = _checked_body(text, design, path)
+    try:
+        reader = _Reader([_array(entry) for entry in body["arrays"]])
+        state, waiting, given = body["progress"]
+        return Progress(
+            reader.entry(get_type_hints(type(observer).init)["return"], state, "state"),
+            reader.entry(tuple[Row, ...], waiting, "waiting"),
+            reader.entry(int, given, "given"),
+        )
+    except (TypeError, ValueError, OverflowError) as error:
+        raise InputError(f"{path}: not a state of kind {design.kind!r}: {error}") from None
+
+
+def _checked_body(text: str, design: Design, path: str) -> dict[str, Any]:
+    try:
+        body = json.loads(text, object_pairs_hook=keys_once)
+        if not isinstance(body, dict) or body.get("format") != FORMAT:
+            raise ValueError(f"format must be {FORMAT!r}")
+        if type(body.get("version")) is not int or body["version"] != VERSION:
+            raise ValueError(f"version must be {VERSION}; got {body.get('version')!r}")
+        if set(body) != _KEYS:
+            raise ValueError(f"its keys must be {', '.join(sorted(_KEYS))}")
+        if body["digest"] != digest(body):
+            raise ValueError("digest does not match the content; it was changed")
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{path}: not a state file that can be resumed: {error}.") from None
+    own = design.to_dict()["digest"]
+    if body["design"] != own:
+        raise InputError(
+            f"{path}: design must be {own!r}, the one that runs; got {body['design']!r}. Was it "
+            "saved by another design?"
+        )
+    return body
+
+
+class _Writer:
+    """Entries of a state as JSON; each array once, in the order in which it was met."""
+
+    def __init__(self) -> None:
+        self.arrays: list[dict[str, Any]] = []
+        self._places: dict[int, int] = {}
+
+    def entry(self, value: Any) -> Any:
+        if isinstance(value, np.integer | np.bool_):
+            return value.item()
+        if value is None or isinstance(value, bool | str | int):
+            return value
+        if isinstance(value, float):
+            return _number(float(value))
+        if isinstance(value, np.ndarray):
+            if id(value) not in self._places:
+                self._places[id(value)] = len(self.arrays)
+                self.arrays.append(_stored(value))
+            return {"array": self._places[id(value)]}
+        if isinstance(value, Tape):  # a cache: room behind an array
+            return None
+        if (names := _fields(type(value))) is not None:
+            entries = {name: self.entry(getattr(value, name)) for name in names}
+            return {"type": type(value).__name__, **entries}
+        if isinstance(value, tuple):
+            return [self.entry(item) for item in value]
+        raise TypeError(f"a state cannot hold {type(value).__name__}")
+
+
+class _Reader:
+    """Entries of a state from JSON, each checked against its annotation."""
+
+    def __init__(self, arrays: Sequence[np.ndarray[Any, Any]]) -> None:
+        self._arrays = arrays
+
+    def entry(self, hint: Any, value: Any, name: str) -> Any:
+        origin, args = get_origin(hint), get_args(hint)
+        if origin in (Union, types.UnionType):
+            return self._one_of(args, value, name)
+        if origin is tuple:
+            return self._tuple(args, value, name)
+        if origin is np.ndarray:
+            return self._array(args, value, name)
+        names = _fields(hint)
+        if names is not None:
+            return self._record(hint, names, value, name)
+        if hint is float and isinstance(value, str) and value in _WORDS:
+            return _WORDS[value]
+        if hint in (float, int, bool, str, type(None)) and type(value) is hint:
+            return value
+        raise _wrong(name, getattr(hint, "__name__", str(hint)), value)
+
+    def _one_of(self, hints: tuple[Any, ...], value: Any, name: str) -> Any:
+        if isinstance(value, dict) and "type" in value:
+            hints = tuple(h for h in hints if getattr(h, "__name__", "") == value["type"])
+        for hint in hints:
+            try:
+                return self.entry(hint, value, name)
+            except TypeError:
+                if hint is hints[-1]:
+                    raise
+        raise _wrong(name, "another type", value)
+
+    def _tuple(self, args: tuple[Any, ...], value: Any, name: str) -> tuple[Any, ...]:
+        if isinstance(value, list) and args[-1] is Ellipsis:
+            args = args[:1] * len(value)
+        if not isinstance(value, list) or len(value) != len(args):
+            raise _wrong(name, f"a list of {len(args)}", value)
+        pairs = enumerate(zip(args, value, strict=True))
+        return tuple(self.entry(hint, item, f"{name}[{i}]") for i, (hint, item) in pairs)
+
+    def _array(self, args: tuple[Any, ...], value: Any, name: str) -> Any:
+        place = value.get("array") if isinstance(value, dict) and len(value) == 1 else None
+        if type(place) is not int or not 0 <= place < len(self._arrays):
+            raise _wrong(name, "an array", value)
+        found, (wanted,) = self._arrays[place], get_args(args[1])
+        if wanted is not Any and found.dtype != wanted:
+            raise _wrong(name, f"an array of {wanted.__name__}", str(found.dtype))
+        return found
+
+    def _record(self, kind: Any, names: Sequence[str], value: Any, name: str) -> Any:
+        if not isinstance(value, dict) or set(value) != {"type", *names}:
+            raise _wrong(name, f"{kind.__name__} with {', '.join(names)}", value)
+        hints = get_type_hints(kind)
+        return kind(*(self.entry(hints[one], value[one], f"{name}.{one}") for one in names))
+
+
+def _fields(kind: Any) -> tuple[str, ...] | None:
+    """Names of a dataclass or a named tuple, in the order of its arguments; None for others."""
+    if isinstance(kind, type) and is_dataclass(kind):
+        return tuple(one.name for one in fields(kind))
+    return getattr(kind, "_fields", None) if isinstance(kind, type) else None
+
+
+def _stored(array: np.ndarray[Any, Any]) -> dict[str, Any]:
+    """An array with the order of its axes in memory: products round by it."""
+    dtype = next((name for name, one in _DTYPES.items() if array.dtype == one), None)
+    if dtype is None:
+        raise TypeError(f"a state cannot hold an array of {array.dtype}")
+    axes = sorted(range(array.ndim), key=lambda axis: -abs(array.strides[axis]))
+    values = array.transpose(axes).ravel().tolist()
+    return {"dtype": dtype, "shape": list(array.shape), "axes": axes,
+            "values": [_number(x) for x in values] if dtype == "float" else values}  # fmt: skip
+
+
+def _array(entry: Any) -> np.ndarray[Any, Any]:
+    if not isinstance(entry, dict) or set(entry) != {"dtype", "shape", "axes", "values"}:
+        raise _wrong("arrays", "dtype, shape, axes and values", entry)
+    dtype, shape, axes, values = (entry[name] for name in ("dtype", "shape", "axes", "values"))
+    if dtype not in tuple(_DTYPES):
+        raise _wrong("dtype", f"one of {', '.join(_DTYPES)}", dtype)
+    for name, listed in (("shape", shape), ("axes", axes), ("values", values)):
+        if not isinstance(listed, list):
+            raise _wrong(name, "a list", listed)
+    if not all(type(size) is int and size >= 0 for size in [*shape, *axes]):
+        raise _wrong("shape", "counts, and axes theirs", [shape, axes])
+    if sorted(axes) != list(range(len(shape))) or len(values) != math.prod(shape):
+        raise _wrong("shape", f"that of {len(values)} values", shape)
+    plain = [_WORDS.get(x, x) if dtype == "float" and isinstance(x, str) else x for x in values]
+    if any(type(x).__name__ != dtype for x in plain):
+        raise _wrong("values", f"of type {dtype}", values)
+    flat = np.array(plain, dtype=_DTYPES[dtype])
+    return flat.reshape([shape[axis] for axis in axes]).transpose(np.argsort(axes))
+
+
+def _number(value: float) -> float | str:
+    return value if math.isfinite(value) else repr(value)
+
+
+def _wrong(name: str, required: str, arrived: Any) -> TypeError:
+    told = json.dumps(arrived, default=str)
+    told = told if len(told) <= 60 else f"{told[:57]}..."
+    return TypeError(f"{name} must be {required}; got {told}.")

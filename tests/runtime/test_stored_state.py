@@ -1,0 +1,97 @@
+"""A record run in parts gives what it gives in one go, bit for bit, for every kind."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import obsdesign
+from obsdesign.runtime import Sample, from_design
+from obsdesign.runtime.base import rows_of
+from obsdesign.runtime.stored_state import Progress, progress_from_text, state_text
+from obsdesign.simulation import simulate
+from obsdesign.stream import Stream
+
+SEED = 1
+EXAMPLES = Path(__file__).parents[2] / "examples"
+# every kind, and of each what its state may hold: (example, rows, how its problem is changed)
+CASES: dict[str, tuple[str, int, dict[str, Any]]] = {
+    "interval, continuous": ("degue_4_1", 60, {}),
+    "interval, two coordinates": ("degue_4_3", 60, {}),
+    "luenberger, periodic": ("sampled_data", 60, {}),
+    "interval, periodic": ("sampled_data", 60, {"kind": "interval"}),
+    "impulsive, full": ("gantry_crane", 60, {}),
+    "impulsive, quadratic": (
+        "gantry_crane",
+        60,
+        {"strategy": "quadratic", "noise_target": None, "window": None},
+    ),
+    "impulsive, compressed": ("medina_spline", 60, {}),
+    "finite time, least squares": ("quarter_car", 90, {"noise_bound": 0.01}),
+    "finite time, approximate": ("mazenc_4", 90, {"method": "approximate"}),
+    "finite time": ("mazenc_4", 90, {}),
+    "unknown input, cell": ("ahn_1", 60, {}),
+    "unknown input, damped": ("ahn_2", 60, {"differentiator": "damped"}),
+    "impulses, integral": ("mattsson_medvedev", 2600, {"period": 0.1}),
+    "impulses, integral, noise": ("mattsson_medvedev_noise", 2600, {"period": 0.1}),
+    "impulses, samples": ("luteinizing_hormone", 120, {}),
+    "interval, doses": ("oral_doses", 120, {}),
+}
+
+
+@functools.cache
+def recorded(case: str) -> tuple[Any, Any, Any, tuple[Sample, ...]]:
+    """(design, its observer, a start, samples with noise and with a few of them missing)."""
+    name, count, options = CASES[case]
+    body = obsdesign.load_problem(EXAMPLES / f"{name}.toml").to_dict()
+    options = dict(options)
+    if "noise_bound" in options:
+        body["output"]["noise_bound"] = [options.pop("noise_bound")] * len(body["output"]["C"])
+    if "period" in options:
+        body["output"]["period"] = options.pop("period")
+    if "kind" in options:
+        body["observer"] = options
+        body["output"].setdefault("noise_bound", [0.1] * len(body["output"]["C"]))
+    body["observer"] = {k: v for k, v in (body["observer"] | options).items() if v is not None}
+    problem = obsdesign.Problem.from_dict(body)
+    design = obsdesign.design(problem, allow_undecided=True)
+    observer = from_design(design)
+    announced = design.kind != "impulsive_input"
+    record = simulate(problem.plant, rng=np.random.default_rng(3), announced=announced)
+    given = {letter: record.block(letter) for letter in "uw" if record.block(letter).size}
+    samples = list(rows_of(record.t, record.block("y"), **given, jump=record.columns.get("jump")))
+    samples = samples[:count]
+    for k in range(17, len(samples), 400 if count > 100 else 23):
+        samples[k] = samples[k]._replace(y=None)
+    initial = [-3.0, 3.0] * problem.plant.n if design.kind == "interval" else None
+    return design, observer, observer.start(samples[0].t, initial), tuple(samples)
+
+
+def rows(estimates: Iterable[Any]) -> list[Any]:
+    return [
+        [None if x is None else np.array(x).tobytes() for x in (r.t, r.x, r.lower, r.upper, r.d)]
+        + [r.status, [tuple(map(repr, e.row() if hasattr(e, "row") else e)) for e in r.events]]
+        for r in estimates
+    ]
+
+
+@pytest.mark.parametrize("live", [False, True])
+@pytest.mark.parametrize("case", CASES)
+def test_parts_give_what_the_whole_gives(case: str, live: bool) -> None:
+    design, observer, state, samples = recorded(case)
+    samples = samples[:800] if live else samples
+    whole = rows(Stream(observer, Progress(state)).estimates(iter(samples), live=live))
+    cuts = sorted(np.random.default_rng(SEED).choice(np.arange(1, len(samples)), 5, replace=False))
+    progress, found = Progress(state), []
+    for part in np.split(np.arange(len(samples)), cuts):
+        fresh = from_design(design)  # another process: nothing is cached
+        stream = Stream(fresh, progress)
+        found += rows(stream.estimates(iter([samples[k] for k in part]), live=live))
+        progress = progress_from_text(state_text(design, stream.progress), design, fresh, "s.json")
+    assert found == whole
+    assert len(whole) > len(samples) / 3
