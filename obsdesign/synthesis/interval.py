@@ -41,6 +41,7 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
     """
     if text := equations.objection(problem.plant, problem.gains, problem.options):
         raise InputError(text)
+    problem.require_noise_bound("kind 'interval'")
     _refuse(problem)
     given = {name: given_gain(problem, name) for name in ("L", "M")}
     given = {name: gain for name, gain in given.items() if gain is not None}
