@@ -10,9 +10,5 @@ class InputError(ValueError):
     """
 
 
-class LimitError(InputError):
-    """Numbers beyond what this program can work with: they say nothing about the plant."""
-
-
 class DoesNotApply(InputError):
     """A block or a way of measuring that the kind needs is missing from the problem."""

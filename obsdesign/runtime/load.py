@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from obsdesign.document import Design, jsonable, load_design
+from obsdesign.document import Design, jsonable, load_design, same
 from obsdesign.errors import InputError
 from obsdesign.runtime.base import Observer
 
@@ -61,7 +61,7 @@ def _same_plant(design: Design, path: str) -> None:
     for name, block, key in (*_REPEATED, *_REPEATED_BY_KIND.get(design.kind, ())):
         table = design.problem.get(block)
         stated = table.get(key) if isinstance(table, dict) else None
-        if name in design.gains and jsonable(design.gains[name]) != jsonable(stated):
+        if name in design.gains and not same(jsonable(design.gains[name]), jsonable(stated)):
             if name == "dwell_time" and _holds(design.gains[name], stated):
                 continue  # the range found is wider than the one asked for
             raise InputError(
