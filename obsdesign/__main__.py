@@ -1,4 +1,4 @@
-"""`python -m obsdesign`, and the entry point of the script: an interrupted import is no traceback."""
+"""`python -m obsdesign`, and where the script enters: an interrupted import is no traceback."""
 
 from __future__ import annotations
 
