@@ -10,6 +10,7 @@ import io
 import os
 import sys
 import traceback
+import warnings
 
 import click
 
@@ -43,6 +44,14 @@ for command in (
 def main() -> None:
     """Entry point: turns every failure into one line on stderr and an exit code."""
     _open_closed_streams()
+    with warnings.catch_warnings():
+        if not sys.warnoptions:  # floats may overflow: what becomes of them is judged
+            warnings.simplefilter("ignore")
+        sys.exit(_run())
+
+
+def _run() -> int:
+    """Run the command of `sys.argv`; its exit code."""
     if len(sys.argv) == 1:
         sys.argv.append("--help")
     verbose = False
@@ -50,7 +59,7 @@ def main() -> None:
         if request := os.environ.get(pages.COMPLETE):
             from click.shell_completion import shell_complete
 
-            sys.exit(shell_complete(cli, {}, "obsdesign", pages.COMPLETE, request))
+            return shell_complete(cli, {}, "obsdesign", pages.COMPLETE, request)
         # not cli.main(): it answers a closed pipe with exit code 1, which means refuted here
         with cli.make_context("obsdesign", sys.argv[1:]) as context:
             verbose = bool(context.params.get("verbose"))
@@ -79,7 +88,7 @@ def main() -> None:
             f"internal error: {reason[:_LONGEST_REASON]}, please report, --verbose for the trace"
         )
         code = INTERNAL_ERROR
-    sys.exit(code if isinstance(code, int) else 0)
+    return code if isinstance(code, int) else 0
 
 
 def _complain(text: str) -> None:

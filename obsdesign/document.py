@@ -24,8 +24,10 @@ from obsdesign.output_files import write_text
 FORMAT = "obsdesign/design"
 VERSION = 1
 VERDICTS = ("proved", "refuted", "undecided")
-# gains that are true or false; everywhere else numbers are due
+# gains that are true or false, and those that are words
 _FLAGS = ("nonnegative", "state_correction")
+_WORDS = ("differentiator", "form", "half_sample", "jump_measurement", "method", "operator",
+          "reference", "rule", "strategy", "weighting")  # fmt: skip
 _KEYS = ("format", "version", "name", "kind", "problem", "gains", "claims", "guarantees",
          "provenance", "digest")  # fmt: skip
 
@@ -184,9 +186,11 @@ def from_dict(body: Any, path: str = "design") -> Design:
         expected = digest(body)
     except UnicodeEncodeError:
         raise InputError(f"{path}: a text in it is not valid Unicode.") from None
-    if body["digest"] != expected:
+    stated = body["digest"]
+    if stated != expected:
+        text = repr(stated) if isinstance(stated, str) and len(stated) <= 80 else shown(stated)
         raise InputError(
-            f"{path}: digest does not match the content ({shown(body['digest'])}, content gives "
+            f"{path}: digest does not match the content ({text}, content gives "
             f"{expected!r}). The file was changed after it was written."
         )
     return _checked(body, path)
@@ -208,13 +212,15 @@ def _checked(body: dict[str, Any], path: str) -> Design:
         words = all(isinstance(claim[key], str) for key in ("id", "statement", "source", "verdict"))
         if not words or not isinstance(claim["evidence"], dict):
             raise InputError(f"{path}: claims[{i}] must hold texts, and evidence a table.")
+        if truth := _truth_in_lists(claim["evidence"]):
+            raise InputError(f"{path}: claims[{i}].evidence: numbers are due in {shown(truth)}.")
         if claim["verdict"] not in VERDICTS:
             raise InputError(
                 f"{path}: claims[{i}].verdict must be one of {', '.join(VERDICTS)}; "
                 f"got {shown(claim['verdict'])}."
             )
     _check_guarantees(body, path)
-    gains = {name: _gain(value, f"{path}: gains.{name}") for name, value in body["gains"].items()}
+    gains = {name: _gain(name, value, path) for name, value in body["gains"].items()}
     return Design(
         name=body["name"],
         kind=body["kind"],
@@ -224,6 +230,14 @@ def _checked(body: dict[str, Any], path: str) -> Design:
         guarantees=tuple(body["guarantees"]),
         provenance=body["provenance"],
     )
+
+
+def _truth_in_lists(value: Any) -> list[Any] | None:
+    """A list that holds true or false, anywhere inside; None if there is none."""
+    if isinstance(value, list) and any(isinstance(item, bool) for item in value):
+        return value
+    items = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
+    return next((truth for item in items if (truth := _truth_in_lists(item))), None)
 
 
 def _check_guarantees(body: dict[str, Any], path: str) -> None:
@@ -244,10 +258,13 @@ def _check_guarantees(body: dict[str, Any], path: str) -> None:
             raise InputError(f"{path}: provenance.{key} must be a table; got {got}.")
 
 
-def _gain(value: Any, entry: str) -> Any:
+def _gain(name: str, value: Any, path: str) -> Any:
     """A text, a number, a flag, or a read-only array of numbers; InputError for anything else."""
-    if isinstance(value, bool) and entry.endswith(tuple(f"gains.{name}" for name in _FLAGS)):
+    entry = f"{path}: gains.{name}"
+    if name in _FLAGS and isinstance(value, bool):
         return value
+    if name in _WORDS and not isinstance(value, str):
+        raise InputError(f"{entry} must be a word; got {shown(value)}.")
     if value == "inf" or not isinstance(value, str):
         value = _numbers(value, entry)
     if isinstance(value, list):

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from obsdesign.document import Design, jsonable, load_design, same
+from obsdesign.entries import is_number
 from obsdesign.errors import InputError
 from obsdesign.runtime.base import Observer
 
@@ -73,6 +74,8 @@ def _same_plant(design: Design, path: str) -> None:
 def _holds(found: Any, asked: Any) -> bool:
     """One range of dwell times contains another."""
     if np.shape(found) != (2,) or not isinstance(asked, list) or len(asked) != 2:
+        return False
+    if not all(is_number(end) or end == "inf" for end in asked):
         return False
     low, high = (float(end) for end in asked)
     return bool(found[0] <= low and found[1] >= high)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -12,14 +13,16 @@ import numpy as np
 
 import obsdesign
 from obsdesign.document import digest
+from obsdesign.kinds import KINDS
 from obsdesign.records import table_text
 from obsdesign.simulation import simulate
 from tests.fuzz.harness import Case
-from tests.fuzz.mutate import garbled, mutated
-from tests.fuzz.plants import KEYS, PROBLEMS
+from tests.fuzz.mutate import NUMBERS, garbled, json_text, mutated, renumbered
+from tests.fuzz.plants import KEYS, PROBLEMS, SHIPPED
 
 Rng = np.random.Generator
-NAMES = tuple(PROBLEMS)
+ALL = PROBLEMS | SHIPPED
+SMALL = tuple(PROBLEMS)
 _CELLS = (
     "", " ", "0", "-0", "1", "nan", "inf", "-inf", "1e150", "-1e150", "1e-320", "1e308", "-1e308", "1e400",
     "1e149", "1e100", "-1e100", "1e15", "1e16", "text", '"', '"1"', "1_0", "0x1", "١", "True", "1e-9", "3.5", "2",
@@ -29,44 +32,47 @@ _CELLS = (
 @cache
 def design_text(name: str) -> str:
     """The design of a plant, as its file has it."""
-    problem = obsdesign.Problem.from_dict(PROBLEMS[name])
+    problem = obsdesign.Problem.from_dict(ALL[name])
     return json.dumps(obsdesign.design(problem).to_dict())
 
 
 @cache
 def data_text(name: str) -> str:
     """A record that the design of a plant can be run on."""
-    problem = obsdesign.Problem.from_dict(PROBLEMS[name])
+    problem = obsdesign.Problem.from_dict(ALL[name])
     announced = problem.kind != "impulsive_input"
-    record = simulate(problem.plant, until=4.0, step=0.2 if name != "impulsive" else None,
-                      rng=np.random.default_rng(0), announced=announced)  # fmt: skip
+    until, step = (4.0, 0.2 if name != "impulsive" else None) if name in PROBLEMS else (None, None)
+    record = simulate(problem.plant, until=until, step=step, rng=np.random.default_rng(0),
+                      announced=announced)  # fmt: skip
+    record = replace(record, columns={name: values[:80] for name, values in record.columns.items()})
     return table_text(record.columns)
 
 
 def start(name: str, rng: Rng) -> list[str]:
     """Where an observer starts: mostly as it has to."""
-    bounds = name in ("interval", "sampled")
+    bounds = ALL[name]["observer"]["kind"] == "interval"
+    n = len(ALL[name]["flow"]["A"])
     pick = rng.random()
     if pick < 0.02:
         return ["--initial", str(rng.choice(["1e308,1e308", "nan,1", "inf,inf", "1", "", "a,b", "1e150,-1e150"]))]
     if bounds:
-        return ["--initial", "0,2,0,2" if pick < 0.9 else "-1e150,1e150,-1e100,1e20"]
+        return ["--initial", ",".join([str(rng.choice(["0,2", "-5,9", "-1e150,1e150"], p=[0.8, 0.15, 0.05]))] * n)]
     return []
 
 
-def problem_case(rng: Rng) -> Case:
+def problem_case(rng: Rng, names: Sequence[str] = SMALL) -> Case:
     """A problem file, changed; TOML cannot hold all that JSON can, and is changed as text."""
-    name = str(rng.choice(NAMES))
-    body = mutated(rng, PROBLEMS[name], KEYS)
-    text = json.dumps(body, ensure_ascii=bool(rng.random() < 0.5)).encode("utf-8", "surrogatepass")
+    name = str(rng.choice(names))
+    body = renumbered(rng, ALL[name]) if rng.random() < 0.6 else mutated(rng, ALL[name], KEYS)
+    text = json_text(body, bool(rng.random() < 0.5)).encode("utf-8", "surrogatepass")
     suffix = "json"
     pick = rng.random()
     if pick < 0.08:
         text = garbled(rng, text)
     elif pick < 0.14:
-        text, suffix = garbled(rng, toml_text(PROBLEMS[name])), "toml"
+        text, suffix = garbled(rng, toml_text(ALL[name])), "toml"
     file = f"p.{suffix}"
-    kind = str(rng.choice([*NAMES[2:], "interval"]))
+    kind = str(rng.choice(KINDS))
     ways: list[tuple[float, list[str], tuple[str, ...]]] = [
         (0.62, ["design", file, "-o", "d.json"], ("d.json",)),
         (0.08, ["design", file, "-o", "d.json", "--allow-undecided", "--json"], ("d.json",)),
@@ -91,13 +97,15 @@ def toml_text(body: dict[str, Any]) -> bytes:
     return "".join(f"{key} = {value(item)}\n" for key, item in body.items()).encode()
 
 
-def design_case(rng: Rng) -> Case:
+def design_case(rng: Rng, names: Sequence[str] = SMALL) -> Case:
     """A design, changed and signed again."""
-    name = str(rng.choice(NAMES))
+    name = str(rng.choice(names))
     base = json.loads(design_text(name))
     block = str(rng.choice(["gains", "claims", "problem", "guarantees", "provenance", ""],
-                           p=[0.5, 0.2, 0.12, 0.05, 0.05, 0.08]))  # fmt: skip
-    if block:
+                           p=[0.4, 0.32, 0.12, 0.05, 0.04, 0.07]))  # fmt: skip
+    if block and rng.random() < 0.5:
+        body = base | {block: renumbered(rng, base[block], NUMBERS)}
+    elif block:
         body = base | {block: mutated(rng, base[block], (*base["gains"], *KEYS))}
     else:
         body = mutated(rng, base, ("kind", "version", "a"))
@@ -122,15 +130,14 @@ def design_case(rng: Rng) -> Case:
 
 def signed(body: Any, rng: Rng) -> str:
     """The text of a design with the digest that belongs to it, where it can have one."""
+    text = json_text(body)
     if isinstance(body, dict) and rng.random() < 0.98:
         try:
-            body = body | {"digest": digest(body)}
-        except (ValueError, RecursionError):
-            body = body | {"digest": "sha256:0"}
-    try:
-        return json.dumps(body, ensure_ascii=False)
-    except RecursionError:
-        return "[" * 700 + "]" * 700
+            body = json.loads(text)
+            text = json_text(body | {"digest": digest(body)})
+        except (ValueError, RecursionError):  # refused before its digest is looked at
+            return text
+    return text
 
 
 def differs(base: Any, body: Any) -> bool:
@@ -157,15 +164,17 @@ def equal(one: Any, other: Any) -> bool:
     return isinstance(one, bool) == isinstance(other, bool) and one == other
 
 
-def data_case(rng: Rng) -> Case:
+def data_case(rng: Rng, names: Sequence[str] = SMALL) -> Case:
     """A data file, changed, for an observer, from a file or a pipe."""
-    name = str(rng.choice(NAMES))
+    name = str(rng.choice(names))
     rows = [line.split(",") for line in data_text(name).splitlines()]
-    for _ in range(int(rng.geometric(0.4))):
+    if mild := rng.random() < 0.5:
+        _retell(rng, rows)
+    for _ in range(0 if mild else int(rng.geometric(0.4))):
         _change(rng, rows)
     text = "\n".join(",".join(row) for row in rows) + "\n" * int(rng.random() < 0.9)
     content = text.encode()
-    if rng.random() < 0.1:
+    if not mild and rng.random() < 0.1:
         content = garbled(rng, content)
     files = {"d.json": design_text(name).encode()}
     pick = rng.random()
@@ -175,7 +184,7 @@ def data_case(rng: Rng) -> Case:
     files["x.csv"] = content
     if pick < 0.27:
         arguments = ["compare", "p.json", "--data", "x.csv", "--json"]
-        files["p.json"] = json.dumps(PROBLEMS[name]).encode()
+        files["p.json"] = json.dumps(ALL[name]).encode()
         return Case(f"compare {name}", files, arguments)
     events = name in ("interval", "impulsive_input") and rng.random() < 0.3
     arguments = ["run", "d.json", "x.csv", "-o", "e.csv", *start(name, rng)]
@@ -208,6 +217,30 @@ def _change(rng: Rng, rows: list[list[str]]) -> None:
     ways[int(rng.integers(len(ways)))]()
 
 
+def _retell(rng: Rng, rows: list[list[str]]) -> None:
+    """Other measurements, gaps, and times that still increase, in place: nothing to refuse."""
+    columns = [k for k, title in enumerate(rows[0]) if title[0] in "yuw"]
+    for _ in range(int(rng.geometric(0.4))):
+        k, column = int(rng.integers(1, len(rows))), int(rng.choice(columns))
+        pick = rng.random()
+        if pick < 0.5:
+            size = 10.0 ** rng.uniform(-150, 150) if rng.random() < 0.3 else 10.0 ** rng.uniform(-6, 6)
+            rows[k][column] = repr(float(rng.normal() * size))
+        elif pick < 0.6:
+            rows[k][column] = ""
+        elif pick < 0.75:
+            del rows[k : k + int(rng.integers(1, 15))]
+            if len(rows) < 3:
+                return
+        else:  # later from here on, or a row just after the one before
+            by = float(10.0 ** (rng.uniform(-12, 150) if rng.random() < 0.3 else rng.uniform(-9, 3)))
+            for row in rows[k:]:
+                _shifted(row, by)
+    last = -math.inf
+    for row in rows[1:]:
+        row[0] = repr(last := max(float(row[0]), math.nextafter(last, math.inf)))
+
+
 def _cell(row: list[str], column: int, text: str) -> None:
     if column < len(row):
         row[column] = text
@@ -231,7 +264,7 @@ def _between(rows: list[list[str]], k: int, rng: Rng) -> list[str]:
     return row
 
 
-CASES: dict[str, Callable[[Rng], Case]] = {
+CASES: dict[str, Callable[[Rng, Sequence[str]], Case]] = {
     "problem": problem_case,
     "design": design_case,
     "data": data_case,

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import copy
+import json
+import re
 from collections.abc import Callable
 from typing import Any
 
@@ -21,12 +23,17 @@ OTHERS: tuple[Any, ...] = (
 )  # fmt: skip
 
 
-def nested(depth: int, table: bool) -> Any:
-    """A number inside that many lists or tables."""
-    value: Any = 1
-    for _ in range(depth):
-        value = {"a": value} if table else [value]
-    return value
+_NESTED = re.compile(r'"@(list|table) (\d+)"')
+
+
+def json_text(body: Any, ascii_only: bool = False) -> str:
+    """JSON text, with deep nesting where a text says "@list 700"."""
+
+    def nesting(match: re.Match[str]) -> str:
+        opening, closing = ('{"a":', "}") if match[1] == "table" else ("[", "]")
+        return opening * int(match[2]) + "1" + closing * int(match[2])
+
+    return _NESTED.sub(nesting, json.dumps(body, ensure_ascii=ascii_only))
 
 
 def places(value: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
@@ -51,7 +58,7 @@ def _chosen(rng: np.random.Generator, values: Any) -> Any:
 
 def _number(rng: np.random.Generator, old: Any) -> Any:
     pick = rng.random()
-    if isinstance(old, int | float) and not isinstance(old, bool) and pick < 0.35:
+    if isinstance(old, int | float) and not isinstance(old, bool) and pick < 0.35 and abs(old) < 1e300:
         return _chosen(rng, [-old, old * 2, old / 3, old + 1, old * (1 + 1e-12), old * 1e-3,
                              float(rng.normal()), old * 1e6])  # fmt: skip
     return _chosen(rng, NUMBERS)
@@ -63,7 +70,7 @@ def _replace(rng: np.random.Generator, old: Any) -> Any:
         return _number(rng, old)
     if pick < 0.97:
         return copy.deepcopy(_chosen(rng, OTHERS if pick < 0.9 else NUMBERS))
-    return nested(int(rng.choice([40, 60, 300, 700])), bool(rng.random() < 0.5))
+    return f"@{rng.choice(['list', 'table'])} {rng.choice([40, 60, 300, 700, 2000])}"
 
 
 def _reshape(rng: np.random.Generator, old: Any) -> Any:
@@ -78,6 +85,29 @@ def _reshape(rng: np.random.Generator, old: Any) -> Any:
         return _chosen(rng, ways)()
     except TypeError:
         return new + new
+
+
+IN_RANGE = tuple(x for x in NUMBERS if x == 0 or 1e-150 <= abs(x) <= 1e150)
+
+
+def renumbered(rng: np.random.Generator, body: Any, numbers: tuple[Any, ...] = IN_RANGE) -> Any:
+    """A copy with other numbers, mostly such as a problem may hold, and the same structure."""
+    body = copy.deepcopy(body)
+    for _ in range(int(rng.geometric(0.5))):
+        paths = [path for path in places(body) if type(at(body, path)) in (int, float)]
+        if not paths:
+            return body
+        path = _chosen(rng, paths)
+        parent, old, pick = at(body, path[:-1]), at(body, path), rng.random()
+        if pick < 0.25 and isinstance(parent, list):  # a row in other units
+            factor = 10.0 ** rng.integers(-150, 150) if rng.random() < 0.3 else 10.0 ** rng.integers(-9, 9)
+            parent[:] = [x * factor if type(x) in (int, float) and abs(x) < 1e100 else x for x in parent]
+        elif pick < 0.6 and abs(old) < 1e300:
+            parent[path[-1]] = _chosen(rng, [-old, old * 1.5, old / 3, old + 1, old * 1e-3, 0, 1, -1,
+                                             float(rng.normal())])  # fmt: skip
+        else:
+            parent[path[-1]] = _chosen(rng, numbers)
+    return body
 
 
 def mutated(rng: np.random.Generator, body: Any, keys: tuple[str, ...] = ()) -> Any:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import tomllib
+from pathlib import Path
 from typing import Any
 
 BALL = {"A": [[-1.0, 0.0], [1.0, -2.0]], "disturbance": {"lower": [-0.1, -0.1], "upper": [0.1, 0.1]}}
@@ -57,6 +59,12 @@ PROBLEMS: dict[str, dict[str, Any]] = {
         "observer": {"kind": "unknown_input", "poles": [-4.0, -5.0]},
     },
 }  # fmt: skip
+
+# the shipped examples, of any size
+SHIPPED: dict[str, dict[str, Any]] = {
+    path.stem: tomllib.loads(path.read_text("utf-8"))
+    for path in sorted((Path(__file__).parents[2] / "examples").glob("*.toml"))
+}
 
 # names that an entry of a problem may be given
 KEYS = (

@@ -20,9 +20,9 @@ from typing import Any
 
 import numpy as np
 
-from tests.fuzz.cases import CASES, design_text
-from tests.fuzz.harness import SECONDS, Case, faults, shape
-from tests.fuzz.plants import PROBLEMS
+from tests.fuzz.cases import ALL, CASES, SMALL, data_text, design_text
+from tests.fuzz.harness import SECONDS, Case, judged, shape
+from tests.fuzz.plants import SHIPPED
 
 _MEMORY = 2**30
 # address space that the libraries take beside what they use
@@ -32,7 +32,8 @@ _BATCH = 500
 
 def case_of(sort: str, seed: int) -> Case:
     """The case with this number."""
-    return CASES[sort](np.random.default_rng([seed, sorted(CASES).index(sort)]))
+    names = SMALL if seed % 5 else tuple(SHIPPED)
+    return CASES[sort](np.random.default_rng([seed, sorted(CASES).index(sort)]), names)
 
 
 def _too_long(*_: Any) -> None:
@@ -40,31 +41,31 @@ def _too_long(*_: Any) -> None:
 
 
 def _batch(sort: str, seeds: range, pipe: Any) -> None:
-    """Send (seed, faults) for every case; the seed alone first, so that a crash has a name."""
+    """Send (seed, exit code, faults) of each case; the seed first, so that a crash has a name."""
     resource.setrlimit(resource.RLIMIT_AS, (_ADDRESSES, _ADDRESSES))
     signal.signal(signal.SIGPROF, _too_long)
     with tempfile.TemporaryDirectory() as folder:
         for seed in seeds:
-            pipe.send((seed, None))
+            pipe.send((seed, 0, None))
             signal.setitimer(signal.ITIMER_PROF, 1.5 * SECONDS)
             case = case_of(sort, seed)
             try:
-                found = faults(case, Path(folder))
+                code, found = judged(case, Path(folder))
             except BaseException as error:  # what main() lets through
-                found = [f"escaped: {type(error).__name__}: {error}"]
+                code, found = -1, [f"escaped: {type(error).__name__}: {error}"]
                 for path in Path(folder).iterdir():
                     path.unlink()
             signal.setitimer(signal.ITIMER_PROF, 0)
             used = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
             if used > _MEMORY:
                 found.append("more than 1 GB of memory")
-            pipe.send((seed, found))
+            pipe.send((seed, code, found))
             if used > _MEMORY:
                 break
     pipe.send(None)
 
 
-def batches(sort: str, seeds: range, report: Callable[[int, list[str]], None]) -> None:
+def batches(sort: str, seeds: range, report: Callable[[int, int, list[str]], None]) -> None:
     """Run all cases of a sort; a process that dies is replaced, and its case is a fault."""
     following = seeds.start
     while following < seeds.stop:
@@ -77,15 +78,15 @@ def batches(sort: str, seeds: range, report: Callable[[int, list[str]], None]) -
         there.close()
         try:
             while (message := here.recv()) is not None:
-                seed, found = message
+                seed, code, found = message
                 if found is not None:
-                    report(seed, found)
+                    report(seed, code, found)
                     following = seed + 1
                 else:
                     following = seed
         except EOFError:
             process.join()
-            report(following, [f"the process ended with {process.exitcode}: time, memory or a crash"])
+            report(following, -1, [f"the process ended with {process.exitcode}: time, memory or a crash"])
             following += 1
         process.join()
 
@@ -96,15 +97,17 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=0, help="number of the first case")
     parser.add_argument("--sort", choices=sorted(CASES), action="append")
     options = parser.parse_args()
-    for name in PROBLEMS:
-        design_text(name)  # before the processes are made
+    for name in ALL:  # before the processes are made
+        design_text(name)
+        data_text(name)
     total, wrong, kinds = 0, 0, Counter[str]()
     for sort in options.sort or sorted(CASES):
         counts: Counter[str] = Counter()
 
-        def report(seed: int, found: list[str], sort: str = sort, counts: Any = counts) -> None:
-            counts["cases"] += 1
-            counts["faulty"] += bool(found)
+        def report(
+            seed: int, code: int, found: list[str], sort: str = sort, counts: Any = counts
+        ) -> None:
+            counts.update({"cases": 1, "faulty": bool(found), f"exit {code}": 1})
             for fault in found:
                 name = f"{sort}: {shape(fault)}"
                 kinds[name] += 1
@@ -112,7 +115,8 @@ def main() -> None:
                     print(f"{sort} {seed}: {case_of(sort, seed).name}: {fault}", flush=True)
 
         batches(sort, range(options.first, options.first + options.cases), report)
-        print(f"{sort}: {counts['cases']} cases, {counts['faulty']} with faults", flush=True)
+        codes = ", ".join(f"{counts[key]} {key}" for key in sorted(counts) if key.startswith("exit"))
+        print(f"{sort}: {counts['cases']} cases, {counts['faulty']} with faults; {codes}", flush=True)
         total, wrong = total + counts["cases"], wrong + counts["faulty"]
     for name, number in kinds.most_common():
         print(f"{number:6d}  {name}")
