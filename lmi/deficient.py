@@ -65,7 +65,8 @@ def decide_full_rank(stack: Stack, low: float, high: float, limit: int = BOX_LIM
 
 def seen_at(stack: Stack, thetas: Any, low: float, high: float) -> dict[str, Any]:
     """{"approx_sigma_min", "approx_worst"}: O at thetas (m,) in floats; {} for no such thetas."""
-    if not isinstance(thetas, list) or len(thetas) != stack.thetas:
+    numbers = isinstance(thetas, list) and all(isinstance(x, int | float) for x in thetas)
+    if not numbers or len(thetas) != stack.thetas:
         return {}
     place = np.array([thetas], dtype=np.float64)
     if not ((place >= low) & (place <= high)).all():

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from obsdesign.entries import Array, matrix, shown
+from obsdesign.entries import Array, in_range, matrix, shown
 from obsdesign.errors import InputError
 from obsdesign.kinds import GAINS, INVERTIBLE, KINDS, OPTIONS, WHOLE
 from obsdesign.plant import Plant
@@ -106,6 +106,7 @@ def _numbers(value: Any, entry: str, whole: bool) -> Any:
         number = math.inf
     if not math.isfinite(number):
         raise InputError(f"{entry} must be a finite number; got {shown(value)}.")
+    in_range(number, entry)
     return int(number) if whole and number == int(number) else number
 
 

@@ -7,7 +7,7 @@ from typing import Any
 from lmi.patience import at_most, left
 from obsdesign import workflow
 from obsdesign.advice import next_step
-from obsdesign.errors import InputError, LimitError
+from obsdesign.errors import InputError
 from obsdesign.kinds import KINDS
 from obsdesign.problem import Problem
 
@@ -37,8 +37,7 @@ def check_kind(problem: Problem, kind: str) -> dict[str, Any]:
             outcome = workflow.investigate(asked)
             impatient = left() < 0
     except InputError as error:
-        missing = "is required by kind" in str(error) and "observer.gains" in str(error)
-        unknown = missing or isinstance(error, LimitError)
+        unknown = "is required by kind" in str(error) and "observer.gains" in str(error)
         verdict, failed, reasons = "undecided" if unknown else "refuted", [], [str(error)]
     else:
         verdict = outcome.verdict

@@ -12,16 +12,22 @@ import math
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from obsdesign.entries import is_number, shown
 from obsdesign.errors import InputError
+from obsdesign.input_files import keys_once, read_text, require_depth
 from obsdesign.output_files import write_text
 
 FORMAT = "obsdesign/design"
 VERSION = 1
+VERDICTS = ("proved", "refuted", "undecided")
+# gains that are true or false, and those that are words
+_FLAGS = ("nonnegative", "state_correction")
+_WORDS = ("differentiator", "form", "half_sample", "jump_measurement", "method", "operator",
+          "reference", "rule", "strategy", "weighting")  # fmt: skip
 _KEYS = ("format", "version", "name", "kind", "problem", "gains", "claims", "guarantees",
          "provenance", "digest")  # fmt: skip
 
@@ -113,20 +119,13 @@ def jsonable(value: Any) -> Any:
     return value
 
 
-def arrays(value: Any) -> Any:
-    """Back from JSON: "inf" as a float, nested lists of numbers as read-only float arrays."""
-    if isinstance(value, Mapping):
-        return {key: arrays(item) for key, item in value.items()}
-    if value == "inf":
-        return math.inf
-    if isinstance(value, list):
-        plain = [arrays(item) for item in value]
-        if plain and all(isinstance(item, int | float | np.ndarray) for item in plain):
-            result = np.array(plain, dtype=np.float64)
-            result.setflags(write=False)
-            return result
-        return plain
-    return value
+def same(one: Any, other: Any) -> bool:
+    """Are two JSON values equal? 1 is 1.0, and true is neither."""
+    if isinstance(one, list) and isinstance(other, list):
+        return len(one) == len(other) and all(map(same, one, other))
+    if isinstance(one, dict) and isinstance(other, dict):
+        return one.keys() == other.keys() and all(same(one[key], other[key]) for key in one)
+    return bool(isinstance(one, bool) == isinstance(other, bool) and one == other)
 
 
 def digest(body: Mapping[str, Any]) -> str:
@@ -140,15 +139,12 @@ def digest(body: Mapping[str, Any]) -> str:
 
 def load_design(path: str | os.PathLike[str]) -> Design:
     """Read a design file; InputError if it is not one, of another version, or was changed."""
-    try:
-        text = Path(path).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
-        raise InputError(f"{path}: cannot be read: {reason}.") from None
+    text = read_text(path)
     try:
         body = json.loads(
-            text, parse_constant=_refuse_constant, parse_float=_finite, object_pairs_hook=keys_once
-        )
+            text, parse_constant=_refuse_constant, parse_float=_finite, parse_int=_whole,
+            object_pairs_hook=keys_once,
+        )  # fmt: skip
     except (ValueError, RecursionError) as error:
         where = f" ({error})" if text.strip() else " (the file is empty)"
         raise InputError(f"{path}: not a design file: not valid JSON{where}.") from None
@@ -162,43 +158,39 @@ def _refuse_constant(name: str) -> float:
 def _finite(text: str) -> float:
     value = float(text)
     if math.isinf(value):
-        raise ValueError(f"{text} is beyond binary64")
+        raise ValueError(f"{shown(text)} is beyond binary64")
     return value
 
 
-def keys_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """For `json.loads`: an object whose keys all differ, or ValueError."""
-    result = dict(pairs)
-    if len(result) < len(pairs):
-        names = [name for name, _ in pairs]
-        twice = next(name for name in names if names.count(name) > 1)
-        raise ValueError(f"key {twice!r} stands {names.count(twice)} times")
-    return result
+def _whole(text: str) -> int:
+    _finite(text)
+    return int(text)
 
 
 def from_dict(body: Any, path: str = "design") -> Design:
     """A design from its parsed JSON, checked for format, version, keys and digest."""
     if not isinstance(body, dict) or body.get("format") != FORMAT:
-        found = body.get("format") if isinstance(body, dict) else type(body).__name__
-        raise InputError(
-            f"{path}: format must be {FORMAT!r}; got {found!r}. Is this a problem file?"
-        )
+        found = shown(body.get("format")) if isinstance(body, dict) else type(body).__name__
+        raise InputError(f"{path}: format must be {FORMAT!r}; got {found}. Is this a problem file?")
     if type(body.get("version")) is not int or body["version"] != VERSION:
         raise InputError(
-            f"{path}: version must be {VERSION}; got {body.get('version')!r}. "
+            f"{path}: version must be {VERSION}; got {shown(body.get('version'))}. "
             "Was it written by a newer obsdesign?"
         )
     if missing := [key for key in _KEYS if key not in body]:
         raise InputError(f"{path}: {missing[0]} is missing; a design file has it.")
     if unknown := [key for key in body if key not in _KEYS]:
-        raise InputError(f"{path}: unknown key {unknown[0]!r} in a design file.")
+        raise InputError(f"{path}: unknown key {shown(unknown[0])} in a design file.")
+    require_depth(body, path)
     try:
         expected = digest(body)
     except UnicodeEncodeError:
         raise InputError(f"{path}: a text in it is not valid Unicode.") from None
-    if body["digest"] != expected:
+    stated = body["digest"]
+    if stated != expected:
+        text = repr(stated) if isinstance(stated, str) and len(stated) <= 80 else shown(stated)
         raise InputError(
-            f"{path}: digest does not match the content ({body['digest']!r}, content gives "
+            f"{path}: digest does not match the content ({text}, content gives "
             f"{expected!r}). The file was changed after it was written."
         )
     return _checked(body, path)
@@ -220,10 +212,15 @@ def _checked(body: dict[str, Any], path: str) -> Design:
         words = all(isinstance(claim[key], str) for key in ("id", "statement", "source", "verdict"))
         if not words or not isinstance(claim["evidence"], dict):
             raise InputError(f"{path}: claims[{i}] must hold texts, and evidence a table.")
-    try:
-        gains = arrays(body["gains"])
-    except (ValueError, OverflowError):
-        raise InputError(f"{path}: gains must hold binary64 matrices; one does not.") from None
+        if truth := _truth_in_lists(claim["evidence"]):
+            raise InputError(f"{path}: claims[{i}].evidence: numbers are due in {shown(truth)}.")
+        if claim["verdict"] not in VERDICTS:
+            raise InputError(
+                f"{path}: claims[{i}].verdict must be one of {', '.join(VERDICTS)}; "
+                f"got {shown(claim['verdict'])}."
+            )
+    _check_guarantees(body, path)
+    gains = {name: _gain(name, value, path) for name, value in body["gains"].items()}
     return Design(
         name=body["name"],
         kind=body["kind"],
@@ -233,3 +230,59 @@ def _checked(body: dict[str, Any], path: str) -> Design:
         guarantees=tuple(body["guarantees"]),
         provenance=body["provenance"],
     )
+
+
+def _truth_in_lists(value: Any) -> list[Any] | None:
+    """A list that holds true or false, anywhere inside; None if there is none."""
+    if isinstance(value, list) and any(isinstance(item, bool) for item in value):
+        return value
+    items = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
+    return next((truth for item in items if (truth := _truth_in_lists(item))), None)
+
+
+def _check_guarantees(body: dict[str, Any], path: str) -> None:
+    """InputError unless guarantees and provenance have the entries that are read."""
+    kinds = {"statement": str, "given": bool, "claims": list}
+    for i, entry in enumerate(body["guarantees"]):
+        if not isinstance(entry, dict) or set(entry) != set(kinds):
+            raise InputError(f"{path}: guarantees[{i}] must have exactly {', '.join(kinds)}.")
+        for key, kind in kinds.items():
+            if not isinstance(entry[key], kind):
+                raise InputError(
+                    f"{path}: guarantees[{i}].{key} must be a {kind.__name__}; "
+                    f"got {shown(entry[key])}."
+                )
+    for key in ("versions", "solver"):
+        if not isinstance(body["provenance"].get(key, {}), dict):
+            got = shown(body["provenance"][key])
+            raise InputError(f"{path}: provenance.{key} must be a table; got {got}.")
+
+
+def _gain(name: str, value: Any, path: str) -> Any:
+    """A text, a number, a flag, or a read-only array of numbers; InputError for anything else."""
+    entry = f"{path}: gains.{name}"
+    if name in _FLAGS and isinstance(value, bool):
+        return value
+    if name in _WORDS and not isinstance(value, str):
+        raise InputError(f"{entry} must be a word; got {shown(value)}.")
+    if value == "inf" or not isinstance(value, str):
+        value = _numbers(value, entry)
+    if isinstance(value, list):
+        try:
+            result = np.array(value, dtype=np.float64)
+        except ValueError:
+            raise InputError(f"{entry} must be a matrix; its rows differ in length.") from None
+        result.setflags(write=False)
+        return result
+    return value
+
+
+def _numbers(value: Any, entry: str) -> Any:
+    """Nested lists with infinity as a float; InputError where no number stands."""
+    if isinstance(value, list):
+        return [_numbers(item, entry) for item in value]
+    if value == "inf":
+        return math.inf
+    if not is_number(value):
+        raise InputError(f"{entry} must hold numbers; got {shown(value)}.")
+    return value

@@ -9,18 +9,15 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator, Mapping
-from pathlib import Path
 from typing import Any
 
 from obsdesign.errors import InputError
+from obsdesign.input_files import read_text, require_depth
 
 
 def read_dwell_times(path: str) -> list[float]:
     """Positive finite numbers, at least one; InputError for anything else."""
-    try:
-        text = Path(path).read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: cannot be read as text: {error}.") from None
+    text = read_text(path)
     found = _answer(text, path) if text.lstrip().startswith(("{", "[")) else _lines(text, path)
     if not found:
         raise InputError(f"{path}: at least one dwell time is required; the file holds none.")
@@ -59,6 +56,7 @@ def _answer(text: str, path: str) -> list[float]:
         body = json.loads(text)
     except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: not valid JSON ({error}).") from None
+    require_depth(body, path)
     candidates = [body] if isinstance(body, list) else _sequences(body)
     for values in candidates:
         try:

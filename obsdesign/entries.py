@@ -6,6 +6,7 @@ Every InputError names the entry as it stands in a problem file, what was requir
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,9 @@ from numpy.typing import ArrayLike, NDArray
 from obsdesign.errors import InputError
 
 Array = NDArray[np.float64]
+
+# magnitudes of what a problem holds, zero apart: products of two stay inside binary64
+SMALLEST, LARGEST = 1e-150, 1e150
 
 
 def matrix(values: ArrayLike, entry: str, *, empty: bool = False) -> Array:
@@ -42,16 +46,31 @@ def _array(values: Any, entry: str, dimensions: int, wanted: str, empty: bool = 
     if result.ndim != dimensions or (result.size == 0 and not empty):
         raise InputError(f"{entry} must be {wanted}; got {shown(values)}.")
     for index in np.argwhere(~np.isfinite(result)):
-        place = ", ".join(
-            f"{word} {i + 1}"
-            for word, i in zip(("row", "column")[2 - dimensions :], index, strict=True)
-        )
         raise InputError(
-            f"{entry} must hold finite numbers; got {result[tuple(index)]} at {place}."
+            f"{entry} must hold finite numbers; got {result[tuple(index)]} at {_place(index)}."
         )
+    size = np.abs(result)
+    for index in np.argwhere((size > LARGEST) | ((size < SMALLEST) & (size > 0))):
+        in_range(float(result[tuple(index)]), f"{entry}, {_place(index)}")
     result += 0.0  # -0.0 is 0.0
     result.setflags(write=False)
     return result
+
+
+def _place(index: Iterable[int]) -> str:
+    places = list(index)
+    words = ("row", "column") if len(places) == 2 else ("entry",)
+    return ", ".join(f"{word} {i + 1}" for word, i in zip(words, places, strict=True))
+
+
+def in_range(value: float, entry: str) -> float:
+    """A number that is 0, infinite, not a number, or of magnitude 1e-150 to 1e150; InputError."""
+    if math.isfinite(value) and value and not SMALLEST <= abs(value) <= LARGEST:
+        raise InputError(
+            f"{entry} must be 0 or of magnitude {SMALLEST:g} to {LARGEST:g}; got {value!r}. "
+            "Choose other units."
+        )
+    return value
 
 
 def is_number(value: Any) -> bool:
@@ -111,7 +130,7 @@ def positive(value: float, entry: str) -> float:
     """A positive finite number, or InputError."""
     if not (math.isfinite(value) and value > 0):
         raise InputError(f"{entry} must be a positive finite number; got {value!r}.")
-    return float(value)
+    return in_range(float(value), entry)
 
 
 def real(value: Any, entry: str) -> float:
@@ -119,6 +138,6 @@ def real(value: Any, entry: str) -> float:
     if not is_number(value):
         raise InputError(f"{entry} must be a number; got {shown(value)}.")
     try:
-        return float(value)
+        return in_range(float(value), entry)
     except OverflowError:
         raise InputError(f"{entry} must fit a binary64 number; got {shown(value)}.") from None

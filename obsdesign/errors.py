@@ -1,4 +1,4 @@
-"""The one exception for what a person can put right."""
+"""Exceptions for what a person can put right."""
 
 from __future__ import annotations
 
@@ -10,5 +10,5 @@ class InputError(ValueError):
     """
 
 
-class LimitError(InputError):
-    """Numbers beyond what this program can work with: they say nothing about the plant."""
+class DoesNotApply(InputError):
+    """A block or a way of measuring that the kind needs is missing from the problem."""

@@ -107,7 +107,8 @@ def _noise(plant: Plant, rows: Sequence[Sample]) -> Array:
     output = plant.output
     y = np.array([row.y for row in rows if row.y is not None], dtype=np.float64)
     size = np.nan_to_num(np.sqrt(np.nanmean(y**2, axis=0))) if y.size else np.ones(plant.p)
-    variance = output.noise_std**2 + output.noise_bound**2 / 3 + (output.noise_cv * size) ** 2
+    bound = 0.0 if output.noise_bound is None else output.noise_bound
+    variance = output.noise_std**2 + bound**2 / 3 + (output.noise_cv * size) ** 2
     least = (_LEAST_NOISE * np.where(size > 0, size, 1.0)) ** 2
     return np.diag(np.maximum(variance, least))
 

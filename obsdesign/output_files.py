@@ -27,8 +27,16 @@ def refuse_overwriting(target: str | None, *sources: str | None) -> None:
     if path.is_dir() or not path.absolute().parent.is_dir():
         raise InputError(f"{target}: cannot be written: no such folder, or a folder itself.")
     for source in sources:
-        if source is not None and path.resolve() == Path(source).resolve():
+        if source is not None and _resolved(path) == _resolved(source):
             raise InputError(f"{target}: cannot be written: it is one of the files that are read.")
+
+
+def _resolved(path: str | os.PathLike[str]) -> Path:
+    """The file behind links; InputError where they lead in a circle."""
+    try:
+        return Path(path).resolve()
+    except (RuntimeError, OSError, ValueError) as error:
+        raise InputError(f"{path}: cannot be written: {error}.") from None
 
 
 def write_text(path: str | os.PathLike[str], text: str) -> None:
@@ -51,7 +59,7 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[TextIO]:
     followed; a device or a pipe is written to as it is. Whatever ends the block, SIGTERM and SIGHUP
     included, leaves no temporary file. InputError when it cannot be written.
     """
-    target = Path(path).resolve()
+    target = _resolved(path)
     try:
         if target.exists() and not target.is_file():
             with target.open("w", encoding="utf-8") as stream:

@@ -101,14 +101,16 @@ class Jump:
 
 @dataclass(frozen=True, eq=False)
 class Output:
-    """C (p, n); noise_bound, noise_std, noise_cv (p,), default zero.
+    """C (p, n); noise_bound (p,) or None, not known; noise_std, noise_cv (p,), default zero.
+
+    One number serves all outputs. A bound that is absent stays absent: None is not zero.
 
     measured: continuous, periodic (with period) or at_jumps; jump_measurement: what a measurement
     stamped with a jump time saw: before, after or none.
     """
 
     C: Array
-    noise_bound: Array = _DEFAULT
+    noise_bound: Array | None = None
     noise_std: Array = _DEFAULT
     noise_cv: Array = _DEFAULT
     measured: str = "continuous"
@@ -119,9 +121,10 @@ class Output:
         C = matrix(self.C, "output.C")
         _set(self, C=C)
         for name in ("noise_bound", "noise_std", "noise_cv"):
-            values = getattr(self, name)
-            entry = f"output.{name}"
-            noise = vector(np.zeros(len(C)) if values is None else values, entry)
+            values, entry = getattr(self, name), f"output.{name}"
+            if values is None and name == "noise_bound":
+                continue
+            noise = vector(_for_all(0.0 if values is None else values, len(C), entry), entry)
             require_shape(noise, entry, (len(C),), f"one per row of output.C ({size_text(C)})")
             for i in np.flatnonzero(noise < 0):
                 raise InputError(f"{entry} must be >= 0; got {noise[i]:g} for output {i + 1}.")
@@ -170,6 +173,11 @@ class Plant:
         if self.output.measured == "at_jumps" and self.jump is None:
             raise InputError("[jump] is required when output.measured = 'at_jumps'; it is missing.")
         _set(self, n=n, p=len(C))
+
+
+def _for_all(values: Any, count: int, entry: str) -> Any:
+    """A list as it is; one number for each of the outputs."""
+    return [real(values, entry)] * count if np.ndim(values) == 0 else values
 
 
 def _same(block: Any, other: Any) -> bool:

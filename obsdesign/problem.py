@@ -13,10 +13,11 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from obsdesign import asked as asked_of
 from obsdesign.document import jsonable
-from obsdesign.errors import InputError
+from obsdesign.errors import DoesNotApply, InputError
 from obsdesign.kinds import KINDS
 from obsdesign.plant import Flow, Jump, Output, Plant
 from obsdesign.problem_file import read_problem_file
@@ -85,7 +86,10 @@ class Problem:
         return Problem(**body)
 
     def to_dict(self) -> dict[str, Any]:
-        """The normalised problem: defaults filled in, JSON-ready, infinity as "inf"."""
+        """The normalised problem, JSON-ready: defaults filled in, infinity as "inf".
+
+        A noise bound that is absent stays absent: no kind may take it for zero.
+        """
         flow, jump, output = self.plant.flow, self.plant.jump, self.plant.output
         body: dict[str, Any] = {"name": self.name, "flow": _present(flow, ("A", "B", "D"))}
         body["flow"]["disturbance"] = {"lower": flow.lower, "upper": flow.upper}
@@ -129,6 +133,17 @@ class Problem:
                 absent = "[jump]" if name == "jump" and name != entry else "it"
                 raise InputError(f"{entry} is required by kind {self.kind!r}; {absent} is missing.")
         return value
+
+    def require_noise_bound(self, needed_by: str) -> NDArray[np.float64]:
+        """Bounds of the noise, (p,), or DoesNotApply; for what promises bounds of the state."""
+        bound = self.plant.output.noise_bound
+        if bound is None:
+            zeros = ", ".join(["0.0"] * self.plant.p)
+            raise DoesNotApply(
+                f"output.noise_bound is required by {needed_by}, which promises bounds; it is "
+                f"missing. If y is free of noise, write noise_bound = [{zeros}]."
+            )
+        return bound
 
     def require_measured(self, *fitting: str) -> str:
         """How y is measured, one of `fitting`, or InputError."""

@@ -8,30 +8,24 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-from obsdesign.document import keys_once
 from obsdesign.errors import InputError
+from obsdesign.input_files import keys_once, read_text, require_depth
 
 
 def read_problem_file(path: str | os.PathLike[str]) -> Any:
     """Nested dicts and lists: JSON by its suffix .json, else TOML. InputError names the file."""
-    try:
-        text = Path(path).read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError:
-        raise InputError(
-            f"{path}: UTF-8 text is required; it is not. Is it a binary file?"
-        ) from None
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise InputError(f"{path}: cannot be read: {reason}.") from None
+    text = read_text(path)
     if not text.strip():
         raise InputError(f"{path}: a problem is required; the file is empty.")
     is_json = Path(path).suffix.lower() == ".json"
     try:
-        return _parse_json(text) if is_json else tomllib.loads(text)
+        body = _parse_json(text) if is_json else tomllib.loads(text)
     except RecursionError:
         raise InputError(f"{path}: nested too deeply to be a problem file.") from None
     except ValueError as error:
         raise InputError(f"{path}: not valid {_complaint(error, text, is_json)}") from None
+    require_depth(body, str(path))
+    return body
 
 
 def _complaint(error: ValueError, text: str, is_json: bool) -> str:

@@ -17,6 +17,7 @@ from typing import Any, TextIO
 
 import numpy as np
 
+from obsdesign.entries import LARGEST, shown
 from obsdesign.errors import InputError
 from obsdesign.runtime.base import Estimate, Sample
 
@@ -185,9 +186,10 @@ def _sample(cells: list[str], places: dict[str, int], layout: Layout, where: str
             value = float(text) if text.isascii() and "_" not in text else math.nan
         except ValueError:
             value = math.nan
-        if not math.isfinite(value):
+        if not abs(value) <= LARGEST:
             empty = " or empty" if title[0] in "yuw" else ""
-            raise InputError(f"{where}: {title} must be a finite number{empty}; got {text!r}.")
+            what = "a finite number" if not math.isfinite(value) else f"at most {LARGEST:g} in size"
+            raise InputError(f"{where}: {title} must be {what}{empty}; got {shown(text)}.")
         return value
 
     def group(letter: str, size: int) -> np.ndarray[Any, Any] | None:

@@ -79,7 +79,7 @@ class Signals:
         spread = np.hypot(self.plant.output.noise_std, self.plant.output.noise_cv * clean)
         bound = self.plant.output.noise_bound
         noise = self.noise.at(k, t) + spread * self.gaussian[k]
-        value: Array = clean + np.where(bound > 0, np.clip(noise, -bound, bound), noise)
+        value: Array = clean + (noise if bound is None else np.clip(noise, -bound, bound))
         return value
 
     def unknown(self, times: Array) -> Array:
@@ -99,7 +99,8 @@ def signals(plant: Plant, kind: str, rows: int, rng: np.random.Generator) -> Sig
     d = _bounded(-np.ones(unknowns), np.ones(unknowns), kind, rows, rng)
     # a jump has no duration: a sine is sampled there
     c = _bounded(jump_low, jump_high, "random" if kind == "sine" else kind, rows, rng)
-    v = _bounded(-output.noise_bound, output.noise_bound, kind, rows, rng)
+    V = np.zeros(p) if output.noise_bound is None else output.noise_bound
+    v = _bounded(-V, V, kind, rows, rng)
     changes = np.minimum(np.arange(rows) * _INPUT_CHANGES // max(rows, 1), _INPUT_CHANGES - 1)
     return Signals(
         plant,

@@ -77,12 +77,18 @@ LIGHT = ("numpy", "lmi.exponential", "lmi.enclosure")
     [
         ("obsdesign.equations", (*LIGHT, "obsdesign.equations")),
         ("obsdesign.output_files", ("obsdesign.errors",)),
-        ("obsdesign.document", (*LIGHT, "obsdesign.errors", "obsdesign.output_files")),
+        ("obsdesign.input_files", ("obsdesign.errors",)),
+        ("obsdesign.entries", ("numpy", "obsdesign.errors")),
+        (
+            "obsdesign.document",
+            (*LIGHT, "obsdesign.errors", "obsdesign.entries", "obsdesign.input_files",
+             "obsdesign.output_files"),
+        ),
         ("obsdesign.errors", ()),
         (
             "obsdesign.runtime",
             (*LIGHT, "obsdesign.runtime", "obsdesign.equations", "obsdesign.document",
-             "obsdesign.errors"),
+             "obsdesign.entries", "obsdesign.errors"),
         ),
     ],
 )  # fmt: skip

@@ -145,7 +145,8 @@ def test_random_dwell_times_obey_range_and_jitter() -> None:
         ({"initial": [1.0]}, "initial must have 2 finite entries, one per state; got [1.0]."),
         ({"disturbance": "loud"}, "disturbance must be one of zero, extreme, random, sine; got 'loud'."),
         ({"step": 1e-9}, "step = 1e-09 makes 7.5e+09 rows until 7.5; 1e+07 is the limit."),
-        ({"until": 1e300}, "until = 1e+300 makes more than 100000 jumps; shorten it."),
+        ({"until": 1e149}, "until = 1e+149 makes more than 100000 jumps; shorten it."),
+        ({"until": 1e300}, "until must be 0 or of magnitude 1e-150 to 1e+150; got 1e+300. Choose other units."),
         ({"dwell": 1e-9, "until": 7.5}, "dwell = 1e-09 makes 7.5e+09 jumps until 7.5; 100000 is the limit."),
     ],
 )  # fmt: skip

@@ -270,7 +270,7 @@ BAD_ENTRIES = [
     ("flow.A[0][0][0]", "flow.A[0][0] has no entries [0], [1], ...; it is -1.0."),
     ("flow[0]", "flow has no entries [0], [1], ...; it is a table."),
     ("jump.dwell_time.low", "jump.dwell_time has no 'low'; it is a list of 2."),
-    ("output.measured", "it is 'continuous', not a number. Numbers there: output.C[0][0], output.C[0][1], output.noise_bound[0], output.noise_std[0], output.noise_cv[0]."),
+    ("output.measured", "it is 'continuous', not a number. Numbers there: output.C[0][0], output.C[0][1], output.noise_std[0], output.noise_cv[0]."),
 ]  # fmt: skip
 
 

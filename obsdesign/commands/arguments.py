@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -63,20 +64,30 @@ def dwell_times(text: str) -> float | list[float]:
 
 def numbers(text: str, option: str) -> list[float]:
     """x1,x2,... as an option has them."""
+    from obsdesign.entries import LARGEST
+
     try:
-        return [float(part) for part in text.split(",")]
+        values = [float(part) for part in text.split(",")]
     except ValueError:
         raise InputError(f"{option} must be numbers separated by commas; got {text!r}.") from None
+    for value in values:
+        if LARGEST < abs(value) < math.inf:
+            raise InputError(f"{option} must be at most {LARGEST:g} in size; got {value!r}.")
+    return values
 
 
 def answer_of(path: str) -> dict[str, Any]:
     """What a command printed with --json, or a design file: that one must be as it was signed."""
     from obsdesign.document import load_design
+    from obsdesign.input_files import read_text, require_depth
 
     try:
-        body = json.loads(Path(path).read_text("utf-8"))
-    except (OSError, ValueError, RecursionError) as error:
+        body = json.loads(read_text(path))
+    except InputError:
+        raise
+    except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: cannot be read as JSON: {error}.") from None
+    require_depth(body, path)
     if not isinstance(body, dict):
         raise InputError(f"{path}: one JSON object is required; got {type(body).__name__}.")
     if "command" not in body:

@@ -65,8 +65,9 @@ def plant_data(plant: Any) -> dict[str, Any]:
         data["dwell_time"] = list(jump.dwell_time or ())
         if math.isfinite(jump.dwell_jitter):
             data["dwell_jitter"] = jump.dwell_jitter
-    data |= {"noise_bound": output.noise_bound, "jump_measurement": output.jump_measurement}
-    return data
+    if output.noise_bound is not None:
+        data["noise_bound"] = output.noise_bound
+    return data | {"jump_measurement": output.jump_measurement}
 
 
 def idle_gains(plant: Any) -> dict[str, str]:

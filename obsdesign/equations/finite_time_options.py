@@ -122,6 +122,6 @@ def stored_plant(plant: Any) -> dict[str, Any]:
 def relative_deviations(output: Any) -> Array:
     """Relative sizes of the outputs' errors: standard deviations, else bounds, else equal."""
     for sizes in (output.noise_std, output.noise_bound):
-        if (sizes > 0).all():
+        if sizes is not None and (sizes > 0).all():
             return np.asarray(sizes / sizes.max())
     return np.ones(len(output.C))

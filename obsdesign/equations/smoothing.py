@@ -133,7 +133,12 @@ def _window(t: Array, y: Array, deviation: Array) -> tuple[Array, float]:
     if rows < 4:  # a parabola goes through them
         return y, 3.0
     scale = (t[-1] - t[0]) / (rows - 1)
-    _, values, V = np.linalg.svd(roughness((t - t[0]) / scale))
+    with np.errstate(over="ignore", invalid="ignore"):
+        rough = roughness((t - t[0]) / scale)
+        usable = np.isfinite(np.sum(rough**2))
+    if not usable:  # steps so different say nothing about how smooth the signal is
+        return y, float(rows)
+    _, values, V = np.linalg.svd(rough)
     squares = np.concatenate([values**2, np.zeros(rows - len(values))])
     parts = V @ y
     columns, bends = [], 0.0

@@ -134,8 +134,7 @@ def require_gains(gains: Mapping[str, Any], squares: Sequence[str], jumps: Seque
     squares: further n x n matrices; jumps: those of them that only a plant with jumps has.
     """
     n, p = np.shape(gains.get("A", ()))[:1], np.shape(gains.get("C", ()))[:1]
-    shapes = {"A": n + n, "C": p + n, "L": n + p, "M": n + p, "flow_lower": n, "flow_upper": n,
-              "noise_bound": p}  # fmt: skip
+    shapes = {"A": n + n, "C": p + n, "L": n + p, "M": n + p, "flow_lower": n, "flow_upper": n}
     shapes |= dict.fromkeys(squares, n + n)
     if "G" in gains:
         shapes |= dict.fromkeys(("G", *jumps), n + n) | {"jump_lower": n, "jump_upper": n}

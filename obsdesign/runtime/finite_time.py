@@ -158,12 +158,13 @@ def _require_shapes(gains: Mapping[str, Any]) -> None:
     k = gains.get("samples", 0)
     if not isinstance(k, int | float) or not (k >= 1 and k == int(k)):
         raise ValueError(f"gains.samples must be a whole number >= 1; got {k!r}.")
-    shapes = {"A": n + n, "C": p + n, "flow_lower": n, "flow_upper": n, "noise_bound": p}
+    shapes = {"A": n + n, "C": p + n, "flow_lower": n, "flow_upper": n}
+    shapes |= {"noise_bound": p, "radius": n} if "radius" in gains else {}
     shapes["window_gain"] = (*n, int(k) * p[0] if p else 0)
     if gains.get("method") == "approximate":
         shapes["L"] = n + p
     else:
-        shapes |= {"radius": n, "state_error": n + n}
+        shapes |= {"state_error": n + n}
     if gains.get("method") == "least_squares":
         shapes["deviations"] = p
     if "G" in gains:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -18,6 +19,9 @@ from obsdesign.equations.impulsive_input import (
 )
 from obsdesign.errors import InputError
 from obsdesign.runtime.base import require_shapes
+
+# parts of a window that the last digit of a time stamp must be able to tell
+_LEAST_PARTS = 16
 
 
 def check_gains(gains: Mapping[str, Any]) -> None:
@@ -51,6 +55,17 @@ def check_gains(gains: Mapping[str, Any]) -> None:
     count = float(gains["window"]) / float(gains["period"])
     if abs(count - round(count)) > 1e-6 or round(count) < 1:
         raise ValueError("gains.window must be a multiple of gains.period.")
+
+
+def check_resolution(times: NDArray[np.float64], window: float) -> None:
+    """InputError for a time stamp whose last digit is no small part of the window."""
+    coarse = np.spacing(np.abs(times)) > window / _LEAST_PARTS
+    if coarse.any():
+        t = float(times[np.argmax(coarse)])
+        raise InputError(
+            f"t must resolve the window of {window:g}; got t = {t:.10g}, whose last digit stands "
+            f"for {math.ulp(t):.2g}. Count time from a later zero."
+        )
 
 
 def check_size(name: str, values: NDArray[np.float64], times: NDArray[np.float64]) -> None:

@@ -26,7 +26,7 @@ from obsdesign.runtime.base import (
     vector,
 )
 from obsdesign.runtime.impulse_engine import Engine, IntegralEngine
-from obsdesign.runtime.impulse_gains import check_gains, check_size
+from obsdesign.runtime.impulse_gains import check_gains, check_resolution, check_size
 from obsdesign.runtime.impulse_rows import IntegralLive
 from obsdesign.runtime.impulse_samples import SampledLive, SamplesEngine
 from obsdesign.runtime.point import PointObserver
@@ -147,6 +147,7 @@ class ImpulsiveInputObserver(PointObserver[ImpulsiveInputState]):
         ys, us = ys.reshape(rows, p), us.reshape(rows, m)
         check_size("y", ys, times)
         check_size("u", us, times)
+        check_resolution(times, self.latency)
         live, found = self.init(float(times[0]), x=x, covariance=covariance).live, []
         for k in range(0, rows, _BLOCK):
             cut = slice(k, k + _BLOCK)
@@ -170,6 +171,7 @@ class ImpulsiveInputObserver(PointObserver[ImpulsiveInputState]):
         t = np.array([float(sample.t) for sample in samples])
         check_size("y", y, t)
         check_size("u", u, t)
+        check_resolution(t, self.latency)
         live, decided = self.engine.extended(state.live, t, y, u)
         return replace(
             state, t=float(t[-1]), u=held, started=True, live=live, decided=tuple(decided)

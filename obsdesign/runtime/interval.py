@@ -55,6 +55,7 @@ from obsdesign.runtime.base import (
     later,
     optional_measurement,
     require_gains,
+    require_shapes,
     vector,
 )
 from obsdesign.runtime.bounds import BoundObserver
@@ -84,6 +85,7 @@ class IntervalObserver(BoundObserver[IntervalState]):
         two = gains.get("form") == "two_coordinates"
         squares = ("D0", "D1", *(name for name in ("S", "S2", "T") if name in gains))
         require_gains(gains, squares, () if two else ("Gp", "Gn"))
+        require_shapes(gains, {"noise_bound": np.shape(gains["C"])[:1]})
         return cls(gains)
 
     @cached_property

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from obsdesign.document import Design, jsonable, load_design
+from obsdesign.document import Design, jsonable, load_design, same
+from obsdesign.entries import is_number
 from obsdesign.errors import InputError
 from obsdesign.runtime.base import Observer
 
@@ -65,7 +66,7 @@ def _same_plant(design: Design, path: str) -> None:
     for name, block, key in (*_REPEATED, *_REPEATED_BY_KIND.get(design.kind, ())):
         table = design.problem.get(block)
         stated = table.get(key) if isinstance(table, dict) else None
-        if name in design.gains and jsonable(design.gains[name]) != jsonable(stated):
+        if name in design.gains and not same(jsonable(design.gains[name]), jsonable(stated)):
             if name == "dwell_time" and _holds(design.gains[name], stated):
                 continue  # the range found is wider than the one asked for
             raise InputError(
@@ -77,6 +78,8 @@ def _same_plant(design: Design, path: str) -> None:
 def _holds(found: Any, asked: Any) -> bool:
     """One range of dwell times contains another."""
     if np.shape(found) != (2,) or not isinstance(asked, list) or len(asked) != 2:
+        return False
+    if not all(is_number(end) or end == "inf" for end in asked):
         return False
     low, high = (float(end) for end in asked)
     return bool(found[0] <= low and found[1] >= high)

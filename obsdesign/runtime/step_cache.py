@@ -39,4 +39,7 @@ def rounded_step(h: float, size: float) -> tuple[float, float, int]:
     Every step within half a unit of the rounded length, between stamps of the same size, is one.
     """
     decimals = math.floor(-math.log10(4 * math.ulp(size)))
-    return round(h, decimals), 0.5 * 10.0**-decimals, decimals
+    length = round(h, decimals)
+    if not length:  # a step that is shorter than the unit keeps its length
+        return h, 0.0, decimals
+    return length, 0.5 * 10.0**-decimals, decimals

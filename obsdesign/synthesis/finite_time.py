@@ -33,11 +33,14 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
         raise InputError(text)
     method = problem.options.get("method", "least_squares")
     plant = equations.stored_plant(problem.plant)
-    if method == "minimax" and not _disturbed(plant):
-        raise InputError(
-            "observer.method = 'minimax' needs output.noise_bound or flow.disturbance: it makes "
-            "the largest error small, and without either there is none."
-        )
+    if method == "minimax":
+        problem.require_noise_bound("observer.method = 'minimax'")
+        if not _disturbed(plant):
+            raise InputError(
+                "observer.method = 'minimax' needs a nonzero output.noise_bound or "
+                "flow.disturbance: it makes the largest error small, and without either there is "
+                "none."
+            )
     k = chosen_samples(problem)
     gains = plant | {"method": method, "samples": k}
     if method == "approximate":

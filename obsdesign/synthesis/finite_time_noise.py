@@ -45,6 +45,7 @@ def _errors(plant: Plant, k: int) -> Array:
     gain = equations.least_squares_gain(rows, np.tile(deviations, k))
     noise = plant.output.noise_bound
     Delta = (plant.flow.upper - plant.flow.lower) / 2
+    noise = np.zeros(len(C)) if noise is None else noise
     if not np.any(noise) and not np.any(Delta):
         return np.asarray(np.linalg.norm(gain * np.tile(deviations, k), axis=1))
     error = np.abs(gain) @ np.tile(noise, k)

@@ -2,30 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from typing import Any
 
 import numpy as np
 
 from obsdesign.equations.estimation_error import idle_gains
-from obsdesign.errors import InputError, LimitError
+from obsdesign.errors import InputError
 from obsdesign.problem import Problem
-
-# products of such entries would overflow
-_LARGEST = 1e100
-
-
-def refuse_beyond_floats(problem: Problem, found: Collection[str]) -> None:
-    """LimitError where gains are to be found, these, and products of entries would overflow."""
-    plant = problem.plant
-    entries = {"flow.A": plant.flow.A} | ({} if plant.jump is None else {"jump.G": plant.jump.G})
-    for name, values in entries.items():
-        largest = float(np.abs(values).max())
-        if found and largest > _LARGEST:
-            raise LimitError(
-                f"{name} must not exceed {_LARGEST:g} where gains are to be found; got "
-                f"{largest:g}. Is it in the plant's units?"
-            )
 
 
 def refuse_unusable(problem: Problem) -> None:

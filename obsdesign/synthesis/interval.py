@@ -24,7 +24,7 @@ from obsdesign.problem import Problem
 from obsdesign.structure import hidden_for_ever
 from obsdesign.synthesis.candidate import Candidate
 from obsdesign.synthesis.dwell import dwell_certificates, question
-from obsdesign.synthesis.given_gains import given_gain, refuse_beyond_floats, refuse_unusable
+from obsdesign.synthesis.given_gains import given_gain, refuse_unusable
 from obsdesign.synthesis.interval_coordinates import bases, best_coordinates
 from obsdesign.synthesis.interval_forms import formed
 from obsdesign.synthesis.interval_gains import best_gains
@@ -41,10 +41,10 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
     """
     if text := equations.objection(problem.plant, problem.gains, problem.options):
         raise InputError(text)
+    problem.require_noise_bound("kind 'interval'")
     _refuse(problem)
     given = {name: given_gain(problem, name) for name in ("L", "M")}
     given = {name: gain for name, gain in given.items() if gain is not None}
-    refuse_beyond_floats(problem, {"L", "M"} - set(given))
     own = {name: problem.gains[name] for name in ("S", "S2", "T") if name in problem.gains}
     if _hopeless(problem):
         yield from _unsearched(problem, given, own)

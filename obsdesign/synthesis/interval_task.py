@@ -103,7 +103,7 @@ def task_of(problem: Problem, positive: bool, S: Matrix | None, given: Mapping[s
     n, p = plant.n, plant.p
     basis = np.eye(n) if S is None else S
     inward = np.linalg.inv(basis)
-    C, V = plant.output.C, plant.output.noise_bound
+    C, V = plant.output.C, problem.require_noise_bound("kind 'interval'")
     idle = idle_gains(plant)
     L, M = (np.asarray(given.get(name, np.zeros((n, p)))) for name in ("L", "M"))
     G, low, high = None, math.inf, math.inf
@@ -135,7 +135,8 @@ def sampling_task(problem: Problem, S: Matrix | None, given: Mapping[str, Any]) 
     n, p = plant.n, plant.p
     basis = np.eye(n) if S is None else S
     inward = np.linalg.inv(basis)
-    C, V, L = plant.output.C, plant.output.noise_bound, given.get("L", np.zeros((n, p)))
+    C, V = plant.output.C, problem.require_noise_bound("kind 'interval'")
+    L = given.get("L", np.zeros((n, p)))
     f0 = np.abs(inward) @ (plant.flow.upper - plant.flow.lower)
     cap = _limits(problem, basis)[1]
     if problem.options.get("gain_limit") is None:

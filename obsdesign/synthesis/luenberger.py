@@ -28,7 +28,7 @@ from obsdesign.problem import Problem
 from obsdesign.structure import hidden_growth, hidden_pair
 from obsdesign.synthesis.candidate import Candidate
 from obsdesign.synthesis.dwell import dwell_certificates, question
-from obsdesign.synthesis.given_gains import given_gain, refuse_beyond_floats, refuse_unusable
+from obsdesign.synthesis.given_gains import given_gain, refuse_unusable
 from obsdesign.synthesis.jump_gains import jump_gains
 from obsdesign.synthesis.placement import placed_gain, riccati_gain
 from obsdesign.synthesis.schedule import check_schedule, scheduled_candidate
@@ -38,7 +38,6 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
     """Candidates in order of preference; InputError for what cannot be built at all."""
     refuse_unusable(problem)
     check_schedule(problem)
-    refuse_beyond_floats(problem, [name for name in "LM" if given_gain(problem, name) is None])
     plant = problem.plant
     rate = float(problem.options.get("decay_rate", 0.0))
     chosen = given_gain(problem, "L") is None and "poles" not in problem.options

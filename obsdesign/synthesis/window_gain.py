@@ -43,7 +43,8 @@ def completed(problem: Problem, gains: dict[str, Any]) -> dict[str, Any]:
         other, of_other, smaller = _against_the_start(problem, gains)
         if smaller <= equations.UNBIASED:
             chosen, error = other, of_other
-    return chosen | {"radius": _radius(chosen), "state_error": error}
+    chosen = chosen | {"state_error": error}
+    return chosen | {"radius": _radius(chosen)} if "noise_bound" in chosen else chosen
 
 
 def _against_the_start(

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from lmi.verdict import Verdict, proved, refuted
-from obsdesign.document import Claim, jsonable
+from obsdesign.document import Claim, jsonable, same
 
 
 def consistency(
@@ -50,5 +50,5 @@ def _objection(stored: Any, required: Any) -> str | None:
         if shape != required:
             return f"must be {'x'.join(map(str, required))}"
         return None if np.isfinite(stored).all() else "must be finite"
-    same = jsonable(stored) == jsonable(required)
-    return None if same else "differs from what the problem says"
+    equal = same(jsonable(stored), jsonable(required))
+    return None if equal else "differs from what the problem says"

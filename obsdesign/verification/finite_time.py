@@ -94,7 +94,9 @@ def expected_gains(problem: Problem, gains: Mapping[str, Any]) -> dict[str, Any]
         corrected = bool(options.get("half_sample_correction"))
         expected |= {"half_sample": "corrected" if corrected else "printed"}
     else:
-        expected |= {"radius": (plant.n,), "state_error": (plant.n, plant.n)}
+        expected |= {"state_error": (plant.n, plant.n)}
+        if plant.output.noise_bound is not None:
+            expected |= {"radius": (plant.n,)}
         if "reference" in gains:  # without it, the window's end
             expected |= {"reference": {equations.START}}
     if method == "least_squares":
@@ -132,7 +134,7 @@ def _in_order(gains: Mapping[str, Any], sampled: Sampled, S: Any) -> Any:
         yield from bound_claims(sampled, gains, S)
         return
     yield unbiased(sampled, gains)
-    if np.any(gains["radius"]) or _disturbed(gains):
+    if "radius" in gains and (np.any(gains["radius"]) or _disturbed(gains)):
         yield error_radius_claim(sampled, gains)
     if method == "exact":
         yield from bound_claims(sampled, gains, S)

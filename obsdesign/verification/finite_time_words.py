@@ -22,6 +22,9 @@ def guarantees(problem: Problem, found: tuple[Claim, ...]) -> tuple[dict[str, An
     method = problem.options.get("method", "least_squares")
     told = [_estimate(problem, method, evidence), *_bounded(problem, evidence)]
     result = [_entry(text, ids, verdicts) for text, ids in told]
+    if problem.plant.output.noise_bound is None and method != "approximate":
+        text = "Bounds of the state around the estimate: output.noise_bound is not given."
+        result.append({"statement": text, "given": False, "claims": []})
     if "theorem_1_numbers" in evidence:
         result.append(_theorem(problem, evidence["theorem_1_numbers"], verdicts))
     if evidence.get("theorem_1_tighter", {}).get("condition_13") == "true":
@@ -70,6 +73,7 @@ def _unbounded(problem: Problem) -> list[str]:
 
 
 def _bounded(problem: Problem, evidence: Mapping[str, Any]) -> list[tuple[str, list[str]]]:
+    """Bounds of the state around the estimate, where disturbance and noise have theirs."""
     if "error_radius" not in evidence:
         return []
     free = " or ".join(_unbounded(problem))

@@ -167,7 +167,10 @@ def _sign_claims(gains: Mapping[str, Any]) -> list[Claim]:
 
 def _objection(problem: Problem) -> str | None:
     text = equations.objection(problem.plant, problem.gains, problem.options)
-    return text or (None if problem.plant.output.measured == "periodic" else unusable(problem))
+    text = text or (None if problem.plant.output.measured == "periodic" else unusable(problem))
+    if text is None and problem.plant.output.noise_bound is None:
+        text = "output.noise_bound is required by kind 'interval', which promises bounds."
+    return text
 
 
 def expected_gains(problem: Problem, gains: Mapping[str, Any]) -> dict[str, Any]:

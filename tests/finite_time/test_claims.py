@@ -50,10 +50,11 @@ WRONG: list[tuple[dict[str, Any], str]] = [
     ({"window": 6.02}, "observer.window must be a multiple of output.period = 0.05; got 6.02, which is 120.4 periods. The nearest multiples are 6 and 6.05."),
     ({"window": 0.04}, "observer.window must be at least output.period = 0.05; got 0.04. The window holds no sample."),
     ({"window": 1e6}, "observer.window must hold at most 20000 samples; got 2e+07, 1000000.0 with period 0.05."),
-    ({"method": "minimax", "window": 6}, "observer.method = 'minimax' needs output.noise_bound or flow.disturbance: it makes the largest error small, and without either there is none."),
+    ({"method": "minimax", "window": 6, "output": {"noise_bound": 0}}, "observer.method = 'minimax' needs a nonzero output.noise_bound or flow.disturbance: it makes the largest error small, and without either there is none."),
     ({"half_sample_correction": True, "window": 6}, "observer.half_sample_correction belongs to method = 'approximate'; the method is 'least_squares', which has no bias to correct."),
     ({"objective": "least_noise", "window": 6}, "observer.objective = 'least_noise' chooses the window of method 'least_squares', and nothing else; observer.window = 6.0 is given. Leave one out."),
     ({"objective": "longest_period"}, "observer.objective = 'longest_period' chooses L and the window of methods 'exact' and 'approximate' by condition (13); the method is 'least_squares', which has none."),
+    ({"method": "minimax", "window": 6}, "output.noise_bound is required by observer.method = 'minimax', which promises bounds; it is missing. If y is free of noise, write noise_bound = [0.0]."),
     ({"objective": "shortest_window", "method": "minimax", "window": 6, "output": {"noise_bound": [1]}}, "observer.objective = 'shortest_window' chooses the window of method 'minimax', and nothing else; observer.window = 6.0 is given. Leave one out."),
     ({"objective": "shortest_window", "method": "exact", "window": 6}, "observer.objective = 'shortest_window' chooses the window; observer.window = 6.0 is given. Leave one out."),
     ({"objective": "least_noise", "method": "exact", "window": 6, "gains": {"L": L}}, "observer.objective = 'least_noise' chooses L and the window of method 'exact'; observer.gains.L and observer.window are given. Leave one of them out."),
@@ -457,14 +458,14 @@ def test_a_window_too_long_for_fast_modes_says_so() -> None:
 
 
 def test_a_gain_is_found_where_norms_mislead() -> None:
-    """Six integrators, and one in units of 1e200: L in the units of the file is of no use."""
+    """Six integrators, and one in units of 1e140: L in the units of the file is of no use."""
     chain = np.diag([1.0] * 5, 1)
     obsdesign.design(problem(chain, [[1] + [0] * 5], 0.01, method="exact"))
-    tiny = {"A": [[0, 1e-200], [0, 0]], "C": [[1, 0]], "period": 1.0, "window": 2}
+    tiny = {"A": [[0, 1e-140], [0, 0]], "C": [[1, 0]], "period": 1.0, "window": 2}
     obsdesign.design(problem(**tiny, method="exact"))
     # the twin: a gain that is given is not replaced
     with pytest.raises(obsdesign.NotProved, match="is singular"):
-        obsdesign.design(problem(**tiny, method="exact", gains={"L": [[1e-200], [1e-200]]}))
+        obsdesign.design(problem(**tiny, method="exact", gains={"L": [[1e-140], [1e-140]]}))
 
 
 @pytest.mark.parametrize("method", ["exact", "approximate"])
@@ -502,7 +503,7 @@ def test_least_noise_is_close_to_the_best_of_all_windows() -> None:
 
 
 def test_tiny_entries_are_seen() -> None:
-    # squares of 1e-200 underflow
-    obsdesign.design(problem([[0, 1e-200], [0, 0]], [[1, 0]], period=1, window=2))
+    # cubes of 1e-140 underflow
+    obsdesign.design(problem([[0, 1e-140], [0, 0]], [[1, 0]], period=1, window=2))
     with pytest.raises(obsdesign.NotProved, match="never seen"):
         obsdesign.design(problem([[0, 0], [0, 0]], [[1, 0]], period=1, window=2))

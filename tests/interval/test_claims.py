@@ -19,7 +19,7 @@ from obsdesign.verification.interval import claims
 BASE: dict[str, Any] = {
     "flow": {"A": [[-1, 0], [1, -2]]},
     "jump": {"G": [[2, 1], [1, 3]], "dwell_time": [0.7, "inf"]},
-    "output": {"C": [[0, 1]]},
+    "output": {"C": [[0, 1]], "noise_bound": [0]},
     "observer": {"kind": "interval", "gains": {"L": [[0], [1]], "M": [[1], [2.8]]}},
 }
 
@@ -45,7 +45,7 @@ def random_body(rng: np.random.Generator, n: int) -> dict[str, Any]:
     return {
         "flow": {"A": A},
         "jump": {"G": G, "dwell_time": [0.1, 2.0]},
-        "output": {"C": C},
+        "output": {"C": C, "noise_bound": 0},
         "observer": {"kind": "interval", "form": "split", "gains": {"L": L, "M": M}},
     }
 
@@ -342,7 +342,7 @@ def test_many_states_are_proved_by_one_vector_and_verified() -> None:
     A -= np.diag(A.sum(axis=1) + 0.5)
     G = 0.05 * rng.random((n, n))
     body = {
-        "flow": {"A": A}, "jump": {"G": G, "dwell_time": [0.1, "inf"]}, "output": {"C": np.eye(1, n)},
+        "flow": {"A": A}, "jump": {"G": G, "dwell_time": [0.1, "inf"]}, "output": {"C": np.eye(1, n), "noise_bound": 0},
         "observer": {"kind": "interval", "gains": {"L": np.zeros((n, 1)), "M": np.zeros((n, 1))}},
     }  # fmt: skip
     design = obsdesign.design(obsdesign.Problem(**body))

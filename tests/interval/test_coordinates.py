@@ -25,7 +25,7 @@ DIGITS = 1e-3  # the thresholds are known to four digits
 PRINTED_8_HOLDS: dict[str, Any] = {
     "flow": {"A": [[-0.1, 0], [0, -0.2]]},
     "jump": {"G": [[1, -0.1], [0.2, 0.7]], "dwell_time": [1, 1]},
-    "output": {"C": [[1, 0]]},
+    "output": {"C": [[1, 0]], "noise_bound": [0]},
     "observer": {
         "kind": "interval",
         "gains": {"L": [[0], [0]], "M": [[0], [0]], "S": [[1, 0], [0, 1]], "S2": [[1, 1], [1, 2]]},
@@ -138,7 +138,7 @@ def test_two_coordinates_are_never_narrower_than_one(seed: int, n: int) -> None:
 BALL: dict[str, Any] = {
     "flow": {"A": [[0, 1], [0, 0]]},
     "jump": {"G": [[1, 0], [0, -0.8]], "dwell_time": [1.05, 5]},
-    "output": {"C": [[1, 0]]},
+    "output": {"C": [[1, 0]], "noise_bound": [0]},
     "observer": {"kind": "interval", "gains": {"L": [[3], [2]], "M": [[0.1], [-0.5]]}},
 }
 S1 = [[-0.5, -0.5], [-0.5, -1.0]]  # eigenvectors of A - L C, as printed up to their lengths

@@ -13,7 +13,7 @@ def problem(A: list, G: list, jitter: float = np.inf, **options: object) -> obsd
     return obsdesign.Problem(
         flow={"A": A},
         jump={"G": G, "dwell_time": [0.1, 2.0], "dwell_jitter": jitter},
-        output={"C": [[1.0] + [0.0] * (len(A) - 1)]},
+        output={"C": [[1.0] + [0.0] * (len(A) - 1)], "noise_bound": 0},
         observer={"kind": "interval", "gains": {"L": zeros, "M": zeros}, **options},
     )
 

@@ -205,7 +205,7 @@ def test_shortest_is_where_the_radius_crosses_one() -> None:
 
 
 def investigated(A: Any, G: Any, C: Any, dwell: Any, **observer: Any) -> obsdesign.Outcome:
-    body = {"flow": {"A": A}, "jump": {"G": G, "dwell_time": dwell}, "output": {"C": C},
+    body = {"flow": {"A": A}, "jump": {"G": G, "dwell_time": dwell}, "output": {"C": C, "noise_bound": 0},
             "observer": {"kind": "interval"} | observer}  # fmt: skip
     return obsdesign.investigate(obsdesign.Problem.from_dict(body))
 
@@ -268,25 +268,20 @@ def test_an_obstruction_is_told_again_by_verify() -> None:
     assert next(c for c in found if c.id == "attainable").verdict == "refuted"
 
 
-def test_entries_whose_products_overflow_are_refused() -> None:
+def test_entries_whose_cubes_overflow_leave_the_question_open() -> None:
     huge = obsdesign.Problem.from_dict({
-        "flow": {"A": [[-1e308, 1e308], [1e308, -1e308]]},
+        "flow": {"A": [[-1e150, 1e150], [1e150, -1e150]]},
         "jump": {"dwell_time": [0.5, 2]},
-        "output": {"C": [[1, 0]]},
+        "output": {"C": [[1, 0]], "noise_bound": 0},
         "observer": {"kind": "interval"},
     })  # fmt: skip
-    with pytest.raises(obsdesign.InputError) as caught:
-        obsdesign.investigate(huge)
-    assert str(caught.value) == (
-        "flow.A must not exceed 1e+100 where gains are to be found; got 1e+308. Is it in the "
-        "plant's units?"
-    )
+    assert obsdesign.investigate(huge).verdict == "undecided"
 
 
 @pytest.mark.parametrize("measured", ["continuous", "periodic"])
 def test_a_hidden_oscillation_that_never_decays_is_refused(measured: str) -> None:
     def body(damping: float) -> Any:
-        output: dict[str, Any] = {"C": [[0, 0, 1]], "measured": measured}
+        output: dict[str, Any] = {"C": [[0, 0, 1]], "noise_bound": 0, "measured": measured}
         if measured == "periodic":
             output["period"] = 0.1
         return obsdesign.Problem.from_dict({
@@ -376,7 +371,7 @@ def hidden_oscillation(S: Any) -> Any:
     return {
         "flow": {"A": A.tolist(), "disturbance": {"lower": [-0.1] * 3, "upper": [0.1] * 3}},
         "jump": {"G": np.eye(3).tolist(), "dwell_time": [0.5, 2]},
-        "output": {"C": C.tolist()},
+        "output": {"C": C.tolist(), "noise_bound": 0},
         "observer": {"kind": "interval"},
     }
 

@@ -38,7 +38,7 @@ def body_of(W: Any, N: Any, f: Any, h: Any, dwell: list[Any]) -> dict[str, Any]:
     return {
         "flow": {"A": W, "disturbance": {"lower": np.zeros(n), "upper": f}},
         "jump": {"G": N, "dwell_time": dwell, "disturbance": {"lower": -h, "upper": 0 * h}},
-        "output": {"C": np.eye(1, n)},
+        "output": {"C": np.eye(1, n), "noise_bound": 0},
         "observer": {"kind": "interval",
                      "gains": {"L": np.zeros((n, 1)), "M": np.zeros((n, 1))}},
     }  # fmt: skip

@@ -40,7 +40,7 @@ def test_fixed_seeds_never_leave_their_bounds() -> None:
 
 def test_the_twin_a_slope_taken_for_zero_is_caught() -> None:
     # without the slope terms the scheme is a zero-order hold of the output: it must be seen
-    plant = Plant(Flow(np.array([[0.0, 1.0], [-4.0, -0.1]])), None, Output(np.array([[1.0, 0.0]])))
+    plant = Plant(Flow(np.array([[0.0, 1.0], [-4.0, -0.1]])), None, Output(np.array([[1.0, 0.0]]), noise_bound=0.0))
     observer = observer_for(plant, np.array([[1.0], [2.0]]), np.zeros((2, 1)))
     state = observer.init(0.0, lower=[1, 0], upper=[1, 0])
     state, _ = observer.step(state, Sample(0.0, y=[1.0]))
@@ -80,7 +80,7 @@ def rounding_case(observer_of) -> bool:
     n, h, rows, jumps = 3, 0.125, 200, {40, 80, 120, 160}  # h is a binary number: times are exact
     A = rng.standard_normal((n, n)) - 3.5 * np.eye(n)
     G, C = 3 * np.eye(n) + 0.3 * rng.standard_normal((n, n)), np.eye(1, n)
-    plant = Plant(Flow(A), Jump(G, dwell_time=(1.0, 10.0)), Output(C))
+    plant = Plant(Flow(A), Jump(G, dwell_time=(1.0, 10.0)), Output(C, noise_bound=0.0))
     observer = observer_of(observer_for(plant, np.zeros((n, 1)), np.zeros((n, 1))))
     x = [1.0, -2.0, 0.5]
     state = observer.init(0.0, lower=x, upper=x)
@@ -277,7 +277,7 @@ def test_an_empty_initial_interval_is_refused() -> None:
 
 
 def test_overflow_leaves_sound_bounds_and_says_so() -> None:
-    plant = Plant(Flow(np.array([[50.0]])), None, Output(np.array([[1.0]])))
+    plant = Plant(Flow(np.array([[50.0]])), None, Output(np.array([[1.0]]), noise_bound=0.0))
     observer = observer_for(plant, np.zeros((1, 1)), np.zeros((1, 1)))
     state = observer.init(0.0, lower=[1.0], upper=[2.0])
     state, _ = observer.step(state, Sample(0.0))

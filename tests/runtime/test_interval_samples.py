@@ -197,7 +197,7 @@ def test_a_stretch_contains_the_exact_state_of_no_width() -> None:
     from flint import arb, arb_mat, ctx
 
     plant = Plant(Flow(np.array([[-0.3, 0.2], [0.1, -0.2]])), None,
-                  Output(np.array([[1.0, 0.0]]), measured="periodic", period=0.125))  # fmt: skip
+                  Output(np.array([[1.0, 0.0]]), noise_bound=0.0, measured="periodic", period=0.125))  # fmt: skip
     observer = sampled_observer(plant, np.array([[0.0], [0.0]]), np.zeros((2, 1)))
     rows, h = 200, 0.125
     old, ctx.prec = ctx.prec, 300

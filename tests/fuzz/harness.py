@@ -1,0 +1,126 @@
+"""The command line in one process, and what must hold of every call whatever the input."""
+
+from __future__ import annotations
+
+import io
+import os
+import re
+import sys
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from unittest import mock
+
+from obsdesign.cli import main
+
+_MOST_ERROR_LINES = 2
+SECONDS = 20.0
+
+
+@dataclass(frozen=True)
+class Case:
+    """Input files, one call of the command line, and the files that it may write."""
+
+    name: str
+    files: Mapping[str, bytes]
+    arguments: Sequence[str]
+    stdin: str = ""
+    outputs: tuple[str, ...] = ()
+    # the call must not end in "proved" (exit code 0)
+    never_proved: bool = False
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a call ended."""
+
+    code: int
+    out: str
+    err: str
+    seconds: float
+
+
+@contextmanager
+def _inside(folder: Path) -> Iterator[None]:
+    before = os.getcwd()
+    os.chdir(folder)
+    try:
+        yield
+    finally:
+        os.chdir(before)
+
+
+def call(case: Case, folder: Path) -> Outcome:
+    """Run the command line in a folder; exceptions that leave it are not caught."""
+    out, err, code = io.StringIO(), io.StringIO(), None
+    start = time.process_time()
+    with (
+        _inside(folder),
+        mock.patch.object(sys, "argv", ["obsdesign", *case.arguments]),
+        mock.patch.object(sys, "stdin", io.StringIO(case.stdin)),
+        mock.patch.object(sys, "stdout", out),
+        mock.patch.object(sys, "stderr", err),
+    ):
+        try:
+            main()
+        except SystemExit as leaving:
+            code = leaving.code
+    seconds = time.process_time() - start
+    return Outcome(code if isinstance(code, int) else -1, out.getvalue(), err.getvalue(), seconds)
+
+
+def judged(case: Case, folder: Path) -> tuple[int, list[str]]:
+    """(exit code, what is wrong with it, one line each). The folder is empty before and after."""
+    for name, content in case.files.items():
+        (folder / name).write_bytes(content)
+    outcome = call(case, folder)
+    found = [line for line in outcome.err.splitlines() if "Warning" in line]
+    if outcome.code not in ((0, 1, 2, 3, 4) if "--strict" in case.arguments else (0, 1, 2, 3)):
+        found.append(f"exit code {outcome.code}: {outcome.err.strip()[-300:]}")
+    if "Traceback" in outcome.err or "Traceback" in outcome.out:
+        found.append("traceback")
+    if outcome.code == 2:
+        found += _refusal(case, outcome)
+    if case.never_proved and outcome.code == 0:
+        found.append("proved, although it differs")
+    if outcome.seconds > SECONDS:
+        found.append(f"{outcome.seconds:.0f} s of processor time")
+    found += _files(case, folder, outcome.code)
+    for path in folder.iterdir():
+        path.unlink()
+    return outcome.code, found
+
+
+def _refusal(case: Case, outcome: Outcome) -> list[str]:
+    found = []
+    lines = [line for line in outcome.err.splitlines() if "still " not in line]
+    if outcome.out and not case.stdin:  # a pipe is answered row by row
+        found.append(f"exit code 2 with output: {outcome.out[:80]!r}")
+    if not 1 <= len(lines) <= _MOST_ERROR_LINES:
+        found.append(f"exit code 2 with {len(lines)} lines on standard error")
+    if any(not line.startswith("obsdesign: ") or len(line) > 2000 for line in lines):
+        found.append(f"not one line of a message: {outcome.err[:200]!r}")
+    return found
+
+
+def _files(case: Case, folder: Path, code: int) -> list[str]:
+    """Inputs are untouched, nothing is left over, outputs are whole."""
+    found = []
+    for path in folder.iterdir():
+        if path.name in case.files:
+            if path.read_bytes() != case.files[path.name]:
+                found.append(f"{path.name} was changed")
+        elif path.name not in case.outputs:
+            found.append(f"left over: {path.name}")
+        elif code == 2:
+            found.append(f"{path.name} was written with exit code 2")
+        elif path.suffix in (".csv", ".json") and not path.read_bytes().endswith(b"\n"):
+            found.append(f"{path.name} is not whole")
+    return found
+
+
+def shape(fault: str) -> str:
+    """A fault without its numbers: what is counted as one."""
+    return re.sub(r"[-+]?\d[\d.e+-]*", "#", fault)[:160]
