@@ -28,6 +28,7 @@ from obsdesign.runtime.impulse_whitening import (
     noise_deviation,
     whitened,
 )
+from obsdesign.runtime.time_stamps import time_tolerance
 
 Array = NDArray[Any]
 
@@ -188,8 +189,9 @@ class IntegralEngine:
         """|R| for every window that is complete; the rule, when the first one is."""
         track = live.track
         assert track is not None
-        tau, slack = self.run.tau, 1e-9 * self.run.tau
-        ready = int(np.searchsorted(track.t, track.t[-1] - tau + slack, side="right"))
+        tau, last = self.run.tau, float(track.t[-1])
+        latest = last - tau + time_tolerance(tau, last)
+        ready = int(np.searchsorted(track.t, latest, side="right"))
         done = len(live.norms)
         if ready <= done:
             return live

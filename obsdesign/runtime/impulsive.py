@@ -32,6 +32,7 @@ from obsdesign.runtime.base import (
     Vector,
     later,
     optional_measurement,
+    status_of,
     vector,
 )
 from obsdesign.runtime.impulsive_gains import require_impulsive_gains
@@ -98,6 +99,12 @@ class ImpulsiveObserver(SteppedObserver[ImpulsiveState]):
         """
         t = later(sample.t, state.t, state.started)
         y = optional_measurement(sample.y, len(self.gains["C"]))
+        with np.errstate(over="ignore", invalid="ignore"):  # the status names what is not finite
+            return self._step(state, t, y, sample)
+
+    def _step(
+        self, state: ImpulsiveState, t: float, y: Vector | None, sample: Sample
+    ) -> tuple[ImpulsiveState, Estimate]:
         x = self._flow(state, t)
         guard, late = state.guard.after(t, sample.jump)
         objections = [late] if late else []
@@ -116,7 +123,7 @@ class ImpulsiveObserver(SteppedObserver[ImpulsiveState]):
             moved = replace(moved, doubts=doubts, skipped=y is None)
         u = state.u if sample.u is None else vector(sample.u, len(state.u), "u")
         following = replace(moved, t=t, x=x, u=u, guard=guard, started=True)
-        return following, Estimate(t, x=x, status="; ".join(objections) or "ok")
+        return following, Estimate(t, x=x, status=status_of(objections, x))
 
     @cached_property
     def _core(self) -> Core:
@@ -219,7 +226,7 @@ class ImpulsiveObserver(SteppedObserver[ImpulsiveState]):
 
     def _flow_maps(self, h: float, error: float) -> tuple[Any, Any]:
         """(e^{Ah}, its integral); without the integral where nothing drives the flow."""
-        del error  # a point estimate owes nothing to half an ulp of time
+        del error  # a point estimate has no bounds to widen
         A = self.gains["A"]
         return flow_integrals(A, h) if self._forced else (expm(A * h), None)
 

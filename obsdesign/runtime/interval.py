@@ -63,7 +63,7 @@ from obsdesign.runtime.interval_kernel import Kernel
 from obsdesign.runtime.interval_kernels import StepKernels
 from obsdesign.runtime.interval_record import Columns, Stretch, stretch
 from obsdesign.runtime.interval_state import IntervalState, first_box
-from obsdesign.runtime.step_cache import rounded_step
+from obsdesign.runtime.step_cache import shared_length
 
 _ONE_OUTPUT = (1,)
 # rows of a stretch that are done together
@@ -236,9 +236,11 @@ class IntervalObserver(BoundObserver[IntervalState]):
         if end - row < _FEWEST_ROWS or not fits or not self._clock.admits_stretch(state, first_t):
             return state, None
         h = first_t - state.t
-        length, half, _ = rounded_step(h, first_t)
+        length, half = shared_length(h, first_t)
         steps = np.diff(times[row:end], prepend=state.t)
-        end = row + int(np.argmax(np.append(np.abs(steps - length) > half, True)))
+        alike = np.abs(steps - length) <= half
+        alike &= self._clock.regular_steps(steps, times[row:end])
+        end = row + int(np.argmin(np.append(alike, False)))
         if end - row < _FEWEST_ROWS:
             return state, None
         chosen = self._kernels.at(h, first_t)[mode]
@@ -257,7 +259,7 @@ class IntervalObserver(BoundObserver[IntervalState]):
     def fleet_kernel(self, h: float, size: float, has_sample: bool) -> Kernel:
         """The kernel of a step with a measurement at its end, for `interval_fleet`."""
         mode = "sampled" if self._clock.period is not None else "start" if has_sample else "end"
-        return self._kernels.at(h, abs(size))[mode]
+        return self._kernels.at(h, size)[mode]
 
     @cached_property
     def _kernels(self) -> StepKernels:

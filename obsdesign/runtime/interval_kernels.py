@@ -47,7 +47,8 @@ class StepKernels:
     @cached_property
     def model(self) -> Model:
         """The plant in the observer's coordinates, enclosed."""
-        return model(self.gains)
+        with np.errstate(over="ignore", invalid="ignore"):
+            return model(self.gains)
 
     def at(self, h: float, size: float) -> dict[str, Kernel]:
         """For a step of about h between time stamps of magnitude `size`."""
@@ -72,7 +73,8 @@ class StepKernels:
     @cached_property
     def jumps(self) -> dict[bool, Kernel]:
         """Of a jump: with the correction M (y - C x), and without."""
-        maps = jump_maps(self.model, self.gains)
+        with np.errstate(over="ignore", invalid="ignore"):
+            maps = jump_maps(self.model, self.gains)
         return {
             corrected: kernel(self.model, step, step, self.gains["C"], False)
             for corrected, step in maps.items()
@@ -137,14 +139,15 @@ class StepKernels:
 
     def _built(self, h: float, h_error: float) -> dict[str, Kernel]:
         plant = self.model
-        if h == 0.0:
-            maps = {"none": identity_map(plant)}
-        elif self.periodic:
-            maps = {"none": free_map(plant, h, h_error)}
-        else:
-            maps = flow_maps(plant, h, h_error)
-        if self.periodic:
-            maps["sampled"] = sampled(plant, maps["none"])
+        with np.errstate(over="ignore", invalid="ignore"):  # overflow shows as infinite radii
+            if h == 0.0:
+                maps = {"none": identity_map(plant)}
+            elif self.periodic:
+                maps = {"none": free_map(plant, h, h_error)}
+            else:
+                maps = flow_maps(plant, h, h_error)
+            if self.periodic:
+                maps["sampled"] = sampled(plant, maps["none"])
         return {name: self._kernel(name, maps) for name in maps}
 
     def _kernel(self, name: str, maps: Mapping[str, BoxMap]) -> Kernel:

@@ -41,7 +41,8 @@ def first_box(model: Model, n: int, lower: ArrayLike, upper: ArrayLike) -> Vecto
         )
     for i in np.flatnonzero(low > high):
         raise ValueError(f"initial bounds of x{i + 1}: lower {low[i]:g} exceeds upper {high[i]:g}.")
-    return model.from_plant(*midpoint(low, high))
+    with np.errstate(over="ignore", invalid="ignore"):  # the next step reports what overflowed
+        return model.from_plant(*midpoint(low, high))
 
 
 def shared_box(one: Vector, other: Vector, n: int) -> Vector:

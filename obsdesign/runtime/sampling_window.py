@@ -5,7 +5,6 @@ A state is never changed: every move returns a new one.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -14,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from obsdesign.equations import finite_time as equations
 from obsdesign.runtime.approximate_inputs import Known
-from obsdesign.runtime.base import RELATIVE_TIME_TOLERANCE, Vector, vector
+from obsdesign.runtime.base import Vector, vector
 from obsdesign.runtime.flow_maps import flow_maps
 from obsdesign.runtime.point import SteppedObserver
 from obsdesign.runtime.step_cache import cached_step
@@ -100,11 +99,6 @@ class SamplingWindow(WindowConstants, SteppedObserver[FiniteTimeState]):
         slip = np.maximum(state.slip, maps.error(state.w, forced) + SEEN_ROUNDING * np.abs(w))
         radius = maps.spread(state.radius) + maps.error(state.centre, forced)
         return state._replace(t=t, x=x, w=w, known=known, centre=centre, radius=radius, slip=slip)
-
-    @staticmethod
-    def _slack(t: float, elapsed: float) -> float:
-        """Time stamps are decimal: how far two of them may be from `elapsed` apart."""
-        return RELATIVE_TIME_TOLERANCE * elapsed + 8 * math.ulp(t)
 
     def _maps(self, h: float, error: float) -> Any:
         return flow_maps(self.gains, h, error)
