@@ -16,6 +16,9 @@ from obsdesign.runtime.time_stamps import time_tolerance
 Vector = NDArray[np.float64]
 State = TypeVar("State")
 
+# Numbers below it are multiplied, squared and added without any thought of overflow.
+MODERATE = 1e100
+
 
 class Sample(NamedTuple):
     """One row of data at time t, in the plant's time unit.

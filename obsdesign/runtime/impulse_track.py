@@ -66,7 +66,7 @@ class FreeRun:
     drift: Vector
     exponents: Vector
     tau: float
-    _steps: OrderedDict[tuple[float, int], tuple[Any, ...]] = field(
+    _steps: OrderedDict[float, tuple[Any, ...]] = field(
         default_factory=OrderedDict, repr=False, compare=False
     )
 
@@ -137,7 +137,7 @@ class FreeRun:
         """xhat at times[1:] from `at` at times[0], with outputs y and other inputs `forced`."""
         x = np.empty((len(times) - 1, len(self.A)))
         for a, b in ends:
-            maps = self._maps(mean_step(times, a, b), float(times[b]))
+            maps = self._maps(mean_step(times, a, b))
             flow, older, newer, held = maps[:4]
             driven = y[a:b] @ older.T + y[a + 1 : b + 1] @ newer.T + forced[a:b] @ held.T
             x[a:b] = accumulated(flow, driven, at)
@@ -172,7 +172,7 @@ class FreeRun:
         found, kicks = np.empty_like(shown), np.empty((len(times), n, n))
         found[-1], kicks[0] = shown[-1], np.eye(n)
         for a, b in reversed(self._runs(times)):
-            maps = self._maps(mean_step(times, a, b), float(times[b]))
+            maps = self._maps(mean_step(times, a, b))
             backwards = shown[a:b][::-1].copy()
             backwards[0] += found[b] @ maps[4]
             found[a:b] = doubled(maps[4].T, backwards)[::-1]
@@ -181,7 +181,7 @@ class FreeRun:
 
     def plant_step(self, since: float, until: float) -> tuple[Rows, Rows]:
         """(e^{A h}, its integral over h) for h = until - since."""
-        maps = self._maps(until - since, abs(until))
+        maps = self._maps(until - since)
         return maps[5], maps[6]
 
     def _coasted(self, X: Rows, times: Rows, since: float, x: Vector) -> Rows:
@@ -202,8 +202,8 @@ class FreeRun:
         ends = [0, *cuts.tolist(), len(steps)]
         return list(itertools.pairwise(ends))
 
-    def _maps(self, h: float, size: float) -> tuple[Any, ...]:
-        return cached_step(self._steps, h, abs(size) + h, lambda step, _: self._step(step))
+    def _maps(self, h: float) -> tuple[Any, ...]:
+        return cached_step(self._steps, h, self._step)
 
     def _step(self, h: float) -> tuple[Any, ...]:
         """xhat+ = flow xhat + older y + newer y+ + held (B u + b_mid) over a step h.

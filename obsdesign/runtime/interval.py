@@ -37,7 +37,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import frexp, inf
+from math import frexp
 from typing import Any, ClassVar
 
 import numpy as np
@@ -45,6 +45,7 @@ from numpy import absolute, maximum, ndarray
 from numpy.typing import ArrayLike
 
 from obsdesign.runtime.base import (
+    MODERATE,
     Batch,
     DwellGuard,
     Estimate,
@@ -118,7 +119,7 @@ class IntervalObserver(BoundObserver[IntervalState]):
 
         ValueError if time does not increase (the first sample may share the initial time).
         """
-        if self._short and (usual := self._usual(state, sample)) is not None:
+        if self._short and state.moderate and (usual := self._usual(state, sample)) is not None:
             return usual
         t = later(sample.t, state.t, state.started)
         y = optional_measurement(sample.y, self._p)
@@ -149,6 +150,7 @@ class IntervalObserver(BoundObserver[IntervalState]):
         following = IntervalState(
             t, box, u, usable, guard, True, state.sampled if y is None else t, lost,
             state.phase if y is None or off else t,
+            bool(out[2 * self.n + 2 * self._p] < MODERATE),
         )  # fmt: skip
         status = "; ".join(objections) if objections else "ok"
         events = tuple((t, text) for text in (["jump"] if sample.jump else []) + objections)
@@ -163,7 +165,7 @@ class IntervalObserver(BoundObserver[IntervalState]):
         if jump or state.lost or type(y) is not ndarray or y.shape != _ONE_OUTPUT:
             return None
         found = self._quick.get((t - state.t, frexp(t)[1]))
-        if found is None or not t > state.t >= 0.0:
+        if found is None or not t > state.t >= 0.0 or not -MODERATE < y.item() < MODERATE:
             return None
         apart = t - state.phase
         if not self._earliest <= apart <= self._latest and not self._clock.in_time(state, t):
@@ -175,14 +177,13 @@ class IntervalObserver(BoundObserver[IntervalState]):
         absolute(v[known], v[sizes])
         out = rows.dot(v)
         below, above, size = out[checks].tolist()
-        # what is not finite gives NaN here: every comparison with it fails
-        if not (below >= 0.0 and above >= 0.0 and size < inf):
+        if not (below >= 0.0 and above >= 0.0 and size < MODERATE):
             return None
         guard = state.guard
         if guard.last_jump is not None and guard.after(t, False)[1]:
             return None
         ends, n = maximum(out[one], out[two]), self.n
-        following = IntervalState(t, out[box], state.u, v[y_end], guard, True, t, "", t)
+        following = IntervalState(t, out[box], state.u, v[y_end], guard, True, t, "", t, True)
         return following, Estimate(t, None, ends[:n], -ends[n:])
 
     def run_batch(

@@ -74,10 +74,10 @@ class Fleet:
         with np.errstate(over="ignore", invalid="ignore"):
             return self._step(state, t, seen)
 
-    def _step(
-        self, state: FleetState, t: float, seen: Matrix
-    ) -> tuple[FleetState, FleetEstimate]:
-        chosen = self.observer.fleet_kernel(t - state.t, max(abs(t), abs(state.t)), state.y is not None)
+    def _step(self, state: FleetState, t: float, seen: Matrix) -> tuple[FleetState, FleetEstimate]:
+        chosen = self.observer.fleet_kernel(
+            t - state.t, max(abs(t), abs(state.t)), state.y is not None
+        )
         n, p = chosen.n, chosen.p
         rows, middle = chosen.rows, chosen.middle
         start = np.zeros_like(seen) if state.y is None else state.y

@@ -20,6 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lmi.enclosure import TINY, UNIT, Enclosure, Matrix, raised
+from obsdesign.runtime.base import MODERATE
 from obsdesign.runtime.interval_model import Model, exactly, size
 from obsdesign.runtime.interval_steps import BoxMap
 
@@ -38,6 +39,11 @@ class Kernel:
     candidates: int
     blank: Matrix
     middle: int
+
+    @property
+    def moderate(self) -> bool:
+        """Does a product with moderate numbers stay far from overflow?"""
+        return bool(np.abs(self.rows).max() < MODERATE)
 
     @property
     def width(self) -> int:
@@ -126,7 +132,7 @@ def _kernel(model: Model, step: BoxMap, predicted: BoxMap, C: Matrix, strips: bo
 
 def _total(rows: Matrix, signed: slice) -> Matrix:
     """A row, (1, width), that gives twice the sum of |row| |v|; signed: what has a sign in v."""
-    weights = 2.0 * np.abs(rows).sum(axis=0, keepdims=True)
+    weights: Matrix = 2.0 * np.abs(rows).sum(axis=0, keepdims=True)
     weights[:, signed.stop :] += weights[:, signed]
     weights[:, signed] = 0.0
     return weights

@@ -23,7 +23,7 @@ from obsdesign.runtime.interval_steps import (
     jump_maps,
     sampled,
 )
-from obsdesign.runtime.step_cache import cached_step
+from obsdesign.runtime.step_cache import shared_step
 
 # step lengths as they come, before rounding: a few dozen differences of decimal time stamps
 _RECENT = 1024
@@ -58,11 +58,12 @@ class StepKernels:
             if len(self._recent) >= _RECENT:
                 self._recent.clear()
                 self.usual.clear()
-            found = cached_step(self._steps, h, size, self._built)
+            found = shared_step(self._steps, h, size, self._built)
             self._recent[key] = found
             if self.periodic:
                 chosen = found["sampled"]
-                self.usual[key] = (chosen.rows, chosen.blank, *chosen.parts())
+                if chosen.moderate:
+                    self.usual[key] = (chosen.rows, chosen.blank, *chosen.parts())
         return found
 
     @cached_property

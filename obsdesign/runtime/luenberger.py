@@ -56,7 +56,7 @@ class LuenbergerObserver(SteppedObserver[LuenbergerState]):
     gains: Mapping[str, Any]
     kind: ClassVar[str] = "luenberger"
     finds_events: ClassVar[bool] = False
-    _steps: OrderedDict[tuple[float, int], dict[bool, Maps]] = field(
+    _steps: OrderedDict[float, dict[bool, Maps]] = field(
         default_factory=OrderedDict, repr=False, compare=False
     )
 
@@ -115,7 +115,7 @@ class LuenbergerObserver(SteppedObserver[LuenbergerState]):
             return state.x
         start = state.y if state.y is not None else y_end
         end = y_end if y_end is not None else start
-        maps = cached_step(self._steps, t - state.t, max(abs(t), abs(state.t)), self._maps)
+        maps = cached_step(self._steps, t - state.t, self._maps)
         flow, once, ramp = maps[start is not None]
         forced = self._drift + (self.gains["B"] @ state.u if len(state.u) else 0.0)
         if start is None or end is None:
@@ -123,9 +123,8 @@ class LuenbergerObserver(SteppedObserver[LuenbergerState]):
         L = self.gains["L"]
         return np.asarray(flow @ state.x + once @ (L @ start + forced) + ramp @ (L @ (end - start)))
 
-    def _maps(self, h: float, error: float) -> dict[bool, Maps]:
+    def _maps(self, h: float) -> dict[bool, Maps]:
         """(e^{Xh}, its integral, the response to a unit ramp over the step), X = A or A - L C."""
-        del error  # a point estimate has no bounds to widen
         A, L, C = self.gains["A"], self.gains["L"], self.gains["C"]
         return {False: responses(A, h), True: responses(flow_error_matrix(A, L, C), h)}
 

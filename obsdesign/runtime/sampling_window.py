@@ -16,7 +16,7 @@ from obsdesign.runtime.approximate_inputs import Known
 from obsdesign.runtime.base import Vector, vector
 from obsdesign.runtime.flow_maps import flow_maps
 from obsdesign.runtime.point import SteppedObserver
-from obsdesign.runtime.step_cache import cached_step
+from obsdesign.runtime.step_cache import shared_step
 from obsdesign.runtime.window_constants import WindowConstants
 from obsdesign.runtime.window_error import window_length
 from obsdesign.runtime.window_tape import Tape
@@ -86,13 +86,13 @@ class SamplingWindow(WindowConstants, SteppedObserver[FiniteTimeState]):
         if h <= 0:
             return state._replace(t=t)
         size = max(abs(t), abs(state.t))
-        maps = cached_step(self._steps, h, size, self._maps)
+        maps = shared_step(self._steps, h, size, self._maps)
         forced = self._forced(state.u)
         x = maps.flow @ state.x + maps.once @ forced
         w = maps.flow @ state.w + maps.once @ forced
         known = state.known
         if known is not None and self._inputs is not None:
-            known = self._inputs.moved(known, forced, h, size, maps)
+            known = self._inputs.moved(known, forced, h, maps)
         if not self.bounded:
             return state._replace(t=t, x=x, w=w, known=known)
         centre = maps.flow @ state.centre + maps.once @ forced

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from obsdesign.runtime.base import Estimate, Sample, Vector, vector
+from obsdesign.runtime.base import MODERATE, Estimate, Sample, Vector, vector
 from obsdesign.runtime.sampling_window import (
     SEEN_ROUNDING,
     Cover,
@@ -41,16 +41,18 @@ class SteadyWindow(SamplingWindow):
             if y is None:
                 return None
             y = vector(y, p, "y")
-        if not math.isfinite(y.item() if p == 1 else y.dot(y)):
-            return None  # a square that overflows takes the long way too
+        if not math.hypot(*y.tolist()) < MODERATE:
+            return None  # larger numbers may overflow
         u, drive = state.u, state.drive
         if sample.u is not None:
             u = vector(sample.u, len(u), "u")
+            if not math.hypot(*u.tolist()) < MODERATE:
+                return None
             drive = drive if (u == state.u).all() else self._drive(u)
         # dot, as its overhead is half that of @
         x, w, residual, known = gain.dot(state.window), state.w, y, state.known
-        if not x.dot(x) < math.inf:
-            return None  # the status names what is not finite
+        if not math.hypot(*x.tolist()) < MODERATE:
+            return None
         radius, slip, cover = state.radius, state.slip, None
         low = high = None
         if not plain:
@@ -58,12 +60,12 @@ class SteadyWindow(SamplingWindow):
             if more is None:
                 return None
             x, w, residual, known, cover = more
-            if not x.dot(x) < math.inf:
+            if not math.hypot(*x.tolist()) < MODERATE:
                 return None
             if cover is not None:
                 slip, radius = cover.slip, cover.radius
                 low, high = self._ends(x, radius)
-                if not (high - low).max() < math.inf:
+                if not math.hypot(*radius.tolist()) < MODERATE:
                     return None
         tape, end = state.tape, state.end
         window = None if tape is None else tape.after(end, residual, size)
@@ -103,7 +105,7 @@ class SteadyWindow(SamplingWindow):
             if state.since + 1 >= self.k:
                 return None  # w is to be moved onto the estimate
             moved = self._flow_and_seen.dot(w) + state.drive
-            if not moved.dot(moved) < math.inf:
+            if not math.hypot(*moved.tolist()) < MODERATE:
                 return None
             w, residual = moved[: -self._p], y - moved[-self._p :]
             x = x + (w if self._unbiased else self._seen_back.dot(w))

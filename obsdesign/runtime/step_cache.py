@@ -1,4 +1,9 @@
-"""Equal steps share their matrices, although their lengths differ by the rounding of stamps."""
+"""Matrices of a step, built once for each length.
+
+Point estimates use the difference of two stamps as it is (`cached_step`): equal decimal steps have
+a few different ones. Bounds include the error of the length anyway (`runtime.time_stamps`), so that
+there all of them share one matrix (`shared_step`).
+"""
 
 from __future__ import annotations
 
@@ -9,6 +14,7 @@ from typing import TypeVar
 
 from obsdesign.runtime.time_stamps import length_error
 
+K = TypeVar("K")
 T = TypeVar("T")
 
 _CACHED_STEPS = 256
@@ -17,7 +23,12 @@ _CACHED_STEPS = 256
 _SHORT_STEP_ULPS, _LEAST_UNIT_ULPS = 128.0, 3.0
 
 
-def cached_step(
+def cached_step(cache: OrderedDict[float, T], h: float, build: Callable[[float], T]) -> T:
+    """Return `build(h)`, from the cache if it is there."""
+    return _cached(cache, h, lambda: build(h))
+
+
+def shared_step(
     cache: OrderedDict[tuple[float, int], T],
     h: float,
     size: float,
@@ -29,10 +40,13 @@ def cached_step(
     result (`obsdesign.runtime.time_stamps`); it is zero for h = 0 alone.
     """
     length, half = shared_length(h, size)
-    key = (length, math.frexp(size)[1])
+    error = half + length_error(length, size) if h else 0.0
+    return _cached(cache, (length, math.frexp(size)[1]), lambda: build(length, error))
+
+
+def _cached(cache: OrderedDict[K, T], key: K, build: Callable[[], T]) -> T:
     if key not in cache:
-        error = half + length_error(length, size) if h else 0.0
-        cache[key] = build(length, error)
+        cache[key] = build()
         if len(cache) > _CACHED_STEPS:
             cache.popitem(last=False)
     return cache[key]

@@ -68,7 +68,7 @@ class UnknownInputObserver(PointObserver[UnknownInputState], Stepped[UnknownInpu
     _damped: bool
     kind: ClassVar[str] = "unknown_input"
     finds_events: ClassVar[bool] = False
-    _steps: OrderedDict[tuple[float, int], Vector] = field(
+    _steps: OrderedDict[float, Vector] = field(
         default_factory=OrderedDict, repr=False, compare=False
     )
 
@@ -220,11 +220,10 @@ class UnknownInputObserver(PointObserver[UnknownInputState], Stepped[UnknownInpu
             return h, None, self._status(h, size)
         if before[2].startswith(_COARSE):
             return h, None, before[2]
-        return h, cached_step(self._steps, h, size, self._stacked), before[2]
+        return h, cached_step(self._steps, h, self._stacked), before[2]
 
-    def _stacked(self, h: float, error: float) -> Vector:
+    def _stacked(self, h: float) -> Vector:
         """The matrix of a step of length h."""
-        del error  # a point estimate has no bounds to widen
         return stacked(self.gains, h, self._damped)
 
     @cached_property
