@@ -64,4 +64,5 @@ def shared_length(h: float, size: float) -> tuple[float, float]:
     least = _LEAST_UNIT_ULPS * ulp
     power = 10.0 ** math.floor(math.log10(least))
     unit = next(factor * power for factor in (1.0, 2.0, 5.0, 10.0) if factor * power >= least)
-    return round(h / unit) * unit, 0.5 * unit
+    # quotient and product are rounded, by less than an ulp and by half an ulp of h
+    return round(h / unit) * unit, 0.5 * unit + 2.0 * math.ulp(h)

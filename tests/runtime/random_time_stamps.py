@@ -18,11 +18,14 @@ from typing import Any
 import numpy as np
 from flint import arb, arb_mat, ctx, fmpq
 
+import obsdesign
+from obsdesign.equations.estimation_error import flow_error_matrix, plant_data
 from obsdesign.plant import Flow, Jump, Output, Plant
-from obsdesign.runtime import Sample
+from obsdesign.runtime import Sample, from_design
 from obsdesign.runtime.interval import IntervalObserver
 from obsdesign.runtime.interval_bundle import IntervalBundle
 from obsdesign.runtime.interval_fleet import Fleet
+from obsdesign.runtime.luenberger import LuenbergerObserver
 from tests.runtime.random_interval import observer_for
 from tests.runtime.test_interval_samples import sampled_observer
 
@@ -269,3 +272,100 @@ def _extreme(rng: np.random.Generator, part: Any) -> np.ndarray:
     """Any corner or the centre of the disturbance's box."""
     ends = np.array([part.lower, part.upper])
     return ends[rng.integers(0, 2, ends.shape[1]), np.arange(ends.shape[1])]
+
+
+# --- point estimates ----------------------------------------------------------------------------
+
+
+def luenberger_run(seed: int, origin: float, rows: int) -> float:
+    """Largest distance from the exact recursion on the stamps as stored, of the largest state."""
+    rng = np.random.default_rng(seed)
+    stamps = ulp_stamps(rng, origin, rows, bool(rng.integers(0, 2)))
+    longest = max(np.diff(stamps.t))  # the exponential of a stiff step loses digits of its own
+    n, rate = int(rng.integers(1, 4)), min(0.05 / stamps.step, 5.0 / longest)
+    A = rate * (0.5 * rng.standard_normal((n, n)) - 2.5 * np.eye(n))
+    drift, C = rate * rng.standard_normal(n), rng.standard_normal((1, n))
+    plant = Plant(
+        Flow(A, lower=drift, upper=drift),
+        Jump(0.3 * rng.standard_normal((n, n)), dwell_time=(0.0, math.inf)), Output(C),
+    )  # fmt: skip
+    gains = plant_data(plant) | {
+        "L": 0.3 * rate * rng.standard_normal((n, 1)),
+        "M": 0.3 * rng.standard_normal((n, 1)),
+    }
+    observer = LuenbergerObserver.from_gains(gains)
+    F = exact_matrix(flow_error_matrix(A, gains["L"], C))
+    L, M, G = (exact_matrix(X) for X in (gains["L"], gains["M"], plant.jump.G if plant.jump else A))
+    state, x = observer.init(stamps.t[0], x=np.ones(n)), exact(np.ones(n))
+    start, before, worst, largest = None, Fraction(stamps.t[0]), 0.0, 1.0
+    for t in stamps.t:
+        y, jump = rng.standard_normal(1), bool(rng.random() < 0.2)
+        if Fraction(t) > before:
+            flow, once, ramp = exact_responses(F, Fraction(t) - before)
+            begin = y if start is None else start
+            x = flow * x + once * (L * exact(begin) + exact(drift)) + ramp * (L * exact(y - begin))
+            before = Fraction(t)
+        start = y
+        if jump:
+            x = G * x + M * (exact(y) - exact_matrix(C) * x)
+            start = None
+        state, estimate = observer.step(state, Sample(t, y, jump=jump))
+        assert estimate.x is not None
+        assert estimate.status == "ok"
+        truth = np.array([float(x[i, 0].mid()) for i in range(n)])
+        worst, largest = (
+            max(worst, np.abs(estimate.x - truth).max()),
+            max(largest, np.abs(truth).max()),
+        )
+    return worst / largest
+
+
+def exact_matrix(X: Any) -> arb_mat:
+    return arb_mat([[arb(float(a)) for a in row] for row in X])
+
+
+def exact_responses(F: arb_mat, h: Fraction) -> tuple[arb_mat, ...]:
+    """e^{Fh}, its integral, and the response to a ramp from 0 to 1 over h."""
+    n, size = F.nrows(), arb(fmpq(h.numerator, h.denominator))
+    rows = [[arb(0)] * (3 * n) for _ in range(3 * n)]
+    for i in range(n):
+        rows[i][:n] = [F[i, j] * size for j in range(n)]
+        rows[i][n + i], rows[n + i][2 * n + i] = size, arb(1)
+    whole = arb_mat(rows).exp()
+    return tuple(
+        arb_mat([[whole[i, k * n + j] for j in range(n)] for i in range(n)]) for k in range(3)
+    )
+
+
+def finite_time_run(seed: int, origin: float, rows: int, tally: Tally) -> None:
+    """Samples exactly a period apart, with stamps that are rounded."""
+    rng = np.random.default_rng(seed)
+    periods = {0.0: ["0.05", "0.001"], 1.7e9: ["0.05", "1e-4"], 1.7e18: ["4096", "5000", "1e6"]}
+    step = Fraction(str(rng.choice(periods[origin])))
+    rate = 0.1 / float(step)
+    A = rate * np.array([[0.0, 1.0], [-1.0, -0.1]]) * rng.uniform(0.3, 1.5)
+    push, V = (
+        rate * np.array([0.0, float(rng.choice([0.0, 1e-3]))]),
+        float(rng.choice([1e-9, 1e-2])),
+    )
+    design = obsdesign.design(obsdesign.Problem(
+        flow={"A": A, "disturbance": {"lower": -push, "upper": push}},
+        output={"C": [[1.0, 0.0]], "noise_bound": [V], "measured": "periodic", "period": float(step)},
+        observer={"kind": "finite_time", "window": 6 * float(step), "method": str(rng.choice(["least_squares", "minimax"]))},
+    ))  # fmt: skip
+    observer: Any = from_design(design)
+    plant = Plant(
+        Flow(A, lower=-push, upper=push), None, Output(np.eye(1, 2), noise_bound=np.array([V]))
+    )
+    truth = Truth(plant, rng.standard_normal(2))
+    state = observer.init(origin)
+    for k in range(rows):
+        if k:
+            truth.flow(step, _extreme(rng, plant.flow))
+        state, estimate = observer.step(
+            state, Sample(float(Fraction(origin) + k * step), truth.measured(rng))
+        )
+        if estimate.status == "ok":
+            tally.add("finite_time", "ok", truth.inside(estimate.lower, estimate.upper))
+        else:
+            tally.add("finite_time", estimate.status, True)
