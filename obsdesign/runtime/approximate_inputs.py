@@ -65,9 +65,7 @@ class ApproximateInputs:
     of_period: Vector
     A: Vector
     generator: Vector
-    _steps: OrderedDict[tuple[float, int], Any] = field(
-        default_factory=OrderedDict, repr=False, compare=False
-    )
+    _steps: OrderedDict[float, Any] = field(default_factory=OrderedDict, repr=False, compare=False)
 
     @classmethod
     def of(cls, gains: Mapping[str, Any]) -> ApproximateInputs:
@@ -96,13 +94,13 @@ class ApproximateInputs:
         of_period = np.vstack([once, over[:n, 2 * n : 3 * n] + over[:n, 3 * n :]])
         return cls(np.ascontiguousarray(weights), of_period, A, generator)
 
-    def moved(self, known: Known, forced: Vector, h: float, size: float, maps: Any) -> Known:
-        """The open period, h later, with the known input `forced` held; size: of time stamps."""
+    def moved(self, known: Known, forced: Vector, h: float, maps: Any) -> Known:
+        """The open period, h later, with the known input `forced` held."""
         if not (np.any(forced) or np.any(known.d) or np.any(known.c) or np.any(known.q)):
             return replace(known, age=known.age + h)
         n = len(forced)
         aged = expm(-self.A * known.age) @ forced if known.age else forced
-        whole = cached_step(self._steps, h, size, lambda step, _: expm(self.generator * step))
+        whole = cached_step(self._steps, h, lambda step: expm(self.generator * step))
         moved = whole[: 2 * n] @ np.concatenate([known.c, known.q, aged, forced])
         d = maps.flow @ known.d + maps.once @ forced
         return replace(known, d=d, c=moved[:n], q=moved[n:], age=known.age + h)

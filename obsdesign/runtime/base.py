@@ -11,11 +11,13 @@ from typing import Any, Generic, NamedTuple, Protocol, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from obsdesign.runtime.time_stamps import time_tolerance
+
 Vector = NDArray[np.float64]
 State = TypeVar("State")
 
-# Time stamps are decimal numbers stored in binary: dwell times closer than this are the same.
-RELATIVE_TIME_TOLERANCE = 1e-9
+# Numbers below it are multiplied, squared and added without any thought of overflow.
+MODERATE = 1e100
 
 
 class Sample(NamedTuple):
@@ -114,8 +116,7 @@ class DwellGuard:
         objection = None
         elapsed = None if self.last_jump is None else t - self.last_jump
         if elapsed is not None:
-            # one time stamp of size t is known to a few ulp, and so is every difference
-            slack = RELATIVE_TIME_TOLERANCE * elapsed + 4 * math.ulp(t)
+            slack = time_tolerance(elapsed, t)
             change = 0.0 if self.last_dwell is None else abs(elapsed - self.last_dwell)
             if jump and elapsed < self.shortest - slack:
                 objection = f"dwell time {elapsed:.9g} below {self.shortest:.9g}"
@@ -180,6 +181,13 @@ def optional_measurement(y: ArrayLike | None, size: int) -> Vector | None:
         return None
     result = vector(y, size, "y")
     return result if np.isfinite(result).all() else None
+
+
+def status_of(reasons: Sequence[str], *values: Vector) -> str:
+    """`ok`, or the reasons why not; an estimate that is not finite is one."""
+    if not all(np.isfinite(value).all() for value in values):
+        reasons = [*reasons, "estimate is not finite"]
+    return "; ".join(reasons) or "ok"
 
 
 @dataclass(frozen=True)

@@ -28,10 +28,12 @@ from obsdesign.runtime.base import (
     Sample,
     later,
     optional_measurement,
+    status_of,
     vector,
 )
 from obsdesign.runtime.sampling_window import FiniteTimeState
 from obsdesign.runtime.steady_window import SteadyWindow
+from obsdesign.runtime.time_stamps import time_tolerance
 
 
 @dataclass(frozen=True)
@@ -78,6 +80,12 @@ class FiniteTimeObserver(SteadyWindow):
             steady = self._steady(state, t, sample)
             if steady is not None:
                 return steady
+        with np.errstate(over="ignore", invalid="ignore"):  # the status names what is not finite
+            return self._step(state, t, sample)
+
+    def _step(
+        self, state: FiniteTimeState, t: float, sample: Sample
+    ) -> tuple[FiniteTimeState, Estimate]:
         y = optional_measurement(sample.y, self._p)
         state, at_instant, irregular = self._to(state, t, y is not None)
         if sample.jump and self.gains.get("jump_measurement") != "before":
@@ -111,11 +119,12 @@ class FiniteTimeObserver(SteadyWindow):
             return self._anchored(state, t) if measured else state, measured, None
         elapsed = t - state.sampled
         count = round(elapsed / period)
-        slack = self._slack(t, elapsed)
-        regular = count >= 1 and abs(elapsed - count * period) <= slack
+        # stamps further apart than a period do not tell which sample it is
+        resolved = count >= 1 and math.ulp(t) <= period
+        regular = resolved and abs(elapsed - count * period) <= time_tolerance(elapsed, t)
         # small deviations of the same sign add up within a window
         ticks = state.ticks + count
-        together = abs(t - state.anchor - ticks * period) <= self._slack(t, ticks * period)
+        together = abs(t - state.anchor - ticks * period) <= time_tolerance(ticks * period, t)
         drifted, regular = regular and not together, regular and together
         passed = count - 1 if regular or drifted else math.floor(elapsed / period)
         if passed > self.k:
@@ -145,11 +154,11 @@ class FiniteTimeObserver(SteadyWindow):
         reasons = [irregular] if irregular else []
         if not state.good:
             reasons.append("window not full" if state.good is None else "missing sample")
-        status = "; ".join(reasons) or "ok"
         if not self.bounded:
-            return Estimate(state.t, x=state.x, status=status)
+            return Estimate(state.t, x=state.x, status=status_of(reasons, state.x))
         low, high = self._ends(state.centre, state.radius)
-        return Estimate(state.t, x=state.x, lower=low, upper=high, status=status)
+        checked = (state.x, low, high) if state.good else (state.x,)
+        return Estimate(state.t, state.x, low, high, status=status_of(reasons, *checked))
 
 
 def _require_shapes(gains: Mapping[str, Any]) -> None:

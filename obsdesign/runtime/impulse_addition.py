@@ -16,6 +16,7 @@ from obsdesign.runtime.impulse_rows import IntegralLive, Rows
 from obsdesign.runtime.impulse_search import Search
 from obsdesign.runtime.impulse_track import FreeRun
 from obsdesign.runtime.impulse_whitening import chi_squared_limit
+from obsdesign.runtime.time_stamps import RELATIVE_TIME_TOLERANCE, time_tolerance
 
 Array = NDArray[Any]
 
@@ -27,7 +28,7 @@ _CERTAIN = 3.0  # deviations by which a dwell time must be too short
 
 def short_dwell(gap: float, dwell: float, *deviations: float) -> str:
     """That a dwell time is too short, beyond what the deviations of both times allow; or ""."""
-    if gap >= dwell * (1 - 1e-9) - _CERTAIN * math.hypot(*deviations):
+    if gap >= dwell * (1 - RELATIVE_TIME_TOLERANCE) - _CERTAIN * math.hypot(*deviations):
         return ""
     return f"dwell time {gap:.9g} below {dwell:.9g}"
 
@@ -65,7 +66,7 @@ class Addition:
         assert track is not None
         assert event is not None
         t_o = float(track.t[top])
-        restart = int(np.searchsorted(track.t, t_o + tau - 1e-9 * tau, "left"))
+        restart = int(np.searchsorted(track.t, t_o + tau - time_tolerance(tau, t_o + tau), "left"))
         restart = min(restart, len(track.t) - 1)
         x = track.x.copy()
         window = np.arange(top, restart + 1)
@@ -73,7 +74,8 @@ class Addition:
         x[window] += self.run.impulse_error(track.t[window], event.t, jump)
         if decision.correction.any():
             x[window] += self.run.coasting(track.t[window], t_o, decision.correction)
-        gap = short_dwell(event.t - live.last_event, self.dwell, live.last_std, event.t_std or 0.0)
+        apart = event.t - live.last_event + math.ulp(event.t)  # as long as the stamps allow
+        gap = short_dwell(apart, self.dwell, live.last_std, event.t_std or 0.0)
         if gap:
             words = gap if event.status == "ok" else f"{event.status}; {gap}"
             event = replace(event, status=words)

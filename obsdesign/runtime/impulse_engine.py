@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from obsdesign.equations.estimation_error import flow_error_matrix
 from obsdesign.equations.impulse_curve import ImpulseCurve
 from obsdesign.equations.impulsive_input import feature_scales, filtered_system, window_matrix
-from obsdesign.runtime.base import Estimate, Vector
+from obsdesign.runtime.base import Estimate, Vector, status_of
 from obsdesign.runtime.impulse_addition import Addition
 from obsdesign.runtime.impulse_estimate import Evaluator, Window
 from obsdesign.runtime.impulse_noise import covariance_at, first_covariance
@@ -28,6 +28,7 @@ from obsdesign.runtime.impulse_whitening import (
     noise_deviation,
     whitened,
 )
+from obsdesign.runtime.time_stamps import time_tolerance
 
 Array = NDArray[Any]
 
@@ -119,7 +120,9 @@ class IntegralEngine:
                 x = self.rows.predicted(live.t, live.x, live.u, float(t[k]))
                 live = replace(live, t=float(t[k]), x=x, u=u[k])
                 if k < start:
-                    decided.append(Estimate(live.t, x=x, status=self.rows.status(live, live.t)))
+                    reason = self.rows.status(live, live.t)
+                    status = status_of([] if reason == "ok" else [reason], x)
+                    decided.append(Estimate(live.t, x=x, status=status))
             if start == len(t):
                 return live, decided
             track = self.run.begin(live.t, y[start], self.rows.forcing(u[start]), live.x)
@@ -184,8 +187,9 @@ class IntegralEngine:
         """|R| for every window that is complete; the rule, when the first one is."""
         track = live.track
         assert track is not None
-        tau, slack = self.run.tau, 1e-9 * self.run.tau
-        ready = int(np.searchsorted(track.t, track.t[-1] - tau + slack, side="right"))
+        tau, last = self.run.tau, float(track.t[-1])
+        latest = last - tau + time_tolerance(tau, last)
+        ready = int(np.searchsorted(track.t, latest, side="right"))
         done = len(live.norms)
         if ready <= done:
             return live

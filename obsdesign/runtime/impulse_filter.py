@@ -69,17 +69,13 @@ class SampledPlant:
     C: Array
     H: Array
     drift: Vector
-    _steps: OrderedDict[tuple[float, int], tuple[Array, Array]] = field(
+    _steps: OrderedDict[float, tuple[Array, Array]] = field(
         default_factory=OrderedDict, repr=False, compare=False
     )
 
     def step(self, since: float, until: float) -> tuple[Array, Array]:
         """(e^{A h}, its integral over h) for h = until - since."""
-
-        def build(h: float, _: float) -> tuple[Array, Array]:
-            return responses(self.A, h)[:2]
-
-        return cached_step(self._steps, until - since, max(abs(since), abs(until)), build)
+        return cached_step(self._steps, until - since, lambda h: responses(self.A, h)[:2])
 
     def free(self, t: float, x: Vector, u: Vector, until: float) -> Vector:
         """The state at `until` from x at t, input u held, no impulse."""

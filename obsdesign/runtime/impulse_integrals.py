@@ -27,6 +27,11 @@ def doubled(flow: Rows, x: Rows) -> Rows:
     return x
 
 
+def mean_step(times: Rows, first: int, last: int) -> float:
+    """Mean length of the cells from row `first` to `last`: stamps round it once, not each cell."""
+    return float(times[last] - times[first]) / (last - first)
+
+
 def running_integrals(
     times: Rows, runs: list[tuple[int, int]], error: Rows, lams: Vector, start: Rows
 ) -> Rows:
@@ -34,7 +39,7 @@ def running_integrals(
     sums = np.empty((len(times) - 1, error.shape[1], len(lams)))
     at = start
     for a, b in runs:
-        h = float(times[a + 1] - times[a])
+        h = mean_step(times, a, b)
         newer, older = kernel_weights(lams, h)
         pieces = error[a + 1 : b + 1, :, None] * newer + error[a:b, :, None] * older
         factor, reach = np.exp(lams * h), 1

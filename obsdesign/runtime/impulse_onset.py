@@ -140,7 +140,7 @@ class OnsetModel:
     plant: SampledPlant
     nonnegative: bool
     weight_std: float = math.inf
-    _grids: OrderedDict[tuple[float, int], tuple[Array, Array]] = field(
+    _grids: OrderedDict[float, tuple[Array, Array]] = field(
         default_factory=OrderedDict, repr=False, compare=False
     )
 
@@ -157,12 +157,12 @@ class OnsetModel:
         """The cells with a grid of onsets in the last one, which begins at `since`."""
         until, cell = float(cells.ends[-1]), len(cells.ends) - 1
 
-        def build(width: float, _: float) -> tuple[Array, Array]:
+        def build(width: float) -> tuple[Array, Array]:
             count = min(max(round(ONSETS * width / period), 1), ONSETS)
             late = width / count * np.arange(count)
             return late, self.states(width - late)
 
-        late, states = cached_step(self._grids, until - since, max(abs(since), abs(until)), build)
+        late, states = cached_step(self._grids, until - since, build)
         return replace(cells, grid=cells.grid.joined(since + late, cell, states))
 
     def states(self, ages: Array) -> Array:

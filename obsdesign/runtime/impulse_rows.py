@@ -184,7 +184,8 @@ class Rows:
     def status(self, live: IntegralLive, t: float) -> str:
         """ok, or that a sample is missing at t, where a row has no measurement."""
         if self.period is not None and live.first is not None:
-            count = (t - live.first) / self.period
-            if abs(count - round(count)) > 1e-6:
+            count = round((t - live.first) / self.period)
+            apart = abs(t - live.first - count * self.period)
+            if apart > 1e-6 * self.period + math.ulp(t):
                 return "ok"  # a row between two samples misses none
         return _MISSING

@@ -23,13 +23,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from obsdesign.runtime.base import Estimate, Vector
+from obsdesign.runtime.base import Estimate, Vector, status_of
 from obsdesign.runtime.impulse_addition import short_dwell
 from obsdesign.runtime.impulse_estimate import Event
 from obsdesign.runtime.impulse_filter import Filtered, Row, SampledPlant
 from obsdesign.runtime.impulse_onset import ONSETS, Cells, Fit, OnsetModel
 from obsdesign.runtime.impulse_steady import STEADY, Steady
 from obsdesign.runtime.impulse_whitening import chi_squared_limit, noise_deviation
+from obsdesign.runtime.time_stamps import time_tolerance
 
 Array = NDArray[Any]
 
@@ -76,11 +77,6 @@ class SamplesEngine:
     period: float
 
     @property
-    def _slack(self) -> float:
-        """Time stamps are decimal: what is closer is one time."""
-        return 1e-9 * self.window
-
-    @property
     def least_ratio(self) -> float:
         """What an impulse must explain to count: more where there are more onsets to choose."""
         return _LEAST_RATIO + 2 * math.log(max(self.window / self.period / _FEW, 1.0))
@@ -121,11 +117,11 @@ class SamplesEngine:
             if not live.rows:
                 live = self._first(live, row)
                 continue
-            while len(live.rows) > 1 and row.t > self._end(live) + self._slack:
+            while len(live.rows) > 1 and row.t > self._end(live, row.t):
                 live, rows = self._evaluated(live)
                 decided += rows
             live = self._with(live, row)
-            if row.t >= self._end(live) - self._slack:
+            if row.t >= self._end(live, row.t, -1.0):
                 live, rows = self._evaluated(live)
                 decided += rows
         return live, decided
@@ -167,15 +163,19 @@ class SamplesEngine:
         cells = self.model.gridded(live.cells.after(at), last.row.t, self.period)
         return replace(live, rows=(*live.rows, at), cells=cells)
 
-    def _end(self, live: SampledLive) -> float:
-        """End of the window; after a gap in the rows it reaches as far behind it as it would."""
+    def _end(self, live: SampledLive, t: float, sign: float = 1.0) -> float:
+        """End of the window, with the tolerance of a stamp t on one side or (sign) the other.
+
+        After a gap in the rows it reaches as far behind it as it would.
+        """
         first, second = live.rows[0].row.t, live.rows[1].row.t
-        return max(first, second - self.period) + self.window
+        tolerance = time_tolerance(self.window, t)
+        return max(first, second - self.period) + self.window + sign * tolerance
 
     def _estimate(
         self, live: SampledLive, row: Row, x: Vector, events: tuple[Event, ...] = ()
     ) -> Estimate:
-        status = "ok" if row.y is not None else "missing sample"
+        status = status_of([] if row.y is not None else ["missing sample"], x)
         if live.doubt[0] <= row.t <= live.doubt[1]:
             status = _joined(status, live.doubt[2])
         return Estimate(row.t, x=x, events=events, status=status)
@@ -196,7 +196,7 @@ class SamplesEngine:
         oldest = first.row.t + interval - 1e-9 * self.period
         if fit.ratio[top] > self.least_ratio and fit.grid.onsets[top] < oldest:
             return self._fired(live, interval, provisional)
-        since = second.row.t - self.period * (1 + 1e-9)
+        since = second.row.t - self.period - time_tolerance(self.period, second.row.t)
         kept = live.before[bisect_left(live.before, since, key=lambda at: at.row.t) :]
         return replace(
             live, rows=live.rows[1:], cells=live.cells.without_first(), before=(*kept, first),
@@ -264,7 +264,8 @@ class SamplesEngine:
         samples = sum(row.y is not None for row in rows) * len(self.model.plant.C)
         if fit.cost > chi_squared_limit(samples - 2):
             status = "does not fit one impulse in the window"
-        if gap := short_dwell(t - live.last_event, self.dwell, live.last_std, t_std):
+        apart = t - live.last_event + math.ulp(t)  # as long as the stamps allow
+        if gap := short_dwell(apart, self.dwell, live.last_std, t_std):
             status = _joined(status, gap)
         if not alone:
             status = _joined(status, STEADY)

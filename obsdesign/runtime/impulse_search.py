@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from obsdesign.equations.impulsive_input import OLD
+from obsdesign.runtime.time_stamps import time_tolerance
 
 Array = NDArray[Any]
 
@@ -147,7 +148,7 @@ def smoothed(times: Array, values: Array, first: int, half: float) -> Array:
     """
     if half <= 0:
         return values[first:]
-    slack = 1e-9 * half
+    slack = time_tolerance(half, float(times[-1]))
     rows = int(
         np.searchsorted(times[: len(values)], times[len(values) - 1] - half + slack, "right")
     )

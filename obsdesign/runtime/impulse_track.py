@@ -21,15 +21,17 @@ from numpy.typing import NDArray
 
 from lmi.exponential import expm
 from obsdesign.equations.estimation_error import flow_error_matrix
-from obsdesign.runtime.base import RELATIVE_TIME_TOLERANCE, Vector
+from obsdesign.runtime.base import Vector
 from obsdesign.runtime.impulse_integrals import (
     accumulated,
     doubled,
     integrals_at,
+    mean_step,
     running_integrals,
 )
 from obsdesign.runtime.luenberger import responses
 from obsdesign.runtime.step_cache import cached_step
+from obsdesign.runtime.time_stamps import RELATIVE_TIME_TOLERANCE, time_tolerance
 
 Rows = NDArray[np.float64]
 
@@ -64,7 +66,7 @@ class FreeRun:
     drift: Vector
     exponents: Vector
     tau: float
-    _steps: OrderedDict[tuple[float, int], tuple[Any, ...]] = field(
+    _steps: OrderedDict[float, tuple[Any, ...]] = field(
         default_factory=OrderedDict, repr=False, compare=False
     )
 
@@ -135,9 +137,8 @@ class FreeRun:
         """xhat at times[1:] from `at` at times[0], with outputs y and other inputs `forced`."""
         x = np.empty((len(times) - 1, len(self.A)))
         for a, b in ends:
-            flow, older, newer, held = self._maps(float(times[a + 1] - times[a]), float(times[b]))[
-                :4
-            ]
+            maps = self._maps(mean_step(times, a, b))
+            flow, older, newer, held = maps[:4]
             driven = y[a:b] @ older.T + y[a + 1 : b + 1] @ newer.T + forced[a:b] @ held.T
             x[a:b] = accumulated(flow, driven, at)
             at = x[b - 1]
@@ -153,7 +154,7 @@ class FreeRun:
         As this observer makes it from samples; close to e^{D (t - since)} x.
         """
         error = np.zeros((len(times), len(self.A)))
-        after = times >= since - 1e-9 * self.tau
+        after = times >= since - time_tolerance(self.tau, since)
         if after.any():
             error[after] = self._coasted(self.A, times[after], since, x)
         y, nothing = error @ self.C.T, np.zeros_like(error)
@@ -171,7 +172,7 @@ class FreeRun:
         found, kicks = np.empty_like(shown), np.empty((len(times), n, n))
         found[-1], kicks[0] = shown[-1], np.eye(n)
         for a, b in reversed(self._runs(times)):
-            maps = self._maps(float(times[a + 1] - times[a]), float(times[b]))
+            maps = self._maps(mean_step(times, a, b))
             backwards = shown[a:b][::-1].copy()
             backwards[0] += found[b] @ maps[4]
             found[a:b] = doubled(maps[4].T, backwards)[::-1]
@@ -180,14 +181,14 @@ class FreeRun:
 
     def plant_step(self, since: float, until: float) -> tuple[Rows, Rows]:
         """(e^{A h}, its integral over h) for h = until - since."""
-        maps = self._maps(until - since, abs(until))
+        maps = self._maps(until - since)
         return maps[5], maps[6]
 
     def _coasted(self, X: Rows, times: Rows, since: float, x: Vector) -> Rows:
         found = np.empty((len(times), len(x)))
         found[0] = expm(X * float(times[0] - since)) @ x
         for a, b in self._runs(times):
-            flow = expm(X * float(times[a + 1] - times[a]))
+            flow = expm(X * mean_step(times, a, b))
             found[a + 1 : b + 1] = accumulated(flow, np.zeros((b - a, len(x))), found[a])
         return found
 
@@ -196,13 +197,13 @@ class FreeRun:
         if len(times) < 2:
             return []
         steps = np.diff(times)
-        slack = RELATIVE_TIME_TOLERANCE * steps + 4 * np.spacing(np.abs(times[1:]))
+        slack = RELATIVE_TIME_TOLERANCE * steps + np.spacing(np.abs(times[1:]))
         cuts = np.flatnonzero(np.abs(np.diff(steps)) > slack[1:] + slack[:-1]) + 1
         ends = [0, *cuts.tolist(), len(steps)]
         return list(itertools.pairwise(ends))
 
-    def _maps(self, h: float, size: float) -> tuple[Any, ...]:
-        return cached_step(self._steps, h, abs(size) + h, lambda step, _: self._step(step))
+    def _maps(self, h: float) -> tuple[Any, ...]:
+        return cached_step(self._steps, h, self._step)
 
     def _step(self, h: float) -> tuple[Any, ...]:
         """xhat+ = flow xhat + older y + newer y+ + held (B u + b_mid) over a step h.

@@ -32,6 +32,7 @@ from obsdesign.runtime.base import (
     Vector,
     later,
     optional_measurement,
+    status_of,
     vector,
 )
 from obsdesign.runtime.impulsive_gains import require_impulsive_gains
@@ -70,12 +71,8 @@ class ImpulsiveObserver(SteppedObserver[ImpulsiveState]):
     gains: Mapping[str, Any]
     kind: ClassVar[str] = "impulsive"
     finds_events: ClassVar[bool] = False
-    _steps: OrderedDict[tuple[float, int], Any] = field(
-        default_factory=OrderedDict, repr=False, compare=False
-    )
-    _flows: OrderedDict[tuple[float, int], Any] = field(
-        default_factory=OrderedDict, repr=False, compare=False
-    )
+    _steps: OrderedDict[float, Any] = field(default_factory=OrderedDict, repr=False, compare=False)
+    _flows: OrderedDict[float, Any] = field(default_factory=OrderedDict, repr=False, compare=False)
 
     @classmethod
     def from_gains(cls, gains: Mapping[str, Any]) -> ImpulsiveObserver:
@@ -98,13 +95,19 @@ class ImpulsiveObserver(SteppedObserver[ImpulsiveState]):
         """
         t = later(sample.t, state.t, state.started)
         y = optional_measurement(sample.y, len(self.gains["C"]))
+        with np.errstate(over="ignore", invalid="ignore"):  # the status names what is not finite
+            return self._step(state, t, y, sample)
+
+    def _step(
+        self, state: ImpulsiveState, t: float, y: Vector | None, sample: Sample
+    ) -> tuple[ImpulsiveState, Estimate]:
         x = self._flow(state, t)
         guard, late = state.guard.after(t, sample.jump)
         objections = [late] if late else []
         moved = state
         if sample.jump:
             if state.guard.last_jump is not None:
-                moved = self._slide(state, t - state.guard.last_jump, t)
+                moved = self._slide(state, t - state.guard.last_jump)
             if state.doubts:
                 objections.append("window spans what is not certified")
             if y is None:
@@ -116,7 +119,7 @@ class ImpulsiveObserver(SteppedObserver[ImpulsiveState]):
             moved = replace(moved, doubts=doubts, skipped=y is None)
         u = state.u if sample.u is None else vector(sample.u, len(state.u), "u")
         following = replace(moved, t=t, x=x, u=u, guard=guard, started=True)
-        return following, Estimate(t, x=x, status="; ".join(objections) or "ok")
+        return following, Estimate(t, x=x, status=status_of(objections, x))
 
     @cached_property
     def _core(self) -> Core:
@@ -135,34 +138,33 @@ class ImpulsiveObserver(SteppedObserver[ImpulsiveState]):
     def _virtual_past(self) -> SlidingWindow:
         if "window" not in self.gains:
             return SlidingWindow.of([], 1.0)
-        element = self._element(self._typical, 0.0, None)
+        element = self._element(self._typical, None)
         past = [element] * (self._length - 1)
         return SlidingWindow.of(past, float(self.gains["alpha"]))
 
-    def _core_flow(self, spacing: float, t: float) -> Any:
-        size = max(abs(t), spacing)
+    def _core_flow(self, spacing: float) -> Any:
         if self._core.A is self.gains["A"] and not self._forced:  # the step to here is this flow
-            return cached_step(self._steps, spacing, size, self._flow_maps)[0]
-        return cached_step(self._flows, spacing, size, lambda h, _: expm(self._core.A * h))
+            return cached_step(self._steps, spacing, self._flow_maps)[0]
+        return cached_step(self._flows, spacing, lambda h: expm(self._core.A * h))
 
-    def _element(self, spacing: float, t: float, carry: Any) -> Element:
+    def _element(self, spacing: float, carry: Any) -> Element:
         """Full: measured, then moved by a spacing. Compressed: moved, measured at its end."""
-        core, flow = self._core, self._core_flow(spacing, t)
+        core, flow = self._core, self._core_flow(spacing)
         if core.U is None or core.S is None:
             return Element(flow @ core.J, core.C)
         moved = flow @ core.U if carry is None else flow @ (core.U @ carry)
         return Element(core.S @ moved, core.C @ moved)
 
-    def _slide(self, state: ImpulsiveState, spacing: float, t: float) -> ImpulsiveState:
-        """The window after another spacing, which ends at t."""
+    def _slide(self, state: ImpulsiveState, spacing: float) -> ImpulsiveState:
+        """The window after another spacing."""
         if "window" not in self.gains:
             return replace(state, spacing=spacing)
         if self._core.U is None:
-            element = self._element(spacing, t, None)
+            element = self._element(spacing, None)
             if state.skipped:
                 return replace(state, window=state.window.stretched(element.move))
             return replace(state, window=_shifted(state.window, element), spacing=spacing)
-        past = self._element(state.spacing or self._typical, t, state.carry)
+        past = self._element(state.spacing or self._typical, state.carry)
         if state.skipped:
             return replace(state, carry=past.move, spacing=spacing)
         return replace(state, window=_shifted(state.window, past), spacing=spacing, carry=None)
@@ -176,7 +178,7 @@ class ImpulsiveObserver(SteppedObserver[ImpulsiveState]):
             return self.gains["table"][cell], None
         seen, left = core.C, core.J
         if core.U is not None:
-            flow = self._core_flow(spacing, state.t)
+            flow = self._core_flow(spacing)
             moved = flow @ (core.U if state.carry is None else core.U @ state.carry)
             seen, left = core.C @ moved, core.J @ moved
         past = state.window.product
@@ -201,15 +203,14 @@ class ImpulsiveObserver(SteppedObserver[ImpulsiveState]):
         """Sizes of the columns of the window matrix at the spacing of the virtual past."""
         core, seen = self._core, self._core.C
         if core.U is not None:
-            seen = core.C @ self._core_flow(self._typical, 0.0) @ core.U
+            seen = core.C @ self._core_flow(self._typical) @ core.U
         sizes = np.linalg.norm(self._rows(self._virtual_past.product, seen), axis=0)
         return np.where(sizes > 0, sizes, 1.0)
 
     def _flow(self, state: ImpulsiveState, t: float) -> Vector:
         if t == state.t:
             return state.x
-        size = max(abs(t), abs(state.t))
-        flow, once = cached_step(self._steps, t - state.t, size, self._flow_maps)
+        flow, once = cached_step(self._steps, t - state.t, self._flow_maps)
         if once is None:
             return np.asarray(flow @ state.x)
         forced = self._drift
@@ -217,9 +218,8 @@ class ImpulsiveObserver(SteppedObserver[ImpulsiveState]):
             forced = forced + self.gains["B"] @ state.u
         return np.asarray(flow @ state.x + once @ forced)
 
-    def _flow_maps(self, h: float, error: float) -> tuple[Any, Any]:
+    def _flow_maps(self, h: float) -> tuple[Any, Any]:
         """(e^{Ah}, its integral); without the integral where nothing drives the flow."""
-        del error  # a point estimate owes nothing to half an ulp of time
         A = self.gains["A"]
         return flow_integrals(A, h) if self._forced else (expm(A * h), None)
 

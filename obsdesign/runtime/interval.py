@@ -37,7 +37,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import frexp, inf
+from math import frexp
 from typing import Any, ClassVar
 
 import numpy as np
@@ -45,6 +45,7 @@ from numpy import absolute, maximum, ndarray
 from numpy.typing import ArrayLike
 
 from obsdesign.runtime.base import (
+    MODERATE,
     Batch,
     DwellGuard,
     Estimate,
@@ -64,7 +65,7 @@ from obsdesign.runtime.interval_kernel import Kernel
 from obsdesign.runtime.interval_kernels import StepKernels
 from obsdesign.runtime.interval_record import Columns, Stretch, stretch
 from obsdesign.runtime.interval_state import IntervalState, first_box
-from obsdesign.runtime.step_cache import rounded_step
+from obsdesign.runtime.step_cache import shared_length
 
 _ONE_OUTPUT = (1,)
 # rows of a stretch that are done together
@@ -120,7 +121,7 @@ class IntervalObserver(BoundObserver[IntervalState]):
 
         ValueError if time does not increase (the first sample may share the initial time).
         """
-        if self._short and (usual := self._usual(state, sample)) is not None:
+        if self._short and state.moderate and (usual := self._usual(state, sample)) is not None:
             return usual
         t = later(sample.t, state.t, state.started)
         y = optional_measurement(sample.y, self._p)
@@ -151,6 +152,7 @@ class IntervalObserver(BoundObserver[IntervalState]):
         following = IntervalState(
             t, box, u, usable, guard, True, state.sampled if y is None else t, lost,
             state.phase if y is None or off else t,
+            bool(out[2 * self.n + 2 * self._p] < MODERATE),
         )  # fmt: skip
         status = "; ".join(objections) if objections else "ok"
         events = tuple((t, text) for text in (["jump"] if sample.jump else []) + objections)
@@ -165,7 +167,7 @@ class IntervalObserver(BoundObserver[IntervalState]):
         if jump or state.lost or type(y) is not ndarray or y.shape != _ONE_OUTPUT:
             return None
         found = self._quick.get((t - state.t, frexp(t)[1]))
-        if found is None or not t > state.t >= 0.0:
+        if found is None or not t > state.t >= 0.0 or not -MODERATE < y.item() < MODERATE:
             return None
         apart = t - state.phase
         if not self._earliest <= apart <= self._latest and not self._clock.in_time(state, t):
@@ -177,14 +179,13 @@ class IntervalObserver(BoundObserver[IntervalState]):
         absolute(v[known], v[sizes])
         out = rows.dot(v)
         below, above, size = out[checks].tolist()
-        # what is not finite gives NaN here: every comparison with it fails
-        if not (below >= 0.0 and above >= 0.0 and size < inf):
+        if not (below >= 0.0 and above >= 0.0 and size < MODERATE):
             return None
         guard = state.guard
         if guard.last_jump is not None and guard.after(t, False)[1]:
             return None
         ends, n = maximum(out[one], out[two]), self.n
-        following = IntervalState(t, out[box], state.u, v[y_end], guard, True, t, "", t)
+        following = IntervalState(t, out[box], state.u, v[y_end], guard, True, t, "", t, True)
         return following, Estimate(t, None, ends[:n], -ends[n:])
 
     def run_batch(
@@ -238,9 +239,11 @@ class IntervalObserver(BoundObserver[IntervalState]):
         if end - row < _FEWEST_ROWS or not fits or not self._clock.admits_stretch(state, first_t):
             return state, None
         h = first_t - state.t
-        length, half, _ = rounded_step(h, first_t)
+        length, half = shared_length(h, first_t)
         steps = np.diff(times[row:end], prepend=state.t)
-        end = row + int(np.argmax(np.append(np.abs(steps - length) > half, True)))
+        alike = np.abs(steps - length) <= half
+        alike &= self._clock.regular_steps(steps, times[row:end])
+        end = row + int(np.argmin(np.append(alike, False)))
         if end - row < _FEWEST_ROWS:
             return state, None
         chosen = self._kernels.at(h, first_t)[mode]
@@ -259,7 +262,7 @@ class IntervalObserver(BoundObserver[IntervalState]):
     def fleet_kernel(self, h: float, size: float, has_sample: bool) -> Kernel:
         """The kernel of a step with a measurement at its end, for `interval_fleet`."""
         mode = "sampled" if self._clock.period is not None else "start" if has_sample else "end"
-        return self._kernels.at(h, abs(size))[mode]
+        return self._kernels.at(h, size)[mode]
 
     @cached_property
     def _kernels(self) -> StepKernels:

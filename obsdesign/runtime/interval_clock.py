@@ -8,9 +8,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from obsdesign.runtime.base import RELATIVE_TIME_TOLERANCE, Sample, Vector
+from obsdesign.runtime.base import Sample, Vector
 from obsdesign.runtime.interval_state import IntervalState
+from obsdesign.runtime.time_stamps import RELATIVE_TIME_TOLERANCE, time_tolerance
 
 
 @dataclass(frozen=True)
@@ -35,12 +37,12 @@ class SampleClock:
 
     @property
     def latest(self) -> float:
-        """How long after a sample the next one is in time; the longest step of a continuous y."""
-        return (self.period or self.limit) * (1 + RELATIVE_TIME_TOLERANCE)
+        """Time after a sample up to which the next one is certainly in time."""
+        return (self.period or 0.0) * (1 + RELATIVE_TIME_TOLERANCE)
 
     @property
     def earliest(self) -> float:
-        """How soon after a sample the next one is a period later."""
+        """Time after a sample from which the next one is certainly a period later."""
         return (self.period or 0.0) * (1 - RELATIVE_TIME_TOLERANCE)
 
     def in_time(self, state: IntervalState, t: float) -> bool:
@@ -50,8 +52,7 @@ class SampleClock:
         if not apart > 0:
             return False
         off = abs(apart - max(round(apart / self.period), 1) * self.period)
-        near = off <= self.latest - self.period + 4 * math.ulp(t)
-        return near and not self._is_late(state, t)
+        return off <= time_tolerance(apart, t) and not self._is_late(state, t)
 
     def off_period(self, state: IntervalState, t: float) -> bool:
         """Is a sample at t early, so that what is claimed of the width does not count it?"""
@@ -61,11 +62,18 @@ class SampleClock:
 
     def admits_stretch(self, state: IntervalState, t: float) -> bool:
         """May rows begin at t that are done together: an ordinary sample, in time?"""
-        h, slack = t - state.t, 4 * math.ulp(t)
+        h = t - state.t
         if self.period is None:
-            return not max(h, t - state.sampled) > self.latest + slack
-        near = self.earliest - slack <= h <= self.latest + slack
-        return near and self.in_time(state, t)
+            step = max(h, t - state.sampled)
+            return not step > self.limit + time_tolerance(step, t)
+        return abs(h - self.period) <= time_tolerance(h, t) and self.in_time(state, t)
+
+    def regular_steps(self, steps: Vector, times: Vector) -> NDArray[np.bool_]:
+        """Which of the steps that end at `times` are one period, or within the step limit."""
+        tolerance = RELATIVE_TIME_TOLERANCE * steps + np.spacing(times)
+        if self.period is None:
+            return np.asarray(steps <= self.limit + tolerance)
+        return np.asarray(np.abs(steps - self.period) <= tolerance)
 
     def objections(
         self, state: IntervalState, sample: Sample, y: Vector | None, t: float
@@ -92,21 +100,20 @@ class SampleClock:
         unseen = state.y is None and y is None and not needed and step > 0
         if state.started and unseen and self.corrects:
             found.append("no sample at either end of the step: no width is guaranteed")
-        if state.started and step > self.latest + 4 * math.ulp(t):
+        if state.started and step > self.limit + time_tolerance(step, t):
             found.append(f"step {step:.9g} above {self.limit:.9g}: no width is guaranteed")
         return found
 
     def _is_late(self, state: IntervalState, t: float) -> bool:
         """More than a period since the last sample; two, where a jump took the place of one."""
         assert self.period is not None
-        slack = 4 * math.ulp(t)  # what a difference of two time stamps is off by
         last = state.sampled if math.isnan(state.phase) else state.phase
         apart = t - last
-        if apart <= self.latest + slack:
+        if apart <= self.period + time_tolerance(apart, t):
             return False
         jump = state.guard.last_jump
         if self.when != "none" or jump is None:
             return True
-        waited = jump - last
-        on_sample = abs(waited - self.period) <= self.latest - self.period + slack
-        return not (on_sample and t - jump <= self.latest + slack)
+        waited, since = jump - last, t - jump
+        on_sample = abs(waited - self.period) <= time_tolerance(waited, jump)
+        return not (on_sample and since <= self.period + time_tolerance(since, t))

@@ -29,8 +29,9 @@ class FleetState(NamedTuple):
 
 
 class FleetEstimate(NamedTuple):
-    """lower, upper: (n, plants) bounds of x at t; plausible: (plants,), False where no state inside
-    the bounds can give the measurement: there the bounds are void.
+    """lower, upper: (n, plants) bounds of x at t; plausible: (plants,), False where they are void.
+
+    They are void where no state inside them can give the measurement, or where they overflowed.
     """
 
     t: float
@@ -70,7 +71,13 @@ class Fleet:
         seen = np.array(y, dtype=np.float64)
         if not t > state.t:
             raise ValueError(f"time must increase; got {t!r} after {state.t!r}.")
-        chosen = self.observer.fleet_kernel(t - state.t, t, state.y is not None)
+        with np.errstate(over="ignore", invalid="ignore"):
+            return self._step(state, t, seen)
+
+    def _step(self, state: FleetState, t: float, seen: Matrix) -> tuple[FleetState, FleetEstimate]:
+        chosen = self.observer.fleet_kernel(
+            t - state.t, max(abs(t), abs(state.t)), state.y is not None
+        )
         n, p = chosen.n, chosen.p
         rows, middle = chosen.rows, chosen.middle
         start = np.zeros_like(seen) if state.y is None else state.y
@@ -88,7 +95,8 @@ class Fleet:
         radius *= 1.0 + 8 * n * UNIT
         room = self._room(chosen, state, seen, start, known)
         lower, upper = self._bounds(centre, radius)
-        return FleetState(t, centre, radius, seen), FleetEstimate(t, lower, upper, room >= 0)
+        plausible = (room >= 0) & np.isfinite(upper - lower).all(axis=0)
+        return FleetState(t, centre, radius, seen), FleetEstimate(t, lower, upper, plausible)
 
     def _room(
         self, chosen: Kernel, state: FleetState, seen: Matrix, start: Matrix, known: Matrix

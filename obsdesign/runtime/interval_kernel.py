@@ -6,7 +6,7 @@ gives
 
     r+, m+              the box after the step
     reach -+ (y1 - C m) both nonnegative unless no state of the predicted box can give y1
-    a number            finite as long as everything is
+    a number            finite only if everything else is: above the sum of its absolute values
     lower, -upper       of x, several sound candidates: the largest of each holds
 
 Rounding: |float(a'v) - a'v| <= gamma |a|'|v|. What is added on the radius side, or on the outer
@@ -20,6 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lmi.enclosure import TINY, UNIT, Enclosure, Matrix, raised
+from obsdesign.runtime.base import MODERATE
 from obsdesign.runtime.interval_model import Model, exactly, size
 from obsdesign.runtime.interval_steps import BoxMap
 
@@ -38,6 +39,11 @@ class Kernel:
     candidates: int
     blank: Matrix
     middle: int
+
+    @property
+    def moderate(self) -> bool:
+        """Does a product with moderate numbers stay far from overflow?"""
+        return bool(np.abs(self.rows).max() < MODERATE)
 
     @property
     def width(self) -> int:
@@ -111,17 +117,25 @@ def _kernel(model: Model, step: BoxMap, predicted: BoxMap, C: Matrix, strips: bo
     residual = before.times(-model.C, exactly(y_end))
     residual = _Rows(residual.X, residual.R, residual.g + model.V)
     blocks += [residual.upper(), residual.upper(-1.0)]
-    blocks.append(blocks[0].sum(axis=0, keepdims=True))
     S = exactly(np.eye(n)) if model.S is None else model.S
     ends = [_ends(box.times(S))]
     if strips:
         ends += _strip_ends(before.times(S), C, model.V, y_end)
-    rows = np.vstack([*blocks, *ends])
+    total = _total(np.vstack([*blocks, *ends]), slice(n, n + columns))
+    rows = np.vstack([*blocks, total, *ends])
     blank = np.zeros(n + 2 * columns)
     blank[n + columns - 1] = 1.0
     for array in (rows, blank):
         array.setflags(write=False)
     return Kernel(rows, n, p, len(ends), blank, n + columns)
+
+
+def _total(rows: Matrix, signed: slice) -> Matrix:
+    """A row, (1, width), that gives twice the sum of |row| |v|; signed: what has a sign in v."""
+    weights: Matrix = 2.0 * np.abs(rows).sum(axis=0, keepdims=True)
+    weights[:, signed.stop :] += weights[:, signed]
+    weights[:, signed] = 0.0
+    return weights
 
 
 @dataclass(frozen=True)
@@ -186,6 +200,7 @@ def _strip_ends(box: _Rows, C: Matrix, V: Matrix, y_end: Matrix) -> list[Matrix]
             R = raised(rest.R * scale, 2)
             g = raised((rest.g + V[i]) * scale, 4)
             pair = _ends(_Rows(X, R, g))
-            ends[j], ends[n + j] = pair
+            if np.isfinite(pair).all():
+                ends[j], ends[n + j] = pair
         found.append(ends)
     return found

@@ -23,7 +23,7 @@ from obsdesign.runtime.interval_steps import (
     jump_maps,
     sampled,
 )
-from obsdesign.runtime.step_cache import cached_step
+from obsdesign.runtime.step_cache import shared_step
 
 # step lengths as they come, before rounding: a few dozen differences of decimal time stamps
 _RECENT = 1024
@@ -47,7 +47,8 @@ class StepKernels:
     @cached_property
     def model(self) -> Model:
         """The plant in the observer's coordinates, enclosed."""
-        return model(self.gains)
+        with np.errstate(over="ignore", invalid="ignore"):
+            return model(self.gains)
 
     def at(self, h: float, size: float) -> dict[str, Kernel]:
         """For a step of about h between time stamps of magnitude `size`."""
@@ -57,11 +58,12 @@ class StepKernels:
             if len(self._recent) >= _RECENT:
                 self._recent.clear()
                 self.usual.clear()
-            found = cached_step(self._steps, h, size, self._built)
+            found = shared_step(self._steps, h, size, self._built)
             self._recent[key] = found
             if self.periodic:
                 chosen = found["sampled"]
-                self.usual[key] = (chosen.rows, chosen.blank, *chosen.parts())
+                if chosen.moderate:
+                    self.usual[key] = (chosen.rows, chosen.blank, *chosen.parts())
         return found
 
     @cached_property
@@ -72,7 +74,8 @@ class StepKernels:
     @cached_property
     def jumps(self) -> dict[bool, Kernel]:
         """Of a jump: with the correction M (y - C x), and without."""
-        maps = jump_maps(self.model, self.gains)
+        with np.errstate(over="ignore", invalid="ignore"):
+            maps = jump_maps(self.model, self.gains)
         return {
             corrected: kernel(self.model, step, step, self.gains["C"], False)
             for corrected, step in maps.items()
@@ -137,14 +140,15 @@ class StepKernels:
 
     def _built(self, h: float, h_error: float) -> dict[str, Kernel]:
         plant = self.model
-        if h == 0.0:
-            maps = {"none": identity_map(plant)}
-        elif self.periodic:
-            maps = {"none": free_map(plant, h, h_error)}
-        else:
-            maps = flow_maps(plant, h, h_error)
-        if self.periodic:
-            maps["sampled"] = sampled(plant, maps["none"])
+        with np.errstate(over="ignore", invalid="ignore"):  # overflow shows as infinite radii
+            if h == 0.0:
+                maps = {"none": identity_map(plant)}
+            elif self.periodic:
+                maps = {"none": free_map(plant, h, h_error)}
+            else:
+                maps = flow_maps(plant, h, h_error)
+            if self.periodic:
+                maps["sampled"] = sampled(plant, maps["none"])
         return {name: self._kernel(name, maps) for name in maps}
 
     def _kernel(self, name: str, maps: Mapping[str, BoxMap]) -> Kernel:

@@ -18,7 +18,8 @@ class IntervalState(NamedTuple):
     box: (2n,), radius and centre in the observer's coordinates; u: input that holds; y: measurement
     that the next step may start from; sampled: time of the last one used; lost: since when, and
     why, the bounds are refuted; phase: time of the last sample that was a period after another
-    one, or began anew (periodic samples only), NaN before the first.
+    one, or began anew (periodic samples only), NaN before the first; moderate: all numbers of the last
+    step were below `MODERATE`.
     """
 
     t: float
@@ -30,6 +31,7 @@ class IntervalState(NamedTuple):
     sampled: float
     lost: str = ""
     phase: float = math.nan
+    moderate: bool = False
 
 
 def first_box(model: Model, n: int, lower: ArrayLike, upper: ArrayLike) -> Vector:
@@ -41,7 +43,8 @@ def first_box(model: Model, n: int, lower: ArrayLike, upper: ArrayLike) -> Vecto
         )
     for i in np.flatnonzero(low > high):
         raise ValueError(f"initial bounds of x{i + 1}: lower {low[i]:g} exceeds upper {high[i]:g}.")
-    return model.from_plant(*midpoint(low, high))
+    with np.errstate(over="ignore", invalid="ignore"):  # the next step reports what overflowed
+        return model.from_plant(*midpoint(low, high))
 
 
 def shared_box(one: Vector, other: Vector, n: int) -> Vector:

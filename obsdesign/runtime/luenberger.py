@@ -28,6 +28,7 @@ from obsdesign.runtime.base import (
     later,
     optional_measurement,
     require_gains,
+    status_of,
     vector,
 )
 from obsdesign.runtime.point import SteppedObserver
@@ -55,7 +56,7 @@ class LuenbergerObserver(SteppedObserver[LuenbergerState]):
     gains: Mapping[str, Any]
     kind: ClassVar[str] = "luenberger"
     finds_events: ClassVar[bool] = False
-    _steps: OrderedDict[tuple[float, int], dict[bool, Maps]] = field(
+    _steps: OrderedDict[float, dict[bool, Maps]] = field(
         default_factory=OrderedDict, repr=False, compare=False
     )
 
@@ -83,6 +84,12 @@ class LuenbergerObserver(SteppedObserver[LuenbergerState]):
         """
         t = later(sample.t, state.t, state.started)
         y = optional_measurement(sample.y, len(self.gains["C"]))
+        with np.errstate(over="ignore", invalid="ignore"):  # the status names what is not finite
+            return self._step(state, t, y, sample)
+
+    def _step(
+        self, state: LuenbergerState, t: float, y: Vector | None, sample: Sample
+    ) -> tuple[LuenbergerState, Estimate]:
         when = self.gains["jump_measurement"]
         x = self._flow(state, t, y if not sample.jump or when == "before" else None)
         guard, late = state.guard.after(t, sample.jump)
@@ -96,7 +103,7 @@ class LuenbergerObserver(SteppedObserver[LuenbergerState]):
             usable = y if when == "after" else None
         u = state.u if sample.u is None else vector(sample.u, len(state.u), "u")
         following = replace(state, t=t, x=x, u=u, y=usable, guard=guard, started=True)
-        return following, Estimate(t, x=x, status="; ".join(objections) or "ok")
+        return following, Estimate(t, x=x, status=status_of(objections, x))
 
     @property
     def _only_jumps(self) -> bool:
@@ -108,7 +115,7 @@ class LuenbergerObserver(SteppedObserver[LuenbergerState]):
             return state.x
         start = state.y if state.y is not None else y_end
         end = y_end if y_end is not None else start
-        maps = cached_step(self._steps, t - state.t, max(abs(t), abs(state.t)), self._maps)
+        maps = cached_step(self._steps, t - state.t, self._maps)
         flow, once, ramp = maps[start is not None]
         forced = self._drift + (self.gains["B"] @ state.u if len(state.u) else 0.0)
         if start is None or end is None:
@@ -116,9 +123,8 @@ class LuenbergerObserver(SteppedObserver[LuenbergerState]):
         L = self.gains["L"]
         return np.asarray(flow @ state.x + once @ (L @ start + forced) + ramp @ (L @ (end - start)))
 
-    def _maps(self, h: float, error: float) -> dict[bool, Maps]:
+    def _maps(self, h: float) -> dict[bool, Maps]:
         """(e^{Xh}, its integral, the response to a unit ramp over the step), X = A or A - L C."""
-        del error  # a point estimate owes nothing to half an ulp of time
         A, L, C = self.gains["A"], self.gains["L"], self.gains["C"]
         return {False: responses(A, h), True: responses(flow_error_matrix(A, L, C), h)}
 

@@ -5,7 +5,6 @@ A state is never changed: every move returns a new one.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -14,10 +13,10 @@ from numpy.typing import ArrayLike
 
 from obsdesign.equations import finite_time as equations
 from obsdesign.runtime.approximate_inputs import Known
-from obsdesign.runtime.base import RELATIVE_TIME_TOLERANCE, Vector, vector
+from obsdesign.runtime.base import Vector, vector
 from obsdesign.runtime.flow_maps import flow_maps
 from obsdesign.runtime.point import SteppedObserver
-from obsdesign.runtime.step_cache import cached_step
+from obsdesign.runtime.step_cache import shared_step
 from obsdesign.runtime.window_constants import WindowConstants
 from obsdesign.runtime.window_error import window_length
 from obsdesign.runtime.window_tape import Tape
@@ -87,24 +86,19 @@ class SamplingWindow(WindowConstants, SteppedObserver[FiniteTimeState]):
         if h <= 0:
             return state._replace(t=t)
         size = max(abs(t), abs(state.t))
-        maps = cached_step(self._steps, h, size, self._maps)
+        maps = shared_step(self._steps, h, size, self._maps)
         forced = self._forced(state.u)
         x = maps.flow @ state.x + maps.once @ forced
         w = maps.flow @ state.w + maps.once @ forced
         known = state.known
         if known is not None and self._inputs is not None:
-            known = self._inputs.moved(known, forced, h, size, maps)
+            known = self._inputs.moved(known, forced, h, maps)
         if not self.bounded:
             return state._replace(t=t, x=x, w=w, known=known)
         centre = maps.flow @ state.centre + maps.once @ forced
         slip = np.maximum(state.slip, maps.error(state.w, forced) + SEEN_ROUNDING * np.abs(w))
         radius = maps.spread(state.radius) + maps.error(state.centre, forced)
         return state._replace(t=t, x=x, w=w, known=known, centre=centre, radius=radius, slip=slip)
-
-    @staticmethod
-    def _slack(t: float, elapsed: float) -> float:
-        """Time stamps are decimal: how far two of them may be from `elapsed` apart."""
-        return RELATIVE_TIME_TOLERANCE * elapsed + 8 * math.ulp(t)
 
     def _maps(self, h: float, error: float) -> Any:
         return flow_maps(self.gains, h, error)

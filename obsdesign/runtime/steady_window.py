@@ -12,13 +12,14 @@ from typing import Any
 
 import numpy as np
 
-from obsdesign.runtime.base import RELATIVE_TIME_TOLERANCE, Estimate, Sample, Vector, vector
+from obsdesign.runtime.base import MODERATE, Estimate, Sample, Vector, vector
 from obsdesign.runtime.sampling_window import (
     SEEN_ROUNDING,
     Cover,
     FiniteTimeState,
     SamplingWindow,
 )
+from obsdesign.runtime.time_stamps import RELATIVE_TIME_TOLERANCE
 from obsdesign.runtime.window_error import window_length
 from obsdesign.runtime.window_tape import Tape
 
@@ -40,14 +41,18 @@ class SteadyWindow(SamplingWindow):
             if y is None:
                 return None
             y = vector(y, p, "y")
-        if not math.isfinite(y.item() if p == 1 else y.dot(y)):
-            return None  # a square that overflows takes the long way too
+        if not math.hypot(*y.tolist()) < MODERATE:
+            return None  # larger numbers may overflow
         u, drive = state.u, state.drive
         if sample.u is not None:
             u = vector(sample.u, len(u), "u")
+            if not math.hypot(*u.tolist()) < MODERATE:
+                return None
             drive = drive if (u == state.u).all() else self._drive(u)
         # dot, as its overhead is half that of @
         x, w, residual, known = gain.dot(state.window), state.w, y, state.known
+        if not math.hypot(*x.tolist()) < MODERATE:
+            return None
         radius, slip, cover = state.radius, state.slip, None
         low = high = None
         if not plain:
@@ -55,9 +60,13 @@ class SteadyWindow(SamplingWindow):
             if more is None:
                 return None
             x, w, residual, known, cover = more
+            if not math.hypot(*x.tolist()) < MODERATE:
+                return None
             if cover is not None:
                 slip, radius = cover.slip, cover.radius
                 low, high = self._ends(x, radius)
+                if not math.hypot(*radius.tolist()) < MODERATE:
+                    return None
         tape, end = state.tape, state.end
         window = None if tape is None else tape.after(end, residual, size)
         if window is None:
@@ -70,11 +79,12 @@ class SteadyWindow(SamplingWindow):
 
     @staticmethod
     def _on_time(state: FiniteTimeState, t: float, period: float, ticks: int) -> bool:
-        """Is t the next instant after a whole window? As `_slack`, now and since the anchor."""
-        slack = 8 * math.ulp(t)
+        """Is t the next instant after a whole window? As `time_tolerance`, also from the anchor."""
+        slack = math.ulp(t)
         return (
             state.sampled == state.t
             and not state.missing
+            and slack <= period
             and abs(t - state.t - period) <= RELATIVE_TIME_TOLERANCE * period + slack
             and abs(t - state.anchor - ticks * period)
             <= RELATIVE_TIME_TOLERANCE * ticks * period + slack
@@ -95,6 +105,8 @@ class SteadyWindow(SamplingWindow):
             if state.since + 1 >= self.k:
                 return None  # w is to be moved onto the estimate
             moved = self._flow_and_seen.dot(w) + state.drive
+            if not math.hypot(*moved.tolist()) < MODERATE:
+                return None
             w, residual = moved[: -self._p], y - moved[-self._p :]
             x = x + (w if self._unbiased else self._seen_back.dot(w))
         return x, w, residual, known, self._cover(state, x, w) if self.bounded else None

@@ -37,6 +37,7 @@ from obsdesign.runtime.base import (
     first_time,
     later,
     rows_of,
+    status_of,
     vector,
 )
 from obsdesign.runtime.point import PointObserver
@@ -69,7 +70,7 @@ class UnknownInputObserver(PointObserver[UnknownInputState], Stepped[UnknownInpu
     _damped: bool
     kind: ClassVar[str] = "unknown_input"
     finds_events: ClassVar[bool] = False
-    _steps: OrderedDict[tuple[float, int], Vector] = field(
+    _steps: OrderedDict[float, Vector] = field(
         default_factory=OrderedDict, repr=False, compare=False
     )
 
@@ -135,6 +136,12 @@ class UnknownInputObserver(PointObserver[UnknownInputState], Stepped[UnknownInpu
         if sample.jump:
             raise ValueError("this plant has no jumps ([jump] is absent), but a sample says jump.")
         t = later(sample.t, state.t, state.started)
+        with np.errstate(over="ignore", invalid="ignore"):  # the status names what is not finite
+            return self._step(state, t, sample)
+
+    def _step(
+        self, state: UnknownInputState, t: float, sample: Sample
+    ) -> tuple[UnknownInputState, Estimate]:
         y, u, why = self._measurement(sample.y), state.u, ""
         if y is None:
             y, why = usable(sample.y, self._p)
@@ -147,7 +154,7 @@ class UnknownInputObserver(PointObserver[UnknownInputState], Stepped[UnknownInpu
             used = state.u * (t - state.t) + (0.0 if used is None else used)
         h = t - state.t_seen
         last, size = state.last, max(abs(t), abs(state.t))
-        if last is None or last[1] is None or abs(h - last[0]) > 4 * math.ulp(size):
+        if last is None or last[1] is None or abs(h - last[0]) > 2 * math.ulp(size):
             last = self._next_step(last, h, size)  # usually they are all alike
         mean = state.u if used is None else used / h
         k, p, q = self._k, self._p, self._q
@@ -161,13 +168,15 @@ class UnknownInputObserver(PointObserver[UnknownInputState], Stepped[UnknownInpu
         if y is None:
             following = state._replace(t=t, x=x, u=u, used=used)
             return following, Estimate(t, x=x, d=d * np.nan, status=why)
-        slope = None
+        slope, status = None, last[2]
         if self._damped:
             slope = damped_slope(state, h, y)
             d = d + self.gains["N"] @ slope[2]
         # y from `known`: the sample's own array is the caller's
         following = UnknownInputState(t, t, x, w, known[k + p : k + 2 * p], u, None, slope, last)
-        return following, Estimate(t, x=x, d=d, status=last[2])
+        if not x.dot(x) + d.dot(d) < math.inf:  # or a square overflowed
+            status = status_of([status] if status != "ok" else [], x, d)
+        return following, Estimate(t, x=x, d=d, status=status)
 
     def run(self, state: UnknownInputState, samples: Iterable[Sample]) -> Iterator[Estimate]:
         """Estimates for a stream of samples; with `batch`, of the record smoothed as a whole."""
@@ -199,7 +208,8 @@ class UnknownInputObserver(PointObserver[UnknownInputState], Stepped[UnknownInpu
         w = self.gains["first"] @ y if state.w is None else state.w
         x = self.gains["X"] @ w + self.gains["Xy"] @ y
         # a copy: the sample's own array is the caller's
-        return UnknownInputState(t, t, x, w, y.copy(), u, None), Estimate(t, x=x, d=nothing)
+        following = UnknownInputState(t, t, x, w, y.copy(), u, None)
+        return following, Estimate(t, x=x, d=nothing, status=status_of([], x))
 
     def _measurement(self, y: ArrayLike | None) -> Vector | None:
         """An array as it is if its length says that `usable` need not look at every entry."""
@@ -214,15 +224,14 @@ class UnknownInputObserver(PointObserver[UnknownInputState], Stepped[UnknownInpu
 
         Decided by the state alone, so that a stream gives the same numbers whatever ran before.
         """
-        if before is None or abs(h - before[0]) > 4 * math.ulp(size):
+        if before is None or abs(h - before[0]) > 2 * math.ulp(size):
             return h, None, self._status(h, size)
         if before[2].startswith(_COARSE):
             return h, None, before[2]
-        return h, cached_step(self._steps, h, size, self._stacked), before[2]
+        return h, cached_step(self._steps, h, self._stacked), before[2]
 
-    def _stacked(self, h: float, error: float) -> Vector:
+    def _stacked(self, h: float) -> Vector:
         """The matrix of a step of length h."""
-        del error  # a point estimate owes nothing to half an ulp of time
         return stacked(self.gains, h, self._damped)
 
     @cached_property
