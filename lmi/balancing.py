@@ -20,7 +20,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lmi.balls import Exact, exact, pivot_columns, to_float
-from lmi.verdict import Verdict
 
 Matrix = NDArray[Any]
 
@@ -148,16 +147,17 @@ class Scaling:
         """From z back to x."""
         return Scaling(1 / self.sizes)
 
-    def restored(self, verdict: Verdict, H: Exact) -> Verdict:
-        """A verdict about z as one about x: its certificates and witnesses are those of F and H.
+    def vector(self, v: Matrix, side: str) -> Matrix:
+        """A state of z as one of x (side "right"), or a row vector v'z as one of x ("left")."""
+        return np.asarray(v / self.sizes if side == "left" else v * self.sizes)
+
+    def restored(self, evidence: Mapping[str, Any], H: Exact) -> dict[str, Any]:
+        """Evidence about z as evidence about x: certificates and witnesses of F and H.
 
         H: exact, of x or z. Its independent columns are the coordinates of reduced windows.
         """
         if self.is_identity:
-            return verdict
-        return Verdict(verdict.outcome, self._evidence(verdict.evidence, H))
-
-    def _evidence(self, evidence: Mapping[str, Any], H: Exact) -> dict[str, Any]:
+            return dict(evidence)
         found = dict(evidence)
         for name in found.keys() & {"P", "Q"}:
             found[name] = self.undone.form(_floats(found[name])).tolist()
@@ -165,13 +165,11 @@ class Scaling:
             back = [self.form(Z) for Z in _floats(found["multipliers"])]
             found["multipliers"] = [Z.tolist() for Z in back]
         if "vector" in found:
-            left = found["side"] == "left"
-            v = _floats(found["vector"])
-            found["vector"] = (v / self.sizes if left else v * self.sizes).tolist()
+            found["vector"] = self.vector(_floats(found["vector"]), found["side"]).tolist()
         if "windows" in found:
             found["windows"] = self._windows(found["windows"], H)
         for name in found.keys() & {"no_common_P", "witness"}:
-            found[name] = self._evidence(found[name], H)
+            found[name] = self.restored(found[name], H)
         return found
 
     def _windows(self, windows: Any, H: Exact) -> list[dict[str, Any]]:

@@ -67,7 +67,8 @@ def decide(
             return flow
     scaling = Scaling.of(F_exact, H_exact, high)
     flow_map, jump = scaling.map(F_exact), scaling.map(H_exact)
-    return scaling.restored(_balanced(flow_map, jump, low, high, memory, jitter), H_exact)
+    verdict = _balanced(flow_map, jump, low, high, memory, jitter)
+    return Verdict(verdict.outcome, scaling.restored(verdict.evidence, H_exact))
 
 
 def _balanced(
