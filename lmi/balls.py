@@ -183,14 +183,18 @@ def rank_factors(H: Exact) -> tuple[Exact, Exact]:
 
     U holds the first independent columns of H, V' the reduced row echelon form: H determines both.
     """
-    columns = H.shape[1]
-    reduced, rank = _rational_matrix(H).rref()
-    table = reduced.tolist()
-    leading = [next(j for j in range(columns) if table[i][j] != 0) for i in range(rank)]
-    transposed = np.empty((columns, rank), dtype=object)
-    for i in range(rank):
-        transposed[:, i] = table[i]
-    return H[:, leading], transposed
+    reduced, rank = row_echelon(H)
+    return H[:, _leading(reduced, rank)], reduced[:rank].T.copy()
+
+
+def pivot_columns(H: Exact) -> list[int]:
+    """The first independent columns of an exact matrix: those of U in `rank_factors`."""
+    return _leading(*row_echelon(H))
+
+
+def _leading(reduced: Exact, rank: int) -> list[int]:
+    """Column of the first entry of each nonzero row of a row echelon form."""
+    return [int(np.flatnonzero(row != 0)[0]) for row in reduced[:rank]]
 
 
 def cholesky(S: Any) -> Any:

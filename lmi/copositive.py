@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from lmi.balancing import Scaling
 from lmi.balls import exact, to_float
 from lmi.families import Edge
 from lmi.linear_program import minimise
@@ -27,7 +28,8 @@ def decide_copositive(F: ArrayLike, H: ArrayLike, low: float, high: float) -> Ve
     F, H: (n, n) floats or exact rationals, F Metzler and H >= 0 (otherwise undecided).
     """
     F_exact, H_exact = exact(F), exact(H)
-    flow, jump = to_float(F_exact), to_float(H_exact)
+    scaling = Scaling.of(F_exact, H_exact, high)
+    flow, jump = to_float(scaling.map(F_exact)), to_float(scaling.map(H_exact))
     if not looks_positive(flow, jump):
         return undecided("the flow is not Metzler, or the jump not nonnegative")
     for side in SIDES:
@@ -35,6 +37,7 @@ def decide_copositive(F: ArrayLike, H: ArrayLike, low: float, high: float) -> Ve
             v = propose_vector(flow, jump, low, high, side, form)
             if v is None:
                 continue
+            v = scaling.vector(v, side)
             verdict = prove_copositive(F_exact, H_exact, v, low, high, side=side, form=form)
             if verdict.outcome == "proved":
                 return Verdict("proved", {"vector": v.tolist(), **verdict.evidence})

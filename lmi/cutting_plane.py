@@ -16,8 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lmi.balancing import balance
 from lmi.edge_grid import Cut, EdgeGrid, Grids
-from lmi.families import FEWEST, Edge, balance, slack_of
+from lmi.families import FEWEST, Edge, slack_of
 from lmi.patience import until
 from lmi.semidefinite import FLOOR, Solution, common_matrices
 

@@ -13,6 +13,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from lmi.balancing import Scaling
 from lmi.balls import Exact, exact, to_float
 from lmi.cutting_plane import Proposal, propose
 from lmi.dissipative import is_stiff, propose_dissipative
@@ -21,7 +22,7 @@ from lmi.hurwitz import prove_hurwitz
 from lmi.infeasible import prove_no_common
 from lmi.products import worst_word
 from lmi.proof import prove_common
-from lmi.spectral import refute_spectral, refute_word, steps_within
+from lmi.spectral import decide_constant, refute_spectral, refute_word, steps_within
 from lmi.splitting import Limits
 from lmi.verdict import Verdict, undecided
 from lmi.window_search import find_windows
@@ -51,9 +52,9 @@ def decide(
     be Hurwitz (otherwise refuted with the mode). jitter: only sequences whose dwell times change by
     at most so much from one to the next. memory: 0 for a common P only, a number for windows that
     look at most so many dwell times back and ahead, "auto" for as many as it takes.
-    Evidence: "P", or "windows" and "edges" (`lmi.windows_proof`), or "witness". Undecided evidence
-    holds the largest growth seen, and "no_common_P" when a checked certificate excludes a common P,
-    which is not instability.
+    Evidence: "P", or "windows" and "edges" (`lmi.windows_proof`), or "witness"; one dwell time
+    (low = high) may be proved without any. Undecided evidence holds the largest growth seen, and
+    "no_common_P" when a checked certificate excludes a common P, which is not instability.
     """
     if not 0 <= low <= high or math.isinf(low):
         raise ValueError(f"0 <= low <= high, low finite, is required; got [{low}, {high}]")
@@ -64,16 +65,28 @@ def decide(
         flow = prove_hurwitz(F_exact)
         if flow.outcome != "proved":
             return flow
-    attempt, proposal = find_and_prove(F_exact, H_exact, low, high)
+    scaling = Scaling.of(F_exact, H_exact, high)
+    flow_map, jump = scaling.map(F_exact), scaling.map(H_exact)
+    verdict = _balanced(flow_map, jump, low, high, memory, jitter)
+    return Verdict(verdict.outcome, scaling.restored(verdict.evidence, H_exact))
+
+
+def _balanced(
+    F: Exact, H: Exact, low: float, high: float, memory: Memory, jitter: float
+) -> Verdict:
+    """`decide` for a balanced pair, with a flow that decays where `high` is infinite."""
+    attempt, proposal = find_and_prove(F, H, low, high)
     if attempt.outcome == "proved":
         return attempt
-    counter = refute_spectral(F_exact, H_exact, low, high, proposal.thetas)
+    counter = refute_spectral(F, H, low, high, proposal.thetas)
     if counter.outcome == "refuted":
         return counter
-    attempt = refute_sequences(F_exact, H_exact, low, high, proposal, attempt, jitter)
-    if attempt.outcome == "refuted" or memory == 0 or low == high:
+    if low == high:
+        return decide_constant(F, H, low)
+    attempt = refute_sequences(F, H, low, high, proposal, attempt, jitter)
+    if attempt.outcome == "refuted" or memory == 0:
         return attempt
-    return _by_windows(F_exact, H_exact, low, high, memory, jitter, proposal, attempt)
+    return _by_windows(F, H, low, high, memory, jitter, proposal, attempt)
 
 
 def _by_windows(

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from lmi.balancing import Scaling
 from lmi.balls import Exact, exact, to_float
 from lmi.cutting_plane import Proposal, propose
 from lmi.decide import Memory, decide, find_and_prove
@@ -67,7 +68,7 @@ def shortest_dwell(
     F, H: (n, n) floats or exact rationals. accuracy: relative width of the bracket. memory, jitter:
     as in `lmi.decide`.
     """
-    return _Search(exact(F), exact(H), high, accuracy, True, memory, jitter).run()
+    return _Search(exact(F), exact(H), high, accuracy, True, memory, jitter).balanced()
 
 
 def longest_dwell(
@@ -80,7 +81,7 @@ def longest_dwell(
     jitter: float = math.inf,
 ) -> Bracket:
     """Largest x for which [low, x] is proved, possibly infinity; arguments as `shortest_dwell`."""
-    return _Search(exact(F), exact(H), low, accuracy, False, memory, jitter).run()
+    return _Search(exact(F), exact(H), low, accuracy, False, memory, jitter).balanced()
 
 
 @dataclass(frozen=True)
@@ -92,6 +93,16 @@ class _Search:
     shortest: bool
     memory: Memory = "auto"
     jitter: float = math.inf
+
+    def balanced(self) -> Bracket:
+        """The bracket, found in coordinates that balance the pair."""
+        longest = self.fixed if self.shortest else math.inf
+        scaling = Scaling.of(self.F, self.H, longest)
+        found = replace(self, F=scaling.map(self.F), H=scaling.map(self.H)).run()
+        certificate, obstacle = (
+            scaling.restored(evidence, self.H) for evidence in (found.certificate, found.obstacle)
+        )
+        return replace(found, certificate=certificate, obstacle=obstacle)
 
     def run(self) -> Bracket:
         """Everything proved; or nothing; or the bracket around the limit."""

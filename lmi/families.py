@@ -162,20 +162,6 @@ def moved_between(L: Matrix, maps: Matrix, source: Matrix, target: Matrix) -> Ma
     return between
 
 
-def balance(maps: Matrix) -> Matrix:
-    """Positive d for which diag(d) M diag(1/d) has rows and columns of like size: units undone."""
-    size = np.abs(maps).max(axis=0)
-    np.fill_diagonal(size, 0.0)
-    d = np.ones(len(size))
-    for _ in range(10):  # each sweep takes the square root of what is left
-        scaled = d[:, None] * size / d
-        rows, columns = scaled.max(axis=1), scaled.max(axis=0)
-        both = (rows > 0) & (columns > 0)
-        d = d * np.where(both, np.sqrt(columns / np.where(both, rows, 1.0)), 1.0)
-    powers: Matrix = np.exp2(np.round(np.log2(d / d.max())))
-    return np.maximum(powers, 1e-100)
-
-
 def worst(slacks: Matrix, limit: float, starts: Matrix | None = None) -> list[int]:
     """Local minima of the slack below `limit`, ends included, worst first.
 

@@ -57,22 +57,37 @@ def prove_hurwitz(F: ArrayLike) -> Verdict:
 
 
 def exactly_schur(H: Exact) -> bool:
-    """Every eigenvalue of the exact matrix H lies strictly inside the unit circle; a decision.
+    """Every eigenvalue of the exact matrix H lies strictly inside the unit circle; a decision."""
+    return bool(_schur(characteristic_polynomial(H)))
+
+
+def schur(M: Any) -> bool | None:
+    """Every eigenvalue of a ball matrix lies strictly inside the unit circle.
+
+    None where the balls are too wide to tell: at a higher precision for every matrix that has no
+    eigenvalue on the circle.
+    """
+    return _schur(list(M.charpoly().coeffs()))
+
+
+def _schur(p: list[Any]) -> bool | None:
+    """All roots of a monic polynomial, constant term first, are inside the unit circle.
 
     s = (z - 1)/(z + 1) carries the unit disc to the left half-plane, p(z) to
     (1 - s)^n p((1 + s)/(1 - s)); Routh's test decides there. p(-1) = 0 lowers the degree.
     """
-    p = characteristic_polynomial(H)
     n = len(p) - 1
-    moved = [0 * p[0]] * (n + 1)
+    image = [0 * p[0]] * (n + 1)
     for k, coefficient in enumerate(p):  # (1 + s)^k (1 - s)^(n - k)
         for j in range(n + 1):
             binomial = sum((-1) ** (j - i) * math.comb(k, i) * math.comb(n - k, j - i)
                            for i in range(max(0, j - n + k), min(k, j) + 1))  # fmt: skip
-            moved[j] = moved[j] + binomial * coefficient
-    if moved[-1] == 0:
+            image[j] = image[j] + binomial * coefficient
+    if image[-1] == 0:
         return False
-    return _routh([c / moved[-1] for c in moved])
+    if not (image[-1] > 0 or image[-1] < 0):
+        return None
+    return _routh([c / image[-1] for c in image])
 
 
 def rightmost(F: Matrix) -> complex:
@@ -126,15 +141,19 @@ def modal_matrix(F: Matrix) -> Matrix | None:
     return (Q + Q.T) / 2 if np.isfinite(Q).all() else None
 
 
-def _routh(coefficients: list[Any]) -> bool:
-    """Are all roots in the open left half-plane? Exact rationals, constant term first."""
+def _routh(coefficients: list[Any]) -> bool | None:
+    """Are all roots in the open left half-plane? Exact rationals or balls, constant term first.
+
+    All entries of the first column are positive if they are: one that is certainly not refutes it.
+    None where the sign of a ball is uncertain.
+    """
     falling = coefficients[::-1]
     upper, lower = falling[0::2], falling[1::2]
-    if not upper[0] > 0:
-        return False
     while lower:
-        if not lower[0] > 0:
+        if lower[0] <= 0:
             return False
+        if not lower[0] > 0:
+            return None
         ratio = upper[0] / lower[0]
         padded = lower + [0] * (len(upper) - len(lower))
         following = [u - ratio * v for u, v in zip(upper[1:], padded[1:], strict=False)]

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from lmi.balancing import Scaling
 from lmi.balls import (
     PRECISIONS,
     Exact,
@@ -39,17 +40,20 @@ def prove_no_common(
         return undecided("one finite n x n multiplier is needed for each theta")
     if not np.array_equal(Z, np.swapaxes(Z, 1, 2)):
         return undecided("the multipliers are not symmetric")
+    scaling = Scaling.of(flow, jump, max(thetas))
+    flow, jump = scaling.map(flow), scaling.map(jump)
+    weights = [scaling.dual(exact(X)) for X in Z]
     for bits in PRECISIONS:
         with precision(bits):
-            if _certified(flow, jump, thetas, Z):
+            if _certified(flow, jump, thetas, weights):
                 return proved(thetas=list(thetas), multipliers=Z.tolist(), bits=bits)
     return undecided("the multipliers prove nothing")
 
 
-def _certified(flow: Exact, jump: Exact, thetas: Sequence[float], Z: Matrix) -> bool:
+def _certified(flow: Exact, jump: Exact, thetas: Sequence[float], Z: list[Exact]) -> bool:
     total = None
     for theta, weight in zip(thetas, Z, strict=True):
-        weighted = ball(exact(weight))
+        weighted = ball(weight)
         if not certify_positive_definite(weighted):
             return False
         M = exp_times(flow, theta) * ball(jump)

@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lmi.balls import exact, to_float
+from lmi.balancing import Scaling
+from lmi.balls import Exact, exact, to_float
 from lmi.cutting_plane import Proposal, propose
 from lmi.families import Edge
 from lmi.rates import SMALLEST, WORTH, Rates, approx_rates, propose_rates, prove_rate
@@ -37,11 +38,22 @@ def largest_rates(
     Result: {"per_jump", "in_time", "P_per_jump", "P_in_time"}; where nothing better is proved, the
     rates of the given P alone.
     """
-    given = np.asarray(P, dtype=np.float64)
+    flow, jump = exact(F), exact(H)
+    scaling = Scaling.of(flow, jump, high)
+    given = scaling.form(np.asarray(P, dtype=np.float64))
+    found = _largest(scaling.map(flow), scaling.map(jump), given, low, high)
+    if found is None:
+        return None
+    names = [name for name in found if name.startswith("P_")]
+    return found | {name: scaling.undone.form(np.array(found[name])).tolist() for name in names}
+
+
+def _largest(F: Exact, H: Exact, given: Matrix, low: float, high: float) -> dict[str, Any] | None:
+    """`largest_rates` of a balanced pair, with P given in its coordinates."""
     seen = approx_rates(F, H, {"P": given.tolist()}, low, high)
     if seen is None:
         return None
-    edge = Edge(to_float(exact(F)), to_float(exact(H)), low, high)
+    edge = Edge(to_float(F), to_float(H), low, high)
     limits, unit = _limits(edge), np.eye(len(edge.F))
     with np.errstate(all="ignore"):
         first = propose(edge.F, edge.H, low, high, start=given)

@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from lmi.balancing import Scaling
 from lmi.balls import (
     PRECISIONS,
     Exact,
@@ -83,6 +84,9 @@ def prove_copositive(
     entries: list[Any] = [*flow[~np.eye(len(flow), dtype=bool)], *jump.flat]
     if any(entry < 0 for entry in entries):
         return undecided("the flow is not Metzler, or the jump not nonnegative")
+    scaling = Scaling.of(flow, jump, float(high))
+    flow, jump = scaling.map(flow), scaling.map(jump)
+    vector = scaling.undone.vector(vector, side)
     question = row_flow(flow, jump, exact(vector), side, form)
     verdict = undecided("no attempt was made")
     for bits in PRECISIONS:

@@ -66,9 +66,10 @@ def prove_common(
 
 
 def prove(condition: Condition, *, method: str = "bernstein", steps: int = STEP_LIMIT) -> Verdict:
-    """One condition for all its theta; precision is raised before giving up."""
+    """One condition for all its theta, balanced; precision is raised before giving up."""
     if method not in METHODS:
         raise ValueError(f"method must be one of {', '.join(METHODS)}; got {method!r}")
+    condition = condition.balanced()
     if method == "march" and math.isinf(condition.high):
         flow = prove_hurwitz(condition.F)
         if flow.outcome != "proved":

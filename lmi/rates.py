@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from lmi.balancing import Scaling
 from lmi.balls import exact, rank_factors, to_float
 from lmi.families import Edge, slack
 from lmi.proof import STEP_LIMIT, prove_common
@@ -69,7 +70,10 @@ def approx_rates(
     F: ArrayLike, H: ArrayLike, certificate: Mapping[str, Any], low: float, high: float
 ) -> Rates | None:
     """The rates that a certificate allows on a grid; None where floats overflow."""
-    F_float, H_float = to_float(exact(F)), to_float(exact(H))
+    flow, jump = exact(F), exact(H)
+    scaling = Scaling.of(flow, jump, high)
+    F_float, H_float = to_float(scaling.map(flow)), to_float(scaling.map(jump))
+    certificate = scaling.undone.restored(certificate, jump)
     with np.errstate(all="ignore"):
         try:
             seen = [_seen(*each) for each in _edges(F_float, H_float, certificate, low, high)]

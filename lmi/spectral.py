@@ -1,9 +1,9 @@
 """Dwell times that destabilise: maps, or products of maps, with spectral radius >= 1.
 
 M(theta) = e^{F theta} H. A float scan proposes theta; the proof is one of: det(I - M) < 0 (a real
-eigenvalue above 1), det(I + M) < 0 (one below -1), a Stein inequality M'QM - Q > 0 with y'Qy > 0
-for some y (then x'Qx grows along x+ = M x), or a vector, or a quadratic form, that every M(theta)
-leaves in place, exactly.
+eigenvalue above 1), det(I + M) < 0 (one below -1), the Schur-Cohn test of M in balls, or a vector,
+or a quadratic form, that every M(theta) leaves in place, exactly. One dwell time alone is decided
+by the same test.
 """
 
 from __future__ import annotations
@@ -15,31 +15,31 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from lmi.balancing import Scaling
 from lmi.balls import (
     PRECISIONS,
     Exact,
     ball,
     certify_negative,
-    certify_positive_definite,
     exact,
     exp_times,
     fixed_vector,
     identity,
-    middle,
-    number,
     precision,
     rational,
     to_float,
 )
 from lmi.exponential import expm
 from lmi.families import Edge
-from lmi.hurwitz import exactly_schur
+from lmi.hurwitz import exactly_schur, schur
 from lmi.invariant_form import invariant_form
-from lmi.verdict import Verdict, refuted, undecided
+from lmi.verdict import Verdict, proved, refuted, undecided
 
 Matrix = NDArray[np.float64]
 
 _TRIED = 6
+# floats may put a spectral radius above 1 so far below it
+_ROUNDING = 1e-6
 
 
 def refute_spectral(
@@ -51,29 +51,30 @@ def refute_spectral(
     radius (float, for reading) and the method of proof. seeds: theta to look at besides the scan's.
     """
     F_exact, H_exact = exact(F), exact(H)
-    if (still := _fixed(F_exact, H_exact)) is not None:
+    if (fixed := _fixed(F_exact, H_exact)) is not None:
         reason = "M(theta) has an eigenvalue 1 or -1 for every theta: a state that never decays"
-        return refuted({"theta": float(low), "spectral_radius": 1.0, "vector": still,
+        return refuted({"theta": float(low), "spectral_radius": 1.0, **fixed,
                         "reason": reason, "method": "exact invariant vector"})  # fmt: skip
     if low == 0 and not exactly_schur(H_exact):
         radius = max(1.0, float(spectral_radii(to_float(H_exact))))  # floats that overflow give 1
         reason = f"at dwell time 0 the jump alone has spectral radius {radius:.9g} >= 1"
         return refuted({"theta": 0.0, "spectral_radius": radius, "reason": reason,
                         "method": "exact Schur test"})  # fmt: skip
-    candidates = _worst_thetas(to_float(F_exact), to_float(H_exact), low, high, seeds)
+    scaling = Scaling.of(F_exact, H_exact, high)
+    flow, jump = scaling.map(F_exact), scaling.map(H_exact)
+    candidates = _worst_thetas(to_float(flow), to_float(jump), low, high, seeds)
     for theta, radius in candidates:
-        if radius < 1:
+        if radius < 1 - _ROUNDING and low < high:
             break
-        for bits in PRECISIONS:
-            with precision(bits), np.errstate(all="ignore"):
-                method = _certify(F_exact, H_exact, theta)
-            if method:
-                reason = (
-                    f"at dwell time {theta!r} a jump and the flow after it have spectral radius "
-                    f"{radius:.9g} >= 1"
-                )
-                return refuted({"theta": theta, "spectral_radius": radius, "method": method,
-                                "reason": reason})  # fmt: skip
+        inside, method, _ = _settled(flow, jump, theta)
+        if inside is False:
+            radius = max(radius, 1.0)  # floats may have put it a little below
+            reason = (
+                f"at dwell time {theta!r} a jump and the flow after it have spectral radius "
+                f"{radius:.9g} >= 1"
+            )
+            return refuted({"theta": theta, "spectral_radius": radius, "method": method,
+                            "reason": reason})  # fmt: skip
     if (form := invariant_form(F_exact, H_exact)) is not None:
         reason = (
             "x'Qx is the same along the flow, and up to its sign at jumps, for a Q != 0 and every "
@@ -86,11 +87,34 @@ def refute_spectral(
                      theta=theta, spectral_radius=radius)  # fmt: skip
 
 
-def _fixed(F: Exact, H: Exact) -> list[float] | None:
-    """v with F v = 0 and H v = v or -v, or a row vector with the same, exactly."""
+def decide_constant(F: ArrayLike, H: ArrayLike, theta: float) -> Verdict:
+    """Decide one dwell time: proved where M(theta) has spectral radius < 1, else refuted.
+
+    F, H: (n, n) floats or exact rationals; theta >= 0 a float, taken exactly. Undecided only where
+    the radius is 1, or too close to it for the largest precision.
+    """
+    F_exact, H_exact = exact(F), exact(H)
+    scaling = Scaling.of(F_exact, H_exact, theta)
+    flow, jump = scaling.map(F_exact), scaling.map(H_exact)
+    inside, method, bits = _settled(flow, jump, theta)
+    if inside:
+        return proved(method=method, theta=theta, bits=bits)
+    if inside is False:
+        return refute_word(F_exact, H_exact, (theta,))
+    reason = f"the spectral radius at dwell time {theta!r} is 1, or cannot be told from it"
+    return undecided(f"{reason} with {PRECISIONS[-1]} bits", theta=theta)
+
+
+def _fixed(F: Exact, H: Exact) -> dict[str, Any] | None:
+    """v ("right") with F v = 0 and H v = v or -v, or such a row vector ("left"), exactly."""
     unit = exact(np.eye(len(H)))
-    pairs = ((F, H - unit), (F.T, H.T - unit), (F, H + unit), (F.T, H.T + unit))
-    return next((v for pair in pairs if (v := fixed_vector([*pair]))), None)
+    pairs = (("right", F, H - unit), ("left", F.T, H.T - unit),
+             ("right", F, H + unit), ("left", F.T, H.T + unit))  # fmt: skip
+    for side, flow, jump in pairs:
+        vector = fixed_vector([flow, jump])
+        if vector is not None:
+            return {"vector": vector, "side": side}
+    return None
 
 
 def _worst_thetas(
@@ -136,19 +160,19 @@ def refute_word(F: ArrayLike, H: ArrayLike, thetas: Sequence[float]) -> Verdict:
     floats or exact rationals, thetas floats taken exactly.
     """
     F_exact, H_exact = exact(F), exact(H)
-    flow, jump = to_float(F_exact), to_float(H_exact)
+    scaling = Scaling.of(F_exact, H_exact, max(thetas))
+    F_exact, H_exact = scaling.map(F_exact), scaling.map(H_exact)
     with np.errstate(all="ignore"):
-        product = np.eye(len(flow))
-        for M in Edge(flow, jump, 0.0, 0.0).maps(thetas):
+        product = np.eye(len(F_exact))
+        for M in Edge(to_float(F_exact), to_float(H_exact), 0.0, 0.0).maps(thetas):
             product = M @ product
         radius = float(spectral_radii(product))
-        for bits in PRECISIONS:
-            with precision(bits):
-                method = _certify(F_exact, H_exact, *thetas)
-            if method:
-                return refuted({"thetas": list(thetas), "spectral_radius": radius, "method": method,
-                                "growth_per_jump": radius ** (1 / len(thetas)),
-                                "reason": _word_reason(thetas, radius)})  # fmt: skip
+    inside, method, _ = _settled(F_exact, H_exact, *thetas)
+    if inside is False:
+        radius = max(radius, 1.0)
+        return refuted({"thetas": list(thetas), "spectral_radius": radius, "method": method,
+                        "growth_per_jump": radius ** (1 / len(thetas)),
+                        "reason": _word_reason(thetas, radius)})  # fmt: skip
     return undecided(f"the product of these {len(thetas)} maps is not proved to grow",
                      thetas=list(thetas), spectral_radius=radius)  # fmt: skip
 
@@ -170,35 +194,23 @@ def _word_reason(thetas: Sequence[float], radius: float) -> str:
     )
 
 
-def _certify(F: Exact, H: Exact, *thetas: float) -> str | None:
-    M = exp_times(F, thetas[0]) * ball(H)
-    for theta in thetas[1:]:
-        M = exp_times(F, theta) * ball(H) * M
+def _settled(F: Exact, H: Exact, *thetas: float) -> tuple[bool | None, str, int]:
+    """(is the spectral radius of the product < 1, by which test, with how many bits).
+
+    None where no precision tells.
+    """
     unit = identity(len(H))
-    if certify_negative((unit - M).det()):
-        return "det(I - M) < 0: a real eigenvalue above 1"
-    if certify_negative((unit + M).det()):
-        return "det(I + M) < 0: a real eigenvalue below -1"
-    approx = middle(M)
-    return _stein(M, approx) if np.isfinite(approx).all() else None
-
-
-def _stein(M: Any, approx: Matrix) -> str | None:
-    """Q of M'QM - r^2 Q = I, 1 <= r < rho(M): x'Qx grows strictly, and is positive somewhere."""
-    n = len(approx)
-    r = (1 + max(float(spectral_radii(approx)), 1.0)) / 2
-    try:
-        Q = np.linalg.solve(
-            np.kron(approx.T, approx.T) - r * r * np.eye(n * n), np.eye(n).reshape(-1)
-        )
-    except np.linalg.LinAlgError:
-        return None
-    Q = (Q.reshape(n, n) + Q.reshape(n, n).T) / 2
-    if not np.isfinite(Q).all():
-        return None
-    y = np.linalg.eigh(Q)[1][:, -1:]
-    Q_ball, y_ball = ball(exact(Q)), ball(exact(y))
-    growth = number(r) * number(r)
-    grows = certify_positive_definite(M.transpose() * Q_ball * M - growth * Q_ball)
-    positive = certify_positive_definite(y_ball.transpose() * Q_ball * y_ball)
-    return "Stein inequality: x'Qx grows along a solution" if grows and positive else None
+    for bits in PRECISIONS:
+        with precision(bits), np.errstate(all="ignore"):
+            maps = {theta: exp_times(F, theta) * ball(H) for theta in set(thetas)}
+            M = maps[thetas[0]]
+            for theta in thetas[1:]:
+                M = maps[theta] * M
+            if certify_negative((unit - M).det()):
+                return False, "det(I - M) < 0: a real eigenvalue above 1", bits
+            if certify_negative((unit + M).det()):
+                return False, "det(I + M) < 0: a real eigenvalue below -1", bits
+            inside = schur(M)
+        if inside is not None:
+            return inside, "Schur-Cohn test", bits
+    return None, "", PRECISIONS[-1]

@@ -89,7 +89,7 @@ def _prove_edges(family: Condition, found: Certificate, method: str, steps: int)
         condition = replace(family, P_source=first, P_target=found.P[target], low=ends[0],
                             high=ends[1], others=tuple(others))  # fmt: skip
         if method == "march":
-            condition = _unreduced(condition)
+            condition = _unreduced(condition.balanced())
         verdict = prove(condition, method=method, steps=steps)
         if verdict.outcome != "proved":
             source = sources[verdict.evidence.get("which", 0)]

@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 
 from lmi.affine import Unknown, best_margin
+from lmi.balancing import balance
 from lmi.balls import exact
 from lmi.exponential import expm
-from lmi.families import balance
 from lmi.hidden_mode import propose_hiding
 from lmi.patience import hurried, left
 from lmi.proof import prove_common

@@ -18,8 +18,8 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
+from lmi.balancing import balance
 from lmi.exponential import expm
-from lmi.families import balance
 
 Matrix = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ import numpy as np
 from lmi.infeasible import prove_no_common
 from lmi.positive import FORMS, SIDES, prove_copositive
 from lmi.proof import prove_common
-from lmi.spectral import refute_spectral, refute_word, steps_within
+from lmi.spectral import decide_constant, refute_spectral, refute_word, steps_within
 from lmi.verdict import Verdict, undecided
 from lmi.windows_proof import prove_windows
 from obsdesign.problem import Problem
@@ -60,7 +60,7 @@ def dwell_stability(
 
     certificate: what a finder believes shows the answer: {"P": n x n}, {"windows": ..., "edges":
     ...}, {"vector": ...}, {"witness": {"thetas": ...}} or {"no_common_P": ...}; it is checked
-    here, or not used. Refuted only by a checked witness. paranoid: a proof is repeated by the
+    here, or not used. One dwell time alone needs none. Refuted only by a checked witness. paranoid: a proof is repeated by the
     second, independent method.
     """
     low, high = dwell.low, dwell.high
@@ -72,6 +72,10 @@ def dwell_stability(
                 return attempt
     if "vector" in certificate:
         attempt = _copositive(F, H, low, high, certificate)
+        if attempt.outcome == "proved":
+            return attempt
+    if low == high:
+        attempt = decide_constant(F, H, low)
         if attempt.outcome == "proved":
             return attempt
     counter = refute_spectral(F, H, low, high)

@@ -61,7 +61,7 @@ def test_both_ends_of_a_range() -> None:
     [
         ([[-0.1]], [[1.5]], "det(I - M) < 0"),
         ([[-0.1]], [[-1.5]], "det(I + M) < 0"),
-        ([[0, 2], [-2, 0]], [[1.01, 0], [0, 1.01]], "Stein inequality"),  # a complex pair
+        ([[0, 2], [-2, 0]], [[1.01, 0], [0, 1.01]], "Schur-Cohn test"),  # a complex pair
         ([[0.3, 1, 0], [-1, 0.3, 0], [0, 0, 0.3]], np.eye(3) * 0.9, ""),
     ],
 )
