@@ -18,6 +18,22 @@ _SEES_ALL = 6.0
 _LARGEST_GROWTH = 300.0  # e to it still fits binary64 with room
 
 
+def integral_entries(options: Any, gains: Any) -> list[str]:
+    """Names of the entries of a problem that only operator `integral` uses."""
+    names = ("exponents", "ratio", "threshold", "check_exponents")
+    return [name for name in names if name in options] + (["gains.K"] if "K" in gains else [])
+
+
+def operator_is_open(problem: Any) -> bool:
+    """Whether the problem leaves the operator open and both are possible.
+
+    `problem` has the attributes of `obsdesign.problem.Problem`.
+    """
+    periodic = problem.plant.output.measured == "periodic"
+    own = integral_entries(problem.options, problem.gains)
+    return periodic and "operator" not in problem.options and not own
+
+
 def growth_objection(exponents: Array, n: int, p: int, window: float) -> str | None:
     """Why these exponents cannot be executed in binary64, or None; one sentence."""
     growth = np.asarray(exponents, float) * window

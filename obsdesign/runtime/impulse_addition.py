@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from obsdesign.runtime.base import Estimate
-from obsdesign.runtime.impulse_estimate import Decision
+from obsdesign.runtime.impulse_estimate import MISFIT, Decision, Event
 from obsdesign.runtime.impulse_noise import added_by_noise
+from obsdesign.runtime.impulse_residuals import LARGER, Residuals, birge_ratio
 from obsdesign.runtime.impulse_rows import IntegralLive, Rows
 from obsdesign.runtime.impulse_search import Search
 from obsdesign.runtime.impulse_track import FreeRun
@@ -31,6 +32,20 @@ def short_dwell(gap: float, dwell: float, *deviations: float) -> str:
     if gap >= dwell * (1 - RELATIVE_TIME_TOLERANCE) - _CERTAIN * math.hypot(*deviations):
         return ""
     return f"dwell time {gap:.9g} below {dwell:.9g}"
+
+
+def widened(event: Event, decision: Decision, residuals: Residuals) -> Event:
+    """The event with deviations for the residuals of its window, and of the record so far."""
+    own, whole = birge_ratio(decision.cost, decision.freedom), residuals.ratio
+    ratio = max(own, whole)
+    if ratio == 1 or event.t_std is None or event.weights_std is None:
+        return event
+    words = [event.status] if event.status != "ok" else []
+    words += [LARGER] if whole > 1 else []
+    return replace(
+        event, t_std=ratio * event.t_std, weights_std=ratio * event.weights_std,
+        status="; ".join(words),
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -55,7 +70,7 @@ class Addition:
         size = float(np.abs(spread).max()) or 1.0
         noise = size**2 * chi_squared_limit(rest.size) if spread.any() else 0.0
         if (rest**2).sum() > noise + (_MISFIT * np.linalg.norm(error)) ** 2:
-            event = replace(event, status="does not fit one impulse in the window")
+            event = replace(event, status=MISFIT)
         return replace(decision, event=event)
 
     def added(
@@ -71,6 +86,8 @@ class Addition:
         x = track.x.copy()
         window = np.arange(top, restart + 1)
         jump = self.H @ event.weights
+        residuals = live.residuals.joined(decision.cost, decision.freedom)
+        event = widened(event, decision, residuals)
         x[window] += self.run.impulse_error(track.t[window], event.t, jump)
         if decision.correction.any():
             x[window] += self.run.coasting(track.t[window], t_o, decision.correction)
@@ -92,5 +109,6 @@ class Addition:
         return replace(
             live, track=fresh, norms=np.zeros(0), search=Search(), rule=None, covariance=P,
             since=at, last_event=event.t, last_std=event.t_std or 0.0, doubt=doubt, largest=largest,
+            residuals=residuals,
             absent=self.rows.left(live, float(track.t[restart])),
         ), rows  # fmt: skip

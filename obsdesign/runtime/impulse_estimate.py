@@ -34,6 +34,7 @@ from obsdesign.runtime.impulse_whitening import (
 
 Array = NDArray[Any]
 
+MISFIT = "does not fit one impulse in the window"
 # gls: likelihood ratio of an impulse against none
 _LEAST_GAIN = 36.0
 # plain, without noise: part of R that a fit may leave at the start of a search
@@ -71,13 +72,16 @@ class Event:
 class Decision:
     """What a window said: an event (None: no impulse), the correction of the state at t_o, P after.
 
-    covariance: of the error at the end of the window, None without tracking.
+    covariance: of the error at the end of the window, None without tracking. cost, freedom: what
+    the fit leaves of whitened features, chi-squared of so many degrees of freedom; 0 without.
     """
 
     event: Event | None
     age: float
     correction: Vector
     covariance: Array | None
+    cost: float = 0.0
+    freedom: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -223,17 +227,19 @@ class Evaluator:
         found = self._fitted(R, window, T)
         if found is None or found.gain <= _LEAST_GAIN:
             return None
-        limit = chi_squared_limit(len(R) - 1 - len(found.weights))
+        freedom = len(R) - 1 - len(found.weights)
+        limit = chi_squared_limit(freedom)
         if at_start and (found.cost > limit or not found.inside):
             return None
         J = np.column_stack([found.b_dot @ found.weights, found.b])  # d(b g)/d(age, g)
         spread_of = covariance_of(J)
-        status = "ok" if found.cost <= limit else "does not fit one impulse in the window"
+        status = "ok" if found.cost <= limit else MISFIT
         event = Event(
             self._time(window, found), found.weights,
             math.sqrt(spread_of[0, 0]), np.sqrt(np.diag(spread_of)[1:]), status,
         )  # fmt: skip
-        return self._with_state(event, found, R, J, spread_of, V, P)
+        decision = self._with_state(event, found, R, J, spread_of, V, P)
+        return replace(decision, cost=found.cost, freedom=freedom)
 
     def _with_state(
         self, event: Event, found: Impulse, R: Array, J: Array, spread_of: Array, V: Array,

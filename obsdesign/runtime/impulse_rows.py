@@ -18,6 +18,7 @@ from lmi.exponential import expm
 from obsdesign.equations.impulsive_input import LARGEST
 from obsdesign.runtime.base import Estimate, Vector
 from obsdesign.runtime.impulse_estimate import Event
+from obsdesign.runtime.impulse_residuals import Residuals
 from obsdesign.runtime.impulse_search import Position, Rule, Search
 from obsdesign.runtime.impulse_track import FreeRun, Track
 from obsdesign.runtime.luenberger import responses
@@ -53,6 +54,7 @@ class IntegralLive:
     last_std: float = 0.0  # its deviation
     largest: float = 0.0  # value of the search at which an impulse was evaluated
     doubt: tuple[float, float, str] = (math.inf, -math.inf, "")  # rows that a flagged event covers
+    residuals: Residuals = field(default_factory=Residuals)  # of the windows of impulses
 
 
 @dataclass(frozen=True)

@@ -25,11 +25,12 @@ from numpy.typing import NDArray
 
 from obsdesign.runtime.base import Estimate, Vector, status_of
 from obsdesign.runtime.impulse_addition import short_dwell
-from obsdesign.runtime.impulse_estimate import Event
+from obsdesign.runtime.impulse_estimate import MISFIT, Event
 from obsdesign.runtime.impulse_filter import Filtered, Row, SampledPlant
 from obsdesign.runtime.impulse_onset import ONSETS, Cells, Fit, OnsetModel
+from obsdesign.runtime.impulse_residuals import LARGER, Residuals, birge_ratio
 from obsdesign.runtime.impulse_steady import STEADY, Steady
-from obsdesign.runtime.impulse_whitening import chi_squared_limit, noise_deviation
+from obsdesign.runtime.impulse_whitening import noise_deviation
 from obsdesign.runtime.time_stamps import time_tolerance
 
 Array = NDArray[Any]
@@ -49,7 +50,7 @@ class SampledLive:
 
     cells: what the rows after that start say of onsets. before: the filter at rows of one period
     before it, empty right after a restart: where a refit may begin. steady: what explains the
-    samples without impulses. level: largest |y| so far.
+    samples without impulses. level: largest |y| so far. residuals: of final rows and windows.
     """
 
     t: float
@@ -64,6 +65,7 @@ class SampledLive:
     last_std: float = 0.0
     doubt: tuple[float, float, str] = (math.inf, -math.inf, "")
     level: Array = field(default_factory=lambda: np.zeros(()))
+    residuals: Residuals = field(default_factory=Residuals)
 
 
 @dataclass(frozen=True)
@@ -197,9 +199,10 @@ class SamplesEngine:
         if fit.ratio[top] > self.least_ratio and fit.grid.onsets[top] < oldest:
             return self._fired(live, interval, provisional)
         since = second.row.t - self.period - time_tolerance(self.period, second.row.t)
-        kept = live.before[bisect_left(live.before, since, key=lambda at: at.row.t) :]
+        cut = bisect_left(live.before, since, key=lambda at: at.row.t)
         return replace(
-            live, rows=live.rows[1:], cells=live.cells.without_first(), before=(*kept, first),
+            live, rows=live.rows[1:], cells=live.cells.without_first(),
+            before=(*live.before[cut:], first), residuals=_with_rows(live, live.before[:cut]),
             steady=self._followed(live.steady, second.row, second.cost),
         ), [self._estimate(live, first.row, first.x)]  # fmt: skip
 
@@ -218,7 +221,10 @@ class SamplesEngine:
         grid = self.model.at(cells, start.row.t + step * np.arange(count))
         fit = self.model.refined(cells, self.model.posterior(cells, grid))
         steady, ahead = self._ahead(live, fit.cost)
-        event = self._event(live, fit, rows, ahead >= _AHEAD, provisional)
+        freedom = sum(row.y is not None for row in rows) * len(self.model.plant.C) - 2
+        residuals = _with_rows(live, (start,)).joined(fit.cost, freedom)
+        live = replace(live, residuals=residuals)
+        event = self._event(live, fit, freedom, ahead >= _AHEAD, provisional)
         doubt = live.doubt
         if event.status != "ok":
             doubt = (live.rows[0].row.t, rows[-1].t, event.status)
@@ -251,19 +257,25 @@ class SamplesEngine:
         return tuple(one.after(self.model.plant, row, rival) for one in steady)
 
     def _event(
-        self, live: SampledLive, fit: Fit, rows: list[Row], alone: bool, provisional: bool
+        self, live: SampledLive, fit: Fit, freedom: int, alone: bool, provisional: bool
     ) -> Event:
-        """What is told of an impulse; alone: nothing steady explains the samples as well."""
+        """What is told of an impulse; alone: nothing steady explains the samples as well.
+
+        freedom: degrees of freedom of what the fit leaves of the window's samples.
+        """
         p, onsets = fit.probability, fit.grid.onsets
         step = float(onsets[1] - onsets[0])
         t = float(p @ onsets)
         weight = float(p @ fit.weights)
-        t_std = math.sqrt(float(p @ (onsets - t) ** 2) + step**2 / 12)
+        own, whole = birge_ratio(fit.cost, freedom), live.residuals.ratio
+        larger = max(own, whole)
+        t_std = larger * math.sqrt(float(p @ (onsets - t) ** 2) + step**2 / 12)
         spread = float(p @ (fit.weights**2 + 1 / fit.precision)) - weight**2
         status = "ok"
-        samples = sum(row.y is not None for row in rows) * len(self.model.plant.C)
-        if fit.cost > chi_squared_limit(samples - 2):
-            status = "does not fit one impulse in the window"
+        if own > 1:
+            status = MISFIT
+        if whole > 1:
+            status = _joined(status, LARGER)
         apart = t - live.last_event + math.ulp(t)  # as long as the stamps allow
         if gap := short_dwell(apart, self.dwell, live.last_std, t_std):
             status = _joined(status, gap)
@@ -271,7 +283,16 @@ class SamplesEngine:
             status = _joined(status, STEADY)
         if provisional:
             status = _joined(status, "provisional: the record ends inside its window")
-        return Event(t, np.array([weight]), t_std, np.array([math.sqrt(max(spread, 0.0))]), status)
+        weight_std = larger * math.sqrt(max(spread, 0.0))
+        return Event(t, np.array([weight]), t_std, np.array([weight_std]), status)
+
+
+def _with_rows(live: SampledLive, rows: tuple[Filtered, ...]) -> Residuals:
+    """The residuals with those of rows that no window will use again."""
+    found = live.residuals
+    for at in rows:
+        found = found.joined(at.cost, len(at.surprise))
+    return found
 
 
 def _joined(status: str, more: str) -> str:

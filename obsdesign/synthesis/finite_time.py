@@ -51,25 +51,26 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
     if method in equations.NEED_L:
         yield from _with_injection(problem, gains)
     else:
-        yield Candidate(method, completed(problem, gains))
+        yield Candidate(method, completed(problem, gains), searched="window" not in problem.options)
 
 
 def _with_injection(problem: Problem, gains: dict[str, Any]) -> Iterator[Candidate]:
     """L in the units of the file, then in those of the window; then longer windows, where open."""
-    searched = "L" not in problem.gains
-    free = "window" not in problem.options and "objective" not in problem.options
+    open_gain, open_window = "L" not in problem.gains, "window" not in problem.options
+    free = open_window and "objective" not in problem.options
     for factor in _LONGER if free else (1,):
         k = factor * int(gains["samples"])
         if k > equations.MOST_SAMPLES:
             return
         units = _units(problem, k)
-        for natural in (False, True) if searched and (units != units[0]).any() else (False,):
+        for natural in (False, True) if open_gain and (units != units[0]).any() else (False,):
             chosen = _injection(problem, k, units if natural else None)
             S = {} if chosen.S is None else {"theorem_1_coordinates": {"S": chosen.S}}
             found = completed(problem, gains | {"samples": k, "L": chosen.L})
+            searched = open_gain or open_window
             yield Candidate(str(gains["method"]), found, S, searched=searched)
-        if not searched or _blind(problem, k):
-            return  # no window and no units would change that
+        if _blind(problem, k):
+            return  # no units would change that, and `chosen_samples` has compared windows
 
 
 def _blind(problem: Problem, k: int) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from obsdesign.equations import impulse_rule
 from obsdesign.equations import impulsive_input as equations
 from obsdesign.errors import InputError
 from obsdesign.problem import Problem
@@ -16,17 +17,10 @@ _MOST = 32  # samples of a window of operator `samples`: more only take time
 _JUMPS = 0.05  # of its response that an impulse must show at once: then the output jumps with it
 
 
-def _own(problem: Problem) -> list[str]:
-    """What the file gives that belongs to operator `integral`."""
-    names = ("exponents", "ratio", "threshold", "check_exponents")
-    own = [name for name in names if name in problem.options]
-    return own + (["gains.K"] if "K" in problem.gains else [])
-
-
 def asks_for_samples(problem: Problem) -> bool:
     """Is operator `samples` asked for? InputError beside what belongs to the other one."""
     asked = problem.options.get("operator") == "samples"
-    if asked and (own := _own(problem)):
+    if asked and (own := impulse_rule.integral_entries(problem.options, problem.gains)):
         raise InputError(
             f"observer.{own[0]} belongs to operator 'integral'; with 'samples' all samples of "
             "the window are used as they are."
@@ -34,15 +28,9 @@ def asks_for_samples(problem: Problem) -> bool:
     return asked
 
 
-def _is_open(problem: Problem) -> bool:
-    """Is the operator left open, and are both possible?"""
-    periodic = problem.plant.output.measured == "periodic"
-    return periodic and "operator" not in problem.options and not _own(problem)
-
-
 def few_samples(problem: Problem, D: Matrix, window: float) -> str | None:
     """Why samples are too few for operator `integral` where the operator is open, or None."""
-    if not _is_open(problem):
+    if not impulse_rule.operator_is_open(problem):
         return None
     period = float(problem.plant.output.period or 0.0)
     longest = equations.longest_period(D, None, window)
@@ -61,7 +49,7 @@ def jumping_output(problem: Problem, window: float, weighting: str) -> str | Non
     None also where `samples` cannot work: it is a choice, nobody asked for it.
     """
     plant, options = problem.plant, problem.options
-    if not _is_open(problem):
+    if not impulse_rule.operator_is_open(problem):
         return None
     A, H = plant.flow.A, problem.require("jump.H")
     refused = weighting == "plain" or "margin" in options or H.shape[1] > 1

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import Any
 
 from obsdesign.equations.estimation_error import plant_data
@@ -11,29 +12,32 @@ from obsdesign.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
 
 _WINDOW = 4  # samples, where they are few and dwell times allow them
+_LONGEST = 512  # samples of a window that is left open: a row costs as much as there are
 
 
-def sampled_candidate(
+def sampled_candidates(
     problem: Problem, low: float, reason: str, *, longest: float | None = None, count: int = _WINDOW
-) -> Candidate:
+) -> Iterator[Candidate]:
     """Gains for operator `samples`; InputError where it cannot work.
 
     longest: the period up to which operator `integral` would do, where `samples` was not asked for;
-    count: samples of a window that is left open.
+    count: samples of a window that is left open. Windows of twice as many follow, since a few
+    samples need not determine the state.
     """
     plant = problem.plant
     _check(problem, reason, longest)
-    period = problem.require("output.period")
-    window = _window(problem, low, float(period), count)
+    period = float(problem.require("output.period"))
     data: dict[str, Any] = plant_data(plant) | {
         "H": problem.require("jump.H"),
         "noise_std": plant.output.noise_std, "noise_cv": plant.output.noise_cv,
-        "period": float(period), "window": float(window),
-        "margin": float(period), "weighting": "gls",
+        "period": period, "margin": period, "weighting": "gls",
         "operator": "samples", "state_correction": True,
         "nonnegative": bool(problem.options.get("nonnegative", False)),
     }  # fmt: skip
-    return Candidate(f"samples: {reason}", data)
+    for k, window in enumerate(_windows(problem, low, period, count)):
+        longer = f"; {round(window / period)} samples in a window" if k else ""
+        label = f"samples: {reason}{longer}"
+        yield Candidate(label, data | {"window": window}, searched=True)
 
 
 def _check(problem: Problem, reason: str, longest: float | None) -> None:
@@ -70,16 +74,19 @@ def _check(problem: Problem, reason: str, longest: float | None) -> None:
         raise InputError("observer.weighting must be 'gls' for operator 'samples'; got 'plain'.")
 
 
-def _window(problem: Problem, low: float, period: float, samples: int) -> float:
-    """As asked, else so many samples where the dwell time allows them."""
+def _windows(problem: Problem, low: float, period: float, count: int) -> list[float]:
+    """The window of the file, else of so many samples and more, as the dwell time allows."""
     window = problem.options.get("window")
     if window is None:
-        most = math.ceil(low / period * (1 - 1e-9)) - 1
-        window = period * max(min(samples, most), 1)
-    count = float(window) / period
-    if abs(count - round(count)) > 1e-6 or round(count) < 1:
+        most = max(math.ceil(low / period * (1 - 1e-9)) - 1, 1)
+        counts = [min(count, most)]
+        while counts[-1] < min(most, _LONGEST):
+            counts.append(min(2 * counts[-1], most, _LONGEST))
+        return [period * count for count in counts]
+    whole = float(window) / period
+    if abs(whole - round(whole)) > 1e-6 or round(whole) < 1:
         raise InputError(
             f"observer.window must be a multiple of output.period = {period!r} for operator "
             f"'samples'; got {window!r}."
         )
-    return float(window)
+    return [float(window)]

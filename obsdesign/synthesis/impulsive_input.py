@@ -8,16 +8,18 @@ impulse (`verification.uniqueness`). The window is a part of the shortest dwell 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lmi.balls import exact, fixed_vector
 from obsdesign.equations import impulsive_input as equations
 from obsdesign.equations.estimation_error import flow_error_matrix, plant_data
 from obsdesign.equations.impulse_curve import balanced_size
+from obsdesign.equations.impulsive_input import longest_period
 from obsdesign.errors import InputError
 from obsdesign.problem import Problem
 from obsdesign.structure import approx_unobservable_modes
@@ -30,7 +32,7 @@ from obsdesign.synthesis.impulse_operator import (
     period_for_integrals,
     samples_within,
 )
-from obsdesign.synthesis.impulse_samples import sampled_candidate
+from obsdesign.synthesis.impulse_samples import sampled_candidates
 from obsdesign.synthesis.placement import placed_gain
 
 Matrix = NDArray[np.float64]
@@ -53,7 +55,7 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
     _check_options(problem)
     weighting = _weighting(problem)
     if asks_for_samples(problem):
-        yield sampled_candidate(problem, low, "asked for")
+        yield from sampled_candidates(problem, low, "asked for")
         return
     window = float(problem.options.get("window", _longest(problem, low)))
     K = problem.gains.get("K")
@@ -62,31 +64,40 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
     data = _data(problem, D, window) | {"K": K, "weighting": weighting, "operator": "integral"}
     window = data["window"]
     if reason := few_samples(problem, D, window):
-        yield sampled_candidate(problem, low, reason, longest=period_for_integrals(D, window))
-        return
-    if reason := jumping_output(problem, window, weighting):
-        yield sampled_candidate(problem, low, reason, count=samples_within(problem, window))
-        return
+        longest = period_for_integrals(D, window)
+        yield from sampled_candidates(problem, low, reason, longest=longest)
+        if float(problem.plant.output.period or 0.0) > longest_period(D, None, window):
+            return  # the claim `samples` of operator `integral` fails for the same reason
+    elif reason := jumping_output(problem, window, weighting):
+        count = samples_within(problem, window)
+        yield from sampled_candidates(problem, low, reason, count=count)
+    try:
+        yield from _integral_candidates(problem, data, D)
+    except InputError:
+        if not reason:
+            raise  # otherwise the other operator has been proposed
+
+
+def _integral_candidates(problem: Problem, data: dict[str, Any], D: Matrix) -> Iterator[Candidate]:
+    """Operator `integral` with exponents as given, or as chosen."""
     if "exponents" in problem.options:
         given = np.array(problem.options["exponents"], dtype=np.float64)
-        yield Candidate(
-            "given exponents", data | {"exponents": given, "rule": rule_for(data, D, given)}
-        )
+        rule = rule_for(data, D, given)
+        yield Candidate("given exponents", data | {"exponents": given, "rule": rule}, searched=True)
         return
-    n = plant.n
-    rows = [exact(plant.output.C)]
-    for _ in range(n - 1):
-        rows.append(rows[-1] @ exact(plant.flow.A))
-    # a window that is too long and a state that is not seen refute every K and all exponents
-    open_question = window < low and not any(fixed_vector(X) for X in (rows, [exact(data["H"])]))
     for label, chosen, rule in exponent_choices(problem, data, D):
-        yield Candidate(label, data | {"exponents": chosen, "rule": rule}, searched=open_question)
+        yield Candidate(label, data | {"exponents": chosen, "rule": rule}, searched=True)
 
 
 def _longest(problem: Problem, low: float) -> float:
     """A part of the shortest dwell time, which leaves two periods of the samples."""
-    left = low - 2 * float(problem.plant.output.period or 0.0)
-    return (min(_WINDOW * low, left) if left > 0 else _WINDOW * low) or 1.0
+    period = Fraction(float(problem.plant.output.period or 0.0))
+    left = low - 2 * float(period)
+    if left <= 0:
+        return _WINDOW * low or 1.0
+    while Fraction(left) + 2 * period > Fraction(low):  # the claim `samples` is exact
+        left = math.nextafter(left, 0.0)
+    return min(_WINDOW * low, left)
 
 
 def _remembered(problem: Problem, D: Matrix, window: float) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -40,11 +41,13 @@ def part_candidates(
     )
     place = np.array([parts.first, parts.size], dtype=np.float64)
     whole = dict(gains) | {"basis": parts.basis, "core_place": place} | blocks
-    yield windowed(problem, whole, "subspace", certificates)
+    # other invariant subspaces, and other blocks left alone, may do
+    yield replace(windowed(problem, whole, "subspace", certificates), searched=True)
     U, S = image_of(blocks["core_G"])
     if U.shape[1] < parts.size:
         inner = whole | {"image": U, "coimage": S}
-        yield windowed(problem, inner, "subspace, compressed", certificates)
+        found = windowed(problem, inner, "subspace, compressed", certificates)
+        yield replace(found, searched=True)
 
 
 def _blocks(

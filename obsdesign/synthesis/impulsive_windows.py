@@ -12,8 +12,8 @@ from lmi.balls import exact, inverse, to_float
 from lmi.deficient import decide_full_rank
 from lmi.full_rank import BOX_LIMIT
 from lmi.patience import hurried, left
-from lmi.rank_witness import MARGIN, check_deficient
-from lmi.stack import Stack, approx_margin, coordinates
+from lmi.rank_witness import check_deficient
+from lmi.stack import Stack, coordinates
 from lmi.verdict import Verdict
 from obsdesign.equations import impulsive as equations
 from obsdesign.equations.estimation_error import plant_data
@@ -179,8 +179,7 @@ def _hopeless(core: equations.Core, verdict: Verdict, low: float, high: float) -
     if not thetas or max(thetas) - min(thetas) > 1e-6 * max(thetas):
         return False
     longer = _stack(core, core.size + 1)
-    R, full = coordinates(longer, low, high)
-    if not full:
+    if not coordinates(longer, low, high)[1]:
         return True
-    place = np.full((1, longer.thetas), float(np.mean(thetas)))
-    return bool(approx_margin(longer, place, R)[0] < 100 * MARGIN)
+    same = {"thetas": [float(np.mean(thetas))] * longer.thetas}
+    return check_deficient(longer, low, high, same).outcome == "refuted"

@@ -130,7 +130,8 @@ def _with_samples(
     if L is None:
         task = sampling_task(problem, own.get("S"), given)
         L = task.gains(*best_gains(task, _objective(problem))[1:])[1]
-    return _candidate(problem, form, L, given.get("M", 0 * L), own, "L" not in given)
+    searched = "L" not in given or ("S" in own and "S" not in problem.gains)
+    return _candidate(problem, form, L, given.get("M", 0 * L), own, searched)
 
 
 def _in_found_coordinates(problem: Problem, given: Mapping[str, Any]) -> Iterator[Candidate]:

@@ -50,7 +50,9 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
         if M is None:
             M = _jump_gain(problem, F + rate * np.eye(plant.n))
         gains = plant_data(plant) | {"L": L, "M": M}
-        open_gain = chosen or given_gain(problem, "M") is None
+        # several outputs leave more than one L with the poles of the file
+        placed = given_gain(problem, "L") is None and plant.p > 1
+        open_gain = chosen or placed or given_gain(problem, "M") is None
         yield Candidate(
             label,
             gains,

@@ -45,7 +45,7 @@ def observable(sampled: Sampled) -> Claim:
     if vector is not None:
         told = ", ".join(f"{x:.6g}" for x in vector)
         reason = f"the state ({told}) and what becomes of it is never seen in y"
-        verdict = refuted({"vector": vector, "reason": reason, "of_all_gains": True})
+        verdict = refuted({"vector": vector, "reason": reason})
     return make_claim("observable", "(A, C) is observable", f"{PAPER}, Assumption 1", verdict)
 
 
@@ -83,7 +83,7 @@ def sampled_observable(sampled: Sampled, dead: bool = False) -> Claim:
     n = len(sampled.A)
     verdict = _row_rank(sampled, max(sampled.k, n))
     if verdict.outcome == "refuted" and not dead:
-        verdict = with_reason(verdict, _why_badly_sampled(sampled), of_all_gains=True)
+        verdict = with_reason(verdict, _why_badly_sampled(sampled))
     statement = (
         f"samples {sampled.period!r} apart see every state: the smallest singular value of the "
         f"scaled C A_d^-l, l = 1..{max(sampled.k, n)}, or of the scaled C A_d^l, l = 0.., is at "
@@ -136,7 +136,7 @@ def long_enough(sampled: Sampled, dead: bool = False) -> Claim:
     if verdict.outcome == "refuted" and not dead:
         least = sampled_index(sampled)
         reason = f"the window holds {sampled.k} samples; at least {least} are needed"
-        verdict = with_reason(verdict, reason, of_all_gains=True)
+        verdict = with_reason(verdict, reason)
     statement = (
         f"the window's {sampled.k} samples determine the state: the same for l = 1..{sampled.k}"
     )
@@ -179,10 +179,10 @@ def _power_of_two(square: Any) -> Any:
     return scalar(2) ** -round(float((square.mid().log() / scalar(4).log()).mid()))
 
 
-def with_reason(verdict: Verdict, reason: str, **more: bool) -> Verdict:
-    """A refutation told in words; more of the witness: of_all_gains where L does not matter."""
+def with_reason(verdict: Verdict, reason: str) -> Verdict:
+    """A refutation told in words."""
     rest = {name: value for name, value in verdict.evidence.items() if name != "witness"}
-    return refuted({**verdict.evidence["witness"], "reason": reason, **more}, **rest)
+    return refuted({**verdict.evidence["witness"], "reason": reason}, **rest)
 
 
 def make_claim(name: str, statement: str, source: str, verdict: Verdict) -> Claim:

@@ -146,16 +146,26 @@ def _rank(A: Any, C: Any, period: float, cells: int, first: int = 0) -> Verdict:
 
     Samples `first` .. `cells` of a window; where some do not do, nothing follows for all.
     """
+    every = cells // min(cells, _MOST_ROWS)
+    found = _rank_of(A, C, period * every, first, min(cells, _MOST_ROWS))
+    if found.outcome != "proved" and every * _MOST_ROWS < cells:  # they end before the window does
+        every += 1
+        wider = _rank_of(A, C, period * every, first, cells // every)
+        found = wider if wider.outcome == "proved" else found
     count = min(cells, _MOST_ROWS)
-    rows = _sampled_rows(A, C, period * (cells // count), first, count)
-    sizes = np.tile(np.linalg.norm(to_float(C), axis=1), count + 1 - first)
-    found = rank_verdict(rows, sizes, len(A), "the samples of a window")
     if found.outcome == "refuted" and count < cells:
         return undecided(
             f"{count} of the {cells} samples of a window do not determine the state: change the "
             "window or the period"
         )
     return found
+
+
+def _rank_of(A: Any, C: Any, step: float, first: int, count: int) -> Verdict:
+    """Rank of samples first .. count, `step` apart."""
+    rows = _sampled_rows(A, C, step, first, count)
+    sizes = np.tile(np.linalg.norm(to_float(C), axis=1), count + 1 - first)
+    return rank_verdict(rows, sizes, len(A), "the samples of a window")
 
 
 def _sampled_rows(
@@ -180,7 +190,8 @@ def _uniqueness(A: Any, H: Any, h: float) -> Verdict:
     along = A @ H
     k = next((i for i in range(len(H)) if H[i, 0] != 0), None)
     if k is None:
-        return refuted({"vector": [0.0] * len(H), "reason": "jump.H is zero: impulses do nothing"})
+        reason = "jump.H is zero: impulses do nothing"
+        return refuted({"vector": [0.0] * len(H), "reason": reason, "of_all_gains": True})
     rate = along[k, 0] / H[k, 0]
     if all(along[i, 0] == rate * H[i, 0] for i in range(len(H))):
         mode = float(rate.p) / float(rate.q)

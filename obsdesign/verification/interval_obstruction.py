@@ -37,6 +37,8 @@ def obstruction_claim(problem: Problem, gains: Mapping[str, Any], source: str) -
     is_open = {name: name not in problem.gains and name not in idle for name in ("L", "M")}
     if plant.output.measured == "periodic":
         found = _hidden(problem) if is_open["L"] else None
+        if not is_open["L"] and "S" in gains and "S" not in problem.gains:
+            found = _unstable_between_samples(problem, gains)
     elif any(is_open.values()):
         found = _hidden(problem) or _in_these_coordinates(problem, gains, is_open)
     elif "S" in gains and "S" not in problem.gains:
@@ -104,6 +106,16 @@ def _unstable_error(problem: Problem, gains: Mapping[str, Any]) -> dict[str, Any
     low, high = problem.require_dwell_time()
     found = _told(prove_hurwitz(F), beginning) if math.isinf(high) else None
     return found or _told(refute_spectral(F, H, low, high), beginning)
+
+
+def _unstable_between_samples(problem: Problem, gains: Mapping[str, Any]) -> dict[str, Any] | None:
+    """The same for samples as events, without jumps if they may stay away for ever."""
+    if problem.plant.jump is not None and math.isfinite(problem.require_dwell_time()[1]):
+        return None
+    A, C, L = (exact(gains[name]) for name in ("A", "C", "L"))
+    period = float(gains["period"])
+    beginning = "with this L no coordinates help, the estimation error does not shrink: "
+    return _told(refute_spectral(A, exact(np.eye(len(A))) - L @ C, period, period), beginning)
 
 
 def _told(verdict: Verdict, beginning: str) -> dict[str, Any] | None:

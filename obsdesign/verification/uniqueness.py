@@ -64,7 +64,7 @@ def decide_uniqueness(
     idle = fixed_vector([H])
     if idle is not None:
         reason = f"impulses with weights {idle} do nothing: the columns of jump.H are dependent"
-        return refuted({"weights": idle, "reason": reason})
+        return refuted({"weights": idle, "reason": reason, "of_all_gains": True})
     real = real_spectrum(D)
     if real:
         found = _by_theorem(D, C, H, m, exponents, window)

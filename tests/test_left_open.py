@@ -1,0 +1,163 @@
+"""What synthesis chose itself refutes nothing: another choice may do, and here it does.
+
+For each kind a problem for which the window, gain, coordinates or strategy that is chosen fails,
+the entry with which the same problem is proved, and a twin that stays refuted.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+import obsdesign
+
+Body = dict[str, Any]
+
+
+def changed(body: Body, **entries: Any) -> Body:
+    """A copy with entries `block__name` set, or dropped where they are None."""
+    found = copy.deepcopy(body)
+    for path, value in entries.items():
+        block, _, name = path.partition("__")
+        found.setdefault(block, {})[name] = value
+        if value is None:
+            del found[block][name]
+    return found
+
+
+def verdict(body: Body) -> str:
+    return obsdesign.investigate(obsdesign.Problem.from_dict(body)).verdict
+
+
+# a gain at rest that is placed: with two outputs L is not the only one with these poles
+PLACED: Body = {
+    "flow": {"A": [[0, 0], [0, 0]]},
+    "jump": {"G": [[0, 0], [0, 5]], "dwell_time": [1, 1]},
+    "output": {"C": [[1, 0], [0, 1]]},
+    "observer": {"kind": "luenberger", "poles": [-1, -2], "gains": {"M": [[0, 0], [0, 0]]}},
+}
+ONE_OUTPUT = {"output__C": [[0, 1]], "observer__gains": {"M": [[0], [0]]},
+              "flow__A": [[0, 0], [1, 0]], "jump__G": [[9, 0], [0, 9]]}  # fmt: skip
+
+# e^(A T) = e^((A + L C) T) at two samples, the window that is chosen, but not at three
+TURNING: Body = {
+    "flow": {"A": [[0, 1], [-1, 0]]},
+    "output": {"C": [[1, 0]], "measured": "periodic", "period": math.pi / 2},
+    "observer": {"kind": "finite_time", "method": "approximate", "gains": {"L": [[0], [-8]]}},
+}
+
+# the half turn hides the oscillation from windows on all three states, which all decay
+DECAYING: Body = {
+    "flow": {"A": [[-0.5, 0, 0], [0, -0.5, 1], [0, -1, -0.5]]},
+    "jump": {"G": np.eye(3).tolist(), "dwell_time": [3, 3.3]},
+    "output": {"C": [[1, 1, 0]], "measured": "at_jumps"},
+    "observer": {"kind": "impulsive", "strategy": "subspace"},
+}
+
+# I - L C = P diag(size, -size) P^-1: its absolute value grows, but not in the coordinates P
+OBLIQUE = np.array([[1.0, 1.0], [0.5, 1.0]])
+
+
+def oblique(size: float) -> Body:
+    K = OBLIQUE @ np.diag([size, -size]) @ np.linalg.inv(OBLIQUE)
+    return {
+        "flow": {
+            "A": [[-1e-3, 0], [0, -1e-3]],
+            "disturbance": {"lower": [-0.1, -0.1], "upper": [0.1, 0.1]},
+        },
+        "output": {"C": [[1, 0], [0, 1]], "noise_bound": [0.1, 0.1], "measured": "periodic",
+                   "period": 0.1},
+        "observer": {"kind": "interval", "form": "coordinates",
+                     "gains": {"L": (np.eye(2) - K).tolist()}},
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("body", "cured", "twin"),
+    [
+        (PLACED, {"observer__poles": None,
+                  "observer__gains": {"L": [[1, 0], [0, 2]], "M": [[0, 0], [0, 0]]}}, ONE_OUTPUT),
+        (TURNING, {"observer__window": 3 * math.pi / 2}, {"observer__window": math.pi}),
+        (TURNING, {"observer__method": "exact"}, {"observer__gains": {"L": [[0], [0]]}}),
+        (DECAYING, {"observer__strategy": "auto"}, {"observer__strategy": "full"}),
+        (DECAYING, {"observer__strategy": "quadratic"}, {"flow__A": np.eye(3).tolist()}),
+        (oblique(0.9), {"observer__gains": oblique(0.9)["observer"]["gains"]
+                        | {"S": OBLIQUE.tolist()}}, oblique(1.1)),
+    ],
+    ids=["poles", "window", "method", "strategy", "subspace", "coordinates"],
+)  # fmt: skip
+def test_another_choice_does(body: Body, cured: Body, twin: Body) -> None:
+    assert verdict(body) == "undecided"
+    assert verdict(changed(body, **cured)) == "proved"
+    assert verdict(twin if "flow" in twin else changed(body, **twin)) == "refuted"
+
+
+# --- impulsive_input: window, K, exponents and operator ----------------------------------------------
+
+
+def cascade(n: int, period: float = 0.02, dwell: float = 6.0, **observer: Any) -> Body:
+    """A chain of compartments in which a few samples, close together, hardly show all states."""
+    A = -np.diag(np.linspace(0.5, 2, n)) + np.diag(np.ones(n - 1), -1)
+    return {
+        "flow": {"A": A.tolist()},
+        "jump": {"H": [[1]] + [[0]] * (n - 1), "dwell_time": [dwell, "inf"]},
+        "output": {"C": [[1] * n], "measured": "periodic", "period": period, "noise_std": [0.01]},
+        "observer": {"kind": "impulsive_input", **observer},
+    }
+
+
+@pytest.mark.parametrize("operator", [{}, {"operator": "samples"}])
+@pytest.mark.parametrize("n", [6, 10])
+def test_a_window_that_is_open_grows_until_it_shows_the_state(n: int, operator: Body) -> None:
+    design = obsdesign.design(obsdesign.Problem.from_dict(cascade(n, **operator)))
+    assert design.gains["operator"] == "samples"
+    assert design.gains["window"] < 6
+    assert obsdesign.verify(design).verdict == "proved"
+    # the twins: a window that is given is judged by itself, and so is a state that is not seen
+    assert verdict(cascade(n, operator="samples", window=0.1)) == "refuted"
+    assert verdict(changed(cascade(n, **operator), output__C=[[1] + [0] * (n - 1)])) == "refuted"
+
+
+def test_a_state_that_no_window_showed_is_undecided() -> None:
+    # many compartments: too much alike for the windows tried, which is not proved of all of them
+    assert verdict(cascade(15, operator="samples")) == "undecided"
+    assert verdict(cascade(10, operator="integral")) == "undecided"
+
+
+def test_where_samples_show_no_onset_integrals_are_tried() -> None:
+    one = cascade(1, period=0.2, dwell=2.0)
+    design = obsdesign.design(obsdesign.Problem.from_dict(one))
+    assert design.gains["operator"] == "integral"
+    assert verdict(changed(one, observer__operator="integral")) == "proved"
+    # the twin: asked for, samples are refuted, whatever their window
+    assert verdict(changed(one, observer__operator="samples")) == "refuted"
+
+
+def test_a_dwell_time_that_holds_no_window_is_refuted() -> None:
+    for dwell, operator, expected in ((0.01, {}, "refuted"), (0.0, {}, "refuted"),
+                                      (0.03, {"operator": "integral"}, "refuted"),
+                                      (0.03, {}, "undecided")):  # fmt: skip
+        assert verdict(cascade(2, dwell=dwell, **operator)) == expected
+
+
+@pytest.mark.parametrize(
+    ("given", "expected"),
+    [
+        ({"exponents": [-1.0, -3.0]}, "undecided"),  # the eigenvalue of A - K C, K chosen
+        ({"exponents": [-1.0, -3.0], "gains": {"K": [[0.5]]}}, "refuted"),
+        ({"exponents": [-3.0, -4.0]}, "proved"),
+        ({"exponents": [-3.0]}, "refuted"),  # one feature for two unknowns, whatever K
+    ],
+)
+def test_exponents_are_judged_with_the_gain_that_is_given(given: Body, expected: str) -> None:
+    body = {
+        "flow": {"A": [[-0.5]]},
+        "jump": {"H": [[1]], "dwell_time": [3, "inf"]},
+        "output": {"C": [[1]]},
+        "observer": {"kind": "impulsive_input", "window": 1, **given},
+    }
+    assert verdict(body) == expected
