@@ -18,8 +18,8 @@ class Condition:
     """M(theta) = left e^{F theta} right (left None: the identity) for all theta in [low, high].
 
     F (n, n), left (m, n), right (n, m'): exact; P_source (m', m'), P_target (m, m): symmetric,
-    floats, taken exactly, or exact; gamma: float. others: matrices for which the same is to be proved, each
-    in place of P_source.
+    floats, taken exactly, or exact; gamma: float. others: matrices for which the same is to be
+    proved, each in place of P_source.
     """
 
     F: Exact
@@ -38,7 +38,7 @@ class Condition:
         Sources and targets of another size than the flow keep their own.
         """
         jump = self.right if self.left is None else self.right @ self.left
-        if jump.shape != self.F.shape:  # from other coordinates than the flow's: they do not bind it
+        if jump.shape != self.F.shape:  # other coordinates than the flow's do not bind it
             jump = 0 * self.F
         scaling = Scaling.of(self.F, jump, self.high)
         if scaling.is_identity:

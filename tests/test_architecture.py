@@ -88,7 +88,7 @@ LIGHT = ("numpy", "lmi.exponential", "lmi.enclosure")
         (
             "obsdesign.runtime",
             (*LIGHT, "obsdesign.runtime", "obsdesign.equations", "obsdesign.document",
-             "obsdesign.entries", "obsdesign.errors"),
+             "obsdesign.entries", "obsdesign.errors", "obsdesign.input_files"),
         ),
     ],
 )  # fmt: skip

@@ -17,8 +17,9 @@ from typing import Any, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 
-from obsdesign.document import Design, digest, keys_once
+from obsdesign.document import Design, digest
 from obsdesign.errors import InputError
+from obsdesign.input_files import keys_once
 from obsdesign.runtime.base import Vector
 from obsdesign.runtime.window_tape import Tape
 

@@ -59,9 +59,9 @@ def dwell_stability(
     """Is x -> e^{F theta} H x stable for every admissible sequence of theta?
 
     certificate: what a finder believes shows the answer: {"P": n x n}, {"windows": ..., "edges":
-    ...}, {"vector": ...}, {"witness": {"thetas": ...}} or {"no_common_P": ...}; it is checked
-    here, or not used. One dwell time alone needs none. Refuted only by a checked witness. paranoid: a proof is repeated by the
-    second, independent method.
+    ...}, {"vector": ...}, {"witness": {"thetas": ...}} or {"no_common_P": ...}; it is checked here,
+    or not used. One dwell time alone needs none. Refuted only by a checked witness. paranoid: a
+    proof is repeated by the second, independent method.
     """
     low, high = dwell.low, dwell.high
     attempt = undecided("no certificate P was given or found")
