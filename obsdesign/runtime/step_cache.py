@@ -65,6 +65,6 @@ def shared_length(h: float, size: float) -> tuple[float, float]:
     power = 10.0 ** math.floor(math.log10(least))
     unit = next(factor * power for factor in (1.0, 2.0, 5.0, 10.0) if factor * power >= least)
     length = round(h / unit) * unit
-    # quotient and product are rounded, by less than an ulp and by half an ulp of h, which is at
-    # most two of the length: what is shared does not depend on which step came first
-    return length, 0.5 * unit + 4.0 * math.ulp(length)
+    # quotient and product are rounded, by less than an ulp and by half an ulp of h; h is below
+    # length + unit, and what is shared does not depend on which of these steps came first
+    return length, 0.5 * unit + 2.0 * math.ulp(length + unit)
