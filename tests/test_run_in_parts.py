@@ -171,6 +171,7 @@ def test_states_that_cannot_be_resumed(desk: Path) -> None:
     again = refused("one.csv", "--state", "s.json")
     assert "line 2: t must increase; got 0.0 after " in again
     assert "is another file of this run" in refused("two.csv", "--state", "e.csv", "-o", "e.csv")
+    assert "is the estimate file" in refused("two.csv", "-o", "e.csv", "--events", "./e.csv")
     assert "one of the files that are read" in refused("two.csv", "--state", "two.csv")
     assert "--initial must be" in refused("one.csv", "--state", "new.json")
     assert not (desk / "new.json").exists()
