@@ -52,7 +52,7 @@ def check_hiding(F: Exact, H: Exact, C: Exact, theta: float) -> Verdict:
     if not unseen.shape[1]:
         return undecided(f"nothing is hidden at {theta!r}")
     M = Stack(F, H, exact(np.eye(n)), exact(np.eye(n)), 2).approx(np.array([[theta]]))[0][n:]
-    inside = np.linalg.lstsq(unseen, M @ unseen)[0]
+    inside = np.linalg.lstsq(unseen, M @ unseen, rcond=None)[0]
     modes, vectors = np.linalg.eig(inside)
     k = int(np.argmax(np.abs(modes)))
     v, s = unseen @ vectors[:, k], complex(modes[k])

@@ -99,7 +99,7 @@ def normalised(stack: Stack, low: float, high: float, R: Matrix) -> NormalisedSt
         return None
     start, end = rational(low), rational(high)
     F = to_float(stack.F)
-    K = R @ np.linalg.lstsq(to_float(stack.right), F @ to_float(stack.right))[0] @ back
+    K = R @ np.linalg.lstsq(to_float(stack.right), F @ to_float(stack.right), rcond=None)[0] @ back
     return NormalisedStack(
         F=T * ball(stack.F) * into,
         H=T * ball(stack.H) * into,

@@ -117,7 +117,7 @@ def state_basis(stack: Stack, R: Matrix) -> Matrix:
     if not np.isfinite(whole).all() or np.linalg.cond(whole) > _OBLIQUE:
         destroyed = np.linalg.qr(columns, mode="complete")[0][:, r:]
     # as large as what they drive the other coordinates by in a unit of time
-    driven = np.linalg.lstsq(np.hstack([columns, destroyed]), F @ destroyed)[0][:r]
+    driven = np.linalg.lstsq(np.hstack([columns, destroyed]), F @ destroyed, rcond=None)[0][:r]
     size = float(np.linalg.norm(driven, 2))
     return np.hstack([columns, destroyed / size if size > 0 else destroyed])
 

@@ -11,6 +11,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from itertools import chain
+from pathlib import Path
 from typing import Any, TextIO
 
 from obsdesign.document import load_design
@@ -124,10 +125,18 @@ def _refuse_targets(
     """InputError if a file to be written is one that is read, or is written twice."""
     for target in (output, events, state):
         refuse_overwriting(target, *read)
-    if events is not None and events == output:
+    if _same_file(events, output):
         raise InputError(f"--events: {events} is the estimate file; give another name.")
-    if state is not None and state in (output, events):
+    if _same_file(state, output) or _same_file(state, events):
         raise InputError(f"--state: {state} is another file of this run; give another name.")
+
+
+def _same_file(one: str | None, other: str | None) -> bool:
+    """Two names of one file; a device may be written twice."""
+    if one is None or other is None:
+        return False
+    path = Path(one).resolve()
+    return path == Path(other).resolve() and (path.is_file() or not path.exists())
 
 
 @contextmanager

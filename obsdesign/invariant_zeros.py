@@ -64,7 +64,7 @@ def _even_sizes(terms: Exact) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     if not there:
         return np.zeros(p, np.int64), np.zeros(q, np.int64)
     bits = [int(v.p).bit_length() - int(v.q).bit_length() for v in values if v != 0]
-    found = np.linalg.lstsq(table[there], np.array(bits, dtype=np.float64))[0]
+    found = np.linalg.lstsq(table[there], np.array(bits, dtype=np.float64), rcond=None)[0]
     sizes = np.round(found).astype(np.int64)
     return sizes[:p], sizes[p:]
 

@@ -48,7 +48,7 @@ def _even_units(A: Matrix, C: Matrix, D: Matrix) -> Matrix:
         return np.ones(n)
     table, bits, weights = np.array(rows), np.array(values), np.ones((len(rows), 1))
     for _ in range(_REWEIGHTED):
-        found = np.linalg.lstsq(weights * table, weights[:, 0] * bits)[0]
+        found = np.linalg.lstsq(weights * table, weights[:, 0] * bits, rcond=None)[0]
         weights = np.maximum(np.abs(table @ found - bits), 1.0)[:, None] ** -0.5
     relative = np.round(found[:n] - found[0])  # the common factor is free
     return np.asarray(np.exp2(np.clip(relative, -500, 500)))

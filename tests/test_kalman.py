@@ -50,7 +50,7 @@ def test_without_disturbance_it_is_weighted_least_squares(seed: int, n: int, aft
             values.append(y[k] / np.array([0.3, 0.2]))
         if jump[k] and not after:
             Phi = built.jump.G @ Phi
-    x0 = np.linalg.lstsq(np.vstack(rows), np.concatenate(values))[0]
+    x0 = np.linalg.lstsq(np.vstack(rows), np.concatenate(values), rcond=None)[0]
     found = kalman_filter(built, rows_of(t, y, jump=jump), initial_variance=25.0)
     assert np.allclose(found.x[-1], Phi @ x0, atol=1e-7 * (1 + np.abs(Phi).max()))
 

@@ -29,7 +29,7 @@ def first_covariance(run: FreeRun, H: Array, track: Track, stop: int) -> Array:
 
 
 def covariance_at(run: FreeRun, live: IntegralLive, times: Array, spread: Array) -> Array | None:
-    """P(times[0]): P' = D P + P D' + K Q K', Q the noise of the samples times their spacing."""
+    """P at times[0] by P' = D P + P D' + K Q K'; Q: noise of these samples times their spacing."""
     P = live.covariance
     if P is None:
         return None

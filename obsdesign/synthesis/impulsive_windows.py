@@ -78,7 +78,7 @@ def image_of(G: Any) -> tuple[Any, Any]:
         exactly = to_float(back @ exact(G[rows]))
         if not np.any(exact(U) @ exact(exactly) != exact(G)):
             return U, exactly
-    S = np.linalg.lstsq(U, G)[0]
+    S = np.linalg.lstsq(U, G, rcond=None)[0]
     S[:, chosen] = np.eye(rank)
     return U, S
 

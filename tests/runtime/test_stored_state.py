@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import functools
+import math
+from collections import OrderedDict
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -13,6 +15,7 @@ import pytest
 import obsdesign
 from obsdesign.runtime import Sample, from_design
 from obsdesign.runtime.base import rows_of
+from obsdesign.runtime.step_cache import cached_step, rounded_step
 from obsdesign.runtime.stored_state import Progress, progress_from_text, state_text
 from obsdesign.simulation import simulate
 from obsdesign.stream import Stream
@@ -32,9 +35,9 @@ CASES: dict[str, tuple[str, int, dict[str, Any]]] = {
         {"strategy": "quadratic", "noise_target": None, "window": None},
     ),
     "impulsive, compressed": ("medina_spline", 60, {}),
-    "finite time, least squares": ("quarter_car", 90, {"noise_bound": 0.01}),
-    "finite time, approximate": ("mazenc_4", 90, {"method": "approximate"}),
-    "finite time": ("mazenc_4", 90, {}),
+    "finite time, bounds": ("mazenc_4", 300, {"method": "least_squares", "noise_bound": 0.01}),
+    "finite time, exact": ("mazenc_4", 300, {"method": "exact"}),
+    "finite time, approximate": ("mazenc_4", 300, {}),
     "unknown input, cell": ("ahn_1", 60, {}),
     "unknown input, damped": ("ahn_2", 60, {"differentiator": "damped"}),
     "impulses, integral": ("mattsson_medvedev", 2600, {"period": 0.1}),
@@ -78,6 +81,20 @@ def rows(estimates: Iterable[Any]) -> list[Any]:
         + [r.status, [tuple(map(repr, e.row() if hasattr(e, "row") else e)) for e in r.events]]
         for r in estimates
     ]
+
+
+def test_a_cached_step_does_not_depend_on_the_stamps_that_came_first() -> None:
+    """0.6 and 1.05 round to the same decimals, and differ in what they are known to."""
+    sizes = (0.6, 1.05)
+    found = []
+    for order in (sizes, sizes[::-1]):
+        cache: OrderedDict[tuple[float, int], Any] = OrderedDict()
+        found += [cached_step(cache, 0.05, size, lambda h, error: (h, error)) for size in order]
+        assert len(cache) == 1
+    assert len(set(found)) == 1
+    for size in (*sizes, 1e-3, 7.9, 8.1, 1e6, 2.0**40):
+        _, error = cached_step(OrderedDict(), 0.05, size, lambda h, error: (h, error))
+        assert error >= rounded_step(0.05, size)[1] + 2 * math.ulp(size)
 
 
 @pytest.mark.parametrize("live", [False, True])
