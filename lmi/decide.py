@@ -19,6 +19,7 @@ from lmi.dissipative import is_stiff, propose_dissipative
 from lmi.families import Edge
 from lmi.hurwitz import prove_hurwitz
 from lmi.infeasible import prove_no_common
+from lmi.patience import ended, ended_part
 from lmi.products import worst_word
 from lmi.proof import prove_common
 from lmi.spectral import refute_spectral, refute_word, steps_within
@@ -52,8 +53,8 @@ def decide(
     at most so much from one to the next. memory: 0 for a common P only, a number for windows that
     look at most so many dwell times back and ahead, "auto" for as many as it takes.
     Evidence: "P", or "windows" and "edges" (`lmi.windows_proof`), or "witness". Undecided evidence
-    holds the largest growth seen, and "no_common_P" when a checked certificate excludes a common P,
-    which is not instability.
+    holds the largest growth seen, "no_common_P" when a checked certificate excludes a common P,
+    which is not instability, and where a budget ended a search what `lmi.patience.ended` has of it.
     """
     if not 0 <= low <= high or math.isinf(low):
         raise ValueError(f"0 <= low <= high, low finite, is required; got [{low}, {high}]")
@@ -71,8 +72,10 @@ def decide(
     if counter.outcome == "refuted":
         return counter
     attempt = refute_sequences(F_exact, H_exact, low, high, proposal, attempt, jitter)
-    if attempt.outcome == "refuted" or memory == 0 or low == high:
+    if attempt.outcome == "refuted":
         return attempt
+    if memory == 0 or low == high:
+        return Verdict("undecided", {**attempt.evidence, **ended()})
     return _by_windows(F_exact, H_exact, low, high, memory, jitter, proposal, attempt)
 
 
@@ -96,6 +99,7 @@ def _by_windows(
     if again.outcome == "refuted":
         return again
     without = {key: value for key, value in again.evidence.items() if key != "reason"}
+    without |= ended() or ended_part(found.verdict.evidence)
     return undecided(f"{attempt.evidence['reason']}; {found.verdict.evidence['reason']}", **without)
 
 

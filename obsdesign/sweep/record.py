@@ -30,6 +30,7 @@ _WORDS = {
     "over": "--over",
     "for": "--for",
     "accuracy": "--accuracy",
+    "time": "--time",
     "obsdesign": "version of obsdesign",
 }
 
@@ -45,6 +46,7 @@ def header(plan: Plan) -> dict[str, Any]:
         "over": [axis.to_dict() for axis in plan.axes],
         "for": plan.what,
         "accuracy": plan.accuracy,
+        "time": plan.seconds,
         "obsdesign": __version__,
     }
 

@@ -18,7 +18,7 @@ from lmi.balls import exact, fixed_vector
 from obsdesign.equations import impulsive_input as equations
 from obsdesign.equations.estimation_error import flow_error_matrix, plant_data
 from obsdesign.equations.impulse_curve import balanced_size
-from obsdesign.errors import InputError
+from obsdesign.errors import DoesNotApply, InputError
 from obsdesign.problem import Problem
 from obsdesign.structure import approx_unobservable_modes
 from obsdesign.synthesis.candidate import Candidate
@@ -48,6 +48,8 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
     problem.require("jump.H")
     low, _ = problem.require_dwell_time()
     problem.require_measured("continuous", "periodic")
+    if text := equations.plant_objection(plant):
+        raise DoesNotApply(text)
     if text := equations.objection(plant):
         raise InputError(text)
     _check_options(problem)

@@ -21,7 +21,7 @@ from lmi.balls import exact
 from lmi.exponential import expm
 from lmi.families import balance
 from lmi.hidden_mode import propose_hiding
-from lmi.patience import hurried, left
+from lmi.patience import ended, hurried, left, remark_end
 from lmi.proof import prove_common
 from lmi.stack import Stack
 from obsdesign.equations.estimation_error import plant_data, seen_before_jump
@@ -127,6 +127,7 @@ def _table(
         else:
             middle = (start + end) / 2
             todo += [(middle, end), (start, middle)]
+    remark_end("cells of spacings", ended() if todo else {}, matters=False)
     return None if todo else (np.array(borders), np.array(gains))
 
 
