@@ -5,16 +5,12 @@ with total_budget(60.0):             # every search in here ends after 60 s of p
         with stretched(factor):
             ...                      # own budgets are so many times as long
 
-with at_most(0.5):
-    ...              # only what decides is done, for half a second at most
-
 with listening() as remarks:
     ...              # searches that ended early or settled for less
 
 A search asks `until(its own budget)` for the moment to stop at; `ended` is the evidence that it
-had to. Who looks for more than a decision, the better of two answers or how good one is, asks
-`hurried()` first. A proof of stored numbers has no budget of its own: it ends early only inside of
-`at_most` or `total_budget`, undecided.
+had to. A proof of stored numbers has no budget of its own: it ends early only inside of
+`total_budget`, undecided.
 """
 
 from __future__ import annotations
@@ -38,12 +34,6 @@ class _Budget:
     seconds: float = math.inf
     end: float = math.inf
     factor: float = 1.0
-    decides_only: bool = False
-
-    def within(self, seconds: float) -> _Budget:
-        """At most so many seconds from now on."""
-        end = time.process_time() + seconds
-        return self if end >= self.end else replace(self, seconds=seconds, end=end)
 
 
 @dataclass(frozen=True)
@@ -106,21 +96,17 @@ def _budget(budget: _Budget) -> Iterator[None]:
 
 @contextmanager
 def total_budget(seconds: float | None) -> Iterator[None]:
-    """Bound all searches in here together, in seconds of processor time; None: no bound.
+    """Bound all searches in here together, in seconds of processor time; nested, the least.
 
-    ValueError unless seconds > 0.
+    None: no bound. ValueError unless seconds > 0.
     """
     if seconds is not None and not seconds > 0:
         raise ValueError(f"a budget must be a positive number of seconds; got {seconds!r}")
     budget = _BUDGET.get()
-    with _budget(budget if seconds is None else budget.within(seconds)):
-        yield
-
-
-@contextmanager
-def at_most(seconds: float) -> Iterator[None]:
-    """Bound all searches in here together, and leave out all that does not decide."""
-    with _budget(replace(_BUDGET.get().within(seconds), decides_only=True)):
+    end = math.inf if seconds is None else time.process_time() + seconds
+    if seconds is not None and end < budget.end:
+        budget = replace(budget, seconds=seconds, end=end)
+    with _budget(budget):
         yield
 
 
@@ -138,11 +124,6 @@ def stretch_factors() -> Iterator[float]:
     while 0 < left() < math.inf:
         factor *= _STRETCH
         yield factor
-
-
-def hurried() -> bool:
-    """Is only what decides worth doing: whether, and not how well?"""
-    return _BUDGET.get().decides_only
 
 
 def until(seconds: float) -> float:

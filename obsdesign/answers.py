@@ -25,7 +25,7 @@ def as_answers(
         claims = tuple(_for_these_gains(claim) for claim in claims)
     gains_ended = next((one.evidence for one in reversed(remarks) if one.evidence), {})
     return tuple(
-        _with_end(claim, ended_part(candidate.certificates.get(claim.id, {})) or gains_ended)
+        with_end(claim, ended_part(candidate.certificates.get(claim.id, {})) or gains_ended)
         for claim in claims
     )
 
@@ -35,7 +35,14 @@ def with_untried(claim: Claim) -> Claim:
 
     Whatever the witness: one for all gains speaks about all gains of its form.
     """
-    return _with_end(_weakened(claim, f"{reason(claim)}; other forms were not tried"), ended())
+    return with_end(_weakened(claim, f"{reason(claim)}; other forms were not tried"), ended())
+
+
+def with_end(claim: Claim, end: Mapping[str, Any]) -> Claim:
+    """An undecided claim with the evidence of the budget that ended its search, or as it is."""
+    if claim.verdict != "undecided" or is_ended(claim):
+        return claim
+    return replace(claim, evidence={**claim.evidence, **end})
 
 
 def verdict_of_refusal(error: InputError) -> str:
@@ -58,13 +65,7 @@ def reason(claim: Claim) -> str:
 
 def more_time(evidence: Mapping[str, Any], gain: str = "decide it") -> str:
     """What ended a search, and what more time might do; evidence as `lmi.patience.ended` has it."""
-    return f"{ending(evidence)}; a longer --time may {gain}"
-
-
-def _with_end(claim: Claim, end: Mapping[str, Any]) -> Claim:
-    if claim.verdict != "undecided" or is_ended(claim):
-        return claim
-    return replace(claim, evidence={**claim.evidence, **end})
+    return f"the search {ending(evidence)}; a longer --time may {gain}"
 
 
 def _witness_holds_for_all_gains(claim: Claim) -> bool:

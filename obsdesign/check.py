@@ -5,16 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from lmi.patience import at_most, ended_part, total_budget
+from lmi.patience import ended_part, total_budget
 from obsdesign import workflow
 from obsdesign.advice import next_step
 from obsdesign.answers import is_ended, reason, verdict_of_refusal
 from obsdesign.errors import DoesNotApply, InputError
 from obsdesign.kinds import KINDS
 from obsdesign.problem import Problem
-
-# of processor time, for a first attempt at every kind that decides most of them
-_GLANCE_SECONDS = 0.2
 
 Entry = dict[str, Any]
 
@@ -28,8 +25,8 @@ def check_all(
     """(verdict, kind -> {"verdict", "reasons", "next"}, and where a budget ended it "ended_by").
 
     The verdict on a kind is proved, refuted, undecided, or does_not_apply where the problem has not
-    what the kind needs; it is what `workflow.investigate` finds. In all: proved if any kind is,
-    else undecided if any is, else refuted: one observer is enough. seconds: of processor time that
+    what the kind needs: that of `workflow.investigate`. In all: proved if any kind is, else
+    undecided if any is, else refuted: one observer is enough. seconds: of processor time that
     searches may take in all. progress: called with the kinds that are settled, and all.
     """
     with total_budget(seconds):
@@ -48,15 +45,9 @@ def check_kind(problem: Problem, kind: str, *, seconds: float | None = None) -> 
 def _checked(
     problem: Problem, kinds: tuple[str, ...], progress: Callable[[int, int], None]
 ) -> dict[str, Entry]:
-    """A glance at every kind; those that it leaves undecided are investigated as for a design."""
+    """Every kind as for a design, which the first proved candidate settles."""
     asked: dict[str, Problem] = {}
     found: dict[str, workflow.Outcome | InputError] = {}
-    settled: set[str] = set()
-
-    def settle(kind: str) -> None:
-        settled.add(kind)
-        progress(len(settled), len(kinds))
-
     for kind in kinds:
         for name in ("synthesis", "verification"):  # to load them is no part of the search
             workflow.layer(name, kind)
@@ -64,14 +55,14 @@ def _checked(
             asked[kind] = problem.for_kind(kind)[0]
         except InputError as error:
             found[kind] = error
-            continue
-        with at_most(_GLANCE_SECONDS):
-            found |= workflow.investigate_each({kind: asked[kind]}, first=True)
-    for kind, outcome in found.items():
-        if isinstance(outcome, InputError) or outcome.verdict != "undecided":
-            settle(kind)
-    rest = {kind: asked[kind] for kind in kinds if kind not in settled}
-    found |= workflow.investigate_each(rest, first=True, done=settle)
+    settled = len(found)
+
+    def settle(kind: str) -> None:
+        nonlocal settled
+        settled += 1
+        progress(settled, len(kinds))
+
+    found |= workflow.investigate_each(asked, first=True, done=settle)
     return {kind: _entry(kind, found[kind]) for kind in kinds}
 
 

@@ -17,6 +17,7 @@ import numpy as np
 from lmi.balls import precision
 from lmi.norms import float_above, float_below
 from lmi.patience import listening, remark, sentences
+from obsdesign.answers import with_end
 from obsdesign.document import Claim
 from obsdesign.equations import finite_time as equations
 from obsdesign.errors import InputError
@@ -93,7 +94,8 @@ def search_period(problem: Problem, what: str) -> Outcome:
     if remarks:
         better["remarks"] = sentences(remarks)
     end = next((one.evidence for one in reversed(remarks) if one.evidence), {})
-    return replace(outcome, result={**outcome.result, **better, **end})
+    claims = tuple(with_end(claim, end) for claim in outcome.claims)
+    return replace(outcome, claims=claims, result={**outcome.result, **better, **end})
 
 
 def _better(problem: Problem, found: _Found, period: float | None) -> dict[str, Any]:

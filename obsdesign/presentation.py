@@ -8,7 +8,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from lmi.patience import ended_part
-from obsdesign.answers import more_time, reason
+from obsdesign.answers import is_ended, more_time, reason
 from obsdesign.document import Claim, jsonable
 from obsdesign.evidence import numbers_of
 from obsdesign.workflow import Outcome
@@ -126,8 +126,9 @@ def show_bracket(what: str, outcome: Outcome) -> None:
         print(f"  open between them: {result['open']:.2g} of the limit")
     if result.get("reason"):
         print(f"  {result['reason']}")
-    if ended_part(result):
-        print(f"  the search {more_time(result, 'narrow the bracket')}")
+    printed = result["proved"] is None and any(map(is_ended, outcome.claims))
+    if outcome.verdict == "undecided" and ended_part(result) and not printed:
+        print(f"  {more_time(result, 'narrow the bracket')}")
     for low, high in result.get("islands", []):
         print(f"  not one interval: constant dwell times in [{low:g}, {high:g}] contract as well")
 

@@ -46,6 +46,11 @@ class _Try:
     gains: Mapping[str, Any]
     searched: bool = False
 
+    @property
+    def is_open(self) -> bool:
+        """Is it not refuted whatever the range?"""
+        return self.bracket is not None or overall(c.verdict for c in self.claims) != "refuted"
+
     def reach(self, shortest: bool) -> float:
         """How far the proved range reaches; larger is better."""
         if self.bracket is None or self.bracket.proved is None:
@@ -96,11 +101,16 @@ def _searched(problem: Problem, what: str, accuracy: float) -> workflow.Outcome:
     if what in PERIOD_SEARCHES:
         return period_search.search_period(problem, what)
     kind, shortest = problem.require_kind(), what == "shortest_dwell"
+    tried: list[_Try] = []
     with listening() as remarks:
-        candidates = _candidates(problem)
-        tried = [_bracket(problem, one, shortest, accuracy, remarks) for one in candidates]
-    best = max(tried, key=lambda one: one.reach(shortest))
-    return _outcome(problem, kind, best, shortest, accuracy)
+        for candidate in _candidates(problem):
+            tried.append(_bracket(problem, candidate, shortest, accuracy, remarks))
+            if candidate.searched and tried[-1].bracket is not None:
+                break
+    # a form that is refuted refutes nothing while another one is open
+    best = max(tried, key=lambda one: (one.reach(shortest), one.is_open))
+    gains_ended = next((one.evidence for one in reversed(remarks) if one.evidence), {})
+    return _outcome(problem, kind, best, shortest, accuracy, gains_ended)
 
 
 def require_accuracy(accuracy: float) -> None:
@@ -141,7 +151,7 @@ def _candidates(problem: Problem) -> list[Any]:
             proved.append(candidate)
         if proved and not candidate.goes_on:
             break
-    return (proved or found)[:1] if found[0].searched else found
+    return proved[:1] if proved and found[0].searched else found
 
 
 def _bracket(
@@ -168,7 +178,12 @@ def _bracket(
 
 
 def _outcome(
-    problem: Problem, kind: str, best: _Try, shortest: bool, accuracy: float
+    problem: Problem,
+    kind: str,
+    best: _Try,
+    shortest: bool,
+    accuracy: float,
+    gains_ended: Mapping[str, Any],
 ) -> workflow.Outcome:
     bracket = best.bracket
     result: dict[str, Any] = {"proved": None, "not_proved": None, "not_proved_verdict": None}
@@ -194,7 +209,7 @@ def _outcome(
     if bracket.proved is None:
         # other gains may do where those that were found do not
         verdict = "undecided" if best.searched else bracket.verdict or "undecided"
-        result |= bracket.ended if verdict == "undecided" else {}
+        result |= (bracket.ended or gains_ended) if verdict == "undecided" else {}
         return workflow.Outcome(verdict, kind, best.claims, result, None)
     low, high = problem.require_dwell_time()
     ends = (bracket.proved, high) if shortest else (low, bracket.proved)

@@ -16,7 +16,6 @@ from typing import Any, TypeVar
 from lmi.patience import (
     Remark,
     ended,
-    hurried,
     left,
     listening,
     remark_end,
@@ -63,10 +62,9 @@ def investigate(problem: Problem, *, seconds: float | None = None) -> Outcome:
     """Synthesise candidates and prove them: the first proved one, else the most hopeful.
 
     seconds: of processor time that searches may take in all; None for their own budgets, which a
-    larger total stretches (`investigate_each`). Within `lmi.patience.at_most` the first proved
-    candidate is the answer, and claims of how well it does are left out. An undecided claim that a
-    budget ended holds `lmi.patience.ended` in its evidence. result["remarks"] holds sentences of
-    searches that ended early or settled for less, if there are any.
+    larger total stretches (`investigate_each`). An undecided claim that a budget ended holds what
+    `lmi.patience.ended` has of it in its evidence. result["remarks"] holds sentences of searches
+    that ended early or settled for less, if there are any.
 
     InputError when the problem cannot be read as asked (a block is missing, a form does not fit).
     """
@@ -142,7 +140,7 @@ def _attempted(problem: Problem, first: bool) -> _Attempt | InputError:
         best = _best(tried)
         claims = tuple(map(with_untried, best.claims)) if untried else best.claims
         verdict = overall(claim.verdict for claim in claims)
-        if verdict == "proved" and not first and not hurried():
+        if verdict == "proved" and not first and not any(one.evidence for one in remarks):
             remark_end("a better design", ended())
     result = _result(problem, best.candidate.label, tried)
     better = verdict == "proved"
@@ -171,7 +169,7 @@ def _tried(problem: Problem, first: bool, remarks: Sequence[Remark]) -> tuple[li
     candidates, tried = iter(synthesis.synthesize(problem)), list[_Tried]()
     while True:
         if tried and left() < 0:
-            return tried, hurried() or next(candidates, None) is not None
+            return tried, next(candidates, None) is not None
         count = len(remarks)
         candidate = next(candidates, None)
         if candidate is None:
@@ -180,7 +178,7 @@ def _tried(problem: Problem, first: bool, remarks: Sequence[Remark]) -> tuple[li
         claims = as_answers(candidate, claims, remarks[count:])
         verdict = overall(claim.verdict for claim in claims)
         tried.append(_Tried(candidate, claims, verdict, time.perf_counter() - started))
-        enough = first or hurried() or not candidate.goes_on
+        enough = first or not candidate.goes_on
         if enough and any(one.verdict == "proved" for one in tried):
             return tried, False
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from lmi.balls import exact, inverse
 from lmi.dwell_search import shortest_dwell
-from lmi.patience import hurried, left
+from lmi.patience import left
 from obsdesign.equations import interval as equations
 from obsdesign.equations.estimation_error import idle_gains
 from obsdesign.equations.interval_width import WidthSystem, width_system_of
@@ -107,7 +107,7 @@ def untried(problem: Problem) -> dict[str, str]:
 
 
 def _objective(problem: Problem) -> str:
-    return "feasible" if hurried() else str(problem.options.get("objective", "feasible"))
+    return str(problem.options.get("objective", "feasible"))
 
 
 def _in_known_coordinates(
@@ -172,7 +172,7 @@ def _candidate(
         certificates = certificates or dwell_certificates(
             system.W, system.N, low, high, **question(problem)
         )
-    if not hurried() and left() > 0:
+    if left() > 0:
         certificates |= _widths(problem, gains, system, approx)
         # where a spacing was named, the observer watches it
         if "sampled_width" in certificates and problem.plant.output.period is not None:
