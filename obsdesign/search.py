@@ -192,20 +192,7 @@ def _outcome(
         end = next((ended_part(claim.evidence) for claim in best.claims if is_ended(claim)), {})
         result |= {"form": best.label} | (end if verdict == "undecided" else {})
         return workflow.Outcome(verdict, kind, best.claims, result, None)
-    result |= {
-        "proved": bracket.proved,
-        "not_proved": bracket.not_proved,
-        "not_proved_verdict": bracket.verdict,
-        "accuracy": accuracy,
-        "kept": problem.require_dwell_time()[1 if shortest else 0],
-        "common_P": bracket.common,
-        "open": _open(bracket),
-        "islands": [list(island) for island in bracket.islands],
-        "reason": _reason(bracket),
-        "witness": bracket.obstacle.get("witness"),
-        "form": best.label,
-        "gains": {name: best.gains[name] for name in ("L", "M")},
-    }
+    result |= _numbers(problem, best, bracket, shortest, accuracy)
     if bracket.proved is None:
         # other gains may do where those that were found do not
         verdict = "undecided" if best.searched else bracket.verdict or "undecided"
@@ -223,6 +210,26 @@ def _outcome(
     verdict = "proved" if proved and _tight(bracket, accuracy, unit) else "undecided"
     result |= bracket.ended if verdict == "undecided" else {}
     return workflow.Outcome(verdict, kind, claims, result, None)
+
+
+def _numbers(
+    problem: Problem, best: _Try, bracket: Bracket, shortest: bool, accuracy: float
+) -> dict[str, Any]:
+    """What an answer holds of a bracket."""
+    return {
+        "proved": bracket.proved,
+        "not_proved": bracket.not_proved,
+        "not_proved_verdict": bracket.verdict,
+        "accuracy": accuracy,
+        "kept": problem.require_dwell_time()[1 if shortest else 0],
+        "common_P": bracket.common,
+        "open": _open(bracket),
+        "islands": [list(island) for island in bracket.islands],
+        "reason": _reason(bracket),
+        "witness": bracket.obstacle.get("witness"),
+        "form": best.label,
+        "gains": {name: best.gains[name] for name in ("L", "M")},
+    }
 
 
 def _tight(bracket: Bracket, accuracy: float, unit: float) -> bool:

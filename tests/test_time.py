@@ -161,7 +161,7 @@ def test_check_and_compare_and_points_of_a_sweep_say_it(tmp_path: Path) -> None:
     run_sweep(plan, str(tmp_path / "s.jsonl"), jobs=1)
     assert json.loads((tmp_path / "s.jsonl").read_text().splitlines()[0])["time"] == NOTHING
     longer = plan_sweep(sampled("luenberger"), axes, "longest_dwell", 1e-6, 1.0)
-    with pytest.raises(obsdesign.InputError, match="another --time: 1e-09 there, 1.0 here"):
+    with pytest.raises(obsdesign.InputError, match=r"another --time: 1e-09 there, 1\.0 here"):
         run_sweep(longer, str(tmp_path / "s.jsonl"), jobs=1)
 
 

@@ -19,6 +19,7 @@ from obsdesign.equations import impulsive_input as equations
 from obsdesign.equations.estimation_error import flow_error_matrix, plant_data
 from obsdesign.equations.impulse_curve import balanced_size
 from obsdesign.errors import DoesNotApply, InputError
+from obsdesign.plant import Plant
 from obsdesign.problem import Problem
 from obsdesign.structure import approx_unobservable_modes
 from obsdesign.synthesis.candidate import Candidate
@@ -48,10 +49,7 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
     problem.require("jump.H")
     low, _ = problem.require_dwell_time()
     problem.require_measured("continuous", "periodic")
-    if text := equations.plant_objection(plant):
-        raise DoesNotApply(text)
-    if text := equations.objection(plant):
-        raise InputError(text)
+    _check_plant(plant)
     _check_options(problem)
     weighting = _weighting(problem)
     if asks_for_samples(problem):
@@ -83,6 +81,13 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
     open_question = window < low and not any(fixed_vector(X) for X in (rows, [exact(data["H"])]))
     for label, chosen, rule in exponent_choices(problem, data, D):
         yield Candidate(label, data | {"exponents": chosen, "rule": rule}, searched=open_question)
+
+
+def _check_plant(plant: Plant) -> None:
+    if text := equations.plant_objection(plant):
+        raise DoesNotApply(text)
+    if text := equations.objection(plant):
+        raise InputError(text)
 
 
 def _longest(problem: Problem, low: float) -> float:
