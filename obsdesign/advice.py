@@ -29,29 +29,29 @@ _CLAIMS = {
     "rank": "Measure what the unknown input moves first: output.C flow.D needs full column rank.",
     "zeros": "Measure another combination of states: the zeros belong to output.C and flow.D.",
 }
-# words of a complaint about the problem -> what may help
-_COMPLAINTS = (
-    (
-        "output.measured = 'periodic' is not available",
-        'Samples a period T apart are measured = "at_jumps" with jump.dwell_time = [T, T]; '
-        "kinds finite_time and interval take them as they are.",
-    ),
-    ("output.measured", "If y can be taken that way, say so in output.measured."),
-    ("jump.H is required", "If impulses come at unknown times, give their direction jump.H."),
-    ("flow.D is required", "If an unknown input acts, give its matrix flow.D."),
-    ("[jump] must be absent", ""),
-    ("jump.dwell_time", "Give jump.dwell_time = [shortest, longest]."),
-    ("observer.gains", "Give that gain, or let another form or kind be synthesised."),
-)
+# entry that the kind needs and the problem has not -> what may help
+_MISSING = {
+    "output.measured": "If y can be taken that way, say so in output.measured.",
+    "jump.H": "If impulses come at unknown times, give their direction jump.H.",
+    "flow.D": "If an unknown input acts, give its matrix flow.D.",
+    "jump.dwell_time": "Give jump.dwell_time = [shortest, longest].",
+}
+# kinds that do not take samples at a period
+_PERIODIC = {
+    "luenberger": 'Samples a period T apart are measured = "at_jumps" with jump.dwell_time = '
+    "[T, T]; kinds finite_time and interval take them as they are.",
+}
 
 
-def next_step(kind: str, verdict: str, claim: str | None, reason: str) -> str:
+def next_step(kind: str, verdict: str, *, claim: str = "", missing: str = "") -> str:
     """One sentence, or nothing where the reason says it all.
 
-    claim: the first claim that is not proved; None where the problem does not fit the kind.
+    claim: the first claim that is not proved; missing: the entry that the kind needs.
     """
     if verdict == "proved":
         return f"`obsdesign design PROBLEM --kind {kind}`"
-    if claim is not None:
+    if claim:
         return _CLAIMS.get(claim, f"`obsdesign design PROBLEM --kind {kind}` shows every claim.")
-    return next((advice for words, advice in _COMPLAINTS if words in reason), "")
+    if missing == "output.measured" and kind in _PERIODIC:
+        return _PERIODIC[kind]
+    return _MISSING.get(missing, "")

@@ -11,4 +11,11 @@ class InputError(ValueError):
 
 
 class DoesNotApply(InputError):
-    """A block or a way of measuring that the kind needs is missing from the problem."""
+    """A block or a way of measuring that the kind needs is missing from the problem.
+
+    entry: what the kind needs otherwise, as "jump.H".
+    """
+
+    def __init__(self, text: str, entry: str = "") -> None:
+        super().__init__(text)
+        self.entry = entry

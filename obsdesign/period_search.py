@@ -16,7 +16,8 @@ import numpy as np
 
 from lmi.balls import precision
 from lmi.norms import float_above, float_below
-from lmi.patience import listening, remark
+from lmi.patience import listening, remark, sentences
+from obsdesign.answers import with_end
 from obsdesign.document import Claim
 from obsdesign.equations import finite_time as equations
 from obsdesign.errors import InputError
@@ -90,8 +91,11 @@ def search_period(problem: Problem, what: str) -> Outcome:
         "longest_period", False,
     )  # fmt: skip
     outcome = _outcome(problem, found, first, searched)
-    told = {"remarks": remarks} if remarks else {}
-    return replace(outcome, result={**outcome.result, **better, **told})
+    if remarks:
+        better["remarks"] = sentences(remarks)
+    end = next((one.evidence for one in reversed(remarks) if one.evidence), {})
+    claims = tuple(with_end(claim, end) for claim in outcome.claims)
+    return replace(outcome, claims=claims, result={**outcome.result, **better, **end})
 
 
 def _better(problem: Problem, found: _Found, period: float | None) -> dict[str, Any]:

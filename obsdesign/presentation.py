@@ -7,9 +7,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
+from lmi.patience import ended_part
+from obsdesign.answers import is_ended, more_time, reason
 from obsdesign.document import Claim, jsonable
 from obsdesign.evidence import numbers_of
-from obsdesign.workflow import Outcome, reason
+from obsdesign.workflow import Outcome
 
 if TYPE_CHECKING:
     from obsdesign.comparison.row import Row  # other commands do without it
@@ -17,7 +19,7 @@ if TYPE_CHECKING:
 EXIT_CODES = {"proved": 0, "refuted": 1, "undecided": 3}
 # columns of a terminal that hold a comparison with its guarantees
 _WIDE = 110
-_COLOURS = {"proved": "green", "refuted": "red", "undecided": "yellow"}
+_COLOURS = {"proved": "green", "refuted": "red", "undecided": "yellow", "does_not_apply": "dim"}
 
 
 def answer(command: str, outcome: Outcome, result: Mapping[str, Any]) -> str:
@@ -50,13 +52,13 @@ def show_check(found: Mapping[str, Any]) -> None:
     from rich.markup import escape
     from rich.table import Table
 
-    words = {"proved": "possible", "refuted": "impossible", "undecided": "undecided"}
+    words = {"proved": "possible", "refuted": "impossible"}
     table = Table(box=None, pad_edge=False, header_style="dim")
     for title in ("kind", "answer", "why, and what to try next"):
         table.add_column(title, overflow="fold")
     for kind, entry in found.items():
-        colour = _COLOURS[entry["verdict"]]
-        answer = f"[{colour}]{words[entry['verdict']]}[/]"
+        word = entry["verdict"]
+        answer = f"[{_COLOURS[word]}]{words.get(word, word.replace('_', ' '))}[/]"
         first, *more = entry["reasons"] or [""]
         others = f" (and {len(more)} more; --json has all)" if more else ""
         why = escape(first + others)
@@ -124,6 +126,9 @@ def show_bracket(what: str, outcome: Outcome) -> None:
         print(f"  open between them: {result['open']:.2g} of the limit")
     if result.get("reason"):
         print(f"  {result['reason']}")
+    printed = result["proved"] is None and any(map(is_ended, outcome.claims))
+    if outcome.verdict == "undecided" and ended_part(result) and not printed:
+        print(f"  {more_time(result, 'narrow the bracket')}")
     for low, high in result.get("islands", []):
         print(f"  not one interval: constant dwell times in [{low:g}, {high:g}] contract as well")
 

@@ -114,24 +114,27 @@ class Problem:
         return self.kind
 
     def require_dwell_time(self) -> tuple[float, float]:
-        """(shortest, longest) dwell time, or InputError; for kinds that cannot do without."""
+        """(shortest, longest) dwell time, or DoesNotApply; for kinds that cannot do without."""
         jump = self.plant.jump
         if jump is None or jump.dwell_time is None:
-            raise InputError(
+            raise DoesNotApply(
                 f"jump.dwell_time = [shortest, longest] is required by kind {self.kind!r}; "
-                f"{'[jump]' if jump is None else 'it'} is missing."
+                f"{'[jump]' if jump is None else 'it'} is missing.",
+                "jump.dwell_time",
             )
         low, high = jump.dwell_time
         return low, high
 
     def require(self, entry: str) -> Any:
-        """Value of an optional entry ("flow.D", "jump.H", "output.period"), or InputError."""
+        """Value of an optional entry ("flow.D", "jump.H", "output.period"), or DoesNotApply."""
         value: Any = self.plant
         for name in entry.split("."):
             value = getattr(value, name)
             if value is None:
                 absent = "[jump]" if name == "jump" and name != entry else "it"
-                raise InputError(f"{entry} is required by kind {self.kind!r}; {absent} is missing.")
+                raise DoesNotApply(
+                    f"{entry} is required by kind {self.kind!r}; {absent} is missing.", entry
+                )
         return value
 
     def require_noise_bound(self, needed_by: str) -> NDArray[np.float64]:
@@ -146,12 +149,13 @@ class Problem:
         return bound
 
     def require_measured(self, *fitting: str) -> str:
-        """How y is measured, one of `fitting`, or InputError."""
+        """How y is measured, one of `fitting`, or DoesNotApply."""
         measured = self.plant.output.measured
         if measured not in fitting:
-            raise InputError(
+            raise DoesNotApply(
                 f"output.measured must be {' or '.join(fitting)} for kind {self.kind!r}; "
-                f"got {measured!r}."
+                f"got {measured!r}.",
+                "output.measured",
             )
         return measured
 

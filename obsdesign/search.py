@@ -8,7 +8,7 @@ any design.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,8 +16,17 @@ import numpy as np
 
 from lmi.balls import exact
 from lmi.dwell_search import ACCURACY, Bracket, longest_dwell, shortest_dwell
+from lmi.patience import (
+    Remark,
+    ended_part,
+    listening,
+    stretch_factors,
+    stretched,
+    total_budget,
+)
 from lmi.verdict import overall
 from obsdesign import period_search, workflow
+from obsdesign.answers import as_answers, is_ended
 from obsdesign.document import Claim
 from obsdesign.errors import InputError
 from obsdesign.kinds import DWELL_SEARCHES, PERIOD_SEARCHES, SEARCHES
@@ -37,6 +46,11 @@ class _Try:
     gains: Mapping[str, Any]
     searched: bool = False
 
+    @property
+    def is_open(self) -> bool:
+        """Is it not refuted whatever the range?"""
+        return self.bracket is not None or overall(c.verdict for c in self.claims) != "refuted"
+
     def reach(self, shortest: bool) -> float:
         """How far the proved range reaches; larger is better."""
         if self.bracket is None or self.bracket.proved is None:
@@ -44,23 +58,59 @@ class _Try:
         return -self.bracket.proved if shortest else self.bracket.proved
 
 
-def search(problem: Problem, what: str, accuracy: float = ACCURACY) -> workflow.Outcome:
+def search(
+    problem: Problem, what: str, accuracy: float = ACCURACY, *, seconds: float | None = None
+) -> workflow.Outcome:
     """The bracket for `what`; accuracy is its relative width.
 
     result: {"proved", "not_proved", "not_proved_verdict", "accuracy", "common_P", "open",
     "islands", "form", "gains"}; common_P is the end that one P proves, where windows of dwell times
     were tried beyond it, open what is left between proved and not proved, relative to the latter.
+    Where a budget ended the search, also what `lmi.patience.ended` has of it.
     Verdict: proved when the bracket is as tight as asked, undecided when it is wider, refuted when
     no range is admissible. InputError when the kind has no such search.
+
+    seconds: of processor time that searches may take in all; None for their own budgets, which a
+    larger total stretches until the bracket is as tight as asked.
     """
-    kind = problem.require_kind()
     require_search(problem, what, accuracy)
+    best: workflow.Outcome | None = None
+    with total_budget(seconds):
+        for factor in stretch_factors():
+            with stretched(factor):
+                outcome = _searched(problem, what, accuracy)
+            best = outcome if best is None else max(best, outcome, key=lambda o: _quality(o, what))
+            if not ended_part(outcome.result):
+                break
+    assert best is not None
+    return best
+
+
+def _quality(outcome: workflow.Outcome, what: str) -> tuple[int, float, float]:
+    """Of two answers to one search the larger is better: decided, far on the proved side, tight."""
+    rank = ("undecided", "refuted", "proved").index(outcome.verdict)
+    proved, other = outcome.result["proved"], outcome.result["not_proved"]
+    if proved is None:
+        return rank, -math.inf, -math.inf
+    reach = -proved if what.startswith("shortest") else proved
+    return rank, reach, 0.0 if other in (None, proved) else -abs(other - proved)
+
+
+def _searched(problem: Problem, what: str, accuracy: float) -> workflow.Outcome:
+    """One attempt, with the budgets that are in force."""
     if what in PERIOD_SEARCHES:
         return period_search.search_period(problem, what)
-    shortest = what == "shortest_dwell"
-    tried = [_bracket(problem, candidate, shortest, accuracy) for candidate in _candidates(problem)]
-    best = max(tried, key=lambda one: one.reach(shortest))
-    return _outcome(problem, kind, best, shortest, accuracy)
+    kind, shortest = problem.require_kind(), what == "shortest_dwell"
+    tried: list[_Try] = []
+    with listening() as remarks:
+        for candidate in _candidates(problem):
+            tried.append(_bracket(problem, candidate, shortest, accuracy, remarks))
+            if candidate.searched and tried[-1].bracket is not None:
+                break
+    # a form that is refuted refutes nothing while another one is open
+    best = max(tried, key=lambda one: (one.reach(shortest), one.is_open))
+    gains_ended = next((one.evidence for one in reversed(remarks) if one.evidence), {})
+    return _outcome(problem, kind, best, shortest, accuracy, gains_ended)
 
 
 def require_accuracy(accuracy: float) -> None:
@@ -101,13 +151,15 @@ def _candidates(problem: Problem) -> list[Any]:
             proved.append(candidate)
         if proved and not candidate.goes_on:
             break
-    return (proved or found)[:1] if found[0].searched else found
+    return proved[:1] if proved and found[0].searched else found
 
 
-def _bracket(problem: Problem, candidate: Any, shortest: bool, accuracy: float) -> _Try:
+def _bracket(
+    problem: Problem, candidate: Any, shortest: bool, accuracy: float, remarks: Sequence[Remark]
+) -> _Try:
     verification = workflow.layer("verification", problem.require_kind())
     claims = verification.claims(problem, candidate.gains, {})
-    claims = workflow.of_what_is_open(candidate, claims)
+    claims = as_answers(candidate, claims, remarks)
     if any(c.verdict != "proved" for c in claims if c.id not in _OF_THE_RANGE):
         return _Try(candidate.label, None, claims, candidate.gains)
     low, high = problem.require_dwell_time()
@@ -126,14 +178,45 @@ def _bracket(problem: Problem, candidate: Any, shortest: bool, accuracy: float) 
 
 
 def _outcome(
-    problem: Problem, kind: str, best: _Try, shortest: bool, accuracy: float
+    problem: Problem,
+    kind: str,
+    best: _Try,
+    shortest: bool,
+    accuracy: float,
+    gains_ended: Mapping[str, Any],
 ) -> workflow.Outcome:
     bracket = best.bracket
     result: dict[str, Any] = {"proved": None, "not_proved": None, "not_proved_verdict": None}
     if bracket is None:
         verdict = overall(claim.verdict for claim in best.claims)
-        return workflow.Outcome(verdict, kind, best.claims, result | {"form": best.label}, None)
-    result |= {
+        end = next((ended_part(claim.evidence) for claim in best.claims if is_ended(claim)), {})
+        result |= {"form": best.label} | (end if verdict == "undecided" else {})
+        return workflow.Outcome(verdict, kind, best.claims, result, None)
+    result |= _numbers(problem, best, bracket, shortest, accuracy)
+    if bracket.proved is None:
+        # other gains may do where those that were found do not
+        verdict = "undecided" if best.searched else bracket.verdict or "undecided"
+        result |= (bracket.ended or gains_ended) if verdict == "undecided" else {}
+        return workflow.Outcome(verdict, kind, best.claims, result, None)
+    low, high = problem.require_dwell_time()
+    ends = (bracket.proved, high) if shortest else (low, bracket.proved)
+    narrowed = problem.with_dwell_time(*ends)
+    gains = {**best.gains, "dwell_time": list(ends)}
+    verification = workflow.layer("verification", kind)
+    certificates = {"dwell_stability": bracket.certificate, "decay_rate": bracket.certificate}
+    claims = verification.claims(narrowed, gains, certificates)
+    proved = overall(c.verdict for c in claims) == "proved"
+    unit = high if math.isfinite(high) else 1.0 / float(np.abs(best.gains["A"]).max())
+    verdict = "proved" if proved and _tight(bracket, accuracy, unit) else "undecided"
+    result |= bracket.ended if verdict == "undecided" else {}
+    return workflow.Outcome(verdict, kind, claims, result, None)
+
+
+def _numbers(
+    problem: Problem, best: _Try, bracket: Bracket, shortest: bool, accuracy: float
+) -> dict[str, Any]:
+    """What an answer holds of a bracket."""
+    return {
         "proved": bracket.proved,
         "not_proved": bracket.not_proved,
         "not_proved_verdict": bracket.verdict,
@@ -147,21 +230,6 @@ def _outcome(
         "form": best.label,
         "gains": {name: best.gains[name] for name in ("L", "M")},
     }
-    if bracket.proved is None:
-        # other gains may do where those that were found do not
-        verdict = "undecided" if best.searched else bracket.verdict or "undecided"
-        return workflow.Outcome(verdict, kind, best.claims, result, None)
-    low, high = problem.require_dwell_time()
-    ends = (bracket.proved, high) if shortest else (low, bracket.proved)
-    narrowed = problem.with_dwell_time(*ends)
-    gains = {**best.gains, "dwell_time": list(ends)}
-    verification = workflow.layer("verification", kind)
-    certificates = {"dwell_stability": bracket.certificate, "decay_rate": bracket.certificate}
-    claims = verification.claims(narrowed, gains, certificates)
-    proved = overall(c.verdict for c in claims) == "proved"
-    unit = high if math.isfinite(high) else 1.0 / float(np.abs(best.gains["A"]).max())
-    verdict = "proved" if proved and _tight(bracket, accuracy, unit) else "undecided"
-    return workflow.Outcome(verdict, kind, claims, result, None)
 
 
 def _tight(bracket: Bracket, accuracy: float, unit: float) -> bool:

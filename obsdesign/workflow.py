@@ -9,18 +9,32 @@ import importlib
 import platform
 import sys
 import time
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
-from typing import Any
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeVar
 
-from lmi.patience import hurried, left, listening
+from lmi.patience import (
+    Remark,
+    ended,
+    left,
+    listening,
+    remark_end,
+    sentences,
+    stretch_factors,
+    stretched,
+    total_budget,
+)
 from lmi.verdict import overall
 from obsdesign import __version__
+from obsdesign.answers import as_answers, is_ended, with_untried
+from obsdesign.answers import reason as reason
 from obsdesign.document import Claim, Design
 from obsdesign.errors import InputError
 from obsdesign.kinds import KINDS
 from obsdesign.problem import Problem
 from obsdesign.told_truly import guarantees_of, told_truly
+
+_Key = TypeVar("_Key", bound=Hashable)
 
 
 @dataclass(frozen=True)
@@ -49,92 +63,149 @@ def layer(name: str, kind: str) -> Any:
     return importlib.import_module(f"obsdesign.{name}.{kind}")
 
 
-def investigate(problem: Problem) -> Outcome:
+def investigate(problem: Problem, *, seconds: float | None = None) -> Outcome:
     """Synthesise candidates and prove them: the first proved one, else the most hopeful.
 
-    Within `lmi.patience.at_most` searches end early, the first proved candidate is the answer, and
-    claims of how well it does are left out; what was not found stays undecided. result["remarks"]
-    holds sentences of searches that ended early or settled for less, if there are any.
+    seconds: of processor time that searches may take in all; None for their own budgets, which a
+    larger total stretches (`investigate_each`). An undecided claim that a budget ended holds what
+    `lmi.patience.ended` has of it in its evidence. result["remarks"] holds sentences of searches
+    that ended early or settled for less, if there are any.
 
     InputError when the problem cannot be read as asked (a block is missing, a form does not fit).
     """
-    with listening() as remarks:
-        outcome = _investigated(problem)
-    if remarks:
-        outcome = replace(outcome, result={**outcome.result, "remarks": remarks})
+    with total_budget(seconds):
+        outcome = investigate_each({None: problem})[None]
+    if isinstance(outcome, InputError):
+        raise outcome
     return outcome
 
 
-def _investigated(problem: Problem) -> Outcome:
-    started = time.perf_counter()
-    kind = problem.require_kind()
-    synthesis, verification = layer("synthesis", kind), layer("verification", kind)
-    tried: list[_Attempt] = []
-    for candidate, claims in _attempts(problem, synthesis, verification):
-        verdict = overall(claim.verdict for claim in claims)
-        design = _document(problem, kind, candidate, claims)
-        tried.append(_Attempt(candidate.label, verdict, candidate.cost, design))
-        enough = hurried() or not candidate.goes_on
-        if left() < 0 or (enough and any(one.verdict == "proved" for one in tried)):
+def investigate_each(
+    problems: Mapping[_Key, Problem],
+    *,
+    first: bool = False,
+    done: Callable[[_Key], None] = lambda key: None,
+) -> dict[_Key, Outcome | InputError]:
+    """The outcome of each problem, or why it cannot be read as asked.
+
+    Every problem is tried with the searches' own budgets; while a total lasts, those that a budget
+    ended are tried again, with ever longer ones. So more time never makes less of a problem.
+    first: the first proved candidate ends an attempt. done: called with what is settled.
+    """
+    found: dict[_Key, _Attempt | InputError] = {}
+    todo = dict(problems)
+    for factor in stretch_factors():
+        for key, problem in list(todo.items()):
+            with stretched(factor):
+                attempt = _attempted(problem, first)
+            found[key] = _better(found.get(key), attempt)
+            if isinstance(attempt, InputError) or not attempt.is_open(first):
+                done(key)
+                del todo[key]
+        if not todo:
             break
-    best = _best(tried)
-    forms = {one.label: _summary(one.verdict, one.design.claims) for one in tried}
-    untried = synthesis.untried(problem) if hasattr(synthesis, "untried") else {}
-    forms |= {name: {"verdict": "undecided", "reasons": [why]} for name, why in untried.items()}
-    design, seconds = best.design, round(time.perf_counter() - started, 6)
-    result = {"form": best.label, "forms": forms, "seconds": seconds}
-    return Outcome(best.verdict, kind, design.claims, result, design, design.guarantees)
+    return {key: one if isinstance(one, InputError) else one.outcome for key, one in found.items()}
 
 
 @dataclass(frozen=True)
 class _Attempt:
-    """A candidate and what was proved of it."""
+    """An outcome, the cost of its design, and the searches that a budget ended."""
 
-    label: str
-    verdict: str
+    outcome: Outcome
     cost: float | None
-    design: Design
+    ended: Sequence[Remark]
+
+    def is_open(self, first: bool) -> bool:
+        """May longer searches decide it, or where not the first design will do make it better?"""
+        if self.outcome.verdict == "proved":
+            return not first and any(entry.matters for entry in self.ended)
+        return self.outcome.verdict == "undecided" and any(map(is_ended, self.outcome.claims))
 
 
-def _best(tried: list[_Attempt]) -> _Attempt:
+def _better(before: _Attempt | InputError | None, now: _Attempt | InputError) -> Any:
+    """What decides; of two designs the one of least cost, of equals the later."""
+    if before is None or isinstance(before, InputError):
+        return now
+    if isinstance(now, InputError):
+        return before
+    order = ("proved", "refuted", "undecided")
+    ranks = [order.index(one.outcome.verdict) for one in (before, now)]
+    if ranks[0] != ranks[1]:
+        return before if ranks[0] < ranks[1] else now
+    costs = [0.0 if one.cost is None else one.cost for one in (before, now)]
+    return before if costs[0] < costs[1] else now
+
+
+def _attempted(problem: Problem, first: bool) -> _Attempt | InputError:
+    with listening() as remarks:
+        try:
+            tried, untried = _tried(problem, first, remarks)
+        except InputError as error:
+            return error
+        best = _best(tried)
+        claims = tuple(map(with_untried, best.claims)) if untried else best.claims
+        verdict = overall(claim.verdict for claim in claims)
+        if verdict == "proved" and not first and not any(one.evidence for one in remarks):
+            remark_end("a better design", ended())
+    result = _result(problem, best.candidate.label, tried) | {"seconds": round(best.seconds, 6)}
+    better = verdict == "proved"
+    if texts := sentences(one for one in remarks if not one.evidence or (better and one.matters)):
+        result["remarks"] = texts
+    design = _document(problem, best.candidate, claims)
+    outcome = Outcome(verdict, design.kind, claims, result, design, design.guarantees)
+    return _Attempt(outcome, best.candidate.cost, [one for one in remarks if one.evidence])
+
+
+@dataclass(frozen=True)
+class _Tried:
+    """A candidate and what was proved of it, so many seconds after the start."""
+
+    candidate: Any
+    claims: tuple[Claim, ...]
+    verdict: str
+    seconds: float
+
+
+def _tried(problem: Problem, first: bool, remarks: Sequence[Remark]) -> tuple[list[_Tried], bool]:
+    """Candidates with what was proved of them; and whether time ended before all were looked at."""
+    started = time.perf_counter()
+    kind = problem.require_kind()
+    synthesis, verification = layer("synthesis", kind), layer("verification", kind)
+    candidates, tried = iter(synthesis.synthesize(problem)), list[_Tried]()
+    while True:
+        if tried and left() < 0:
+            return tried, next(candidates, None) is not None
+        count = len(remarks)
+        candidate = next(candidates, None)
+        if candidate is None:
+            return tried, False
+        claims = verification.claims(problem, candidate.gains, candidate.certificates)
+        claims = as_answers(candidate, claims, remarks[count:])
+        verdict = overall(claim.verdict for claim in claims)
+        tried.append(_Tried(candidate, claims, verdict, time.perf_counter() - started))
+        enough = first or not candidate.goes_on
+        if enough and any(one.verdict == "proved" for one in tried):
+            return tried, False
+
+
+def _best(tried: list[_Tried]) -> _Tried:
     """The first proved one, or the proved one of least cost; else the most hopeful.
 
     An undecided form may still be true, a refuted one is not; the last form asks for least.
     """
     proved = [one for one in tried if one.verdict == "proved"]
     if proved:
-        return min(proved, key=lambda one: 0.0 if one.cost is None else one.cost)
+        return min(proved, key=lambda one: one.candidate.cost or 0.0)
     return min(reversed(tried), key=lambda one: ("undecided", "refuted").index(one.verdict))
 
 
-def _attempts(
-    problem: Problem, synthesis: Any, verification: Any
-) -> Iterator[tuple[Any, tuple[Claim, ...]]]:
-    for candidate in synthesis.synthesize(problem):
-        claims = verification.claims(problem, candidate.gains, candidate.certificates)
-        yield candidate, of_what_is_open(candidate, claims)
-
-
-def of_what_is_open(candidate: Any, claims: tuple[Claim, ...]) -> tuple[Claim, ...]:
-    """Claims about a candidate as answers to its problem: a search that fails refutes nothing."""
-    if not candidate.searched or any(_of_all_gains(claim) for claim in claims):
-        return claims
-    return tuple(_of_these_gains_only(claim) for claim in claims)
-
-
-def _of_all_gains(claim: Claim) -> bool:
-    """A witness that speaks about every gain that the problem leaves open."""
-    return bool(claim.evidence.get("witness", {}).get("of_all_gains"))
-
-
-def _of_these_gains_only(claim: Claim) -> Claim:
-    """What refutes gains that were searched for does not refute the problem."""
-    if claim.verdict != "refuted":
-        return claim
-    why = f"no gains were found for which it holds; for the last ones tried, {reason(claim)}"
-    kept = {name: value for name, value in claim.evidence.items() if name != "witness"}
-    kept["these_gains"] = {"witness": claim.evidence.get("witness")}
-    return replace(claim, verdict="undecided", evidence={**kept, "reason": why})
+def _result(problem: Problem, label: str, tried: list[_Tried]) -> dict[str, Any]:
+    """The form of the design, and what became of each."""
+    forms = {one.candidate.label: _summary(one.verdict, one.claims) for one in tried}
+    synthesis = layer("synthesis", problem.require_kind())
+    skipped = synthesis.untried(problem) if hasattr(synthesis, "untried") else {}
+    forms |= {name: {"verdict": "undecided", "reasons": [why]} for name, why in skipped.items()}
+    return {"form": label, "forms": forms}
 
 
 def _summary(verdict: str, claims: tuple[Claim, ...]) -> dict[str, Any]:
@@ -144,15 +215,9 @@ def _summary(verdict: str, claims: tuple[Claim, ...]) -> dict[str, Any]:
     }
 
 
-def reason(claim: Claim) -> str:
-    """Why a claim is refuted or undecided, in one sentence from its evidence."""
-    evidence = claim.evidence
-    witness = evidence.get("witness", {})
-    return str(evidence.get("reason") or witness.get("reason") or claim.statement)
-
-
-def _document(problem: Problem, kind: str, candidate: Any, claims: tuple[Claim, ...]) -> Design:
+def _document(problem: Problem, candidate: Any, claims: tuple[Claim, ...]) -> Design:
     """The design of a candidate; nothing in it differs from run to run."""
+    kind = problem.require_kind()
     verification = layer("verification", kind)
     return Design(
         name=problem.name,
@@ -189,13 +254,15 @@ def version(distribution: str) -> str:
         return "not installed"
 
 
-def design(problem: Problem, *, allow_undecided: bool = False) -> Design:
-    """A proved design for a problem.
+def design(
+    problem: Problem, *, allow_undecided: bool = False, seconds: float | None = None
+) -> Design:
+    """A proved design for a problem; seconds: as for `investigate`.
 
     Raises InputError for a problem that cannot be read as asked, and NotProved when the answer
     is no (or, unless `allow_undecided`, not known); its `.outcome` holds claims and witnesses.
     """
-    outcome = investigate(problem)
+    outcome = investigate(problem, seconds=seconds)
     accepted = ("proved", "undecided") if allow_undecided else ("proved",)
     if outcome.verdict not in accepted or outcome.design is None:
         raise NotProved(outcome)

@@ -11,10 +11,11 @@ from obsdesign.cli import cli
 
 HEAD = """# Commands
 
-Exit codes: 0 proved or done, 1 refuted (the witness is printed), 2 bad input or usage (one line on
-stderr), 3 undecided, 4 a row that is not `ok` (`run --strict`). `--json` prints exactly one JSON
-object on stdout. `NO_COLOR` is respected, and progress is shown on a terminal only. Made by
-`python -m scripts.command_reference`.
+Exit codes: 0 proved or done, 1 refuted (the witness is printed), 2 bad input or usage (one line
+on stderr), 3 undecided (with what a longer `--time` might do, where a budget ended it), 4 a row
+that is not `ok` (`run --strict`), 70 an internal error (one line on stderr). `--json` prints
+exactly one JSON object on stdout. `NO_COLOR` is respected, and progress is shown on a terminal
+only. Made by `python -m scripts.command_reference`.
 """
 
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
@@ -14,6 +15,8 @@ from obsdesign.kinds import KINDS
 
 if TYPE_CHECKING:
     from obsdesign.problem import Problem
+
+_Command = TypeVar("_Command", bound=Callable[..., Any])
 
 
 def one_of(*words: str) -> Any:
@@ -25,6 +28,20 @@ KIND = click.option(
     "--kind", shell_complete=one_of(*KINDS),
     help="Observer kind; options of another kind in the file are dropped.",
 )  # fmt: skip
+
+
+def _seconds(context: click.Context, option: click.Parameter, value: float | None) -> float | None:
+    if value is not None and not 0 < value < math.inf:
+        raise InputError(f"--time must be a positive finite number of seconds; got {value!r}.")
+    return value
+
+
+def time_option(more: str = "in all") -> Callable[[_Command], _Command]:
+    """--time SECONDS as `seconds`; more: what the seconds are for."""
+    return click.option(
+        "--time", "seconds", type=float, metavar="SECONDS", callback=_seconds,
+        help=f"Processor seconds that searches may take {more}.  [default: each its own budget]",
+    )  # fmt: skip
 
 
 def problem_of(path: str, kind: str | None) -> tuple[Problem, list[str]]:

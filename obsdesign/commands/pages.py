@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from obsdesign.commands.arguments import numbers
+from obsdesign.commands.arguments import numbers, time_option
 from obsdesign.commands.talk import is_quiet, say
 from obsdesign.errors import InputError
 
@@ -23,10 +23,11 @@ COMPLETE = "_OBSDESIGN_COMPLETE"
 @click.option("--step", type=float, help="Time between its rows.")
 @click.option("--seed", type=click.IntRange(min=0), help="Of the simulation.  [default: 0]")
 @click.option("--initial", help="x1_lo,x1_hi,...; point observers begin in the middle.")
+@time_option()
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object on stdout.")
 def compare(
     problem: str, data: str | None, simulated: bool, seed: int | None, initial: str | None,
-    as_json: bool, **options: Any,
+    seconds: float | None, as_json: bool, **options: Any,
 ) -> int:  # fmt: skip
     """Run every observer that PROBLEM admits on the same record, beside a Kalman filter."""
     import numpy as np
@@ -48,7 +49,7 @@ def compare(
     else:
         rng = np.random.default_rng(seed or 0)
         record = Record.simulated(loaded.plant, rng=rng, **options)
-    rows = list(compare_all(loaded, record, start))
+    rows = list(compare_all(loaded, record, start, seconds=seconds))
     if as_json:
         click.echo(compare_answer(rows))
     elif not is_quiet():

@@ -4,22 +4,32 @@ from __future__ import annotations
 
 import click
 
-from obsdesign.commands.arguments import KIND, one_of, problem_of
-from obsdesign.commands.talk import is_quiet, is_verbose, say, told_if_slow, warn
+from obsdesign.commands.arguments import KIND, one_of, problem_of, time_option
+from obsdesign.commands.talk import (
+    is_quiet,
+    is_verbose,
+    progress_bar,
+    say,
+    told_if_slow,
+    warn,
+)
 from obsdesign.errors import InputError
 from obsdesign.kinds import SEARCHES
 
 
 @click.command()
 @click.argument("problem", type=click.Path())
+@time_option()
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object on stdout.")
-def check(problem: str, as_json: bool) -> int:
+def check(problem: str, seconds: float | None, as_json: bool) -> int:
     """For each observer kind: can it be built for the plant in PROBLEM, and if not, why."""
     from obsdesign.check import check_all
     from obsdesign.presentation import EXIT_CODES, check_answer, show_check
     from obsdesign.problem import load_problem
 
-    verdict, found = check_all(load_problem(problem))
+    loaded = load_problem(problem)
+    with progress_bar("check") as progress:
+        verdict, found = check_all(loaded, seconds=seconds, progress=progress)
     for entry in found.values():
         entry["next"] = entry["next"].replace("PROBLEM", problem)
     if as_json:
@@ -41,10 +51,12 @@ def check(problem: str, as_json: bool) -> int:
     help="Design file.",
 )
 @click.option("--allow-undecided", is_flag=True, help="Write a design with undecided claims too.")
+@time_option()
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object on stdout.")
 def design(
-    problem: str, kind: str | None, output: str, allow_undecided: bool, as_json: bool
-) -> int:
+    problem: str, kind: str | None, output: str, allow_undecided: bool, seconds: float | None,
+    as_json: bool,
+) -> int:  # fmt: skip
     """Synthesise what PROBLEM leaves open, prove it, and write a design file."""
     from obsdesign import workflow
     from obsdesign.output_files import refuse_overwriting
@@ -54,7 +66,7 @@ def design(
     refuse_overwriting(output, problem)
     try:
         with told_if_slow("designing"):
-            outcome = workflow.investigate(loaded)
+            outcome = workflow.investigate(loaded, seconds=seconds)
     except InputError as error:
         raise InputError(f"{problem}: {error}") from None
     if dropped:
@@ -104,8 +116,12 @@ def verify(design_file: str, paranoid: bool, as_json: bool) -> int:
               help=", ".join(SEARCHES) + ".")  # fmt: skip
 @KIND
 @click.option("--accuracy", type=float, default=1e-6, show_default=True, help="Relative width.")
+@time_option()
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object on stdout.")
-def search(problem: str, what: str, kind: str | None, accuracy: float, as_json: bool) -> int:
+def search(
+    problem: str, what: str, kind: str | None, accuracy: float, seconds: float | None,
+    as_json: bool,
+) -> int:  # fmt: skip
     """Find the limit of WHAT for PROBLEM: a bracket, proved on one side."""
     from obsdesign import search as searching
     from obsdesign.presentation import EXIT_CODES, answer, show_bracket
@@ -113,7 +129,7 @@ def search(problem: str, what: str, kind: str | None, accuracy: float, as_json: 
     loaded, dropped = problem_of(problem, kind)
     try:
         with told_if_slow("searching"):
-            outcome = searching.search(loaded, what, accuracy)
+            outcome = searching.search(loaded, what, accuracy, seconds=seconds)
     except InputError as error:
         raise InputError(f"{problem}: {error}") from None
     if dropped:

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import logging
 import os
-import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 
 import click
 
-from obsdesign.commands.arguments import KIND, problem_of
-from obsdesign.commands.talk import is_quiet, say, warn
+from obsdesign.commands.arguments import KIND, problem_of, time_option
+from obsdesign.commands.talk import progress_bar, say, warn
 from obsdesign.errors import InputError
 
 # each process does one point at a time, and has one thread to do it
@@ -26,6 +23,7 @@ _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
               help="What `search` knows, or verdict, width, decay_rate, error.")  # fmt: skip
 @KIND
 @click.option("--accuracy", type=float, default=1e-6, show_default=True, help="Of a search.")
+@time_option("at each point")
 @click.option("--jobs", type=click.IntRange(min=1),
               help="Processes.  [default: one; all cores for what takes longer]")  # fmt: skip
 @click.option("--scheduler", metavar="ADDRESS", help="Dask scheduler to work for instead.")
@@ -33,7 +31,7 @@ _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
               help="JSON lines, one per point; points it holds are not done again.")  # fmt: skip
 def sweep(
     problem: str, over: tuple[str, ...], what: str, kind: str | None, accuracy: float,
-    jobs: int | None, scheduler: str | None, output: str,
+    seconds: float | None, jobs: int | None, scheduler: str | None, output: str,
 ) -> int:  # fmt: skip
     """Map WHAT for PROBLEM over one or two of its entries; `plot` draws it."""
     for name in _THREADS:
@@ -49,12 +47,12 @@ def sweep(
     refuse_overwriting(output, problem)
     axes = [parse_axis(text) for text in over]
     try:
-        plan = plan_sweep(loaded, axes, what, accuracy)
+        plan = plan_sweep(loaded, axes, what, accuracy, seconds)
     except InputError as error:
         raise InputError(f"{problem}: {error}") from None
     if dropped:
         warn(f"dropped for kind {kind}: {', '.join(dropped)}")
-    with _bar() as progress:
+    with progress_bar("sweep") as progress:
         rows = run_sweep(plan, output, jobs=jobs, scheduler=scheduler, progress=progress)
     counts = counted(rows)
     told = ", ".join(f"{number} {word}" for word, number in counts.most_common())
@@ -65,18 +63,3 @@ def sweep(
         told = f"{len(errors)} without an answer; at {at}: {errors[0]['error']}"
         click.echo(f"obsdesign: {told}", err=True)
     return 3 if len(errors) == len(rows) else 0
-
-
-@contextmanager
-def _bar() -> Iterator[Callable[[int, int], None]]:
-    """A progress bar on a terminal that wants one; nothing elsewhere."""
-    if is_quiet() or "NO_COLOR" in os.environ or not sys.stderr.isatty():
-        yield lambda done, total: None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
-
-    columns = (BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("sweep")
-        yield lambda done, total: bar.update(task, completed=done, total=total)

@@ -5,8 +5,10 @@ Quiet leaves errors, exit codes, files, and what --json or standard output was a
 
 from __future__ import annotations
 
+import os
+import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from threading import Event, Thread
 
@@ -55,6 +57,21 @@ def told_if_slow(doing: str) -> Iterator[None]:
         yield
     finally:
         done.set()
+
+
+@contextmanager
+def progress_bar(doing: str) -> Iterator[Callable[[int, int], None]]:
+    """A bar for (done, total) on a terminal that wants one; nothing elsewhere."""
+    if is_quiet() or "NO_COLOR" in os.environ or not sys.stderr.isatty():
+        yield lambda done, total: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
+
+    columns = (BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(doing)
+        yield lambda done, total: bar.update(task, completed=done, total=total)
 
 
 def _given(name: str) -> bool:

@@ -7,7 +7,9 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from lmi.patience import ended_part, total_budget
 from obsdesign import workflow
+from obsdesign.answers import is_ended, verdict_of_refusal
 from obsdesign.comparison.record import Record
 from obsdesign.comparison.row import Row, filtered, run
 from obsdesign.document import Design
@@ -30,16 +32,22 @@ MOST_ROWS = 5000
 
 
 def compare(
-    problem: Problem, record: Record, initial: Sequence[float] | None = None
+    problem: Problem,
+    record: Record,
+    initial: Sequence[float] | None = None,
+    *,
+    seconds: float | None = None,
 ) -> Iterator[Row]:
     """One row per observer that the plant admits, as they come, then the filter.
 
-    initial: x1_lo, x1_hi, ... at the first row; point observers begin in the middle. By default
-    bounds around zero that are as far from it as the true state is, and a unit beyond.
+    Every kind as the problem asks for it, then in its other ways. initial: x1_lo, x1_hi, ... at the
+    first row; point observers begin in the middle. By default bounds around zero that are as far
+    from it as the true state is, and a unit beyond. seconds: of processor time that searches may
+    take in all.
     """
     start = _initial(problem, record, initial)
-    for kind in KINDS:
-        yield from _of_kind(problem, kind, record, start)
+    for (kind, value), outcome in _designs(problem, seconds).items():
+        yield _row(kind, outcome, record, start, value)
     yield filtered(problem.plant, record, start)
 
 
@@ -56,52 +64,62 @@ def beside_filter(
     )
 
 
-def _of_kind(problem: Problem, kind: str, record: Record, start: Array) -> Iterator[Row]:
-    """The kind as the problem asks for it, then in its other ways."""
-    try:
-        asked, _ = problem.for_kind(kind)
-        outcome = workflow.investigate(asked)
-    except InputError as error:
-        yield Row(kind, "", "refuted", reason=str(error))
-        return
+def _designs(
+    problem: Problem, seconds: float | None
+) -> dict[tuple[str, str], workflow.Outcome | InputError]:
+    """(kind, way) -> its design, or why there is none; the way is "" as the problem asks for it."""
+    found: dict[tuple[str, str], workflow.Outcome | InputError] = {}
+    own: dict[tuple[str, str], Problem] = {}
+    for kind in KINDS:
+        try:
+            own[kind, ""] = problem.for_kind(kind)[0]
+        except InputError as error:
+            found[kind, ""] = error
+    with total_budget(seconds):
+        found |= workflow.investigate_each(own)
+        ways: dict[tuple[str, str], Problem] = {}
+        for (kind, _), asked in own.items():
+            for value in _other_ways(kind, found[kind, ""]):
+                body = asked.to_dict()
+                # gains and a lag that were given are for the way that was asked for
+                body["observer"].pop("lag", None)
+                body["observer"] = {**body["observer"], _VARIANTS[kind][0]: value, "gains": {}}
+                try:
+                    ways[kind, value] = Problem.from_dict(body)
+                except InputError as error:
+                    found[kind, value] = error
+        found |= workflow.investigate_each(ways)
+    return dict(sorted(found.items(), key=lambda item: KINDS.index(item[0][0])))
+
+
+def _other_ways(kind: str, outcome: workflow.Outcome | InputError) -> list[str]:
+    """Values of the kind's option beside that of its design; none where there is no design."""
+    if isinstance(outcome, InputError) or outcome.design is None or outcome.verdict == "refuted":
+        return []
     option, values = _VARIANTS.get(kind, ("", ()))
-    yield _row(outcome, option, record, start)
-    if outcome.design is None or outcome.verdict == "refuted":
-        return
-    done = str(outcome.design.gains.get(option))
-    for value in values:
-        if value != done:
-            yield _variant(asked, kind, option, value, record, start)
-
-
-def _variant(
-    asked: Problem, kind: str, option: str, value: str, record: Record, start: Array
-) -> Row:
-    """Gains and a lag that were given are for the way that was asked for; here they are chosen."""
-    body = asked.to_dict()
-    body["observer"].pop("lag", None)
-    body["observer"] = {**body["observer"], option: value, "gains": {}}
-    try:
-        return _row(workflow.investigate(Problem.from_dict(body)), option, record, start, value)
-    except InputError as error:
-        return Row(kind, value, "refuted", reason=str(error))
+    return [value for value in values if value != str(outcome.design.gains.get(option))]
 
 
 def _row(
-    outcome: workflow.Outcome, option: str, record: Record, start: Array, value: str = ""
+    kind: str,
+    outcome: workflow.Outcome | InputError,
+    record: Record,
+    start: Array,
+    value: str,
 ) -> Row:
+    if isinstance(outcome, InputError):
+        return Row(kind, value, verdict_of_refusal(outcome), reason=str(outcome))
     design = outcome.design
     if outcome.verdict != "proved" or design is None:
         failed = [claim for claim in outcome.claims if claim.verdict == outcome.verdict]
-        told = f"{failed[0].id}: {workflow.reason(failed[0])}" if failed else ""
-        return Row(outcome.kind, value, outcome.verdict, reason=told)
-    variant = str(design.gains.get(option, ""))
+        reason = f"{failed[0].id}: {workflow.reason(failed[0])}" if failed else ""
+        end = next((ended_part(claim.evidence) for claim in failed if is_ended(claim)), {})
+        return Row(kind, value, outcome.verdict, reason=reason, ended=end)
+    variant = str(design.gains.get(_VARIANTS.get(kind, ("", ()))[0], ""))
     try:
-        return Row(
-            outcome.kind, variant, "proved", _guarantee(design), **run(design, record, start)
-        )
+        return Row(kind, variant, "proved", _guarantee(design), **run(design, record, start))
     except InputError as error:
-        return Row(outcome.kind, variant, "proved", _guarantee(design), reason=str(error))
+        return Row(kind, variant, "proved", _guarantee(design), reason=str(error))
 
 
 def _guarantee(design: Design) -> str:

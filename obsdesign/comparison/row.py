@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -31,7 +31,8 @@ class Row:
 
     Rows whose guarantee does not hold are counted (`without`) and left out of them. reason: why
     there is no observer, or where one was not proved. error, worst: of the estimate, or of the
-    middle of the bounds; input_error: of the unknown input; seconds: per row, in processor time.
+    middle of the bounds; input_error: of the unknown input; seconds: per row, in processor time;
+    ended: the budget that ended the search for a design, as `lmi.patience.ended` has it.
     """
 
     kind: str
@@ -45,6 +46,7 @@ class Row:
     without: int | None = None
     seconds: float | None = None
     reason: str = ""
+    ended: Mapping[str, Any] = field(default_factory=dict)
 
 
 def run(design: Design, record: Record, start: Array) -> dict[str, Any]:

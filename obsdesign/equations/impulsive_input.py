@@ -53,6 +53,11 @@ def objection(plant: Any) -> str | None:
     """What forbids an observer of this kind for a plant, or None; one sentence."""
     if plant.jump is None or plant.jump.H is None:
         return None  # a missing block: the caller asks for it
+    return plant_objection(plant) or size_objection(plant)
+
+
+def plant_objection(plant: Any) -> str | None:
+    """What else than impulses happens at jumps, or None; one sentence. plant: with jumps."""
     if not np.array_equal(plant.jump.G, np.eye(len(plant.flow.A))):
         return (
             "jump.G must be the identity for kind 'impulsive_input': impulses add to the state at "
@@ -63,7 +68,7 @@ def objection(plant: Any) -> str | None:
             "jump.E is refused by kind 'impulsive_input': jump times are unknown, so that no known "
             "input can act at them."
         )
-    return size_objection(plant)
+    return None
 
 
 def size_objection(plant: Any) -> str | None:

@@ -44,6 +44,17 @@ def objection(plant: Any, gains: Any, options: Any) -> str | None:
     `gains` and `options` are those of the problem file. Anything that moves the state without
     bounds, and any request that would not be honoured.
     """
+    if text := plant_objection(plant):
+        return text
+    if text := limit_objection(gains, options, "observer.gains"):
+        return text
+    if text := _width_objection(plant, options):
+        return text
+    return _form_objection(plant, gains, options.get("form", "auto"))
+
+
+def plant_objection(plant: Any) -> str | None:
+    """What moves the state without bounds, or None; one sentence."""
     if plant.flow.D is not None:
         return (
             "flow.D is refused by kind 'interval': an unknown input without bounds leaves no "
@@ -54,11 +65,7 @@ def objection(plant: Any, gains: Any, options: Any) -> str | None:
             "jump.H is refused by kind 'interval': impulses of unknown weight leave no bounds "
             "on the state. Give bounds as jump.disturbance."
         )
-    if text := limit_objection(gains, options, "observer.gains"):
-        return text
-    if text := _width_objection(plant, options):
-        return text
-    return _form_objection(plant, gains, options.get("form", "auto"))
+    return None
 
 
 def _width_objection(plant: Any, options: Any) -> str | None:

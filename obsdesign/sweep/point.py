@@ -8,8 +8,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from lmi.patience import ended_part
 from obsdesign import search as searching
 from obsdesign import workflow
+from obsdesign.answers import is_ended, more_time
 from obsdesign.document import jsonable
 from obsdesign.errors import InputError
 from obsdesign.kinds import KINDS, SEARCHES
@@ -28,18 +30,23 @@ QUALITIES: Mapping[str, Mapping[str, tuple[tuple[str, str], ...]]] = {
     "error": {"finite_time": (("error_radius", "largest_error"),)},
 }
 MOST_POINTS = 1_000_000
+_WIDER = "the bracket is wider than asked"
 # the precision of ball arithmetic belongs to the process: threads of one worker take turns
 _ONE_AT_A_TIME = threading.Lock()
 
 
 @dataclass(frozen=True)
 class Plan:
-    """A problem (normalised, as a dict), one or two axes, and what is asked at every point."""
+    """A problem (normalised, as a dict), one or two axes, and what is asked at every point.
+
+    seconds: of processor time that the searches of one point may take; None for their own budgets.
+    """
 
     body: Mapping[str, Any]
     axes: tuple[Axis, ...]
     what: str
     accuracy: float
+    seconds: float | None = None
 
     def __len__(self) -> int:
         return math.prod(axis.count for axis in self.axes)
@@ -60,7 +67,9 @@ class Plan:
         return Problem.from_dict(body)
 
 
-def plan_sweep(problem: Problem, axes: Sequence[Axis], what: str, accuracy: float) -> Plan:
+def plan_sweep(
+    problem: Problem, axes: Sequence[Axis], what: str, accuracy: float, seconds: float | None = None
+) -> Plan:
     """A sweep that makes sense, or InputError: what is asked, how many axes, entries that exist."""
     kind = problem.require_kind()
     searching.require_accuracy(accuracy)
@@ -79,7 +88,7 @@ def plan_sweep(problem: Problem, axes: Sequence[Axis], what: str, accuracy: floa
         require_number(body, axis)
     if len({axis.path for axis in axes}) < len(axes):
         raise InputError(f"--over: {axes[0].key} is given twice; a map needs two entries.")
-    plan = Plan(body, tuple(axes), what, accuracy)
+    plan = Plan(body, tuple(axes), what, accuracy, seconds)
     if len(plan) > MOST_POINTS:
         raise InputError(f"--over: at most {MOST_POINTS} points are possible; got {len(plan)}.")
     return plan
@@ -92,9 +101,11 @@ def evaluate(plan: Plan, index: int) -> dict[str, Any]:
         try:
             problem = plan.problem(index)
             if plan.what in SEARCHES:
-                told = _searched(searching.search(problem, plan.what, plan.accuracy))
+                found = searching.search(problem, plan.what, plan.accuracy, seconds=plan.seconds)
+                told = _searched(found)
             else:
-                told = _designed(workflow.investigate(problem), plan.what)
+                found = workflow.investigate(problem, seconds=plan.seconds)
+                told = _designed(found, plan.what)
             result: dict[str, Any] = row | jsonable(told)
         except InputError as error:
             return row | {"error": str(error)}
@@ -107,13 +118,13 @@ def _searched(outcome: workflow.Outcome) -> dict[str, Any]:
     result = outcome.result
     told = {"verdict": outcome.verdict, "value": result["proved"]}
     told |= {name: result[name] for name in ("not_proved", "not_proved_verdict")}
-    return told if outcome.verdict == "proved" else told | {"reason": _why(outcome)}
+    return told if outcome.verdict == "proved" else told | _why(outcome)
 
 
 def _designed(outcome: workflow.Outcome, what: str) -> dict[str, Any]:
     told: dict[str, Any] = {"verdict": outcome.verdict, "value": None}
     if outcome.verdict != "proved":
-        return told | {"reason": _why(outcome)}
+        return told | _why(outcome)
     places = QUALITIES[what][outcome.kind]
     numbers = [
         claim.evidence[entry]
@@ -128,10 +139,15 @@ def _designed(outcome: workflow.Outcome, what: str) -> dict[str, Any]:
     return told
 
 
-def _why(outcome: workflow.Outcome) -> str:
-    """The first claim that is not proved, or what a search says of its open side."""
+def _why(outcome: workflow.Outcome) -> dict[str, Any]:
+    """{"reason"}: the first claim that is not proved, or what a search says of its open side.
+
+    With the evidence of a budget that ended it.
+    """
     open_claims = [claim for claim in outcome.claims if claim.verdict != "proved"]
     if open_claims:
         first = min(open_claims, key=lambda claim: claim.verdict != outcome.verdict)
-        return f"{first.id}: {workflow.reason(first)}"
-    return str(outcome.result.get("reason") or "the bracket is wider than asked")
+        text, evidence = f"{first.id}: {workflow.reason(first)}", first.evidence
+        return {"reason": text} | (ended_part(evidence) if is_ended(first) else {})
+    text, end = str(outcome.result.get("reason") or _WIDER), ended_part(outcome.result)
+    return {"reason": f"{text}; {more_time(end)}" if end else text} | end

@@ -33,6 +33,7 @@ _WORDS = {
     "over": "--over",
     "for": "--for",
     "accuracy": "--accuracy",
+    "time": "--time",
     "obsdesign": "version of obsdesign",
 }
 
@@ -48,6 +49,7 @@ def header(plan: Plan) -> dict[str, Any]:
         "over": [axis.to_dict() for axis in plan.axes],
         "for": plan.what,
         "accuracy": plan.accuracy,
+        "time": plan.seconds,
         "obsdesign": __version__,
     }
 

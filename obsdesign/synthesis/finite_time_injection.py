@@ -17,14 +17,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from lmi.patience import until
+from lmi.patience import ended, remark_end, until
 from obsdesign.equations import finite_time as equations
 from obsdesign.equations.finite_time_bounds import approx_log_longest_period
 from obsdesign.synthesis.period_coordinates import normal_coordinates, triangular
 from obsdesign.synthesis.period_nlp import PeriodProgram, Start
 from obsdesign.synthesis.period_open import Injection as Injection
 from obsdesign.synthesis.period_open import Open as Open
-from obsdesign.synthesis.period_open import ended
 from obsdesign.synthesis.period_polish import polished
 
 Array = NDArray[np.float64]
@@ -55,7 +54,7 @@ def best_injection(
     if starts and (asked.L is None or asked.coordinates):
         guesses += _of_program(asked, starts, until(_OF_PROGRAM * seconds))
     best = max(guesses, key=lambda one: one.log_period)
-    return max(polished(asked, best, end, enough), best, key=lambda one: one.log_period)
+    return max(polished(asked, best, end, seconds, enough), best, key=lambda one: one.log_period)
 
 
 def _guesses(asked: Open) -> list[Injection]:
@@ -178,6 +177,6 @@ def _scanned(asked: Open, L: Array, period: float, least: int) -> tuple[int | No
         if value > math.log(period):
             return k, Injection(L, k * period, value)
         if time.process_time() > end:
-            ended("the shortest window")
+            remark_end("the shortest window", ended(end, _SCAN_SECONDS))
             break
     return None, Injection(L, least * period, -math.inf)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lmi.exponential import expm, exponential_grid, flow_integrals
-from lmi.patience import remark, until
+from lmi.patience import ended, remark_end, until
 from obsdesign.equations import finite_time as equations
 from obsdesign.plant import Plant
 
@@ -84,7 +84,7 @@ def quiet_injection(A: Array, C: Array, L: Array, period: float, k: int, method:
         for x in sorted(guesses, key=lambda x: cost(x.reshape(-1))):
             minimize(cost, x.reshape(-1), method="Nelder-Mead")
     except _Over:
-        remark("the search of a quiet L ended with its time; a longer one might find better")
+        remark_end("a quiet L", ended(end, _SECONDS))
     return best
 
 

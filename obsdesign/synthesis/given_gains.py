@@ -7,19 +7,20 @@ from typing import Any
 import numpy as np
 
 from obsdesign.equations.estimation_error import idle_gains
-from obsdesign.errors import InputError
+from obsdesign.errors import DoesNotApply, InputError
 from obsdesign.problem import Problem
 
 
 def refuse_unusable(problem: Problem) -> None:
-    """InputError for what no observer with gains L, M can execute."""
+    """DoesNotApply or InputError for what no observer with gains L, M can execute."""
     plant, kind = problem.plant, problem.kind
     if plant.jump is not None:
         problem.require_dwell_time()
     if plant.output.measured == "periodic":
-        raise InputError(
+        raise DoesNotApply(
             f"output.measured = 'periodic' is not available for kind {kind!r} in this version; "
-            "it must be continuous or at_jumps."
+            "it must be continuous or at_jumps.",
+            "output.measured",
         )
     for name, why in idle_gains(plant).items():
         if np.any(problem.gains.get(name, 0)):

@@ -26,8 +26,8 @@ _FEW_BOXES = 2000
 
 def synthesize(problem: Problem) -> Iterator[Candidate]:
     """Candidates in order of preference; InputError for what cannot be built at all."""
-    if text := equations.objection(problem.plant):
-        raise InputError(text)
+    problem.require_measured("at_jumps")
+    problem.require_dwell_time()
     asked = problem.options.get("strategy", "auto")
     order: tuple[str, ...] = equations.STRATEGIES if asked == "auto" else (asked,)
     for name in ("window", "alpha", "noise_target"):

@@ -20,7 +20,8 @@ from obsdesign.equations import impulsive_input as equations
 from obsdesign.equations.estimation_error import flow_error_matrix, plant_data
 from obsdesign.equations.impulse_curve import balanced_size
 from obsdesign.equations.impulsive_input import longest_period
-from obsdesign.errors import InputError
+from obsdesign.errors import DoesNotApply, InputError
+from obsdesign.plant import Plant
 from obsdesign.problem import Problem
 from obsdesign.structure import approx_unobservable_modes
 from obsdesign.synthesis.candidate import Candidate
@@ -50,8 +51,7 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
     problem.require("jump.H")
     low, _ = problem.require_dwell_time()
     problem.require_measured("continuous", "periodic")
-    if text := equations.objection(plant):
-        raise InputError(text)
+    _check_plant(plant)
     _check_options(problem)
     weighting = _weighting(problem)
     if asks_for_samples(problem):
@@ -87,6 +87,13 @@ def _integral_candidates(problem: Problem, data: dict[str, Any], D: Matrix) -> I
         return
     for label, chosen, rule in exponent_choices(problem, data, D):
         yield Candidate(label, data | {"exponents": chosen, "rule": rule}, searched=True)
+
+
+def _check_plant(plant: Plant) -> None:
+    if text := equations.plant_objection(plant):
+        raise DoesNotApply(text)
+    if text := equations.objection(plant):
+        raise InputError(text)
 
 
 def _longest(problem: Problem, low: float) -> float:

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lmi.patience import hurried
 from obsdesign.impulsive_estimate import missed, noise_of, simulated
 from obsdesign.problem import Problem
 
@@ -45,7 +44,7 @@ def quiet_enough(
     if fixed:
         return dict(gains) | {"window": window}, {}
     fast = _FASTEST
-    for _ in range(0 if hurried() else _HALVINGS):
+    for _ in range(_HALVINGS):
         middle = math.sqrt(slow * fast)
         if np.all(std(window, middle) <= target):
             slow = middle

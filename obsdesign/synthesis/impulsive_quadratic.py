@@ -21,7 +21,7 @@ from lmi.balancing import balance
 from lmi.balls import exact
 from lmi.exponential import expm
 from lmi.hidden_mode import propose_hiding
-from lmi.patience import hurried, left
+from lmi.patience import ended, left, remark_end
 from lmi.proof import prove_common
 from lmi.stack import Stack
 from obsdesign.equations.estimation_error import plant_data, seen_before_jump
@@ -48,10 +48,8 @@ def quadratic_candidate(problem: Problem) -> Candidate:
     rate = float(problem.options.get("decay_rate", 0.0))
     limit = math.exp(-rate * high) * (1 - 1e-9)
     factors = {*(f for f in _FACTORS if f < limit), *([limit] if limit < 1 else [])}
-    for gamma in sorted(factors, reverse=hurried()):
+    for gamma in sorted(factors):
         P = common_matrix(A, G, C, low, high, gamma)
-        if P is None and hurried():
-            break  # the slowest factor comes first then, and a faster one asks for more
         if P is None:
             continue
         # a little room between the search and the proof
@@ -127,6 +125,7 @@ def _table(
         else:
             middle = (start + end) / 2
             todo += [(middle, end), (start, middle)]
+    remark_end("cells of spacings", ended() if todo else {}, matters=False)
     return None if todo else (np.array(borders), np.array(gains))
 
 

@@ -15,11 +15,11 @@ import numpy as np
 
 from lmi.balls import exact, inverse
 from lmi.dwell_search import shortest_dwell
-from lmi.patience import hurried
+from lmi.patience import left
 from obsdesign.equations import interval as equations
 from obsdesign.equations.estimation_error import idle_gains
 from obsdesign.equations.interval_width import WidthSystem, width_system_of
-from obsdesign.errors import InputError
+from obsdesign.errors import DoesNotApply, InputError
 from obsdesign.problem import Problem
 from obsdesign.structure import hidden_for_ever
 from obsdesign.synthesis.candidate import Candidate
@@ -39,6 +39,8 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
 
     InputError for what cannot be built from the gains that are given.
     """
+    if text := equations.plant_objection(problem.plant):
+        raise DoesNotApply(text)
     if text := equations.objection(problem.plant, problem.gains, problem.options):
         raise InputError(text)
     problem.require_noise_bound("kind 'interval'")
@@ -105,7 +107,7 @@ def untried(problem: Problem) -> dict[str, str]:
 
 
 def _objective(problem: Problem) -> str:
-    return "feasible" if hurried() else str(problem.options.get("objective", "feasible"))
+    return str(problem.options.get("objective", "feasible"))
 
 
 def _in_known_coordinates(
@@ -171,7 +173,7 @@ def _candidate(
         certificates = certificates or dwell_certificates(
             system.W, system.N, low, high, **question(problem)
         )
-    if not hurried():
+    if left() > 0:
         certificates |= _widths(problem, gains, system, approx)
         # where a spacing was named, the observer watches it
         if "sampled_width" in certificates and problem.plant.output.period is not None:

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lmi.patience import until
+from lmi.patience import ended, ended_by_count, remark_end, scaled, until
 from obsdesign.equations.interval import flow_and_jump
 from obsdesign.plant import Plant
 from obsdesign.problem import Problem
@@ -63,6 +63,8 @@ def best_coordinates(
     best = min(found, key=lambda one: one.value)
     if search:
         best = _searched(problem, given, objective, best, end)
+    if not _settled(best, objective):
+        remark_end("coordinates", ended(end, _SECONDS), matters=objective != "feasible")
     thorough = _with_gains(problem, given, objective, best.S)
     return min(best, thorough, key=lambda one: one.value)
 
@@ -107,12 +109,15 @@ def _searched(
 
     from scipy.optimize import minimize  # slow to import, and rarely needed
 
-    effort = _EVALUATIONS if n <= _LARGE else _EVALUATIONS // 3
+    effort = scaled(_EVALUATIONS if n <= _LARGE else _EVALUATIONS // 3)
     with np.errstate(all="ignore"):
-        minimize(
+        result = minimize(
             value, start.S.ravel(), method="Nelder-Mead",
             options={"maxfev": effort, "initial_simplex": _simplex(start.S)},
         )  # fmt: skip
+    if result.nfev >= effort and not _settled(best[0], objective):
+        evidence = ended_by_count("evaluations", effort)
+        remark_end("coordinates", evidence, matters=objective != "feasible")
     return best[0]
 
 

@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from lmi.patience import until
+from lmi.patience import ended, ended_by_count, remark_end, scaled, until
 from obsdesign.synthesis.interval_goals import growth, mean_width, shortest
 from obsdesign.synthesis.interval_program import clock_gains
 from obsdesign.synthesis.interval_task import Task
@@ -46,7 +46,7 @@ def best_gains(
     end: processor time at which the best so far has to do (default: `SECONDS` from now).
     """
     goal = OBJECTIVES[objective]
-    end = until(SECONDS) if end is None else end
+    own, end = end is None, until(SECONDS) if end is None else end
     if not (task.open_L or task.open_M):
         none = np.zeros(task.limit_L.shape)
         return goal(task, none, none), none, none
@@ -64,6 +64,8 @@ def best_gains(
     if math.isinf(best[0]) and goal is not growth:  # nothing to descend on: contract first
         _, L, M = _descent(task, growth, "feasible", *ranked[0], end)
         best = _descent(task, goal, objective, L, M, end)
+    if own:
+        remark_end("gains", ended(end, SECONDS), matters=objective != "feasible")
     return _rounded(task, goal, *best)
 
 
@@ -129,7 +131,7 @@ def _descent(
 ) -> tuple[float, Matrix, Matrix]:
     """One entry at a time, as long as it helps and time and effort last."""
     value = _value(task, goal, L, M)
-    stride, spent = 0.5, 0
+    stride, spent, limit = 0.5, 0, scaled(most)
     for _ in range(_SWEEPS):
         before = value
         for which in ("L", "M"):
@@ -140,7 +142,11 @@ def _descent(
                     return value, L, M
                 for candidate in _candidates(task, which, L, M, index, stride, goal is mean_width):
                     spent += 1
-                    if spent > most or time.process_time() > end:
+                    if time.process_time() > end:
+                        return value, L, M
+                    if spent > limit:
+                        evidence = ended_by_count("evaluations", limit) if most == _MOST else {}
+                        remark_end("gains", evidence, matters=goal is not growth)
                         return value, L, M
                     new = (candidate, M) if which == "L" else (L, candidate)
                     found = _value(task, goal, *new)

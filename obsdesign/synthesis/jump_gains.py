@@ -17,7 +17,7 @@ import numpy as np
 
 from lmi.affine import Unknown, best_margin
 from lmi.families import Edge, worst
-from lmi.patience import left
+from lmi.patience import ended, remark_end
 from obsdesign.equations import luenberger as equations
 from obsdesign.equations.estimation_error import seen_before_jump
 from obsdesign.problem import Problem
@@ -61,7 +61,8 @@ def jump_gains(
     active = {(i, j, k) for i, j in pairs for k in (0, len(grids[j][0]) - 1)}
     best: JumpGains | None = None
     for _ in range(_ROUNDS):
-        if left() < 0:
+        if out_of_time := ended():
+            remark_end("gains at jumps", out_of_time, matters=False)
             break
         rows = sorted(active)
         earlier, later, _ = np.array(rows).T

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lmi.patience import remark
 from obsdesign.equations.finite_time_bounds import approx_log_longest_period
 
 Array = NDArray[np.float64]
@@ -52,8 +51,3 @@ class Open:
         value = approx_log_longest_period(self.A, self.C, L, T, S, self.tighter)
         most = math.log(T) - math.log(math.ceil(len(self.A) / len(self.C)))
         return Injection(L, T, -math.inf if math.isnan(value) else min(value, most), S)
-
-
-def ended(what: str) -> None:
-    """Tell whoever listens that a search for this ended with its time."""
-    remark(f"the search of {what} ended with its time; a longer one might find better")

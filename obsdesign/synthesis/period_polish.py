@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lmi.patience import ended, remark_end
 from obsdesign.equations import finite_time as equations
 from obsdesign.synthesis.period_coordinates import triangle_of, triangular
-from obsdesign.synthesis.period_open import Injection, Open, ended
+from obsdesign.synthesis.period_open import Injection, Open
 
 Array = NDArray[np.float64]
 
@@ -73,10 +74,13 @@ class _Polish:
         return asked.rated(L, T, S)
 
 
-def polished(asked: Open, start: Injection, end: float, enough: float = math.inf) -> Injection:
+def polished(
+    asked: Open, start: Injection, end: float, seconds: float, enough: float = math.inf
+) -> Injection:
     """At least as good as start, by quasi-Newton steps and simplices until the time is over.
 
-    enough: log of a period beyond which nobody asks.
+    end: until(seconds), seconds the budget of the whole search. enough: log of a period beyond
+    which nobody asks.
     """
     from scipy.optimize import minimize
 
@@ -94,5 +98,5 @@ def polished(asked: Open, start: Injection, end: float, enough: float = math.inf
     except _Enough:
         pass
     except _Over:
-        ended(asked.unknowns)
+        remark_end(asked.unknowns, ended(end, seconds))
     return polish.best

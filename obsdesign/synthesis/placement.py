@@ -8,15 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lmi.patience import hurried
 from obsdesign.errors import InputError
 from obsdesign.own_units import own_units
 from obsdesign.structure import approx_unobservable_modes
 
 Matrix = NDArray[np.float64]
-
-# weights of several outputs in one of them, for who cannot wait
-_MIXED = 0.618
 
 
 def riccati_gain(
@@ -72,11 +68,8 @@ def placed_gain(A: Matrix, C: Matrix, poles: Sequence[Any]) -> Matrix:
     rows = np.where(rows > 0, rows, 1.0)
     balanced, seen = A * sizes / sizes[:, None] / pace, shown / rows[:, None]
     once = len(set(wanted.tolist())) == len(wanted)
-    mixed = _MIXED ** np.arange(len(C))[None]
-    if once and (
-        len(C) == 1 or (hurried() and not approx_unobservable_modes(balanced, mixed @ seen))
-    ):
-        placed = _unique_gain(balanced, mixed @ seen, wanted / pace) @ mixed
+    if once and len(C) == 1:
+        placed = _unique_gain(balanced, seen, wanted / pace)
     else:
         placed = _robust_gain(balanced, seen, wanted / pace)
     return np.asarray(placed * sizes[:, None] * pace / rows, dtype=np.float64)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from lmi.patience import remark
 from obsdesign.equations import unknown_input as equations
-from obsdesign.errors import InputError
+from obsdesign.errors import DoesNotApply, InputError
 from obsdesign.invariant_zeros import hidden_states, shows_every_input, zeros_decay
 from obsdesign.own_units import own_units
 from obsdesign.problem import Problem
@@ -33,7 +33,7 @@ Matrix = NDArray[np.float64]
 def synthesize(problem: Problem) -> Iterator[Candidate]:
     """One candidate, without gains where no observer exists; InputError for unusable problems."""
     if text := equations.objection(problem.plant):
-        raise InputError(text)
+        raise DoesNotApply(text)
     D = problem.require("flow.D")
     problem.require_measured("continuous", "periodic")
     plant = problem.plant

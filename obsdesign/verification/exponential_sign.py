@@ -9,11 +9,11 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from lmi.balls import ball, exp_times, number, to_float
-from lmi.patience import left as patience_left
+from lmi.patience import ended
 
 _TERMS = 24
 _BITS_PER_UNIT = 1.0  # boxes per unit of |F| length
@@ -36,16 +36,21 @@ class Box:
 class Effort:
     """Boxes and halvings that a proof may still take: it ends by their number, not by the clock.
 
-    So that the same file is decided alike everywhere; whoever waits (`lmi.patience`) ends it too.
+    So that the same file is decided alike everywhere; a total budget (`lmi.patience`) ends it too,
+    with its evidence in `ended`.
     """
 
     left: int
+    ended: dict[str, Any] = field(default_factory=dict)
 
     def spend(self) -> None:
         """One more; ValueError when there are none left."""
         self.left -= 1
-        if self.left < 0 or patience_left() < 0:
+        if self.left < 0:
             raise ValueError("the ages take too many boxes to cover")
+        if out_of_time := ended():
+            self.ended = out_of_time
+            raise ValueError("not all ages were covered")
 
 
 def boxes(

@@ -176,6 +176,7 @@ def _by_turning(
         f"{stopped}no pair of features was seen to turn one way for all ages; the last one tried "
         f"fails near age {place:.6g}. With a real spectrum of A - K C, {2 * n} exponents decide",
         age=place,
+        **effort.ended,
     )
 
 

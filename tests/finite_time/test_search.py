@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 import obsdesign
 from lmi.balls import precision
 from lmi.norms import float_below
-from lmi.patience import at_most
+from lmi.patience import total_budget
 from obsdesign.document import digest, from_dict
 from obsdesign.equations import finite_time as equations
 from obsdesign.equations.finite_time_bounds import approx_log_longest_period
@@ -342,11 +342,11 @@ def test_a_design_proves_theorem_1_in_coordinates_of_its_certificate() -> None:
         assert obsdesign.verify(from_dict(body)).verdict == "refuted"
 
 
-def test_a_search_ends_when_patience_does() -> None:
+def test_a_search_ends_with_the_total() -> None:
     rng = np.random.default_rng(0)
     asked = Open(rng.standard_normal((5, 5)), rng.standard_normal((2, 5)), coordinates=True)
     started = time.process_time()
-    with at_most(0.1):
+    with total_budget(0.1):
         assert math.isfinite(best_injection(asked, seconds=100.0).log_period)
     assert time.process_time() - started < 2.0
 

@@ -1,0 +1,1 @@
+"""Long random checks, run by hand: python -m tests.long.NAME."""

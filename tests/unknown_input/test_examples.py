@@ -135,6 +135,6 @@ def test_check_names_what_stands_in_the_way() -> None:
     assert found["reasons"][0].startswith("[jump] must be absent for kind 'unknown_input'")
     no_d = {"flow": {"A": body["flow"]["A"]}, "output": body["output"]}
     found = check_kind(obsdesign.Problem.from_dict(no_d), "unknown_input")
-    assert found["verdict"] == "refuted"
+    assert found["verdict"] == "does_not_apply"
     assert found["reasons"] == ["flow.D is required by kind 'unknown_input'; it is missing."]
     assert found["next"] == "If an unknown input acts, give its matrix flow.D."
