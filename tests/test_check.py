@@ -61,7 +61,9 @@ def test_a_kind_that_takes_a_while_is_not_given_up() -> None:
 APPLIES: list[tuple[str, dict[str, Any], str]] = [
     ("interval", body_of(flow={"D": [[1], [0]]}), "flow.D is refused by kind 'interval'"),
     ("interval", body_of(jump={"H": [[1], [0]], "dwell_time": [1, 2]}), "jump.H is refused"),
-    ("interval", body_of(jump={"G": [[1, 0], [0, 1]]}), "jump.dwell_time = [shortest, longest]"),
+    ("interval", body_of(output={}), "output.noise_bound is required"),
+    ("interval", body_of(jump={"G": [[1, 0], [0, 1]]}, output={"noise_bound": [0.0]}),
+     "jump.dwell_time = [shortest, longest]"),
     ("luenberger", body_of(output={"measured": "periodic", "period": 0.1}), "output.measured"),
     ("luenberger", body_of(jump={"G": [[1, 0], [0, 1]]}), "jump.dwell_time = [shortest, longest]"),
     ("impulsive", body_of(), "output.measured must be at_jumps"),

@@ -147,6 +147,6 @@ def test_boxes_end_by_their_number_or_with_the_total() -> None:
 def test_a_bracket_says_what_ended_it() -> None:
     with total_budget(NOTHING):
         bracket = longest_dwell(*SAMPLED, 0.4)
-    assert bracket.verdict == "undecided"
+    assert bracket.proved is None
     assert bracket.ended == {"ended_by": "time", "seconds": NOTHING}
     assert longest_dwell(-np.eye(2), np.eye(2) / 2, 0.4).ended == {}
