@@ -13,8 +13,8 @@ HEAD = """# Commands
 
 Exit codes: 0 proved or done, 1 refuted (the witness is printed), 2 bad input or usage (one line on
 stderr), 3 undecided (with what a longer `--time` might do, where a budget ended it). `--json`
-prints exactly one JSON object on stdout. `NO_COLOR` is respected, and progress is shown on a terminal
-only. Made by `python -m scripts.command_reference`.
+prints exactly one JSON object on stdout. `NO_COLOR` is respected, and progress is shown on a
+terminal only. Made by `python -m scripts.command_reference`.
 """
 
 
