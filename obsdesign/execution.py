@@ -50,10 +50,9 @@ def execute(
 ) -> Counter[str]:
     """Estimates of a design for DATA (None: standard input) into `output` (None: standard output).
 
-    state: the file that says where the observer stands; where it exists the run goes on from there,
-    and at the end it is written for the next part of the record. skip_bad: a malformed line is a
-    remark, not an error. remark: called with each of these, and at the end with signs that the data
-    are of another plant.
+    state: the file that says where the observer stands; a run goes on from there if it exists, and
+    writes it at the end. skip_bad: a malformed line is a remark, not an error. remark: called with
+    these, and at the end with signs that the data are of another plant.
 
     Returns how many rows there were ("rows") and how many had which status. A data file is checked
     whole before anything is written; a pipe is answered row by row. InputError names what is wrong
@@ -77,12 +76,10 @@ def execute(
     with _source(data) as stream, _writer(output) as out, _log(events, observer) as log:
         samples = read(stream, skip=remark if skip_bad else None, remark=remarks.append)
         first = next(samples)  # there is one, or they complain
-        along = Stream(observer, begun(observer, stand, first, initial))
-        rows, live = chain([first], samples), data is None
-        if state is None:
-            estimates = estimates_of(observer, along.progress.state, rows, live=live)
-        else:
-            estimates = along.estimates(rows, live=live)
+        along, live = Stream(observer, begun(observer, stand, first, initial)), data is None
+        rows = chain([first], samples)
+        whole = partial(estimates_of, observer, along.progress.state)
+        estimates = (whole if state is None else along.estimates)(rows, live=live)
         counts = _write(observer, estimates, out, log, live=live)
     if state is not None:
         write_text(state, state_text(signed, along.progress))

@@ -69,11 +69,7 @@ def read_samples(
             f"{name}: a header line with column 't', ... is required; the file is empty."
         )
     places = _places(header, layout, name)
-    if more := _more_outputs(header, layout):
-        remark(
-            f"{name}: {', '.join(more)} of the header are not used, since the design's plant has "
-            f"{layout.y} output{'s' * (layout.y != 1)}. Is it the data of another plant?"
-        )
+    _remark_on_outputs(header, layout, name, remark)
     previous, rows = after, 0
     for number, line in lines:
         where = f"{name} line {number}"
@@ -81,12 +77,7 @@ def read_samples(
             cells = _cells(line, where, name)
             if not cells or all(not cell.strip() for cell in cells):
                 continue
-            sample = _row(cells, header, places, layout, where)
-            if sample.t <= previous:
-                raise InputError(
-                    f"{where}: t must increase; got {sample.t!r} after {previous!r}. "
-                    "Are the rows sorted, without repeats?"
-                )
+            sample = _row(cells, header, places, layout, where, previous)
         except InputError as error:
             if skip is None:
                 raise
@@ -99,8 +90,10 @@ def read_samples(
 
 
 def _row(
-    cells: list[str], header: list[str], places: dict[str, int], layout: Layout, where: str
-) -> Sample:
+    cells: list[str], header: list[str], places: dict[str, int], layout: Layout, where: str,
+    previous: float,
+) -> Sample:  # fmt: skip
+    """The sample of a line; InputError if it is none, or not after the time `previous`."""
     if len(cells) != len(header):
         raise InputError(
             f"{where}: {len(header)} values are required, one per column; got {len(cells)}."
@@ -112,12 +105,22 @@ def _row(
             f"{where}: jump must be 0, since the design's plant has no [jump]; got "
             f"{cells[unused].strip()!r}. Is it the data of another plant?"
         )
+    if sample.t <= previous:
+        raise InputError(
+            f"{where}: t must increase; got {sample.t!r} after {previous!r}. "
+            "Are the rows sorted, without repeats?"
+        )
     return sample
 
 
-def _more_outputs(header: list[str], layout: Layout) -> list[str]:
-    """Columns y1, y2, ... beyond those of the plant."""
-    return [x for x in header if re.fullmatch(r"y[1-9]\d*", x) and x not in layout.columns]
+def _remark_on_outputs(header: list[str], layout: Layout, name: str, remark: Remark) -> None:
+    """A remark if there are columns y1, y2, ... beyond those of the plant."""
+    more = [x for x in header if re.fullmatch(r"y[1-9]\d*", x) and x not in layout.columns]
+    if more:
+        remark(
+            f"{name}: {', '.join(more)} of the header are not used, since the design's plant has "
+            f"{layout.y} output{'s' * (layout.y != 1)}. Is it the data of another plant?"
+        )
 
 
 def _lines(stream: TextIO, name: str) -> Iterator[str]:

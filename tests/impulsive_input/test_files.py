@@ -158,7 +158,7 @@ def test_check_says_why_the_kind_does_not_fit(tmp_path: Path) -> None:
     other = check_kind(
         obsdesign.load_problem(ROOT / "examples" / "degue_4_1.toml"), "impulsive_input"
     )
-    assert other["verdict"] == "refuted"
+    assert other["verdict"] == "does_not_apply"
     assert other["reasons"] == ["jump.H is required by kind 'impulsive_input'; it is missing."]
 
 
