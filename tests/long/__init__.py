@@ -1,0 +1,1 @@
+"""Random checks too long for every run: scripts, `python -m tests.long.NAME`."""
