@@ -159,8 +159,7 @@ def _candidate(
     if "period" in gains:
         lost = gains["jump_measurement"] == "none"
         found = propose_samples(system, approx, gains["period"], _dwell_range(gains), lost)
-        sampled = {} if found is None else {"sampled_stability": found}
-        return Candidate(form, gains, sampled, searched, cost, goes_on)
+        return Candidate(form, gains, {"sampled_stability": found}, searched, cost, goes_on)
     certificates: dict[str, Any] = {}
     if system.N is not None:
         low, high = gains["dwell_time"]

@@ -7,7 +7,9 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from lmi.balls import exact, inverse, to_float
+import numpy as np
+
+from lmi.balls import exact, inverse, to_float, upper_ends
 from lmi.hurwitz import prove_hurwitz
 from lmi.interleaved import Bounds, Interleaved, prove_interleaved
 from lmi.sampled_flow import sampled_flow
@@ -73,11 +75,13 @@ def samples_claim(
 
 def _refutation(system: WidthSystem, period: float) -> Verdict:
     """From sample to sample the error itself does not contract, or its absolute map does not."""
+    assert system.A is not None
+    assert system.K is not None
     counter = refute_spectral(system.A, system.K, period, period)
     if counter.outcome == "refuted":
         return counter
-    A, b, K, k = (exact(X) for X in (system.A, system.f, system.K, system.k))
-    _, sample = Interleaved(A, b, K, k, None, None, period, math.inf, math.inf).over_period()
+    alone = Interleaved.of(replace(system, N=None, h=None), period, math.inf, math.inf)
+    _, sample = alone.over_period()
     below = np.maximum(-upper_ends(-sample), 0.0)[:-1, :-1]
     if not np.isfinite(below).all():
         return undecided("the map from sample to sample overflows")
