@@ -13,6 +13,7 @@ from flint import arb, arb_mat, ctx
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from lmi.exponential import expm
 from obsdesign.plant import Flow, Jump, Output, Plant
 from obsdesign.runtime import Sample
 from obsdesign.runtime.interval import IntervalObserver
