@@ -1,24 +1,32 @@
-"""Positive systems with two kinds of events: samples at a fixed period, jumps in between; proved.
+"""Boxes under two kinds of events: samples at a fixed period, jumps in between; proved.
 
-    u' = W u + f             between events
-    u+ = K u + k             every h, at samples
-    u+ = N u + j             at jumps, with times between them in [low, high]
+    r+ = |e^{A s}| r + c(s)              over a time s without an event
+    r+ = |K e^{A s}| r + d(s) + k        over a time s that ends with a sample
+    r+ = |G e^{A s}| r + e(s) + j        over a time s that ends with a jump, with times between
+                                         jumps in [low, high]
+
+A, K, G of any sign; c, d, e bound what b >= 0 adds on the way (`lmi.exponential.absolute_flow`).
+Boxes of a state x' = A x + u with |u| <= b obey this, and the product with K or G is taken before
+the absolute value, not after it. A positive system w' = W w + b, w+ = K w + k, w+ = G w + j is the
+case of a Metzler A and K, G >= 0.
 
 From just after a sample, m periods without a jump and then one with a jump at the offset s lead to
 
-    p_0 = p,  p_{i+1} = K u_{p_i}(h) + k,      psi(s) = K u_{N u_{p_m}(s) + j}(h - s) + k
+    p_0 = p,  p_{i+1} = P(h) p_i,      psi(s) = P(h - s) J(s) p_m
 
-and if psi(s) < p for every s and every m that the range of dwell times allows, p is not exceeded at
-the sample after a jump, and drawn to: the strict inequality contracts what is outside. One jump at
-most falls in a period (low >= h). Ball arithmetic, no solver.
+with P, J the last two maps, and if psi(s) < p for every s and every m that the range of dwell times
+allows, p is not exceeded at the sample after a jump, and drawn to: the strict inequality contracts
+what is outside. One jump at most falls in a period (low >= h). Where jumps may stay away for ever a
+vector above some p_m that P(h) does not raise bounds all later ones. Ball arithmetic, no solver.
 
-lost: a sample at the time of a jump is not taken. Then psi = K u_{N u_{p_m}(h) + j}(h) + k < p has
-to hold as well, two periods between samples, and low > h: else there might be no samples at all.
+lost: a sample at the time of a jump is not taken. Then P(h) J(h) p_m < p has to hold as well, two
+periods between samples, and low > h: else there might be no samples at all.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -28,34 +36,33 @@ from lmi.balls import (
     Exact,
     ball,
     exact,
-    exp_around,
-    exp_times,
-    number,
+    middle,
     precision,
     rational,
     upper_ends,
 )
-from lmi.tube import Affine, prove_below
+from lmi.mean_value import Path, Time, absolute_flow, constant
 from lmi.verdict import Verdict, proved, undecided
 
 _BITS = 128
-_STEPS = 400
+_STEPS = 1500
 MOST_PERIODS = 4000
 _SHORTEST = 2.0**-30  # of a period
+_SETTLED = (1e-12, 1e-9, 1e-7)  # relative room for a bound of all later p_m
 
 
 @dataclass(frozen=True)
 class Interleaved:
-    """Exact matrices; N, j None without jumps. period, low, high: floats, taken exactly.
+    """Exact matrices; G, j None without jumps. period, low, high: floats, taken exactly.
 
     lost: no sample is taken at the time of a jump.
     """
 
-    W: Exact
-    f: Exact
+    A: Exact
+    b: Exact
     K: Exact
     k: Exact
-    N: Exact | None
+    G: Exact | None
     j: Exact | None
     period: float
     low: float
@@ -64,10 +71,10 @@ class Interleaved:
 
     @staticmethod
     def of(system: Any, period: float, low: float, high: float, lost: bool = False) -> Interleaved:
-        """From an object with W, f, K, k, N, h (N, h None without jumps)."""
-        W, f, K, k = (exact(X) for X in (system.W, system.f, system.K, system.k))
-        N, j = (None if X is None else exact(X) for X in (system.N, system.h))
-        return Interleaved(W, f, K, k, N, j, period, low, high, lost)
+        """From an object with A, f, K, k, G, h (G, h None without jumps)."""
+        A, b, K, k = (exact(X) for X in (system.A, system.f, system.K, system.k))
+        G, j = (None if X is None else exact(X) for X in (system.G, system.h))
+        return Interleaved(A, b, K, k, G, j, period, low, high, lost)
 
     @property
     def periods(self) -> tuple[int, float]:
@@ -80,11 +87,32 @@ class Interleaved:
             return fewest, math.inf
         return fewest, max(int((rational(self.high) / h).ceil()) - 1, fewest)
 
+    def sampled(self, time: Time) -> tuple[Path, Path]:
+        """(sizes, added) of a time that ends with a sample."""
+        sizes, added = absolute_flow(self.K, self.A, self.b, time)
+        return sizes, added + constant(self.k)
+
+    def jumped(self, time: Time) -> tuple[Path, Path]:
+        """(sizes, added) of a time that ends with a jump."""
+        assert self.G is not None
+        assert self.j is not None
+        sizes, added = absolute_flow(self.G, self.A, self.b, time)
+        return sizes, added + constant(self.j)
+
+    @property
+    def whole(self) -> Time:
+        """A period."""
+        return Time(rational(self.period), 0.0, rational(0.0))
+
+    def over_period(self) -> Any:
+        """Balls of the map from sample to sample on (r, 1)."""
+        return _augmented(*self.sampled(self.whole))
+
 
 @dataclass(frozen=True)
 class Bounds:
     """What is to be proved; exact. p (n,): after the sample that follows a jump (without jumps:
-    after samples); sampled, jumped (n,): after any sample and after any jump; always (q,): X u.
+    after samples); sampled, jumped (n,): after any sample and after any jump; always (q,): X r.
     """
 
     p: Exact
@@ -95,40 +123,28 @@ class Bounds:
 
 def prove_interleaved(system: Interleaved, X: Exact, bounds: Bounds) -> Verdict:
     """p is a tube and the other bounds hold in it, for every sequence of jumps; or undecided."""
-    n = len(system.f)
-    parts = [system.W[~np.eye(n, dtype=bool)], system.f, system.K, system.k]
-    parts += [] if system.N is None or system.j is None else [system.N, system.j]
+    parts = [system.b, system.k, X] + ([] if system.j is None else [system.j])
     entries: list[Any] = [x for part in parts for x in part.flat]
     if any(x < 0 for x in entries) or not all(x > 0 for x in bounds.p):
         return undecided("the system, or the tube, is not positive")
     with precision(_BITS), np.errstate(all="ignore"):
-        verdict = _samples(system, bounds) if system.N is None else _cycles(system, bounds)
-    if verdict.outcome != "proved":
-        return verdict
-    for start in (bounds.sampled, bounds.jumped):
-        if start is not None:
-            between = prove_below(
-                Affine(system.W, system.f, start), X, bounds.always, 0.0, system.period
-            )
-            if between.outcome != "proved":
-                return between
-    return verdict
+        if system.G is None:
+            return _samples(system, X, bounds)
+        return _cycles(system, X, bounds)
 
 
-def _samples(system: Interleaved, bounds: Bounds) -> Verdict:
-    """Without jumps: K u_p(h) + k < p <= sampled."""
-    after = _augmented(system.K, system.k) * exp_times(_generator(system), system.period)
-    if not _below(after * _column(bounds.p), bounds.p):
+def _samples(system: Interleaved, X: Exact, bounds: Bounds) -> Verdict:
+    """Without jumps: P(h) p < p <= sampled."""
+    sample = system.over_period()
+    if not _below(sample * _column(bounds.p), bounds.p):
         return undecided("the width after a sample is not below the tube one period later")
     if not all(a >= b for a, b in zip(bounds.sampled, bounds.p, strict=True)):
         return undecided("the bound after samples is below the tube")
-    return proved(method="one period in balls")
+    verdict = _between_samples(system, X, bounds, None)
+    return proved(method="one period in balls") if verdict.outcome == "proved" else verdict
 
 
-def _cycles(system: Interleaved, bounds: Bounds) -> Verdict:
-    assert system.N is not None
-    assert system.j is not None
-    assert bounds.jumped is not None
+def _cycles(system: Interleaved, X: Exact, bounds: Bounds) -> Verdict:
     if system.low < system.period:
         return undecided(
             f"the shortest dwell time {system.low!r} is below the sampling period "
@@ -139,96 +155,111 @@ def _cycles(system: Interleaved, bounds: Bounds) -> Verdict:
             f"the shortest dwell time {system.low!r} is the sampling period: all samples may fall "
             "on jumps, where nothing is measured"
         )
-    Z = _generator(system)
-    sample = _augmented(system.K, system.k) * exp_times(Z, system.period)
+    sample = system.over_period()
     before_jumps = _uppermost_before_jumps(system, bounds, sample)
     if isinstance(before_jumps, str):
         return undecided(before_jumps)
     widest, m = before_jumps
-    jump = _augmented(system.N, system.j)
     if system.lost:
-        flow = exp_times(Z, system.period)
-        if not _below(sample * jump * flow * _column(exact(widest)), bounds.p):
+        jump = _augmented(*system.jumped(system.whole))
+        if not _below(sample * jump * _column(widest), bounds.p):
             return undecided("the tube fails after a jump at a sample, which is lost")
-    verdict = _offsets(system, Z, jump, widest, bounds.p)
+    verdict = _between_samples(system, X, bounds, widest)
     if verdict.outcome != "proved":
         return verdict
-    before = prove_below(
-        Affine(system.W, system.f, exact(widest)), system.N, bounds.jumped - system.j, 0.0,
-        system.period,
-    )  # fmt: skip
-    if before.outcome != "proved":
-        return before
     return proved(method="cycles in balls", periods=m, steps=verdict.evidence["steps"])
 
 
 def _uppermost_before_jumps(
     system: Interleaved, bounds: Bounds, sample: Any
-) -> tuple[Any, int] | str:
+) -> tuple[Exact, int] | str:
     """Above p_m for every m that allows a jump, and the last m looked at; or why there is none."""
     fewest, most = system.periods
-    widest, m = None, 0
+    widest: Any = None
     p = _column(bounds.p)
-    while True:
+    for m in range(MOST_PERIODS + 1):
         if not _below(p, bounds.sampled, strictly=False):
             return f"the bound after samples fails {m} periods after a jump"
         if m >= fewest:
-            widest = _uppermost(p, widest)
-        following = sample * p
-        if _falls(following, p) and m >= fewest:
-            break  # and goes on falling: sample is monotone
-        if m >= most:
-            break
-        p, m = following, m + 1
-        if m > MOST_PERIODS:
-            return f"the width still grows {MOST_PERIODS} periods after a jump"
-    if math.isinf(most) and not _falls(following, p):
-        return "the width does not fall from sample to sample"
-    assert widest is not None
-    return widest, m
+            widest = _uppermost(upper_ends(p).reshape(-1)[:-1], widest)
+            if m >= most:
+                return exact(widest), m
+            above = _not_raised(sample, p, bounds.sampled)
+            if above is not None:
+                return exact(_uppermost(above, widest)), m
+        p = sample * p
+    return f"the width still grows {MOST_PERIODS} periods after a jump"
 
 
-def _offsets(system: Interleaved, Z: Exact, jump: Any, start: Any, bound: Exact) -> Verdict:
-    """psi(s) < bound for every offset s in [0, h], by the mean value form."""
-    flow, h = ball(Z), system.period
-    sample = _augmented(system.K, system.k)
-    commutator = jump * flow - flow * jump
-    column = _column(exact(start))
+def _not_raised(sample: Any, p: Any, limit: Exact) -> Any:
+    """q >= p, q <= limit, that one more period does not raise: it bounds all that follows p."""
+    top = upper_ends(p).reshape(-1)[:-1]
+    candidates = [top]
+    P = middle(sample)[:-1, :-1]
+    try:
+        push = np.linalg.solve(np.eye(len(P)) - P, np.ones(len(P)))
+    except np.linalg.LinAlgError:
+        push = np.full(len(P), math.inf)
+    if np.isfinite(push).all() and (push > 0).all():
+        candidates += [top + room * top.max() * push for room in _SETTLED]
+    for q in candidates:
+        column = _column(exact(q))
+        if _below(column, limit, strictly=False) and _below(sample * column, exact(q), False):
+            return q
+    return None
+
+
+def _between_samples(
+    system: Interleaved, X: Exact, bounds: Bounds, widest: Exact | None
+) -> Verdict:
+    """What holds for every time s in [0, h] after a sample, by the mean value form."""
+    h = system.period
     at, step = 0.0, h / 4
     for count in range(1, _STEPS + 1):
         if at >= h:
             return proved(steps=count)
         end = min(at + step, h)
-        middle = at + 0.5 * (end - at)
-        reach = math.nextafter(max(middle - at, end - middle), math.inf)
-        # h - middle is rounded: what is wrong with it is within an ulp
-        rest = exp_times(Z, h - middle) * exp_around(Z, math.ulp(h))
-        late, early = sample * rest, exp_times(Z, middle) * column
-        around = exp_around(Z, reach)
-        value = (late * jump * early).entries()
-        slope = (late * around * commutator * around * early).entries()
-        total = [x + abs(y) * number(reach) for x, y in zip(value, slope, strict=True)]
-        if all(bool(x < b) for x, b in zip(total, ball(bound[:, None]).entries(), strict=False)):
+        half = (rational(end) - rational(at)) / 2
+        time = Time(rational(at) + half, math.nextafter(float(half.p) / float(half.q), math.inf),
+                    rational(1.0))  # fmt: skip
+        if all(_holds(*pair, time.reach) for pair in _comparisons(system, X, bounds, widest, time)):
             at, step = end, step * 1.7
         else:
             step *= 0.5
             if step < _SHORTEST * h:
-                return undecided(
-                    f"the tube fails, or nearly fails, for jumps {at!r} after a sample"
-                )
+                return undecided(f"the tube fails, or nearly fails, {at!r} after a sample")
     return undecided(f"{_STEPS} steps did not reach the end of the period")
 
 
-def _generator(system: Interleaved) -> Exact:
-    return Affine(system.W, system.f, system.f).generator
+def _comparisons(
+    system: Interleaved, X: Exact, bounds: Bounds, widest: Exact | None, time: Time
+) -> Iterator[tuple[Path, Exact]]:
+    """Pairs of what has to be below and what it has to be below."""
+    flow, added = absolute_flow(exact(np.eye(len(system.b))), system.A, system.b, time)
+    out = constant(X)
+    yield out * (flow * constant(bounds.sampled) + added), bounds.always
+    if widest is None or bounds.jumped is None:
+        return
+    sizes, entering = system.jumped(time)
+    jumped = sizes * constant(widest) + entering
+    yield jumped, bounds.jumped
+    yield out * (flow * constant(bounds.jumped) + added), bounds.always
+    rest = Time(rational(system.period) - time.middle, time.reach, -time.rate)
+    late, pushed = system.sampled(rest)
+    yield late * jumped + pushed, bounds.p
 
 
-def _augmented(A: Exact, b: Exact) -> Any:
-    """u -> A u + b on (u, 1)."""
-    n = len(b)
-    whole = exact(np.eye(n + 1))
-    whole[:n, :n], whole[:n, n] = A, b
-    return ball(whole)
+def _holds(path: Path, bound: Exact, reach: float) -> bool:
+    pairs = zip(path.upper(reach), ball(bound[:, None]).entries(), strict=True)
+    return all(bool(x < b) for x, b in pairs)
+
+
+def _augmented(sizes: Path, added: Path) -> Any:
+    """Balls of r -> sizes r + added on (r, 1), in the middle."""
+    pairs = zip(sizes.middle.tolist(), added.middle.tolist(), strict=True)
+    rows = [[*row, *more] for row, more in pairs]
+    last = exact([0.0] * len(rows) + [1.0])
+    return type(sizes.middle)([*rows, list(last)])
 
 
 def _column(p: Exact) -> Any:
@@ -240,12 +271,5 @@ def _below(column: Any, bound: Exact, strictly: bool = True) -> bool:
     return all(bool(x < b) if strictly else bool(x <= b) for x, b in pairs)
 
 
-def _falls(following: Any, p: Any) -> bool:
-    pairs = list(zip(following.entries(), p.entries(), strict=True))[:-1]
-    return all(bool(x < y) for x, y in pairs)
-
-
-def _uppermost(p: Any, so_far: Any) -> Any:
-    """Entrywise upper bound of the columns seen, as floats."""
-    here = upper_ends(p).reshape(-1)[:-1]
+def _uppermost(here: Any, so_far: Any) -> Any:
     return here if so_far is None else np.maximum(here, so_far)

@@ -2,9 +2,15 @@
 
     w' = W w + f            between events
     w+ = N w- + h           at jumps
-    w+ = K w- + k           at samples, where samples are events (`measured = periodic`)
 
-for the width w = upper - lower in the coordinates z of x = S z; that of x is at most |S| w.
+for the width w = upper - lower in the coordinates z of x = S z; that of x is at most |S| w. Where
+samples are events (`measured = periodic`), the flow over a step and the sample at its end are one
+map, of which the absolute value is taken (`lmi.exponential.absolute_flow`):
+
+    w+ = |e^(A s)| w + what f adds            without a sample
+    w+ = |K e^(A s)| w + what f adds + k      with one at the end, K = I - L C
+    w+ = |G e^(A s)| w + what f adds + h      with a jump at the end
+
 Source: Degue, Efimov, Richard, NOLCOS 2016, Theorems 5, 7, 8; the pair (W, N) is what (10) comes to
 after adding and subtracting the two error vectors. Theorem 7 needs |S^-1 S2| T |S2^-1 S| for N: the
 printed condition (8) has T alone, which bounds nothing (docs/papers.md).
@@ -13,7 +19,7 @@ printed condition (8) has T alone, which bounds nothing (docs/papers.md).
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -27,12 +33,16 @@ from obsdesign.equations.interval import (
     in_coordinates,
 )
 
+# the maps that a claim about samples is of, as its evidence names them
+SAMPLED_MAPS = "|(I - L C) e^(A s)|"
+
 
 @dataclass(frozen=True)
 class WidthSystem:
     """W (n, n), f (n,); N, h at jumps and K, k at samples, None where there are none.
 
-    out: |S|, what turns a width in z into one in x.
+    A, G: flow and jump that samples come between, None without samples; A, K and G have signs, all
+    else has none. out: |S|, what turns a width in z into one in x.
     """
 
     W: Array
@@ -42,6 +52,13 @@ class WidthSystem:
     K: Array | None
     k: Array | None
     out: Array
+    A: Array | None = None
+    G: Array | None = None
+
+    def compared(self) -> WidthSystem:
+        """With |K| e^(W s) in place of |K e^(A s)|, and likewise at jumps: a wider system."""
+        assert self.K is not None
+        return replace(self, A=self.W, K=np.abs(self.K), G=self.N)
 
     @property
     def at_jumps(self) -> tuple[Array, Array]:
@@ -49,6 +66,13 @@ class WidthSystem:
         assert self.N is not None
         assert self.h is not None
         return self.N, self.h
+
+    @property
+    def at_samples(self) -> tuple[Array, Array]:
+        """(K, k) where samples are events."""
+        assert self.K is not None
+        assert self.k is not None
+        return self.K, self.k
 
 
 @dataclass(frozen=True)
@@ -109,21 +133,20 @@ def width_system(
     n = len(numbers["A"])
     identity = np.eye(n, dtype=np.int64)
     F, H = flow_and_jump(numbers, numbers["jump_measurement"], periodic)
-    F = in_coordinates(F, S, S_inverse)
+    F = in_coordinates(F, S, S_inverse)  # with samples as events this is A
     D0, D1 = completed_split(F, numbers["D0"], numbers["D1"])
     L, V = coordinates.inward(numbers["L"]), numbers["noise_bound"]
     noise = 2 * np.abs(L) @ V
     f = np.abs(coordinates.inward(identity)) @ (numbers["flow_upper"] - numbers["flow_lower"])
     out = identity if S is None else np.abs(S)
-    N = h = K = k = None
+    N = h = None
     if H is not None:
         N, h = _jump(numbers, coordinates, H, periodic)
-    if periodic:
-        K = np.abs(in_coordinates(identity - numbers["L"] @ numbers["C"], S, S_inverse))
-        k = noise
-    else:
-        f = f + noise
-    return WidthSystem(D0 + D1, f, N, h, K, k, out)
+    if not periodic:
+        return WidthSystem(D0 + D1, f + noise, N, h, None, None, out)
+    K = in_coordinates(identity - numbers["L"] @ numbers["C"], S, S_inverse)
+    G = None if H is None else in_coordinates(H, S, S_inverse)
+    return WidthSystem(D0 + D1, f, N, h, K, noise, out, F, G)
 
 
 def _jump(

@@ -85,7 +85,7 @@ class IntegralEngine:
             ImpulseCurve.of(F, H, tau), gains["weighting"] == "gls",
             bool(gains.get("state_correction", False)), bool(gains.get("nonnegative", False)),
         )  # fmt: skip
-        run = FreeRun(A, K, C, B, drift, exponents, tau)
+        run = FreeRun(A, K, C, B, drift, exponents, tau, gains.get("period"))
         rows = Rows(run, gains.get("period"))
         return cls(
             run, rows, evaluator, (gains["noise_std"], gains["noise_cv"]),

@@ -9,6 +9,8 @@ from obsdesign.equations.impulsive_input import kernel_weights
 from obsdesign.runtime.base import Vector
 
 Rows = NDArray[np.float64]
+# (a, b, h): the cells between rows a, a + 1, ..., b all have the length h
+Run = tuple[int, int, float]
 
 
 def accumulated(flow: Rows, forced: Rows, start: Rows) -> Rows:
@@ -27,19 +29,11 @@ def doubled(flow: Rows, x: Rows) -> Rows:
     return x
 
 
-def mean_step(times: Rows, first: int, last: int) -> float:
-    """Mean length of the cells from row `first` to `last`: stamps round it once, not each cell."""
-    return float(times[last] - times[first]) / (last - first)
-
-
-def running_integrals(
-    times: Rows, runs: list[tuple[int, int]], error: Rows, lams: Vector, start: Rows
-) -> Rows:
+def running_integrals(times: Rows, runs: list[Run], error: Rows, lams: Vector, start: Rows) -> Rows:
     """Running integrals at times[1:], (L, p, k), from `start` at times[0]; all lams decay."""
     sums = np.empty((len(times) - 1, error.shape[1], len(lams)))
     at = start
-    for a, b in runs:
-        h = mean_step(times, a, b)
+    for a, b, h in runs:
         newer, older = kernel_weights(lams, h)
         pieces = error[a + 1 : b + 1, :, None] * newer + error[a:b, :, None] * older
         factor, reach = np.exp(lams * h), 1

@@ -23,10 +23,10 @@ from lmi.exponential import expm
 from obsdesign.equations.estimation_error import flow_error_matrix
 from obsdesign.runtime.base import Vector
 from obsdesign.runtime.impulse_integrals import (
+    Run,
     accumulated,
     doubled,
     integrals_at,
-    mean_step,
     running_integrals,
 )
 from obsdesign.runtime.luenberger import responses
@@ -66,6 +66,7 @@ class FreeRun:
     drift: Vector
     exponents: Vector
     tau: float
+    period: float | None = None
     _steps: OrderedDict[float, tuple[Any, ...]] = field(
         default_factory=OrderedDict, repr=False, compare=False
     )
@@ -131,13 +132,11 @@ class FreeRun:
             R[:, :, ~falling] = near - np.exp(-up * self.tau) * far  # scaled by e^{-lambda tau}
         return R.reshape(len(starts), -1)
 
-    def _estimates(
-        self, times: Rows, ends: list[tuple[int, int]], y: Rows, forced: Rows, at: Vector
-    ) -> Rows:
+    def _estimates(self, times: Rows, ends: list[Run], y: Rows, forced: Rows, at: Vector) -> Rows:
         """xhat at times[1:] from `at` at times[0], with outputs y and other inputs `forced`."""
         x = np.empty((len(times) - 1, len(self.A)))
-        for a, b in ends:
-            maps = self._maps(mean_step(times, a, b))
+        for a, b, h in ends:
+            maps = self._maps(h)
             flow, older, newer, held = maps[:4]
             driven = y[a:b] @ older.T + y[a + 1 : b + 1] @ newer.T + forced[a:b] @ held.T
             x[a:b] = accumulated(flow, driven, at)
@@ -171,8 +170,8 @@ class FreeRun:
         shown = (self.C[None, :, None, :] * taps[:, None, :, None]).reshape(len(times), p * m, n)
         found, kicks = np.empty_like(shown), np.empty((len(times), n, n))
         found[-1], kicks[0] = shown[-1], np.eye(n)
-        for a, b in reversed(self._runs(times)):
-            maps = self._maps(mean_step(times, a, b))
+        for a, b, h in reversed(self._runs(times)):
+            maps = self._maps(h)
             backwards = shown[a:b][::-1].copy()
             backwards[0] += found[b] @ maps[4]
             found[a:b] = doubled(maps[4].T, backwards)[::-1]
@@ -187,20 +186,31 @@ class FreeRun:
     def _coasted(self, X: Rows, times: Rows, since: float, x: Vector) -> Rows:
         found = np.empty((len(times), len(x)))
         found[0] = expm(X * float(times[0] - since)) @ x
-        for a, b in self._runs(times):
-            flow = expm(X * mean_step(times, a, b))
+        for a, b, h in self._runs(times):
+            flow = expm(X * h)
             found[a + 1 : b + 1] = accumulated(flow, np.zeros((b - a, len(x))), found[a])
         return found
 
-    def _runs(self, times: Rows) -> list[tuple[int, int]]:
-        """(a, b): cells a..b-1 have the same length, as far as time stamps can tell."""
+    def _runs(self, times: Rows) -> list[Run]:
+        """Runs of cells of the same length, as far as time stamps can tell."""
         if len(times) < 2:
             return []
         steps = np.diff(times)
         slack = RELATIVE_TIME_TOLERANCE * steps + np.spacing(np.abs(times[1:]))
         cuts = np.flatnonzero(np.abs(np.diff(steps)) > slack[1:] + slack[:-1]) + 1
-        ends = [0, *cuts.tolist(), len(steps)]
-        return list(itertools.pairwise(ends))
+        ends = itertools.pairwise([0, *cuts.tolist(), len(steps)])
+        return [(a, b, self._length(times, a, b)) for a, b in ends]
+
+    def _length(self, times: Rows, first: int, last: int) -> float:
+        """The period where stamps agree with it, else the mean: they round it once, not each cell.
+
+        The period, since it is the same whatever part of a record is looked at.
+        """
+        mean = float(times[last] - times[first]) / (last - first)
+        if self.period is None:
+            return mean
+        slack = time_tolerance(self.period, float(np.abs(times[[first, last]]).max()))
+        return self.period if abs(mean - self.period) <= slack else mean
 
     def _maps(self, h: float) -> tuple[Any, ...]:
         return cached_step(self._steps, h, self._step)

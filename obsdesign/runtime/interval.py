@@ -19,12 +19,16 @@ because L C z = L(y + C(z_c - m)) + L(-v + something in [-sig, sig]). With the m
 end of the step instead, sig(h) - sig takes the place of sig and y - C z_c(h) that of y - C m.
 Without any, A predicts alone: m+ = z_c(h), r+ = rho(h). For h -> 0 this is the paper's observer.
 
-With `measured = periodic` a sample is an event like a jump: A predicts, then z+ = z + L(y - C z),
-r+ = |I - L C| r + |L| V; what is reported is also cut with |C x - y| <= V and the prediction.
-What is claimed of the width is about samples a period apart, and |I - L C| need not contract by
-itself. So of a sample off the period (early, or at a jump) and of its absence the better is kept,
-as a box: r+ is then at most the prediction's, and every later radius at most what it would be
-without that sample, since radii obey r+ = R r + g with R >= 0.
+With `measured = periodic` a sample is an event like a jump: A predicts, then z+ = z + L(y - C z).
+Step and sample are one map, of which the absolute value is taken, K = I - L C:
+
+    r+ = |K e^{A h}| r + (bound of int_0^h |K e^{A s}| ds b_rad) + |L| V
+
+(`lmi.exponential.absolute_flow`); what is reported is also cut with |C x - y| <= V and the
+prediction. What is claimed of the width is about samples a period apart, and one off the period
+(early, or at a jump) may widen. So of such a sample and of its absence the better is kept, as a
+box, and the step over the whole period is made besides (`interval_course`): r+ is then at most what
+it would be without the rows between.
 
 All of it is linear in (m, y, u, 1) and (r, 1): one matrix per step size, cached
 (`interval_steps`, `interval_kernel`). Matrices are enclosed; what they may be off by, and the
@@ -61,10 +65,11 @@ from obsdesign.runtime.base import (
 )
 from obsdesign.runtime.bounds import BoundObserver
 from obsdesign.runtime.interval_clock import SampleClock
+from obsdesign.runtime.interval_course import advanced, course_of
 from obsdesign.runtime.interval_kernel import Kernel
 from obsdesign.runtime.interval_kernels import StepKernels
 from obsdesign.runtime.interval_record import Columns, Stretch, stretch
-from obsdesign.runtime.interval_state import IntervalState, first_box
+from obsdesign.runtime.interval_state import Course, IntervalState, first_box
 from obsdesign.runtime.step_cache import shared_length
 
 _ONE_OUTPUT = (1,)
@@ -114,7 +119,7 @@ class IntervalObserver(BoundObserver[IntervalState]):
         Inputs and the time of the last jump are kept. ValueError as for `init`.
         """
         box = first_box(self._kernels.model, self.n, lower, upper)
-        return state._replace(box=box, lost="")
+        return state._replace(box=box, lost="", course=None)
 
     def step(self, state: IntervalState, sample: Sample) -> tuple[IntervalState, Estimate]:
         """Move to the time of the sample, use it, and jump if it says so.
@@ -132,12 +137,12 @@ class IntervalObserver(BoundObserver[IntervalState]):
             out = chosen.rows.dot(chosen.vector(state.box, state.y, seen, state.u))
             objections = [] if seen is None else chosen.implausible(out)
             off = y is not None and self._clock.off_period(state, t)
-            if off and seen is not None:
-                plain = kernels["none"]
-                free = plain.rows.dot(plain.vector(state.box, None, None, state.u))
-                chosen, out = self._kernels.shared(chosen, out, free, state.u)
+            boxes, course = self._besides(kernels, state, t, seen, off)
+            if boxes:
+                chosen, out = self._kernels.shared(chosen, out, boxes, state.u)
             if sample.jump:
                 chosen, out = self._kernels.after_jump(kernels, out, state, y, sample.w, off)
+                course = None
         guard, late = state.guard.after(t, sample.jump)
         if late:
             objections.append(late)
@@ -152,11 +157,32 @@ class IntervalObserver(BoundObserver[IntervalState]):
         following = IntervalState(
             t, box, u, usable, guard, True, state.sampled if y is None else t, lost,
             state.phase if y is None or off else t,
-            bool(out[2 * self.n + 2 * self._p] < MODERATE),
+            bool(out[2 * self.n + 2 * self._p] < MODERATE), course,
         )  # fmt: skip
         status = "; ".join(objections) if objections else "ok"
         events = tuple((t, text) for text in (["jump"] if sample.jump else []) + objections)
         return following, Estimate(t, None, *bounds, events=events, status=status)
+
+    def _besides(
+        self, kernels: Mapping[str, Kernel], state: IntervalState, t: float, seen: Vector | None,
+        off: bool,
+    ) -> tuple[list[Vector], Course | None]:  # fmt: skip
+        """Further boxes at t, the first from the last sample on the period; the course there."""
+        if self._clock.period is None:
+            return [], None
+        ends = seen is not None and not off
+        if ends and state.course is None:
+            return [], None
+        latest = self._latest + 4 * math.ulp(t)
+        course, box = advanced(
+            self._kernels, course_of(state, t, latest), state, t, seen if ends else None
+        )
+        boxes = [box]
+        if off and seen is not None:
+            plain = kernels["none"]
+            free = plain.rows.dot(plain.vector(state.box, None, None, state.u))
+            boxes.append(free[: 2 * self.n])
+        return boxes, None if ends else course
 
     def _usual(self, state: IntervalState, sample: Sample) -> tuple[IntervalState, Estimate] | None:
         """The step of a sample that is in time, with nothing to object; None for any other.
@@ -165,6 +191,8 @@ class IntervalObserver(BoundObserver[IntervalState]):
         """
         t, y, _, _, jump = sample
         if jump or state.lost or type(y) is not ndarray or y.shape != _ONE_OUTPUT:
+            return None
+        if state.course is not None:
             return None
         found = self._quick.get((t - state.t, frexp(t)[1]))
         if found is None or not t > state.t >= 0.0 or not -MODERATE < y.item() < MODERATE:
@@ -234,7 +262,8 @@ class IntervalObserver(BoundObserver[IntervalState]):
             latest = state.guard.last_jump + state.guard.longest
             end = min(end, int(np.searchsorted(times, latest)))
         mode = "start" if self._clock.period is None else "sampled"
-        fits = state.started and not state.lost and (mode == "sampled" or state.y is not None)
+        fits = state.started and not state.lost and state.course is None
+        fits = fits and (mode == "sampled" or state.y is not None)
         first_t = float(times[row])
         if end - row < _FEWEST_ROWS or not fits or not self._clock.admits_stretch(state, first_t):
             return state, None

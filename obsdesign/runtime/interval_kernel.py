@@ -15,7 +15,7 @@ side of a bound, covers it, what the enclosure of the maps is off by, and itself
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -94,6 +94,14 @@ class Kernel:
         return [f"y{i + 1} outside its bounds" for i in range(p) if min(room[i], room[p + i]) < 0]
 
 
+def path_kernel(step: BoxMap, p: int) -> Kernel:
+    """The box alone, without disturbance and noise: what rounding does to a centre; p outputs."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        n, columns = len(step.g), step.X.mid.shape[1]
+        rows = np.vstack([_radius_rows(replace(step, g=np.zeros(n))), _centre_rows(step)])
+        return Kernel(rows, n, p, 0, _blank(n, columns), n + columns)
+
+
 def kernel(model: Model, step: BoxMap, predicted: BoxMap, C: Matrix, strips: bool) -> Kernel:
     """The kernel of a step; predicted: the same step without y1.
 
@@ -108,10 +116,7 @@ def _kernel(model: Model, step: BoxMap, predicted: BoxMap, C: Matrix, strips: bo
     columns = step.X.mid.shape[1]
     y_end = np.zeros((p, columns))
     y_end[:, n + p : n + 2 * p] = np.eye(p)
-    blocks = [
-        _radius_rows(step),
-        np.hstack([np.zeros((n, n)), step.X.mid, np.zeros_like(step.X.mid)]),
-    ]
+    blocks = [_radius_rows(step), _centre_rows(step)]
     box = _Rows(step.X, step.R, step.g)
     before = _Rows(predicted.X, predicted.R, predicted.g)
     residual = before.times(-model.C, exactly(y_end))
@@ -123,11 +128,21 @@ def _kernel(model: Model, step: BoxMap, predicted: BoxMap, C: Matrix, strips: bo
         ends += _strip_ends(before.times(S), C, model.V, y_end)
     total = _total(np.vstack([*blocks, *ends]), slice(n, n + columns))
     rows = np.vstack([*blocks, total, *ends])
+    rows.setflags(write=False)
+    return Kernel(rows, n, p, len(ends), _blank(n, columns), n + columns)
+
+
+def _blank(n: int, columns: int) -> Matrix:
     blank = np.zeros(n + 2 * columns)
     blank[n + columns - 1] = 1.0
-    for array in (rows, blank):
-        array.setflags(write=False)
-    return Kernel(rows, n, p, len(ends), blank, n + columns)
+    blank.setflags(write=False)
+    return blank
+
+
+def _centre_rows(step: BoxMap) -> Matrix:
+    """m+ = X v."""
+    X = step.X.mid
+    return np.hstack([np.zeros((len(X), len(X))), X, np.zeros_like(X)])
 
 
 def _total(rows: Matrix, signed: slice) -> Matrix:

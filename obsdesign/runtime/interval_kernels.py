@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import OrderedDict
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from obsdesign.runtime.base import Vector, vector
-from obsdesign.runtime.interval_kernel import Kernel, kernel
+from obsdesign.runtime.interval_kernel import Kernel, kernel, path_kernel
 from obsdesign.runtime.interval_model import Model, model
 from obsdesign.runtime.interval_state import IntervalState, shared_box
 from obsdesign.runtime.interval_steps import (
@@ -33,7 +33,8 @@ class StepKernels:
     """Kernels, made when they are first needed.
 
     gains: of a design of kind `interval`. Of a step: "none" without a measurement, "start" and
-    "end" with one there (continuous y), "sampled" (periodic samples).
+    "end" with one there (continuous y), "sampled" (periodic samples), and for the path of a
+    `Course` "path" and "sampled path".
     """
 
     def __init__(self, gains: Mapping[str, Any]) -> None:
@@ -111,7 +112,7 @@ class StepKernels:
             k, free = self.still["sampled"], after
             after = k.rows.dot(k.vector(free[:n2], None, y, state.u))
             if off:
-                k, after = self.shared(k, after, free, state.u)
+                k, after = self.shared(k, after, [free[:n2]], state.u)
         if np.any(self.gains["M"]):
             plain = step["none"]
             before = plain.rows.dot(plain.vector(state.box, state.y, None, state.u))
@@ -122,15 +123,17 @@ class StepKernels:
         return k, after
 
     def shared(
-        self, chosen: Kernel, used: Vector, free: Vector, u: Vector
+        self, chosen: Kernel, used: Vector, boxes: Sequence[Vector], u: Vector
     ) -> tuple[Kernel, Vector]:
-        """The result of what two share: one that uses a sample, and one without it.
+        """The result of what `used` shares with further boxes, which the first of them bounds.
 
         What is reported is cut with all that the sample says, as far as that leaves something.
         """
         n = chosen.n
         k = self.still["none"]
-        box = shared_box(free[: 2 * n], used[: 2 * n], n)
+        box = boxes[0]
+        for other in (*boxes[1:], used[: 2 * n]):
+            box = shared_box(box, other, n)
         out: Vector = k.rows.dot(k.vector(box, None, None, np.zeros_like(u)))
         lower, upper = chosen.bounds(used)
         ends = np.maximum(out[-2 * n :], np.concatenate([lower, -upper]))
@@ -148,8 +151,13 @@ class StepKernels:
             else:
                 maps = flow_maps(plant, h, h_error)
             if self.periodic:
-                maps["sampled"] = sampled(plant, maps["none"])
-        return {name: self._kernel(name, maps) for name in maps}
+                maps["sampled"] = sampled(plant, maps["none"], h, h_error)
+        built = {name: self._kernel(name, maps) for name in maps}
+        if self.periodic:
+            p = len(self.gains["C"])
+            built["path"] = path_kernel(maps["none"], p)
+            built["sampled path"] = path_kernel(maps["sampled"], p)
+        return built
 
     def _kernel(self, name: str, maps: Mapping[str, BoxMap]) -> Kernel:
         predicted = maps["start" if name == "start" else "none"]

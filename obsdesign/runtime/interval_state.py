@@ -12,14 +12,27 @@ from obsdesign.runtime.base import DwellGuard, Vector, vector
 from obsdesign.runtime.interval_model import Model, midpoint
 
 
+class Course(NamedTuple):
+    """Bounds since a sample on the period or a jump, beside those of the rows that came between.
+
+    since: its time; radius: (n,) there; path: (2n,), the centre carried along to now, after a
+    bound of what rounding has added to it.
+    """
+
+    since: float
+    radius: Vector
+    path: Vector
+
+
 class IntervalState(NamedTuple):
     """Everything the next step needs, just after time t.
 
     box: (2n,), radius and centre in the observer's coordinates; u: input that holds; y: measurement
     that the next step may start from; sampled: time of the last one used; lost: since when, and
-    why, the bounds are refuted; phase: time of the last sample that was a period after another one,
-    or began anew (periodic samples only), NaN before the first; moderate: all numbers of the last
-    step were below `MODERATE`.
+    why, the bounds are refuted; phase: time of the last sample that was a period after another
+    one, or began anew (periodic samples only), NaN before the first; moderate: all numbers of the
+    last step were below `MODERATE`; course: None where the box is just after a sample on the
+    period or a jump (periodic samples only).
     """
 
     t: float
@@ -32,6 +45,7 @@ class IntervalState(NamedTuple):
     lost: str = ""
     phase: float = math.nan
     moderate: bool = False
+    course: Course | None = None
 
 
 def first_box(model: Model, n: int, lower: ArrayLike, upper: ArrayLike) -> Vector:

@@ -17,7 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from lmi.enclosure import Enclosure, Matrix, expm, inverse, raised, stack
+from lmi.enclosure import Enclosure, Matrix, expm, inverse, powers, raised, stack
+from lmi.exponential import FLOW_PIECES
 from obsdesign.runtime.interval_model import (
     Model,
     completed,
@@ -53,24 +54,37 @@ def flow_maps(model: Model, h: float, h_error: float) -> dict[str, BoxMap]:
     """
     with np.errstate(over="ignore", invalid="ignore"):
         F = model.A - model.L @ model.C
-        Phi, forced = _driven(model.A, model.inputs, h, h_error)
+        n, p = model.L.mid.shape
+        free = free_map(model, h, h_error)
+        Phi, forced = _columns(free.X, slice(n)), _columns(free.X, slice(n + 2 * p, None))
         K = _driven(F, model.L, h, h_error)[1]
-        outer = exactly(np.eye(len(model.width))) - K @ model.C
+        outer = exactly(np.eye(n)) - K @ model.C
         spread = _spread(model, h, h_error)
         start, end = Phi - K @ model.C, outer @ Phi
         return {
             "start": box_map(model, start, K, None, forced, *spread["start"]),
             "end": box_map(model, end, None, K, outer @ forced, *spread["end"]),
-            "none": box_map(model, Phi, None, None, forced, *spread["none"]),
+            "none": free,
         }
 
 
 def free_map(model: Model, h: float, h_error: float) -> BoxMap:
-    """Over a step of length h +- h_error without any measurement, W the width matrix of A."""
+    """Over a step of length h +- h_error without any measurement."""
     with np.errstate(over="ignore", invalid="ignore"):
         Phi, forced = _driven(model.A, model.inputs, h, h_error)
-        R, g = _comparison(model.width, model.b_rad, h, h_error)
-        return box_map(model, Phi, None, None, forced, R, g)
+        g = _on_the_way(model, exactly(np.eye(len(model.b_rad))), h, h_error)
+        return box_map(model, Phi, None, None, forced, size(Phi), g)
+
+
+def _on_the_way(model: Model, left: Enclosure, h: float, h_error: float) -> Matrix:
+    """Bound of int_0^h |X e^{A s}| ds b_rad, X = left, rounded up.
+
+    In the pieces of `lmi.exponential.absolute_flow`, which proofs are about.
+    """
+    step, error = h / FLOW_PIECES, h_error / FLOW_PIECES
+    flows = left @ powers(expm(model.A.scaled(step, error)), FLOW_PIECES)
+    _, pushed = _comparison(metzler_bound(model.A), model.b_rad, step, error)
+    return raised(size(flows).sum(axis=0) @ pushed, 2 * (len(pushed) + FLOW_PIECES))
 
 
 def identity_map(model: Model) -> BoxMap:
@@ -80,17 +94,20 @@ def identity_map(model: Model) -> BoxMap:
     return box_map(model, exactly(np.eye(n)), None, None, inputs, np.eye(n), np.zeros(n))
 
 
-def sampled(model: Model, before: BoxMap) -> BoxMap:
-    """z+ = z + L (y - C z) at the end of a step, with the measurement taken there."""
+def sampled(model: Model, before: BoxMap, h: float, h_error: float) -> BoxMap:
+    """z+ = z + L (y - C z) at the end of a step of length h +- h_error, y measured there.
+
+    before: the same step without it.
+    """
     n, p = model.L.mid.shape
-    K = exactly(np.eye(n)) - model.L @ model.C
-    X = K @ before.X
-    y_end = slice(n + p, n + 2 * p)  # the step before it does not use this measurement
-    X.mid[:, y_end], X.rad[:, y_end] = model.L.mid, model.L.rad
     with np.errstate(over="ignore", invalid="ignore"):
-        R = raised(size(K) @ before.R, 2 * n)
-        g = raised(size(K) @ before.g + size(model.L) @ model.V, 2 * (n + p))
-    return BoxMap(X, R, g)
+        K = exactly(np.eye(n)) - model.L @ model.C
+        X = K @ before.X
+        R = size(_columns(X, slice(n)))
+        y_end = slice(n + p, n + 2 * p)  # the step before it does not use this measurement
+        X.mid[:, y_end], X.rad[:, y_end] = model.L.mid, model.L.rad
+        g = _on_the_way(model, K, h, h_error) if h > 0 else np.zeros(n)
+        return BoxMap(X, R, raised(g + size(model.L) @ model.V, 2 * (p + 1)))
 
 
 def jump_maps(model: Model, gains: Mapping[str, Any]) -> dict[bool, BoxMap]:
@@ -152,6 +169,10 @@ def _driven(A: Enclosure, B: Enclosure, h: float, error: float) -> tuple[Enclosu
     return _block(whole, slice(n), slice(n)), _block(whole, slice(n), slice(n, n + m))
 
 
+def _columns(X: Enclosure, columns: slice) -> Enclosure:
+    return Enclosure(X.mid[:, columns], X.rad[:, columns])
+
+
 def _block(whole: Enclosure, rows: slice, columns: slice) -> Enclosure:
     return Enclosure(whole.mid[rows, columns], whole.rad[rows, columns])
 
@@ -166,7 +187,7 @@ def _comparison(W: Matrix, f: Matrix, h: float, h_error: float) -> tuple[Matrix,
 
 
 def _spread(model: Model, h: float, h_error: float) -> dict[str, tuple[Matrix, Matrix]]:
-    """(R, g) of the three maps, from the comparison system [q; rho; sig; 1; 1]."""
+    """(R, g) of the maps that use y, from the comparison system [q; rho; sig; 1; 1]."""
     L, b_rad = size(model.L), model.b_rad
     n, p = L.shape
     noise = raised(L @ model.V + b_rad, 2 * p)
@@ -182,8 +203,7 @@ def _spread(model: Model, h: float, h_error: float) -> dict[str, tuple[Matrix, M
         name: _block(whole, rows, columns)
         for name, rows, columns in (
             ("qq", q, q), ("q_rho", q, rho), ("q_sig", q, sig), ("q_1", q, slice(-2, -1)),
-            ("q_2", q, slice(-1, None)), ("rho", rho, rho), ("rho_2", rho, slice(-1, None)),
-            ("sig_rho", sig, rho), ("sig_2", sig, slice(-1, None)),
+            ("q_2", q, slice(-1, None)), ("sig_rho", sig, rho), ("sig_2", sig, slice(-1, None)),
         )
     }  # fmt: skip
     return {
@@ -192,7 +212,6 @@ def _spread(model: Model, h: float, h_error: float) -> dict[str, tuple[Matrix, M
             part["qq"] + (part["q_sig"] @ part["sig_rho"] - part["q_rho"]),
             part["q_1"] + (part["q_sig"] @ part["sig_2"] - part["q_2"]),
         ),
-        "none": _bounds(part["rho"], part["rho_2"]),
     }
 
 

@@ -8,14 +8,15 @@ verification analyses every candidate exactly.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+import time
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
 
 from lmi.balls import exact, inverse
 from lmi.dwell_search import shortest_dwell
-from lmi.patience import left
+from lmi.patience import left, until
 from obsdesign.equations import interval as equations
 from obsdesign.equations.estimation_error import idle_gains
 from obsdesign.equations.interval_width import WidthSystem, width_system_of
@@ -25,13 +26,21 @@ from obsdesign.structure import hidden_for_ever
 from obsdesign.synthesis.candidate import Candidate
 from obsdesign.synthesis.dwell import dwell_certificates, question
 from obsdesign.synthesis.given_gains import given_gain, refuse_unusable
-from obsdesign.synthesis.interval_coordinates import bases, best_coordinates
+from obsdesign.synthesis.interval_coordinates import best_coordinates
 from obsdesign.synthesis.interval_forms import formed
-from obsdesign.synthesis.interval_gains import best_gains
+from obsdesign.synthesis.interval_gains import SECONDS, best_gains
 from obsdesign.synthesis.interval_goals import mean_width
-from obsdesign.synthesis.interval_sampled import propose_samples, propose_spacing
-from obsdesign.synthesis.interval_task import sampling_task, task_of
+from obsdesign.synthesis.interval_periodic import SampledPlant, sampled_bases
+from obsdesign.synthesis.interval_sampled import (
+    propose_samples,
+    propose_spacing,
+    sampled_tube,
+)
+from obsdesign.synthesis.interval_task import task_of
 from obsdesign.synthesis.interval_tube import proved_width
+
+# proofs of gains for samples that are tried before the answer is that none was proved
+_PROOFS = 4
 
 
 def synthesize(problem: Problem) -> Iterator[Candidate]:
@@ -54,6 +63,8 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
     for form in equations.forms_asked(problem.gains, problem.options):
         if form == "coordinates" and "S" not in own:
             yield from _in_found_coordinates(problem, given)
+        elif problem.plant.output.measured == "periodic":
+            yield from _with_samples(problem, form, given, [own])
         else:
             yield _in_known_coordinates(problem, form, given, own)
 
@@ -74,11 +85,8 @@ def _unsearched(
     problem: Problem, given: Mapping[str, Any], own: Mapping[str, Any]
 ) -> Iterator[Candidate]:
     """The forms as they are without gains: what verification says of them holds for all gains."""
-    zero = np.zeros((problem.plant.n, problem.plant.p))
-    L, M = given.get("L", zero), given.get("M", zero)
     for form in equations.forms_asked(problem.gains, problem.options):
-        frame = {"S": np.eye(problem.plant.n)} if form == "coordinates" else {}
-        yield Candidate(form, formed(problem, form, L, M, {**frame, **own}), searched=True)
+        yield _without_gains(problem, form, given, {**_plain_frame(problem, form), **own})
 
 
 def _refuse(problem: Problem) -> None:
@@ -114,8 +122,6 @@ def _in_known_coordinates(
     problem: Problem, form: str, given: Mapping[str, Any], own: Mapping[str, Any]
 ) -> Candidate:
     """One candidate, L and M found for the coordinates that are given (or the plant's own)."""
-    if problem.plant.output.measured == "periodic":
-        return _with_samples(problem, form, given, own)
     if {"L", "M"} <= set(given):
         return _candidate(problem, form, given["L"], given["M"], own, False)
     task = task_of(problem, form == "cooperative", own.get("S"), given)
@@ -125,25 +131,86 @@ def _in_known_coordinates(
 
 
 def _with_samples(
-    problem: Problem, form: str, given: Mapping[str, Any], own: Mapping[str, Any]
+    problem: Problem, form: str, given: Mapping[str, Any], frames: Iterable[Mapping[str, Any]]
+) -> Iterator[Candidate]:
+    """One candidate with samples as events: gain and coordinates that are proved, if any are.
+
+    frames: coordinates S (S2, T) to choose from. M, which acts only when a jump meets a sample, is
+    zero if open. With `narrowest` the least width comes first, else what comes first.
+    """
+    narrow, end = _objective(problem) == "narrowest", until(SECONDS)
+    tries: list[tuple[float, Any, Mapping[str, Any]]] = []
+    last, frame = None, _plain_frame(problem, form)
+    for frame in frames:
+        for cost, L in _sampled_gains(problem, frame.get("S"), given):
+            tries.append((cost, L, frame))
+            if not narrow and math.isfinite(cost):
+                last = _sampled_candidate(problem, form, given, *tries[-1])
+                if _is_proved(last):
+                    yield last
+                    return
+        if time.process_time() > end:
+            break
+    tries = sorted(tries, key=lambda one: one[0]) if narrow else tries[:1]
+    for one in tries[:_PROOFS]:
+        last = _sampled_candidate(problem, form, given, *one)
+        if _is_proved(last):
+            break
+    # no gain at all: what verification says of none holds for what was not tried too
+    yield last or _without_gains(problem, form, given, frame)
+
+
+def _plain_frame(problem: Problem, form: str) -> Mapping[str, Any]:
+    """The plant's own coordinates, for a form that needs some."""
+    return {"S": np.eye(problem.plant.n)} if form == "coordinates" else {}
+
+
+def _without_gains(
+    problem: Problem, form: str, given: Mapping[str, Any], frame: Mapping[str, Any]
 ) -> Candidate:
-    """L for samples as events; M, which acts only when a jump meets a sample, is zero if open."""
-    L = given.get("L")
-    if L is None:
-        task = sampling_task(problem, own.get("S"), given)
-        L = task.gains(*best_gains(task, _objective(problem))[1:])[1]
-    searched = "L" not in given or ("S" in own and "S" not in problem.gains)
-    return _candidate(problem, form, L, given.get("M", 0 * L), own, searched)
+    zero = np.zeros((problem.plant.n, problem.plant.p))
+    gains = formed(problem, form, given.get("L", zero), given.get("M", zero), frame)
+    return Candidate(form, gains, searched=True)
+
+
+def _sampled_gains(
+    problem: Problem, S: Any, given: Mapping[str, Any]
+) -> Iterator[tuple[float, Any]]:
+    """(cost, L): L in the plant's coordinates; the cost is infinite where floats see no tube."""
+    plant = SampledPlant(problem, S)
+    lost = problem.plant.output.jump_measurement == "none" and plant.G is not None
+    pairs = [plant.inward @ given["L"]] if "L" in given else (L for _, L in plant.gains())
+    for L in pairs:
+        tube = sampled_tube(plant.system(L), plant.h, plant.dwell, lost)
+        cost = math.inf if tube is None else plant.width(L)
+        yield cost, given["L"] if "L" in given else plant.outward(L)
+
+
+def _sampled_candidate(
+    problem: Problem, form: str, given: Mapping[str, Any], cost: float, L: Any,
+    frame: Mapping[str, Any],
+) -> Candidate:  # fmt: skip
+    searched = "L" not in given or ("S" in frame and "S" not in problem.gains)
+    gains = formed(problem, form, L, given.get("M", 0 * L), frame)
+    system, approx = width_system_of(gains, exact, inverse), width_system_of(gains)
+    lost = gains["jump_measurement"] == "none"
+    found = propose_samples(system, approx, gains["period"], _dwell_range(gains), lost)
+    value = cost if _objective(problem) == "narrowest" else None
+    return Candidate(form, gains, {"sampled_stability": found}, searched, value, True)
+
+
+def _is_proved(candidate: Candidate) -> bool:
+    return "tube" in candidate.certificates["sampled_stability"]
 
 
 def _in_found_coordinates(problem: Problem, given: Mapping[str, Any]) -> Iterator[Candidate]:
     """Candidate bases first; the search over bases only if that is not enough."""
+    if problem.plant.output.measured == "periodic":
+        frames = ({"S": S} for S in sampled_bases(problem, given))
+        yield from _with_samples(problem, "coordinates", given, frames)
+        return
     auto = problem.options.get("form", "auto") == "auto"
     for search in (False, True) if auto else (True,):
-        if problem.plant.output.measured == "periodic":
-            for S in bases(problem.plant, 0, 0):
-                yield _with_samples(problem, "coordinates", given, {"S": S})
-            return
         found = best_coordinates(problem, given, _objective(problem), search)
         if found is None:
             continue
@@ -159,11 +226,6 @@ def _candidate(
     system, approx = width_system_of(gains, exact, inverse), width_system_of(gains)
     objective = _objective(problem)
     cost = _cost(problem, form, gains) if objective == "narrowest" else None
-    if "period" in gains:
-        lost = gains["jump_measurement"] == "none"
-        found = propose_samples(system, approx, gains["period"], _dwell_range(gains), lost)
-        sampled = {} if found is None else {"sampled_stability": found}
-        return Candidate(form, gains, sampled, searched, cost, goes_on)
     certificates: dict[str, Any] = {}
     if system.N is not None:
         low, high = gains["dwell_time"]
@@ -205,9 +267,6 @@ def _dwell_range(gains: Mapping[str, Any]) -> tuple[float, float]:
 def _cost(problem: Problem, form: str, gains: Mapping[str, Any]) -> float:
     """Mean width of x, summed over the states, of finished gains."""
     given = {"L": gains["L"], "M": gains["M"]}
-    if "period" in gains:
-        task = sampling_task(problem, gains.get("S"), given)
-        return mean_width(task, 0 * gains["L"], 0 * gains["M"])
     task = task_of(problem, form == "cooperative", gains.get("S"), given)
     return mean_width(task, 0 * gains["L"], 0 * gains["M"])
 

@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lmi.balls import exact, inverse, to_float
+from lmi.exponential import absolute_flow
 from lmi.hurwitz import rightmost
 from lmi.interleaved import Bounds, Interleaved, prove_interleaved
 from lmi.sampled_flow import sampled_flow
 from obsdesign.equations.interval_sampling import slope_scheme
-from obsdesign.equations.interval_width import WidthSystem
-from obsdesign.synthesis.interval_tube import ROOM, least, moved, proved_width
+from obsdesign.equations.interval_width import SAMPLED_MAPS, WidthSystem
+from obsdesign.synthesis.interval_tube import ROOM, least, proved_width
 
 Matrix = NDArray[np.float64]
 
@@ -26,47 +27,79 @@ _HALVINGS = 14
 
 def propose_samples(
     system: WidthSystem, approx: WidthSystem, period: float, ends: tuple[float, float], lost: bool
-) -> dict[str, Any] | None:
-    """Proved {"tube", "sampled", ("jumped",) "always"} for samples as events, or None.
+) -> dict[str, Any]:
+    """{"maps"} and, where it is proved, {"tube", "sampled", ("jumped",) "always"}.
 
-    system, approx: exact and in floats, with K and k; ends: shortest and longest dwell time, inf
-    without jumps; lost: no sample is taken at the time of a jump.
+    For samples as events. system, approx: exact and in floats, with A, K and k; ends: shortest and
+    longest dwell time, inf without jumps; lost: no sample is taken at the time of a jump.
     """
-    found = _propose(approx, period, ends, lost)
+    maps = {"maps": SAMPLED_MAPS}
+    found = sampled_tube(approx, period, ends, lost)
     if found is None:
-        return None
+        return maps
     question = Interleaved.of(system, period, *ends, lost)
     jumped = exact(found["jumped"]) if "jumped" in found else None
     bounds = Bounds(exact(found["tube"]), exact(found["sampled"]), jumped, exact(found["always"]))
     verdict = prove_interleaved(question, exact(system.out), bounds)
-    return found if verdict.outcome == "proved" else None
+    return {**maps, **found} if verdict.outcome == "proved" else maps
 
 
-def _propose(system: WidthSystem, period: float, ends: tuple[float, float], lost: bool) -> Any:
-    W, f, K, k = system.W, system.f, system.K, system.k
-    assert K is not None
-    assert k is not None
-    with np.errstate(all="ignore"):
+@dataclass(frozen=True)
+class _Steps:
+    """Maps over times s on a grid of [0, period]: r -> sizes r + added, (k, n, n) and (k, n).
+
+    jumped: over s, with a jump at its end; late: over the rest of the period, with its sample.
+    """
+
+    jumped: tuple[Matrix, Matrix] | None
+    late: tuple[Matrix, Matrix]
+
+    @staticmethod
+    def of(system: WidthSystem, period: float) -> _Steps:
+        """Of a width system in floats."""
+        assert system.A is not None
+        assert system.K is not None
+        assert system.k is not None
         s = np.linspace(0.0, period, _OFFSETS)
-        flows, pushes = moved(W, f, s)
-        Phi, c = K @ flows[-1], K @ pushes[-1] + k
+        sizes, added = absolute_flow(system.K, system.A, system.f, period - s)
+        late = sizes, added + system.k
+        if system.G is None or system.h is None:
+            return _Steps(None, late)
+        sizes, added = absolute_flow(system.G, system.A, system.f, s)
+        return _Steps((sizes, added + system.h), late)
+
+    @property
+    def finite(self) -> bool:
+        """Has nothing overflowed?"""
+        return all(np.isfinite(x).all() for x in (*(self.jumped or ()), *self.late))
+
+    @property
+    def period(self) -> tuple[Matrix, Matrix]:
+        """From sample to sample."""
+        return self.late[0][0], self.late[1][0]
+
+
+def sampled_tube(
+    system: WidthSystem, period: float, ends: tuple[float, float], lost: bool
+) -> dict[str, Any] | None:
+    """The tube of `propose_samples` in floats, not proved; None where there is none."""
+    with np.errstate(all="ignore"):
+        steps = _Steps.of(system, period)
+        P, c = steps.period
         scale = float(max(c.max(initial=0.0), 0.0 if system.h is None else system.h.max())) or 1.0
-        if not np.isfinite(Phi).all():
+        if not steps.finite:
             return None
-        if system.N is None:
-            p = least(Phi[None], c[None], ROOM * scale)
+        if steps.jumped is None:
+            p = least(P[None], c[None], ROOM * scale)
             if p is None:
                 return None
             sampled, jumped = p * (1 + ROOM), None
         else:
-            result = _cycle_tube(system, period, ends, (flows, pushes, Phi, c), scale, lost)
+            result = _cycle_tube(period, ends, steps, scale, lost)
             if result is None:
                 return None
             p, sampled, jumped = result
-        fine = moved(W, f, np.linspace(0.0, period, _FINE))
-        top = _highest(system, sampled, *fine)
-        if jumped is not None:
-            top = np.maximum(top, _highest(system, jumped, *fine))
+        top = _highest(system, period, [q for q in (sampled, jumped) if q is not None])
     found = {"tube": p, "sampled": sampled, "always": top * (1 + 1e-4) + ROOM * scale}
     if jumped is not None:
         found["jumped"] = jumped
@@ -76,35 +109,27 @@ def _propose(system: WidthSystem, period: float, ends: tuple[float, float], lost
 
 
 def _cycle_tube(
-    system: WidthSystem, h: float, ends: tuple[float, float], step: Any, scale: float, lost: bool
+    h: float, ends: tuple[float, float], steps: _Steps, scale: float, lost: bool
 ) -> tuple[Matrix, Matrix, Matrix] | None:
     """(p, after samples, after jumps): the least p for offsets and numbers of periods on a grid."""
     low, high = ends
-    flows, pushes, Phi, c = step
-    N, j = system.at_jumps
-    K, k = system.K, system.k
-    if low < h or (math.isinf(high) and max(abs(np.linalg.eigvals(Phi))) >= 1):
+    assert steps.jumped is not None
+    (sizes, kicks), (late, rest), (P, c) = steps.jumped, steps.late, steps.period
+    if low < h or (math.isinf(high) and max(abs(np.linalg.eigvals(P))) >= 1):
         return None
     fewest = max(1, math.floor(low / h * (1 - 1e-12))) - 1
     if lost:  # not too few: more only asks for more
         fewest = max(math.ceil(low / h * (1 - 1e-12)) - 2, 0)
     most = _MOST_PERIODS if math.isinf(high) else min(math.ceil(high / h), _MOST_PERIODS)
-    # psi(s) = K [e^{W (h - s)} (N u(s) + j) + g(h - s)] + k, on the grid s reversed is h - s
-    late, rest = flows[::-1], pushes[::-1]
-    maps = K @ (late @ (N @ flows))
-    adds = (K @ ((late @ (N @ pushes[..., None] + j[:, None]))[..., 0] + rest)[..., None])[
-        ..., 0
-    ] + k
+    maps = late @ sizes
+    adds = (late @ kicks[..., None])[..., 0] + rest
     if lost:  # the sample at the jump's time is missing: a whole period more
-        whole = K @ flows[-1] @ N
-        maps = np.concatenate([maps, (whole @ flows[-1])[None]])
-        adds = np.concatenate(
-            [adds, (whole @ pushes[-1] + K @ (flows[-1] @ j + pushes[-1]) + k)[None]]
-        )
-    powers, offsets = [np.eye(len(N))], [np.zeros(len(N))]
+        maps = np.concatenate([maps, (P @ sizes[-1])[None]])
+        adds = np.concatenate([adds, (P @ kicks[-1] + c)[None]])
+    powers, offsets = [np.eye(len(P))], [np.zeros(len(P))]
     for _ in range(most):
-        powers.append(Phi @ powers[-1])
-        offsets.append(Phi @ offsets[-1] + c)
+        powers.append(P @ powers[-1])
+        offsets.append(P @ offsets[-1] + c)
         if np.abs(powers[-1]).max() < 1e-9:
             break
     chosen = range(min(fewest, len(powers) - 1), len(powers))
@@ -116,16 +141,21 @@ def _cycle_tube(
             break
     else:
         return None
-    orbit = np.array([P @ p + q for P, q in zip(powers, offsets, strict=True)])
+    orbit = np.array([M @ p + q for M, q in zip(powers, offsets, strict=True)])
     sampled = orbit.max(axis=0) * (1 + 10 * ROOM) + ROOM * scale
     widest = orbit[list(chosen)].max(axis=0) * (1 + 5 * ROOM)
-    jumped = ((flows @ widest + pushes) @ N.T + j).max(axis=0) * (1 + 1e-3) + ROOM * scale
+    jumped = (sizes @ widest + kicks).max(axis=0) * (1 + 1e-3) + ROOM * scale
     return p, sampled, jumped
 
 
-def _highest(system: WidthSystem, start: Matrix, flows: Matrix, pushes: Matrix) -> Matrix:
-    reached: Matrix = ((flows @ start + pushes) @ system.out.T).max(axis=0)
-    return reached
+def _highest(system: WidthSystem, period: float, starts: list[Matrix]) -> Matrix:
+    """The largest width of x on the way from each of some boxes of z, over a period."""
+    assert system.A is not None
+    s = np.linspace(0.0, period, _FINE)
+    flows, pushes = absolute_flow(np.eye(len(system.f)), system.A, system.f, s)
+    reached = [((flows @ start + pushes) @ system.out.T).max(axis=0) for start in starts]
+    highest: Matrix = np.max(reached, axis=0)
+    return highest
 
 
 def propose_spacing(

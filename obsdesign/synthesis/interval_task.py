@@ -120,37 +120,12 @@ def task_of(problem: Problem, positive: bool, S: Matrix | None, given: Mapping[s
         f0=f0, h0=h0, V=V, low=low, high=high,
         open_L="L" not in given and "L" not in idle, open_M="M" not in given and "M" not in idle,
         limit_L=limit_L, limit_M=limit_M, positive=positive,
-        weights=_weights(problem) @ np.abs(basis),
+        weights=width_weights(problem) @ np.abs(basis),
         pre_jump=problem.options.get("width") == "pre_jump", S=basis, L0=inward @ L, M0=inward @ M,
     )  # fmt: skip
 
 
-def sampling_task(problem: Problem, S: Matrix | None, given: Mapping[str, Any]) -> Task:
-    """The gain at samples as the gain of a jump with G = I that happens every period.
-
-    `gains` and the goals then speak of it as M; L stays zero. Real jumps only add to the width
-    whatever the gain.
-    """
-    plant = problem.plant
-    n, p = plant.n, plant.p
-    basis = np.eye(n) if S is None else S
-    inward = np.linalg.inv(basis)
-    C, V = plant.output.C, problem.require_noise_bound("kind 'interval'")
-    L = given.get("L", np.zeros((n, p)))
-    f0 = np.abs(inward) @ (plant.flow.upper - plant.flow.lower)
-    cap = _limits(problem, basis)[1]
-    if problem.options.get("gain_limit") is None:
-        cap = cap / max(1.0, float(np.abs(plant.jump.G).max()) if plant.jump else 1.0)
-    period = float(problem.require("output.period"))
-    return Task(
-        A=inward @ plant.flow.A @ basis, G=inward @ (np.eye(n) - L @ C) @ basis, C=C @ basis,
-        C_jump=C @ basis, f0=f0, h0=2 * np.abs(inward @ L) @ V, V=V, low=period, high=period,
-        open_L=False, open_M="L" not in given, limit_L=cap, limit_M=cap, positive=False,
-        weights=_weights(problem) @ np.abs(basis), pre_jump=False, S=basis, L0=0 * L, M0=inward @ L,
-    )  # fmt: skip
-
-
-def _weights(problem: Problem) -> Matrix:
+def width_weights(problem: Problem) -> Matrix:
     """Of the widths of the states, (n,), one on average."""
     n = problem.plant.n
     asked = np.array(problem.options.get("width_weights", np.ones(n)), dtype=np.float64)
@@ -158,18 +133,41 @@ def _weights(problem: Problem) -> Matrix:
     return found * (n / float(found.sum()))
 
 
+def sampling_limit(problem: Problem, basis: Matrix) -> Matrix:
+    """Cap of the gain at samples in z, (n, p): the one asked for, or what no plant should need."""
+    cap = _asked_limit(problem, basis)
+    factor = _DEFAULT_LIMIT["feasible"]
+    return np.full(
+        (len(basis), problem.plant.p), factor / _size(problem, basis) if cap is None else cap
+    )
+
+
+def _asked_limit(problem: Problem, basis: Matrix) -> float | None:
+    asked = problem.options.get("gain_limit")
+    if asked is None:
+        return None
+    cap = float(asked) / float(np.abs(basis).sum(axis=1).max())
+    return (
+        cap if np.array_equal(basis, np.eye(len(basis))) else cap * (1 - ROUNDING)
+    )  # S L is rounded
+
+
+def _size(problem: Problem, basis: Matrix) -> float:
+    """Of the outputs and of the coordinates: gains are large against one over it."""
+    return max(float(np.abs(problem.plant.output.C).max()), 1e-300) * float(
+        np.abs(basis).sum(axis=1).max()
+    )
+
+
 def _limits(problem: Problem, basis: Matrix) -> tuple[Matrix, Matrix]:
     """Caps of L and M in z so that |S L|, |S M| stay below the one asked for."""
     plant = problem.plant
     shape = (plant.n, plant.p)
-    asked = problem.options.get("gain_limit")
-    if asked is not None:
-        cap = np.full(shape, float(asked) / np.abs(basis).sum(axis=1).max())
-        if not np.array_equal(basis, np.eye(len(basis))):
-            cap *= 1 - ROUNDING  # S L is rounded
-        return cap, cap
+    cap = _asked_limit(problem, basis)
+    if cap is not None:
+        return np.full(shape, cap), np.full(shape, cap)
     factor = _DEFAULT_LIMIT[str(problem.options.get("objective", "feasible"))]
-    size = max(float(np.abs(plant.output.C).max()), 1e-300) * np.abs(basis).sum(axis=1).max()
+    size = _size(problem, basis)
     jump = 1.0 if plant.jump is None else float(np.abs(plant.jump.G).max())
     return (
         np.full(shape, factor * float(np.abs(plant.flow.A).max()) / size),

@@ -7,7 +7,9 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from lmi.balls import exact, inverse, to_float
+import numpy as np
+
+from lmi.balls import exact, inverse, to_float, upper_ends
 from lmi.hurwitz import prove_hurwitz
 from lmi.interleaved import Bounds, Interleaved, prove_interleaved
 from lmi.sampled_flow import sampled_flow
@@ -15,7 +17,7 @@ from lmi.spectral import refute_spectral
 from lmi.verdict import Verdict, undecided
 from obsdesign.document import Claim
 from obsdesign.equations.interval_sampling import slope_scheme
-from obsdesign.equations.interval_width import WidthSystem
+from obsdesign.equations.interval_width import SAMPLED_MAPS, WidthSystem
 from obsdesign.verification.dwell import Dwell
 from obsdesign.verification.interval_width import (
     limit_claim,
@@ -25,15 +27,25 @@ from obsdesign.verification.interval_width import (
     width_claim,
 )
 
+_MAPS_IN_WORDS = (
+    "w+ = |X e^(A s)| w + what f adds in a time s, X = I between events, X = I - L C and k added "
+    "at samples, X = G and h added at jumps,"
+)
+_COMPARISON_IN_WORDS = "w' = W w + f, w+ = K w + k at samples and w+ = N w + h at jumps"
+
 
 def samples_claim(
     system: WidthSystem, gains: Mapping[str, Any], proposed: Mapping[str, Any], source: str
 ) -> Claim:
     """Samples as events: bounded width for every sequence of jumps between them.
 
-    proposed: "tube", "sampled", "always" and, with jumps, "jumped"; checked, not believed.
+    proposed: "tube", "sampled", "always" and, with jumps, "jumped"; checked, not believed. "maps":
+    `SAMPLED_MAPS`; without it, as in designs of earlier versions, the claim is about the wider
+    comparison system.
     """
     period = float(gains["period"])
+    merged = proposed.get("maps") == SAMPLED_MAPS
+    system = system if merged else system.compared()
     low, high = (float(end) for end in gains.get("dwell_time", (math.inf, math.inf)))
     ends = (low, high)
     lost = system.N is not None and gains["jump_measurement"] == "none"
@@ -48,17 +60,31 @@ def samples_claim(
             widths["after_jump"] = raised_product(system.out, found["jumped"])
         widths["after_sample"] = raised_product(system.out, found["sampled"])
         verdict = Verdict("proved", {**widths, **verdict.evidence})
-    elif system.K is not None and (system.N is None or math.isinf(high)):
-        counter = refute_spectral(system.W, system.K, period, period)
+    elif system.N is None or math.isinf(high):
+        counter = _refutation(system, period)
         verdict = counter if counter.outcome == "refuted" else verdict
     jumps = "" if system.N is None else f" and jumps with dwell times in {Dwell(*ends)}"
     spared = " (none is needed at the time of a jump)" if lost else ""
     statement = (
         f"with a sample every {period!r}{spared}{jumps}, the width stays bounded: a tube that "
-        "w' = W w + f, w+ = K w + k at samples and w+ = N w + h at jumps do not leave and are "
-        "drawn to"
+        f"{_MAPS_IN_WORDS if merged else _COMPARISON_IN_WORDS} do not leave and are drawn to"
     )
-    return Claim("sampled_stability", statement, source, verdict.outcome, verdict.evidence)
+    evidence = {**({"maps": SAMPLED_MAPS} if merged else {}), **verdict.evidence}
+    return Claim("sampled_stability", statement, source, verdict.outcome, evidence)
+
+
+def _refutation(system: WidthSystem, period: float) -> Verdict:
+    """From sample to sample the error itself does not contract, or its absolute map does not."""
+    assert system.A is not None
+    assert system.K is not None
+    counter = refute_spectral(system.A, system.K, period, period)
+    if counter.outcome == "refuted":
+        return counter
+    sample = Interleaved.of(system, period, math.inf, math.inf).over_period()
+    below = np.maximum(-upper_ends(-sample), 0.0)[:-1, :-1]
+    if not np.isfinite(below).all():
+        return undecided("the map from sample to sample overflows")
+    return refute_spectral(0 * below, below, period, period)
 
 
 def _proof(

@@ -50,12 +50,12 @@ def test_units_of_the_states_do_not_matter(sizes: tuple[float, ...]) -> None:
 @pytest.mark.parametrize(
     ("block", "name", "value", "line"),
     [
-        ("output", "noise_std", [1e300], "output.noise_std must be 0, or between 1e-100 and 1e\\+100"),
-        ("output", "noise_std", [1e-300], "output.noise_std must be 0, or between"),
-        ("output", "C", [[0, 0, 1e200]], "output.C must be at most 1e\\+100 in size"),
+        ("output", "noise_std", [1e120], "output.noise_std must be 0, or between 1e-100 and 1e\\+100"),
+        ("output", "noise_std", [1e-120], "output.noise_std must be 0, or between"),
+        ("output", "C", [[0, 0, 1e120]], "output.C must be at most 1e\\+100 in size"),
         ("output", "C", [[0, 0, 1e50]], "are the units of flow.A and output.C what they should be"),
         ("output", "C", [[0, 0, 1e-99]], "output.C must be 0, or at least 1e-70 in size"),
-        ("jump", "H", [[1e200], [0], [0]], "jump.H must be at most 1e\\+100 in size"),
+        ("jump", "H", [[1e120], [0], [0]], "jump.H must be at most 1e\\+100 in size"),
     ],
 )  # fmt: skip
 def test_what_floats_cannot_follow_is_refused(block: str, name: str, value: Any, line: str) -> None:

@@ -350,7 +350,7 @@ def test_a_hopeless_plant_is_refused_before_any_search(
     def searched(*args: Any) -> None:
         raise AssertionError("gains were looked for")
 
-    for name in ("best_gains", "best_coordinates", "bases"):
+    for name in ("best_gains", "best_coordinates", "sampled_bases"):
         monkeypatch.setattr(f"obsdesign.synthesis.interval.{name}", searched)
     body = hidden_oscillation(np.eye(3))
     body["output"] |= {"measured": measured} | ({"period": 0.1} if measured != "continuous" else {})

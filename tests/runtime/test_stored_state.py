@@ -15,7 +15,7 @@ import pytest
 import obsdesign
 from obsdesign.runtime import Sample, from_design
 from obsdesign.runtime.base import rows_of
-from obsdesign.runtime.step_cache import cached_step, rounded_step
+from obsdesign.runtime.step_cache import shared_step
 from obsdesign.runtime.stored_state import Progress, progress_from_text, state_text
 from obsdesign.simulation import simulate
 from obsdesign.stream import Stream
@@ -84,17 +84,16 @@ def rows(estimates: Iterable[Any]) -> list[Any]:
 
 
 def test_a_cached_step_does_not_depend_on_the_stamps_that_came_first() -> None:
-    """0.6 and 1.05 round to the same decimals, and differ in what they are known to."""
-    sizes = (0.6, 1.05)
-    found = []
-    for order in (sizes, sizes[::-1]):
-        cache: OrderedDict[tuple[float, int], Any] = OrderedDict()
-        found += [cached_step(cache, 0.05, size, lambda h, error: (h, error)) for size in order]
-        assert len(cache) == 1
-    assert len(set(found)) == 1
-    for size in (*sizes, 1e-3, 7.9, 8.1, 1e6, 2.0**40):
-        _, error = cached_step(OrderedDict(), 0.05, size, lambda h, error: (h, error))
-        assert error >= rounded_step(0.05, size)[1] + 2 * math.ulp(size)
+    """Steps that differ by the rounding of their stamps share a length that covers all of them."""
+    for h, size in ((0.05, 0.6), (0.05, 7.9), (1.0, 1.9), (0.1, 1e6), (1.0, 2.0**40)):
+        steps = (h, h + math.ulp(size), h - math.ulp(size))
+        found = []
+        for order in (steps, steps[::-1]):
+            cache: OrderedDict[tuple[float, int], Any] = OrderedDict()
+            found += [shared_step(cache, step, size, lambda *built: built) for step in order]
+        assert set(found[:3]) == set(found[3:])
+        for step, (length, error) in zip(steps, found, strict=False):
+            assert error >= abs(step - length) + math.ulp(size)
 
 
 @pytest.mark.parametrize("live", [False, True])
@@ -110,17 +109,5 @@ def test_parts_give_what_the_whole_gives(case: str, live: bool) -> None:
         stream = Stream(fresh, progress)
         found += rows(stream.estimates(iter([samples[k] for k in part]), live=live))
         progress = progress_from_text(state_text(design, stream.progress), design, fresh, "s.json")
-    if case.startswith("impulses, integral") and not live:
-        same_but_for_rounding(found, whole)
-    else:
-        assert found == whole
+    assert found == whole
     assert len(whole) > len(samples) / 3
-
-
-def same_but_for_rounding(found: list[Any], whole: list[Any]) -> None:
-    """Operator `integral` takes the mean step of a block, and an interrupted one is shorter."""
-    assert [row[5] for row in found] == [row[5] for row in whole]
-    for column in range(2):  # t and x
-        one, other = (np.array([np.frombuffer(r[column]) for r in side]) for side in (found, whole))
-        np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-12)
-    assert [len(row[6]) for row in found] == [len(row[6]) for row in whole]
