@@ -54,7 +54,7 @@ def told_truly(
     evidence_gap = None if wrong is not None else _evidence_gap(stored, assumed)
     if evidence_gap is not None and evidence_gap.false:
         wrong = evidence_gap.entry
-    if wrong is None and jsonable(guarantees) != jsonable(design.guarantees):
+    if wrong is None and _promises(guarantees) != _promises(design.guarantees):
         wrong = "guarantees"
     if wrong is None and design.name != design.problem.get("name"):
         wrong = "name"
@@ -77,6 +77,14 @@ def told_truly(
         evidence,
     )
     return claim, guarantees if guarantees and verdict == "proved" else ()
+
+
+def _promises(sentences: Any) -> Any:
+    """What sentences promise, and whether: older designs name fewer of the claims they rest on."""
+    entries = jsonable(sentences)
+    if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
+        return entries
+    return [{name: entry[name] for name in entry if name != "claims"} for entry in entries]
 
 
 def _evidence_gap(stored: Mapping[str, Claim], found: tuple[Claim, ...]) -> Difference | None:
