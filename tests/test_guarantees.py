@@ -100,3 +100,13 @@ def test_a_curve_calls_proved_what_is(academic_design: Path) -> None:
     )
     told = [curve_of(one) for one in (design, replace(design, claims=claims))]
     assert ["is proved" in curve.caption for curve in told if curve] == [True, False]
+
+
+def test_a_sentence_may_name_fewer_of_its_claims_and_promises_no_more_by_it() -> None:
+    """Older designs rest some sentences on no claim; what they promise is compared all the same."""
+    design = obsdesign.design(obsdesign.load_problem(ROOT / "examples" / "ahn_1.toml"))
+    older = tuple({**entry, "claims": []} for entry in design.guarantees)
+    assert obsdesign.verify(replace(design, guarantees=older)).verdict == "proved"
+    false = tuple({**entry, "given": not entry["given"]} for entry in design.guarantees)
+    outcome = obsdesign.verify(replace(design, guarantees=false))
+    assert (outcome.verdict, outcome.guarantees) == ("refuted", ())
