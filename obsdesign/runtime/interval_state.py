@@ -18,8 +18,8 @@ class IntervalState(NamedTuple):
     box: (2n,), radius and centre in the observer's coordinates; u: input that holds; y: measurement
     that the next step may start from; sampled: time of the last one used; lost: since when, and
     why, the bounds are refuted; phase: time of the last sample that was a period after another
-    one, or began anew (periodic samples only), NaN before the first; moderate: all numbers of the last
-    step were below `MODERATE`.
+    one, or began anew (periodic samples only), NaN before the first; moderate: all numbers of the
+    last step were below `MODERATE`.
     """
 
     t: float

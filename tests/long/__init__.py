@@ -1,0 +1,1 @@
+"""Long random checks, each a script: python -m tests.long.NAME"""
