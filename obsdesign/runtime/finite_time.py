@@ -24,6 +24,7 @@ from numpy.typing import ArrayLike
 from obsdesign.equations import finite_time as equations
 from obsdesign.runtime.approximate_inputs import Known
 from obsdesign.runtime.base import (
+    MODERATE,
     Estimate,
     Sample,
     later,
@@ -104,7 +105,9 @@ class FiniteTimeObserver(SteadyWindow):
         if sample.u is not None:
             u = vector(sample.u, len(state.u), "u")
             state = state._replace(u=u, drive=self._drive(u))
-        state = state._replace(started=True, cover=None)
+        numbers = np.concatenate((state.x, state.w, np.nan_to_num(state.window, nan=0.0)))
+        moderate = bool(np.abs(numbers).max() < MODERATE)
+        state = state._replace(started=True, cover=None, moderate=moderate)
         return state, self._estimate(state, irregular)
 
     # --- time ---------------------------------------------------------------------------------

@@ -108,6 +108,12 @@ class SamplesEngine:
         self, live: SampledLive, t: Array, y: Array, u: Array
     ) -> tuple[SampledLive, list[Estimate]]:
         """After further rows; a window is evaluated once it is complete."""
+        with np.errstate(all="ignore"):  # rows that are not finite have a status
+            return self._extended(live, t, y, u)
+
+    def _extended(
+        self, live: SampledLive, t: Array, y: Array, u: Array
+    ) -> tuple[SampledLive, list[Estimate]]:
         decided: list[Estimate] = []
         for k in range(len(t)):
             seen = bool(np.isfinite(y[k]).all())
@@ -134,6 +140,10 @@ class SamplesEngine:
 
     def tail(self, live: SampledLive) -> tuple[Estimate, ...]:
         """Rows that are open; impulses that an incomplete window shows are provisional."""
+        with np.errstate(all="ignore"):
+            return self._tail(live)
+
+    def _tail(self, live: SampledLive) -> tuple[Estimate, ...]:
         found: list[Estimate] = []
         while len(live.rows) > _FEWEST:
             live, rows = self._evaluated(live, provisional=True)

@@ -49,7 +49,8 @@ class FiniteTimeState(NamedTuple):  # a frozen dataclass of this size costs more
     since: instants since w was moved; sampled: time of the last instant; good: was x taken from
     a full window, False with gaps, None not yet; |state - centre| <= radius; slip: rounding of w
     per step; lift: what moving w has cost the window; anchor, ticks: an instant, and how many ago
-    it was; tape, end: where the window may grow; cover: the last radius, and how long it holds.
+    it was; tape, end: where the window may grow; cover: the last radius, and how long it holds;
+    moderate: x, w and the residuals are below `MODERATE`.
     """
 
     t: float
@@ -74,6 +75,7 @@ class FiniteTimeState(NamedTuple):  # a frozen dataclass of this size costs more
     tape: Tape | None = None
     end: int = 0
     cover: Cover | None = None
+    moderate: bool = False
 
 
 @dataclass(frozen=True)

@@ -74,7 +74,7 @@ class SteadyWindow(SamplingWindow):
             window = tape.after(size, residual, size)
         new = (t, x, w, u, drive, window, known, state.filled, 0, state.since + 1, t, True, x,
                radius, slip, state.lift, state.anchor, ticks, True, tape, end + p,
-               cover)  # fmt: skip
+               cover, True)  # fmt: skip
         return tuple.__new__(FiniteTimeState, new), Estimate(t, x, low, high)
 
     @staticmethod
@@ -84,6 +84,7 @@ class SteadyWindow(SamplingWindow):
         return (
             state.sampled == state.t
             and not state.missing
+            and state.moderate
             and slack <= period
             and abs(t - state.t - period) <= RELATIVE_TIME_TOLERANCE * period + slack
             and abs(t - state.anchor - ticks * period)

@@ -121,7 +121,8 @@ class UnknownInputObserver(PointObserver[UnknownInputState], Stepped[UnknownInpu
         of least norm that agrees with the first sample.
         """
         guess = vector(np.zeros(self.n) if x is None else x, self.n, "x")
-        w = None if x is None else self.gains["T"] @ guess
+        with np.errstate(over="ignore", invalid="ignore"):
+            w = None if x is None else self.gains["T"] @ guess
         inputs = np.zeros(int(self.reads["u"]) + 1)
         inputs[-1] = 1.0
         t = float(t)
