@@ -38,7 +38,9 @@ class Condition:
         Sources and targets of another size than the flow keep their own.
         """
         jump = self.right if self.left is None else self.right @ self.left
-        if jump.shape != self.F.shape:  # from other coordinates than the flow's: they do not bind it
+        if (
+            jump.shape != self.F.shape
+        ):  # from other coordinates than the flow's: they do not bind it
             jump = 0 * self.F
         scaling = Scaling.of(self.F, jump, self.high)
         if scaling.is_identity:
