@@ -7,6 +7,7 @@ rho(M(theta_k) ... M(theta_1))^(1/k). Floats only: `lmi.spectral` proves.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -26,12 +27,12 @@ _LONGEST = 10
 _FINE = 60  # with little jitter, letters must be close together, but not more of them
 _POLISHED = 6
 _RANDOM_STARTS = 4
-_RANDOM_LENGTHS = (2, 3, 4, 5, 6)
 # Repeats: each number up to _MANY with up to _FEW of the other, one of so many partners, and powers
 # of two up to 2^_DOUBLINGS, with so many numbers tried near the best
 _MANY, _FEW, _PARTNERS, _DOUBLINGS, _BETWEEN = 48, 2, 25, 7, 12
 # longer words repeat a few dwell times, which are moved together
 _FREE = 2 * _LONGEST
+_RANDOM_LENGTHS = (2, 3, 4, 5, 6)
 
 
 @dataclass(frozen=True)
@@ -124,10 +125,10 @@ def _repeats(edge: Edge, letters: Matrix, jitter: float) -> list[Word]:
     for a in sorted(first):
         near = np.abs(partners - letters[a]) <= jitter
         words += _resonances(maps[a], float(letters[a]), others[near], partners[near])
-        for b in first - {a}:
-            if abs(letters[a] - letters[b]) <= jitter:
-                growth, i, j = _best_counts(maps[a], maps[b])
-                words.append(_word(float(letters[a]), i, float(letters[b]), j, growth))
+    for a, b in itertools.combinations(sorted(first), 2):
+        if abs(letters[a] - letters[b]) <= jitter:
+            growth, i, j = _best_counts(maps[a], maps[b])
+            words.append(_word(float(letters[a]), i, float(letters[b]), j, growth))
     return words
 
 

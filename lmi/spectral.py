@@ -8,6 +8,7 @@ by the same test.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from typing import Any
@@ -187,7 +188,8 @@ def steps_within(thetas: Sequence[float], jitter: float) -> bool:
 
 
 def _word_reason(thetas: Sequence[float], radius: float) -> str:
-    word = ", ".join(f"{theta!r}" for theta in thetas)
+    runs = [(theta, len(list(run))) for theta, run in itertools.groupby(thetas)]
+    word = ", ".join(f"{theta!r}" + f" ({k} times)" * (k > 1) for theta, k in runs)
     return (
         f"the dwell times {word}, repeated in turn, give a product of maps with spectral radius "
         f"{radius:.9g} >= 1"
