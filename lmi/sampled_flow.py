@@ -9,6 +9,7 @@ from lmi.balls import (
     exact,
     exp_times,
     precision,
+    to_float,
     upper_ends,
 )
 
@@ -33,8 +34,10 @@ def sampled_flow(
     zero[rho, -1], zero[sig, -1] = b, C @ b
     with precision(_BITS):
         whole = upper_ends(exp_times(zero, h))
-        decay = exact(np.diag([min(float(x.p) / float(x.q), 0.0) * 1.000001 for x in np.diag(W)]))
-        back = upper_ends(exp_times(-decay, h))
+        fastest = np.minimum(to_float(np.diag(W)), 0.0) * 1.000001
+        if not np.isfinite(fastest).all():
+            return None
+        back = upper_ends(exp_times(-exact(np.diag(fastest)), h))
     if not (np.isfinite(whole).all() and np.isfinite(back).all()):
         return None
     gain = exact(np.maximum(whole[sig, rho], 0.0))

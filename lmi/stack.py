@@ -104,10 +104,12 @@ def state_basis(stack: Stack, R: Matrix) -> Matrix:
     """Columns of right R^-1, completed by what the jump destroys: coordinates of the states X_i.
 
     Floats (n, n), used as they are; orthogonal columns complete them where the jump destroys too
-    little, or some of them. LinAlgError if R is singular.
+    little, or some of them. LinAlgError if R is singular, or floats cannot hold them.
     """
     columns: Matrix = np.asarray(np.linalg.solve(R.T, to_float(stack.right).T).T, dtype=np.float64)
     n, r = columns.shape
+    if not np.isfinite(columns).all():
+        raise np.linalg.LinAlgError("coordinates beyond binary64")
     if n == r:
         return columns
     H, F = to_float(stack.H), to_float(stack.F)
@@ -117,7 +119,10 @@ def state_basis(stack: Stack, R: Matrix) -> Matrix:
     if not np.isfinite(whole).all() or np.linalg.cond(whole) > _OBLIQUE:
         destroyed = np.linalg.qr(columns, mode="complete")[0][:, r:]
     # as large as what they drive the other coordinates by in a unit of time
-    driven = np.linalg.lstsq(np.hstack([columns, destroyed]), F @ destroyed, rcond=None)[0][:r]
+    basis, image = np.hstack([columns, destroyed]), F @ destroyed
+    if not (np.isfinite(basis).all() and np.isfinite(image).all()):  # LAPACK might never return
+        raise np.linalg.LinAlgError("coordinates beyond binary64")
+    driven = np.linalg.lstsq(basis, image, rcond=None)[0][:r]
     size = float(np.linalg.norm(driven, 2))
     return np.hstack([columns, destroyed / size if size > 0 else destroyed])
 

@@ -44,6 +44,7 @@ Array = NDArray[Any]  # float64, or object arrays of exact rationals
 QUOTIENT_RATE = 0.95
 # parts of a cascade are asked for so many times the rate that is wanted of all of it
 CASCADE_MARGIN = 1.1
+LONGEST_WINDOW = 4096  # impulses
 STRATEGIES = ("full", "compressed", "subspace", "quadratic")
 
 

@@ -41,6 +41,7 @@ _LEAST_RATIO, _FEW = 12.0, 4
 _LATEST = 0.3  # intervals before the end of a window in which no onset is looked for
 # what a steady input must leave more than impulses do: what they must be worth against nothing
 _AHEAD = _LEAST_RATIO
+_MOST_ONSETS = 4000  # of a window
 _FEWEST = 2  # samples of an incomplete window at the end of a record
 
 
@@ -226,7 +227,8 @@ class SamplesEngine:
         start, rows = known[0], [at.row for at in known[1:]]
         third = live.rows[min(2, len(live.rows) - 1)].row.t
         end = min(max(third, live.rows[0].row.t + 2 * interval), rows[-1].t)
-        cells, step = self.model.window(start, rows, end), interval / ONSETS
+        cells = self.model.window(start, rows, end)
+        step = max(interval / ONSETS, (end - start.row.t) / _MOST_ONSETS)  # after a gap: coarser
         count = max(round((end - start.row.t) / step) - 1, 2)
         grid = self.model.at(cells, start.row.t + step * np.arange(count))
         fit = self.model.refined(cells, self.model.posterior(cells, grid))

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from obsdesign.equations.impulsive import STRATEGIES
+from obsdesign.equations.impulsive import LONGEST_WINDOW, STRATEGIES
 
 
 def require_impulsive_gains(gains: Mapping[str, Any]) -> None:
@@ -32,9 +32,14 @@ def require_impulsive_gains(gains: Mapping[str, Any]) -> None:
         cells = np.shape(gains.get("cells", ()))
         shapes |= {"cells": cells, "table": (cells[0] - 1 if cells else 0, *n, *p)}
     elif not (
-        _whole([gains.get("window")]) and gains["window"] >= 1 and _above_one(gains.get("alpha"))
+        _whole([gains.get("window")])
+        and 1 <= gains["window"] <= LONGEST_WINDOW
+        and _above_one(gains.get("alpha"))
     ):
-        raise ValueError("gains.window must be a whole number >= 1 and gains.alpha above 1.")
+        raise ValueError(
+            f"gains.window must be a whole number from 1 to {LONGEST_WINDOW}, and gains.alpha "
+            "above 1."
+        )
     for name, shape in shapes.items():
         value = gains.get(name)
         if 0 in shape or not shape or not isinstance(value, np.ndarray | list):

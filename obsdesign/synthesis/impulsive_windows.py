@@ -30,8 +30,8 @@ _LONGER = 4
 _RANK = 1e-10
 # log of the largest alpha that is worth its name
 _FASTEST = 200.0
-# the least weight that the impulses of a window may have, and the longest window
-_SPREAD, _LONGEST = 1e7, 4096
+# the least weight that the impulses of a window may have
+_SPREAD = 1e7
 # a proof that took so many boxes in vain is not repeated in more dimensions
 _TIRED = 1000
 
@@ -105,8 +105,10 @@ def windowed(
     core = equations.core_of(numbers)
     shortest = math.ceil(core.size / problem.plant.p)
     asked = problem.options.get("window")
-    if asked is not None and asked > _LONGEST:
-        raise InputError(f"observer.window must be at most {_LONGEST} impulses; got {asked}.")
+    if asked is not None and asked > equations.LONGEST_WINDOW:
+        raise InputError(
+            f"observer.window must be at most {equations.LONGEST_WINDOW} impulses; got {asked}."
+        )
     if math.isinf(ends[1]):
         return Candidate(label, dict(gains) | {"window": int(asked or shortest)}, others)
     blocks, verdict, searched = _provable(core, shortest, asked, ends, limit)

@@ -188,8 +188,8 @@ def _unreadable(gains: Mapping[str, Any]) -> str | None:
     if strategy == "quadratic":
         return None
     window, alpha = gains.get("window"), gains.get("alpha")
-    if type(window) is not int or window < 1:
-        return "gains.window must be a whole number >= 1"
+    if type(window) is not int or not 1 <= window <= equations.LONGEST_WINDOW:
+        return f"gains.window must be a whole number from 1 to {equations.LONGEST_WINDOW}"
     if type(alpha) is not float or not 1 < alpha < math.inf:
         return "gains.alpha must be a number > 1"
     return None

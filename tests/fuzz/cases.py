@@ -158,7 +158,15 @@ def differs(base: Any, body: Any) -> bool:
             return None
         return sorted(json.dumps([claim.get(key) for key in keys]) for claim in claims)
 
-    return not equal(base["gains"], body.get("gains")) or words(base) != words(body)
+    return not equal(_exact_gains(base), _exact_gains(body)) or words(base) != words(body)
+
+
+def _exact_gains(body: dict[str, Any]) -> Any:
+    """Gains without those that are bounds: a wider bound that holds is no false statement."""
+    gains = body.get("gains")
+    if not isinstance(gains, dict):
+        return None
+    return {name: value for name, value in gains.items() if name not in ("state_error", "radius")}
 
 
 def equal(one: Any, other: Any) -> bool:
@@ -188,7 +196,7 @@ def data_case(rng: Rng, names: Sequence[str] = SMALL) -> Case:
         arguments = ["run", "d.json", *start(name, rng)]
         return Case(f"pipe {name}", files, arguments, stdin=content.decode("utf-8", "replace"))
     files["x.csv"] = content
-    if pick < 0.27:
+    if pick < 0.3:
         arguments = ["compare", "p.json", "--data", "x.csv", "--json"]
         files["p.json"] = json.dumps(ALL[name]).encode()
         return Case(f"compare {name}", files, arguments)

@@ -276,8 +276,8 @@ def test_the_quadratic_table_contracts() -> None:
     ("changes", "line"),
     [
         ({"strategy": "best"}, "gains.strategy must be one of full, compressed, subspace, quadratic."),
-        ({"window": 0}, "gains.window must be a whole number >= 1 and gains.alpha above 1."),
-        ({"alpha": 1.0}, "gains.window must be a whole number >= 1 and gains.alpha above 1."),
+        ({"window": 0}, "gains.window must be a whole number from 1 to 4096, and gains.alpha above 1."),
+        ({"alpha": 1.0}, "gains.window must be a whole number from 1 to 4096, and gains.alpha above 1."),
         ({"G": np.eye(3)}, "gains.G must have shape (2, 2); got shape (3, 3)."),
         ({"G": None}, "gains.G must have shape (2, 2); got nothing of the kind."),
         ({"B": np.eye(3)}, "gains.B must have 2 rows."),
