@@ -75,8 +75,8 @@ def main() -> bool:
 
     kinds = {
         "paper, slow exponents": observer(weighting="plain"),
-        "gls, impulses only": observer(weighting="gls"),
-        "gls, state corrected": observer(weighting="gls", state_correction=True),
+        "gls, impulses only": observer(weighting="gls", state_correction=False),
+        "gls, state corrected": observer(weighting="gls"),
     }
     names = ("Luenberger", "Kalman filter", "RTS smoother", *kinds)
     found: dict[str, list[float]] = {name: [] for name in names}

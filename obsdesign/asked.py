@@ -142,6 +142,15 @@ def _check_noise_target(found: Mapping[str, Any], kind: str, plant: Plant) -> No
         )
 
 
+def _check_initial_std(found: Mapping[str, Any], kind: str, plant: Plant) -> None:
+    given = len(found["initial_std"])
+    if given != plant.n:
+        raise InputError(
+            f"observer.initial_std must have {plant.n} {'entry' if plant.n == 1 else 'entries'}, "
+            f"one per state; got {given}."
+        )
+
+
 def _check_width_weights(found: Mapping[str, Any], kind: str, plant: Plant) -> None:
     given = found["width_weights"]
     if len(given) != plant.n:
@@ -168,6 +177,7 @@ _CHECKS: Mapping[str, Callable[[Mapping[str, Any], str, Plant], None]] = Mapping
         "exponents": _check_exponents,
         "margin": _check_margin,
         "noise_target": _check_noise_target,
+        "initial_std": _check_initial_std,
         "width_weights": _check_width_weights,
     }
 )

@@ -31,7 +31,7 @@ OPTIONS: Mapping[str, tuple[str, ...]] = {
     "finite_time": ("window", "method", "objective", "half_sample_correction"),
     "impulsive_input": (
         "window", "exponents", "margin", "ratio", "weighting", "operator", "state_correction",
-        "nonnegative", "threshold", "check_exponents",
+        "nonnegative", "threshold", "check_exponents", "initial_std",
     ),
     "unknown_input": ("poles", "weights", "differentiator", "lag"),
 }  # fmt: skip

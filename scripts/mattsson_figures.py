@@ -106,7 +106,7 @@ def with_noise(output: str) -> None:
         f"paper, {label}": (found(x @ C.T + noise, weighting="plain", exponents=lams), colour)
         for label, (lams, colour) in SETS.items()
     }
-    better = found(x @ C.T + noise, weighting="gls", state_correction=True)
+    better = found(x @ C.T + noise, weighting="gls")
     runs["gls, state corrected"] = (better, GREEN)
     markers = dict(zip(runs, ("s", "o", "^"), strict=True))
     with picture(7.2, 6.4, output) as figure:

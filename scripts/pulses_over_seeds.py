@@ -17,8 +17,8 @@ TOLERANCE = 3.0  # an event this near to an impulse is taken for it
 KINDS: dict[str, dict[str, Any]] = {
     "paper, fast exponents": {"weighting": "plain", "exponents": FAST},
     "paper, slow exponents": {"weighting": "plain"},
-    "gls, impulses only": {"weighting": "gls"},
-    "gls, state corrected": {"weighting": "gls", "state_correction": True},
+    "gls, impulses only": {"weighting": "gls", "state_correction": False},
+    "gls, state corrected": {"weighting": "gls"},
 }
 
 

@@ -126,7 +126,11 @@ class IntegralEngine:
             if start == len(t):
                 return live, decided
             track = self.run.begin(live.t, y[start], self.rows.forcing(u[start]), live.x)
-            live = replace(live, track=track, since=live.t)
+            P = live.covariance
+            if P is not None and live.t > live.since:  # no measurement corrects it until here
+                flow = self.run.plant_step(live.since, live.t)[0]
+                P = flow @ P @ flow.T
+            live = replace(live, track=track, since=live.t, covariance=P)
             start += 1
         live = self.rows.appended(live, t[start:], y[start:], u[start:], seen[start:])
         return self._searched(live, decided)

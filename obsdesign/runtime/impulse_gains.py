@@ -31,7 +31,11 @@ def check_gains(gains: Mapping[str, Any]) -> None:
               "noise_cv": p, "dwell_time": (2,)}  # fmt: skip
     if gains.get("operator") == "integral":
         shapes |= {"K": n + p}
+    if "initial_std" in gains:
+        shapes |= {"initial_std": n}
     require_shapes(gains, shapes)
+    if not (np.asarray(gains.get("initial_std", 0.0)) >= 0).all():
+        raise ValueError("gains.initial_std must be >= 0.")
     for name in ("B", "H"):
         if (name in gains or name == "H") and (
             np.ndim(gains.get(name, ())) != 2 or len(gains[name]) != n[0]

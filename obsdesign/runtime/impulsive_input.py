@@ -85,8 +85,9 @@ class ImpulsiveInputObserver(PointObserver[ImpulsiveInputState]):
     ) -> ImpulsiveInputState:
         """State at time t from a guess of x(t), before the first sample.
 
-        covariance: (n, n) of that guess, used by `gls`; by default it is taken from the data of the
-        first window, as an impulse that would explain their range.
+        covariance: (n, n) of that guess, used by `gls`; by default that of `initial_std` of the
+        design, and without it taken from the data of the first window, as an impulse that would
+        explain their range.
         """
         guess = vector(np.zeros(self.n) if x is None else x, self.n, "x")
         if not np.isfinite(guess).all():
@@ -95,6 +96,8 @@ class ImpulsiveInputObserver(PointObserver[ImpulsiveInputState]):
         P = None if covariance is None else np.asarray(covariance, dtype=np.float64)
         if P is not None and P.shape != (self.n, self.n):
             raise ValueError(f"covariance must be {self.n}x{self.n}; got shape {P.shape}.")
+        if P is None and "initial_std" in self.gains:
+            P = np.diag(np.asarray(self.gains["initial_std"], dtype=np.float64) ** 2)
         inputs = np.zeros(int(self.reads["u"]))
         return ImpulsiveInputState(float(t), inputs, False, self.engine.begin(float(t), guess, P))
 

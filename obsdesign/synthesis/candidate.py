@@ -13,7 +13,8 @@ class Candidate:
 
     label: the form or method; gains: what a design stores under `gains`; certificates: by claim
     id, what the finder believes shows it (a matrix P, say). Verification trusts none of it.
-    searched: the gains were looked for, so that their failure says nothing of other gains.
+    searched: window, gains, coordinates or strategy were chosen, so that their failure says nothing
+    of other ones, unless a witness says that it does (`verification.choices`).
     cost: what the problem's objective makes of it, None where order decides. goes_on: the next
     candidate is worth a look even if this one, or one before it, is proved.
     """

@@ -6,7 +6,10 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
+import numpy as np
+
 from obsdesign.equations.estimation_error import plant_data
+from obsdesign.equations.impulsive_input import LARGEST
 from obsdesign.errors import InputError
 from obsdesign.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
@@ -34,10 +37,27 @@ def sampled_candidates(
         "operator": "samples", "state_correction": True,
         "nonnegative": bool(problem.options.get("nonnegative", False)),
     }  # fmt: skip
+    data |= initial_std(problem)
     for k, window in enumerate(_windows(problem, low, period, count)):
         longer = f"; {round(window / period)} samples in a window" if k else ""
         label = f"samples: {reason}{longer}"
         yield Candidate(label, data | {"window": window}, searched=True)
+
+
+def initial_std(problem: Problem) -> dict[str, Any]:
+    """The deviations of the initial state as a design stores them, where the file gives them.
+
+    InputError for one that floats cannot square.
+    """
+    if "initial_std" not in problem.options:
+        return {}
+    given = np.array(problem.options["initial_std"], dtype=np.float64)
+    if given.max() > LARGEST:
+        raise InputError(
+            f"observer.initial_std must be at most {LARGEST:g}, since it is squared; got "
+            f"{given.max():g}."
+        )
+    return {"initial_std": given}
 
 
 def _check(problem: Problem, reason: str, longest: float | None) -> None:

@@ -33,7 +33,7 @@ from obsdesign.synthesis.impulse_operator import (
     period_for_integrals,
     samples_within,
 )
-from obsdesign.synthesis.impulse_samples import sampled_candidates
+from obsdesign.synthesis.impulse_samples import initial_std, sampled_candidates
 from obsdesign.synthesis.placement import placed_gain
 
 Matrix = NDArray[np.float64]
@@ -62,6 +62,7 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
     K = _gain(problem, window) if K is None else K
     D = flow_error_matrix(plant.flow.A, K, plant.output.C)
     data = _data(problem, D, window) | {"K": K, "weighting": weighting, "operator": "integral"}
+    data["state_correction"] = bool(problem.options.get("state_correction", weighting == "gls"))
     window = data["window"]
     if reason := few_samples(problem, D, window):
         longest = period_for_integrals(D, window)
@@ -129,7 +130,8 @@ def _data(problem: Problem, D: Matrix, window: float) -> dict[str, Any]:
         "H": problem.require("jump.H"), "window": window, "margin": margin,
         "noise_std": plant.output.noise_std, "noise_cv": plant.output.noise_cv,
     }  # fmt: skip
-    data |= {name: bool(options.get(name, False)) for name in ("nonnegative", "state_correction")}
+    data["nonnegative"] = bool(options.get("nonnegative", False))
+    data |= initial_std(problem)
     if plant.output.measured == "periodic":
         data["period"] = float(plant.output.period or 0.0)
     if "threshold" in options:
@@ -161,6 +163,11 @@ def _check_options(problem: Problem) -> None:
         raise InputError(
             "observer.state_correction needs observer.weighting = 'gls', and output.noise_std > 0: "
             "without noise there is nothing to weigh the state by."
+        )
+    if "initial_std" in options and _weighting(problem) == "plain":
+        raise InputError(
+            "observer.initial_std needs observer.weighting = 'gls', and output.noise_std > 0: the "
+            "plain norm weighs no error of the state."
         )
     if options.get("check_exponents"):
         if "exponents" in options or options.get("operator") == "samples":

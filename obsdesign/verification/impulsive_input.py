@@ -160,6 +160,10 @@ def _expected(problem: Problem, gains: Mapping[str, Any]) -> dict[str, Any]:
     # what nobody asked for: weights that are not negative would make the guarantee false
     samples = gains.get("operator") == "samples"
     expected |= {"nonnegative": False, "state_correction": samples}
+    if not samples and gains.get("weighting") == "gls":  # either is what the guarantee says
+        expected["state_correction"] = gains.get("state_correction")
+    if "initial_std" in options:
+        expected["initial_std"] = np.array(options["initial_std"])
     if plant.output.measured == "periodic":
         expected["period"] = plant.output.period
     if gains.get("operator") == "integral":
