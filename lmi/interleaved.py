@@ -2,24 +2,25 @@
 
     r+ = |e^{A s}| r + c(s)              over a time s without an event
     r+ = |K e^{A s}| r + d(s) + k        over a time s that ends with a sample
-    r+ = N r + j                         at jumps, with times between them in [low, high]
+    r+ = |G e^{A s}| r + e(s) + j        over a time s that ends with a jump, with times between
+                                         jumps in [low, high]
 
-A, K of any sign; c, d bound what b >= 0 adds on the way (`lmi.exponential.absolute_flow`). Boxes of
-a state x' = A x + u with |u| <= b obey this, and the product with K is taken before the absolute
-value, not after it. A positive system w' = W w + b, w+ = K w + k is the case of a Metzler A and
-K >= 0.
+A, K, G of any sign; c, d, e bound what b >= 0 adds on the way (`lmi.exponential.absolute_flow`).
+Boxes of a state x' = A x + u with |u| <= b obey this, and the product with K or G is taken before
+the absolute value, not after it. A positive system w' = W w + b, w+ = K w + k, w+ = G w + j is the
+case of a Metzler A and K, G >= 0.
 
 From just after a sample, m periods without a jump and then one with a jump at the offset s lead to
 
-    p_0 = p,  p_{i+1} = P(h) p_i,      psi(s) = P(h - s)(N U(s) p_m + j)
+    p_0 = p,  p_{i+1} = P(h) p_i,      psi(s) = P(h - s) J(s) p_m
 
-with U, P the first two maps, and if psi(s) < p for every s and every m that the range of dwell times
+with P, J the last two maps, and if psi(s) < p for every s and every m that the range of dwell times
 allows, p is not exceeded at the sample after a jump, and drawn to: the strict inequality contracts
 what is outside. One jump at most falls in a period (low >= h). Where jumps may stay away for ever a
 vector above some p_m that P(h) does not raise bounds all later ones. Ball arithmetic, no solver.
 
-lost: a sample at the time of a jump is not taken. Then P(h)(N U(h) p_m + j) < p has to hold as well,
-two periods between samples, and low > h: else there might be no samples at all.
+lost: a sample at the time of a jump is not taken. Then P(h) J(h) p_m < p has to hold as well, two
+periods between samples, and low > h: else there might be no samples at all.
 """
 
 from __future__ import annotations
@@ -52,7 +53,7 @@ _SETTLED = (1e-12, 1e-9, 1e-7)  # relative room for a bound of all later p_m
 
 @dataclass(frozen=True)
 class Interleaved:
-    """Exact matrices; N, j None without jumps. period, low, high: floats, taken exactly.
+    """Exact matrices; G, j None without jumps. period, low, high: floats, taken exactly.
 
     lost: no sample is taken at the time of a jump.
     """
@@ -61,7 +62,7 @@ class Interleaved:
     b: Exact
     K: Exact
     k: Exact
-    N: Exact | None
+    G: Exact | None
     j: Exact | None
     period: float
     low: float
@@ -70,10 +71,10 @@ class Interleaved:
 
     @staticmethod
     def of(system: Any, period: float, low: float, high: float, lost: bool = False) -> Interleaved:
-        """From an object with A, f, K, k, N, h (N, h None without jumps)."""
+        """From an object with A, f, K, k, G, h (G, h None without jumps)."""
         A, b, K, k = (exact(X) for X in (system.A, system.f, system.K, system.k))
-        N, j = (None if X is None else exact(X) for X in (system.N, system.h))
-        return Interleaved(A, b, K, k, N, j, period, low, high, lost)
+        G, j = (None if X is None else exact(X) for X in (system.G, system.h))
+        return Interleaved(A, b, K, k, G, j, period, low, high, lost)
 
     @property
     def periods(self) -> tuple[int, float]:
@@ -86,16 +87,26 @@ class Interleaved:
             return fewest, math.inf
         return fewest, max(int((rational(self.high) / h).ceil()) - 1, fewest)
 
-    def over_period(self) -> tuple[Any, Any]:
-        """Balls of U(h) and P(h) on (r, 1)."""
-        whole = Time(rational(self.period), 0.0, rational(0.0))
-        unit = exact(np.eye(len(self.b)))
-        free = absolute_flow(unit, self.A, self.b, whole)
-        size, added = absolute_flow(self.K, self.A, self.b, whole)
-        return tuple(
-            _augmented(size.middle, added.middle)
-            for size, added in (free, (size, added + constant(self.k)))
-        )
+    def sampled(self, time: Time) -> tuple[Path, Path]:
+        """(sizes, added) of a time that ends with a sample."""
+        sizes, added = absolute_flow(self.K, self.A, self.b, time)
+        return sizes, added + constant(self.k)
+
+    def jumped(self, time: Time) -> tuple[Path, Path]:
+        """(sizes, added) of a time that ends with a jump."""
+        assert self.G is not None
+        assert self.j is not None
+        sizes, added = absolute_flow(self.G, self.A, self.b, time)
+        return sizes, added + constant(self.j)
+
+    @property
+    def whole(self) -> Time:
+        """A period."""
+        return Time(rational(self.period), 0.0, rational(0.0))
+
+    def over_period(self) -> Any:
+        """Balls of the map from sample to sample on (r, 1)."""
+        return _augmented(*self.sampled(self.whole))
 
 
 @dataclass(frozen=True)
@@ -112,20 +123,19 @@ class Bounds:
 
 def prove_interleaved(system: Interleaved, X: Exact, bounds: Bounds) -> Verdict:
     """p is a tube and the other bounds hold in it, for every sequence of jumps; or undecided."""
-    parts = [system.b, system.k, X]
-    parts += [] if system.N is None or system.j is None else [system.N, system.j]
+    parts = [system.b, system.k, X] + ([] if system.j is None else [system.j])
     entries: list[Any] = [x for part in parts for x in part.flat]
     if any(x < 0 for x in entries) or not all(x > 0 for x in bounds.p):
         return undecided("the system, or the tube, is not positive")
     with precision(_BITS), np.errstate(all="ignore"):
-        if system.N is None:
+        if system.G is None:
             return _samples(system, X, bounds)
         return _cycles(system, X, bounds)
 
 
 def _samples(system: Interleaved, X: Exact, bounds: Bounds) -> Verdict:
     """Without jumps: P(h) p < p <= sampled."""
-    _, sample = system.over_period()
+    sample = system.over_period()
     if not _below(sample * _column(bounds.p), bounds.p):
         return undecided("the width after a sample is not below the tube one period later")
     if not all(a >= b for a, b in zip(bounds.sampled, bounds.p, strict=True)):
@@ -135,8 +145,6 @@ def _samples(system: Interleaved, X: Exact, bounds: Bounds) -> Verdict:
 
 
 def _cycles(system: Interleaved, X: Exact, bounds: Bounds) -> Verdict:
-    assert system.N is not None
-    assert system.j is not None
     if system.low < system.period:
         return undecided(
             f"the shortest dwell time {system.low!r} is below the sampling period "
@@ -147,14 +155,14 @@ def _cycles(system: Interleaved, X: Exact, bounds: Bounds) -> Verdict:
             f"the shortest dwell time {system.low!r} is the sampling period: all samples may fall "
             "on jumps, where nothing is measured"
         )
-    free, sample = system.over_period()
+    sample = system.over_period()
     before_jumps = _uppermost_before_jumps(system, bounds, sample)
     if isinstance(before_jumps, str):
         return undecided(before_jumps)
     widest, m = before_jumps
     if system.lost:
-        jump = _augmented(ball(system.N), ball(system.j[:, None]))
-        if not _below(sample * jump * free * _column(widest), bounds.p):
+        jump = _augmented(*system.jumped(system.whole))
+        if not _below(sample * jump * _column(widest), bounds.p):
             return undecided("the tube fails after a jump at a sample, which is lost")
     verdict = _between_samples(system, X, bounds, widest)
     if verdict.outcome != "proved":
@@ -230,15 +238,15 @@ def _comparisons(
     flow, added = absolute_flow(exact(np.eye(len(system.b))), system.A, system.b, time)
     out = constant(X)
     yield out * (flow * constant(bounds.sampled) + added), bounds.always
-    if widest is None or system.N is None or system.j is None:
+    if widest is None or bounds.jumped is None:
         return
-    assert bounds.jumped is not None
-    jumped = constant(system.N) * (flow * constant(widest) + added) + constant(system.j)
+    sizes, entering = system.jumped(time)
+    jumped = sizes * constant(widest) + entering
     yield jumped, bounds.jumped
     yield out * (flow * constant(bounds.jumped) + added), bounds.always
     rest = Time(rational(system.period) - time.middle, time.reach, -time.rate)
-    late, pushed = absolute_flow(system.K, system.A, system.b, rest)
-    yield late * jumped + pushed + constant(system.k), bounds.p
+    late, pushed = system.sampled(rest)
+    yield late * jumped + pushed, bounds.p
 
 
 def _holds(path: Path, bound: Exact, reach: float) -> bool:
@@ -246,11 +254,12 @@ def _holds(path: Path, bound: Exact, reach: float) -> bool:
     return all(bool(x < b) for x, b in pairs)
 
 
-def _augmented(size: Any, added: Any) -> Any:
-    """Balls of r -> size r + added on (r, 1)."""
-    rows = [[*row, *more] for row, more in zip(size.tolist(), added.tolist(), strict=True)]
+def _augmented(sizes: Path, added: Path) -> Any:
+    """Balls of r -> sizes r + added on (r, 1), in the middle."""
+    pairs = zip(sizes.middle.tolist(), added.middle.tolist(), strict=True)
+    rows = [[*row, *more] for row, more in pairs]
     last = exact([0.0] * len(rows) + [1.0])
-    return type(size)([*rows, list(last)])
+    return type(sizes.middle)([*rows, list(last)])
 
 
 def _column(p: Exact) -> Any:

@@ -9,6 +9,7 @@ map, of which the absolute value is taken (`lmi.exponential.absolute_flow`):
 
     w+ = |e^(A s)| w + what f adds            without a sample
     w+ = |K e^(A s)| w + what f adds + k      with one at the end, K = I - L C
+    w+ = |G e^(A s)| w + what f adds + h      with a jump at the end
 
 Source: Degue, Efimov, Richard, NOLCOS 2016, Theorems 5, 7, 8; the pair (W, N) is what (10) comes to
 after adding and subtracting the two error vectors. Theorem 7 needs |S^-1 S2| T |S2^-1 S| for N: the
@@ -40,8 +41,8 @@ SAMPLED_MAPS = "|(I - L C) e^(A s)|"
 class WidthSystem:
     """W (n, n), f (n,); N, h at jumps and K, k at samples, None where there are none.
 
-    A: the flow that samples interrupt, None without them; A and K have signs, all else has none.
-    out: |S|, what turns a width in z into one in x.
+    A, G: flow and jump that samples come between, None without samples; A, K and G have signs, all
+    else has none. out: |S|, what turns a width in z into one in x.
     """
 
     W: Array
@@ -52,11 +53,12 @@ class WidthSystem:
     k: Array | None
     out: Array
     A: Array | None = None
+    G: Array | None = None
 
     def compared(self) -> WidthSystem:
-        """With e^(W s) and |K| in place of |e^(A s)| and |K e^(A s)|, which they are above."""
+        """With |K| e^(W s) in place of |K e^(A s)|, and likewise at jumps: a wider system."""
         assert self.K is not None
-        return replace(self, A=self.W, K=np.abs(self.K))
+        return replace(self, A=self.W, K=np.abs(self.K), G=self.N)
 
     @property
     def at_jumps(self) -> tuple[Array, Array]:
@@ -64,6 +66,13 @@ class WidthSystem:
         assert self.N is not None
         assert self.h is not None
         return self.N, self.h
+
+    @property
+    def at_samples(self) -> tuple[Array, Array]:
+        """(K, k) where samples are events."""
+        assert self.K is not None
+        assert self.k is not None
+        return self.K, self.k
 
 
 @dataclass(frozen=True)
@@ -130,15 +139,14 @@ def width_system(
     noise = 2 * np.abs(L) @ V
     f = np.abs(coordinates.inward(identity)) @ (numbers["flow_upper"] - numbers["flow_lower"])
     out = identity if S is None else np.abs(S)
-    N = h = K = k = None
+    N = h = None
     if H is not None:
         N, h = _jump(numbers, coordinates, H, periodic)
-    if periodic:
-        K = in_coordinates(identity - numbers["L"] @ numbers["C"], S, S_inverse)
-        k = noise
-    else:
-        f = f + noise
-    return WidthSystem(D0 + D1, f, N, h, K, k, out, F if periodic else None)
+    if not periodic:
+        return WidthSystem(D0 + D1, f + noise, N, h, None, None, out)
+    K = in_coordinates(identity - numbers["L"] @ numbers["C"], S, S_inverse)
+    G = None if H is None else in_coordinates(H, S, S_inverse)
+    return WidthSystem(D0 + D1, f, N, h, K, noise, out, F, G)
 
 
 def _jump(

@@ -166,7 +166,7 @@ def _sampled_gains(
 ) -> Iterator[tuple[float, Any]]:
     """(cost, L): L in the plant's coordinates; the cost is infinite where floats see no tube."""
     plant = SampledPlant(problem, S)
-    lost = problem.plant.output.jump_measurement == "none" and plant.N is not None
+    lost = problem.plant.output.jump_measurement == "none" and plant.G is not None
     pairs = [plant.inward @ given["L"]] if "L" in given else (L for _, L in plant.gains())
     for L in pairs:
         tube = sampled_tube(plant.system(L), plant.h, plant.dwell, lost)
@@ -178,7 +178,7 @@ def _sampled_candidate(
     problem: Problem, form: str, given: Mapping[str, Any], cost: float, L: Any,
     frame: Mapping[str, Any],
 ) -> Candidate:  # fmt: skip
-    searched = "L" not in given or "S" in frame and "S" not in problem.gains
+    searched = "L" not in given or ("S" in frame and "S" not in problem.gains)
     gains = formed(problem, form, L, given.get("M", 0 * L), frame)
     system, approx = width_system_of(gains, exact, inverse), width_system_of(gains)
     lost = gains["jump_measurement"] == "none"

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lmi.exponential import FLOW_PIECES, absolute_flow, exponential_grid, expm
+from lmi.exponential import FLOW_PIECES, absolute_flow, expm, exponential_grid
 from lmi.linear_program import minimise
 from lmi.patience import left
 from obsdesign.equations.interval import absolute_metzler
@@ -59,10 +59,11 @@ class SampledPlant:
         self.A, self.C = self.inward @ plant.flow.A @ self.S, plant.output.C @ self.S
         self.V = plant.output.noise_bound
         self.f = np.abs(self.inward) @ (plant.flow.upper - plant.flow.lower)
-        self.N = self.j = None
+        self.G: Matrix | None = None
+        self.j = np.zeros(plant.n)
         self.dwell = (math.inf, math.inf)
         if plant.jump is not None:
-            self.N = np.abs(self.inward @ plant.jump.G @ self.S)
+            self.G = self.inward @ plant.jump.G @ self.S
             self.j = np.abs(self.inward) @ (plant.jump.upper - plant.jump.lower)
             self.dwell = problem.require_dwell_time()
         self.limit = sampling_limit(problem, self.S)
@@ -83,7 +84,8 @@ class SampledPlant:
         """The width system of a gain in z."""
         K = np.eye(len(self.A)) - L @ self.C
         W, k = absolute_metzler(self.A), 2 * np.abs(L) @ self.V
-        return WidthSystem(W, self.f, self.N, self.j, K, k, np.abs(self.S), self.A)
+        N, j = (None, None) if self.G is None else (np.abs(self.G), self.j)
+        return WidthSystem(W, self.f, N, j, K, k, np.abs(self.S), self.A, self.G)
 
     def width(self, L: Matrix) -> float:
         """Time average of the weighted width, at the worse end of the range; inf if it grows.
@@ -92,8 +94,9 @@ class SampledPlant:
         """
         system = self.system(L)
         with np.errstate(all="ignore"):
-            sizes, added = absolute_flow(system.K, self.A, self.f, np.array([self.h]))
-            P, c = sizes[0], added[0] + system.k
+            K, k = system.at_samples
+            sizes, added = absolute_flow(K, self.A, self.f, np.array([self.h]))
+            P, c = sizes[0], added[0] + k
             if not np.isfinite(P).all() or max(abs(np.linalg.eigvals(P))) >= 1:
                 return math.inf
             widths = [self.q @ np.linalg.solve(np.eye(len(P)) - P, c)]
@@ -110,10 +113,11 @@ class SampledPlant:
         for _ in range(periods):
             total, passed = total + power, passed + offset
             power, offset = P @ power, P @ offset + c
-        assert self.N is not None
-        if max(abs(np.linalg.eigvals(self.N @ power))) >= 1:
+        assert self.G is not None
+        N = np.abs(self.G)
+        if max(abs(np.linalg.eigvals(N @ power))) >= 1:
             return math.inf
-        first = np.linalg.solve(np.eye(n) - self.N @ power, self.N @ offset + self.j)
+        first = np.linalg.solve(np.eye(n) - N @ power, N @ offset + self.j)
         return float(self.q @ (total @ first + passed)) / periods
 
     def gain(self, contraction: float) -> Matrix | None:

@@ -48,10 +48,10 @@ def propose_samples(
 class _Steps:
     """Maps over times s on a grid of [0, period]: r -> sizes r + added, (k, n, n) and (k, n).
 
-    free: over s; late: over the rest of the period, with the sample at its end.
+    jumped: over s, with a jump at its end; late: over the rest of the period, with its sample.
     """
 
-    free: tuple[Matrix, Matrix]
+    jumped: tuple[Matrix, Matrix] | None
     late: tuple[Matrix, Matrix]
 
     @staticmethod
@@ -61,9 +61,17 @@ class _Steps:
         assert system.K is not None
         assert system.k is not None
         s = np.linspace(0.0, period, _OFFSETS)
-        free = absolute_flow(np.eye(len(system.f)), system.A, system.f, s)
         sizes, added = absolute_flow(system.K, system.A, system.f, period - s)
-        return _Steps(free, (sizes, added + system.k))
+        late = sizes, added + system.k
+        if system.G is None or system.h is None:
+            return _Steps(None, late)
+        sizes, added = absolute_flow(system.G, system.A, system.f, s)
+        return _Steps((sizes, added + system.h), late)
+
+    @property
+    def finite(self) -> bool:
+        """Has nothing overflowed?"""
+        return all(np.isfinite(x).all() for x in (*(self.jumped or ()), *self.late))
 
     @property
     def period(self) -> tuple[Matrix, Matrix]:
@@ -79,15 +87,15 @@ def sampled_tube(
         steps = _Steps.of(system, period)
         P, c = steps.period
         scale = float(max(c.max(initial=0.0), 0.0 if system.h is None else system.h.max())) or 1.0
-        if not all(np.isfinite(x).all() for x in (*steps.free, *steps.late)):
+        if not steps.finite:
             return None
-        if system.N is None:
+        if steps.jumped is None:
             p = least(P[None], c[None], ROOM * scale)
             if p is None:
                 return None
             sampled, jumped = p * (1 + ROOM), None
         else:
-            result = _cycle_tube(system, period, ends, steps, scale, lost)
+            result = _cycle_tube(period, ends, steps, scale, lost)
             if result is None:
                 return None
             p, sampled, jumped = result
@@ -101,25 +109,24 @@ def sampled_tube(
 
 
 def _cycle_tube(
-    system: WidthSystem, h: float, ends: tuple[float, float], steps: _Steps, scale: float,
-    lost: bool,
-) -> tuple[Matrix, Matrix, Matrix] | None:  # fmt: skip
+    h: float, ends: tuple[float, float], steps: _Steps, scale: float, lost: bool
+) -> tuple[Matrix, Matrix, Matrix] | None:
     """(p, after samples, after jumps): the least p for offsets and numbers of periods on a grid."""
     low, high = ends
-    (flows, pushes), (late, rest), (P, c) = steps.free, steps.late, steps.period
-    N, j = system.at_jumps
+    assert steps.jumped is not None
+    (sizes, kicks), (late, rest), (P, c) = steps.jumped, steps.late, steps.period
     if low < h or (math.isinf(high) and max(abs(np.linalg.eigvals(P))) >= 1):
         return None
     fewest = max(1, math.floor(low / h * (1 - 1e-12))) - 1
     if lost:  # not too few: more only asks for more
         fewest = max(math.ceil(low / h * (1 - 1e-12)) - 2, 0)
     most = _MOST_PERIODS if math.isinf(high) else min(math.ceil(high / h), _MOST_PERIODS)
-    maps = late @ (N @ flows)
-    adds = (late @ (pushes @ N.T + j)[..., None])[..., 0] + rest
+    maps = late @ sizes
+    adds = (late @ kicks[..., None])[..., 0] + rest
     if lost:  # the sample at the jump's time is missing: a whole period more
-        maps = np.concatenate([maps, (P @ N @ flows[-1])[None]])
-        adds = np.concatenate([adds, (P @ (N @ pushes[-1] + j) + c)[None]])
-    powers, offsets = [np.eye(len(N))], [np.zeros(len(N))]
+        maps = np.concatenate([maps, (P @ sizes[-1])[None]])
+        adds = np.concatenate([adds, (P @ kicks[-1] + c)[None]])
+    powers, offsets = [np.eye(len(P))], [np.zeros(len(P))]
     for _ in range(most):
         powers.append(P @ powers[-1])
         offsets.append(P @ offsets[-1] + c)
@@ -137,7 +144,7 @@ def _cycle_tube(
     orbit = np.array([M @ p + q for M, q in zip(powers, offsets, strict=True)])
     sampled = orbit.max(axis=0) * (1 + 10 * ROOM) + ROOM * scale
     widest = orbit[list(chosen)].max(axis=0) * (1 + 5 * ROOM)
-    jumped = ((flows @ widest + pushes) @ N.T + j).max(axis=0) * (1 + 1e-3) + ROOM * scale
+    jumped = (sizes @ widest + kicks).max(axis=0) * (1 + 1e-3) + ROOM * scale
     return p, sampled, jumped
 
 

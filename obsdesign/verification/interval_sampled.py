@@ -28,8 +28,8 @@ from obsdesign.verification.interval_width import (
 )
 
 _MAPS_IN_WORDS = (
-    "w+ = |e^(A s)| w + c(s) over a time s, w+ = |K e^(A s)| w + d(s) + k over one that ends with a "
-    "sample, K = I - L C, and w+ = N w + h at jumps"
+    "w+ = |X e^(A s)| w + what f adds in a time s, X = I between events, X = I - L C and k added at "
+    "samples, X = G and h added at jumps,"
 )
 _COMPARISON_IN_WORDS = "w' = W w + f, w+ = K w + k at samples and w+ = N w + h at jumps"
 
@@ -80,8 +80,7 @@ def _refutation(system: WidthSystem, period: float) -> Verdict:
     counter = refute_spectral(system.A, system.K, period, period)
     if counter.outcome == "refuted":
         return counter
-    alone = Interleaved.of(replace(system, N=None, h=None), period, math.inf, math.inf)
-    _, sample = alone.over_period()
+    sample = Interleaved.of(system, period, math.inf, math.inf).over_period()
     below = np.maximum(-upper_ends(-sample), 0.0)[:-1, :-1]
     if not np.isfinite(below).all():
         return undecided("the map from sample to sample overflows")
