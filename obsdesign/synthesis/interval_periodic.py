@@ -99,7 +99,7 @@ class SampledPlant:
             P, c = sizes[0], added[0] + k
             if not np.isfinite(P).all() or max(abs(np.linalg.eigvals(P))) >= 1:
                 return math.inf
-            widths = [self.q @ np.linalg.solve(np.eye(len(P)) - P, c)]
+            widths = [float(self.q @ np.linalg.solve(np.eye(len(P)) - P, c))]
             for theta in {*self.dwell} - {math.inf}:
                 periods = min(max(round(theta / self.h), 1), _MOST_PERIODS)
                 widths.append(self._between_jumps(P, c, periods))
