@@ -163,8 +163,8 @@ def absolute_flow(left: Matrix, A: Matrix, b: Matrix, times: Matrix) -> tuple[Ma
 
         sum_j |X e^{A j d}| f,    f = int_0^d e^{Mz(A) s} ds b
 
-    where Mz keeps the diagonal and takes absolute values elsewhere: |e^{A s}| <= e^{Mz(A) s}.
-    It is at most |X| int_0^t e^{Mz(A) s} ds b, and exact where A is Metzler and X >= 0.
+    where Mz keeps the diagonal and takes absolute values elsewhere: |e^{A s}| <= e^{Mz(A) s}. It is
+    at most |X| int_0^t e^{Mz(A) s} ds b, and exact where A is Metzler and X >= 0.
     """
     n = len(A)
     piece = np.asarray(times, dtype=np.float64)[:, None, None] / FLOW_PIECES

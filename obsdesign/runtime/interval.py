@@ -141,7 +141,9 @@ class IntervalObserver(BoundObserver[IntervalState]):
             if boxes:
                 chosen, out = self._kernels.shared(chosen, out, boxes, state.u)
             if sample.jump:
-                chosen, out = self._kernels.after_jump(kernels, out, state, y, sample.w, off)
+                chosen, out = self._kernels.after_jump(
+                    kernels, out, state, y, sample.w, off, course
+                )
                 course = None
         guard, late = state.guard.after(t, sample.jump)
         if late:
@@ -167,7 +169,7 @@ class IntervalObserver(BoundObserver[IntervalState]):
         self, kernels: Mapping[str, Kernel], state: IntervalState, t: float, seen: Vector | None,
         off: bool,
     ) -> tuple[list[Vector], Course | None]:  # fmt: skip
-        """Further boxes at t, the first from the last sample on the period; the course there."""
+        """Further boxes at t, the first that of the course, and the course itself."""
         if self._clock.period is None:
             return [], None
         ends = seen is not None and not off

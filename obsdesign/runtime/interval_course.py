@@ -1,8 +1,9 @@
 """Bounds since a sample on the period or a jump, whatever rows came between.
 
-What is claimed of the width is about samples a period apart: r+ = |K e^{A h}| r + ..., K = I - L C.
-Rows between them, off the period or without a sample, make two steps of one, and
-|K e^{A (h - s)}| |e^{A s}| is at least |K e^{A h}|, often more. So beside the box of such a row the
+What is claimed of the width is about samples a period apart and jumps between them:
+r+ = |K e^{A h}| r + ..., K = I - L C, and r+ = |G e^{A s}| r + ... at jumps. Rows in between, off
+the period or without a sample, make two steps of one, and |K e^{A (h - s)}| |e^{A s}| is at least
+|K e^{A h}|, often more. So beside the box of such a row the
 observer keeps the radius at the last sample on the period (or jump), and makes the whole step from
 there as well: what both share is no wider than without the rows between. The centre goes from row
 to row, as inputs may change there, and its rounding is bounded beside.
@@ -26,7 +27,7 @@ def course_of(state: IntervalState, t: float, latest: float) -> Course:
     n = len(state.box) // 2
     course = state.course
     if course is None or t - course.since > latest:
-        return Course(state.t, state.box[:n], np.concatenate([np.zeros(n), state.box[n:]]))
+        return Course(state.t, state.t, state.box[:n], np.concatenate([np.zeros(n), state.box[n:]]))
     return course
 
 
@@ -43,4 +44,4 @@ def advanced(
     start = np.concatenate([course.radius, np.zeros(n)])
     reach = chosen.rows[:n].dot(chosen.vector(start, None, None, nothing))
     box = np.concatenate([raised(reach + path[:n], 1), path[n:]])
-    return course._replace(path=path), box
+    return course._replace(now=t, path=path), box

@@ -95,7 +95,7 @@ class Kernel:
 
 
 def path_kernel(step: BoxMap, p: int) -> Kernel:
-    """The box alone, without disturbance and noise: what rounding does to a centre; p outputs."""
+    """The box alone, p outputs, no disturbance, no noise: what rounding does to a centre."""
     with np.errstate(over="ignore", invalid="ignore"):
         n, columns = len(step.g), step.X.mid.shape[1]
         rows = np.vstack([_radius_rows(replace(step, g=np.zeros(n))), _centre_rows(step)])

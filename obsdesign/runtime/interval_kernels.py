@@ -11,12 +11,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from lmi.enclosure import Matrix, raised
 from obsdesign.runtime.base import Vector, vector
 from obsdesign.runtime.interval_kernel import Kernel, kernel, path_kernel
 from obsdesign.runtime.interval_model import Model, model
-from obsdesign.runtime.interval_state import IntervalState, shared_box
+from obsdesign.runtime.interval_state import Course, IntervalState, shared_box
 from obsdesign.runtime.interval_steps import (
     BoxMap,
+    flow_and_jump_spread,
     flow_maps,
     free_map,
     identity_map,
@@ -41,6 +43,7 @@ class StepKernels:
         self.gains = gains
         self.periodic = "period" in gains
         self._steps: OrderedDict[tuple[float, int], dict[str, Kernel]] = OrderedDict()
+        self._jumped: OrderedDict[tuple[float, int], tuple[Matrix, Matrix]] = OrderedDict()
         self._recent: dict[tuple[float, int], dict[str, Kernel]] = {}
         # (length as it comes, exponent of the later time) -> the kernel of a sample there, in parts
         self.usual: dict[tuple[float, int], tuple[Any, ...]] = {}
@@ -84,12 +87,13 @@ class StepKernels:
 
     def after_jump(
         self, step: Mapping[str, Kernel], out: Vector, state: IntervalState, y: Vector | None,
-        w: ArrayLike | None, off: bool,
+        w: ArrayLike | None, off: bool, course: Course | None,
     ) -> tuple[Kernel, Vector]:  # fmt: skip
         """The result after a jump, from `out` just before it; `step`: the kernels that led there.
 
         With samples as events: the sample and the jump, one after the other, then cut with the
-        jump corrected by M. off: the sample is off the period.
+        jump corrected by M. off: the sample is off the period. course: up to the jump, as long as
+        no sample ended it.
         """
         if "G" not in self.gains:
             raise ValueError("this plant has no jumps ([jump] is absent), but a sample says jump.")
@@ -106,6 +110,8 @@ class StepKernels:
         if not self.periodic:
             return jumped(out[:n2], use)
         k, after = jumped(out[:n2], False)
+        if course is not None:
+            k, after = self.shared(k, after, [self._after_course(course, known)], state.u)
         if not use:
             return k, after
         if when == "after":
@@ -121,6 +127,22 @@ class StepKernels:
             k = self.still["none"]
             after = k.rows.dot(k.vector(box, None, None, state.u))
         return k, after
+
+    def _after_course(self, course: Course, known: Vector) -> Vector:
+        """The box after a jump that ends a course."""
+        path = self._jump_path.rows.dot(self._jump_path.vector(course.path, None, None, known))
+        n, t = len(course.radius), course.now
+        size = max(abs(t), abs(course.since))
+        R, g = cached_step(self._jumped, t - course.since, size, self._flow_and_jump)
+        reach = raised(R @ course.radius + g, 2 * n)
+        return np.concatenate([raised(reach + path[:n], 1), path[n:]])
+
+    def _flow_and_jump(self, h: float, h_error: float) -> tuple[Matrix, Matrix]:
+        return flow_and_jump_spread(self.model, self.gains, h, h_error)
+
+    @cached_property
+    def _jump_path(self) -> Kernel:
+        return path_kernel(jump_maps(self.model, self.gains)[False], len(self.gains["C"]))
 
     def shared(
         self, chosen: Kernel, used: Vector, boxes: Sequence[Vector], u: Vector

@@ -15,11 +15,12 @@ from obsdesign.runtime.interval_model import Model, midpoint
 class Course(NamedTuple):
     """Bounds since a sample on the period or a jump, beside those of the rows that came between.
 
-    since: its time; radius: (n,) there; path: (2n,), the centre carried along to now, after a
-    bound of what rounding has added to it.
+    since: its time; now: that of the last row; radius: (n,) at the first; path: (2n,), the centre
+    carried along to the second, after a bound of what rounding has added to it.
     """
 
     since: float
+    now: float
     radius: Vector
     path: Vector
 

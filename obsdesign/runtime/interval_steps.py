@@ -117,7 +117,8 @@ def jump_maps(model: Model, gains: Mapping[str, Any]) -> dict[bool, BoxMap]:
     c_mid, c_rad = midpoint(gains["jump_lower"], gains["jump_upper"])
     known = exactly(np.column_stack([gains.get("E", np.zeros((n, 0))), c_mid]))
     by_splits = "Gp" in gains and "period" not in gains
-    plain_N = _jump_width(model, G, gains if when == "none" or "period" in gains else None)
+    by_plain_splits = when == "none" and "period" not in gains
+    plain_N = _jump_width(model, G, gains if by_plain_splits else None)
     plain = box_map(model, model.similar(G), None, None, model.inward(known), plain_N,
                     model.spread(c_rad))  # fmt: skip
     if when == "none":
@@ -136,6 +137,20 @@ def jump_maps(model: Model, gains: Mapping[str, Any]) -> dict[bool, BoxMap]:
         g = raised(size(M_z) @ V + size(through_z) @ c_rad, 2 * (n + len(V)))
     corrected = box_map(model, model.similar(H), None, M_z, model.inward(through @ known), N, g)
     return {False: plain, True: corrected}
+
+
+def flow_and_jump_spread(
+    model: Model, gains: Mapping[str, Any], h: float, h_error: float
+) -> tuple[Matrix, Matrix]:
+    """(R, g) of a step of length h +- h_error and an uncorrected jump at its end, as one map."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        G = model.similar(exactly(gains["G"]))
+        Phi = expm(model.A.scaled(h, h_error))
+        c_rad = midpoint(gains["jump_lower"], gains["jump_upper"])[1]
+        added = model.spread(c_rad)
+        if h > 0:
+            added = raised(added + _on_the_way(model, G, h, h_error), 1)
+        return size(G @ Phi), added
 
 
 def _jump_width(model: Model, H: Enclosure, gains: Mapping[str, Any] | None) -> Matrix:

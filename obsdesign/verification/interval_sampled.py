@@ -28,8 +28,8 @@ from obsdesign.verification.interval_width import (
 )
 
 _MAPS_IN_WORDS = (
-    "w+ = |X e^(A s)| w + what f adds in a time s, X = I between events, X = I - L C and k added "
-    "at samples, X = G and h added at jumps,"
+    "w+ = |X e^(A s)| w + what f adds over a time s, with X = I between events, X = I - L C (k is "
+    "added) at samples and X = G (h is added) at jumps,"
 )
 _COMPARISON_IN_WORDS = "w' = W w + f, w+ = K w + k at samples and w+ = N w + h at jumps"
 
