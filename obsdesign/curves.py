@@ -180,7 +180,7 @@ def _impulsive(gains: Mapping[str, Any], evidence: Mapping[str, Any]) -> Curve |
         {"of the scaled window matrix": np.asarray(margin)},
         "At 0 a state would stay hidden. Shaded: the spacings for which it is proved to stay above "
         "the dashed level, in every order.",
-        proof.get("sigma_min"),
+        proof.get("margin"),
         (low, min(high, float(theta[-1]))),
     )
 
