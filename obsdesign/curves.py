@@ -189,7 +189,7 @@ def _impulsive(gains: Mapping[str, Any], evidence: Mapping[str, Any]) -> Curve |
             if proof
             else "of the design."
         ),
-        proof.get("sigma_min"),
+        proof.get("margin"),
         (low, min(high, float(theta[-1]))),
     )
 

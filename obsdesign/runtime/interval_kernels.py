@@ -133,7 +133,7 @@ class StepKernels:
         path = self._jump_path.rows.dot(self._jump_path.vector(course.path, None, None, known))
         n, t = len(course.radius), course.now
         size = max(abs(t), abs(course.since))
-        R, g = cached_step(self._jumped, t - course.since, size, self._flow_and_jump)
+        R, g = shared_step(self._jumped, t - course.since, size, self._flow_and_jump)
         reach = raised(R @ course.radius + g, 2 * n)
         return np.concatenate([raised(reach + path[:n], 1), path[n:]])
 

@@ -125,8 +125,9 @@ def strongly_observable(
     return Claim(
         "strongly_observable",
         f"any {window} impulses in a row tell all {what} apart, for every sequence of spacings in "
-        f"{Dwell(low, high)}: the window matrix has full column rank, its smallest singular "
-        f"value above {MARGIN:g} of that at usual spacings",
+        f"{Dwell(low, high)}: the window matrix has full column rank; with each impulse's rows "
+        f"scaled to norm 1, its smallest singular value is above {MARGIN:g} of that at usual "
+        "spacings",
         f"{PAPER}, Definition 2.3, Lemma 2.6",
         verdict.outcome,
         verdict.evidence,
