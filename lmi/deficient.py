@@ -1,8 +1,8 @@
 """Does a stack of products lose rank somewhere in a box of thetas? Looked for in floats, decided.
 
 Rank is decided relative to size: in coordinates that make the stack at the centre of the box
-orthonormal (`lmi.stack`), its smallest singular value must stay above MARGIN. Refuted by a witness
-(`lmi.rank_witness`), proved by boxes (`lmi.full_rank`).
+orthonormal (`lmi.stack`), and with block rows scaled to norm 1, its smallest singular value must
+stay above MARGIN. Refuted by a witness (`lmi.rank_witness`), proved by boxes (`lmi.full_rank`).
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 
 from lmi.full_rank import BOX_LIMIT, prove_full_rank
 from lmi.rank_witness import MARGIN, check_deficient, outright, too_few
-from lmi.stack import Matrix, Stack, approx_margin, coordinates
+from lmi.stack import Matrix, Stack, approx_margin, coordinates, unit_blocks
 from lmi.verdict import Verdict, refuted, undecided
 
 _GRID, _RANDOM = 201, 300
@@ -71,8 +71,9 @@ def seen_at(stack: Stack, thetas: Any, low: float, high: float) -> dict[str, Any
     place = np.array([thetas], dtype=np.float64)
     if not ((place >= low) & (place <= high)).all():
         return {}
-    value = approx_margin(stack, place, np.eye(stack.shape[1]))
-    return {"approx_sigma_min": float(value[0]), "approx_worst": place[0].tolist()}
+    rows = stack.approx(place)[0]
+    value = float(np.linalg.svd(rows, compute_uv=False)[-1]) if np.isfinite(rows).all() else 0.0
+    return {"approx_sigma_min": value, "approx_worst": place[0].tolist()}
 
 
 @np.errstate(all="ignore")
@@ -102,11 +103,11 @@ def _sign_change(stack: Stack, points: Matrix, R: Matrix) -> list[list[float]] |
     """Two neighbours on the constant grid, else any two points, with determinants of other sign."""
     if stack.shape[0] != stack.shape[1]:
         return None
-    windows = stack.approx(points)
+    windows = stack.approx(points, stack.growth)
     if not np.isfinite(windows).all():
         return None
-    signs, logs = np.linalg.slogdet(windows)
-    relative = logs - np.linalg.slogdet(R)[1]
+    scaled = np.swapaxes(np.linalg.solve(R.T, np.swapaxes(windows, -1, -2)), -1, -2)
+    signs, relative = np.linalg.slogdet(unit_blocks(scaled, stack.blocks))
     usable = np.isfinite(relative) & (relative > np.log(MARGIN))
     places = np.flatnonzero(usable[:_GRID])
     for a, b in itertools.pairwise(places):

@@ -1,4 +1,4 @@
-"""A stack of products in coordinates of its own, as ball matrices: its flows over sides of boxes.
+"""A stack of products in coordinates of its own, as ball matrices: its flows at sides of boxes.
 
 A side is (level, index): the index-th of the 2^level equal parts of [low, high].
 """
@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from lmi.balls import ball, exact, middle, rational, scalar, to_float
+from lmi.balls import ball, exact, middle, rational, scalar
 from lmi.stack import Matrix, Stack, state_basis
 
 # sums of a few positive floats, and LAPACK's singular values, are off by far less
@@ -20,61 +20,44 @@ RAISED = 1.0 + 1e-10
 
 @dataclass
 class NormalisedStack:
-    """The stack in coordinates (R, T): F, H, C, right ball matrices; flows over sides, cached.
+    """The stack in coordinates (R, T): F, H, C, right ball matrices; flows at sides, cached.
 
-    K: the flow of the columns, undone where the stack flows first, in the coordinates R.
+    F is the stack's without `growth` times the identity, which scales the rows of O and no more:
+    block j stands for e^{-growth (theta_1 + ... )} of the stack's. size: above |F|; back: R^-1.
+    Time is measured in the power of two `unit`, so that no product of times and rates underflows.
     """
 
     F: Any
     H: Any
     C: Any
     right: Any
-    K: Any
-    R: Any
-    R_back: Any
-    back: Matrix
+    back: Any
+    size: Matrix
+    growth: float
+    unit: float
     low: Any
     length: Any
-    flows: dict[tuple[int, int], tuple[Any, Any]] = field(default_factory=dict)
-    undone: dict[tuple[int, int], tuple[Any, Any, float, float, float]] = field(
-        default_factory=dict
-    )
+    flows: dict[tuple[int, int], Any] = field(default_factory=dict)
 
-    def undoing(self, key: tuple[int, int]) -> tuple[Any, Any, float, float, float]:
-        """e^{-K (theta - middle)} at the centre of a side and on it, and what its norm is below.
-
-        The norms are those in the coordinates R and in the original ones; last, that of what
-        undoes the undoing, in R.
-        """
-        if key not in self.undone:
-            level, index = key
-            half = self.length / 2 ** (level + 1)
-            offset = (2 * index + 1) * half - self.length / 2
-            centre = (-self.K * scalar(offset)).exp()
-            whole = centre * (self.K * scalar(-half).union(scalar(half))).exp()
-            plain = self.R_back * whole * self.R
-            again = (self.K * scalar(offset)).exp() * (
-                self.K * scalar(-half).union(scalar(half))
-            ).exp()
-            norms = (norm_above(magnitudes(X)) for X in (whole, plain, again))
-            self.undone[key] = (centre, whole, *norms)
-        return self.undone[key]
-
-    def side(self, key: tuple[int, int]) -> tuple[Any, Any]:
-        """e^{F c} and e^{F theta} for all theta of a side."""
+    def flow(self, key: tuple[int, int]) -> Any:
+        """e^{F c}, c the middle of a side."""
         if key not in self.flows:
-            level, index = key
-            half = self.length / 2 ** (level + 1)
-            centre = (self.F * scalar(self.low + (2 * index + 1) * half)).exp()
-            spread = scalar(-half).union(scalar(half))
-            self.flows[key] = centre, centre * (self.F * spread).exp()
+            self.flows[key] = (self.F * scalar(self._middle(key))).exp()
         return self.flows[key]
 
     def centre(self, key: tuple[int, int]) -> float:
-        """Middle of a side."""
-        level, index = key
-        exactly = self.low + (2 * index + 1) * self.length / 2 ** (level + 1)
+        """Middle of a side, in units of time."""
+        exactly = self._middle(key)
         return float(int(exactly.p) / int(exactly.q))
+
+    def half(self, key: tuple[int, int]) -> float:
+        """Above half the width of a side, in units of time."""
+        exactly = self.length / 2 ** (key[0] + 1)
+        return float(int(exactly.p) / int(exactly.q)) * RAISED
+
+    def _middle(self, key: tuple[int, int]) -> Any:
+        level, index = key
+        return self.low + (2 * index + 1) * self.length / 2 ** (level + 1)
 
 
 def magnitudes(S: Any) -> Matrix:
@@ -91,24 +74,26 @@ def norm_above(bound: Matrix) -> float:
 def normalised(stack: Stack, low: float, high: float, R: Matrix) -> NormalisedStack | None:
     """Coordinates R for the columns, and for the state T = [right R^-1, rest]^-1."""
     try:
-        R_back = ball(exact(R)).inv()
-        back = middle(R_back)
+        back = ball(exact(R)).inv()
         into = ball(exact(state_basis(stack, R)))
         T = into.inv()
     except (ZeroDivisionError, np.linalg.LinAlgError, ValueError):
         return None
-    start, end = rational(low), rational(high)
-    F = to_float(stack.F)
-    K = R @ np.linalg.lstsq(to_float(stack.right), F @ to_float(stack.right), rcond=None)[0] @ back
+    unit = 2.0 ** round(math.log2(high)) if high > 0 else 1.0
+    growth = stack.growth * unit
+    into_time = scalar(rational(unit))
+    F = T * ball(stack.F) * into * into_time - ball(exact(growth * np.eye(len(stack.F))))
+    if not np.isfinite(middle(F)).all():
+        return None
     return NormalisedStack(
-        F=T * ball(stack.F) * into,
+        F=F,
         H=T * ball(stack.H) * into,
         C=ball(stack.C) * into,
-        right=T * ball(stack.right) * R_back,
-        K=ball(exact(K)),
-        R=ball(exact(R)),
-        R_back=R_back,
+        right=T * ball(stack.right) * back,
         back=back,
-        low=start,
-        length=end - start,
+        size=magnitudes(F),
+        growth=growth,
+        unit=unit,
+        low=rational(low) / rational(unit),
+        length=(rational(high) - rational(low)) / rational(unit),
     )

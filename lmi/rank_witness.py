@@ -1,6 +1,6 @@
 """Witnesses that a stack of products loses rank, checked in balls.
 
-Thetas and a vector x with |O x| < MARGIN |R x|, or, for a square stack, two places where its
+Thetas and a vector x with |O x| < MARGIN |R x|, the block rows of O R^-1 scaled to norm 1, or, for a square stack, two places where its
 determinant has opposite signs: between them it is zero.
 """
 
@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from lmi.balls import ball, exact, exp_times, fixed_vector, precision, rational, scalar
-from lmi.stack import Matrix, Stack, coordinates
+from lmi.stack import Matrix, Stack, coordinates, unit_blocks
 from lmi.verdict import Verdict, refuted, undecided
 
 MARGIN = 1e-10
@@ -83,11 +83,11 @@ def _stacked(stack: Stack, thetas: Sequence[float]) -> Any:
 
 def _check_vector(stack: Stack, thetas: Matrix, R: Matrix) -> Verdict:
     """The last right singular vector at these thetas, checked: |O x| < MARGIN |R x|."""
-    approx = stack.approx(thetas[None])[0]
+    approx = stack.approx(thetas[None], stack.growth)[0]
     if not np.isfinite(approx).all():
         return undecided("the window overflows")
     try:
-        scaled = np.linalg.solve(R.T, approx.T).T
+        scaled = unit_blocks(np.linalg.solve(R.T, approx.T).T, stack.blocks)
         x = np.linalg.solve(R, np.linalg.svd(scaled)[2][-1])
     except np.linalg.LinAlgError:
         return undecided("no null vector can be computed")
@@ -96,10 +96,9 @@ def _check_vector(stack: Stack, thetas: Matrix, R: Matrix) -> Verdict:
     x = x / np.abs(x).max()
     with precision(_BITS):
         vector = ball(exact(x[:, None]))
-        seen = _square(
-            np.concatenate([(row * vector).tolist() for row in _stacked(stack, thetas.tolist())])
-        )
-        size = _square((ball(exact(R)) * vector).tolist())
+        columns = ball(exact(R))
+        seen = _seen(_stacked(stack, thetas.tolist()), columns, vector)
+        size = _square((columns * vector).tolist())
         small = bool(seen < scalar(rational(MARGIN)) ** 2 * size)
         ratio = float((seen / size).abs_upper()) ** 0.5
     at = ", ".join(f"{theta:.9g}" for theta in thetas)
@@ -112,6 +111,16 @@ def _check_vector(stack: Stack, thetas: Matrix, R: Matrix) -> Verdict:
     witness = {"thetas": thetas.tolist(), "null_vector": x.tolist(), "ratio": ratio,
                "method": "outputs of a state, in balls", "reason": reason}  # fmt: skip
     return refuted(witness)
+
+
+def _seen(rows: list[Any], R: Any, vector: Any) -> Any:
+    """Square of |O x| with the block rows of O R^-1 scaled to norm 1, where they are not zero."""
+    back, total = R.inv(), scalar(0)
+    for row in rows:
+        size = _square([[x] for line in (row * back).tolist() for x in line])
+        outputs = _square((row * vector).tolist())
+        total = total + (outputs if size == 0 else outputs / size)
+    return total
 
 
 def _square(rows: Any) -> Any:
@@ -128,14 +137,14 @@ def _check_signs(stack: Stack, a: Matrix, b: Matrix, R: Matrix) -> Verdict:
         opposite = bool(first < 0 and second > 0) or bool(first > 0 and second < 0)
     if not opposite:
         return undecided("the determinant has no certified change of sign")
-    sign = np.linalg.slogdet(stack.approx(a[None]))[0][0]
+    sign = np.linalg.slogdet(stack.approx(a[None], stack.growth))[0][0]
     left, right = a, b
     for _ in range(60):
         middle = (left + right) / 2
-        same = np.linalg.slogdet(stack.approx(middle[None]))[0][0] == sign
+        same = np.linalg.slogdet(stack.approx(middle[None], stack.growth))[0][0] == sign
         left, right = (middle, right) if same else (left, middle)
-    scaled = np.linalg.solve(R.T, stack.approx(left[None])[0].T).T
-    values = np.linalg.svd(scaled)
+    scaled = np.linalg.solve(R.T, stack.approx(left[None], stack.growth)[0].T).T
+    values = np.linalg.svd(unit_blocks(scaled, stack.blocks))
     x = np.linalg.solve(R, values[2][-1])
     x = x / np.abs(x).max()
     at = ", ".join(f"{theta:.9g}" for theta in left)

@@ -1,15 +1,16 @@
 """One box of thetas: lower bounds of the singular values of a stack of products, in balls.
 
-On a box with centre c and radii r, with Y O(c) Z close to I (Y, Z floats from a QR of O(c)),
+On a box with centre c, with Y O(c) Z close to 1 (Y, Z floats from a QR of O(c) with rows and
+columns of like size), and E the bounds of |1 - Y O(theta) Z| of `lmi.window_box`: if 1 - E has a
+nonnegative inverse N, O has full column rank on the box, and with e the error at one theta
 
-    I - Y O(theta) Z  lies in  I - Y O(c) Z - sum_i [-r_i, r_i] Y (dO/dtheta_i over the box) Z,
+    x = Z (1 - e)^-1 Y O x,     |(1 - e)^-1| <= N, entry by entry.
 
-and if its norm e is below 1, O has full column rank there with sigma_min >= (1 - e)/(|Y| |Z|). A
-stack that flows first is multiplied by e^{-K (theta_1 - middle)} on the right, K the flow as its
-columns see it: what theta_1 does to the columns alone costs no boxes.
+Whether N exists does not depend on the size of rows and columns, so that the growth of outputs
+with theta, which scales the rows, costs no boxes.
 
-Floats choose Y and Z; everything that decides is ball arithmetic, and two spectral norms of small
-float matrices, raised by far more than their rounding.
+Floats choose Y and Z; everything that decides is ball arithmetic, and sums and products of small
+nonnegative float matrices, raised by far more than their rounding.
 """
 
 from __future__ import annotations
@@ -20,9 +21,15 @@ from typing import Any
 
 import numpy as np
 
-from lmi.balls import ball, exact, identity, middle, scalar
+from lmi.balls import ball, exact, middle
 from lmi.normalised_stack import RAISED, NormalisedStack, magnitudes, norm_above
 from lmi.stack import Matrix, Stack
+from lmi.window_box import WindowBox, window_box
+
+# sums of a few floats of either sign are off by less, relative to the sum of their sizes
+_ROUNDING = 1e-13
+# bounds of exponentials are no smaller: an upper bound must not underflow
+_TINY = 1e-300
 
 
 @dataclass(frozen=True)
@@ -40,102 +47,181 @@ class Box:
 
 
 @dataclass(frozen=True)
-class Found:
-    """Lower bounds of sigma_min of O and of O R^-1 on a box (0: none), the side to halve; the rest
-    as in `prove_full_rank`.
+class BoxBounds:
+    """Proved on a box, where `proved`: the bounds of `prove_full_rank`. Always: the side to halve
+    (None: no side is left) and `centre`, the margin at the centre in floats (0 where unknown).
     """
 
-    size: float
-    relative: float
+    proved: bool
     widest: int | None
-    spread: Matrix
+    centre: float
+    size: float = 0.0
+    relative: float = 0.0
+    spread: tuple[float, ...] = ()
     largest: float = math.inf
     recalled: float = math.inf
 
 
-def bounds(stack: Stack, family: NormalisedStack, box: Box, largest: float, margin: float) -> Found:
-    """What a box gives: nothing unless the error norm is below `largest`, O R^-1 above margin."""
-    nothing = np.zeros(stack.blocks)
-    flows = [family.side(side) for side in box.sides]
-    first = family.undoing(box.sides[0]) if stack.flows_first else None
-    start = X = family.right
-    slope_first = None
-    if first is not None:  # mean value: where the columns flow by K alone, nothing is left to vary
-        start = flows[0][0] * family.right * first[0]
-        slope_first = flows[0][1] * (family.F * X - X * family.K) * first[1]
-        half = family.length / 2 ** (box.sides[0][0] + 1)
-        X = start + slope_first * scalar(-half).union(scalar(half))
-    steps = flows[stack.flows_first :]
-    rows = [family.C * state for state in _states(family, start, [point for point, _ in steps])]
-    slopes = _slopes(stack, family, X, slope_first, [whole for _, whole in steps])
+def bounds(stack: Stack, family: NormalisedStack, box: Box, margin: float) -> BoxBounds:
+    """Bounds on a box; proved only if the margin of O there is above `margin`."""
+    flows = [family.flow(side) for side in box.sides]
+    states = [flows[0] * family.right if stack.flows_first else family.right]
+    steps = [flow * family.H for flow in flows[stack.flows_first :]]
+    for P in steps:
+        states.append(P * states[-1])
+    rows = [family.C * X for X in states]
     pair = _pair(rows)
     if pair is None:
-        return Found(0.0, 0.0, _longest(box), nothing)
-    Y, Z = pair
-    e, widths = _error(family, box, rows, slopes, Y, Z)
-    widest = int(np.argmax(np.nan_to_num(widths, nan=np.inf))) if widths else None
-    if not e < largest:
-        return Found(0.0, 0.0, widest if np.isfinite(widths).all() else _longest(box), nothing)
-    undone = (1.0, 1.0) if first is None else (first[3], first[2])
-    sizes = [
-        np.linalg.norm(Y, 2) * np.linalg.norm(Z_in, 2) * more
-        for Z_in, more in zip((family.back @ Z, Z), undone, strict=True)
-    ]
-    size, relative = (float((1 - e) / (s * RAISED) / RAISED) for s in sizes)
+        return BoxBounds(False, _longest(box), 0.0)
+    p = len(stack.C)
+    Y, Z = ball(exact(pair[0])), ball(exact(pair[1]))
+    blocks = [ball(exact(pair[0][:, j * p : (j + 1) * p])) for j in range(len(rows))]
+    halves = [family.half(side) for side in box.sides]
+    window = window_box(family, states, steps, halves, blocks, Z, stack.flows_first)
+    norms = _block_sizes([middle(row) for row in rows])
+    centre = 1.0 / float(np.linalg.norm(middle(Z * Y) * np.repeat(norms, p), 2))
+    N = nonnegative_inverse_above(window.error)
+    widest = _widest(box, window, N)
+    if N is None:
+        return BoxBounds(False, widest, centre)
+    return _proved(family, box, window, rows, (Y, Z, N), (margin, centre, widest))
+
+
+def _proved(
+    family: NormalisedStack,
+    box: Box,
+    window: WindowBox,
+    rows: list[Any],
+    inverse: tuple[Any, Any, Matrix],
+    steer: tuple[float, float, int | None],
+) -> BoxBounds:
+    """The bounds that follow from Y, Z and N; not proved where the margin is too small."""
+    (Y, Z, N), (margin, centre, widest) = inverse, steer
+    p, count, size = rows[0].nrows(), len(rows), len(N)
+    outputs = _outputs(family, window, rows, Z)
+    normal = np.repeat(_block_sizes(outputs), p) * RAISED
+    unit: Matrix = np.eye(size)
+    off, Y_size, Z_size = N - unit, magnitudes(Y), magnitudes(Z)
+    undo = (unit + window.undone) @ N - unit
+    relative = 1 / norm_above((magnitudes(Z * Y) + Z_size @ undo @ Y_size) * normal) / RAISED
     if not relative > margin:
-        return Found(0.0, 0.0, widest, nothing)
-    # a right factor cancels in X O^+, so that nothing has to be undone there
-    states = _states(family, X, [around for _, around in steps])
-    worst = float(np.linalg.norm(Y, 2)) * RAISED / (1 - e) * RAISED
-    Z_ball = ball(exact(Z))
-    spread = [norm_above(magnitudes(state * Z_ball)) * worst for state in states]
-    seen = [family.C * state for state in states]
-    outputs = norm_above(np.vstack([magnitudes(row) for row in seen]))
-    outputs *= 1.0 if first is None else first[4]
-    recalled = _recalled(seen, states[-1], len(Z))
-    return Found(size, relative, widest, np.array(spread), outputs, recalled)
+        return BoxBounds(False, widest, centre)
+    start = family.back * Z
+    growth = _growths(family, box, count)
+    since = {i: np.repeat([growth(i, j) for j in range(count)], p) for i in (None, *range(count))}
+    plain = magnitudes(start * Y) + magnitudes(start) @ undo @ Y_size
+    smallest = 1 / norm_above(plain * since[None]) / RAISED
+    spread = []
+    for i, (W, D) in enumerate(zip(window.states, window.varied, strict=True)):
+        recovered = magnitudes(W * Y) + (magnitudes(W) @ off + D @ N) @ Y_size
+        spread.append(norm_above(recovered * since[i]))
+    largest = norm_above(np.vstack([row * growth(j, None) for j, row in enumerate(outputs)]))
+    until = [growth(j, count - 1) for j in range(count)]
+    recalled = _recalled(family, window, rows, Z, until)
+    return BoxBounds(True, widest, centre, smallest, relative, tuple(spread), largest, recalled)
+
+
+def nonnegative_inverse_above(E: Matrix) -> Matrix | None:
+    """N above (1 - E)^-1 entry by entry, for a nonnegative E with spectral radius below 1.
+
+    None unless that is certain: some v > 0 has (1 - E) v > 0. Floats; rounding is accounted for.
+    """
+    if not np.isfinite(E).all():
+        return None
+    unit: Matrix = np.eye(len(E))
+    try:
+        N = np.linalg.inv(unit - E)
+    except np.linalg.LinAlgError:
+        return None
+    v = N.sum(axis=1)
+    clear = v - E @ v - _ROUNDING * (v + E @ v)
+    if not ((v > 0).all() and (clear > 0).all()):
+        return None
+    N = np.maximum(N, 0.0)
+    missing = np.abs(unit - (N - E @ N)) + _ROUNDING * (unit + N + E @ N)
+    above: Matrix = (N + np.outer(v, (missing / clear[:, None]).max(axis=0))) * RAISED
+    return above if np.isfinite(above).all() else None
 
 
 def _pair(rows: list[Any]) -> tuple[Matrix, Matrix] | None:
-    """Floats Y, Z that make Y O(c) Z close to I."""
+    """Floats Y, Z that make Y O(c) Z close to 1, from rows and columns of like size."""
     approx = np.vstack([middle(block) for block in rows])
-    if not np.isfinite(approx).all():
+    heights = np.linalg.norm(approx, axis=1)
+    heights[heights == 0] = 1.0
+    scaled = approx / heights[:, None]
+    widths = np.linalg.norm(scaled, axis=0)
+    if not np.isfinite(scaled).all() or not (widths > 0).all():
         return None
-    Q, upper = np.linalg.qr(approx)
-    Z = _inverse(upper)
-    return None if Z is None else (Q.T, Z)
-
-
-def _error(
-    family: NormalisedStack,
-    box: Box,
-    rows: list[Any],
-    slopes: list[list[Any]],
-    Y: Matrix,
-    Z: Matrix,
-) -> tuple[float, list[float]]:
-    """Above ||I - Y O Z|| on the box, and the share of each side in it."""
-    p = Y.shape[1] // len(rows)
-    blocks = [ball(exact(Y[:, j * p : (j + 1) * p])) for j in range(len(rows))]
-    Z_ball = ball(exact(Z))
-    shown = _total([b * row for b, row in zip(blocks, rows, strict=True)]) * Z_ball
-    error, widths = magnitudes(identity(len(Y)) - shown), []
-    length = float(int(family.length.p) / int(family.length.q))
-    for i, slope in enumerate(slopes):
-        change = _total([b * s for b, s in zip(blocks, slope, strict=True) if s is not None])
-        moved = magnitudes(change * Z_ball) * (length / 2 ** (box.sides[i][0] + 1) * RAISED)
-        error = error + moved
-        widths.append(norm_above(moved))
-    return norm_above(error), widths
-
-
-def _recalled(seen: list[Any], last: Any, columns: int) -> float:
-    """Above the norm of the rows that are seen times the inverse of the first part of `last`."""
+    Q, upper = np.linalg.qr(scaled / widths)
     try:
-        back = _first_rows(last, columns).inv()
+        Z = np.linalg.inv(upper) / widths[:, None]
+    except np.linalg.LinAlgError:
+        return None
+    Y = Q.T / heights
+    return (Y, Z) if np.isfinite(Z).all() and np.isfinite(Y).all() else None
+
+
+def _outputs(
+    family: NormalisedStack, window: WindowBox, rows: list[Any], Z: Any
+) -> list[Matrix]:
+    """Above the entries of the block rows of O R^-1 over the box."""
+    C = magnitudes(family.C)
+    try:
+        back = magnitudes(Z.inv())
+    except ZeroDivisionError:
+        return [np.full((row.nrows(), row.ncols()), np.inf) for row in rows]
+    unit: Matrix = np.eye(len(back))
+    result = []
+    for row, D in zip(rows, window.varied, strict=True):
+        varied = magnitudes(row * Z) @ window.undone + C @ D @ (unit + window.undone)
+        result.append((magnitudes(row) + varied @ back) * RAISED)
+    return result
+
+
+def _block_sizes(rows: list[Matrix]) -> Matrix:
+    """Frobenius norms of block rows; 1 for those that are zero, which say nothing."""
+    sizes = np.array([float(np.linalg.norm(row)) for row in rows])
+    return np.where(sizes > 0, sizes, 1.0)
+
+
+def _growths(family: NormalisedStack, box: Box, count: int) -> Any:
+    """(i, j) -> bound over the box of e^{growth (t_i - t_j)}, t_j the time of block j.
+
+    None stands for the time 0 that the thetas start from.
+    """
+    first = len(box.sides) - (count - 1)  # 1 where the stack flows first
+    centres = [family.centre(side) for side in box.sides]
+    halves = [family.half(side) for side in box.sides]
+    rounding = _ROUNDING * sum(centres)
+
+    def between(later: int | None, earlier: int | None) -> float:
+        end, start = (0 if block is None else block + first for block in (later, earlier))
+        low, high = min(start, end), max(start, end)
+        time = sum(centres[low:high]) * (1 if end > start else -1)
+        varied = abs(family.growth) * (sum(halves[low:high]) + rounding)
+        return max(float(np.exp(family.growth * time + varied)) * RAISED, _TINY)
+
+    return between
+
+
+def _recalled(
+    family: NormalisedStack, window: WindowBox, rows: list[Any], Z: Any, growths: list[float]
+) -> float:
+    """Above the norm of the rows that are seen times the inverse of the first part of the last."""
+    size = Z.ncols()
+    try:
+        back = _first_rows(window.states[-1], size).inv()
     except ZeroDivisionError:
         return math.inf
-    bound = norm_above(np.vstack([magnitudes(row * back) for row in seen]))
+    N = nonnegative_inverse_above(magnitudes(back) @ window.varied[-1][:size] * RAISED)
+    if N is None:
+        return math.inf
+    C, off, back_size = magnitudes(family.C), N - np.eye(size), magnitudes(back)
+    seen = []
+    for row, D, growth in zip(rows, window.varied, growths, strict=True):
+        varied = (magnitudes(row * Z) @ off + C @ D @ N) @ back_size
+        seen.append((magnitudes(row * Z * back) + varied) * growth)
+    bound = norm_above(np.vstack(seen))
     return bound if math.isfinite(bound) else math.inf
 
 
@@ -145,49 +231,26 @@ def _first_rows(X: Any, count: int) -> Any:
     return type(X)(count, X.ncols(), [x for row in X.tolist()[:count] for x in row])
 
 
-def _states(family: NormalisedStack, X: Any, flows: list[Any]) -> list[Any]:
-    """X_0, X_1, ... from X_0 on, for given flows."""
-    found = [X]
-    for E in flows:
-        found.append(E * (family.H * found[-1]))
-    return found
+def _widest(box: Box, window: WindowBox, N: Matrix | None) -> int | None:
+    """The side that takes the largest part in the error, as N or, without, its own vectors weigh."""
+    if not window.shares:
+        return None
+    if not all(np.isfinite(share).all() for share in window.shares):
+        return _longest(box)
+    if N is None:
+        weights = _largest_vector(window.error.T), _largest_vector(window.error)
+    else:
+        weights = N.sum(axis=0), N.sum(axis=1)
+    return int(np.argmax([weights[0] @ share @ weights[1] for share in window.shares]))
 
 
-def _slopes(
-    stack: Stack, family: NormalisedStack, X: Any, slope_first: Any, flows: list[Any]
-) -> list[list[Any]]:
-    """For each theta, the derivatives of the block rows over the box; None where they are zero.
-
-    X: the first state over the box; slope_first: its derivative, None where it is constant.
-    """
-    moving = [] if slope_first is None else [slope_first]  # dX/dtheta_i for the thetas so far
-    slopes: list[list[Any]] = [[] for _ in range(stack.thetas)]
-    for j in range(stack.blocks):
-        if j:
-            jump = flows[j - 1] * family.H
-            moving = [jump * D for D in moving]
-            X = jump * X
-            moving.append(family.F * X)
-        for i, column in enumerate(slopes):
-            column.append(family.C * moving[i] if i < len(moving) else None)
-    return slopes
-
-
-def _total(terms: list[Any]) -> Any:
-    total = terms[0]
-    for term in terms[1:]:
-        total = total + term
-    return total
+def _largest_vector(E: Matrix) -> Matrix:
+    """Sizes of the entries of the eigenvector of a nonnegative matrix's largest eigenvalue."""
+    values, vectors = np.linalg.eig(E)
+    largest: Matrix = np.abs(vectors[:, int(np.argmax(np.abs(values)))])
+    return largest
 
 
 def _longest(box: Box) -> int | None:
     levels = [level for level, _ in box.sides]
     return int(np.argmin(levels)) if levels else None
-
-
-def _inverse(upper: Matrix) -> Matrix | None:
-    try:
-        Z: Matrix = np.asarray(np.linalg.inv(upper), dtype=np.float64)
-    except np.linalg.LinAlgError:
-        return None
-    return Z if np.isfinite(Z).all() else None
