@@ -57,7 +57,7 @@ def well_ranked(X: Exact, threshold: float) -> Verdict:
         return refuted(
             {"vector": np.eye(n)[0].tolist(), "reason": "the matrix is zero"}, approx_ratio=0.0
         )
-    _, values, right = np.linalg.svd(middle, full_matrices=True)
+    _, values, right = np.linalg.svd(middle, full_matrices=len(middle) < n)
     smallest = values[n - 1] if len(values) >= n else 0.0
     ratio = float(smallest / np.sqrt((values**2).sum()))
     gram = X.T @ X

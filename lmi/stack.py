@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from lmi.balls import Exact, to_float
 from lmi.exponential import expm
+from lmi.memory import require_memory
 
 Matrix = NDArray[np.float64]
 
@@ -61,6 +62,12 @@ class Stack:
         """O in floats at points (N, m): (N, rows, r); block rows times e^{-growth t}, t its time."""
         F, H, C = to_float(self.F), to_float(self.H), to_float(self.C)
         points = np.asarray(thetas, dtype=np.float64)
+        # flows, with eight temporaries of their exponentials, and states with outputs
+        require_memory(
+            f"a window matrix of {self.blocks} impulses and {len(F)} states at {len(points)} places",
+            points.size * 10 * len(F) ** 2,
+            "a shorter window or fewer states are required",
+        )
         flows = expm((F - growth * np.eye(len(F))) * points[..., None, None])
         return np.concatenate([C @ X for X in self._states(flows, H)], axis=-2)
 

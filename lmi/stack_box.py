@@ -161,9 +161,7 @@ def _pair(rows: list[Any]) -> tuple[Matrix, Matrix] | None:
     return (Y, Z) if np.isfinite(Z).all() and np.isfinite(Y).all() else None
 
 
-def _outputs(
-    family: NormalisedStack, window: WindowBox, rows: list[Any], Z: Any
-) -> list[Matrix]:
+def _outputs(family: NormalisedStack, window: WindowBox, rows: list[Any], Z: Any) -> list[Matrix]:
     """Above the entries of the block rows of O R^-1 over the box."""
     C = magnitudes(family.C)
     try:
