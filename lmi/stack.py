@@ -59,12 +59,12 @@ class Stack:
         return float(modes.sum()) / len(modes)
 
     def approx(self, thetas: Matrix, growth: float = 0.0) -> Matrix:
-        """O in floats at points (N, m): (N, rows, r); block rows times e^{-growth t}, t its time."""
+        """O in floats at points (N, m): (N, rows, r); block rows at time t times e^{-growth t}."""
         F, H, C = to_float(self.F), to_float(self.H), to_float(self.C)
         points = np.asarray(thetas, dtype=np.float64)
         # flows, with eight temporaries of their exponentials, and states with outputs
         require_memory(
-            f"a window matrix of {self.blocks} impulses and {len(F)} states at {len(points)} places",
+            f"a window of {self.blocks} impulses and {len(F)} states, at {len(points)} places,",
             points.size * 10 * len(F) ** 2,
             "a shorter window or fewer states are required",
         )
@@ -88,9 +88,10 @@ def coordinates(stack: Stack, low: float, high: float) -> tuple[Matrix, bool]:
     """(R, full): z = R x makes the columns of O at a typical constant theta orthonormal.
 
     Its block rows are first divided by what one step of that theta makes of them in the long run,
-    a power of two for each: a factor e^{mu theta} of all modes leaves R alone. The typical theta is the middle of [low, high], or another one where the columns of O are
-    dependent there, closer than DEPENDENT. full is False when they are so everywhere: then R is
-    a diagonal matrix of their sizes. R is a float (r, r) that is used as it is.
+    a power of two for each: a factor e^{mu theta} of all modes leaves R alone. The typical theta is
+    the middle of [low, high], or another one where the columns of O are dependent there, closer
+    than DEPENDENT. full is False when they are so everywhere: then R is a diagonal matrix of their
+    sizes. R is a float (r, r) that is used as it is.
     """
     places = low + (high - low) * np.array([0.5, *_OTHERS])
     stacks = stack.approx(np.repeat(places[:, None], stack.thetas, axis=1), stack.growth)
@@ -118,7 +119,8 @@ def _long_run(stack: Stack, places: Matrix) -> Matrix:
     radii = np.abs(np.linalg.eigvals(usable)).max(axis=-1)
     exponents = np.round(np.log2(np.where(radii > _NO_STEP, radii, 1.0)))
     blocks = np.repeat(np.arange(stack.blocks), len(stack.C))
-    return np.exp2(exponents[:, None, None] * blocks[:, None])
+    sizes: Matrix = np.exp2(exponents[:, None, None] * blocks[:, None])
+    return sizes
 
 
 def _polynomials(stack: Stack) -> Matrix:

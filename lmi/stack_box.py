@@ -230,7 +230,7 @@ def _first_rows(X: Any, count: int) -> Any:
 
 
 def _widest(box: Box, window: WindowBox, N: Matrix | None) -> int | None:
-    """The side that takes the largest part in the error, as N or, without, its own vectors weigh."""
+    """The side with the largest part in the error, weighted by N, or by the error's own vectors."""
     if not window.shares:
         return None
     if not all(np.isfinite(share).all() for share in window.shares):

@@ -2,7 +2,8 @@
 
 With W_i = X_i Z at the centre c of the box, F and P_i = e^{F c_i} H, and s_i = theta_i - c_i,
 
-    X_i(theta) Z e^{-K s_0} = W_i + D_i,     D_i = P_i D_(i-1) + (e^{F s_i} - 1) P_i (W_(i-1) + D_(i-1)),
+    X_i(theta) Z e^{-K s_0} = W_i + D_i,
+    D_i = P_i D_(i-1) + (e^{F s_i} - 1) P_i (W_(i-1) + D_(i-1)),
 
 K only where the stack flows first: what theta_0 does to the columns alone is undone. Hence, with
 the rows Y of the blocks summed up from the last, V_i = Y_i C + V_(i+1) P_(i+1),
@@ -162,4 +163,5 @@ def _exponential(X: Matrix) -> Matrix:
     total = total + float(term.max(initial=0.0))
     for _ in range(halvings):
         total = total @ total
-    return total * RAISED
+    above: Matrix = total * RAISED
+    return above
