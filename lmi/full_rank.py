@@ -47,7 +47,7 @@ def prove_full_rank(
     largest    one of ||O R^-1||
     recalled   one of ||O X^-1||, X the last X_i as its first r coordinates; infinite where it is
                not seen to be invertible
-    boxes      how many it took
+    boxes      how many it took, at most `limit`, and BOX_LIMIT / m
 
     Undecided evidence: "thetas", near which it could not be shown.
     """
@@ -59,7 +59,8 @@ def prove_full_rank(
         family = normalised(stack, low, high, R)
         if family is None:
             return undecided("the coordinates are not certainly invertible")
-        return _branch(stack, family, margin, limit)
+        # the work on a box rises with its sides
+        return _branch(stack, family, margin, min(limit, BOX_LIMIT // max(stack.thetas, 1)))
 
 
 def _branch(stack: Stack, family: NormalisedStack, margin: float, limit: int) -> Verdict:
