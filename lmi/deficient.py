@@ -20,9 +20,9 @@ from lmi.verdict import Verdict, refuted, undecided
 _GRID, _RANDOM = 201, 300
 _SEED = 20091  # the search repeats itself exactly
 _POLISHED, _STEPS, _SHRINK = 3, 120, 0.5
-# the margin that is proved should reach this part of the least one seen; less where the first
-# theta alone moves it
-_SHARE, _SHARE_FIRST = 0.5, 0.1
+# the margin that is proved should reach this part of the least one in floats: bounds of convergence
+# rest on it
+_SHARE = 0.75
 
 
 @np.errstate(all="ignore")
@@ -47,8 +47,7 @@ def decide_full_rank(stack: Stack, low: float, high: float, limit: int = BOX_LIM
         if verdict.outcome == "refuted" or not full:
             return verdict
     verdict = undecided("no attempt was made")
-    wanted = (_SHARE_FIRST if stack.flows_first else _SHARE) * margin
-    for asked, share in ((wanted, min(BOX_LIMIT // 10, limit)), (MARGIN, limit)):
+    for asked, share in ((_SHARE * margin, min(BOX_LIMIT // 10, limit)), (MARGIN, limit)):
         asked = max(asked, MARGIN)
         verdict = prove_full_rank(stack, low, high, R, margin=asked, limit=share)
         if verdict.outcome == "proved":

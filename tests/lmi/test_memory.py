@@ -55,7 +55,7 @@ def test_the_budget_itself_is_allowed_and_no_number_more() -> None:
         ),
         (
             lambda: window(4, 4000).approx(np.ones((601, 3999))),
-            "a window of 4000 impulses and 4 states, at 601 places, needs 2.86 GiB of memory, "
+            "a window of 4000 impulses and 4 states, at 601 places, needs 2.87 GiB of memory, "
             "and the budget is 512 MiB: a shorter window or fewer states are required.",
         ),
         (
@@ -99,10 +99,10 @@ def test_balls_take_about_what_is_said() -> None:
     with precision(128):
         third = ball(exact(np.ones((150, 150)))) * ball(exact(np.full((150, 150), 1 / 3)))
         traced = peak(lambda: entries(third))  # the mantissas are beside Python's memory
-    assert 150**2 * BALL_BYTES / 10 < traced < 150**2 * BALL_BYTES * 2
+    assert 150**2 * BALL_BYTES / 4 < traced < 150**2 * BALL_BYTES * 2
 
 
 def test_the_rank_of_a_tall_matrix_takes_no_square_of_its_rows() -> None:
-    X = exact(np.random.default_rng(1).standard_normal((3000, 2)))
     with precision(128):
+        X = entries(ball(exact(np.random.default_rng(1).standard_normal((3000, 2)))))
         assert peak(lambda: well_ranked(X, 1e-10)) < 20e6  # a 3000 x 3000 factor takes 72e6
