@@ -18,6 +18,8 @@ import clarabel
 import numpy as np
 from numpy.typing import NDArray
 
+from lmi.memory import require_memory
+
 Matrix = NDArray[np.float64]
 Inequality = Callable[..., Matrix]  # unknowns -> (k, m, m) symmetric
 
@@ -47,9 +49,10 @@ def best_margin(
     unknowns: Sequence[Unknown], inequality: Inequality, kappa: float
 ) -> tuple[list[Matrix], float] | None:
     """(values of the unknowns, margin), or None when the solver gives no usable numbers."""
-    directions = _directions(unknowns)
     zero = [np.zeros((u.rows, u.columns)) for u in unknowns]
     constant = inequality(*zero)
+    _require_memory(unknowns, constant.size)
+    directions = _directions(unknowns)
     columns = [inequality(*direction) - constant for direction in directions]
     k, m = constant.shape[:2]
     scaled = [i for i, unknown in enumerate(unknowns) if unknown.symmetric]
@@ -80,6 +83,17 @@ def best_margin(
         for i in range(len(unknowns))
     ]
     return values, float(x[-1])
+
+
+def _require_memory(unknowns: Sequence[Unknown], entries: int) -> None:
+    """OversizeError before one matrix for each unknown number, and the solver's, are built."""
+    count = sum(u.rows * (u.rows + 1) // 2 if u.symmetric else u.rows * u.columns for u in unknowns)
+    own = sum(u.rows * u.columns for u in unknowns)
+    require_memory(
+        f"a matrix inequality in {count} unknown numbers",
+        count * (own + 4 * entries),
+        "fewer states are required",
+    )
 
 
 def _directions(unknowns: Sequence[Unknown]) -> list[list[Matrix]]:

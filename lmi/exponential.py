@@ -14,6 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from lmi.memory import require_memory
+
 Matrix = NDArray[np.float64]
 
 # Degrees m and the 1-norms up to which the backward error of the [m/m] approximant stays below the
@@ -123,6 +125,9 @@ def _pade(X: Matrix, degree: int) -> Matrix:
 def exponential_grid(F: ArrayLike, start: float, step: float, count: int) -> Matrix:
     """e^{F (start + k step)}, k = 0..count-1, (count, n, n), by doubling: log2(count) products."""
     F = np.asarray(F, dtype=np.float64)
+    require_memory(
+        f"{count} exponentials of {len(F)} states", count * F.size, "a shorter window is required"
+    )
     grid = np.empty((count, *F.shape))
     if count == 0:
         return grid

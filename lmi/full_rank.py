@@ -47,7 +47,7 @@ def prove_full_rank(
     largest    one of ||O R^-1||
     recalled   one of ||O X^-1||, X the last X_i as its first r coordinates; infinite where it is
                not seen to be invertible
-    boxes      how many it took
+    boxes      how many it took, at most `limit`, and BOX_LIMIT / m
 
     Undecided evidence: "thetas", near which it could not be shown.
     """
@@ -59,16 +59,17 @@ def prove_full_rank(
         family = normalised(stack, low, high, R)
         if family is None:
             return undecided("the coordinates are not certainly invertible")
-        return _branch(stack, family, margin, limit)
+        # the work on a box rises with its sides
+        return _branch(stack, family, margin, min(limit, BOX_LIMIT // max(stack.thetas, 1)))
 
 
 def _branch(stack: Stack, family: NormalisedStack, margin: float, limit: int) -> Verdict:
     todo = [(math.inf, 0, Box(((0, 0),) * stack.thetas))]
     least, least_margin, count, serial = math.inf, math.inf, 0, 0
-    out_of_time: dict[str, Any] = {}
     spread, largest, recalled = np.zeros(stack.blocks), 0.0, 0.0
-    worst, worst_box, why = math.inf, todo[0][2], ""
-    while todo and not why:
+    worst, worst_box, reason = math.inf, todo[0][2], ""
+    out_of_time: dict[str, Any] = {}
+    while todo and not reason:
         box = heapq.heappop(todo)[2]
         count += 1
         found = bounds(stack, family, box, margin)
@@ -80,19 +81,19 @@ def _branch(stack: Stack, family: NormalisedStack, margin: float, limit: int) ->
         if found.centre <= worst:
             worst, worst_box = found.centre, box
         if count + len(todo) >= limit:
-            why = f"{limit} boxes did not suffice"
-        elif found.widest is None or box.sides[found.widest][0] >= _DEPTH or found.centre <= margin:
-            why = "it nearly fails"
-        elif out_of_time := ended():
-            why = f"{count} boxes were looked at"
-        else:
+            reason = f"{limit} boxes did not suffice"
+        if found.widest is None or box.sides[found.widest][0] >= _DEPTH or found.centre <= margin:
+            reason = "it nearly fails"
+        if out_of_time := ended():
+            reason = f"{count} boxes were looked at"
+        if not reason and found.widest is not None:
             for half in box.halves(found.widest):
                 serial += 1
                 heapq.heappush(todo, (found.centre, serial, half))
-    if not why:
+    if not reason:
         return proved(sigma_min=least, margin=least_margin, spread=spread.tolist(),
                       largest=largest, recalled=recalled, boxes=count)  # fmt: skip
-    place = [family.centre(side) for side in worst_box.sides]
+    place = [family.centre(side) * family.unit for side in worst_box.sides]
     text = ", ".join(f"{theta:.9g}" for theta in place)
-    return undecided(f"full rank could not be shown: {why}; the worst place is ({text})",
+    return undecided(f"full rank could not be shown: {reason}; the worst place is ({text})",
                      thetas=place, boxes=count, **out_of_time)  # fmt: skip

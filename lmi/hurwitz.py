@@ -17,6 +17,7 @@ from lmi.balls import (
     precision,
     to_float,
 )
+from lmi.memory import require_memory
 from lmi.verdict import Verdict, proved, refuted
 
 Matrix = NDArray[np.float64]
@@ -102,13 +103,16 @@ def rightmost(F: Matrix) -> complex:
 def lyapunov_matrix(F: Matrix, P: Matrix) -> Matrix | None:
     """Q of (F + a I)'Q + Q(F + a I) = -P with a half the decay rate of F; floats, n^2 unknowns.
 
-    None when F does not look Hurwitz or the equation cannot be solved.
+    None when F does not look Hurwitz or the equation cannot be solved. OversizeError where its
+    n^4 coefficients exceed the budget of memory.
     """
     n = len(F)
     abscissa = rightmost(F).real
     if not abscissa < 0:
         return None
     shifted = F - 0.5 * abscissa * np.eye(n)
+    # the operator, the terms of its sum and its factors
+    require_memory(f"a Lyapunov equation of {n} states", 4 * n**4, "fewer states are required")
     operator = np.kron(np.eye(n), shifted.T) + np.kron(shifted.T, np.eye(n))
     try:
         with np.errstate(all="ignore"):

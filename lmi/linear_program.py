@@ -9,6 +9,8 @@ import highspy
 import numpy as np
 from numpy.typing import NDArray
 
+from lmi.memory import require_memory
+
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
 Indices = NDArray[Any]  # of integers
@@ -27,6 +29,12 @@ def minimise(
     sides: lower, upper (m,); bounds: low, high (n,), with infinities; seconds: on the wall.
     """
     n, m = len(cost), len(sides[0])
+    # triplets, their sorted copies, and the solver's matrix with its factors
+    require_memory(
+        f"a linear program in {n} unknown numbers with {m} inequalities",
+        40.0 * (int(np.count_nonzero(rows)) if isinstance(rows, np.ndarray) else len(rows[0])),
+        "fewer states are required",
+    )
     row, column, value = _entries(rows) if isinstance(rows, np.ndarray) else rows
     finite = np.isfinite(value).all() and np.isfinite(cost).all()
     if not finite or np.isnan(np.concatenate([*sides, *bounds])).any():

@@ -24,6 +24,7 @@ class NormalisedStack:
 
     F is the stack's without `growth` times the identity, which scales the rows of O and no more:
     block j stands for e^{-growth (theta_1 + ... )} of the stack's. size: above |F|; back: R^-1.
+    Time is measured in the power of two `unit`, so that no product of times and rates underflows.
     """
 
     F: Any
@@ -33,6 +34,7 @@ class NormalisedStack:
     back: Any
     size: Matrix
     growth: float
+    unit: float
     low: Any
     length: Any
     flows: dict[tuple[int, int], Any] = field(default_factory=dict)
@@ -44,12 +46,12 @@ class NormalisedStack:
         return self.flows[key]
 
     def centre(self, key: tuple[int, int]) -> float:
-        """Middle of a side."""
+        """Middle of a side, in units of time."""
         exactly = self._middle(key)
         return float(int(exactly.p) / int(exactly.q))
 
     def half(self, key: tuple[int, int]) -> float:
-        """Above half the width of a side."""
+        """Above half the width of a side, in units of time."""
         exactly = self.length / 2 ** (key[0] + 1)
         return float(int(exactly.p) / int(exactly.q)) * RAISED
 
@@ -65,12 +67,8 @@ def magnitudes(S: Any) -> Matrix:
 
 def norm_above(bound: Matrix) -> float:
     """Above the spectral norm of every matrix whose entries are below these."""
-    largest = float(bound.max(initial=0.0))
-    if not 0 < largest < math.inf:
-        return largest
-    unit = bound / largest  # squares of small numbers are zero
-    either = math.sqrt(float(unit.sum(axis=0).max() * unit.sum(axis=1).max()))
-    return largest * min(either, float(np.sqrt((unit**2).sum()))) * RAISED
+    either = math.sqrt(float(bound.sum(axis=0).max() * bound.sum(axis=1).max()))
+    return min(either, float(np.sqrt((bound**2).sum()))) * RAISED
 
 
 def normalised(stack: Stack, low: float, high: float, R: Matrix) -> NormalisedStack | None:
@@ -81,9 +79,10 @@ def normalised(stack: Stack, low: float, high: float, R: Matrix) -> NormalisedSt
         T = into.inv()
     except (ZeroDivisionError, np.linalg.LinAlgError, ValueError):
         return None
-    n = len(stack.F)
-    growth = stack.growth
-    F = T * ball(stack.F) * into - ball(exact(growth * np.eye(n)))
+    unit = 2.0 ** round(math.log2(high)) if high > 0 else 1.0
+    growth = stack.growth * unit
+    into_time = scalar(rational(unit))
+    F = T * ball(stack.F) * into * into_time - ball(exact(growth * np.eye(len(stack.F))))
     if not np.isfinite(middle(F)).all():
         return None
     return NormalisedStack(
@@ -94,6 +93,7 @@ def normalised(stack: Stack, low: float, high: float, R: Matrix) -> NormalisedSt
         back=back,
         size=magnitudes(F),
         growth=growth,
-        low=rational(low),
-        length=rational(high) - rational(low),
+        unit=unit,
+        low=rational(low) / rational(unit),
+        length=(rational(high) - rational(low)) / rational(unit),
     )

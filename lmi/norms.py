@@ -61,7 +61,7 @@ def well_ranked(X: Exact, threshold: float) -> Verdict:
         )
     if not np.isfinite(middle).all():
         return undecided("entries beyond any precision: the time constants are too far apart")
-    _, values, right = np.linalg.svd(middle, full_matrices=True)
+    _, values, right = np.linalg.svd(middle, full_matrices=len(middle) < n)
     smallest = values[n - 1] if len(values) >= n else 0.0
     ratio = float(smallest / np.sqrt((values**2).sum()))
     gram = X.T @ X

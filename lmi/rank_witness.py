@@ -1,6 +1,6 @@
 """Witnesses that a stack of products loses rank, checked in balls.
 
-Thetas and a vector x with |O x| < MARGIN |R x|, the block rows of O R^-1 scaled to norm 1; or, for
+Thetas and a vector x with |O x| < MARGIN |R x|, the block rows of O R^-1 scaled to norm 1, or, for
 a square stack, two places where its determinant has opposite signs: between them it is zero.
 """
 

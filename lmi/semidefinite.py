@@ -20,6 +20,8 @@ import clarabel
 import numpy as np
 from numpy.typing import NDArray
 
+from lmi.memory import require_memory
+
 if TYPE_CHECKING:
     from scipy import sparse
 
@@ -58,6 +60,12 @@ def common_matrices(
 
     k, n = maps.shape[:2]
     size = n * (n + 1) // 2
+    # maps as matrices on svec, two of their factors, and the sparse ones of the solver
+    require_memory(
+        f"a search for {nodes} matrices of {n} states with {k} maps",
+        6 * (k + nodes) * size**2,
+        "fewer states, or a shorter range of dwell times, are required",
+    )
     none = np.zeros(k, dtype=np.intp)
     ends = none if source is None else source, none if target is None else target
     A, b = _constraints(maps, *ends, nodes, floor)

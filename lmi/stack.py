@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from lmi.balls import Exact, to_float
 from lmi.exponential import expm
+from lmi.memory import require_memory
 
 Matrix = NDArray[np.float64]
 
@@ -58,9 +59,15 @@ class Stack:
         return float(modes.sum()) / len(modes)
 
     def approx(self, thetas: Matrix, growth: float = 0.0) -> Matrix:
-        """O in floats at points (N, m): (N, rows, r); a block row at time t times e^{-growth t}."""
+        """O in floats at points (N, m): (N, rows, r); block rows at time t times e^{-growth t}."""
         F, H, C = to_float(self.F), to_float(self.H), to_float(self.C)
         points = np.asarray(thetas, dtype=np.float64)
+        # flows, with eight temporaries of their exponentials, and states with outputs
+        require_memory(
+            f"a window of {self.blocks} impulses and {len(F)} states, at {len(points)} places,",
+            points.size * 10 * len(F) ** 2,
+            "a shorter window or fewer states are required",
+        )
         flows = expm((F - growth * np.eye(len(F))) * points[..., None, None])
         return np.concatenate([C @ X for X in self._states(flows, H)], axis=-2)
 
@@ -81,8 +88,8 @@ def coordinates(stack: Stack, low: float, high: float) -> tuple[Matrix, bool]:
     """(R, full): z = R x makes the columns of O at a typical constant theta orthonormal.
 
     Its block rows are first divided by what one step of that theta makes of them in the long run,
-    a power of two for each: a factor e^{mu theta} of all modes leaves R alone. The typical theta
-    is the middle of [low, high], or another one where the columns of O are dependent there, closer
+    a power of two for each: a factor e^{mu theta} of all modes leaves R alone. The typical theta is
+    the middle of [low, high], or another one where the columns of O are dependent there, closer
     than DEPENDENT. full is False when they are so everywhere: then R is a diagonal matrix of their
     sizes. R is a float (r, r) that is used as it is.
     """
@@ -129,12 +136,10 @@ def state_basis(stack: Stack, R: Matrix) -> Matrix:
     """Columns of right R^-1, completed by what the jump destroys: coordinates of the states X_i.
 
     Floats (n, n), used as they are; orthogonal columns complete them where the jump destroys too
-    little, or some of them. LinAlgError if R is singular, or floats cannot hold them.
+    little, or some of them. LinAlgError if R is singular.
     """
     columns: Matrix = np.asarray(np.linalg.solve(R.T, to_float(stack.right).T).T, dtype=np.float64)
     n, r = columns.shape
-    if not np.isfinite(columns).all():
-        raise np.linalg.LinAlgError("coordinates beyond binary64")
     if n == r:
         return columns
     H, F = to_float(stack.H), to_float(stack.F)
@@ -144,10 +149,7 @@ def state_basis(stack: Stack, R: Matrix) -> Matrix:
     if not np.isfinite(whole).all() or np.linalg.cond(whole) > _OBLIQUE:
         destroyed = np.linalg.qr(columns, mode="complete")[0][:, r:]
     # as large as what they drive the other coordinates by in a unit of time
-    basis, image = np.hstack([columns, destroyed]), F @ destroyed
-    if not (np.isfinite(basis).all() and np.isfinite(image).all()):  # LAPACK might never return
-        raise np.linalg.LinAlgError("coordinates beyond binary64")
-    driven = np.linalg.lstsq(basis, image, rcond=None)[0][:r]
+    driven = np.linalg.lstsq(np.hstack([columns, destroyed]), F @ destroyed, rcond=None)[0][:r]
     size = float(np.linalg.norm(driven, 2))
     return np.hstack([columns, destroyed / size if size > 0 else destroyed])
 

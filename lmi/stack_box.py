@@ -28,6 +28,8 @@ from lmi.window_box import WindowBox, window_box
 
 # sums of a few floats of either sign are off by less, relative to the sum of their sizes
 _ROUNDING = 1e-13
+# bounds of exponentials are no smaller: an upper bound must not underflow
+_TINY = 1e-300
 
 
 @dataclass(frozen=True)
@@ -106,8 +108,7 @@ def _proved(
         return BoxBounds(False, widest, centre)
     start = family.back * Z
     growth = _growths(family, box, count)
-    every = range(count)
-    since = {i: np.repeat([growth(i, j) for j in every], p) for i in (None, *every)}
+    since = {i: np.repeat([growth(i, j) for j in range(count)], p) for i in (None, *range(count))}
     plain = magnitudes(start * Y) + magnitudes(start) @ undo @ Y_size
     smallest = 1 / norm_above(plain * since[None]) / RAISED
     spread = []
@@ -196,7 +197,7 @@ def _growths(family: NormalisedStack, box: Box, count: int) -> Any:
         low, high = min(start, end), max(start, end)
         time = sum(centres[low:high]) * (1 if end > start else -1)
         varied = abs(family.growth) * (sum(halves[low:high]) + rounding)
-        return float(np.exp(family.growth * time + varied)) * RAISED
+        return max(float(np.exp(family.growth * time + varied)) * RAISED, _TINY)
 
     return between
 
@@ -229,7 +230,7 @@ def _first_rows(X: Any, count: int) -> Any:
 
 
 def _widest(box: Box, window: WindowBox, N: Matrix | None) -> int | None:
-    """The side with the largest part in the error, weighed by N or by the error's eigenvectors."""
+    """The side with the largest part in the error, weighted by N, or by the error's own vectors."""
     if not window.shares:
         return None
     if not all(np.isfinite(share).all() for share in window.shares):

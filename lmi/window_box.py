@@ -143,7 +143,7 @@ def _step(sweep: _Sweep, P: Any, W: Any, block: int, h: float) -> None:
 
 def _undoing(W: Any, flow: Any) -> Any:
     """The K, floats as a ball matrix, for which W K is closest to F W."""
-    K = np.linalg.lstsq(middle(W), middle(flow))[0]
+    K = np.linalg.lstsq(middle(W), middle(flow), rcond=None)[0]
     return ball(exact(np.where(np.isfinite(K), K, 0.0)))
 
 
@@ -163,5 +163,5 @@ def _exponential(X: Matrix) -> Matrix:
     total = total + float(term.max(initial=0.0))
     for _ in range(halvings):
         total = total @ total
-    bound: Matrix = total * RAISED
-    return bound
+    above: Matrix = total * RAISED
+    return above

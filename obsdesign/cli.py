@@ -15,6 +15,7 @@ import warnings
 
 import click
 
+from lmi.memory import OversizeError
 from obsdesign.commands import data, pages, proving, sweeping
 from obsdesign.errors import InputError
 
@@ -68,7 +69,7 @@ def _run() -> int:
         sys.stdout.flush()
     except click.exceptions.Exit as leaving:
         code = leaving.exit_code
-    except (InputError, click.ClickException) as error:
+    except (InputError, OversizeError, click.ClickException) as error:
         text = error.format_message() if isinstance(error, click.ClickException) else str(error)
         _complain(text)
         code = 2

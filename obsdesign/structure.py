@@ -63,6 +63,8 @@ def hidden_pair(A: Any, G: Any, C: Any) -> tuple[Any, Any] | None:
     """
     maps = [exact(A), exact(G)]
     rows = exact(C)
+    if surely_observable(maps[0], rows):
+        return None
     hidden, free = nullspace(rows)
     while free:
         further = [rows @ X for X in maps]

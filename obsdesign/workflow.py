@@ -13,6 +13,7 @@ from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
+from lmi.memory import OversizeError
 from lmi.patience import (
     Remark,
     ended,
@@ -142,6 +143,8 @@ def _attempted(problem: Problem, first: bool) -> _Attempt | InputError:
             tried, untried = _tried(problem, first, remarks)
         except InputError as error:
             return error
+        except OversizeError as error:
+            return InputError(str(error))
         best = _best(tried)
         claims = tuple(map(with_untried, best.claims)) if untried else best.claims
         verdict = overall(claim.verdict for claim in claims)
@@ -292,7 +295,10 @@ def verify(design: Design, *, paranoid: bool = False) -> Outcome:
     except InputError as error:
         raise InputError(f"the problem inside the design: {error}") from None
     certificates = {claim.id: claim.evidence for claim in design.claims}
-    claims = verification.claims(problem, design.gains, certificates, paranoid=paranoid)
+    try:
+        claims = verification.claims(problem, design.gains, certificates, paranoid=paranoid)
+    except OversizeError as error:
+        raise InputError(str(error)) from None
     document, guarantees = told_truly(problem, design, claims, verification)
     claims = (*claims, document)
     verdict = overall(claim.verdict for claim in claims)

@@ -69,7 +69,7 @@ def test_packages_live_where_they_belong(path: Path) -> None:
             assert name.startswith(places), f"{package} is imported by {name}"
 
 
-LIGHT = ("numpy", "lmi.exponential", "lmi.enclosure")
+LIGHT = ("numpy", "lmi.exponential", "lmi.enclosure", "lmi.memory")
 
 
 @pytest.mark.parametrize(

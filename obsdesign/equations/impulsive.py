@@ -28,6 +28,7 @@ Notation
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -45,6 +46,8 @@ QUOTIENT_RATE = 0.95
 # parts of a cascade are asked for so many times the rate that is wanted of all of it
 CASCADE_MARGIN = 1.1
 LONGEST_WINDOW = 4096  # impulses
+# impulses of a proof of full rank beyond the fewest conceivable ones
+_FURTHER_BLOCKS = 4
 STRATEGIES = ("full", "compressed", "subspace", "quadratic")
 
 
@@ -103,6 +106,14 @@ def core_of(gains: Mapping[str, Any]) -> Core:
         return Core(A, C, G, lift=lift)
     U, S = gains["image"], gains["coimage"]
     return Core(A, C, U @ S, U, S, lift)
+
+
+def most_blocks(core: Core, p: int) -> int:
+    """Impulses that a proof of full rank may use, of a window however long: p outputs at each.
+
+    Full rank of the first measurements of a window is full rank of all of them.
+    """
+    return math.ceil(core.size / p) + _FURTHER_BLOCKS
 
 
 def window_matrix(core: Core, flows: Array) -> tuple[Array, Array]:

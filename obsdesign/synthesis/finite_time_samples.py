@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Any
 
@@ -27,8 +28,15 @@ def chosen_samples(problem: Problem) -> int:
     if "window" in problem.options:
         return equations.window_samples(problem.options["window"], period)
     A, C, objective = plant.flow.A, plant.output.C, problem.options.get("objective")
+    if objective is None:
+        return _well_determined(A, C, period)
+    fewest = math.ceil(plant.n / plant.p)
     shortest = next(
-        (k for k in range(1, plant.n + 1) if equations.approx_reach(A, C, period, k) > SINGULAR),
+        (
+            k
+            for k in range(fewest, plant.n + 1)
+            if equations.approx_reach(A, C, period, k) > SINGULAR
+        ),
         None,
     )
     k: int | None = None

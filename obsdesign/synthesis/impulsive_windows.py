@@ -25,8 +25,6 @@ from obsdesign.synthesis.impulsive_noise import quiet_enough
 
 # weight of the past where nothing else says: the error is certified to shrink by a quarter
 ALPHA = 1.3
-# windows longer than the shortest conceivable one that are tried
-_LONGER = 4
 _RANK = 1e-10
 # log of the largest alpha that is worth its name
 _FASTEST = 200.0
@@ -141,7 +139,8 @@ def _provable(
     core: equations.Core, shortest: int, asked: int | None, ends: tuple[float, float], limit: int
 ) -> tuple[int, Verdict, bool]:
     """(blocks, verdict on a window of so many, whether longer ones might still do)."""
-    last = shortest + _LONGER if asked is None else min(asked, shortest + _LONGER)
+    last = equations.most_blocks(core, len(core.C))
+    last = last if asked is None else min(asked, last)
     blocks = min(shortest, last)
     for blocks in range(min(shortest, last), last + 1):
         verdict = decide_full_rank(_stack(core, blocks), *ends, limit)

@@ -163,6 +163,76 @@ def test_a_proof_that_must_not_succeed_does_not() -> None:
         prove_full_rank(s, 0.4, np.inf, R)
 
 
+JORDAN = np.array([[1.0, 1], [0, 1]])
+
+
+def test_outputs_that_grow_by_many_orders_cost_no_boxes() -> None:
+    """det O = theta e^theta: never zero on [0.1, 10], by five orders of magnitude."""
+    verdict = decide_full_rank(stack(JORDAN, 2), 0.1, 10.0)
+    assert verdict.outcome == "proved"
+    assert verdict.evidence["boxes"] < 50
+    assert verdict.evidence["sigma_min"] <= sampled_sigma(stack(JORDAN, 2), 0.1, 10.0)
+    # the twin: with 0 in the range the determinant has a zero
+    assert decide_full_rank(stack(JORDAN, 2), 0.0, 10.0).outcome == "refuted"
+
+
+def test_a_jump_that_mixes_fast_and_slow_modes() -> None:
+    A = np.array([[1.0, 0, 0], [-1, -2, 0], [-1, 3, 2]])
+    G = np.array([[0.62, 0, -1.19], [-0.84, 0, -0.67], [0.09, 0, 2.34]])
+    s = stack(A, 3, C=np.array([[-0.7, -1.5, -0.9]]), H=G)
+    verdict = decide_full_rank(s, 0.31, 0.91)
+    assert verdict.outcome == "proved"
+    assert verdict.evidence["sigma_min"] <= sampled_sigma(s, 0.31, 0.91)
+
+
+@pytest.mark.parametrize("mu", [-3.0, -1.0, 1.0, 3.0])
+@pytest.mark.parametrize(
+    ("F", "blocks", "low", "high", "outcome"),
+    [
+        (chain(3), 3, 0.1, 0.8, "proved"),
+        (chain(2), 2, 0.01, 40.0, "proved"),
+        (TURN, 2, 0.51, 0.9, "proved"),
+        (TURN, 2, 0.4, 0.6, "refuted"),
+        (TURN, 3, 0.41, 0.6, "refuted"),
+    ],
+)
+def test_a_common_growth_of_all_modes_changes_no_verdict(
+    F: np.ndarray, blocks: int, low: float, high: float, outcome: str, mu: float
+) -> None:
+    shifted = stack(F + mu * np.eye(len(F)), blocks)
+    verdict = decide_full_rank(shifted, low, high)
+    assert verdict.outcome == outcome
+    if outcome == "proved":
+        plain = decide_full_rank(stack(F, blocks), low, high)
+        assert verdict.evidence["boxes"] == pytest.approx(plain.evidence["boxes"], rel=0.1)
+        # beyond, floats do not resolve the least singular value
+        assert verdict.evidence["sigma_min"] <= sampled_sigma(shifted, low, min(high, 2.0), 500)
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.integers(0, 10**6), st.sampled_from([-40, -7, 7, 40]))
+def test_powers_of_two_as_units_change_nothing(seed: int, exponent: int) -> None:
+    rng = np.random.default_rng(seed)
+    F, C = rng.standard_normal((2, 2)), rng.standard_normal((1, 2))
+    plain = decide_full_rank(stack(F, 2, C=C), 0.2, 0.9, limit=300)
+    unit, states = 2.0**exponent, np.exp2(rng.integers(-20, 20, 2))
+    moved = stack(F * unit * states / states[:, None], 2, C=C * states)
+    verdict = decide_full_rank(moved, 0.2 / unit, 0.9 / unit, limit=300)
+    assert verdict.outcome == plain.outcome
+    if plain.outcome == "proved":
+        assert verdict.evidence["boxes"] == plain.evidence["boxes"]
+
+
+def test_a_zero_of_a_block_row_inside_the_box_is_never_proved() -> None:
+    """The cosine of the turn is zero at a quarter, and again half a turn later."""
+    first = np.eye(2)[:, :1]
+    for blocks, high in ((1, 0.4), (2, 0.6)):
+        s = stack(TURN, blocks, right=first, flows_first=True)
+        assert decide_full_rank(s, 0.1, high, limit=500).outcome != "proved"
+    inside = stack(TURN, 1, right=first, flows_first=True)
+    assert decide_full_rank(inside, 0.1, 0.24).outcome == "proved"
+
+
 @settings(max_examples=25, deadline=None)
 @given(st.integers(0, 10**6))
 def test_random_systems_never_contradict(seed: int) -> None:

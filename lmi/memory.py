@@ -1,0 +1,40 @@
+"""Budget of memory: sizes that a user or a file gives are compared with it before arrays exist.
+
+Whoever builds arrays of such a size calls `require_memory` first. The refusal is one line: what is
+needed, what the budget is, what to change.
+"""
+
+from __future__ import annotations
+
+import math
+
+BUDGET_BYTES = 512 * 2**20
+FLOAT_BYTES = 8
+# a ball of up to 128 bits as a Python object, with its place in an array; measured
+BALL_BYTES = 120
+
+
+class OversizeError(ValueError):
+    """Arrays beyond the budget of memory would be needed; it implies no verdict about the plant."""
+
+
+def require_memory(what: str, count: float, change: str, each: int = FLOAT_BYTES) -> None:
+    """OversizeError where `count` numbers of `each` bytes exceed the budget.
+
+    what: noun phrase, "the window matrices of 4000 impulses"; change: what would make it fit.
+    """
+    if not count * each <= BUDGET_BYTES:
+        raise OversizeError(
+            f"{what} needs {_size(count * each)} of memory, and the budget is "
+            f"{_size(BUDGET_BYTES)}: {change}."
+        )
+
+
+def _size(count: float) -> str:
+    """Bytes in the largest of the units MiB, GiB, TiB that leaves at least 1."""
+    if not math.isfinite(count):
+        return "more than 1 TiB"
+    for unit, name in ((2**40, "TiB"), (2**30, "GiB")):
+        if count >= unit:
+            return f"{count / unit:.3g} {name}"
+    return f"{count / 2**20:.4g} MiB"
