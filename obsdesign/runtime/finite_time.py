@@ -105,8 +105,8 @@ class FiniteTimeObserver(SteadyWindow):
         if sample.u is not None:
             u = vector(sample.u, len(state.u), "u")
             state = state._replace(u=u, drive=self._drive(u))
-        numbers = np.concatenate((state.x, state.w, np.nan_to_num(state.window, nan=0.0)))
-        moderate = bool(np.abs(numbers).max() < MODERATE)
+        numbers = np.concatenate((state.x, state.w, state.window))
+        moderate = self._moderate_gains and bool(np.abs(numbers).max() < MODERATE)
         state = state._replace(started=True, cover=None, moderate=moderate)
         return state, self._estimate(state, irregular)
 

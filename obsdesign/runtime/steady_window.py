@@ -41,7 +41,7 @@ class SteadyWindow(SamplingWindow):
             if y is None:
                 return None
             y = vector(y, p, "y")
-        if not math.hypot(*y.tolist()) < MODERATE:
+        if not (abs(y.item()) if p == 1 else math.hypot(*y.tolist())) < MODERATE:
             return None  # larger numbers may overflow
         u, drive = state.u, state.drive
         if sample.u is not None:
@@ -51,8 +51,6 @@ class SteadyWindow(SamplingWindow):
             drive = drive if (u == state.u).all() else self._drive(u)
         # dot, as its overhead is half that of @
         x, w, residual, known = gain.dot(state.window), state.w, y, state.known
-        if not math.hypot(*x.tolist()) < MODERATE:
-            return None
         radius, slip, cover = state.radius, state.slip, None
         low = high = None
         if not plain:
@@ -60,13 +58,13 @@ class SteadyWindow(SamplingWindow):
             if more is None:
                 return None
             x, w, residual, known, cover = more
-            if not math.hypot(*x.tolist()) < MODERATE:
-                return None
+            if cover is None or cover is not state.cover:  # an old one bounds x
+                ends = x.tolist() if cover is None else [*cover.x.tolist(), *cover.radius.tolist()]
+                if not math.hypot(*ends) < MODERATE:
+                    return None
             if cover is not None:
                 slip, radius = cover.slip, cover.radius
                 low, high = self._ends(x, radius)
-                if not math.hypot(*radius.tolist()) < MODERATE:
-                    return None
         tape, end = state.tape, state.end
         window = None if tape is None else tape.after(end, residual, size)
         if window is None:

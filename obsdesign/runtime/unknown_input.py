@@ -28,6 +28,7 @@ from numpy.typing import ArrayLike
 
 from obsdesign.equations import unknown_input as equations
 from obsdesign.runtime.base import (
+    MODERATE,
     Batch,
     Estimate,
     Sample,
@@ -54,8 +55,8 @@ from obsdesign.runtime.unknown_input_steps import (
 
 # time stamps must tell a step to this part of its length
 _RESOLVED = 0.01
-# measurements shorter than this need no further look
-_NORMAL = 1e145
+# gains, and lengths of a step and their inverses, with which moderate numbers cannot overflow
+_USUAL = 1e30
 _COARSE = "time stamps resolve"
 
 
@@ -137,13 +138,16 @@ class UnknownInputObserver(PointObserver[UnknownInputState], Stepped[UnknownInpu
         if sample.jump:
             raise ValueError("this plant has no jumps ([jump] is absent), but a sample says jump.")
         t = later(sample.t, state.t, state.started)
+        y = self._measurement(sample.y)
+        if y is not None and state.moderate and 1.0 / _USUAL < t - state.t_seen < _USUAL:
+            return self._step(state, t, y, sample)  # no overflow: `errstate` takes its time
         with np.errstate(over="ignore", invalid="ignore"):  # the status names what is not finite
-            return self._step(state, t, sample)
+            return self._step(state, t, y, sample)
 
     def _step(
-        self, state: UnknownInputState, t: float, sample: Sample
+        self, state: UnknownInputState, t: float, y: Vector | None, sample: Sample
     ) -> tuple[UnknownInputState, Estimate]:
-        y, u, why = self._measurement(sample.y), state.u, ""
+        u, why = state.u, ""
         if y is None:
             y, why = usable(sample.y, self._p)
         if sample.u is not None and len(u) > 1:
@@ -174,9 +178,14 @@ class UnknownInputObserver(PointObserver[UnknownInputState], Stepped[UnknownInpu
             slope = damped_slope(state, h, y)
             d = d + self.gains["N"] @ slope[2]
         # y from `known`: the sample's own array is the caller's
-        following = UnknownInputState(t, t, x, w, known[k + p : k + 2 * p], u, None, slope, last)
-        if not x.dot(x) + d.dot(d) < math.inf:  # or a square overflowed
+        y = known[k + p : k + 2 * p]
+        moderate = self._has_usual_gains
+        moderate &= math.hypot(*w.tolist(), *x.tolist(), *d.tolist()) < MODERATE
+        if not moderate:
             status = status_of([status] if status != "ok" else [], x, d)
+        if u is not state.u or not state.moderate:
+            moderate &= math.hypot(*u.tolist()) < MODERATE
+        following = UnknownInputState(t, t, x, w, y, u, None, slope, last, True, moderate)
         return following, Estimate(t, x=x, d=d, status=status)
 
     def run(self, state: UnknownInputState, samples: Iterable[Sample]) -> Iterator[Estimate]:
@@ -215,7 +224,7 @@ class UnknownInputObserver(PointObserver[UnknownInputState], Stepped[UnknownInpu
     def _measurement(self, y: ArrayLike | None) -> Vector | None:
         """An array as it is if its length says that `usable` need not look at every entry."""
         if type(y) is np.ndarray and y.dtype.char == "d" and y.shape == (self._p,):
-            return y if math.hypot(*y.tolist()) < _NORMAL else None
+            return y if math.hypot(*y.tolist()) < MODERATE else None
         return None
 
     def _next_step(
@@ -238,6 +247,13 @@ class UnknownInputObserver(PointObserver[UnknownInputState], Stepped[UnknownInpu
     @cached_property
     def _free(self) -> FreeStep:
         return FreeStep(self.gains, self._damped)
+
+    @cached_property
+    def _has_usual_gains(self) -> bool:
+        numbers = [
+            np.abs(g).max() for g in self.gains.values() if isinstance(g, np.ndarray) and g.size
+        ]
+        return bool(max(numbers) < _USUAL)
 
     @cached_property
     def _fastest(self) -> float:

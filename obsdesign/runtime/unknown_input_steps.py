@@ -22,7 +22,8 @@ class UnknownInputState(NamedTuple):
     t: time of the last row; t_seen, w, y: time, reduced state and output at the last measurement
     (y None: none yet, w then a guess or None); u: [u; 1] held since t; used: integral of it since
     t_seen; slope: (h, mean of y, y') of the last interval, for `damped`; last: its length, the
-    matrix of such steps (None until a second one follows) and what there is to say of them.
+    matrix of such steps (None until a second one follows) and what there is to say of them;
+    moderate: w, x and d are below `MODERATE`.
     """
 
     t: float
@@ -35,6 +36,7 @@ class UnknownInputState(NamedTuple):
     slope: tuple[float, Vector, Vector] | None = None
     last: tuple[float, Vector | None, str] | None = None
     started: bool = True
+    moderate: bool = False
 
 
 def stacked(g: Mapping[str, Any], h: float, damped: bool) -> Vector:

@@ -12,7 +12,7 @@ import numpy as np
 
 from obsdesign.equations import finite_time as equations
 from obsdesign.runtime.approximate_inputs import ApproximateInputs
-from obsdesign.runtime.base import Vector
+from obsdesign.runtime.base import MODERATE, Vector
 from obsdesign.runtime.flow_maps import FlowMaps, flow_maps
 from obsdesign.runtime.window_error import WindowError
 
@@ -57,6 +57,11 @@ class WindowConstants:
     @cached_property
     def _gain(self) -> Vector:
         return np.ascontiguousarray(self.gains["window_gain"])
+
+    @cached_property
+    def _moderate_gains(self) -> bool:
+        """Are products of the gains with a moderate window finite?"""
+        return bool(np.abs(self._gain).max() < MODERATE)
 
     @cached_property
     def _middle(self) -> Vector:

@@ -233,4 +233,6 @@ def test_only_differences_of_stamps_count(kind: str, origin: float, step: float)
         here.x, there.x, rtol=1e-9, atol=1e-12 if kind != "impulsive_input" else tolerance
     )
     assert here.status == there.status
-    assert len(here.events) == len(there.events)
+    assert len(here.events) == len(there.events) == (1 if kind == "impulsive_input" else 0)
+    for one, other in zip(here.events, there.events, strict=True):
+        assert abs(other.t - origin - one.t) <= 2 * math.ulp(origin)
