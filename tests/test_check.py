@@ -143,3 +143,16 @@ def test_advice_answers_what_failed() -> None:
     assert "output.measured" in check_kind(periodic, "impulsive")["next"]
     refused = obsdesign.Problem.from_dict(body_of(flow={"D": [[1], [0]]}))
     assert check_kind(refused, "interval")["next"] == ""  # the reason says it all
+
+
+def test_a_kind_beyond_the_budget_of_memory_is_undecided(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = obsdesign.Problem.from_dict({
+        "flow": {"A": [[-1, 1], [0, -2]]},
+        "output": {"C": [[1, 0]], "measured": "periodic", "period": 0.1},
+    })  # fmt: skip
+    assert check_kind(asked, "finite_time")["verdict"] == "proved"
+    monkeypatch.setattr("lmi.memory.BUDGET_BYTES", 32)
+    entry = check_kind(asked, "finite_time")
+    assert entry["verdict"] == "undecided"
+    assert len(entry["reasons"]) == 1
+    assert "of memory, and the budget is 3.052e-05 MiB: a shorter window is" in entry["reasons"][0]
