@@ -60,7 +60,9 @@ def well_ranked(X: Exact, threshold: float) -> Verdict:
             {"vector": np.eye(n)[0].tolist(), "reason": "the matrix is zero"}, approx_ratio=0.0
         )
     if not np.isfinite(middle).all():
-        return undecided("the entries are beyond any precision: the time constants are too far apart")
+        return undecided(
+            "the entries are beyond any precision: the time constants are too far apart"
+        )
     _, values, right = np.linalg.svd(middle, full_matrices=True)
     smallest = values[n - 1] if len(values) >= n else 0.0
     ratio = float(smallest / np.sqrt((values**2).sum()))

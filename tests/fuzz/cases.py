@@ -54,9 +54,15 @@ def start(name: str, rng: Rng) -> list[str]:
     n = len(ALL[name]["flow"]["A"])
     pick = rng.random()
     if pick < 0.02:
-        return ["--initial", str(rng.choice(["1e308,1e308", "nan,1", "inf,inf", "1", "", "a,b", "1e150,-1e150"]))]
+        return [
+            "--initial",
+            str(rng.choice(["1e308,1e308", "nan,1", "inf,inf", "1", "", "a,b", "1e150,-1e150"])),
+        ]
     if bounds:
-        return ["--initial", ",".join([str(rng.choice(["0,2", "-5,9", "-1e150,1e150"], p=[0.8, 0.15, 0.05]))] * n)]
+        return [
+            "--initial",
+            ",".join([str(rng.choice(["0,2", "-5,9", "-1e150,1e150"], p=[0.8, 0.15, 0.05]))] * n),
+        ]
     return []
 
 
@@ -232,7 +238,9 @@ def _retell(rng: Rng, rows: list[list[str]]) -> None:
         k, column = int(rng.integers(1, len(rows))), int(rng.choice(columns))
         pick = rng.random()
         if pick < 0.5:
-            size = 10.0 ** rng.uniform(-150, 150) if rng.random() < 0.3 else 10.0 ** rng.uniform(-6, 6)
+            size = (
+                10.0 ** rng.uniform(-150, 150) if rng.random() < 0.3 else 10.0 ** rng.uniform(-6, 6)
+            )
             rows[k][column] = repr(float(rng.normal() * size))
         elif pick < 0.6:
             rows[k][column] = ""
@@ -241,7 +249,9 @@ def _retell(rng: Rng, rows: list[list[str]]) -> None:
             if len(rows) < 3:
                 return
         else:  # later from here on, or a row just after the one before
-            by = float(10.0 ** (rng.uniform(-12, 150) if rng.random() < 0.3 else rng.uniform(-9, 3)))
+            by = float(
+                10.0 ** (rng.uniform(-12, 150) if rng.random() < 0.3 else rng.uniform(-9, 3))
+            )
             for row in rows[k:]:
                 _shifted(row, by)
     last = -math.inf

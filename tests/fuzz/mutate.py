@@ -58,7 +58,12 @@ def _chosen(rng: np.random.Generator, values: Any) -> Any:
 
 def _number(rng: np.random.Generator, old: Any) -> Any:
     pick = rng.random()
-    if isinstance(old, int | float) and not isinstance(old, bool) and pick < 0.35 and abs(old) < 1e300:
+    if (
+        isinstance(old, int | float)
+        and not isinstance(old, bool)
+        and pick < 0.35
+        and abs(old) < 1e300
+    ):
         return _chosen(rng, [-old, old * 2, old / 3, old + 1, old * (1 + 1e-12), old * 1e-3,
                              float(rng.normal()), old * 1e6])  # fmt: skip
     return _chosen(rng, NUMBERS)
@@ -100,8 +105,14 @@ def renumbered(rng: np.random.Generator, body: Any, numbers: tuple[Any, ...] = I
         path = _chosen(rng, paths)
         parent, old, pick = at(body, path[:-1]), at(body, path), rng.random()
         if pick < 0.25 and isinstance(parent, list):  # a row in other units
-            factor = 10.0 ** rng.integers(-150, 150) if rng.random() < 0.3 else 10.0 ** rng.integers(-9, 9)
-            parent[:] = [x * factor if type(x) in (int, float) and abs(x) < 1e100 else x for x in parent]
+            factor = (
+                10.0 ** rng.integers(-150, 150)
+                if rng.random() < 0.3
+                else 10.0 ** rng.integers(-9, 9)
+            )
+            parent[:] = [
+                x * factor if type(x) in (int, float) and abs(x) < 1e100 else x for x in parent
+            ]
         elif pick < 0.6 and abs(old) < 1e300:
             parent[path[-1]] = _chosen(rng, [-old, old * 1.5, old / 3, old + 1, old * 1e-3, 0, 1, -1,
                                              float(rng.normal())])  # fmt: skip

@@ -6,7 +6,10 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-BALL = {"A": [[-1.0, 0.0], [1.0, -2.0]], "disturbance": {"lower": [-0.1, -0.1], "upper": [0.1, 0.1]}}
+BALL = {
+    "A": [[-1.0, 0.0], [1.0, -2.0]],
+    "disturbance": {"lower": [-0.1, -0.1], "upper": [0.1, 0.1]},
+}
 
 PROBLEMS: dict[str, dict[str, Any]] = {
     "interval": {

@@ -81,7 +81,11 @@ def batches(sort: str, seeds: range, report: Callable[[int, int, list[str]], Non
                     following = seed
         except EOFError:
             process.join()
-            report(following, -1, [f"the process ended with {process.exitcode}: time, memory or a crash"])
+            report(
+                following,
+                -1,
+                [f"the process ended with {process.exitcode}: time, memory or a crash"],
+            )
             following += 1
         process.join()
 
@@ -110,8 +114,12 @@ def main() -> None:
                     print(f"{sort} {seed}: {case_of(sort, seed).name}: {fault}", flush=True)
 
         batches(sort, range(options.first, options.first + options.cases), report)
-        codes = ", ".join(f"{counts[key]} {key}" for key in sorted(counts) if key.startswith("exit"))
-        print(f"{sort}: {counts['cases']} cases, {counts['faulty']} with faults; {codes}", flush=True)
+        codes = ", ".join(
+            f"{counts[key]} {key}" for key in sorted(counts) if key.startswith("exit")
+        )
+        print(
+            f"{sort}: {counts['cases']} cases, {counts['faulty']} with faults; {codes}", flush=True
+        )
         total, wrong = total + counts["cases"], wrong + counts["faulty"]
     for name, number in kinds.most_common():
         print(f"{number:6d}  {name}")

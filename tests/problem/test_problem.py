@@ -79,7 +79,9 @@ def test_a_noise_bound_stays_as_absent_as_it_was() -> None:
     assert absent.plant.output.noise_bound is None
     for again in (Problem.from_dict(absent.to_dict()), absent.for_kind("interval")[0]):
         assert again.plant.output.noise_bound is None
-    assert absent != Problem.from_dict(absent.to_dict() | {"output": {"C": [[2]], "noise_bound": 0}})
+    assert absent != Problem.from_dict(
+        absent.to_dict() | {"output": {"C": [[2]], "noise_bound": 0}}
+    )
 
 
 def test_one_number_serves_all_outputs() -> None:
@@ -87,7 +89,9 @@ def test_one_number_serves_all_outputs() -> None:
         problem = Problem(flow={"A": [[-1]]}, output={"C": [[2], [1]], name: 0.03})
         assert problem.to_dict()["output"][name] == [0.03, 0.03]
         assert Problem.from_dict(problem.to_dict()) == problem
-    with pytest.raises(InputError, match=r"^output.noise_bound must be >= 0; got -0.03 for output 1"):
+    with pytest.raises(
+        InputError, match=r"^output.noise_bound must be >= 0; got -0.03 for output 1"
+    ):
         Problem(flow={"A": [[-1]]}, output={"C": [[2], [1]], "noise_bound": -0.03})
 
 

@@ -40,7 +40,11 @@ def test_fixed_seeds_never_leave_their_bounds() -> None:
 
 def test_the_twin_a_slope_taken_for_zero_is_caught() -> None:
     # without the slope terms the scheme is a zero-order hold of the output: it must be seen
-    plant = Plant(Flow(np.array([[0.0, 1.0], [-4.0, -0.1]])), None, Output(np.array([[1.0, 0.0]]), noise_bound=0.0))
+    plant = Plant(
+        Flow(np.array([[0.0, 1.0], [-4.0, -0.1]])),
+        None,
+        Output(np.array([[1.0, 0.0]]), noise_bound=0.0),
+    )
     observer = observer_for(plant, np.array([[1.0], [2.0]]), np.zeros((2, 1)))
     state = observer.init(0.0, lower=[1, 0], upper=[1, 0])
     state, _ = observer.step(state, Sample(0.0, y=[1.0]))
