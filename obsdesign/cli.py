@@ -20,7 +20,7 @@ from obsdesign.commands import data, pages, proving, sweeping
 from obsdesign.errors import InputError
 
 INTERNAL_ERROR = 70
-_LONGEST_REASON = 300  # characters
+_LONGEST_LINE = 1000  # characters
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
@@ -86,15 +86,16 @@ def _run() -> int:
         if verbose:
             traceback.print_exc()
         reason = f"{type(error).__name__} {error}".strip()
-        _complain(
-            f"internal error: {reason[:_LONGEST_REASON]}, please report, --verbose for the trace"
-        )
+        reason = reason[: _LONGEST_LINE // 2]
+        _complain(f"internal error: {reason}, please report, --verbose for the trace")
         code = INTERNAL_ERROR
     return code if isinstance(code, int) else 0
 
 
 def _complain(text: str) -> None:
-    click.echo(f"obsdesign: {' '.join(text.split())}", err=True)
+    line = " ".join(text.split())
+    line = line if len(line) <= _LONGEST_LINE else line[:_LONGEST_LINE] + "..."
+    click.echo(f"obsdesign: {line}", err=True)
 
 
 def _discard_output() -> None:

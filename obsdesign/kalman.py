@@ -26,6 +26,7 @@ Array = NDArray[np.float64]
 
 # without any noise of y, so much of its size: a filter needs some
 _LEAST_NOISE = 1e-6
+_ROUNDING = 2.0**-50
 # logarithms of the variances that are tried, and on how many rows at most
 _TRIED, _MOST_ROWS = np.arange(-6.0, 7.0), 1500
 
@@ -117,6 +118,7 @@ def _update(now: _Moments, y: Array, C: Array, R: Array) -> tuple[_Moments, floa
     """After a measurement, and the logarithm of how likely it was."""
     seen = np.hstack([C, np.zeros((len(C), len(now.z) - C.shape[1]))])
     S = seen @ now.P @ seen.T + R
+    S += _ROUNDING * float(S.diagonal().max()) * np.eye(len(y))  # or rounding makes it singular
     missed = y - seen @ now.z
     gain = np.linalg.solve(S, seen @ now.P).T
     kept = np.eye(len(now.z)) - gain @ seen
