@@ -34,6 +34,8 @@ def spectral_norm(X: Exact) -> Any:
         return _frobenius(X).union(scalar(0))
     if not np.isfinite(middle).all():  # balls without a midpoint: the norm may be anything
         return _frobenius(X)
+    if not np.isfinite(middle).all():  # balls without a midpoint: the norm may be anything
+        return _frobenius(X)
     _, values, right = np.linalg.svd(middle)
     v = exact(right[0])
     moved = X @ v

@@ -195,7 +195,8 @@ def _outcome(
     result |= _numbers(problem, best, bracket, shortest, accuracy)
     if bracket.proved is None:
         # other gains may do where those that were found do not
-        verdict = "undecided" if best.searched else bracket.verdict or "undecided"
+        open_question = best.searched or bracket.ended  # time may have ended before all was tried
+        verdict = "undecided" if open_question else bracket.verdict or "undecided"
         result |= (bracket.ended or gains_ended) if verdict == "undecided" else {}
         return workflow.Outcome(verdict, kind, best.claims, result, None)
     low, high = problem.require_dwell_time()

@@ -8,7 +8,7 @@ from typing import Any
 from obsdesign.document import Claim, Design, jsonable
 from obsdesign.errors import InputError
 from obsdesign.problem import Problem
-from obsdesign.verification.evidence import Difference, difference
+from obsdesign.verification.evidence import ROUNDED_WIDTHS, Difference, difference
 
 Sentences = tuple[Mapping[str, Any], ...]
 
@@ -84,7 +84,11 @@ def _promises(sentences: Any) -> Any:
     entries = jsonable(sentences)
     if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
         return entries
-    return [{name: entry[name] for name in entry if name != "claims"} for entry in entries]
+    return [
+        {name: entry[name] for name in entry if name != "claims"}
+        for entry in entries
+        if entry.get("statement") != ROUNDED_WIDTHS
+    ]
 
 
 def _evidence_gap(stored: Mapping[str, Claim], found: tuple[Claim, ...]) -> Difference | None:

@@ -9,6 +9,7 @@ from typing import Any
 from obsdesign.document import Claim
 from obsdesign.problem import Problem
 from obsdesign.verification.dwell import Dwell
+from obsdesign.verification.evidence import ROUNDED_WIDTHS
 from obsdesign.verification.interval_sampled import (
     in_every_period,
     no_spacing,
@@ -55,6 +56,7 @@ def guarantees(problem: Problem, found: tuple[Claim, ...]) -> tuple[dict[str, An
         told.append((text, _all(verdicts, ids), ids))
     if not (at_jumps or periodic or sampled):
         told.append((no_spacing(), False, []))
+    told.append((ROUNDED_WIDTHS, _all(verdicts, enclosing), enclosing))
     return tuple({"statement": text, "given": given, "claims": ids} for text, given, ids in told)
 
 

@@ -377,8 +377,8 @@ def test_the_gain_moves_with_the_basis() -> None:
     ("plant", "dwell", "verdict"),
     [
         (([[1e3, 0], [0, 1]], np.eye(2), [[1, 1]]), [0.1, 10.0], "undecided"),  # flows overflow
-        ((chain(2), np.eye(2), [[1e-200, 0]]), [0.1, 1.0], "proved"),
-        ((chain(2), np.eye(2), [[1e200, 0]]), [0.1, 1.0], "proved"),
+        ((chain(2), np.eye(2), [[1e-150, 0]]), [0.1, 1.0], "proved"),
+        ((chain(2), np.eye(2), [[1e150, 0]]), [0.1, 1.0], "proved"),
         ((chain(2), np.eye(2), [[1, 0], [1, 0]]), [0.1, 1.0], "proved"),  # an output twice
         ((chain(2), np.eye(2), [[1, 0], [0, 1], [1, 1]]), [0.1, 1.0], "proved"),
         ((np.zeros((2, 2)), np.eye(2), [[1, 0]]), [0.1, 1.0], "refuted"),
@@ -413,9 +413,9 @@ def test_a_decay_rate_beyond_all_numbers() -> None:
             "1.932e+16: fewer digits than binary64 has; at most alpha = 1e+07 can be executed.",
         ),
         (
-            {"alpha": 1e300, "window": 4},
-            "observer.alpha = 1e+300 weighs the oldest of 2 impulses by alpha^-1 with alpha = "
-            "1e+300: fewer digits than binary64 has; at most alpha = 1e+07 can be executed.",
+            {"alpha": 1e150, "window": 4},
+            "observer.alpha = 1e+150 weighs the oldest of 2 impulses by alpha^-1 with alpha = "
+            "1e+150: fewer digits than binary64 has; at most alpha = 1e+07 can be executed.",
         ),
         ({"window": 100000}, "observer.window must be at most 4096 impulses; got 100000."),
     ],
