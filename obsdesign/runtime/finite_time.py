@@ -160,7 +160,7 @@ class FiniteTimeObserver(SteadyWindow):
         if not self.bounded:
             return Estimate(state.t, x=state.x, status=status_of(reasons, state.x))
         low, high = self._ends(state.centre, state.radius)
-        checked = (state.x, low, high) if state.good else (state.x,)
+        checked = (state.x, low, high) if state.good and self._has_bounds else (state.x,)
         return Estimate(state.t, state.x, low, high, status=status_of(reasons, *checked))
 
 

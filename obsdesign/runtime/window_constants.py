@@ -135,6 +135,14 @@ class WindowConstants:
         return WindowError.of(self.gains)
 
     @cached_property
+    def _has_bounds(self) -> bool:
+        """Is the radius of ordinary data finite? States that no sample shows have no bound."""
+        one = np.ones(len(self.gains["A"]))
+        with np.errstate(over="ignore", invalid="ignore"):
+            radius = self._error.radius(1.0, one, one, 0 * one, one)
+        return self.bounded and bool(np.isfinite(radius).all())
+
+    @cached_property
     def _inputs(self) -> ApproximateInputs | None:
         """How (14) as printed treats known inputs; None for every other method."""
         if self.gains["method"] != "approximate" or self.gains["half_sample"] != "printed":

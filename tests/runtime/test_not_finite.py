@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from obsdesign.runtime import Sample
+import obsdesign
+from obsdesign.runtime import Sample, from_design
 from obsdesign.runtime.interval_bundle import IntervalBundle
 from obsdesign.runtime.interval_fleet import Fleet
 from tests.runtime.random_time_stamps import MODES, random_case
@@ -43,6 +44,20 @@ def test_point_estimates_that_overflow(kind: str, size: float) -> None:
         batch = observer.run_batch(t, y, x=x, **({"jump": jump} if jump.any() else {}))
         for k in range(ROWS):
             assert finite(batch.x[k]) or batch.status[k] != "ok"
+
+
+def test_infinite_bounds_of_finite_data_are_not_ok() -> None:
+    body = {"flow": {"A": [[0.0, 1.0], [-1.0, 0.0]]}, "output": {"C": [[1, 0]], "measured": "periodic", "period": 0.1, "noise_bound": [0.1]},
+            "observer": {"kind": "finite_time", "window": 0.5}}  # fmt: skip
+    observer: Any = from_design(obsdesign.design(obsdesign.Problem.from_dict(body)))
+    for size in (1.0, *SIZES):
+        state = observer.init(0.0)
+        for k in range(12):
+            y = [size * (-1.0) ** k]
+            state, estimate = observer.step(state, Sample(round(0.1 * k, 1), y=y))
+            bounded = finite(estimate.x, estimate.lower, estimate.upper)
+            assert bounded or estimate.status != "ok"
+        assert (estimate.status == "ok") == (size < 1.7e308)
 
 
 def test_an_unstable_plant_overflows_with_a_status() -> None:
