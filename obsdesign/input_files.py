@@ -1,4 +1,4 @@
-"""Reading files: UTF-8 text, at most 64 MiB, nested at most 50 deep, or a line that says why not."""
+"""Reading files: UTF-8 text, at most 64 MiB, at most 50 deep, or a line that says why not."""
 
 from __future__ import annotations
 

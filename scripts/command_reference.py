@@ -12,7 +12,7 @@ from obsdesign.cli import cli
 HEAD = """# Commands
 
 Exit codes: 0 proved or done, 1 refuted (the witness is printed), 2 bad input or usage (one line on
-stderr), 3 undecided. `--json` prints exactly one JSON object on stdout. `NO_COLOR` is respected,
+stderr), 3 undecided, 70 internal error. `--json` prints exactly one JSON object on stdout. `NO_COLOR` is respected,
 and progress is shown on a terminal only. Made by `python -m scripts.command_reference`.
 """
 
