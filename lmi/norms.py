@@ -78,8 +78,13 @@ def well_ranked(X: Exact, threshold: float) -> Verdict:
 
 
 def _scaled_middle(X: Exact) -> tuple[Any, Any]:
-    """Midpoints over the largest of them, and that one; entries may be beyond binary64."""
+    """Midpoints over the largest of them, and that one; entries may be beyond binary64.
+
+    NaN where a ball is infinite; zeros and None for the zero matrix.
+    """
     values: list[Any] = list(X.flat)
+    if not all(x.is_finite() for x in values):
+        return np.full(X.shape, np.nan), scalar(1)
     middles = [abs(x.mid()) for x in values]
     largest = max(middles, default=scalar(0))
     if not largest > 0:

@@ -32,6 +32,8 @@ from obsdesign.window_gains import Sampled
 
 # halvings around a change of sign: what is left to a crude bound is a 4^-12 part of one period
 _HALVINGS = 12
+# halvings of all entries together, for each of them: then what is left to halve stays crude
+_HALVINGS_AN_ENTRY = 512
 # a piece below this part of the radius so far is not halved any more
 _NOTHING = 2.0**-50
 
@@ -56,9 +58,10 @@ def error_radius(sampled: Sampled, gain: Any, noise: Any, disturbance: Any) -> l
     if not columns:
         return radius
     pieces = _pieces(sampled)
+    room = _Room(_HALVINGS_AN_ENTRY * len(terms) * n * len(columns))
     for weight in _weights(sampled, terms):
         least = np.array([x * rational(_NOTHING) for x in radius])[:, None] / Delta
-        sizes = _integrals(weight, pieces, 0, columns, least)
+        sizes = _integrals(weight, pieces, 0, columns, least, room)
         for r in range(n):
             radius[r] = sum((sizes[r, c] * Delta[c] for c in columns), radius[r])
     return radius
@@ -82,6 +85,13 @@ def disturbance_bound(gains: Mapping[str, Any]) -> Any:
     """Delta: half the width of the bounds of b, exactly."""
     half: Any = (exact(gains["flow_upper"]) - exact(gains["flow_lower"])) / 2
     return half
+
+
+@dataclass
+class _Room:
+    """How many more pieces may be halved."""
+
+    halvings: int
 
 
 @dataclass(frozen=True)
@@ -124,7 +134,7 @@ _most = np.frompyfunc(lambda x, y: x.max(y), 2, 1)
 
 
 def _integrals(
-    start: Exact, pieces: list[_Piece], depth: int, columns: list[int], least: Any
+    start: Exact, pieces: list[_Piece], depth: int, columns: list[int], least: Any, room: _Room
 ) -> Any:
     """int_0^h |(start e^{-A s})[r, c]| ds for the rows of `start`, enclosed, on a piece.
 
@@ -144,13 +154,16 @@ def _integrals(
                 result[r, c] = abs(total[r, c])
             elif sizes[r, c] <= least[r, c]:
                 result[r, c] = abs(total[r, c]).union(sizes[r, c])
-            elif depth == _HALVINGS:
+            elif depth == _HALVINGS or room.halvings <= 0:
                 most = piece.h * ends / 2 + piece.h * piece.h * slopes[r, c] / 4
                 result[r, c] = abs(total[r, c]).union(most)
             else:
+                room.halvings -= 1
                 halves = (start, start @ pieces[depth + 1].over) if halves is None else halves
                 result[r, c] = sum(
-                    _integrals(half[r : r + 1], pieces, depth + 1, [c], least[r : r + 1])[0, c]
+                    _integrals(half[r : r + 1], pieces, depth + 1, [c], least[r : r + 1], room)[
+                        0, c
+                    ]
                     for half in halves
                 )
     return result
