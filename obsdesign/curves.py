@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lmi.balls import exact
-from lmi.exponential import expm
+from lmi.exponential import absolute_flow, expm
 from lmi.stack import Stack, approx_margin, coordinates
 from obsdesign.document import Design
 from obsdesign.equations import impulsive, impulsive_input
@@ -24,7 +24,7 @@ from obsdesign.equations.estimation_error import (
     jump_error_matrix,
     seen_before_jump,
 )
-from obsdesign.equations.interval_width import width_system_of
+from obsdesign.equations.interval_width import WidthSystem, width_system_of
 
 Array = NDArray[np.float64]
 
@@ -73,11 +73,27 @@ def curve_of(design: Design) -> Curve | None:
 def _interval(gains: Mapping[str, Any], evidence: Mapping[str, Any]) -> Curve | None:
     system = width_system_of(gains)
     if system.K is not None:
-        period = float(gains["period"])
-        return _growth(system.W, [system.K], (period, period), {}, "width of the bounds", "sample")
+        return _growth_from_sample_to_sample(system, float(gains["period"]))
     if system.N is None:
         return _decay(system.W)
     return _growth(system.W, [system.N], gains["dwell_time"], evidence, "width of the bounds")
+
+
+def _growth_from_sample_to_sample(system: WidthSystem, period: float) -> Curve:
+    """Spectral radius of |K e^(A s)| over the time s between samples, if constant."""
+    assert system.A is not None
+    theta = _around(period, period)
+    maps, _ = absolute_flow(system.at_samples[0], system.A, system.f, theta)
+    return Curve(
+        "Growth of the width of the bounds from sample to sample",
+        "time between samples",
+        "factor per sample",
+        theta,
+        {"constant time between samples": _spectral_radii(maps)},
+        "Below 1 it shrinks from each sample to the next; the design is for the marked one.",
+        1.0,
+        (period, period),
+    )
 
 
 def _unknown_input(gains: Mapping[str, Any], evidence: Mapping[str, Any]) -> Curve | None:
@@ -102,17 +118,15 @@ def _growth(
     span: Sequence[float],
     evidence: Mapping[str, Any],
     what: str,
-    event: str = "jump",
 ) -> Curve:
-    """Growth from event to event over the time between them, if constant, and in the norm of P."""
+    """Growth from jump to jump over the time between them, if constant, and in the norm of P."""
     low, high = (float(end) for end in span)
     theta = _around(low, high)
     flows = expm(F * theta[:, None, None])
-    between = "dwell time" if event == "jump" else f"time between {event}s"
     series = {}
     for k, H in enumerate(all_H):
-        name = f"constant {between}" + (f", gain {k + 1}" if len(all_H) > 1 else "")
-        series[name] = np.abs(np.linalg.eigvals(np.nan_to_num(flows @ H))).max(axis=1)
+        name = "constant dwell time" + (f", gain {k + 1}" if len(all_H) > 1 else "")
+        series[name] = _spectral_radii(flows @ H)
     P = evidence.get("dwell_stability", {}).get("P")
     if P is not None and len(all_H) == 1:
         root = np.linalg.cholesky(np.asarray(P)).T
@@ -120,20 +134,24 @@ def _growth(
         series["worst direction, norm of P"] = np.linalg.norm(
             np.nan_to_num(moved), ord=2, axis=(1, 2)
         )
-    marked = "the design is for the marked one"
-    if event == "jump":
-        marked = "the shaded range is proved, for every order in which dwell times may come"
-        marked = marked if "dwell_stability" in evidence else "the design is for the shaded range"
+    marked = "the shaded range is proved, for every order in which dwell times may come"
+    marked = marked if "dwell_stability" in evidence else "the design is for the shaded range"
     return Curve(
-        f"Growth of the {what} from {event} to {event}",
-        between,
-        f"factor per {event}",
+        f"Growth of the {what} from jump to jump",
+        "dwell time",
+        "factor per jump",
         theta,
         series,
-        f"Below 1 it shrinks from each {event} to the next; {marked}.",
+        f"Below 1 it shrinks from each jump to the next; {marked}.",
         1.0,
         (low, min(high, float(theta[-1]))),
     )
+
+
+def _spectral_radii(maps: Array) -> Array:
+    """Of each matrix of a stack."""
+    radii: Array = np.abs(np.linalg.eigvals(np.nan_to_num(maps))).max(axis=1)
+    return radii
 
 
 def _around(low: float, high: float) -> Array:

@@ -71,7 +71,7 @@ def test_a_wider_start_never_narrows_the_bounds() -> None:
 
 
 def test_infinite_bounds_leave_an_estimate() -> None:
-    """What no sample shows has no bound: such rows are never counted as ok, and nothing warns."""
+    """What no sample shows has no bound: the estimate is what is compared, and nothing warns."""
     problem = obsdesign.Problem(
         flow={"A": np.diag([-1000.0, -900.0, -1.0])},
         output={"C": [[1, 1, 1]], "measured": "periodic", "period": 0.1, "noise_bound": [0.1]},
@@ -84,7 +84,7 @@ def test_infinite_bounds_leave_an_estimate() -> None:
     ran = [row for row in rows if row.seconds is not None]
     assert ran
     assert all(row.width is None for row in ran)
-    assert all(row.error is None and row.without == len(record.samples) for row in ran)
+    assert all(row.error is not None and row.error < 0.2 for row in ran)
 
 
 def test_unknown_inputs_and_methods_are_compared() -> None:

@@ -211,7 +211,7 @@ def test_windows_that_no_design_has_do_not_run(window: float, tmp_path: Path) ->
 def test_an_internal_error_is_no_verdict(
     error: Exception, verbose: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def fail(*_: Any) -> None:
+    def fail(*_: Any, **__: Any) -> None:
         raise error
 
     monkeypatch.setattr(workflow, "investigate", fail)

@@ -50,7 +50,7 @@ def test_what_verify_could_not_confirm_is_not_called_guaranteed(
     # the twin: the same file as it was written
     done = ran("verify", academic_design)
     assert done.return_value == 0
-    assert done.output.count("\nguaranteed:") == 6
+    assert done.output.count("\nguaranteed:") == 7
 
 
 def test_what_a_report_could_not_confirm_is_not_on_it(

@@ -15,6 +15,8 @@ from obsdesign.runtime.time_stamps import time_tolerance
 
 Vector = NDArray[np.float64]
 State = TypeVar("State")
+# (t, y, u): a sample as a state keeps it
+Row = tuple[float, Vector | None, Vector | None]
 
 # Numbers below it are multiplied, squared and added without any thought of overflow.
 MODERATE = 1e100

@@ -10,35 +10,50 @@ from one window, so that what windows disagree about does not enter y'. Delay: l
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from obsdesign.equations.smoothing import smoothed_window
-from obsdesign.runtime.base import Batch, Estimate, Sample, Vector, collect, first_time, rows_of
+from obsdesign.runtime.base import (
+    Batch,
+    Estimate,
+    Row,
+    Sample,
+    Vector,
+    collect,
+    first_time,
+    rows_of,
+)
 from obsdesign.runtime.point import PointObserver
 from obsdesign.runtime.unknown_input import UnknownInputObserver
-from obsdesign.runtime.unknown_input_steps import UnknownInputState, kept, usable
+from obsdesign.runtime.unknown_input_steps import UnknownInputState, usable
 
 
-class FixedLagState(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class FixedLagState:
     """Everything the next step needs.
 
     present: state of the observer that takes samples as they come, for predictions; past: its state
     at the last decided row; measured: (t, y) of the measurements of a window, decided ones first;
-    done: how many of them are decided; waiting: rows that are not decided; decided: rows that the
-    last step settled, oldest first.
+    done: how many of them are decided; waiting: (t, y, u) of rows that are not; decided: rows that
+    the last step settled, oldest first.
     """
 
     present: UnknownInputState
     past: UnknownInputState
     measured: tuple[tuple[float, Vector], ...] = ()
     done: int = 0
-    waiting: tuple[Sample, ...] = ()
+    waiting: tuple[Row, ...] = ()
     decided: tuple[Estimate, ...] = ()
+
+    @property
+    def t(self) -> float:
+        """Time of the last row."""
+        return self.present.t
 
 
 @dataclass(frozen=True)
@@ -82,11 +97,15 @@ class FixedLagObserver(PointObserver[FixedLagState]):
 
         Rows that it settles are in `decided` of the state. ValueError as for the inner observer.
         """
-        sample = kept(sample)
         present, prediction = self.inner.step(state.present, sample)
-        y, _ = usable(sample.y, len(self.gains["C"]))
-        measured = state.measured if y is None else (*state.measured, (float(sample.t), y))
-        state = FixedLagState(present, state.past, measured, state.done, (*state.waiting, sample))
+        # copies: the sample's own arrays are the caller's
+        y, u = (None if value is None else np.array(value, float) for value in (sample.y, sample.u))
+        row = (float(sample.t), y, u)
+        measurement, _ = usable(y, len(self.gains["C"]))
+        measured = state.measured
+        if measurement is not None:
+            measured = (*measured, (row[0], measurement))
+        state = FixedLagState(present, state.past, measured, state.done, (*state.waiting, row))
         return self._decided(state, self._lag), prediction
 
     def block(self, state: FixedLagState, samples: Sequence[Sample]) -> FixedLagState:
@@ -95,7 +114,7 @@ class FixedLagObserver(PointObserver[FixedLagState]):
         for sample in samples:
             state, _ = self.step(state, sample)
             rows += state.decided
-        return state._replace(decided=tuple(rows))
+        return replace(state, decided=tuple(rows))
 
     def finish(self, state: FixedLagState) -> tuple[Estimate, ...]:
         """Rows that were waiting when the record ended, smoothed with what there is after them."""
@@ -125,10 +144,10 @@ class FixedLagObserver(PointObserver[FixedLagState]):
         past, measured, done, rows = state.past, state.measured, state.done, []
         waiting = list(state.waiting)
         while waiting:
-            usable_row = done < len(measured) and waiting[0].t == measured[done][0]
+            usable_row = done < len(measured) and waiting[0][0] == measured[done][0]
             if len(measured) - done - usable_row < lag:
                 break
-            sample = waiting.pop(0)
+            sample = Sample(*waiting.pop(0))
             if usable_row:
                 before, sample = self._smoothed(measured, done, sample)
                 past = past if before is None else past._replace(y=before)

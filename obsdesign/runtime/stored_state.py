@@ -20,7 +20,7 @@ import numpy as np
 from obsdesign.document import Design, digest
 from obsdesign.errors import InputError
 from obsdesign.input_files import keys_once
-from obsdesign.runtime.base import Vector
+from obsdesign.runtime.base import Row
 from obsdesign.runtime.window_tape import Tape
 
 FORMAT = "obsdesign/state"
@@ -28,8 +28,6 @@ VERSION = 1
 _KEYS = {"format", "version", "kind", "design", "progress", "arrays", "digest"}
 _WORDS = {"nan": math.nan, "inf": math.inf, "-inf": -math.inf}
 _DTYPES: Mapping[str, Any] = {"float": np.float64, "int": np.int64, "bool": np.bool_}
-
-Row = tuple[float, Vector | None, Vector | None]
 
 
 @dataclass(frozen=True)

@@ -39,6 +39,11 @@ CASES: dict[str, tuple[str, int, dict[str, Any]]] = {
     "finite time, exact": ("mazenc_4", 300, {"method": "exact"}),
     "finite time, approximate": ("mazenc_4", 300, {}),
     "unknown input, cell": ("ahn_1", 60, {}),
+    "unknown input, fixed lag": (
+        "ahn_1",
+        60,
+        {"differentiator": "fixed_lag", "lag": 4, "noise_std": 0.01},
+    ),
     "unknown input, damped": ("ahn_2", 60, {"differentiator": "damped"}),
     "impulses, integral": ("mattsson_medvedev", 2600, {"period": 0.1}),
     "impulses, integral, noise": ("mattsson_medvedev_noise", 2600, {"period": 0.1}),
@@ -55,6 +60,8 @@ def recorded(case: str) -> tuple[Any, Any, Any, tuple[Sample, ...]]:
     options = dict(options)
     if "noise_bound" in options:
         body["output"]["noise_bound"] = [options.pop("noise_bound")] * len(body["output"]["C"])
+    if "noise_std" in options:
+        body["output"]["noise_std"] = [options.pop("noise_std")] * len(body["output"]["C"])
     if "period" in options:
         body["output"]["period"] = options.pop("period")
     if "kind" in options:
