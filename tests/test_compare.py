@@ -12,12 +12,12 @@ import pytest
 from click.testing import CliRunner
 
 import obsdesign
-from obsdesign.cli import cli
-from obsdesign.comparison.compare import compare
-from obsdesign.comparison.record import Record
-from obsdesign.comparison.row import REFERENCE
-from obsdesign.kinds import KINDS
+from obsdesign.cli.commands import cli
+from obsdesign.problem.kinds import KINDS
 from obsdesign.runtime import from_design
+from obsdesign.studies.comparison.compare import compare
+from obsdesign.studies.comparison.record import Record
+from obsdesign.studies.comparison.row import REFERENCE
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
 

@@ -49,7 +49,7 @@ def jump_disturbance_matrix(M: Array, C: Array, n: int, jump_measurement: str) -
 def plant_data(plant: Any) -> dict[str, Any]:
     """The plant's numbers that the runtime needs, under the names of a design's `gains`.
 
-    `plant` has the attributes of `obsdesign.plant.Plant`. Without jumps, the dwell time is
+    `plant` has the attributes of `obsdesign.problem.plant.Plant`. Without jumps, the dwell time is
     [inf, inf] in spirit: the entries of the jump are left out.
     """
     flow, jump, output = plant.flow, plant.jump, plant.output

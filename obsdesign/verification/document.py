@@ -1,0 +1,113 @@
+"""Is what a design file says of itself what was proved again?"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from obsdesign.document import Claim, Design, jsonable
+from obsdesign.errors import InputError
+from obsdesign.problem.problem import Problem
+from obsdesign.verification.same_evidence import ROUNDED_WIDTHS, Difference, difference
+
+Sentences = tuple[Mapping[str, Any], ...]
+
+
+def guarantees_of(problem: Problem, claims: tuple[Claim, ...], verification: Any) -> Sentences:
+    """Sentences that follow from claims; given where all they rest on is proved among these.
+
+    Every sentence rests on `consistent` beside the claims it names: they are about these gains.
+    """
+    proved = {claim.id for claim in claims if claim.verdict == "proved"}
+    return tuple(
+        {**entry, "given": bool(entry["given"] and entry["claims"])
+         and {"consistent", *entry["claims"]} <= proved}
+        for entry in verification.guarantees(problem, claims)
+    )  # fmt: skip
+
+
+def told_truly(
+    problem: Problem, design: Design, claims: tuple[Claim, ...], verification: Any
+) -> tuple[Claim, Sentences]:
+    """The claim that the document states exactly what was proved again, and its sentences.
+
+    What is undecided now and stands as decided in the document makes it unconfirmed, not false.
+    The sentences are recomputed from the claims; there are none unless the claim is proved.
+    """
+    stored = {claim.id: claim for claim in design.claims}
+    open_now = [
+        claim.id
+        for claim in claims
+        if claim.verdict == "undecided"
+        and claim.id in stored
+        and stored[claim.id].verdict != "undecided"
+    ]
+    assumed = tuple(stored[claim.id] if claim.id in open_now else claim for claim in claims)
+    guarantees: Sentences | None
+    try:
+        guarantees = guarantees_of(problem, assumed, verification)
+    except InputError:
+        raise
+    except (KeyError, TypeError, ValueError):  # evidence that nobody confirmed
+        guarantees = None
+    wrong = _difference(design.claims, assumed)
+    evidence_gap = None if wrong is not None else _evidence_gap(stored, assumed)
+    if evidence_gap is not None and evidence_gap.false:
+        wrong = evidence_gap.entry
+    if wrong is None and _promises(guarantees) != _promises(design.guarantees):
+        wrong = "guarantees"
+    if wrong is None and design.name != design.problem.get("name"):
+        wrong = "name"
+    verdict, evidence = "proved", dict[str, Any](entries=len(stored))
+    if wrong is not None:
+        because = f"the document's {wrong!r} is not what its gains and problem give"
+        verdict, evidence = "refuted", {"witness": {"entry": wrong, "reason": because}}
+    elif open_now:
+        names = ", ".join(open_now)
+        verdict = "undecided"
+        evidence = {"reason": f"what the document says of {names} could not be confirmed"}
+    elif evidence_gap is not None:
+        why = f"the document's {evidence_gap.entry!r} is not quite what was found again"
+        verdict, evidence = "undecided", {"reason": why}
+    claim = Claim(
+        "document",
+        "claims and guarantees in the document are those that were proved again",
+        "format of a design file",
+        verdict,
+        evidence,
+    )
+    return claim, guarantees if guarantees and verdict == "proved" else ()
+
+
+def _promises(sentences: Any) -> Any:
+    """What sentences promise, and whether: older designs name fewer of the claims they rest on."""
+    entries = jsonable(sentences)
+    if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
+        return entries
+    return [
+        {name: entry[name] for name in entry if name != "claims"}
+        for entry in entries
+        if entry.get("statement") != ROUNDED_WIDTHS
+    ]
+
+
+def _evidence_gap(stored: Mapping[str, Claim], found: tuple[Claim, ...]) -> Difference | None:
+    """The gravest difference in the evidence of decided claims; what is undecided shows nothing."""
+    every = [
+        difference(claim.id, stored[claim.id].to_dict()["evidence"], claim.to_dict()["evidence"])
+        for claim in found
+        if claim.verdict != "undecided"
+    ]
+    gaps = [gap for gap in every if gap is not None]
+    return next((gap for gap in gaps if gap.false), gaps[0] if gaps else None)
+
+
+def _difference(stored: tuple[Claim, ...], found: tuple[Claim, ...]) -> str | None:
+    """The id of a claim in which the two differ, evidence apart."""
+    one, other = (
+        sorted((c.id, c.statement, c.source, c.verdict) for c in group) for group in (stored, found)
+    )
+    wrong = sorted({entry[0] for entry in set(one) ^ set(other)})
+    if wrong:
+        return wrong[0]
+    return "claims" if one != other else None
