@@ -67,8 +67,7 @@ from obsdesign.runtime.bound_observer import BoundObserver
 from obsdesign.runtime.interval.batch import Columns, Stretch, stretch
 from obsdesign.runtime.interval.clock import SampleClock
 from obsdesign.runtime.interval.course import advanced, course_of
-from obsdesign.runtime.interval.folding_interval_kernels import StepKernels
-from obsdesign.runtime.interval.kernel import Kernel
+from obsdesign.runtime.interval.kernel import Kernel, StepKernels
 from obsdesign.runtime.interval.state import Course, IntervalState, first_box
 from obsdesign.runtime.step_cache import shared_length
 
