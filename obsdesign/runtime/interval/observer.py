@@ -24,8 +24,8 @@ Step and sample are one map, of which the absolute value is taken, K = I - L C:
 
     r+ = |K e^{A h}| r + (bound of int_0^h |K e^{A s}| ds b_rad) + |L| V
 
-(`lmi.arithmetic.exponential.absolute_flow`); what is reported is also cut with |C x - y| <= V and the
-prediction. What is claimed of the width is about samples a period apart, and one off the period
+(`lmi.arithmetic.exponential.absolute_flow`); what is reported is also cut with |C x - y| <= V and
+the prediction. What is claimed of the width is about samples a period apart, and one off the period
 (early, or at a jump) may widen. So of such a sample and of its absence the better is kept, as a
 box, and the step over the whole period is made besides (`interval_course`): r+ is then at most what
 it would be without the rows between.
