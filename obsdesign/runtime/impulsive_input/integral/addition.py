@@ -10,28 +10,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from obsdesign.runtime.base import Estimate
+from obsdesign.runtime.impulsive_input.event import MISFIT, Event, short_dwell
 from obsdesign.runtime.impulsive_input.integral.covariance import added_by_noise
-from obsdesign.runtime.impulsive_input.integral.evaluate import MISFIT, Decision, Event
+from obsdesign.runtime.impulsive_input.integral.evaluate import Decision
 from obsdesign.runtime.impulsive_input.integral.free_run import FreeRun
 from obsdesign.runtime.impulsive_input.integral.rows import IntegralLive, Rows
 from obsdesign.runtime.impulsive_input.integral.search import Search
 from obsdesign.runtime.impulsive_input.residuals import LARGER, Residuals, birge_ratio
 from obsdesign.runtime.impulsive_input.whitening import chi_squared_limit
-from obsdesign.runtime.time_stamps import RELATIVE_TIME_TOLERANCE, time_tolerance
+from obsdesign.runtime.time_stamps import time_tolerance
 
 Array = NDArray[Any]
 
 _MISFIT = 0.05  # of the residual: what an impulse may leave of it where there is no noise
-
-
-_CERTAIN = 3.0  # deviations by which a dwell time must be too short
-
-
-def short_dwell(gap: float, dwell: float, *deviations: float) -> str:
-    """That a dwell time is too short, beyond what the deviations of both times allow; or ""."""
-    if gap >= dwell * (1 - RELATIVE_TIME_TOLERANCE) - _CERTAIN * math.hypot(*deviations):
-        return ""
-    return f"dwell time {gap:.9g} below {dwell:.9g}"
 
 
 def widened(event: Event, decision: Decision, residuals: Residuals) -> Event:
