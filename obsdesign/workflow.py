@@ -186,7 +186,7 @@ def _tried(problem: Problem, first: bool, remarks: Sequence[Remark]) -> tuple[li
         candidate = next(candidates, None)
         if candidate is None:
             return tried, False
-        claims = verification.claims(problem, candidate.gains, candidate.certificates)
+        claims = verification.claims(problem, candidate.document(), candidate.certificates)
         claims = as_answers(candidate, claims, remarks[count:])
         verdict = overall(claim.verdict for claim in claims)
         tried.append(_Tried(candidate, claims, verdict, time.perf_counter() - started))
@@ -230,7 +230,7 @@ def _document(problem: Problem, candidate: Any, claims: tuple[Claim, ...]) -> De
         name=problem.name,
         kind=kind,
         problem=problem.to_dict(),
-        gains=dict(candidate.gains),
+        gains=candidate.document(),
         claims=claims,
         guarantees=guarantees_of(problem, claims, verification),
         provenance={

@@ -8,7 +8,6 @@ shared by every observer that corrects with L between jumps and with M at them.
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
@@ -44,30 +43,6 @@ def jump_disturbance_matrix(M: Array, C: Array, n: int, jump_measurement: str) -
     """How c enters the error at a jump: I, or I - M C when the measurement is post-jump."""
     identity = np.eye(n, dtype=np.int64)
     return identity - M @ C if jump_measurement == "after" else identity
-
-
-def plant_data(plant: Any) -> dict[str, Any]:
-    """The plant's numbers that the runtime needs, under the names of a design's `gains`.
-
-    `plant` has the attributes of `obsdesign.problem.plant.Plant`. Without jumps, the dwell time is
-    [inf, inf] in spirit: the entries of the jump are left out.
-    """
-    flow, jump, output = plant.flow, plant.jump, plant.output
-    data: dict[str, Any] = {"A": flow.A, "C": output.C}
-    if flow.B is not None:
-        data["B"] = flow.B
-    data |= {"flow_lower": flow.lower, "flow_upper": flow.upper}
-    if jump is not None:
-        data["G"] = jump.G
-        if jump.E is not None:
-            data["E"] = jump.E
-        data |= {"jump_lower": jump.lower, "jump_upper": jump.upper}
-        data["dwell_time"] = list(jump.dwell_time or ())
-        if math.isfinite(jump.dwell_jitter):
-            data["dwell_jitter"] = jump.dwell_jitter
-    if output.noise_bound is not None:
-        data["noise_bound"] = output.noise_bound
-    return data | {"jump_measurement": output.jump_measurement}
 
 
 def idle_gains(plant: Any) -> dict[str, str]:

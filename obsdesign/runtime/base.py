@@ -11,6 +11,7 @@ from typing import Any, Generic, NamedTuple, Protocol, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from obsdesign.equations.gains import PlantGains
 from obsdesign.runtime.time_stamps import time_tolerance
 
 Vector = NDArray[np.float64]
@@ -86,8 +87,10 @@ class Stepped(ABC, Generic[State]):
             yield estimate
 
 
-def columns_read(gains: Mapping[str, Any]) -> dict[str, int | bool]:
+def columns_read(gains: PlantGains | Mapping[str, Any]) -> dict[str, int | bool]:
     """How many y, u, w a sample has for these gains, and whether jumps are reported."""
+    if isinstance(gains, PlantGains):
+        return gains.columns
     u, w = (gains[x].shape[1] if x in gains else 0 for x in ("B", "E"))
     return {"y": len(gains["C"]), "u": u, "w": w, "jump": "G" in gains}
 
@@ -107,8 +110,11 @@ class DwellGuard:
     last_dwell: float | None = None
 
     @classmethod
-    def of(cls, gains: Mapping[str, Any]) -> DwellGuard:
+    def of(cls, gains: PlantGains | Mapping[str, Any]) -> DwellGuard:
         """The guard of a design's gains; it objects to nothing where there are no jumps."""
+        if isinstance(gains, PlantGains):
+            jitter = math.inf if gains.dwell_jitter is None else gains.dwell_jitter
+            return cls(*gains.dwell_range, jitter=jitter)
         shortest, longest = gains.get("dwell_time", [0.0, math.inf])
         jitter = gains.get("dwell_jitter", math.inf)
         return cls(float(shortest), float(longest), jitter=float(jitter))

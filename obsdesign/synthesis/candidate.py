@@ -6,12 +6,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from obsdesign.equations.gains import PlantGains
+
 
 @dataclass(frozen=True)
 class Candidate:
     """One way to build the observer.
 
-    label: the form or method; gains: what a design stores under `gains`; certificates: by claim
+    label: the form or method; gains: what a design stores; certificates: by claim
     id, what the finder believes shows it (a matrix P, say). Verification trusts none of it.
     searched: window, gains, coordinates or strategy were chosen, so that their failure says nothing
     of other ones, unless a witness says that it does (`verification.choices`).
@@ -20,8 +22,13 @@ class Candidate:
     """
 
     label: str
-    gains: Mapping[str, Any]
+    gains: PlantGains | Mapping[str, Any]
     certificates: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     searched: bool = False
     cost: float | None = None
     goes_on: bool = False
+
+    def document(self) -> dict[str, Any]:
+        """The gains as a design file states them: what verification gets to see."""
+        gains = self.gains
+        return gains.to_document() if isinstance(gains, PlantGains) else dict(gains)

@@ -71,7 +71,7 @@ def test_a_stream_may_reuse_one_buffer(name: str) -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_a_record_without_rows_is_refused(name: str) -> None:
     observer, _, _ = recorded(name)
-    n = observer.gains["A"].shape[0]
+    n = observer.n
     box = {"lower": [-1.0] * n, "upper": [1.0] * n}
     bounds = box if observer.kind == "interval" else {}
     with pytest.raises(ValueError, match="at least one row is required"):

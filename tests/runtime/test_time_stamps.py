@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import obsdesign
-from obsdesign.equations.estimation_error import plant_data
+from obsdesign.equations.gains import plant_data
 from obsdesign.problem.plant import Flow, Jump, Output, Plant
 from obsdesign.runtime import Sample, from_design
 from obsdesign.runtime.base import DwellGuard

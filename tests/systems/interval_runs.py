@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from obsdesign.data.simulation import Record, simulate
-from obsdesign.equations.estimation_error import flow_error_matrix, jump_error_matrix, plant_data
+from obsdesign.equations.estimation_error import flow_error_matrix, jump_error_matrix
+from obsdesign.equations.gains import plant_data
 from obsdesign.equations.interval import splits as equations
 from obsdesign.problem.plant import Flow, Jump, Output, Plant
 from obsdesign.runtime.interval.observer import IntervalObserver

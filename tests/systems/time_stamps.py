@@ -19,7 +19,8 @@ import numpy as np
 from flint import arb, arb_mat, ctx, fmpq
 
 import obsdesign
-from obsdesign.equations.estimation_error import flow_error_matrix, plant_data
+from obsdesign.equations.estimation_error import flow_error_matrix
+from obsdesign.equations.gains import plant_data
 from obsdesign.problem.plant import Flow, Jump, Output, Plant
 from obsdesign.runtime import Sample, from_design
 from obsdesign.runtime.interval.bundle import IntervalBundle

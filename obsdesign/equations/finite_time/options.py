@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from obsdesign.equations.estimation_error import plant_data
+from obsdesign.equations.gains import plant_data
 
 Array = NDArray[Any]
 

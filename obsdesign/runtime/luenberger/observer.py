@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from obsdesign.equations.estimation_error import flow_error_matrix
+from obsdesign.equations.luenberger.gains import LuenbergerGains
 from obsdesign.runtime.base import (
     DwellGuard,
     Estimate,
@@ -26,7 +27,6 @@ from obsdesign.runtime.base import (
     Vector,
     later,
     optional_measurement,
-    require_gains,
     status_of,
     vector,
 )
@@ -51,7 +51,7 @@ class LuenbergerState:
 class LuenbergerObserver(SteppedObserver[LuenbergerState]):
     """Executes a design of kind `luenberger`."""
 
-    gains: Mapping[str, Any]
+    gains: LuenbergerGains
     kind: ClassVar[str] = "luenberger"
     finds_events: ClassVar[bool] = False
     _steps: OrderedDict[float, dict[bool, Maps]] = field(
@@ -61,12 +61,7 @@ class LuenbergerObserver(SteppedObserver[LuenbergerState]):
     @classmethod
     def from_gains(cls, gains: Mapping[str, Any]) -> LuenbergerObserver:
         """The observer of a design's `gains`; ValueError if they do not fit each other."""
-        require_gains(gains, (), ())
-        if "M_cells" in gains:
-            cells = len(np.atleast_1d(gains.get("dwell_borders", ()))) + 1
-            if np.shape(gains["M_cells"]) != (cells, *np.shape(gains["M"])):
-                raise ValueError(f"gains.M_cells must hold {cells} matrices of the shape of M.")
-        return cls(gains)
+        return cls(LuenbergerGains.from_document(gains))
 
     def init(self, t: float = 0.0, *, x: ArrayLike | None = None) -> LuenbergerState:
         """State at time t from a guess of x(t), before the first sample and its jump."""
@@ -81,14 +76,14 @@ class LuenbergerObserver(SteppedObserver[LuenbergerState]):
         ValueError if time does not increase (the first sample may share the initial time).
         """
         t = later(sample.t, state.t, state.started)
-        y = optional_measurement(sample.y, len(self.gains["C"]))
+        y = optional_measurement(sample.y, self.gains.p)
         with np.errstate(over="ignore", invalid="ignore"):  # the status names what is not finite
             return self._step(state, t, y, sample)
 
     def _step(
         self, state: LuenbergerState, t: float, y: Vector | None, sample: Sample
     ) -> tuple[LuenbergerState, Estimate]:
-        when = self.gains["jump_measurement"]
+        when = self.gains.jump_measurement
         x = self._flow(state, t, y if not sample.jump or when == "before" else None)
         guard, late = state.guard.after(t, sample.jump)
         objections = [late] if late else []
@@ -106,7 +101,7 @@ class LuenbergerObserver(SteppedObserver[LuenbergerState]):
     @property
     def _only_jumps(self) -> bool:
         """Without L, samples between jumps are of no use and none is missed."""
-        return not np.any(self.gains["L"])
+        return not np.any(self.gains.L)
 
     def _flow(self, state: LuenbergerState, t: float, y_end: Vector | None) -> Vector:
         if t == state.t:
@@ -115,39 +110,39 @@ class LuenbergerObserver(SteppedObserver[LuenbergerState]):
         end = y_end if y_end is not None else start
         maps = cached_step(self._steps, t - state.t, self._maps)
         flow, once, ramp = maps[start is not None]
-        forced = self._drift + (self.gains["B"] @ state.u if len(state.u) else 0.0)
+        forced = self._drift + (0.0 if self.gains.B is None else self.gains.B @ state.u)
         if start is None or end is None:
             return np.asarray(flow @ state.x + once @ forced)
-        L = self.gains["L"]
+        L = self.gains.L
         return np.asarray(flow @ state.x + once @ (L @ start + forced) + ramp @ (L @ (end - start)))
 
     def _maps(self, h: float) -> dict[bool, Maps]:
         """(e^{Xh}, its integral, the response to a unit ramp over the step), X = A or A - L C."""
-        A, L, C = self.gains["A"], self.gains["L"], self.gains["C"]
+        A, L, C = self.gains.A, self.gains.L, self.gains.C
         return {False: responses(A, h), True: responses(flow_error_matrix(A, L, C), h)}
 
     @property
     def _drift(self) -> Vector:
-        return np.asarray((self.gains["flow_lower"] + self.gains["flow_upper"]) / 2)
+        return self.gains.flow_drift
 
     def _jump_correction(self, last_jump: float | None, t: float) -> Vector:
         """M, or where gains follow a schedule, the one for the dwell time that ends at t."""
         gains = self.gains
-        if last_jump is None or "M_cells" not in gains:
-            return np.asarray(gains["M"])
-        cell = np.searchsorted(gains["dwell_borders"], t - last_jump, side="right")
-        return np.asarray(gains["M_cells"][cell])
+        if last_jump is None or gains.M_cells is None or gains.dwell_borders is None:
+            return gains.M
+        cell = np.searchsorted(gains.dwell_borders, t - last_jump, side="right")
+        return np.asarray(gains.M_cells[cell])
 
     def _jump(self, x: Vector, y: Vector | None, w: ArrayLike | None, M: Vector) -> Vector:
         gains = self.gains
-        if "G" not in gains:
+        if gains.G is None:
             raise ValueError("this plant has no jumps ([jump] is absent), but a sample says jump.")
-        after = gains["G"] @ x + (gains["jump_lower"] + gains["jump_upper"]) / 2
-        if "E" in gains:
+        after = gains.G @ x + gains.jump_drift
+        if gains.E is not None:
             inputs = int(self.reads["w"])
-            after = after + gains["E"] @ (np.zeros(inputs) if w is None else vector(w, inputs, "w"))
-        when = gains["jump_measurement"]
+            after = after + gains.E @ (np.zeros(inputs) if w is None else vector(w, inputs, "w"))
+        when = gains.jump_measurement
         if y is None or when == "none":
             return np.asarray(after)
-        expected = gains["C"] @ (after if when == "after" else x)
+        expected = gains.C @ (after if when == "after" else x)
         return np.asarray(after + M @ (y - expected))

@@ -152,12 +152,13 @@ def _bracket(
     problem: Problem, candidate: Any, shortest: bool, accuracy: float, remarks: Sequence[Remark]
 ) -> _Try:
     verification = workflow.layer("verification", problem.require_kind())
-    claims = verification.claims(problem, candidate.gains, {})
+    gains = candidate.document()
+    claims = verification.claims(problem, gains, {})
     claims = as_answers(candidate, claims, remarks)
     if any(c.verdict != "proved" for c in claims if c.id not in _OF_THE_RANGE):
-        return _Try(candidate.label, None, claims, candidate.gains)
+        return _Try(candidate.label, None, claims, gains)
     low, high = problem.require_dwell_time()
-    F, H = verification.dwell_pair(candidate.gains)
+    F, H = verification.dwell_pair(gains)
     # a decay rate that is asked for has to hold over the range that is found
     F = F + exact(float(problem.options.get("decay_rate", 0.0)) * np.eye(problem.plant.n))
     jump = problem.plant.jump
@@ -168,7 +169,7 @@ def _bracket(
     }
     find, kept = (shortest_dwell, high) if shortest else (longest_dwell, low)
     bracket = find(F, H, kept, **asked)
-    return _Try(candidate.label, bracket, claims, candidate.gains, candidate.searched)
+    return _Try(candidate.label, bracket, claims, gains, candidate.searched)
 
 
 def _outcome(

@@ -25,7 +25,8 @@ from lmi.rank.hidden_mode import propose_hiding
 from lmi.rank.stack import Stack
 from lmi.time_budget import ended, left, remark_end
 from obsdesign.analysis.impulsive_noise import estimate
-from obsdesign.equations.estimation_error import plant_data, seen_before_jump
+from obsdesign.equations.estimation_error import seen_before_jump
+from obsdesign.equations.gains import plant_data
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
 

@@ -16,7 +16,7 @@ from lmi.rank.witness import check_deficient
 from lmi.time_budget import ended, left, remark_end
 from lmi.verdict import Verdict
 from obsdesign.analysis.impulsive_noise import estimate
-from obsdesign.equations.estimation_error import plant_data
+from obsdesign.equations.gains import plant_data
 from obsdesign.equations.impulsive import gains as equations
 from obsdesign.errors import InputError
 from obsdesign.problem.problem import Problem

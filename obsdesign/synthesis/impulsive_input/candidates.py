@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from obsdesign.analysis.hidden_modes import approx_unobservable_modes
-from obsdesign.equations.estimation_error import flow_error_matrix, plant_data
+from obsdesign.equations.estimation_error import flow_error_matrix
+from obsdesign.equations.gains import plant_data
 from obsdesign.equations.impulsive_input import features as equations
 from obsdesign.equations.impulsive_input.curve import balanced_size
 from obsdesign.equations.impulsive_input.features import longest_period

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from obsdesign.equations.estimation_error import plant_data
+from obsdesign.equations.gains import plant_data
 from obsdesign.equations.impulsive_input.features import LARGEST
 from obsdesign.errors import InputError
 from obsdesign.problem.problem import Problem

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from lmi.arithmetic.balls import exact, inverse, to_float
-from obsdesign.equations.estimation_error import plant_data
+from obsdesign.equations.gains import plant_data
 from obsdesign.equations.interval import splits as equations
 from obsdesign.equations.interval.width import Coordinates
 from obsdesign.errors import InputError

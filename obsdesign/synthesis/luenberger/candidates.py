@@ -19,11 +19,8 @@ from lmi.decide.stability import decide
 from lmi.prove.hurwitz import prove_hurwitz
 from lmi.refute.spectral import refute_spectral
 from obsdesign.analysis.hidden_modes import hidden_growth, hidden_pair
-from obsdesign.equations.estimation_error import (
-    flow_error_matrix,
-    jump_error_matrix,
-    plant_data,
-)
+from obsdesign.equations.estimation_error import flow_error_matrix, jump_error_matrix
+from obsdesign.equations.luenberger.gains import LuenbergerGains
 from obsdesign.errors import InputError
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
@@ -49,7 +46,7 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
         M = given_gain(problem, "M")
         if M is None:
             M = _jump_gain(problem, F + rate * np.eye(plant.n))
-        gains = plant_data(plant) | {"L": L, "M": M}
+        gains = LuenbergerGains.from_plant(plant, L=L, M=M)
         # several outputs leave more than one L with the poles of the file
         placed = given_gain(problem, "L") is None and plant.p > 1
         open_gain = chosen or placed or given_gain(problem, "M") is None

@@ -11,8 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from obsdesign.equations.estimation_error import idle_gains, plant_data
+from obsdesign.equations.estimation_error import idle_gains
 from obsdesign.equations.luenberger import error_system as equations
+from obsdesign.equations.luenberger.gains import LuenbergerGains
 from obsdesign.errors import InputError
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
@@ -64,8 +65,7 @@ def scheduled_candidate(problem: Problem, label: str, L: Any, F: Any) -> Candida
     pairs = equations.schedule_pairs(cells, plant.jump.dwell_jitter)
     found = jump_gains(problem, F, cells, pairs)
     M = np.zeros((len(cells), plant.n, plant.p)) if found is None else found.M
-    gains = plant_data(plant) | {"L": L, "M": M[0], "M_cells": M}
-    gains["dwell_borders"] = np.array(borders, dtype=float)
+    gains = LuenbergerGains.from_plant(plant, L=L, M=M[0], M_cells=M, dwell_borders=borders)
     certificate: dict[str, Any] = {}
     if found is not None:
         certificate = {"P_cells": [((P + P.T) / 2).tolist() for P in found.P]}

@@ -18,7 +18,8 @@ from lmi.verdict import overall, proved, refuted, undecided
 from obsdesign.analysis.hidden_modes import hidden_for_ever
 from obsdesign.analysis.impulsive_noise import estimate, missed
 from obsdesign.document import Claim
-from obsdesign.equations.estimation_error import plant_data, seen_before_jump
+from obsdesign.equations.estimation_error import seen_before_jump
+from obsdesign.equations.gains import plant_data
 from obsdesign.equations.impulsive import gains as equations
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.choices import of_all_choices

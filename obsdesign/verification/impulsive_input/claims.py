@@ -14,7 +14,8 @@ import numpy as np
 
 from lmi.arithmetic.balls import exact, to_float
 from obsdesign.document import Claim
-from obsdesign.equations.estimation_error import flow_error_matrix, plant_data
+from obsdesign.equations.estimation_error import flow_error_matrix
+from obsdesign.equations.gains import plant_data
 from obsdesign.equations.impulsive_input import features as equations
 from obsdesign.equations.impulsive_input import rule as impulse_rule
 from obsdesign.equations.impulsive_input.expectations import expectations

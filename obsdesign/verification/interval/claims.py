@@ -17,7 +17,8 @@ import numpy as np
 from lmi.arithmetic.balls import exact, inverse
 from lmi.prove.hurwitz import prove_hurwitz
 from obsdesign.document import Claim
-from obsdesign.equations.estimation_error import idle_gains, plant_data
+from obsdesign.equations.estimation_error import idle_gains
+from obsdesign.equations.gains import plant_data
 from obsdesign.equations.interval import splits as equations
 from obsdesign.equations.interval.width import Coordinates, WidthSystem, width_system_of
 from obsdesign.problem.problem import Problem

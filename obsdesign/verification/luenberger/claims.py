@@ -16,12 +16,9 @@ from lmi.arithmetic.balls import exact
 from lmi.prove.hurwitz import prove_hurwitz
 from lmi.verdict import overall
 from obsdesign.document import Claim
-from obsdesign.equations.estimation_error import (
-    flow_error_matrix,
-    idle_gains,
-    jump_error_matrix,
-    plant_data,
-)
+from obsdesign.equations.estimation_error import flow_error_matrix, idle_gains, jump_error_matrix
+from obsdesign.equations.gains import plant_data
+from obsdesign.equations.luenberger.gains import LuenbergerGains
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.consistency import consistency
 from obsdesign.verification.dwell import (
@@ -34,26 +31,27 @@ from obsdesign.verification.luenberger.schedule import borders_objection, schedu
 from obsdesign.verification.rates import rates_claim, rates_sentence
 
 PAPER = "Briat, Automatica 49 (2013), Theorem 3"
-_MATRICES = ("A", "C", "G", "L", "M")
 
 
 def claims(
     problem: Problem,
-    gains: Mapping[str, Any],
+    stored: Mapping[str, Any],
     certificates: Mapping[str, Mapping[str, Any]],
     *,
     paranoid: bool = False,
 ) -> tuple[Claim, ...]:
     """All hypotheses of the design, each with its verdict.
 
+    stored: gains as a design file states them.
+
     certificates: {"dwell_stability": {"P": n x n}, "decay_rate": {"P": n x n}} where one was found,
     or windows in place of P; they are checked, never believed.
     """
-    agreement = consistency(_objection(problem, gains), gains, _expected(problem))
+    agreement = consistency(_objection(problem, stored), stored, _expected(problem))
     if agreement.verdict != "proved":
         return (agreement,)
-    numbers = {name: exact(gains[name]) for name in _MATRICES if name in gains}
-    F = flow_error_matrix(numbers["A"], numbers["L"], numbers["C"])
+    gains = LuenbergerGains.from_document(stored)
+    F = flow_error_matrix(exact(gains.A), exact(gains.L), exact(gains.C))
     rate = float(problem.options.get("decay_rate", 0.0))
     shifted = F + exact(rate * np.eye(problem.plant.n))
     found = [agreement]
@@ -67,7 +65,7 @@ def claims(
         found.append(_hurwitz(F, "hurwitz", "there is no longest dwell time"))
     if "schedule" in problem.options:
         return (*found, *_scheduled(problem, gains, F, rate, certificates, paranoid))
-    H = dwell_pair(gains)[1]
+    H = _jump_error(gains)
     found.append(_stability(F, H, dwell, certificates, paranoid))
     found += rates_claim(F, H, dwell, certificates, PAPER)
     if rate > 0:
@@ -75,15 +73,19 @@ def claims(
     return tuple(found)
 
 
-def dwell_pair(gains: Mapping[str, Any]) -> tuple[Any, Any]:
+def dwell_pair(stored: Mapping[str, Any]) -> tuple[Any, Any]:
     """(F, H), exact: the pair whose stability over a range of dwell times is claimed."""
-    A, C, G, L, M = (exact(gains[name]) for name in _MATRICES)
-    when = gains["jump_measurement"]
-    return flow_error_matrix(A, L, C), jump_error_matrix(G, M, C, when)
+    gains = LuenbergerGains.from_document(stored)
+    return flow_error_matrix(exact(gains.A), exact(gains.L), exact(gains.C)), _jump_error(gains)
 
 
-def _objection(problem: Problem, gains: Mapping[str, Any]) -> str | None:
-    return unusable(problem) or borders_objection(problem, gains)
+def _jump_error(gains: LuenbergerGains) -> Any:
+    G, M, C = (exact(matrix) for matrix in (gains.jump_matrix, gains.M, gains.C))
+    return jump_error_matrix(G, M, C, gains.jump_measurement)
+
+
+def _objection(problem: Problem, stored: Mapping[str, Any]) -> str | None:
+    return unusable(problem) or borders_objection(problem, stored)
 
 
 def _expected(problem: Problem) -> dict[str, Any]:
@@ -126,7 +128,7 @@ def _stability(
 
 def _scheduled(
     problem: Problem,
-    gains: Mapping[str, Any],
+    gains: LuenbergerGains,
     F: Any,
     rate: float,
     certificates: Mapping[str, Any],

@@ -24,25 +24,29 @@ from lmi.refute.spectral import refute_spectral
 from lmi.verdict import Verdict, proved, undecided
 from obsdesign.equations.estimation_error import jump_error_matrix
 from obsdesign.equations.luenberger import error_system as equations
+from obsdesign.equations.luenberger.gains import LuenbergerGains
 from obsdesign.problem.problem import Problem
 
 
 def scheduled_stability(
     problem: Problem,
-    gains: Mapping[str, Any],
+    gains: LuenbergerGains,
     F: Any,
     certificate: Mapping[str, Any],
     paranoid: bool,
 ) -> Verdict:
     """Is the error stable for every admissible sequence of dwell times?
 
-    gains: of the design, checked for shape; F (n, n) exact, the flow of the error (plus a rate);
+    F (n, n) exact, the flow of the error (plus a rate);
     certificate: {"P_cells": [n x n, ...]} or nothing, checked here.
     """
     jump = problem.plant.jump
     assert jump is not None
-    cells = equations.schedule_cells(*problem.require_dwell_time(), _borders(gains))
-    errors = [_error(gains, M) for M in gains["M_cells"]]
+    assert gains.dwell_borders is not None
+    assert gains.M_cells is not None
+    borders = gains.dwell_borders.tolist()
+    cells = equations.schedule_cells(*problem.require_dwell_time(), borders)
+    errors = [_error(gains, M) for M in gains.M_cells]
     matrices = _matrices(certificate.get("P_cells"), len(cells), len(F))
     attempt = undecided("no certificate P_cells was given or found")
     if matrices is not None:
@@ -52,7 +56,7 @@ def scheduled_stability(
         if attempt.outcome == "proved":
             return Verdict("proved", {"P_cells": certificate["P_cells"], **attempt.evidence})
     low, high = problem.require_dwell_time()
-    inner = itertools.pairwise([low, *_borders(gains), high])
+    inner = itertools.pairwise([low, *borders, high])
     for H, (start, end) in zip(errors, inner, strict=True):
         # a cell ends just before the next one begins, and only the last one holds its end
         last = end if end == high else math.nextafter(end, -math.inf)
@@ -62,12 +66,12 @@ def scheduled_stability(
     return attempt
 
 
-def borders_objection(problem: Problem, gains: Mapping[str, Any]) -> str | None:
+def borders_objection(problem: Problem, stored: Mapping[str, Any]) -> str | None:
     """Why the borders of the cells cannot be those of a schedule, or None."""
     if "schedule" not in problem.options:
         return None
     low, high = problem.require_dwell_time()
-    inner = gains.get("dwell_borders")
+    inner = stored.get("dwell_borders")
     if not isinstance(inner, np.ndarray) or inner.ndim != 1:
         return "gains.dwell_borders must be a list of numbers."
     borders = [low, *inner.tolist(), high]
@@ -76,13 +80,10 @@ def borders_objection(problem: Problem, gains: Mapping[str, Any]) -> str | None:
     return "gains.dwell_borders must increase inside problem.jump.dwell_time."
 
 
-def _borders(gains: Mapping[str, Any]) -> list[float]:
-    return [float(border) for border in gains["dwell_borders"]]
-
-
-def _error(gains: Mapping[str, Any], M: Any) -> Any:
-    G, C = exact(gains["G"]), exact(gains["C"])
-    return jump_error_matrix(G, exact(M), C, gains["jump_measurement"])
+def _error(gains: LuenbergerGains, M: Any) -> Any:
+    return jump_error_matrix(
+        exact(gains.jump_matrix), exact(M), exact(gains.C), gains.jump_measurement
+    )
 
 
 def _proof(

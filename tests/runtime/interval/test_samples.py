@@ -14,7 +14,7 @@ from scipy.linalg import expm
 
 import obsdesign
 from obsdesign.data.simulation import simulate
-from obsdesign.equations.estimation_error import plant_data
+from obsdesign.equations.gains import plant_data
 from obsdesign.equations.interval import splits as equations
 from obsdesign.problem.plant import Flow, Jump, Output, Plant
 from obsdesign.runtime import Sample

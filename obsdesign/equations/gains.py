@@ -1,0 +1,213 @@
+"""Gains of a design as typed, checked objects; each kind derives its own from `PlantGains`.
+
+    @dataclass(frozen=True, kw_only=True, eq=False)
+    class LuenbergerGains(PlantGains):
+        L: Array = matrix("n", "p")
+        M: Array = matrix("n", "p")
+
+A letter in a shape stands for one size throughout an object; a field that is optional is None where
+the design does not have it. Dictionaries with string keys are for files: `from_document` reads one,
+`to_document` writes it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[Any]
+
+
+@dataclass(frozen=True)
+class _Shape:
+    """Letters and numbers, one per axis; () is a number."""
+
+    axes: tuple[str | int, ...]
+
+    def __str__(self) -> str:
+        return " x ".join(map(str, self.axes)) or "number"
+
+
+def matrix(*axes: str | int, optional: bool = False) -> Any:
+    """Declare a read-only float array with these axes."""
+    return _field({"shape": _Shape(axes)}, optional)
+
+
+def number(*, optional: bool = False) -> Any:
+    """Declare a float, possibly infinite."""
+    return _field({"shape": _Shape(())}, optional)
+
+
+def word(*allowed: str, optional: bool = False) -> Any:
+    """Declare one of some words."""
+    return _field({"words": allowed}, optional)
+
+
+def flag(*, optional: bool = False) -> Any:
+    """Declare true or false."""
+    return _field({"flag": True}, optional)
+
+
+def _field(metadata: Mapping[str, Any], optional: bool) -> Any:
+    return field(default=None, metadata=metadata) if optional else field(metadata=metadata)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PlantGains:
+    """Numbers of the plant that every observer needs at run time.
+
+    A (n, n), B (n, m), C (p, n); flow_lower, flow_upper (n,): bounds of b; G (n, n), E (n, l),
+    jump_lower, jump_upper (n,): the jump, None without jumps; dwell_time: (shortest, longest), None
+    where every dwell time is allowed; noise_bound (p,).
+    """
+
+    A: Array = matrix("n", "n")
+    C: Array = matrix("p", "n")
+    B: Array | None = matrix("n", "m", optional=True)
+    flow_lower: Array = matrix("n")
+    flow_upper: Array = matrix("n")
+    G: Array | None = matrix("n", "n", optional=True)
+    E: Array | None = matrix("n", "l", optional=True)
+    jump_lower: Array | None = matrix("n", optional=True)
+    jump_upper: Array | None = matrix("n", optional=True)
+    dwell_time: Array | None = matrix(2, optional=True)
+    dwell_jitter: float | None = number(optional=True)
+    noise_bound: Array | None = matrix("p", optional=True)
+    jump_measurement: str = word("before", "after", "none")
+
+    def __post_init__(self) -> None:
+        """ValueError unless every entry is there and all fit each other."""
+        sizes: dict[str, int] = {}
+        for entry in dataclasses.fields(self):
+            value = getattr(self, entry.name)
+            if value is None and entry.default is None:
+                continue
+            object.__setattr__(self, entry.name, _checked(entry, value, sizes))
+        for name in ("jump_lower", "jump_upper"):
+            if self.G is not None and getattr(self, name) is None:
+                raise ValueError(f"gains.{name} must have shape n; got nothing.")
+
+    @classmethod
+    def from_document(cls, entries: Mapping[str, Any]) -> Self:
+        """The gains that a design file states; ValueError if one is missing or does not fit."""
+        names = {entry.name for entry in dataclasses.fields(cls)}
+        required = [entry for entry in dataclasses.fields(cls) if entry.default is not None]
+        for entry in required:
+            if entry.name not in entries:
+                raise ValueError(f"gains.{entry.name} is missing.")
+        return cls(**{name: value for name, value in entries.items() if name in names})
+
+    @classmethod
+    def from_plant(cls, plant: Any, **gains: Any) -> Self:
+        """Gains with the numbers of a plant, which has the attributes of `obsdesign.Plant`."""
+        return cls(**plant_data(plant), **gains)
+
+    def to_document(self) -> dict[str, Any]:
+        """Entries of a design file, without those that the design does not have."""
+        entries = {entry.name: getattr(self, entry.name) for entry in dataclasses.fields(self)}
+        return {name: value for name, value in entries.items() if value is not None}
+
+    @property
+    def n(self) -> int:
+        """Number of states."""
+        return len(self.A)
+
+    @property
+    def p(self) -> int:
+        """Number of outputs."""
+        return len(self.C)
+
+    @property
+    def jump_matrix(self) -> Array:
+        """G (n, n); ValueError where the plant has no jumps."""
+        if self.G is None:
+            raise ValueError("gains.G is missing: this plant has no jumps.")
+        return self.G
+
+    @property
+    def flow_drift(self) -> Array:
+        """Middle of the bounds of b (n,)."""
+        return np.asarray((self.flow_lower + self.flow_upper) / 2)
+
+    @property
+    def jump_drift(self) -> Array:
+        """Middle of the bounds of c (n,); zero without jumps."""
+        if self.jump_lower is None or self.jump_upper is None:
+            return np.zeros(self.n)
+        return np.asarray((self.jump_lower + self.jump_upper) / 2)
+
+    @property
+    def columns(self) -> dict[str, int | bool]:
+        """How many y, u, w a sample has, and whether jumps are reported."""
+        u, w = (0 if each is None else each.shape[1] for each in (self.B, self.E))
+        return {"y": self.p, "u": u, "w": w, "jump": self.G is not None}
+
+    @property
+    def dwell_range(self) -> tuple[float, float]:
+        """(shortest, longest) dwell time; (0, inf) where every one is allowed."""
+        low, high = (0.0, math.inf) if self.dwell_time is None else self.dwell_time
+        return float(low), float(high)
+
+
+def _checked(entry: Any, value: Any, sizes: dict[str, int]) -> Any:
+    """The value of one entry; sizes gains the letters it is the first to use."""
+    name, metadata = f"gains.{entry.name}", entry.metadata
+    if "words" in metadata:
+        if value not in metadata["words"]:
+            raise ValueError(f"{name} must be one of {', '.join(metadata['words'])}.")
+        return value
+    if "flag" in metadata:
+        if not isinstance(value, bool | np.bool_):
+            raise ValueError(f"{name} must be true or false.")
+        return bool(value)
+    return _sized(name, metadata["shape"], value, sizes)
+
+
+def _sized(name: str, shape: _Shape, value: Any, sizes: dict[str, int]) -> Any:
+    try:
+        array = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        array = np.array(value, dtype=object)
+    if array.dtype == object or array.ndim != len(shape.axes):
+        raise ValueError(f"{name} must have shape {shape}; got shape {array.shape}.")
+    expected = tuple(
+        axis if isinstance(axis, int) else sizes.setdefault(axis, size)
+        for axis, size in zip(shape.axes, array.shape, strict=True)
+    )
+    if array.shape != expected:
+        raise ValueError(f"{name} must have shape {expected} ({shape}); got shape {array.shape}.")
+    if not shape.axes:
+        return float(array)
+    array.setflags(write=False)
+    return array
+
+
+def plant_data(plant: Any) -> dict[str, Any]:
+    """The plant's numbers that the runtime needs, under the names of a design's `gains`.
+
+    `plant` has the attributes of `obsdesign.Plant`. What it does not state is left out: the entries
+    of the jump where there is none, and a dwell time that may be any.
+    """
+    flow, jump, output = plant.flow, plant.jump, plant.output
+    data: dict[str, Any] = {"A": flow.A, "C": output.C}
+    if flow.B is not None:
+        data["B"] = flow.B
+    data |= {"flow_lower": flow.lower, "flow_upper": flow.upper}
+    if jump is not None:
+        data["G"] = jump.G
+        if jump.E is not None:
+            data["E"] = jump.E
+        data |= {"jump_lower": jump.lower, "jump_upper": jump.upper}
+        if jump.dwell_time is not None:
+            data["dwell_time"] = list(jump.dwell_time)
+        if math.isfinite(jump.dwell_jitter):
+            data["dwell_jitter"] = jump.dwell_jitter
+    if output.noise_bound is not None:
+        data["noise_bound"] = output.noise_bound
+    return data | {"jump_measurement": output.jump_measurement}
