@@ -10,7 +10,7 @@ import hashlib
 import json
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -29,7 +29,8 @@ _FLAGS = ("nonnegative", "state_correction")
 _WORDS = ("differentiator", "form", "half_sample", "jump_measurement", "method", "operator",
           "reference", "rule", "strategy", "weighting")  # fmt: skip
 _KEYS = ("format", "version", "name", "kind", "problem", "gains", "claims", "guarantees",
-         "provenance", "digest")  # fmt: skip
+         "warnings", "provenance", "digest")  # fmt: skip
+_SINCE_WARNINGS = ("warnings",)  # keys that files of the first release lack
 
 
 @dataclass(frozen=True)
@@ -53,11 +54,36 @@ class Claim:
 
 
 @dataclass(frozen=True)
+class Guarantee:
+    """A sentence that a user may rely on, or that was asked for and is not proved.
+
+    claims: ids of the claims it rests on; given: are all of them proved?
+    """
+
+    statement: str
+    claims: tuple[str, ...]
+    given: bool = True
+
+    @classmethod
+    def from_verdicts(
+        cls, statement: str, claims: Sequence[str], verdicts: Mapping[str, str]
+    ) -> Guarantee:
+        """The sentence, given where these claims are proved."""
+        given = all(verdicts.get(name) == "proved" for name in claims)
+        return cls(statement, tuple(claims), given)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The guarantee as it stands in a file."""
+        return {"statement": self.statement, "given": self.given, "claims": list(self.claims)}
+
+
+@dataclass(frozen=True)
 class Design:
-    """A proved observer: the problem it answers, its gains, what is claimed and what is promised.
+    """A proved observer: the problem it answers, its gains, its claims and guarantees.
 
     problem: the normalised problem as a dict; gains: arrays and scalars under the names of the
-    problem file; guarantees: {"statement", "given", "claims"} each.
+    problem file; warnings: what is wrong or nearly so, one sentence each; None in files that were
+    written before there were any.
     """
 
     name: str
@@ -65,7 +91,8 @@ class Design:
     problem: Mapping[str, Any]
     gains: Mapping[str, Any]
     claims: tuple[Claim, ...]
-    guarantees: tuple[Mapping[str, Any], ...]
+    guarantees: tuple[Guarantee, ...]
+    warnings: tuple[str, ...] | None
     provenance: Mapping[str, Any]
 
     def to_dict(self) -> dict[str, Any]:
@@ -78,7 +105,8 @@ class Design:
             "problem": jsonable(self.problem),
             "gains": jsonable(self.gains),
             "claims": [claim.to_dict() for claim in self.claims],
-            "guarantees": jsonable(self.guarantees),
+            "guarantees": [guarantee.to_dict() for guarantee in self.guarantees],
+            "warnings": list(self.warnings or ()),
             "provenance": jsonable(self.provenance),
         }
         return body | {"digest": digest(body)}
@@ -177,7 +205,7 @@ def from_dict(body: Any, path: str = "design") -> Design:
             f"{path}: version must be {VERSION}; got {shown(body.get('version'))}. "
             "Was it written by a newer obsdesign?"
         )
-    if missing := [key for key in _KEYS if key not in body]:
+    if missing := [key for key in _KEYS if key not in body and key not in _SINCE_WARNINGS]:
         raise InputError(f"{path}: {missing[0]} is missing; a design file has it.")
     if unknown := [key for key in body if key not in _KEYS]:
         raise InputError(f"{path}: unknown key {shown(unknown[0])} in a design file.")
@@ -198,9 +226,9 @@ def from_dict(body: Any, path: str = "design") -> Design:
 
 def _checked(body: dict[str, Any], path: str) -> Design:
     shapes = {"name": str, "kind": str, "problem": dict, "gains": dict, "claims": list,
-              "guarantees": list, "provenance": dict}  # fmt: skip
+              "guarantees": list, "warnings": list, "provenance": dict}  # fmt: skip
     for key, shape in shapes.items():
-        if not isinstance(body[key], shape):
+        if key in body and not isinstance(body[key], shape):
             raise InputError(
                 f"{path}: {key} must be a {shape.__name__}; got {type(body[key]).__name__}."
             )
@@ -227,7 +255,11 @@ def _checked(body: dict[str, Any], path: str) -> Design:
         problem=body["problem"],
         gains=gains,
         claims=tuple(Claim(**claim) for claim in body["claims"]),
-        guarantees=tuple(body["guarantees"]),
+        guarantees=tuple(
+            Guarantee(entry["statement"], tuple(entry["claims"]), entry["given"])
+            for entry in body["guarantees"]
+        ),
+        warnings=tuple(body["warnings"]) if "warnings" in body else None,
         provenance=body["provenance"],
     )
 
@@ -252,6 +284,10 @@ def _check_guarantees(body: dict[str, Any], path: str) -> None:
                     f"{path}: guarantees[{i}].{key} must be a {kind.__name__}; "
                     f"got {shown(entry[key])}."
                 )
+        if not all(isinstance(name, str) for name in entry["claims"]):
+            raise InputError(f"{path}: guarantees[{i}].claims must hold ids of claims.")
+    if not all(isinstance(text, str) for text in body.get("warnings", ())):
+        raise InputError(f"{path}: warnings must hold sentences.")
     for key in ("versions", "solver"):
         if not isinstance(body["provenance"].get(key, {}), dict):
             got = shown(body["provenance"][key])

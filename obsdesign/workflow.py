@@ -26,13 +26,13 @@ from lmi.time_budget import (
     total_budget,
 )
 from lmi.verdict import overall
-from obsdesign.document import Claim, Design
+from obsdesign.document import Claim, Design, Guarantee
 from obsdesign.errors import InputError
 from obsdesign.problem.kinds import KINDS
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.answers import as_answers, is_ended, with_untried
 from obsdesign.verification.answers import reason as reason
-from obsdesign.verification.document import guarantees_of, told_truly
+from obsdesign.verification.document import document_claim, sentences_from
 from obsdesign.version import __version__
 
 _Key = TypeVar("_Key", bound=Hashable)
@@ -42,8 +42,8 @@ _Key = TypeVar("_Key", bound=Hashable)
 class Outcome:
     """What a command has to say: the verdict of its claims, and a design where there is one.
 
-    guarantees: sentences {"statement", "given", "claims"} that follow from these claims, never
-    those that stand in a file; none where a file's own statements were not confirmed.
+    guarantees, warnings: sentences that follow from these claims, never those that stand in a
+    file; none where a file's own statements were not confirmed.
     """
 
     verdict: str
@@ -51,7 +51,8 @@ class Outcome:
     claims: tuple[Claim, ...]
     result: Mapping[str, Any]
     design: Design | None
-    guarantees: tuple[Mapping[str, Any], ...] = ()
+    guarantees: tuple[Guarantee, ...] = ()
+    warnings: tuple[str, ...] = ()
 
 
 # the file of a kind that answers for it in a layer
@@ -159,7 +160,9 @@ def _attempted(problem: Problem, first: bool) -> _Attempt | InputError:
     if texts := sentences(one for one in remarks if not one.evidence or (better and one.matters)):
         result["remarks"] = texts
     design = _document(problem, best.candidate, claims)
-    outcome = Outcome(verdict, design.kind, claims, result, design, design.guarantees)
+    outcome = Outcome(
+        verdict, design.kind, claims, result, design, design.guarantees, design.warnings or ()
+    )
     return _Attempt(outcome, best.candidate.cost, [one for one in remarks if one.evidence])
 
 
@@ -225,14 +228,15 @@ def _summary(verdict: str, claims: tuple[Claim, ...]) -> dict[str, Any]:
 def _document(problem: Problem, candidate: Any, claims: tuple[Claim, ...]) -> Design:
     """The design of a candidate; nothing in it differs from run to run."""
     kind = problem.require_kind()
-    verification = layer("verification", kind)
+    sentences = sentences_from(problem, claims, layer("verification", kind))
     return Design(
         name=problem.name,
         kind=kind,
         problem=problem.to_dict(),
         gains=candidate.document(),
         claims=claims,
-        guarantees=guarantees_of(problem, claims, verification),
+        guarantees=sentences.guarantees,
+        warnings=sentences.warnings,
         provenance={
             "versions": {"obsdesign": __version__}
             | {name: version(name) for name in ("numpy", "python-flint")}
@@ -303,7 +307,9 @@ def verify(design: Design, *, paranoid: bool = False) -> Outcome:
         claims = verification.claims(problem, design.gains, certificates, paranoid=paranoid)
     except OversizeError as error:
         raise InputError(str(error)) from None
-    document, guarantees = told_truly(problem, design, claims, verification)
+    document, sentences = document_claim(problem, design, claims, verification)
     claims = (*claims, document)
     verdict = overall(claim.verdict for claim in claims)
-    return Outcome(verdict, design.kind, claims, {}, design, guarantees)
+    return Outcome(
+        verdict, design.kind, claims, {}, design, sentences.guarantees, sentences.warnings
+    )

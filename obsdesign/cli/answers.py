@@ -163,8 +163,10 @@ def show(outcome: Outcome, numbers: bool = False) -> None:
     if numbers and "seconds" in outcome.result:
         console.print(f"[dim]designed in {outcome.result['seconds']} s[/]")
     for guarantee in outcome.guarantees if outcome.verdict != "refuted" else ():
-        word = "[green]guaranteed[/]" if guarantee["given"] else "[yellow]not guaranteed[/]"
-        console.print(f"{word}: {escape(str(guarantee['statement']))}")
+        word = "[green]guaranteed[/]" if guarantee.given else "[yellow]not guaranteed[/]"
+        console.print(f"{word}: {escape(guarantee.statement)}")
+    for warning in outcome.warnings if outcome.verdict != "refuted" else ():
+        console.print(f"[yellow]warning[/]: {escape(warning)}")
 
 
 def _told(claim: Claim) -> str:

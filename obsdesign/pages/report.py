@@ -79,7 +79,6 @@ def page(
     template = environment.from_string(
         files("obsdesign").joinpath("pages/report.html").read_text("utf-8")
     )
-    guarantees = [(bool(g["given"]), str(g["statement"])) for g in outcome.guarantees]
     shown = {name: value for name, value in design.gains.items() if _is_matrix(value)}
     return template.render(
         design=design,
@@ -88,8 +87,9 @@ def page(
         plant=_plant_words(Problem.from_dict(design.problem)),
         verdict=outcome.verdict,
         verdict_words=_VERDICTS[outcome.verdict].format(seconds),
-        given=[statement for given, statement in guarantees if given],
-        withheld=[statement for given, statement in guarantees if not given],
+        given=[one.statement for one in outcome.guarantees if one.given],
+        withheld=[one.statement for one in outcome.guarantees if not one.given],
+        warnings=outcome.warnings,
         estimate=estimate,
         most_rows=MOST_ROWS,
         curve=_curve(replace(design, claims=outcome.claims)),

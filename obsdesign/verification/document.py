@@ -3,33 +3,46 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
-from obsdesign.document import Claim, Design, jsonable
+from obsdesign.document import Claim, Design, Guarantee
 from obsdesign.errors import InputError
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.same_evidence import ROUNDED_WIDTHS, Difference, difference
 
-Sentences = tuple[Mapping[str, Any], ...]
+
+@dataclass(frozen=True)
+class Sentences:
+    """What follows from claims: guarantees, and warnings."""
+
+    guarantees: tuple[Guarantee, ...] = ()
+    warnings: tuple[str, ...] = ()
 
 
-def guarantees_of(problem: Problem, claims: tuple[Claim, ...], verification: Any) -> Sentences:
-    """Sentences that follow from claims; given where all they rest on is proved among these.
+def sentences_from(problem: Problem, claims: tuple[Claim, ...], verification: Any) -> Sentences:
+    """Guarantees and warnings of a kind; a guarantee is given where all its claims are proved here.
 
-    Every sentence rests on `consistent` beside the claims it names: they are about these gains.
+    Every guarantee rests on `consistent` beside the claims it names: it is about these gains.
     """
     proved = {claim.id for claim in claims if claim.verdict == "proved"}
-    return tuple(
-        {**entry, "given": bool(entry["given"] and entry["claims"])
-         and {"consistent", *entry["claims"]} <= proved}
-        for entry in verification.guarantees(problem, claims)
-    )  # fmt: skip
+    guarantees = tuple(
+        replace(one, given=one.given and {"consistent", *one.claims} <= proved and bool(one.claims))
+        for one in map(_as_guarantee, verification.guarantees(problem, claims))
+    )
+    return Sentences(guarantees, getattr(verification, "warnings", lambda *_: ())(problem, claims))
 
 
-def told_truly(
+def _as_guarantee(entry: Any) -> Guarantee:  # BRIDGE
+    if isinstance(entry, Guarantee):
+        return entry
+    return Guarantee(entry["statement"], tuple(entry["claims"]), entry["given"])
+
+
+def document_claim(
     problem: Problem, design: Design, claims: tuple[Claim, ...], verification: Any
 ) -> tuple[Claim, Sentences]:
-    """The claim that the document states exactly what was proved again, and its sentences.
+    """The claim that the stored claims, evidence and sentences are those recomputed; the sentences.
 
     What is undecided now and stands as decided in the document makes it unconfirmed, not false.
     The sentences are recomputed from the claims; there are none unless the claim is proved.
@@ -43,19 +56,19 @@ def told_truly(
         and stored[claim.id].verdict != "undecided"
     ]
     assumed = tuple(stored[claim.id] if claim.id in open_now else claim for claim in claims)
-    guarantees: Sentences | None
+    sentences: Sentences | None
     try:
-        guarantees = guarantees_of(problem, assumed, verification)
+        sentences = sentences_from(problem, assumed, verification)
     except InputError:
         raise
     except (KeyError, TypeError, ValueError):  # evidence that nobody confirmed
-        guarantees = None
+        sentences = None
     wrong = _difference(design.claims, assumed)
     evidence_gap = None if wrong is not None else _evidence_gap(stored, assumed)
     if evidence_gap is not None and evidence_gap.false:
         wrong = evidence_gap.entry
-    if wrong is None and _promises(guarantees) != _promises(design.guarantees):
-        wrong = "guarantees"
+    if wrong is None:
+        wrong = _wrong_sentences(design, sentences)
     if wrong is None and design.name != design.problem.get("name"):
         wrong = "name"
     verdict, evidence = "proved", dict[str, Any](entries=len(stored))
@@ -76,19 +89,24 @@ def told_truly(
         verdict,
         evidence,
     )
-    return claim, guarantees if guarantees and verdict == "proved" else ()
+    return claim, sentences if sentences and verdict == "proved" else Sentences()
 
 
-def _promises(sentences: Any) -> Any:
-    """What sentences promise, and whether: older designs name fewer of the claims they rest on."""
-    entries = jsonable(sentences)
-    if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
-        return entries
-    return [
-        {name: entry[name] for name in entry if name != "claims"}
-        for entry in entries
-        if entry.get("statement") != ROUNDED_WIDTHS
-    ]
+def _wrong_sentences(design: Design, recomputed: Sentences | None) -> str | None:
+    """ "guarantees" or "warnings" where the document states others; None if it does not.
+
+    Sentences that are not given promise nothing: older designs state warnings among them, and name
+    fewer of the claims that a guarantee rests on.
+    """
+    if recomputed is None or _given(design.guarantees) != _given(recomputed.guarantees):
+        return "guarantees"
+    if design.warnings is not None and design.warnings != recomputed.warnings:
+        return "warnings"
+    return None
+
+
+def _given(guarantees: tuple[Guarantee, ...]) -> list[str]:
+    return [one.statement for one in guarantees if one.given and one.statement != ROUNDED_WIDTHS]
 
 
 def _evidence_gap(stored: Mapping[str, Claim], found: tuple[Claim, ...]) -> Difference | None:
