@@ -216,18 +216,29 @@ def _outcome(
 def _numbers(
     problem: Problem, best: _Try, bracket: Bracket, shortest: bool, accuracy: float
 ) -> dict[str, Any]:
-    """What an answer holds of a bracket."""
+    """What an answer holds of a bracket.
+
+    A witness against gains that were searched for says nothing about other gains: the far end is
+    refuted for the gains of the file only.
+    """
+    witness, reason, verdict = bracket.obstacle.get("witness"), _reason(bracket), bracket.verdict
+    these_gains = {}
+    if best.searched and verdict == "refuted":
+        these_gains = {"these_gains": {"witness": witness}}
+        witness, verdict = None, "undecided"
+        reason = f"other gains may do; for these, {reason}"
     return {
         "proved": bracket.proved,
         "not_proved": bracket.not_proved,
-        "not_proved_verdict": bracket.verdict,
+        "not_proved_verdict": verdict,
         "accuracy": accuracy,
         "kept": problem.require_dwell_time()[1 if shortest else 0],
         "common_P": bracket.common,
         "open": _open(bracket),
         "islands": [list(island) for island in bracket.islands],
-        "reason": _reason(bracket),
-        "witness": bracket.obstacle.get("witness"),
+        "reason": reason,
+        "witness": witness,
+        **these_gains,
         "form": best.label,
         "gains": {name: best.gains[name] for name in ("L", "M")},
     }

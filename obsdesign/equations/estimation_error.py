@@ -49,8 +49,8 @@ def jump_disturbance_matrix(M: Array, C: Array, n: int, jump_measurement: str) -
 def plant_data(plant: Any) -> dict[str, Any]:
     """The plant's numbers that the runtime needs, under the names of a design's `gains`.
 
-    `plant` has the attributes of `obsdesign.plant.Plant`. Without jumps, the dwell time is
-    [inf, inf] in spirit: the entries of the jump are left out.
+    `plant` has the attributes of `obsdesign.plant.Plant`. What it does not state is left out: the
+    entries of the jump where there is none, and a dwell time that may be any.
     """
     flow, jump, output = plant.flow, plant.jump, plant.output
     data: dict[str, Any] = {"A": flow.A, "C": output.C}
@@ -62,7 +62,8 @@ def plant_data(plant: Any) -> dict[str, Any]:
         if jump.E is not None:
             data["E"] = jump.E
         data |= {"jump_lower": jump.lower, "jump_upper": jump.upper}
-        data["dwell_time"] = list(jump.dwell_time or ())
+        if jump.dwell_time is not None:
+            data["dwell_time"] = list(jump.dwell_time)
         if math.isfinite(jump.dwell_jitter):
             data["dwell_jitter"] = jump.dwell_jitter
     if output.noise_bound is not None:
