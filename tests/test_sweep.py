@@ -9,6 +9,7 @@ import random
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -445,3 +446,20 @@ def test_points_without_a_number_have_their_colour(
     Path(path).write_bytes(b"".join(lines[:-1]))  # interrupted: what there is can be seen
     assert len(read_sweep(path).rows) == len(lines) - 2
     plot_sweep(path, str(tmp_path / "part.svg"))
+
+
+def test_a_sweep_that_is_ended_takes_its_processes_along(tmp_path: Path) -> None:
+    """Workers that went on would hold the pipe open: its reader sees the end at once."""
+    code = "from obsdesign.cli import main; main()"
+    arguments = ("sweep", ACADEMIC, "--over", "jump.dwell_time[0]=0.5:1.5:2000", "--jobs", "2")
+    with subprocess.Popen(
+        [sys.executable, "-c", code, *map(str, arguments)], cwd=tmp_path,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    ) as run:  # fmt: skip
+        rows = tmp_path / "sweep.jsonl"
+        while not (rows.exists() and rows.read_text().count("\n") > 2):
+            assert run.poll() is None
+            time.sleep(0.05)
+        run.send_signal(signal.SIGTERM)
+        complaints = run.communicate(timeout=60)[1]
+    assert (run.returncode, complaints) == (143, "")
