@@ -143,24 +143,6 @@ def _cells(line: str, where: str, name: str) -> list[str]:
         raise InputError(f"{where}: not valid CSV: {error}.") from None
 
 
-def _decoded(stream: TextIO, name: str) -> Iterator[str]:
-    try:
-        for line in stream:
-            if "\0" in line:
-                raise InputError(f"{name}: a text file is required; it holds a zero byte.")
-            yield line
-    except UnicodeDecodeError:
-        raise InputError(_NOT_TEXT.format(name)) from None
-
-
-def _next_row(rows: Any, name: str) -> list[str] | None:
-    try:
-        row: list[str] | None = next(rows, None)
-        return row
-    except csv.Error as error:
-        raise InputError(f"{name} line {rows.line_num}: not valid CSV: {error}.") from None
-
-
 def _places(header: list[str], layout: Layout, name: str) -> dict[str, int]:
     if header and header[0].startswith("\ufeff"):
         header[0] = header[0].removeprefix("\ufeff")
@@ -261,16 +243,19 @@ def read_columns(path: str) -> dict[str, list[str]]:
     """
     try:
         with open(path, encoding="utf-8-sig", newline="") as file:
-            rows = csv.reader(_decoded(file, path), strict=True)
-            header = _next_row(rows, path)
+            rows = (
+                (number, _cells(line, f"{path} line {number}", path))
+                for number, line in enumerate(_lines(file, path), start=1)
+            )
+            header = next(rows, (1, []))[1]
             if not header:
                 raise InputError(f"{path}: a header line is required; the file is empty.")
             table: dict[str, list[str]] = {title.strip(): [] for title in header}
-            while (cells := _next_row(rows, path)) is not None:
+            for number, cells in rows:
                 if cells and len(cells) != len(header):
                     raise InputError(
-                        f"{path} line {rows.line_num}: {len(header)} values are required, "
-                        f"one per column; got {len(cells)}."
+                        f"{path} line {number}: {len(header)} values are required, one per "
+                        f"column; got {len(cells)}."
                     )
                 for title, cell in zip(table, cells, strict=False):
                     table[title].append(cell.strip())

@@ -18,6 +18,7 @@ import jinja2
 import numpy as np
 
 from obsdesign import workflow
+from obsdesign.answers import reason
 from obsdesign.comparison.compare import MOST_ROWS, beside_filter
 from obsdesign.comparison.record import Record
 from obsdesign.comparison.row import table
@@ -129,7 +130,7 @@ def _claim(claim: Any) -> dict[str, Any]:
         "verdict": claim.verdict,
         "statement": claim.statement,
         "source": claim.source,
-        "why": "" if claim.verdict == "proved" else workflow.reason(claim),
+        "why": "" if claim.verdict == "proved" else reason(claim),
         "numbers": list(numbers_of(claim.evidence)),
     }
 

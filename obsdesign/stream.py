@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import itertools
+import os
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 from obsdesign.document import Design
 from obsdesign.errors import InputError
+from obsdesign.input_files import read_text
 from obsdesign.runtime.base import Estimate, Sample
 from obsdesign.runtime.stored_state import Progress, progress_from_text
 
@@ -83,13 +84,9 @@ def resumed(
             "--state: observer.differentiator 'batch' smooths a record as a whole; its parts "
             "cannot be run one after the other."
         )
-    try:
-        text = Path(path).read_text("utf-8")
-    except FileNotFoundError:
+    if not os.path.lexists(path):
         return None
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
-        raise InputError(f"{path}: cannot be read: {reason}.") from None
+    text = read_text(path)
     if initial is not None:
         raise InputError(f"--initial: {path} says where the observer stands; give one of them.")
     return progress_from_text(text, design, observer, path)

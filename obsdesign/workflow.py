@@ -27,8 +27,7 @@ from lmi.patience import (
 )
 from lmi.verdict import overall
 from obsdesign import __version__
-from obsdesign.answers import as_answers, is_ended, with_untried
-from obsdesign.answers import reason as reason
+from obsdesign.answers import as_answers, is_ended, reason, with_untried
 from obsdesign.document import Claim, Design
 from obsdesign.errors import InputError
 from obsdesign.kinds import KINDS

@@ -67,19 +67,21 @@ def _same_plant(design: Design, path: str) -> None:
         table = design.problem.get(block)
         stated = table.get(key) if isinstance(table, dict) else None
         if name in design.gains and not same(jsonable(design.gains[name]), jsonable(stated)):
-            if name == "dwell_time" and _holds(design.gains[name], stated):
-                continue  # the range found is wider than the one asked for
+            if name == "dwell_time" and _is_searched_range(design, stated):
+                continue
             raise InputError(
                 f"{path}: gains.{name} differs from problem.{block}.{key}; `obsdesign verify` "
                 "tells more. Was the file put together by hand?"
             )
 
 
-def _holds(found: Any, asked: Any) -> bool:
-    """One range of dwell times contains another."""
-    if np.shape(found) != (2,) or not isinstance(asked, list) or len(asked) != 2:
+def _is_searched_range(design: Design, asked: Any) -> bool:
+    """Is the range of the gains one that a search for the shortest dwell time may have proved?"""
+    objective = design.problem.get("observer", {}).get("objective")
+    found = design.gains["dwell_time"]
+    if objective != "shortest_dwell" or np.shape(found) != (2,) or np.shape(asked) != (2,):
         return False
     if not all(is_number(end) or end == "inf" for end in asked):
         return False
     low, high = (float(end) for end in asked)
-    return bool(found[0] <= low and found[1] >= high)
+    return bool(0.0 <= found[0] <= low and found[1] == high)

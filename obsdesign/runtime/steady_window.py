@@ -19,7 +19,7 @@ from obsdesign.runtime.sampling_window import (
     FiniteTimeState,
     SamplingWindow,
 )
-from obsdesign.runtime.time_stamps import RELATIVE_TIME_TOLERANCE
+from obsdesign.runtime.time_stamps import time_tolerance
 from obsdesign.runtime.window_error import window_length
 from obsdesign.runtime.window_tape import Tape
 
@@ -77,16 +77,15 @@ class SteadyWindow(SamplingWindow):
 
     @staticmethod
     def _on_time(state: FiniteTimeState, t: float, period: float, ticks: int) -> bool:
-        """Is t the next instant after a whole window? As `time_tolerance`, also from the anchor."""
-        slack = math.ulp(t)
+        """Is t the next instant after a whole window, also as counted from the anchor?"""
+        counted = ticks * period
         return (
             state.sampled == state.t
             and not state.missing
             and state.moderate
-            and slack <= period
-            and abs(t - state.t - period) <= RELATIVE_TIME_TOLERANCE * period + slack
-            and abs(t - state.anchor - ticks * period)
-            <= RELATIVE_TIME_TOLERANCE * ticks * period + slack
+            and math.ulp(t) <= period
+            and abs(t - state.t - period) <= time_tolerance(period, t)
+            and abs(t - state.anchor - counted) <= time_tolerance(counted, t)
         )
 
     def _more(self, state: FiniteTimeState, x: Vector, y: Vector) -> Any:

@@ -19,7 +19,7 @@ import numpy as np
 
 from obsdesign.document import Design, digest
 from obsdesign.errors import InputError
-from obsdesign.input_files import keys_once
+from obsdesign.input_files import keys_once, require_depth
 from obsdesign.runtime.base import Row
 from obsdesign.runtime.window_tape import Tape
 
@@ -83,6 +83,10 @@ def progress_from_text(text: str, design: Design, observer: Any, path: str) -> P
 def _checked_body(text: str, design: Design, path: str) -> dict[str, Any]:
     try:
         body = json.loads(text, object_pairs_hook=keys_once)
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{path}: not a state file that can be resumed: {error}.") from None
+    require_depth(body, path)
+    try:
         if not isinstance(body, dict) or body.get("format") != FORMAT:
             raise ValueError(f"format must be {FORMAT!r}")
         if type(body.get("version")) is not int or body["version"] != VERSION:
@@ -91,7 +95,7 @@ def _checked_body(text: str, design: Design, path: str) -> dict[str, Any]:
             raise ValueError(f"its keys must be {', '.join(sorted(_KEYS))}")
         if body["digest"] != digest(body):
             raise ValueError("digest does not match the content; it was changed")
-    except (ValueError, RecursionError) as error:
+    except ValueError as error:
         raise InputError(f"{path}: not a state file that can be resumed: {error}.") from None
     own = design.to_dict()["digest"]
     if body["design"] != own:

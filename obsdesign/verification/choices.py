@@ -1,7 +1,7 @@
 """Witnesses against the problem, and witnesses against what synthesis chose for it.
 
 A refutation of a window or gain that the problem leaves open says nothing of other ones:
-`workflow` weakens it to undecided, unless its witness is marked here.
+`answers.as_answers` weakens it to undecided, unless its witness is marked here.
 """
 
 from __future__ import annotations
