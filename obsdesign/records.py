@@ -26,7 +26,7 @@ _NOT_TEXT = "{}: UTF-8 text is required; it is not. Is it a binary file?"
 
 
 def ignored(text: str) -> None:
-    """What nobody asked to be told."""
+    """Discard a remark."""
 
 
 @dataclass(frozen=True)
@@ -56,8 +56,8 @@ def read_samples(
 ) -> Iterator[Sample]:
     """Samples of a CSV file or pipe, checked row by row; one row is one line.
 
-    after: a time before the first row; remark: told of columns that the plant has no use for; skip:
-    told of every line that is no row, instead of an error.
+    after: a time before the first row; remark: called with columns that the plant has no use for;
+    skip: called with every line that is no row, instead of an error.
 
     InputError: no header, missing or doubled columns, text where a number belongs, times that do
     not increase, rows of the wrong length.
@@ -148,13 +148,15 @@ def _places(header: list[str], layout: Layout, name: str) -> dict[str, int]:
         header[0] = header[0].removeprefix("\ufeff")
     for title in layout.columns:
         if title not in header:
-            found = ", ".join(header)
+            titles = ", ".join(header)
             hint = ""
-            if len(header) == 1 and re.search(r"[;\t|]", found):
+            if len(header) == 1 and re.search(r"[;\t|]", titles):
                 hint = " Columns are separated by commas."
             elif title.lower() in [name.lower() for name in header]:
                 hint = " Names of columns are in small letters."
-            raise InputError(f"{name}: column {title!r} is required; the header has {found}.{hint}")
+            raise InputError(
+                f"{name}: column {title!r} is required; the header has {titles}.{hint}"
+            )
         if header.count(title) > 1:
             raise InputError(
                 f"{name}: column {title!r} stands {header.count(title)} times in the header."

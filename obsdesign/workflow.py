@@ -32,7 +32,7 @@ from obsdesign.document import Claim, Design
 from obsdesign.errors import InputError
 from obsdesign.kinds import KINDS
 from obsdesign.problem import Problem
-from obsdesign.told_truly import guarantees_of, told_truly
+from obsdesign.told_truly import document_claim, guarantees_of
 
 _Key = TypeVar("_Key", bound=Hashable)
 
@@ -298,7 +298,7 @@ def verify(design: Design, *, paranoid: bool = False) -> Outcome:
         claims = verification.claims(problem, design.gains, certificates, paranoid=paranoid)
     except OversizeError as error:
         raise InputError(str(error)) from None
-    document, guarantees = told_truly(problem, design, claims, verification)
+    document, guarantees = document_claim(problem, design, claims, verification)
     claims = (*claims, document)
     verdict = overall(claim.verdict for claim in claims)
     return Outcome(verdict, design.kind, claims, {}, design, guarantees)

@@ -77,9 +77,10 @@ def _same_plant(design: Design, path: str) -> None:
 
 def _is_searched_range(design: Design, asked: Any) -> bool:
     """Is the range of the gains one that a search for the shortest dwell time may have proved?"""
-    objective = design.problem.get("observer", {}).get("objective")
-    found = design.gains["dwell_time"]
-    if objective != "shortest_dwell" or np.shape(found) != (2,) or np.shape(asked) != (2,):
+    options, found = design.problem.get("observer"), design.gains["dwell_time"]
+    if not isinstance(options, dict) or options.get("objective") != "shortest_dwell":
+        return False
+    if np.shape(found) != (2,) or np.shape(asked) != (2,):
         return False
     if not all(is_number(end) or end == "inf" for end in asked):
         return False

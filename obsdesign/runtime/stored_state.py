@@ -32,9 +32,9 @@ _DTYPES: Mapping[str, Any] = {"float": np.float64, "int": np.int64, "bool": np.b
 
 @dataclass(frozen=True)
 class Progress:
-    """Where an observer stands: its state, and rows (t, y, u) since then that are taken again.
+    """The state of an observer, and rows (t, y, u) since then that are taken again.
 
-    given: estimates out of these rows that were given out already.
+    given: number of estimates of these rows that were written already.
     """
 
     state: Any
@@ -181,10 +181,10 @@ class _Reader:
         place = value.get("array") if isinstance(value, dict) and len(value) == 1 else None
         if type(place) is not int or not 0 <= place < len(self._arrays):
             raise _wrong(name, "an array", value)
-        found, (wanted,) = self._arrays[place], get_args(args[1])
-        if wanted is not Any and found.dtype != wanted:
-            raise _wrong(name, f"an array of {wanted.__name__}", str(found.dtype))
-        return found
+        array, (dtype,) = self._arrays[place], get_args(args[1])
+        if dtype is not Any and array.dtype != dtype:
+            raise _wrong(name, f"an array of {dtype.__name__}", str(array.dtype))
+        return array
 
     def _record(self, kind: Any, names: Sequence[str], value: Any, name: str) -> Any:
         if not isinstance(value, dict) or set(value) != {"type", *names}:
@@ -236,6 +236,6 @@ def _number(value: float) -> float | str:
 
 
 def _wrong(name: str, required: str, arrived: Any) -> TypeError:
-    told = json.dumps(arrived, default=str)
-    told = told if len(told) <= 60 else f"{told[:57]}..."
-    return TypeError(f"{name} must be {required}; got {told}.")
+    text = json.dumps(arrived, default=str)
+    text = text if len(text) <= 60 else f"{text[:57]}..."
+    return TypeError(f"{name} must be {required}; got {text}.")

@@ -21,7 +21,7 @@ from obsdesign.equations.estimation_error import plant_data, seen_before_jump
 from obsdesign.impulsive_estimate import estimate, missed
 from obsdesign.problem import Problem
 from obsdesign.structure import hidden_for_ever
-from obsdesign.verification.choices import of_all_choices
+from obsdesign.verification.choices import mark_witness
 from obsdesign.verification.consistency import consistency
 from obsdesign.verification.dwell import Dwell
 from obsdesign.verification.impulsive_alone import alone, quadratic_claims
@@ -117,7 +117,7 @@ def _windowed(
         if pair is not None:
             claim = alone(name, pair, Dwell.of(problem), certificates, paranoid, rate)
             if name == "hidden" and (blocks.exact or _never_seen(problem)):
-                claim = of_all_choices(claim)  # no basis changes what no measurement sees
+                claim = mark_witness(claim)  # no basis changes what no measurement sees
             found.append(claim)
             if "P" in claim.evidence:
                 P = np.asarray(claim.evidence["P"], dtype=np.float64)

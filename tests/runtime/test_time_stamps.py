@@ -232,7 +232,9 @@ def pulse_response(age: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize(
     "kind", ["luenberger", "impulsive", "unknown_input", "finite_time", "impulsive_input"]
 )
-@pytest.mark.parametrize(("origin", "step"), [(1.7e9, 2.0**-10), (1.7e18, 2.0**24), (-1.7e18, 2.0**24)])
+@pytest.mark.parametrize(
+    ("origin", "step"), [(1.7e9, 2.0**-10), (1.7e18, 2.0**24), (-1.7e18, 2.0**24)]
+)
 def test_only_differences_of_stamps_count(kind: str, origin: float, step: float) -> None:
     observer = scaled(kind, step)
     jumping = kind in ("luenberger", "impulsive")
