@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from obsdesign.runtime.base import MODERATE, Estimate, Sample, Vector, vector
+from obsdesign.runtime.base import MODERATE, Estimate, Sample, Vector, centred, vector
 from obsdesign.runtime.sampling_window import (
     SEEN_ROUNDING,
     Cover,
@@ -41,6 +41,7 @@ class SteadyWindow(SamplingWindow):
             if y is None:
                 return None
             y = vector(y, p, "y")
+        y = centred(y, self.gains)
         if not (abs(y.item()) if p == 1 else math.hypot(*y.tolist())) < MODERATE:
             return None  # larger numbers may overflow
         u, drive = state.u, state.drive

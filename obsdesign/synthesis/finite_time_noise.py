@@ -43,7 +43,7 @@ def _errors(plant: Plant, k: int) -> Array:
     if not np.isfinite(rows).all():
         return np.full(len(A), np.inf)
     gain = equations.least_squares_gain(rows, np.tile(deviations, k))
-    noise = plant.output.noise_bound
+    noise = plant.output.noise_radius
     Delta = (plant.flow.upper - plant.flow.lower) / 2
     noise = np.zeros(len(C)) if noise is None else noise
     if not np.any(noise) and not np.any(Delta):
