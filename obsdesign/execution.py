@@ -20,10 +20,10 @@ from obsdesign.output_files import refuse_overwriting, replacing, write_text
 from obsdesign.records import (
     Layout,
     Remark,
+    discard,
     estimate_header,
     estimate_line,
     event_line,
-    ignored,
     read_samples,
 )
 from obsdesign.runtime import from_design
@@ -46,7 +46,7 @@ def execute(
     *,
     state: str | None = None,
     skip_bad: bool = False,
-    remark: Remark = ignored,
+    remark: Remark = discard,
 ) -> Counter[str]:
     """Estimates of a design for DATA (None: standard input) into `output` (None: standard output).
 
@@ -69,7 +69,7 @@ def execute(
     read = partial(read_samples, layout=Layout(**observer.reads), name=name, after=after)
     if data is not None:
         with _opened(data) as stream:
-            samples = read(stream, skip=ignored if skip_bad else None)
+            samples = read(stream, skip=discard if skip_bad else None)
             # refuse before anything is written
             starting_progress(observer, stored, next(samples), initial)
             for _ in samples:

@@ -25,7 +25,7 @@ Remark = Callable[[str], None]
 _NOT_TEXT = "{}: UTF-8 text is required; it is not. Is it a binary file?"
 
 
-def ignored(text: str) -> None:
+def discard(text: str) -> None:
     """Discard a remark."""
 
 
@@ -51,7 +51,7 @@ def read_samples(
     name: str,
     *,
     after: float = -math.inf,
-    remark: Remark = ignored,
+    remark: Remark = discard,
     skip: Remark | None = None,
 ) -> Iterator[Sample]:
     """Samples of a CSV file or pipe, checked row by row; one row is one line.

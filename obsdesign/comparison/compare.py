@@ -52,7 +52,7 @@ def compare(
     yield filtered(problem.plant, record, start)
 
 
-def beside_filter(
+def compare_with_kalman(
     design: Design, record: Record, initial: Sequence[float] | None = None
 ) -> tuple[Row, Row]:
     """A design and the filter on the first rows of a record; initial: as for `compare`."""

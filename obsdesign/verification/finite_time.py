@@ -68,10 +68,10 @@ def claims(
             found = _hypotheses(gains, S)
         if all(claim.verdict != "undecided" for claim in found):
             break
-    return (agreement, *(_judged(problem, claim) for claim in found))
+    return (agreement, *(_with_marked_witness(problem, claim) for claim in found))
 
 
-def _judged(problem: Problem, claim: Claim) -> Claim:
+def _with_marked_witness(problem: Problem, claim: Claim) -> Claim:
     """The claim, its witness marked where no window and no L that is open would change it."""
     L = problem.gains.get("L")
     silent = L is not None and not np.any(L @ problem.plant.output.C)

@@ -116,7 +116,7 @@ def _windowed(
     for name, pair in (("hidden", blocks.hidden), ("rest", blocks.rest)):
         if pair is not None:
             claim = alone(name, pair, Dwell.of(problem), certificates, paranoid, rate)
-            if name == "hidden" and (blocks.exact or _never_seen(problem)):
+            if name == "hidden" and (blocks.exact or _has_undetectable_part(problem)):
                 claim = mark_witness(claim)  # no basis changes what no measurement sees
             found.append(claim)
             if "P" in claim.evidence:
@@ -141,8 +141,8 @@ def _windowed(
         return found, in_state(whole.bound, blocks)
 
 
-def _never_seen(problem: Problem) -> bool:
-    """Whether a part of the state that no measurement sees does not decay, exactly."""
+def _has_undetectable_part(problem: Problem) -> bool:
+    """Is a part of the state unobservable for all dwell times, and does not decay? Exactly."""
     flow, jump, output = problem.plant.flow, problem.plant.jump, problem.plant.output
     assert jump is not None
     C = seen_before_jump(jump.G, output.C, output.jump_measurement)
