@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from lmi.balancing import balance
 from lmi.edge_grid import Cut, EdgeGrid, Grids
 from lmi.families import FEWEST, Edge, slack_of
-from lmi.patience import until
+from lmi.patience import deadline
 from lmi.semidefinite import FLOOR, Solution, common_matrices
 
 Matrix = NDArray[Any]
@@ -114,7 +114,7 @@ def propose_edges(
         grid = EdgeGrid.of(edges, points, {} if grids is None else grids)
         if not np.isfinite(grid.maps).all():
             return _guess(edges[0], nodes, grid.maps.shape[-1])
-        return _Search(grid, nodes, until(seconds)).run([*seeds], start)
+        return _Search(grid, nodes, deadline(seconds)).run([*seeds], start)
 
 
 def _guess(edge: Edge, nodes: int, n: int) -> Proposal:

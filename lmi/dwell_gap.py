@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from lmi.balls import Exact, to_float
 from lmi.families import Edge
 from lmi.hurwitz import prove_hurwitz
-from lmi.patience import ended, ended_part, left
+from lmi.patience import ended, ended_part, remaining
 from lmi.products import Word, polished, worst_word
 from lmi.spectral import refute_word, steps_within
 from lmi.splitting import Limits
@@ -68,7 +68,7 @@ class Gap:
         """
         flow, jump = to_float(self.F), to_float(self.H)
         rng, x, best = np.random.default_rng(_SEED), bad, None
-        for _ in range(_WORDS if left() > 0 else 0):
+        for _ in range(_WORDS if remaining() > 0 else 0):
             edge = Edge(flow, jump, *self._range(x))
             word = worst_word(edge, L, (), rng, jitter=self.jitter)
             if word.growth < 1:

@@ -20,16 +20,16 @@ from obsdesign.output_files import refuse_overwriting, replacing, write_text
 from obsdesign.records import (
     Layout,
     Remark,
+    discard,
     estimate_header,
     estimate_line,
     event_line,
-    ignored,
     read_samples,
 )
 from obsdesign.runtime import from_design
 from obsdesign.runtime.base import Estimate
 from obsdesign.runtime.stored_state import state_text
-from obsdesign.stream import Stream, begun, estimates_of, resumed
+from obsdesign.stream import Stream, estimates_of, starting_progress, stored_progress
 
 # "dwell time 0.5 below 0.7" is counted as "dwell time below 0.7"
 _NUMBER = re.compile(r"(?<=time )[-+.\de]+ ")
@@ -46,12 +46,12 @@ def execute(
     *,
     state: str | None = None,
     skip_bad: bool = False,
-    remark: Remark = ignored,
+    remark: Remark = discard,
 ) -> Counter[str]:
     """Estimates of a design for DATA (None: standard input) into `output` (None: standard output).
 
-    state: the file that says where the observer stands; a run goes on from there if it exists, and
-    writes it at the end. skip_bad: a malformed line is a remark, not an error. remark: called with
+    state: the file with the observer's progress; a run continues from it if it exists, and writes
+    it at the end. skip_bad: a malformed line is a remark, not an error. remark: called with
     these, and at the end with signs that the data are of another plant.
 
     Returns how many rows there were ("rows") and how many had which status. A data file is checked
@@ -63,26 +63,28 @@ def execute(
     _refuse_targets((design, data), output, events, state)
     if events is not None and not observer.finds_events:
         raise InputError(f"--events: kind {observer.kind!r} has none to write.")
-    stand = None if state is None else resumed(state, signed, observer, initial)
+    stored = None if state is None else stored_progress(state, signed, observer, initial)
     name, remarks = data or "standard input", list[str]()
-    after = -math.inf if stand is None else stand.t
+    after = -math.inf if stored is None else stored.t
     read = partial(read_samples, layout=Layout(**observer.reads), name=name, after=after)
     if data is not None:
         with _opened(data) as stream:
-            samples = read(stream, skip=ignored if skip_bad else None)
-            begun(observer, stand, next(samples), initial)  # complain before anything is written
+            samples = read(stream, skip=discard if skip_bad else None)
+            # refuse before anything is written
+            starting_progress(observer, stored, next(samples), initial)
             for _ in samples:
                 pass
     with _source(data) as stream, _writer(output) as out, _log(events, observer) as log:
         samples = read(stream, skip=remark if skip_bad else None, remark=remarks.append)
-        first = next(samples)  # there is one, or they complain
-        along, live = Stream(observer, begun(observer, stand, first, initial)), data is None
+        first = next(samples)  # there is one, or this is an InputError
+        begin, live = starting_progress(observer, stored, first, initial), data is None
+        parts = Stream(observer, begin)
         rows = chain([first], samples)
-        whole = partial(estimates_of, observer, along.progress.state)
-        estimates = (whole if state is None else along.estimates)(rows, live=live)
+        whole = partial(estimates_of, observer, begin.state)
+        estimates = (whole if state is None else parts.estimates)(rows, live=live)
         counts = _write(observer, estimates, out, log, live=live)
     if state is not None:
-        write_text(state, state_text(signed, along.progress))
+        write_text(state, state_text(signed, parts.progress))
     for text in [*remarks, *_void(name, counts)]:
         remark(text)
     return counts

@@ -16,7 +16,7 @@ import numpy as np
 
 from lmi.balls import precision
 from lmi.norms import float_above, float_below
-from lmi.patience import listening, remark, sentences
+from lmi.patience import collect_remarks, remark, sentences
 from obsdesign.answers import with_end
 from obsdesign.document import Claim
 from obsdesign.equations import finite_time as equations
@@ -78,7 +78,7 @@ def search_period(problem: Problem, what: str) -> Outcome:
     asked = {} if what == "shortest_window" else _without_window(problem)
     if text := equations.objection(problem.plant, asked):
         raise InputError(text)
-    with listening() as remarks, precision(_BITS):
+    with collect_remarks() as remarks, precision(_BITS):
         first = observable(Sampled.of(problem.plant.flow.A, problem.plant.output.C, period, 1))
         if first.verdict != "proved":
             return _outcome(problem, None, first, False)

@@ -18,8 +18,8 @@ from lmi.balls import exact
 from lmi.dwell_search import ACCURACY, Bracket, longest_dwell, shortest_dwell
 from lmi.patience import (
     Remark,
+    collect_remarks,
     ended_part,
-    listening,
     stretch_factors,
     stretched,
     total_budget,
@@ -102,7 +102,7 @@ def _searched(problem: Problem, what: str, accuracy: float) -> workflow.Outcome:
         return period_search.search_period(problem, what)
     kind, shortest = problem.require_kind(), what == "shortest_dwell"
     tried: list[_Try] = []
-    with listening() as remarks:
+    with collect_remarks() as remarks:
         for candidate in _candidates(problem):
             tried.append(_bracket(problem, candidate, shortest, accuracy, remarks))
             if candidate.searched and tried[-1].bracket is not None:

@@ -1,4 +1,4 @@
-"""Is what a design file says of itself what was proved again?"""
+"""The claim that a design file states what was proved again, and the sentences that follow."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ def guarantees_of(problem: Problem, claims: tuple[Claim, ...], verification: Any
     )  # fmt: skip
 
 
-def told_truly(
+def document_claim(
     problem: Problem, design: Design, claims: tuple[Claim, ...], verification: Any
 ) -> tuple[Claim, Sentences]:
-    """The claim that the document states exactly what was proved again, and its sentences.
+    """The claim that the stored claims, evidence and guarantees are the recomputed ones; sentences.
 
-    What is undecided now and stands as decided in the document makes it unconfirmed, not false.
+    A claim that is undecided now and decided in the document makes it unconfirmed, not false.
     The sentences are recomputed from the claims; there are none unless the claim is proved.
     """
     stored = {claim.id: claim for claim in design.claims}
@@ -54,7 +54,7 @@ def told_truly(
     evidence_gap = None if wrong is not None else _evidence_gap(stored, assumed)
     if evidence_gap is not None and evidence_gap.false:
         wrong = evidence_gap.entry
-    if wrong is None and _promises(guarantees) != _promises(design.guarantees):
+    if wrong is None and _compared(guarantees) != _compared(design.guarantees):
         wrong = "guarantees"
     if wrong is None and design.name != design.problem.get("name"):
         wrong = "name"
@@ -79,8 +79,8 @@ def told_truly(
     return claim, guarantees if guarantees and verdict == "proved" else ()
 
 
-def _promises(sentences: Any) -> Any:
-    """What sentences promise, and whether: older designs name fewer of the claims they rest on."""
+def _compared(sentences: Any) -> Any:
+    """Sentences without their claims, of which older designs name fewer."""
     entries = jsonable(sentences)
     if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
         return entries
@@ -91,23 +91,24 @@ def _promises(sentences: Any) -> Any:
     ]
 
 
-def _evidence_gap(stored: Mapping[str, Claim], found: tuple[Claim, ...]) -> Difference | None:
-    """The gravest difference in the evidence of decided claims; what is undecided shows nothing."""
+def _evidence_gap(stored: Mapping[str, Claim], proved: tuple[Claim, ...]) -> Difference | None:
+    """The gravest difference in the evidence of decided claims; undecided ones are not compared."""
     every = [
         difference(claim.id, stored[claim.id].to_dict()["evidence"], claim.to_dict()["evidence"])
-        for claim in found
+        for claim in proved
         if claim.verdict != "undecided"
     ]
     gaps = [gap for gap in every if gap is not None]
     return next((gap for gap in gaps if gap.false), gaps[0] if gaps else None)
 
 
-def _difference(stored: tuple[Claim, ...], found: tuple[Claim, ...]) -> str | None:
+def _difference(stored: tuple[Claim, ...], proved: tuple[Claim, ...]) -> str | None:
     """The id of a claim in which the two differ, evidence apart."""
-    one, other = (
-        sorted((c.id, c.statement, c.source, c.verdict) for c in group) for group in (stored, found)
+    old, new = (
+        sorted((c.id, c.statement, c.source, c.verdict) for c in group)
+        for group in (stored, proved)
     )
-    wrong = sorted({entry[0] for entry in set(one) ^ set(other)})
+    wrong = sorted({entry[0] for entry in set(old) ^ set(new)})
     if wrong:
         return wrong[0]
-    return "claims" if one != other else None
+    return "claims" if old != new else None

@@ -13,6 +13,7 @@ import obsdesign
 from obsdesign import InputError
 from obsdesign.cli import cli
 from obsdesign.document import digest
+from obsdesign.input_files import MOST_BYTES
 from obsdesign.simulation import simulate
 from tests.test_cli import ROOT, command
 
@@ -155,6 +156,7 @@ def test_states_that_cannot_be_resumed(desk: Path) -> None:
         (text[:-40], "not a state file that can be resumed"),
         ("", "not a state file that can be resumed"),
         ("[" * 9999, "not a state file that can be resumed"),
+        (signed(body | {"more": json.loads("[" * 60 + "]" * 60)}), "nested deeper than 50"),
         (text.replace('"started": true', '"started": false'), "digest does not match the content"),
         (signed(body | {"version": 2}), "version must be 1; got 2"),
         (signed(body | {"format": "x"}), "format must be 'obsdesign/state'"),
@@ -164,6 +166,11 @@ def test_states_that_cannot_be_resumed(desk: Path) -> None:
         assert change != text
         (desk / "s.json").write_text(change)
         assert told in refused("two.csv", "--state", "s.json")
+    (desk / "s.json").write_bytes(b"\xff\xfe" + text.encode())
+    assert "UTF-8 text is required; it is not" in refused("two.csv", "--state", "s.json")
+    with (desk / "s.json").open("wb") as file:
+        file.truncate(MOST_BYTES + 1)
+    assert "at most 64 MiB are read; it is larger" in refused("two.csv", "--state", "s.json")
     (desk / "s.json").write_text(text)
     assert "s.json says where the observer stands" in refused(
         "two.csv", "--state", "s.json", *START

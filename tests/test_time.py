@@ -14,6 +14,7 @@ import obsdesign
 from lmi import decide, dwell_gap
 from lmi.patience import ended_part
 from lmi.window_search import Budget, find_windows
+from obsdesign.answers import reason
 from obsdesign.check import check_all, check_kind
 from obsdesign.comparison.compare import compare
 from obsdesign.comparison.record import Record
@@ -45,7 +46,7 @@ def test_too_little_time_says_so_and_more_decides(kind: str) -> None:
     assert short.verdict == "undecided"
     assert ends(short)
     assert all(end == {"ended_by": "time", "seconds": NOTHING} for end in ends(short))
-    reasons = [obsdesign.workflow.reason(c) for c in short.claims if c.verdict == "undecided"]
+    reasons = [reason(c) for c in short.claims if c.verdict == "undecided"]
     assert all(reason.endswith(f"the search ended after 1e-09 s{MORE}") for reason in reasons)
     assert obsdesign.investigate(sampled(kind), seconds=100.0).verdict == "proved"
 
@@ -68,7 +69,7 @@ def test_a_total_stretches_own_budgets(monkeypatch: pytest.MonkeyPatch) -> None:
     assert own.verdict == "undecided"
     assert ends(own) == [{"ended_by": "windows", "limit": 3}]
     assert own.design is not None
-    assert obsdesign.workflow.reason(own.claims[-1]).endswith(f"ended after 3 windows{MORE}")
+    assert reason(own.claims[-1]).endswith(f"ended after 3 windows{MORE}")
     assert obsdesign.investigate(sampled("luenberger"), seconds=100.0).verdict == "proved"
 
 
@@ -84,7 +85,7 @@ def test_where_no_time_helps_nothing_is_said_of_it() -> None:
         outcome = obsdesign.investigate(obsdesign.Problem.from_dict(body), seconds=seconds)
         assert outcome.verdict != "proved"
         assert not any(ends(outcome))
-        assert not any(MORE in obsdesign.workflow.reason(c) for c in outcome.claims)
+        assert not any(MORE in reason(c) for c in outcome.claims)
 
 
 @pytest.mark.parametrize(

@@ -70,10 +70,10 @@ def compare(
 )
 def report(design_file: str, data: str | None, initial: str | None, output: str) -> int:
     """Prove DESIGN again and tell it on one page: guarantees, claims, gains, an estimate."""
+    from obsdesign.answers import reason
     from obsdesign.output_files import refuse_overwriting
     from obsdesign.presentation import EXIT_CODES
     from obsdesign.report import write_report
-    from obsdesign.workflow import reason
 
     refuse_overwriting(output, design_file, data)
     start = None if initial is None else numbers(initial, "--initial")

@@ -9,8 +9,8 @@ from obsdesign.commands.talk import (
     is_quiet,
     is_verbose,
     progress_bar,
+    progress_message,
     say,
-    told_if_slow,
     warn,
 )
 from obsdesign.errors import InputError
@@ -65,7 +65,7 @@ def design(
     loaded, dropped = problem_of(problem, kind)
     refuse_overwriting(output, problem)
     try:
-        with told_if_slow("designing"):
+        with progress_message("designing"):
             outcome = workflow.investigate(loaded, seconds=seconds)
     except InputError as error:
         raise InputError(f"{problem}: {error}") from None
@@ -98,7 +98,7 @@ def verify(design_file: str, paranoid: bool, as_json: bool) -> int:
 
     design = load_design(design_file)
     try:
-        with told_if_slow("verifying"):
+        with progress_message("verifying"):
             outcome = workflow.verify(design, paranoid=paranoid)
     except InputError as error:
         raise InputError(f"{design_file}: {error}") from None
@@ -128,7 +128,7 @@ def search(
 
     loaded, dropped = problem_of(problem, kind)
     try:
-        with told_if_slow("searching"):
+        with progress_message("searching"):
             outcome = searching.search(loaded, what, accuracy, seconds=seconds)
     except InputError as error:
         raise InputError(f"{problem}: {error}") from None

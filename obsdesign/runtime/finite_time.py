@@ -27,8 +27,8 @@ from obsdesign.runtime.base import (
     MODERATE,
     Estimate,
     Sample,
+    centred_measurement,
     later,
-    optional_measurement,
     status_of,
     vector,
 )
@@ -87,7 +87,7 @@ class FiniteTimeObserver(SteadyWindow):
     def _step(
         self, state: FiniteTimeState, t: float, sample: Sample
     ) -> tuple[FiniteTimeState, Estimate]:
-        y = optional_measurement(sample.y, self._p)
+        y = centred_measurement(sample.y, self.gains)
         state, at_instant, irregular = self._to(state, t, y is not None)
         if sample.jump and self.gains.get("jump_measurement") != "before":
             y_before, y_after = None, y

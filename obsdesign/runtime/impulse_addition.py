@@ -17,7 +17,7 @@ from obsdesign.runtime.impulse_rows import IntegralLive, Rows
 from obsdesign.runtime.impulse_search import Search
 from obsdesign.runtime.impulse_track import FreeRun
 from obsdesign.runtime.impulse_whitening import chi_squared_limit
-from obsdesign.runtime.time_stamps import RELATIVE_TIME_TOLERANCE, time_tolerance
+from obsdesign.runtime.time_stamps import time_tolerance
 
 Array = NDArray[Any]
 
@@ -27,9 +27,10 @@ _MISFIT = 0.05  # of the residual: what an impulse may leave of it where there i
 _CERTAIN = 3.0  # deviations by which a dwell time must be too short
 
 
-def short_dwell(gap: float, dwell: float, *deviations: float) -> str:
-    """That a dwell time is too short, beyond what the deviations of both times allow; or ""."""
-    if gap >= dwell * (1 - RELATIVE_TIME_TOLERANCE) - _CERTAIN * math.hypot(*deviations):
+def short_dwell(last: float, t: float, dwell: float, *deviations: float) -> str:
+    """Status of an impulse that comes too soon, beyond the deviations of both times; or ""."""
+    gap = t - last
+    if gap >= dwell - time_tolerance(dwell, t) - _CERTAIN * math.hypot(*deviations):
         return ""
     return f"dwell time {gap:.9g} below {dwell:.9g}"
 
@@ -91,8 +92,7 @@ class Addition:
         x[window] += self.run.impulse_error(track.t[window], event.t, jump)
         if decision.correction.any():
             x[window] += self.run.coasting(track.t[window], t_o, decision.correction)
-        apart = event.t - live.last_event + math.ulp(event.t)  # as long as the stamps allow
-        gap = short_dwell(apart, self.dwell, live.last_std, event.t_std or 0.0)
+        gap = short_dwell(live.last_event, event.t, self.dwell, live.last_std, event.t_std or 0.0)
         if gap:
             words = gap if event.status == "ok" else f"{event.status}; {gap}"
             event = replace(event, status=words)

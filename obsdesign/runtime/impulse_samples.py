@@ -206,7 +206,8 @@ class SamplesEngine:
             live.cells, live.cells.grid.before(last - _LATEST * (last - before))
         )
         top = int(np.argmax(fit.ratio))
-        oldest = first.row.t + interval - 1e-9 * self.period
+        oldest = first.row.t + interval
+        oldest -= time_tolerance(interval, oldest)
         if fit.ratio[top] > self.least_ratio and fit.grid.onsets[top] < oldest:
             return self._fired(live, interval, provisional)
         since = second.row.t - self.period - time_tolerance(self.period, second.row.t)
@@ -288,8 +289,7 @@ class SamplesEngine:
             status = MISFIT
         if whole > 1:
             status = _joined(status, LARGER)
-        apart = t - live.last_event + math.ulp(t)  # as long as the stamps allow
-        if gap := short_dwell(apart, self.dwell, live.last_std, t_std):
+        if gap := short_dwell(live.last_event, t, self.dwell, live.last_std, t_std):
             status = _joined(status, gap)
         if not alone:
             status = _joined(status, STEADY)

@@ -31,7 +31,7 @@ from obsdesign.runtime.impulse_integrals import (
 )
 from obsdesign.runtime.luenberger import responses
 from obsdesign.runtime.step_cache import cached_step
-from obsdesign.runtime.time_stamps import RELATIVE_TIME_TOLERANCE, time_tolerance
+from obsdesign.runtime.time_stamps import time_tolerance, time_tolerances
 
 Rows = NDArray[np.float64]
 
@@ -196,7 +196,7 @@ class FreeRun:
         if len(times) < 2:
             return []
         steps = np.diff(times)
-        slack = RELATIVE_TIME_TOLERANCE * steps + np.spacing(np.abs(times[1:]))
+        slack = time_tolerances(steps, times[1:])
         cuts = np.flatnonzero(np.abs(np.diff(steps)) > slack[1:] + slack[:-1]) + 1
         ends = itertools.pairwise([0, *cuts.tolist(), len(steps)])
         return [(a, b, self._length(times, a, b)) for a, b in ends]

@@ -20,6 +20,7 @@ from obsdesign.runtime.base import (
     Estimate,
     Sample,
     Vector,
+    centred,
     collect,
     later,
     optional_measurement,
@@ -149,6 +150,7 @@ class ImpulsiveInputObserver(PointObserver[ImpulsiveInputState]):
                 raise ValueError(f"every array must have {rows} rows, as t has; got {len(values)}.")
         ys, us = ys.reshape(rows, p), us.reshape(rows, m)
         check_size("y", ys, times)
+        ys = centred(ys, self.gains)
         check_size("u", us, times)
         check_resolution(times, self.latency)
         live, found = self.init(float(times[0]), x=x, covariance=covariance).live, []
@@ -173,6 +175,7 @@ class ImpulsiveInputObserver(PointObserver[ImpulsiveInputState]):
             u[k] = held
         t = np.array([float(sample.t) for sample in samples])
         check_size("y", y, t)
+        y = centred(y, self.gains)
         check_size("u", u, t)
         check_resolution(t, self.latency)
         live, decided = self.engine.extended(state.live, t, y, u)

@@ -91,7 +91,10 @@ class IntervalObserver(BoundObserver[IntervalState]):
         two = gains.get("form") == "two_coordinates"
         squares = ("D0", "D1", *(name for name in ("S", "S2", "T") if name in gains))
         require_gains(gains, squares, () if two else ("Gp", "Gn"))
-        require_shapes(gains, {"noise_bound": np.shape(gains["C"])[:1]})
+        given = [
+            name for name in ("noise_bound", "noise_centre") if name in (*gains, "noise_bound")
+        ]
+        require_shapes(gains, dict.fromkeys(given, np.shape(gains["C"])[:1]))
         return cls(gains)
 
     @cached_property

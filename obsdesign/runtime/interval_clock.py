@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from obsdesign.runtime.base import Sample, Vector
 from obsdesign.runtime.interval_state import IntervalState
-from obsdesign.runtime.time_stamps import RELATIVE_TIME_TOLERANCE, time_tolerance
+from obsdesign.runtime.time_stamps import RELATIVE_TIME_TOLERANCE, time_tolerance, time_tolerances
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class SampleClock:
 
     def regular_steps(self, steps: Vector, times: Vector) -> NDArray[np.bool_]:
         """Which of the steps that end at `times` are one period, or within the step limit."""
-        tolerance = RELATIVE_TIME_TOLERANCE * steps + np.spacing(times)
+        tolerance = time_tolerances(steps, times)
         if self.period is None:
             return np.asarray(steps <= self.limit + tolerance)
         return np.asarray(np.abs(steps - self.period) <= tolerance)

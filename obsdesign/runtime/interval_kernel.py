@@ -116,6 +116,7 @@ def _kernel(model: Model, step: BoxMap, predicted: BoxMap, C: Matrix, strips: bo
     columns = step.X.mid.shape[1]
     y_end = np.zeros((p, columns))
     y_end[:, n + p : n + 2 * p] = np.eye(p)
+    y_end[:, -1] = -model.y_mid
     blocks = [_radius_rows(step), _centre_rows(step)]
     box = _Rows(step.X, step.R, step.g)
     before = _Rows(predicted.X, predicted.R, predicted.g)

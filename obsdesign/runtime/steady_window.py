@@ -12,14 +12,14 @@ from typing import Any
 
 import numpy as np
 
-from obsdesign.runtime.base import MODERATE, Estimate, Sample, Vector, vector
+from obsdesign.runtime.base import MODERATE, Estimate, Sample, Vector, centred, vector
 from obsdesign.runtime.sampling_window import (
     SEEN_ROUNDING,
     Cover,
     FiniteTimeState,
     SamplingWindow,
 )
-from obsdesign.runtime.time_stamps import RELATIVE_TIME_TOLERANCE
+from obsdesign.runtime.time_stamps import time_tolerance
 from obsdesign.runtime.window_error import window_length
 from obsdesign.runtime.window_tape import Tape
 
@@ -41,6 +41,7 @@ class SteadyWindow(SamplingWindow):
             if y is None:
                 return None
             y = vector(y, p, "y")
+        y = centred(y, self.gains)
         if not (abs(y.item()) if p == 1 else math.hypot(*y.tolist())) < MODERATE:
             return None  # larger numbers may overflow
         u, drive = state.u, state.drive
@@ -77,16 +78,15 @@ class SteadyWindow(SamplingWindow):
 
     @staticmethod
     def _on_time(state: FiniteTimeState, t: float, period: float, ticks: int) -> bool:
-        """Is t the next instant after a whole window? As `time_tolerance`, also from the anchor."""
-        slack = math.ulp(t)
+        """Is t the next instant after a whole window, also as counted from the anchor?"""
+        counted = ticks * period
         return (
             state.sampled == state.t
             and not state.missing
             and state.moderate
-            and slack <= period
-            and abs(t - state.t - period) <= RELATIVE_TIME_TOLERANCE * period + slack
-            and abs(t - state.anchor - ticks * period)
-            <= RELATIVE_TIME_TOLERANCE * ticks * period + slack
+            and math.ulp(t) <= period
+            and abs(t - state.t - period) <= time_tolerance(period, t)
+            and abs(t - state.anchor - counted) <= time_tolerance(counted, t)
         )
 
     def _more(self, state: FiniteTimeState, x: Vector, y: Vector) -> Any:

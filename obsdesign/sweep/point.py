@@ -8,10 +8,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from lmi.memory import OversizeError
 from lmi.patience import ended_part
 from obsdesign import search as searching
 from obsdesign import workflow
-from obsdesign.answers import is_ended, more_time
+from obsdesign.answers import is_ended, more_time, reason
 from obsdesign.document import jsonable
 from obsdesign.errors import InputError
 from obsdesign.kinds import KINDS, SEARCHES
@@ -107,7 +108,7 @@ def evaluate(plan: Plan, index: int) -> dict[str, Any]:
                 found = workflow.investigate(problem, seconds=plan.seconds)
                 told = _designed(found, plan.what)
             result: dict[str, Any] = row | jsonable(told)
-        except InputError as error:
+        except (InputError, OversizeError) as error:
             return row | {"error": str(error)}
         except Exception as error:  # whatever it is, the other points are worth having
             return row | {"error": " ".join(f"{type(error).__name__}: {error}".split())}
@@ -147,7 +148,7 @@ def _why(outcome: workflow.Outcome) -> dict[str, Any]:
     open_claims = [claim for claim in outcome.claims if claim.verdict != "proved"]
     if open_claims:
         first = min(open_claims, key=lambda claim: claim.verdict != outcome.verdict)
-        text, evidence = f"{first.id}: {workflow.reason(first)}", first.evidence
+        text, evidence = f"{first.id}: {reason(first)}", first.evidence
         return {"reason": text} | (ended_part(evidence) if is_ended(first) else {})
     text, end = str(outcome.result.get("reason") or _WIDER), ended_part(outcome.result)
     return {"reason": f"{text}; {more_time(end)}" if end else text} | end

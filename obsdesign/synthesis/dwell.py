@@ -11,7 +11,7 @@ from lmi.balls import exact, to_float
 from lmi.copositive import decide_copositive, looks_positive
 from lmi.decide import Memory, decide
 from lmi.largest_rates import largest_rates
-from lmi.patience import left
+from lmi.patience import remaining
 from lmi.rates import propose_rates
 from obsdesign.problem import Problem
 
@@ -42,7 +42,7 @@ def dwell_certificates(
     evidence = stability_certificate(F, H, low, high, memory=memory, jitter=jitter)
     found: dict[str, Any] = {"dwell_stability": evidence}
     rates: Mapping[str, Any] | None = None
-    if left() < 0:
+    if remaining() < 0:
         return found
     if "P" in evidence:
         rates = largest_rates(F, H, evidence["P"], low, high)

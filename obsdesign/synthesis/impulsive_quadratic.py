@@ -21,7 +21,7 @@ from lmi.balancing import balance
 from lmi.balls import exact
 from lmi.exponential import expm
 from lmi.hidden_mode import propose_hiding
-from lmi.patience import ended, left, remark_end
+from lmi.patience import ended, remaining, remark_end
 from lmi.proof import prove_common
 from lmi.stack import Stack
 from obsdesign.equations.estimation_error import plant_data, seen_before_jump
@@ -109,7 +109,7 @@ def _table(
     """Cells and gains for which the contraction is proved; None if there would be too many."""
     A_exact, G_exact, C_exact = exact(A), exact(G), exact(C)
     todo, borders, gains = [ends], [ends[0]], []
-    while todo and left() > 0:
+    while todo and remaining() > 0:
         start, end = todo.pop()
         try:
             L = best_gain(A, G, C, P, (start + end) / 2)

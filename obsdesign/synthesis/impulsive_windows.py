@@ -11,7 +11,7 @@ import numpy as np
 from lmi.balls import exact, inverse, to_float
 from lmi.deficient import decide_full_rank
 from lmi.full_rank import BOX_LIMIT
-from lmi.patience import ended, left, remark_end
+from lmi.patience import ended, remaining, remark_end
 from lmi.rank_witness import check_deficient
 from lmi.stack import Stack, coordinates
 from lmi.verdict import Verdict
@@ -116,7 +116,7 @@ def windowed(
     if verdict.outcome == "proved" and "noise_target" in problem.options:
         found, short = quiet_enough(problem, found)
         others["noise_target"] = short
-    if verdict.outcome == "proved" and left() > 0:
+    if verdict.outcome == "proved" and remaining() > 0:
         others["rate"] = {"estimated": estimate(problem, found)}
     return Candidate(label, found, others, searched=searched)
 

@@ -21,7 +21,7 @@ from obsdesign.equations.impulse_expectations import expectations
 from obsdesign.problem import Problem
 from obsdesign.verification import impulse_window as window_claims
 from obsdesign.verification.consistency import consistency
-from obsdesign.verification.impulse_choices import judged
+from obsdesign.verification.impulse_choices import mark_inevitable
 from obsdesign.verification.impulse_rank import full_rank
 from obsdesign.verification.impulse_samples import sampled_claims, window_samples
 from obsdesign.verification.impulse_words import guarantees as guarantees
@@ -51,7 +51,7 @@ def claims(
         if "period" in gains:
             found.append(window_samples(A, C, H.shape[1], gains, low))
         found += _integral_claims(problem, gains, A, C, H)
-    return tuple(judged(problem, gains["operator"], claim) for claim in found)
+    return tuple(mark_inevitable(problem, gains["operator"], claim) for claim in found)
 
 
 def _integral_claims(

@@ -14,13 +14,13 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 
 import obsdesign
+from obsdesign.answers import reason
 from obsdesign.equations.interval_width import periodic_width, width_system_of
 from obsdesign.runtime import from_design
 from obsdesign.synthesis.interval_gains import best_gains
 from obsdesign.synthesis.interval_goals import growth, mean_width, shortest
 from obsdesign.synthesis.interval_program import clock_gains
 from obsdesign.synthesis.interval_task import task_of
-from obsdesign.workflow import reason
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
