@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from obsdesign.document import Claim, Design, jsonable
 from obsdesign.errors import InputError
 from obsdesign.problem import Problem
-from obsdesign.verification.evidence import ROUNDED_WIDTHS, Difference, difference
+from obsdesign.verification.evidence import (
+    OLDER_WORDING,
+    ROUNDED_WIDTHS,
+    Difference,
+    difference,
+    is_older_wording,
+)
 
 Sentences = tuple[Mapping[str, Any], ...]
 
@@ -31,7 +37,8 @@ def told_truly(
 ) -> tuple[Claim, Sentences]:
     """The claim that the document states exactly what was proved again, and its sentences.
 
-    What is undecided now and stands as decided in the document makes it unconfirmed, not false.
+    What is undecided now and stands as decided in the document makes it unconfirmed, not false;
+    so does a statement in the words of an earlier release, with the numbers that rest on it.
     The sentences are recomputed from the claims; there are none unless the claim is proved.
     """
     stored = {claim.id: claim for claim in design.claims}
@@ -50,11 +57,13 @@ def told_truly(
         raise
     except (KeyError, TypeError, ValueError):  # evidence that nobody confirmed
         guarantees = None
-    wrong = _difference(design.claims, assumed)
-    evidence_gap = None if wrong is not None else _evidence_gap(stored, assumed)
+    older = _claims_of_older_wording(stored, assumed)
+    written = (stored[claim.id] if claim in older else claim for claim in assumed)
+    wrong = _difference(design.claims, tuple(written))
+    evidence_gap = None if wrong is not None or older else _evidence_gap(stored, assumed)
     if evidence_gap is not None and evidence_gap.false:
         wrong = evidence_gap.entry
-    if wrong is None and _promises(guarantees) != _promises(design.guarantees):
+    if wrong is None and not older and _promises(guarantees) != _promises(design.guarantees):
         wrong = "guarantees"
     if wrong is None and design.name != design.problem.get("name"):
         wrong = "name"
@@ -66,6 +75,8 @@ def told_truly(
         names = ", ".join(open_now)
         verdict = "undecided"
         evidence = {"reason": f"what the document says of {names} could not be confirmed"}
+    elif older:
+        verdict, evidence = "undecided", {"reason": _restated(older[0])}
     elif evidence_gap is not None:
         why = f"the document's {evidence_gap.entry!r} is not quite what was found again"
         verdict, evidence = "undecided", {"reason": why}
@@ -77,6 +88,26 @@ def told_truly(
         evidence,
     )
     return claim, guarantees if guarantees and verdict == "proved" else ()
+
+
+def _claims_of_older_wording(stored: Mapping[str, Claim], found: Sequence[Claim]) -> list[Claim]:
+    """Claims proved again that the document has proved too, as an earlier release states them."""
+    return [
+        claim
+        for claim in found
+        if claim.id in stored
+        and claim.verdict == stored[claim.id].verdict == "proved"
+        and claim.source == stored[claim.id].source
+        and is_older_wording(claim.id, stored[claim.id].statement, claim.statement)
+    ]
+
+
+def _restated(claim: Claim) -> str:
+    now, before = OLDER_WORDING[claim.id]
+    return (
+        f"the document's {claim.id!r} is stated as by an earlier release, {before!r} where {now!r} "
+        "is proved now: its numbers and what rests on them are not confirmed; design it anew"
+    )
 
 
 def _promises(sentences: Any) -> Any:

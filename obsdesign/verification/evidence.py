@@ -32,6 +32,20 @@ ROUNDED_WIDTHS = (
     "a time stamp add is inside the bounds, and widens them."
 )
 
+# by claim: a phrase of its statement, and the one that designs of earlier releases have in its place
+OLDER_WORDING = {
+    "strongly_observable": (
+        "in units of its rows and of usual spacings",
+        "of that at usual spacings",
+    ),
+}
+
+
+def is_older_wording(claim: str, stored: str, statement: str) -> bool:
+    """Whether a stored statement is that of an earlier release for the same claim."""
+    now, before = OLDER_WORDING.get(claim, ("", ""))
+    return bool(now) and now in statement and stored == statement.replace(now, before)
+
 
 @dataclass(frozen=True)
 class Difference:
