@@ -248,7 +248,7 @@ VANISHING = [
 @pytest.mark.parametrize(("s", "inside", "beside"), VANISHING)
 def test_block_rows_that_pass_through_zero_together_refute(s: Stack, inside, beside) -> None:
     """As tall as they are, nothing is seen where they vanish; that place is no binary number."""
-    verdict = decide_full_rank(s, *inside)
+    verdict = decide_full_rank(s, *inside, limit=200)
     assert verdict.outcome == "refuted"
     witness = verdict.evidence["witness"]
     assert 0.25 in [round(theta * 10 ** -np.floor(np.log10(theta) + 1), 9) for theta in witness["thetas"]]
