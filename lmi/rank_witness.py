@@ -33,7 +33,8 @@ def check_deficient(stack: Stack, low: float, high: float, witness: Mapping[str,
         return refuted(plain)
     R, _ = coordinates(stack, low, high)
     pair = [_point(stack, values, low, high) for values in witness.get("between", ())]
-    if len(pair) == 2 and pair[0] is not None and pair[1] is not None:
+    square = stack.shape[0] == stack.shape[1]
+    if square and len(pair) == 2 and pair[0] is not None and pair[1] is not None:
         return _check_signs(stack, pair[0], pair[1], R)
     thetas = _point(stack, witness.get("thetas", ()), low, high)
     if thetas is None:

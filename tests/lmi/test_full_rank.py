@@ -265,6 +265,13 @@ def test_block_rows_that_vanish_one_after_the_other_are_proved(blocks: int) -> N
     assert verdict.evidence["sigma_min"] <= sampled_sigma(s, 0.19, 0.31)
 
 
+def test_a_pair_of_places_is_no_witness_for_a_tall_stack() -> None:
+    tall = stack(TURN, 3)
+    pair = {"between": [[0.2, 0.2], [0.8, 0.8]]}
+    assert check_deficient(tall, 0.1, 0.9, pair).outcome == "undecided"
+    assert check_deficient(stack(TURN, 2), 0.1, 0.9, {"between": [[0.2], [0.8]]}).outcome == "refuted"
+
+
 def test_block_rows_that_only_decay_do_not_vanish() -> None:
     """e^(-20 theta) and 1: by e^-60 over the range, and of full rank everywhere."""
     s = stack(np.diag([-20.0, 0.0]), 1, H=np.diag([1.0, 1]), right=E1, flows_first=True)
