@@ -112,7 +112,7 @@ class Scaling:
 
     @staticmethod
     def like(v: Matrix) -> Scaling:
-        """Sizes next to the entries of v, (n,) floats; 1 where these are not positive and finite."""
+        """Sizes next to the entries of v, (n,) floats; 1 where one is not positive and finite."""
         usable = np.isfinite(v) & (v > 0)
         with np.errstate(all="ignore"):
             bits = np.where(usable, np.round(np.log2(np.where(usable, v, 1.0))), 0.0)

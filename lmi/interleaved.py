@@ -139,15 +139,20 @@ def prove_interleaved(system: Interleaved, X: Exact, bounds: Bounds) -> Verdict:
 def _scaled(system: Interleaved, X: Exact, bounds: Bounds) -> tuple[Interleaved, Exact, Bounds]:
     """The same question with states and rows of X in powers of two like p and `always`."""
     state, out = Scaling.like(to_float(bounds.p)), Scaling.like(to_float(bounds.always))
-    maps = {name: None if Y is None else state.map(Y)
-            for name, Y in (("A", system.A), ("K", system.K), ("G", system.G))}  # fmt: skip
-    added = {name: None if y is None else state.rows(y)
-             for name, y in (("b", system.b), ("k", system.k), ("j", system.j))}  # fmt: skip
     jumped = None if bounds.jumped is None else state.rows(bounds.jumped)
     within = Bounds(
         state.rows(bounds.p), state.rows(bounds.sampled), jumped, out.rows(bounds.always)
     )
-    return replace(system, **maps, **added), out.rows(state.columns(X)), within
+    scaled = replace(
+        system,
+        A=state.map(system.A),
+        b=state.rows(system.b),
+        K=state.map(system.K),
+        k=state.rows(system.k),
+        G=None if system.G is None else state.map(system.G),
+        j=None if system.j is None else state.rows(system.j),
+    )
+    return scaled, out.rows(state.columns(X)), within
 
 
 def _samples(system: Interleaved, X: Exact, bounds: Bounds) -> Verdict:

@@ -98,7 +98,8 @@ def _check_vector(stack: Stack, thetas: Matrix, R: Matrix) -> Verdict:
         return undecided("the window overflows")
     change = stack.approx_change(thetas[None], stack.growth)[0]
     try:
-        scaled = _in_units(*(np.linalg.solve(R.T, X.T).T for X in (approx, change)), stack.blocks)
+        rows, changing = (np.linalg.solve(R.T, X.T).T for X in (approx, change))
+        scaled = _in_units(rows, changing, stack.blocks)
         x = np.linalg.solve(R, np.linalg.svd(scaled)[2][-1])
     except np.linalg.LinAlgError:
         return undecided("no null vector can be computed")

@@ -73,7 +73,11 @@ class Stack:
 
     def approx_change(self, thetas: Matrix, growth: float = 0.0) -> Matrix:
         """Derivative of `approx` at points (N, m) as all thetas change in proportion, in floats."""
-        F, C, H = to_float(self.F) - growth * np.eye(len(self.F)), to_float(self.C), to_float(self.H)
+        F, C, H = (
+            to_float(self.F) - growth * np.eye(len(self.F)),
+            to_float(self.C),
+            to_float(self.H),
+        )
         points = np.asarray(thetas, dtype=np.float64)
         flows = expm(F * points[..., None, None])
         states = self._states(flows, H)

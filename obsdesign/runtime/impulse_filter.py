@@ -132,7 +132,7 @@ class SampledPlant:
 
 def triangular(columns: Array) -> Array:
     """Lower triangular L (n, n) with L L' = M M' for M (n, m), its diagonal not negative."""
-    L = np.linalg.qr(np.asarray(columns).T, mode="r").T
+    L = np.asarray(np.linalg.qr(columns.T, mode="r")).T
     return np.asarray(L * np.where(np.diag(L) < 0, -1.0, 1.0))
 
 

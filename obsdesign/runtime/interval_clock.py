@@ -130,3 +130,9 @@ class SampleClock:
         waited, since = jump - last, t - jump
         on_sample = abs(waited - self.period) <= time_tolerance(waited, jump)
         return not (on_sample and since <= self.period + time_tolerance(since, t))
+
+
+def refuting(t: float, objections: list[str]) -> str:
+    """Status of every row after one that refutes the bounds; empty where none does."""
+    found = [text for text in objections if "outside" in text or "crossed" in text]
+    return f"void since time {t:.9g} ({found[0]})" if found else ""

@@ -106,7 +106,7 @@ def propose_limit(system: WidthSystem, vanishing: bool = False) -> dict[str, Any
     own = units.of_system(system)
     scale = float(own.f.max(initial=0.0)) or float(vanishing)
     try:
-        v = np.linalg.solve(-own.W, own.f + ROOM * scale)
+        v: Matrix = np.asarray(np.linalg.solve(-own.W, own.f + ROOM * scale), np.float64)
     except np.linalg.LinAlgError:
         return None
     if not (scale > 0 and np.isfinite(v).all() and (v > 0).all()):
@@ -137,13 +137,15 @@ class Units:
         sizes, pushes = absolute_flow(
             first.map(map_), first.map(flow), first.rows(system.f), np.array([low, last])
         )
-        limits = [_limit(M, push + first.rows(added)) for M, push in zip(sizes, pushes, strict=True)]
+        limits = [
+            _limit(M, push + first.rows(added)) for M, push in zip(sizes, pushes, strict=True)
+        ]
         z = Scaling(first.sizes * Scaling.like(np.max(limits, axis=0)).sizes)
         return Units(z, Scaling.like(system.out @ z.sizes))
 
     def of_system(self, system: WidthSystem) -> WidthSystem:
         """The same system in these units."""
-        arrays: dict[str, Any] = {name: value for name, value in vars(system).items()}
+        arrays: dict[str, Any] = dict(vars(system))
         for name in ("W", "N", "K", "A", "G"):
             arrays[name] = None if arrays[name] is None else self.z.map(arrays[name])
         for name in ("f", "h", "k"):
@@ -163,7 +165,7 @@ class Units:
 def _limit(M: Matrix, entering: Matrix) -> Matrix:
     """The v = M v + entering; zero where there is none that is positive."""
     try:
-        v: Matrix = np.linalg.solve(np.eye(len(M)) - M, entering)
+        v: Matrix = np.asarray(np.linalg.solve(np.eye(len(M)) - M, entering), np.float64)
     except np.linalg.LinAlgError:
         return 0 * entering
     return v if np.isfinite(v).all() and (v >= 0).all() else 0 * entering

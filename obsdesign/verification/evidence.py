@@ -32,7 +32,7 @@ ROUNDED_WIDTHS = (
     "a time stamp add is inside the bounds, and widens them."
 )
 
-# by claim: a phrase of its statement, and the one that designs of earlier releases have in its place
+# by claim: a phrase of its statement, and what designs of earlier releases have in its place
 OLDER_WORDING = {
     "strongly_observable": (
         "in units of its rows and of usual spacings",

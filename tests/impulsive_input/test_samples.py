@@ -51,9 +51,7 @@ def test_six_impulses_in_the_hormone_record(observer: Any) -> None:
 
 @pytest.mark.parametrize("size", [1e30, 1e60, 1e99])
 @pytest.mark.parametrize("row", [0, 1, 40])
-def test_an_outlier_at_any_row_leaves_all_rows_finite(
-    observer: Any, size: float, row: int
-) -> None:
+def test_an_outlier_at_any_row_leaves_all_rows_finite(observer: Any, size: float, row: int) -> None:
     y = DATA[:, 1:].copy()
     y[row] = size
     rows = list(observer.run(observer.init(0.0), rows_of(DATA[:, 0], y)))

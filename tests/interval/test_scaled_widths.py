@@ -47,9 +47,7 @@ def widths(body: dict[str, Any], verify: bool = False) -> dict[str, np.ndarray]:
     assert {c.verdict for c in outcome.claims} == {"proved"}
     if verify:
         assert obsdesign.verify(outcome.design).verdict == "proved"
-    return {
-        c.id: np.array(c.evidence["always"]) for c in outcome.claims if "always" in c.evidence
-    }
+    return {c.id: np.array(c.evidence["always"]) for c in outcome.claims if "always" in c.evidence}
 
 
 @pytest.mark.parametrize("jumps", [True, False])
@@ -60,7 +58,9 @@ def test_units_of_the_states_cost_no_width(jumps: bool, output: dict[str, Any]) 
     for sizes in ((3e-8, 7e7), (1e8, 1e-8), (1e-8, 1e-8)):
         scaled = widths(in_units(sizes, jumps, output), verify=sizes[0] == 3e-8)
         assert set(scaled) == set(plain)
-        for claim in set(plain) - {"sampled_width"}:  # the step limit that is found depends on units
+        for claim in set(plain) - {
+            "sampled_width"
+        }:  # the step limit that is found depends on units
             assert scaled[claim] / sizes == pytest.approx(plain[claim], rel=1e-3)
 
 

@@ -251,9 +251,14 @@ def test_block_rows_that_pass_through_zero_together_refute(s: Stack, inside, bes
     verdict = decide_full_rank(s, *inside, limit=200)
     assert verdict.outcome == "refuted"
     witness = verdict.evidence["witness"]
-    assert 0.25 in [round(theta * 10 ** -np.floor(np.log10(theta) + 1), 9) for theta in witness["thetas"]]
+    assert 0.25 in [
+        round(theta * 10 ** -np.floor(np.log10(theta) + 1), 9) for theta in witness["thetas"]
+    ]
     assert check_deficient(s, *inside, witness).outcome == "refuted"
-    assert check_deficient(s, *inside, {"thetas": [0.999 * inside[1]] * s.thetas}).outcome == "undecided"
+    assert (
+        check_deficient(s, *inside, {"thetas": [0.999 * inside[1]] * s.thetas}).outcome
+        == "undecided"
+    )
     assert decide_full_rank(s, *beside).outcome == "proved"
 
 
@@ -269,7 +274,9 @@ def test_a_pair_of_places_is_no_witness_for_a_tall_stack() -> None:
     tall = stack(TURN, 3)
     pair = {"between": [[0.2, 0.2], [0.8, 0.8]]}
     assert check_deficient(tall, 0.1, 0.9, pair).outcome == "undecided"
-    assert check_deficient(stack(TURN, 2), 0.1, 0.9, {"between": [[0.2], [0.8]]}).outcome == "refuted"
+    assert (
+        check_deficient(stack(TURN, 2), 0.1, 0.9, {"between": [[0.2], [0.8]]}).outcome == "refuted"
+    )
 
 
 def test_block_rows_that_only_decay_do_not_vanish() -> None:
