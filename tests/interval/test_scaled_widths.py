@@ -41,12 +41,10 @@ def in_units(sizes: tuple[float, float], jumps: bool, output: dict[str, Any]) ->
     return body
 
 
-def widths(body: dict[str, Any], verify: bool = False) -> dict[str, np.ndarray]:
+def widths(body: dict[str, Any]) -> dict[str, np.ndarray]:
     """`always` of each claim about widths, all of them proved."""
     outcome = obsdesign.investigate(obsdesign.Problem.from_dict(body))
     assert {c.verdict for c in outcome.claims} == {"proved"}
-    if verify:
-        assert obsdesign.verify(outcome.design).verdict == "proved"
     return {c.id: np.array(c.evidence["always"]) for c in outcome.claims if "always" in c.evidence}
 
 
@@ -55,8 +53,8 @@ def widths(body: dict[str, Any], verify: bool = False) -> dict[str, np.ndarray]:
 def test_units_of_the_states_cost_no_width(jumps: bool, output: dict[str, Any]) -> None:
     plain = widths(in_units((1.0, 1.0), jumps, output))
     assert set(plain) == ({"sampled_stability"} if output else {"width", "sampled_width"})
-    for sizes in ((3e-8, 7e7), (1e8, 1e-8), (1e-8, 1e-8)):
-        scaled = widths(in_units(sizes, jumps, output), verify=sizes[0] == 3e-8)
+    for sizes in ((3e-8, 7e7), (1e-8, 1e-8)):
+        scaled = widths(in_units(sizes, jumps, output))
         assert set(scaled) == set(plain)
         for claim in set(plain) - {
             "sampled_width"
