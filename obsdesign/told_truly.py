@@ -38,7 +38,8 @@ def told_truly(
     """The claim that the document states exactly what was proved again, and its sentences.
 
     What is undecided now and stands as decided in the document makes it unconfirmed, not false;
-    so does a statement in the words of an earlier release, with the numbers that rest on it.
+    so do a statement in the words of an earlier release and bounds that another course of the
+    proof gave, with the sentences that rest on them.
     The sentences are recomputed from the claims; there are none unless the claim is proved.
     """
     stored = {claim.id: claim for claim in design.claims}
@@ -63,7 +64,8 @@ def told_truly(
     evidence_gap = None if wrong is not None or older else _evidence_gap(stored, assumed)
     if evidence_gap is not None and evidence_gap.false:
         wrong = evidence_gap.entry
-    if wrong is None and not older and _promises(guarantees) != _promises(design.guarantees):
+    confirmed = not older and evidence_gap is None
+    if wrong is None and confirmed and _promises(guarantees) != _promises(design.guarantees):
         wrong = "guarantees"
     if wrong is None and design.name != design.problem.get("name"):
         wrong = "name"
