@@ -65,6 +65,14 @@ class Sampled:
 
     def rows(self) -> Exact:
         """C A_d^(j-k), or C A_d^j, j = 0..k-1, (k p, n)."""
+        return self._rows
+
+    def last(self) -> Exact:
+        """What x(t_i) is of the reference: I, or A_d^k."""
+        return self._last
+
+    @cached_property
+    def _rows(self) -> Exact:
         if self.reference == equations.START:
             unit = entries(identity(len(self.A)))
             stack = equations.stacked_rows(self.C @ unit, self.forward, self.k)
@@ -72,8 +80,8 @@ class Sampled:
             stack = equations.stacked_rows(self.C @ self.back, self.back, self.k)[::-1]
         return stack.reshape(-1, len(self.A))
 
-    def last(self) -> Exact:
-        """What x(t_i) is of the reference: I, or A_d^k."""
+    @cached_property
+    def _last(self) -> Exact:
         if self.reference == equations.START:
             return exponential(self.A, self.period, self.k)
         return entries(identity(len(self.A)))
