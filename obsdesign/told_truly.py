@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from obsdesign.document import Claim, Design, jsonable
 from obsdesign.errors import InputError
 from obsdesign.problem import Problem
-from obsdesign.verification.evidence import ROUNDED_WIDTHS, Difference, difference
+from obsdesign.verification.evidence import (
+    OLDER_WORDING,
+    ROUNDED_WIDTHS,
+    Difference,
+    difference,
+    is_older_wording,
+)
 
 Sentences = tuple[Mapping[str, Any], ...]
 
@@ -31,7 +37,9 @@ def document_claim(
 ) -> tuple[Claim, Sentences]:
     """The claim that the stored claims, evidence and guarantees are the recomputed ones; sentences.
 
-    A claim that is undecided now and decided in the document makes it unconfirmed, not false.
+    A claim that is undecided now and decided in the document makes it unconfirmed, not false; so do
+    a statement in the words of an earlier release and bounds that another course of the proof
+    gave, with the sentences that rest on them.
     The sentences are recomputed from the claims; there are none unless the claim is proved.
     """
     stored = {claim.id: claim for claim in design.claims}
@@ -50,11 +58,14 @@ def document_claim(
         raise
     except (KeyError, TypeError, ValueError):  # evidence that nobody confirmed
         guarantees = None
-    wrong = _difference(design.claims, assumed)
-    evidence_gap = None if wrong is not None else _evidence_gap(stored, assumed)
+    older = _claims_of_older_wording(stored, assumed)
+    written = (stored[claim.id] if claim in older else claim for claim in assumed)
+    wrong = _difference(design.claims, tuple(written))
+    evidence_gap = None if wrong is not None or older else _evidence_gap(stored, assumed)
     if evidence_gap is not None and evidence_gap.false:
         wrong = evidence_gap.entry
-    if wrong is None and _compared(guarantees) != _compared(design.guarantees):
+    confirmed = not older and evidence_gap is None
+    if wrong is None and confirmed and _compared(guarantees) != _compared(design.guarantees):
         wrong = "guarantees"
     if wrong is None and design.name != design.problem.get("name"):
         wrong = "name"
@@ -66,6 +77,8 @@ def document_claim(
         names = ", ".join(open_now)
         verdict = "undecided"
         evidence = {"reason": f"what the document says of {names} could not be confirmed"}
+    elif older:
+        verdict, evidence = "undecided", {"reason": _restated(older[0])}
     elif evidence_gap is not None:
         why = f"the document's {evidence_gap.entry!r} is not quite what was found again"
         verdict, evidence = "undecided", {"reason": why}
@@ -77,6 +90,26 @@ def document_claim(
         evidence,
     )
     return claim, guarantees if guarantees and verdict == "proved" else ()
+
+
+def _claims_of_older_wording(stored: Mapping[str, Claim], found: Sequence[Claim]) -> list[Claim]:
+    """Claims proved again that the document has proved too, as an earlier release states them."""
+    return [
+        claim
+        for claim in found
+        if claim.id in stored
+        and claim.verdict == stored[claim.id].verdict == "proved"
+        and claim.source == stored[claim.id].source
+        and is_older_wording(claim.id, stored[claim.id].statement, claim.statement)
+    ]
+
+
+def _restated(claim: Claim) -> str:
+    now, before = OLDER_WORDING[claim.id]
+    return (
+        f"the document's {claim.id!r} is stated as by an earlier release, {before!r} where {now!r} "
+        "is proved now: its numbers and what rests on them are not confirmed; design it anew"
+    )
 
 
 def _compared(sentences: Any) -> Any:

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from obsdesign.runtime.base import Estimate, Vector, status_of
 from obsdesign.runtime.impulse_addition import short_dwell
 from obsdesign.runtime.impulse_estimate import MISFIT, Event
-from obsdesign.runtime.impulse_filter import Filtered, Row, SampledPlant
+from obsdesign.runtime.impulse_filter import Filtered, Row, SampledPlant, square_root
 from obsdesign.runtime.impulse_onset import ONSETS, Cells, Fit, OnsetModel
 from obsdesign.runtime.impulse_residuals import LARGER, Residuals, birge_ratio
 from obsdesign.runtime.impulse_steady import STEADY, Steady
@@ -154,9 +154,9 @@ class SamplesEngine:
 
     def _first(self, live: SampledLive, row: Row) -> SampledLive:
         plant = self.model.plant
-        x, P = plant.free(live.t, live.x, live.u, row.t), live.P
-        P = np.diag(self._guess(x, row) ** 2) if P is None else P
-        at = plant.start(live.t, live.x, P, live.u, row)
+        x = plant.free(live.t, live.x, live.u, row.t)
+        factor = np.diag(self._guess(x, row)) if live.P is None else square_root(live.P)
+        at = plant.start(live.t, live.x, factor, live.u, row)
         return replace(live, rows=(at,), steady=(Steady.begin(at),) * 2)
 
     def _guess(self, x: Vector, row: Row) -> Vector:

@@ -97,6 +97,8 @@ class ImpulsiveInputObserver(PointObserver[ImpulsiveInputState]):
         P = None if covariance is None else np.asarray(covariance, dtype=np.float64)
         if P is not None and P.shape != (self.n, self.n):
             raise ValueError(f"covariance must be {self.n}x{self.n}; got shape {P.shape}.")
+        if P is not None and not (np.isfinite(P).all() and (np.diag(P) >= 0).all()):
+            raise ValueError("covariance must be finite, its diagonal not negative.")
         if P is None and "initial_std" in self.gains:
             P = np.diag(np.asarray(self.gains["initial_std"], dtype=np.float64) ** 2)
         inputs = np.zeros(int(self.reads["u"]))

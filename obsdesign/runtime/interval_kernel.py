@@ -15,6 +15,7 @@ side of a bound, covers it, what the enclosure of the maps is off by, and itself
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -84,6 +85,23 @@ class Kernel:
         elif self.candidates > 2:
             ends = np.maximum.reduce(ends.reshape(self.candidates, 2 * n))
         return ends[:n], -ends[n:]
+
+    def results(self, out: Matrix) -> tuple[Matrix, tuple[Matrix, Matrix], list[str]]:
+        """(box, (lower, upper), what is wrong with them) from a result.
+
+        Overflow leaves the only sound bounds: none.
+        """
+        n = self.n
+        if not math.isfinite(out[2 * n + 2 * self.p]):
+            nothing = np.full(n, np.inf)
+            box = np.concatenate([nothing, np.zeros(n)])
+            return box, (-nothing, nothing), ["bounds overflowed"]
+        lower, upper = self.bounds(out)
+        box = out[: 2 * n]
+        if self.candidates > 1 and (lower > upper).any():
+            lower, upper = replace(self, candidates=1).bounds(out)
+            return box, (lower[:n], upper[:n]), ["bounds crossed"]
+        return box, (lower, upper), []
 
     def implausible(self, out: Matrix) -> list[str]:
         """Measurements that no state inside the bounds can give: they refute the bounds."""
