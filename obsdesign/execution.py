@@ -14,7 +14,7 @@ from itertools import chain
 from pathlib import Path
 from typing import Any, TextIO
 
-from obsdesign.document import load_design
+from obsdesign.document import Design, load_design
 from obsdesign.errors import InputError
 from obsdesign.output_files import refuse_overwriting, replacing, write_text
 from obsdesign.records import (
@@ -52,7 +52,8 @@ def execute(
 
     state: the file with the observer's progress; a run continues from it if it exists, and writes
     it at the end. skip_bad: a malformed line is a remark, not an error. remark: called with
-    these, and at the end with signs that the data are of another plant.
+    these, and at the end with claims of the design that are not proved and signs that the data are
+    of another plant.
 
     Returns how many rows there were ("rows") and how many had which status. A data file is checked
     whole before anything is written; a pipe is answered row by row. InputError names what is wrong
@@ -85,7 +86,7 @@ def execute(
         counts = _write(observer, estimates, out, log, live=live)
     if state is not None:
         write_text(state, state_text(signed, parts.progress))
-    for text in [*remarks, *_void(name, counts)]:
+    for text in [*_unproved(design, signed), *remarks, *_void(name, counts)]:
         remark(text)
     return counts
 
@@ -105,6 +106,15 @@ def _write(
         counts["rows"] += 1
         counts.update(_NUMBER.sub("", reason) for reason in estimate.status.split("; "))
     return counts
+
+
+def _unproved(path: str, design: Design) -> list[str]:
+    """A remark if a claim of the design is not proved: what rests on it may not hold."""
+    claims = [claim.id for claim in design.claims if claim.verdict != "proved"]
+    if not claims:
+        return []
+    names = ", ".join(claims)
+    return [f"{path}: {names} not proved: rows with status ok may be wrong."]
 
 
 def _void(name: str, counts: Counter[str]) -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -97,6 +98,22 @@ def test_what_is_not_decided_waits_for_the_next_part(
     assert events == [e for e in Path("all_ev.csv").read_text().splitlines()[1:]
                       if "provisional" not in e]  # fmt: skip
     assert len(events) > 3
+
+
+@pytest.mark.parametrize("rows", [1, 3])
+def test_a_part_in_which_nothing_is_decided(
+    rows: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    obsdesign.design(obsdesign.load_problem(ROOT / "examples" / "mattsson_medvedev.toml")).save(
+        "d.json"
+    )
+    lines = [f"{0.18 * k!r},1.0\n" for k in range(rows)]
+    Path("few.csv").write_text("t,y1\n" + "".join(lines))
+    done = ran("run", "d.json", "few.csv", "--state", "s.json", "-o", "e.csv")
+    assert (done.exception, done.return_value) == (None, 0)
+    assert done.stderr == "0 rows\n"
+    assert len(Path("e.csv").read_text().splitlines()) == 1
 
 
 def refused(*arguments: object) -> str:
@@ -272,3 +289,14 @@ def test_bounds_that_are_void_on_most_rows(desk: Path, bad: int, warned: bool) -
     assert (strict.exception, strict.return_value) == (None, 4)
     fine = ran("run", "d.json", "all.csv", *START, "-o", "e.csv", "--strict")
     assert (fine.exception, fine.return_value) == (None, 0)
+
+
+def test_a_design_with_an_unproved_claim_says_so(desk: Path) -> None:
+    assert "not proved" not in ran("run", "d.json", "all.csv", *START).stderr
+    design = obsdesign.load_design(desk / "d.json")
+    claims = [replace(claim, verdict="undecided") for claim in design.claims[-2:]]
+    replace(design, claims=(*design.claims[:-2], *claims)).save(desk / "d.json")
+    done = ran("run", "d.json", "all.csv", *START)
+    names = ", ".join(claim.id for claim in claims)
+    assert f"d.json: {names} not proved: rows with status ok may be wrong." in done.stderr
+    assert done.return_value == 0
