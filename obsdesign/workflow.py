@@ -16,9 +16,9 @@ from typing import Any, TypeVar
 from lmi.memory import OversizeError
 from lmi.time_budget import (
     Remark,
+    collect_remarks,
     ended,
-    left,
-    listening,
+    remaining,
     remark_end,
     sentences,
     stretch_factors,
@@ -30,9 +30,8 @@ from obsdesign.document import Claim, Design
 from obsdesign.errors import InputError
 from obsdesign.problem.kinds import KINDS
 from obsdesign.problem.problem import Problem
-from obsdesign.verification.answers import as_answers, is_ended, with_untried
-from obsdesign.verification.answers import reason as reason
-from obsdesign.verification.document import guarantees_of, told_truly
+from obsdesign.verification.answers import as_answers, is_ended, reason, with_untried
+from obsdesign.verification.document import document_claim, guarantees_of
 from obsdesign.version import __version__
 
 _Key = TypeVar("_Key", bound=Hashable)
@@ -142,7 +141,7 @@ def _better(before: _Attempt | InputError | None, now: _Attempt | InputError) ->
 
 
 def _attempted(problem: Problem, first: bool) -> _Attempt | InputError:
-    with listening() as remarks:
+    with collect_remarks() as remarks:
         try:
             tried, untried = _tried(problem, first, remarks)
         except InputError as error:
@@ -180,7 +179,7 @@ def _tried(problem: Problem, first: bool, remarks: Sequence[Remark]) -> tuple[li
     synthesis, verification = layer("synthesis", kind), layer("verification", kind)
     candidates, tried = iter(synthesis.synthesize(problem)), list[_Tried]()
     while True:
-        if tried and left() < 0:
+        if tried and remaining() < 0:
             return tried, next(candidates, None) is not None
         count = len(remarks)
         candidate = next(candidates, None)
@@ -303,7 +302,7 @@ def verify(design: Design, *, paranoid: bool = False) -> Outcome:
         claims = verification.claims(problem, design.gains, certificates, paranoid=paranoid)
     except OversizeError as error:
         raise InputError(str(error)) from None
-    document, guarantees = told_truly(problem, design, claims, verification)
+    document, guarantees = document_claim(problem, design, claims, verification)
     claims = (*claims, document)
     verdict = overall(claim.verdict for claim in claims)
     return Outcome(verdict, design.kind, claims, {}, design, guarantees)

@@ -49,8 +49,8 @@ def jump_disturbance_matrix(M: Array, C: Array, n: int, jump_measurement: str) -
 def plant_data(plant: Any) -> dict[str, Any]:
     """The plant's numbers that the runtime needs, under the names of a design's `gains`.
 
-    `plant` has the attributes of `obsdesign.problem.plant.Plant`. Without jumps, the dwell time is
-    [inf, inf] in spirit: the entries of the jump are left out.
+    `plant` has the attributes of `obsdesign.problem.plant.Plant`. What it does not state is left
+    out: the entries of the jump where there is none, and a dwell time that may be any.
     """
     flow, jump, output = plant.flow, plant.jump, plant.output
     data: dict[str, Any] = {"A": flow.A, "C": output.C}
@@ -62,12 +62,37 @@ def plant_data(plant: Any) -> dict[str, Any]:
         if jump.E is not None:
             data["E"] = jump.E
         data |= {"jump_lower": jump.lower, "jump_upper": jump.upper}
-        data["dwell_time"] = list(jump.dwell_time or ())
+        if jump.dwell_time is not None:
+            data["dwell_time"] = list(jump.dwell_time)
         if math.isfinite(jump.dwell_jitter):
             data["dwell_jitter"] = jump.dwell_jitter
     if output.noise_bound is not None:
-        data["noise_bound"] = output.noise_bound
+        data["noise_bound"] = output.noise_radius
+        if output.noise_centre is not None:
+            data["noise_centre"] = output.noise_centre
     return data | {"jump_measurement": output.jump_measurement}
+
+
+def noise_box(bound: Any) -> tuple[NDArray[np.float64] | None, NDArray[np.float64]]:
+    """(centre, radius) of bounds of the noise, (p,) or pairs (p, 2); all |v - centre| <= radius.
+
+    centre: None where all bounds are symmetric.
+    """
+    values = np.asarray(bound, dtype=np.float64)
+    if values.ndim == 1:
+        return None, values
+    lower, upper = values.T
+    centre = lower + (0.5 * upper - 0.5 * lower)
+    radius = np.maximum(_difference_up(upper, centre), _difference_up(centre, lower))
+    return (centre if centre.any() else None), radius
+
+
+def _difference_up(a: Array, b: Array) -> Array:
+    """a - b, rounded up where it is rounded; by the error of a sum (Knuth, TAOCP 2, 4.2.2)."""
+    difference = a - b
+    virtual = difference - a
+    error = (a - (difference - virtual)) - (b + virtual)
+    return np.where(error > 0, np.nextafter(difference, np.inf), difference)
 
 
 def idle_gains(plant: Any) -> dict[str, str]:

@@ -1,14 +1,20 @@
-"""Is what a design file says of itself what was proved again?"""
+"""The claim that a design file states what was proved again, and the sentences that follow."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from obsdesign.document import Claim, Design, jsonable
 from obsdesign.errors import InputError
 from obsdesign.problem.problem import Problem
-from obsdesign.verification.same_evidence import ROUNDED_WIDTHS, Difference, difference
+from obsdesign.verification.same_evidence import (
+    OLDER_WORDING,
+    ROUNDED_WIDTHS,
+    Difference,
+    difference,
+    is_older_wording,
+)
 
 Sentences = tuple[Mapping[str, Any], ...]
 
@@ -26,12 +32,14 @@ def guarantees_of(problem: Problem, claims: tuple[Claim, ...], verification: Any
     )  # fmt: skip
 
 
-def told_truly(
+def document_claim(
     problem: Problem, design: Design, claims: tuple[Claim, ...], verification: Any
 ) -> tuple[Claim, Sentences]:
-    """The claim that the document states exactly what was proved again, and its sentences.
+    """The claim that the stored claims, evidence and guarantees are the recomputed ones; sentences.
 
-    What is undecided now and stands as decided in the document makes it unconfirmed, not false.
+    A claim that is undecided now and decided in the document makes it unconfirmed, not false; so do
+    a statement in the words of an earlier release and bounds that another course of the proof
+    gave, with the sentences that rest on them.
     The sentences are recomputed from the claims; there are none unless the claim is proved.
     """
     stored = {claim.id: claim for claim in design.claims}
@@ -50,11 +58,14 @@ def told_truly(
         raise
     except (KeyError, TypeError, ValueError):  # evidence that nobody confirmed
         guarantees = None
-    wrong = _difference(design.claims, assumed)
-    evidence_gap = None if wrong is not None else _evidence_gap(stored, assumed)
+    older = _claims_of_older_wording(stored, assumed)
+    written = (stored[claim.id] if claim in older else claim for claim in assumed)
+    wrong = _difference(design.claims, tuple(written))
+    evidence_gap = None if wrong is not None or older else _evidence_gap(stored, assumed)
     if evidence_gap is not None and evidence_gap.false:
         wrong = evidence_gap.entry
-    if wrong is None and _promises(guarantees) != _promises(design.guarantees):
+    confirmed = not older and evidence_gap is None
+    if wrong is None and confirmed and _compared(guarantees) != _compared(design.guarantees):
         wrong = "guarantees"
     if wrong is None and design.name != design.problem.get("name"):
         wrong = "name"
@@ -66,6 +77,8 @@ def told_truly(
         names = ", ".join(open_now)
         verdict = "undecided"
         evidence = {"reason": f"what the document says of {names} could not be confirmed"}
+    elif older:
+        verdict, evidence = "undecided", {"reason": _restated(older[0])}
     elif evidence_gap is not None:
         why = f"the document's {evidence_gap.entry!r} is not quite what was found again"
         verdict, evidence = "undecided", {"reason": why}
@@ -79,8 +92,28 @@ def told_truly(
     return claim, guarantees if guarantees and verdict == "proved" else ()
 
 
-def _promises(sentences: Any) -> Any:
-    """What sentences promise, and whether: older designs name fewer of the claims they rest on."""
+def _claims_of_older_wording(stored: Mapping[str, Claim], found: Sequence[Claim]) -> list[Claim]:
+    """Claims proved again that the document has proved too, as an earlier release states them."""
+    return [
+        claim
+        for claim in found
+        if claim.id in stored
+        and claim.verdict == stored[claim.id].verdict == "proved"
+        and claim.source == stored[claim.id].source
+        and is_older_wording(claim.id, stored[claim.id].statement, claim.statement)
+    ]
+
+
+def _restated(claim: Claim) -> str:
+    now, before = OLDER_WORDING[claim.id]
+    return (
+        f"the document's {claim.id!r} is stated as by an earlier release, {before!r} where {now!r} "
+        "is proved now: its numbers and what rests on them are not confirmed; design it anew"
+    )
+
+
+def _compared(sentences: Any) -> Any:
+    """Sentences without their claims, of which older designs name fewer."""
     entries = jsonable(sentences)
     if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
         return entries
@@ -91,23 +124,24 @@ def _promises(sentences: Any) -> Any:
     ]
 
 
-def _evidence_gap(stored: Mapping[str, Claim], found: tuple[Claim, ...]) -> Difference | None:
-    """The gravest difference in the evidence of decided claims; what is undecided shows nothing."""
+def _evidence_gap(stored: Mapping[str, Claim], proved: tuple[Claim, ...]) -> Difference | None:
+    """The gravest difference in the evidence of decided claims; undecided ones are not compared."""
     every = [
         difference(claim.id, stored[claim.id].to_dict()["evidence"], claim.to_dict()["evidence"])
-        for claim in found
+        for claim in proved
         if claim.verdict != "undecided"
     ]
     gaps = [gap for gap in every if gap is not None]
     return next((gap for gap in gaps if gap.false), gaps[0] if gaps else None)
 
 
-def _difference(stored: tuple[Claim, ...], found: tuple[Claim, ...]) -> str | None:
+def _difference(stored: tuple[Claim, ...], proved: tuple[Claim, ...]) -> str | None:
     """The id of a claim in which the two differ, evidence apart."""
-    one, other = (
-        sorted((c.id, c.statement, c.source, c.verdict) for c in group) for group in (stored, found)
+    old, new = (
+        sorted((c.id, c.statement, c.source, c.verdict) for c in group)
+        for group in (stored, proved)
     )
-    wrong = sorted({entry[0] for entry in set(one) ^ set(other)})
+    wrong = sorted({entry[0] for entry in set(old) ^ set(new)})
     if wrong:
         return wrong[0]
-    return "claims" if one != other else None
+    return "claims" if old != new else None

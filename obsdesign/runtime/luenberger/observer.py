@@ -24,8 +24,8 @@ from obsdesign.runtime.base import (
     Estimate,
     Sample,
     Vector,
+    centred_measurement,
     later,
-    optional_measurement,
     require_gains,
     status_of,
     vector,
@@ -81,7 +81,7 @@ class LuenbergerObserver(SteppedObserver[LuenbergerState]):
         ValueError if time does not increase (the first sample may share the initial time).
         """
         t = later(sample.t, state.t, state.started)
-        y = optional_measurement(sample.y, len(self.gains["C"]))
+        y = centred_measurement(sample.y, self.gains)
         with np.errstate(over="ignore", invalid="ignore"):  # the status names what is not finite
             return self._step(state, t, y, sample)
 
