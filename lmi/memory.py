@@ -10,22 +10,20 @@ import math
 
 BUDGET_BYTES = 512 * 2**20
 FLOAT_BYTES = 8
-# a ball of up to 128 bits as a Python object, with its place in an array; measured
-BALL_BYTES = 120
 
 
 class OversizeError(ValueError):
     """Arrays beyond the budget of memory would be needed; it implies no verdict about the plant."""
 
 
-def require_memory(what: str, count: float, change: str, each: int = FLOAT_BYTES) -> None:
-    """OversizeError where `count` numbers of `each` bytes exceed the budget.
+def require_memory(what: str, count: float, change: str) -> None:
+    """OversizeError where `count` floats exceed the budget.
 
     what: noun phrase, "the window matrices of 4000 impulses"; change: what would make it fit.
     """
-    if not count * each <= BUDGET_BYTES:
+    if not count * FLOAT_BYTES <= BUDGET_BYTES:
         raise OversizeError(
-            f"{what} needs {_size(count * each)} of memory, and the budget is "
+            f"{what} needs {_size(count * FLOAT_BYTES)} of memory, and the budget is "
             f"{_size(BUDGET_BYTES)}: {change}."
         )
 

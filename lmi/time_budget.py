@@ -5,10 +5,10 @@ with total_budget(60.0):             # every search in here ends after 60 s of p
         with stretched(factor):
             ...                      # own budgets are so many times as long
 
-with listening() as remarks:
+with collect_remarks() as remarks:
     ...              # searches that ended early or settled for less
 
-A search asks `until(its own budget)` for the moment to stop at; `ended` is the evidence that it
+A search asks `deadline(its own budget)` for the moment to stop at; `ended` is the evidence that it
 had to. A proof of stored numbers has no budget of its own: it ends early only inside of
 `total_budget`, undecided.
 """
@@ -55,7 +55,7 @@ _REMARKS: ContextVar[list[Remark] | None] = ContextVar("remarks", default=None)
 
 
 @contextmanager
-def listening() -> Iterator[list[Remark]]:
+def collect_remarks() -> Iterator[list[Remark]]:
     """What searches in here remark: that one ended early, or had to settle for less."""
     remarks: list[Remark] = []
     token = _REMARKS.set(remarks)
@@ -121,20 +121,20 @@ def stretch_factors() -> Iterator[float]:
     """1, and while a total is stated and lasts, ever larger factors of own budgets."""
     factor = 1.0
     yield factor
-    while 0 < left() < math.inf:
+    while 0 < remaining() < math.inf:
         factor *= _STRETCH
         yield factor
 
 
-def until(seconds: float) -> float:
+def deadline(seconds: float) -> float:
     """`time.process_time()` at which a search with this budget of its own has to stop."""
     budget = _BUDGET.get()
     return min(time.process_time() + budget.factor * seconds, budget.end)
 
 
-def left(seconds: float = math.inf) -> float:
+def remaining(seconds: float = math.inf) -> float:
     """What remains of a budget that starts now; negative when the total has ended."""
-    return until(seconds) - time.process_time()
+    return deadline(seconds) - time.process_time()
 
 
 def scaled(count: int) -> int:
@@ -145,7 +145,7 @@ def scaled(count: int) -> int:
 def ended(end: float = math.inf, seconds: float = math.inf) -> dict[str, Any]:
     """Evidence that time ended a search: {"ended_by": "time", "seconds": its budget}; {} if not.
 
-    end: moment at which it had to stop, from `until(seconds)`; by default that of the total.
+    end: moment at which it had to stop, from `deadline(seconds)`; by default that of the total.
     """
     budget, now = _BUDGET.get(), time.process_time()
     if now > budget.end:

@@ -16,9 +16,9 @@ from typing import Any, TypeVar
 from lmi.memory import OversizeError
 from lmi.time_budget import (
     Remark,
+    collect_remarks,
     ended,
-    left,
-    listening,
+    remaining,
     remark_end,
     sentences,
     stretch_factors,
@@ -30,8 +30,7 @@ from obsdesign.document import Claim, Design, Guarantee
 from obsdesign.errors import InputError
 from obsdesign.problem.kinds import KINDS
 from obsdesign.problem.problem import Problem
-from obsdesign.verification.answers import as_answers, is_ended, with_untried
-from obsdesign.verification.answers import reason as reason
+from obsdesign.verification.answers import as_answers, is_ended, reason, with_untried
 from obsdesign.verification.document import document_claim, sentences_from
 from obsdesign.version import __version__
 
@@ -143,7 +142,7 @@ def _better(before: _Attempt | InputError | None, now: _Attempt | InputError) ->
 
 
 def _attempted(problem: Problem, first: bool) -> _Attempt | InputError:
-    with listening() as remarks:
+    with collect_remarks() as remarks:
         try:
             tried, untried = _tried(problem, first, remarks)
         except InputError as error:
@@ -183,7 +182,7 @@ def _tried(problem: Problem, first: bool, remarks: Sequence[Remark]) -> tuple[li
     synthesis, verification = layer("synthesis", kind), layer("verification", kind)
     candidates, tried = iter(synthesis.synthesize(problem)), list[_Tried]()
     while True:
-        if tried and left() < 0:
+        if tried and remaining() < 0:
             return tried, next(candidates, None) is not None
         count = len(remarks)
         candidate = next(candidates, None)

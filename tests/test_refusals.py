@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 import os
@@ -169,6 +170,57 @@ def test_designs_that_hold_no_numbers_are_refused(
     with pytest.raises(InputError) as refusal:
         load_design(file)
     assert str(refusal.value) == f"{file}: {line}"
+
+
+def reshaped(value: Any) -> list[Any]:
+    """Arrays of shapes that contradict those of the other gains."""
+    a = np.asarray(value)
+    if not a.ndim or a.dtype.kind not in "fi" or not a.size:
+        return []
+    found = [a[:-1], np.concatenate([a, a[:1]]), a[None], np.zeros(0)]
+    if a.ndim == 2:
+        found += [a[:, :-1], np.hstack([a, a[:, :1]]), a.reshape(-1)]
+        found += [a.T] if a.shape[0] != a.shape[1] else []
+    return [one.tolist() for one in found]
+
+
+@pytest.mark.parametrize(
+    "name", ["interval", "impulsive", "impulsive_input", "luenberger", "finite_time", "sampled"]
+)
+def test_gains_of_shapes_that_contradict_each_other_are_refused(name: str, tmp_path: Path) -> None:
+    body = json.loads(design_text(name))
+    forged = [changed(body, ("gains", gain), value)
+              for gain, old in body["gains"].items() for value in reshaped(old)]  # fmt: skip
+    # all square gains smaller by one, but for one of them
+    n = len(body["gains"]["A"])
+    square = [gain for gain, X in body["gains"].items() if np.shape(X) == (n, n)]
+    for kept in square[1:]:
+        smaller = {gain: np.array(body["gains"][gain])[1:, 1:].tolist() for gain in square}
+        smaller[kept] = body["gains"][kept]
+        forged.append(changed(body, ("gains",), body["gains"] | smaller))
+    assert len(forged) > 10
+    for one in forged:
+        with contextlib.suppress(InputError):
+            outcome = workflow.verify(load_design(signed(one, tmp_path)))
+            assert outcome.verdict == "refuted"
+        with contextlib.suppress(InputError):  # or it runs without the entry
+            obsdesign.runtime.load(tmp_path / "d.json")
+
+
+@pytest.mark.parametrize("window", [4000, 4096])
+def test_a_forged_long_window_is_refused_by_its_memory(window: int, tmp_path: Path) -> None:
+    n = 24
+    problem = obsdesign.Problem(
+        flow={"A": (-0.1 * np.eye(n)).tolist()},
+        jump={"G": np.eye(n).tolist(), "dwell_time": [0.5, 1.0]},
+        output={"C": np.eye(n).tolist(), "measured": "at_jumps", "jump_measurement": "before"},
+        observer={"kind": "impulsive", "strategy": "full"},
+    )
+    body = obsdesign.design(problem).to_dict()
+    assert workflow.verify(load_design(signed(body, tmp_path))).verdict == "proved"
+    forged = changed(body, ("gains", "window"), window)
+    with pytest.raises(InputError, match=f"^a window of {window} impulses and {n} states.* needs"):
+        workflow.verify(load_design(signed(forged, tmp_path)))
 
 
 def test_integers_beyond_binary64_are_refused(tmp_path: Path) -> None:

@@ -110,6 +110,14 @@ class Scaling:
         bits = np.round((bits - (bits.max() + bits.min()) / 2) / _COARSE) * _COARSE
         return Scaling(np.exp2(np.clip(bits, -_LARGEST, _LARGEST)))
 
+    @staticmethod
+    def like(v: Matrix) -> Scaling:
+        """Sizes next to the entries of v, (n,) floats; 1 where one is not positive and finite."""
+        usable = np.isfinite(v) & (v > 0)
+        with np.errstate(all="ignore"):
+            bits = np.where(usable, np.round(np.log2(np.where(usable, v, 1.0))), 0.0)
+        return Scaling(np.exp2(np.clip(bits, -_LARGEST, _LARGEST)))
+
     @property
     def is_identity(self) -> bool:
         """Whether nothing is scaled."""
@@ -127,8 +135,11 @@ class Scaling:
         return self.rows(self.columns(X))
 
     def rows(self, X: Matrix) -> Matrix:
-        """D^-1 X: what has its values in x."""
-        return X if self.is_identity else np.asarray(self._pair(X)[1][:, None] * X)
+        """D^-1 X: what has its values in x. (n,) or (..., n, m)."""
+        if self.is_identity:
+            return X
+        back = self._pair(X)[1]
+        return np.asarray((back if X.ndim == 1 else back[:, None]) * X)
 
     def columns(self, X: Matrix) -> Matrix:
         """X D: what is applied to x."""

@@ -40,8 +40,7 @@ def rational(value: Any) -> Any:
 
 def to_float(values: Exact) -> NDArray[np.float64]:
     """Nearest binary64 numbers; infinite where the exact number is too large for one."""
-    entries: list[Any] = list(values.flat)
-    nearest = [_nearest(v) for v in entries]
+    nearest = [_nearest(v) for v in values.flat]
     return np.array(nearest, dtype=np.float64).reshape(values.shape)
 
 
@@ -164,17 +163,16 @@ def _residue(value: Any) -> int:
 def fixed_vector(blocks: list[Exact]) -> list[float] | None:
     """A nonzero v with X v = 0 for every block X, exactly; None if there is none."""
     stacked = np.vstack(blocks)
-    reduced, rank = _rational_matrix(stacked).rref()
+    reduced, rank = row_echelon(stacked)
     columns = stacked.shape[1]
     if rank == columns:
         return None
-    table = reduced.tolist()
-    leading = [next(j for j in range(columns) if table[i][j] != 0) for i in range(rank)]
+    leading = _leading(reduced, rank)
     free = next(j for j in range(columns) if j not in leading)
     vector = [fmpq(0)] * columns
     vector[free] = fmpq(1)
     for i, j in enumerate(leading):
-        vector[j] = -table[i][free]
+        vector[j] = -reduced[i, free]
     return [_nearest(v) for v in vector]
 
 

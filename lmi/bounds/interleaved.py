@@ -29,11 +29,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from lmi.arithmetic.balancing import Scaling
 from lmi.arithmetic.balls import (
     Exact,
     ball,
@@ -162,10 +163,30 @@ def prove_interleaved(system: Interleaved, X: Exact, bounds: Bounds) -> Verdict:
     entries: list[Any] = [x for part in parts for x in part.flat]
     if any(x < 0 for x in entries) or not all(x > 0 for x in bounds.p):
         return undecided("the system, or the tube, is not positive")
+    system, X, bounds = _scaled(system, X, bounds)
     with precision(_BITS), np.errstate(all="ignore"):
         if system.G is None:
             return _samples(system, X, bounds)
         return _cycles(system, X, bounds)
+
+
+def _scaled(system: Interleaved, X: Exact, bounds: Bounds) -> tuple[Interleaved, Exact, Bounds]:
+    """The same question with states and rows of X in powers of two like p and `always`."""
+    state, out = Scaling.like(to_float(bounds.p)), Scaling.like(to_float(bounds.always))
+    jumped = None if bounds.jumped is None else state.rows(bounds.jumped)
+    within = Bounds(
+        state.rows(bounds.p), state.rows(bounds.sampled), jumped, out.rows(bounds.always)
+    )
+    scaled = replace(
+        system,
+        A=state.map(system.A),
+        b=state.rows(system.b),
+        K=state.map(system.K),
+        k=state.rows(system.k),
+        G=None if system.G is None else state.map(system.G),
+        j=None if system.j is None else state.rows(system.j),
+    )
+    return scaled, out.rows(state.columns(X)), within
 
 
 def _samples(system: Interleaved, X: Exact, bounds: Bounds) -> Verdict:

@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from lmi.arithmetic.balancing import Scaling
 from lmi.arithmetic.balls import (
     PRECISIONS,
     Exact,
@@ -100,15 +101,19 @@ def prove_tube(
 ) -> Verdict:
     """The tube is not left, and drawn to, by u' = W u + f, u+ = N u + h with jumps in [low, high].
 
-    With v > 0 the strict inequality N e^{W theta} v < v shrinks whatever is outside.
+    With v > 0 the strict inequality N e^{W theta} v < v shrinks whatever is outside. States and
+    rows of X are measured in powers of two like v and `always`.
     """
     if not all(x > 0 for x in tube.v):
         return undecided("the tube is not positive")
     if not all(a >= b for a, b in zip(tube.after, X @ tube.v, strict=True)):
         return undecided("the bound after jumps is below the tube")
-    flow, steps = Affine(W, f, tube.v), 0
+    state, out = Scaling.like(to_float(tube.v)), Scaling.like(to_float(tube.always))
+    flow, steps = Affine(state.map(W), state.rows(f), state.rows(tube.v)), 0
+    X = out.rows(state.columns(X))
+    before, always = out.rows(tube.before), out.rows(tube.always)
     for rows, bound, start in (
-        (N, tube.v - h, low), (X, tube.before, low), (X, tube.always, 0.0),
+        (state.map(N), state.rows(tube.v - h), low), (X, before, low), (X, always, 0.0),
     ):  # fmt: skip
         verdict = prove_below(flow, rows, bound, start, high)
         if verdict.outcome != "proved":

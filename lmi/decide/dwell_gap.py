@@ -23,7 +23,7 @@ from lmi.find.windows import Windows
 from lmi.find.worst_sequence import Word, polished, worst_word
 from lmi.prove.hurwitz import prove_hurwitz
 from lmi.refute.spectral import refute_word, steps_within
-from lmi.time_budget import ended, ended_part, left
+from lmi.time_budget import ended, ended_part, remaining
 from lmi.verdict import Verdict, undecided
 
 Matrix = NDArray[Any]
@@ -68,7 +68,7 @@ class Gap:
         """
         flow, jump = to_float(self.F), to_float(self.H)
         rng, x, best = np.random.default_rng(_SEED), bad, None
-        for _ in range(_WORDS if left() > 0 else 0):
+        for _ in range(_WORDS if remaining() > 0 else 0):
             edge = Edge(flow, jump, *self._range(x))
             word = worst_word(edge, L, (), rng, jitter=self.jitter)
             if word.growth < 1:

@@ -20,7 +20,7 @@ from lmi.arithmetic.balancing import balance
 from lmi.families import FEWEST, Edge, slack_of
 from lmi.find.edge_grid import Cut, EdgeGrid, Grids
 from lmi.find.semidefinite import FLOOR, Solution, common_matrices
-from lmi.time_budget import until
+from lmi.time_budget import deadline
 
 Matrix = NDArray[Any]
 
@@ -114,7 +114,7 @@ def propose_edges(
         grid = EdgeGrid.of(edges, points, {} if grids is None else grids)
         if not np.isfinite(grid.maps).all():
             return _guess(edges[0], nodes, grid.maps.shape[-1])
-        return _Search(grid, nodes, until(seconds)).run([*seeds], start)
+        return _Search(grid, nodes, deadline(seconds)).run([*seeds], start)
 
 
 def _guess(edge: Edge, nodes: int, n: int) -> Proposal:

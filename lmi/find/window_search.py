@@ -23,7 +23,7 @@ from lmi.find.edge_grid import Cut, Grids
 from lmi.find.splitting import Limits, cuttings
 from lmi.find.windows import Links, Windows, whole
 from lmi.prove.windows_proof import prove_windows
-from lmi.time_budget import ended, ended_by_count, scaled, until
+from lmi.time_budget import deadline, ended, ended_by_count, scaled
 from lmi.verdict import Verdict, undecided
 
 Matrix = NDArray[Any]
@@ -77,10 +77,10 @@ def find_windows(
     """
     budget, limits = budget or Budget(), limits or Limits()
     family = _Family.of(F, H, low, high, jitter)
-    deadline = until(budget.seconds)
-    found = family.search(start, limits, budget, deadline)
+    stop = deadline(budget.seconds)
+    found = family.search(start, limits, budget, stop)
     if found.verdict.outcome != "proved" and limits.future > 0 and start is None:
-        back = family.search(None, Limits(limits.past, 0), budget, deadline)
+        back = family.search(None, Limits(limits.past, 0), budget, stop)
         found = back if back.verdict.outcome == "proved" else found
     return found
 
@@ -119,20 +119,20 @@ class _Family:
         ]
 
     def search(
-        self, start: tuple[Windows, Matrix] | None, limits: Limits, budget: Budget, deadline: float
+        self, start: tuple[Windows, Matrix] | None, limits: Limits, budget: Budget, stop: float
     ) -> Found:
         """Rounds of solving and cutting."""
         windows, L = (whole(self.low, self.high), None) if start is None else start
         links, seeds, most = windows.links(self.jitter), list[Cut](), scaled(budget.windows)
         while True:
-            left = deadline - time.process_time()
+            left = stop - time.process_time()
             proposal = propose_edges(
                 self.edges(links), len(windows), seeds, L, grids=self.grids, seconds=left
             )
             if proposal.matrices is not None:
                 return self._proved(windows, links, proposal)
             why = f"no P fit {len(windows)} windows of dwell times"
-            out_of_time = ended(deadline, budget.seconds)
+            out_of_time = ended(stop, budget.seconds)
             if proposal.masses is None or proposal.coordinates is None:
                 text = why if out_of_time else f"{why}: the solver gave no numbers"
                 return Found(undecided(text, **out_of_time), proposal.thetas)

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lmi.families import Edge
-from lmi.time_budget import left
+from lmi.time_budget import remaining
 
 Matrix = NDArray[Any]
 
@@ -70,7 +70,7 @@ def worst_word(
     starts = [Word(tuple(_random(rng, low, high, k, jitter)), 0.0)
               for k in lengths for _ in range(_RANDOM_STARTS)]  # fmt: skip
     for word in [*words[:_POLISHED], *starts]:
-        if best.growth > enough or left() < 0:
+        if best.growth > enough or remaining() < 0:
             break
         best = max(best, polished(edge, word, jitter), key=lambda found: found.growth)
     return replace(best, thetas=_primitive(best.thetas))

@@ -8,13 +8,15 @@ must stay above MARGIN. Refuted by a witness (`lmi.rank.witness`), proved by box
 
 from __future__ import annotations
 
+import functools
 import itertools
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from lmi.rank.full_rank import BOX_LIMIT, prove_full_rank
-from lmi.rank.stack import Matrix, Stack, approx_margin, coordinates, unit_blocks
+from lmi.rank.stack import Matrix, Stack, approx_margin, approx_vanishing, coordinates, unit_blocks
 from lmi.rank.witness import MARGIN, check_deficient, outright, too_few
 from lmi.verdict import Verdict, refuted, undecided
 
@@ -41,21 +43,24 @@ def decide_full_rank(stack: Stack, low: float, high: float, limit: int = BOX_LIM
     margins = approx_margin(stack, points, R)
     if len(points) > 1 and (pair := _sign_change(stack, points, R)) is not None:
         return check_deficient(stack, low, high, {"between": pair})
-    worst, margin = _polished(stack, points, margins, R, low, high)
+    in_units = functools.partial(approx_margin, stack, R=R)
+    worst, margin = _polished(in_units, points, margins, low, high)
     if not full or not margin >= MARGIN:
         place = points[0] * 0 + (low + high) / 2 if not full else worst
         verdict = check_deficient(stack, low, high, {"thetas": place.tolist()})
         if verdict.outcome == "refuted" or not full:
             return verdict
-    verdict = undecided("no attempt was made")
-    for asked, share in ((_SHARE * margin, min(BOX_LIMIT // 10, limit)), (MARGIN, limit)):
-        asked = max(asked, MARGIN)
-        verdict = prove_full_rank(stack, low, high, R, margin=asked, limit=share)
-        if verdict.outcome == "proved":
-            break
+    asked = max(_SHARE * margin, MARGIN)
+    verdict = prove_full_rank(stack, low, high, R, margin=asked, limit=min(BOX_LIMIT // 10, limit))
+    if verdict.outcome != "proved":
+        counter = _vanishing(stack, points, R, low, high)
+        if counter.outcome == "refuted":
+            return counter
+        asked = MARGIN
+        verdict = prove_full_rank(stack, low, high, R, margin=asked, limit=limit)
     if "thetas" in verdict.evidence:  # the proof may have been led to a place the search missed
         place = np.array([verdict.evidence["thetas"]])
-        worst, margin = _polished(stack, place, approx_margin(stack, place, R), R, low, high)
+        worst, margin = _polished(in_units, place, in_units(place), low, high)
         if margin < MARGIN:
             counter = check_deficient(stack, low, high, {"thetas": worst.tolist()})
             verdict = counter if counter.outcome == "refuted" else verdict
@@ -119,13 +124,20 @@ def _sign_change(stack: Stack, points: Matrix, R: Matrix) -> list[list[float]] |
     return None
 
 
+def _vanishing(stack: Stack, points: Matrix, R: Matrix, low: float, high: float) -> Verdict:
+    """Whether rank is lost where block rows pass through zero, next to the place with the least."""
+    least = functools.partial(approx_vanishing, stack, R=R)
+    place, _ = _polished(least, points, least(points), low, high)
+    return check_deficient(stack, low, high, {"thetas": place.tolist()})
+
+
 def _polished(
-    stack: Stack, points: Matrix, margins: Matrix, R: Matrix, low: float, high: float
+    margin_at: Callable[[Matrix], Matrix], points: Matrix, margins: Matrix, low: float, high: float
 ) -> tuple[Matrix, float]:
     """The least margin after a compass search from the lowest points, and where."""
     order = np.argsort(np.nan_to_num(margins, nan=np.inf))[:_POLISHED]
     best, value = points[order[0]], float(margins[order[0]])
-    m = stack.thetas
+    m = points.shape[1]
     if m == 0 or low == high:
         return best, value
     directions = np.vstack([np.eye(m), -np.eye(m), np.ones((1, m)), -np.ones((1, m))])
@@ -133,7 +145,7 @@ def _polished(
         here, least, step = points[start], float(margins[start]), (high - low) / 20
         for _ in range(_STEPS):
             tried = np.clip(here + step * directions, low, high)
-            found = np.nan_to_num(approx_margin(stack, tried, R), nan=np.inf)
+            found = np.nan_to_num(margin_at(tried), nan=np.inf)
             k = int(np.argmin(found))
             if found[k] < least:
                 here, least = tried[k], float(found[k])

@@ -71,6 +71,28 @@ class Stack:
         flows = expm((F - growth * np.eye(len(F))) * points[..., None, None])
         return np.concatenate([C @ X for X in self._states(flows, H)], axis=-2)
 
+    def approx_change(self, thetas: Matrix, growth: float = 0.0) -> Matrix:
+        """Derivative of `approx` at points (N, m) as all thetas change in proportion, in floats."""
+        F, C, H = (
+            to_float(self.F) - growth * np.eye(len(self.F)),
+            to_float(self.C),
+            to_float(self.H),
+        )
+        points = np.asarray(thetas, dtype=np.float64)
+        flows = expm(F * points[..., None, None])
+        states = self._states(flows, H)
+        change = np.zeros_like(states[0])
+        rows = [C @ change]
+        first = 0
+        if self.flows_first:
+            change = (F * points[:, 0, None, None]) @ states[0]
+            rows, first = [C @ change], 1
+        for i in range(first, points.shape[1]):
+            X = states[i - first + 1]
+            change = flows[:, i] @ (H @ change) + (F * points[:, i, None, None]) @ X
+            rows.append(C @ change)
+        return np.concatenate(rows, axis=-2)
+
     def _states(self, flows: Matrix, H: Matrix) -> list[Matrix]:
         right = to_float(self.right)
         X = np.broadcast_to(right, (len(flows), *right.shape))
@@ -159,15 +181,30 @@ def approx_margin(stack: Stack, thetas: Matrix, R: Matrix) -> Matrix:
 
     Floats; NaN where it overflows.
     """
-    rows = stack.approx(thetas, stack.growth)
-    solved = np.linalg.solve(R.T, np.swapaxes(np.nan_to_num(rows), -1, -2))
-    scaled = np.swapaxes(solved, -1, -2)
+    rows = _solved(stack.approx(thetas, stack.growth), R)
+    return _least_value(stack, rows, unit_blocks(np.nan_to_num(rows), stack.blocks))
+
+
+def approx_vanishing(stack: Stack, thetas: Matrix, R: Matrix) -> Matrix:
+    """`approx_margin` in larger units: a block row's size, and its change in proportion to theta.
+
+    Continuous also where a block row passes through zero, and zero only where rank is lost.
+    """
+    rows = _solved(stack.approx(thetas, stack.growth), R)
+    changes = _solved(stack.approx_change(thetas, stack.growth), R)
+    both = np.nan_to_num(np.concatenate([rows, changes], axis=-1))
+    return _least_value(stack, rows, unit_blocks(both, stack.blocks)[..., : rows.shape[-1]])
+
+
+def _solved(rows: Matrix, R: Matrix) -> Matrix:
+    return np.swapaxes(np.linalg.solve(R.T, np.swapaxes(rows, -1, -2)), -1, -2)
+
+
+def _least_value(stack: Stack, rows: Matrix, scaled: Matrix) -> Matrix:
     finite = np.asarray(np.isfinite(rows).all(axis=(-2, -1)))
-    finite &= np.isfinite(scaled).all(axis=(-2, -1))
     if stack.shape[0] < stack.shape[1]:
         return np.where(finite, 0.0, np.nan)
-    usable = unit_blocks(np.where(finite[:, None, None], scaled, 0.0), stack.blocks)
-    values: Matrix = np.asarray(np.linalg.svd(usable, compute_uv=False)[:, -1])
+    values: Matrix = np.asarray(np.linalg.svd(scaled, compute_uv=False)[:, -1])
     return np.where(finite, values, np.nan)
 
 

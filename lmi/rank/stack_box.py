@@ -70,13 +70,13 @@ def bounds(stack: Stack, family: NormalisedStack, box: Box, margin: float) -> Bo
     for P in steps:
         states.append(P * states[-1])
     rows = [family.C * X for X in states]
-    pair = _pair(rows)
+    halves = [family.half(side) for side in box.sides]
+    pair = _pair(rows, _variations(family, states, steps, halves))
     if pair is None:
         return BoxBounds(False, _longest(box), 0.0)
     p = len(stack.C)
     Y, Z = ball(exact(pair[0])), ball(exact(pair[1]))
     blocks = [ball(exact(pair[0][:, j * p : (j + 1) * p])) for j in range(len(rows))]
-    halves = [family.half(side) for side in box.sides]
     window = window_box(family, states, steps, halves, blocks, Z, stack.flows_first)
     norms = _block_sizes([middle(row) for row in rows])
     centre = 1.0 / float(np.linalg.norm(middle(Z * Y) * np.repeat(norms, p), 2))
@@ -143,10 +143,27 @@ def nonnegative_inverse_above(E: Matrix) -> Matrix | None:
     return above if np.isfinite(above).all() else None
 
 
-def _pair(rows: list[Any]) -> tuple[Matrix, Matrix] | None:
-    """Floats Y, Z that make Y O(c) Z close to 1, from rows and columns of like size."""
+def _variations(
+    family: NormalisedStack, states: list[Any], steps: list[Any], halves: list[float]
+) -> Matrix:
+    """About how much each row of O varies over the box, as all thetas rise together; floats."""
+    F, C = middle(family.F), middle(family.C)
+    first = len(halves) - len(steps)
+    change = F @ middle(states[0]) * (halves[0] if first else 0.0)
+    found = [C @ change]
+    for P, X, h in zip(steps, states[1:], halves[first:], strict=True):
+        change = middle(P) @ change + F @ middle(X) * h
+        found.append(C @ change)
+    return np.asarray(np.linalg.norm(np.vstack(found), axis=1))
+
+
+def _pair(rows: list[Any], variations: Matrix) -> tuple[Matrix, Matrix] | None:
+    """Floats Y, Z that make Y O(c) Z close to 1, from rows and columns of like size over the box.
+
+    A row that passes through zero counts by what it varies by: it tells little there.
+    """
     approx = np.vstack([middle(block) for block in rows])
-    heights = np.linalg.norm(approx, axis=1)
+    heights = np.maximum(np.linalg.norm(approx, axis=1), variations)
     heights[heights == 0] = 1.0
     scaled = approx / heights[:, None]
     widths = np.linalg.norm(scaled, axis=0)

@@ -2,6 +2,9 @@
 
 Thetas and a vector x with |O x| < MARGIN |R x|, the block rows of O R^-1 scaled to norm 1, or, for
 a square stack, two places where its determinant has opposite signs: between them it is zero.
+
+A block row that passes through zero next to these thetas counts as zero: where its norm is below
+MARGIN times that of its derivative, as the thetas change in proportion, it is scaled by the latter.
 """
 
 from __future__ import annotations
@@ -30,7 +33,8 @@ def check_deficient(stack: Stack, low: float, high: float, witness: Mapping[str,
         return refuted(plain)
     R, _ = coordinates(stack, low, high)
     pair = [_point(stack, values, low, high) for values in witness.get("between", ())]
-    if len(pair) == 2 and pair[0] is not None and pair[1] is not None:
+    square = stack.shape[0] == stack.shape[1]
+    if square and len(pair) == 2 and pair[0] is not None and pair[1] is not None:
         return _check_signs(stack, pair[0], pair[1], R)
     thetas = _point(stack, witness.get("thetas", ()), low, high)
     if thetas is None:
@@ -68,17 +72,23 @@ def too_few(stack: Stack) -> dict[str, Any]:
     return {"rows": rows, "columns": columns, "reason": reason}
 
 
-def _stacked(stack: Stack, thetas: Sequence[float]) -> Any:
-    """Ball matrix O at exact thetas, rows of all blocks, as a list of block rows."""
-    H, C, X = ball(stack.H), ball(stack.C), ball(stack.right)
+def _stacked(stack: Stack, thetas: Sequence[float]) -> tuple[list[Any], list[Any]]:
+    """Ball matrix O at exact thetas as a list of block rows, and how it changes in proportion."""
+    F, H, C, X = ball(stack.F), ball(stack.H), ball(stack.C), ball(stack.right)
+    change = X * scalar(0)
     steps = list(thetas)
     if stack.flows_first:
-        X = exp_times(stack.F, steps.pop(0)) * X
-    rows = [C * X]
+        theta = steps.pop(0)
+        X = exp_times(stack.F, theta) * X
+        change = F * X * scalar(rational(theta))
+    rows, changes = [C * X], [C * change]
     for theta in steps:
-        X = exp_times(stack.F, theta) * (H * X)
+        flow = exp_times(stack.F, theta)
+        X = flow * (H * X)
+        change = flow * (H * change) + F * X * scalar(rational(theta))
         rows.append(C * X)
-    return rows
+        changes.append(C * change)
+    return rows, changes
 
 
 def _check_vector(stack: Stack, thetas: Matrix, R: Matrix) -> Verdict:
@@ -86,8 +96,10 @@ def _check_vector(stack: Stack, thetas: Matrix, R: Matrix) -> Verdict:
     approx = stack.approx(thetas[None], stack.growth)[0]
     if not np.isfinite(approx).all():
         return undecided("the window overflows")
+    change = stack.approx_change(thetas[None], stack.growth)[0]
     try:
-        scaled = unit_blocks(np.linalg.solve(R.T, approx.T).T, stack.blocks)
+        rows, changing = (np.linalg.solve(R.T, X.T).T for X in (approx, change))
+        scaled = _in_units(rows, changing, stack.blocks)
         x = np.linalg.solve(R, np.linalg.svd(scaled)[2][-1])
     except np.linalg.LinAlgError:
         return undecided("no null vector can be computed")
@@ -97,7 +109,7 @@ def _check_vector(stack: Stack, thetas: Matrix, R: Matrix) -> Verdict:
     with precision(_BITS):
         vector = ball(exact(x[:, None]))
         columns = ball(exact(R))
-        seen = _seen(_stacked(stack, thetas.tolist()), columns, vector)
+        seen = _seen(*_stacked(stack, thetas.tolist()), columns, vector)
         size = _square((columns * vector).tolist())
         small = bool(seen < scalar(rational(MARGIN)) ** 2 * size)
         ratio = float((seen / size).abs_upper()) ** 0.5
@@ -113,14 +125,29 @@ def _check_vector(stack: Stack, thetas: Matrix, R: Matrix) -> Verdict:
     return refuted(witness)
 
 
-def _seen(rows: list[Any], R: Any, vector: Any) -> Any:
-    """Square of |O x| with the block rows of O R^-1 scaled to norm 1, where they are not zero."""
+def _seen(rows: list[Any], changes: list[Any], R: Any, vector: Any) -> Any:
+    """Square of |O x| with the block rows of O R^-1 in their units, where they are not zero."""
     back, total = R.inv(), scalar(0)
-    for row in rows:
-        size = _square([[x] for line in (row * back).tolist() for x in line])
+    for row, change in zip(rows, changes, strict=True):
+        size, changing = _whole_square(row * back), _whole_square(change * back)
+        if size < scalar(rational(MARGIN)) ** 2 * changing:
+            size = changing
         outputs = _square((row * vector).tolist())
         total = total + (outputs if size == 0 else outputs / size)
     return total
+
+
+def _in_units(rows: Matrix, changes: Matrix, blocks: int) -> Matrix:
+    """`unit_blocks` of rows (k p, r), those that pass through zero in units of their change."""
+    split, other = (X.reshape(blocks, -1, X.shape[-1]) for X in (rows, changes))
+    sizes, changing = (np.linalg.norm(X, axis=(1, 2), keepdims=True) for X in (split, other))
+    sizes = np.where(sizes < MARGIN * changing, changing, sizes)
+    scaled: Matrix = (split / np.where(sizes > 0, sizes, 1.0)).reshape(rows.shape)
+    return scaled
+
+
+def _whole_square(X: Any) -> Any:
+    return _square([[x] for line in X.tolist() for x in line])
 
 
 def _square(rows: Any) -> Any:
@@ -160,7 +187,7 @@ def _check_signs(stack: Stack, a: Matrix, b: Matrix, R: Matrix) -> Verdict:
 
 
 def _determinant(stack: Stack, thetas: Matrix) -> Any:
-    rows = np.concatenate([row.tolist() for row in _stacked(stack, thetas.tolist())])
+    rows = np.concatenate([row.tolist() for row in _stacked(stack, thetas.tolist())[0]])
     size = len(rows)
     matrix = type(ball(exact(np.eye(size))))(size, size, list(rows.reshape(-1)))
     return matrix.det()

@@ -83,6 +83,8 @@ def _run() -> int:
         _complain(f"the output cannot be written: {error.strerror or error}.")
         code = 2
     except Exception as error:
+        if _was_interrupted(error):
+            return 130
         if verbose:
             traceback.print_exc()
         reason = f"{type(error).__name__} {error}".strip()
@@ -90,6 +92,13 @@ def _run() -> int:
         _complain(f"internal error: {reason}, please report, --verbose for the trace")
         code = INTERNAL_ERROR
     return code if isinstance(code, int) else 0
+
+
+def _was_interrupted(error: BaseException | None) -> bool:
+    """Whether an error is what a library made of Ctrl-C in one of its callbacks."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__ or error.__context__
+    return error is not None
 
 
 def _complain(text: str) -> None:

@@ -17,14 +17,14 @@ from typing import Any, TextIO
 from obsdesign.data.records import (
     Layout,
     Remark,
+    discard,
     estimate_header,
     estimate_line,
     event_line,
-    ignored,
     read_samples,
 )
-from obsdesign.data.stream import Stream, begun, estimates_of, resumed
-from obsdesign.document import load_design
+from obsdesign.data.stream import Stream, estimates_of, starting_progress, stored_progress
+from obsdesign.document import Design, load_design
 from obsdesign.errors import InputError
 from obsdesign.output_files import refuse_overwriting, replacing, write_text
 from obsdesign.runtime import from_design
@@ -46,13 +46,14 @@ def execute(
     *,
     state: str | None = None,
     skip_bad: bool = False,
-    remark: Remark = ignored,
+    remark: Remark = discard,
 ) -> Counter[str]:
     """Estimates of a design for DATA (None: standard input) into `output` (None: standard output).
 
-    state: the file that says where the observer stands; a run goes on from there if it exists, and
-    writes it at the end. skip_bad: a malformed line is a remark, not an error. remark: called with
-    these, and at the end with signs that the data are of another plant.
+    state: the file with the observer's progress; a run continues from it if it exists, and writes
+    it at the end. skip_bad: a malformed line is a remark, not an error. remark: called with
+    these, and at the end with claims of the design that are not proved and signs that the data are
+    of another plant.
 
     Returns how many rows there were ("rows") and how many had which status. A data file is checked
     whole before anything is written; a pipe is answered row by row. InputError names what is wrong
@@ -63,27 +64,29 @@ def execute(
     _refuse_targets((design, data), output, events, state)
     if events is not None and not observer.finds_events:
         raise InputError(f"--events: kind {observer.kind!r} has none to write.")
-    stand = None if state is None else resumed(state, signed, observer, initial)
+    stored = None if state is None else stored_progress(state, signed, observer, initial)
     name, remarks = data or "standard input", list[str]()
-    after = -math.inf if stand is None else stand.t
+    after = -math.inf if stored is None else stored.t
     read = partial(read_samples, layout=Layout(**observer.reads), name=name, after=after)
     if data is not None:
         with _opened(data) as stream:
-            samples = read(stream, skip=ignored if skip_bad else None)
-            begun(observer, stand, next(samples), initial)  # complain before anything is written
+            samples = read(stream, skip=discard if skip_bad else None)
+            # refuse before anything is written
+            starting_progress(observer, stored, next(samples), initial)
             for _ in samples:
                 pass
     with _source(data) as stream, _writer(output) as out, _log(events, observer) as log:
         samples = read(stream, skip=remark if skip_bad else None, remark=remarks.append)
-        first = next(samples)  # there is one, or they complain
-        along, live = Stream(observer, begun(observer, stand, first, initial)), data is None
+        first = next(samples)  # there is one, or this is an InputError
+        begin, live = starting_progress(observer, stored, first, initial), data is None
+        parts = Stream(observer, begin)
         rows = chain([first], samples)
-        whole = partial(estimates_of, observer, along.progress.state)
-        estimates = (whole if state is None else along.estimates)(rows, live=live)
+        whole = partial(estimates_of, observer, begin.state)
+        estimates = (whole if state is None else parts.estimates)(rows, live=live)
         counts = _write(observer, estimates, out, log, live=live)
     if state is not None:
-        write_text(state, state_text(signed, along.progress))
-    for text in [*remarks, *_void(name, counts)]:
+        write_text(state, state_text(signed, parts.progress))
+    for text in [*_unproved(design, signed), *remarks, *_void(name, counts)]:
         remark(text)
     return counts
 
@@ -103,6 +106,15 @@ def _write(
         counts["rows"] += 1
         counts.update(_NUMBER.sub("", reason) for reason in estimate.status.split("; "))
     return counts
+
+
+def _unproved(path: str, design: Design) -> list[str]:
+    """A remark if a claim of the design is not proved: what rests on it may not hold."""
+    claims = [claim.id for claim in design.claims if claim.verdict != "proved"]
+    if not claims:
+        return []
+    names = ", ".join(claims)
+    return [f"{path}: {names} not proved: rows with status ok may be wrong."]
 
 
 def _void(name: str, counts: Counter[str]) -> list[str]:

@@ -40,7 +40,8 @@ def _spacings(
     if plant.jump is None or plant.jump.dwell_time is None:
         if isinstance(dwell, str):
             raise InputError(
-                "jump.dwell_time is required to simulate jumps; it is missing. Give --dwell T."
+                "jump.dwell_time is required to simulate jumps; it is missing. Write it, or give "
+                "the times: simulate --dwell T."
             )
         low, high, jitter = 0.0, math.inf, math.inf
     else:

@@ -77,9 +77,11 @@ class Signals:
         if not measured:
             return np.full_like(clean, np.nan)
         spread = np.hypot(self.plant.output.noise_std, self.plant.output.noise_cv * clean)
-        bound = self.plant.output.noise_bound
+        lower, upper = noise_ends(self.plant)
         noise = self.noise.at(k, t) + spread * self.gaussian[k]
-        value: Array = clean + (noise if bound is None else np.clip(noise, -bound, bound))
+        if self.plant.output.noise_bound is not None:
+            noise = np.clip(noise, lower, upper)
+        value: Array = clean + noise
         return value
 
     def unknown(self, times: Array) -> Array:
@@ -99,8 +101,7 @@ def signals(plant: Plant, kind: str, rows: int, rng: np.random.Generator) -> Sig
     d = _bounded(-np.ones(unknowns), np.ones(unknowns), kind, rows, rng)
     # a jump has no duration: a sine is sampled there
     c = _bounded(jump_low, jump_high, "random" if kind == "sine" else kind, rows, rng)
-    V = np.zeros(p) if output.noise_bound is None else output.noise_bound
-    v = _bounded(-V, V, kind, rows, rng)
+    v = _bounded(*noise_ends(plant), kind, rows, rng)
     changes = np.minimum(np.arange(rows) * _INPUT_CHANGES // max(rows, 1), _INPUT_CHANGES - 1)
     return Signals(
         plant,
@@ -114,6 +115,14 @@ def signals(plant: Plant, kind: str, rows: int, rng: np.random.Generator) -> Sig
         rng.uniform(-1, 1, (rows, _columns(jump.E if jump else None))),
         rng.uniform(0.5, 1.5, (rows, _columns(jump.H if jump else None))),
     )
+
+
+def noise_ends(plant: Plant) -> tuple[Array, Array]:
+    """Lower and upper bounds of the noise, (p,); zeros where they are not known."""
+    bound = plant.output.noise_bound
+    if bound is None:
+        return np.zeros(plant.p), np.zeros(plant.p)
+    return (-bound, bound) if bound.ndim == 1 else (bound[:, 0], bound[:, 1])
 
 
 def _columns(matrix: Array | None) -> int:

@@ -64,7 +64,8 @@ class PlantGains:
 
     A (n, n), B (n, m), C (p, n); flow_lower, flow_upper (n,): bounds of b; G (n, n), E (n, l),
     jump_lower, jump_upper (n,): the jump, None without jumps; dwell_time: (shortest, longest), None
-    where every dwell time is allowed; noise_bound (p,).
+    where every dwell time is allowed; noise_bound, noise_centre (p,): |v - noise_centre| <=
+    noise_bound, the centre None where it is zero.
     """
 
     A: Array = matrix("n", "n")
@@ -79,6 +80,7 @@ class PlantGains:
     dwell_time: Array | None = matrix(2, optional=True)
     dwell_jitter: float | None = number(optional=True)
     noise_bound: Array | None = matrix("p", optional=True)
+    noise_centre: Array | None = matrix("p", optional=True)
     jump_measurement: str = word("before", "after", "none")
 
     def __post_init__(self) -> None:
@@ -209,5 +211,7 @@ def plant_data(plant: Any) -> dict[str, Any]:
         if math.isfinite(jump.dwell_jitter):
             data["dwell_jitter"] = jump.dwell_jitter
     if output.noise_bound is not None:
-        data["noise_bound"] = output.noise_bound
+        data["noise_bound"] = output.noise_radius
+        if output.noise_centre is not None:
+            data["noise_centre"] = output.noise_centre
     return data | {"jump_measurement": output.jump_measurement}

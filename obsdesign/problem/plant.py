@@ -2,7 +2,8 @@
 
     x'(t) = A x + B u(t) + D d(t) + b(t)      between jumps,  lower <= b <= upper
     x(t)  = G x(t-) + E w[k] + H g[k] + c[k]  at jump times,  lower <= c <= upper
-    y     = C x + v,  |v_i| <= noise_bound_i, standard deviation noise_std_i + noise_cv_i |y_i|
+    y     = C x + v,  |v_i| <= noise_bound_i, or lower_i <= v_i <= upper_i where that is a pair;
+                      standard deviation noise_std_i + noise_cv_i |y_i|
 
 Every InputError names the entry as it stands in a problem file. Fields take anything numpy can read
 as an array and hold float64 arrays; None leaves an optional one out, or takes its default.
@@ -19,6 +20,7 @@ import numpy as np
 from obsdesign.entries import (
     Array,
     bounds,
+    is_number,
     matrix,
     positive,
     real,
@@ -27,6 +29,7 @@ from obsdesign.entries import (
     size_text,
     vector,
 )
+from obsdesign.equations.noise_bounds import noise_box
 from obsdesign.errors import InputError
 
 MEASURED = ("continuous", "periodic", "at_jumps")
@@ -101,9 +104,10 @@ class Jump:
 
 @dataclass(frozen=True, eq=False)
 class Output:
-    """C (p, n); noise_bound (p,) or None, not known; noise_std, noise_cv (p,), default zero.
+    """C (p, n); noise_bound (p,) or (p, 2), None: not known; noise_std, noise_cv (p,), default 0.
 
-    One number serves all outputs. A bound that is absent stays absent: None is not zero.
+    One number serves all outputs. noise_bound may hold pairs [lower, upper], with numbers between
+    them; then all are pairs. A bound that is absent stays absent: None is not zero.
 
     measured: continuous, periodic (with period) or at_jumps; jump_measurement: what a measurement
     stamped with a jump time saw: before, after or none.
@@ -120,9 +124,11 @@ class Output:
     def __post_init__(self) -> None:
         C = matrix(self.C, "output.C")
         _set(self, C=C)
+        pairs = _noise_pairs(self.noise_bound, C)
+        _set(self, noise_bound=self.noise_bound if pairs is None else pairs)
         for name in ("noise_bound", "noise_std", "noise_cv"):
             values, entry = getattr(self, name), f"output.{name}"
-            if values is None and name == "noise_bound":
+            if name == "noise_bound" and (values is None or pairs is not None):
                 continue
             noise = vector(_for_all(0.0 if values is None else values, len(C), entry), entry)
             require_shape(noise, entry, (len(C),), f"one per row of output.C ({size_text(C)})")
@@ -140,6 +146,16 @@ class Output:
                 "got 'none', which leaves no measurement at all."
             )
         self._check_period()
+
+    @property
+    def noise_centre(self) -> Array | None:
+        """Middle of the bounds of v, (p,); None where they are symmetric or not known."""
+        return None if self.noise_bound is None else noise_box(self.noise_bound)[0]
+
+    @property
+    def noise_radius(self) -> Array | None:
+        """Half the width of the bounds of v, (p,), rounded up; None where they are not known."""
+        return None if self.noise_bound is None else noise_box(self.noise_bound)[1]
 
     def _check_period(self) -> None:
         if self.period is None:
@@ -173,6 +189,32 @@ class Plant:
         if self.output.measured == "at_jumps" and self.jump is None:
             raise InputError("[jump] is required when output.measured = 'at_jumps'; it is missing.")
         _set(self, n=n, p=len(C))
+
+
+def _noise_pairs(values: Any, C: Array) -> Array | None:
+    """Pairs [lower, upper], (p, 2), where at least one bound of the noise is a pair; else None."""
+    entry = "output.noise_bound"
+    listed = values if isinstance(values, list | tuple | np.ndarray) else []
+    if not any(isinstance(item, list | tuple | np.ndarray) for item in listed):
+        if len(listed) == 2 and all(map(is_number, listed)) and listed[0] < 0 <= listed[1]:
+            raise InputError(
+                f"{entry} must hold numbers >= 0 or pairs [lower, upper]; got {shown(values)}. "
+                "Is it one pair? That is written [[lower, upper]]."
+            )
+        return None
+    for item in listed:
+        if not is_number(item) and np.shape(item) != (2,):
+            raise InputError(
+                f"{entry} must hold numbers or pairs [lower, upper]; got {shown(item)}."
+            )
+    pairs = matrix([[-item, item] if is_number(item) else item for item in listed], entry)
+    require_shape(pairs, entry, (len(C), 2), f"one pair per row of output.C ({size_text(C)})")
+    for i in np.flatnonzero(pairs[:, 0] > pairs[:, 1]):
+        raise InputError(
+            f"{entry}: lower must not exceed upper; got lower {pairs[i, 0]:g} > upper "
+            f"{pairs[i, 1]:g} for output {i + 1}. Are they swapped?"
+        )
+    return pairs
 
 
 def _for_all(values: Any, count: int, entry: str) -> Any:

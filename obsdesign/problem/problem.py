@@ -138,8 +138,8 @@ class Problem:
         return value
 
     def require_noise_bound(self, needed_by: str) -> NDArray[np.float64]:
-        """Bounds of the noise, (p,), or DoesNotApply; for what promises bounds of the state."""
-        bound = self.plant.output.noise_bound
+        """Half-widths of the bounds of the noise, (p,), or DoesNotApply where it has none."""
+        bound = self.plant.output.noise_radius
         if bound is None:
             zeros = ", ".join(["0.0"] * self.plant.p)
             raise DoesNotApply(

@@ -191,6 +191,22 @@ def optional_measurement(y: ArrayLike | None, size: int) -> Vector | None:
     return result if np.isfinite(result).all() else None
 
 
+def centred(y: Vector, gains: PlantGains | Mapping[str, Any]) -> Vector:
+    """Measurements less the middle of the noise's bounds, where a design has one; (..., p)."""
+    if isinstance(gains, PlantGains):
+        return y if gains.noise_centre is None else y - gains.noise_centre
+    return y - gains["noise_centre"] if "noise_centre" in gains else y
+
+
+def centred_measurement(
+    y: ArrayLike | None, gains: PlantGains | Mapping[str, Any]
+) -> Vector | None:
+    """The measurement less the middle of the noise's bounds, or None when it is missing."""
+    size = gains.p if isinstance(gains, PlantGains) else len(gains["C"])
+    result = optional_measurement(y, size)
+    return None if result is None else centred(result, gains)
+
+
 def status_of(reasons: Sequence[str], *values: Vector) -> str:
     """`ok`, or the reasons why not; an estimate that is not finite is one."""
     if not all(np.isfinite(value).all() for value in values):

@@ -10,6 +10,7 @@ import numpy as np
 
 from obsdesign.document import Design, jsonable, load_design, same
 from obsdesign.entries import is_number
+from obsdesign.equations.noise_bounds import noise_box
 from obsdesign.errors import InputError
 from obsdesign.runtime.base import Observer
 
@@ -55,7 +56,7 @@ _REPEATED = (
     ("A", "flow", "A"), ("B", "flow", "B"), ("C", "output", "C"), ("G", "jump", "G"),
     ("E", "jump", "E"), ("noise_bound", "output", "noise_bound"), ("period", "output", "period"),
     ("dwell_time", "jump", "dwell_time"), ("dwell_jitter", "jump", "dwell_jitter"),
-    ("jump_measurement", "output", "jump_measurement"),
+    ("jump_measurement", "output", "jump_measurement"), ("noise_centre", "output", "noise_bound"),
 )  # fmt: skip
 # the same, of one kind: elsewhere the name is a matrix of the observer
 _REPEATED_BY_KIND = {"impulsive_input": (("H", "jump", "H"),)}
@@ -66,20 +67,38 @@ def _same_plant(design: Design, path: str) -> None:
     for name, block, key in (*_REPEATED, *_REPEATED_BY_KIND.get(design.kind, ())):
         table = design.problem.get(block)
         stated = table.get(key) if isinstance(table, dict) else None
-        if name in design.gains and not same(jsonable(design.gains[name]), jsonable(stated)):
-            if name == "dwell_time" and _holds(design.gains[name], stated):
-                continue  # the range found is wider than the one asked for
+        if key == "noise_bound":
+            stated = _noise_part(stated, name)
+        given = name in design.gains or (name == "noise_centre" and stated is not None)
+        if given and not same(jsonable(design.gains.get(name)), jsonable(stated)):
+            if name == "dwell_time" and _is_searched_range(design, stated):
+                continue
             raise InputError(
                 f"{path}: gains.{name} differs from problem.{block}.{key}; `obsdesign verify` "
                 "tells more. Was the file put together by hand?"
             )
 
 
-def _holds(found: Any, asked: Any) -> bool:
-    """One range of dwell times contains another."""
-    if np.shape(found) != (2,) or not isinstance(asked, list) or len(asked) != 2:
+def _noise_part(stated: Any, name: str) -> Any:
+    """The centre or the radius of noise bounds as a problem states them; None if it has none."""
+    is_pairs = isinstance(stated, list) and any(isinstance(item, list) for item in stated)
+    if not is_pairs:
+        return stated if name == "noise_bound" else None
+    try:
+        centre, radius = noise_box(stated)
+    except (TypeError, ValueError):
+        return None
+    return radius if name == "noise_bound" else centre
+
+
+def _is_searched_range(design: Design, asked: Any) -> bool:
+    """Is the range of the gains one that a search for the shortest dwell time may have proved?"""
+    options, found = design.problem.get("observer"), design.gains["dwell_time"]
+    if not isinstance(options, dict) or options.get("objective") != "shortest_dwell":
+        return False
+    if np.shape(found) != (2,) or np.shape(asked) != (2,):
         return False
     if not all(is_number(end) or end == "inf" for end in asked):
         return False
     low, high = (float(end) for end in asked)
-    return bool(found[0] <= low and found[1] >= high)
+    return bool(0.0 <= found[0] <= low and found[1] == high)

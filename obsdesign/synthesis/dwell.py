@@ -12,7 +12,7 @@ from lmi.decide.stability import Memory, decide
 from lmi.find.copositive import decide_copositive, looks_positive
 from lmi.find.largest_rates import largest_rates
 from lmi.prove.rates import propose_rates
-from lmi.time_budget import left
+from lmi.time_budget import remaining
 from obsdesign.problem.problem import Problem
 
 # from so many states on, linear programs come first: a matrix has n (n + 1) / 2 unknowns
@@ -42,7 +42,7 @@ def dwell_certificates(
     evidence = stability_certificate(F, H, low, high, memory=memory, jitter=jitter)
     found: dict[str, Any] = {"dwell_stability": evidence}
     rates: Mapping[str, Any] | None = None
-    if left() < 0:
+    if remaining() < 0:
         return found
     if "P" in evidence:
         rates = largest_rates(F, H, evidence["P"], low, high)

@@ -1,15 +1,21 @@
-"""Is what a design file says of itself what was proved again?"""
+"""The claim that a design file states what was proved again, and the sentences that follow."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 from obsdesign.document import Claim, Design, Guarantee
 from obsdesign.errors import InputError
 from obsdesign.problem.problem import Problem
-from obsdesign.verification.same_evidence import ROUNDED_WIDTHS, Difference, difference
+from obsdesign.verification.same_evidence import (
+    OLDER_WORDING,
+    ROUNDED_WIDTHS,
+    Difference,
+    difference,
+    is_older_wording,
+)
 
 
 @dataclass(frozen=True)
@@ -44,7 +50,9 @@ def document_claim(
 ) -> tuple[Claim, Sentences]:
     """The claim that the stored claims, evidence and sentences are those recomputed; the sentences.
 
-    What is undecided now and stands as decided in the document makes it unconfirmed, not false.
+    A claim that is undecided now and decided in the document makes it unconfirmed, not false; so do
+    a statement in the words of an earlier release and bounds that another course of the proof
+    gave, with the sentences that rest on them.
     The sentences are recomputed from the claims; there are none unless the claim is proved.
     """
     stored = {claim.id: claim for claim in design.claims}
@@ -63,11 +71,13 @@ def document_claim(
         raise
     except (KeyError, TypeError, ValueError):  # evidence that nobody confirmed
         sentences = None
-    wrong = _difference(design.claims, assumed)
-    evidence_gap = None if wrong is not None else _evidence_gap(stored, assumed)
+    older = _claims_of_older_wording(stored, assumed)
+    written = (stored[claim.id] if claim in older else claim for claim in assumed)
+    wrong = _difference(design.claims, tuple(written))
+    evidence_gap = None if wrong is not None or older else _evidence_gap(stored, assumed)
     if evidence_gap is not None and evidence_gap.false:
         wrong = evidence_gap.entry
-    if wrong is None:
+    if wrong is None and not older and evidence_gap is None:
         wrong = _wrong_sentences(design, sentences)
     if wrong is None and design.name != design.problem.get("name"):
         wrong = "name"
@@ -79,6 +89,8 @@ def document_claim(
         names = ", ".join(open_now)
         verdict = "undecided"
         evidence = {"reason": f"what the document says of {names} could not be confirmed"}
+    elif older:
+        verdict, evidence = "undecided", {"reason": _restated(older[0])}
     elif evidence_gap is not None:
         why = f"the document's {evidence_gap.entry!r} is not quite what was found again"
         verdict, evidence = "undecided", {"reason": why}
@@ -92,8 +104,28 @@ def document_claim(
     return claim, sentences if sentences and verdict == "proved" else Sentences()
 
 
+def _claims_of_older_wording(stored: Mapping[str, Claim], found: Sequence[Claim]) -> list[Claim]:
+    """Claims proved again that the document has proved too, as an earlier release states them."""
+    return [
+        claim
+        for claim in found
+        if claim.id in stored
+        and claim.verdict == stored[claim.id].verdict == "proved"
+        and claim.source == stored[claim.id].source
+        and is_older_wording(claim.id, stored[claim.id].statement, claim.statement)
+    ]
+
+
+def _restated(claim: Claim) -> str:
+    now, before = OLDER_WORDING[claim.id]
+    return (
+        f"the document's {claim.id!r} is stated as by an earlier release, {before!r} where {now!r} "
+        "is proved now: its numbers and what rests on them are not confirmed; design it anew"
+    )
+
+
 def _wrong_sentences(design: Design, recomputed: Sentences | None) -> str | None:
-    """ "guarantees" or "warnings" where the document states others; None if it does not.
+    """Return the entry of sentences in which the document differs, or None.
 
     Sentences that are not given promise nothing: older designs state warnings among them, and name
     fewer of the claims that a guarantee rests on.
@@ -109,23 +141,24 @@ def _given(guarantees: tuple[Guarantee, ...]) -> list[str]:
     return [one.statement for one in guarantees if one.given and one.statement != ROUNDED_WIDTHS]
 
 
-def _evidence_gap(stored: Mapping[str, Claim], found: tuple[Claim, ...]) -> Difference | None:
-    """The gravest difference in the evidence of decided claims; what is undecided shows nothing."""
+def _evidence_gap(stored: Mapping[str, Claim], proved: tuple[Claim, ...]) -> Difference | None:
+    """The gravest difference in the evidence of decided claims; undecided ones are not compared."""
     every = [
         difference(claim.id, stored[claim.id].to_dict()["evidence"], claim.to_dict()["evidence"])
-        for claim in found
+        for claim in proved
         if claim.verdict != "undecided"
     ]
     gaps = [gap for gap in every if gap is not None]
     return next((gap for gap in gaps if gap.false), gaps[0] if gaps else None)
 
 
-def _difference(stored: tuple[Claim, ...], found: tuple[Claim, ...]) -> str | None:
+def _difference(stored: tuple[Claim, ...], proved: tuple[Claim, ...]) -> str | None:
     """The id of a claim in which the two differ, evidence apart."""
-    one, other = (
-        sorted((c.id, c.statement, c.source, c.verdict) for c in group) for group in (stored, found)
+    old, new = (
+        sorted((c.id, c.statement, c.source, c.verdict) for c in group)
+        for group in (stored, proved)
     )
-    wrong = sorted({entry[0] for entry in set(one) ^ set(other)})
+    wrong = sorted({entry[0] for entry in set(old) ^ set(new)})
     if wrong:
         return wrong[0]
-    return "claims" if one != other else None
+    return "claims" if old != new else None

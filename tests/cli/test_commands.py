@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 import obsdesign
+from obsdesign.cli import commands as cli
 from obsdesign.document import digest
 
 ROOT = Path(__file__).parents[2]
@@ -541,3 +542,25 @@ def test_impulses_are_announced_to_kinds_that_cannot_find_them(tmp_path: Path) -
     status = [line.rsplit(",", 1)[1] for line in estimate.read_text().splitlines()[1:]]
     assert status
     assert set(status) == {"ok"}
+
+
+@pytest.mark.parametrize("link", ["__cause__", "__context__"])
+def test_what_a_library_makes_of_an_interruption_is_one(
+    link: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A callback of matplotlib turns Ctrl-C into a ValueError; an error of our own ends with 70."""
+
+    def interrupted(*_: object) -> None:
+        error = ValueError("Invalid bounding box")
+        setattr(error, link, KeyboardInterrupt())
+        raise error
+
+    def failing(*_: object) -> None:
+        raise ValueError("Invalid bounding box")
+
+    monkeypatch.setattr("sys.argv", ["obsdesign", "schema", "problem"])
+    for body, code in ((interrupted, 130), (failing, 70)):
+        monkeypatch.setattr(cli.cli, "invoke", body)
+        with pytest.raises(SystemExit) as end:
+            cli.main()
+        assert end.value.code == code

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from obsdesign import InputError
 from obsdesign.cli.commands import cli
 from obsdesign.data.simulation import simulate
 from obsdesign.document import digest
+from obsdesign.input_files import MOST_BYTES
 from tests.cli.test_commands import ROOT, command
 
 START = ("--initial", "0,2,0,2")
@@ -98,6 +100,22 @@ def test_what_is_not_decided_waits_for_the_next_part(
     assert len(events) > 3
 
 
+@pytest.mark.parametrize("rows", [1, 3])
+def test_a_part_in_which_nothing_is_decided(
+    rows: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    obsdesign.design(obsdesign.load_problem(ROOT / "examples" / "mattsson_medvedev.toml")).save(
+        "d.json"
+    )
+    lines = [f"{0.18 * k!r},1.0\n" for k in range(rows)]
+    Path("few.csv").write_text("t,y1\n" + "".join(lines))
+    done = ran("run", "d.json", "few.csv", "--state", "s.json", "-o", "e.csv")
+    assert (done.exception, done.return_value) == (None, 0)
+    assert done.stderr == "0 rows\n"
+    assert len(Path("e.csv").read_text().splitlines()) == 1
+
+
 def refused(*arguments: object) -> str:
     done = ran("run", "d.json", *arguments)
     assert isinstance(done.exception, InputError), done.exception
@@ -155,6 +173,7 @@ def test_states_that_cannot_be_resumed(desk: Path) -> None:
         (text[:-40], "not a state file that can be resumed"),
         ("", "not a state file that can be resumed"),
         ("[" * 9999, "not a state file that can be resumed"),
+        (signed(body | {"more": json.loads("[" * 60 + "]" * 60)}), "nested deeper than 50"),
         (text.replace('"started": true', '"started": false'), "digest does not match the content"),
         (signed(body | {"version": 2}), "version must be 1; got 2"),
         (signed(body | {"format": "x"}), "format must be 'obsdesign/state'"),
@@ -164,6 +183,11 @@ def test_states_that_cannot_be_resumed(desk: Path) -> None:
         assert change != text
         (desk / "s.json").write_text(change)
         assert told in refused("two.csv", "--state", "s.json")
+    (desk / "s.json").write_bytes(b"\xff\xfe" + text.encode())
+    assert "UTF-8 text is required; it is not" in refused("two.csv", "--state", "s.json")
+    with (desk / "s.json").open("wb") as file:
+        file.truncate(MOST_BYTES + 1)
+    assert "at most 64 MiB are read; it is larger" in refused("two.csv", "--state", "s.json")
     (desk / "s.json").write_text(text)
     assert "s.json says where the observer stands" in refused(
         "two.csv", "--state", "s.json", *START
@@ -265,3 +289,14 @@ def test_bounds_that_are_void_on_most_rows(desk: Path, bad: int, warned: bool) -
     assert (strict.exception, strict.return_value) == (None, 4)
     fine = ran("run", "d.json", "all.csv", *START, "-o", "e.csv", "--strict")
     assert (fine.exception, fine.return_value) == (None, 0)
+
+
+def test_a_design_with_an_unproved_claim_says_so(desk: Path) -> None:
+    assert "not proved" not in ran("run", "d.json", "all.csv", *START).stderr
+    design = obsdesign.load_design(desk / "d.json")
+    claims = [replace(claim, verdict="undecided") for claim in design.claims[-2:]]
+    replace(design, claims=(*design.claims[:-2], *claims)).save(desk / "d.json")
+    done = ran("run", "d.json", "all.csv", *START)
+    names = ", ".join(claim.id for claim in claims)
+    assert f"d.json: {names} not proved: rows with status ok may be wrong." in done.stderr
+    assert done.return_value == 0

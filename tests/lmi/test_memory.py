@@ -13,7 +13,7 @@ from lmi.arithmetic.norms import well_ranked
 from lmi.find.affine import Unknown, best_margin
 from lmi.find.linear_program import minimise
 from lmi.find.semidefinite import common_matrices
-from lmi.memory import BALL_BYTES, BUDGET_BYTES, OversizeError, require_memory
+from lmi.memory import BUDGET_BYTES, OversizeError, require_memory
 from lmi.prove.hurwitz import lyapunov_matrix
 from lmi.rank.stack import Stack
 
@@ -93,13 +93,6 @@ def test_estimates_are_of_the_size_of_what_is_built() -> None:
     assert equation / 10 < peak(lambda: lyapunov_matrix(-np.eye(24), np.eye(24))) < equation
     grid = 4000 * 36 * 8
     assert grid / 10 < peak(lambda: exponential_grid(np.eye(6), 0.0, 1e-3, 4000)) < 2 * grid
-
-
-def test_balls_take_about_what_is_said() -> None:
-    with precision(128):
-        third = ball(exact(np.ones((150, 150)))) * ball(exact(np.full((150, 150), 1 / 3)))
-        traced = peak(lambda: entries(third))  # the mantissas are beside Python's memory
-    assert 150**2 * BALL_BYTES / 4 < traced < 150**2 * BALL_BYTES * 2
 
 
 def test_the_rank_of_a_tall_matrix_takes_no_square_of_its_rows() -> None:

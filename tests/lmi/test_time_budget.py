@@ -17,11 +17,12 @@ from lmi.prove.common_matrix import prove_common
 from lmi.rank.full_rank import prove_full_rank
 from lmi.rank.stack import Stack, coordinates
 from lmi.time_budget import (
+    collect_remarks,
+    deadline,
     ended,
     ended_part,
     ending,
-    left,
-    listening,
+    remaining,
     remark,
     remark_end,
     scaled,
@@ -29,7 +30,6 @@ from lmi.time_budget import (
     stretch_factors,
     stretched,
     total_budget,
-    until,
 )
 from tests.systems.pairs import SAMPLED
 
@@ -38,16 +38,16 @@ NOTHING = 1e-9
 
 
 def test_the_least_of_nested_totals_counts() -> None:
-    assert until(math.inf) == math.inf
+    assert deadline(math.inf) == math.inf
     with total_budget(10.0):
-        assert 9.0 < left() <= 10.0
+        assert 9.0 < remaining() <= 10.0
         with total_budget(100.0):
-            assert left() <= 10.0
+            assert remaining() <= 10.0
         with total_budget(1.0):
-            assert left() <= 1.0
-        assert left() > 1.0
-        assert left(0.5) <= 0.5
-    assert left() == math.inf
+            assert remaining() <= 1.0
+        assert remaining() > 1.0
+        assert remaining(0.5) <= 0.5
+    assert remaining() == math.inf
 
 
 def test_a_total_is_positive() -> None:
@@ -55,16 +55,16 @@ def test_a_total_is_positive() -> None:
         with pytest.raises(ValueError, match="positive"), total_budget(seconds):
             pass
     with total_budget(None):
-        assert left() == math.inf
+        assert remaining() == math.inf
 
 
 def test_own_budgets_stretch_and_the_total_bounds_them() -> None:
     assert list(stretch_factors()) == [1.0]  # without a total there is one attempt
     with stretched(4.0):
-        assert 7.0 < left(2.0) <= 8.0
+        assert 7.0 < remaining(2.0) <= 8.0
         assert scaled(100) == 400
         with total_budget(3.0):
-            assert left(2.0) <= 3.0
+            assert remaining(2.0) <= 3.0
     with total_budget(100.0):
         assert list(itertools.islice(stretch_factors(), 3)) == [1.0, 4.0, 16.0]
     with total_budget(NOTHING):
@@ -73,11 +73,11 @@ def test_own_budgets_stretch_and_the_total_bounds_them() -> None:
 
 def test_evidence_names_the_budget_that_ended() -> None:
     assert ended() == {}
-    assert ended(until(100.0), 100.0) == {}
+    assert ended(deadline(100.0), 100.0) == {}
     with stretched(4.0):
-        assert ended(until(NOTHING), 3.0) == {"ended_by": "time", "seconds": 12.0}
+        assert ended(deadline(NOTHING), 3.0) == {"ended_by": "time", "seconds": 12.0}
         with total_budget(NOTHING):
-            found = ended(until(100.0), 100.0)
+            found = ended(deadline(100.0), 100.0)
     assert found == {"ended_by": "time", "seconds": NOTHING}
     assert ending(found) == "ended after 1e-09 s"
     assert ended_part({"windows": 3, **found}) == found
@@ -85,7 +85,7 @@ def test_evidence_names_the_budget_that_ended() -> None:
 
 
 def test_remarks_are_made_once_and_the_last_end_counts() -> None:
-    with listening() as remarks:
+    with collect_remarks() as remarks:
         remark("first")
         remark("first")
         for seconds in (1.0, 2.0):

@@ -18,9 +18,10 @@ from obsdesign.problem.plant import Flow, Jump, Output, Plant
 from obsdesign.runtime import Sample, from_design
 from obsdesign.runtime.base import DwellGuard
 from obsdesign.runtime.impulsive.observer import ImpulsiveObserver
+from obsdesign.runtime.interval.clock import SampleClock
 from obsdesign.runtime.luenberger.observer import LuenbergerObserver
 from obsdesign.runtime.step_cache import shared_length
-from obsdesign.runtime.time_stamps import time_tolerance
+from obsdesign.runtime.time_stamps import time_tolerance, time_tolerances
 from tests.runtime.interval.test_samples import sampled_observer
 from tests.systems.interval_runs import observer_for
 from tests.systems.time_stamps import (
@@ -138,6 +139,24 @@ def test_decimal_dwell_times_and_periods_are_no_objection_at_any_origin() -> Non
             assert objection is None
 
 
+@given(st.lists(st.tuples(st.floats(1e-9, 1e18), st.floats(-1e19, 1e19)), min_size=1))
+def test_tolerances_of_an_array_are_those_of_its_entries(pairs: list[tuple[float, float]]) -> None:
+    lengths, times = np.array(pairs).T
+    expected = [time_tolerance(length, t) for length, t in pairs]
+    assert time_tolerances(lengths, times).tolist() == expected
+    assert min(expected) > 0
+
+
+@pytest.mark.parametrize("origin", [-1.7e18, 1.7e18])
+@pytest.mark.parametrize("period", [4096.0, None])
+def test_steps_are_regular_on_both_sides_of_zero(origin: float, period: float | None) -> None:
+    clock = SampleClock(period, math.inf if period else 4096.0, "before", corrects=True)
+    times = origin + 4096.0 * np.arange(1, 6)
+    steps = np.array([4096.0, 3840.0, 4352.0, 3584.0, 4608.0])
+    regular = clock.regular_steps(steps, times).tolist()
+    assert regular == [True, True, True, period is None, False]
+
+
 def test_a_sample_between_two_periods_is_not_one() -> None:
     body = {"flow": {"A": [[0.0, 2e-5], [-2e-5, 0.0]]}, "output": {"C": [[1, 0]], "measured": "periodic", "period": 4096},
             "observer": {"kind": "finite_time", "window": 5 * 4096, "method": "least_squares"}}  # fmt: skip
@@ -213,7 +232,9 @@ def pulse_response(age: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize(
     "kind", ["luenberger", "impulsive", "unknown_input", "finite_time", "impulsive_input"]
 )
-@pytest.mark.parametrize(("origin", "step"), [(1.7e9, 2.0**-10), (1.7e18, 2.0**24)])
+@pytest.mark.parametrize(
+    ("origin", "step"), [(1.7e9, 2.0**-10), (1.7e18, 2.0**24), (-1.7e18, 2.0**24)]
+)
 def test_only_differences_of_stamps_count(kind: str, origin: float, step: float) -> None:
     observer = scaled(kind, step)
     jumping = kind in ("luenberger", "impulsive")

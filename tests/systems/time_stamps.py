@@ -30,7 +30,7 @@ from obsdesign.runtime.luenberger.observer import LuenbergerObserver
 from tests.runtime.interval.test_samples import sampled_observer
 from tests.systems.interval_runs import observer_for
 
-ORIGINS = (0.0, 1.7e9, 1.7e18)
+ORIGINS = (0.0, -1.7e9, 1.7e9, 1.7e18)
 STEPS = (1, 2, 3, 10, 16, 100, 127, 128, 129, 1000, 12345, 10**6, 10**9)  # in ulps of the origin
 MODES = ("continuous", "periodic", "at_jumps")
 # statuses that refute bounds of an admissible record
@@ -76,7 +76,7 @@ def ulp_stamps(rng: np.random.Generator, origin: float, rows: int, regular: bool
 def decimal_stamps(rng: np.random.Generator, origin: float, rows: int) -> Stamps:
     """Multiples of a decimal step, of at least twenty ulps, rounded to the nearest number."""
     choices = {0.0: ["0.1", "0.05", "0.001", "1e-7"], 1.7e9: ["0.1", "0.05", "0.001", "1e-5"],
-               1.7e18: ["1e6", "5e4", "5000", "12345"]}[origin]  # fmt: skip
+               1.7e18: ["1e6", "5e4", "5000", "12345"]}[abs(origin)]  # fmt: skip
     step = Fraction(str(rng.choice(choices)))
     instants = [Fraction(origin) + k * step for k in range(rows)]
     return Stamps([float(s) for s in instants], instants, float(step))
@@ -342,7 +342,7 @@ def finite_time_run(seed: int, origin: float, rows: int, tally: Tally) -> None:
     """Samples exactly a period apart, with stamps that are rounded."""
     rng = np.random.default_rng(seed)
     periods = {0.0: ["0.05", "0.001"], 1.7e9: ["0.05", "1e-4"], 1.7e18: ["4096", "5000", "1e6"]}
-    step = Fraction(str(rng.choice(periods[origin])))
+    step = Fraction(str(rng.choice(periods[abs(origin)])))
     rate = 0.1 / float(step)
     A = rate * np.array([[0.0, 1.0], [-1.0, -0.1]]) * rng.uniform(0.3, 1.5)
     push, V = (

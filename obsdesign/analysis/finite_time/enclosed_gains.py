@@ -9,7 +9,7 @@ balls at the current precision (`lmi.arithmetic.balls.precision`). Formulas:
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -39,27 +39,41 @@ _MOST_WORK = 3e7
 class Sampled:
     """A, C (exact rationals) and one period: A_d, A_d^-1 as balls; k samples in the window.
 
-    reference: does the window speak of x(t_i), or of x(t_i - T)?
+    reference: does the window speak of x(t_i), or of x(t_i - T)? The balls have the precision in
+    force at their first use.
     """
 
     A: Exact
     C: Exact
     period: float
     k: int
-    forward: Exact
-    back: Exact
     reference: str = equations.END
 
     @staticmethod
     def of(A: Any, C: Any, period: float, k: int, reference: str = equations.END) -> Sampled:
         """From the numbers of a plant."""
-        A_exact = exact(A)
-        forward = entries(exp_times(A_exact, period))
-        back = entries(exp_times(-A_exact, period))
-        return Sampled(A_exact, exact(C), period, k, forward, back, reference)
+        return Sampled(exact(A), exact(C), period, k, reference)
+
+    @cached_property
+    def forward(self) -> Exact:
+        """A_d = e^{A nu}; one exponential of balls is most of the work on a large plant."""
+        return entries(exp_times(self.A, self.period))
+
+    @cached_property
+    def back(self) -> Exact:
+        """A_d^-1."""
+        return entries(exp_times(-self.A, self.period))
 
     def rows(self) -> Exact:
         """C A_d^(j-k), or C A_d^j, j = 0..k-1, (k p, n)."""
+        return self._rows
+
+    def last(self) -> Exact:
+        """What x(t_i) is of the reference: I, or A_d^k."""
+        return self._last
+
+    @cached_property
+    def _rows(self) -> Exact:
         if self.reference == equations.START:
             unit = entries(identity(len(self.A)))
             stack = equations.stacked_rows(self.C @ unit, self.forward, self.k)
@@ -67,8 +81,8 @@ class Sampled:
             stack = equations.stacked_rows(self.C @ self.back, self.back, self.k)[::-1]
         return stack.reshape(-1, len(self.A))
 
-    def last(self) -> Exact:
-        """What x(t_i) is of the reference: I, or A_d^k."""
+    @cached_property
+    def _last(self) -> Exact:
         if self.reference == equations.START:
             return exponential(self.A, self.period, self.k)
         return entries(identity(len(self.A)))

@@ -121,7 +121,7 @@ def stored_plant(plant: Any) -> dict[str, Any]:
 
 def relative_deviations(output: Any) -> Array:
     """Relative sizes of the outputs' errors: standard deviations, else bounds, else equal."""
-    for sizes in (output.noise_std, output.noise_bound):
+    for sizes in (output.noise_std, output.noise_radius):
         if sizes is not None and (sizes > 0).all():
             return np.asarray(sizes / sizes.max())
     return np.ones(len(output.C))

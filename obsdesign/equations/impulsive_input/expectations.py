@@ -21,6 +21,7 @@ from obsdesign.equations.impulsive_input.features import (
     neglected_ratio,
     window_taps,
 )
+from obsdesign.equations.impulsive_input.fit import left_inverse
 
 Array = NDArray[Any]
 
@@ -78,7 +79,7 @@ def _deviations(
         noise.append(taps * std[j])
     names = ("time", "weight")
     found: dict[str, float] = {}
-    back = np.linalg.pinv(np.vstack(features))
+    back = left_inverse(np.vstack(features))
     m = taps.shape[1]
     spread = [
         np.linalg.norm(noise[j] @ back[:, j * m : (j + 1) * m].T, axis=0) for j in range(len(C))
@@ -86,6 +87,6 @@ def _deviations(
     plain = np.linalg.norm(spread, axis=0)
     for label, J in (("gls", np.vstack(whitened)), ("bound", np.vstack(whole))):
         R = np.linalg.qr(J)[1]
-        deviation = np.linalg.norm(np.linalg.pinv(R), axis=1)
+        deviation = np.linalg.norm(left_inverse(R), axis=1)
         found |= {f"{name}_std_{label}": float(v) for name, v in zip(names, deviation, strict=True)}
     return found | {f"{name}_std_plain": float(v) for name, v in zip(names, plain, strict=True)}

@@ -170,3 +170,10 @@ def _slope(R: Array, b: Array, b_dot: Array, b_ddot: Array) -> tuple[float, floa
     g_dot = np.linalg.solve(b.T @ b, b_dot.T @ rest - b.T @ moved)
     bent = b_ddot @ g + b_dot @ g_dot
     return -float(rest @ moved), float((moved + b @ g_dot) @ moved - rest @ bent)
+
+
+def left_inverse(J: Array) -> Array:
+    """J^+, its columns first in units of their own: an age and a weight may be of any two sizes."""
+    sizes = np.linalg.norm(J, axis=0)
+    sizes[sizes == 0] = 1.0
+    return np.asarray(np.linalg.pinv(J / sizes) / sizes[:, None])

@@ -232,10 +232,12 @@ def differentiator(problem: Any) -> str:
 
 
 def differentiation(problem: Any, chosen: str) -> dict[str, Any]:
-    """A differentiator as a design stores it: its name, the noise it smooths to, its lag."""
+    """A differentiator as a design stores it: its name, what it knows of the noise, its lag."""
     stored: dict[str, Any] = {"differentiator": chosen}
     if chosen in SMOOTHING:
         stored["noise_std"] = problem.plant.output.noise_std
+    if problem.plant.output.noise_centre is not None:
+        stored["noise_centre"] = problem.plant.output.noise_centre
     if chosen == "fixed_lag":
         stored["lag"] = problem.options.get("lag", LAG)
     return stored

@@ -32,8 +32,9 @@ from obsdesign.runtime.base import (
     Estimate,
     Sample,
     Vector,
+    centred,
+    centred_measurement,
     later,
-    optional_measurement,
     status_of,
     vector,
 )
@@ -46,7 +47,7 @@ from obsdesign.runtime.finite_time.window import (
     FiniteTimeState,
     SamplingWindow,
 )
-from obsdesign.runtime.time_stamps import RELATIVE_TIME_TOLERANCE, time_tolerance
+from obsdesign.runtime.time_stamps import time_tolerance
 
 
 @dataclass(frozen=True)
@@ -66,6 +67,7 @@ class SteadyWindow(SamplingWindow):
             if y is None:
                 return None
             y = vector(y, p, "y")
+        y = centred(y, self.gains)
         if not (abs(y.item()) if p == 1 else math.hypot(*y.tolist())) < MODERATE:
             return None  # larger numbers may overflow
         u, drive = state.u, state.drive
@@ -102,16 +104,15 @@ class SteadyWindow(SamplingWindow):
 
     @staticmethod
     def _on_time(state: FiniteTimeState, t: float, period: float, ticks: int) -> bool:
-        """Is t the next instant after a whole window? As `time_tolerance`, also from the anchor."""
-        slack = math.ulp(t)
+        """Is t the next instant after a whole window, also as counted from the anchor?"""
+        counted = ticks * period
         return (
             state.sampled == state.t
             and not state.missing
             and state.moderate
-            and slack <= period
-            and abs(t - state.t - period) <= RELATIVE_TIME_TOLERANCE * period + slack
-            and abs(t - state.anchor - ticks * period)
-            <= RELATIVE_TIME_TOLERANCE * ticks * period + slack
+            and math.ulp(t) <= period
+            and abs(t - state.t - period) <= time_tolerance(period, t)
+            and abs(t - state.anchor - counted) <= time_tolerance(counted, t)
         )
 
     def _more(self, state: FiniteTimeState, x: Vector, y: Vector) -> Any:
@@ -234,7 +235,7 @@ class FiniteTimeObserver(SteadyWindow):
     def _step(
         self, state: FiniteTimeState, t: float, sample: Sample
     ) -> tuple[FiniteTimeState, Estimate]:
-        y = optional_measurement(sample.y, self._p)
+        y = centred_measurement(sample.y, self.gains)
         state, at_instant, irregular = self._to(state, t, y is not None)
         if sample.jump and self.gains.get("jump_measurement") != "before":
             y_before, y_after = None, y

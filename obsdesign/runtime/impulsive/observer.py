@@ -30,8 +30,8 @@ from obsdesign.runtime.base import (
     Estimate,
     Sample,
     Vector,
+    centred_measurement,
     later,
-    optional_measurement,
     status_of,
     vector,
 )
@@ -94,7 +94,7 @@ class ImpulsiveObserver(SteppedObserver[ImpulsiveState]):
         ValueError if time does not increase (the first sample may share the initial time).
         """
         t = later(sample.t, state.t, state.started)
-        y = optional_measurement(sample.y, len(self.gains["C"]))
+        y = centred_measurement(sample.y, self.gains)
         with np.errstate(over="ignore", invalid="ignore"):  # the status names what is not finite
             return self._step(state, t, y, sample)
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from obsdesign.runtime.base import Vector
-from obsdesign.runtime.time_stamps import RELATIVE_TIME_TOLERANCE
+from obsdesign.runtime.time_stamps import time_tolerance
 
 MISFIT = "does not fit one impulse in the window"
 _CERTAIN = 3.0  # deviations by which a dwell time must be too short
@@ -41,8 +41,9 @@ class Event:
         )
 
 
-def short_dwell(gap: float, dwell: float, *deviations: float) -> str:
-    """That a dwell time is too short, beyond what the deviations of both times allow; or ""."""
-    if gap >= dwell * (1 - RELATIVE_TIME_TOLERANCE) - _CERTAIN * math.hypot(*deviations):
+def short_dwell(last: float, t: float, dwell: float, *deviations: float) -> str:
+    """Status of an impulse that comes too soon, beyond the deviations of both times; or ""."""
+    gap = t - last
+    if gap >= dwell - time_tolerance(dwell, t) - _CERTAIN * math.hypot(*deviations):
         return ""
     return f"dwell time {gap:.9g} below {dwell:.9g}"

@@ -20,6 +20,7 @@ from obsdesign.runtime.base import (
     Estimate,
     Sample,
     Vector,
+    centred,
     collect,
     later,
     optional_measurement,
@@ -96,6 +97,8 @@ class ImpulsiveInputObserver(PointObserver[ImpulsiveInputState]):
         P = None if covariance is None else np.asarray(covariance, dtype=np.float64)
         if P is not None and P.shape != (self.n, self.n):
             raise ValueError(f"covariance must be {self.n}x{self.n}; got shape {P.shape}.")
+        if P is not None and not (np.isfinite(P).all() and (np.diag(P) >= 0).all()):
+            raise ValueError("covariance must be finite, its diagonal not negative.")
         if P is None and "initial_std" in self.gains:
             P = np.diag(np.asarray(self.gains["initial_std"], dtype=np.float64) ** 2)
         inputs = np.zeros(int(self.reads["u"]))
@@ -149,6 +152,7 @@ class ImpulsiveInputObserver(PointObserver[ImpulsiveInputState]):
                 raise ValueError(f"every array must have {rows} rows, as t has; got {len(values)}.")
         ys, us = ys.reshape(rows, p), us.reshape(rows, m)
         check_size("y", ys, times)
+        ys = centred(ys, self.gains)
         check_size("u", us, times)
         check_resolution(times, self.latency)
         live, found = self.init(float(times[0]), x=x, covariance=covariance).live, []
@@ -173,6 +177,7 @@ class ImpulsiveInputObserver(PointObserver[ImpulsiveInputState]):
             u[k] = held
         t = np.array([float(sample.t) for sample in samples])
         check_size("y", y, t)
+        y = centred(y, self.gains)
         check_size("u", u, t)
         check_resolution(t, self.latency)
         live, decided = self.engine.extended(state.live, t, y, u)

@@ -1,4 +1,4 @@
-"""Are the residuals of a record as large as the stated noise? What follows for deviations.
+"""Residuals of a record against the stated noise, and the factor of deviations that follows.
 
 Under the model what a fit leaves of whitened samples is chi-squared. Where it is significantly
 more, plant or noise are not what the design says; deviations, which rest on both, are then
@@ -14,23 +14,23 @@ from dataclasses import dataclass
 from obsdesign.runtime.impulsive_input.whitening import chi_squared_limit
 
 LARGER = "residuals larger than the noise"
-# a pool of many samples shows what is no matter: deviations off by less than 5 per cent
-_WORTH_SAYING = 1.1
+# of chi-squared to its degrees of freedom: below it deviations are off by less than 5 per cent
+_LEAST_RATIO = 1.1
 
 
 @dataclass(frozen=True, slots=True)
 class Residuals:
     """Chi-squared of the rows and windows so far, and its degrees of freedom.
 
-    Each counts at most its own 0.999 quantile: one bad row, or a window with two impulses, is not
-    held against all that follow.
+    Each counts at most its own 0.999 quantile: one bad row, or a window with two impulses, does
+    not widen all later deviations.
     """
 
     cost: float = 0.0
     freedom: int = 0
 
     def joined(self, cost: float, freedom: int) -> Residuals:
-        """With a further row or window."""
+        """Add a further row or window."""
         if freedom < 1:
             return self
         counted = min(cost, chi_squared_limit(freedom))
@@ -39,7 +39,7 @@ class Residuals:
     @property
     def ratio(self) -> float:
         """The Birge ratio, 1 where it is not significantly larger."""
-        if self.cost <= _WORTH_SAYING * self.freedom:
+        if self.cost <= _LEAST_RATIO * self.freedom:
             return 1.0
         return birge_ratio(self.cost, self.freedom)
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from obsdesign.equations.impulsive_input.fit import Impulse
+from obsdesign.equations.impulsive_input.fit import Impulse, left_inverse
 from obsdesign.runtime.base import Vector
 
 Array = NDArray[Any]
@@ -73,7 +73,7 @@ def noise_covariance(taps: Array, spread: Array) -> Array:
 def plain_deviations(found: Impulse, taps: Array, spread: Array) -> tuple[float, Vector]:
     """Deviations of age and weights under the plain norm: J^+ N J^+', N the covariance of R."""
     J = np.column_stack([found.b_dot @ found.weights, found.b])
-    back = np.linalg.pinv(J)
+    back = left_inverse(J)
     C = back @ noise_covariance(taps, spread) @ back.T
     deviations = np.sqrt(np.diag(C))
     return float(deviations[0]), deviations[1:]
@@ -88,5 +88,5 @@ def root_of_sum(V: Array, P: Array) -> Array:
 
 def covariance_of(J: Array) -> Array:
     """(J'J)^-1 by QR; no Gramian is inverted."""
-    back = np.linalg.pinv(np.linalg.qr(J)[1])
+    back = left_inverse(np.linalg.qr(J)[1])
     return np.asarray(back @ back.T)

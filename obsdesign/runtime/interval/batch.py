@@ -17,7 +17,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from lmi.arithmetic.enclosure import UNIT, raised
 from obsdesign.runtime.base import Sample
+from obsdesign.runtime.interval.clock import SampleClock
 from obsdesign.runtime.interval.kernel import Kernel
+from obsdesign.runtime.step_cache import shared_length
 
 Matrix = NDArray[np.float64]
 
@@ -91,6 +93,18 @@ class Columns:
         breaks = np.append(np.flatnonzero(~(usual & same)), count)
         ends = breaks[np.searchsorted(breaks, np.arange(count), side="right")]
         return np.where(usual, ends, np.arange(count))
+
+
+def alike_until(clock: SampleClock, since: float, times: Matrix, row: int, end: int) -> int:
+    """The row up to which all steps from `row` on are regular and share the matrices of the first.
+
+    since: the time before `row`; end: at most that row.
+    """
+    length, half = shared_length(float(times[row]) - since, float(times[row]))
+    steps = np.diff(times[row:end], prepend=since)
+    alike = np.abs(steps - length) <= half
+    alike &= clock.regular_steps(steps, times[row:end])
+    return row + int(np.argmin(np.append(alike, False)))
 
 
 @dataclass(frozen=True)

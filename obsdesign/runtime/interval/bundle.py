@@ -13,7 +13,7 @@ from obsdesign.runtime.interval.observer import IntervalObserver
 from obsdesign.runtime.interval.state import IntervalState
 
 _PLANT = ("A", "B", "C", "G", "E", "flow_lower", "flow_upper", "jump_lower", "jump_upper",
-          "noise_bound", "jump_measurement")  # fmt: skip
+          "noise_bound", "noise_centre", "jump_measurement")  # fmt: skip
 
 
 @dataclass(frozen=True)

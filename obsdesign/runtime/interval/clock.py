@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from obsdesign.runtime.base import Sample, Vector
 from obsdesign.runtime.interval.state import IntervalState
-from obsdesign.runtime.time_stamps import RELATIVE_TIME_TOLERANCE, time_tolerance
+from obsdesign.runtime.time_stamps import RELATIVE_TIME_TOLERANCE, time_tolerance, time_tolerances
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class SampleClock:
 
     def regular_steps(self, steps: Vector, times: Vector) -> NDArray[np.bool_]:
         """Which of the steps that end at `times` are one period, or within the step limit."""
-        tolerance = RELATIVE_TIME_TOLERANCE * steps + np.spacing(times)
+        tolerance = time_tolerances(steps, times)
         if self.period is None:
             return np.asarray(steps <= self.limit + tolerance)
         return np.asarray(np.abs(steps - self.period) <= tolerance)
@@ -89,7 +89,20 @@ class SampleClock:
                 return [f"no sample {after}: no width is guaranteed"]
             apart = t - state.sampled
             return [f"time {apart:.9g} since the last sample, above {self.period:.9g}"]
-        return []
+        return self._second_jump(state, sample, y)
+
+    def _second_jump(self, state: IntervalState, sample: Sample, y: Vector | None) -> list[str]:
+        """Whether two jumps follow one sample, as dwell times of a period allow but for tolerance.
+
+        The widths that are claimed are those of one jump at most between samples.
+        """
+        guard, since = state.guard, state.phase
+        if not sample.jump or guard.last_jump is None or (y is not None and self.when == "before"):
+            return []
+        between = guard.last_jump > since or (guard.last_jump == since and self.when == "before")
+        if not between or guard.shortest < (self.period or 0.0):
+            return []
+        return [f"second jump since the sample at {since:.9g}: no width is guaranteed"]
 
     def _continuous(
         self, state: IntervalState, sample: Sample, y: Vector | None, t: float
@@ -117,3 +130,9 @@ class SampleClock:
         waited, since = jump - last, t - jump
         on_sample = abs(waited - self.period) <= time_tolerance(waited, jump)
         return not (on_sample and since <= self.period + time_tolerance(since, t))
+
+
+def refuting(t: float, objections: list[str]) -> str:
+    """Status of every row after one that refutes the bounds; empty where none does."""
+    found = [text for text in objections if "outside" in text or "crossed" in text]
+    return f"void since time {t:.9g} ({found[0]})" if found else ""

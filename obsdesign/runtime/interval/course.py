@@ -11,15 +11,45 @@ to row, as inputs may change there, and its rounding is bounded beside.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from lmi.arithmetic.enclosure import raised
 from obsdesign.runtime.base import Vector
+from obsdesign.runtime.interval.clock import SampleClock
 from obsdesign.runtime.interval.kernel import StepKernels
 from obsdesign.runtime.interval.state import Course, IntervalState
 
 
-def course_of(state: IntervalState, t: float, latest: float) -> Course:
+def besides(
+    kernels: StepKernels,
+    clock: SampleClock,
+    state: IntervalState,
+    t: float,
+    seen: Vector | None,
+    off: bool,
+) -> tuple[list[Vector], Course | None]:
+    """Further boxes at t, the first of them that of the course, and the course unless it ends.
+
+    seen: a measurement there; off: it is off the period.
+    """
+    if clock.period is None:
+        return [], None
+    ends = seen is not None and not off
+    if ends and state.course is None:
+        return [], None
+    started = _course_of(state, t, clock.latest + 4 * math.ulp(t))
+    course, box = _advanced(kernels, started, state, t, seen if ends else None)
+    boxes = [box]
+    if off and seen is not None:
+        plain = kernels.at(t - state.t, max(abs(t), abs(state.t)))["none"]
+        free = plain.rows.dot(plain.vector(state.box, None, None, state.u))
+        boxes.append(free[: len(state.box)])
+    return boxes, None if ends else course
+
+
+def _course_of(state: IntervalState, t: float, latest: float) -> Course:
     """The course that a row at t is on; latest: how long one lasts, since nothing is claimed later.
 
     It begins at the state itself where none has begun.
@@ -31,7 +61,7 @@ def course_of(state: IntervalState, t: float, latest: float) -> Course:
     return course
 
 
-def advanced(
+def _advanced(
     kernels: StepKernels, course: Course, state: IntervalState, t: float, y: Vector | None
 ) -> tuple[Course, Vector]:
     """The course and its box at time t; y: a measurement there that ends it, used by the box."""

@@ -103,6 +103,23 @@ class Kernel:
             ends = np.maximum.reduce(ends.reshape(self.candidates, 2 * n))
         return ends[:n], -ends[n:]
 
+    def results(self, out: Matrix) -> tuple[Matrix, tuple[Matrix, Matrix], list[str]]:
+        """(box, (lower, upper), what is wrong with them) from a result.
+
+        Overflow leaves the only sound bounds: none.
+        """
+        n = self.n
+        if not math.isfinite(out[2 * n + 2 * self.p]):
+            nothing = np.full(n, np.inf)
+            box = np.concatenate([nothing, np.zeros(n)])
+            return box, (-nothing, nothing), ["bounds overflowed"]
+        lower, upper = self.bounds(out)
+        box = out[: 2 * n]
+        if self.candidates > 1 and (lower > upper).any():
+            lower, upper = replace(self, candidates=1).bounds(out)
+            return box, (lower[:n], upper[:n]), ["bounds crossed"]
+        return box, (lower, upper), []
+
     def implausible(self, out: Matrix) -> list[str]:
         """Measurements that no state inside the bounds can give: they refute the bounds."""
         n, p = self.n, self.p
@@ -134,6 +151,7 @@ def _kernel(model: Model, step: BoxMap, predicted: BoxMap, C: Matrix, strips: bo
     columns = step.X.mid.shape[1]
     y_end = np.zeros((p, columns))
     y_end[:, n + p : n + 2 * p] = np.eye(p)
+    y_end[:, -1] = -model.y_mid
     blocks = [_radius_rows(step), _centre_rows(step)]
     box = _Rows(step.X, step.R, step.g)
     before = _Rows(predicted.X, predicted.R, predicted.g)

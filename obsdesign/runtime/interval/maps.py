@@ -44,6 +44,7 @@ def box_map(
 ) -> BoxMap:  # fmt: skip
     """Put the blocks of X side by side; a measurement that is not used has zeros."""
     unused = exactly(np.zeros((len(m.mid), len(model.C.mid))))
+    known = model.less_middle(known, start, end)
     return BoxMap(stack([[m, start or unused, end or unused, known]]), R, g)
 
 
@@ -106,6 +107,7 @@ def sampled(model: Model, before: BoxMap, h: float, h_error: float) -> BoxMap:
         R = size(_columns(X, slice(n)))
         y_end = slice(n + p, n + 2 * p)  # the step before it does not use this measurement
         X.mid[:, y_end], X.rad[:, y_end] = model.L.mid, model.L.rad
+        X = model.less_middle(X, model.L)
         g = _on_the_way(model, K, h, h_error) if h > 0 else np.zeros(n)
         return BoxMap(X, R, raised(g + size(model.L) @ model.V, 2 * (p + 1)))
 

@@ -21,7 +21,8 @@ exactly = Enclosure.exactly
 class Model:
     """Matrices in z. inputs: [B, middle of b]; known: [E, middle of c], both with n rows.
 
-    b_rad, c_rad: radii of the disturbances, of c as it enters x; width: upper bound of W = D0 + D1;
+    b_rad, c_rad: radii of the disturbances, of c as it enters x; V, y_mid: radius and middle of the
+    noise; width: upper bound of W = D0 + D1;
     S, S_inverse: None where z is x.
     """
 
@@ -31,6 +32,7 @@ class Model:
     inputs: Enclosure
     b_rad: Matrix
     V: Matrix
+    y_mid: Matrix
     width: Matrix
     S: Enclosure | None
     S_inverse: Enclosure | None
@@ -51,6 +53,16 @@ class Model:
         # z_true - z = S^-1 (x - S z), and x - S z = (x - centre) + (centre - S z)
         off = (exactly(centre) - self.S @ exactly(z)).magnitude
         return np.concatenate([self.spread(raised(radius + off, 1)), z])
+
+    def less_middle(self, known: Enclosure, *gains: Enclosure | None) -> Enclosure:
+        """The columns for known inputs, the last for 1, where `gains` act on y - y_mid."""
+        if not self.y_mid.any():
+            return known
+        column = Enclosure(known.mid[:, -1:], known.rad[:, -1:])
+        for K in gains:
+            column = column if K is None else column - K @ exactly(self.y_mid[:, None])
+        ends = ((known.mid, column.mid), (known.rad, column.rad))
+        return Enclosure(*(np.hstack([whole[:, :-1], last]) for whole, last in ends))
 
     def spread(self, radius: Matrix) -> Matrix:
         """Radius in z of a box of this radius in x."""
@@ -73,13 +85,14 @@ def model(gains: Mapping[str, Any]) -> Model:
     A, C, L = (exactly(gains[name]) for name in ("A", "C", "L"))
     b_mid, b_rad = midpoint(gains["flow_lower"], gains["flow_upper"])
     inputs = exactly(np.column_stack([gains.get("B", np.zeros((len(b_mid), 0))), b_mid]))
-    draft = Model(A, C, L, inputs, b_rad, gains["noise_bound"], A.mid, S, S_inverse)
+    V, y_mid = gains["noise_bound"], gains.get("noise_centre", np.zeros(len(C.mid)))
+    draft = Model(A, C, L, inputs, b_rad, V, y_mid, A.mid, S, S_inverse)
     A, L = draft.similar(A), draft.inward(L)
     C = C if S is None else C @ S
     F = A if "period" in gains else A - L @ C
     width = completed(F, gains["D0"], gains["D1"])
     inputs, b_rad = draft.inward(inputs), draft.spread(b_rad)
-    return Model(A, C, L, inputs, b_rad, draft.V, width, S, S_inverse)
+    return Model(A, C, L, inputs, b_rad, V, y_mid, width, S, S_inverse)
 
 
 def completed(X: Enclosure, plus: Matrix, minus: Matrix) -> Matrix:

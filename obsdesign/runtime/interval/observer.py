@@ -25,10 +25,8 @@ Step and sample are one map, of which the absolute value is taken, K = I - L C:
     r+ = |K e^{A h}| r + (bound of int_0^h |K e^{A s}| ds b_rad) + |L| V
 
 (`lmi.arithmetic.exponential.absolute_flow`); what is reported is also cut with |C x - y| <= V and
-the prediction. What is claimed of the width is about samples a period apart, and one off the period
-(early, or at a jump) may widen. So of such a sample and of its absence the better is kept, as a
-box, and the step over the whole period is made besides (`interval_course`): r+ is then at most what
-it would be without the rows between.
+the prediction. What is claimed of the width is about samples a period apart: for rows between them
+see `interval_course`.
 
 All of it is linear in (m, y, u, 1) and (r, 1): one matrix per step size, cached
 (`interval_steps`, `interval_kernel`). Matrices are enclosed; what they may be off by, and the
@@ -37,9 +35,8 @@ rounding of the step itself, go into the radius.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from math import frexp
 from typing import Any, ClassVar
@@ -64,12 +61,11 @@ from obsdesign.runtime.base import (
     vector,
 )
 from obsdesign.runtime.bound_observer import BoundObserver
-from obsdesign.runtime.interval.batch import Columns, Stretch, stretch
-from obsdesign.runtime.interval.clock import SampleClock
-from obsdesign.runtime.interval.course import advanced, course_of
+from obsdesign.runtime.interval.batch import Columns, Stretch, alike_until, stretch
+from obsdesign.runtime.interval.clock import SampleClock, refuting
+from obsdesign.runtime.interval.course import besides
 from obsdesign.runtime.interval.kernel import Kernel, StepKernels
-from obsdesign.runtime.interval.state import Course, IntervalState, first_box
-from obsdesign.runtime.step_cache import shared_length
+from obsdesign.runtime.interval.state import IntervalState, first_box
 
 _ONE_OUTPUT = (1,)
 # rows of a stretch that are done together
@@ -90,7 +86,10 @@ class IntervalObserver(BoundObserver[IntervalState]):
         two = gains.get("form") == "two_coordinates"
         squares = ("D0", "D1", *(name for name in ("S", "S2", "T") if name in gains))
         require_gains(gains, squares, () if two else ("Gp", "Gn"))
-        require_shapes(gains, {"noise_bound": np.shape(gains["C"])[:1]})
+        given = [
+            name for name in ("noise_bound", "noise_centre") if name in (*gains, "noise_bound")
+        ]
+        require_shapes(gains, dict.fromkeys(given, np.shape(gains["C"])[:1]))
         return cls(gains)
 
     @cached_property
@@ -136,7 +135,7 @@ class IntervalObserver(BoundObserver[IntervalState]):
             out = chosen.rows.dot(chosen.vector(state.box, state.y, seen, state.u))
             objections = [] if seen is None else chosen.implausible(out)
             off = y is not None and self._clock.off_period(state, t)
-            boxes, course = self._besides(kernels, state, t, seen, off)
+            boxes, course = besides(self._kernels, self._clock, state, t, seen, off)
             if boxes:
                 chosen, out = self._kernels.shared(chosen, out, boxes, state.u)
             if sample.jump:
@@ -148,9 +147,9 @@ class IntervalObserver(BoundObserver[IntervalState]):
         if late:
             objections.append(late)
         objections += self._clock.objections(state, sample, y, t)
-        box, bounds, fatal = self._results(chosen, out)
+        box, bounds, fatal = chosen.results(out)
         objections += fatal
-        lost = state.lost or _refuting(t, objections)
+        lost = state.lost or refuting(t, objections)
         if state.lost:
             objections.append(state.lost)
         u = state.u if sample.u is None else vector(sample.u, len(state.u), "u")
@@ -163,27 +162,6 @@ class IntervalObserver(BoundObserver[IntervalState]):
         status = "; ".join(objections) if objections else "ok"
         events = tuple((t, text) for text in (["jump"] if sample.jump else []) + objections)
         return following, Estimate(t, None, *bounds, events=events, status=status)
-
-    def _besides(
-        self, kernels: Mapping[str, Kernel], state: IntervalState, t: float, seen: Vector | None,
-        off: bool,
-    ) -> tuple[list[Vector], Course | None]:  # fmt: skip
-        """Further boxes at t, the first that of the course, and the course itself."""
-        if self._clock.period is None:
-            return [], None
-        ends = seen is not None and not off
-        if ends and state.course is None:
-            return [], None
-        latest = self._latest + 4 * math.ulp(t)
-        course, box = advanced(
-            self._kernels, course_of(state, t, latest), state, t, seen if ends else None
-        )
-        boxes = [box]
-        if off and seen is not None:
-            plain = kernels["none"]
-            free = plain.rows.dot(plain.vector(state.box, None, None, state.u))
-            boxes.append(free[: 2 * self.n])
-        return boxes, None if ends else course
 
     def _usual(self, state: IntervalState, sample: Sample) -> tuple[IntervalState, Estimate] | None:
         """The step of a sample that is in time, with nothing to object; None for any other.
@@ -238,8 +216,7 @@ class IntervalObserver(BoundObserver[IntervalState]):
         times = record.t
         lows, highs = np.empty((len(times), self.n)), np.empty((len(times), self.n))
         status = ["ok"] * len(times)
-        ends = record.stretches()
-        row = 0
+        ends, row = record.stretches(), 0
         while row < len(times):
             state, found = self._stretch(state, record, row, int(ends[row]))
             if found is not None:
@@ -257,8 +234,7 @@ class IntervalObserver(BoundObserver[IntervalState]):
         self, state: IntervalState, record: Columns, row: int, end: int
     ) -> tuple[IntervalState, Stretch | None]:
         """Do rows from `row` on together, as far as they are ordinary samples in time."""
-        times = record.t
-        end = min(end, row + _MOST_ROWS)
+        times, end = record.t, min(end, row + _MOST_ROWS)
         if state.guard.last_jump is not None:
             latest = state.guard.last_jump + state.guard.longest
             end = min(end, int(np.searchsorted(times, latest)))
@@ -266,17 +242,12 @@ class IntervalObserver(BoundObserver[IntervalState]):
         fits = state.started and not state.lost and state.course is None
         fits = fits and (mode == "sampled" or state.y is not None)
         first_t = float(times[row])
-        if end - row < _FEWEST_ROWS or not fits or not self._clock.admits_stretch(state, first_t):
+        if not fits or not self._clock.admits_stretch(state, first_t):
             return state, None
-        h = first_t - state.t
-        length, half = shared_length(h, first_t)
-        steps = np.diff(times[row:end], prepend=state.t)
-        alike = np.abs(steps - length) <= half
-        alike &= self._clock.regular_steps(steps, times[row:end])
-        end = row + int(np.argmin(np.append(alike, False)))
+        end = alike_until(self._clock, state.t, times, row, end)
         if end - row < _FEWEST_ROWS:
             return state, None
-        chosen = self._kernels.at(h, first_t)[mode]
+        chosen = self._kernels.at(first_t - state.t, first_t)[mode]
         after, inputs = record.y[row:end], record.held(state.u, row, end)
         first = np.zeros(self._p) if state.y is None else state.y
         found = stretch(chosen, state.box, np.vstack([first, after[:-1]]), after, inputs[:-1])
@@ -326,33 +297,6 @@ class IntervalObserver(BoundObserver[IntervalState]):
     def _mode(self, state: IntervalState, seen: Vector | None, t: float) -> str:
         if self._clock.period is not None:
             return "none" if seen is None else "sampled"
-        if t == state.t:
-            return "none"
-        if state.y is not None:
+        if t != state.t and state.y is not None:
             return "start"
-        return "none" if seen is None else "end"
-
-    def _results(
-        self, chosen: Kernel, out: Vector
-    ) -> tuple[Vector, tuple[Vector, Vector], list[str]]:
-        """Box, bounds and what is wrong with them. Overflow leaves the only sound bounds: none."""
-        n = self.n
-        if not math.isfinite(out[2 * n + 2 * self._p]):
-            nothing = np.full(n, np.inf)
-            return (
-                np.concatenate([nothing, np.zeros(n)]),
-                (-nothing, nothing),
-                ["bounds overflowed"],
-            )
-        lower, upper = chosen.bounds(out)
-        box = out[: 2 * n]
-        if chosen.candidates > 1 and (lower > upper).any():
-            whole = replace(chosen, candidates=1).bounds(out)
-            return box, (whole[0][:n], whole[1][:n]), ["bounds crossed"]
-        return box, (lower, upper), []
-
-
-def _refuting(t: float, objections: list[str]) -> str:
-    """What is said of all rows after one that refutes the bounds."""
-    found = [text for text in objections if "outside" in text or "crossed" in text]
-    return f"void since time {t:.9g} ({found[0]})" if found else ""
+        return "none" if seen is None or t == state.t else "end"

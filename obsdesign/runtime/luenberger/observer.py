@@ -25,8 +25,8 @@ from obsdesign.runtime.base import (
     Estimate,
     Sample,
     Vector,
+    centred_measurement,
     later,
-    optional_measurement,
     status_of,
     vector,
 )
@@ -76,7 +76,7 @@ class LuenbergerObserver(SteppedObserver[LuenbergerState]):
         ValueError if time does not increase (the first sample may share the initial time).
         """
         t = later(sample.t, state.t, state.started)
-        y = optional_measurement(sample.y, self.gains.p)
+        y = centred_measurement(sample.y, self.gains)
         with np.errstate(over="ignore", invalid="ignore"):  # the status names what is not finite
             return self._step(state, t, y, sample)
 

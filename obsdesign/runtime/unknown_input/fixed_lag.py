@@ -24,6 +24,7 @@ from obsdesign.runtime.base import (
     Row,
     Sample,
     Vector,
+    centred,
     collect,
     first_time,
     rows_of,
@@ -164,4 +165,5 @@ class FixedLagObserver(PointObserver[FixedLagState]):
         window = measured[: k + self._lag + 1]
         t = np.array([time for time, _ in window])
         y = smoothed_window(t, np.array([row for _, row in window]), self.gains["noise_std"])
-        return (y[k - 1] if k else None), sample._replace(y=y[k])
+        # the inner observer keeps measurements less the middle of the noise
+        return (centred(y[k - 1], self.gains) if k else None), sample._replace(y=y[k])

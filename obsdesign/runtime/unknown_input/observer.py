@@ -37,6 +37,7 @@ from obsdesign.runtime.base import (
     Sample,
     Stepped,
     Vector,
+    centred,
     collect,
     first_time,
     later,
@@ -265,6 +266,7 @@ class UnknownInputObserver(PointObserver[UnknownInputState], Stepped[UnknownInpu
         u, why = state.u, ""
         if y is None:
             y, why = usable(sample.y, self._p)
+        y = None if y is None else centred(y, self.gains)
         if sample.u is not None and len(u) > 1:
             u = np.append(vector(sample.u, len(u) - 1, "u"), 1.0)
         if state.y is None or state.w is None:

@@ -74,12 +74,14 @@ def kalman_filter(
     R, found, log_likelihood = _noise(plant, rows), [], 0.0
     u = np.zeros(0 if plant.flow.B is None else plant.flow.B.shape[1])
     after = plant.output.jump_measurement == "after"
+    centre = 0.0 if plant.output.noise_centre is None else plant.output.noise_centre
     for k, row in enumerate(rows):
         if k:
             now = steps.flow(now, row.t - rows[k - 1].t, u)
         if row.jump and after:
             now = steps.jump(now, row)
         y = np.full(plant.p, np.nan) if row.y is None else np.asarray(row.y, dtype=np.float64)
+        y = y - centre
         if (there := np.isfinite(y)).any():
             now, gained = _update(now, y[there], plant.output.C[there], R[np.ix_(there, there)])
             log_likelihood += gained
@@ -108,7 +110,7 @@ def _noise(plant: Plant, rows: Sequence[Sample]) -> Array:
     output = plant.output
     y = np.array([row.y for row in rows if row.y is not None], dtype=np.float64)
     size = np.nan_to_num(np.sqrt(np.nanmean(y**2, axis=0))) if y.size else np.ones(plant.p)
-    bound = 0.0 if output.noise_bound is None else output.noise_bound
+    bound = 0.0 if output.noise_radius is None else output.noise_radius
     variance = output.noise_std**2 + bound**2 / 3 + (output.noise_cv * size) ** 2
     least = (_LEAST_NOISE * np.where(size > 0, size, 1.0)) ** 2
     return np.diag(np.maximum(variance, least))

@@ -16,7 +16,14 @@ import numpy as np
 
 from lmi.arithmetic.balls import exact
 from lmi.decide.dwell_search import ACCURACY, Bracket, longest_dwell, shortest_dwell
-from lmi.time_budget import Remark, ended_part, listening, stretch_factors, stretched, total_budget
+from lmi.time_budget import (
+    Remark,
+    collect_remarks,
+    ended_part,
+    stretch_factors,
+    stretched,
+    total_budget,
+)
 from lmi.verdict import overall
 from obsdesign import workflow
 from obsdesign.document import Claim
@@ -96,7 +103,7 @@ def _searched(problem: Problem, what: str, accuracy: float) -> workflow.Outcome:
         return period_search.search_period(problem, what)
     kind, shortest = problem.require_kind(), what == "shortest_dwell"
     tried: list[_Try] = []
-    with listening() as remarks:
+    with collect_remarks() as remarks:
         for candidate in _candidates(problem):
             tried.append(_bracket(problem, candidate, shortest, accuracy, remarks))
             if candidate.searched and tried[-1].bracket is not None:
@@ -211,18 +218,29 @@ def _outcome(
 def _numbers(
     problem: Problem, best: _Try, bracket: Bracket, shortest: bool, accuracy: float
 ) -> dict[str, Any]:
-    """What an answer holds of a bracket."""
+    """What an answer holds of a bracket.
+
+    A witness against gains that were searched for says nothing about other gains: the far end is
+    refuted for the gains of the file only.
+    """
+    witness, reason, verdict = bracket.obstacle.get("witness"), _reason(bracket), bracket.verdict
+    these_gains = {}
+    if best.searched and verdict == "refuted":
+        these_gains = {"these_gains": {"witness": witness}}
+        witness, verdict = None, "undecided"
+        reason = f"other gains may do; for these, {reason}"
     return {
         "proved": bracket.proved,
         "not_proved": bracket.not_proved,
-        "not_proved_verdict": bracket.verdict,
+        "not_proved_verdict": verdict,
         "accuracy": accuracy,
         "kept": problem.require_dwell_time()[1 if shortest else 0],
         "common_P": bracket.common,
         "open": _open(bracket),
         "islands": [list(island) for island in bracket.islands],
-        "reason": _reason(bracket),
-        "witness": bracket.obstacle.get("witness"),
+        "reason": reason,
+        "witness": witness,
+        **these_gains,
         "form": best.label,
         "gains": {name: best.gains[name] for name in ("L", "M")},
     }

@@ -19,7 +19,7 @@ import numpy as np
 
 from lmi.arithmetic.balls import precision
 from lmi.arithmetic.norms import float_above, float_below
-from lmi.time_budget import listening, remark, sentences
+from lmi.time_budget import collect_remarks, remark, sentences
 from obsdesign.analysis.finite_time.enclosed_gains import Sampled
 from obsdesign.document import Claim
 from obsdesign.equations.finite_time import gains as equations
@@ -157,7 +157,7 @@ def search_period(problem: Problem, what: str) -> Outcome:
     asked = {} if what == "shortest_window" else _without_window(problem)
     if text := equations.objection(problem.plant, asked):
         raise InputError(text)
-    with listening() as remarks, precision(_BITS):
+    with collect_remarks() as remarks, precision(_BITS):
         first = observable(Sampled.of(problem.plant.flow.A, problem.plant.output.C, period, 1))
         if first.verdict != "proved":
             return _outcome(problem, None, first, False)

@@ -13,6 +13,7 @@ from concurrent.futures.process import BrokenProcessPool
 from typing import Any
 
 from obsdesign.errors import InputError
+from obsdesign.output_files import unwinding_signals
 from obsdesign.studies.sweep.point import Plan, evaluate
 
 Row = dict[str, Any]
@@ -53,6 +54,7 @@ def evaluate_all(
 def _on_processes(plan: Plan, points: Sequence[int], jobs: int) -> Iterator[Row]:
     """A pool that breaks names no point: the next one then runs alone, and is to blame or not."""
     from joblib import Parallel, delayed, parallel_config
+    from joblib.externals.loky import get_reusable_executor
 
     left, alone = dict.fromkeys(points), False
     while left:
@@ -60,10 +62,14 @@ def _on_processes(plan: Plan, points: Sequence[int], jobs: int) -> Iterator[Row]
         with parallel_config(backend="loky", inner_max_num_threads=1):
             pool = Parallel(n_jobs=jobs, batch_size=1, return_as="generator_unordered")
         try:
-            for row in pool(delayed(evaluate)(plan, index) for index in batch):
-                del left[row["point"]]
-                yield row
+            with unwinding_signals():
+                for row in pool(delayed(evaluate)(plan, index) for index in batch):
+                    del left[row["point"]]
+                    yield row
             alone = False
+        except SystemExit:  # of a signal: processes that go on would hold our output open
+            get_reusable_executor().shutdown(wait=False, kill_workers=True)
+            raise
         except BrokenProcessPool:
             if alone:
                 del left[batch[0]]

@@ -17,7 +17,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from lmi.time_budget import ended, remark_end, until
+from lmi.time_budget import deadline, ended, remark_end
 from obsdesign.equations.finite_time import gains as equations
 from obsdesign.equations.finite_time.condition_13 import approx_log_longest_period
 from obsdesign.synthesis.finite_time.period_descent import polished
@@ -51,11 +51,11 @@ def best_injection(
 
     enough: log of a period beyond which the search need not go.
     """
-    end = until(seconds)
+    end = deadline(seconds)
     known = [asked.rated(one.L, asked.window or one.window, one.S) for one in first]
     guesses = [*known, *_guesses(asked)]
     if starts and (asked.L is None or asked.coordinates):
-        guesses += _of_program(asked, starts, until(_OF_PROGRAM * seconds))
+        guesses += _of_program(asked, starts, deadline(_OF_PROGRAM * seconds))
     best = max(guesses, key=lambda one: one.log_period)
     return max(polished(asked, best, end, seconds, enough), best, key=lambda one: one.log_period)
 
@@ -174,7 +174,7 @@ def _with_samples(asked: Open, window: float, near: Injection, enough: float) ->
 def _scanned(asked: Open, L: Array, period: float, least: int) -> tuple[int | None, Injection]:
     # beyond some ten time constants only rounding is left of M_T
     reach = math.ceil(60.0 / (np.linalg.norm(asked.A, 2) * period))
-    end = until(_SCAN_SECONDS)
+    end = deadline(_SCAN_SECONDS)
     for k in range(least, max(min(equations.MOST_SAMPLES, reach), least) + 1):
         value = approx_log_longest_period(asked.A, asked.C, L, k * period, None, asked.tighter)
         if value > math.log(period):

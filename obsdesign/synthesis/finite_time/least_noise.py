@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lmi.arithmetic.exponential import expm, exponential_grid, flow_integrals
-from lmi.time_budget import ended, remark_end, until
+from lmi.time_budget import deadline, ended, remark_end
 from obsdesign.equations.finite_time import gains as equations
 from obsdesign.problem.plant import Plant
 
@@ -43,7 +43,7 @@ def _errors(plant: Plant, k: int) -> Array:
     if not np.isfinite(rows).all():
         return np.full(len(A), np.inf)
     gain = equations.least_squares_gain(rows, np.tile(deviations, k))
-    noise = plant.output.noise_bound
+    noise = plant.output.noise_radius
     Delta = (plant.flow.upper - plant.flow.lower) / 2
     noise = np.zeros(len(C)) if noise is None else noise
     if not np.any(noise) and not np.any(Delta):
@@ -62,7 +62,7 @@ def quiet_injection(A: Array, C: Array, L: Array, period: float, k: int, method:
     from scipy.optimize import minimize
 
     gain = _exact_gain if method == "exact" else _approximate_gain
-    best, least, end = L, math.inf, until(_SECONDS)
+    best, least, end = L, math.inf, deadline(_SECONDS)
 
     def cost(x: Array) -> float:
         nonlocal best, least

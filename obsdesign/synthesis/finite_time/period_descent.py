@@ -78,7 +78,7 @@ def polished(
 ) -> Injection:
     """At least as good as start, by quasi-Newton steps and simplices until the time is over.
 
-    end: until(seconds), seconds the budget of the whole search. enough: log of a period beyond
+    end: `deadline(seconds)`, seconds the budget of the whole search. enough: log of a period beyond
     which nobody asks.
     """
     from scipy.optimize import minimize

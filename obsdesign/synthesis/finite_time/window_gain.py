@@ -166,10 +166,11 @@ def _refined(gains: dict[str, Any], cut: float = 0.0) -> tuple[dict[str, Any], A
 
 
 def _refined_once(gains: dict[str, Any], cut: float) -> tuple[dict[str, Any], Any, float]:
-    error, size = bias(_sampled(gains), gains["window_gain"])
+    sampled = _sampled(gains)
+    error, size = bias(sampled, gains["window_gain"])
     if gains["method"] in equations.FREE and _ROUNDING < float_above(size) < 1:
         moved = _less(gains, error, cut)
-        of_moved, smaller = bias(_sampled(moved), moved["window_gain"])
+        of_moved, smaller = bias(sampled, moved["window_gain"])
         if float_above(smaller) < float_above(size):
             gains, error, size = moved, of_moved, smaller
     found = np.array([[float_above(abs(x)) for x in row] for row in error])

@@ -23,7 +23,7 @@ from lmi.find.affine import Unknown, best_margin
 from lmi.prove.common_matrix import prove_common
 from lmi.rank.hidden_mode import propose_hiding
 from lmi.rank.stack import Stack
-from lmi.time_budget import ended, left, remark_end
+from lmi.time_budget import ended, remaining, remark_end
 from obsdesign.analysis.impulsive_noise import estimate
 from obsdesign.equations.estimation_error import seen_before_jump
 from obsdesign.equations.gains import plant_data
@@ -110,7 +110,7 @@ def _table(
     """Cells and gains for which the contraction is proved; None if there would be too many."""
     A_exact, G_exact, C_exact = exact(A), exact(G), exact(C)
     todo, borders, gains = [ends], [ends[0]], []
-    while todo and left() > 0:
+    while todo and remaining() > 0:
         start, end = todo.pop()
         try:
             L = best_gain(A, G, C, P, (start + end) / 2)

@@ -13,7 +13,7 @@ from lmi.rank.decide import decide_full_rank
 from lmi.rank.full_rank import BOX_LIMIT
 from lmi.rank.stack import Stack, coordinates
 from lmi.rank.witness import check_deficient
-from lmi.time_budget import ended, left, remark_end
+from lmi.time_budget import ended, remaining, remark_end
 from lmi.verdict import Verdict
 from obsdesign.analysis.impulsive_noise import estimate
 from obsdesign.equations.gains import plant_data
@@ -116,7 +116,7 @@ def windowed(
     if verdict.outcome == "proved" and "noise_target" in problem.options:
         found, short = quiet_enough(problem, found)
         others["noise_target"] = short
-    if verdict.outcome == "proved" and left() > 0:
+    if verdict.outcome == "proved" and remaining() > 0:
         others["rate"] = {"estimated": estimate(problem, found)}
     return Candidate(label, found, others, searched=searched)
 

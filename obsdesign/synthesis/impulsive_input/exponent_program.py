@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lmi.arithmetic.exponential import expm, exponential_grid
-from lmi.time_budget import ended, left, remark_end
+from lmi.time_budget import ended, remaining, remark_end
 from obsdesign.equations.impulsive_input.features import filtered_system
 
 Array = NDArray[np.float64]
@@ -127,8 +127,8 @@ def _solver(D: Array, C: Array, H: Array, m: int, scale: Array, tau: float, at_p
         "ipopt.print_level": 0, "ipopt.sb": "yes", "print_time": False,
         "show_eval_warnings": False, "ipopt.max_iter": 200,
     }  # fmt: skip
-    if math.isfinite(left()):
-        quiet["ipopt.max_cpu_time"] = max(left(), 1e-3)
+    if math.isfinite(remaining()):
+        quiet["ipopt.max_cpu_time"] = max(remaining(), 1e-3)
     return ca.nlpsol("exponents", "ipopt", program, quiet)
 
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from lmi.arithmetic.balls import exact, inverse
 from lmi.decide.dwell_search import shortest_dwell
-from lmi.time_budget import left, until
+from lmi.time_budget import deadline, remaining
 from obsdesign.analysis.hidden_modes import hidden_for_ever
 from obsdesign.equations.estimation_error import idle_gains
 from obsdesign.equations.interval import splits as equations
@@ -138,7 +138,7 @@ def _with_samples(
     frames: coordinates S (S2, T) to choose from. M, which acts only when a jump meets a sample, is
     zero if open. With `narrowest` the least width comes first, else what comes first.
     """
-    narrow, end = _objective(problem) == "narrowest", until(SECONDS)
+    narrow, end = _objective(problem) == "narrowest", deadline(SECONDS)
     tries: list[tuple[float, Any, Mapping[str, Any]]] = []
     last, frame = None, _plain_frame(problem, form)
     for frame in frames:
@@ -235,7 +235,7 @@ def _candidate(
         certificates = certificates or dwell_certificates(
             system.W, system.N, low, high, **question(problem)
         )
-    if left() > 0:
+    if remaining() > 0:
         certificates |= _widths(problem, gains, system, approx)
         # where a spacing was named, the observer watches it
         if "sampled_width" in certificates and problem.plant.output.period is not None:

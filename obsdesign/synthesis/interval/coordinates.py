@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lmi.time_budget import ended, ended_by_count, remark_end, scaled, until
+from lmi.time_budget import deadline, ended, ended_by_count, remark_end, scaled
 from obsdesign.equations.interval.splits import flow_and_jump
 from obsdesign.problem.plant import Plant
 from obsdesign.problem.problem import Problem
@@ -51,7 +51,7 @@ def best_coordinates(
 ) -> Found | None:
     """The best of the candidate bases, improved if `search`; None if there is no basis at all."""
     found: list[Found] = []
-    end = until(_SECONDS)
+    end = deadline(_SECONDS)
     for S in itertools.islice(_bases(problem.plant, given), _MOST_BASES):
         if found and time.process_time() > end:
             break

@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from lmi.time_budget import ended, ended_by_count, remark_end, scaled, until
+from lmi.time_budget import deadline, ended, ended_by_count, remark_end, scaled
 from obsdesign.synthesis.interval.goals import growth, mean_width, shortest
 from obsdesign.synthesis.interval.linear_program import clock_gains
 from obsdesign.synthesis.interval.task import Task
@@ -46,7 +46,7 @@ def best_gains(
     end: processor time at which the best so far has to do (default: `SECONDS` from now).
     """
     goal = OBJECTIVES[objective]
-    own, end = end is None, until(SECONDS) if end is None else end
+    own, end = end is None, deadline(SECONDS) if end is None else end
     if not (task.open_L or task.open_M):
         none = np.zeros(task.limit_L.shape)
         return goal(task, none, none), none, none

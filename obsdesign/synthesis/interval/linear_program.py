@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lmi.find.linear_program import minimise
-from lmi.time_budget import left
+from lmi.time_budget import remaining
 from obsdesign.synthesis.interval.task import Task
 
 Matrix = NDArray[np.float64]
@@ -63,7 +63,7 @@ class _Program:
         sides = np.full(len(self.limits), -np.inf), np.array(self.limits)
         low = np.array([-np.inf if end is None else end for end, _ in bounds])
         high = np.array([np.inf if end is None else end for _, end in bounds])
-        return minimise(cost, entries, sides, (low, high), seconds=left(_SECONDS))
+        return minimise(cost, entries, sides, (low, high), seconds=remaining(_SECONDS))
 
 
 def clock_gains(

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from lmi.arithmetic.exponential import FLOW_PIECES, absolute_flow, expm, exponential_grid
 from lmi.find.linear_program import minimise
-from lmi.time_budget import left
+from lmi.time_budget import remaining
 from obsdesign.equations.interval.splits import absolute_metzler
 from obsdesign.equations.interval.width import WidthSystem
 from obsdesign.errors import InputError
@@ -197,7 +197,7 @@ class _Program:
         rows, columns, values = (np.concatenate(part) for part in zip(*self.entries, strict=True))
         sides = np.full(len(self.limits), -np.inf), np.array(self.limits)
         ends = np.zeros(self.size), np.full(self.size, np.inf)
-        x = minimise(cost, (rows, columns, values), sides, ends, seconds=left(_SECONDS))
+        x = minimise(cost, (rows, columns, values), sides, ends, seconds=remaining(_SECONDS))
         if x is None or not (x[:n] > 0).all():
             return None
         found: Matrix = (x[self.U[0]] - x[self.U[1]]) / x[:n, None]

@@ -10,12 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lmi.arithmetic.balancing import Scaling
 from lmi.arithmetic.balls import exact, inverse, to_float
 from lmi.arithmetic.exponential import absolute_flow
 from lmi.bounds.interleaved import Bounds, Interleaved, prove_interleaved, sampled_flow
 from lmi.prove.hurwitz import rightmost
 from obsdesign.equations.interval.width import SAMPLED_MAPS, WidthSystem, slope_scheme
-from obsdesign.synthesis.interval.tube import ROOM, least, proved_width
+from obsdesign.synthesis.interval.tube import ROOM, Units, least, proved_width
 
 Matrix = NDArray[np.float64]
 
@@ -82,6 +83,8 @@ def sampled_tube(
 ) -> dict[str, Any] | None:
     """The tube of `propose_samples` in floats, not proved; None where there is none."""
     with np.errstate(all="ignore"):
+        units = Units.of(system, period, period)
+        system = units.of_system(system)
         steps = _Steps.of(system, period)
         P, c = steps.period
         scale = float(max(c.max(initial=0.0), 0.0 if system.h is None else system.h.max())) or 1.0
@@ -103,7 +106,7 @@ def sampled_tube(
         found["jumped"] = jumped
     if not all(np.isfinite(x).all() for x in found.values()):
         return None
-    return {name: x.tolist() for name, x in found.items()}
+    return units.restated(found)
 
 
 def _cycle_tube(
@@ -166,7 +169,9 @@ def propose_spacing(
     if not np.any(gains["L"]):
         return None
     parts = slope_scheme(gains, exact, inverse)
-    slope = to_float(parts[0] @ parts[1])
+    W = exact(system.W)
+    jump = 0 * W if system.N is None else exact(system.N)
+    slope = Scaling.of(W, jump, min(high, 1e300)).map(to_float(parts[0] @ parts[1]))
     unit = 1.0 / max(float(np.abs(slope).sum(axis=1).max()), 1e-300)
     tries = [period] if period is not None else []
     tries += [unit * 2.0**-i for i in range(1, _HALVINGS)]

@@ -8,13 +8,15 @@ sum finds the least one; violated theta are added until none is left.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lmi.arithmetic.balancing import Scaling
 from lmi.arithmetic.balls import exact
-from lmi.arithmetic.exponential import expm
+from lmi.arithmetic.exponential import absolute_flow, expm
 from lmi.bounds.tube import Tube, prove_tube
 from lmi.families import Edge
 from lmi.find.linear_program import minimise
@@ -61,13 +63,22 @@ def propose_width(
     """
     if math.isinf(high) and not rightmost(system.W).real < 0:
         return None
+    with np.errstate(all="ignore"):
+        units = Units.of(system, low, Edge(system.W, system.at_jumps[0], low, high).last)
+        found = _least_tube(units.of_system(system), low, high, vanishing, share)
+    return None if found is None else units.restated(found)
+
+
+def _least_tube(
+    system: WidthSystem, low: float, high: float, vanishing: bool, share: float
+) -> dict[str, Matrix] | None:
+    """The tube of `propose_width` for a system in units of its widths."""
     W, f = system.W, system.f
     N, h = system.at_jumps
-    with np.errstate(all="ignore"):
-        last = Edge(W, N, low, high).last
-        thetas = np.unique(np.concatenate([np.linspace(low, last, _FINE), _graded(low, last)]))
-        flows, pushes = moved(W, f, thetas)
-        entering = pushes @ N.T + h
+    last = Edge(W, N, low, high).last
+    thetas = np.unique(np.concatenate([np.linspace(low, last, _FINE), _graded(low, last)]))
+    flows, pushes = moved(W, f, thetas)
+    entering = pushes @ N.T + h
     scale = float(entering.max(initial=0.0)) or float(vanishing)
     if not (np.isfinite(flows).all() and np.isfinite(entering).all() and scale > 0):
         return None
@@ -82,23 +93,82 @@ def propose_width(
     room, grown = share * scale, 1.0 + 10 * share  # the grid misses the top by less
     before = reached[_FINE:]
     return {
-        "tube": v.tolist(),
-        "after_jump": ((system.out @ v) * (1.0 + share)).tolist(),
-        "before_jump": (before.max(axis=0) * grown + room).tolist(),
-        "always": (reached.max(axis=0) * grown + room).tolist(),
+        "tube": v,
+        "after_jump": (system.out @ v) * (1.0 + share),
+        "before_jump": before.max(axis=0) * grown + room,
+        "always": reached.max(axis=0) * grown + room,
     }
 
 
 def propose_limit(system: WidthSystem, vanishing: bool = False) -> dict[str, Any] | None:
     """{"tube": (n,) in z, "always": (n,) in x} of a plant without jumps; None without a limit."""
-    scale = float(system.f.max(initial=0.0)) or float(vanishing)
+    units = Units.of(system, 1.0, 1.0)
+    own = units.of_system(system)
+    scale = float(own.f.max(initial=0.0)) or float(vanishing)
     try:
-        v = np.linalg.solve(-system.W, system.f + ROOM * scale)
+        v: Matrix = np.asarray(np.linalg.solve(-own.W, own.f + ROOM * scale), np.float64)
     except np.linalg.LinAlgError:
         return None
     if not (scale > 0 and np.isfinite(v).all() and (v > 0).all()):
         return None
-    return {"tube": v.tolist(), "always": ((system.out @ v) * (1.0 + ROOM)).tolist()}
+    return units.restated({"tube": v, "always": (own.out @ v) * (1.0 + ROOM)})
+
+
+@dataclass(frozen=True)
+class Units:
+    """Powers of two like the widths of z and of x: a program's tolerances are absolute."""
+
+    z: Scaling
+    x: Scaling
+
+    @staticmethod
+    def of(system: WidthSystem, low: float, last: float) -> Units:
+        """Of a width system in floats, from the limits that constant steps low and last lead to.
+
+        Between events W, or A where samples are events; at their end N, else K, else nothing.
+        """
+        flow = system.W if system.A is None else system.A
+        map_, added = np.eye(len(flow)), np.zeros(len(flow))
+        if system.K is not None and system.k is not None:
+            map_, added = system.K, system.k if system.h is None else np.maximum(system.k, system.h)
+        elif system.N is not None and system.h is not None:
+            map_, added = system.N, system.h
+        first = Scaling.of(exact(flow), exact(map_), last)
+        sizes, pushes = absolute_flow(
+            first.map(map_), first.map(flow), first.rows(system.f), np.array([low, last])
+        )
+        limits = [
+            _limit(M, push + first.rows(added)) for M, push in zip(sizes, pushes, strict=True)
+        ]
+        z = Scaling(first.sizes * Scaling.like(np.max(limits, axis=0)).sizes)
+        return Units(z, Scaling.like(system.out @ z.sizes))
+
+    def of_system(self, system: WidthSystem) -> WidthSystem:
+        """The same system in these units."""
+        arrays: dict[str, Any] = dict(vars(system))
+        for name in ("W", "N", "K", "A", "G"):
+            arrays[name] = None if arrays[name] is None else self.z.map(arrays[name])
+        for name in ("f", "h", "k"):
+            arrays[name] = None if arrays[name] is None else self.z.rows(arrays[name])
+        arrays["out"] = self.x.rows(self.z.columns(system.out))
+        return WidthSystem(**arrays)
+
+    def restated(self, found: dict[str, Matrix]) -> dict[str, Any]:
+        """Widths in the units of the plant, and of its observer's coordinates, as lists."""
+        of_z = ("tube", "sampled", "jumped")
+        return {
+            name: (v * (self.z if name in of_z else self.x).sizes).tolist()
+            for name, v in found.items()
+        }
+
+
+def _limit(M: Matrix, entering: Matrix) -> Matrix:
+    """The v = M v + entering; zero where there is none that is positive."""
+    try:
+        v: Matrix = np.asarray(np.linalg.solve(np.eye(len(M)) - M, entering), np.float64)
+    except np.linalg.LinAlgError:
+        return 0 * entering
+    return v if np.isfinite(v).all() and (v >= 0).all() else 0 * entering
 
 
 def moved(W: Matrix, f: Matrix, thetas: Matrix) -> tuple[Matrix, Matrix]:

@@ -1,7 +1,7 @@
-"""Which refutations of an observer for impulsive inputs no other choice would avoid.
+"""Refutations of an observer for impulsive inputs that no other choice would avoid.
 
 Window, margin, K, exponents and operator that the problem leaves open are chosen by synthesis: a
-witness against one choice is none against the problem.
+witness against one choice is no witness against the problem.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from obsdesign.document import Claim
 from obsdesign.equations.impulsive_input.rule import operator_is_open
 from obsdesign.problem.problem import Problem
-from obsdesign.verification.choices import left_open, of_all_choices
+from obsdesign.verification.choices import mark_witness, open_choices
 
 # what each claim depends on, beside the plant
 _INTEGRAL: Mapping[str, tuple[str, ...]] = {
@@ -32,19 +32,19 @@ _SAMPLES: Mapping[str, tuple[str, ...]] = {
 }
 
 
-def judged(problem: Problem, operator: str, claim: Claim) -> Claim:
-    """The claim, its witness marked where no choice left open would change it."""
+def mark_inevitable(problem: Problem, operator: str, claim: Claim) -> Claim:
+    """Mark the witness of a claim that no open choice would change."""
     names = (_INTEGRAL if operator == "integral" else _SAMPLES).get(claim.id, ("operator",))
-    open_names = left_open(problem, *names) - {"operator"}
+    open_names = open_choices(problem, *names) - {"operator"}
     if "operator" in names and operator_is_open(problem):
         open_names.add("operator")
     if _is_inevitable(problem, claim):
         open_names.clear()
-    return of_all_choices(claim, open_names)
+    return mark_witness(claim, open_names)
 
 
 def _is_inevitable(problem: Problem, claim: Claim) -> bool:
-    """Whether counting shows that no choice would do."""
+    """Is the claim false for every choice, by counting samples, features or ages?"""
     witness = claim.evidence.get("witness", {})
     low, _ = problem.require_dwell_time()
     period = float(problem.plant.output.period or 0.0)

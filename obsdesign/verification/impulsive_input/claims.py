@@ -22,7 +22,7 @@ from obsdesign.equations.impulsive_input.expectations import expectations
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.consistency import consistency
 from obsdesign.verification.impulsive_input import window as window_claims
-from obsdesign.verification.impulsive_input.choices import judged
+from obsdesign.verification.impulsive_input.choices import mark_inevitable
 from obsdesign.verification.impulsive_input.guarantees import guarantees as guarantees
 from obsdesign.verification.impulsive_input.rank import full_rank
 from obsdesign.verification.impulsive_input.samples import sampled_claims, window_samples
@@ -52,7 +52,7 @@ def claims(
         if "period" in gains:
             found.append(window_samples(A, C, H.shape[1], gains, low))
         found += _integral_claims(problem, gains, A, C, H)
-    return tuple(judged(problem, gains["operator"], claim) for claim in found)
+    return tuple(mark_inevitable(problem, gains["operator"], claim) for claim in found)
 
 
 def _integral_claims(

@@ -67,7 +67,7 @@ def _about_zeros(claim: Claim) -> list[Sentence]:
     if zeros := evidence.get("zeros"):
         text = ", ".join(f"{re:.6g}" + (f" +- {im:.6g}i" if im else "") for re, im in zeros)
         told.append(
-            _resting_on(
+            _given_by(
                 claim,
                 f"The poles include the invariant zeros {text}, which no gain moves; errors along "
                 "them decay at their own rate.",
@@ -76,7 +76,7 @@ def _about_zeros(claim: Claim) -> list[Sentence]:
     if mode := evidence.get("nearly"):
         text = f"{mode['real']:.6g}" + (f" +- {mode['imag']:.6g}i" if mode["imag"] else "")
         told.append(
-            _withheld(
+            _not_given(
                 f"It survives rounding of the plant: s = {text} is within {mode['margin']:.1g} of "
                 "being an invariant zero that does not decay."
             )
@@ -93,18 +93,18 @@ def _about_steps(problem: Problem, claim: Claim) -> list[Sentence]:
     limit = equations.STEP_LIMIT
     text = f"h |f| = {product:.3g} for the period h = {h:g} and the fastest pole f"
     if product <= limit:
-        return [_resting_on(claim, f"The steps do not ring: {text} is at most {limit:g}.")]
+        return [_given_by(claim, f"The steps do not ring: {text} is at most {limit:g}.")]
     return [
-        _withheld(
+        _not_given(
             f"The steps do not ring: {text} exceeds {limit:g}, so that errors alternate from row "
             "to row. Is the period in the time unit of flow.A? Else choose slower poles."
         )
     ]
 
 
-def _resting_on(claim: Claim, statement: str) -> Sentence:
+def _given_by(claim: Claim, statement: str) -> Sentence:
     return {"statement": statement, "given": claim.verdict == "proved", "claims": [claim.id]}
 
 
-def _withheld(statement: str) -> Sentence:
+def _not_given(statement: str) -> Sentence:
     return {"statement": statement, "given": False, "claims": []}

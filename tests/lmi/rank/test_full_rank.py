@@ -233,6 +233,61 @@ def test_a_zero_of_a_block_row_inside_the_box_is_never_proved() -> None:
     assert decide_full_rank(inside, 0.1, 0.24).outcome == "proved"
 
 
+E1 = np.eye(2)[:, :1]
+TWICE = np.array([[1.0, 0], [2, 0]])
+SHIFT = np.array([[0.0, 1], [0, 0]])
+# (stack, a range with the zero inside, one beside it): fewer columns than rows, zeros at a quarter
+VANISHING = [
+    (stack(TURN, 1, C=TWICE, right=E1, flows_first=True), (0.2, 0.3), (0.26, 0.3)),
+    (stack(TURN - 4 * np.eye(2), 1, C=TWICE, right=E1, flows_first=True), (0.2, 0.3), (0.1, 0.24)),
+    (stack(TURN, 3, H=SHIFT), (0.2, 0.3), (0.2, 0.24)),
+    (stack(TURN / 1e6, 4, H=SHIFT), (2e5, 3e5), (2.51e5, 3e5)),
+]
+
+
+@pytest.mark.parametrize(("s", "inside", "beside"), VANISHING)
+def test_block_rows_that_pass_through_zero_together_refute(s: Stack, inside, beside) -> None:
+    """As tall as they are, nothing is seen where they vanish; that place is no binary number."""
+    verdict = decide_full_rank(s, *inside, limit=200)
+    assert verdict.outcome == "refuted"
+    witness = verdict.evidence["witness"]
+    assert 0.25 in [
+        round(theta * 10 ** -np.floor(np.log10(theta) + 1), 9) for theta in witness["thetas"]
+    ]
+    assert check_deficient(s, *inside, witness).outcome == "refuted"
+    assert (
+        check_deficient(s, *inside, {"thetas": [0.999 * inside[1]] * s.thetas}).outcome
+        == "undecided"
+    )
+    assert decide_full_rank(s, *beside, limit=200).outcome == "proved"
+
+
+@pytest.mark.parametrize("blocks", [2, 3])
+def test_block_rows_that_vanish_one_after_the_other_are_proved(blocks: int) -> None:
+    s = stack(TURN, blocks, right=E1, flows_first=True)
+    verdict = decide_full_rank(s, 0.19, 0.31, limit=100)
+    assert verdict.outcome == "proved"
+    assert verdict.evidence["sigma_min"] <= sampled_sigma(s, 0.19, 0.31)
+
+
+def test_a_pair_of_places_is_no_witness_for_a_tall_stack() -> None:
+    tall = stack(TURN, 3)
+    pair = {"between": [[0.2, 0.2], [0.8, 0.8]]}
+    assert check_deficient(tall, 0.1, 0.9, pair).outcome == "undecided"
+    assert (
+        check_deficient(stack(TURN, 2), 0.1, 0.9, {"between": [[0.2], [0.8]]}).outcome == "refuted"
+    )
+
+
+def test_block_rows_that_only_decay_do_not_vanish() -> None:
+    """e^(-20 theta) and 1: by e^-60 over the range, and of full rank everywhere."""
+    s = stack(np.diag([-20.0, 0.0]), 1, H=np.diag([1.0, 1]), right=E1, flows_first=True)
+    tall = stack(np.diag([-20.0, 0.0]), 1, C=TWICE, right=E1, flows_first=True)
+    for one in (s, tall):
+        assert decide_full_rank(one, 0.0, 3.0).outcome == "proved"
+        assert check_deficient(one, 0.0, 3.0, {"thetas": [3.0]}).outcome == "undecided"
+
+
 @settings(max_examples=25, deadline=None)
 @given(st.integers(0, 10**6))
 def test_random_systems_never_contradict(seed: int) -> None:

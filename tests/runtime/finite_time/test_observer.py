@@ -437,3 +437,25 @@ def test_stamps_that_drift_within_rounding_of_each_step() -> None:
         batch = observer.run_batch(t, np.zeros((300, 1)))
         assert (set(batch.status[70:]) == {"ok"}) is good
         assert ("ok" in batch.status) is good
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("dwell", [None, [0.2, 2.0]])
+def test_jumps_may_come_whenever_the_problem_says_so(
+    method: str, dwell: list[float] | None, tmp_path: Path
+) -> None:
+    """A problem without a dwell time makes a design that runs; a jump only empties the window."""
+    jump = {"G": [[1, 0], [0, 1]], **({} if dwell is None else {"dwell_time": dwell})}
+    gains = {"gains": {"L": L}} if method == "exact" else {}
+    asked = problem(
+        [[0.0, 3.5], [-3.5, 0.0]], output={"noise_bound": [0.1]}, jump=jump, method=method, **gains
+    )
+    obsdesign.design(asked).save(tmp_path / "d.json")
+    design = obsdesign.load_design(tmp_path / "d.json")
+    assert obsdesign.verify(design).verdict == "proved"
+    assert ("dwell_time" in design.gains) == (dwell is not None)
+    observer = from_design(design)
+    state = observer.init(t=0.0)
+    for k in range(1, 40):
+        state, estimate = observer.step(state, Sample(0.05 * k, y=[0.0], jump=k in (1, 3)))
+    assert estimate.status == "ok"

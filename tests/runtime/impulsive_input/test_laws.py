@@ -159,6 +159,33 @@ def test_coordinates_time_units_and_signs_do_not_matter() -> None:
         np.testing.assert_allclose(one.weights, -two.weights, atol=1e-6)
 
 
+@pytest.mark.parametrize("weighting", ["gls", "plain"])
+@pytest.mark.parametrize(("units", "second"), [(1e30, 1.0), (1e-30, 1.0), (1e-9, 1e9), (1e9, 1e-9)])
+def test_deviations_scale_with_the_units(weighting: str, units: float, second: float) -> None:
+    """Of y and of time: an age and a weight may be of any two sizes beside each other."""
+    t = np.arange(0.0, 20.0, 0.2)
+    ages = np.maximum(t - 3.03, 0.0)
+    y = 5 * (np.exp(-0.3 * ages) - np.exp(-ages)) + 0.01 * np.random.default_rng(1).normal(
+        size=len(t)
+    )
+    events = []
+    for unit, scale in ((1.0, 1.0), (units, second)):
+        body = {
+            "flow": {"A": [[-1 / scale, 0], [0.5 / scale, -0.3 / scale]]},
+            "jump": {"H": [[1], [0]], "dwell_time": [5 * scale, "inf"]},
+            "output": {"C": [[0, 1]], "measured": "periodic", "period": 0.2 * scale,
+                       "noise_std": [0.01 * unit]},
+            "observer": {"kind": "impulsive_input", "operator": "integral",
+                         "weighting": weighting},
+        }  # fmt: skip
+        rows = rows_from(observer_of(body), t * scale, unit * y[:, None])
+        (event,) = events_of(rows)
+        events.append((event.t / scale, event.weights[0] / unit, event.t_std / scale,
+                       event.weights_std[0] / unit))  # fmt: skip
+    np.testing.assert_allclose(*events, rtol=1e-3)
+    assert 1e-3 < events[0][2] < 1
+
+
 def test_known_inputs_and_drift_are_accounted_for() -> None:
     h, t = 0.05, np.round(0.05 * np.arange(1601), 10)
     A, B = np.array(CHAIN["flow"]["A"]), np.array([[0.0], [1], [0.5]])

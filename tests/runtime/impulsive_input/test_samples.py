@@ -9,12 +9,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import obsdesign
 from lmi.arithmetic.balls import exact
 from lmi.arithmetic.exponential import expm
 from obsdesign.runtime import from_design
 from obsdesign.runtime.base import rows_of
+from obsdesign.runtime.impulsive_input.samples.filter import Row, SampledPlant
 from obsdesign.synthesis.impulsive_input import candidates as synthesis
 from obsdesign.verification.impulsive_input import claims as verification
 from obsdesign.verification.impulsive_input.samples import sampled_claims
@@ -44,6 +47,48 @@ def test_six_impulses_in_the_hormone_record(observer: Any) -> None:
                 assert one == pytest.approx(other, abs=allowed)
         assert [event.status for event in found[:5]] == ["ok"] * 5
         assert found[5].status == "provisional: the record ends inside its window"
+
+
+@pytest.mark.parametrize("size", [1e30, 1e60, 1e99])
+@pytest.mark.parametrize("row", [0, 1, 40])
+def test_an_outlier_at_any_row_leaves_all_rows_finite(observer: Any, size: float, row: int) -> None:
+    y = DATA[:, 1:].copy()
+    y[row] = size
+    rows = list(observer.run(observer.init(0.0), rows_of(DATA[:, 0], y)))
+    assert len(rows) == len(y)
+    assert all(np.isfinite(one.x).all() for one in rows)
+    for event in events_of(rows):
+        assert np.isfinite([event.t, event.t_std, *event.weights, *event.weights_std]).all()
+
+
+@given(st.integers(0, 10**6), st.sampled_from([0, 30, 60, 90]))
+@settings(max_examples=25, deadline=None)
+def test_the_filter_of_a_covariance_however_large_is_that_of_least_squares(
+    seed: int, decades: int
+) -> None:
+    """With P so large that nothing is known before, n samples determine the state."""
+    rng = np.random.default_rng(seed)
+    plant = SampledPlant(
+        rng.standard_normal((2, 2)), np.zeros((2, 0)), rng.standard_normal((1, 2)),
+        np.ones((2, 1)), np.zeros(2),
+    )  # fmt: skip
+    if np.linalg.cond(np.vstack([plant.C, plant.C @ plant.A])) > 50:
+        return
+    t, y, std = np.arange(8) * 0.5, 10.0**decades * rng.uniform(1, 2, (8, 1)), np.full(1, 0.1)
+    rows = [Row(float(a), b, np.zeros(0), 10.0**decades * std) for a, b in zip(t, y, strict=True)]
+    first = plant.start(0.0, np.zeros(2), 1e8 * 10.0**decades * np.eye(2), np.zeros(0), rows[0])
+    last = plant.along(first, rows[1:])[-1]
+    seen = np.vstack([plant.C @ expm(plant.A * (a - t[-1])) for a in t])
+    best = np.linalg.lstsq(seen, y[:, 0], rcond=None)[0]
+    np.testing.assert_allclose(last.x, best, rtol=1e-5, atol=1e-5 * np.abs(best).max())
+    wanted = (10.0**decades * 0.1) ** 2 * np.linalg.inv(seen.T @ seen)
+    np.testing.assert_allclose(last.P, wanted, rtol=1e-4, atol=1e-4 * np.abs(wanted).max())
+
+
+@pytest.mark.parametrize("covariance", [np.full((2, 2), np.nan), np.diag([1.0, -1.0])])
+def test_a_covariance_that_is_none_is_refused(observer: Any, covariance: Any) -> None:
+    with pytest.raises(ValueError, match="covariance must be finite, its diagonal"):
+        observer.init(0.0, covariance=covariance)
 
 
 def test_the_first_covariance_hardly_matters(observer: Any) -> None:

@@ -136,3 +136,53 @@ def _statuses(observer: IntervalObserver, jumps: tuple[float, ...], seen: bool =
         state, row = observer.step(state, Sample(t, y, jump=t in jumps))
         said.append(row.status)
     return said
+
+
+@cache
+def dwell_of_a_period(when: str) -> obsdesign.Design:
+    return obsdesign.design(
+        obsdesign.Problem(
+            flow={"A": [[-1, 0], [1, -2]],
+                  "disturbance": {"lower": [-0.1] * 2, "upper": [0.1] * 2}},
+            jump={"G": [[1.5, 0.5], [0.2, 1.3]], "dwell_time": [0.25, 1.0],
+                  "disturbance": {"lower": [-0.3] * 2, "upper": [0.3] * 2}},
+            output={"C": [[1, 0], [0, 1]], "noise_bound": [0.03, 0.03], "measured": "periodic",
+                    "period": 0.25, "jump_measurement": when},
+            observer={"kind": "interval"},
+        )
+    )  # fmt: skip
+
+
+def _run_with_jumps(when: str, jumps: tuple[float, ...]) -> tuple[Matrix, list[str]]:
+    """(widths relative to `always`, statuses) of rows from 1 to 2: samples all 0.25, and jumps."""
+    design = dwell_of_a_period(when)
+    observer = from_design(design)
+    state, found = observer.init(0.0, lower=[-2, -2], upper=[2, 2]), []
+    samples = {0.25 * k for k in range(9)}
+    for t in sorted({*samples, *jumps}):
+        y = np.zeros(2) if t in samples else None
+        state, row = observer.step(state, Sample(t, y, jump=t in jumps))
+        found.append((t, float(((row.upper - row.lower) / claimed(design)).max()), row.status))
+    found = [entry for entry in found if entry[0] >= 1.0]
+    return np.array([width for _, width, _ in found]), [status for _, _, status in found]
+
+
+@pytest.mark.parametrize("when", ["before", "after"])
+@pytest.mark.parametrize("off", [2.0**-51, 1e-12, 1.2e-10])
+def test_two_jumps_between_samples_say_that_no_width_is_claimed(when: str, off: float) -> None:
+    """A dwell time of the period, but for the tolerance of time: widths more than double."""
+    widths, statuses = _run_with_jumps(when, (1.25 + off, 1.5 - off))
+    assert widths.max() > 2
+    assert statuses[int(np.argmax(widths))] == (
+        "second jump since the sample at 1.25: no width is guaranteed"
+    )
+    assert sum("second jump" in status for status in statuses) == 1
+
+
+@pytest.mark.parametrize("when", ["before", "after"])
+@pytest.mark.parametrize("shift", [-1e-12, 0.0, 1e-12, 0.1])
+def test_a_jump_in_every_period_keeps_the_width(when: str, shift: float) -> None:
+    jumps = tuple(0.25 * k + shift for k in range(3, 7))
+    widths, statuses = _run_with_jumps(when, jumps)
+    assert set(statuses) == {"ok"}
+    assert (widths <= 1).all()

@@ -137,3 +137,29 @@ def test_a_limit_at_zero_is_open() -> None:
     # the radius is 1 at dwell time 0 only: whatever is left open is next to it
     assert outcome.result["not_proved_verdict"] in ("refuted", "undecided")
     assert 0 <= outcome.result["not_proved"] < outcome.result["proved"] < 1e-6
+
+
+@pytest.mark.parametrize("kind", ["luenberger", "interval"])
+def test_gains_that_were_searched_for_refute_no_range(kind: str) -> None:
+    """Shorter dwell times than those of the answer have an observer: other gains have it."""
+    shorter: dict[str, Any] = {
+        "flow": {"A": [[-1.2, 0.8], [0.3, -2.8]]},
+        "jump": {"G": [[1.4, 0.7], [-0.8, 0.9]], "dwell_time": [0.0, "inf"]},
+        "output": {"C": [[0.4, 0.3]], "noise_bound": [0.1]},
+        "observer": {"kind": kind},
+    }
+    designed = obsdesign.design(obsdesign.Problem.from_dict(shorter))
+    given = {**shorter, "jump": {**shorter["jump"], "dwell_time": [0.5, "inf"]}}
+    answer = search(obsdesign.Problem.from_dict(given), "shortest_dwell", 1e-3)
+    assert answer.verdict == "proved"
+    assert answer.result["proved"] > designed.gains["dwell_time"][0] == 0
+    assert answer.result["not_proved_verdict"] == "undecided"
+    assert answer.result["witness"] is None
+    assert "thetas" in answer.result["these_gains"]["witness"]
+    assert answer.result["reason"].startswith("other gains may do; for these, ")
+    # the twin: the same gains, given by the file, are refuted by the same witness
+    gains = {name: np.asarray(answer.result["gains"][name]).tolist() for name in ("L", "M")}
+    fixed = {**given, "observer": {"kind": kind, "gains": gains}}
+    again = search(obsdesign.Problem.from_dict(fixed), "shortest_dwell", 1e-3)
+    assert again.result["not_proved_verdict"] == "refuted"
+    assert again.result["witness"] == answer.result["these_gains"]["witness"]

@@ -228,11 +228,13 @@ def test_how_much_an_output_jumps_does_not_depend_on_units() -> None:
 
 
 def test_a_dwell_time_is_too_short_beyond_the_deviations_of_both_times() -> None:
-    assert short_dwell(5.9, 6.0) == "dwell time 5.9 below 6"
-    assert not short_dwell(6.0, 6.0)
-    assert not short_dwell(5.9, 6.0, 0.03, 0.04)
-    assert short_dwell(5.8, 6.0, 0.03, 0.04)
-    assert not short_dwell(np.inf, 6.0, 0.1, 0.0)
+    assert short_dwell(0.0, 5.9, 6.0) == "dwell time 5.9 below 6"
+    assert not short_dwell(0.0, 6.0, 6.0)
+    assert not short_dwell(0.0, 5.9, 6.0, 0.03, 0.04)
+    assert short_dwell(0.0, 5.8, 6.0, 0.03, 0.04)
+    assert not short_dwell(-np.inf, 5.0, 6.0, 0.1, 0.0)
+    assert not short_dwell(-9.1, -3.1 - 5e-9, 6.0)
+    assert short_dwell(-9.1, -3.1 - 7e-9, 6.0)
 
 
 def test_admissible_impulses_are_seldom_called_too_close() -> None:

@@ -20,7 +20,7 @@ from obsdesign.synthesis.interval.descent import best_gains
 from obsdesign.synthesis.interval.goals import growth, mean_width, shortest
 from obsdesign.synthesis.interval.linear_program import clock_gains
 from obsdesign.synthesis.interval.task import task_of
-from obsdesign.workflow import reason
+from obsdesign.verification.answers import reason
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -82,8 +81,7 @@ class Addition:
         x[window] += self.run.impulse_error(track.t[window], event.t, jump)
         if decision.correction.any():
             x[window] += self.run.coasting(track.t[window], t_o, decision.correction)
-        apart = event.t - live.last_event + math.ulp(event.t)  # as long as the stamps allow
-        gap = short_dwell(apart, self.dwell, live.last_std, event.t_std or 0.0)
+        gap = short_dwell(live.last_event, event.t, self.dwell, live.last_std, event.t_std or 0.0)
         if gap:
             words = gap if event.status == "ok" else f"{event.status}; {gap}"
             event = replace(event, status=words)

@@ -27,7 +27,7 @@ from obsdesign.equations.impulsive_input.features import kernel_weights
 from obsdesign.runtime.base import Vector
 from obsdesign.runtime.flow_response import responses
 from obsdesign.runtime.step_cache import cached_step
-from obsdesign.runtime.time_stamps import RELATIVE_TIME_TOLERANCE, time_tolerance
+from obsdesign.runtime.time_stamps import time_tolerance, time_tolerances
 
 # (a, b, h): the cells between rows a, a + 1, ..., b all have the length h
 Run = tuple[int, int, float]
@@ -256,7 +256,7 @@ class FreeRun:
         if len(times) < 2:
             return []
         steps = np.diff(times)
-        slack = RELATIVE_TIME_TOLERANCE * steps + np.spacing(np.abs(times[1:]))
+        slack = time_tolerances(steps, times[1:])
         cuts = np.flatnonzero(np.abs(np.diff(steps)) > slack[1:] + slack[:-1]) + 1
         ends = itertools.pairwise([0, *cuts.tolist(), len(steps)])
         return [(a, b, self._length(times, a, b)) for a, b in ends]

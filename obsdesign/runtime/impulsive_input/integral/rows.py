@@ -22,6 +22,7 @@ from obsdesign.runtime.impulsive_input.event import Event
 from obsdesign.runtime.impulsive_input.integral.free_run import FreeRun, Track
 from obsdesign.runtime.impulsive_input.integral.search import Position, Rule, Search
 from obsdesign.runtime.impulsive_input.residuals import Residuals
+from obsdesign.runtime.time_stamps import time_tolerance
 
 Array = NDArray[Any]
 
@@ -188,6 +189,6 @@ class Rows:
         if self.period is not None and live.first is not None:
             count = round((t - live.first) / self.period)
             apart = abs(t - live.first - count * self.period)
-            if apart > 1e-6 * self.period + math.ulp(t):
+            if apart > time_tolerance(t - live.first, t):
                 return "ok"  # a row between two samples misses none
         return _MISSING

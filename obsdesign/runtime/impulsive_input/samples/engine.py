@@ -26,7 +26,12 @@ from numpy.typing import NDArray
 from obsdesign.runtime.base import Estimate, Vector, status_of
 from obsdesign.runtime.impulsive_input.event import MISFIT, Event, short_dwell
 from obsdesign.runtime.impulsive_input.residuals import LARGER, Residuals, birge_ratio
-from obsdesign.runtime.impulsive_input.samples.filter import Filtered, Row, SampledPlant
+from obsdesign.runtime.impulsive_input.samples.filter import (
+    Filtered,
+    Row,
+    SampledPlant,
+    square_root,
+)
 from obsdesign.runtime.impulsive_input.samples.onset import ONSETS, Cells, Fit, OnsetModel
 from obsdesign.runtime.impulsive_input.samples.steady_input import STEADY, Steady
 from obsdesign.runtime.impulsive_input.whitening import noise_deviation
@@ -153,9 +158,9 @@ class SamplesEngine:
 
     def _first(self, live: SampledLive, row: Row) -> SampledLive:
         plant = self.model.plant
-        x, P = plant.free(live.t, live.x, live.u, row.t), live.P
-        P = np.diag(self._guess(x, row) ** 2) if P is None else P
-        at = plant.start(live.t, live.x, P, live.u, row)
+        x = plant.free(live.t, live.x, live.u, row.t)
+        factor = np.diag(self._guess(x, row)) if live.P is None else square_root(live.P)
+        at = plant.start(live.t, live.x, factor, live.u, row)
         return replace(live, rows=(at,), steady=(Steady.begin(at),) * 2)
 
     def _guess(self, x: Vector, row: Row) -> Vector:
@@ -205,7 +210,8 @@ class SamplesEngine:
             live.cells, live.cells.grid.before(last - _LATEST * (last - before))
         )
         top = int(np.argmax(fit.ratio))
-        oldest = first.row.t + interval - 1e-9 * self.period
+        oldest = first.row.t + interval
+        oldest -= time_tolerance(interval, oldest)
         if fit.ratio[top] > self.least_ratio and fit.grid.onsets[top] < oldest:
             return self._fired(live, interval, provisional)
         since = second.row.t - self.period - time_tolerance(self.period, second.row.t)
@@ -287,8 +293,7 @@ class SamplesEngine:
             status = MISFIT
         if whole > 1:
             status = _joined(status, LARGER)
-        apart = t - live.last_event + math.ulp(t)  # as long as the stamps allow
-        if gap := short_dwell(apart, self.dwell, live.last_std, t_std):
+        if gap := short_dwell(live.last_event, t, self.dwell, live.last_std, t_std):
             status = _joined(status, gap)
         if not alone:
             status = _joined(status, STEADY)

@@ -36,17 +36,23 @@ class Row:
 class Filtered:
     """The filter at a row, its sample used: x (n,), P (n, n), and how the row was reached.
 
+    factor (n, n): P = factor factor', which no rounding makes indefinite, however large P was.
     flow (n, n): of an error since the row before; kept (n, n): what the sample leaves of it.
     shown (p, n), surprise (p,): the row of C, and the innovation, over the deviation of the latter.
     """
 
     row: Row
     x: Vector
-    P: Array
+    factor: Array
     flow: Array
     kept: Array
     shown: Array
     surprise: Vector
+
+    @property
+    def P(self) -> Array:
+        """Covariance of x."""
+        return np.asarray(self.factor @ self.factor.T)
 
     @property
     def cost(self) -> float:
@@ -54,10 +60,10 @@ class Filtered:
         return float(self.surprise @ self.surprise)
 
     @classmethod
-    def given(cls, row: Row, x: Vector, P: Array) -> Filtered:
+    def given(cls, row: Row, x: Vector, factor: Array) -> Filtered:
         """A filter that begins at a row whose sample was used already."""
         unit = np.eye(len(x))
-        return cls(row, x, P, unit, unit, np.zeros((0, len(x))), np.zeros(0))
+        return cls(row, x, factor, unit, unit, np.zeros((0, len(x))), np.zeros(0))
 
 
 @dataclass(frozen=True)
@@ -84,10 +90,10 @@ class SampledPlant:
         flow, once = self.step(t, until)
         return np.asarray(flow @ x + once @ (self.B @ u + self.drift))
 
-    def start(self, t: float, x: Vector, P: Array, u: Vector, row: Row) -> Filtered:
-        """The filter at its first row, from a guess x of covariance P at time t."""
+    def start(self, t: float, x: Vector, factor: Array, u: Vector, row: Row) -> Filtered:
+        """The filter at its first row, from a guess x of covariance factor factor' at time t."""
         flow = self.step(t, row.t)[0] if row.t > t else np.eye(len(x))
-        return self._used(row, self.free(t, x, u, row.t), flow @ P @ flow.T, flow)
+        return self._used(row, self.free(t, x, u, row.t), flow @ factor, flow)
 
     def after(self, before: Filtered, row: Row, jump: Vector | None = None) -> Filtered:
         """The filter at the next row; `jump` is added to the state just before that row."""
@@ -95,7 +101,7 @@ class SampledPlant:
         flow, once = self.step(since.t, row.t)
         x = flow @ before.x + once @ (self.B @ since.u + self.drift)
         x = x if jump is None else x + jump
-        return self._used(row, x, flow @ before.P @ flow.T, flow)
+        return self._used(row, x, flow @ before.factor, flow)
 
     def along(self, first: Filtered, rows: Iterable[Row]) -> list[Filtered]:
         """The filter at each of the rows that follow `first`."""
@@ -105,16 +111,34 @@ class SampledPlant:
             found.append(at)
         return found
 
-    def _used(self, row: Row, x: Vector, P: Array, flow: Array) -> Filtered:
-        unit = np.eye(len(x))
+    def _used(self, row: Row, x: Vector, factor: Array, flow: Array) -> Filtered:
+        """After the sample of a row: the array form of the filter, an orthogonal transformation.
+
+        Kailath, Sayed, Hassibi, Linear Estimation, section 12.3: no difference of covariances.
+        """
+        n, p = len(x), len(self.C)
         if row.y is None:
-            return Filtered(row, x, P, flow, unit, np.zeros((0, len(x))), np.zeros(0))
-        R, seen = np.diag(row.spread**2), self.C @ P
-        S, miss = seen @ self.C.T + R, row.y - self.C @ x
-        gain = np.linalg.solve(S, seen).T
-        kept = unit - gain @ self.C
-        P = kept @ P @ kept.T + gain @ R @ gain.T  # Joseph's form: stays positive
-        white = np.linalg.solve(np.linalg.cholesky(S), np.column_stack([self.C, miss]))
+            return Filtered(row, x, factor, flow, np.eye(n), np.zeros((0, n)), np.zeros(0))
+        array = np.block([[np.diag(row.spread), self.C @ factor], [np.zeros((n, p)), factor]])
+        lower = triangular(array)
+        S, gain = lower[:p, :p], lower[p:, :p]
+        miss = row.y - self.C @ x
+        white = np.linalg.solve(S, np.column_stack([self.C, miss]))
         return Filtered(
-            row, x + gain @ miss, (P + P.T) / 2, flow, kept, white[:, :-1], white[:, -1]
-        )
+            row, x + gain @ white[:, -1], lower[p:, p:], flow, np.eye(n) - gain @ white[:, :-1],
+            white[:, :-1], white[:, -1],
+        )  # fmt: skip
+
+
+def triangular(columns: Array) -> Array:
+    """Lower triangular L (n, n) with L L' = M M' for M (n, m), its diagonal not negative."""
+    L = np.asarray(np.linalg.qr(columns.T, mode="r")).T
+    return np.asarray(L * np.where(np.diag(L) < 0, -1.0, 1.0))
+
+
+def square_root(P: Array) -> Array:
+    """F (n, n) with F F' = P for a covariance P, of units as different as they may be."""
+    sizes = np.sqrt(np.diag(P))
+    sizes = np.where(sizes > 0, sizes, 1.0)
+    values, vectors = np.linalg.eigh(P / sizes / sizes[:, None])
+    return np.asarray(sizes[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))

@@ -23,7 +23,12 @@ from numpy.typing import NDArray
 
 from lmi.arithmetic.exponential import expm
 from obsdesign.runtime.base import Vector
-from obsdesign.runtime.impulsive_input.samples.filter import Filtered, Row, SampledPlant
+from obsdesign.runtime.impulsive_input.samples.filter import (
+    Filtered,
+    Row,
+    SampledPlant,
+    triangular,
+)
 from obsdesign.runtime.step_cache import cached_step
 
 Array = NDArray[Any]
@@ -31,6 +36,7 @@ Array = NDArray[Any]
 ONSETS = 40  # per period of the samples
 _REFINEMENTS = 12  # of the grid of onsets, tenfold each
 _CROWDED = 0.95  # probability of three neighbours from which a grid is too coarse
+_LEAST_SPREAD = 1e-9  # smallest variance kept, relative to the mean one
 _SAME = 1e-12  # times closer than this are one
 
 
@@ -230,9 +236,10 @@ class OnsetModel:
             means.append(x)
         onto = (cells.moved[:, fit.grid.cell] * fit.grid.states).sum(axis=2)  # (n, G): d x / d g
         away = onto * fit.weights - (onto @ mean)[:, None]
-        P = at.P + (onto * (fit.probability / fit.precision)) @ onto.T
-        P = P + (away * fit.probability) @ away.T
-        # rounding must not leave it indefinite
-        floor = 1e-9 * float(np.trace(P)) / n
-        P = (P + P.T) / 2 + floor * np.eye(n)
-        return [*means[:-1], at.x], Filtered.given(at.row, at.x, P)
+        likely = np.sqrt(fit.probability)
+        spread = np.hstack([onto * likely / np.sqrt(fit.precision), away * likely])
+        factor = triangular(np.hstack([at.factor, spread]))
+        # rounding must not leave it singular
+        floor = math.sqrt(_LEAST_SPREAD / n) * float(np.linalg.norm(factor))
+        factor = triangular(np.hstack([factor, floor * np.eye(n)]))
+        return [*means[:-1], at.x], Filtered.given(at.row, at.x, factor)

@@ -1,0 +1,32 @@
+"""Bounds of the noise: symmetric ones, or pairs, as a centre and a radius."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+def noise_box(bound: Any) -> tuple[NDArray[np.float64] | None, NDArray[np.float64]]:
+    """(centre, radius) of bounds of the noise, (p,) or pairs (p, 2); all |v - centre| <= radius.
+
+    centre: None where all bounds are symmetric.
+    """
+    values = np.asarray(bound, dtype=np.float64)
+    if values.ndim == 1:
+        return None, values
+    lower, upper = values.T
+    centre = lower + (0.5 * upper - 0.5 * lower)
+    radius = np.maximum(_difference_up(upper, centre), _difference_up(centre, lower))
+    return (centre if centre.any() else None), radius
+
+
+def _difference_up(a: Array, b: Array) -> Array:
+    """a - b, rounded up where it is rounded; by the error of a sum (Knuth, TAOCP 2, 4.2.2)."""
+    difference = a - b
+    virtual = difference - a
+    error = (a - (difference - virtual)) - (b + virtual)
+    return np.where(error > 0, np.nextafter(difference, np.inf), difference)
