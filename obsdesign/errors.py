@@ -11,9 +11,9 @@ class InputError(ValueError):
 
 
 class DoesNotApply(InputError):
-    """A block or a way of measuring that the kind needs is missing from the problem.
+    """The kind does not serve this plant: an entry that it needs is missing, or one is refused.
 
-    entry: what the kind needs otherwise, as "jump.H".
+    entry: the one that the kind needs, as "jump.H"; empty where no single entry would do.
     """
 
     def __init__(self, text: str, entry: str = "") -> None:

@@ -65,7 +65,7 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[TextIO]:
             with target.open("w", encoding="utf-8") as stream:
                 yield stream
             return
-        with _beside(target) as file:
+        with _temporary_file(target) as file:
             yield file
     except BrokenPipeError:  # of another stream: who reads our output left
         raise
@@ -74,7 +74,7 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[TextIO]:
 
 
 @contextmanager
-def _beside(target: Path) -> Iterator[TextIO]:
+def _temporary_file(target: Path) -> Iterator[TextIO]:
     """A new file in the folder of `target`, which it replaces when the block ends well."""
     name = target.with_name(f".obsdesign-{secrets.token_hex(8)}")
     with unwinding_signals():

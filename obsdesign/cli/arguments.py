@@ -54,13 +54,10 @@ def problem_of(path: str, kind: str | None) -> tuple[Problem, list[str]]:
 def source_of(source: str) -> Problem:
     """The problem in a problem file, or inside a design file."""
     from obsdesign.document import FORMAT, load_design
+    from obsdesign.input_files import read_text
     from obsdesign.problem.problem import Problem, load_problem
 
-    try:
-        is_design = source.endswith(".json") and f'"{FORMAT}"' in Path(source).read_text("utf-8")
-    except (OSError, UnicodeDecodeError):
-        is_design = False  # load_problem says what is wrong with the file
-    if is_design:
+    if source.endswith(".json") and f'"{FORMAT}"' in read_text(source):
         return Problem.from_dict(load_design(source).problem)
     return load_problem(source)
 

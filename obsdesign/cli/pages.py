@@ -73,7 +73,7 @@ def report(design_file: str, data: str | None, initial: str | None, output: str)
     from obsdesign.cli.answers import EXIT_CODES
     from obsdesign.output_files import refuse_overwriting
     from obsdesign.pages.report import write_report
-    from obsdesign.workflow import reason
+    from obsdesign.verification.answers import reason
 
     refuse_overwriting(output, design_file, data)
     start = None if initial is None else numbers(initial, "--initial")

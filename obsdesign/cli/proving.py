@@ -5,7 +5,7 @@ from __future__ import annotations
 import click
 
 from obsdesign.cli.arguments import KIND, one_of, problem_of, time_option
-from obsdesign.cli.talk import is_quiet, is_verbose, progress_bar, say, told_if_slow, warn
+from obsdesign.cli.talk import is_quiet, is_verbose, progress_bar, progress_message, say, warn
 from obsdesign.errors import InputError
 from obsdesign.problem.kinds import SEARCHES
 
@@ -58,7 +58,7 @@ def design(
     loaded, dropped = problem_of(problem, kind)
     refuse_overwriting(output, problem)
     try:
-        with told_if_slow("designing"):
+        with progress_message("designing"):
             outcome = workflow.investigate(loaded, seconds=seconds)
     except InputError as error:
         raise InputError(f"{problem}: {error}") from None
@@ -91,7 +91,7 @@ def verify(design_file: str, paranoid: bool, as_json: bool) -> int:
 
     design = load_design(design_file)
     try:
-        with told_if_slow("verifying"):
+        with progress_message("verifying"):
             outcome = workflow.verify(design, paranoid=paranoid)
     except InputError as error:
         raise InputError(f"{design_file}: {error}") from None
@@ -121,7 +121,7 @@ def search(
 
     loaded, dropped = problem_of(problem, kind)
     try:
-        with told_if_slow("searching"):
+        with progress_message("searching"):
             outcome = searching.search(loaded, what, accuracy, seconds=seconds)
     except InputError as error:
         raise InputError(f"{problem}: {error}") from None

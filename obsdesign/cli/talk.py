@@ -41,8 +41,8 @@ def warn(text: str) -> None:
 
 
 @contextmanager
-def told_if_slow(doing: str) -> Iterator[None]:
-    """One line on standard error where this takes a while of processor time; said meanwhile."""
+def progress_message(doing: str) -> Iterator[None]:
+    """Print one line on standard error if the block takes longer than `_WHILE` seconds."""
     done, start = Event(), time.process_time()
 
     def watch() -> None:

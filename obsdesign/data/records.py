@@ -11,7 +11,7 @@ import csv
 import io
 import math
 import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TextIO
 
@@ -25,23 +25,29 @@ Remark = Callable[[str], None]
 _NOT_TEXT = "{}: UTF-8 text is required; it is not. Is it a binary file?"
 
 
-def ignored(text: str) -> None:
-    """What nobody asked to be told."""
+def discard(text: str) -> None:
+    """Discard a remark."""
 
 
 @dataclass(frozen=True)
 class Layout:
-    """What a plant's data has: numbers of measurements, known inputs, jump inputs; jumps."""
+    """Columns of a plant's data: numbers of measurements, known inputs, jump inputs; jumps."""
 
     y: int
     u: int = 0
     w: int = 0
     jump: bool = False
 
+    @staticmethod
+    def from_reads(reads: Mapping[str, int]) -> Layout:
+        """The layout of the samples that an observer reads (`Observer.reads`)."""
+        return Layout(reads["y"], reads["u"], reads["w"], bool(reads["jump"]))
+
     @property
     def columns(self) -> tuple[str, ...]:
         """Required columns, in their usual order."""
-        numbered = [f"{c}{i + 1}" for c in "yuw" for i in range(getattr(self, c))]
+        counts = {"y": self.y, "u": self.u, "w": self.w}
+        numbered = [f"{letter}{i + 1}" for letter, n in counts.items() for i in range(n)]
         return ("t", *numbered, *(["jump"] if self.jump else []))
 
 
@@ -51,13 +57,13 @@ def read_samples(
     name: str,
     *,
     after: float = -math.inf,
-    remark: Remark = ignored,
+    remark: Remark = discard,
     skip: Remark | None = None,
 ) -> Iterator[Sample]:
     """Samples of a CSV file or pipe, checked row by row; one row is one line.
 
-    after: a time before the first row; remark: told of columns that the plant has no use for; skip:
-    told of every line that is no row, instead of an error.
+    after: a time before the first row; remark: called with columns that the plant has no use for;
+    skip: called with every line that is no row, instead of an error.
 
     InputError: no header, missing or doubled columns, text where a number belongs, times that do
     not increase, rows of the wrong length.
@@ -143,36 +149,20 @@ def _cells(line: str, where: str, name: str) -> list[str]:
         raise InputError(f"{where}: not valid CSV: {error}.") from None
 
 
-def _decoded(stream: TextIO, name: str) -> Iterator[str]:
-    try:
-        for line in stream:
-            if "\0" in line:
-                raise InputError(f"{name}: a text file is required; it holds a zero byte.")
-            yield line
-    except UnicodeDecodeError:
-        raise InputError(_NOT_TEXT.format(name)) from None
-
-
-def _next_row(rows: Any, name: str) -> list[str] | None:
-    try:
-        row: list[str] | None = next(rows, None)
-        return row
-    except csv.Error as error:
-        raise InputError(f"{name} line {rows.line_num}: not valid CSV: {error}.") from None
-
-
 def _places(header: list[str], layout: Layout, name: str) -> dict[str, int]:
     if header and header[0].startswith("\ufeff"):
         header[0] = header[0].removeprefix("\ufeff")
     for title in layout.columns:
         if title not in header:
-            found = ", ".join(header)
+            titles = ", ".join(header)
             hint = ""
-            if len(header) == 1 and re.search(r"[;\t|]", found):
+            if len(header) == 1 and re.search(r"[;\t|]", titles):
                 hint = " Columns are separated by commas."
             elif title.lower() in [name.lower() for name in header]:
                 hint = " Names of columns are in small letters."
-            raise InputError(f"{name}: column {title!r} is required; the header has {found}.{hint}")
+            raise InputError(
+                f"{name}: column {title!r} is required; the header has {titles}.{hint}"
+            )
         if header.count(title) > 1:
             raise InputError(
                 f"{name}: column {title!r} stands {header.count(title)} times in the header."
@@ -230,12 +220,8 @@ def estimate_line(estimate: Estimate) -> str:
     return ",".join([*map(_cell, numbers), estimate.status.replace(",", ";")])
 
 
-def event_line(event: Any) -> str:
-    """One line of an event file, from its cells or from what has `row()`.
-
-    A text keeps its place without commas of its own; NaN becomes an empty cell.
-    """
-    cells = event.row() if hasattr(event, "row") else event
+def event_line(cells: Sequence[float | str]) -> str:
+    """One line of an event file: texts without their commas, NaN as an empty cell."""
     return ",".join(_cell(x).replace(",", ";") for x in cells)
 
 
@@ -261,16 +247,19 @@ def read_columns(path: str) -> dict[str, list[str]]:
     """
     try:
         with open(path, encoding="utf-8-sig", newline="") as file:
-            rows = csv.reader(_decoded(file, path), strict=True)
-            header = _next_row(rows, path)
+            rows = (
+                (number, _cells(line, f"{path} line {number}", path))
+                for number, line in enumerate(_lines(file, path), start=1)
+            )
+            header = next(rows, (1, []))[1]
             if not header:
                 raise InputError(f"{path}: a header line is required; the file is empty.")
             table: dict[str, list[str]] = {title.strip(): [] for title in header}
-            while (cells := _next_row(rows, path)) is not None:
+            for number, cells in rows:
                 if cells and len(cells) != len(header):
                     raise InputError(
-                        f"{path} line {rows.line_num}: {len(header)} values are required, "
-                        f"one per column; got {len(cells)}."
+                        f"{path} line {number}: {len(header)} values are required, one per "
+                        f"column; got {len(cells)}."
                     )
                 for title, cell in zip(table, cells, strict=False):
                     table[title].append(cell.strip())

@@ -27,9 +27,10 @@ from obsdesign.output_files import temporary_folder, write_text
 from obsdesign.pages.curves import curve_of
 from obsdesign.pages.key_numbers import numbers_of
 from obsdesign.problem.problem import Problem
-from obsdesign.studies.comparison.compare import MOST_ROWS, beside_filter
+from obsdesign.studies.comparison.compare import MOST_ROWS, compare_with_kalman
 from obsdesign.studies.comparison.record import Record
 from obsdesign.studies.comparison.row import table
+from obsdesign.verification.answers import reason
 
 _KINDS = {
     "interval": "Interval observer",
@@ -129,7 +130,7 @@ def _claim(claim: Any) -> dict[str, Any]:
         "verdict": claim.verdict,
         "statement": claim.statement,
         "source": claim.source,
-        "why": "" if claim.verdict == "proved" else workflow.reason(claim),
+        "why": "" if claim.verdict == "proved" else reason(claim),
         "numbers": list(numbers_of(claim.evidence)),
     }
 
@@ -187,15 +188,15 @@ def _estimate(
             raise
         plot_estimate(estimates, source, picture)
         svg = Path(picture).read_text("utf-8")
-        beside = _beside(design, source, initial)
+        rows = _rows_with_kalman(design, source, initial)
     total = counts.pop("rows")
     told = ", ".join(f"{number} {status}" for status, number in counts.most_common())
     origin = f"of {Path(data).name}" if data else "simulated with random admissible disturbances"
     caption = f"{total} rows {origin}: {told}."
-    return {"title": title, "image": _inline(svg), "caption": caption, "beside": beside}
+    return {"title": title, "image": _inline(svg), "caption": caption, "beside": rows}
 
 
-def _beside(
+def _rows_with_kalman(
     design: Design, source: str, initial: Sequence[float] | None
 ) -> tuple[list[str], list[list[str]]] | None:
     """The design and a Kalman filter, where the record has the true state."""
@@ -205,4 +206,4 @@ def _beside(
     if initial is not None and design.kind != "interval":
         x = np.asarray(initial, dtype=np.float64)
         initial = np.column_stack([x - 1, x + 1]).reshape(-1).tolist()
-    return table(beside_filter(design, record, initial))
+    return table(compare_with_kalman(design, record, initial))

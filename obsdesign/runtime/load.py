@@ -67,19 +67,22 @@ def _same_plant(design: Design, path: str) -> None:
         table = design.problem.get(block)
         stated = table.get(key) if isinstance(table, dict) else None
         if name in design.gains and not same(jsonable(design.gains[name]), jsonable(stated)):
-            if name == "dwell_time" and _holds(design.gains[name], stated):
-                continue  # the range found is wider than the one asked for
+            if name == "dwell_time" and _is_searched_range(design, stated):
+                continue
             raise InputError(
                 f"{path}: gains.{name} differs from problem.{block}.{key}; `obsdesign verify` "
                 "tells more. Was the file put together by hand?"
             )
 
 
-def _holds(found: Any, asked: Any) -> bool:
-    """One range of dwell times contains another."""
-    if np.shape(found) != (2,) or not isinstance(asked, list) or len(asked) != 2:
+def _is_searched_range(design: Design, stated: Any) -> bool:
+    """Is the range of the gains one that a search for the shortest dwell time may have proved?"""
+    options, proved = design.problem.get("observer"), design.gains["dwell_time"]
+    if not isinstance(options, dict) or options.get("objective") != "shortest_dwell":
         return False
-    if not all(is_number(end) or end == "inf" for end in asked):
+    if np.shape(proved) != (2,) or np.shape(stated) != (2,):
         return False
-    low, high = (float(end) for end in asked)
-    return bool(found[0] <= low and found[1] >= high)
+    if not all(is_number(end) or end == "inf" for end in stated):
+        return False
+    low, high = (float(end) for end in stated)
+    return bool(0.0 <= proved[0] <= low and proved[1] == high)

@@ -19,7 +19,7 @@ import numpy as np
 
 from obsdesign.document import Design, digest
 from obsdesign.errors import InputError
-from obsdesign.input_files import keys_once
+from obsdesign.input_files import keys_once, require_depth
 from obsdesign.runtime.base import Row
 from obsdesign.runtime.finite_time.tape import Tape
 
@@ -32,9 +32,9 @@ _DTYPES: Mapping[str, Any] = {"float": np.float64, "int": np.int64, "bool": np.b
 
 @dataclass(frozen=True)
 class Progress:
-    """Where an observer stands: its state, and rows (t, y, u) since then that are taken again.
+    """The state of an observer, and rows (t, y, u) since then that are taken again.
 
-    given: estimates out of these rows that were given out already.
+    given: number of estimates of these rows that were written already.
     """
 
     state: Any
@@ -83,6 +83,10 @@ def progress_from_text(text: str, design: Design, observer: Any, path: str) -> P
 def _checked_body(text: str, design: Design, path: str) -> dict[str, Any]:
     try:
         body = json.loads(text, object_pairs_hook=keys_once)
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{path}: not a state file that can be resumed: {error}.") from None
+    require_depth(body, path)
+    try:
         if not isinstance(body, dict) or body.get("format") != FORMAT:
             raise ValueError(f"format must be {FORMAT!r}")
         if type(body.get("version")) is not int or body["version"] != VERSION:
@@ -91,7 +95,7 @@ def _checked_body(text: str, design: Design, path: str) -> dict[str, Any]:
             raise ValueError(f"its keys must be {', '.join(sorted(_KEYS))}")
         if body["digest"] != digest(body):
             raise ValueError("digest does not match the content; it was changed")
-    except (ValueError, RecursionError) as error:
+    except ValueError as error:
         raise InputError(f"{path}: not a state file that can be resumed: {error}.") from None
     own = design.to_dict()["digest"]
     if body["design"] != own:
@@ -177,10 +181,10 @@ class _Reader:
         place = value.get("array") if isinstance(value, dict) and len(value) == 1 else None
         if type(place) is not int or not 0 <= place < len(self._arrays):
             raise _wrong(name, "an array", value)
-        found, (wanted,) = self._arrays[place], get_args(args[1])
-        if wanted is not Any and found.dtype != wanted:
-            raise _wrong(name, f"an array of {wanted.__name__}", str(found.dtype))
-        return found
+        array, (dtype,) = self._arrays[place], get_args(args[1])
+        if dtype is not Any and array.dtype != dtype:
+            raise _wrong(name, f"an array of {dtype.__name__}", str(array.dtype))
+        return array
 
     def _record(self, kind: Any, names: Sequence[str], value: Any, name: str) -> Any:
         if not isinstance(value, dict) or set(value) != {"type", *names}:
@@ -232,6 +236,6 @@ def _number(value: float) -> float | str:
 
 
 def _wrong(name: str, required: str, arrived: Any) -> TypeError:
-    told = json.dumps(arrived, default=str)
-    told = told if len(told) <= 60 else f"{told[:57]}..."
-    return TypeError(f"{name} must be {required}; got {told}.")
+    text = json.dumps(arrived, default=str)
+    text = text if len(text) <= 60 else f"{text[:57]}..."
+    return TypeError(f"{name} must be {required}; got {text}.")

@@ -19,6 +19,9 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+from numpy.typing import NDArray
+
 # Decimal periods and dwell times that agree to this part of their length are equal.
 RELATIVE_TIME_TOLERANCE = 1e-9
 
@@ -31,3 +34,11 @@ def length_error(h: float, size: float) -> float:
 def time_tolerance(length: float, t: float) -> float:
     """Largest deviation from `length`, which ends at stamp t, that still counts as equal to it."""
     return RELATIVE_TIME_TOLERANCE * length + math.ulp(max(abs(t), abs(t - length)))
+
+
+def time_tolerances(
+    lengths: NDArray[np.float64], times: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """`time_tolerance` of each of the lengths (k,), which end at stamps (k,)."""
+    sizes = np.maximum(np.abs(times), np.abs(times - lengths))  # the spacing of -1 is negative
+    return np.asarray(RELATIVE_TIME_TOLERANCE * lengths + np.spacing(sizes))

@@ -13,6 +13,7 @@ from lmi.find.copositive import decide_copositive, looks_positive
 from lmi.find.largest_rates import largest_rates
 from lmi.prove.rates import propose_rates
 from lmi.time_budget import left
+from obsdesign.problem.options import memory_of
 from obsdesign.problem.problem import Problem
 
 # from so many states on, linear programs come first: a matrix has n (n + 1) / 2 unknowns
@@ -23,7 +24,7 @@ def question(problem: Problem) -> dict[str, Any]:
     """What a problem asks of `lmi.decide.stability` beside the range: memory and jitter."""
     jump = problem.plant.jump
     jitter = math.inf if jump is None else jump.dwell_jitter
-    return {"memory": problem.options.get("memory", "auto"), "jitter": jitter}
+    return {"memory": memory_of(problem.options), "jitter": jitter}
 
 
 def dwell_certificates(

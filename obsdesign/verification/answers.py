@@ -14,7 +14,9 @@ from obsdesign.errors import DoesNotApply, InputError
 def as_answers(
     candidate: Any, claims: tuple[Claim, ...], remarks: Sequence[Remark] = ()
 ) -> tuple[Claim, ...]:
-    """Claims about a candidate as answers to its problem: a search that fails refutes nothing.
+    """Claims about a candidate as answers to its problem.
+
+    A claim refuted for gains that synthesis chose is undecided for the problem: others may do.
 
     remarks: of the searches that made the candidate; what they leave undecided says that a budget
     ended them.
@@ -22,7 +24,7 @@ def as_answers(
     if any(_witness_holds_for_all_gains(claim) for claim in claims):
         return claims
     if candidate.searched:
-        claims = tuple(_for_these_gains(claim) for claim in claims)
+        claims = tuple(_undecided_for_problem(claim) for claim in claims)
     gains_ended = next((one.evidence for one in reversed(remarks) if one.evidence), {})
     return tuple(
         with_end(claim, ended_part(candidate.certificates.get(claim.id, {})) or gains_ended)
@@ -31,11 +33,11 @@ def as_answers(
 
 
 def with_untried(claim: Claim) -> Claim:
-    """What refutes the forms that were tried does not refute those that time did not allow.
+    """The claim where time ended before all forms were tried: no longer refuted.
 
-    Whatever the witness: one for all gains speaks about all gains of its form.
+    Whatever the witness: one for all gains is about all gains of its form.
     """
-    return with_end(_weakened(claim, f"{reason(claim)}; other forms were not tried"), ended())
+    return with_end(_as_undecided(claim, f"{reason(claim)}; other forms were not tried"), ended())
 
 
 def with_end(claim: Claim, end: Mapping[str, Any]) -> Claim:
@@ -46,7 +48,7 @@ def with_end(claim: Claim, end: Mapping[str, Any]) -> Claim:
 
 
 def verdict_of_refusal(error: InputError) -> str:
-    """What a problem that a kind cannot read as asked says of the kind: it is no witness."""
+    """The verdict on a kind that refused a problem: a refusal is no witness."""
     return "does_not_apply" if isinstance(error, DoesNotApply) else "undecided"
 
 
@@ -69,17 +71,17 @@ def more_time(evidence: Mapping[str, Any], gain: str = "decide it") -> str:
 
 
 def _witness_holds_for_all_gains(claim: Claim) -> bool:
-    """A witness that speaks about every gain that the problem leaves open."""
+    """Does the witness hold for every gain that the problem leaves open?"""
     return bool(claim.evidence.get("witness", {}).get("of_all_gains"))
 
 
-def _for_these_gains(claim: Claim) -> Claim:
-    """What refutes gains that were searched for does not refute the problem."""
+def _undecided_for_problem(claim: Claim) -> Claim:
+    """A claim refuted for searched gains as undecided for the problem."""
     why = f"no gains were found for which it holds; for the last ones tried, {reason(claim)}"
-    return _weakened(claim, why)
+    return _as_undecided(claim, why)
 
 
-def _weakened(claim: Claim, why: str) -> Claim:
+def _as_undecided(claim: Claim, why: str) -> Claim:
     """A refuted claim as an undecided one."""
     if claim.verdict != "refuted":
         return claim

@@ -1,7 +1,7 @@
 """Witnesses against the problem, and witnesses against what synthesis chose for it.
 
-A refutation of a window or gain that the problem leaves open says nothing of other ones:
-`workflow` weakens it to undecided, unless its witness is marked here.
+A refutation of a window or gain that the problem leaves open does not refute other ones:
+`answers.as_answers` weakens it to undecided, unless its witness is marked here.
 """
 
 from __future__ import annotations
@@ -13,15 +13,15 @@ from obsdesign.document import Claim
 from obsdesign.problem.problem import Problem
 
 
-def left_open(problem: Problem, *names: str) -> set[str]:
-    """Which of these gains and options the problem leaves open."""
+def open_choices(problem: Problem, *names: str) -> set[str]:
+    """Those of the gains and options `names` that the problem leaves open."""
     return set(names) - set(problem.options) - set(problem.gains)
 
 
-def of_all_choices(claim: Claim, open_choices: Iterable[str] = ()) -> Claim:
-    """The claim, a witness in it marked `of_all_gains` where nothing it rests on is open."""
+def mark_witness(claim: Claim, choices: Iterable[str] = ()) -> Claim:
+    """Mark the witness of a refuted claim `of_all_gains` where none of its choices is open."""
     witness = claim.evidence.get("witness")
-    if claim.verdict != "refuted" or witness is None or set(open_choices):
+    if claim.verdict != "refuted" or witness is None or set(choices):
         return claim
     evidence = {**claim.evidence, "witness": {**witness, "of_all_gains": True}}
     return replace(claim, evidence=evidence)

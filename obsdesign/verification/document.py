@@ -93,7 +93,7 @@ def document_claim(
 
 
 def _wrong_sentences(design: Design, recomputed: Sentences | None) -> str | None:
-    """ "guarantees" or "warnings" where the document states others; None if it does not.
+    """Key of the sentences that differ, "guarantees" or "warnings"; None if none does.
 
     Sentences that are not given promise nothing: older designs state warnings among them, and name
     fewer of the claims that a guarantee rests on.

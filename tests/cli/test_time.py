@@ -23,6 +23,7 @@ from obsdesign.studies.search.dwell_time import search
 from obsdesign.studies.sweep.axes import parse_axis
 from obsdesign.studies.sweep.point import evaluate, plan_sweep
 from obsdesign.studies.sweep.run import run_sweep
+from obsdesign.verification.answers import reason
 from tests.cli.test_commands import ROOT, command
 
 SAMPLED = ROOT / "examples" / "sampled_data.toml"
@@ -46,7 +47,7 @@ def test_too_little_time_says_so_and_more_decides(kind: str) -> None:
     assert short.verdict == "undecided"
     assert ends(short)
     assert all(end == {"ended_by": "time", "seconds": NOTHING} for end in ends(short))
-    reasons = [obsdesign.workflow.reason(c) for c in short.claims if c.verdict == "undecided"]
+    reasons = [reason(c) for c in short.claims if c.verdict == "undecided"]
     assert all(reason.endswith(f"the search ended after 1e-09 s{MORE}") for reason in reasons)
     assert obsdesign.investigate(sampled(kind), seconds=100.0).verdict == "proved"
 
@@ -69,7 +70,7 @@ def test_a_total_stretches_own_budgets(monkeypatch: pytest.MonkeyPatch) -> None:
     assert own.verdict == "undecided"
     assert ends(own) == [{"ended_by": "windows", "limit": 3}]
     assert own.design is not None
-    assert obsdesign.workflow.reason(own.claims[-1]).endswith(f"ended after 3 windows{MORE}")
+    assert reason(own.claims[-1]).endswith(f"ended after 3 windows{MORE}")
     assert obsdesign.investigate(sampled("luenberger"), seconds=100.0).verdict == "proved"
 
 
@@ -85,7 +86,7 @@ def test_where_no_time_helps_nothing_is_said_of_it() -> None:
         outcome = obsdesign.investigate(obsdesign.Problem.from_dict(body), seconds=seconds)
         assert outcome.verdict != "proved"
         assert not any(ends(outcome))
-        assert not any(MORE in obsdesign.workflow.reason(c) for c in outcome.claims)
+        assert not any(MORE in reason(c) for c in outcome.claims)
 
 
 @pytest.mark.parametrize(

@@ -14,6 +14,7 @@ from obsdesign import InputError
 from obsdesign.cli.commands import cli
 from obsdesign.data.simulation import simulate
 from obsdesign.document import digest
+from obsdesign.input_files import MOST_BYTES
 from tests.cli.test_commands import ROOT, command
 
 START = ("--initial", "0,2,0,2")
@@ -155,6 +156,7 @@ def test_states_that_cannot_be_resumed(desk: Path) -> None:
         (text[:-40], "not a state file that can be resumed"),
         ("", "not a state file that can be resumed"),
         ("[" * 9999, "not a state file that can be resumed"),
+        (signed(body | {"more": json.loads("[" * 60 + "]" * 60)}), "nested deeper than 50"),
         (text.replace('"started": true', '"started": false'), "digest does not match the content"),
         (signed(body | {"version": 2}), "version must be 1; got 2"),
         (signed(body | {"format": "x"}), "format must be 'obsdesign/state'"),
@@ -164,6 +166,11 @@ def test_states_that_cannot_be_resumed(desk: Path) -> None:
         assert change != text
         (desk / "s.json").write_text(change)
         assert told in refused("two.csv", "--state", "s.json")
+    (desk / "s.json").write_bytes(b"\xff\xfe" + text.encode())
+    assert "UTF-8 text is required; it is not" in refused("two.csv", "--state", "s.json")
+    with (desk / "s.json").open("wb") as file:
+        file.truncate(MOST_BYTES + 1)
+    assert "at most 64 MiB are read; it is larger" in refused("two.csv", "--state", "s.json")
     (desk / "s.json").write_text(text)
     assert "s.json says where the observer stands" in refused(
         "two.csv", "--state", "s.json", *START

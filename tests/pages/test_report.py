@@ -76,7 +76,7 @@ def test_a_page_tells_everything_of_its_design(example: str, tmp_path: Path) -> 
         assert " ".join(claim.statement.split()) in page.text
         assert claim.source in page.text
     for guarantee in design.guarantees:
-        assert " ".join(str(guarantee["statement"]).split()) in page.text
+        assert " ".join(guarantee.statement.split()) in page.text
     assert json.loads(source.read_text("utf-8"))["digest"] in page.text
     assert "Kalman filter" in page.text  # a simulation knows the true state
     for name, value in design.provenance["versions"].items():

@@ -2,6 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import obsdesign
+from obsdesign import Problem
+from obsdesign.document import Design
+from obsdesign.runtime import from_design
 from obsdesign.runtime.base import DwellGuard
 
 
@@ -34,3 +44,70 @@ def test_without_a_limit_any_change_inside_the_range_is_fine() -> None:
     guard = DwellGuard.of({"dwell_time": [0.5, 2.0]})
     assert objections(guard, [0.0, 0.5, 2.5, 3.0]) == [None] * 4
     assert objections(guard, [0.0, 0.4]) == [None, "dwell time 0.4 below 0.5"]
+
+
+# --- every kind that a range of dwell times is claimed for ------------------------------------------
+
+
+def problem(kind: str, measured: str = "continuous") -> Problem:
+    period = {"period": 0.1} if measured == "periodic" else {}
+    return Problem.from_dict({
+        "flow": {"A": [[-1, 0], [1, -2]]},
+        "jump": {"G": [[0.5, 0], [0, 0.5]], "dwell_time": [0.7, 2.0]},
+        "output": {"C": [[0, 1]], "noise_bound": 0.1, "measured": measured, **period},
+        "observer": {"kind": kind, **({"window": 0.5} if kind == "finite_time" else {})},
+    })  # fmt: skip
+
+
+def statuses(design: Design, jumps: list[float]) -> dict[float, str]:
+    """The status of every row of a plant at rest that jumps at these times."""
+    observer: Any = from_design(design)
+    t = np.round(np.arange(0, 6, 0.1), 10)
+    box = {"lower": [-1, -1], "upper": [1, 1]} if design.kind == "interval" else {"x": [0, 0]}
+    batch = observer.run_batch(t, np.zeros((len(t), 1)), jump=np.isin(t, jumps), **box)
+    return dict(zip(t.tolist(), batch.status, strict=True))
+
+
+@pytest.mark.parametrize(
+    ("kind", "measured"),
+    [("interval", "continuous"), ("interval", "periodic"), ("interval", "at_jumps"),
+     ("luenberger", "continuous"), ("luenberger", "at_jumps"), ("impulsive", "at_jumps")],
+)  # fmt: skip
+def test_jumps_outside_the_range_of_the_design_void_the_guarantee(kind: str, measured: str) -> None:
+    design = obsdesign.design(problem(kind, measured))
+    inside = statuses(design, [0.3, 1.0, 1.7, 3.7, 5.0])
+    assert set(inside.values()) == {"ok"}
+    outside = statuses(design, [0.3, 1.0, 1.5, 3.6])
+    assert outside[1.0] == "ok"
+    assert outside[1.5] == "dwell time 0.5 below 0.7"
+    assert outside[3.6].startswith("dwell time 2.1 above 2")
+
+
+def test_finite_time_claims_no_range_and_begins_again_at_every_jump() -> None:
+    design = obsdesign.design(problem("finite_time", "periodic"))
+    rows = statuses(design, [1.0, 1.2])
+    assert rows[1.0] == rows[1.2] == rows[1.6] == "window not full"
+    assert rows[0.9] == rows[1.8] == "ok"
+
+
+@pytest.mark.parametrize("kind", ["interval", "luenberger", "impulsive"])
+def test_another_range_in_the_gains_than_in_the_problem_is_refused(kind: str) -> None:
+    measured = "at_jumps" if kind == "impulsive" else "continuous"
+    design = obsdesign.design(problem(kind, measured))
+    for low, high in ((0.8, 2.0), (0.7, 1.9), (0.1, 2.0), (0.7, 9.0)):
+        forged = replace(design, gains={**design.gains, "dwell_time": [low, high]})
+        with pytest.raises(obsdesign.InputError, match=r"gains\.dwell_time differs from problem"):
+            from_design(forged)
+
+
+def test_the_range_of_a_search_for_the_shortest_is_wider_below_only() -> None:
+    body = problem("interval").to_dict()
+    body["observer"] = {"kind": "interval", "objective": "shortest_dwell"}
+    design = obsdesign.design(Problem.from_dict(body))
+    low, high = design.gains["dwell_time"]
+    assert low < 0.7
+    assert high == 2.0
+    assert set(statuses(design, [0.3, 0.8, 2.7, 4.6]).values()) == {"ok"}
+    for wrong in ([low, 9.0], [0.8, high], [-1.0, high]):
+        with pytest.raises(obsdesign.InputError, match=r"gains\.dwell_time differs from problem"):
+            from_design(replace(design, gains={**design.gains, "dwell_time": wrong}))

@@ -30,10 +30,10 @@ def check_all(
     searches may take in all. progress: called with the kinds that are settled, and all.
     """
     with total_budget(seconds):
-        found = _checked(problem, KINDS, progress)
-    verdicts = {entry["verdict"] for entry in found.values()}
+        outcomes = _checked(problem, KINDS, progress)
+    verdicts = {entry["verdict"] for entry in outcomes.values()}
     order = ("proved", "undecided")
-    return next((word for word in order if word in verdicts), "refuted"), found
+    return next((word for word in order if word in verdicts), "refuted"), outcomes
 
 
 def check_kind(problem: Problem, kind: str, *, seconds: float | None = None) -> Entry:
@@ -46,24 +46,24 @@ def _checked(
     problem: Problem, kinds: tuple[str, ...], progress: Callable[[int, int], None]
 ) -> dict[str, Entry]:
     """Every kind as for a design, which the first proved candidate settles."""
-    asked: dict[str, Problem] = {}
-    found: dict[str, workflow.Outcome | InputError] = {}
+    problems: dict[str, Problem] = {}
+    outcomes: dict[str, workflow.Outcome | InputError] = {}
     for kind in kinds:
         for name in ("synthesis", "verification"):  # to load them is no part of the search
             workflow.layer(name, kind)
         try:
-            asked[kind] = problem.for_kind(kind)[0]
+            problems[kind] = problem.for_kind(kind)[0]
         except InputError as error:
-            found[kind] = error
-    settled = len(found)
+            outcomes[kind] = error
+    settled = len(outcomes)
 
     def settle(kind: str) -> None:
         nonlocal settled
         settled += 1
         progress(settled, len(kinds))
 
-    found |= workflow.investigate_each(asked, first=True, done=settle)
-    return {kind: _entry(kind, found[kind]) for kind in kinds}
+    outcomes |= workflow.investigate_each(problems, first=True, done=settle)
+    return {kind: _entry(kind, outcomes[kind]) for kind in kinds}
 
 
 def _entry(kind: str, outcome: workflow.Outcome | InputError) -> Entry:

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from lmi.memory import OversizeError
 from lmi.time_budget import ended_part, total_budget
 from obsdesign import workflow
 from obsdesign.document import Design
@@ -18,7 +19,7 @@ from obsdesign.problem.kinds import KINDS
 from obsdesign.problem.problem import Problem
 from obsdesign.studies.comparison.record import Record
 from obsdesign.studies.comparison.row import Row, filtered, run
-from obsdesign.verification.answers import is_ended, verdict_of_refusal
+from obsdesign.verification.answers import is_ended, reason, verdict_of_refusal
 
 Array = NDArray[np.float64]
 
@@ -53,7 +54,7 @@ def compare(
     yield filtered(problem.plant, record, start)
 
 
-def beside_filter(
+def compare_with_kalman(
     design: Design, record: Record, initial: Sequence[float] | None = None
 ) -> tuple[Row, Row]:
     """A design and the filter on the first rows of a record; initial: as for `compare`."""
@@ -114,13 +115,13 @@ def _row(
     design = outcome.design
     if outcome.verdict != "proved" or design is None:
         failed = [claim for claim in outcome.claims if claim.verdict == outcome.verdict]
-        reason = f"{failed[0].id}: {workflow.reason(failed[0])}" if failed else ""
+        text = f"{failed[0].id}: {reason(failed[0])}" if failed else ""
         end = next((ended_part(claim.evidence) for claim in failed if is_ended(claim)), {})
-        return Row(kind, value, outcome.verdict, reason=reason, ended=end)
+        return Row(kind, value, outcome.verdict, reason=text, ended=end)
     variant = str(design.gains.get(_VARIANTS.get(kind, ("", ()))[0], ""))
     try:
         return Row(kind, variant, "proved", _guarantee(design), **run(design, record, start))
-    except InputError as error:
+    except (InputError, OversizeError) as error:
         return Row(kind, variant, "proved", _guarantee(design), reason=str(error))
 
 

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from lmi.memory import OversizeError
 from lmi.time_budget import ended_part
 from obsdesign import workflow
 from obsdesign.document import jsonable
@@ -16,7 +17,7 @@ from obsdesign.problem.kinds import KINDS, SEARCHES
 from obsdesign.problem.problem import Problem
 from obsdesign.studies.search import dwell_time as searching
 from obsdesign.studies.sweep.axes import Axis, changed, require_number
-from obsdesign.verification.answers import is_ended, more_time
+from obsdesign.verification.answers import is_ended, more_time, reason
 
 # quality of a design -> where its proved number stands: (claim, entry of its evidence) by kind
 QUALITIES: Mapping[str, Mapping[str, tuple[tuple[str, str], ...]]] = {
@@ -107,7 +108,7 @@ def evaluate(plan: Plan, index: int) -> dict[str, Any]:
                 found = workflow.investigate(problem, seconds=plan.seconds)
                 told = _designed(found, plan.what)
             result: dict[str, Any] = row | jsonable(told)
-        except InputError as error:
+        except (InputError, OversizeError) as error:
             return row | {"error": str(error)}
         except Exception as error:  # whatever it is, the other points are worth having
             return row | {"error": " ".join(f"{type(error).__name__}: {error}".split())}
@@ -147,7 +148,7 @@ def _why(outcome: workflow.Outcome) -> dict[str, Any]:
     open_claims = [claim for claim in outcome.claims if claim.verdict != "proved"]
     if open_claims:
         first = min(open_claims, key=lambda claim: claim.verdict != outcome.verdict)
-        text, evidence = f"{first.id}: {workflow.reason(first)}", first.evidence
+        text, evidence = f"{first.id}: {reason(first)}", first.evidence
         return {"reason": text} | (ended_part(evidence) if is_ended(first) else {})
     text, end = str(outcome.result.get("reason") or _WIDER), ended_part(outcome.result)
     return {"reason": f"{text}; {more_time(end)}" if end else text} | end

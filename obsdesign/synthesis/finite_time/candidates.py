@@ -54,6 +54,11 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
         yield Candidate(method, completed(problem, gains), searched="window" not in problem.options)
 
 
+def untried(problem: Problem) -> dict[str, str]:
+    """Forms that are passed over, and why: none of this kind."""
+    return {}
+
+
 def _with_injection(problem: Problem, gains: dict[str, Any]) -> Iterator[Candidate]:
     """L in the units of the file, then in those of the window; then longer windows, where open."""
     open_gain, open_window = "L" not in problem.gains, "window" not in problem.options

@@ -54,6 +54,11 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
         yield _full(problem, BOX_LIMIT)
 
 
+def untried(problem: Problem) -> dict[str, str]:
+    """Forms that are passed over, and why: none of this kind."""
+    return {}
+
+
 def _full(problem: Problem, limit: int) -> Candidate:
     return windowed(problem, base(problem, "full"), "full", limit=limit)
 

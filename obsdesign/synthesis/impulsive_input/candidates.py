@@ -80,6 +80,11 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
             raise  # otherwise the other operator has been proposed
 
 
+def untried(problem: Problem) -> dict[str, str]:
+    """Forms that are passed over, and why: none of this kind."""
+    return {}
+
+
 def _integral_candidates(problem: Problem, data: dict[str, Any], D: Matrix) -> Iterator[Candidate]:
     """Operator `integral` with exponents as given, or as chosen."""
     if "exponents" in problem.options:

@@ -58,6 +58,11 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
         )
 
 
+def untried(problem: Problem) -> dict[str, str]:
+    """Forms that are passed over, and why: none of this kind."""
+    return {}
+
+
 def _doomed(problem: Problem, F: Any, chosen: bool, rate: float) -> bool:
     """Does what refutes these gains refute all? Exactly: a mode or a pair that no gain reaches."""
     plant = problem.plant

@@ -17,7 +17,7 @@ from obsdesign.analysis.finite_time.enclosed_gains import Sampled
 from obsdesign.document import Claim
 from obsdesign.equations.finite_time import gains as equations
 from obsdesign.problem.problem import Problem
-from obsdesign.verification.choices import left_open, of_all_choices
+from obsdesign.verification.choices import mark_witness, open_choices
 from obsdesign.verification.consistency import consistency
 from obsdesign.verification.finite_time.gains import (
     error_radius_claim,
@@ -68,16 +68,16 @@ def claims(
             found = _hypotheses(gains, S)
         if all(claim.verdict != "undecided" for claim in found):
             break
-    return (agreement, *(_judged(problem, claim) for claim in found))
+    return (agreement, *(_with_marked_witness(problem, claim) for claim in found))
 
 
-def _judged(problem: Problem, claim: Claim) -> Claim:
+def _with_marked_witness(problem: Problem, claim: Claim) -> Claim:
     """The claim, its witness marked where no window and no L that is open would change it."""
     L = problem.gains.get("L")
     silent = L is not None and not np.any(L @ problem.plant.output.C)
     singular = claim.id in ("difference_invertible", "injection_invertible")
     names = _RESTS_ON.get(claim.id, ("window", "L"))
-    return of_all_choices(claim, () if singular and silent else left_open(problem, *names))
+    return mark_witness(claim, () if singular and silent else open_choices(problem, *names))
 
 
 def _coordinates(certificates: Mapping[str, Mapping[str, Any]], n: int) -> Any:

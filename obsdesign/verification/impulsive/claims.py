@@ -22,7 +22,7 @@ from obsdesign.equations.estimation_error import seen_before_jump
 from obsdesign.equations.gains import plant_data
 from obsdesign.equations.impulsive import gains as equations
 from obsdesign.problem.problem import Problem
-from obsdesign.verification.choices import of_all_choices
+from obsdesign.verification.choices import mark_witness
 from obsdesign.verification.consistency import consistency
 from obsdesign.verification.dwell import Dwell
 from obsdesign.verification.impulsive.blocks import (
@@ -117,8 +117,8 @@ def _windowed(
     for name, pair in (("hidden", blocks.hidden), ("rest", blocks.rest)):
         if pair is not None:
             claim = alone(name, pair, Dwell.of(problem), certificates, paranoid, rate)
-            if name == "hidden" and (blocks.exact or _never_seen(problem)):
-                claim = of_all_choices(claim)  # no basis changes what no measurement sees
+            if name == "hidden" and (blocks.exact or _has_undetectable_part(problem)):
+                claim = mark_witness(claim)  # no basis changes what no measurement sees
             found.append(claim)
             if "P" in claim.evidence:
                 P = np.asarray(claim.evidence["P"], dtype=np.float64)
@@ -142,8 +142,8 @@ def _windowed(
         return found, in_state(whole.bound, blocks)
 
 
-def _never_seen(problem: Problem) -> bool:
-    """Whether a part of the state that no measurement sees does not decay, exactly."""
+def _has_undetectable_part(problem: Problem) -> bool:
+    """Is a part of the state unobservable for all dwell times, and does not decay? Exactly."""
     flow, jump, output = problem.plant.flow, problem.plant.jump, problem.plant.output
     assert jump is not None
     C = seen_before_jump(jump.G, output.C, output.jump_measurement)

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from obsdesign.document import Claim
 from obsdesign.equations.impulsive_input.rule import operator_is_open
 from obsdesign.problem.problem import Problem
-from obsdesign.verification.choices import left_open, of_all_choices
+from obsdesign.verification.choices import mark_witness, open_choices
 
 # what each claim depends on, beside the plant
 _INTEGRAL: Mapping[str, tuple[str, ...]] = {
@@ -35,12 +35,12 @@ _SAMPLES: Mapping[str, tuple[str, ...]] = {
 def judged(problem: Problem, operator: str, claim: Claim) -> Claim:
     """The claim, its witness marked where no choice left open would change it."""
     names = (_INTEGRAL if operator == "integral" else _SAMPLES).get(claim.id, ("operator",))
-    open_names = left_open(problem, *names) - {"operator"}
+    open_names = open_choices(problem, *names) - {"operator"}
     if "operator" in names and operator_is_open(problem):
         open_names.add("operator")
     if _is_inevitable(problem, claim):
         open_names.clear()
-    return of_all_choices(claim, open_names)
+    return mark_witness(claim, open_names)
 
 
 def _is_inevitable(problem: Problem, claim: Claim) -> bool:

@@ -12,9 +12,11 @@ import pytest
 from click.testing import CliRunner
 
 import obsdesign
+from lmi.memory import OversizeError
 from obsdesign.cli.commands import cli
 from obsdesign.problem.kinds import KINDS
 from obsdesign.runtime import from_design
+from obsdesign.studies.comparison import compare as comparison
 from obsdesign.studies.comparison.compare import compare
 from obsdesign.studies.comparison.record import Record
 from obsdesign.studies.comparison.row import REFERENCE
@@ -57,6 +59,25 @@ def test_numbers_are_those_of_the_observer_alone() -> None:
     widths = np.array([e.upper - e.lower for e in estimates])[half:]
     assert row.width == pytest.approx(float(np.sqrt(np.mean(widths**2))), rel=1e-12)
     assert row.without == sum(e.status != "ok" for e in estimates)
+
+
+def test_a_kind_that_is_too_large_is_one_row(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = load("degue_4_1")
+    record = Record.simulated(problem.plant, until=3.0, rng=np.random.default_rng(3))
+    text = "65 exponentials of 1100 states needs 600 MiB of memory, and the budget is 512 MiB: ..."
+    own = comparison.run
+
+    def run(design: obsdesign.Design, *given: Any) -> dict[str, Any]:
+        if design.kind == "luenberger":
+            raise OversizeError(text)
+        return own(design, *given)
+
+    monkeypatch.setattr(comparison, "run", run)
+    rows = list(compare(problem, record))
+    large = [row for row in rows if row.kind == "luenberger"]
+    assert [(row.reason, row.seconds) for row in large] == [(text, None)]
+    assert any(row.kind == "interval" and row.seconds is not None for row in rows)
+    assert rows[-1].kind == REFERENCE
 
 
 def test_a_wider_start_never_narrows_the_bounds() -> None:

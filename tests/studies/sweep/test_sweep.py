@@ -6,6 +6,7 @@ import contextlib
 import json
 import os
 import random
+import re
 import signal
 import subprocess
 import sys
@@ -197,6 +198,20 @@ def test_errors_are_kept_and_the_sweep_goes_on(tmp_path: Path, monkeypatch: Any)
     broken = "obsdesign.studies.sweep.point.workflow.investigate"
     monkeypatch.setattr(broken, lambda problem, **_: [][1])  # a mistake of ours costs one point
     assert evaluate(asked, 1)["error"] == "IndexError: list index out of range"
+
+
+@pytest.mark.parametrize("what", ["verdict", "longest_dwell"])
+def test_a_point_that_is_too_large_is_told_like_any_refusal(what: str) -> None:
+    n = 66
+    large = obsdesign.Problem(
+        flow={"A": -np.eye(n) - 0.1 * np.eye(n, k=1)}, output={"C": np.eye(1, n)},
+        jump={"G": 0.5 * np.eye(n), "dwell_time": [0.1, 1]},
+        observer={"kind": "luenberger", "gains": {"L": np.zeros((n, 1)), "M": np.zeros((n, 1))}},
+    )  # fmt: skip
+    asked = plan_sweep(large, [parse_axis("jump.dwell_time[0]=0.1:0.2:2")], what, 1e-3)
+    row = evaluate(asked, 1)
+    assert row["at"] == [0.2]
+    assert re.match(r"a search for \d+ matrices of 66 states with .* GiB of memory", row["error"])
 
 
 def test_another_sweep_is_refused(tmp_path: Path) -> None:
