@@ -14,7 +14,7 @@ from obsdesign.verification.answers import is_ended, more_time, reason
 from obsdesign.workflow import Outcome
 
 if TYPE_CHECKING:
-    from obsdesign.studies.comparison.row import Row  # other commands do without it
+    from obsdesign.studies.comparison.row import ComparisonRow  # other commands do without it
 
 EXIT_CODES = {"proved": 0, "refuted": 1, "undecided": 3}
 # columns of a terminal that hold a comparison with its guarantees
@@ -67,7 +67,7 @@ def show_check(found: Mapping[str, Any]) -> None:
     Console(highlight=False).print(table)
 
 
-def compare_answer(rows: Sequence[Row]) -> str:
+def compare_answer(rows: Sequence[ComparisonRow]) -> str:
     """The JSON object of `compare`: one entry per observer, the filter last."""
     verdict = "proved" if any(row.verdict == "proved" for row in rows) else "refuted"
     if verdict == "refuted" and any(row.verdict == "undecided" for row in rows):
@@ -77,7 +77,7 @@ def compare_answer(rows: Sequence[Row]) -> str:
     return json.dumps(body | {"result": result}, ensure_ascii=False, allow_nan=False)
 
 
-def show_comparison(rows: Sequence[Row]) -> None:
+def show_comparison(rows: Sequence[ComparisonRow]) -> None:
     """What runs as a table, with the columns that somebody has; then why the others do not."""
     from rich.console import Console
     from rich.markup import escape

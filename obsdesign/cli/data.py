@@ -97,9 +97,9 @@ def run(
         design_file, data, output, start, events, state=state, skip_bad=skip_bad, remark=warn
     )
     total = counts.pop("rows")
-    told = ", ".join(f"{number} {status}" for status, number in counts.most_common())
+    statuses = ", ".join(f"{number} {status}" for status, number in counts.most_common())
     if not is_quiet():
-        click.echo(f"{total} rows: {told}", err=True)
+        click.echo(f"{total} rows: {statuses}", err=True)
     return 4 if strict and counts["ok"] < total else 0
 
 

@@ -35,7 +35,7 @@ def compare(
     from obsdesign.cli.answers import compare_answer, show_comparison
     from obsdesign.problem.problem import load_problem
     from obsdesign.studies.comparison.compare import compare as compare_all
-    from obsdesign.studies.comparison.record import Record
+    from obsdesign.studies.comparison.record import ComparisonRecord
 
     made = (seed, *options.values())
     if data is not None and (simulated or any(value is not None for value in made)):
@@ -45,10 +45,10 @@ def compare(
     loaded = load_problem(problem)
     start = None if initial is None else numbers(initial, "--initial")
     if data is not None:
-        record = Record.read(data, loaded.plant)
+        record = ComparisonRecord.from_file(data, loaded.plant)
     else:
         rng = np.random.default_rng(seed or 0)
-        record = Record.simulated(loaded.plant, rng=rng, **options)
+        record = ComparisonRecord.from_simulation(loaded.plant, rng=rng, **options)
     rows = list(compare_all(loaded, record, start, seconds=seconds))
     if as_json:
         click.echo(compare_answer(rows))

@@ -1,4 +1,4 @@
-"""`obsdesign sweep`: the command; the work is in `obsdesign.sweep`."""
+"""`obsdesign sweep`: the command; the work is in `obsdesign.studies.sweep`."""
 
 from __future__ import annotations
 
@@ -55,11 +55,11 @@ def sweep(
     with progress_bar("sweep") as progress:
         rows = run_sweep(plan, output, jobs=jobs, scheduler=scheduler, progress=progress)
     counts = counted(rows)
-    told = ", ".join(f"{number} {word}" for word, number in counts.most_common())
-    say(f"written: {output}, {len(rows)} points: {told}")
+    verdicts = ", ".join(f"{number} {word}" for word, number in counts.most_common())
+    say(f"written: {output}, {len(rows)} points: {verdicts}")
     errors = [row for row in rows if "error" in row]
     if errors:
-        at = ", ".join(f"{a.key} = {x:g}" for a, x in zip(axes, errors[0]["at"], strict=True))
-        told = f"{len(errors)} without an answer; at {at}: {errors[0]['error']}"
-        click.echo(f"obsdesign: {told}", err=True)
+        place = ", ".join(f"{a.key} = {x:g}" for a, x in zip(axes, errors[0]["at"], strict=True))
+        text = f"{len(errors)} without an answer; at {place}: {errors[0]['error']}"
+        click.echo(f"obsdesign: {text}", err=True)
     return 3 if len(errors) == len(rows) else 0

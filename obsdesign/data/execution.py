@@ -48,7 +48,7 @@ def execute(
     skip_bad: bool = False,
     remark: Remark = discard,
 ) -> Counter[str]:
-    """Estimates of a design for DATA (None: standard input) into `output` (None: standard output).
+    """Write the estimates of a design for DATA to `output`; None is standard input or output.
 
     state: the file with the observer's progress; a run continues from it if it exists, and writes
     it at the end. skip_bad: a malformed line is a remark, not an error. remark: called with

@@ -1,4 +1,4 @@
-"""What drives a simulated plant: disturbances inside their bounds, inputs, noise.
+"""Signals of a simulated plant: disturbances inside their bounds, inputs, noise.
 
 Every signal is constant between rows, or a sine, so that the flow is an exponential of one
 matrix: x' = A x + c + sum of columns times sines, c' = 0, and an oscillator for each sine.

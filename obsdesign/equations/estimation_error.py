@@ -1,4 +1,4 @@
-"""The estimation error of a linear plant with jumps, and the plant's numbers a runtime needs.
+"""The estimation error of a linear plant with jumps.
 
     e'(t) = (A - L C) e + ...        between jumps
     e(t)  = H e(t-) + ...            at jumps

@@ -1,4 +1,6 @@
-"""Options of the [observer] block: one frozen dataclass per kind, None where the file has none.
+"""Options of the [observer] block: one frozen dataclass per kind.
+
+None stands where the file has none.
 
 A field declares the JSON Schema of its entry. Values are those of `observer_options.options`:
 finite numbers, lists as tuples, read-only tables.

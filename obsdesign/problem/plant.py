@@ -217,15 +217,17 @@ def _same(block: Any, other: Any) -> bool:
     return all((a is None) == (b is None) and np.array_equal(a, b) for a, b in pairs)
 
 
-def _inputs(block: Any, name: str, matrices: tuple[str, ...], n: int, of: str) -> dict[str, Any]:
+def _inputs(
+    block: Any, name: str, matrices: tuple[str, ...], n: int, states: str
+) -> dict[str, Any]:
     """Optional matrices with one row per state."""
-    found = {}
+    result = {}
     for key in matrices:
         values = getattr(block, key)
         if values is not None:
-            found[key] = matrix(values, f"{name}.{key}")
-            require_shape(found[key], f"{name}.{key}", (n, None), f"one per state of {of}")
-    return found
+            result[key] = matrix(values, f"{name}.{key}")
+            require_shape(result[key], f"{name}.{key}", (n, None), f"one per state of {states}")
+    return result
 
 
 def _dwell_time(values: Any) -> tuple[float, float] | None:

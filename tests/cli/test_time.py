@@ -18,7 +18,7 @@ from lmi.time_budget import ended_part
 from obsdesign.cli.answers import show_bracket
 from obsdesign.studies.check.which_kinds import check_all, check_kind
 from obsdesign.studies.comparison.compare import compare
-from obsdesign.studies.comparison.record import Record
+from obsdesign.studies.comparison.record import ComparisonRecord
 from obsdesign.studies.search.dwell_time import search
 from obsdesign.studies.sweep.axes import parse_axis
 from obsdesign.studies.sweep.point import evaluate, plan_sweep
@@ -152,7 +152,9 @@ def test_check_and_compare_and_points_of_a_sweep_say_it(tmp_path: Path) -> None:
         assert found[kind]["verdict"] == "undecided"
         assert found[kind].items() >= end.items()
         assert MORE in found[kind]["reasons"][0]
-    record = Record.simulated(problem.plant, until=3.0, rng=np.random.default_rng(0))
+    record = ComparisonRecord.from_simulation(
+        problem.plant, until=3.0, rng=np.random.default_rng(0)
+    )
     rows = {row.kind: row for row in compare(problem, record, seconds=NOTHING)}
     assert (rows["luenberger"].verdict, rows["luenberger"].ended) == ("undecided", end)
     assert rows["finite_time"].verdict == "does_not_apply"

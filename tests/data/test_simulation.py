@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from obsdesign.data.jump_times import jump_times
-from obsdesign.data.simulation import Record, simulate
+from obsdesign.data.simulation import Simulation, simulate
 from obsdesign.errors import InputError
 from obsdesign.problem.plant import Flow, Jump, Output, Plant
 
@@ -116,7 +116,7 @@ def test_measurements_come_when_they_are_taken() -> None:
 def test_impulses_of_unknown_weight_come_unannounced() -> None:
     base = plant()
     hidden = Plant(base.flow, Jump(H=np.array([[1.0], [0.0]]), dwell_time=(1.0, 2.0)), base.output)
-    record: Record = simulate(hidden, until=10.0)
+    record: Simulation = simulate(hidden, until=10.0)
     assert "jump" not in record.columns
     assert record.events.shape[1] == 2
     assert len(record.events) >= 5

@@ -88,7 +88,7 @@ def test_finite_time_gives_points_and_no_radius_without_it() -> None:
     design = obsdesign.design(points(noise_std=[0.1]))
     assert "radius" not in design.gains
     assert obsdesign.verify(design).verdict == "proved"
-    withheld = [g["statement"] for g in design.guarantees if not g["given"]]
+    withheld = [g.statement for g in design.guarantees if not g.given]
     assert "Bounds of the state around the estimate: output.noise_bound is not given." in withheld
     observer: Any = from_design(design)
     assert observer.names == ("x1", "x2")

@@ -51,8 +51,10 @@ class _Grid:
 
     @property
     def logarithmic(self) -> bool:
-        found = self.numbers[np.isfinite(self.numbers)]
-        return bool(found.size and found.min() > 0 and found.max() > _LOGARITHMIC * found.min())
+        finite = self.numbers[np.isfinite(self.numbers)]
+        if not finite.size:
+            return False
+        return bool(finite.min() > 0 and finite.max() > _LOGARITHMIC * finite.min())
 
 
 def plot_sweep(path: str, output: str) -> None:

@@ -24,9 +24,9 @@ def check_all(
 ) -> tuple[str, dict[str, Entry]]:
     """(verdict, kind -> {"verdict", "reasons", "next"}, and where a budget ended it "ended_by").
 
-    The verdict on a kind is proved, refuted, undecided, or does_not_apply where the problem has not
-    what the kind needs: that of `workflow.investigate`. In all: proved if any kind is, else
-    undecided if any is, else refuted: one observer is enough. seconds: of processor time that
+    The verdict on a kind is proved, refuted, undecided, or does_not_apply where the problem lacks
+    an entry that the kind needs: that of `workflow.investigate`. In all: proved if any kind is,
+    else undecided if any is, else refuted: one observer is enough. seconds: of processor time that
     searches may take in all. progress: called with the kinds that are settled, and all.
     """
     with total_budget(seconds):

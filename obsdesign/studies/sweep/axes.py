@@ -1,4 +1,4 @@
-"""Which entry of a problem a sweep changes, and the values it takes.
+"""The entry of a problem that a sweep changes, and its values.
 
 An entry is written as in Python: `flow.A[0][1]`, `jump.dwell_time[1]`, `output.period`; indices
 begin with 0. It must stand in the normalised problem (defaults filled in) and hold a number.
@@ -93,11 +93,11 @@ def require_number(body: Any, axis: Axis) -> None:
     if _is_entry(place):
         return
     if isinstance(place, dict | list) and (below := entries(place, so_far)):
-        told = f"is {_shape(place)}, not one number. Choose one of {_listed(below)}"
+        reason = f"is {_shape(place)}, not one number. Choose one of {_listed(below)}"
     else:
         numbers = entries(body.get(axis.path[0], {}), str(axis.path[0]))
-        told = f"is {place!r}, not a number. Numbers there: {_listed(numbers) or 'none'}"
-    raise InputError(f"--over {axis.key}: it {told}.")
+        reason = f"is {place!r}, not a number. Numbers there: {_listed(numbers) or 'none'}"
+    raise InputError(f"--over {axis.key}: it {reason}.")
 
 
 def entries(body: Any, prefix: str = "") -> list[str]:

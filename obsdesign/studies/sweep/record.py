@@ -68,7 +68,7 @@ class SweepFile:
         return math.prod(axis["count"] for axis in self.header["over"])
 
 
-class Record:
+class SweepWriter:
     """A sweep file that grows line by line; `finished` are the points it holds already.
 
     InputError when the file is of another sweep, or of none.
@@ -94,7 +94,7 @@ class Record:
         file.write((_line(_signed(header(self._plan), row)) + "\n").encode())
         file.flush()
 
-    def __enter__(self) -> Record:
+    def __enter__(self) -> SweepWriter:
         return self
 
     def __exit__(

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from obsdesign.studies.sweep.point import Plan
-from obsdesign.studies.sweep.record import Record
+from obsdesign.studies.sweep.record import SweepWriter
 from obsdesign.studies.sweep.workers import evaluate_all
 
 
@@ -24,7 +24,7 @@ def run_sweep(
     jobs, scheduler: as in `evaluate_all`. progress: called with the points that are finished, and
     all. InputError when the file is of another sweep.
     """
-    with Record(path, plan) as record:
+    with SweepWriter(path, plan) as record:
         progress(len(record.rows), len(plan))
         left = [index for index in range(len(plan)) if index not in record.rows]
         if left:
