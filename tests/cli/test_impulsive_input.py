@@ -158,8 +158,8 @@ def test_check_says_why_the_kind_does_not_fit(tmp_path: Path) -> None:
     other = check_kind(
         obsdesign.load_problem(ROOT / "examples" / "degue_4_1.toml"), "impulsive_input"
     )
-    assert other["verdict"] == "does_not_apply"
-    assert other["reasons"] == ["jump.H is required by kind 'impulsive_input'; it is missing."]
+    assert other.verdict == "does_not_apply"
+    assert other.reasons == ("jump.H is required by kind 'impulsive_input'; it is missing.",)
 
 
 def test_times_of_impulses_show_the_decimals_that_are_known() -> None:

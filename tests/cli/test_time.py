@@ -54,7 +54,7 @@ def test_too_little_time_says_so_and_more_decides(kind: str) -> None:
 
 def test_a_form_that_is_refuted_refutes_nothing_while_others_are_not_tried() -> None:
     """No gain makes A - L C Metzler here: of form cooperative that is a witness for all gains."""
-    assert check_kind(sampled("interval"), "interval", seconds=NOTHING)["verdict"] == "undecided"
+    assert check_kind(sampled("interval"), "interval", seconds=NOTHING).verdict == "undecided"
     assert search(sampled("interval"), "longest_dwell", seconds=NOTHING).verdict == "undecided"
     body = sampled("interval").to_dict()
     body["observer"]["form"] = "cooperative"
@@ -149,9 +149,9 @@ def test_check_and_compare_and_points_of_a_sweep_say_it(tmp_path: Path) -> None:
     assert verdict == "undecided"
     end = {"ended_by": "time", "seconds": NOTHING}
     for kind in ("interval", "luenberger"):
-        assert found[kind]["verdict"] == "undecided"
-        assert found[kind].items() >= end.items()
-        assert MORE in found[kind]["reasons"][0]
+        assert found[kind].verdict == "undecided"
+        assert found[kind].ended == end
+        assert MORE in found[kind].reasons[0]
     record = ComparisonRecord.from_simulation(
         problem.plant, until=3.0, rng=np.random.default_rng(0)
     )

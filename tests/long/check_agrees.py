@@ -30,7 +30,7 @@ def designed(problem: obsdesign.Problem, kind: str, seconds: float | None = None
 def disagreements(problem: obsdesign.Problem) -> list[tuple[str, str, str]]:
     """(kind, check, design) where they differ."""
     _, found = check_all(problem)
-    both = [(kind, found[kind]["verdict"], designed(problem, kind)) for kind in KINDS]
+    both = [(kind, found[kind].verdict, designed(problem, kind)) for kind in KINDS]
     return [row for row in both if row[1] != row[2]]
 
 

@@ -46,7 +46,7 @@ def test_interval_asks_for_the_bound(output: Any) -> None:
         with pytest.raises(DoesNotApply) as refusal:
             obsdesign.investigate(asked)
         assert str(refusal.value) == LINE
-    assert check_kind(problem, "interval")["reasons"] == [LINE]
+    assert check_kind(problem, "interval").reasons == (LINE,)
     bounded = Problem.from_dict(body(noise_bound=0.03, **output))
     assert obsdesign.investigate(bounded).design is not None
 
