@@ -53,13 +53,13 @@ def sweep(
     if dropped:
         warn(f"dropped for kind {kind}: {', '.join(dropped)}")
     with progress_bar("sweep") as progress:
-        rows = run_sweep(plan, output, jobs=jobs, scheduler=scheduler, progress=progress)
-    counts = counted(rows)
+        points = run_sweep(plan, output, jobs=jobs, scheduler=scheduler, progress=progress)
+    counts = counted(points)
     verdicts = ", ".join(f"{number} {word}" for word, number in counts.most_common())
-    say(f"written: {output}, {len(rows)} points: {verdicts}")
-    errors = [row for row in rows if "error" in row]
+    say(f"written: {output}, {len(points)} points: {verdicts}")
+    errors = [point for point in points if point.error]
     if errors:
-        place = ", ".join(f"{a.key} = {x:g}" for a, x in zip(axes, errors[0]["at"], strict=True))
-        text = f"{len(errors)} without an answer; at {place}: {errors[0]['error']}"
+        place = ", ".join(f"{a.key} = {x:g}" for a, x in zip(axes, errors[0].at, strict=True))
+        text = f"{len(errors)} without an answer; at {place}: {errors[0].error}"
         click.echo(f"obsdesign: {text}", err=True)
-    return 3 if len(errors) == len(rows) else 0
+    return 3 if len(errors) == len(points) else 0

@@ -161,7 +161,7 @@ def test_check_and_compare_and_points_of_a_sweep_say_it(tmp_path: Path) -> None:
     axes = [parse_axis("jump.dwell_time[1]=1.8:1.87:2")]
     for what in ("verdict", "longest_dwell"):
         plan = plan_sweep(sampled("luenberger"), axes, what, 1e-6, NOTHING)
-        assert evaluate(plan, 1).items() >= {"verdict": "undecided", **end}.items()
+        assert evaluate(plan, 1).to_dict().items() >= {"verdict": "undecided", **end}.items()
     run_sweep(plan, str(tmp_path / "s.jsonl"), jobs=1)
     assert json.loads((tmp_path / "s.jsonl").read_text().splitlines()[0])["time"] == NOTHING
     longer = plan_sweep(sampled("luenberger"), axes, "longest_dwell", 1e-6, 1.0)

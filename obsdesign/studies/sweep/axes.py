@@ -47,6 +47,10 @@ class Axis:
         first, last = Fraction(repr(self.first)), Fraction(repr(self.last))
         return float(first + i * (last - first) / max(self.count - 1, 1))
 
+    def __str__(self) -> str:
+        """The axis as it is written for --over, ends shortened."""
+        return f"{self.key}={self.first:g}:{self.last:g}:{self.count}"
+
     def to_dict(self) -> dict[str, Any]:
         """The axis as it stands in the first line of a sweep file."""
         return {"key": self.key, "first": self.first, "last": self.last, "count": self.count}

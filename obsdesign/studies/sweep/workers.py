@@ -1,4 +1,4 @@
-"""Who works on the points of a sweep: this process, joblib's processes, or a Dask cluster.
+"""Evaluation of the points of a sweep: in this process, joblib's processes, or a Dask cluster.
 
 All three call `obsdesign.studies.sweep.point.evaluate` and yield its lines in the order they are
 ready. A worker that dies takes no finished point with it, and its own point is tried again.
@@ -10,12 +10,9 @@ import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import CancelledError, as_completed
 from concurrent.futures.process import BrokenProcessPool
-from typing import Any
 
 from obsdesign.errors import InputError
-from obsdesign.studies.sweep.point import Plan, evaluate
-
-Row = dict[str, Any]
+from obsdesign.studies.sweep.point import Plan, SweepPoint, evaluate
 
 # starting processes, each with its imports, takes about as long: shorter sweeps stay here
 _SERIAL_SECONDS = 3.0
@@ -25,7 +22,7 @@ _DIED = "the process that worked on this point died more than once; was it out o
 
 def evaluate_all(
     plan: Plan, points: Sequence[int], jobs: int | None = None, scheduler: str | None = None
-) -> Iterator[Row]:
+) -> Iterator[SweepPoint]:
     """Lines of these points. jobs: processes; None for as many as there are cores, if it pays.
 
     scheduler: address of a Dask scheduler that is used instead. InputError when it cannot be.
@@ -50,7 +47,7 @@ def evaluate_all(
         yield from _on_processes(plan, left, jobs)
 
 
-def _on_processes(plan: Plan, points: Sequence[int], jobs: int) -> Iterator[Row]:
+def _on_processes(plan: Plan, points: Sequence[int], jobs: int) -> Iterator[SweepPoint]:
     """A pool that breaks names no point: the next one then runs alone, and is to blame or not."""
     from joblib import Parallel, delayed, parallel_config
 
@@ -60,9 +57,9 @@ def _on_processes(plan: Plan, points: Sequence[int], jobs: int) -> Iterator[Row]
         with parallel_config(backend="loky", inner_max_num_threads=1):
             pool = Parallel(n_jobs=jobs, batch_size=1, return_as="generator_unordered")
         try:
-            for row in pool(delayed(evaluate)(plan, index) for index in batch):
-                del left[row["point"]]
-                yield row
+            for point in pool(delayed(evaluate)(plan, index) for index in batch):
+                del left[point.index]
+                yield point
             alone = False
         except BrokenProcessPool:
             if alone:
@@ -71,7 +68,7 @@ def _on_processes(plan: Plan, points: Sequence[int], jobs: int) -> Iterator[Row]
             alone = not alone
 
 
-def _on_cluster(plan: Plan, points: Sequence[int], address: str) -> Iterator[Row]:
+def _on_cluster(plan: Plan, points: Sequence[int], address: str) -> Iterator[SweepPoint]:
     """The scheduler gives the point of a dead worker to another, up to its `allowed-failures`."""
     try:
         from distributed import Client, KilledWorker
@@ -115,5 +112,5 @@ def _on_cluster(plan: Plan, points: Sequence[int], address: str) -> Iterator[Row
             ) from None
 
 
-def _lost(plan: Plan, index: int) -> Row:
-    return {"point": index, "at": plan.at(index), "error": _DIED}
+def _lost(plan: Plan, index: int) -> SweepPoint:
+    return SweepPoint(index, plan.values_of(index), error=_DIED)
