@@ -1,4 +1,4 @@
-"""`compare`, `report`, `demo`, `schema`, `completion`: what is read."""
+"""`compare`, `report`, `demo`, `schema`, `completion`: tables and pages."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def compare(
     "-o", "--output", type=click.Path(), default="report.html", show_default=True, help="HTML file."
 )
 def report(design_file: str, data: str | None, initial: str | None, output: str) -> int:
-    """Prove DESIGN again and tell it on one page: guarantees, claims, gains, an estimate."""
+    """Prove DESIGN again and show it on one page: guarantees, claims, gains, an estimate."""
     from obsdesign.cli.answers import EXIT_CODES
     from obsdesign.output_files import refuse_overwriting
     from obsdesign.pages.report import write_report
@@ -112,12 +112,7 @@ def schema(which: str) -> int:
 @click.argument("shell", type=click.Choice(["bash", "zsh", "fish"]))
 def completion(shell: str) -> int:
     """Print the completion script of SHELL: eval "$(obsdesign completion bash)"."""
-    from click.shell_completion import get_completion_class
+    from click.shell_completion import shell_complete
 
-    made = get_completion_class(shell)
-    assert made is not None
     root = click.get_current_context().find_root().command
-    # not made.source(): it asks the shell for its version first
-    script = made(root, {}, "obsdesign", COMPLETE)
-    click.echo(script.source_template % script.source_vars())
-    return 0
+    return shell_complete(root, {}, "obsdesign", COMPLETE, f"{shell}_source")

@@ -1,4 +1,4 @@
-"""`check`, `design`, `verify`, `search`: what ends in a verdict."""
+"""`check`, `design`, `verify`, `search`: the commands with a verdict."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One point of a sweep: a problem with other numbers, and the answer of `search` or `design`."""
+"""One point of a sweep: a changed problem, and the answer of `search` or `design`."""
 
 from __future__ import annotations
 

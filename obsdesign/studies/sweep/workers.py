@@ -1,4 +1,4 @@
-"""Evaluation of the points of a sweep: in this process, joblib's processes, or a Dask cluster.
+"""Evaluation of points: in this process, in joblib's processes, or on a Dask cluster.
 
 All three call `obsdesign.studies.sweep.point.evaluate` and yield its lines in the order they are
 ready. A worker that dies takes no finished point with it, and its own point is tried again.
