@@ -145,13 +145,13 @@ def test_a_bracket_that_stays_wide_says_why(
 
 def test_check_and_compare_and_points_of_a_sweep_say_it(tmp_path: Path) -> None:
     problem = obsdesign.load_problem(SAMPLED)
-    verdict, found = check_all(problem, seconds=NOTHING)
+    verdict, answers = check_all(problem, seconds=NOTHING)
     assert verdict == "undecided"
     end = {"ended_by": "time", "seconds": NOTHING}
     for kind in ("interval", "luenberger"):
-        assert found[kind].verdict == "undecided"
-        assert found[kind].ended == end
-        assert MORE in found[kind].reasons[0]
+        assert answers[kind].verdict == "undecided"
+        assert answers[kind].ended == end
+        assert MORE in answers[kind].reasons[0]
     record = ComparisonRecord.from_simulation(
         problem.plant, until=3.0, rng=np.random.default_rng(0)
     )

@@ -42,9 +42,9 @@ def body(**output: Any) -> dict[str, Any]:
 )
 def test_interval_asks_for_the_bound(output: Any) -> None:
     problem = Problem.from_dict(body(**output))
-    for asked in (problem, Problem.from_dict(problem.to_dict())):
+    for stated in (problem, Problem.from_dict(problem.to_dict())):
         with pytest.raises(DoesNotApply) as refusal:
-            obsdesign.investigate(asked)
+            obsdesign.investigate(stated)
         assert str(refusal.value) == LINE
     assert check_kind(problem, "interval").reasons == (LINE,)
     bounded = Problem.from_dict(body(noise_bound=0.03, **output))

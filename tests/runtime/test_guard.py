@@ -16,11 +16,11 @@ from obsdesign.runtime.base import DwellGuard
 
 
 def objections(guard: DwellGuard, instants: list[float]) -> list[str | None]:
-    found = []
+    reasons = []
     for t in instants:
         guard, objection = guard.after(t, jump=True)
-        found.append(objection)
-    return found
+        reasons.append(objection)
+    return reasons
 
 
 def test_a_change_beyond_the_jitter_is_said_and_the_next_one_is_judged_anew() -> None:

@@ -103,7 +103,7 @@ def test_equal_decimal_steps_share_one_length(origin: float, step: float) -> Non
     lengths = defaultdict(set)
     for before, now in zip(t[:-1].tolist(), t[1:].tolist(), strict=True):
         lengths[math.frexp(now)[1]].add(shared_length(now - before, now)[0])
-    assert all(len(found) == 1 for found in lengths.values())
+    assert all(len(shared) == 1 for shared in lengths.values())
 
 
 @settings(max_examples=300, deadline=None)

@@ -98,8 +98,8 @@ def test_a_curve_calls_proved_what_is(academic_design: Path) -> None:
         replace(claim, verdict="undecided") if claim.id == "dwell_stability" else claim
         for claim in design.claims
     )
-    told = [curve_of(one) for one in (design, replace(design, claims=claims))]
-    assert ["is proved" in curve.caption for curve in told if curve] == [True, False]
+    curves = [curve_of(one) for one in (design, replace(design, claims=claims))]
+    assert ["is proved" in curve.caption for curve in curves if curve] == [True, False]
 
 
 def test_a_sentence_may_name_fewer_of_its_claims_and_promises_no_more_by_it() -> None:

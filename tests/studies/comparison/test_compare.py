@@ -178,7 +178,7 @@ def test_the_table_names_what_runs_and_why_the_rest_does_not() -> None:
         cli, ["compare", str(EXAMPLES / "degue_4_1.toml"), "--until", "4"], standalone_mode=False
     )
     assert done.return_value == 0
-    told = " ".join(done.output.split())
-    assert "interval, cooperative" in told
-    assert "Kalman filter" in told
-    assert "impulsive input: jump.H is required" in told
+    text = " ".join(done.output.split())
+    assert "interval, cooperative" in text
+    assert "Kalman filter" in text
+    assert "impulsive input: jump.H is required" in text
