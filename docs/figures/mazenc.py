@@ -1,4 +1,4 @@
-"""The illustration of Mazenc and Ahmed: Fig. 1 beside exact run, and a table over the period.
+"""The illustration of Mazenc and Ahmed: Fig. 1 beside exact estimates, and a table over the period.
 
 python docs/figures/mazenc.py [docs/mazenc.png]     draws the figure and prints the table
 """
