@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 from obsdesign.document import Claim, jsonable
 from obsdesign.pages.key_numbers import numbers_of
+from obsdesign.problem.problem import Problem
 from obsdesign.verification.answers import is_ended, more_time, reason
-from obsdesign.workflow import Outcome
+from obsdesign.workflow import Outcome, layer
 
 if TYPE_CHECKING:
     from obsdesign.studies.check.which_kinds import KindAnswer  # other commands do without them
@@ -158,9 +159,10 @@ def show(outcome: Outcome, numbers: bool = False) -> None:
             what = "\n".join([what, *(f"[dim]{escape(line)}[/]" for line in lines)])
         table.add_row(mark, claim.id, what)
     console.print(table)
-    for label, entry in outcome.result.get("forms", {}).items():
-        untried = all(text.startswith("not tried") for text in entry["reasons"])
-        wanted = outcome.verdict != "proved" or not untried or numbers
+    forms = outcome.result.get("forms", {})
+    untried = _untried_forms(outcome) if forms else set()
+    for label, entry in forms.items():
+        wanted = outcome.verdict != "proved" or label not in untried or numbers
         if wanted and label != outcome.result.get("form") and entry["verdict"] != "proved":
             why = escape("; ".join(entry["reasons"]))
             console.print(f"form {label} is {entry['verdict']}: {why}")
@@ -171,6 +173,14 @@ def show(outcome: Outcome, numbers: bool = False) -> None:
         console.print(f"{word}: {escape(guarantee.statement)}")
     for warning in outcome.warnings if outcome.verdict != "refuted" else ():
         console.print(f"[yellow]warning[/]: {escape(warning)}")
+
+
+def _untried_forms(outcome: Outcome) -> set[str]:
+    """Forms that synthesis passed over."""
+    if outcome.design is None:
+        return set()
+    problem = Problem.from_dict(outcome.design.problem)
+    return set(layer("synthesis", outcome.kind).untried(problem))
 
 
 def _claim_text(claim: Claim) -> str:
