@@ -16,7 +16,8 @@ import numpy as np
 from obsdesign.entries import Array, in_range, matrix, shown
 from obsdesign.errors import InputError
 from obsdesign.problem.kinds import GAINS, INVERTIBLE, KINDS, OPTIONS
-from obsdesign.problem.options import OPTIONS_OF, Options, UnassignedOptions, is_whole
+from obsdesign.problem.options import OPTIONS_OF, is_whole
+from obsdesign.problem.options_base import Options, UnassignedOptions
 from obsdesign.problem.plant import Plant
 
 

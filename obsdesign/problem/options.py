@@ -10,18 +10,17 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any, Literal, Self
+from typing import TYPE_CHECKING, Literal
 
 from obsdesign.errors import InputError
+from obsdesign.problem.options_base import Options, option
 from obsdesign.problem.schema import (
     FLAG,
     POSITIVE,
     POSITIVE_LIST,
-    Fragment,
     at_least,
-    file_entry,
     list_of,
     one_of,
     ref,
@@ -42,79 +41,32 @@ _WEIGHTS = (
 )
 
 
-def _option(fragment: Fragment, description: str, *, whole: bool = False) -> Any:
-    """Declare an option; whole: it counts something."""
-    return file_entry(fragment, description, default=None, whole=whole)
-
-
-class Options(Mapping[str, Any]):
-    """Options of an observer; as a mapping those that the problem states, in its order."""
-
-    _stated: tuple[str, ...]
-
-    def __post_init__(self) -> None:
-        names = (option.name for option in fields(self))  # type: ignore[arg-type]
-        given = tuple(name for name in names if getattr(self, name) is not None)
-        object.__setattr__(self, "_stated", given)
-
-    @classmethod
-    def from_entries(cls, entries: Mapping[str, Any]) -> Self:
-        """Options from the entries of a problem file, converted and named as the schema has it."""
-        options = cls(**entries)
-        object.__setattr__(options, "_stated", tuple(entries))
-        return options
-
-    def check(self, plant: Plant) -> None:
-        """InputError for options that do not fit the plant or each other."""
-
-    def __getitem__(self, name: str) -> Any:
-        if name not in self._stated:
-            raise KeyError(name)
-        return getattr(self, name)
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._stated)
-
-    def __len__(self) -> int:
-        return len(self._stated)
-
-
-class UnassignedOptions(Options):
-    """Options of a problem without a kind: those of any kind, which nothing was checked for."""
-
-    def __init__(self, **entries: Any) -> None:
-        self._entries = entries
-
-    def __getitem__(self, name: str) -> Any:
-        return self._entries[name]
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class IntervalOptions(Options):
     """Options of kind interval."""
 
-    form: str | None = _option(
+    form: str | None = option(
         one_of("cooperative", "split", "coordinates", "two_coordinates", "auto"),
         "How positivity is reached; default auto: all in this order.",
     )
-    objective: str | None = _option(
+    objective: str | None = option(
         one_of("feasible", "shortest_dwell", "narrowest"),
         "What missing gains are chosen for; default feasible.",
     )
-    gain_limit: float | None = _option(POSITIVE, "Largest absolute entry of L and M.")
-    width: str | None = _option(
+    gain_limit: float | None = option(POSITIVE, "Largest absolute entry of L and M.")
+    width: str | None = option(
         one_of("mean", "pre_jump"),
         "Which width objective narrowest makes small: its time average (default), or the one just "
         "before jumps.",
     )
-    width_weights: tuple[float, ...] | None = _option(
+    width_weights: tuple[float, ...] | None = option(
         list_of(
             at_least(0, "a nonnegative number"), "a list of nonnegative numbers, one per state"
         ),
         "Weight of each state's width in objective narrowest; default all alike. Only their ratios "
         "matter.",
     )
-    memory: Memory | None = _option(ref("memory"), _MEMORY, whole=True)
+    memory: Memory | None = option(ref("memory"), _MEMORY, whole=True)
 
     def check(self, plant: Plant) -> None:
         """InputError unless there is a width weight per state, and one of them is not zero."""
@@ -127,13 +79,13 @@ class IntervalOptions(Options):
 class LuenbergerOptions(Options):
     """Options of kind luenberger."""
 
-    poles: tuple[Pole, ...] | None = _option(ref("poles"), _POLES)
-    decay_rate: float | None = _option(
+    poles: tuple[Pole, ...] | None = option(ref("poles"), _POLES)
+    decay_rate: float | None = option(
         at_least(0, "a number >= 0"), "Exponential decay that is asked for, per unit of time."
     )
-    weights: Mapping[str, tuple[float, ...]] | None = _option(ref("weights"), _WEIGHTS)
-    memory: Memory | None = _option(ref("memory"), _MEMORY, whole=True)
-    schedule: int | tuple[float, ...] | None = _option(
+    weights: Mapping[str, tuple[float, ...]] | None = option(ref("weights"), _WEIGHTS)
+    memory: Memory | None = option(ref("memory"), _MEMORY, whole=True)
+    schedule: int | tuple[float, ...] | None = option(
         {
             "anyOf": [
                 {"type": "integer", "minimum": 2},
@@ -160,24 +112,24 @@ class LuenbergerOptions(Options):
 class ImpulsiveOptions(Options):
     """Options of kind impulsive."""
 
-    window: int | None = _option(
+    window: int | None = option(
         {"type": "integer", "minimum": 1, "title": "a whole number >= 1"},
         "Number of impulses that a gain looks back at.",
         whole=True,
     )
-    alpha: float | None = _option(
+    alpha: float | None = option(
         {"type": "number", "exclusiveMinimum": 1, "title": "a number > 1"},
         "Weight of the past; the error is guaranteed to shrink by 1/alpha per impulse.",
     )
-    strategy: str | None = _option(
+    strategy: str | None = option(
         one_of("full", "compressed", "subspace", "quadratic", "auto"),
         "Which condition the gain rests on; default auto: all in this order.",
     )
-    decay_rate: float | None = _option(
+    decay_rate: float | None = option(
         at_least(0, "a number >= 0"),
         "Exponential decay that is asked for, per unit of time; chooses alpha.",
     )
-    noise_target: tuple[float, ...] | None = _option(
+    noise_target: tuple[float, ...] | None = option(
         POSITIVE_LIST,
         "Largest standard deviation wanted of each state's error just after an impulse, for "
         "measurement noise noise_std (1 where none is given); chooses window and alpha.",
@@ -192,18 +144,18 @@ class ImpulsiveOptions(Options):
 class FiniteTimeOptions(Options):
     """Options of kind finite_time."""
 
-    window: float | None = _option(
+    window: float | None = option(
         POSITIVE, "T: time after which the state is known; a multiple of output.period."
     )
-    method: str | None = _option(
+    method: str | None = option(
         one_of("approximate", "exact", "least_squares", "minimax"),
         "How the state is computed from the window; default least_squares.",
     )
-    objective: str | None = _option(
+    objective: str | None = option(
         one_of("longest_period", "shortest_window", "least_noise"),
         "What is searched for among period, window and gains.",
     )
-    half_sample_correction: bool | None = _option(
+    half_sample_correction: bool | None = option(
         FLAG, "Method approximate: take off the half-sample delay of (14)."
     )
 
@@ -212,39 +164,39 @@ class FiniteTimeOptions(Options):
 class ImpulsiveInputOptions(Options):
     """Options of kind impulsive_input."""
 
-    window: float | None = _option(
+    window: float | None = option(
         POSITIVE, "tau: length of the sliding window, below the shortest dwell time."
     )
-    exponents: tuple[float, ...] | None = _option(
+    exponents: tuple[float, ...] | None = option(
         list_of(ref("number"), "a list of numbers"),
         "Lambda: distinct exponents of the modulating kernels.",
     )
-    margin: float | None = _option(
+    margin: float | None = option(
         POSITIVE,
         "epsilon: onsets in the last part of the window are not decided; less than window.",
     )
-    ratio: float | None = _option(
+    ratio: float | None = option(
         POSITIVE,
         "r: how far the residual error may stand out against an impulse; chooses the exponents.",
     )
-    weighting: str | None = _option(
+    weighting: str | None = option(
         one_of("plain", "gls"), "Norm of the fit: plain, or gls for measurement noise."
     )
-    operator: str | None = _option(
+    operator: str | None = option(
         one_of("integral", "samples"), "Kernels as integrals, or as exact sums over few samples."
     )
-    check_exponents: bool | None = _option(
+    check_exponents: bool | None = option(
         FLAG, "Ask IPOPT whether other exponents of the same ratio are less sensitive to noise."
     )
-    state_correction: bool | None = _option(
+    state_correction: bool | None = option(
         FLAG, "gls: correct the state with each impulse; default true."
     )
-    initial_std: tuple[float, ...] | None = _option(
+    initial_std: tuple[float, ...] | None = option(
         list_of(at_least(0, "a number >= 0"), "a list of numbers >= 0"),
         "gls: standard deviation of the initial state, one per state; default from the data.",
     )
-    nonnegative: bool | None = _option(FLAG, "Weights of impulses are not negative.")
-    threshold: float | None = _option(
+    nonnegative: bool | None = option(FLAG, "Weights of impulses are not negative.")
+    threshold: float | None = option(
         POSITIVE,
         "eta: an impulse is evaluated when the norm of the features exceeds it, instead of at a "
         "maximum.",
@@ -269,14 +221,14 @@ class ImpulsiveInputOptions(Options):
 class UnknownInputOptions(Options):
     """Options of kind unknown_input."""
 
-    poles: tuple[Pole, ...] | None = _option(ref("poles"), _POLES)
-    weights: Mapping[str, tuple[float, ...]] | None = _option(ref("weights"), _WEIGHTS)
-    differentiator: str | None = _option(
+    poles: tuple[Pole, ...] | None = option(ref("poles"), _POLES)
+    weights: Mapping[str, tuple[float, ...]] | None = option(ref("weights"), _WEIGHTS)
+    differentiator: str | None = option(
         one_of("cell", "damped", "batch", "fixed_lag"),
         "How the output is differentiated. Default: fixed_lag where every output has a noise_std, "
         "else cell.",
     )
-    lag: int | None = _option(
+    lag: int | None = option(
         {
             "type": "integer",
             "minimum": 1,

@@ -136,7 +136,7 @@ WRONG: dict[str, Any] = {
 }
 
 
-@pytest.mark.parametrize("told", WRONG)
+@pytest.mark.parametrize("reason", WRONG)
 def test_a_signed_state_of_wrong_types_is_refused(desk: Path, reason: str) -> None:
     ran("run", "d.json", "one.csv", *START, "--state", "s.json", "-o", "e.csv")
     body = json.loads((desk / "s.json").read_text())
