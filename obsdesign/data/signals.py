@@ -29,10 +29,10 @@ class Bounded:
     omega: Array
     phase: Array
 
-    def at(self, k: int, t: float) -> Array:
+    def value(self, k: int, t: float) -> Array:
         """Value at time t of row k."""
-        value: Array = self.held[k] + self.amplitude * np.sin(self.omega * t + self.phase)
-        return value
+        signal: Array = self.held[k] + self.amplitude * np.sin(self.omega * t + self.phase)
+        return signal
 
 
 @dataclass(frozen=True)
@@ -78,14 +78,14 @@ class Signals:
             return np.full_like(clean, np.nan)
         spread = np.hypot(self.plant.output.noise_std, self.plant.output.noise_cv * clean)
         bound = self.plant.output.noise_bound
-        noise = self.noise.at(k, t) + spread * self.gaussian[k]
+        noise = self.noise.value(k, t) + spread * self.gaussian[k]
         value: Array = clean + (noise if bound is None else np.clip(noise, -bound, bound))
         return value
 
     def unknown(self, times: Array) -> Array:
         """Truth of the unknown input, (rows, q)."""
         return np.array(
-            [self.unknown_input.at(k, t) for k, t in enumerate(times.tolist())]
+            [self.unknown_input.value(k, t) for k, t in enumerate(times.tolist())]
         ).reshape(len(times), -1)
 
 

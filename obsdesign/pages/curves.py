@@ -165,7 +165,7 @@ def _around(low: float, high: float) -> Array:
 
 
 def _decay(F: Array) -> Curve | None:
-    """What is left of the worst unit error, over time."""
+    """Decay of the worst unit error, over time."""
     if not len(F):
         return None
     slowest = -float(np.linalg.eigvals(F).real.max())

@@ -157,7 +157,7 @@ class Problem:
         return bound
 
     def require_measured(self, *fitting: str) -> str:
-        """How y is measured, one of `fitting`, or DoesNotApply."""
+        """The kind of measurement, one of `fitting`, or DoesNotApply."""
         measured = self.plant.output.measured
         if measured not in fitting:
             raise DoesNotApply(

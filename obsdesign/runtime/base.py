@@ -125,7 +125,7 @@ class Delayed(ABC, Generic[State]):
 
 
 def columns_read(gains: PlantGains | Mapping[str, Any]) -> dict[str, int | bool]:
-    """How many y, u, w a sample has for these gains, and whether jumps are reported."""
+    """Numbers of y, u and w in a sample for these gains, and whether jumps are reported."""
     if isinstance(gains, PlantGains):
         return gains.columns
     u, w = (gains[x].shape[1] if x in gains else 0 for x in ("B", "E"))
@@ -147,7 +147,7 @@ class DwellGuard:
     last_dwell: float | None = None
 
     @classmethod
-    def of(cls, gains: PlantGains | Mapping[str, Any]) -> DwellGuard:
+    def from_gains(cls, gains: PlantGains | Mapping[str, Any]) -> DwellGuard:
         """The guard of a design's gains; without jumps it accepts every time."""
         if isinstance(gains, PlantGains):
             jitter = math.inf if gains.dwell_jitter is None else gains.dwell_jitter
@@ -249,7 +249,7 @@ class Batch:
 
 
 def first_time(times: Vector) -> float:
-    """When a record begins; ValueError if it has no row."""
+    """Time of the first row of a record; ValueError if it has none."""
     if not len(times):
         raise ValueError("at least one row is required; got none.")
     return float(times[0])

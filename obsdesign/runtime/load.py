@@ -13,7 +13,7 @@ from obsdesign.entries import is_number
 from obsdesign.errors import InputError
 from obsdesign.runtime.base import Observer
 
-# kind -> module and class; modules are imported when they are asked for
+# kind -> module and class; modules are imported when they are used
 OBSERVERS = {
     "interval": ("obsdesign.runtime.interval.observer", "IntervalObserver"),
     "luenberger": ("obsdesign.runtime.luenberger.observer", "LuenbergerObserver"),

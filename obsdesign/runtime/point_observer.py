@@ -40,7 +40,7 @@ class PointObserver(ABC, Generic[State]):
 
     @property
     def reads(self) -> dict[str, int | bool]:
-        """How many y, u, w a sample has, and whether jumps are reported."""
+        """Numbers of y, u and w in a sample, and whether jumps are reported."""
         return columns_read(self.gains)
 
     @property

@@ -19,7 +19,7 @@ from obsdesign.problem.problem import Problem
 
 
 def reason_against_problem(problem: Problem) -> str | None:
-    """Why no observer with gains L, M can serve the problem; None if one can."""
+    """Reason for which no observer with gains L, M serves the problem; None if one can."""
     plant = problem.plant
     if plant.jump is not None and plant.jump.dwell_time is None:
         return f"jump.dwell_time = [shortest, longest] is required by kind {problem.kind!r}."

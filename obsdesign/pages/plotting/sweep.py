@@ -93,7 +93,7 @@ def _number_or_word(point: SweepPoint) -> tuple[float, str]:
 
 
 def _curve(figure: Any, axis: Any, grid: _Grid, label: str) -> list[Any]:
-    """The numbers as a curve; a strip below it, or the whole panel, tells of the other points."""
+    """The numbers as a curve; a strip below it, or the whole panel, shows the other points."""
     values, handles = np.array(grid.axes[0].values), list[Any]()
     numbers = bool(np.isfinite(grid.numbers).any())
     if numbers:

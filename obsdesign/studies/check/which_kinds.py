@@ -1,4 +1,4 @@
-"""Which observer kinds can be built for a plant, and why the others cannot."""
+"""Verdicts on all observer kinds for a plant, with reasons."""
 
 from __future__ import annotations
 

@@ -253,7 +253,7 @@ def _relative_gap(bracket: Bracket) -> float | None:
 
 
 def _reason(bracket: Bracket) -> str | None:
-    """Why the other side is not proved."""
+    """Reason for which the other side is not proved."""
     witness = bracket.obstacle.get("witness", {})
     text = bracket.obstacle.get("reason") or witness.get("reason")
     return None if text is None else str(text)

@@ -89,7 +89,7 @@ def changed(body: Any, path: Path, value: float) -> dict[str, Any]:
 
 
 def require_number(body: Any, axis: Axis) -> None:
-    """InputError unless the entry of an axis is there and holds a number; says what is there."""
+    """InputError, with the entries there are, unless that of an axis holds a number."""
     place, so_far = body, ""
     for step in axis.path:
         place = _entered(place, step, so_far, axis.key)

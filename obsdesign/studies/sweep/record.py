@@ -1,4 +1,4 @@
-"""A sweep on disk: JSON lines, the first says which sweep, each further one holds a point.
+"""A sweep on disk: JSON lines, a header and one line per point.
 
 The digest at the end of a line is that of the first line and this point together. A point of
 another sweep, or one that was edited, does not match it.
