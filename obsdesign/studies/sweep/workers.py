@@ -10,6 +10,7 @@ import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import CancelledError, as_completed
 from concurrent.futures.process import BrokenProcessPool
+from typing import Any
 
 from obsdesign.errors import InputError
 from obsdesign.studies.sweep.point import Plan, SweepPoint, evaluate
@@ -68,10 +69,10 @@ def _on_processes(plan: Plan, points: Sequence[int], jobs: int) -> Iterator[Swee
             alone = not alone
 
 
-def _on_cluster(plan: Plan, points: Sequence[int], address: str) -> Iterator[SweepPoint]:
-    """The scheduler gives the point of a dead worker to another, up to its `allowed-failures`."""
+def _client(address: str) -> Any:
+    """A client of the Dask scheduler at an address; InputError where none answers."""
     try:
-        from distributed import Client, KilledWorker
+        from distributed import Client
         from distributed.comm.addressing import parse_address, parse_host_port
         from distributed.comm.registry import get_backend
     except ImportError:
@@ -85,13 +86,23 @@ def _on_cluster(plan: Plan, points: Sequence[int], address: str) -> Iterator[Swe
         if scheme == "inproc":
             raise ValueError("another process cannot be reached by inproc")
         parse_host_port(location)
-        client = Client(address, timeout=_ANSWER_SECONDS, set_as_default=False)
+        return Client(address, timeout=_ANSWER_SECONDS, set_as_default=False)
     except (OSError, ValueError, ImportError) as error:
         text = " ".join(str(error).split()) or type(error).__name__
         raise InputError(
             f"--scheduler {address}: no Dask scheduler answers there: {text}"
         ) from None
-    with client:
+
+
+def _on_cluster(plan: Plan, points: Sequence[int], address: str) -> Iterator[SweepPoint]:
+    """The scheduler gives the point of a dead worker to another, up to its `allowed-failures`.
+
+    Not by joblib's Dask backend: it names no point when a worker dies, and computes in this process
+    where the cluster has one thread.
+    """
+    with _client(address) as client:
+        from distributed import KilledWorker
+
         executor, accused = client.get_executor(pure=False), []
         futures = {executor.submit(evaluate, plan, index): index for index in points}
         try:
