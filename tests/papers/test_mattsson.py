@@ -96,8 +96,8 @@ def test_the_first_impulse_is_off_and_the_error_falls_faster(
 ) -> None:
     t, x = output
     rows = rows_from(observer(exponents, K), t, x @ C.T, x=GUESS)
-    impulses = [(e.t, e.weights[0]) for e in events_of(rows)]
-    for k, (one, other) in enumerate(zip(impulses, events, strict=True)):
+    found = [(e.t, e.weights[0]) for e in events_of(rows)]
+    for k, (one, other) in enumerate(zip(found, events, strict=True)):
         tolerance = (0.02, 0.005, 1e-3, 1e-3)[k]
         assert one == pytest.approx(other, abs=tolerance)
     error = np.linalg.norm(np.array([row.x for row in rows]) - x, axis=1)
@@ -114,8 +114,8 @@ def test_the_first_impulse_is_off_and_the_error_falls_faster(
 @pytest.mark.parametrize("exponents", [FIRST, SECOND])
 def test_with_the_true_state_all_impulses_are_exact(output: Any, exponents: Any, K: Any) -> None:
     t, x = output
-    impulses = events_of(rows_from(observer(exponents, K), t, x @ C.T, x=START))
-    for event, (moment, weight) in zip(impulses, TRAIN, strict=True):
+    found = events_of(rows_from(observer(exponents, K), t, x @ C.T, x=START))
+    for event, (moment, weight) in zip(found, TRAIN, strict=True):
         assert event.t == pytest.approx(moment, abs=5e-6)
         assert event.weights[0] == pytest.approx(weight, abs=2e-6)
         assert event.t_std is None
@@ -142,12 +142,11 @@ def test_in_noise_slow_exponents_help_and_weighting_helps_more(output: Any) -> N
             error = np.array([row.x for row in rows]) - x
             rms[name].append(float(np.sqrt((error[inside] ** 2).sum(axis=1).mean())))
             if name == "state":
-                impulses = events_of(rows)
-                assert len(impulses) == 4
-                late += [(e.t - m) / e.t_std for e, (m, _) in zip(impulses, TRAIN, strict=True)]
+                found = events_of(rows)
+                assert len(found) == 4
+                late += [(e.t - m) / e.t_std for e, (m, _) in zip(found, TRAIN, strict=True)]
                 assert (
-                    max(abs(e.t - m) for e, (m, _) in zip(impulses[1:], TRAIN[1:], strict=True))
-                    < 0.1
+                    max(abs(e.t - m) for e, (m, _) in zip(found[1:], TRAIN[1:], strict=True)) < 0.1
                 )
     mean = {name: np.mean(values) for name, values in rms.items()}
     # over 50 seeds: 0.14, 0.30, 0.51, 3.2 (python -m benchmarks.pulses_in_noise)
@@ -203,9 +202,9 @@ def test_the_slowest_exponent_for_a_ratio() -> None:
 
 def test_newton_beats_any_grid() -> None:
     curve = ImpulseCurve.of(eq.filtered_system(D, C, FIRST), H, 20.0)
-    fit = fit_impulse(5 * curve.at(13.3712345)[3:, 0], curve, 5.0, 20.0)
-    assert fit.age == pytest.approx(13.3712345, abs=1e-9)
-    assert fit.weights[0] == pytest.approx(5.0, abs=1e-10)
+    found = fit_impulse(5 * curve.at(13.3712345)[3:, 0], curve, 5.0, 20.0)
+    assert found.age == pytest.approx(13.3712345, abs=1e-9)
+    assert found.weights[0] == pytest.approx(5.0, abs=1e-10)
 
 
 # --- errata -----------------------------------------------------------------------------------------
@@ -215,26 +214,26 @@ def test_disjoint_spectra_do_not_make_the_norm_definite() -> None:
     # a mode that turns once per window is invisible to the exponent of its own decay
     turning = 2 * np.pi / 10
     D_turning = exact([[-0.1, turning], [-turning, -0.1]])
-    row = exact([[1.0, 0.0]])
-    assert full_rank(D_turning, row, [-0.1, -0.5], 10.0).verdict == "refuted"
-    assert full_rank(D_turning, row, [-0.2, -0.5], 10.0).verdict == "proved"
+    seen = exact([[1.0, 0.0]])
+    assert full_rank(D_turning, seen, [-0.1, -0.5], 10.0).verdict == "refuted"
+    assert full_rank(D_turning, seen, [-0.2, -0.5], 10.0).verdict == "proved"
     assert full_rank(exact(D), exact(C), FIRST.tolist(), 20.0).verdict == "proved"
 
 
 def test_the_solution_of_17_is_not_unique_in_general() -> None:
     plant = (exact(np.diag([-0.5, -1.0])), exact([[1.0, 1.0]]), exact([[2.0], [-3.0]]))
-    verdict = decide_uniqueness(*plant, [-2.0, -3.0], 5.0, 0.1)
-    assert verdict.outcome == "refuted"
+    found = decide_uniqueness(*plant, [-2.0, -3.0], 5.0, 0.1)
+    assert found.outcome == "refuted"
     # the witness, evaluated independently
-    (s1, (low, high)), (g1, g2) = (verdict.evidence["witness"][k] for k in ("ages", "weights"))
+    (s1, (low, high)), (g1, g2) = (found.evidence["witness"][k] for k in ("ages", "weights"))
     F = eq.filtered_system(np.diag([-0.5, -1.0]), np.array([[1.0, 1.0]]), np.array([-2.0, -3.0]))
     first, second = (expm(F * s)[2:, :2] @ np.array([2.0, -3.0]) for s in (s1, (low + high) / 2))
     np.testing.assert_allclose(g1 * first, g2 * second, atol=1e-9)
     assert abs(s1 - low) > 0.5
     # three exponents are no better here, four are, by the theorem
-    verdict = decide_uniqueness(*plant, [-2.0, -3.0, -4.0], 5.0, 0.1)
-    assert verdict.outcome == "refuted"
-    ages, (one, other) = (verdict.evidence["witness"][k] for k in ("ages", "weights"))
+    found = decide_uniqueness(*plant, [-2.0, -3.0, -4.0], 5.0, 0.1)
+    assert found.outcome == "refuted"
+    ages, (one, other) = (found.evidence["witness"][k] for k in ("ages", "weights"))
     for (low, high), printed in zip(ages, (0.50665112821918, 2.15682324393891), strict=True):
         assert low < printed < high
         assert high - low < 1e-5
@@ -261,8 +260,8 @@ def test_an_impulse_past_its_peak_when_a_search_begins_is_not_missed() -> None:
     for train in (((3, 4), (40, 5)), ((30, 4), (45, 5), (80, 6))):
         x = record(A, H, train, t, START)
         rows = rows_from(observer(FIRST, EXACT), t, x @ C.T, x=START)
-        impulses = [(e.t, e.weights[0]) for e in events_of(rows)]
-        np.testing.assert_allclose(impulses, train, atol=1e-5)
+        found = [(e.t, e.weights[0]) for e in events_of(rows)]
+        np.testing.assert_allclose(found, train, atol=1e-5)
         assert np.linalg.norm(rows[6000].x - x[6000]) < 1e-5
     flagged = [e.status for e in events_of(rows)]
     assert flagged[1].startswith("dwell time 15")

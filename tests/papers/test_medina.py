@@ -80,9 +80,9 @@ def test_gain_12_by_qr_is_the_printed_one(n: int, p: int, window: int, singular:
             G[:, 0] = G[:, 1]
         spacings = rng.uniform(0.3, 0.8, window)
         printed, condition = literal_gain(A, G, C, spacings, 1.4)
-        K = gain(A, G, C, spacings, 1.4)
+        found = gain(A, G, C, spacings, 1.4)
         # the printed form inverts a Gramian: that is what the difference is made of
-        assert np.abs(K - printed).max() <= 1e-14 * condition * np.abs(printed).max()
+        assert np.abs(found - printed).max() <= 1e-14 * condition * np.abs(printed).max()
 
 
 def test_p1_the_spline_gain_in_closed_form() -> None:
@@ -92,8 +92,8 @@ def test_p1_the_spline_gain_in_closed_form() -> None:
             spacings = rng.uniform(0.1, 0.8, 3)
             a, b = spacings[2], spacings[1] + spacings[2]
             closed = -np.array([[1], [(a + b) / (a * b)], [2 / (a * b)]])
-            K = gain(chain(3), np.eye(3), first(3), spacings, alpha)
-            np.testing.assert_allclose(K, closed, rtol=1e-8)
+            found = gain(chain(3), np.eye(3), first(3), spacings, alpha)
+            np.testing.assert_allclose(found, closed, rtol=1e-8)
 
 
 def test_a_square_window_does_not_know_alpha() -> None:
@@ -138,11 +138,11 @@ def estimates(design: Any) -> tuple[Any, Any, Any]:
 
 @pytest.mark.parametrize("strategy", ["auto", "compressed", "subspace"])
 def test_p5_p6_the_example_is_dead_beat(strategy: str) -> None:
-    body = obsdesign.load_problem(ROOT / "examples" / "medina_spline.toml").to_dict()
-    body["observer"]["strategy"] = strategy
-    design = obsdesign.design(obsdesign.Problem.from_dict(body))
-    t, estimated, true = estimates(design)
-    error = estimated - true
+    asked = obsdesign.load_problem(ROOT / "examples" / "medina_spline.toml").to_dict()
+    asked["observer"]["strategy"] = strategy
+    design = obsdesign.design(obsdesign.Problem.from_dict(asked))
+    t, found, true = estimates(design)
+    error = found - true
     assert np.abs(error[t < 0.1, 3]) == pytest.approx(158.0338, abs=1e-4)
     # the true x4 of the table is the spline's, rounded: 400 * 1e-15
     assert np.abs(error[t >= 0.1, 3]).max() < 1e-12
@@ -199,8 +199,8 @@ def test_p7_the_spline_is_not_strongly_observable() -> None:
     witness = claim(outcome, "strongly_observable").evidence["witness"]
     assert witness["null_vector"] == [0.0, 0.0, 0.0, 1.0]
     for strategy in ("compressed", "subspace"):
-        task = problem(SPLINE, [0.1, 0.8], strategy=strategy)
-        assert obsdesign.investigate(task).verdict == "proved"
+        asked = problem(SPLINE, [0.1, 0.8], strategy=strategy)
+        assert obsdesign.investigate(asked).verdict == "proved"
 
 
 def test_p8_the_restricted_spline_is_certified() -> None:
@@ -219,11 +219,11 @@ def test_the_printed_sum_of_p_before_the_impulse_has_one_term_too_many() -> None
     before = [np.eye(3)]  # Phi(tau_j^-, tau_(k-l)^-), j = k-l .. k
     for delta in spacings:
         before.append(expm(A * delta) @ G @ before[-1])
-    gramians = [X.T @ C.T @ C @ X for X in before]
-    after = sum(alpha ** (2 * i) * M for i, M in enumerate(gramians[1:]))  # A_I' P(tau_k) A_I
-    last = alpha ** (2 * (window - 1)) * gramians[-1]
+    seen = [X.T @ C.T @ C @ X for X in before]
+    after = sum(alpha ** (2 * i) * M for i, M in enumerate(seen[1:]))  # A_I' P(tau_k) A_I
+    last = alpha ** (2 * (window - 1)) * seen[-1]
     for terms, holds in ((window, True), (window + 1, False)):
-        P = sum(alpha ** (2 * i) * M for i, M in enumerate(gramians[:terms]))
+        P = sum(alpha ** (2 * i) * M for i, M in enumerate(seen[:terms]))
         right = alpha**-2 * P - alpha**-2 * C.T @ C + last
         assert np.allclose(after, right, rtol=1e-12) == holds
 
@@ -246,7 +246,7 @@ def test_noise_against_speed(
         "A": A, "G": G, "C": C, "jump_measurement": "before", "strategy": "full",
         "dwell_time": np.array([0.5, 1.5]), "window": window, "alpha": alpha,
     }  # fmt: skip
-    errors = simulated(gains, np.ones(1), sequences=300, impulses=100)
-    assert errors.per_impulse == pytest.approx(rate, abs=0.006)
-    assert errors.std[0] ** 2 == pytest.approx(position, abs=0.002)
-    assert errors.std[1] ** 2 == pytest.approx(velocity, rel=0.015)
+    found = simulated(gains, np.ones(1), sequences=300, impulses=100)
+    assert found.per_impulse == pytest.approx(rate, abs=0.006)
+    assert found.std[0] ** 2 == pytest.approx(position, abs=0.002)
+    assert found.std[1] ** 2 == pytest.approx(velocity, rel=0.015)

@@ -51,14 +51,14 @@ def pencil_zeros(A: Matrix, C: Matrix, D: Matrix) -> Matrix:
     A squaring keeps the zeros and adds others, which differ from one to the next.
     """
     n, q = D.shape
-    systems = []
+    found = []
     for seed in (1, 2):
         mix = np.random.default_rng(seed).standard_normal((q, len(C))) if len(C) > q else np.eye(q)
         M = np.block([[A, D], [mix @ C, np.zeros((q, q))]])
         E = np.block([[np.eye(n), np.zeros((n, q))], [np.zeros((q, n + q))]])
         values = eig(M, E, right=False)
-        systems.append(values[np.isfinite(values) & (abs(values) < 1e6)])
-    return np.array([s for s in systems[0] if pencil_margin(A, C, D, s) < 1e-9])
+        found.append(values[np.isfinite(values) & (abs(values) < 1e6)])
+    return np.array([s for s in found[0] if pencil_margin(A, C, D, s) < 1e-9])
 
 
 def pencil_margin(A: Matrix, C: Matrix, D: Matrix, s: complex) -> float:

@@ -85,7 +85,7 @@ class ImpulsiveObserver(SteppedObserver[ImpulsiveState]):
         guess = vector(np.zeros(self.n) if x is None else x, self.n, "x")
         inputs = np.zeros(int(self.reads["u"]))
         return ImpulsiveState(
-            float(t), guess, inputs, self._virtual_past, None, DwellGuard.from_gains(self.gains)
+            float(t), guess, inputs, self._virtual_past, None, DwellGuard.of(self.gains)
         )
 
     def step(self, state: ImpulsiveState, sample: Sample) -> tuple[ImpulsiveState, Estimate]:

@@ -54,11 +54,6 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
         yield Candidate(method, completed(problem, gains), searched="window" not in problem.options)
 
 
-def untried(problem: Problem) -> dict[str, str]:
-    """Forms that are passed over, and why: none of this kind."""
-    return {}
-
-
 def _with_injection(problem: Problem, gains: dict[str, Any]) -> Iterator[Candidate]:
     """L in the units of the file, then in those of the window; then longer windows, where open."""
     open_gain, open_window = "L" not in problem.gains, "window" not in problem.options
@@ -125,3 +120,8 @@ def _injection(problem: Problem, k: int, units: Any = None) -> Injection:
 def _disturbed(plant: dict[str, Any]) -> bool:
     moved = np.any(plant["flow_lower"] != plant["flow_upper"])
     return bool(moved or np.any(plant["noise_bound"]))
+
+
+def untried(problem: Problem) -> dict[str, str]:
+    """Forms that are passed over, and why: none of this kind."""
+    return {}

@@ -24,7 +24,7 @@ from obsdesign.equations.interval.width import WidthSystem, width_system_of
 from obsdesign.errors import DoesNotApply, InputError
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
-from obsdesign.synthesis.dwell import dwell_certificates, stability_options
+from obsdesign.synthesis.dwell import dwell_certificates, question
 from obsdesign.synthesis.given_gains import given_gain, refuse_unusable
 from obsdesign.synthesis.interval.coordinates import best_coordinates
 from obsdesign.synthesis.interval.descent import SECONDS, best_gains
@@ -233,7 +233,7 @@ def _candidate(
             low, certificates = _widest_range(problem, system, low, high)
             gains["dwell_time"], cost = [low, high], low
         certificates = certificates or dwell_certificates(
-            system.W, system.N, low, high, **stability_options(problem)
+            system.W, system.N, low, high, **question(problem)
         )
     if left() > 0:
         certificates |= _widths(problem, gains, system, approx)
@@ -276,7 +276,7 @@ def _widest_range(
 ) -> tuple[float, dict[str, Any]]:
     """(shortest dwell time, certificates): the range found if it holds the one asked for."""
     N, _ = system.at_jumps
-    bracket = shortest_dwell(system.W, N, high, **stability_options(problem))
+    bracket = shortest_dwell(system.W, N, high, **question(problem))
     if bracket.proved is None or not bracket.proved <= low or math.isinf(bracket.proved):
         return low, {}
     return bracket.proved, {"dwell_stability": dict(bracket.certificate)}

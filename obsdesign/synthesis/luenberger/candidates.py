@@ -24,7 +24,7 @@ from obsdesign.equations.luenberger.gains import LuenbergerGains
 from obsdesign.errors import InputError
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
-from obsdesign.synthesis.dwell import dwell_certificates, stability_options
+from obsdesign.synthesis.dwell import dwell_certificates, question
 from obsdesign.synthesis.given_gains import given_gain, refuse_unusable
 from obsdesign.synthesis.luenberger.jump_gains import jump_gains
 from obsdesign.synthesis.luenberger.schedule import check_schedule, scheduled_candidate
@@ -56,11 +56,6 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
             _certificates(problem, F, M, rate),
             searched=open_gain and not _doomed(problem, F, chosen, rate),
         )
-
-
-def untried(problem: Problem) -> dict[str, str]:
-    """Forms that are passed over, and why: none of this kind."""
-    return {}
 
 
 def _doomed(problem: Problem, F: Any, chosen: bool, rate: float) -> bool:
@@ -122,9 +117,13 @@ def _certificates(problem: Problem, F: Any, M: Any, rate: float) -> dict[str, An
     ends = problem.require_dwell_time()
     H = jump_error_matrix(plant.jump.G, M, plant.output.C, plant.output.jump_measurement)
     if rate == 0:
-        return dwell_certificates(F, H, *ends, **stability_options(problem))
-    asked = decide(F + rate * np.eye(plant.n), H, *ends, **stability_options(problem)).evidence
+        return dwell_certificates(F, H, *ends, **question(problem))
+    asked = decide(F + rate * np.eye(plant.n), H, *ends, **question(problem)).evidence
     if not {"P", "windows"} & set(asked):
-        unshifted = dwell_certificates(F, H, *ends, **stability_options(problem))
-        return unshifted | {"decay_rate": asked}
+        return dwell_certificates(F, H, *ends, **question(problem)) | {"decay_rate": asked}
     return {"dwell_stability": asked, "decay_rate": asked}
+
+
+def untried(problem: Problem) -> dict[str, str]:
+    """Forms that are passed over, and why: none of this kind."""
+    return {}

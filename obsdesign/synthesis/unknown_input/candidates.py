@@ -74,11 +74,6 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
     yield Candidate(label, gains, searched=not ("L" in problem.gains or _asks_for_growth(problem)))
 
 
-def untried(problem: Problem) -> dict[str, str]:
-    """Forms that are passed over, and why: none of this kind."""
-    return {}
-
-
 def _choice_of_differentiator(problem: Problem, gains: Mapping[str, Any]) -> str:
     """The delay of the differentiator that was chosen, and the noise of the one without delay."""
     h, lag = problem.plant.output.period, gains["lag"]
@@ -122,3 +117,8 @@ def _gains(problem: Problem, D: Matrix) -> tuple[str, dict[str, Any]]:
     gains |= {"first": reduced.first_state()}
     chosen = equations.differentiator(problem)
     return label, equations.without_empty(gains) | equations.differentiation(problem, chosen)
+
+
+def untried(problem: Problem) -> dict[str, str]:
+    """Forms that are passed over, and why: none of this kind."""
+    return {}

@@ -116,7 +116,7 @@ def _windowed(
     decaying: dict[str, Bound] = {}
     for name, pair in (("hidden", blocks.hidden), ("rest", blocks.rest)):
         if pair is not None:
-            claim = alone(name, pair, Dwell.from_problem(problem), certificates, paranoid, rate)
+            claim = alone(name, pair, Dwell.of(problem), certificates, paranoid, rate)
             if name == "hidden" and (blocks.exact or _has_undetectable_part(problem)):
                 claim = mark_witness(claim)  # no basis changes what no measurement sees
             found.append(claim)

@@ -16,7 +16,7 @@ def guarantees(problem: Problem, found: tuple[Claim, ...]) -> tuple[dict[str, An
     plant = problem.plant
     verdicts = {claim.id: claim.verdict for claim in found}
     needed = [name for name in verdicts if name not in ("decay_rate", "rate")]
-    when = f"for every sequence of spacings in {Dwell.from_problem(problem)}"
+    when = f"for every sequence of spacings in {Dwell.of(problem)}"
     without = ["disturbance", "noise"]
     without += ["unknown input d"] if plant.flow.D is not None else []
     without += ["unknown impulses"] if plant.jump is not None and plant.jump.H is not None else []

@@ -81,7 +81,7 @@ def quadratic_claims(
     problem: Problem, numbers: Mapping[str, Any], certificates: Any, paranoid: bool
 ) -> tuple[list[Claim], Bound | None]:
     """One P for all spacings, gains by cells of the last spacing; and the bound that follows."""
-    dwell, ends = Dwell.from_problem(problem), problem.require_dwell_time()
+    dwell, ends = Dwell.of(problem), problem.require_dwell_time()
     C = seen_before_jump(numbers["G"], numbers["C"], numbers["jump_measurement"])
     certificate = certificates.get("contracting", {})
     P, gamma = _matrix(certificate.get("P"), problem.plant.n), certificate.get("gamma")

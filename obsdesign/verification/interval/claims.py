@@ -26,8 +26,8 @@ from obsdesign.verification.consistency import consistency
 from obsdesign.verification.dwell import (
     Dwell,
     dwell_stability,
-    reason_against_problem,
     source_of,
+    unusable,
 )
 from obsdesign.verification.interval.guarantees import guarantees
 from obsdesign.verification.interval.obstruction import explained, obstruction_claim
@@ -164,9 +164,7 @@ def _sign_claims(gains: Mapping[str, Any]) -> list[Claim]:
 
 def _objection(problem: Problem) -> str | None:
     text = equations.objection(problem.plant, problem.gains, problem.options)
-    text = text or (
-        None if problem.plant.output.measured == "periodic" else reason_against_problem(problem)
-    )
+    text = text or (None if problem.plant.output.measured == "periodic" else unusable(problem))
     if text is None and problem.plant.output.noise_bound is None:
         text = "output.noise_bound is required by kind 'interval', which promises bounds."
     return text

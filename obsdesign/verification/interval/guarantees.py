@@ -61,8 +61,8 @@ def _range(problem: Problem, found: tuple[Claim, ...]) -> str:
     for claim in found:
         if claim.id == "dwell_stability" and "dwell_time" in claim.evidence:
             low, high = claim.evidence["dwell_time"]
-            return str(replace(Dwell.from_problem(problem), low=float(low), high=float(high)))
-    return str(Dwell.from_problem(problem))
+            return str(replace(Dwell.of(problem), low=float(low), high=float(high)))
+    return str(Dwell.of(problem))
 
 
 def _all(verdicts: Mapping[str, str], names: list[str]) -> bool:

@@ -24,8 +24,8 @@ from obsdesign.verification.consistency import consistency
 from obsdesign.verification.dwell import (
     Dwell,
     dwell_stability,
-    reason_against_problem,
     source_of,
+    unusable,
 )
 from obsdesign.verification.luenberger.schedule import borders_objection, scheduled_stability
 from obsdesign.verification.rates import rates_claim, rates_sentence
@@ -60,7 +60,7 @@ def claims(
         if rate > 0:
             found.append(_hurwitz(shifted, "decay_rate", f"the rate {rate!r} was asked for", rate))
         return tuple(found)
-    dwell = Dwell.from_problem(problem)
+    dwell = Dwell.of(problem)
     if math.isinf(dwell.high):
         found.append(_hurwitz(F, "hurwitz", "there is no longest dwell time"))
     if "schedule" in problem.options:
@@ -85,7 +85,7 @@ def _jump_error(gains: LuenbergerGains) -> Any:
 
 
 def _objection(problem: Problem, stored: Mapping[str, Any]) -> str | None:
-    return reason_against_problem(problem) or borders_objection(problem, stored)
+    return unusable(problem) or borders_objection(problem, stored)
 
 
 def _expected(problem: Problem) -> dict[str, Any]:
@@ -135,7 +135,7 @@ def _scheduled(
     paranoid: bool,
 ) -> list[Claim]:
     """Stability, and the rate that is asked for, with gains by cells of the last dwell time."""
-    dwell, found = Dwell.from_problem(problem), []
+    dwell, found = Dwell.of(problem), []
     asked = [("dwell_stability", 0.0, "is stable")]
     asked += [("decay_rate", rate, f"decays like e^(-{rate!r} t)")] if rate > 0 else []
     for name, shift, what in asked:
@@ -176,7 +176,7 @@ def guarantees(problem: Problem, found: tuple[Claim, ...]) -> tuple[dict[str, An
     plant = problem.plant
     verdicts = {claim.id: claim.verdict for claim in found}
     needed = [name for name in verdicts if name not in ("decay_rate", "rates")]
-    ends = "" if plant.jump is None else str(Dwell.from_problem(problem))
+    ends = "" if plant.jump is None else str(Dwell.of(problem))
     when = f" for every sequence of dwell times in {ends}" if ends else ""
     at_jumps = plant.output.measured == "at_jumps"
     measured = "With y measured at every jump" if at_jumps else "With y measured continuously"
