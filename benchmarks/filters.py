@@ -22,12 +22,12 @@ C = np.eye(1, N)
 
 def observer(measured: str) -> Any:
     """A proved design, loaded to run: samples as events (`periodic`), slope scheme otherwise."""
-    asked = Problem(
+    problem = Problem(
         flow={"A": A, "disturbance": {"lower": [-0.1] * N, "upper": [0.1] * N}},
         output={"C": C, "noise_bound": [0.05], "measured": measured, "period": PERIOD},
         observer={"kind": "interval", "form": "split", "objective": "narrowest", "gain_limit": 2.0},
     )
-    return from_design(design(asked))
+    return from_design(design(problem))
 
 
 def kalman_filter() -> Any:

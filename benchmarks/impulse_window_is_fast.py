@@ -20,9 +20,9 @@ EXAMPLE = Path(__file__).parents[1] / "examples" / "luteinizing_hormone.toml"
 STEP, ROWS, ONSETS, FLOOR = 0.04, 1500, 1000, 20.0
 
 
-def alternative(e: np.ndarray, seen: np.ndarray, noise: np.ndarray, h: np.ndarray) -> float:
+def alternative(e: np.ndarray, response: np.ndarray, noise: np.ndarray, h: np.ndarray) -> float:
     """The largest likelihood ratio of an onset: e residuals, h (rows, onsets) responses."""
-    half = np.linalg.cholesky(np.diag(noise**2) + seen @ seen.T)
+    half = np.linalg.cholesky(np.diag(noise**2) + response @ response.T)
     b, r = np.linalg.solve(half, h), np.linalg.solve(half, e)
     size = np.einsum("ij,ij->j", b, b)
     return float((np.maximum(r @ b, 0) ** 2 / np.where(size > 0, size, np.inf)).max())
@@ -37,14 +37,14 @@ def main() -> bool:
     late = ages[:, None] - onsets
     flows = expm(plant.A * np.maximum(late, 0)[:, :, None, None])
     h = (plant.C @ flows @ plant.H)[..., 0, 0] * (late >= 0)
-    seen = (plant.C @ expm(plant.A * ages[:, None, None]))[:, 0]
+    response = (plant.C @ expm(plant.A * ages[:, None, None]))[:, 0]
     ours, theirs = [], []
     for seed in range(3):
         y = 1.0 + 0.1 * np.random.default_rng(seed).standard_normal((ROWS, 1))
         time, _ = seconds(lambda y=y: observer.run_batch(t, y))
         ours.append(time / ROWS)
         noise = np.full(rows, 0.1)
-        theirs.append(seconds(lambda y=y, n=noise: alternative(y[:rows, 0], seen, n, h))[0])
+        theirs.append(seconds(lambda y=y, n=noise: alternative(y[:rows, 0], response, n, h))[0])
     return report(f"a row of few samples, {rows} in a window", ours, theirs, FLOOR)
 
 

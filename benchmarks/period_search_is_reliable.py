@@ -23,15 +23,17 @@ _SLACK = 0.999
 
 
 def plants() -> list[tuple[str, Any, Any]]:
-    found = [
+    plants = [
         ("the paper's example", np.array([[0, 0.15], [-0.15, 0]]), np.array([[0.3, 0]])),
         ("double integrator", np.array([[0.0, 1], [0, 0]]), np.array([[1.0, 0]])),
     ]
     for seed in (1, 2, 3):
         rng = np.random.default_rng(seed)
         n = 2 if seed < 3 else 3
-        found.append((f"random, n = {n}", rng.standard_normal((n, n)), rng.standard_normal((1, n))))
-    return found
+        plants.append(
+            (f"random, n = {n}", rng.standard_normal((n, n)), rng.standard_normal((1, n)))
+        )
+    return plants
 
 
 def obvious(A: Any, C: Any) -> Any:

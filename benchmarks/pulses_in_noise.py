@@ -30,11 +30,11 @@ LIMIT = 0.5  # seconds for the record
 
 
 def truth() -> np.ndarray:
-    flow, x, found = expm(A * STEP), np.array([4.0, 20, 60]), []
+    flow, x, levels = expm(A * STEP), np.array([4.0, 20, 60]), []
     for k in range(ROWS):
-        found.append(x)
+        levels.append(x)
         x = flow @ (x + H[:, 0] * TRAIN.get(k, 0.0))
-    return np.array(found)
+    return np.array(levels)
 
 
 def kalman(y: np.ndarray, q: float) -> tuple[np.ndarray, np.ndarray]:
@@ -79,26 +79,26 @@ def main() -> bool:
         "gls, state corrected": observer(weighting="gls"),
     }
     names = ("Luenberger", "Kalman filter", "RTS smoother", *kinds)
-    found: dict[str, list[float]] = {name: [] for name in names}
+    scores: dict[str, list[float]] = {name: [] for name in names}
     times = []
     for seed in SEEDS:
         y = x @ C.T + np.random.default_rng(seed).normal(0, VARIANCE**0.5, (ROWS, 1))
         blind = kinds["paper, slow exponents"].engine.run
         track = blind.begin(0.0, y[0], np.zeros(3), GUESS)
         track = blind.extended(track, t[1:], y[1:], np.zeros((ROWS - 1, 3)))
-        found["Luenberger"].append(rms(track.x))
+        scores["Luenberger"].append(rms(track.x))
         both = [kalman(y, q) for q in ORACLE]
-        found["Kalman filter"].append(min(rms(pair[0]) for pair in both))
-        found["RTS smoother"].append(min(rms(pair[1]) for pair in both))
+        scores["Kalman filter"].append(min(rms(pair[0]) for pair in both))
+        scores["RTS smoother"].append(min(rms(pair[1]) for pair in both))
         for name, kind in kinds.items():
             time, batch = seconds(lambda k=kind, y=y: k.run_batch(t, y, x=GUESS))
-            found[name].append(rms(batch.x))
+            scores[name].append(rms(batch.x))
             times.append(time)
-    ours = found["gls, state corrected"]
+    ours = scores["gls, state corrected"]
     for name in names:
-        ratio = statistics.median(a / b for a, b in zip(found[name], ours, strict=True))
-        print(f"{name:24s} RMS {statistics.mean(found[name]):8.3f}   {ratio:7.1f} times ours")
-    smoother = statistics.median(a / b for a, b in zip(found["RTS smoother"], ours, strict=True))
+        ratio = statistics.median(a / b for a, b in zip(scores[name], ours, strict=True))
+        print(f"{name:24s} RMS {statistics.mean(scores[name]):8.3f}   {ratio:7.1f} times ours")
+    smoother = statistics.median(a / b for a, b in zip(scores["RTS smoother"], ours, strict=True))
     spent = statistics.median(times)
     print(f"{ROWS} samples, 6 exponents: {spent:.2f} s (limit {LIMIT} s); "
           f"smoother/ours {smoother:.1f} (floor {RATIO})", flush=True)  # fmt: skip

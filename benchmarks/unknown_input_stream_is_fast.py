@@ -30,11 +30,11 @@ def filterpy_filter(plant: Any, h: float) -> Any:
     (n, q), p = plant.flow.D.shape, plant.p
     block = np.zeros((n + q, n + q))
     block[:n] = np.hstack([plant.flow.A, plant.flow.D]) * h
-    found = KalmanFilter(dim_x=n + q, dim_z=p)
-    found.F, found.H = expm(block), np.hstack([plant.output.C, np.zeros((p, q))])
-    found.Q, found.R = np.diag([0.0] * n + [0.1] * q), 1e-4 * np.eye(p)
-    found.P = 25.0 * np.eye(n + q)
-    return found
+    kalman = KalmanFilter(dim_x=n + q, dim_z=p)
+    kalman.F, kalman.H = expm(block), np.hstack([plant.output.C, np.zeros((p, q))])
+    kalman.Q, kalman.R = np.diag([0.0] * n + [0.1] * q), 1e-4 * np.eye(p)
+    kalman.P = 25.0 * np.eye(n + q)
+    return kalman
 
 
 def main() -> bool:

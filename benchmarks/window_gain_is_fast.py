@@ -41,12 +41,12 @@ def ours(A: Any, G: Any, C: Any, times: Any, window: int) -> tuple[float, list[A
     """Seconds per gain of the running observer, and its gains."""
     observer = ImpulsiveObserver.from_gains(gains(A, G, C, window))
     state = observer.init(t=0.0)
-    found = []
+    matrices = []
     start = time.perf_counter()
     for t, spacing in zip(times[1:].tolist(), np.diff(times).tolist(), strict=True):
         state = observer._slide(state, spacing, t)
-        found.append(observer._gain(state)[0])
-    return (time.perf_counter() - start) / len(found), found[window - 1 :]
+        matrices.append(observer._gain(state)[0])
+    return (time.perf_counter() - start) / len(matrices), matrices[window - 1 :]
 
 
 def rebuilt(A: Any, G: Any, C: Any, flows: list[Any], power: float) -> Any:
@@ -66,13 +66,13 @@ def theirs(
     """Seconds per impulse of the obvious script, and its gains."""
     spacings = np.diff(times)
     store = [expm(A * delta) for delta in spacings]
-    power, found = ALPHA ** (2 * (window - 1)), []
+    power, results = ALPHA ** (2 * (window - 1)), []
     start = time.perf_counter()
     for k in range(window, len(times)):
         inside = range(k - window, k)
         flows = [store[j] for j in inside] if cached else [expm(A * spacings[j]) for j in inside]
-        found.append(rebuilt(A, G, C, flows, power))
-    return (time.perf_counter() - start) / len(found), found
+        results.append(rebuilt(A, G, C, flows, power))
+    return (time.perf_counter() - start) / len(results), results
 
 
 def main() -> bool:

@@ -25,10 +25,10 @@ def compared(cases: tuple[Any, ...]) -> tuple[list[float], list[float]]:
     """Seconds of boxes and of steps."""
     taken: dict[str, list[float]] = {"bernstein": [], "march": []}
     for (F, H), gain, low, high in cases:
-        found = decide(F, gain * H, low, high).evidence
+        certificate = decide(F, gain * H, low, high).evidence
         for method, times in taken.items():
             time, verdict = seconds(
-                lambda m=method, F=F, H=gain * H, e=found, a=low, b=high: prove_windows(
+                lambda m=method, F=F, H=gain * H, e=certificate, a=low, b=high: prove_windows(
                     F, H, e, a, b, method=m
                 )
             )

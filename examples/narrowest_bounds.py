@@ -27,15 +27,15 @@ def compared(output: Path) -> dict[str, float]:
     plant = problems["narrowest"].plant
     record = simulate(plant, until=60.0, step=0.01, initial=[1.0, 1.0], disturbance="sine",
                       dwell=5.0, rng=np.random.default_rng(1))  # fmt: skip
-    found, means = {}, {}
+    bounds, means = {}, {}
     last = record.t > 50.0
     for label, problem in problems.items():
         batch = from_design(obsdesign.design(problem)).run_batch(
             record.t, record.block("y"), jump=record.columns["jump"], lower=[0, 0], upper=[2, 2]
         )
-        found[label] = batch.lower[last], batch.upper[last]
+        bounds[label] = batch.lower[last], batch.upper[last]
         means[label] = float((batch.upper - batch.lower)[last].sum(axis=1).mean())
-    plot_bounds(record.t[last], record.block("x")[last], found, str(output))
+    plot_bounds(record.t[last], record.block("x")[last], bounds, str(output))
     return means
 
 

@@ -1,4 +1,4 @@
-"""Observers for impulsive, sampled and unknown-input linear systems: designed, proved, executed.
+"""Observers for impulsive, sampled and unknown-input systems: designed, proved, executed.
 
     problem = obsdesign.load_problem("problem.toml")
     design = obsdesign.design(problem)

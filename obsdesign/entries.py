@@ -1,4 +1,4 @@
-"""One entry of a problem at a time: numbers, vectors and matrices that are what they should be.
+"""Checks of the entries of a problem: numbers, vectors and matrices.
 
 Every InputError names the entry as it stands in a problem file, what was required and what arrived.
 """

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 
 class InputError(ValueError):
-    """A file, option or array that cannot be read as asked.
+    """A file, option or array that cannot be read.
 
     The text is one line: which entry, what was required, what arrived, the likely cause.
     """

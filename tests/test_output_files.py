@@ -93,8 +93,8 @@ def test_a_run_that_is_ended_leaves_nothing(
             assert run.poll() is None
             time.sleep(0.01)
         run.send_signal(how)
-        told = run.stderr.read()
-    assert (run.returncode, told) == (128 + how, "")
+        err = run.stderr.read()
+    assert (run.returncode, err) == (128 + how, "")
     assert [entry.name for entry in tmp_path.iterdir()] == ["est.csv"]
     assert (tmp_path / "est.csv").read_text() == "old"
 

@@ -366,8 +366,8 @@ def test_steps_of_all_sizes_are_not_smoothed() -> None:
 def test_a_filter_outlives_outputs_that_rounding_makes_alike() -> None:
     plant = Plant(Flow(-np.eye(1)), None, Output(np.array([[1.0], [1.0]])))
     rows = [Sample(float(t), [1.0, 1.0 + 1e-9 * t]) for t in range(5)]
-    found = kalman_filter(plant, rows, initial_variance=1e30)
-    assert np.isfinite(found.x).all()
+    estimates = kalman_filter(plant, rows, initial_variance=1e30)
+    assert np.isfinite(estimates.x).all()
 
 
 def test_time_stamps_must_resolve_the_window() -> None:

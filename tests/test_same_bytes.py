@@ -56,7 +56,7 @@ def test_older_files_still_verify(academic_design: Path, provenance: dict[str, A
     assert set(body["provenance"]) == {"versions", "solver", "options"}
     outcome = obsdesign.verify(from_dict(older(body, provenance)))
     assert outcome.verdict == "proved"
-    assert any(entry["given"] for entry in outcome.guarantees)
+    assert any(entry.given for entry in outcome.guarantees)
 
 
 def test_seconds_are_printed_instead(academic_design: Path) -> None:

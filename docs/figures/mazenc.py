@@ -66,12 +66,12 @@ def draw(output: str) -> None:
     runs = {method: run(method, 0.05) for method in METHODS}
     figure = Figure(figsize=(7.2, 4.6), layout="constrained")
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=[2, 1])
-    for method, told in METHODS.items():
-        found = runs[method]
-        above.step(found.t, found.estimate[:, 1], where="post", color=COLOURS[method],
-                   ls=STYLES[method], lw=1.4, label=told)  # fmt: skip
-        error = np.maximum(np.linalg.norm(found.estimate - found.x, axis=1), 1e-17)
-        below.semilogy(found.t, error, color=COLOURS[method], lw=1.1)
+    for method, label in METHODS.items():
+        run = runs[method]
+        above.step(run.t, run.estimate[:, 1], where="post", color=COLOURS[method],
+                   ls=STYLES[method], lw=1.4, label=label)  # fmt: skip
+        error = np.maximum(np.linalg.norm(run.estimate - run.x, axis=1), 1e-17)
+        below.semilogy(run.t, error, color=COLOURS[method], lw=1.1)
     truth = runs["exact"]
     above.plot(truth.t, truth.x[:, 1], color="black", lw=0.9, label="$x_2$")
     above.set_ylabel("$x_2$")
@@ -79,9 +79,9 @@ def draw(output: str) -> None:
     inset = above.inset_axes((0.66, 0.47, 0.33, 0.45))
     near = (truth.t >= 12.0) & (truth.t <= 12.6)
     for method in METHODS:
-        found = runs[method]
-        held = found.estimate[near, 1]
-        inset.step(found.t[near], held, where="post", color=COLOURS[method],
+        run = runs[method]
+        held = run.estimate[near, 1]
+        inset.step(run.t[near], held, where="post", color=COLOURS[method],
                    ls=STYLES[method], lw=1.2)  # fmt: skip
     inset.plot(truth.t[near], truth.x[near, 1], color="black", lw=0.9)
     inset.set_title("held between samples", fontsize=8)

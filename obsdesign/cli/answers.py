@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from lmi.time_budget import ended_part
 from obsdesign.document import Claim, jsonable
 from obsdesign.pages.key_numbers import numbers_of
+from obsdesign.problem.problem import Problem
 from obsdesign.verification.answers import is_ended, more_time, reason
-from obsdesign.workflow import Outcome
+from obsdesign.workflow import Outcome, layer
 
 if TYPE_CHECKING:
-    from obsdesign.studies.comparison.row import Row  # other commands do without it
+    from obsdesign.studies.check.which_kinds import KindAnswer  # other commands do without them
+    from obsdesign.studies.comparison.row import ComparisonRow
 
 EXIT_CODES = {"proved": 0, "refuted": 1, "undecided": 3}
 # columns of a terminal that hold a comparison with its guarantees
@@ -37,16 +39,17 @@ def answer(command: str, outcome: Outcome, result: Mapping[str, Any]) -> str:
     )
 
 
-def check_answer(verdict: str, found: Mapping[str, Any]) -> str:
+def check_answer(verdict: str, answers: Mapping[str, KindAnswer]) -> str:
     """The JSON object of `check`: one entry per kind."""
+    result = {kind: answer.to_dict() for kind, answer in answers.items()}
     return json.dumps(
-        {"command": "check", "verdict": verdict, "kind": None, "claims": [], "result": found},
+        {"command": "check", "verdict": verdict, "kind": None, "claims": [], "result": result},
         ensure_ascii=False,
         allow_nan=False,
     )
 
 
-def show_check(found: Mapping[str, Any]) -> None:
+def show_check(answers: Mapping[str, KindAnswer]) -> None:
     """One line per kind on stdout."""
     from rich.console import Console
     from rich.markup import escape
@@ -56,18 +59,18 @@ def show_check(found: Mapping[str, Any]) -> None:
     table = Table(box=None, pad_edge=False, header_style="dim")
     for title in ("kind", "answer", "why, and what to try next"):
         table.add_column(title, overflow="fold")
-    for kind, entry in found.items():
-        word = entry["verdict"]
-        answer = f"[{_COLOURS[word]}]{words.get(word, word.replace('_', ' '))}[/]"
-        first, *more = entry["reasons"] or [""]
+    for kind, answer in answers.items():
+        word = answer.verdict
+        verdict = f"[{_COLOURS[word]}]{words.get(word, word.replace('_', ' '))}[/]"
+        first, *more = answer.reasons or ("",)
         others = f" (and {len(more)} more; --json has all)" if more else ""
         why = escape(first + others)
-        step = f"[dim]{escape(entry['next'])}[/]" if entry["next"] else ""
-        table.add_row(kind, answer, "\n".join(part for part in (why, step) if part))
+        step = f"[dim]{escape(answer.next_step)}[/]" if answer.next_step else ""
+        table.add_row(kind, verdict, "\n".join(part for part in (why, step) if part))
     Console(highlight=False).print(table)
 
 
-def compare_answer(rows: Sequence[Row]) -> str:
+def compare_answer(rows: Sequence[ComparisonRow]) -> str:
     """The JSON object of `compare`: one entry per observer, the filter last."""
     verdict = "proved" if any(row.verdict == "proved" for row in rows) else "refuted"
     if verdict == "refuted" and any(row.verdict == "undecided" for row in rows):
@@ -77,8 +80,8 @@ def compare_answer(rows: Sequence[Row]) -> str:
     return json.dumps(body | {"result": result}, ensure_ascii=False, allow_nan=False)
 
 
-def show_comparison(rows: Sequence[Row]) -> None:
-    """What runs as a table, with the columns that somebody has; then why the others do not."""
+def show_comparison(rows: Sequence[ComparisonRow]) -> None:
+    """A table of the observers that ran; then why the others did not."""
     from rich.console import Console
     from rich.markup import escape
     from rich.table import Table
@@ -99,37 +102,39 @@ def show_comparison(rows: Sequence[Row]) -> None:
         shown.add_row(*map(escape, cells), *([escape(row.guarantee)] if wide else []))
     console.print(shown)
     if not wide:
-        for name, told in {name_of(row): row.guarantee for row in ran if row.verdict}.items():
-            console.print(f"proved of {name}: {escape(told)}")
+        for name, text in {name_of(row): row.guarantee for row in ran if row.verdict}.items():
+            console.print(f"proved of {name}: {escape(text)}")
     for row in rows:
         if row.seconds is None:
             console.print(f"[{_COLOURS[row.verdict]}]{name_of(row)}[/]: {escape(row.reason)}")
 
 
 def show_bracket(what: str, outcome: Outcome) -> None:
-    """The limit that was searched for, in sentences."""
-    result, name = outcome.result, what.replace("_", " ")
-    if result["proved"] is None:
+    """The bracket of a search, in sentences."""
+    from obsdesign.studies.search.result import SearchResult
+
+    result, name = SearchResult.from_dict(outcome.result), what.replace("_", " ")
+    if result.proved is None:
         print(f"{name}: nothing is proved ({outcome.verdict}).")
         for claim in outcome.claims:
             if claim.verdict != "proved":
                 print(f"  {claim.id}: {reason(claim)}")
     else:
-        print(f"{name}: proved at {result['proved']!r}")
-    if result["not_proved"] == float("inf") and result["proved"] is not None:
+        print(f"{name}: proved at {result.proved!r}")
+    if result.not_proved == math.inf and result.proved is not None:
         print("  the search ended there: longer finite dwell times may hold as well")
-    if result["not_proved"] is not None:
-        print(f"  {result['not_proved_verdict']} at {result['not_proved']!r}")
-    if result.get("common_P") is not None:
-        print(f"  one common P proves {result['common_P']!r}, windows of dwell times the rest")
-    if result.get("open") is not None and result["open"] > result["accuracy"]:
-        print(f"  open between them: {result['open']:.2g} of the limit")
-    if result.get("reason"):
-        print(f"  {result['reason']}")
-    printed = result["proved"] is None and any(map(is_ended, outcome.claims))
-    if outcome.verdict == "undecided" and ended_part(result) and not printed:
-        print(f"  {more_time(result, 'narrow the bracket')}")
-    for low, high in result.get("islands", []):
+    if result.not_proved is not None:
+        print(f"  {result.not_proved_verdict} at {result.not_proved!r}")
+    if result.common_P is not None:
+        print(f"  one common P proves {result.common_P!r}, windows of dwell times the rest")
+    if result.open is not None and result.accuracy is not None and result.open > result.accuracy:
+        print(f"  open between them: {result.open:.2g} of the limit")
+    if result.reason:
+        print(f"  {result.reason}")
+    printed = result.proved is None and any(map(is_ended, outcome.claims))
+    if outcome.verdict == "undecided" and result.ended and not printed:
+        print(f"  {more_time(result.ended, 'narrow the bracket')}")
+    for low, high in result.islands:
         print(f"  not one interval: constant dwell times in [{low:g}, {high:g}] contract as well")
 
 
@@ -148,15 +153,16 @@ def show(outcome: Outcome, numbers: bool = False) -> None:
         table.add_column(title, overflow="fold")
     for claim in outcome.claims:
         mark = f"[{_COLOURS[claim.verdict]}]{claim.verdict}[/]"
-        what = escape(_told(claim))
+        what = escape(_claim_text(claim))
         if numbers:
             lines = (f"{name}: {value}" for name, value in numbers_of(claim.evidence))
             what = "\n".join([what, *(f"[dim]{escape(line)}[/]" for line in lines)])
         table.add_row(mark, claim.id, what)
     console.print(table)
-    for label, entry in outcome.result.get("forms", {}).items():
-        untried = all(text.startswith("not tried") for text in entry["reasons"])
-        wanted = outcome.verdict != "proved" or not untried or numbers
+    forms = outcome.result.get("forms", {})
+    untried = _untried_forms(outcome) if forms else set()
+    for label, entry in forms.items():
+        wanted = outcome.verdict != "proved" or label not in untried or numbers
         if wanted and label != outcome.result.get("form") and entry["verdict"] != "proved":
             why = escape("; ".join(entry["reasons"]))
             console.print(f"form {label} is {entry['verdict']}: {why}")
@@ -169,7 +175,15 @@ def show(outcome: Outcome, numbers: bool = False) -> None:
         console.print(f"[yellow]warning[/]: {escape(warning)}")
 
 
-def _told(claim: Claim) -> str:
+def _untried_forms(outcome: Outcome) -> set[str]:
+    """Forms that synthesis passed over."""
+    if outcome.design is None:
+        return set()
+    problem = Problem.from_dict(outcome.design.problem)
+    return set(layer("synthesis", outcome.kind).untried(problem))
+
+
+def _claim_text(claim: Claim) -> str:
     if claim.verdict == "proved":
         return f"{claim.statement} [{claim.source}]"
     return f"{claim.statement} [{claim.source}]. {claim.verdict.capitalize()}: {reason(claim)}"

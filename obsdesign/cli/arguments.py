@@ -1,4 +1,4 @@
-"""What arguments of the command line mean: plants, numbers, dwell times, answers."""
+"""Arguments of the command line as plants, numbers, dwell times and answers."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def time_option(more: str = "in all") -> Callable[[_Command], _Command]:
 
 
 def problem_of(path: str, kind: str | None) -> tuple[Problem, list[str]]:
-    """The problem in a file, for its own kind or another, and what had to be dropped for that."""
+    """The problem in a file, for its own kind or another, and the entries dropped for that."""
     from obsdesign.problem.problem import load_for_kind, load_problem
 
     return load_for_kind(path, kind) if kind else (load_problem(path), [])
@@ -91,7 +91,7 @@ def numbers(text: str, option: str) -> list[float]:
 
 
 def answer_of(path: str) -> dict[str, Any]:
-    """What a command printed with --json, or a design file: that one must be as it was signed."""
+    """The JSON that a command printed, or a design file with its valid digest."""
     from obsdesign.document import load_design
     from obsdesign.input_files import read_text, require_depth
 

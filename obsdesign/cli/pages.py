@@ -1,4 +1,4 @@
-"""`compare`, `report`, `demo`, `schema`, `completion`: what is read."""
+"""`compare`, `report`, `demo`, `schema`, `completion`: tables and pages."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def compare(
     from obsdesign.cli.answers import compare_answer, show_comparison
     from obsdesign.problem.problem import load_problem
     from obsdesign.studies.comparison.compare import compare as compare_all
-    from obsdesign.studies.comparison.record import Record
+    from obsdesign.studies.comparison.record import ComparisonRecord
 
     made = (seed, *options.values())
     if data is not None and (simulated or any(value is not None for value in made)):
@@ -45,10 +45,10 @@ def compare(
     loaded = load_problem(problem)
     start = None if initial is None else numbers(initial, "--initial")
     if data is not None:
-        record = Record.read(data, loaded.plant)
+        record = ComparisonRecord.from_file(data, loaded.plant)
     else:
         rng = np.random.default_rng(seed or 0)
-        record = Record.simulated(loaded.plant, rng=rng, **options)
+        record = ComparisonRecord.from_simulation(loaded.plant, rng=rng, **options)
     rows = list(compare_all(loaded, record, start, seconds=seconds))
     if as_json:
         click.echo(compare_answer(rows))
@@ -69,7 +69,7 @@ def compare(
     "-o", "--output", type=click.Path(), default="report.html", show_default=True, help="HTML file."
 )
 def report(design_file: str, data: str | None, initial: str | None, output: str) -> int:
-    """Prove DESIGN again and tell it on one page: guarantees, claims, gains, an estimate."""
+    """Prove DESIGN again and show it on one page: guarantees, claims, gains, an estimate."""
     from obsdesign.cli.answers import EXIT_CODES
     from obsdesign.output_files import refuse_overwriting
     from obsdesign.pages.report import write_report
@@ -112,12 +112,7 @@ def schema(which: str) -> int:
 @click.argument("shell", type=click.Choice(["bash", "zsh", "fish"]))
 def completion(shell: str) -> int:
     """Print the completion script of SHELL: eval "$(obsdesign completion bash)"."""
-    from click.shell_completion import get_completion_class
+    from click.shell_completion import shell_complete
 
-    made = get_completion_class(shell)
-    assert made is not None
     root = click.get_current_context().find_root().command
-    # not made.source(): it asks the shell for its version first
-    script = made(root, {}, "obsdesign", COMPLETE)
-    click.echo(script.source_template % script.source_vars())
-    return 0
+    return shell_complete(root, {}, "obsdesign", COMPLETE, f"{shell}_source")

@@ -1,6 +1,8 @@
-"""`check`, `design`, `verify`, `search`: what ends in a verdict."""
+"""`check`, `design`, `verify`, `search`: the commands with a verdict."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import click
 
@@ -22,13 +24,15 @@ def check(problem: str, seconds: float | None, as_json: bool) -> int:
 
     loaded = load_problem(problem)
     with progress_bar("check") as progress:
-        verdict, found = check_all(loaded, seconds=seconds, progress=progress)
-    for entry in found.values():
-        entry["next"] = entry["next"].replace("PROBLEM", problem)
+        verdict, answers = check_all(loaded, seconds=seconds, progress=progress)
+    named = {
+        kind: replace(answer, next_step=answer.next_step.replace("PROBLEM", problem))
+        for kind, answer in answers.items()
+    }
     if as_json:
-        click.echo(check_answer(verdict, found))
+        click.echo(check_answer(verdict, named))
     elif not is_quiet():
-        show_check(found)
+        show_check(named)
     return EXIT_CODES[verdict]
 
 

@@ -1,4 +1,4 @@
-"""`obsdesign sweep`: the command; the work is in `obsdesign.sweep`."""
+"""`obsdesign sweep`: the command; the work is in `obsdesign.studies.sweep`."""
 
 from __future__ import annotations
 
@@ -53,13 +53,13 @@ def sweep(
     if dropped:
         warn(f"dropped for kind {kind}: {', '.join(dropped)}")
     with progress_bar("sweep") as progress:
-        rows = run_sweep(plan, output, jobs=jobs, scheduler=scheduler, progress=progress)
-    counts = counted(rows)
-    told = ", ".join(f"{number} {word}" for word, number in counts.most_common())
-    say(f"written: {output}, {len(rows)} points: {told}")
-    errors = [row for row in rows if "error" in row]
+        points = run_sweep(plan, output, jobs=jobs, scheduler=scheduler, progress=progress)
+    counts = counted(points)
+    verdicts = ", ".join(f"{number} {word}" for word, number in counts.most_common())
+    say(f"written: {output}, {len(points)} points: {verdicts}")
+    errors = [point for point in points if point.error]
     if errors:
-        at = ", ".join(f"{a.key} = {x:g}" for a, x in zip(axes, errors[0]["at"], strict=True))
-        told = f"{len(errors)} without an answer; at {at}: {errors[0]['error']}"
-        click.echo(f"obsdesign: {told}", err=True)
-    return 3 if len(errors) == len(rows) else 0
+        place = ", ".join(f"{a.key} = {x:g}" for a, x in zip(axes, errors[0].at, strict=True))
+        text = f"{len(errors)} without an answer; at {place}: {errors[0].error}"
+        click.echo(f"obsdesign: {text}", err=True)
+    return 3 if len(errors) == len(points) else 0

@@ -1,6 +1,6 @@
-"""How much the program says: `obsdesign --quiet COMMAND` and `obsdesign --verbose COMMAND`.
+"""Messages by verbosity: `obsdesign --quiet COMMAND` and `obsdesign --verbose COMMAND`.
 
-Quiet leaves errors, exit codes, files, and what --json or standard output was asked for.
+Quiet leaves errors, exit codes, files, and what --json or standard output holds.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ from threading import Event, Thread
 
 import click
 
-# seconds of processor time that nobody has to be told of, and how often to look
-_WHILE, _LOOK = 2.0, 0.25
+# seconds of processor time without a message, and seconds between two checks
+_WHILE, _CHECK_SECONDS = 2.0, 0.25
 
 
 def is_quiet() -> bool:
@@ -46,12 +46,12 @@ def progress_message(doing: str) -> Iterator[None]:
     done, start = Event(), time.process_time()
 
     def watch() -> None:
-        while not done.wait(_LOOK):
+        while not done.wait(_CHECK_SECONDS):
             if time.process_time() - start > _WHILE:
                 click.echo(f"obsdesign: still {doing} after {_WHILE:g} s", err=True)
                 return
 
-    if not is_quiet():  # asked here: the other thread has no context
+    if not is_quiet():  # checked here: the other thread has no context
         Thread(target=watch, daemon=True).start()
     try:
         yield

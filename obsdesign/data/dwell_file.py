@@ -18,27 +18,28 @@ from obsdesign.input_files import read_text, require_depth
 def read_dwell_times(path: str) -> list[float]:
     """Positive finite numbers, at least one; InputError for anything else."""
     text = read_text(path)
-    found = _answer(text, path) if text.lstrip().startswith(("{", "[")) else _lines(text, path)
-    if not found:
+    is_json = text.lstrip().startswith(("{", "["))
+    dwell_times = _answer(text, path) if is_json else _lines(text, path)
+    if not dwell_times:
         raise InputError(f"{path}: at least one dwell time is required; the file holds none.")
-    return found
+    return dwell_times
 
 
 def _lines(text: str, path: str) -> list[float]:
     """Numbers, one a line; a first line of words is a header."""
-    found = []
+    dwell_times = []
     for number, line in enumerate(text.splitlines(), start=1):
         cell = line.strip().rstrip(",")
         if not cell or (number == 1 and not _starts_a_number(cell)):
             continue
         try:
-            found.append(_positive(float(cell)))
+            dwell_times.append(_positive(float(cell)))
         except ValueError:
             raise InputError(
                 f"{path} line {number}: a dwell time must be a positive finite number; "
                 f"got {cell[:40]!r}."
             ) from None
-    return found
+    return dwell_times
 
 
 def _starts_a_number(cell: str) -> bool:
@@ -70,7 +71,7 @@ def _answer(text: str, path: str) -> list[float]:
 
 
 def _sequences(body: Any) -> Iterator[list[Any]]:
-    """Dwell times of all witnesses, as they come."""
+    """Dwell times of all witnesses, in the order of the file."""
     if isinstance(body, Mapping):
         witness = body.get("witness")
         if isinstance(witness, Mapping):

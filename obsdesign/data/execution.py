@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from functools import partial
 from itertools import chain
 from pathlib import Path
-from typing import Any, TextIO
+from typing import TextIO
 
 from obsdesign.data.records import (
     Layout,
@@ -28,7 +28,7 @@ from obsdesign.document import Design, load_design
 from obsdesign.errors import InputError
 from obsdesign.output_files import refuse_overwriting, replacing, write_text
 from obsdesign.runtime import from_design
-from obsdesign.runtime.base import Estimate
+from obsdesign.runtime.base import Estimate, Observer
 from obsdesign.runtime.stored_state import state_text
 
 # "dwell time 0.5 below 0.7" is counted as "dwell time below 0.7"
@@ -48,7 +48,7 @@ def execute(
     skip_bad: bool = False,
     remark: Remark = discard,
 ) -> Counter[str]:
-    """Estimates of a design for DATA (None: standard input) into `output` (None: standard output).
+    """Write the estimates of a design for DATA to `output`; None is standard input or output.
 
     state: the file with the observer's progress; a run continues from it if it exists, and writes
     it at the end. skip_bad: a malformed line is a remark, not an error. remark: called with
@@ -60,14 +60,14 @@ def execute(
     with which file.
     """
     signed = load_design(design)
-    observer: Any = from_design(signed, design)
+    observer = from_design(signed, design)
     _refuse_targets((design, data), output, events, state)
     if events is not None and not observer.finds_events:
         raise InputError(f"--events: kind {observer.kind!r} has none to write.")
     stored = None if state is None else stored_progress(state, signed, observer, initial)
     name, remarks = data or "standard input", list[str]()
     after = -math.inf if stored is None else stored.t
-    read = partial(read_samples, layout=Layout(**observer.reads), name=name, after=after)
+    read = partial(read_samples, layout=Layout.from_reads(observer.reads), name=name, after=after)
     if data is not None:
         with _opened(data) as stream:
             samples = read(stream, skip=discard if skip_bad else None)
@@ -92,7 +92,12 @@ def execute(
 
 
 def _write(
-    observer: Any, estimates: Iterator[Estimate], out: TextIO, log: TextIO | None, *, live: bool
+    observer: Observer,
+    estimates: Iterator[Estimate],
+    out: TextIO,
+    log: TextIO | None,
+    *,
+    live: bool,
 ) -> Counter[str]:
     """Every estimate as a line, and how many there are of which status."""
     counts: Counter[str] = Counter()
@@ -100,7 +105,8 @@ def _write(
     for estimate in estimates:
         out.write(estimate_line(estimate) + "\n")
         if log is not None:
-            log.writelines(event_line(event) + "\n" for event in estimate.events)
+            lines = (event_line(observer.event_cells(event)) for event in estimate.events)
+            log.writelines(line + "\n" for line in lines)
         if live:
             out.flush()
         counts["rows"] += 1
@@ -140,16 +146,16 @@ def _refuse_targets(
         raise InputError(f"--state: {state} is another file of this run; give another name.")
 
 
-def _same_file(one: str | None, other: str | None) -> bool:
+def _same_file(name: str | None, other: str | None) -> bool:
     """Two names of one file; a device may be written twice."""
-    if one is None or other is None:
+    if name is None or other is None:
         return False
-    path = Path(one).resolve()
+    path = Path(name).resolve()
     return path == Path(other).resolve() and (path.is_file() or not path.exists())
 
 
 @contextmanager
-def _log(path: str | None, observer: Any) -> Iterator[TextIO | None]:
+def _log(path: str | None, observer: Observer) -> Iterator[TextIO | None]:
     """The file of events, with its header, or nothing."""
     if path is None:
         yield None
@@ -173,7 +179,7 @@ def _source(path: str | None) -> Iterator[TextIO]:
 
 @contextmanager
 def _opened(path: str) -> Iterator[TextIO]:
-    """A file whose bytes are handed on as they are: noise on a line is wrong there alone."""
+    """Open a file that is not all UTF-8 text: a bad byte makes its own line invalid, no other."""
     try:
         stream = open(path, encoding="utf-8", newline="", errors="surrogateescape")  # noqa: SIM115
     except OSError as error:

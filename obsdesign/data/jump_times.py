@@ -1,4 +1,4 @@
-"""When a simulated plant jumps: at dwell times that are given, the shortest, or drawn at random."""
+"""Jump instants of a simulation: given dwell times, the shortest one, or random ones."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ import csv
 import io
 import math
 import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TextIO
 
@@ -31,17 +31,23 @@ def discard(text: str) -> None:
 
 @dataclass(frozen=True)
 class Layout:
-    """What a plant's data has: numbers of measurements, known inputs, jump inputs; jumps."""
+    """Columns of a plant's data: numbers of measurements, known inputs, jump inputs; jumps."""
 
     y: int
     u: int = 0
     w: int = 0
     jump: bool = False
 
+    @staticmethod
+    def from_reads(reads: Mapping[str, int]) -> Layout:
+        """The layout of the samples that an observer reads (`Observer.reads`)."""
+        return Layout(reads["y"], reads["u"], reads["w"], bool(reads["jump"]))
+
     @property
     def columns(self) -> tuple[str, ...]:
         """Required columns, in their usual order."""
-        numbered = [f"{c}{i + 1}" for c in "yuw" for i in range(getattr(self, c))]
+        counts = {"y": self.y, "u": self.u, "w": self.w}
+        numbered = [f"{letter}{i + 1}" for letter, n in counts.items() for i in range(n)]
         return ("t", *numbered, *(["jump"] if self.jump else []))
 
 
@@ -214,12 +220,8 @@ def estimate_line(estimate: Estimate) -> str:
     return ",".join([*map(_cell, numbers), estimate.status.replace(",", ";")])
 
 
-def event_line(event: Any) -> str:
-    """One line of an event file, from its cells or from what has `row()`.
-
-    A text keeps its place without commas of its own; NaN becomes an empty cell.
-    """
-    cells = event.row() if hasattr(event, "row") else event
+def event_line(cells: Sequence[float | str]) -> str:
+    """One line of an event file: texts without their commas, NaN as an empty cell."""
     return ",".join(_cell(x).replace(",", ";") for x in cells)
 
 

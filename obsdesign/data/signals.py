@@ -1,4 +1,4 @@
-"""What drives a simulated plant: disturbances inside their bounds, inputs, noise.
+"""Signals of a simulated plant: disturbances inside their bounds, inputs, noise.
 
 Every signal is constant between rows, or a sine, so that the flow is an exponential of one
 matrix: x' = A x + c + sum of columns times sines, c' = 0, and an oscillator for each sine.
@@ -29,10 +29,10 @@ class Bounded:
     omega: Array
     phase: Array
 
-    def at(self, k: int, t: float) -> Array:
+    def value(self, k: int, t: float) -> Array:
         """Value at time t of row k."""
-        value: Array = self.held[k] + self.amplitude * np.sin(self.omega * t + self.phase)
-        return value
+        signal: Array = self.held[k] + self.amplitude * np.sin(self.omega * t + self.phase)
+        return signal
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ class Signals:
             return np.full_like(clean, np.nan)
         spread = np.hypot(self.plant.output.noise_std, self.plant.output.noise_cv * clean)
         lower, upper = noise_ends(self.plant)
-        noise = self.noise.at(k, t) + spread * self.gaussian[k]
+        noise = self.noise.value(k, t) + spread * self.gaussian[k]
         if self.plant.output.noise_bound is not None:
             noise = np.clip(noise, lower, upper)
         value: Array = clean + noise
@@ -87,7 +87,7 @@ class Signals:
     def unknown(self, times: Array) -> Array:
         """Truth of the unknown input, (rows, q)."""
         return np.array(
-            [self.unknown_input.at(k, t) for k, t in enumerate(times.tolist())]
+            [self.unknown_input.value(k, t) for k, t in enumerate(times.tolist())]
         ).reshape(len(times), -1)
 
 

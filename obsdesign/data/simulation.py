@@ -30,7 +30,7 @@ _SAME_INSTANT = 1e-9  # time stamps closer than this part of a step are one inst
 
 
 @dataclass(frozen=True)
-class Record:
+class Simulation:
     """A simulated run, one row per instant; x is the state after the row's jump.
 
     columns: t, y1.., u1.., w1.., jump, then the truth x1.., d1.. (ignored by observers).
@@ -63,15 +63,15 @@ def simulate(
     disturbance: str = "random",
     rng: np.random.Generator | None = None,
     announced: bool = False,
-) -> Record:
+) -> Simulation:
     """Simulate a plant from t = 0.
 
     until, step: end and spacing of the rows, in the plant's time unit (default: some ten dwell
     times; the sampling period, else a round number near until/500). initial: x(0), default ones.
     dwell: `shortest`, `random` (admissible), one dwell time, or a sequence of them, repeated in
     turn. disturbance: `zero` (the middle of every bound, no noise), `extreme` (a corner, held),
-    `random` or `sine`. rng: a numpy Generator (default: seed 0). announced: the record tells when
-    impulses of unknown weight come too, as every kind but `impulsive_input` has to know. Raises
+    `random` or `sine`. rng: a numpy Generator (default: seed 0). announced: the record has the
+    times of impulses of unknown weight too, which every kind but `impulsive_input` needs. Raises
     InputError otherwise.
     """
     if disturbance not in DISTURBANCES:
@@ -82,7 +82,7 @@ def simulate(
     x = _initial(plant.n, initial)
     until = default_until(plant, dwell) if until is None else positive(until, "until")
     jumps = jump_times(plant, dwell, until, rng)
-    # what is measured at jumps only has rows between them only if they are asked for
+    # measured at jumps only: rows between them only where a step is given
     between = step is not None or plant.output.measured != "at_jumps"
     step = _default_step(plant, until) if step is None else positive(step, "step")
     instants = _instants(plant, jumps, until, step, between)
@@ -173,7 +173,7 @@ def _grid(step: float, until: float) -> Vector:
 
 
 def _away(grid: Vector, instants: Vector, least: float) -> Vector:
-    """What of a grid is not at one of these instants, in order."""
+    """Return the grid without its points at these instants, in order."""
     ends = np.concatenate([[-math.inf], instants, [math.inf]])
     places = np.searchsorted(ends, grid)
     distance = np.minimum(np.abs(grid - ends[places - 1]), np.abs(ends[places] - grid))
@@ -184,11 +184,11 @@ def _away(grid: Vector, instants: Vector, least: float) -> Vector:
 def _measured(plant: Plant, times: Vector, is_jump: NDArray[np.bool_]) -> NDArray[np.bool_]:
     if plant.output.measured == "at_jumps":
         return is_jump
-    seen = np.ones(len(times), bool)
+    measured = np.ones(len(times), bool)
     if plant.output.measured == "periodic" and plant.output.period:
         count = times / plant.output.period
-        seen = np.abs(count - np.round(count)) < 1e-6
-    return seen & ~(is_jump & (plant.output.jump_measurement == "none"))
+        measured = np.abs(count - np.round(count)) < 1e-6
+    return measured & ~(is_jump & (plant.output.jump_measurement == "none"))
 
 
 def _trajectory(
@@ -199,10 +199,10 @@ def _trajectory(
     measured: NDArray[np.bool_],
     source: Signals,
     announced: bool,
-) -> Record:
+) -> Simulation:
     """Step from row to row; matrices are shared between equal steps."""
     C, n = plant.output.C, len(x)
-    truth, seen, events = [], [], []
+    truth, outputs, events = [], [], []
     cache: dict[float, NDArray[np.float64]] = {}
     now = 0.0
     for k, t in enumerate(times.tolist()):
@@ -218,18 +218,18 @@ def _trajectory(
             if plant.jump.H is not None:
                 events.append([t, *source.weights[k]])
         after = plant.output.jump_measurement == "after"
-        seen.append(source.measurement(C @ (x if after else before), k, t, bool(measured[k])))
+        outputs.append(source.measurement(C @ (x if after else before), k, t, bool(measured[k])))
         truth.append(x)
         now = t
-    seen_rows = np.array(seen).reshape(len(times), len(C))
+    y = np.array(outputs).reshape(len(times), len(C))
     states = np.array(truth).reshape(-1, n)
-    told = is_jump if _tells_jumps(plant, announced) else None
-    table = _columns(times, is_jump, told, seen_rows, states, source)
-    return Record(table, np.array(events).reshape(len(events), 1 + source.weights.shape[1]))
+    reported = is_jump if _reports_jumps(plant, announced) else None
+    table = _columns(times, is_jump, reported, y, states, source)
+    return Simulation(table, np.array(events).reshape(len(events), 1 + source.weights.shape[1]))
 
 
-def _tells_jumps(plant: Plant, announced: bool) -> bool:
-    """Jumps are told, those that are nothing but an impulse of unknown weight only if announced."""
+def _reports_jumps(plant: Plant, announced: bool) -> bool:
+    """Does a record have the jumps? Impulses of unknown weight alone only if announced."""
     jump = plant.jump
     if jump is None:
         return False
@@ -237,15 +237,15 @@ def _tells_jumps(plant: Plant, announced: bool) -> bool:
 
 
 def _columns(
-    times: Vector, is_jump: Any, told: Any, seen: Vector, truth: Vector, source: Signals
+    times: Vector, is_jump: Any, reported: Any, y: Vector, truth: Vector, source: Signals
 ) -> dict[str, NDArray[Any]]:
     columns: dict[str, NDArray[Any]] = {"t": times}
     w = np.where(is_jump[:, None], source.w, np.nan)
     d = source.unknown(times)
-    for letter, values in (("y", seen), ("u", source.u), ("w", w)):
+    for letter, values in (("y", y), ("u", source.u), ("w", w)):
         columns |= {f"{letter}{i + 1}": values[:, i] for i in range(values.shape[1])}
-    if told is not None:
-        columns["jump"] = told.astype(np.int64)
+    if reported is not None:
+        columns["jump"] = reported.astype(np.int64)
     for letter, values in (("x", truth), ("d", d)):
         columns |= {f"{letter}{i + 1}": values[:, i] for i in range(values.shape[1])}
     return columns

@@ -11,7 +11,7 @@ from typing import Any
 from obsdesign.document import Design
 from obsdesign.errors import InputError
 from obsdesign.input_files import read_text
-from obsdesign.runtime.base import Estimate, Sample
+from obsdesign.runtime.base import Delayed, Estimate, Observer, Sample, Stepped
 from obsdesign.runtime.stored_state import Progress, progress_from_text
 
 _READ_AHEAD = 1024  # rows of a file that an observer with a delay takes at once
@@ -20,18 +20,18 @@ _READ_AHEAD = 1024  # rows of a file that an observer with a delay takes at once
 class Stream:
     """An observer and its progress, which every estimate that is taken updates."""
 
-    def __init__(self, observer: Any, progress: Progress) -> None:
+    def __init__(self, observer: Observer, progress: Progress) -> None:
         self._observer, self.progress = observer, progress
         self._latest: Any = progress.state
 
     def estimates(self, samples: Iterator[Sample], *, live: bool = False) -> Iterator[Estimate]:
-        """One for every row; from an observer with a delay, those that are decided.
+        """Estimates, one per row; from an observer with a delay those that are decided.
 
         live: answer row by row. Rows of a file are taken in blocks. The last block may be short: it
         is taken again with the rows of the next part, so that no number depends on where a record
         was cut.
         """
-        if not hasattr(self._observer, "finish"):
+        if not isinstance(self._observer, Delayed):
             for sample in samples:
                 state, estimate = self._observer.step(self.progress.state, sample)
                 self.progress = Progress(state)
@@ -53,18 +53,17 @@ class Stream:
 
     def tail(self) -> Sequence[Estimate]:
         """Rows that an observer with a delay has not decided."""
-        estimates: Sequence[Estimate] = self._observer.finish(self._latest)
-        return estimates
+        return self._observer.finish(self._latest) if isinstance(self._observer, Delayed) else ()
 
 
 def estimates_of(
-    observer: Any, state: Any, samples: Iterator[Sample], *, live: bool = False
+    observer: Observer, state: Any, samples: Iterator[Sample], *, live: bool = False
 ) -> Iterator[Estimate]:
-    """One for every row of a whole record; an observer with a delay gives each once it is decided.
+    """Estimates of a whole record, one per row; with a delay each once it is decided.
 
     live: answer row by row; a file may be read ahead.
     """
-    if not hasattr(observer, "finish"):
+    if not isinstance(observer, Delayed):
         yield from observer.run(state, samples)
         return
     stream = Stream(observer, Progress(state))
@@ -73,13 +72,13 @@ def estimates_of(
 
 
 def stored_progress(
-    path: str, design: Design, observer: Any, initial: Sequence[float] | None
+    path: str, design: Design, observer: Observer, initial: Sequence[float] | None
 ) -> Progress | None:
     """Read the progress of the observer of a design; None if there is no such file.
 
     InputError when it cannot be read or continued, or when `initial` is given too.
     """
-    if getattr(observer, "takes_whole_records", False):
+    if isinstance(observer, Stepped) and observer.takes_whole_records:
         raise InputError(
             "--state: observer.differentiator 'batch' smooths a record as a whole; its parts "
             "cannot be run one after the other."
@@ -93,7 +92,7 @@ def stored_progress(
 
 
 def starting_progress(
-    observer: Any, progress: Progress | None, first: Sample, initial: Sequence[float] | None
+    observer: Observer, progress: Progress | None, first: Sample, initial: Sequence[float] | None
 ) -> Progress:
     """The progress before the first sample; InputError where that sample cannot be taken."""
     if progress is None:

@@ -1,4 +1,4 @@
-"""The estimation error of a linear plant with jumps, and the plant's numbers a runtime needs.
+"""The estimation error of a linear plant with jumps.
 
     e'(t) = (A - L C) e + ...        between jumps
     e(t)  = H e(t-) + ...            at jumps
@@ -35,12 +35,12 @@ def jump_error_matrix(G: Array, M: Array, C: Array, jump_measurement: str) -> Ar
 
 
 def seen_before_jump(G: Array, C: Array, jump_measurement: str) -> Array:
-    """What a measurement at a jump sees of the state before it: C, or C G for one after it."""
+    """Output matrix of a measurement at a jump, from the state before it: C, or C G after it."""
     return C @ G if jump_measurement == "after" else C
 
 
 def jump_disturbance_matrix(M: Array, C: Array, n: int, jump_measurement: str) -> Array:
-    """How c enters the error at a jump: I, or I - M C when the measurement is post-jump."""
+    """Matrix of c in the error at a jump: I, or I - M C when the measurement is post-jump."""
     identity = np.eye(n, dtype=np.int64)
     return identity - M @ C if jump_measurement == "after" else identity
 

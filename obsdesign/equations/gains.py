@@ -146,7 +146,7 @@ class PlantGains:
 
     @property
     def columns(self) -> dict[str, int | bool]:
-        """How many y, u, w a sample has, and whether jumps are reported."""
+        """Numbers of y, u and w in a sample, and whether jumps are reported."""
         u, w = (0 if each is None else each.shape[1] for each in (self.B, self.E))
         return {"y": self.p, "u": u, "w": w, "jump": self.G is not None}
 

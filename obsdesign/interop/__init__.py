@@ -1,4 +1,4 @@
-"""Models, gains and estimates to and from other packages: scipy.signal, control, pandas, MATLAB.
+"""Models, gains and estimates of other packages: scipy.signal, control, pandas, MATLAB.
 
 `from_state_space` builds a Problem from a model, `save_mat` and `control_estimator` take a design
 elsewhere, `to_frame` makes a table of estimates. Importing this imports none of those packages.

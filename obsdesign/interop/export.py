@@ -27,8 +27,8 @@ _NOT_LINEAR = {
 def save_mat(design: Design, path: str | os.PathLike[str]) -> None:
     """Write gains to a MATLAB file, each under its name; name, kind and digest beside them.
 
-    The plant and what was asked stand in the struct `problem`, with the keys of a problem file;
-    infinity is Inf. Vectors are columns. An existing file is replaced whole or not at all;
+    The plant and the [observer] block stand in the struct `problem`, with the keys of a problem
+    file; infinity is Inf. Vectors are columns. An existing file is replaced whole or not at all;
     InputError when it cannot be written.
     """
     from scipy.io import savemat
@@ -41,7 +41,7 @@ def save_mat(design: Design, path: str | os.PathLike[str]) -> None:
 
 
 def _matlab(value: Any) -> Any:
-    """What savemat knows: dicts, texts, arrays; what has no common shape becomes a cell array."""
+    """Values that savemat accepts: dicts, texts, arrays; rows of different shape as cells."""
     if isinstance(value, Mapping):
         return {str(key): _matlab(item) for key, item in value.items() if item is not None}
     if isinstance(value, bool):

@@ -1,1 +1,1 @@
-"""What people look at: the report of a design, curves, plots."""
+"""Pages and pictures: the report of a design, curves, plots."""

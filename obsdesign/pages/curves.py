@@ -1,7 +1,7 @@
-"""The curve that tells most about a design, as numbers: floats to look at, not to rely on.
+"""One curve per kind of design, in floats: illustration, not proof.
 
-Kinds with jumps: how much the error grows from jump to jump, over the dwell time. Without jumps:
-how it dies out. Windows: how independent what they hold is, or the weight of each sample.
+Kinds with jumps: growth of the error from jump to jump, over the dwell time. Without jumps: its
+decay. Windows: smallest singular value of the window matrix, or the weight of each sample.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _BEYOND, _ENDLESS = 0.15, 4.0
 
 @dataclass(frozen=True)
 class Curve:
-    """Named series (points,) over x, a level they must stay below or above, and the proved range.
+    """Named series (points,) over x, a level to stay below or above, and the proved range.
 
     steps: values hold from one x to the next. caption: what is seen, in one sentence.
     """
@@ -58,7 +58,7 @@ def curve_of(design: Design) -> Curve | None:
 
     What its caption calls proved rests on the verdicts of `design.claims`.
     """
-    found = {
+    curve = {
         "interval": _interval,
         "luenberger": _luenberger,
         "impulsive": _impulsive,
@@ -66,9 +66,9 @@ def curve_of(design: Design) -> Curve | None:
         "impulsive_input": _impulsive_input,
         "unknown_input": _unknown_input,
     }[design.kind](design.gains, {c.id: c.evidence for c in design.claims if c.verdict == "proved"})
-    if found is None or not all(np.isfinite(y).any() for y in found.series.values()):
+    if curve is None or not all(np.isfinite(y).any() for y in curve.series.values()):
         return None
-    return found
+    return curve
 
 
 def _interval(gains: Mapping[str, Any], evidence: Mapping[str, Any]) -> Curve | None:
@@ -131,9 +131,9 @@ def _growth(
     P = evidence.get("dwell_stability", {}).get("P")
     if P is not None and len(all_H) == 1:
         root = np.linalg.cholesky(np.asarray(P)).T
-        moved = np.linalg.solve(root.T, np.swapaxes(root @ flows @ all_H[0], -1, -2))
+        maps = np.linalg.solve(root.T, np.swapaxes(root @ flows @ all_H[0], -1, -2))
         series["worst direction, norm of P"] = np.linalg.norm(
-            np.nan_to_num(moved), ord=2, axis=(1, 2)
+            np.nan_to_num(maps), ord=2, axis=(1, 2)
         )
     marked = "the shaded range is proved, for every order in which dwell times may come"
     marked = marked if "dwell_stability" in evidence else "the design is for the shaded range"
@@ -165,7 +165,7 @@ def _around(low: float, high: float) -> Array:
 
 
 def _decay(F: Array) -> Curve | None:
-    """What is left of the worst unit error, over time."""
+    """Decay of the worst unit error, over time."""
     if not len(F):
         return None
     slowest = -float(np.linalg.eigvals(F).real.max())
@@ -224,13 +224,13 @@ def _quadratic(gains: Mapping[str, Any], evidence: Mapping[str, Any]) -> Curve |
     theta: Array = np.linspace(low, high, _POINTS)
     cell = np.clip(np.searchsorted(cells, theta, side="right") - 1, 0, len(table) - 1)
     maps = root @ (G + table[cell] @ C) @ expm(gains["A"] * theta[:, None, None])
-    moved = np.linalg.solve(root.T, np.swapaxes(maps, 1, 2))
+    in_norm = np.linalg.solve(root.T, np.swapaxes(maps, 1, 2))
     return Curve(
         "What is left of the error after an impulse",
         "spacing of impulses",
         "factor, in the norm of P",
         theta,
-        {"worst error": np.linalg.norm(moved, 2, axis=(1, 2))},
+        {"worst error": np.linalg.norm(in_norm, 2, axis=(1, 2))},
         "With the gain of the cell that the last spacing is in. Shaded: the spacings for which it "
         "is proved to stay below the dashed level.",
         float(proof["gamma"]),
@@ -265,12 +265,12 @@ def _impulsive_input(gains: Mapping[str, Any], evidence: Mapping[str, Any]) -> C
     if "exponents" in gains and "K" in gains:
         D = flow_error_matrix(A, gains["K"], C)
         F = impulsive_input.filtered_system(D, C, np.asarray(gains["exponents"], float))
-        seen = impulsive_input.impulse_responses(F, H, step, _POINTS)[:, len(A) :]
+        response = impulsive_input.impulse_responses(F, H, step, _POINTS)[:, len(A) :]
         what = "features of the window"
     else:
-        seen = C @ expm(A * ages[:, None, None]) @ H
+        response = C @ expm(A * ages[:, None, None]) @ H
         what = "measurements"
-    sizes = np.linalg.norm(seen, axis=1)
+    sizes = np.linalg.norm(response, axis=1)
     return Curve(
         f"What one unit impulse leaves in the {what}",
         "age of the impulse",

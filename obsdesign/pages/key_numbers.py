@@ -11,7 +11,7 @@ _MOST_LISTED = 8
 
 
 def numbers_of(evidence: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:
-    """What a proof says in few numbers; its matrices stay in the file."""
+    """(name, value) of the few numbers of a proof, as texts; matrices stay in the file."""
     for key, value in evidence.items():
         name = f"{prefix}{key.replace('_', ' ')}"
         if isinstance(value, Mapping):

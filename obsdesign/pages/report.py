@@ -1,4 +1,4 @@
-"""One self-contained page for a design: what is guaranteed, by which claims, and an estimate.
+"""One self-contained page for a design: guarantees, claims, gains and an estimate.
 
 Everything is proved again before a word of it is written.
 """
@@ -28,7 +28,7 @@ from obsdesign.pages.curves import curve_of
 from obsdesign.pages.key_numbers import numbers_of
 from obsdesign.problem.problem import Problem
 from obsdesign.studies.comparison.compare import MOST_ROWS, compare_with_kalman
-from obsdesign.studies.comparison.record import Record
+from obsdesign.studies.comparison.record import ComparisonRecord
 from obsdesign.studies.comparison.row import table
 from obsdesign.verification.answers import reason
 
@@ -139,10 +139,10 @@ def _origin(design: Design) -> list[tuple[str, str]]:
     provenance = dict(design.provenance)
     versions = provenance.get("versions", {})
     solver = provenance.get("solver", {})
-    found = [(str(name), str(version)) for name, version in versions.items()]
+    rows = [(str(name), str(version)) for name, version in versions.items()]
     if solver:
-        found.append(("gains found with", f"{solver.get('name')} {solver.get('version')}"))
-    return [("kind", design.kind), *found, ("digest", design.to_dict()["digest"])]
+        rows.append(("gains found with", f"{solver.get('name')} {solver.get('version')}"))
+    return [("kind", design.kind), *rows, ("digest", design.to_dict()["digest"])]
 
 
 def _curve(design: Design) -> dict[str, str] | None:
@@ -183,16 +183,16 @@ def _estimate(
         try:
             counts = execute(path, source, estimates, initial, None)
         except InputError:
-            if data is None:  # impulses at unknown times, which this kind has to be told
+            if data is None:  # impulses at unknown times, which this kind cannot detect
                 return None
             raise
         plot_estimate(estimates, source, picture)
         svg = Path(picture).read_text("utf-8")
         rows = _rows_with_kalman(design, source, initial)
     total = counts.pop("rows")
-    told = ", ".join(f"{number} {status}" for status, number in counts.most_common())
+    statuses = ", ".join(f"{number} {status}" for status, number in counts.most_common())
     origin = f"of {Path(data).name}" if data else "simulated with random admissible disturbances"
-    caption = f"{total} rows {origin}: {told}."
+    caption = f"{total} rows {origin}: {statuses}."
     return {"title": title, "image": _inline(svg), "caption": caption, "beside": rows}
 
 
@@ -200,7 +200,7 @@ def _rows_with_kalman(
     design: Design, source: str, initial: Sequence[float] | None
 ) -> tuple[list[str], list[list[str]]] | None:
     """The design and a Kalman filter, where the record has the true state."""
-    record = Record.read(source, Problem.from_dict(design.problem).plant)
+    record = ComparisonRecord.from_file(source, Problem.from_dict(design.problem).plant)
     if record.x is None:
         return None
     if initial is not None and design.kind != "interval":

@@ -1,8 +1,11 @@
-"""The observer kinds: which gains and options each knows. Literal data."""
+"""The observer kinds: which gains and options each knows."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import fields
+
+from obsdesign.problem.options import OPTIONS_OF
 
 # gain -> (rows, columns) in n states, p outputs, q unknown inputs
 GAINS: Mapping[str, Mapping[str, tuple[str, str]]] = {
@@ -24,17 +27,11 @@ GAINS: Mapping[str, Mapping[str, tuple[str, str]]] = {
     "unknown_input": {"L": ("n-q", "p-q"), "T1": ("n", "n")},
 }
 
+# kind -> names of its options
 OPTIONS: Mapping[str, tuple[str, ...]] = {
-    "interval": ("form", "objective", "gain_limit", "memory", "width", "width_weights"),
-    "luenberger": ("poles", "decay_rate", "weights", "memory", "schedule"),
-    "impulsive": ("window", "alpha", "strategy", "decay_rate", "noise_target"),
-    "finite_time": ("window", "method", "objective", "half_sample_correction"),
-    "impulsive_input": (
-        "window", "exponents", "margin", "ratio", "weighting", "operator", "state_correction",
-        "nonnegative", "threshold", "check_exponents", "initial_std",
-    ),
-    "unknown_input": ("poles", "weights", "differentiator", "lag"),
-}  # fmt: skip
+    kind: tuple(option.name for option in fields(options))  # type: ignore[arg-type]
+    for kind, options in OPTIONS_OF.items()
+}
 
 KINDS = tuple(GAINS)
 
@@ -45,15 +42,6 @@ SEARCHES = (*DWELL_SEARCHES, *PERIOD_SEARCHES)
 
 # changes of coordinates: their inverse is needed
 INVERTIBLE = ("S", "S2", "T1")
-
-# (kind, option) that count something
-WHOLE = (
-    ("interval", "memory"),
-    ("luenberger", "memory"),
-    ("luenberger", "schedule"),
-    ("impulsive", "window"),
-    ("unknown_input", "lag"),
-)
 
 
 def owners(name: str) -> list[str]:

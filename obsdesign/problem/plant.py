@@ -31,6 +31,7 @@ from obsdesign.entries import (
 )
 from obsdesign.equations.noise_bounds import noise_box
 from obsdesign.errors import InputError
+from obsdesign.problem.schema import DWELL_RANGE, POSITIVE, file_entry, one_of, ref
 
 MEASURED = ("continuous", "periodic", "at_jumps")
 JUMP_MEASUREMENTS = ("before", "after", "none")
@@ -42,10 +43,12 @@ _DEFAULT: Any = None
 class Flow:
     """A (n, n); B (n, m) known input; D (n, q) unknown input; lower, upper (n,) bounds of b."""
 
-    A: Array
-    B: Array | None = None
-    D: Array | None = None
-    lower: Array = _DEFAULT
+    A: Array = file_entry(ref("matrix"), "n x n.")
+    B: Array | None = file_entry(ref("matrix"), "n x m, known input u.", default=None)
+    D: Array | None = file_entry(ref("matrix"), "n x q, unknown input d.", default=None)
+    lower: Array = file_entry(
+        ref("bounds"), "Bounds of b(t); default 0.", default=_DEFAULT, name="disturbance"
+    )
     upper: Array = _DEFAULT
 
     def __post_init__(self) -> None:
@@ -69,13 +72,21 @@ class Jump:
     may be infinite; dwell_jitter: largest change from one dwell time to the next.
     """
 
-    G: Array = _DEFAULT
-    E: Array | None = None
-    H: Array | None = None
-    lower: Array = _DEFAULT
+    G: Array = file_entry(ref("matrix"), "n x n; default identity.", default=_DEFAULT)
+    E: Array | None = file_entry(ref("matrix"), "Known jump input w.", default=None)
+    H: Array | None = file_entry(
+        ref("matrix"), "Directions of impulses with unknown weights g.", default=None
+    )
+    lower: Array = file_entry(
+        ref("bounds"), "Bounds of c[k]; default 0.", default=_DEFAULT, name="disturbance"
+    )
     upper: Array = _DEFAULT
-    dwell_time: tuple[float, float] | None = None
-    dwell_jitter: float = math.inf
+    dwell_time: tuple[float, float] | None = file_entry(
+        DWELL_RANGE, "Shortest and longest time between jumps.", default=None
+    )
+    dwell_jitter: float = file_entry(
+        ref("upper_end"), "Largest change from one dwell time to the next.", default=math.inf
+    )
 
     def __post_init__(self) -> None:
         if self.G is not None:
@@ -113,13 +124,32 @@ class Output:
     stamped with a jump time saw: before, after or none.
     """
 
-    C: Array
-    noise_bound: Array | None = None
-    noise_std: Array = _DEFAULT
-    noise_cv: Array = _DEFAULT
-    measured: str = "continuous"
-    period: float | None = None
-    jump_measurement: str = "before"
+    C: Array = file_entry(ref("matrix"), "p x n.")
+    noise_bound: Array | None = file_entry(
+        ref("per_output"),
+        "|v_i| <= noise_bound_i at every instant; required by kinds that promise bounds. Absent: "
+        "not known.",
+        default=None,
+    )
+    noise_std: Array = file_entry(ref("per_output"), "Standard deviation of v_i.", default=_DEFAULT)
+    noise_cv: Array = file_entry(
+        ref("per_output"), "Part of the deviation proportional to |y_i|.", default=_DEFAULT
+    )
+    measured: str = file_entry(
+        one_of(*MEASURED),
+        "When y is available: always, every period, or at jump times only; default continuous.",
+        default="continuous",
+    )
+    period: float | None = file_entry(
+        POSITIVE,
+        "Time between samples; required when measured is periodic.",
+        default=None,
+    )
+    jump_measurement: str = file_entry(
+        one_of(*JUMP_MEASUREMENTS),
+        "What a measurement stamped with a jump time saw; default before.",
+        default="before",
+    )
 
     def __post_init__(self) -> None:
         C = matrix(self.C, "output.C")
@@ -229,15 +259,17 @@ def _same(block: Any, other: Any) -> bool:
     return all((a is None) == (b is None) and np.array_equal(a, b) for a, b in pairs)
 
 
-def _inputs(block: Any, name: str, matrices: tuple[str, ...], n: int, of: str) -> dict[str, Any]:
+def _inputs(
+    block: Any, name: str, matrices: tuple[str, ...], n: int, states: str
+) -> dict[str, Any]:
     """Optional matrices with one row per state."""
-    found = {}
+    result = {}
     for key in matrices:
         values = getattr(block, key)
         if values is not None:
-            found[key] = matrix(values, f"{name}.{key}")
-            require_shape(found[key], f"{name}.{key}", (n, None), f"one per state of {of}")
-    return found
+            result[key] = matrix(values, f"{name}.{key}")
+            require_shape(result[key], f"{name}.{key}", (n, None), f"one per state of {states}")
+    return result
 
 
 def _dwell_time(values: Any) -> tuple[float, float] | None:

@@ -1,4 +1,4 @@
-"""`Problem`, a plant and what is asked of it, to and from what a problem file holds.
+"""`Problem`, a plant and its [observer] block, to and from what a problem file holds.
 
 Structure is checked by the published JSON Schema, meaning by the plant's own checks; both speak in
 one line (`obsdesign.errors.InputError`).
@@ -10,20 +10,22 @@ import math
 import os
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from obsdesign.document import jsonable
 from obsdesign.errors import DoesNotApply, InputError
-from obsdesign.problem import observer_options as asked_of
+from obsdesign.problem import observer_options
 from obsdesign.problem.file import read_problem_file
 from obsdesign.problem.kinds import KINDS
+from obsdesign.problem.options_base import Options
 from obsdesign.problem.plant import Flow, Jump, Output, Plant
 from obsdesign.problem.schema_errors import check_structure
 
 Blocks = Mapping[str, Any]
+_Options = TypeVar("_Options", bound=Options)
 
 _KEYS = ("name", "flow", "jump", "output", "observer")
 
@@ -40,7 +42,7 @@ class Problem:
     plant: Plant
     kind: str | None
     gains: Mapping[str, Any]
-    options: Mapping[str, Any]
+    options: Options
 
     def __init__(
         self,
@@ -57,11 +59,11 @@ class Problem:
         check_structure(body)
         _check_name(body["name"])
         plant = Plant(_flow(body["flow"]), _jump(body.get("jump")), Output(**body["output"]))
-        asked = dict(body.get("observer", {}))
-        kind = asked.pop("kind", None)
-        gains = asked_of.gains(asked.pop("gains", {}), kind, plant)
-        options = asked_of.options(asked, kind, plant)
-        values = (name, plant, kind, MappingProxyType(gains), MappingProxyType(options))
+        block = dict(body.get("observer", {}))
+        kind = block.pop("kind", None)
+        gains = observer_options.gains(block.pop("gains", {}), kind, plant)
+        options = observer_options.options(block, kind, plant)
+        values = (name, plant, kind, MappingProxyType(gains), options)
         for slot, value in zip(("name", "plant", "kind", "gains", "options"), values, strict=True):
             object.__setattr__(self, slot, value)
 
@@ -98,14 +100,20 @@ class Problem:
             body["jump"]["disturbance"] = {"lower": jump.lower, "upper": jump.upper}
         names = ("C", "noise_bound", "noise_std", "noise_cv", "measured", "period")
         body["output"] = _present(output, (*names, "jump_measurement"))
-        asked = {} if self.kind is None else {"kind": self.kind}
-        if asked or self.gains or self.options:
-            body["observer"] = asked | {"gains": dict(self.gains)} | dict(self.options)
+        observer = {} if self.kind is None else {"kind": self.kind}
+        if observer or self.gains or self.options:
+            body["observer"] = observer | {"gains": dict(self.gains)} | dict(self.options)
         result: dict[str, Any] = jsonable(body)
         return result
 
+    def options_as(self, kind_options: type[_Options]) -> _Options:
+        """The options as those of one kind; TypeError where the problem is of another."""
+        if not isinstance(self.options, kind_options):
+            raise TypeError(f"a problem of kind {self.kind!r} has no {kind_options.__name__}")
+        return self.options
+
     def require_kind(self) -> str:
-        """The observer kind, or InputError that tells how to choose one."""
+        """The observer kind, or InputError that names the kinds."""
         if self.kind is None:
             raise InputError(
                 f"observer.kind is required; it is missing. It is one of {', '.join(KINDS)}; "
@@ -114,7 +122,7 @@ class Problem:
         return self.kind
 
     def require_dwell_time(self) -> tuple[float, float]:
-        """(shortest, longest) dwell time, or DoesNotApply; for kinds that cannot do without."""
+        """(shortest, longest) dwell time, or DoesNotApply where the problem has none."""
         jump = self.plant.jump
         if jump is None or jump.dwell_time is None:
             raise DoesNotApply(
@@ -149,7 +157,7 @@ class Problem:
         return bound
 
     def require_measured(self, *fitting: str) -> str:
-        """How y is measured, one of `fitting`, or DoesNotApply."""
+        """The kind of measurement, one of `fitting`, or DoesNotApply."""
         measured = self.plant.output.measured
         if measured not in fitting:
             raise DoesNotApply(
@@ -167,8 +175,8 @@ class Problem:
 
     def for_kind(self, kind: str) -> tuple[Problem, list[str]]:
         """The same plant for another kind, and the gains and options that were dropped."""
-        asked, dropped = asked_of.for_kind(self.to_dict().get("observer", {}), kind)
-        return Problem.from_dict(self.to_dict() | {"observer": asked}), dropped
+        observer, dropped = observer_options.for_kind(self.to_dict().get("observer", {}), kind)
+        return Problem.from_dict(self.to_dict() | {"observer": observer}), dropped
 
 
 def load_problem(path: str | os.PathLike[str]) -> Problem:
@@ -177,15 +185,15 @@ def load_problem(path: str | os.PathLike[str]) -> Problem:
 
 
 def load_for_kind(path: str | os.PathLike[str], kind: str | None) -> tuple[Problem, list[str]]:
-    """Read a problem file for a kind, whatever kind it names, and what had to be dropped.
+    """Read a problem file for a kind, whatever kind it names; also the entries dropped.
 
     Unlike `load_problem` then `for_kind`, this reads files that hold entries of several kinds.
     """
     body = read_problem_file(path)
     dropped: list[str] = []
     if kind is not None and isinstance(body, dict) and isinstance(body.get("observer", {}), dict):
-        asked, dropped = asked_of.for_kind(body.get("observer", {}), kind)
-        body |= {"observer": asked}
+        observer, dropped = observer_options.for_kind(body.get("observer", {}), kind)
+        body |= {"observer": observer}
     try:
         return Problem.from_dict(body), dropped
     except InputError as error:
@@ -211,20 +219,20 @@ def _as_block(value: Any) -> Any:
 
 
 def _flow(block: Blocks) -> Flow:
-    rest = dict(block)
-    bounds = rest.pop("disturbance", {})
-    return Flow(**rest, **bounds)
+    entries = dict(block)
+    bounds = entries.pop("disturbance", {})
+    return Flow(**entries, **bounds)
 
 
 def _jump(block: Blocks | None) -> Jump | None:
     if block is None:
         return None
-    rest = dict(block)
-    bounds = rest.pop("disturbance", {})
+    entries = dict(block)
+    bounds = entries.pop("disturbance", {})
     for name in ("dwell_time", "dwell_jitter"):
-        if name in rest:
-            rest[name] = _infinite(rest[name])
-    return Jump(**rest, **bounds)
+        if name in entries:
+            entries[name] = _infinite(entries[name])
+    return Jump(**entries, **bounds)
 
 
 def _infinite(value: Any) -> Any:

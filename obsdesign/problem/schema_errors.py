@@ -12,12 +12,12 @@ from obsdesign.entries import shown
 from obsdesign.errors import InputError
 from obsdesign.problem.kinds import GAINS, OPTIONS, owners
 
-# which complaint to make first when a file earns several: names before values
+# which violation is reported when there are several: names before values
 _FIRST = ("propertyNames", "additionalProperties", "required")
 
 
 def check_structure(body: Any) -> None:
-    """InputError for the most telling place where parsed TOML or JSON breaks the schema."""
+    """InputError for the most informative violation of the schema by parsed TOML or JSON."""
     import jsonschema
 
     if not isinstance(body, dict):
@@ -33,7 +33,7 @@ def check_structure(body: Any) -> None:
 
 
 def _abridged(value: Any) -> Any:
-    """The same body, of every matrix that holds only numbers just a corner: jsonschema is slow."""
+    """The body with only a corner of every matrix of numbers: jsonschema is slow."""
     if isinstance(value, dict):
         return {key: _abridged(item) for key, item in value.items()}
     if isinstance(value, list) and value and all(isinstance(row, list) and row for row in value):
@@ -97,7 +97,7 @@ def _unknown(key: Any, path: list[Any], known: list[str], body: Any, schema: Any
 
 
 def _home(name: str, schema: Any) -> str | None:
-    """The one block that knows exactly this name, if it is one that stands elsewhere."""
+    """The only block that knows this name; None where none or several do."""
     blocks = {
         title: list(block.get("properties", {})) for title, block in schema["properties"].items()
     }
@@ -125,17 +125,17 @@ def _value(error: Any, path: list[Any], body: Any) -> str:
         return f"jump.dwell_time must be {wanted}; got {shown(body['jump']['dwell_time'])}."
     if error.validator == "enum":
         wanted = f"one of {', '.join(map(str, error.validator_value))}"
-    told = f"{_entry(path)} must be {wanted}; got {shown(error.instance)}."
+    text = f"{_entry(path)} must be {wanted}; got {shown(error.instance)}."
     if error.validator == "enum" and isinstance(error.instance, str):
         near = difflib.get_close_matches(error.instance, error.validator_value, 1, 0.6)
-        told += f" Did you mean {near[0]!r}?" if near else ""
+        text += f" Did you mean {near[0]!r}?" if near else ""
     if str(error.instance).lower().lstrip("+-") in ("inf", "infinity", "nan"):
-        return told + " Infinity is allowed only as the longest dwell time and as dwell_jitter."
+        return text + " Infinity is allowed only as the longest dwell time and as dwell_jitter."
     if isinstance(error.instance, str) and wanted and "number" in wanted:
-        told += " Numbers are written without quotes."
+        text += " Numbers are written without quotes."
     if str(wanted).startswith("a row") and not isinstance(error.instance, list):
-        told += " One row is written [[1, 2]], one column [[1], [2]]."
-    return told
+        text += " One row is written [[1, 2]], one column [[1], [2]]."
+    return text
 
 
 def _entry(path: Sequence[Any]) -> str:

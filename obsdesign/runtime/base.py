@@ -1,4 +1,4 @@
-"""What every runtime observer takes and gives: samples, estimates, the loop over a record."""
+"""Contract of all runtime observers: samples, estimates, the loop over a record."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Generic, NamedTuple, Protocol, TypeVar
+from typing import Any, ClassVar, Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -39,11 +39,11 @@ class Sample(NamedTuple):
 
 
 class Estimate(NamedTuple):
-    """What is known at time t once the sample at t, and its jump, were used.
+    """Estimate at time t after the sample at t and its jump; None for what the kind has not.
 
-    x: point estimate; lower, upper: bounds of the state; d: unknown input; events: impulses that
-    were found, or what happened (interval bounds); None where the kind has none. status: "ok", or
-    why the guarantee does not hold.
+    x: point estimate; lower, upper: bounds of the state; d: unknown input; events: detected
+    impulses, or jumps and violations (interval bounds), which `Observer.event_cells` turns into
+    rows of an event file. status: "ok", or why the guarantee does not hold.
     """
 
     t: float
@@ -56,7 +56,13 @@ class Estimate(NamedTuple):
 
 
 class Observer(Protocol):
-    """A frozen set of parameters; `step` has no effect but its result."""
+    """A frozen set of parameters; `step` has no effect but its result.
+
+    Every observer is either `Stepped` or `Delayed`.
+    """
+
+    kind: ClassVar[str]
+    finds_events: ClassVar[bool]
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -66,15 +72,30 @@ class Observer(Protocol):
     def reads(self) -> dict[str, int | bool]:
         """Numbers of y, u and w in a sample, and whether jumps are reported."""
 
+    @property
+    def event_names(self) -> tuple[str, ...]:
+        """Columns of an event file; none where the kind has no events."""
+
+    def event_cells(self, event: Any) -> Sequence[float | str]:
+        """Cells of an event in an event file."""
+
     def start(self, t: float, initial: Sequence[float] | None) -> Any:
         """State at time t from the numbers of the command line's --initial."""
 
     def step(self, state: Any, sample: Sample) -> tuple[Any, Estimate]:
         """The state and the estimate after one sample."""
 
+    def run(self, state: Any, samples: Iterable[Sample]) -> Iterator[Estimate]:
+        """Estimates of a record, one per sample."""
+
 
 class Stepped(ABC, Generic[State]):
     """An observer with one estimate for every sample: a stream of them is a loop over `step`."""
+
+    @property
+    def takes_whole_records(self) -> bool:
+        """Does `run` need all rows at once? Then a record cannot come in parts."""
+        return False
 
     @abstractmethod
     def step(self, state: State, sample: Sample) -> tuple[State, Estimate]:
@@ -87,8 +108,24 @@ class Stepped(ABC, Generic[State]):
             yield estimate
 
 
+class Delayed(ABC, Generic[State]):
+    """An observer whose rows are decided some samples later; a state holds them as `decided`."""
+
+    @abstractmethod
+    def step(self, state: State, sample: Sample) -> tuple[State, Estimate]:
+        """The state after one sample, and a prediction at its time."""
+
+    @abstractmethod
+    def block(self, state: State, samples: Sequence[Sample]) -> State:
+        """The state after several samples; its `decided` holds the rows they settled."""
+
+    @abstractmethod
+    def finish(self, state: State) -> tuple[Estimate, ...]:
+        """Rows that were not decided when the record ended."""
+
+
 def columns_read(gains: PlantGains | Mapping[str, Any]) -> dict[str, int | bool]:
-    """How many y, u, w a sample has for these gains, and whether jumps are reported."""
+    """Numbers of y, u and w in a sample for these gains, and whether jumps are reported."""
     if isinstance(gains, PlantGains):
         return gains.columns
     u, w = (gains[x].shape[1] if x in gains else 0 for x in ("B", "E"))
@@ -97,7 +134,7 @@ def columns_read(gains: PlantGains | Mapping[str, Any]) -> dict[str, int | bool]
 
 @dataclass(frozen=True, slots=True)
 class DwellGuard:
-    """Watches that dwell times stay in the range of the design, and change no faster.
+    """Check that dwell times stay in the range of the design, and change no faster.
 
     jitter: largest change from one dwell time to the next. last_jump and last_dwell are None until
     there were one and two jumps: the time before the first one is not a dwell time.
@@ -110,8 +147,8 @@ class DwellGuard:
     last_dwell: float | None = None
 
     @classmethod
-    def of(cls, gains: PlantGains | Mapping[str, Any]) -> DwellGuard:
-        """The guard of a design's gains; it objects to nothing where there are no jumps."""
+    def from_gains(cls, gains: PlantGains | Mapping[str, Any]) -> DwellGuard:
+        """The guard of a design's gains; without jumps it accepts every time."""
         if isinstance(gains, PlantGains):
             jitter = math.inf if gains.dwell_jitter is None else gains.dwell_jitter
             return cls(*gains.dwell_range, jitter=jitter)
@@ -119,22 +156,24 @@ class DwellGuard:
         jitter = gains.get("dwell_jitter", math.inf)
         return cls(float(shortest), float(longest), jitter=float(jitter))
 
+    of = from_gains  # BRIDGE: until every kind calls `from_gains`
+
     def after(self, t: float, jump: bool) -> tuple[DwellGuard, str | None]:
-        """The guard after an instant, and the objection to it if there is one."""
-        objection = None
+        """The guard after an instant, and why the instant is inadmissible (None: it is not)."""
+        violation = None
         elapsed = None if self.last_jump is None else t - self.last_jump
         if elapsed is not None:
             slack = time_tolerance(elapsed, t)
             change = 0.0 if self.last_dwell is None else abs(elapsed - self.last_dwell)
             if jump and elapsed < self.shortest - slack:
-                objection = f"dwell time {elapsed:.9g} below {self.shortest:.9g}"
+                violation = f"dwell time {elapsed:.9g} below {self.shortest:.9g}"
             elif elapsed > self.longest + slack:
-                objection = f"dwell time {elapsed:.9g} above {self.longest:.9g}"
+                violation = f"dwell time {elapsed:.9g} above {self.longest:.9g}"
             elif jump and change > self.jitter + 2 * slack:
-                objection = f"dwell time changed by {change:.9g}, more than {self.jitter:.9g}"
+                violation = f"dwell time changed by {change:.9g}, more than {self.jitter:.9g}"
         if not jump:
-            return self, objection
-        return replace(self, last_jump=t, last_dwell=elapsed), objection
+            return self, violation
+        return replace(self, last_jump=t, last_dwell=elapsed), violation
 
 
 def require_gains(gains: Mapping[str, Any], squares: Sequence[str], jumps: Sequence[str]) -> None:
@@ -161,8 +200,8 @@ def require_shapes(gains: Mapping[str, Any], shapes: Mapping[str, tuple[int, ...
     for name, shape in shapes.items():
         value = gains.get(name)
         if not shape or not isinstance(value, np.ndarray | list) or np.shape(value) != shape:
-            found = "nothing" if value is None else f"shape {np.shape(value)}"
-            raise ValueError(f"gains.{name} must have shape {shape}; got {found}.")
+            arrived = "nothing" if value is None else f"shape {np.shape(value)}"
+            raise ValueError(f"gains.{name} must have shape {shape}; got {arrived}.")
 
 
 def later(sample_t: float, t: float, started: bool) -> float:
@@ -216,7 +255,7 @@ def status_of(reasons: Sequence[str], *values: Vector) -> str:
 
 @dataclass(frozen=True)
 class Batch:
-    """Arrays over the rows of a record: what `run_batch` returns. Shapes: (rows,), (rows, n)."""
+    """Estimates of a whole record as arrays of shape (rows,) and (rows, n)."""
 
     t: Vector
     x: NDArray[np.float64] | None
@@ -224,11 +263,11 @@ class Batch:
     upper: NDArray[np.float64] | None
     d: NDArray[np.float64] | None
     status: tuple[str, ...] = field(default=())
-    events: tuple[Any, ...] = field(default=())  # impulses that were found, in order
+    events: tuple[Any, ...] = field(default=())  # of all rows, in order
 
 
 def first_time(times: Vector) -> float:
-    """When a record begins; ValueError if it has no row."""
+    """Time of the first row of a record; ValueError if it has none."""
     if not len(times):
         raise ValueError("at least one row is required; got none.")
     return float(times[0])

@@ -1,4 +1,4 @@
-"""What observers with bounds of the state have in common: columns, first bounds, whole records."""
+"""Common part of observers with bounds of the state: columns, first bounds, whole records."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from obsdesign.runtime.base import Batch, State, Stepped, collect, first_time, r
 
 
 class BoundObserver(Stepped[State]):
-    """A kind says how many states there are, how bounds begin, and what moves them."""
+    """Base class of kinds with bounds: they define `n`, `init` and `step`."""
 
     kind: ClassVar[str] = "interval"
 
@@ -27,6 +27,10 @@ class BoundObserver(Stepped[State]):
     def names(self) -> tuple[str, ...]:
         """Columns of the estimate after t: x1_lo, x1_hi, ..."""
         return tuple(f"x{i + 1}_{end}" for i in range(self.n) for end in ("lo", "hi"))
+
+    def event_cells(self, event: tuple[float | str, ...]) -> Sequence[float | str]:
+        """Cells of an event in an event file."""
+        return event
 
     @abstractmethod
     def init(self, t: float = 0.0, *, lower: ArrayLike, upper: ArrayLike) -> State:

@@ -1,4 +1,4 @@
-"""What a flow does in one step to a state, a constant input and a ramp."""
+"""Response of a flow in one step to a state, a constant input and a ramp."""
 
 from __future__ import annotations
 

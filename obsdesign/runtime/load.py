@@ -14,7 +14,7 @@ from obsdesign.equations.noise_bounds import noise_box
 from obsdesign.errors import InputError
 from obsdesign.runtime.base import Observer
 
-# kind -> module and class; modules are imported when they are asked for
+# kind -> module and class; modules are imported when they are used
 OBSERVERS = {
     "interval": ("obsdesign.runtime.interval.observer", "IntervalObserver"),
     "luenberger": ("obsdesign.runtime.luenberger.observer", "LuenbergerObserver"),
@@ -91,14 +91,14 @@ def _noise_part(stated: Any, name: str) -> Any:
     return radius if name == "noise_bound" else centre
 
 
-def _is_searched_range(design: Design, asked: Any) -> bool:
+def _is_searched_range(design: Design, stated: Any) -> bool:
     """Is the range of the gains one that a search for the shortest dwell time may have proved?"""
-    options, found = design.problem.get("observer"), design.gains["dwell_time"]
+    options, proved = design.problem.get("observer"), design.gains["dwell_time"]
     if not isinstance(options, dict) or options.get("objective") != "shortest_dwell":
         return False
-    if np.shape(found) != (2,) or np.shape(asked) != (2,):
+    if np.shape(proved) != (2,) or np.shape(stated) != (2,):
         return False
-    if not all(is_number(end) or end == "inf" for end in asked):
+    if not all(is_number(end) or end == "inf" for end in stated):
         return False
-    low, high = (float(end) for end in asked)
-    return bool(0.0 <= found[0] <= low and found[1] == high)
+    low, high = (float(end) for end in stated)
+    return bool(0.0 <= proved[0] <= low and proved[1] == high)

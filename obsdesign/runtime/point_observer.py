@@ -1,4 +1,4 @@
-"""What observers with a point estimate have in common: columns, initial states, whole records."""
+"""Common part of observers with a point estimate: columns, initial states, whole records."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from obsdesign.runtime.base import (
 
 
 class PointObserver(ABC, Generic[State]):
-    """Frozen parameters `gains`; a kind says how a state begins, and what moves it."""
+    """Frozen parameters `gains`; a kind defines `init` and how a state is updated."""
 
     gains: PlantGains | Mapping[str, Any]
 
@@ -40,8 +40,17 @@ class PointObserver(ABC, Generic[State]):
 
     @property
     def reads(self) -> dict[str, int | bool]:
-        """How many y, u, w a sample has, and whether jumps are reported."""
+        """Numbers of y, u and w in a sample, and whether jumps are reported."""
         return columns_read(self.gains)
+
+    @property
+    def event_names(self) -> tuple[str, ...]:
+        """Columns of an event file; none where the kind has no events."""
+        return ()
+
+    def event_cells(self, event: Any) -> Sequence[float | str]:
+        """Cells of an event in an event file; TypeError where the kind has no events."""
+        raise TypeError(f"{type(self).__name__} has no events; got {event!r}")
 
     @abstractmethod
     def init(self, t: float = 0.0, *, x: ArrayLike | None = None) -> State:

@@ -34,7 +34,7 @@ def shared_step(
     size: float,
     build: Callable[[float, float], T],
 ) -> T:
-    """Return `build(length, error)` for a step h >= 0 between stamps of magnitude at most `size`.
+    """Return `build(length, error)` for a step h >= 0 between stamps of at most `size`.
 
     `error` bounds the distance from `length` to the true length of every step that shares the
     result (`obsdesign.runtime.time_stamps`); it is zero for h = 0 alone.

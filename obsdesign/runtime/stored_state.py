@@ -62,7 +62,7 @@ def state_text(design: Design, progress: Progress) -> str:
 
 
 def progress_from_text(text: str, design: Design, observer: Any, path: str) -> Progress:
-    """What `state_text` wrote for an observer of this design.
+    """Read the progress that `state_text` wrote for an observer of this design.
 
     InputError when it is no state file, was changed, belongs to another design, or holds an entry
     of another type than the observer's state has there.

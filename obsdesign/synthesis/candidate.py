@@ -1,4 +1,4 @@
-"""What synthesis hands over: gains to be proved, and certificates that may help to."""
+"""A candidate of synthesis: gains to be proved, and certificates that may help to."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ class Candidate:
 
     label: the form or method; gains: what a design stores; certificates: by claim
     id, what the finder believes shows it (a matrix P, say). Verification trusts none of it.
-    searched: window, gains, coordinates or strategy were chosen, so that their failure says nothing
-    of other ones, unless a witness says that it does (`verification.choices`).
-    cost: what the problem's objective makes of it, None where order decides. goes_on: the next
-    candidate is worth a look even if this one, or one before it, is proved.
+    searched: window, gains, coordinates or strategy were chosen by synthesis; their refutation
+    does not refute other ones, unless its witness is marked (`verification.choices`).
+    cost: value of the problem's objective, None where order decides. goes_on: the next
+    candidate is tried even if this one, or one before it, is proved.
     """
 
     label: str
@@ -29,6 +29,6 @@ class Candidate:
     goes_on: bool = False
 
     def document(self) -> dict[str, Any]:
-        """The gains as a design file states them: what verification gets to see."""
+        """The gains as a design file states them, for verification."""
         gains = self.gains
         return gains.to_document() if isinstance(gains, PlantGains) else dict(gains)

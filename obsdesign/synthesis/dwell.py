@@ -1,4 +1,4 @@
-"""Certificates for a pair and a range of dwell times: what a finder hands to verification."""
+"""Certificates of stability and rates for a pair over a range of dwell times."""
 
 from __future__ import annotations
 
@@ -13,17 +13,21 @@ from lmi.find.copositive import decide_copositive, looks_positive
 from lmi.find.largest_rates import largest_rates
 from lmi.prove.rates import propose_rates
 from lmi.time_budget import remaining
+from obsdesign.problem.options import memory_of
 from obsdesign.problem.problem import Problem
 
 # from so many states on, linear programs come first: a matrix has n (n + 1) / 2 unknowns
 _LARGE = 16
 
 
-def question(problem: Problem) -> dict[str, Any]:
-    """What a problem asks of `lmi.decide.stability` beside the range: memory and jitter."""
+def stability_options(problem: Problem) -> dict[str, Any]:
+    """Arguments of `lmi.decide.stability` other than the range: memory and jitter."""
     jump = problem.plant.jump
     jitter = math.inf if jump is None else jump.dwell_jitter
-    return {"memory": problem.options.get("memory", "auto"), "jitter": jitter}
+    return {"memory": memory_of(problem.options), "jitter": jitter}
+
+
+question = stability_options  # BRIDGE: until every kind calls it by this name
 
 
 def dwell_certificates(
@@ -40,16 +44,16 @@ def dwell_certificates(
     memory, jitter: as in `lmi.decide.stability`.
     """
     evidence = stability_certificate(F, H, low, high, memory=memory, jitter=jitter)
-    found: dict[str, Any] = {"dwell_stability": evidence}
+    certificates: dict[str, Any] = {"dwell_stability": evidence}
     rates: Mapping[str, Any] | None = None
     if remaining() < 0:
-        return found
+        return certificates
     if "P" in evidence:
         rates = largest_rates(F, H, evidence["P"], low, high)
     elif "windows" in evidence:
-        seen = propose_rates(F, H, evidence, low, high, jitter)
-        rates = None if seen is None else asdict(seen)
-    return found if rates is None else found | {"rates": rates}
+        proposed = propose_rates(F, H, evidence, low, high, jitter)
+        rates = None if proposed is None else asdict(proposed)
+    return certificates if rates is None else certificates | {"rates": rates}
 
 
 def stability_certificate(

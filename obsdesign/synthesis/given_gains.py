@@ -1,4 +1,4 @@
-"""Gains that a problem gives, and what every kind with L and M asks of them."""
+"""Gains that a problem gives, and the requirements of kinds with L and M."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from obsdesign.problem.problem import Problem
 
 
 def refuse_unusable(problem: Problem) -> None:
-    """DoesNotApply or InputError for what no observer with gains L, M can execute."""
+    """DoesNotApply or InputError for problems that no observer with gains L, M can serve."""
     plant, kind = problem.plant, problem.kind
     if plant.jump is not None:
         problem.require_dwell_time()

@@ -21,7 +21,7 @@ def riccati_gain(
     """Steady-state Kalman gain, (n, p), of A + rate I.
 
     weights: {"state": n, "output": p} positive variances of process and measurement noise; by
-    default ones, in the plant's own unit of time and of each output. Modes that C does not see and
+    default ones, in the plant's own unit of time and of each output. Unobservable modes
     that do not decay at `rate` are left as they are; all others of A - L C then decay faster than
     `rate`. numpy.linalg.LinAlgError if the equation has no finite solution in floats.
     """
@@ -38,7 +38,7 @@ def riccati_gain(
     given = weights or {}
     Q, R = np.diag(given.get("state", np.ones(n))), np.diag(given.get("output", np.ones(p)))
     hidden = [mode.eigenvalue.real for mode in approx_unobservable_modes(A, C)]
-    # the equation has no solution while an unseen mode does not decay: look at A from below it
+    # an unobservable mode that does not decay leaves no solution: shift A below it
     below = max([0.0, *(value + rate + 1e-3 * (1 + abs(value)) for value in hidden)])
     shifted = A + (rate - below) * np.eye(n)
     with np.errstate(all="ignore"):  # overflow in there shows in the result
@@ -53,8 +53,8 @@ def placed_gain(A: Matrix, C: Matrix, poles: Sequence[Any]) -> Matrix:
     """L, (n, p), with the eigenvalues of A - L C at `poles`: numbers or pairs [real, imaginary].
 
     Placed in units that balance the plant, so that those of states, outputs and time do not matter.
-    InputError when their number is wrong, a complex one lacks its conjugate, or C does not see a
-    mode (then its eigenvalue stays where it is).
+    InputError when their number is wrong, a complex one lacks its conjugate, or a mode is
+    unobservable (no gain moves its eigenvalue).
     """
     wanted = _poles(poles, len(A))
     if hidden := approx_unobservable_modes(A, C):
@@ -66,12 +66,12 @@ def placed_gain(A: Matrix, C: Matrix, poles: Sequence[Any]) -> Matrix:
     shown = C * sizes
     rows = np.linalg.norm(shown, axis=1)
     rows = np.where(rows > 0, rows, 1.0)
-    balanced, seen = A * sizes / sizes[:, None] / pace, shown / rows[:, None]
+    balanced, C_unit = A * sizes / sizes[:, None] / pace, shown / rows[:, None]
     once = len(set(wanted.tolist())) == len(wanted)
     if once and len(C) == 1:
-        placed = _unique_gain(balanced, seen, wanted / pace)
+        placed = _unique_gain(balanced, C_unit, wanted / pace)
     else:
-        placed = _robust_gain(balanced, seen, wanted / pace)
+        placed = _robust_gain(balanced, C_unit, wanted / pace)
     return np.asarray(placed * sizes[:, None] * pace / rows, dtype=np.float64)
 
 
@@ -96,7 +96,7 @@ def _robust_gain(A: Matrix, C: Matrix, poles: NDArray[np.complex128]) -> Matrix:
     from scipy.signal import place_poles
 
     try:
-        found = place_poles(A.T, C.T, poles)
+        placed = place_poles(A.T, C.T, poles)
     except ValueError as error:
         if "repeated" in str(error):
             most = np.linalg.matrix_rank(C)
@@ -105,7 +105,7 @@ def _robust_gain(A: Matrix, C: Matrix, poles: NDArray[np.complex128]) -> Matrix:
                 "output."
             ) from None
         raise _unresolved() from None
-    return np.asarray(found.gain_matrix.T, dtype=np.float64)
+    return np.asarray(placed.gain_matrix.T, dtype=np.float64)
 
 
 def _unresolved() -> InputError:
@@ -133,5 +133,5 @@ def with_conjugates(poles: Sequence[Any]) -> NDArray[np.complex128]:
 
 
 def complex_text(value: complex) -> str:
-    """A mode as people write it, with its conjugate."""
+    """Text of a mode, with its conjugate."""
     return f"{value.real:.6g}" + (f" +- {abs(value.imag):.6g}i" if value.imag else "")

@@ -58,7 +58,7 @@ def is_ended(claim: Claim) -> bool:
 
 
 def reason(claim: Claim) -> str:
-    """Why a claim is refuted or undecided, in one sentence from its evidence."""
+    """Reason for which a claim is refuted or undecided, a sentence from its evidence."""
     evidence = claim.evidence
     witness = evidence.get("witness", {})
     text = str(evidence.get("reason") or witness.get("reason") or claim.statement)
@@ -66,7 +66,7 @@ def reason(claim: Claim) -> str:
 
 
 def more_time(evidence: Mapping[str, Any], gain: str = "decide it") -> str:
-    """What ended a search, and what more time might do; evidence as of `time_budget.ended`."""
+    """Sentence about the end of a search by its budget; evidence as of `time_budget.ended`."""
     return f"the search {ending(evidence)}; a longer --time may {gain}"
 
 

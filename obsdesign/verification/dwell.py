@@ -1,4 +1,4 @@
-"""Stability for every sequence of dwell times: what the kinds with jumps have in common."""
+"""Proof of stability for every sequence of dwell times, shared by the kinds with jumps."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from lmi.verdict import Verdict, undecided
 from obsdesign.problem.problem import Problem
 
 
-def unusable(problem: Problem) -> str | None:
-    """What no observer with gains L, M can execute; None if there is nothing."""
+def reason_against_problem(problem: Problem) -> str | None:
+    """Reason for which no observer with gains L, M serves the problem; None if one can."""
     plant = problem.plant
     if plant.jump is not None and plant.jump.dwell_time is None:
         return f"jump.dwell_time = [shortest, longest] is required by kind {problem.kind!r}."
@@ -31,6 +31,9 @@ def unusable(problem: Problem) -> str | None:
     return None
 
 
+unusable = reason_against_problem  # BRIDGE: until every kind calls it by this name
+
+
 @dataclass(frozen=True)
 class Dwell:
     """The dwell times of a claim: the range, and the largest change from one to the next."""
@@ -40,10 +43,12 @@ class Dwell:
     jitter: float = math.inf
 
     @staticmethod
-    def of(problem: Problem) -> Dwell:
-        """Those of a problem with jumps."""
+    def from_problem(problem: Problem) -> Dwell:
+        """Dwell times of a problem with jumps."""
         assert problem.plant.jump is not None
         return Dwell(*problem.require_dwell_time(), problem.plant.jump.dwell_jitter)
+
+    of = from_problem  # BRIDGE: until every kind calls `from_problem`
 
     def __str__(self) -> str:
         """In words that round-trip: [0.7, inf)."""
@@ -58,9 +63,9 @@ def dwell_stability(
 ) -> Verdict:
     """Is x -> e^{F theta} H x stable for every admissible sequence of theta?
 
-    certificate: what a finder believes shows the answer: {"P": n x n}, {"windows": ..., "edges":
-    ...}, {"vector": ...}, {"witness": {"thetas": ...}} or {"no_common_P": ...}; it is checked here,
-    or not used. One dwell time alone needs none. Refuted only by a checked witness. paranoid: a
+    certificate: proposed by a finder: {"P": n x n}, {"windows": ..., "edges": ...},
+    {"vector": ...}, {"witness": {"thetas": ...}} or {"no_common_P": ...}; it is checked here, or
+    not used. One dwell time alone needs none. Refuted only by a checked witness. paranoid: a
     proof is repeated by the second, independent method.
     """
     low, high = dwell.low, dwell.high
@@ -89,13 +94,13 @@ def dwell_stability(
     if "no_common_P" in certificate:
         nothing = _no_common(F, H, low, high, certificate["no_common_P"])
         attempt = attempt if nothing is None else nothing
-    seen = {**counter.evidence, **attempt.evidence}
-    # overflow leaves NaN where a number was looked for: it tells nothing
-    return Verdict("undecided", {key: value for key, value in seen.items() if value == value})
+    evidence = {**counter.evidence, **attempt.evidence}
+    # overflow leaves NaN in place of a number
+    return Verdict("undecided", {key: value for key, value in evidence.items() if value == value})
 
 
 def source_of(verdict: Verdict, paper: str) -> str:
-    """The paper, or what takes its place where windows of dwell times prove."""
+    """The paper, or the proof by windows of dwell times in its place."""
     if verdict.outcome == "proved" and "windows" in verdict.evidence:
         return f"{paper}, with a P for every window of dwell times (docs/windows.md)"
     return paper
@@ -104,7 +109,7 @@ def source_of(verdict: Verdict, paper: str) -> str:
 def _twice(
     prover: Any, F: Any, H: Any, dwell: Dwell, certificate: Mapping[str, Any], paranoid: bool
 ) -> Verdict:
-    """The proof by one P or by windows, and where asked for a second one by the other method."""
+    """The proof by one P or by windows; if paranoid, repeated by the other method."""
     verdict: Verdict = prover(F, H, dwell, certificate, "bernstein")
     if verdict.outcome != "proved" or not paranoid:
         return verdict

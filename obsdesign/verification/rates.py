@@ -1,4 +1,4 @@
-"""Decay per jump and in time: the claim about rates that a finder proposes, and its sentence."""
+"""Decay per jump and in time: the claim about proposed rates, and its sentence."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from obsdesign.verification.dwell import Dwell, matrix_of
 def rates_claim(
     F: Any, H: Any, dwell: Dwell, certificates: Mapping[str, Any], source: str
 ) -> tuple[Claim, ...]:
-    """The decay per jump and in time that a finder proposes, for the P of the stability claim.
+    """Claim of proposed rates of decay per jump and in time, for the P of the stability claim.
 
-    No claim where nothing was proposed: a rate is extra, stability does not hang on it.
+    No claim where no rates were proposed: stability does not depend on them.
     """
     proposed = certificates.get("rates", {})
     certificate = certificates.get("dwell_stability", {})
@@ -43,9 +43,9 @@ def rates_claim(
     return (Claim("rates", statement, source, verdict.outcome, verdict.evidence),)
 
 
-def rates_sentence(found: tuple[Claim, ...], what: str) -> list[tuple[str, list[str]]]:
+def rates_sentence(claims: tuple[Claim, ...], what: str) -> list[tuple[str, list[str]]]:
     """The guarantee that a proved rates claim gives, and the claims behind it."""
-    for claim in found:
+    for claim in claims:
         if claim.id == "rates" and claim.verdict == "proved":
             per_jump, in_time = claim.evidence["per_jump"], claim.evidence["in_time"]
             norm = "fixed norms"
@@ -61,6 +61,6 @@ def rates_sentence(found: tuple[Claim, ...], what: str) -> list[tuple[str, list[
 
 
 def six_digits(value: float, rounding: str) -> str:
-    """A positive number with six digits, rounded to the side that promises less."""
+    """A positive number with six digits, rounded in the direction that is given."""
     with localcontext(prec=6, rounding=rounding):
         return f"{+Decimal(value):.6g}"

@@ -1,11 +1,10 @@
-"""Is the evidence in a document what proving again gives? Entry by entry, for every kind.
+"""Comparison of the evidence in a document with that of a new proof, entry by entry.
 
-Three sorts of entries. Numbers that are proved, and certificates, must be the ones found again.
-Entries named as estimates (`approx_...`, everything inside `estimated`) are floats that prove
-nothing: they may differ as libraries do. How a proof went (number of boxes, precision) is nobody's
-promise, and is compared in its kind alone: a count stays one. Bounds whose value depends on how
-their proof was cut into boxes are unconfirmed where they differ, not false. An entry that nothing
-produced is never let through.
+Three sorts of entries. Numbers that are proved, and certificates, must be equal. Entries named as
+estimates (`approx_...`, everything inside `estimated`) are floats that prove nothing: they may
+differ as libraries do. Boxes, steps and bits may differ between machines: only their type is
+compared. Bounds whose value depends on how their proof was cut into boxes are unconfirmed where
+they differ, not false. An unknown entry is refused.
 """
 
 from __future__ import annotations
@@ -15,7 +14,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-# how a proof went: depends on the floats that steer it
+# course of a proof: depends on the floats that steer it
 _COURSE = ("bits", "boxes", "method", "periods", "smallest_box", "steps",
            "tail_from")  # fmt: skip
 # of these, what is counted
@@ -68,41 +67,41 @@ def is_older_wording(claim: str, stored: str, statement: str) -> bool:
 
 @dataclass(frozen=True)
 class Difference:
-    """Where a document and what was found differ, as `claim.entry`; false: or unconfirmed only."""
+    """Place where document and new proof differ, `claim.entry`; false, or only unconfirmed."""
 
     entry: str
     false: bool
 
 
-def difference(claim: str, stored: Any, found: Any) -> Difference | None:
-    """The gravest difference between the JSON-ready evidence of a claim and what is found again."""
-    every = list(_differences(claim, stored, found, False))
+def difference(claim: str, stored: Any, proved: Any) -> Difference | None:
+    """The gravest difference between the stored JSON evidence of a claim and the proved one."""
+    every = list(_differences(claim, stored, proved, False))
     return next((one for one in every if one.false), every[0] if every else None)
 
 
-def _differences(path: str, stored: Any, found: Any, estimate: bool) -> Iterator[Difference]:
-    if isinstance(stored, Mapping) and isinstance(found, Mapping):
-        for key in sorted({*stored, *found}):
+def _differences(path: str, stored: Any, proved: Any, estimate: bool) -> Iterator[Difference]:
+    if isinstance(stored, Mapping) and isinstance(proved, Mapping):
+        for key in sorted({*stored, *proved}):
             here = f"{path}.{key}"
             if key not in stored and key == _ADDED:
                 continue
-            if key not in stored or key not in found:
+            if key not in stored or key not in proved:
                 yield Difference(here, True)
             elif key in _COURSE:
-                if not _alike(key, stored[key], found[key]):
+                if not _alike(key, stored[key], proved[key]):
                     yield Difference(here, True)
             else:
                 named = key == "estimated" or key.startswith("approx_")
-                gaps = _differences(here, stored[key], found[key], estimate or named)
+                gaps = _differences(here, stored[key], proved[key], estimate or named)
                 yield from _unconfirmed(gaps) if key in _BOUNDS.get(path, ()) else gaps
-    elif isinstance(stored, list) and isinstance(found, list):
-        if len(stored) != len(found):
+    elif isinstance(stored, list) and isinstance(proved, list):
+        if len(stored) != len(proved):
             yield Difference(path, True)
-        for i, pair in enumerate(zip(stored, found, strict=False)):
+        for i, pair in enumerate(zip(stored, proved, strict=False)):
             yield from _differences(f"{path}[{i}]", *pair, estimate)
-    elif _is_number(stored) and _is_number(found):
-        yield from _of_numbers(path, float(stored), float(found), estimate)
-    elif type(stored) is not type(found) or stored != found:
+    elif _is_number(stored) and _is_number(proved):
+        yield from _number_difference(path, float(stored), float(proved), estimate)
+    elif type(stored) is not type(proved) or stored != proved:
         yield Difference(path, True)
 
 
@@ -110,12 +109,14 @@ def _unconfirmed(gaps: Iterator[Difference]) -> Iterator[Difference]:
     return (Difference(gap.entry, False) for gap in gaps)
 
 
-def _of_numbers(path: str, stored: float, found: float, estimate: bool) -> Iterator[Difference]:
-    size, gap = max(abs(stored), abs(found)), abs(stored - found)
+def _number_difference(
+    path: str, stored: float, proved: float, estimate: bool
+) -> Iterator[Difference]:
+    size, gap = max(abs(stored), abs(proved)), abs(stored - proved)
     if estimate:
         if gap > _ESTIMATE * size + _ESTIMATE_FLOOR:
             yield Difference(path, False)
-    elif stored != found:
+    elif stored != proved:
         yield Difference(path, gap > _LAST_DIGITS * size)
 
 
@@ -129,11 +130,11 @@ def _is_number(value: Any) -> bool:
         return False
 
 
-def _alike(key: str, stored: Any, found: Any) -> bool:
+def _alike(key: str, stored: Any, proved: Any) -> bool:
     """The same sort of scalar: the same word, a count for a count, never below zero."""
-    if isinstance(found, str):
-        return bool(stored == found)
-    if not _is_number(found):
+    if isinstance(proved, str):
+        return bool(stored == proved)
+    if not _is_number(proved):
         return not _is_number(stored) and not isinstance(stored, Mapping | list | str)
     whole = key not in _COUNTS or isinstance(stored, int)
     return _is_number(stored) and whole and stored >= 0

@@ -466,8 +466,8 @@ def test_likely_causes_of_a_missing_column(desk: Path) -> None:
     for text, hint in (("t;y1;jump\n", "Columns are separated by commas."),
                        ("T,Y1,jump\n", "Names of columns are in small letters.")):  # fmt: skip
         (desk / "bad.csv").write_text(text)
-        found = text.strip().replace(",", ", ")
-        line = f"bad.csv: column 't' is required; the header has {found}. {hint}"
+        titles = text.strip().replace(",", ", ")
+        line = f"bad.csv: column 't' is required; the header has {titles}. {hint}"
         refused(desk, "run", "d.json", "bad.csv", "--initial", "0,2,0,2", line=line)
 
 

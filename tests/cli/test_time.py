@@ -18,7 +18,7 @@ from lmi.time_budget import ended_part
 from obsdesign.cli.answers import show_bracket
 from obsdesign.studies.check.which_kinds import check_all, check_kind
 from obsdesign.studies.comparison.compare import compare
-from obsdesign.studies.comparison.record import Record
+from obsdesign.studies.comparison.record import ComparisonRecord
 from obsdesign.studies.search.dwell_time import search
 from obsdesign.studies.sweep.axes import parse_axis
 from obsdesign.studies.sweep.point import evaluate, plan_sweep
@@ -54,7 +54,7 @@ def test_too_little_time_says_so_and_more_decides(kind: str) -> None:
 
 def test_a_form_that_is_refuted_refutes_nothing_while_others_are_not_tried() -> None:
     """No gain makes A - L C Metzler here: of form cooperative that is a witness for all gains."""
-    assert check_kind(sampled("interval"), "interval", seconds=NOTHING)["verdict"] == "undecided"
+    assert check_kind(sampled("interval"), "interval", seconds=NOTHING).verdict == "undecided"
     assert search(sampled("interval"), "longest_dwell", seconds=NOTHING).verdict == "undecided"
     body = sampled("interval").to_dict()
     body["observer"]["form"] = "cooperative"
@@ -145,21 +145,23 @@ def test_a_bracket_that_stays_wide_says_why(
 
 def test_check_and_compare_and_points_of_a_sweep_say_it(tmp_path: Path) -> None:
     problem = obsdesign.load_problem(SAMPLED)
-    verdict, found = check_all(problem, seconds=NOTHING)
+    verdict, answers = check_all(problem, seconds=NOTHING)
     assert verdict == "undecided"
     end = {"ended_by": "time", "seconds": NOTHING}
     for kind in ("interval", "luenberger"):
-        assert found[kind]["verdict"] == "undecided"
-        assert found[kind].items() >= end.items()
-        assert MORE in found[kind]["reasons"][0]
-    record = Record.simulated(problem.plant, until=3.0, rng=np.random.default_rng(0))
+        assert answers[kind].verdict == "undecided"
+        assert answers[kind].ended == end
+        assert MORE in answers[kind].reasons[0]
+    record = ComparisonRecord.from_simulation(
+        problem.plant, until=3.0, rng=np.random.default_rng(0)
+    )
     rows = {row.kind: row for row in compare(problem, record, seconds=NOTHING)}
     assert (rows["luenberger"].verdict, rows["luenberger"].ended) == ("undecided", end)
     assert rows["finite_time"].verdict == "does_not_apply"
     axes = [parse_axis("jump.dwell_time[1]=1.8:1.87:2")]
     for what in ("verdict", "longest_dwell"):
         plan = plan_sweep(sampled("luenberger"), axes, what, 1e-6, NOTHING)
-        assert evaluate(plan, 1).items() >= {"verdict": "undecided", **end}.items()
+        assert evaluate(plan, 1).to_dict().items() >= {"verdict": "undecided", **end}.items()
     run_sweep(plan, str(tmp_path / "s.jsonl"), jobs=1)
     assert json.loads((tmp_path / "s.jsonl").read_text().splitlines()[0])["time"] == NOTHING
     longer = plan_sweep(sampled("luenberger"), axes, "longest_dwell", 1e-6, 1.0)

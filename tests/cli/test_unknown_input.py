@@ -125,16 +125,16 @@ def test_bad_data(data: str, options: list[str], message: str, tmp_path: Path) -
 def test_check_names_what_stands_in_the_way() -> None:
     body = obsdesign.load_problem(EXAMPLES[0]).to_dict()
     del body["observer"]
-    assert check_kind(obsdesign.Problem.from_dict(body), "unknown_input")["verdict"] == "proved"
+    assert check_kind(obsdesign.Problem.from_dict(body), "unknown_input").verdict == "proved"
     one = body | {"output": {"C": [[1, 0, 1]]}}
-    found = check_kind(obsdesign.Problem.from_dict(one), "unknown_input")
-    assert found["verdict"] == "refuted"
-    assert found["reasons"][0].startswith("rank: rank(C D) = 1, 2 is needed")
+    answer = check_kind(obsdesign.Problem.from_dict(one), "unknown_input")
+    assert answer.verdict == "refuted"
+    assert answer.reasons[0].startswith("rank: rank(C D) = 1, 2 is needed")
     jumps = body | {"jump": {"dwell_time": [1, 2]}}
-    found = check_kind(obsdesign.Problem.from_dict(jumps), "unknown_input")
-    assert found["reasons"][0].startswith("[jump] must be absent for kind 'unknown_input'")
+    answer = check_kind(obsdesign.Problem.from_dict(jumps), "unknown_input")
+    assert answer.reasons[0].startswith("[jump] must be absent for kind 'unknown_input'")
     no_d = {"flow": {"A": body["flow"]["A"]}, "output": body["output"]}
-    found = check_kind(obsdesign.Problem.from_dict(no_d), "unknown_input")
-    assert found["verdict"] == "does_not_apply"
-    assert found["reasons"] == ["flow.D is required by kind 'unknown_input'; it is missing."]
-    assert found["next"] == "If an unknown input acts, give its matrix flow.D."
+    answer = check_kind(obsdesign.Problem.from_dict(no_d), "unknown_input")
+    assert answer.verdict == "does_not_apply"
+    assert answer.reasons == ("flow.D is required by kind 'unknown_input'; it is missing.",)
+    assert answer.next_step == "If an unknown input acts, give its matrix flow.D."

@@ -47,7 +47,7 @@ def desk(academic_design: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
 
 def halves(*, stdin: bool) -> list[str]:
     """Estimates of the halves, without their headers, through s.json."""
-    found = []
+    lines = []
     for name, start in (("one", START), ("two", ())):
         if stdin:
             done = ran("run", "d.json", *start, "--state", "s.json",
@@ -57,8 +57,8 @@ def halves(*, stdin: bool) -> list[str]:
             done = ran("run", "d.json", f"{name}.csv", *start, "--state", "s.json", "-o", "e.csv")
             text = Path("e.csv").read_text()
         assert (done.exception, done.return_value) == (None, 0)
-        found += text.splitlines()[1:]
-    return found
+        lines += text.splitlines()[1:]
+    return lines
 
 
 @pytest.mark.parametrize("stdin", [False, True])
@@ -153,14 +153,14 @@ WRONG: dict[str, Any] = {
 }
 
 
-@pytest.mark.parametrize("told", WRONG)
-def test_a_signed_state_of_wrong_types_is_refused(desk: Path, told: str) -> None:
+@pytest.mark.parametrize("reason", WRONG)
+def test_a_signed_state_of_wrong_types_is_refused(desk: Path, reason: str) -> None:
     ran("run", "d.json", "one.csv", *START, "--state", "s.json", "-o", "e.csv")
     body = json.loads((desk / "s.json").read_text())
-    WRONG[told](body)
+    WRONG[reason](body)
     (desk / "s.json").write_text(signed(body))
     before = (desk / "s.json").read_bytes()
-    assert told in refused("two.csv", "--state", "s.json", "-o", "two_est.csv")
+    assert reason in refused("two.csv", "--state", "s.json", "-o", "two_est.csv")
     assert (desk / "s.json").read_bytes() == before
     assert not (desk / "two_est.csv").exists()
 
@@ -169,7 +169,7 @@ def test_states_that_cannot_be_resumed(desk: Path) -> None:
     ran("run", "d.json", "one.csv", *START, "--state", "s.json", "-o", "e.csv")
     text = (desk / "s.json").read_text()
     body = json.loads(text)
-    for change, told in (
+    for change, reason in (
         (text[:-40], "not a state file that can be resumed"),
         ("", "not a state file that can be resumed"),
         ("[" * 9999, "not a state file that can be resumed"),
@@ -182,7 +182,7 @@ def test_states_that_cannot_be_resumed(desk: Path) -> None:
     ):
         assert change != text
         (desk / "s.json").write_text(change)
-        assert told in refused("two.csv", "--state", "s.json")
+        assert reason in refused("two.csv", "--state", "s.json")
     (desk / "s.json").write_bytes(b"\xff\xfe" + text.encode())
     assert "UTF-8 text is required; it is not" in refused("two.csv", "--state", "s.json")
     with (desk / "s.json").open("wb") as file:
@@ -237,11 +237,11 @@ def test_bad_lines_are_reported_and_left_out(desk: Path, stdin: bool) -> None:
     done = ran("run", "d.json", *source, *START, "--skip-bad", "-o", "e.csv", stdin=text)
     assert (done.exception, done.return_value) == (None, 0)
     assert (desk / "e.csv").read_bytes() == (desk / "all_est.csv").read_bytes()
-    *told, counts = done.stderr.splitlines()
-    assert [line.split("Line ")[1] for line in told] == [
+    *remarks, counts = done.stderr.splitlines()
+    assert [line.split("Line ")[1] for line in remarks] == [
         f"{number} is skipped." for number in (4, 13, 14, 15, 16, 17)
     ]
-    assert "line 4: y1 must be a finite number or empty; got 'oops'." in told[0]
+    assert "line 4: y1 must be a finite number or empty; got 'oops'." in remarks[0]
     assert counts == OK
     done = ran("run", "d.json", *source, *START, "-o", "e2.csv", stdin=text)
     assert isinstance(done.exception, InputError)

@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from obsdesign.data.jump_times import jump_times
-from obsdesign.data.simulation import Record, simulate
+from obsdesign.data.simulation import Simulation, simulate
 from obsdesign.errors import InputError
 from obsdesign.problem.plant import Flow, Jump, Output, Plant
 
@@ -101,9 +101,9 @@ def test_measurements_come_when_they_are_taken() -> None:
     base = plant()
     periodic = Plant(base.flow, base.jump, Output(base.output.C, measured="periodic", period=0.2))
     record = simulate(periodic, until=4.0, dwell=0.5)
-    seen = ~np.isnan(record.block("y")[:, 0])
+    measured = ~np.isnan(record.block("y")[:, 0])
     on_grid = np.abs(record.t / 0.2 - np.round(record.t / 0.2)) < 1e-9
-    assert np.array_equal(seen, on_grid)
+    assert np.array_equal(measured, on_grid)
     at_jumps = Plant(base.flow, base.jump, Output(base.output.C, measured="at_jumps"))
     record = simulate(at_jumps, until=4.0, dwell=0.5)
     np.testing.assert_allclose(record.t, 0.5 * np.arange(1, 9), atol=1e-12)
@@ -116,7 +116,7 @@ def test_measurements_come_when_they_are_taken() -> None:
 def test_impulses_of_unknown_weight_come_unannounced() -> None:
     base = plant()
     hidden = Plant(base.flow, Jump(H=np.array([[1.0], [0.0]]), dwell_time=(1.0, 2.0)), base.output)
-    record: Record = simulate(hidden, until=10.0)
+    record: Simulation = simulate(hidden, until=10.0)
     assert "jump" not in record.columns
     assert record.events.shape[1] == 2
     assert len(record.events) >= 5
@@ -179,8 +179,8 @@ def test_rows_between_samples_take_none_away() -> None:
     output = Output(np.array([[1.0]]), measured="periodic", period=2.0)
     record = simulate(Plant(Flow(np.array([[-0.1]])), None, output), until=12.0, step=1.5)
     np.testing.assert_array_equal(record.t, [0, 1.5, 2, 3, 4, 4.5, 6, 7.5, 8, 9, 10, 10.5, 12])
-    seen = np.isfinite(record.block("y")[:, 0])
-    np.testing.assert_array_equal(record.t[seen], np.arange(0, 13, 2))
+    measured = np.isfinite(record.block("y")[:, 0])
+    np.testing.assert_array_equal(record.t[measured], np.arange(0, 13, 2))
 
 
 @pytest.mark.parametrize("pace", [1e-6, 1.0, 1e5])

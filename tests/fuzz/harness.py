@@ -76,49 +76,49 @@ def judged(case: Case, folder: Path) -> tuple[int, list[str]]:
     for name, content in case.files.items():
         (folder / name).write_bytes(content)
     outcome = call(case, folder)
-    found = [line for line in outcome.err.splitlines() if "Warning" in line]
+    faults = [line for line in outcome.err.splitlines() if "Warning" in line]
     if outcome.code not in ((0, 1, 2, 3, 4) if "--strict" in case.arguments else (0, 1, 2, 3)):
-        found.append(f"exit code {outcome.code}: {outcome.err.strip()[-300:]}")
+        faults.append(f"exit code {outcome.code}: {outcome.err.strip()[-300:]}")
     if "Traceback" in outcome.err or "Traceback" in outcome.out:
-        found.append("traceback")
+        faults.append("traceback")
     if outcome.code == 2:
-        found += _refusal(case, outcome)
+        faults += _refusal(case, outcome)
     if case.never_proved and outcome.code == 0:
-        found.append("proved, although it differs")
+        faults.append("proved, although it differs")
     if outcome.seconds > SECONDS:
-        found.append(f"{outcome.seconds:.0f} s of processor time")
-    found += _files(case, folder, outcome.code)
+        faults.append(f"{outcome.seconds:.0f} s of processor time")
+    faults += _files(case, folder, outcome.code)
     for path in folder.iterdir():
         path.unlink()
-    return outcome.code, found
+    return outcome.code, faults
 
 
 def _refusal(case: Case, outcome: Outcome) -> list[str]:
-    found = []
+    faults = []
     lines = [line for line in outcome.err.splitlines() if "still " not in line]
     if outcome.out and not case.stdin:  # a pipe is answered row by row
-        found.append(f"exit code 2 with output: {outcome.out[:80]!r}")
+        faults.append(f"exit code 2 with output: {outcome.out[:80]!r}")
     if not 1 <= len(lines) <= _MOST_ERROR_LINES:
-        found.append(f"exit code 2 with {len(lines)} lines on standard error")
+        faults.append(f"exit code 2 with {len(lines)} lines on standard error")
     if any(not line.startswith("obsdesign: ") or len(line) > 2000 for line in lines):
-        found.append(f"not one line of a message: {outcome.err[:200]!r}")
-    return found
+        faults.append(f"not one line of a message: {outcome.err[:200]!r}")
+    return faults
 
 
 def _files(case: Case, folder: Path, code: int) -> list[str]:
     """Inputs are untouched, nothing is left over, outputs are whole."""
-    found = []
+    faults = []
     for path in folder.iterdir():
         if path.name in case.files:
             if path.read_bytes() != case.files[path.name]:
-                found.append(f"{path.name} was changed")
+                faults.append(f"{path.name} was changed")
         elif path.name not in case.outputs:
-            found.append(f"left over: {path.name}")
+            faults.append(f"left over: {path.name}")
         elif code == 2:
-            found.append(f"{path.name} was written with exit code 2")
+            faults.append(f"{path.name} was written with exit code 2")
         elif path.suffix in (".csv", ".json") and not path.read_bytes().endswith(b"\n"):
-            found.append(f"{path.name} is not whole")
-    return found
+            faults.append(f"{path.name} is not whole")
+    return faults
 
 
 def shape(fault: str) -> str:

@@ -38,11 +38,11 @@ def json_text(body: Any, ascii_only: bool = False) -> str:
 
 def places(value: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
     """Paths of everything inside."""
-    found = [path]
+    paths = [path]
     if isinstance(value, dict | list) and len(path) < 20:
         for key, item in value.items() if isinstance(value, dict) else enumerate(value):
-            found += places(item, (*path, key))
-    return found
+            paths += places(item, (*path, key))
+    return paths
 
 
 def at(value: Any, path: tuple[Any, ...]) -> Any:

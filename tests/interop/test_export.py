@@ -44,16 +44,16 @@ def test_every_gain_is_in_the_file_as_it_is(
 ) -> None:
     design = designs[name]
     save_mat(design, tmp_path / "gains.mat")
-    found = loadmat(tmp_path / "gains.mat", chars_as_strings=True)
+    stored = loadmat(tmp_path / "gains.mat", chars_as_strings=True)
     for key, value in design.gains.items():
         if isinstance(value, str):
-            assert found[key].item() == value
+            assert stored[key].item() == value
             continue
         wanted = np.asarray(value, dtype=np.float64)
         shape = (wanted.size, 1) if wanted.ndim == 1 else wanted.shape or (1, 1)
-        assert found[key].shape == shape, key
-        assert np.array_equal(found[key].reshape(wanted.shape), wanted), key
-    assert found["digest"].item() == design.to_dict()["digest"]
+        assert stored[key].shape == shape, key
+        assert np.array_equal(stored[key].reshape(wanted.shape), wanted), key
+    assert stored["digest"].item() == design.to_dict()["digest"]
     plain = loadmat(tmp_path / "gains.mat", simplify_cells=True)
     assert plain["kind"] == design.kind
     assert np.array_equal(plain["problem"]["flow"]["A"], design.gains["A"])
@@ -152,13 +152,13 @@ def test_tables_have_the_columns_of_an_estimate_file(academic_design: Path, tmp_
 
 def test_tables_of_estimates_one_by_one() -> None:
     observer: Any = from_design(smooth())
-    state, found = observer.init(t=0.0), []
+    state, estimates = observer.init(t=0.0), []
     for k in range(4):
         state, estimate = observer.step(state, Sample(k / 10, y=[1.0, 0.5]))
-        found.append(estimate)
-    columns = to_columns(iter(found))
+        estimates.append(estimate)
+    columns = to_columns(iter(estimates))
     assert list(columns) == ["t", "x1", "x2", "x3", "status"]
-    assert columns["x3"].tolist() == [estimate.x[2] for estimate in found]
+    assert columns["x3"].tolist() == [estimate.x[2] for estimate in estimates]
     assert columns["status"].tolist() == ["ok"] * 4
 
 

@@ -29,8 +29,8 @@ def designed(problem: obsdesign.Problem, kind: str, seconds: float | None = None
 
 def disagreements(problem: obsdesign.Problem) -> list[tuple[str, str, str]]:
     """(kind, check, design) where they differ."""
-    _, found = check_all(problem)
-    both = [(kind, found[kind]["verdict"], designed(problem, kind)) for kind in KINDS]
+    _, answers = check_all(problem)
+    both = [(kind, answers[kind].verdict, designed(problem, kind)) for kind in KINDS]
     return [row for row in both if row[1] != row[2]]
 
 
@@ -57,9 +57,9 @@ def problems(folders: list[Path]) -> Iterator[tuple[str, obsdesign.Problem]]:
 def main() -> bool:
     count, wrong = 0, 0
     for name, problem in problems([EXAMPLES, *map(Path, sys.argv[1:])]):
-        found = [*disagreements(problem), *undone(problem)]
-        count, wrong = count + 1, wrong + bool(found)
-        print(f"{name}: {found or 'agrees'}", flush=True)
+        faults = [*disagreements(problem), *undone(problem)]
+        count, wrong = count + 1, wrong + bool(faults)
+        print(f"{name}: {faults or 'agrees'}", flush=True)
     print(f"{count} plants of {len(KINDS)} kinds, {wrong} wrong")
     return wrong == 0
 

@@ -45,16 +45,16 @@ def _batch(sort: str, seeds: range, pipe: Any) -> None:
             signal.setitimer(signal.ITIMER_PROF, 1.5 * SECONDS)
             case = case_of(sort, seed)
             try:
-                code, found = judged(case, Path(folder))
+                code, complaints = judged(case, Path(folder))
             except BaseException as error:  # what main() lets through
-                code, found = -1, [f"escaped: {type(error).__name__}: {error}"]
+                code, complaints = -1, [f"escaped: {type(error).__name__}: {error}"]
                 for path in Path(folder).iterdir():
                     path.unlink()
             signal.setitimer(signal.ITIMER_PROF, 0)
             used = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
             if used > _MEMORY:
-                found.append("more than 1 GB of memory")
-            pipe.send((seed, code, found))
+                complaints.append("more than 1 GB of memory")
+            pipe.send((seed, code, complaints))
             if used > _MEMORY:
                 break
     pipe.send(None)
@@ -73,9 +73,9 @@ def batches(sort: str, seeds: range, report: Callable[[int, int, list[str]], Non
         there.close()
         try:
             while (message := here.recv()) is not None:
-                seed, code, found = message
-                if found is not None:
-                    report(seed, code, found)
+                seed, code, faults = message
+                if faults is not None:
+                    report(seed, code, faults)
                     following = seed + 1
                 else:
                     following = seed
@@ -104,10 +104,10 @@ def main() -> None:
         counts: Counter[str] = Counter()
 
         def report(
-            seed: int, code: int, found: list[str], sort: str = sort, counts: Any = counts
+            seed: int, code: int, complaints: list[str], sort: str = sort, counts: Any = counts
         ) -> None:
-            counts.update({"cases": 1, "faulty": bool(found), f"exit {code}": 1})
-            for fault in found:
+            counts.update({"cases": 1, "faulty": bool(complaints), f"exit {code}": 1})
+            for fault in complaints:
                 name = f"{sort}: {shape(fault)}"
                 kinds[name] += 1
                 if kinds[name] <= 3:

@@ -83,17 +83,17 @@ def main() -> int:
     """Print one line for each system with a gap, and the distribution."""
     count = int(sys.argv[1]) if len(sys.argv) > 1 else SYSTEMS
     first = int(sys.argv[2]) if len(sys.argv) > 2 else 0
-    found = []
+    outcomes = []
     for seed in range(first, first + count):
         started = time.perf_counter()
         common, windows, number = gaps(seed)
-        found.append((common, windows))
+        outcomes.append((common, windows))
         if common > CLOSED:
             print(f"seed {seed:3d}, n = {SIZES[seed % len(SIZES)]}: common P {common:.0e}, "
                   f"windows {windows:.0e} with {number}, "
                   f"{time.perf_counter() - started:.1f} s", flush=True)  # fmt: skip
-    open_gaps = np.array([pair for pair in found if pair[0] > CLOSED])
-    print(f"{len(found)} systems, {len(open_gaps)} with a gap above {CLOSED:g} for a common P")
+    open_gaps = np.array([pair for pair in outcomes if pair[0] > CLOSED])
+    print(f"{len(outcomes)} systems, {len(open_gaps)} with a gap above {CLOSED:g} for a common P")
     if not len(open_gaps):
         return 0
     for name, values in zip(("common P", "windows"), open_gaps.T, strict=True):

@@ -64,7 +64,7 @@ def rmse(d: np.ndarray, truth: np.ndarray, t: np.ndarray) -> float:
 def error(name: str, shape: str, method: str | float, runs: int, sigma: float = SIGMA) -> float:
     """Mean over runs; method: a differentiator, or the random-walk variance of a filter."""
     t, clean, truth = trajectory(name, shape)
-    found = []
+    errors = []
     body = obsdesign.load_problem(EXAMPLES / f"{name}.toml").to_dict()
     body["output"]["noise_std"] = [SIGMA] * 2
     plant = obsdesign.Problem.from_dict(body).plant
@@ -75,8 +75,8 @@ def error(name: str, shape: str, method: str | float, runs: int, sigma: float = 
             d = running.run_batch(t, y, x=np.zeros(3)).d
         else:
             d = kalman_filter(plant, rows_of(t, y), walk=float(method)).d
-        found.append(rmse(d, truth, t))
-    return float(np.mean(found))
+        errors.append(rmse(d, truth, t))
+    return float(np.mean(errors))
 
 
 def main() -> None:

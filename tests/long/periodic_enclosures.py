@@ -124,13 +124,17 @@ def record(
             if when == "none":
                 y = None
         u = rng.standard_normal(1)
-        state, seen = observer.step(state, Sample(t, y, u, w if row.jump else None, row.jump))
+        state, estimate = observer.step(state, Sample(t, y, u, w if row.jump else None, row.jump))
         size = max(size, float(np.abs(x).max()))
         count += 1
-        outside += bool(np.any(np.maximum(seen.lower - x, x - seen.upper) > ROUNDING * size))
-        outside += "outside" in seen.status or "crossed" in seen.status
+        outside += bool(
+            np.any(np.maximum(estimate.lower - x, x - estimate.upper) > ROUNDING * size)
+        )
+        outside += "outside" in estimate.status or "crossed" in estimate.status
         if always is not None:
-            wider += bool(np.any(seen.upper - seen.lower > always * (1 + 1e-9) + ROUNDING * size))
+            wider += bool(
+                np.any(estimate.upper - estimate.lower > always * (1 + 1e-9) + ROUNDING * size)
+            )
         if not float(np.abs(x).max()) < 1e6:
             break
     return count, outside, wider
@@ -147,10 +151,14 @@ def main() -> int:
         plant = obsdesign.Problem.from_dict(outcome.design.problem).plant
         plants, proved = plants + 1, proved + (outcome.verdict == "proved")
         for k in range(RECORDS_PER_PLANT):
-            found = record(outcome.design, plant, rng, regular=k % 2 == 0)
-            rows, outside, wider = rows + found[0], outside + found[1], wider + found[2]
-            if found[1] or found[2]:
-                print(f"plant {plants - 1}, record {k}: {found}", flush=True)
+            violations = record(outcome.design, plant, rng, regular=k % 2 == 0)
+            rows, outside, wider = (
+                rows + violations[0],
+                outside + violations[1],
+                wider + violations[2],
+            )
+            if violations[1] or violations[2]:
+                print(f"plant {plants - 1}, record {k}: {violations}", flush=True)
     print(f"{plants} plants ({proved} proved), {rows} rows: {outside} outside, {wider} too wide")
     return int(outside + wider > 0)
 

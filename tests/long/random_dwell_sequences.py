@@ -108,8 +108,8 @@ def excess(seed: int) -> float | None:
         size = np.linalg.norm(R[:, k] @ x, axis=(1, 2))
         x = expm(F * theta[:, None, None]) @ (H @ x)
         following = np.linalg.norm(R[:, k + 1] @ x, axis=(1, 2))
-        seen = size > 0
-        worst = max(worst, float(np.max(following[seen] / size[seen], initial=0.0)))
+        positive = size > 0
+        worst = max(worst, float(np.max(following[positive] / size[positive], initial=0.0)))
         x = x / np.maximum(np.linalg.norm(x, axis=(1, 2)), 1e-300)[:, None, None]
     return worst - 1
 
@@ -121,12 +121,12 @@ def main() -> int:
     tried = proved = bad = 0
     worst = -np.inf
     while proved * PER_SYSTEM < wanted:
-        found = excess(seed)
+        violation = excess(seed)
         tried, seed = tried + 1, seed + 1
-        if found is not None:
+        if violation is not None:
             proved += 1
-            bad += found > ROUNDING
-            worst = max(worst, found)
+            bad += violation > ROUNDING
+            worst = max(worst, violation)
     print(f"{proved * PER_SYSTEM} sequences, {proved} of {tried} systems proved, "
           f"{bad} contradicted; largest growth of a proved norm {1 + worst:.9f}")  # fmt: skip
     return 1 if bad else 0

@@ -27,10 +27,10 @@ def main() -> int:
     first = int(sys.argv[2]) if len(sys.argv) > 2 else 0
     seeds = range(first, first + runs)
     with ProcessPoolExecutor() as pool:
-        found = list(pool.map(violation, seeds, chunksize=50))
-    worst = max(range(runs), key=found.__getitem__)
-    bad = sum(value > SIMULATION_ROUNDING for value in found)
-    print(f"{runs} runs, {bad} violated; worst {found[worst]:.3e} (seed {seeds[worst]})")
+        violations = list(pool.map(violation, seeds, chunksize=50))
+    worst = max(range(runs), key=violations.__getitem__)
+    bad = sum(value > SIMULATION_ROUNDING for value in violations)
+    print(f"{runs} runs, {bad} violated; worst {violations[worst]:.3e} (seed {seeds[worst]})")
     return 1 if bad else 0
 
 

@@ -30,16 +30,16 @@ def main() -> int:
     with ProcessPoolExecutor(2) as pool:
         for form in sys.argv[3:] or FORMS:
             seeds = range(first, first + plants)
-            found = list(pool.map(trial, repeat(form, plants), seeds, repeat(ALL, plants)))
-            widths = [one.wider for one in found if one.wider is not None]
+            trials = list(pool.map(trial, repeat(form, plants), seeds, repeat(ALL, plants)))
+            widths = [one.wider for one in trials if one.wider is not None]
             bad = [
                 first + k
-                for k, one in enumerate(found)
+                for k, one in enumerate(trials)
                 if one.beyond > ROUNDING or (one.wider is not None and one.wider > ROUNDING)
             ]
             good &= not bad
-            verdicts = dict(Counter(one.verdict for one in found))
-            beyond = max(one.beyond for one in found)
+            verdicts = dict(Counter(one.verdict for one in trials))
+            beyond = max(one.beyond for one in trials)
             print(f"{form:16s} {verdicts}: beyond the bounds by {beyond:.1e}; "
                   f"{len(widths)} proved widths, exceeded by {max([0.0, *widths]):.1e}; "
                   f"violated: {bad or 'none'}", flush=True)  # fmt: skip

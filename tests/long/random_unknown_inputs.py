@@ -50,19 +50,19 @@ def expected(A: np.ndarray, C: np.ndarray, D: np.ndarray) -> str:
 
 def main() -> int:
     plants = int(sys.argv[1]) if len(sys.argv) > 1 else 1000
-    seen: Counter[tuple[str, str, str]] = Counter()
+    counts: Counter[tuple[str, str, str]] = Counter()
     for seed in range(plants):
         family, matrices = draw(seed)
         wanted, outcome = expected(*matrices), obsdesign.investigate(problem(*matrices))
         near = any("nearly" in claim.evidence for claim in outcome.claims)
         # a zero that random coordinates round away is told, and leaves the design undecided
-        told = f"{outcome.verdict}, zero nearly there" if near else outcome.verdict
-        seen[(family, wanted, told)] += 1
+        verdict = f"{outcome.verdict}, zero nearly there" if near else outcome.verdict
+        counts[(family, wanted, verdict)] += 1
         if outcome.verdict != wanted and not (near and outcome.verdict == "undecided"):
-            print(f"seed {seed}, {family}: pencil {wanted}, {told}", flush=True)
-    for (family, wanted, told), count in sorted(seen.items()):
-        print(f"{family:14s} pencil {wanted:8s} answer {told:30s} {count}")
-    wrong = [key for key in seen if key[1] != key[2].split(",")[0] and "nearly" not in key[2]]
+            print(f"seed {seed}, {family}: pencil {wanted}, {verdict}", flush=True)
+    for (family, wanted, verdict), count in sorted(counts.items()):
+        print(f"{family:14s} pencil {wanted:8s} answer {verdict:30s} {count}")
+    wrong = [key for key in counts if key[1] != key[2].split(",")[0] and "nearly" not in key[2]]
     return 1 if wrong else 0
 
 

@@ -76,7 +76,7 @@ def test_a_page_tells_everything_of_its_design(example: str, tmp_path: Path) -> 
         assert " ".join(claim.statement.split()) in page.text
         assert claim.source in page.text
     for guarantee in design.guarantees:
-        assert " ".join(str(guarantee["statement"]).split()) in page.text
+        assert " ".join(guarantee.statement.split()) in page.text
     assert json.loads(source.read_text("utf-8"))["digest"] in page.text
     assert "Kalman filter" in page.text  # a simulation knows the true state
     for name, value in design.provenance["versions"].items():
@@ -186,7 +186,7 @@ def test_a_browser_shows_it_without_sideways_scrolling(width: int, tmp_path: Pat
          "--allow-file-access-from-files", "--virtual-time-budget=5000", frame.as_uri()],
         capture_output=True, text=True, timeout=120, check=True,
     )  # fmt: skip
-    found = re.search(r"<title>scroll (\d+) images (\d+)</title>", done.stdout)
-    assert found, done.stdout[:500]
-    assert int(found[1]) <= width
-    assert int(found[2]) == 2
+    sizes = re.search(r"<title>scroll (\d+) images (\d+)</title>", done.stdout)
+    assert sizes, done.stdout[:500]
+    assert int(sizes[1]) <= width
+    assert int(sizes[2]) == 2

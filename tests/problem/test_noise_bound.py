@@ -42,11 +42,11 @@ def body(**output: Any) -> dict[str, Any]:
 )
 def test_interval_asks_for_the_bound(output: Any) -> None:
     problem = Problem.from_dict(body(**output))
-    for asked in (problem, Problem.from_dict(problem.to_dict())):
+    for stated in (problem, Problem.from_dict(problem.to_dict())):
         with pytest.raises(DoesNotApply) as refusal:
-            obsdesign.investigate(asked)
+            obsdesign.investigate(stated)
         assert str(refusal.value) == LINE
-    assert check_kind(problem, "interval")["reasons"] == [LINE]
+    assert check_kind(problem, "interval").reasons == (LINE,)
     bounded = Problem.from_dict(body(noise_bound=0.03, **output))
     assert obsdesign.investigate(bounded).design is not None
 
@@ -88,7 +88,7 @@ def test_finite_time_gives_points_and_no_radius_without_it() -> None:
     design = obsdesign.design(points(noise_std=[0.1]))
     assert "radius" not in design.gains
     assert obsdesign.verify(design).verdict == "proved"
-    withheld = [g["statement"] for g in design.guarantees if not g["given"]]
+    withheld = [g.statement for g in design.guarantees if not g.given]
     assert "Bounds of the state around the estimate: output.noise_bound is not given." in withheld
     observer: Any = from_design(design)
     assert observer.names == ("x1", "x2")

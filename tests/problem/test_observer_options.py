@@ -17,8 +17,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import obsdesign
+from docs import problem_schema
 from obsdesign import Flow, InputError, Jump, Output, Problem
 from obsdesign.problem.kinds import GAINS, KINDS, OPTIONS
+from obsdesign.problem.options import IntervalOptions, LuenbergerOptions
 from obsdesign.problem.problem import load_for_kind
 
 PLANT: dict[str, Any] = {
@@ -29,7 +31,7 @@ PLANT: dict[str, Any] = {
 SCHEMA = json.loads(files("obsdesign").joinpath("problem/problem.schema.json").read_text("utf-8"))
 
 
-def asked(kind: str, plant: dict[str, Any] = PLANT, **observer: Any) -> Problem:
+def problem_of_kind(kind: str, plant: dict[str, Any] = PLANT, **observer: Any) -> Problem:
     return Problem.from_dict(copy.deepcopy(plant) | {"observer": {"kind": kind} | observer})
 
 
@@ -62,14 +64,14 @@ FAULTS: list[tuple[str, dict[str, Any], str]] = [
 @pytest.mark.parametrize(("kind", "observer", "line"), FAULTS)
 def test_each_fault_has_its_line(kind: str, observer: dict[str, Any], line: str) -> None:
     with pytest.raises(InputError) as error:
-        asked(kind, **observer)
+        problem_of_kind(kind, **observer)
     assert str(error.value) == line
 
 
 def test_more_unknown_inputs_than_outputs_leave_no_size_for_a_gain() -> None:
     plant = PLANT | {"flow": {"A": [[-1, 0], [1, -2]], "D": [[1, 0], [0, 1]]}}
     with pytest.raises(InputError) as error:
-        asked("unknown_input", plant, gains={"L": [[]], "T1": [[1, 0], [0, 1]]})
+        problem_of_kind("unknown_input", plant, gains={"L": [[]], "T1": [[1, 0], [0, 1]]})
     assert str(error.value) == (
         "observer.gains.L requires flow.D with at most as many columns as output.C has rows (1); "
         "D has 2."
@@ -77,27 +79,32 @@ def test_more_unknown_inputs_than_outputs_leave_no_size_for_a_gain() -> None:
 
 
 def test_as_many_outputs_as_unknown_inputs_leave_an_empty_gain() -> None:
-    problem = asked("unknown_input", gains={"L": [[]], "T1": [[0, 1], [1, 0]]})
+    problem = problem_of_kind("unknown_input", gains={"L": [[]], "T1": [[0, 1], [1, 0]]})
     assert problem.gains["L"].shape == (1, 0)
     assert Problem.from_dict(json.loads(json.dumps(problem.to_dict()))) == problem
     square = PLANT | {"flow": {"A": [[-1]], "D": [[1]]}, "output": {"C": [[1], [2]]}}
-    problem = asked("unknown_input", square, gains={"L": [], "T1": [[1]]})
+    problem = problem_of_kind("unknown_input", square, gains={"L": [], "T1": [[1]]})
     assert problem.gains["L"].shape == (0, 1)
     assert Problem.from_dict(problem.to_dict()) == problem
 
 
 def test_options_are_normalised_and_frozen() -> None:
-    problem = asked("luenberger", poles=[-1, (-2 - 2j)], weights={"state": np.array([1, 2])})
+    problem = problem_of_kind(
+        "luenberger", poles=[-1, (-2 - 2j)], weights={"state": np.array([1, 2])}
+    )
     assert problem.options["poles"] == (-1.0, (-2.0, -2.0))
     assert problem.options["weights"] == {"state": (1.0, 2.0)}
     with pytest.raises(TypeError):
         problem.options["weights"]["state"] = (1.0,)
-    assert type(asked("impulsive", window=3.0).options["window"]) is int
-    assert asked("impulsive_input", exponents=[0.05, -1]).options["exponents"] == (0.05, -1.0)
+    assert type(problem_of_kind("impulsive", window=3.0).options["window"]) is int
+    assert problem_of_kind("impulsive_input", exponents=[0.05, -1]).options["exponents"] == (
+        0.05,
+        -1.0,
+    )
 
 
 def test_copies_are_equal_and_read_only() -> None:
-    problem = asked("interval", gains={"L": [[0], [1]]})
+    problem = problem_of_kind("interval", gains={"L": [[0], [1]]})
     for twin in (pickle.loads(pickle.dumps(problem)), copy.deepcopy(problem)):
         assert twin == problem
         assert not twin.gains["L"].flags.writeable
@@ -156,7 +163,7 @@ def test_keys_that_stand_in_the_wrong_place(block: str | None, key: Any, line: s
 
 
 def test_what_a_kind_requires() -> None:
-    problem = asked("unknown_input")
+    problem = problem_of_kind("unknown_input")
     assert np.array_equal(problem.require("flow.D"), [[1], [0]])
     for entry, line in {
         "jump.H": "jump.H is required by kind 'unknown_input'; it is missing.",
@@ -165,7 +172,7 @@ def test_what_a_kind_requires() -> None:
         with pytest.raises(InputError) as error:
             problem.require(entry)
         assert str(error.value) == line
-    still = asked("luenberger", {key: PLANT[key] for key in ("flow", "output")})
+    still = problem_of_kind("luenberger", {key: PLANT[key] for key in ("flow", "output")})
     with pytest.raises(InputError) as error:
         still.require("jump.H")
     assert str(error.value) == "jump.H is required by kind 'luenberger'; [jump] is missing."
@@ -224,6 +231,23 @@ def test_files_end_in_one_line_that_names_them(tmp_path: Path, fault: str) -> No
     assert str(error.value).startswith(f"{tmp_path / name}: ")
     assert str(error.value).endswith(end)
     assert len(str(error.value).splitlines()) == 1
+
+
+def test_the_stored_schema_is_the_one_of_the_dataclasses() -> None:
+    stored = files("obsdesign").joinpath("problem/problem.schema.json").read_text("utf-8")
+    assert stored == problem_schema.text()
+
+
+def test_options_of_a_kind_are_attributes() -> None:
+    options = problem_of_kind("luenberger", poles=[-1, [-2, -2]], memory=2).options_as(
+        LuenbergerOptions
+    )
+    assert options.poles == (-1.0, (-2.0, -2.0))
+    assert (options.memory, options.schedule, options.decay_rate) == (2, None, None)
+    assert dict(options) == {"poles": (-1.0, (-2.0, -2.0)), "memory": 2}
+    assert dict(LuenbergerOptions(memory="auto")) == {"memory": "auto"}
+    with pytest.raises(TypeError, match="a problem of kind 'luenberger' has no IntervalOptions"):
+        problem_of_kind("luenberger").options_as(IntervalOptions)
 
 
 def test_schema_and_tables_know_the_same_names() -> None:

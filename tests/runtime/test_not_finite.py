@@ -96,8 +96,8 @@ def test_bounds_that_overflow(mode: str, size: float) -> None:
         fleet = Fleet(observer)
         state = fleet.init(0.0, lower=-high[:, None], upper=high[:, None])
         for k in range(1, ROWS):
-            state, found = fleet.step(state, t[k], y[k][:, None])
-            assert finite(found.lower, found.upper) or not found.plausible[0]
+            state, many = fleet.step(state, t[k], y[k][:, None])
+            assert finite(many.lower, many.upper) or not many.plausible[0]
 
 
 def test_bounds_between_numbers_near_the_largest_are_not_ok() -> None:

@@ -94,12 +94,12 @@ def test_a_cached_step_does_not_depend_on_the_stamps_that_came_first() -> None:
     """Steps that differ by the rounding of their stamps share a length that covers all of them."""
     for h, size in ((0.05, 0.6), (0.05, 7.9), (1.0, 1.9), (0.1, 1e6), (1.0, 2.0**40)):
         steps = (h, h + math.ulp(size), h - math.ulp(size))
-        found = []
+        matrices = []
         for order in (steps, steps[::-1]):
             cache: OrderedDict[tuple[float, int], Any] = OrderedDict()
-            found += [shared_step(cache, step, size, lambda *built: built) for step in order]
-        assert set(found[:3]) == set(found[3:])
-        for step, (length, error) in zip(steps, found, strict=False):
+            matrices += [shared_step(cache, step, size, lambda *built: built) for step in order]
+        assert set(matrices[:3]) == set(matrices[3:])
+        for step, (length, error) in zip(steps, matrices, strict=False):
             assert error >= abs(step - length) + math.ulp(size)
 
 
@@ -110,11 +110,11 @@ def test_parts_give_what_the_whole_gives(case: str, live: bool) -> None:
     samples = samples[:800] if live else samples
     whole = rows(Stream(observer, Progress(state)).estimates(iter(samples), live=live))
     cuts = sorted(np.random.default_rng(SEED).choice(np.arange(1, len(samples)), 5, replace=False))
-    progress, found = Progress(state), []
+    progress, estimates = Progress(state), []
     for part in np.split(np.arange(len(samples)), cuts):
         fresh = from_design(design)  # another process: nothing is cached
         stream = Stream(fresh, progress)
-        found += rows(stream.estimates(iter([samples[k] for k in part]), live=live))
+        estimates += rows(stream.estimates(iter([samples[k] for k in part]), live=live))
         progress = progress_from_text(state_text(design, stream.progress), design, fresh, "s.json")
-    assert found == whole
+    assert estimates == whole
     assert len(whole) > len(samples) / 3

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 import obsdesign
-from obsdesign.data.simulation import Record, simulate
+from obsdesign.data.simulation import Simulation, simulate
 from obsdesign.runtime import from_design
 
 FORMS = ("cooperative", "split", "coordinates", "two_coordinates", "samples")
@@ -108,7 +108,7 @@ def _claimed(design: Any, period: float | None) -> tuple[Any, float]:
     return None, float(period or 0.02)
 
 
-def _bounds(observer: Any, record: Record, y: Any, x: Any) -> tuple[Any, Any]:
+def _bounds(observer: Any, record: Simulation, y: Any, x: Any) -> tuple[Any, Any]:
     batch = observer.run_batch(record.t, y, jump=record.columns["jump"], lower=x, upper=x)
     assert not any("outside" in text or "void" in text for text in batch.status)
     return batch.lower, batch.upper

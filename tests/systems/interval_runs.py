@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from obsdesign.data.simulation import Record, simulate
+from obsdesign.data.simulation import Simulation, simulate
 from obsdesign.equations.estimation_error import flow_error_matrix, jump_error_matrix
 from obsdesign.equations.gains import plant_data
 from obsdesign.equations.interval import splits as equations
@@ -63,7 +63,7 @@ def random_observer(plant: Plant, rng: np.random.Generator) -> IntervalObserver:
 class Run:
     """A simulated record, bounds at its start, and the estimates of an observer on it."""
 
-    record: Record
+    record: Simulation
     lower: np.ndarray
     upper: np.ndarray
     status: tuple[str, ...]
@@ -89,7 +89,11 @@ def random_run(seed: int, drop: float = 0.1) -> Run:
 
 
 def execute(
-    observer: IntervalObserver, record: Record, initial: Any, rng: np.random.Generator, drop: float
+    observer: IntervalObserver,
+    record: Simulation,
+    initial: Any,
+    rng: np.random.Generator,
+    drop: float,
 ) -> Run:
     """Run an observer from a random box around the initial state, losing some samples."""
     y = np.where(rng.random((len(record.t), 1)) < drop, np.nan, record.block("y"))

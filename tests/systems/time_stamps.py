@@ -259,11 +259,11 @@ def _fleet_run(
         for one in truths:
             one.flow(stamps.instants[k] - stamps.instants[k - 1], _extreme(rng, plant.flow))
         y = np.column_stack([one.measured(rng) for one in truths])
-        state, found = fleet.step(state, stamps.t[k], y)
+        state, many = fleet.step(state, stamps.t[k], y)
         for i, one in enumerate(truths):
-            fine = bool(found.plausible[i])
-            inside = one.inside(found.lower[:, i], found.upper[:, i])
-            overflowed = not np.isfinite(found.upper[:, i] - found.lower[:, i]).all()
+            fine = bool(many.plausible[i])
+            inside = one.inside(many.lower[:, i], many.upper[:, i])
+            overflowed = not np.isfinite(many.upper[:, i] - many.lower[:, i]).all()
             tally.add(
                 "fleet", "ok" if fine else "bounds overflowed" if overflowed else "outside", inside
             )

@@ -20,13 +20,13 @@ Body = dict[str, Any]
 
 def changed(body: Body, **entries: Any) -> Body:
     """A copy with entries `block__name` set, or dropped where they are None."""
-    found = copy.deepcopy(body)
+    result = copy.deepcopy(body)
     for path, value in entries.items():
         block, _, name = path.partition("__")
-        found.setdefault(block, {})[name] = value
+        result.setdefault(block, {})[name] = value
         if value is None:
-            del found[block][name]
-    return found
+            del result[block][name]
+    return result
 
 
 def verdict(body: Body) -> str:

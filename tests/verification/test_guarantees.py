@@ -16,7 +16,7 @@ from obsdesign.cli.commands import cli
 from obsdesign.document import digest
 from obsdesign.pages.curves import curve_of
 from obsdesign.problem.problem import Problem
-from obsdesign.verification.document import guarantees_of
+from obsdesign.verification.document import sentences_from
 from obsdesign.workflow import layer
 from tests.cli.test_commands import ROOT
 from tests.pages.test_report import Page
@@ -75,20 +75,20 @@ def test_every_sentence_falls_with_any_claim_it_rests_on(
     assert outcome.design is not None
     problem = Problem.from_dict(outcome.design.problem)
     verification = layer("verification", outcome.kind)
-    assert any(entry["given"] for entry in outcome.guarantees)
+    assert any(entry.given for entry in outcome.guarantees)
     for k, claim in enumerate(outcome.claims):
         claims = list(outcome.claims)
         claims[k] = replace(claim, verdict="undecided")
-        left = guarantees_of(problem, tuple(claims), verification)
-        named = [entry for entry in left if claim.id in entry["claims"]]
-        assert not any(entry["given"] for entry in (left if k == 0 else named)), claim.id
+        left = sentences_from(problem, tuple(claims), verification).guarantees
+        named = [entry for entry in left if claim.id in entry.claims]
+        assert not any(entry.given for entry in (left if k == 0 else named)), claim.id
         opened = replace(outcome, verdict="undecided", claims=tuple(claims), guarantees=left)
         show(opened)
         printed = " ".join(capsys.readouterr().out.split())
         for entry in left:
-            text = " ".join(str(entry["statement"]).split())
+            text = " ".join(entry.statement.split())
             assert (f" guaranteed: {text}" in printed.replace("not guaranteed", "withheld")) is (
-                entry["given"]
+                entry.given
             )
 
 
@@ -98,15 +98,15 @@ def test_a_curve_calls_proved_what_is(academic_design: Path) -> None:
         replace(claim, verdict="undecided") if claim.id == "dwell_stability" else claim
         for claim in design.claims
     )
-    told = [curve_of(one) for one in (design, replace(design, claims=claims))]
-    assert ["is proved" in curve.caption for curve in told if curve] == [True, False]
+    curves = [curve_of(one) for one in (design, replace(design, claims=claims))]
+    assert ["is proved" in curve.caption for curve in curves if curve] == [True, False]
 
 
 def test_a_sentence_may_name_fewer_of_its_claims_and_promises_no_more_by_it() -> None:
     """Older designs rest some sentences on no claim; what they promise is compared all the same."""
     design = obsdesign.design(obsdesign.load_problem(ROOT / "examples" / "ahn_1.toml"))
-    older = tuple({**entry, "claims": []} for entry in design.guarantees)
+    older = tuple(replace(entry, claims=()) for entry in design.guarantees)
     assert obsdesign.verify(replace(design, guarantees=older)).verdict == "proved"
-    false = tuple({**entry, "given": not entry["given"]} for entry in design.guarantees)
+    false = tuple(replace(entry, given=not entry.given) for entry in design.guarantees)
     outcome = obsdesign.verify(replace(design, guarantees=false))
     assert (outcome.verdict, outcome.guarantees) == ("refuted", ())

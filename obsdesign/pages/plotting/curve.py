@@ -40,9 +40,9 @@ def _draw(axis: Any, curve: Curve) -> None:
         axis.plot(curve.x, values, color=colour, ls=line, lw=1.5, label=name, **style)
     if curve.level is not None:
         axis.axhline(curve.level, color="0.35", lw=0.9, ls=(0, (4, 3)))
-    seen = np.concatenate([np.ravel(values) for values in curve.series.values()])
-    seen = seen[np.isfinite(seen)]
-    if (seen > 0).all() and len(seen) and seen.max() > _WIDE * seen.min():
+    y = np.concatenate([np.ravel(values) for values in curve.series.values()])
+    y = y[np.isfinite(y)]
+    if (y > 0).all() and len(y) and y.max() > _WIDE * y.min():
         axis.set_yscale("log")
     axis.set_xlabel(curve.x_label)
     axis.set_ylabel(curve.y_label)

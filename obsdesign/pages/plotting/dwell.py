@@ -1,4 +1,4 @@
-"""Which dwell times are proved, by what, and which are refuted; and the windows of a proof.
+"""Proved and refuted dwell times of a search, and the windows of a proof.
 
 Above, the searched end of the range of dwell times: what one common P proves, what windows of dwell
 times prove beyond it, what is open and what is refuted, once whole and once close to the limit.
@@ -36,7 +36,7 @@ class _Range:
         return self.kept, self.common, self.proved, self.not_proved
 
     def far(self) -> float:
-        """Where the picture ends beyond the limit."""
+        """End of the picture beyond the limit."""
         outward = 1.0 if self.not_proved >= self.proved else -1.0
         return min(max(self.not_proved + outward * 0.25 * self._size, 0.0), self.edge)
 

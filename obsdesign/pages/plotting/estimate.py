@@ -48,10 +48,11 @@ def plot_estimate(estimate: str, data: str | None, output: str, events: str | No
     _same_plant(names, estimate, truth, str(data))
     times = _numbers(truth, "t", str(data)) if truth else np.zeros(0)
     jumps = times[_numbers(truth, "jump", str(data)) == 1] if "jump" in truth else np.zeros(0)
-    found = {} if events is None else read_columns(events)
-    measured = [name for name in truth if name[0] == "y" and name[1:].isdigit()] if found else []
-    panels = [*measured, *names, *(["weight"] if found else [])]
-    columns = 1 if found or len(panels) <= _STACKED else 2
+    impulses = {} if events is None else read_columns(events)
+    measured = [name for name in truth if name[0] == "y" and name[1:].isdigit()]
+    measured = measured if impulses else []
+    panels = [*measured, *names, *(["weight"] if impulses else [])]
+    columns = 1 if impulses or len(panels) <= _STACKED else 2
     rows = -(-len(panels) // columns)
     with picture(7.0 + 3.5 * (columns - 1), 1.2 + 1.7 * rows, output) as figure:
         grid = figure.subplots(rows, columns, sharex=True, squeeze=False)
@@ -61,23 +62,23 @@ def plot_estimate(estimate: str, data: str | None, output: str, events: str | No
             axis.set_axis_off()
         for axis, name in zip(axes, panels, strict=True):
             if name == "weight":
-                _weights(axis, found, str(events))
+                _weights(axis, impulses, str(events))
             elif name in measured:
                 _measurements(axis, name, times, truth, str(data))
             else:
                 _panel(axis, name, t, estimates, estimate, times, truth, str(data), jumps)
-            if found:
+            if impulses:
                 if name != "weight":
-                    _bands(axis, found, str(events))
+                    _bands(axis, impulses, str(events))
                 _open_end(axis, t, estimates.get("status", []))
         for axis in bottom:
             axis.set_xlabel("time")
             axis.tick_params(labelbottom=True)
-        told = estimates.get("status", [])
-        if found:  # the open end is shaded
-            told = ["; ".join(w for w in s.split("; ") if w not in _EXPECTED) for s in told]
+        statuses = estimates.get("status", [])
+        if impulses:  # the open end is shaded
+            statuses = ["; ".join(w for w in s.split("; ") if w not in _EXPECTED) for s in statuses]
         for axis in bottom:
-            _mark_status(axis, t, told)
+            _mark_status(axis, t, statuses)
         handles, labels = axes[0].get_legend_handles_labels()
         for axis in axes[1:]:
             for handle, label in zip(*axis.get_legend_handles_labels(), strict=True):
@@ -99,13 +100,13 @@ def _same_plant(names: list[str], estimate: str, truth: dict[str, list[str]], da
 
 def _states(columns: dict[str, list[str]]) -> list[str]:
     """x1, x2, ... (and unknown inputs d1, ...) in an estimate file."""
-    found = []
+    names = []
     for letter in "xd":
         i = 1
         while f"{letter}{i}" in columns or f"{letter}{i}_lo" in columns:
-            found.append(f"{letter}{i}")
+            names.append(f"{letter}{i}")
             i += 1
-    return found
+    return names
 
 
 def _numbers(columns: dict[str, list[str]], name: str, path: str) -> Vector:
@@ -200,13 +201,13 @@ def _weights(axis: Any, events: dict[str, list[str]], path: str) -> None:
 
 def _moments(t: Vector, events: dict[str, list[str]], path: str) -> list[str]:
     """Times with the decimals that their deviations leave, doubtful ones with a question mark."""
-    found = []
+    labels = []
     spread = np.nan_to_num(_numbers(events, "t_std", path))
     for moment, std, status in zip(t, spread, events.get("status", ["ok"] * len(t)), strict=True):
         decimals = max(0, math.ceil(-math.log10(2 * std))) if std > 0 else 6
         text = f"{moment:.{min(decimals, 6)}f}" if std > 0 else f"{moment:.4g}"
-        found.append(text + ("" if status in ("ok", *_EXPECTED) else " ?"))
-    return found
+        labels.append(text + ("" if status in ("ok", *_EXPECTED) else " ?"))
+    return labels
 
 
 def _open_end(axis: Any, t: Vector, statuses: list[str]) -> None:

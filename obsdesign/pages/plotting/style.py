@@ -1,4 +1,4 @@
-"""How pictures look, and where they may be written."""
+"""Style of pictures, and the checks of their files."""
 
 from __future__ import annotations
 

@@ -1,14 +1,13 @@
 """A sweep as a picture: a curve over one entry, a map over two.
 
 Points with a number show it. Points without are told apart by their colour: refuted, undecided, an
-error; proved without a number (a verdict was asked for), or without a limit (infinity); what a
+error; proved without a number (for a verdict), or without a limit (infinity); what a
 sweep that was interrupted has not reached yet stays white.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -28,6 +27,7 @@ from obsdesign.pages.plotting.style import (
     picture,
 )
 from obsdesign.studies.sweep.axes import Axis
+from obsdesign.studies.sweep.point import SweepPoint
 from obsdesign.studies.sweep.record import SweepFile, read_sweep
 
 _COLOURS = {
@@ -51,8 +51,10 @@ class _Grid:
 
     @property
     def logarithmic(self) -> bool:
-        found = self.numbers[np.isfinite(self.numbers)]
-        return bool(found.size and found.min() > 0 and found.max() > _LOGARITHMIC * found.min())
+        finite = self.numbers[np.isfinite(self.numbers)]
+        if not finite.size:
+            return False
+        return bool(finite.min() > 0 and finite.max() > _LOGARITHMIC * finite.min())
 
 
 def plot_sweep(path: str, output: str) -> None:
@@ -60,9 +62,8 @@ def plot_sweep(path: str, output: str) -> None:
     check_output(output)
     sweep = read_sweep(path)
     grid = _grid(sweep)
-    label = f"proved {str(sweep.header.get('for', '')).replace('_', ' ')}".replace(
-        "dwell", "dwell time"
-    )
+    quantity = sweep.header.quantity.replace("_", " ").replace("dwell", "dwell time")
+    label = f"proved {quantity}"
     with picture(6.4, 3.4 if len(grid.axes) == 1 else 4.6, output) as figure:
         axis = figure.subplots()
         draw = _curve if len(grid.axes) == 1 else _map
@@ -73,27 +74,26 @@ def plot_sweep(path: str, output: str) -> None:
 
 
 def _grid(sweep: SweepFile) -> _Grid:
-    axes = tuple(Axis(**axis) for axis in sweep.header["over"])
+    axes = sweep.header.over
     numbers, words = np.full(sweep.count, np.nan), np.full(sweep.count, "", dtype=object)
-    for index, row in sweep.rows.items():
-        numbers[index], words[index] = _read(row)
+    for index, point in sweep.points.items():
+        numbers[index], words[index] = _number_or_word(point)
     shape = [axis.count for axis in axes]
     # the first entry goes to the right
     return _Grid(axes, numbers.reshape(shape).T, words.reshape(shape).T)
 
 
-def _read(row: Mapping[str, Any]) -> tuple[float, str]:
-    value = row.get("value")
+def _number_or_word(point: SweepPoint) -> tuple[float, str]:
+    value = point.value
     if value == "inf":
         return math.nan, "no limit"
     if isinstance(value, int | float) and not isinstance(value, bool):
         return float(value), ""
-    word = str(row.get("verdict", "error"))
-    return math.nan, word if word in _COLOURS else "error"
+    return math.nan, point.verdict if point.verdict in _COLOURS else "error"
 
 
 def _curve(figure: Any, axis: Any, grid: _Grid, label: str) -> list[Any]:
-    """The numbers as a curve; a strip below it, or the whole panel, tells of the other points."""
+    """The numbers as a curve; a strip below it, or the whole panel, shows the other points."""
     values, handles = np.array(grid.axes[0].values), list[Any]()
     numbers = bool(np.isfinite(grid.numbers).any())
     if numbers:

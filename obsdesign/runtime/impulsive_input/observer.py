@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 
 from obsdesign.runtime.base import (
     Batch,
+    Delayed,
     Estimate,
     Sample,
     Vector,
@@ -26,6 +27,7 @@ from obsdesign.runtime.base import (
     optional_measurement,
     vector,
 )
+from obsdesign.runtime.impulsive_input.event import Event
 from obsdesign.runtime.impulsive_input.gains import check_gains, check_resolution, check_size
 from obsdesign.runtime.impulsive_input.integral.engine import Engine, IntegralEngine
 from obsdesign.runtime.impulsive_input.integral.rows import IntegralLive
@@ -47,7 +49,7 @@ class ImpulsiveInputState:
 
 
 @dataclass(frozen=True)
-class ImpulsiveInputObserver(PointObserver[ImpulsiveInputState]):
+class ImpulsiveInputObserver(PointObserver[ImpulsiveInputState], Delayed[ImpulsiveInputState]):
     """Executes a design of kind `impulsive_input`."""
 
     gains: Mapping[str, Any]
@@ -75,6 +77,10 @@ class ImpulsiveInputObserver(PointObserver[ImpulsiveInputState]):
         ends = [""] if q == 1 else [str(i + 1) for i in range(q)]
         weights, spread = (tuple(f"weight{i}{tail}" for i in ends) for tail in ("", "_std"))
         return ("t", *weights, "t_std", *spread, "status")
+
+    def event_cells(self, event: Event) -> Sequence[float | str]:
+        """Cells of a decided impulse in an event file."""
+        return event.row()
 
     @property
     def latency(self) -> float:

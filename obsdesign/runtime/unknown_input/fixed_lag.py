@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike
 from obsdesign.equations.unknown_input.smoothing import smoothed_window
 from obsdesign.runtime.base import (
     Batch,
+    Delayed,
     Estimate,
     Row,
     Sample,
@@ -57,7 +58,7 @@ class FixedLagState:
 
 
 @dataclass(frozen=True)
-class FixedLagObserver(PointObserver[FixedLagState]):
+class FixedLagObserver(PointObserver[FixedLagState], Delayed[FixedLagState]):
     """Executes a design of kind `unknown_input` with `differentiator = "fixed_lag"`."""
 
     gains: Mapping[str, Any]

@@ -1,1 +1,1 @@
-"""Which observer kinds a plant admits, and what to try next."""
+"""The observer kinds that a plant admits, and what to try next."""

@@ -1,4 +1,4 @@
-"""What to try next when an observer kind does not fit a plant: one sentence. Literal data."""
+"""Advice for a kind that does not fit a plant, one sentence each. Literal data."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ _PERIODIC = {
 
 
 def next_step(kind: str, verdict: str, *, claim: str = "", missing: str = "") -> str:
-    """One sentence, or nothing where the reason says it all.
+    """One sentence, or nothing where there is no advice.
 
     claim: the first claim that is not proved; missing: the entry that the kind needs.
     """

@@ -1,8 +1,9 @@
-"""Which observer kinds can be built for a plant, and why the others cannot."""
+"""Verdicts on all observer kinds for a plant, with reasons."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 from lmi.time_budget import ended_part, total_budget
@@ -13,7 +14,24 @@ from obsdesign.problem.problem import Problem
 from obsdesign.studies.check.advice import next_step
 from obsdesign.verification.answers import is_ended, reason, verdict_of_refusal
 
-Entry = dict[str, Any]
+
+@dataclass(frozen=True)
+class KindAnswer:
+    """The verdict on one kind, its reasons, one sentence each, and what to try next.
+
+    verdict: proved, refuted, undecided, or does_not_apply where the problem lacks an entry that the
+    kind needs. ended: the budget that ended its search, as `lmi.time_budget.ended` has it.
+    """
+
+    verdict: str
+    reasons: tuple[str, ...]
+    next_step: str
+    ended: Mapping[str, Any] = field(default_factory=dict)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Its entry in the answer of `check --json`."""
+        body = {"verdict": self.verdict, "reasons": list(self.reasons), "next": self.next_step}
+        return body | dict(self.ended)
 
 
 def check_all(
@@ -21,31 +39,30 @@ def check_all(
     *,
     seconds: float | None = None,
     progress: Callable[[int, int], None] = lambda done, total: None,
-) -> tuple[str, dict[str, Entry]]:
-    """(verdict, kind -> {"verdict", "reasons", "next"}, and where a budget ended it "ended_by").
+) -> tuple[str, dict[str, KindAnswer]]:
+    """The verdict on the plant, and the answer of each kind.
 
-    The verdict on a kind is proved, refuted, undecided, or does_not_apply where the problem has not
-    what the kind needs: that of `workflow.investigate`. In all: proved if any kind is, else
+    The verdict on a kind is that of `workflow.investigate`. In all: proved if any kind is, else
     undecided if any is, else refuted: one observer is enough. seconds: of processor time that
     searches may take in all. progress: called with the kinds that are settled, and all.
     """
     with total_budget(seconds):
-        outcomes = _checked(problem, KINDS, progress)
-    verdicts = {entry["verdict"] for entry in outcomes.values()}
+        answers = _checked(problem, KINDS, progress)
+    verdicts = {answer.verdict for answer in answers.values()}
     order = ("proved", "undecided")
-    return next((word for word in order if word in verdicts), "refuted"), outcomes
+    return next((word for word in order if word in verdicts), "refuted"), answers
 
 
-def check_kind(problem: Problem, kind: str, *, seconds: float | None = None) -> Entry:
-    """The verdict on one kind, its reasons, one sentence each, and what to try next."""
+def check_kind(problem: Problem, kind: str, *, seconds: float | None = None) -> KindAnswer:
+    """The answer of one kind."""
     with total_budget(seconds):
         return _checked(problem, (kind,), lambda done, total: None)[kind]
 
 
 def _checked(
     problem: Problem, kinds: tuple[str, ...], progress: Callable[[int, int], None]
-) -> dict[str, Entry]:
-    """Every kind as for a design, which the first proved candidate settles."""
+) -> dict[str, KindAnswer]:
+    """Investigate every kind as for a design; the first proved candidate settles it."""
     problems: dict[str, Problem] = {}
     outcomes: dict[str, workflow.Outcome | InputError] = {}
     for kind in kinds:
@@ -63,26 +80,23 @@ def _checked(
         progress(settled, len(kinds))
 
     outcomes |= workflow.investigate_each(problems, first=True, done=settle)
-    return {kind: _entry(kind, outcomes[kind]) for kind in kinds}
+    return {kind: _answer(kind, outcomes[kind]) for kind in kinds}
 
 
-def _entry(kind: str, outcome: workflow.Outcome | InputError) -> Entry:
+def _answer(kind: str, outcome: workflow.Outcome | InputError) -> KindAnswer:
     if isinstance(outcome, InputError):
         verdict = verdict_of_refusal(outcome)
         missing = outcome.entry if isinstance(outcome, DoesNotApply) else ""
-        return _plain_entry(verdict, [str(outcome)], next_step(kind, verdict, missing=missing))
-    # what decided comes first
+        step = next_step(kind, verdict, missing=missing)
+        return KindAnswer(verdict, (str(outcome),), step)
+    # claims that decided the verdict come first
     failed = sorted(
         (claim for claim in outcome.claims if claim.verdict != "proved"),
         key=lambda claim: claim.verdict != outcome.verdict,
     )
-    reasons = [f"{claim.id}: {reason(claim)}" for claim in failed]
+    reasons = tuple(f"{claim.id}: {reason(claim)}" for claim in failed)
     step = next_step(kind, outcome.verdict, claim=failed[0].id if failed else "")
     end: Mapping[str, Any] = {}
     if outcome.verdict == "undecided":
         end = next((ended_part(claim.evidence) for claim in failed if is_ended(claim)), {})
-    return _plain_entry(outcome.verdict, reasons, step) | dict(end)
-
-
-def _plain_entry(verdict: str, reasons: list[str], step: str) -> Entry:
-    return {"verdict": verdict, "reasons": reasons, "next": step}
+    return KindAnswer(outcome.verdict, reasons, step, end)

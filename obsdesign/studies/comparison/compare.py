@@ -1,4 +1,4 @@
-"""Which observers there are, and how each does."""
+"""Comparison of all observers of a plant on one record."""
 
 from __future__ import annotations
 
@@ -17,36 +17,36 @@ from obsdesign.equations.interval import splits as interval
 from obsdesign.errors import InputError
 from obsdesign.problem.kinds import KINDS
 from obsdesign.problem.problem import Problem
-from obsdesign.studies.comparison.record import Record
-from obsdesign.studies.comparison.row import Row, filtered, run
+from obsdesign.studies.comparison.record import ComparisonRecord
+from obsdesign.studies.comparison.row import ComparisonRow, filtered, run
 from obsdesign.verification.answers import is_ended, reason, verdict_of_refusal
 
 Array = NDArray[np.float64]
 
-# what each kind can be told to do in another way
+# the option of each kind that selects a variant, and its values
 _VARIANTS: dict[str, tuple[str, tuple[str, ...]]] = {
     "interval": ("form", interval.FORMS),
     "impulsive": ("strategy", impulsive.STRATEGIES),
     "finite_time": ("method", finite_time.METHODS),
     "unknown_input": ("differentiator", ("cell", "damped", "batch", "fixed_lag")),
 }
-# a design beside the filter is run on so many rows at most
+# rows on which a design is compared with the filter
 MOST_ROWS = 5000
 
 
 def compare(
     problem: Problem,
-    record: Record,
+    record: ComparisonRecord,
     initial: Sequence[float] | None = None,
     *,
     seconds: float | None = None,
-) -> Iterator[Row]:
-    """One row per observer that the plant admits, as they come, then the filter.
+) -> Iterator[ComparisonRow]:
+    """One row per observer that the plant admits, then the filter.
 
-    Every kind as the problem asks for it, then in its other ways. initial: x1_lo, x1_hi, ... at the
-    first row; point observers begin in the middle. By default bounds around zero that are as far
-    from it as the true state is, and a unit beyond. seconds: of processor time that searches may
-    take in all.
+    Every kind with the problem's options, then its other variants. initial: x1_lo, x1_hi, ... at
+    the first row; point observers begin in the middle. By default bounds around zero that are as
+    far from it as the true state is, and a unit beyond. seconds: of processor time that searches
+    may take in all.
     """
     start = _initial(problem, record, initial)
     for (kind, value), outcome in _designs(problem, seconds).items():
@@ -55,14 +55,14 @@ def compare(
 
 
 def compare_with_kalman(
-    design: Design, record: Record, initial: Sequence[float] | None = None
-) -> tuple[Row, Row]:
+    design: Design, record: ComparisonRecord, initial: Sequence[float] | None = None
+) -> tuple[ComparisonRow, ComparisonRow]:
     """A design and the filter on the first rows of a record; initial: as for `compare`."""
     problem = Problem.from_dict(design.problem)
     x, d = (None if truth is None else truth[:MOST_ROWS] for truth in (record.x, record.d))
-    short = Record(record.samples[:MOST_ROWS], x, d)
+    short = ComparisonRecord(record.samples[:MOST_ROWS], x, d)
     start = _initial(problem, short, initial)
-    return Row(design.kind, "", "", **run(design, short, start)), filtered(
+    return ComparisonRow(design.kind, "", "", **run(design, short, start)), filtered(
         problem.plant, short, start
     )
 
@@ -70,33 +70,33 @@ def compare_with_kalman(
 def _designs(
     problem: Problem, seconds: float | None
 ) -> dict[tuple[str, str], workflow.Outcome | InputError]:
-    """(kind, way) -> its design, or why there is none; the way is "" as the problem asks for it."""
-    found: dict[tuple[str, str], workflow.Outcome | InputError] = {}
+    """(kind, variant) -> outcome or refusal; the variant is "" with the problem's own options."""
+    outcomes: dict[tuple[str, str], workflow.Outcome | InputError] = {}
     own: dict[tuple[str, str], Problem] = {}
     for kind in KINDS:
         try:
             own[kind, ""] = problem.for_kind(kind)[0]
         except InputError as error:
-            found[kind, ""] = error
+            outcomes[kind, ""] = error
     with total_budget(seconds):
-        found |= workflow.investigate_each(own)
-        ways: dict[tuple[str, str], Problem] = {}
-        for (kind, _), asked in own.items():
-            for value in _other_ways(kind, found[kind, ""]):
-                body = asked.to_dict()
-                # gains and a lag that were given are for the way that was asked for
+        outcomes |= workflow.investigate_each(own)
+        variants: dict[tuple[str, str], Problem] = {}
+        for (kind, _), own_problem in own.items():
+            for value in _other_variants(kind, outcomes[kind, ""]):
+                body = own_problem.to_dict()
+                # given gains and a given lag belong to the problem's own variant
                 body["observer"].pop("lag", None)
                 body["observer"] = {**body["observer"], _VARIANTS[kind][0]: value, "gains": {}}
                 try:
-                    ways[kind, value] = Problem.from_dict(body)
+                    variants[kind, value] = Problem.from_dict(body)
                 except InputError as error:
-                    found[kind, value] = error
-        found |= workflow.investigate_each(ways)
-    return dict(sorted(found.items(), key=lambda item: KINDS.index(item[0][0])))
+                    outcomes[kind, value] = error
+        outcomes |= workflow.investigate_each(variants)
+    return dict(sorted(outcomes.items(), key=lambda item: KINDS.index(item[0][0])))
 
 
-def _other_ways(kind: str, outcome: workflow.Outcome | InputError) -> list[str]:
-    """Values of the kind's option beside that of its design; none where there is no design."""
+def _other_variants(kind: str, outcome: workflow.Outcome | InputError) -> list[str]:
+    """Values of the kind's option other than that of its design; none without a design."""
     if isinstance(outcome, InputError) or outcome.design is None or outcome.verdict == "refuted":
         return []
     option, values = _VARIANTS.get(kind, ("", ()))
@@ -106,23 +106,25 @@ def _other_ways(kind: str, outcome: workflow.Outcome | InputError) -> list[str]:
 def _row(
     kind: str,
     outcome: workflow.Outcome | InputError,
-    record: Record,
+    record: ComparisonRecord,
     start: Array,
     value: str,
-) -> Row:
+) -> ComparisonRow:
     if isinstance(outcome, InputError):
-        return Row(kind, value, verdict_of_refusal(outcome), reason=str(outcome))
+        return ComparisonRow(kind, value, verdict_of_refusal(outcome), reason=str(outcome))
     design = outcome.design
     if outcome.verdict != "proved" or design is None:
         failed = [claim for claim in outcome.claims if claim.verdict == outcome.verdict]
         text = f"{failed[0].id}: {reason(failed[0])}" if failed else ""
         end = next((ended_part(claim.evidence) for claim in failed if is_ended(claim)), {})
-        return Row(kind, value, outcome.verdict, reason=text, ended=end)
+        return ComparisonRow(kind, value, outcome.verdict, reason=text, ended=end)
     variant = str(design.gains.get(_VARIANTS.get(kind, ("", ()))[0], ""))
     try:
-        return Row(kind, variant, "proved", _guarantee(design), **run(design, record, start))
+        return ComparisonRow(
+            kind, variant, "proved", _guarantee(design), **run(design, record, start)
+        )
     except (InputError, OversizeError) as error:
-        return Row(kind, variant, "proved", _guarantee(design), reason=str(error))
+        return ComparisonRow(kind, variant, "proved", _guarantee(design), reason=str(error))
 
 
 def _guarantee(design: Design) -> str:
@@ -140,7 +142,7 @@ def _guarantee(design: Design) -> str:
     }[design.kind]
 
 
-def _initial(problem: Problem, record: Record, initial: Sequence[float] | None) -> Array:
+def _initial(problem: Problem, record: ComparisonRecord, initial: Sequence[float] | None) -> Array:
     """Bounds (n, 2) of the state at the first row."""
     n = problem.plant.n
     if initial is None:

@@ -5,8 +5,9 @@
     y      = C x + v
 
 Bounded b and c are taken as independent from row to row and uniform in their bounds, unknown inputs
-d as random walks, impulses at unknown times as white noise. How fast the last two move has to be
-told: told right, the filter is better than an observer that assumes nothing, told wrong, worse.
+d as random walks, impulses at unknown times as white noise. The variances of the last two have to
+be given: with the right ones the filter is better than an observer that assumes nothing, with wrong
+ones worse.
 """
 
 from __future__ import annotations
@@ -71,7 +72,7 @@ def kalman_filter(
     if initial is not None:
         now.z[:n] = initial
     steps = _Steps(plant, walk)
-    R, found, log_likelihood = _noise(plant, rows), [], 0.0
+    R, means, log_likelihood = _noise(plant, rows), [], 0.0
     u = np.zeros(0 if plant.flow.B is None else plant.flow.B.shape[1])
     after = plant.output.jump_measurement == "after"
     centre = 0.0 if plant.output.noise_centre is None else plant.output.noise_centre
@@ -88,13 +89,13 @@ def kalman_filter(
         if row.jump and not after:
             now = steps.jump(now, row)
         u = u if row.u is None else np.asarray(row.u, dtype=np.float64)
-        found.append(now.z)
-    states = np.array(found).reshape(len(rows), n + q)
+        means.append(now.z)
+    states = np.array(means).reshape(len(rows), n + q)
     return Filtered(np.array([row.t for row in rows]), states[:, :n], states[:, n:], log_likelihood)
 
 
 def tuned_walk(plant: Plant, samples: Sequence[Sample], **start: Any) -> float:
-    """The walk, a power of ten, that makes a record most likely; 0 where nothing needs it."""
+    """The walk, a power of ten, of maximum likelihood; 0 where no input or impulse is unknown."""
     unknown_impulses = plant.jump is not None and plant.jump.H is not None
     if plant.flow.D is None and not unknown_impulses:
         return 0.0
@@ -117,21 +118,21 @@ def _noise(plant: Plant, rows: Sequence[Sample]) -> Array:
 
 
 def _update(now: _Moments, y: Array, C: Array, R: Array) -> tuple[_Moments, float]:
-    """After a measurement, and the logarithm of how likely it was."""
-    seen = np.hstack([C, np.zeros((len(C), len(now.z) - C.shape[1]))])
-    S = seen @ now.P @ seen.T + R
+    """The moments after a measurement, and its log-likelihood."""
+    output = np.hstack([C, np.zeros((len(C), len(now.z) - C.shape[1]))])
+    S = output @ now.P @ output.T + R
     S += _ROUNDING * float(S.diagonal().max()) * np.eye(len(y))  # or rounding makes it singular
-    missed = y - seen @ now.z
-    gain = np.linalg.solve(S, seen @ now.P).T
-    kept = np.eye(len(now.z)) - gain @ seen
+    residual = y - output @ now.z
+    gain = np.linalg.solve(S, output @ now.P).T
+    kept = np.eye(len(now.z)) - gain @ output
     P = kept @ now.P @ kept.T + gain @ R @ gain.T  # symmetric and positive, whatever the rounding
     size = np.linalg.slogdet(S)[1] + len(y) * np.log(2 * np.pi)
-    log_likelihood = -0.5 * float(missed @ np.linalg.solve(S, missed) + size)
-    return _Moments(now.z + gain @ missed, P), log_likelihood
+    log_likelihood = -0.5 * float(residual @ np.linalg.solve(S, residual) + size)
+    return _Moments(now.z + gain @ residual, P), log_likelihood
 
 
 class _Steps:
-    """What moves the moments; matrices of equal steps are made once."""
+    """Prediction of the moments; matrices of equal steps are made once."""
 
     def __init__(self, plant: Plant, walk: float) -> None:
         flow, n = plant.flow, plant.n

@@ -1,4 +1,4 @@
-"""What every observer of a comparison sees, and the truth where it is known."""
+"""The samples of a comparison, and the true states where they are known."""
 
 from __future__ import annotations
 
@@ -20,29 +20,29 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Record:
-    """What every observer sees, and the truth where it is known: x (rows, n), d (rows, q)."""
+class ComparisonRecord:
+    """Samples that every observer gets, and the true x (rows, n), d (rows, q) if known."""
 
     samples: tuple[Sample, ...]
     x: Array | None = None
     d: Array | None = None
 
     @staticmethod
-    def simulated(plant: Plant, **options: Any) -> Record:
+    def from_simulation(plant: Plant, **options: Any) -> ComparisonRecord:
         """A simulation of the plant; options: those of `simulation.simulate`.
 
         What is measured at jumps only is simulated for five times as long: a row is a jump.
         """
         if options.get("until") is None and plant.output.measured == "at_jumps":
             options["until"] = 5 * default_until(plant, "random")
-        made = simulate(plant, announced=True, **options)
-        given = {letter: made.block(letter) for letter in "uw" if made.block(letter).size}
-        samples = rows_of(made.t, made.block("y"), **given, jump=made.columns.get("jump"))
-        d = made.block("d")
-        return Record(tuple(samples), made.block("x"), d if d.size else None)
+        run = simulate(plant, announced=True, **options)
+        inputs = {letter: run.block(letter) for letter in "uw" if run.block(letter).size}
+        samples = rows_of(run.t, run.block("y"), **inputs, jump=run.columns.get("jump"))
+        d = run.block("d")
+        return ComparisonRecord(tuple(samples), run.block("x"), d if d.size else None)
 
     @staticmethod
-    def read(path: str, plant: Plant) -> Record:
+    def from_file(path: str, plant: Plant) -> ComparisonRecord:
         """A data file, with its truth where it has all of x1, ..., xn (and d1, ...)."""
         flow, jump = plant.flow, plant.jump
         u, w = (0 if X is None else X.shape[1] for X in (flow.B, None if jump is None else jump.E))
@@ -53,7 +53,9 @@ class Record:
         with open(path, encoding="utf-8", newline="") as stream:
             samples = tuple(read_samples(stream, layout, path))
         q = 0 if flow.D is None else flow.D.shape[1]
-        return Record(samples, _truth(columns, "x", plant.n, path), _truth(columns, "d", q, path))
+        return ComparisonRecord(
+            samples, _truth(columns, "x", plant.n, path), _truth(columns, "d", q, path)
+        )
 
 
 def _truth(columns: dict[str, list[str]], letter: str, count: int, path: str) -> Array | None:

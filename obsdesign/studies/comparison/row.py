@@ -16,7 +16,7 @@ from obsdesign.document import Design
 from obsdesign.problem.plant import Plant
 from obsdesign.runtime import from_design
 from obsdesign.studies.comparison.kalman import kalman_filter, tuned_walk
-from obsdesign.studies.comparison.record import Record
+from obsdesign.studies.comparison.record import ComparisonRecord
 
 Array = NDArray[np.float64]
 
@@ -26,7 +26,7 @@ _LATE = 0.5
 
 
 @dataclass(frozen=True)
-class Row:
+class ComparisonRow:
     """One observer. Errors and widths are root mean squares over the last half of the record.
 
     Rows whose guarantee does not hold are counted (`without`) and left out of them. reason: why
@@ -49,18 +49,18 @@ class Row:
     ended: Mapping[str, Any] = field(default_factory=dict)
 
 
-def run(design: Design, record: Record, start: Array) -> dict[str, Any]:
+def run(design: Design, record: ComparisonRecord, start: Array) -> dict[str, Any]:
     """Errors, widths and times of a design, started in the bounds (n, 2) or their middle."""
     observer: Any = from_design(design)
     begin = start if design.kind == "interval" else start.mean(axis=1)
     state = observer.start(record.samples[0].t, begin.reshape(-1).tolist())
     samples = record.samples
-    if not observer.reads["jump"]:  # it has to find for itself what others are told
+    if not observer.reads["jump"]:  # this kind detects impulses itself
         samples = tuple(sample._replace(jump=False) for sample in samples)
     clock = time.process_time()
     estimates = list(estimates_of(observer, state, iter(samples)))
     seconds = (time.process_time() - clock) / len(estimates)
-    found: dict[str, Any] = {
+    numbers: dict[str, Any] = {
         "seconds": seconds,
         "without": sum(estimate.status != "ok" for estimate in estimates),
     }
@@ -68,28 +68,28 @@ def run(design: Design, record: Record, start: Array) -> dict[str, Any]:
     good[: int(_LATE * len(good))] = False
     if estimates[0].lower is not None:
         low, high = (np.array([getattr(e, end) for e in estimates]) for end in ("lower", "upper"))
-        found["width"] = _size((high - low)[good])
+        numbers["width"] = _size((high - low)[good])
     if estimates[0].x is not None:
         x = np.array([estimate.x for estimate in estimates])
     else:
         with np.errstate(invalid="ignore"):  # where both ends are infinite there is no middle
             x = (low + high) / 2
     d = None if estimates[-1].d is None else np.array([estimate.d for estimate in estimates])
-    return found | _errors(record, x, d, good)
+    return numbers | _errors(record, x, d, good)
 
 
 def _errors(
-    record: Record, x: Array, d: Array | None, counted: NDArray[np.bool_]
+    record: ComparisonRecord, x: Array, d: Array | None, counted: NDArray[np.bool_]
 ) -> dict[str, Any]:
-    found: dict[str, Any] = {}
+    errors: dict[str, Any] = {}
     if record.x is not None and len(record.x) == len(x):
-        missed = np.abs(x - record.x)[counted]
-        found["error"] = _size(missed)
-        found["worst"] = float(np.nanmax(missed)) if np.isfinite(missed).any() else None
+        error = np.abs(x - record.x)[counted]
+        errors["error"] = _size(error)
+        errors["worst"] = float(np.nanmax(error)) if np.isfinite(error).any() else None
     if record.d is not None and d is not None and len(record.d) == len(d):
         # what is known at a row is the mean of d over the interval before it
-        found["input_error"] = _size((d - record.d)[counted])
-    return found
+        errors["input_error"] = _size((d - record.d)[counted])
+    return errors
 
 
 def _size(values: Array) -> float | None:
@@ -100,7 +100,7 @@ def _size(values: Array) -> float | None:
     return size if math.isfinite(size) else None
 
 
-def filtered(plant: Plant, record: Record, start: Array) -> Row:
+def filtered(plant: Plant, record: ComparisonRecord, start: Array) -> ComparisonRow:
     """The filter; the time of its tuning is not counted."""
     begin = {
         "initial": start.mean(axis=1),
@@ -108,17 +108,18 @@ def filtered(plant: Plant, record: Record, start: Array) -> Row:
     }
     walk = tuned_walk(plant, record.samples, **begin)
     clock = time.process_time()
-    found = kalman_filter(plant, record.samples, walk=walk, **begin)
+    estimates = kalman_filter(plant, record.samples, walk=walk, **begin)
     seconds = (time.process_time() - clock) / len(record.samples)
-    late = np.arange(len(found.t)) >= int(_LATE * len(found.t))
-    told = f"walk {walk:g}" if walk else ""
-    errors = _errors(record, found.x, found.d if found.d.size else None, late)
-    return Row(REFERENCE, told, "", "none", seconds=seconds, **errors)
+    late = np.arange(len(estimates.t)) >= int(_LATE * len(estimates.t))
+    variant = f"walk {walk:g}" if walk else ""
+    d = estimates.d if estimates.d.size else None
+    errors = _errors(record, estimates.x, d, late)
+    return ComparisonRow(REFERENCE, variant, "", "none", seconds=seconds, **errors)
 
 
-def table(rows: Sequence[Row]) -> tuple[list[str], list[list[str]]]:
+def table(rows: Sequence[ComparisonRow]) -> tuple[list[str], list[list[str]]]:
     """Titles and cells of the rows that ran, with the columns that one of them has."""
-    columns: dict[str, Callable[[Row], float | None]] = {
+    columns: dict[str, Callable[[ComparisonRow], float | None]] = {
         "error": lambda row: row.error,
         "worst": lambda row: row.worst,
         "width": lambda row: row.width,
@@ -127,12 +128,16 @@ def table(rows: Sequence[Row]) -> tuple[list[str], list[list[str]]]:
         "µs/row": lambda row: None if row.seconds is None else 1e6 * row.seconds,
     }
     ran = [row for row in rows if row.seconds is not None]
-    shown = {name: of for name, of in columns.items() if any(of(row) is not None for row in ran)}
-    cells = [[name_of(row), *(_cell(of(row)) for of in shown.values())] for row in ran]
+    shown = {
+        name: value_of
+        for name, value_of in columns.items()
+        if any(value_of(row) is not None for row in ran)
+    }
+    cells = [[name_of(row), *(_cell(value_of(row)) for value_of in shown.values())] for row in ran]
     return ["observer", *shown], cells
 
 
-def name_of(row: Row) -> str:
+def name_of(row: ComparisonRow) -> str:
     """Kind and variant, for people."""
     return ", ".join(word.replace("_", " ") for word in (row.kind, row.variant) if word)
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -29,17 +29,19 @@ from obsdesign import workflow
 from obsdesign.document import Claim
 from obsdesign.errors import InputError
 from obsdesign.problem.kinds import DWELL_SEARCHES, PERIOD_SEARCHES, SEARCHES
+from obsdesign.problem.options import LuenbergerOptions, memory_of
 from obsdesign.problem.problem import Problem
 from obsdesign.studies.search import period as period_search
+from obsdesign.studies.search.result import SearchResult
 from obsdesign.verification.answers import as_answers, is_ended
 
-# claims about the range itself; all others must hold before a range is looked for
-_OF_THE_RANGE = ("dwell_stability", "decay_rate", "hurwitz", "rates")
+# claims about the range itself; all others must hold before one is searched for
+_RANGE_CLAIMS = ("dwell_stability", "decay_rate", "hurwitz", "rates")
 
 
 @dataclass(frozen=True)
-class _Try:
-    """One candidate with its bracket (None: its gains are refused whatever the range)."""
+class _Attempt:
+    """One candidate with its bracket; None where its gains are refused for every range."""
 
     label: str
     bracket: Bracket | None
@@ -49,11 +51,11 @@ class _Try:
 
     @property
     def is_open(self) -> bool:
-        """Is it not refuted whatever the range?"""
+        """May some range hold? Not where the gains are refuted for every range."""
         return self.bracket is not None or overall(c.verdict for c in self.claims) != "refuted"
 
     def reach(self, shortest: bool) -> float:
-        """How far the proved range reaches; larger is better."""
+        """Extent of the proved range; larger is better."""
         if self.bracket is None or self.bracket.proved is None:
             return -math.inf
         return -self.bracket.proved if shortest else self.bracket.proved
@@ -64,10 +66,7 @@ def search(
 ) -> workflow.Outcome:
     """The bracket for `what`; accuracy is its relative width.
 
-    result: {"proved", "not_proved", "not_proved_verdict", "accuracy", "common_P", "open",
-    "islands", "form", "gains"}; common_P is the end that one P proves, where windows of dwell times
-    were tried beyond it, open what is left between proved and not proved, relative to the latter.
-    Where a budget ended the search, also what `lmi.time_budget.ended` has of it.
+    The outcome's result is that of `SearchResult`, or of `period.search_period`.
     Verdict: proved when the bracket is as tight as asked, undecided when it is wider, refuted when
     no range is admissible. InputError when the kind has no such search.
 
@@ -81,20 +80,22 @@ def search(
             with stretched(factor):
                 outcome = _searched(problem, what, accuracy)
             best = outcome if best is None else max(best, outcome, key=lambda o: _quality(o, what))
-            if not ended_part(outcome.result):
+            if not SearchResult.from_dict(outcome.result).ended:
                 break
     assert best is not None
     return best
 
 
 def _quality(outcome: workflow.Outcome, what: str) -> tuple[int, float, float]:
-    """Of two answers to one search the larger is better: decided, far on the proved side, tight."""
+    """Rank of an answer to a search: decided, far on the proved side, tight."""
     rank = ("undecided", "refuted", "proved").index(outcome.verdict)
-    proved, other = outcome.result["proved"], outcome.result["not_proved"]
+    result = SearchResult.from_dict(outcome.result)
+    proved, other = result.proved, result.not_proved
     if proved is None:
         return rank, -math.inf, -math.inf
     reach = -proved if what.startswith("shortest") else proved
-    return rank, reach, 0.0 if other in (None, proved) else -abs(other - proved)
+    gap = 0.0 if other is None or other == proved else abs(other - proved)
+    return rank, reach, -gap
 
 
 def _searched(problem: Problem, what: str, accuracy: float) -> workflow.Outcome:
@@ -102,15 +103,15 @@ def _searched(problem: Problem, what: str, accuracy: float) -> workflow.Outcome:
     if what in PERIOD_SEARCHES:
         return period_search.search_period(problem, what)
     kind, shortest = problem.require_kind(), what == "shortest_dwell"
-    tried: list[_Try] = []
+    tried: list[_Attempt] = []
     with collect_remarks() as remarks:
         for candidate in _candidates(problem):
             tried.append(_bracket(problem, candidate, shortest, accuracy, remarks))
             if candidate.searched and tried[-1].bracket is not None:
                 break
-    # a form that is refuted refutes nothing while another one is open
-    best = max(tried, key=lambda one: (one.reach(shortest), one.is_open))
-    gains_ended = next((one.evidence for one in reversed(remarks) if one.evidence), {})
+    # a refuted form does not refute the problem while another one is open
+    best = max(tried, key=lambda attempt: (attempt.reach(shortest), attempt.is_open))
+    gains_ended = next((entry.evidence for entry in reversed(remarks) if entry.evidence), {})
     return _outcome(problem, kind, best, shortest, accuracy, gains_ended)
 
 
@@ -121,7 +122,7 @@ def require_accuracy(accuracy: float) -> None:
 
 
 def require_search(problem: Problem, what: str, accuracy: float = ACCURACY) -> None:
-    """InputError unless `search` can be asked this of a problem of this kind."""
+    """InputError unless `search` knows this limit for a problem of this kind."""
     kind = problem.require_kind()
     if what not in SEARCHES:
         raise InputError(f"--for must be one of {', '.join(SEARCHES)}; got {what!r}.")
@@ -143,64 +144,69 @@ def require_search(problem: Problem, what: str, accuracy: float = ACCURACY) -> N
 
 
 def _candidates(problem: Problem) -> list[Any]:
-    """What the problem gives or leaves to be found; of gains that were searched for, the proved."""
+    """Candidates of synthesis; of gains that were searched for, the proved one."""
     synthesis = workflow.layer("synthesis", problem.require_kind())
-    found, proved = [], []
+    candidates, proved = [], []
     for candidate in synthesis.synthesize(problem):
-        found.append(candidate)
+        candidates.append(candidate)
         if {"P", "windows"} & set(candidate.certificates.get("dwell_stability", {})):
             proved.append(candidate)
         if proved and not candidate.goes_on:
             break
-    return proved[:1] if proved and found[0].searched else found
+    return proved[:1] if proved and candidates[0].searched else candidates
 
 
 def _bracket(
     problem: Problem, candidate: Any, shortest: bool, accuracy: float, remarks: Sequence[Remark]
-) -> _Try:
+) -> _Attempt:
     verification = workflow.layer("verification", problem.require_kind())
     gains = candidate.document()
     claims = verification.claims(problem, gains, {})
     claims = as_answers(candidate, claims, remarks)
-    if any(c.verdict != "proved" for c in claims if c.id not in _OF_THE_RANGE):
-        return _Try(candidate.label, None, claims, gains)
+    if any(c.verdict != "proved" for c in claims if c.id not in _RANGE_CLAIMS):
+        return _Attempt(candidate.label, None, claims, gains)
     low, high = problem.require_dwell_time()
     F, H = verification.dwell_pair(gains)
-    # a decay rate that is asked for has to hold over the range that is found
-    F = F + exact(float(problem.options.get("decay_rate", 0.0)) * np.eye(problem.plant.n))
+    # a required decay rate has to hold over the whole range
+    options = problem.options
+    rate = (options.decay_rate or 0.0) if isinstance(options, LuenbergerOptions) else 0.0
+    F = F + exact(rate * np.eye(problem.plant.n))
     jump = problem.plant.jump
-    asked: dict[str, Any] = {
-        "accuracy": accuracy,
-        "memory": problem.options.get("memory", "auto"),
-        "jitter": math.inf if jump is None else jump.dwell_jitter,
-    }
     find, kept = (shortest_dwell, high) if shortest else (longest_dwell, low)
-    bracket = find(F, H, kept, **asked)
-    return _Try(candidate.label, bracket, claims, gains, candidate.searched)
+    bracket = find(
+        F,
+        H,
+        kept,
+        accuracy=accuracy,
+        memory=memory_of(options),
+        jitter=math.inf if jump is None else jump.dwell_jitter,
+    )
+    return _Attempt(candidate.label, bracket, claims, gains, candidate.searched)
 
 
 def _outcome(
     problem: Problem,
     kind: str,
-    best: _Try,
+    best: _Attempt,
     shortest: bool,
     accuracy: float,
     gains_ended: Mapping[str, Any],
 ) -> workflow.Outcome:
     bracket = best.bracket
-    result: dict[str, Any] = {"proved": None, "not_proved": None, "not_proved_verdict": None}
     if bracket is None:
         verdict = overall(claim.verdict for claim in best.claims)
         end = next((ended_part(claim.evidence) for claim in best.claims if is_ended(claim)), {})
-        result |= {"form": best.label} | (end if verdict == "undecided" else {})
-        return workflow.Outcome(verdict, kind, best.claims, result, None)
-    result |= _numbers(problem, best, bracket, shortest, accuracy)
+        ended: Mapping[str, Any] = end if verdict == "undecided" else {}
+        result = SearchResult(form=best.label, ended=ended)
+        return workflow.Outcome(verdict, kind, best.claims, result.to_dict(), None)
+    result = _result(problem, best, bracket, shortest, accuracy)
     if bracket.proved is None:
-        # other gains may do where those that were found do not
-        open_question = best.searched or bracket.ended  # time may have ended before all was tried
-        verdict = "undecided" if open_question else bracket.verdict or "undecided"
-        result |= (bracket.ended or gains_ended) if verdict == "undecided" else {}
-        return workflow.Outcome(verdict, kind, best.claims, result, None)
+        # other gains may prove a range where these do not; time may have ended before all was tried
+        is_open = best.searched or bracket.ended
+        verdict = "undecided" if is_open else bracket.verdict or "undecided"
+        ended = (bracket.ended or gains_ended) if verdict == "undecided" else {}
+        body = replace(result, ended=ended).to_dict()
+        return workflow.Outcome(verdict, kind, best.claims, body, None)
     low, high = problem.require_dwell_time()
     ends = (bracket.proved, high) if shortest else (low, bracket.proved)
     narrowed = problem.with_dwell_time(*ends)
@@ -210,43 +216,43 @@ def _outcome(
     claims = verification.claims(narrowed, gains, certificates)
     proved = overall(c.verdict for c in claims) == "proved"
     unit = high if math.isfinite(high) else 1.0 / float(np.abs(best.gains["A"]).max())
-    verdict = "proved" if proved and _tight(bracket, accuracy, unit) else "undecided"
-    result |= bracket.ended if verdict == "undecided" else {}
-    return workflow.Outcome(verdict, kind, claims, result, None)
+    verdict = "proved" if proved and _is_tight(bracket, accuracy, unit) else "undecided"
+    result = replace(result, ended=bracket.ended if verdict == "undecided" else {})
+    return workflow.Outcome(verdict, kind, claims, result.to_dict(), None)
 
 
-def _numbers(
-    problem: Problem, best: _Try, bracket: Bracket, shortest: bool, accuracy: float
-) -> dict[str, Any]:
-    """What an answer holds of a bracket.
+def _result(
+    problem: Problem, best: _Attempt, bracket: Bracket, shortest: bool, accuracy: float
+) -> SearchResult:
+    """The result of an attempt that has a bracket.
 
-    A witness against gains that were searched for says nothing about other gains: the far end is
+    A witness against gains that were searched for does not concern other gains: the far end is
     refuted for the gains of the file only.
     """
     witness, reason, verdict = bracket.obstacle.get("witness"), _reason(bracket), bracket.verdict
-    these_gains = {}
+    these_gains: Mapping[str, Any] = {}
     if best.searched and verdict == "refuted":
-        these_gains = {"these_gains": {"witness": witness}}
+        these_gains = {"witness": witness}
         witness, verdict = None, "undecided"
         reason = f"other gains may do; for these, {reason}"
-    return {
-        "proved": bracket.proved,
-        "not_proved": bracket.not_proved,
-        "not_proved_verdict": verdict,
-        "accuracy": accuracy,
-        "kept": problem.require_dwell_time()[1 if shortest else 0],
-        "common_P": bracket.common,
-        "open": _open(bracket),
-        "islands": [list(island) for island in bracket.islands],
-        "reason": reason,
-        "witness": witness,
-        **these_gains,
-        "form": best.label,
-        "gains": {name: best.gains[name] for name in ("L", "M")},
-    }
+    return SearchResult(
+        proved=bracket.proved,
+        not_proved=bracket.not_proved,
+        not_proved_verdict=verdict,
+        accuracy=accuracy,
+        kept=problem.require_dwell_time()[1 if shortest else 0],
+        common_P=bracket.common,
+        open=_relative_gap(bracket),
+        islands=tuple(bracket.islands),
+        reason=reason,
+        witness=witness,
+        these_gains=these_gains,
+        form=best.label,
+        gains={name: best.gains[name] for name in ("L", "M")},
+    )
 
 
-def _tight(bracket: Bracket, accuracy: float, unit: float) -> bool:
+def _is_tight(bracket: Bracket, accuracy: float, unit: float) -> bool:
     if bracket.proved is None or bracket.not_proved is None:
         return bracket.proved is not None
     if math.isinf(bracket.not_proved):
@@ -257,7 +263,7 @@ def _tight(bracket: Bracket, accuracy: float, unit: float) -> bool:
     return width <= accuracy * max(abs(bracket.proved), abs(bracket.not_proved)) * (1 + 1e-9)
 
 
-def _open(bracket: Bracket) -> float | None:
+def _relative_gap(bracket: Bracket) -> float | None:
     """Relative width of what is neither proved nor refuted; None where that has no meaning."""
     if bracket.proved is None or not bracket.not_proved or math.isinf(bracket.not_proved):
         return None
@@ -265,7 +271,7 @@ def _open(bracket: Bracket) -> float | None:
 
 
 def _reason(bracket: Bracket) -> str | None:
-    """Why the other side is not proved."""
+    """Reason for which the other side is not proved."""
     witness = bracket.obstacle.get("witness", {})
     text = bracket.obstacle.get("reason") or witness.get("reason")
     return None if text is None else str(text)

@@ -1,4 +1,4 @@
-"""Which entry of a problem a sweep changes, and the values it takes.
+"""The entry of a problem that a sweep changes, and its values.
 
 An entry is written as in Python: `flow.A[0][1]`, `jump.dwell_time[1]`, `output.period`; indices
 begin with 0. It must stand in the normalised problem (defaults filled in) and hold a number.
@@ -47,6 +47,10 @@ class Axis:
         first, last = Fraction(repr(self.first)), Fraction(repr(self.last))
         return float(first + i * (last - first) / max(self.count - 1, 1))
 
+    def __str__(self) -> str:
+        """The axis as it is written for --over, ends shortened."""
+        return f"{self.key}={self.first:g}:{self.last:g}:{self.count}"
+
     def to_dict(self) -> dict[str, Any]:
         """The axis as it stands in the first line of a sweep file."""
         return {"key": self.key, "first": self.first, "last": self.last, "count": self.count}
@@ -85,7 +89,7 @@ def changed(body: Any, path: Path, value: float) -> dict[str, Any]:
 
 
 def require_number(body: Any, axis: Axis) -> None:
-    """InputError unless the entry of an axis is there and holds a number; says what is there."""
+    """InputError, with the entries there are, unless that of an axis holds a number."""
     place, so_far = body, ""
     for step in axis.path:
         place = _entered(place, step, so_far, axis.key)
@@ -93,11 +97,11 @@ def require_number(body: Any, axis: Axis) -> None:
     if _is_entry(place):
         return
     if isinstance(place, dict | list) and (below := entries(place, so_far)):
-        told = f"is {_shape(place)}, not one number. Choose one of {_listed(below)}"
+        reason = f"is {_shape(place)}, not one number. Choose one of {_listed(below)}"
     else:
         numbers = entries(body.get(axis.path[0], {}), str(axis.path[0]))
-        told = f"is {place!r}, not a number. Numbers there: {_listed(numbers) or 'none'}"
-    raise InputError(f"--over {axis.key}: it {told}.")
+        reason = f"is {place!r}, not a number. Numbers there: {_listed(numbers) or 'none'}"
+    raise InputError(f"--over {axis.key}: it {reason}.")
 
 
 def entries(body: Any, prefix: str = "") -> list[str]:

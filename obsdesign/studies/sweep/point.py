@@ -1,11 +1,11 @@
-"""One point of a sweep: a problem with other numbers, and what `search` or `design` says of it."""
+"""One point of a sweep: a changed problem, and the answer of `search` or `design`."""
 
 from __future__ import annotations
 
 import math
 import threading
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from lmi.memory import OversizeError
@@ -16,6 +16,7 @@ from obsdesign.errors import InputError
 from obsdesign.problem.kinds import KINDS, SEARCHES
 from obsdesign.problem.problem import Problem
 from obsdesign.studies.search import dwell_time as searching
+from obsdesign.studies.search.result import SearchResult
 from obsdesign.studies.sweep.axes import Axis, changed, require_number
 from obsdesign.verification.answers import is_ended, more_time, reason
 
@@ -32,13 +33,82 @@ QUALITIES: Mapping[str, Mapping[str, tuple[tuple[str, str], ...]]] = {
 }
 MOST_POINTS = 1_000_000
 _WIDER = "the bracket is wider than asked"
+_ENDED = ("ended_by", "seconds", "limit")
 # the precision of ball arithmetic belongs to the process: threads of one worker take turns
 _ONE_AT_A_TIME = threading.Lock()
 
 
+@dataclass(frozen=True, kw_only=True)
+class PointAnswer:
+    """The answer at a point: a verdict, and the proved number where there is one.
+
+    value: JSON-ready, "inf" where there is no limit; limit: the nearest end that is not proved and
+    its verdict, of a search; reason: why the verdict is not proved, or why no number is;
+    ended: the budget that ended the search, as `lmi.time_budget.ended` has it.
+    """
+
+    verdict: str
+    value: Any = None
+    limit: tuple[Any, str | None] | None = None
+    reason: str = ""
+    ended: Mapping[str, Any] = field(default_factory=dict)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Its entries in the line of its point."""
+        body = {"verdict": self.verdict, "value": self.value}
+        if self.limit is not None:
+            body |= {"not_proved": self.limit[0], "not_proved_verdict": self.limit[1]}
+        if self.reason:
+            body["reason"] = self.reason
+        return body | dict(self.ended)
+
+
+@dataclass(frozen=True)
+class SweepPoint:
+    """A point: its number, the values of the axes, and the answer or an error."""
+
+    index: int
+    at: tuple[float, ...]
+    answer: PointAnswer | None = None
+    error: str = ""
+
+    @property
+    def verdict(self) -> str:
+        """The verdict of its answer, or "error"."""
+        return "error" if self.answer is None else self.answer.verdict
+
+    @property
+    def value(self) -> Any:
+        """The proved number, "inf" where there is no limit; None where none is proved."""
+        return None if self.answer is None else self.answer.value
+
+    def to_dict(self) -> dict[str, Any]:
+        """The line of the point, JSON-ready, without its digest."""
+        body: dict[str, Any] = {"point": self.index, "at": list(self.at)}
+        if self.answer is None:
+            return body | {"error": self.error}
+        return body | self.answer.to_dict()
+
+    @staticmethod
+    def from_dict(row: Mapping[str, Any]) -> SweepPoint:
+        """The point of a line that `to_dict` wrote."""
+        index, at = int(row["point"]), tuple(row["at"])
+        if "verdict" not in row:
+            return SweepPoint(index, at, None, str(row.get("error", "")))
+        limit = (row["not_proved"], row.get("not_proved_verdict")) if "not_proved" in row else None
+        answer = PointAnswer(
+            verdict=str(row["verdict"]),
+            value=row.get("value"),
+            limit=limit,
+            reason=str(row.get("reason", "")),
+            ended={name: row[name] for name in _ENDED if name in row},
+        )
+        return SweepPoint(index, at, answer)
+
+
 @dataclass(frozen=True)
 class Plan:
-    """A problem (normalised, as a dict), one or two axes, and what is asked at every point.
+    """A problem (normalised, as a dict), one or two axes, and the question at every point.
 
     seconds: of processor time that the searches of one point may take; None for their own budgets.
     """
@@ -52,18 +122,18 @@ class Plan:
     def __len__(self) -> int:
         return math.prod(axis.count for axis in self.axes)
 
-    def at(self, index: int) -> list[float]:
+    def values_of(self, index: int) -> tuple[float, ...]:
         """Values of the axes at a point; the last axis changes fastest."""
         values: list[float] = []
         for axis in reversed(self.axes):
             index, i = divmod(index, axis.count)
             values.insert(0, axis.value(i))
-        return values
+        return tuple(values)
 
     def problem(self, index: int) -> Problem:
         """The problem of a point; InputError when it cannot be read with these numbers."""
         body: Any = self.body
-        for axis, value in zip(self.axes, self.at(index), strict=True):
+        for axis, value in zip(self.axes, self.values_of(index), strict=True):
             body = changed(body, axis.path, value)
         return Problem.from_dict(body)
 
@@ -71,7 +141,7 @@ class Plan:
 def plan_sweep(
     problem: Problem, axes: Sequence[Axis], what: str, accuracy: float, seconds: float | None = None
 ) -> Plan:
-    """A sweep that makes sense, or InputError: what is asked, how many axes, entries that exist."""
+    """A sweep, or InputError for its question, its number of axes, or entries that do not exist."""
     kind = problem.require_kind()
     searching.require_accuracy(accuracy)
     known = (*SEARCHES, *QUALITIES)
@@ -95,37 +165,40 @@ def plan_sweep(
     return plan
 
 
-def evaluate(plan: Plan, index: int) -> dict[str, Any]:
-    """The line of one point, JSON-ready; what goes wrong there is one line of text in it."""
-    row = {"point": index, "at": plan.at(index)}
+def evaluate(plan: Plan, index: int) -> SweepPoint:
+    """One point; an error there is one line of text in it."""
+    at = plan.values_of(index)
     with _ONE_AT_A_TIME:
         try:
             problem = plan.problem(index)
             if plan.what in SEARCHES:
-                found = searching.search(problem, plan.what, plan.accuracy, seconds=plan.seconds)
-                told = _searched(found)
+                outcome = searching.search(problem, plan.what, plan.accuracy, seconds=plan.seconds)
+                answer = _search_answer(outcome)
             else:
-                found = workflow.investigate(problem, seconds=plan.seconds)
-                told = _designed(found, plan.what)
-            result: dict[str, Any] = row | jsonable(told)
+                outcome = workflow.investigate(problem, seconds=plan.seconds)
+                answer = _design_answer(outcome, plan.what)
         except (InputError, OversizeError) as error:
-            return row | {"error": str(error)}
+            return SweepPoint(index, at, error=str(error))
         except Exception as error:  # whatever it is, the other points are worth having
-            return row | {"error": " ".join(f"{type(error).__name__}: {error}".split())}
-    return result
+            text = " ".join(f"{type(error).__name__}: {error}".split())
+            return SweepPoint(index, at, error=text)
+    return SweepPoint(index, at, answer)
 
 
-def _searched(outcome: workflow.Outcome) -> dict[str, Any]:
-    result = outcome.result
-    told = {"verdict": outcome.verdict, "value": result["proved"]}
-    told |= {name: result[name] for name in ("not_proved", "not_proved_verdict")}
-    return told if outcome.verdict == "proved" else told | _why(outcome)
+def _search_answer(outcome: workflow.Outcome) -> PointAnswer:
+    result = SearchResult.from_dict(outcome.result)
+    answer = PointAnswer(
+        verdict=outcome.verdict,
+        value=jsonable(result.proved),
+        limit=(jsonable(result.not_proved), result.not_proved_verdict),
+    )
+    return answer if outcome.verdict == "proved" else _with_reason(answer, outcome)
 
 
-def _designed(outcome: workflow.Outcome, what: str) -> dict[str, Any]:
-    told: dict[str, Any] = {"verdict": outcome.verdict, "value": None}
+def _design_answer(outcome: workflow.Outcome, what: str) -> PointAnswer:
+    answer = PointAnswer(verdict=outcome.verdict)
     if outcome.verdict != "proved":
-        return told | _why(outcome)
+        return _with_reason(answer, outcome)
     places = QUALITIES[what][outcome.kind]
     numbers = [
         claim.evidence[entry]
@@ -134,14 +207,16 @@ def _designed(outcome: workflow.Outcome, what: str) -> dict[str, Any]:
         if claim.id == name and claim.verdict == "proved" and entry in claim.evidence
     ]
     if numbers:  # of a number per state the largest
-        told["value"] = max(numbers[0]) if isinstance(numbers[0], list | tuple) else numbers[0]
-    elif places:
-        told["reason"] = f"the design is proved, no number for its {what.replace('_', ' ')} is"
-    return told
+        value = max(numbers[0]) if isinstance(numbers[0], list | tuple) else numbers[0]
+        return replace(answer, value=jsonable(value))
+    if places:
+        text = f"the design is proved, no number for its {what.replace('_', ' ')} is"
+        return replace(answer, reason=text)
+    return answer
 
 
-def _why(outcome: workflow.Outcome) -> dict[str, Any]:
-    """{"reason"}: the first claim that is not proved, or what a search says of its open side.
+def _with_reason(answer: PointAnswer, outcome: workflow.Outcome) -> PointAnswer:
+    """The answer with the first claim that is not proved, or the reason of a wide bracket.
 
     With the evidence of a budget that ended it.
     """
@@ -149,6 +224,10 @@ def _why(outcome: workflow.Outcome) -> dict[str, Any]:
     if open_claims:
         first = min(open_claims, key=lambda claim: claim.verdict != outcome.verdict)
         text, evidence = f"{first.id}: {reason(first)}", first.evidence
-        return {"reason": text} | (ended_part(evidence) if is_ended(first) else {})
-    text, end = str(outcome.result.get("reason") or _WIDER), ended_part(outcome.result)
-    return {"reason": f"{text}; {more_time(end)}" if end else text} | end
+        end = ended_part(evidence) if is_ended(first) else {}
+        return replace(answer, reason=text, ended=jsonable(end))
+    result = SearchResult.from_dict(outcome.result)
+    text = result.reason or _WIDER
+    if result.ended:
+        text = f"{text}; {more_time(result.ended)}"
+    return replace(answer, reason=text, ended=jsonable(result.ended))

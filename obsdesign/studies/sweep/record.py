@@ -1,4 +1,4 @@
-"""A sweep on disk: JSON lines, the first says which sweep, each further one holds a point.
+"""A sweep on disk: JSON lines, a header and one line per point.
 
 The digest at the end of a line is that of the first line and this point together. A point of
 another sweep, or one that was edited, does not match it.
@@ -22,79 +22,131 @@ from obsdesign.document import digest
 from obsdesign.entries import is_number
 from obsdesign.errors import InputError
 from obsdesign.output_files import write_text
-from obsdesign.studies.sweep.point import MOST_POINTS, Plan
+from obsdesign.studies.sweep.axes import Axis
+from obsdesign.studies.sweep.point import MOST_POINTS, Plan, SweepPoint
 
 FORMAT = "obsdesign/sweep"
 VERSION = 1
-# entry of the first line -> how a person calls it
-_WORDS = {
-    "problem": "problem",
-    "kind": "observer kind",
-    "over": "--over",
-    "for": "--for",
-    "accuracy": "--accuracy",
-    "time": "--time",
-    "obsdesign": "version of obsdesign",
-}
 
 
-def header(plan: Plan) -> dict[str, Any]:
-    """The first line: what has to be the same for a sweep to go on in a file."""
-    return {
-        "format": FORMAT,
-        "version": VERSION,
-        "name": plan.body["name"],
-        "kind": plan.body["observer"]["kind"],
-        "problem": digest(dict(plan.body)),
-        "over": [axis.to_dict() for axis in plan.axes],
-        "for": plan.what,
-        "accuracy": plan.accuracy,
-        "time": plan.seconds,
-        "obsdesign": __version__,
-    }
+@dataclass(frozen=True)
+class SweepHeader:
+    """The first line: the entries that have to agree for a sweep to continue in a file."""
+
+    name: str
+    kind: str
+    problem: str
+    over: tuple[Axis, ...]
+    quantity: str
+    accuracy: float
+    seconds: float | None
+    version: str
+
+    @staticmethod
+    def from_plan(plan: Plan) -> SweepHeader:
+        """The header of a plan, for this version of the package."""
+        return SweepHeader(
+            name=plan.body["name"],
+            kind=plan.body["observer"]["kind"],
+            problem=digest(dict(plan.body)),
+            over=plan.axes,
+            quantity=plan.what,
+            accuracy=plan.accuracy,
+            seconds=plan.seconds,
+            version=__version__,
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """The first line, JSON-ready."""
+        return {
+            "format": FORMAT,
+            "version": VERSION,
+            "name": self.name,
+            "kind": self.kind,
+            "problem": self.problem,
+            "over": [axis.to_dict() for axis in self.over],
+            "for": self.quantity,
+            "accuracy": self.accuracy,
+            "time": self.seconds,
+            "obsdesign": self.version,
+        }
+
+    @staticmethod
+    def from_dict(line: Mapping[str, Any]) -> SweepHeader:
+        """The header of a first line; entries that it lacks are empty."""
+        return SweepHeader(
+            name=line.get("name", ""),
+            kind=line.get("kind", ""),
+            problem=line.get("problem", ""),
+            over=tuple(Axis(**axis) for axis in line["over"]),
+            quantity=line.get("for", ""),
+            accuracy=line.get("accuracy", math.nan),
+            seconds=line.get("time"),
+            version=line.get("obsdesign", ""),
+        )
+
+    def difference(self, other: SweepHeader) -> str:
+        """The first entry in which `other` differs, with both values; "" if there is none."""
+        if self.problem != other.problem:
+            return "problem"
+        if self.kind != other.kind:
+            return f"observer kind: {self.kind} there, {other.kind} here"
+        if self.over != other.over:
+            old, new = (" ".join(map(str, header.over)) for header in (self, other))
+            return f"--over: {old} there, {new} here"
+        entries: tuple[tuple[str, Any, Any], ...] = (
+            ("--for", self.quantity, other.quantity),
+            ("--accuracy", self.accuracy, other.accuracy),
+            ("--time", self.seconds, other.seconds),
+            ("version of obsdesign", self.version, other.version),
+        )
+        for word, stored, planned in entries:
+            if stored != planned:
+                return f"{word}: {stored} there, {planned} here"
+        return ""
 
 
 @dataclass(frozen=True)
 class SweepFile:
-    """What a sweep file holds: its first line, the points that are finished, where they end."""
+    """A sweep file: its first line, the points that are finished, the offset where they end."""
 
-    header: Mapping[str, Any]
-    rows: Mapping[int, Mapping[str, Any]]
+    header: SweepHeader
+    points: Mapping[int, SweepPoint]
     end: int
 
     @property
     def count(self) -> int:
-        """Points of the whole sweep."""
-        return math.prod(axis["count"] for axis in self.header["over"])
+        """Number of points of the whole sweep."""
+        return math.prod(axis.count for axis in self.header.over)
 
 
-class Record:
-    """A sweep file that grows line by line; `finished` are the points it holds already.
+class SweepWriter:
+    """A sweep file that grows line by line; `points` are those it holds.
 
     InputError when the file is of another sweep, or of none.
     """
 
     def __init__(self, path: str, plan: Plan) -> None:
-        self._path, self._plan = path, plan
-        self.rows: dict[int, Mapping[str, Any]] = {}
-        self._first = (_line(header(plan)) + "\n").encode()
+        self._path, self._plan, self._header = path, plan, SweepHeader.from_plan(plan)
+        self.points: dict[int, SweepPoint] = {}
+        self._first = (_line(self._header.to_dict()) + "\n").encode()
         self._file: BinaryIO | None = None
         self._end = 0
         text = _bytes(path)
         if not self._first.startswith(text):  # more than a first line that was not finished
-            found = parse(text, path)
-            _require_same(found.header, header(plan), path)
-            self.rows |= found.rows
-            self._end = found.end
+            stored = parse(text, path)
+            _require_same(stored.header, self._header, path)
+            self.points |= stored.points
+            self._end = stored.end
 
-    def append(self, row: Mapping[str, Any]) -> None:
+    def append(self, point: SweepPoint) -> None:
         """Add the line of a point; it is in the file when this returns."""
-        self.rows[int(row["point"])] = row
+        self.points[point.index] = point
         file = self._file = self._file or self._opened()
-        file.write((_line(_signed(header(self._plan), row)) + "\n").encode())
+        file.write((self._signed_line(point) + "\n").encode())
         file.flush()
 
-    def __enter__(self) -> Record:
+    def __enter__(self) -> SweepWriter:
         return self
 
     def __exit__(
@@ -105,10 +157,12 @@ class Record:
     ) -> None:
         if self._file is not None:
             self._file.close()
-        if kind is None and len(self.rows) == len(self._plan):
-            head = header(self._plan)
-            points = (_signed(head, self.rows[index]) for index in sorted(self.rows))
-            write_text(self._path, "\n".join(map(_line, [head, *points])))
+        if kind is None and len(self.points) == len(self._plan):
+            lines = [self._signed_line(self.points[index]) for index in sorted(self.points)]
+            write_text(self._path, "\n".join([_line(self._header.to_dict()), *lines]))
+
+    def _signed_line(self, point: SweepPoint) -> str:
+        return _line(_signed(self._header.to_dict(), point.to_dict()))
 
     def _opened(self) -> BinaryIO:
         """The file behind its last finished line; made when there is a point to write."""
@@ -144,20 +198,21 @@ def parse(text: bytes, path: str) -> SweepFile:
         raise InputError(f"{path} line 1: over must be a list of axes. Was it edited?")
     if not 1 <= len(head["over"]) <= 2 or math.prod(a["count"] for a in head["over"]) > MOST_POINTS:
         raise InputError(f"{path} line 1: over must be one or two axes, with few enough points.")
-    found = SweepFile(head, {}, end)
-    rows: dict[int, Mapping[str, Any]] = {}
+    header = SweepHeader.from_dict(head)
+    count = SweepFile(header, {}, end).count
+    points: dict[int, SweepPoint] = {}
     for number, line in enumerate(lines[1:], start=2):
         row = _object(line, path, number)
         index = row.get("point")
-        if type(index) is not int or not 0 <= index < found.count or "at" not in row:
+        if type(index) is not int or not 0 <= index < count or "at" not in row:
             raise InputError(f"{path} line {number}: a point of this sweep is required.")
-        rows[index] = {key: value for key, value in row.items() if key != "digest"}
         if not _is_signed(head, row):
             raise InputError(
                 f"{path} line {number}: digest does not match the point and the first line. Is it "
                 "of another sweep, or was it edited? Remove the line to have it done again."
             )
-    return SweepFile(head, rows, end)
+        points[index] = SweepPoint.from_dict(row)
+    return SweepFile(header, points, end)
 
 
 def _signed(head: Mapping[str, Any], row: Mapping[str, Any]) -> dict[str, Any]:
@@ -191,21 +246,12 @@ def _object(line: bytes, path: str, number: int) -> dict[str, Any]:
     return body
 
 
-def _require_same(found: Mapping[str, Any], wanted: Mapping[str, Any], path: str) -> None:
-    for key, word in _WORDS.items():
-        if found.get(key) != wanted[key]:
-            before, now = _told(key, found.get(key)), _told(key, wanted[key])
-            told = "" if key == "problem" else f": {before} there, {now} here"
-            raise InputError(
-                f"{path}: holds a sweep with another {word}{told}. Name another file with -o, or "
-                "remove this one."
-            )
-
-
-def _told(key: str, value: Any) -> str:
-    if key == "over" and isinstance(value, list):
-        return " ".join(f"{a['key']}={a['first']:g}:{a['last']:g}:{a['count']}" for a in value)
-    return str(value)
+def _require_same(stored: SweepHeader, planned: SweepHeader, path: str) -> None:
+    if text := stored.difference(planned):
+        raise InputError(
+            f"{path}: holds a sweep with another {text}. Name another file with -o, or remove this "
+            "one."
+        )
 
 
 def _bytes(path: str) -> bytes:

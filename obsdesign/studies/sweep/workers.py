@@ -1,4 +1,4 @@
-"""Who works on the points of a sweep: this process, joblib's processes, or a Dask cluster.
+"""Evaluation of points: in this process, in joblib's processes, or on a Dask cluster.
 
 All three call `obsdesign.studies.sweep.point.evaluate` and yield its lines in the order they are
 ready. A worker that dies takes no finished point with it, and its own point is tried again.
@@ -14,9 +14,7 @@ from typing import Any
 
 from obsdesign.errors import InputError
 from obsdesign.output_files import unwinding_signals
-from obsdesign.studies.sweep.point import Plan, evaluate
-
-Row = dict[str, Any]
+from obsdesign.studies.sweep.point import Plan, SweepPoint, evaluate
 
 # starting processes, each with its imports, takes about as long: shorter sweeps stay here
 _SERIAL_SECONDS = 3.0
@@ -26,7 +24,7 @@ _DIED = "the process that worked on this point died more than once; was it out o
 
 def evaluate_all(
     plan: Plan, points: Sequence[int], jobs: int | None = None, scheduler: str | None = None
-) -> Iterator[Row]:
+) -> Iterator[SweepPoint]:
     """Lines of these points. jobs: processes; None for as many as there are cores, if it pays.
 
     scheduler: address of a Dask scheduler that is used instead. InputError when it cannot be.
@@ -51,7 +49,7 @@ def evaluate_all(
         yield from _on_processes(plan, left, jobs)
 
 
-def _on_processes(plan: Plan, points: Sequence[int], jobs: int) -> Iterator[Row]:
+def _on_processes(plan: Plan, points: Sequence[int], jobs: int) -> Iterator[SweepPoint]:
     """A pool that breaks names no point: the next one then runs alone, and is to blame or not."""
     from joblib import Parallel, delayed, parallel_config
     from joblib.externals.loky import get_reusable_executor
@@ -63,9 +61,9 @@ def _on_processes(plan: Plan, points: Sequence[int], jobs: int) -> Iterator[Row]
             pool = Parallel(n_jobs=jobs, batch_size=1, return_as="generator_unordered")
         try:
             with unwinding_signals():
-                for row in pool(delayed(evaluate)(plan, index) for index in batch):
-                    del left[row["point"]]
-                    yield row
+                for point in pool(delayed(evaluate)(plan, index) for index in batch):
+                    del left[point.index]
+                    yield point
             alone = False
         except SystemExit:  # of a signal: processes that go on would hold our output open
             get_reusable_executor().shutdown(wait=False, kill_workers=True)
@@ -77,10 +75,10 @@ def _on_processes(plan: Plan, points: Sequence[int], jobs: int) -> Iterator[Row]
             alone = not alone
 
 
-def _on_cluster(plan: Plan, points: Sequence[int], address: str) -> Iterator[Row]:
-    """The scheduler gives the point of a dead worker to another, up to its `allowed-failures`."""
+def _client(address: str) -> Any:
+    """A client of the Dask scheduler at an address; InputError where none answers."""
     try:
-        from distributed import Client, KilledWorker
+        from distributed import Client
         from distributed.comm.addressing import parse_address, parse_host_port
         from distributed.comm.registry import get_backend
     except ImportError:
@@ -94,13 +92,23 @@ def _on_cluster(plan: Plan, points: Sequence[int], address: str) -> Iterator[Row
         if scheme == "inproc":
             raise ValueError("another process cannot be reached by inproc")
         parse_host_port(location)
-        client = Client(address, timeout=_ANSWER_SECONDS, set_as_default=False)
+        return Client(address, timeout=_ANSWER_SECONDS, set_as_default=False)
     except (OSError, ValueError, ImportError) as error:
         text = " ".join(str(error).split()) or type(error).__name__
         raise InputError(
             f"--scheduler {address}: no Dask scheduler answers there: {text}"
         ) from None
-    with client:
+
+
+def _on_cluster(plan: Plan, points: Sequence[int], address: str) -> Iterator[SweepPoint]:
+    """The scheduler gives the point of a dead worker to another, up to its `allowed-failures`.
+
+    Not by joblib's Dask backend: it names no point when a worker dies, and computes in this process
+    where the cluster has one thread.
+    """
+    with _client(address) as client:
+        from distributed import KilledWorker
+
         executor, accused = client.get_executor(pure=False), []
         futures = {executor.submit(evaluate, plan, index): index for index in points}
         try:
@@ -121,5 +129,5 @@ def _on_cluster(plan: Plan, points: Sequence[int], address: str) -> Iterator[Row
             ) from None
 
 
-def _lost(plan: Plan, index: int) -> Row:
-    return {"point": index, "at": plan.at(index), "error": _DIED}
+def _lost(plan: Plan, index: int) -> SweepPoint:
+    return SweepPoint(index, plan.values_of(index), error=_DIED)

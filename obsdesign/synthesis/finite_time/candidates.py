@@ -120,3 +120,8 @@ def _injection(problem: Problem, k: int, units: Any = None) -> Injection:
 def _disturbed(plant: dict[str, Any]) -> bool:
     moved = np.any(plant["flow_lower"] != plant["flow_upper"])
     return bool(moved or np.any(plant["noise_bound"]))
+
+
+def untried(problem: Problem) -> dict[str, str]:
+    """Forms that are passed over, and why: none of this kind."""
+    return {}

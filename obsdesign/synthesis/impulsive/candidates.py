@@ -70,3 +70,8 @@ def _compressed(problem: Problem, only_if_singular: bool) -> Iterator[Candidate]
     if only_if_singular and U.shape[1] == problem.plant.n:
         return  # the image is all there is: nothing is gained
     yield windowed(problem, base(problem, "compressed") | {"image": U, "coimage": S}, "compressed")
+
+
+def untried(problem: Problem) -> dict[str, str]:
+    """Forms that are passed over, and why: none of this kind."""
+    return {}

@@ -122,3 +122,8 @@ def _certificates(problem: Problem, F: Any, M: Any, rate: float) -> dict[str, An
     if not {"P", "windows"} & set(asked):
         return dwell_certificates(F, H, *ends, **question(problem)) | {"decay_rate": asked}
     return {"dwell_stability": asked, "decay_rate": asked}
+
+
+def untried(problem: Problem) -> dict[str, str]:
+    """Forms that are passed over, and why: none of this kind."""
+    return {}

@@ -117,3 +117,8 @@ def _gains(problem: Problem, D: Matrix) -> tuple[str, dict[str, Any]]:
     gains |= {"first": reduced.first_state()}
     chosen = equations.differentiator(problem)
     return label, equations.without_empty(gains) | equations.differentiation(problem, chosen)
+
+
+def untried(problem: Problem) -> dict[str, str]:
+    """Forms that are passed over, and why: none of this kind."""
+    return {}

@@ -36,15 +36,15 @@ def body_of(**blocks: Any) -> dict[str, Any]:
 @pytest.mark.parametrize("example", ["degue_4_1", "ahn_1", "luteinizing_hormone", "oral_doses"])
 def test_every_kind_has_an_answer_and_the_examples_own_is_possible(example: str) -> None:
     problem = load(example)
-    verdict, found = check_all(problem)
+    verdict, answers = check_all(problem)
     assert verdict == "proved"
-    assert tuple(found) == KINDS
+    assert tuple(answers) == KINDS
     assert problem.kind is not None
-    assert found[problem.kind]["verdict"] == "proved"
-    for kind, entry in found.items():
-        assert (entry["verdict"] == "proved") == (not entry["reasons"])
-        if entry["verdict"] == "proved":
-            assert f"--kind {kind}" in entry["next"]
+    assert answers[problem.kind].verdict == "proved"
+    for kind, entry in answers.items():
+        assert (entry.verdict == "proved") == (not entry.reasons)
+        if entry.verdict == "proved":
+            assert f"--kind {kind}" in entry.next_step
 
 
 @pytest.mark.parametrize("example", [name for name in EXAMPLES if name not in HARD])
@@ -55,7 +55,7 @@ def test_check_says_what_design_says(example: str) -> None:
 def test_a_kind_that_takes_a_while_is_not_given_up() -> None:
     """An impulsive observer that half a second of searching finds."""
     problem = next(itertools.islice(plants(), 22, None))
-    assert check_kind(problem, "impulsive")["verdict"] == designed(problem, "impulsive") == "proved"
+    assert check_kind(problem, "impulsive").verdict == designed(problem, "impulsive") == "proved"
 
 
 APPLIES: list[tuple[str, dict[str, Any], str]] = [
@@ -93,18 +93,18 @@ def test_a_kind_that_does_not_apply_names_what_it_needs(
 ) -> None:
     problem = obsdesign.Problem.from_dict(body)
     entry = check_kind(problem, kind)
-    assert entry["verdict"] == "does_not_apply"
-    assert text in entry["reasons"][0]
+    assert entry.verdict == "does_not_apply"
+    assert text in entry.reasons[0]
     with pytest.raises(DoesNotApply) as refused:  # bad input for `design`: exit code 2
         obsdesign.investigate(problem.for_kind(kind)[0])
-    assert str(refused.value) == entry["reasons"][0]
+    assert str(refused.value) == entry.reasons[0]
 
 
 def test_impossible_has_a_witness() -> None:
     # x2 grows, and nothing shows it
     hidden = body_of(flow={"A": [[-1, 0], [0, 1]]}, output={"C": [[1, 0]]})
     entry = check_kind(obsdesign.Problem.from_dict(hidden), "luenberger")
-    assert entry["verdict"] == "refuted"
+    assert entry.verdict == "refuted"
     outcome = obsdesign.investigate(obsdesign.Problem.from_dict(hidden).for_kind("luenberger")[0])
     assert any(c.verdict == "refuted" and "witness" in c.evidence for c in outcome.claims)
 
@@ -112,14 +112,14 @@ def test_impossible_has_a_witness() -> None:
 def test_an_option_that_is_refused_is_no_witness() -> None:
     body = body_of(observer={"kind": "luenberger", "poles": [-1, -2, -3]})
     entry = check_kind(obsdesign.Problem.from_dict(body), "luenberger")
-    assert entry["verdict"] == "undecided"
-    assert "observer.poles must give 2 poles" in entry["reasons"][0]
+    assert entry.verdict == "undecided"
+    assert "observer.poles must give 2 poles" in entry.reasons[0]
 
 
 def test_the_whole_is_proved_or_open_or_refuted() -> None:
     nothing = body_of(output={"measured": "at_jumps"}, jump={"G": [[1, 0], [0, 1]]})
-    verdict, found = check_all(obsdesign.Problem.from_dict(nothing))
-    assert {entry["verdict"] for entry in found.values()} == {"does_not_apply"}
+    verdict, answers = check_all(obsdesign.Problem.from_dict(nothing))
+    assert {entry.verdict for entry in answers.values()} == {"does_not_apply"}
     assert verdict == "refuted"
 
 
@@ -134,25 +134,25 @@ def test_advice_speaks_of_claims_that_exist() -> None:
 def test_advice_answers_what_failed() -> None:
     body = load("degue_4_1").to_dict()
     body["jump"]["dwell_time"] = [0.5, "inf"]  # shorter than ln 2, with the gains of the file
-    _, found = check_all(obsdesign.Problem.from_dict(body))
-    assert found["interval"]["verdict"] == "refuted"
-    assert "shortest_dwell" in found["interval"]["next"]
-    assert "jump.H" in found["impulsive_input"]["next"]
+    _, answers = check_all(obsdesign.Problem.from_dict(body))
+    assert answers["interval"].verdict == "refuted"
+    assert "shortest_dwell" in answers["interval"].next_step
+    assert "jump.H" in answers["impulsive_input"].next_step
     periodic = obsdesign.Problem.from_dict(body_of(output={"measured": "periodic", "period": 0.1}))
-    assert 'measured = "at_jumps"' in check_kind(periodic, "luenberger")["next"]
-    assert "output.measured" in check_kind(periodic, "impulsive")["next"]
+    assert 'measured = "at_jumps"' in check_kind(periodic, "luenberger").next_step
+    assert "output.measured" in check_kind(periodic, "impulsive").next_step
     refused = obsdesign.Problem.from_dict(body_of(flow={"D": [[1], [0]]}))
-    assert check_kind(refused, "interval")["next"] == ""  # the reason says it all
+    assert check_kind(refused, "interval").next_step == ""  # the reason says it all
 
 
 def test_a_kind_beyond_the_budget_of_memory_is_undecided(monkeypatch: pytest.MonkeyPatch) -> None:
-    asked = obsdesign.Problem.from_dict({
+    large = obsdesign.Problem.from_dict({
         "flow": {"A": [[-1, 1], [0, -2]]},
         "output": {"C": [[1, 0]], "measured": "periodic", "period": 0.1},
     })  # fmt: skip
-    assert check_kind(asked, "finite_time")["verdict"] == "proved"
+    assert check_kind(large, "finite_time").verdict == "proved"
     monkeypatch.setattr("lmi.memory.BUDGET_BYTES", 32)
-    entry = check_kind(asked, "finite_time")
-    assert entry["verdict"] == "undecided"
-    assert len(entry["reasons"]) == 1
-    assert "of memory, and the budget is 3.052e-05 MiB: a shorter window is" in entry["reasons"][0]
+    entry = check_kind(large, "finite_time")
+    assert entry.verdict == "undecided"
+    assert len(entry.reasons) == 1
+    assert "of memory, and the budget is 3.052e-05 MiB: a shorter window is" in entry.reasons[0]

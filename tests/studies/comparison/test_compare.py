@@ -18,7 +18,7 @@ from obsdesign.problem.kinds import KINDS
 from obsdesign.runtime import from_design
 from obsdesign.studies.comparison import compare as comparison
 from obsdesign.studies.comparison.compare import compare
-from obsdesign.studies.comparison.record import Record
+from obsdesign.studies.comparison.record import ComparisonRecord
 from obsdesign.studies.comparison.row import REFERENCE
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
@@ -30,7 +30,9 @@ def load(name: str) -> obsdesign.Problem:
 
 def test_every_kind_is_answered_and_the_filter_comes_last() -> None:
     problem = load("degue_4_1")
-    record = Record.simulated(problem.plant, until=12.0, rng=np.random.default_rng(3))
+    record = ComparisonRecord.from_simulation(
+        problem.plant, until=12.0, rng=np.random.default_rng(3)
+    )
     rows = list(compare(problem, record))
     assert {row.kind for row in rows} == {*KINDS, REFERENCE}
     assert rows[-1].kind == REFERENCE
@@ -50,7 +52,9 @@ def test_every_kind_is_answered_and_the_filter_comes_last() -> None:
 
 def test_numbers_are_those_of_the_observer_alone() -> None:
     problem = load("degue_4_1")
-    record = Record.simulated(problem.plant, until=12.0, rng=np.random.default_rng(3))
+    record = ComparisonRecord.from_simulation(
+        problem.plant, until=12.0, rng=np.random.default_rng(3)
+    )
     row = next(row for row in compare(problem, record, [-3, 3, -3, 3]) if row.kind == "interval")
     observer: Any = from_design(obsdesign.design(problem))
     state = observer.init(t=0.0, lower=[-3, -3], upper=[3, 3])
@@ -63,7 +67,9 @@ def test_numbers_are_those_of_the_observer_alone() -> None:
 
 def test_a_kind_that_is_too_large_is_one_row(monkeypatch: pytest.MonkeyPatch) -> None:
     problem = load("degue_4_1")
-    record = Record.simulated(problem.plant, until=3.0, rng=np.random.default_rng(3))
+    record = ComparisonRecord.from_simulation(
+        problem.plant, until=3.0, rng=np.random.default_rng(3)
+    )
     text = "65 exponentials of 1100 states needs 600 MiB of memory, and the budget is 512 MiB: ..."
     own = comparison.run
 
@@ -82,7 +88,9 @@ def test_a_kind_that_is_too_large_is_one_row(monkeypatch: pytest.MonkeyPatch) ->
 
 def test_a_wider_start_never_narrows_the_bounds() -> None:
     problem = load("degue_4_1")
-    record = Record.simulated(problem.plant, until=3.0, rng=np.random.default_rng(3))
+    record = ComparisonRecord.from_simulation(
+        problem.plant, until=3.0, rng=np.random.default_rng(3)
+    )
     narrow, wide = (
         {row.variant: row.width for row in compare(problem, record, initial) if row.width}
         for initial in ([0, 2, 0, 2], [-5, 5, -5, 5])
@@ -98,7 +106,9 @@ def test_infinite_bounds_leave_an_estimate() -> None:
         output={"C": [[1, 1, 1]], "measured": "periodic", "period": 0.1, "noise_bound": [0.1]},
         observer={"kind": "finite_time", "window": 0.9},
     )
-    record = Record.simulated(problem.plant, until=6.0, rng=np.random.default_rng(3))
+    record = ComparisonRecord.from_simulation(
+        problem.plant, until=6.0, rng=np.random.default_rng(3)
+    )
     with warnings.catch_warnings():
         warnings.simplefilter("error", RuntimeWarning)
         rows = [row for row in compare(problem, record) if row.kind == "finite_time"]
@@ -112,7 +122,9 @@ def test_unknown_inputs_and_methods_are_compared() -> None:
     body = load("ahn_1").to_dict()
     body["output"]["noise_std"] = [0.01, 0.01]
     problem = obsdesign.Problem.from_dict(body)
-    record = Record.simulated(problem.plant, until=6.0, rng=np.random.default_rng(0))
+    record = ComparisonRecord.from_simulation(
+        problem.plant, until=6.0, rng=np.random.default_rng(0)
+    )
     rows = {(row.kind, row.variant): row for row in compare(problem, record)}
     mine = {variant for kind, variant in rows if kind == "unknown_input"}
     assert mine == {"cell", "damped", "batch", "fixed_lag"}
@@ -166,7 +178,7 @@ def test_the_table_names_what_runs_and_why_the_rest_does_not() -> None:
         cli, ["compare", str(EXAMPLES / "degue_4_1.toml"), "--until", "4"], standalone_mode=False
     )
     assert done.return_value == 0
-    told = " ".join(done.output.split())
-    assert "interval, cooperative" in told
-    assert "Kalman filter" in told
-    assert "impulsive input: jump.H is required" in told
+    text = " ".join(done.output.split())
+    assert "interval, cooperative" in text
+    assert "Kalman filter" in text
+    assert "impulsive input: jump.H is required" in text

@@ -51,8 +51,8 @@ def test_without_disturbance_it_is_weighted_least_squares(seed: int, n: int, aft
         if jump[k] and not after:
             Phi = built.jump.G @ Phi
     x0 = np.linalg.lstsq(np.vstack(rows), np.concatenate(values), rcond=None)[0]
-    found = kalman_filter(built, rows_of(t, y, jump=jump), initial_variance=25.0)
-    assert np.allclose(found.x[-1], Phi @ x0, atol=1e-7 * (1 + np.abs(Phi).max()))
+    estimates = kalman_filter(built, rows_of(t, y, jump=jump), initial_variance=25.0)
+    assert np.allclose(estimates.x[-1], Phi @ x0, atol=1e-7 * (1 + np.abs(Phi).max()))
 
 
 def test_it_is_as_good_as_it_thinks_where_its_model_is_true() -> None:
@@ -92,6 +92,6 @@ def test_known_inputs_and_the_unknown_one_are_used() -> None:
     built = obsdesign.Problem.from_dict(body).plant
     record = simulate(built, until=30.0, disturbance="extreme", rng=np.random.default_rng(2))
     d = record.block("d")[-1]
-    found = kalman_filter(built, rows_of(record.t, record.block("y")), walk=1e-2)
-    assert np.allclose(found.d[-1], d, atol=0.05 * (1 + np.abs(d).max()))
-    assert np.allclose(found.x[-1], record.block("x")[-1], atol=0.05)
+    estimates = kalman_filter(built, rows_of(record.t, record.block("y")), walk=1e-2)
+    assert np.allclose(estimates.d[-1], d, atol=0.05 * (1 + np.abs(d).max()))
+    assert np.allclose(estimates.x[-1], record.block("x")[-1], atol=0.05)

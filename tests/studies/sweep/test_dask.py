@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from obsdesign import InputError
-from obsdesign.studies.sweep.point import evaluate
+from obsdesign.studies.sweep.point import SweepPoint, evaluate
 from obsdesign.studies.sweep.record import read_sweep
 from obsdesign.studies.sweep.run import run_sweep
 from tests.cli.test_commands import command
@@ -34,8 +34,8 @@ def cluster() -> Iterator[Any]:
 
 
 def test_a_killed_worker_loses_nothing(cluster: Any, tmp_path: Path) -> None:
-    asked = plan("jump.dwell_time[1]=0.1:1:12", "jump.G[0][0]=0.2:0.6:2")
-    expected = [evaluate(asked, index) for index in range(len(asked))]
+    sweep_plan = plan("jump.dwell_time[1]=0.1:1:12", "jump.G[0][0]=0.2:0.6:2")
+    expected = [evaluate(sweep_plan, index) for index in range(len(sweep_plan))]
     killed: list[int] = []
 
     def kill_one(done: int, total: int) -> None:
@@ -45,20 +45,20 @@ def test_a_killed_worker_loses_nothing(cluster: Any, tmp_path: Path) -> None:
 
     path = tmp_path / "s.jsonl"
     address = cluster.scheduler_address
-    assert run_sweep(asked, str(path), scheduler=address, progress=kill_one) == expected
+    assert run_sweep(sweep_plan, str(path), scheduler=address, progress=kill_one) == expected
     assert killed
     here = tmp_path / "here.jsonl"
-    run_sweep(asked, str(here), jobs=1)
+    run_sweep(sweep_plan, str(here), jobs=1)
     assert path.read_bytes() == here.read_bytes()
 
 
 def test_from_the_command_line(cluster: Any, tmp_path: Path) -> None:
-    asked = ("sweep", ACADEMIC, "--over", "jump.dwell_time[0]=0.6:0.8:3")
+    arguments = ("sweep", ACADEMIC, "--over", "jump.dwell_time[0]=0.6:0.8:3")
     address = ("--scheduler", cluster.scheduler_address)
-    done = command(*asked, *address, cwd=tmp_path)
+    done = command(*arguments, *address, cwd=tmp_path)
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout == "written: sweep.jsonl, 3 points: 2 proved, 1 refuted\n"
-    both = command(*asked, *address, "--jobs", 2, "-o", "b.jsonl", cwd=tmp_path)
+    both = command(*arguments, *address, "--jobs", 2, "-o", "b.jsonl", cwd=tmp_path)
     assert (both.returncode, both.stdout) == (2, "")
     assert both.stderr == (
         "obsdesign: --jobs is for processes here, --scheduler has its own; give one.\n"
@@ -67,16 +67,16 @@ def test_from_the_command_line(cluster: Any, tmp_path: Path) -> None:
 
 
 def test_a_point_that_kills_workers_is_told(tmp_path: Path, monkeypatch: Any) -> None:
-    asked = plan("jump.dwell_time[1]=0.1:1:4", name="no/such/folder/flag")
-    expected = [evaluate(asked, index) for index in range(len(asked))]
-    expected[1] = {"point": 1, "at": [0.4], "error": DIED}
+    sweep_plan = plan("jump.dwell_time[1]=0.1:1:4", name="no/such/folder/flag")
+    expected = [evaluate(sweep_plan, index) for index in range(len(sweep_plan))]
+    expected[1] = SweepPoint(1, (0.4,), error=DIED)
     monkeypatch.setattr("obsdesign.studies.sweep.workers.evaluate", dies)
     with (
         dask.config.set({"distributed.scheduler.allowed-failures": 0}),
         distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0") as few,
     ):
         address = few.scheduler_address
-        assert run_sweep(asked, str(tmp_path / "s.jsonl"), scheduler=address) == expected
+        assert run_sweep(sweep_plan, str(tmp_path / "s.jsonl"), scheduler=address) == expected
 
 
 CLUSTER = """
@@ -94,20 +94,20 @@ def test_a_scheduler_that_dies_is_one_line(tmp_path: Path) -> None:
     path = tmp_path / "sweep.jsonl"
     with subprocess.Popen([sys.executable, "-c", CLUSTER], text=True, **quiet) as cluster:
         address = cluster.stdout.readline().strip()
-        asked = ("sweep", ACADEMIC, "--over", "jump.dwell_time[0]=0.6:1.4:60", "--scheduler")
+        arguments = ("sweep", ACADEMIC, "--over", "jump.dwell_time[0]=0.6:1.4:60", "--scheduler")
         code = "from obsdesign.cli.main import main; main()"
-        run = subprocess.Popen([sys.executable, "-c", code, *map(str, asked), address],
+        run = subprocess.Popen([sys.executable, "-c", code, *map(str, arguments), address],
                                cwd=tmp_path, text=True, **pipes)  # fmt: skip
         while not path.exists() or path.read_bytes().count(b"\n") < 4:
             assert run.poll() is None, run.stderr.read()
         cluster.kill()
-        said, told = run.communicate(timeout=60)
-    assert (run.returncode, said) == (2, "")
-    assert told == (
+        out, err = run.communicate(timeout=60)
+    assert (run.returncode, out) == (2, "")
+    assert err == (
         f"obsdesign: --scheduler {address}: the cluster is gone. Finished points are kept; the "
         "same command goes on from there.\n"
     )
-    assert len(read_sweep(str(path)).rows) >= 3
+    assert len(read_sweep(str(path)).points) >= 3
 
 
 def test_nobody_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

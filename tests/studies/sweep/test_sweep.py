@@ -25,8 +25,8 @@ from obsdesign.pages.plotting.sweep import plot_sweep
 from obsdesign.studies.search.dwell_time import search
 from obsdesign.studies.sweep import workers
 from obsdesign.studies.sweep.axes import Axis, changed, entries, parse_axis, require_number
-from obsdesign.studies.sweep.point import Plan, evaluate, plan_sweep
-from obsdesign.studies.sweep.record import header, read_sweep
+from obsdesign.studies.sweep.point import Plan, SweepPoint, evaluate, plan_sweep
+from obsdesign.studies.sweep.record import SweepHeader, read_sweep
 from obsdesign.studies.sweep.run import run_sweep
 from tests.cli.test_commands import ROOT, command
 
@@ -47,7 +47,7 @@ def plan(*over: str, what: str = "verdict", name: str = "plant") -> Plan:
     return plan_sweep(stability(name), [parse_axis(text) for text in over], what, 1e-6)
 
 
-def dies(plan: Plan, index: int) -> dict[str, Any]:
+def dies(plan: Plan, index: int) -> SweepPoint:
     """Point 1 kills its process: the first time if a flag can be raised, else every time."""
     flag = Path(plan.body["name"])
     if index == 1 and not flag.exists():
@@ -61,19 +61,19 @@ DWELL = "jump.dwell_time[1]=0.1:1:7"
 
 
 def test_a_point_is_what_a_search_says_alone(tmp_path: Path) -> None:
-    asked = plan("jump.G[1][1]=0.2:0.8:3", "flow.A[1][1]=1.2:-1:2", what="longest_dwell")
-    rows = run_sweep(asked, str(tmp_path / "s.jsonl"))
-    assert [row["at"] for row in rows] == [[g, a] for g in (0.2, 0.5, 0.8) for a in (1.2, -1.0)]
+    sweep_plan = plan("jump.G[1][1]=0.2:0.8:3", "flow.A[1][1]=1.2:-1:2", what="longest_dwell")
+    rows = run_sweep(sweep_plan, str(tmp_path / "s.jsonl"))
+    assert [row.at for row in rows] == [(g, a) for g in (0.2, 0.5, 0.8) for a in (1.2, -1.0)]
     for row in rows:
         body = stability().to_dict()
-        body["jump"]["G"][1][1], body["flow"]["A"][1][1] = row["at"]
+        body["jump"]["G"][1][1], body["flow"]["A"][1][1] = row.at
         alone = search(obsdesign.Problem.from_dict(body), "longest_dwell")
-        assert row["verdict"] == alone.verdict
-        assert row["value"] == jsonable(alone.result["proved"])
-        assert row["not_proved"] == jsonable(alone.result["not_proved"])
-        grows = row["at"][1] > 0
-        limit = -np.log(row["at"][0]) / 1.2 if grows else np.inf
-        assert float(row["value"]) == pytest.approx(limit, rel=2e-6)
+        assert row.verdict == alone.verdict
+        assert row.value == jsonable(alone.result["proved"])
+        assert row.answer.limit[0] == jsonable(alone.result["not_proved"])
+        grows = row.at[1] > 0
+        limit = -np.log(row.at[0]) / 1.2 if grows else np.inf
+        assert float(row.value) == pytest.approx(limit, rel=2e-6)
 
 
 @pytest.mark.parametrize(
@@ -81,14 +81,14 @@ def test_a_point_is_what_a_search_says_alone(tmp_path: Path) -> None:
 )
 def test_a_point_is_what_a_design_says_alone(what: str, claim: str, entry: str) -> None:
     problem = obsdesign.load_problem(ACADEMIC)
-    asked = plan_sweep(problem, [parse_axis("jump.dwell_time[0]=0.6:0.8:2")], what, 1e-6)
-    refuted, proved = (evaluate(asked, index) for index in (0, 1))
+    sweep_plan = plan_sweep(problem, [parse_axis("jump.dwell_time[0]=0.6:0.8:2")], what, 1e-6)
+    refuted, proved = (evaluate(sweep_plan, index) for index in (0, 1))
     design = obsdesign.design(problem.with_dwell_time(0.8, float("inf")))
     evidence = {c.id: c.evidence for c in design.claims}[claim]
-    assert proved["value"] == np.max(evidence[entry])
-    assert (proved["verdict"], refuted["verdict"]) == ("proved", "refuted")
-    assert refuted["value"] is None
-    assert refuted["reason"].startswith("dwell_stability: ")
+    assert proved.value == np.max(evidence[entry])
+    assert (proved.verdict, refuted.verdict) == ("proved", "refuted")
+    assert refuted.value is None
+    assert refuted.answer.reason.startswith("dwell_stability: ")
 
 
 def test_the_error_of_samples_grows_with_their_noise() -> None:
@@ -96,40 +96,43 @@ def test_the_error_of_samples_grows_with_their_noise() -> None:
         flow={"A": [[0, 1], [-1, 0]]}, observer={"kind": "finite_time", "window": 0.8},
         output={"C": [[1, 0]], "measured": "periodic", "period": 0.2, "noise_bound": [0.1]},
     )  # fmt: skip
-    asked = plan_sweep(problem, [parse_axis("output.noise_bound[0]=0.1:0.2:2")], "error", 1e-6)
-    one, two = (evaluate(asked, index)["value"] for index in (0, 1))
+    sweep_plan = plan_sweep(problem, [parse_axis("output.noise_bound[0]=0.1:0.2:2")], "error", 1e-6)
+    one, two = (evaluate(sweep_plan, index).value for index in (0, 1))
     assert two == pytest.approx(2 * one, rel=1e-6)
 
 
 @pytest.mark.parametrize("jobs", [None, 1, 2])
 def test_neither_workers_nor_order_change_the_file(tmp_path: Path, jobs: int | None) -> None:
-    asked = plan(DWELL)
-    expected = [evaluate(asked, index) for index in range(len(asked))]
-    assert {row["verdict"] for row in expected} == {"proved", "refuted"}
-    rows = run_sweep(asked, str(tmp_path / "s.jsonl"), jobs=jobs)
+    sweep_plan = plan(DWELL)
+    expected = [evaluate(sweep_plan, index) for index in range(len(sweep_plan))]
+    assert {row.verdict for row in expected} == {"proved", "refuted"}
+    rows = run_sweep(sweep_plan, str(tmp_path / "s.jsonl"), jobs=jobs)
     assert rows == expected
-    shuffled = random.Random(3).sample(range(len(asked)), len(asked))
-    found = list(workers.evaluate_all(asked, shuffled, jobs))
-    assert sorted(found, key=lambda row: row["point"]) == expected
+    shuffled = random.Random(3).sample(range(len(sweep_plan)), len(sweep_plan))
+    points = list(workers.evaluate_all(sweep_plan, shuffled, jobs))
+    assert sorted(points, key=lambda row: row.index) == expected
     text = [json.loads(line) for line in (tmp_path / "s.jsonl").read_text("utf-8").splitlines()]
     signatures = [line.pop("digest") for line in text[1:]]
-    assert text == [header(asked), *expected]
-    assert len(set(signatures)) == len(asked)
+    assert text == [
+        SweepHeader.from_plan(sweep_plan).to_dict(),
+        *(point.to_dict() for point in expected),
+    ]
+    assert len(set(signatures)) == len(sweep_plan)
 
 
 @pytest.mark.parametrize("cut", [0, 1, 40, -1, -2, -60, -200])
 def test_an_interrupted_sweep_goes_on(tmp_path: Path, cut: int) -> None:
-    asked, path = plan(DWELL), tmp_path / "s.jsonl"
-    run_sweep(asked, str(path))
+    sweep_plan, path = plan(DWELL), tmp_path / "s.jsonl"
+    run_sweep(sweep_plan, str(path))
     whole = path.read_bytes()
     lines = whole.splitlines(keepends=True)
     stopped = b"".join([lines[0], *random.Random(cut).sample(lines[1:], len(lines) - 1)])
     path.write_bytes(stopped[:cut])
     kept = max(stopped[:cut].count(b"\n") - 1, 0)
     steps: list[int] = []
-    run_sweep(asked, str(path), progress=lambda done, total: steps.append(done))
+    run_sweep(sweep_plan, str(path), progress=lambda done, total: steps.append(done))
     assert path.read_bytes() == whole
-    assert steps == list(range(kept, len(asked) + 1))
+    assert steps == list(range(kept, len(sweep_plan) + 1))
 
 
 @pytest.mark.parametrize(
@@ -165,40 +168,39 @@ def test_a_point_that_was_edited_or_is_of_another_sweep(tmp_path: Path, edit: An
 
 
 def test_a_complete_sweep_is_not_done_again(tmp_path: Path, monkeypatch: Any) -> None:
-    asked, path = plan(DWELL), str(tmp_path / "s.jsonl")
-    rows = run_sweep(asked, path)
+    sweep_plan, path = plan(DWELL), str(tmp_path / "s.jsonl")
+    rows = run_sweep(sweep_plan, path)
     monkeypatch.setattr(workers, "evaluate", None)
-    assert run_sweep(asked, path) == rows
+    assert run_sweep(sweep_plan, path) == rows
 
 
 def test_a_dead_process_loses_nothing(tmp_path: Path, monkeypatch: Any) -> None:
-    asked = plan(DWELL, name=str(tmp_path / "flag"))
-    expected = [evaluate(asked, index) for index in range(len(asked))]
+    sweep_plan = plan(DWELL, name=str(tmp_path / "flag"))
+    expected = [evaluate(sweep_plan, index) for index in range(len(sweep_plan))]
     monkeypatch.setattr(workers, "evaluate", dies)
-    assert run_sweep(asked, str(tmp_path / "s.jsonl"), jobs=2) == expected
+    assert run_sweep(sweep_plan, str(tmp_path / "s.jsonl"), jobs=2) == expected
     assert (tmp_path / "flag").exists()
 
 
 def test_a_point_that_kills_its_process_is_told(tmp_path: Path, monkeypatch: Any) -> None:
-    asked = plan(DWELL, name="no/such/folder/flag")
-    expected = [evaluate(asked, index) for index in range(len(asked))]
-    expected[1] = {"point": 1, "at": [0.25], "error": DIED}
+    sweep_plan = plan(DWELL, name="no/such/folder/flag")
+    expected = [evaluate(sweep_plan, index) for index in range(len(sweep_plan))]
+    expected[1] = SweepPoint(1, (0.25,), error=DIED)
     monkeypatch.setattr(workers, "evaluate", dies)
-    assert run_sweep(asked, str(tmp_path / "s.jsonl"), jobs=2) == expected
+    assert run_sweep(sweep_plan, str(tmp_path / "s.jsonl"), jobs=2) == expected
 
 
 def test_errors_are_kept_and_the_sweep_goes_on(tmp_path: Path, monkeypatch: Any) -> None:
-    asked = plan("jump.dwell_time[0]=-0.05:0.15:3")
-    rows = run_sweep(asked, str(tmp_path / "s.jsonl"))
+    sweep_plan = plan("jump.dwell_time[0]=-0.05:0.15:3")
+    rows = run_sweep(sweep_plan, str(tmp_path / "s.jsonl"))
     assert (
-        rows[0]["error"]
-        == "jump.dwell_time: the shortest dwell time must be >= 0; got [-0.05, 0.1]."
+        rows[0].error == "jump.dwell_time: the shortest dwell time must be >= 0; got [-0.05, 0.1]."
     )
-    assert rows[1]["verdict"] == "proved"
-    assert rows[2]["error"].endswith("got [0.15, 0.1]. Is it reversed?")
+    assert rows[1].verdict == "proved"
+    assert rows[2].error.endswith("got [0.15, 0.1]. Is it reversed?")
     broken = "obsdesign.studies.sweep.point.workflow.investigate"
     monkeypatch.setattr(broken, lambda problem, **_: [][1])  # a mistake of ours costs one point
-    assert evaluate(asked, 1)["error"] == "IndexError: list index out of range"
+    assert evaluate(sweep_plan, 1).error == "IndexError: list index out of range"
 
 
 @pytest.mark.parametrize("what", ["verdict", "longest_dwell"])
@@ -209,10 +211,10 @@ def test_a_point_that_is_too_large_is_told_like_any_refusal(what: str) -> None:
         jump={"G": 0.5 * np.eye(n), "dwell_time": [0.1, 1]},
         observer={"kind": "luenberger", "gains": {"L": np.zeros((n, 1)), "M": np.zeros((n, 1))}},
     )  # fmt: skip
-    asked = plan_sweep(large, [parse_axis("jump.dwell_time[0]=0.1:0.2:2")], what, 1e-3)
-    row = evaluate(asked, 1)
-    assert row["at"] == [0.2]
-    assert re.match(r"a search for \d+ matrices of 66 states with .* GiB of memory", row["error"])
+    sweep_plan = plan_sweep(large, [parse_axis("jump.dwell_time[0]=0.1:0.2:2")], what, 1e-3)
+    row = evaluate(sweep_plan, 1)
+    assert row.at == (0.2,)
+    assert re.match(r"a search for \d+ matrices of 66 states with .* GiB of memory", row.error)
 
 
 def test_another_sweep_is_refused(tmp_path: Path) -> None:
@@ -256,11 +258,13 @@ def test_another_sweep_is_refused(tmp_path: Path) -> None:
     ],
 )
 def test_files_that_are_no_sweep(tmp_path: Path, text: bytes, complaint: str) -> None:
-    asked, path = plan(DWELL), tmp_path / "s.jsonl"
-    path.write_bytes(text.replace(b"HEAD", json.dumps(header(asked)).encode()))
+    sweep_plan, path = plan(DWELL), tmp_path / "s.jsonl"
+    path.write_bytes(
+        text.replace(b"HEAD", json.dumps(SweepHeader.from_plan(sweep_plan).to_dict()).encode())
+    )
     before = path.read_bytes()
     with pytest.raises(InputError) as error:
-        run_sweep(asked, str(path))
+        run_sweep(sweep_plan, str(path))
     assert complaint in str(error.value)
     assert path.read_bytes() == before
     with pytest.raises(InputError):
@@ -346,11 +350,11 @@ def flat(body: Any) -> list[Any]:
 
 
 def test_from_the_command_line(tmp_path: Path) -> None:
-    asked = ("sweep", ACADEMIC, "--over", "jump.dwell_time[0]=0.6:0.8:3", "--for", "width")
-    done = command(*asked, "-o", "s.jsonl", cwd=tmp_path)
+    arguments = ("sweep", ACADEMIC, "--over", "jump.dwell_time[0]=0.6:0.8:3", "--for", "width")
+    done = command(*arguments, "-o", "s.jsonl", cwd=tmp_path)
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout == "written: s.jsonl, 3 points: 2 proved, 1 refuted\n"
-    again = command("--quiet", *asked, "-o", "s.jsonl", "--jobs", 2, cwd=tmp_path)
+    again = command("--quiet", *arguments, "-o", "s.jsonl", "--jobs", 2, cwd=tmp_path)
     assert (again.returncode, again.stdout, again.stderr) == (0, "", "")
     drawn = command("plot", "s.jsonl", "-o", "s.png", cwd=tmp_path)
     assert (drawn.returncode, drawn.stdout) == (0, "written: s.png\n")
@@ -366,9 +370,9 @@ def on_a_terminal(*arguments: object, cwd: Path, **environment: str) -> str:
 
     code = f"import sys; sys.argv[1:] = {list(map(str, arguments))!r}; from obsdesign.cli.main import main; main()"
     ours, theirs = pty.openpty()
-    told = {**os.environ, "COLUMNS": "80", "TERM": "xterm", **environment}
+    variables = {**os.environ, "COLUMNS": "80", "TERM": "xterm", **environment}
     with subprocess.Popen(
-        [sys.executable, "-c", code], cwd=cwd, env=told, stderr=theirs, stdout=theirs
+        [sys.executable, "-c", code], cwd=cwd, env=variables, stderr=theirs, stdout=theirs
     ) as run:
         os.close(theirs)
         text = b""
@@ -381,21 +385,21 @@ def on_a_terminal(*arguments: object, cwd: Path, **environment: str) -> str:
 
 
 def test_progress_is_for_terminals_that_want_it(tmp_path: Path) -> None:
-    asked = ("sweep", ACADEMIC, "--over", "jump.dwell_time[0]=0.8:0.9:2", "--jobs", 1)
-    assert "2/2" in on_a_terminal(*asked, "-o", "a.jsonl", cwd=tmp_path)
-    assert on_a_terminal("--quiet", *asked, "-o", "b.jsonl", cwd=tmp_path) == ""
-    told = on_a_terminal(*asked, "-o", "c.jsonl", cwd=tmp_path, NO_COLOR="1")
-    assert told == "written: c.jsonl, 2 points: 2 proved\r\n"
+    arguments = ("sweep", ACADEMIC, "--over", "jump.dwell_time[0]=0.8:0.9:2", "--jobs", 1)
+    assert "2/2" in on_a_terminal(*arguments, "-o", "a.jsonl", cwd=tmp_path)
+    assert on_a_terminal("--quiet", *arguments, "-o", "b.jsonl", cwd=tmp_path) == ""
+    output = on_a_terminal(*arguments, "-o", "c.jsonl", cwd=tmp_path, NO_COLOR="1")
+    assert output == "written: c.jsonl, 2 points: 2 proved\r\n"
 
 
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT])
 def test_a_killed_run_goes_on(tmp_path: Path, how: int) -> None:
-    asked = ("sweep", ACADEMIC, "--over", "jump.dwell_time[0]=0.6:1.4:9", "--jobs", 1)
+    arguments = ("sweep", ACADEMIC, "--over", "jump.dwell_time[0]=0.6:1.4:9", "--jobs", 1)
     path = tmp_path / "sweep.jsonl"
     # a run in the background of a shell ignores SIGINT, and so would its children
     code = (
         "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler); "
-        f"sys.argv[1:] = {list(map(str, asked))!r}; from obsdesign.cli.main import main; main()"
+        f"sys.argv[1:] = {list(map(str, arguments))!r}; from obsdesign.cli.main import main; main()"
     )
     with subprocess.Popen(
         [sys.executable, "-c", code], cwd=tmp_path, stderr=subprocess.PIPE
@@ -403,15 +407,17 @@ def test_a_killed_run_goes_on(tmp_path: Path, how: int) -> None:
         while not path.exists() or path.read_bytes().count(b"\n") < 4:
             assert run.poll() is None
         run.send_signal(how)
-        told = run.stderr.read() if run.stderr else b""
-    assert (run.returncode, told) == ((130, b"") if how == signal.SIGINT else (-how, b""))
+        err = run.stderr.read() if run.stderr else b""
+    assert (run.returncode, err) == ((130, b"") if how == signal.SIGINT else (-how, b""))
     there = path.read_bytes().count(b"\n")
     assert 4 <= there < 10
     assert (
-        command(*asked, cwd=tmp_path).stdout
+        command(*arguments, cwd=tmp_path).stdout
         == "written: sweep.jsonl, 9 points: 8 proved, 1 refuted\n"
     )
-    whole = plan_sweep(obsdesign.load_problem(ACADEMIC), [parse_axis(asked[3])], "verdict", 1e-6)
+    whole = plan_sweep(
+        obsdesign.load_problem(ACADEMIC), [parse_axis(arguments[3])], "verdict", 1e-6
+    )
     run_sweep(whole, str(tmp_path / "whole.jsonl"), jobs=1)
     assert path.read_bytes() == (tmp_path / "whole.jsonl").read_bytes()
 
@@ -459,7 +465,7 @@ def test_points_without_a_number_have_their_colour(
     assert not any(has_colour(tmp_path / "s.png", colour) for colour in absent)
     lines = Path(path).read_bytes().splitlines(keepends=True)
     Path(path).write_bytes(b"".join(lines[:-1]))  # interrupted: what there is can be seen
-    assert len(read_sweep(path).rows) == len(lines) - 2
+    assert len(read_sweep(path).points) == len(lines) - 2
     plot_sweep(path, str(tmp_path / "part.svg"))
 
 

@@ -1,0 +1,132 @@
+"""The JSON Schema of problem files, made from the dataclasses of plant and options.
+
+python -m docs.problem_schema > obsdesign/problem/problem.schema.json
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import MISSING, fields
+from typing import Any
+
+from obsdesign.problem.kinds import GAINS, KINDS, OPTIONS
+from obsdesign.problem.options import OPTIONS_OF
+from obsdesign.problem.plant import Flow, Jump, Output
+from obsdesign.problem.schema import DEFINITIONS, entry_name, ref
+
+HEAD = {
+    "$schema": "https://json-schema.org/draft/2020-12/schema",
+    "$id": "obsdesign/problem/1",
+    "title": "obsdesign problem",
+    "description": "A linear plant with jumps and what is asked of it; TOML, or JSON with the same "
+    'keys. Infinity is inf in TOML and the string "inf" in JSON, allowed only as the upper dwell '
+    "time and as dwell_jitter. Shapes, bounds and finiteness are checked beyond this schema.",
+    "type": "object",
+    "required": ["flow", "output"],
+    "additionalProperties": False,
+}
+NAME = {"type": "string", "title": "a text", "description": "What the plant is called."}
+BLOCKS = {
+    "flow": (Flow, "x'(t) = A x + B u(t) + D d(t) + b(t) between jumps."),
+    "jump": (Jump, "x(t) = G x(t-) + E w[k] + H g[k] + c[k] at jump times."),
+    "output": (Output, "y = C x + v."),
+}
+KIND = {
+    "enum": list(KINDS),
+    "title": "an observer kind",
+    "description": "Which observer; without one, only commands that ask for all kinds can be used.",
+}
+GAIN_DESCRIPTIONS = {
+    "D0": "n x n: own split of A - L C = D0 - D1.",
+    "D1": "n x n: own split of A - L C = D0 - D1.",
+    "Gn": "n x n: own split of the jump matrix, Gp - Gn.",
+    "Gp": "n x n: own split of the jump matrix, Gp - Gn.",
+    "K": "n x p: output injection, A - K C.",
+    "L": "Gain of the flow. interval, luenberger: n x p, A - L C (interval with periodic "
+    "measurement: at samples, x+ = x + L(y - C x)). finite_time: n x p, A + L C. unknown_input: "
+    "(n-q) x (p-q), in the coordinates of T1.",
+    "M": "n x p: gain at jumps.",
+    "S": "n x n: coordinates, invertible.",
+    "S2": "n x n: coordinates at jumps, invertible.",
+    "T": "n x n: jump matrix in the coordinates S2.",
+    "T1": "n x n: coordinates [Ta, D], invertible; given with L.",
+}
+
+
+def schema() -> dict[str, Any]:
+    """The schema of a problem file."""
+    blocks = {name: _block(name, *about) for name, about in BLOCKS.items()}
+    kinds = {kind: _kind(kind) for kind in KINDS}
+    return {
+        **HEAD,
+        "properties": {"name": NAME, **blocks, "observer": _observer()},
+        "$defs": {**DEFINITIONS, "kind": KIND, **kinds},
+    }
+
+
+def _block(name: str, block: Any, description: str) -> dict[str, Any]:
+    declared = [entry for entry in fields(block) if entry_name(entry)]
+    required = [entry_name(e) for e in declared if e.default is MISSING]
+    return {
+        "type": "object",
+        "title": f"a table [{name}]",
+        "description": description,
+        **({"required": required} if required else {}),
+        "additionalProperties": False,
+        "properties": {entry_name(entry): entry.metadata["schema"] for entry in declared},
+    }
+
+
+def _observer() -> dict[str, Any]:
+    """The [observer] block: all gains and options; `allOf` selects those of its kind."""
+    gains = {
+        name: {**ref("gain_matrix"), "description": text}
+        for name, text in GAIN_DESCRIPTIONS.items()
+    }
+    options = sorted({name for names in OPTIONS.values() for name in names})
+    return {
+        "type": "object",
+        "title": "a table [observer]",
+        "description": "Kind, gains that are kept, options.",
+        "properties": {
+            "kind": ref("kind"),
+            "gains": {
+                "type": "object",
+                "title": "a table of gain matrices",
+                "properties": gains,
+                "additionalProperties": False,
+                "description": "Gains that are kept; what is missing is synthesised.",
+            },
+        },
+        "propertyNames": {"enum": ["kind", "gains", *options]},
+        "allOf": [
+            {
+                "if": {"properties": {"kind": {"const": kind}}, "required": ["kind"]},
+                "then": ref(kind),
+            }
+            for kind in KINDS
+        ],
+    }
+
+
+def _kind(kind: str) -> dict[str, Any]:
+    gains = dict.fromkeys(GAINS[kind], True)
+    options: Any = OPTIONS_OF[kind]
+    return {
+        "title": f"[observer] of kind {kind}",
+        "properties": {
+            "kind": True,
+            "gains": {"properties": gains, "additionalProperties": False},
+            **{option.name: option.metadata["schema"] for option in fields(options)},
+        },
+        "additionalProperties": False,
+    }
+
+
+def text() -> str:
+    """The schema as the package stores it."""
+    return json.dumps(schema(), indent=1, ensure_ascii=False) + "\n"
+
+
+if __name__ == "__main__":
+    print(text(), end="")

@@ -1,0 +1,281 @@
+"""Options of the [observer] block: one frozen dataclass per kind.
+
+None stands where the file has none.
+
+A field declares the JSON Schema of its entry. Values are those of `observer_options.options`:
+finite numbers, lists as tuples, read-only tables.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Literal
+
+from obsdesign.errors import InputError
+from obsdesign.problem.options_base import Options, option
+from obsdesign.problem.schema import (
+    FLAG,
+    POSITIVE,
+    POSITIVE_LIST,
+    at_least,
+    list_of,
+    one_of,
+    ref,
+)
+
+if TYPE_CHECKING:
+    from obsdesign.problem.plant import Plant
+
+Memory = int | Literal["auto"]
+Pole = float | tuple[float, float]
+
+_MEMORY = (
+    "Dwell times a certificate may look at: auto (default), 0 for one common matrix, or a depth."
+)
+_POLES = "Poles of the error's flow, one per state of it; one of a conjugate pair stands for both."
+_WEIGHTS = (
+    "Diagonal weights of the Riccati equation for L, in the plant's coordinates; default ones."
+)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class IntervalOptions(Options):
+    """Options of kind interval."""
+
+    form: str | None = option(
+        one_of("cooperative", "split", "coordinates", "two_coordinates", "auto"),
+        "How positivity is reached; default auto: all in this order.",
+    )
+    objective: str | None = option(
+        one_of("feasible", "shortest_dwell", "narrowest"),
+        "What missing gains are chosen for; default feasible.",
+    )
+    gain_limit: float | None = option(POSITIVE, "Largest absolute entry of L and M.")
+    width: str | None = option(
+        one_of("mean", "pre_jump"),
+        "Which width objective narrowest makes small: its time average (default), or the one just "
+        "before jumps.",
+    )
+    width_weights: tuple[float, ...] | None = option(
+        list_of(
+            at_least(0, "a nonnegative number"), "a list of nonnegative numbers, one per state"
+        ),
+        "Weight of each state's width in objective narrowest; default all alike. Only their ratios "
+        "matter.",
+    )
+    memory: Memory | None = option(ref("memory"), _MEMORY, whole=True)
+
+    def check(self, plant: Plant) -> None:
+        """InputError unless there is a width weight per state, and one of them is not zero."""
+        _check_count("width_weights", self.width_weights, plant.n, "state")
+        if self.width_weights is not None and not any(self.width_weights):
+            raise InputError("observer.width_weights must not all be zero.")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LuenbergerOptions(Options):
+    """Options of kind luenberger."""
+
+    poles: tuple[Pole, ...] | None = option(ref("poles"), _POLES)
+    decay_rate: float | None = option(
+        at_least(0, "a number >= 0"), "Exponential decay that is asked for, per unit of time."
+    )
+    weights: Mapping[str, tuple[float, ...]] | None = option(ref("weights"), _WEIGHTS)
+    memory: Memory | None = option(ref("memory"), _MEMORY, whole=True)
+    schedule: int | tuple[float, ...] | None = option(
+        {
+            "anyOf": [
+                {"type": "integer", "minimum": 2},
+                {"type": "array", "items": POSITIVE, "minItems": 1},
+            ],
+            "title": "a number of cells >= 2, or a list of cell borders",
+        },
+        "Jump gains that depend on the past dwell time: number of cells of the dwell range, or "
+        "their borders.",
+        whole=True,
+    )
+
+    def check(self, plant: Plant) -> None:
+        """InputError unless the weights have the plant's sizes and cell borders increase."""
+        _check_weights(self.weights, plant)
+        cells = self.schedule
+        if isinstance(cells, tuple) and any(a >= b for a, b in itertools.pairwise(cells)):
+            from obsdesign.entries import shown  # the command line loads this file without numpy
+
+            raise InputError(f"observer.schedule must be increasing; got {shown(list(cells))}.")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ImpulsiveOptions(Options):
+    """Options of kind impulsive."""
+
+    window: int | None = option(
+        {"type": "integer", "minimum": 1, "title": "a whole number >= 1"},
+        "Number of impulses that a gain looks back at.",
+        whole=True,
+    )
+    alpha: float | None = option(
+        {"type": "number", "exclusiveMinimum": 1, "title": "a number > 1"},
+        "Weight of the past; the error is guaranteed to shrink by 1/alpha per impulse.",
+    )
+    strategy: str | None = option(
+        one_of("full", "compressed", "subspace", "quadratic", "auto"),
+        "Which condition the gain rests on; default auto: all in this order.",
+    )
+    decay_rate: float | None = option(
+        at_least(0, "a number >= 0"),
+        "Exponential decay that is asked for, per unit of time; chooses alpha.",
+    )
+    noise_target: tuple[float, ...] | None = option(
+        POSITIVE_LIST,
+        "Largest standard deviation wanted of each state's error just after an impulse, for "
+        "measurement noise noise_std (1 where none is given); chooses window and alpha.",
+    )
+
+    def check(self, plant: Plant) -> None:
+        """InputError unless there is a noise target per state."""
+        _check_count("noise_target", self.noise_target, plant.n, "state")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FiniteTimeOptions(Options):
+    """Options of kind finite_time."""
+
+    window: float | None = option(
+        POSITIVE, "T: time after which the state is known; a multiple of output.period."
+    )
+    method: str | None = option(
+        one_of("approximate", "exact", "least_squares", "minimax"),
+        "How the state is computed from the window; default least_squares.",
+    )
+    objective: str | None = option(
+        one_of("longest_period", "shortest_window", "least_noise"),
+        "What is searched for among period, window and gains.",
+    )
+    half_sample_correction: bool | None = option(
+        FLAG, "Method approximate: take off the half-sample delay of (14)."
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ImpulsiveInputOptions(Options):
+    """Options of kind impulsive_input."""
+
+    window: float | None = option(
+        POSITIVE, "tau: length of the sliding window, below the shortest dwell time."
+    )
+    exponents: tuple[float, ...] | None = option(
+        list_of(ref("number"), "a list of numbers"),
+        "Lambda: distinct exponents of the modulating kernels.",
+    )
+    margin: float | None = option(
+        POSITIVE,
+        "epsilon: onsets in the last part of the window are not decided; less than window.",
+    )
+    ratio: float | None = option(
+        POSITIVE,
+        "r: how far the residual error may stand out against an impulse; chooses the exponents.",
+    )
+    weighting: str | None = option(
+        one_of("plain", "gls"), "Norm of the fit: plain, or gls for measurement noise."
+    )
+    operator: str | None = option(
+        one_of("integral", "samples"), "Kernels as integrals, or as exact sums over few samples."
+    )
+    check_exponents: bool | None = option(
+        FLAG, "Ask IPOPT whether other exponents of the same ratio are less sensitive to noise."
+    )
+    state_correction: bool | None = option(
+        FLAG, "gls: correct the state with each impulse; default true."
+    )
+    initial_std: tuple[float, ...] | None = option(
+        list_of(at_least(0, "a number >= 0"), "a list of numbers >= 0"),
+        "gls: standard deviation of the initial state, one per state; default from the data.",
+    )
+    nonnegative: bool | None = option(FLAG, "Weights of impulses are not negative.")
+    threshold: float | None = option(
+        POSITIVE,
+        "eta: an impulse is evaluated when the norm of the features exceeds it, instead of at a "
+        "maximum.",
+    )
+
+    def check(self, plant: Plant) -> None:
+        """InputError unless exponents differ and margin and deviations fit window and states."""
+        exponents = self.exponents or ()
+        for i, exponent in enumerate(exponents):
+            if exponent in exponents[:i]:
+                raise InputError(f"observer.exponents must differ; {exponent!r} stands twice.")
+        window = math.inf if self.window is None else self.window
+        if self.margin is not None and self.margin >= window:
+            raise InputError(
+                f"observer.margin must be less than observer.window = {window!r}; got "
+                f"{self.margin!r}."
+            )
+        _check_count("initial_std", self.initial_std, plant.n, "state")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class UnknownInputOptions(Options):
+    """Options of kind unknown_input."""
+
+    poles: tuple[Pole, ...] | None = option(ref("poles"), _POLES)
+    weights: Mapping[str, tuple[float, ...]] | None = option(ref("weights"), _WEIGHTS)
+    differentiator: str | None = option(
+        one_of("cell", "damped", "batch", "fixed_lag"),
+        "How the output is differentiated. Default: fixed_lag where every output has a noise_std, "
+        "else cell.",
+    )
+    lag: int | None = option(
+        {
+            "type": "integer",
+            "minimum": 1,
+            "maximum": 1000,
+            "title": "a whole number of samples, from 1 to 1000",
+        },
+        "Delay of fixed_lag, in samples; default 10.",
+        whole=True,
+    )
+
+    def check(self, plant: Plant) -> None:
+        """InputError unless the weights have the plant's sizes."""
+        _check_weights(self.weights, plant)
+
+
+OPTIONS_OF: Mapping[str, type[Options]] = {
+    "interval": IntervalOptions,
+    "luenberger": LuenbergerOptions,
+    "impulsive": ImpulsiveOptions,
+    "finite_time": FiniteTimeOptions,
+    "impulsive_input": ImpulsiveInputOptions,
+    "unknown_input": UnknownInputOptions,
+}
+
+
+def memory_of(options: Options) -> Memory:
+    """Dwell times a certificate may look at; "auto" where the problem or its kind has none."""
+    if not isinstance(options, IntervalOptions | LuenbergerOptions) or options.memory is None:
+        return "auto"
+    return options.memory
+
+
+def is_whole(kind: str | None, name: str) -> bool:
+    """Does this option of this kind count something?"""
+    declared = () if kind is None else fields(OPTIONS_OF[kind])  # type: ignore[arg-type]
+    return any(option.name == name and option.metadata["whole"] for option in declared)
+
+
+def _check_weights(weights: Mapping[str, tuple[float, ...]] | None, plant: Plant) -> None:
+    for name, count in (("state", plant.n), ("output", plant.p)):
+        _check_count(f"weights.{name}", (weights or {}).get(name), count, name)
+
+
+def _check_count(name: str, values: tuple[float, ...] | None, count: int, item: str) -> None:
+    """InputError unless a list that is given has one entry per state or output."""
+    if values is not None and len(values) != count:
+        raise InputError(
+            f"observer.{name} must have {count} {'entry' if count == 1 else 'entries'}, "
+            f"one per {item}; got {len(values)}."
+        )

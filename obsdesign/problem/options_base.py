@@ -1,0 +1,59 @@
+"""Base class of the options of all kinds: declared fields, and access as a mapping."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import fields
+from typing import TYPE_CHECKING, Any, Self
+
+from obsdesign.problem.schema import Fragment, file_entry
+
+if TYPE_CHECKING:
+    from obsdesign.problem.plant import Plant
+
+
+def option(fragment: Fragment, description: str, *, whole: bool = False) -> Any:
+    """Declare an option; whole: it counts something."""
+    return file_entry(fragment, description, default=None, whole=whole)
+
+
+class Options(Mapping[str, Any]):
+    """Options of an observer; as a mapping those that the problem states, in its order."""
+
+    _stated: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        names = (declared.name for declared in fields(self))  # type: ignore[arg-type]
+        given = tuple(name for name in names if getattr(self, name) is not None)
+        object.__setattr__(self, "_stated", given)
+
+    @classmethod
+    def from_entries(cls, entries: Mapping[str, Any]) -> Self:
+        """Options from the entries of a problem file, converted and named as the schema has it."""
+        options = cls(**entries)
+        object.__setattr__(options, "_stated", tuple(entries))
+        return options
+
+    def check(self, plant: Plant) -> None:
+        """InputError for options that do not fit the plant or each other."""
+
+    def __getitem__(self, name: str) -> Any:
+        if name not in self._stated:
+            raise KeyError(name)
+        return getattr(self, name)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._stated)
+
+    def __len__(self) -> int:
+        return len(self._stated)
+
+
+class UnassignedOptions(Options):
+    """Options of a problem without a kind: those of any kind, which nothing was checked for."""
+
+    def __init__(self, **entries: Any) -> None:
+        self._entries = entries
+
+    def __getitem__(self, name: str) -> Any:
+        return self._entries[name]

@@ -1,0 +1,117 @@
+"""Names are nouns of the field, and a docstring begins with one short line."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+# participles that name no thing: what is it that was found?
+BANNED = frozenset({"found", "told", "asked", "seen", "moved"})
+LONGEST_FIRST_LINE = 90
+# folders that are not converted yet
+PENDING: tuple[str, ...] = (
+    "lmi",
+    "lmi/arithmetic",
+    "lmi/bounds",
+    "lmi/decide",
+    "lmi/find",
+    "lmi/prove",
+    "lmi/rank",
+    "lmi/refute",
+    "obsdesign",
+    "obsdesign/analysis",
+    "obsdesign/analysis/finite_time",
+    "obsdesign/equations/finite_time",
+    "obsdesign/equations/impulsive",
+    "obsdesign/equations/impulsive_input",
+    "obsdesign/equations/luenberger",
+    "obsdesign/equations/unknown_input",
+    "obsdesign/runtime/finite_time",
+    "obsdesign/runtime/impulsive",
+    "obsdesign/runtime/impulsive_input",
+    "obsdesign/runtime/impulsive_input/integral",
+    "obsdesign/runtime/impulsive_input/samples",
+    "obsdesign/runtime/interval",
+    "obsdesign/runtime/unknown_input",
+    "obsdesign/studies/search",
+    "obsdesign/synthesis/finite_time",
+    "obsdesign/synthesis/impulsive",
+    "obsdesign/synthesis/impulsive_input",
+    "obsdesign/synthesis/interval",
+    "obsdesign/synthesis/luenberger",
+    "obsdesign/synthesis/unknown_input",
+    "obsdesign/verification",
+    "obsdesign/verification/finite_time",
+    "obsdesign/verification/impulsive",
+    "obsdesign/verification/impulsive_input",
+    "obsdesign/verification/interval",
+    "obsdesign/verification/luenberger",
+    "obsdesign/verification/unknown_input",
+)
+
+FOLDERS = sorted(
+    {
+        str(path.parent.relative_to(ROOT))
+        for package in ("obsdesign", "lmi")
+        for path in (ROOT / package).rglob("*.py")
+    }
+)
+
+
+def names(tree: ast.AST) -> Iterator[tuple[int, str]]:
+    """(line, name) of everything that a file binds or reads from an object."""
+    for node in ast.walk(tree):
+        match node:
+            case ast.Name(id=name, ctx=ast.Store()) | ast.Attribute(attr=name):
+                yield node.lineno, name
+            case ast.arg(arg=name) | ast.FunctionDef(name=name) | ast.ClassDef(name=name):
+                yield node.lineno, name
+            case ast.alias(asname=str(name)) | ast.keyword(arg=str(name)):
+                yield node.lineno, name
+            case _:
+                pass
+
+
+def first_lines(tree: ast.AST) -> Iterator[tuple[str, str]]:
+    """(name, first line) of every docstring in a file."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
+            text = ast.get_docstring(node)
+            if text:
+                yield getattr(node, "name", "module"), text.splitlines()[0]
+
+
+def trees(folder: str) -> Iterator[tuple[str, ast.AST]]:
+    """(name, syntax tree) of the files of a folder."""
+    for path in sorted((ROOT / folder).glob("*.py")):
+        yield path.name, ast.parse(path.read_text("utf-8"))
+
+
+@pytest.mark.parametrize("folder", [folder for folder in FOLDERS if folder not in PENDING])
+def test_names_are_nouns_of_the_field(folder: str) -> None:
+    wrong = [
+        f"{file}:{line} {name}"
+        for file, tree in trees(folder)
+        for line, name in names(tree)
+        if name in BANNED
+    ]
+    assert wrong == []
+
+
+@pytest.mark.parametrize("folder", [folder for folder in FOLDERS if folder not in PENDING])
+def test_docstrings_begin_with_one_short_line(folder: str) -> None:
+    wrong = [
+        f"{file} {name}: {line}"
+        for file, tree in trees(folder)
+        for name, line in first_lines(tree)
+        if len(line) > LONGEST_FIRST_LINE
+    ]
+    assert wrong == []
+
+
+def test_pending_folders_exist() -> None:
+    assert set(PENDING) <= set(FOLDERS)
