@@ -85,7 +85,7 @@ def outcome(seed: int) -> tuple[str, str]:
     observer: Any = from_design(found.design)
     y = x @ np.array(body["output"]["C"]).T
     events = observer.run_batch(t, y, u if inputs else None, x=x0).events
-    told = f"{observer.gains['rule']}, {found.result['form']}"
+    told = f"{observer.gains.rule}, {found.result['form']}"
     if len(events) == len(impulses):
         off = max(max(abs(e.t - s), np.abs(e.weights - g).max())
                   for e, (s, g) in zip(events, impulses, strict=True))  # fmt: skip

@@ -197,7 +197,9 @@ def test_identity_14() -> None:
 
 def test_the_slowest_exponent_for_a_ratio() -> None:
     for ratio, lam in ((1e-7, -2.550539), (1e-2, -0.829592), (0.2, -0.5228)):
-        assert slowest_exponent(D, C, H, 20.0, 5.0, ratio) == pytest.approx(lam, abs=1e-4)
+        assert slowest_exponent(D, C, H, window=20.0, margin=5.0, ratio=ratio) == pytest.approx(
+            lam, abs=1e-4
+        )
 
 
 def test_newton_beats_any_grid() -> None:

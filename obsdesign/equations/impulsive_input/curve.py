@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from obsdesign.equations.gains import Array
 from obsdesign.equations.impulsive_input.features import impulse_responses
-
-Array = NDArray[Any]
 
 _POINTS = 160
 _MOST_POINTS = 4000

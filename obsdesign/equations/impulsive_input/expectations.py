@@ -7,12 +7,10 @@ without forming N, and the same for all samples of the window (the Cramer-Rao bo
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 
 from lmi.arithmetic.exponential import expm
+from obsdesign.equations.gains import Array
 from obsdesign.equations.impulsive_input.curve import ImpulseCurve
 from obsdesign.equations.impulsive_input.features import (
     OLD,
@@ -21,32 +19,31 @@ from obsdesign.equations.impulsive_input.features import (
     neglected_ratio,
     window_taps,
 )
-
-Array = NDArray[Any]
+from obsdesign.equations.impulsive_input.gains import IntegralGains
 
 _MOST_SAMPLES = 20_000
 
 
-def expectations(D: Array, gains: Any) -> dict[str, float]:
+def expectations(D: Array, gains: IntegralGains) -> dict[str, float]:
     """Peak of |b|, ratio of (15), deviations of time and weight; for operator `integral`."""
-    C, H, exponents = gains["C"], gains["H"], np.asarray(gains["exponents"])
-    tau, margin, n = float(gains["window"]), float(gains["margin"]), len(D)
+    C, H, exponents = gains.C, gains.H, gains.exponents
+    tau, margin, n = gains.window, gains.margin, len(D)
     scales = feature_scales(exponents, tau)
     curve = ImpulseCurve.of(filtered_system(D, C, exponents, scales), H, tau)
     size = np.linalg.norm(curve.states[:, n:], axis=(1, 2))
     top = int(np.argmax(size))
-    age = float(curve.ages[top]) if gains["rule"] == "peak" else OLD * curve.oldest
+    age = float(curve.ages[top]) if gains.rule == "peak" else OLD * curve.oldest
     found = {"peak_age": float(curve.ages[top]), "peak": float(size[top]), "evaluated_at_age": age,
              "latency": tau}  # fmt: skip
-    if "threshold" in gains and H.shape[1] == 1:
+    if gains.threshold is not None and H.shape[1] == 1:
         # the smallest that exceeds it at all, the largest that does not before it is evaluable
         early = float(size[curve.ages <= margin].max())
-        found["smallest_weight"] = float(gains["threshold"]) / float(size.max())
-        found["largest_weight"] = float(gains["threshold"]) / early if early > 0 else np.inf
+        found["smallest_weight"] = gains.threshold / float(size.max())
+        found["largest_weight"] = gains.threshold / early if early > 0 else np.inf
     worst, _ = neglected_ratio(D, C, H, exponents, tau, margin)
     if np.isfinite(worst):
         found["neglected_ratio"] = worst
-    period, std = gains.get("period"), np.asarray(gains["noise_std"])
+    period, std = gains.period, gains.noise_std
     if period is None or not std.all() or H.shape[1] > 1 or tau / period > _MOST_SAMPLES:
         return found
     return found | _deviations(D, C, H, exponents, std, tau, float(period), age)

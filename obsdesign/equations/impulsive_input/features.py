@@ -26,11 +26,9 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lmi.arithmetic.exponential import expm, exponential_grid, flow_integrals
-
-Array = NDArray[Any]
+from obsdesign.equations.gains import Array
 
 # |mu| h of the modes of A - K C, and |lambda| h, up to which integrals of samples show an impulse:
 # measured over random plants, where impulses were missed from 0.56 on in windows longer than LONG
@@ -115,23 +113,28 @@ def is_positive(value: Any) -> bool:
 def are_exponents(value: Any) -> bool:
     """A list of one or more distinct, finite numbers."""
     try:
-        found = np.asarray(value)
+        exponents = np.asarray(value)
     except ValueError:
         return False
-    if found.ndim != 1 or found.dtype.kind not in "fi" or len(found) == 0:
+    if exponents.ndim != 1 or exponents.dtype.kind not in "fi" or len(exponents) == 0:
         return False
-    return bool(np.isfinite(found).all()) and len(set(found.tolist())) == len(found)
+    return bool(np.isfinite(exponents).all()) and len(set(exponents.tolist())) == len(exponents)
 
 
-def samples_objection(plant: Any, gains: Any) -> str | None:
-    """What forbids gains of operator `samples`, or None; one sentence."""
-    period, window = plant.output.period, gains["window"]
+def is_whole_multiple(window: float, period: float) -> bool:
+    """Whether a window is a multiple of the period, at least one, up to rounding."""
+    count = float(window) / float(period)
+    return abs(count - round(count)) <= 1e-6 and round(count) >= 1
+
+
+def reason_against_samples(plant: Any, window: float, weighting: Any) -> str | None:
+    """Return why operator `samples` cannot serve a plant with this window, or None."""
+    period = plant.output.period
     if plant.output.measured != "periodic" or not is_positive(period):
         return "output.measured must be 'periodic' for operator 'samples'"
-    count = float(window) / float(period)
-    if abs(count - round(count)) > 1e-6 or round(count) < 1:
+    if not is_whole_multiple(window, period):
         return f"gains.window must be a multiple of output.period = {period!r}; got {window!r}"
-    if gains.get("weighting") != "gls":
+    if weighting != "gls":
         return "gains.weighting must be 'gls' for operator 'samples'"
     if plant.jump.H.shape[1] != 1:
         return "jump.H must have one column for operator 'samples'"

@@ -17,11 +17,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from obsdesign.equations.gains import Array
 from obsdesign.equations.impulsive_input.curve import ImpulseCurve, power_sum
-
-Array = NDArray[Any]
 
 _NEWTON_STEPS = 60
 _SETTLED = 1e-6  # of a cell of the grid: Newton steps this small converge quadratically

@@ -5,12 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from obsdesign.equations.gains import Array
 from obsdesign.equations.impulsive_input.curve import ImpulseCurve
 from obsdesign.equations.impulsive_input.features import feature_scales, filtered_system, has_peak
-
-Array = NDArray[Any]
 
 # kernels of growing exponents see the beginning of a window alone: beyond this lambda tau an
 # impulse in the rest of it leaves less in a feature than rounding makes of what was there before

@@ -15,6 +15,11 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from obsdesign.equations.impulsive_input.gains import (
+    IntegralGains,
+    SamplesGains,
+    gains_from_document,
+)
 from obsdesign.runtime.base import (
     Batch,
     Estimate,
@@ -25,9 +30,9 @@ from obsdesign.runtime.base import (
     optional_measurement,
     vector,
 )
-from obsdesign.runtime.impulsive_input.gains import check_gains, check_resolution, check_size
 from obsdesign.runtime.impulsive_input.integral.engine import Engine, IntegralEngine
 from obsdesign.runtime.impulsive_input.integral.rows import IntegralLive
+from obsdesign.runtime.impulsive_input.record_checks import check_resolution, check_size
 from obsdesign.runtime.impulsive_input.samples.engine import SampledLive, SamplesEngine
 from obsdesign.runtime.point_observer import PointObserver
 
@@ -49,7 +54,7 @@ class ImpulsiveInputState:
 class ImpulsiveInputObserver(PointObserver[ImpulsiveInputState]):
     """Executes a design of kind `impulsive_input`."""
 
-    gains: Mapping[str, Any]
+    gains: IntegralGains | SamplesGains
     engine: Engine
     kind: ClassVar[str] = "impulsive_input"
     finds_events: ClassVar[bool] = True
@@ -57,20 +62,20 @@ class ImpulsiveInputObserver(PointObserver[ImpulsiveInputState]):
     @classmethod
     def from_gains(cls, gains: Mapping[str, Any]) -> ImpulsiveInputObserver:
         """The observer of a design's `gains`; ValueError if they do not fit each other."""
-        check_gains(gains)
-        engines: dict[str, Any] = {"integral": IntegralEngine, "samples": SamplesEngine}
-        return cls(gains, engines[gains["operator"]].from_gains(gains))
+        typed = gains_from_document(gains)
+        if isinstance(typed, IntegralGains):
+            return cls(typed, IntegralEngine.from_gains(typed))
+        return cls(typed, SamplesEngine.from_gains(typed))
 
     @property
     def reads(self) -> dict[str, int | bool]:
         """How many y and u a sample has; impulses are not reported."""
-        u = self.gains["B"].shape[1] if "B" in self.gains else 0
-        return {"y": len(self.gains["C"]), "u": u, "w": 0, "jump": False}
+        return self.gains.columns | {"w": 0, "jump": False}
 
     @property
     def event_names(self) -> tuple[str, ...]:
         """Columns of an event file; weights are numbered where H has several columns."""
-        q = int(self.gains["H"].shape[1])
+        q = self.gains.directions
         ends = [""] if q == 1 else [str(i + 1) for i in range(q)]
         weights, spread = (tuple(f"weight{i}{tail}" for i in ends) for tail in ("", "_std"))
         return ("t", *weights, "t_std", *spread, "status")
@@ -78,7 +83,7 @@ class ImpulsiveInputObserver(PointObserver[ImpulsiveInputState]):
     @property
     def latency(self) -> float:
         """Time by which rows are late at least: the window; confirming a maximum adds to it."""
-        return float(self.gains["window"])
+        return self.gains.window
 
     def init(
         self, t: float = 0.0, *, x: ArrayLike | None = None, covariance: ArrayLike | None = None
@@ -96,8 +101,8 @@ class ImpulsiveInputObserver(PointObserver[ImpulsiveInputState]):
         P = None if covariance is None else np.asarray(covariance, dtype=np.float64)
         if P is not None and P.shape != (self.n, self.n):
             raise ValueError(f"covariance must be {self.n}x{self.n}; got shape {P.shape}.")
-        if P is None and "initial_std" in self.gains:
-            P = np.diag(np.asarray(self.gains["initial_std"], dtype=np.float64) ** 2)
+        if P is None and self.gains.initial_std is not None:
+            P = np.diag(self.gains.initial_std**2)
         inputs = np.zeros(int(self.reads["u"]))
         return ImpulsiveInputState(float(t), inputs, False, self.engine.begin(float(t), guess, P))
 
@@ -141,7 +146,7 @@ class ImpulsiveInputObserver(PointObserver[ImpulsiveInputState]):
             raise ValueError("at least one row is required; got none.")
         if not (np.isfinite(times).all() and (np.diff(times) > 0).all()):
             raise ValueError("times must be finite and increase.")
-        p = len(self.gains["C"])
+        p = self.gains.p
         ys = np.full((rows, p), np.nan) if y is None else np.asarray(y, dtype=np.float64)
         us = np.zeros((rows, m)) if u is None else np.asarray(u, dtype=np.float64)
         for values, width in ((ys, p), (us, m)):
@@ -163,7 +168,7 @@ class ImpulsiveInputObserver(PointObserver[ImpulsiveInputState]):
 
         Times are the caller's to check: they must increase.
         """
-        p, m = len(self.gains["C"]), int(self.reads["u"])
+        p, m = self.gains.p, int(self.reads["u"])
         y, u, held = np.full((len(samples), p), np.nan), np.zeros((len(samples), m)), state.u
         for k, sample in enumerate(samples):
             measured = optional_measurement(sample.y, p)

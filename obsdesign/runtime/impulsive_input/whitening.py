@@ -8,15 +8,12 @@ formed or inverted.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from obsdesign.equations.gains import Array
 from obsdesign.equations.impulsive_input.fit import Impulse
 from obsdesign.runtime.base import Vector
-
-Array = NDArray[Any]
 
 # proportional noise is no smaller than at this part of the largest output
 _FAINT = 1e-3

@@ -11,14 +11,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from fractions import Fraction
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from obsdesign.analysis.hidden_modes import approx_unobservable_modes
 from obsdesign.equations.estimation_error import flow_error_matrix
-from obsdesign.equations.gains import plant_data
 from obsdesign.equations.impulsive_input import features as equations
 from obsdesign.equations.impulsive_input.curve import balanced_size
 from obsdesign.equations.impulsive_input.features import longest_period
@@ -27,6 +25,7 @@ from obsdesign.problem.plant import Plant
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
 from obsdesign.synthesis.impulsive_input.exponents import exponent_choices, rule_for
+from obsdesign.synthesis.impulsive_input.integral_window import IntegralWindow
 from obsdesign.synthesis.impulsive_input.operator import (
     asks_for_samples,
     few_samples,
@@ -61,10 +60,8 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
     window = float(problem.options.get("window", _longest(problem, low)))
     K = problem.gains.get("K")
     K = _gain(problem, window) if K is None else K
-    D = flow_error_matrix(plant.flow.A, K, plant.output.C)
-    data = _data(problem, D, window) | {"K": K, "weighting": weighting, "operator": "integral"}
-    data["state_correction"] = bool(problem.options.get("state_correction", weighting == "gls"))
-    window = data["window"]
+    integral = _integral_window(problem, K, window, weighting)
+    D, window = integral.D, integral.window
     if reason := few_samples(problem, D, window):
         longest = period_for_integrals(D, window)
         yield from sampled_candidates(problem, low, reason, longest=longest)
@@ -74,21 +71,22 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
         count = samples_within(problem, window)
         yield from sampled_candidates(problem, low, reason, count=count)
     try:
-        yield from _integral_candidates(problem, data, D)
+        yield from _integral_candidates(problem, integral)
     except InputError:
         if not reason:
             raise  # otherwise the other operator has been proposed
 
 
-def _integral_candidates(problem: Problem, data: dict[str, Any], D: Matrix) -> Iterator[Candidate]:
+def _integral_candidates(problem: Problem, integral: IntegralWindow) -> Iterator[Candidate]:
     """Operator `integral` with exponents as given, or as chosen."""
     if "exponents" in problem.options:
         given = np.array(problem.options["exponents"], dtype=np.float64)
-        rule = rule_for(data, D, given)
-        yield Candidate("given exponents", data | {"exponents": given, "rule": rule}, searched=True)
+        rule = rule_for(integral, given)
+        yield Candidate("given exponents", integral.gains(given, rule), searched=True)
         return
-    for label, chosen, rule in exponent_choices(problem, data, D):
-        yield Candidate(label, data | {"exponents": chosen, "rule": rule}, searched=True)
+    for choice in exponent_choices(problem, integral):
+        gains = integral.gains(choice.exponents, choice.rule)
+        yield Candidate(choice.label, gains, searched=True)
 
 
 def _check_plant(plant: Plant) -> None:
@@ -117,40 +115,45 @@ def _remembered(problem: Problem, D: Matrix, window: float) -> float:
     return min(window, max(_MEMORY / slowest, 4 * float(problem.options.get("margin", 0.0))))
 
 
-def _data(problem: Problem, D: Matrix, window: float) -> dict[str, Any]:
-    """Gains but for K and exponents; InputError for a margin that leaves nothing of the window."""
+def _integral_window(problem: Problem, K: Matrix, window: float, weighting: str) -> IntegralWindow:
+    """Gains but for the exponents; InputError for a margin that leaves nothing of the window.
+
+    window: the longest that the dwell times allow.
+    """
     plant, options = problem.plant, problem.options
     if "window" not in options:
-        window = _remembered(problem, D, window)
+        window = _remembered(problem, flow_error_matrix(plant.flow.A, K, plant.output.C), window)
     margin = float(options.get("margin", _MARGIN * window))
     if margin >= window:
         raise InputError(
             f"observer.margin must be less than the window, {window!r}; got {margin!r}."
         )
-    data = plant_data(plant) | {
-        "H": problem.require("jump.H"), "window": window, "margin": margin,
-        "noise_std": plant.output.noise_std, "noise_cv": plant.output.noise_cv,
-    }  # fmt: skip
-    data["nonnegative"] = bool(options.get("nonnegative", False))
-    data |= initial_std(problem)
-    if plant.output.measured == "periodic":
-        data["period"] = float(plant.output.period or 0.0)
-    if "threshold" in options:
-        data["threshold"] = float(options["threshold"])
-    return data
+    return IntegralWindow(
+        plant=plant,
+        H=problem.require("jump.H"),
+        K=K,
+        window=window,
+        margin=margin,
+        shortest_dwell=problem.require_dwell_time()[0],
+        weighting=weighting,
+        state_correction=bool(options.get("state_correction", weighting == "gls")),
+        nonnegative=bool(options.get("nonnegative", False)),
+        initial_std=initial_std(problem),
+        threshold=float(options["threshold"]) if "threshold" in options else None,
+    )
 
 
 def _weighting(problem: Problem) -> str:
     """plain or gls; gls by default where every output has noise. InputError if it has none."""
     output = problem.plant.output
     silent = np.flatnonzero((output.noise_std == 0) & (output.noise_cv == 0))
-    asked = problem.options.get("weighting", "plain" if len(silent) else "gls")
-    if asked == "gls" and len(silent):
+    weighting = problem.options.get("weighting", "plain" if len(silent) else "gls")
+    if weighting == "gls" and len(silent):
         raise InputError(
             f"output.noise_std must be > 0 with observer.weighting = 'gls'; got 0 for output "
             f"{silent[0] + 1}."
         )
-    return str(asked)
+    return str(weighting)
 
 
 def _check_options(problem: Problem) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 from lmi.arithmetic.balls import exact, fixed_vector
 from obsdesign.document import Claim
 from obsdesign.problem.problem import Problem
+from obsdesign.verification.impulsive_input.samples import SpeedsPerPeriod
 
 _KNOWN_INTEGRALS = ", and with the integrals of y known exactly (y measured continuously)"
 
@@ -77,10 +78,10 @@ def _left_by_sampling(problem: Problem, found: tuple[Claim, ...]) -> list[str]:
     return [
         f"That samples {problem.plant.output.period!r} apart reproduce these integrals is not "
         "claimed: between them the residual is taken as linear. The fastest mode of A - K C times "
-        f"the period is {claim.evidence['approx_mode_times_period']:.3g}, the largest exponent "
-        f"times the period {claim.evidence['approx_exponent_times_period']:.3g}."
+        f"the period is {speeds.mode:.3g}, the largest exponent "
+        f"times the period {speeds.exponent:.3g}."
         for claim in found
-        if claim.id == "samples" and "approx_mode_times_period" in claim.evidence
+        if claim.id == "samples" and (speeds := SpeedsPerPeriod.from_evidence(claim.evidence))
     ]
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -20,7 +20,9 @@ from lmi.prove.hurwitz import exactly_schur, prove_hurwitz, real_spectrum
 from lmi.verdict import Verdict, proved, refuted, undecided
 from obsdesign.document import Claim
 from obsdesign.equations.estimation_error import flow_error_matrix
+from obsdesign.equations.gains import Array
 from obsdesign.equations.impulsive_input import features as equations
+from obsdesign.equations.impulsive_input.gains import IntegralGains, SamplesGains
 from obsdesign.verification.impulsive_input.rank import rank_verdict
 
 _FEWEST_CELLS = 3  # of a window: two samples after an onset that is most of the window old
@@ -28,11 +30,32 @@ _MOST_ROWS = 64  # of a window that are looked at
 SOURCE = "Mattsson, Medvedev, ECC 2013, Section III-B, for samples"
 
 
-def sampled_claims(A: Any, C: Any, H: Any, gains: Mapping[str, Any]) -> tuple[Claim, ...]:
-    """Rank of the samples of a window, and uniqueness of an onset in its first interval."""
-    h, window = float(gains["period"]), float(gains["window"])
-    count = round(window / h)
+@dataclass(frozen=True)
+class SpeedsPerPeriod:
+    """The fastest mode of A - K C and the largest exponent, times the period; floats."""
 
+    mode: float
+    exponent: float
+
+    @classmethod
+    def from_evidence(cls, evidence: Mapping[str, Any]) -> SpeedsPerPeriod | None:
+        """The speeds in the evidence of claim `samples`; None where it has none."""
+        if "approx_mode_times_period" not in evidence:
+            return None
+        return cls(evidence["approx_mode_times_period"], evidence["approx_exponent_times_period"])
+
+    def to_evidence(self) -> dict[str, float]:
+        """Entries of the evidence."""
+        return {
+            "approx_mode_times_period": self.mode,
+            "approx_exponent_times_period": self.exponent,
+        }
+
+
+def sampled_claims(gains: SamplesGains) -> tuple[Claim, ...]:
+    """Rank of the samples of a window, and uniqueness of an onset in its first interval."""
+    A, C, H = exact(gains.A), exact(gains.C), exact(gains.H)
+    h, count = gains.sample_period, gains.window_samples
     rank = _rank(A, C, h, count, first=1)
     onset = _uniqueness(A, H, h)
     return (
@@ -54,9 +77,7 @@ def sampled_claims(A: Any, C: Any, H: Any, gains: Mapping[str, Any]) -> tuple[Cl
     )
 
 
-def window_samples(
-    A: Any, C: Any, directions: int, gains: Mapping[str, Any], shortest: float
-) -> Claim:
+def window_samples(gains: IntegralGains, period: float, shortest: float) -> Claim:
     """Operator `integral`: a window holds samples enough for a state, an onset and its weights.
 
     And two periods fit between the window and the shortest dwell time: the last sample of a window
@@ -64,9 +85,9 @@ def window_samples(
     be before its peak when the next search begins. Modes of A - K C and exponents are slow enough
     for the period (`equations.impulsive_input.longest_period`), exactly.
     """
-    n, p = len(A), len(C)
-    period, window = float(gains["period"]), float(gains["window"])
-    D = flow_error_matrix(A, exact(gains["K"]), C)
+    n, p, directions, window = gains.n, gains.p, gains.directions, gains.window
+    A, C = exact(gains.A), exact(gains.C)
+    D = flow_error_matrix(A, exact(gains.K), C)
     cells = math.floor(window / period * (1 + 1e-9))
     unknown = n + 1 + directions
     statement = f"the samples of a window show the state, and time and weight of an impulse: {n}"
@@ -94,44 +115,42 @@ def window_samples(
             samples=cells + 1,
         )
     else:
-        fast = _too_fast(D, gains)
+        fast = _too_fast(D, gains, period)
         verdict = _rank(A, C, period, cells) if fast is None else fast
-    verdict = replace(verdict, evidence={**verdict.evidence, **_speeds(D, gains)})
+    evidence = {**verdict.evidence, **_speeds(D, gains.exponents, period).to_evidence()}
+    verdict = replace(verdict, evidence=evidence)
     return Claim("samples", statement, SOURCE, verdict.outcome, verdict.evidence)
 
 
-def _speeds(D: Any, gains: Mapping[str, Any]) -> dict[str, float]:
-    """The fastest mode of A - K C and the largest exponent, times the period; floats."""
-    period, modes = float(gains["period"]), np.linalg.eigvals(to_float(D))
-    exponents = np.asarray(gains["exponents"], float)
-    return {
-        "approx_mode_times_period": float(np.abs(modes).max()) * period,
-        "approx_exponent_times_period": float(np.abs(exponents).max()) * period,
-    }
+def _speeds(D: Any, exponents: Array, period: float) -> SpeedsPerPeriod:
+    modes = np.linalg.eigvals(to_float(D))
+    return SpeedsPerPeriod(
+        mode=float(np.abs(modes).max()) * period,
+        exponent=float(np.abs(exponents).max()) * period,
+    )
 
 
-def _too_fast(D: Any, gains: Mapping[str, Any]) -> Verdict | None:
+def _too_fast(D: Any, gains: IntegralGains, period: float) -> Verdict | None:
     """Undecided where integrals of samples cannot follow, with a period that would do; or None."""
-    period, window = float(gains["period"]), float(gains["window"])
+    window, exponents = gains.window, gains.exponents
     # every mode decays by more than LONG time constants within the window
     faster = D + exact(np.eye(len(D))) * (rational(equations.LONG) / rational(window))
     long = prove_hurwitz(faster).outcome == "proved"
     limit = equations.fastest_limit(long)
-    speeds, reasons = _speeds(D, gains), []
+    speeds, reasons = _speeds(D, exponents, period), []
     if not exactly_schur(D * (rational(period) / rational(limit))):
         which = f" in a window of more than {equations.LONG:g} time constants" if long else ""
         reasons.append(
             f"the fastest mode of A - K C times the period is "
-            f"{speeds['approx_mode_times_period']:.3g}, not below {limit:g}{which}"
+            f"{speeds.mode:.3g}, not below {limit:g}{which}"
         )
-    steepest = speeds["approx_exponent_times_period"]
-    if steepest > equations.STEEPEST:
+    if speeds.exponent > equations.STEEPEST:
         reasons.append(
-            f"the largest exponent times the period is {steepest:.3g}, above {equations.STEEPEST:g}"
+            f"the largest exponent times the period is {speeds.exponent:.3g}, above "
+            f"{equations.STEEPEST:g}"
         )
     if not reasons:
         return None
-    exponents = np.asarray(gains["exponents"], float)
     enough = equations.rounded_down(equations.longest_period(to_float(D), exponents, window))
     return undecided(
         f"{'; '.join(reasons)}: integrals of samples may miss impulses. An output.period of at "

@@ -51,7 +51,7 @@ def test_a_stream_a_batch_and_blocks_agree(noisy: bool) -> None:
     y[np.random.default_rng(4).random(len(t)) < 0.1] = np.nan
     y[[0, 1, 700, 701, 702, -1]] = np.nan
     observer = observer_of(chain(output__noise_std=[std]))
-    assert observer.gains["weighting"] == ("gls" if noisy else "plain")
+    assert observer.gains.weighting == ("gls" if noisy else "plain")
     batch = observer.run_batch(t, y, x=[4, 20, 60])
     rows = list(observer.run(observer.init(0.0, x=[4, 20, 60]), rows_of(t, y)))
     np.testing.assert_array_equal([row.t for row in rows], t)
@@ -107,7 +107,7 @@ def test_a_threshold_fires_instead_of_a_maximum() -> None:
     # above what the largest weight leaves at the age of the margin, below what the smallest reaches
     body = chain(observer__threshold=80.0, observer__exponents=[-0.65, -0.7, -0.75, -0.8])
     observer = observer_of(body)
-    assert observer.gains["rule"] == "threshold"
+    assert observer.gains.rule == "threshold"
     assert_found(rows_from(observer, t, x[:, 2:], x=[4, 20, 60]), TRAIN, 1e-6)
     # the twin: a threshold above every impulse finds none
     high = observer_of(chain(observer__threshold=1e6))

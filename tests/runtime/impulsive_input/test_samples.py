@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 import obsdesign
-from lmi.arithmetic.balls import exact
 from lmi.arithmetic.exponential import expm
 from obsdesign.runtime import from_design
 from obsdesign.runtime.base import rows_of
@@ -155,12 +154,14 @@ def test_a_window_of_very_many_samples_is_looked_at_in_some(body: dict[str, Any]
     fine["output"]["period"] = 1e-5
     fine["observer"]["window"] = 40.0
     problem = obsdesign.Problem.from_dict(fine)
-    gains = {**next(synthesis.synthesize(problem)).gains}
-    verdicts = {c.id: c.verdict for c in verification.claims(problem, gains, {})}
+    gains = next(synthesis.synthesize(problem)).gains
+    stored = gains.to_document()
+    verdicts = {c.id: c.verdict for c in verification.claims(problem, stored, {})}
     assert set(verdicts.values()) == {"proved"}
     # the twin: what a few samples cannot show at all is not called impossible for all of them
     A, C = np.array([[0.0, np.pi], [-np.pi, 0.0]]), np.array([[1.0, 1.0]])
     H = np.array([[1.0], [2.0]])
     for window, words in ((64.0, "refuted"), (128.0, "undecided")):
-        every = sampled_claims(exact(A), exact(C), exact(H), {"period": 1.0, "window": window})
+        turning = replace(gains, A=A, C=C, H=H, period=1.0, window=window)
+        every = sampled_claims(turning)
         assert next(c for c in every if c.id == "rank").verdict == words

@@ -60,7 +60,7 @@ def test_the_deviation_is_that_of_simulated_noise() -> None:
 
 @pytest.mark.parametrize(("ratio", "wanted"), [(1e-7, 0.9956), (0.05, 0.1261), (0.2, 0.0920)])
 def test_ipopt_confirms_the_corner(ratio: float, wanted: float) -> None:
-    first = slowest_exponent(D, C, H, TAU, MARGIN, ratio)
+    first = slowest_exponent(D, C, H, window=TAU, margin=MARGIN, ratio=ratio)
     assert first is not None
     for count in (3, 6):
         corner = first - 0.05 * np.arange(count)

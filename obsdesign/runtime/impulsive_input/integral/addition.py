@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from obsdesign.equations.gains import Array
 from obsdesign.runtime.base import Estimate
 from obsdesign.runtime.impulsive_input.event import MISFIT, Event, short_dwell
 from obsdesign.runtime.impulsive_input.integral.covariance import added_by_noise
@@ -19,8 +18,6 @@ from obsdesign.runtime.impulsive_input.integral.search import Search
 from obsdesign.runtime.impulsive_input.residuals import LARGER, Residuals, birge_ratio
 from obsdesign.runtime.impulsive_input.whitening import chi_squared_limit
 from obsdesign.runtime.time_stamps import time_tolerance
-
-Array = NDArray[Any]
 
 _MISFIT = 0.05  # of the residual: what an impulse may leave of it where there is no noise
 

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 
 from lmi.arithmetic.exponential import expm, exponential_grid
+from obsdesign.equations.gains import Array
 from obsdesign.runtime.impulsive_input.integral.free_run import FreeRun, Track
 from obsdesign.runtime.impulsive_input.integral.rows import IntegralLive
-
-Array = NDArray[Any]
 
 
 def first_covariance(run: FreeRun, H: Array, track: Track, stop: int) -> Array:

@@ -11,15 +11,9 @@ from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-from obsdesign.equations.estimation_error import flow_error_matrix
-from obsdesign.equations.impulsive_input.curve import ImpulseCurve
-from obsdesign.equations.impulsive_input.features import (
-    feature_scales,
-    filtered_system,
-    window_matrix,
-)
+from obsdesign.equations.gains import Array
+from obsdesign.equations.impulsive_input.gains import IntegralGains
 from obsdesign.runtime.base import Estimate, Vector, status_of
 from obsdesign.runtime.impulsive_input.integral.addition import Addition
 from obsdesign.runtime.impulsive_input.integral.covariance import covariance_at, first_covariance
@@ -33,8 +27,6 @@ from obsdesign.runtime.impulsive_input.whitening import (
     whitened,
 )
 from obsdesign.runtime.time_stamps import time_tolerance
-
-Array = NDArray[Any]
 
 _FLOOR = 8.0  # |R| must exceed this many deviations of noise
 _EXACT_FLOOR = 1e-7  # and this part of what the output itself leaves in R: interpolation, rounding
@@ -74,28 +66,28 @@ class IntegralEngine:
     positional: bool
 
     @classmethod
-    def from_gains(cls, gains: Any) -> IntegralEngine:
-        """From a design's gains."""
-        A, C, H, K = (gains[name] for name in ("A", "C", "H", "K"))
-        D = flow_error_matrix(A, K, C)
-        exponents, tau = np.asarray(gains["exponents"]), float(gains["window"])
-        B = gains.get("B", np.zeros((len(A), 0)))
-        drift = (gains["flow_lower"] + gains["flow_upper"]) / 2
-        scales = feature_scales(exponents, tau)
-        F = filtered_system(D, C, exponents, scales)
-        evaluator = Evaluator(
-            A, D, C, H, exponents, tau, float(gains["margin"]),
-            window_matrix(D, C, exponents, tau, scales),
-            ImpulseCurve.of(F, H, tau), gains["weighting"] == "gls",
-            bool(gains.get("state_correction", False)), bool(gains.get("nonnegative", False)),
-        )  # fmt: skip
-        run = FreeRun(A, K, C, B, drift, exponents, tau, gains.get("period"))
-        rows = Rows(run, gains.get("period"))
+    def from_gains(cls, gains: IntegralGains) -> IntegralEngine:
+        """The engine of a design's gains."""
+        run = FreeRun(
+            A=gains.A,
+            K=gains.K,
+            C=gains.C,
+            B=gains.input_matrix,
+            drift=gains.flow_drift,
+            exponents=gains.exponents,
+            tau=gains.window,
+            period=gains.period,
+        )
+        rows = Rows(run, gains.period)
         return cls(
-            run, rows, evaluator, (gains["noise_std"], gains["noise_cv"]),
-            Addition(run, rows, H, float(gains["dwell_time"][0])),
-            gains.get("threshold"), gains.get("rule") == "position",
-        )  # fmt: skip
+            run=run,
+            rows=rows,
+            evaluator=Evaluator.from_gains(gains),
+            noise=(gains.noise_std, gains.noise_cv),
+            addition=Addition(run, rows, gains.H, gains.shortest_dwell),
+            threshold=gains.threshold,
+            positional=gains.rule == "position",
+        )
 
     # --- rows in ------------------------------------------------------------------------------
 

@@ -12,15 +12,21 @@ from __future__ import annotations
 import functools
 import math
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lmi.arithmetic.exponential import expm
+from obsdesign.equations.estimation_error import flow_error_matrix
+from obsdesign.equations.gains import Array
 from obsdesign.equations.impulsive_input.curve import ImpulseCurve
-from obsdesign.equations.impulsive_input.features import feature_scales, window_taps
+from obsdesign.equations.impulsive_input.features import (
+    feature_scales,
+    filtered_system,
+    window_matrix,
+    window_taps,
+)
 from obsdesign.equations.impulsive_input.fit import Impulse, explained, fit_impulse, peaks
+from obsdesign.equations.impulsive_input.gains import IntegralGains
 from obsdesign.runtime.base import Vector
 from obsdesign.runtime.impulsive_input.event import MISFIT, Event
 from obsdesign.runtime.impulsive_input.whitening import (
@@ -32,8 +38,6 @@ from obsdesign.runtime.impulsive_input.whitening import (
     root_of_sum,
     whitened,
 )
-
-Array = NDArray[Any]
 
 # gls: likelihood ratio of an impulse against none
 _LEAST_GAIN = 36.0
@@ -87,6 +91,28 @@ class Evaluator:
     gls: bool
     state_correction: bool
     nonnegative: bool
+
+    @classmethod
+    def from_gains(cls, gains: IntegralGains) -> Evaluator:
+        """The evaluation of windows for a design's gains."""
+        C, H, exponents, tau = gains.C, gains.H, gains.exponents, gains.window
+        D = flow_error_matrix(gains.A, gains.K, C)
+        scales = feature_scales(exponents, tau)
+        F = filtered_system(D, C, exponents, scales)
+        return cls(
+            A=gains.A,
+            D=D,
+            C=C,
+            H=H,
+            exponents=exponents,
+            tau=tau,
+            margin=gains.margin,
+            V=window_matrix(D, C, exponents, tau, scales),
+            curve=ImpulseCurve.of(F, H, tau),
+            gls=gains.weighting == "gls",
+            state_correction=bool(gains.state_correction),
+            nonnegative=bool(gains.nonnegative),
+        )
 
     @functools.cached_property
     def oldest(self) -> float:

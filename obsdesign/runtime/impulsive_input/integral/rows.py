@@ -12,9 +12,9 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lmi.arithmetic.exponential import expm
+from obsdesign.equations.gains import Array
 from obsdesign.equations.impulsive_input.features import LARGEST
 from obsdesign.runtime.base import Estimate, Vector
 from obsdesign.runtime.flow_response import responses
@@ -22,8 +22,6 @@ from obsdesign.runtime.impulsive_input.event import Event
 from obsdesign.runtime.impulsive_input.integral.free_run import FreeRun, Track
 from obsdesign.runtime.impulsive_input.integral.search import Position, Rule, Search
 from obsdesign.runtime.impulsive_input.residuals import Residuals
-
-Array = NDArray[Any]
 
 _MISSING, _OPEN = "missing sample", "unresolved"
 _BEYOND = "beyond what floats can follow: samples are too far apart for A - K C"

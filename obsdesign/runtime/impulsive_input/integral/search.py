@@ -15,15 +15,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from obsdesign.equations.gains import Array
 from obsdesign.equations.impulsive_input.features import OLD
 from obsdesign.runtime.time_stamps import time_tolerance
-
-Array = NDArray[Any]
 
 _SHARE = 0.5  # of the features that it must explain
 

@@ -18,11 +18,11 @@ from __future__ import annotations
 import math
 from bisect import bisect_left
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from obsdesign.equations.gains import Array
+from obsdesign.equations.impulsive_input.gains import SamplesGains
 from obsdesign.runtime.base import Estimate, Vector, status_of
 from obsdesign.runtime.impulsive_input.event import MISFIT, Event, short_dwell
 from obsdesign.runtime.impulsive_input.residuals import LARGER, Residuals, birge_ratio
@@ -31,8 +31,6 @@ from obsdesign.runtime.impulsive_input.samples.onset import ONSETS, Cells, Fit, 
 from obsdesign.runtime.impulsive_input.samples.steady_input import STEADY, Steady
 from obsdesign.runtime.impulsive_input.whitening import noise_deviation
 from obsdesign.runtime.time_stamps import time_tolerance
-
-Array = NDArray[Any]
 
 # twice the log-likelihood ratio from which an impulse counts, in a window of four samples; each
 # doubling of the onsets that noise may choose from adds 2 ln 2
@@ -84,18 +82,18 @@ class SamplesEngine:
         return _LEAST_RATIO + 2 * math.log(max(self.window / self.period / _FEW, 1.0))
 
     @classmethod
-    def from_gains(cls, gains: Any) -> SamplesEngine:
-        """From a design's gains."""
-        A = gains["A"]
+    def from_gains(cls, gains: SamplesGains) -> SamplesEngine:
+        """The engine of a design's gains."""
         plant = SampledPlant(
-            A, gains.get("B", np.zeros((len(A), 0))), gains["C"], gains["H"],
-            (gains["flow_lower"] + gains["flow_upper"]) / 2,
-        )  # fmt: skip
-        noise = gains["noise_std"], gains["noise_cv"]
+            A=gains.A, B=gains.input_matrix, C=gains.C, H=gains.H, drift=gains.flow_drift
+        )
         return cls(
-            OnsetModel(plant, bool(gains.get("nonnegative", False))), noise,
-            float(gains["window"]), float(gains["dwell_time"][0]), float(gains["period"]),
-        )  # fmt: skip
+            model=OnsetModel(plant, bool(gains.nonnegative)),
+            noise=(gains.noise_std, gains.noise_cv),
+            window=gains.window,
+            dwell=gains.shortest_dwell,
+            period=gains.sample_period,
+        )
 
     # --- rows in, rows out ----------------------------------------------------------------------
 

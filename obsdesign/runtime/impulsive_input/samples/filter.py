@@ -10,16 +10,13 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from obsdesign.equations.gains import Array
 from obsdesign.runtime.base import Vector
 from obsdesign.runtime.flow_response import responses
 from obsdesign.runtime.step_cache import cached_step
-
-Array = NDArray[Any]
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,17 +16,14 @@ from __future__ import annotations
 import math
 from collections import OrderedDict
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lmi.arithmetic.exponential import expm
+from obsdesign.equations.gains import Array
 from obsdesign.runtime.base import Vector
 from obsdesign.runtime.impulsive_input.samples.filter import Filtered, Row, SampledPlant
 from obsdesign.runtime.step_cache import cached_step
-
-Array = NDArray[Any]
 
 ONSETS = 40  # per period of the samples
 _REFINEMENTS = 12  # of the grid of onsets, tenfold each

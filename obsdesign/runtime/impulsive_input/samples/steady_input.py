@@ -12,15 +12,11 @@ what it leaves follow from three sums.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from obsdesign.runtime.base import Vector
 from obsdesign.runtime.impulsive_input.samples.filter import Filtered, Row, SampledPlant
-
-Array = NDArray[Any]
 
 STEADY = "a steady input explains the record about as well"
 
