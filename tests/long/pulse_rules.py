@@ -28,7 +28,7 @@ def rise_rule(t: Any, y: Any, share: float) -> Pulses:
 
     The next nadir is looked for once y has come down from its peak.
     """
-    found: Pulses = []
+    pulses: Pulses = []
     nadir, rising = 0, False
     for k in range(1, len(y)):
         if rising:
@@ -37,9 +37,9 @@ def rise_rule(t: Any, y: Any, share: float) -> Pulses:
         elif y[k] <= y[nadir]:
             nadir = k
         elif y[k] > (1 + share) * y[nadir]:
-            found.append(((t[nadir] + t[nadir + 1]) / 2, float("nan")))
+            pulses.append(((t[nadir] + t[nadir + 1]) / 2, float("nan")))
             rising, nadir = True, k
-    return found
+    return pulses
 
 
 def deconvolution(t: Any, y: Any, spread: Any, A: Any, h: int, c: int, basal: float) -> Pulses:
@@ -88,8 +88,8 @@ def main() -> None:
     basal = float(flow.lower[1] / -flow.A[1, 1])
     columns = read_columns(str(EXAMPLE.with_suffix(".csv")))
     t, y = (np.array(columns[name], dtype=np.float64) for name in ("t", "y1"))
-    found = {name: find(t, y) for name, find in methods(observer, basal, cv).items()}
-    for name, pulses in found.items():
+    by_method = {name: find(t, y) for name, find in methods(observer, basal, cv).items()}
+    for name, pulses in by_method.items():
         times = " ".join(f"{moment:.0f}" for moment, _ in pulses)
         weights = " ".join(f"{weight:.2f}" for _, weight in pulses if weight == weight)
         print(f"{name:14s} {times:40s} {weights}")

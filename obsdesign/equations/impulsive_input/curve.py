@@ -31,7 +31,7 @@ class ImpulseCurve:
     terms: int
 
     @classmethod
-    def of(
+    def from_system(
         cls, F: Array, H: Array, tau: float, points: int = _POINTS, n: int | None = None
     ) -> ImpulseCurve:
         """The curve for ages in [0, tau]; the grid has `points` cells, more where F is large.
@@ -72,13 +72,13 @@ class ImpulseCurve:
 
     def series(self, k: int) -> Array:
         """Taylor coefficients of the curve about grid point k, (terms, n + mp, q)."""
-        found = np.empty((self.terms, *self.states.shape[1:]))
-        found[0] = self.states[k]
+        coefficients = np.empty((self.terms, *self.states.shape[1:]))
+        coefficients[0] = self.states[k]
         for j in range(1, self.terms):
-            np.matmul(self.F, found[j - 1] / j, out=found[j])
-        return found
+            np.matmul(self.F, coefficients[j - 1] / j, out=coefficients[j])
+        return coefficients
 
-    def at(self, age: float) -> Array:
+    def value(self, age: float) -> Array:
         """[e^{D s} H; b(s)] at one age."""
         k = min(max(round(age / self.step), 0), len(self.states) - 1)
         return power_sum(self.series(k), age - k * self.step)
@@ -92,10 +92,10 @@ def balanced_size(F: Array) -> float:
     X = np.abs(np.asarray(F, dtype=np.float64))
     own = X.diagonal().copy()
     np.fill_diagonal(X, 0.0)
-    found, least = math.inf, float(own.max(initial=0.0))
+    smallest, least = math.inf, float(own.max(initial=0.0))
     for _ in range(_SWEEPS):
         rows, columns = X.sum(axis=1), X.sum(axis=0)
-        found = min(found, float((rows + own).max()), float((columns + own).max()))
+        smallest = min(smallest, float((rows + own).max()), float((columns + own).max()))
         rows, columns = rows + least, columns + least
         if least == 0:
             both = (rows > 0) & (columns > 0)
@@ -104,7 +104,7 @@ def balanced_size(F: Array) -> float:
         if scale.max() < _EVEN and scale.min() * _EVEN > 1:
             break
         X = X * scale[:, None] / scale
-    return found
+    return smallest
 
 
 def power_sum(series: Array, v: float) -> Array:

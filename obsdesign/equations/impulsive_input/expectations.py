@@ -29,7 +29,7 @@ def expectations(D: Array, gains: IntegralGains) -> dict[str, float]:
     C, H, exponents = gains.C, gains.H, gains.exponents
     tau, margin, n = gains.window, gains.margin, len(D)
     scales = feature_scales(exponents, tau)
-    curve = ImpulseCurve.of(filtered_system(D, C, exponents, scales), H, tau)
+    curve = ImpulseCurve.from_system(filtered_system(D, C, exponents, scales), H, tau)
     size = np.linalg.norm(curve.states[:, n:], axis=(1, 2))
     top = int(np.argmax(size))
     age = float(curve.ages[top]) if gains.rule == "peak" else OLD * curve.oldest

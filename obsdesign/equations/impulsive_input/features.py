@@ -47,14 +47,14 @@ WEIGHTINGS = ("plain", "gls")
 RULES = ("peak", "position", "threshold")
 
 
-def objection(plant: Any) -> str | None:
+def reason_against_plant(plant: Any) -> str | None:
     """What forbids an observer of this kind for a plant, or None; one sentence."""
     if plant.jump is None or plant.jump.H is None:
         return None  # a missing block: the caller asks for it
-    return plant_objection(plant) or size_objection(plant)
+    return reason_against_jumps(plant) or reason_against_sizes(plant)
 
 
-def plant_objection(plant: Any) -> str | None:
+def reason_against_jumps(plant: Any) -> str | None:
     """What else than impulses happens at jumps, or None; one sentence. plant: with jumps."""
     if not np.array_equal(plant.jump.G, np.eye(len(plant.flow.A))):
         return (
@@ -69,7 +69,7 @@ def plant_objection(plant: Any) -> str | None:
     return None
 
 
-def size_objection(plant: Any) -> str | None:
+def reason_against_sizes(plant: Any) -> str | None:
     """Which number of a plant floats cannot square, or None; one sentence."""
     output = plant.output
     entries = {
@@ -284,9 +284,9 @@ def longest_period(D: Array, exponents: Array | None, window: float) -> float:
     modes = np.linalg.eigvals(D)
     long = float(-modes.real.max()) * window > LONG
     fastest = float(np.abs(modes).max(initial=0.0))
-    found = fastest_limit(long) / fastest if fastest > 0 else math.inf
+    longest = fastest_limit(long) / fastest if fastest > 0 else math.inf
     steepest = 0.0 if exponents is None else float(np.abs(exponents).max())
-    return min(found, STEEPEST / steepest) if steepest > 0 else found
+    return min(longest, STEEPEST / steepest) if steepest > 0 else longest
 
 
 def rounded_down(value: float) -> float:

@@ -69,11 +69,11 @@ def fit_impulse(
             continue
         age = float(ages[inside[k]])
         ends = (max(low, age - curve.step), min(high, age + curve.step))
-        found = _refine(R, curve, int(inside[k]), ends, (low, high), weighting)
-        if nonnegative and (found.weights < 0).any():
+        candidate = _refine(R, curve, int(inside[k]), ends, (low, high), weighting)
+        if nonnegative and (candidate.weights < 0).any():
             continue
-        if best is None or found.cost < best.cost:
-            best = found
+        if best is None or candidate.cost < best.cost:
+            best = candidate
     return best
 
 
@@ -112,7 +112,7 @@ def _refine(
     b_series = _weighted(series[:, n:], weighting)
     F_series = curve.F[n:]
 
-    def at(age: float) -> tuple[Array, Array, Array]:
+    def derivatives(age: float) -> tuple[Array, Array, Array]:
         whole = power_sum(series, age - origin)
         first = F_series @ whole
         second = F_series @ (curve.F @ whole)
@@ -120,26 +120,28 @@ def _refine(
                 _weighted(second, weighting))  # fmt: skip
 
     low, high = bracket
-    ends = [_slope(R, *at(end)) for end in (low, high)]
+    ends = [_slope(R, *derivatives(end)) for end in (low, high)]
     if ends[0][0] < 0 < ends[1][0]:
-        age, moved = min(max(origin, low), high), math.inf
+        age, change = min(max(origin, low), high), math.inf
         for _ in range(_NEWTON_STEPS):
-            F, F_dot = _slope(R, *at(age))
+            F, F_dot = _slope(R, *derivatives(age))
             low, high = (age, high) if F < 0 else (low, age)
             following = age - F / F_dot if F_dot > 0 else math.inf
             if not low <= following <= high:
                 following = (low + high) / 2
-            last, moved, age = moved, abs(following - age), following
+            last, change, age = change, abs(following - age), following
             # rounding of F ends the descent: steps no longer shrink
-            if moved <= 4 * math.ulp(curve.step) or _SETTLED * curve.step > moved > last / 4:
+            if change <= 4 * math.ulp(curve.step) or _SETTLED * curve.step > change > last / 4:
                 break
     else:  # no valley inside: the lower end of the bracket
-        costs = [_solve(R, at(end)[0])[1] for end in (low, high)]
+        costs = [_solve(R, derivatives(end)[0])[1] for end in (low, high)]
         age = (low, high)[int(np.argmin(costs))]
-    b, b_dot, _ = at(age)
+    b, b_dot, _ = derivatives(age)
     g, cost = _solve(R, b)
     inner = limits[0] < age < limits[1]
-    return Impulse(age, g, cost, float(R @ R) - cost, b, b_dot, inner)
+    return Impulse(
+        age=age, weights=g, cost=cost, gain=float(R @ R) - cost, b=b, b_dot=b_dot, inside=inner
+    )
 
 
 def _solve(R: Array, b: Array) -> tuple[Array, float]:
@@ -149,8 +151,8 @@ def _solve(R: Array, b: Array) -> tuple[Array, float]:
         g = np.array([float(column @ R) / size if size > 0 else 0.0])
     else:
         g = np.linalg.lstsq(b, R, rcond=None)[0]
-    rest = R - b @ g
-    return g, float(rest @ rest)
+    residual = R - b @ g
+    return g, float(residual @ residual)
 
 
 def _slope(R: Array, b: Array, b_dot: Array, b_ddot: Array) -> tuple[float, float]:
@@ -159,12 +161,12 @@ def _slope(R: Array, b: Array, b_dot: Array, b_ddot: Array) -> tuple[float, floa
         b, b_dot, b_ddot = b[:, 0], b_dot[:, 0], b_ddot[:, 0]
         size = b @ b
         g: Any = (b @ R) / size
-        rest, moved = R - b * g, b_dot * g
-        g_dot = (b_dot @ rest - b @ moved) / size
-        bent = b_ddot * g + b_dot * g_dot
-        return -float(rest @ moved), float((moved + b * g_dot) @ moved - rest @ bent)
+        residual, rate = R - b * g, b_dot * g
+        g_dot = (b_dot @ residual - b @ rate) / size
+        curvature = b_ddot * g + b_dot * g_dot
+        return -float(residual @ rate), float((rate + b * g_dot) @ rate - residual @ curvature)
     g, _ = _solve(R, b)
-    rest, moved = R - b @ g, b_dot @ g
-    g_dot = np.linalg.solve(b.T @ b, b_dot.T @ rest - b.T @ moved)
-    bent = b_ddot @ g + b_dot @ g_dot
-    return -float(rest @ moved), float((moved + b @ g_dot) @ moved - rest @ bent)
+    residual, rate = R - b @ g, b_dot @ g
+    g_dot = np.linalg.solve(b.T @ b, b_dot.T @ residual - b.T @ rate)
+    curvature = b_ddot @ g + b_dot @ g_dot
+    return -float(residual @ rate), float((rate + b @ g_dot) @ rate - residual @ curvature)

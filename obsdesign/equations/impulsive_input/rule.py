@@ -32,7 +32,7 @@ def operator_is_open(problem: Any) -> bool:
     return periodic and "operator" not in problem.options and not own
 
 
-def growth_objection(exponents: Array, n: int, p: int, window: float) -> str | None:
+def reason_against_exponents(exponents: Array, n: int, p: int, window: float) -> str | None:
     """Why these exponents cannot be executed in binary64, or None; one sentence."""
     growth = np.asarray(exponents, float) * window
     largest = float(growth.max(initial=0.0))
@@ -51,7 +51,7 @@ def growth_objection(exponents: Array, n: int, p: int, window: float) -> str | N
     return None
 
 
-def rule_of(
+def evaluation_rule(
     D: Array, C: Array, H: Array, exponents: Array, window: float, margin: float
 ) -> tuple[str, float]:
     """(peak where every impulse makes one in |R| else position, oldest age that is searched).
@@ -59,11 +59,11 @@ def rule_of(
     Floats: a choice to make, no proof. ValueError where the features cannot be followed.
     """
     F = filtered_system(D, C, exponents, feature_scales(exponents, window))
-    oldest = ImpulseCurve.of(F, H, window).oldest
+    oldest = ImpulseCurve.from_system(F, H, window).oldest
     return "peak" if has_peak(F, H, window, margin) else "position", oldest
 
 
-def margin_objection(oldest: float, window: float, margin: float) -> str | None:
+def reason_against_margin(oldest: float, window: float, margin: float) -> str | None:
     """Why ages from `margin` on cannot be searched, or None."""
     if margin < oldest:
         return None

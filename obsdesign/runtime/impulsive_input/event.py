@@ -1,4 +1,4 @@
-"""An impulse that was decided: its time, its weights, and how sure they are."""
+"""An impulse that was decided: its time, its weights, their deviations and doubts."""
 
 from __future__ import annotations
 
@@ -16,16 +16,22 @@ _CERTAIN = 3.0  # deviations by which a dwell time must be too short
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """An impulse that was decided: time, weights (q,), standard deviations, status.
+    """An impulse that was decided: time, weights (q,), standard deviations, doubts.
 
-    The deviations are None where the problem states no noise; status: "ok", or what is doubtful.
+    The deviations are None where the problem states no noise; doubts: sentences, none where nothing
+    is doubtful.
     """
 
     t: float
     weights: Vector
     t_std: float | None
     weights_std: Vector | None
-    status: str = "ok"
+    doubts: tuple[str, ...] = ()
+
+    @property
+    def status(self) -> str:
+        """`ok`, or what is doubtful."""
+        return "; ".join(self.doubts) or "ok"
 
     def row(self) -> tuple[float | str, ...]:
         """The cells of an event file: t, weights, t_std, deviations of the weights, status."""
@@ -41,8 +47,21 @@ class Event:
         )
 
 
+@dataclass(frozen=True, slots=True)
+class DoubtfulSpan:
+    """Times whose rows rest on an impulse with doubts; at first none."""
+
+    since: float = math.inf
+    until: float = -math.inf
+    doubts: tuple[str, ...] = ()
+
+    def doubts_at(self, t: float) -> tuple[str, ...]:
+        """Doubts of a row at time t."""
+        return self.doubts if self.since <= t <= self.until else ()
+
+
 def short_dwell(gap: float, dwell: float, *deviations: float) -> str:
-    """That a dwell time is too short, beyond what the deviations of both times allow; or ""."""
+    """Sentence about a dwell time below the range by more than both deviations allow, or empty."""
     if gap >= dwell * (1 - RELATIVE_TIME_TOLERANCE) - _CERTAIN * math.hypot(*deviations):
         return ""
     return f"dwell time {gap:.9g} below {dwell:.9g}"

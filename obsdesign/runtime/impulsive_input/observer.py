@@ -104,7 +104,8 @@ class ImpulsiveInputObserver(PointObserver[ImpulsiveInputState]):
         if P is None and self.gains.initial_std is not None:
             P = np.diag(self.gains.initial_std**2)
         inputs = np.zeros(int(self.reads["u"]))
-        return ImpulsiveInputState(float(t), inputs, False, self.engine.begin(float(t), guess, P))
+        live = self.engine.begin(float(t), guess, P)
+        return ImpulsiveInputState(t=float(t), u=inputs, started=False, live=live)
 
     def step(
         self, state: ImpulsiveInputState, sample: Sample
@@ -156,12 +157,12 @@ class ImpulsiveInputObserver(PointObserver[ImpulsiveInputState]):
         check_size("y", ys, times)
         check_size("u", us, times)
         check_resolution(times, self.latency)
-        live, found = self.init(float(times[0]), x=x, covariance=covariance).live, []
+        live, estimates = self.init(float(times[0]), x=x, covariance=covariance).live, []
         for k in range(0, rows, _BLOCK):
             cut = slice(k, k + _BLOCK)
             live, decided = self.engine.extended(live, times[cut], ys[cut], us[cut])
-            found += decided
-        return collect([*found, *self.engine.tail(live)])
+            estimates += decided
+        return collect([*estimates, *self.engine.tail(live)])
 
     def block(self, state: ImpulsiveInputState, samples: Sequence[Sample]) -> ImpulsiveInputState:
         """The state after several samples at once; `decided` holds the rows they settled.

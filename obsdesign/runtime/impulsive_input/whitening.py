@@ -67,9 +67,9 @@ def noise_covariance(taps: Array, spread: Array) -> Array:
     return N
 
 
-def plain_deviations(found: Impulse, taps: Array, spread: Array) -> tuple[float, Vector]:
+def plain_deviations(impulse: Impulse, taps: Array, spread: Array) -> tuple[float, Vector]:
     """Deviations of age and weights under the plain norm: J^+ N J^+', N the covariance of R."""
-    J = np.column_stack([found.b_dot @ found.weights, found.b])
+    J = np.column_stack([impulse.b_dot @ impulse.weights, impulse.b])
     back = np.linalg.pinv(J)
     C = back @ noise_covariance(taps, spread) @ back.T
     deviations = np.sqrt(np.diag(C))

@@ -27,10 +27,10 @@ from obsdesign.synthesis.candidate import Candidate
 from obsdesign.synthesis.impulsive_input.exponents import exponent_choices, rule_for
 from obsdesign.synthesis.impulsive_input.integral_window import IntegralWindow
 from obsdesign.synthesis.impulsive_input.operator import (
-    asks_for_samples,
-    few_samples,
-    jumping_output,
+    is_samples_requested,
     period_for_integrals,
+    reason_against_integrals,
+    reason_for_samples,
     samples_within,
 )
 from obsdesign.synthesis.impulsive_input.samples import initial_std, sampled_candidates
@@ -54,20 +54,20 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
     _check_plant(plant)
     _check_options(problem)
     weighting = _weighting(problem)
-    if asks_for_samples(problem):
+    if is_samples_requested(problem):
         yield from sampled_candidates(problem, low, "asked for")
         return
-    window = float(problem.options.get("window", _longest(problem, low)))
+    window = float(problem.options.get("window", _longest_window(problem, low)))
     K = problem.gains.get("K")
     K = _gain(problem, window) if K is None else K
     integral = _integral_window(problem, K, window, weighting)
     D, window = integral.D, integral.window
-    if reason := few_samples(problem, D, window):
+    if reason := reason_against_integrals(problem, D, window):
         longest = period_for_integrals(D, window)
         yield from sampled_candidates(problem, low, reason, longest=longest)
         if float(problem.plant.output.period or 0.0) > longest_period(D, None, window):
             return  # the claim `samples` of operator `integral` fails for the same reason
-    elif reason := jumping_output(problem, window, weighting):
+    elif reason := reason_for_samples(problem, window, weighting):
         count = samples_within(problem, window)
         yield from sampled_candidates(problem, low, reason, count=count)
     try:
@@ -90,13 +90,13 @@ def _integral_candidates(problem: Problem, integral: IntegralWindow) -> Iterator
 
 
 def _check_plant(plant: Plant) -> None:
-    if text := equations.plant_objection(plant):
+    if text := equations.reason_against_jumps(plant):
         raise DoesNotApply(text)
-    if text := equations.objection(plant):
+    if text := equations.reason_against_plant(plant):
         raise InputError(text)
 
 
-def _longest(problem: Problem, low: float) -> float:
+def _longest_window(problem: Problem, low: float) -> float:
     """A part of the shortest dwell time, which leaves two periods of the samples."""
     period = Fraction(float(problem.plant.output.period or 0.0))
     left = low - 2 * float(period)
@@ -107,7 +107,7 @@ def _longest(problem: Problem, low: float) -> float:
     return min(_WINDOW * low, left)
 
 
-def _remembered(problem: Problem, D: Matrix, window: float) -> float:
+def _shortened_window(problem: Problem, D: Matrix, window: float) -> float:
     """No longer than something of an impulse is left in the output, so that all of it is used."""
     slowest = float(-np.linalg.eigvals(D).real.max())
     if slowest <= 0:
@@ -122,7 +122,9 @@ def _integral_window(problem: Problem, K: Matrix, window: float, weighting: str)
     """
     plant, options = problem.plant, problem.options
     if "window" not in options:
-        window = _remembered(problem, flow_error_matrix(plant.flow.A, K, plant.output.C), window)
+        window = _shortened_window(
+            problem, flow_error_matrix(plant.flow.A, K, plant.output.C), window
+        )
     margin = float(options.get("margin", _MARGIN * window))
     if margin >= window:
         raise InputError(

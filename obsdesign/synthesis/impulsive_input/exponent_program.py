@@ -83,13 +83,13 @@ def optimal_exponents(
         spread = np.append(spread[:n], spread[n - 1] * np.geomspace(1.5, 0.9 * _FASTEST, m - n))
     sets = []
     for lams in (corner * tau, spread):
-        found = solver(
+        solution = solver(
             x0=np.append(1.05 * lams, begin),
             lbx=[_FASTEST * first] * m + [ends[0]], ubx=[first] * m + [ends[1]],
             lbg=[spacing * (1 - _SLACK)] * (m - 1) + zeros, ubg=[math.inf] * (m - 1) + zeros,
         )  # fmt: skip
         if solver.stats()["success"]:
-            z = np.asarray(found["x"], dtype=np.float64).ravel()[:m] / tau
+            z = np.asarray(solution["x"], dtype=np.float64).ravel()[:m] / tau
             sets.append(np.sort(np.minimum(z, corner[0]))[::-1])
     remark_end("exponents", ended())
     return sets
@@ -141,16 +141,16 @@ def _splines(ca: Any, D: Array, C: Array, H: Array, tau: float) -> list[Any]:
     return [ca.interpolant("h", "bspline", [knots], column / unit) for column in shown.T]
 
 
-def second_opinion(
+def refined_exponents(
     D: Array, C: Array, H: Array, corner: Array, scale: Array, tau: float, age: float | None
 ) -> tuple[Array | None, float]:
     """(the best set of IPOPT, its deviation of times relative to the corner's); None without."""
 
     def deviation(exponents: Array) -> float:
-        at = peak_age(D, C, H, exponents, tau) if age is None else age
-        return time_deviation(D, C, H, exponents, scale, tau, at)
+        evaluated_age = peak_age(D, C, H, exponents, tau) if age is None else age
+        return time_deviation(D, C, H, exponents, scale, tau, evaluated_age)
 
     own = deviation(corner)
     sets = optimal_exponents(D, C, H, corner, scale, tau, age)
-    best = min(((deviation(one) / own, k) for k, one in enumerate(sets)), default=None)
+    best = min(((deviation(exponents) / own, k) for k, exponents in enumerate(sets)), default=None)
     return (None, math.nan) if best is None else (sets[best[1]], best[0])

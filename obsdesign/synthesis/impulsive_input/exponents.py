@@ -19,7 +19,7 @@ from obsdesign.equations.impulsive_input import features as equations
 from obsdesign.equations.impulsive_input import rule as impulse_rule
 from obsdesign.errors import InputError
 from obsdesign.problem.problem import Problem
-from obsdesign.synthesis.impulsive_input import exponent_program as exponent_nlp
+from obsdesign.synthesis.impulsive_input import exponent_program
 from obsdesign.synthesis.impulsive_input.integral_window import IntegralWindow
 
 Matrix = NDArray[np.float64]
@@ -88,7 +88,7 @@ def _refined_by_ipopt(
     age = None if rule_for(integral, corner) == "peak" else equations.OLD * tau
     scale = std / std.max() if std.any() else np.ones(len(std))
     D, C, H = integral.D, integral.C, integral.H
-    better, size = exponent_nlp.second_opinion(D, C, H, corner, scale, tau, age)
+    better, size = exponent_program.refined_exponents(D, C, H, corner, scale, tau, age)
     comparison = f"times {size:.3g} as uncertain as with {corner[0]:.4g} ... {corner[-1]:.4g}"
     if better is None:
         label += "; IPOPT did not converge"
@@ -107,17 +107,17 @@ def rule_for(integral: IntegralWindow, exponents: Matrix) -> str:
     """Return the rule of evaluation: a peak of |R| where every impulse makes one, else position."""
     window, margin = integral.window, integral.margin
     D, C, H = integral.D, integral.C, integral.H
-    if text := impulse_rule.growth_objection(exponents, len(D), len(C), window):
+    if text := impulse_rule.reason_against_exponents(exponents, len(D), len(C), window):
         raise InputError(text)
     try:
-        rule, oldest = impulse_rule.rule_of(D, C, H, exponents, window, margin)
+        rule, oldest = impulse_rule.evaluation_rule(D, C, H, exponents, window, margin)
     except ValueError as error:
         if window >= integral.shortest_dwell:
             return "position"  # a claim refutes the window, whatever the rule
         raise InputError(
             f"{error}; are the units of flow.A and output.C what they should be?"
         ) from None
-    text = impulse_rule.margin_objection(oldest, window, margin)
+    text = impulse_rule.reason_against_margin(oldest, window, margin)
     if text and H.any():
         raise InputError(text)
     return rule if integral.threshold is None else "threshold"

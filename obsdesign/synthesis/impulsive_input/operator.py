@@ -17,18 +17,18 @@ _MOST = 32  # samples of a window of operator `samples`: more only take time
 _JUMPS = 0.05  # of its response that an impulse must show at once: then the output jumps with it
 
 
-def asks_for_samples(problem: Problem) -> bool:
+def is_samples_requested(problem: Problem) -> bool:
     """Is operator `samples` asked for? InputError beside what belongs to the other one."""
-    asked = problem.options.get("operator") == "samples"
-    if asked and (own := impulse_rule.integral_entries(problem.options, problem.gains)):
+    requested = problem.options.get("operator") == "samples"
+    if requested and (own := impulse_rule.integral_entries(problem.options, problem.gains)):
         raise InputError(
             f"observer.{own[0]} belongs to operator 'integral'; with 'samples' all samples of "
             "the window are used as they are."
         )
-    return asked
+    return requested
 
 
-def few_samples(problem: Problem, D: Matrix, window: float) -> str | None:
+def reason_against_integrals(problem: Problem, D: Matrix, window: float) -> str | None:
     """Why samples are too few for operator `integral` where the operator is open, or None."""
     if not impulse_rule.operator_is_open(problem):
         return None
@@ -43,7 +43,7 @@ def few_samples(problem: Problem, D: Matrix, window: float) -> str | None:
     return None
 
 
-def jumping_output(problem: Problem, window: float, weighting: str) -> str | None:
+def reason_for_samples(problem: Problem, window: float, weighting: str) -> str | None:
     """Why `samples` is chosen in noise where the output jumps with an impulse, or None.
 
     None also where `samples` cannot work: it is a choice, nobody asked for it.
@@ -54,8 +54,8 @@ def jumping_output(problem: Problem, window: float, weighting: str) -> str | Non
     A, H = plant.flow.A, problem.require("jump.H")
     refused = weighting == "plain" or "margin" in options or H.shape[1] > 1
     refused |= options.get("state_correction") is False
-    asked = float(options.get("window", 0.0)) / float(plant.output.period or 1.0)
-    if refused or not H.any() or abs(asked - round(asked)) > 1e-6:
+    samples = float(options.get("window", 0.0)) / float(plant.output.period or 1.0)
+    if refused or not H.any() or abs(samples - round(samples)) > 1e-6:
         return None
     along = np.hstack([H, A @ H])
     hidden = np.linalg.matrix_rank(along / np.linalg.norm(along, axis=0).clip(1e-300)) < 2

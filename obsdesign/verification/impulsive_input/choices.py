@@ -32,7 +32,7 @@ _SAMPLES: Mapping[str, tuple[str, ...]] = {
 }
 
 
-def judged(problem: Problem, operator: str, claim: Claim) -> Claim:
+def mark_open_choices(problem: Problem, operator: str, claim: Claim) -> Claim:
     """The claim, its witness marked where no choice left open would change it."""
     names = (_INTEGRAL if operator == "integral" else _SAMPLES).get(claim.id, ("operator",))
     open_names = left_open(problem, *names) - {"operator"}

@@ -27,7 +27,7 @@ from obsdesign.equations.impulsive_input.gains import (
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.consistency import consistency
 from obsdesign.verification.impulsive_input import window as window_claims
-from obsdesign.verification.impulsive_input.choices import judged
+from obsdesign.verification.impulsive_input.choices import mark_open_choices
 from obsdesign.verification.impulsive_input.guarantees import guarantees as guarantees
 from obsdesign.verification.impulsive_input.rank import full_rank
 from obsdesign.verification.impulsive_input.samples import sampled_claims, window_samples
@@ -47,7 +47,7 @@ def claims(
 
     stored: gains as a design file states them.
     """
-    agreement = consistency(_objection(problem, stored), stored, _expected(problem, stored))
+    agreement = consistency(_reason_against(problem, stored), stored, _expected(problem, stored))
     if agreement.verdict != "proved":
         return (agreement,)
     gains = gains_from_document(stored)
@@ -60,7 +60,7 @@ def claims(
         if gains.period is not None:
             claims.append(window_samples(gains, gains.period, low))
         claims += _integral_claims(problem, gains)
-    return tuple(judged(problem, gains.operator, claim) for claim in claims)
+    return tuple(mark_open_choices(problem, gains.operator, claim) for claim in claims)
 
 
 def _integral_claims(problem: Problem, gains: IntegralGains) -> list[Claim]:
@@ -97,11 +97,11 @@ def _integral_claims(problem: Problem, gains: IntegralGains) -> list[Claim]:
     return claims
 
 
-def _objection(problem: Problem, stored: Mapping[str, Any]) -> str | None:
+def _reason_against(problem: Problem, stored: Mapping[str, Any]) -> str | None:
     plant = problem.plant
     if plant.jump is None or plant.jump.H is None or plant.jump.dwell_time is None:
         return "jump.H and jump.dwell_time are required by kind 'impulsive_input'"
-    if text := equations.objection(plant):
+    if text := equations.reason_against_plant(plant):
         return text
     for name in ("window", "margin"):
         if not equations.is_positive(stored.get(name)):
@@ -111,7 +111,7 @@ def _objection(problem: Problem, stored: Mapping[str, Any]) -> str | None:
             return f"gains.{name} must be true or false"
     text = None
     if stored.get("operator") == "integral":
-        text = _integral_objection(plant, stored)
+        text = _reason_against_integral(plant, stored)
     elif stored.get("operator") == "samples":
         text = equations.reason_against_samples(plant, stored["window"], stored.get("weighting"))
     if text is not None:
@@ -122,16 +122,18 @@ def _objection(problem: Problem, stored: Mapping[str, Any]) -> str | None:
     return None
 
 
-def _integral_objection(plant: Any, stored: Mapping[str, Any]) -> str | None:
+def _reason_against_integral(plant: Any, stored: Mapping[str, Any]) -> str | None:
     window = float(stored["window"])
     if not float(stored["margin"]) < window:
         return "gains.margin must be less than gains.window"
     if not equations.are_exponents(stored.get("exponents")):
         return "gains.exponents must be distinct, finite numbers, one or more"
-    return impulse_rule.growth_objection(np.asarray(stored["exponents"]), plant.n, plant.p, window)
+    return impulse_rule.reason_against_exponents(
+        np.asarray(stored["exponents"]), plant.n, plant.p, window
+    )
 
 
-def _rule(problem: Problem, stored: Mapping[str, Any]) -> str:
+def _required_rule(problem: Problem, stored: Mapping[str, Any]) -> str:
     """What the stored exponents need; any rule where other claims tell what is wrong."""
     rule = stored.get("rule")
     fallback = rule if isinstance(rule, str) and rule in equations.RULES[:2] else "peak"
@@ -148,10 +150,10 @@ def _rule(problem: Problem, stored: Mapping[str, Any]) -> str:
     window, margin = float(stored["window"]), float(stored["margin"])
     exponents = np.asarray(stored["exponents"], float)
     try:
-        rule, oldest = impulse_rule.rule_of(D, plant.output.C, H, exponents, window, margin)
+        rule, oldest = impulse_rule.evaluation_rule(D, plant.output.C, H, exponents, window, margin)
     except ValueError:
         return fallback
-    refused = H.any() and impulse_rule.margin_objection(oldest, window, margin) is not None
+    refused = H.any() and impulse_rule.reason_against_margin(oldest, window, margin) is not None
     return "" if refused else rule  # no rule can work with ages that leave nothing
 
 
@@ -178,7 +180,7 @@ def _expected(problem: Problem, stored: Mapping[str, Any]) -> dict[str, Any]:
         expected |= {"K": problem.gains.get("K", (n, p))}
         given = options.get("exponents")
         expected["exponents"] = stored.get("exponents") if given is None else np.array(given)
-        expected["rule"] = _rule(problem, stored)
+        expected["rule"] = _required_rule(problem, stored)
         if "threshold" in options:
             expected |= {"threshold": options["threshold"], "rule": "threshold"}
     if samples:

@@ -165,18 +165,20 @@ def _rank(A: Any, C: Any, period: float, cells: int, first: int = 0) -> Verdict:
     Samples `first` .. `cells` of a window; where some do not do, nothing follows for all.
     """
     every = cells // min(cells, _MOST_ROWS)
-    found = _rank_of(A, C, period * every, first, min(cells, _MOST_ROWS))
-    if found.outcome != "proved" and every * _MOST_ROWS < cells:  # they end before the window does
+    verdict = _rank_of(A, C, period * every, first, min(cells, _MOST_ROWS))
+    if (
+        verdict.outcome != "proved" and every * _MOST_ROWS < cells
+    ):  # they end before the window does
         every += 1
         wider = _rank_of(A, C, period * every, first, cells // every)
-        found = wider if wider.outcome == "proved" else found
+        verdict = wider if wider.outcome == "proved" else verdict
     count = min(cells, _MOST_ROWS)
-    if found.outcome == "refuted" and count < cells:
+    if verdict.outcome == "refuted" and count < cells:
         return undecided(
             f"{count} of the {cells} samples of a window do not determine the state: change the "
             "window or the period"
         )
-    return found
+    return verdict
 
 
 def _rank_of(A: Any, C: Any, step: float, first: int, count: int) -> Verdict:
@@ -194,12 +196,12 @@ def _sampled_rows(
     def rows() -> list[list[Any]]:
         forward = exp_times(A, step)
         at = ball(C)
-        found: list[list[Any]] = []
+        table: list[list[Any]] = []
         for k in range(count + 1):
             if k >= first:
-                found += at.tolist()
+                table += at.tolist()
             at = at * forward
-        return found
+        return table
 
     return rows
 

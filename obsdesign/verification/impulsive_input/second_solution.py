@@ -35,9 +35,9 @@ def second_solution(
         return _crossing_anywhere(F, z, n, b, window, margin, nonnegative)
     if b.shape[1] == 3:
         for ages in _meetings(F, z, n, b, window, margin):
-            found = _certain_meeting(F, z, n, ages, (margin, window), nonnegative)
-            if found is not None:
-                return found
+            verdict = _certain_meeting(F, z, n, ages, (margin, window), nonnegative)
+            if verdict is not None:
+                return verdict
     return None
 
 
@@ -57,9 +57,9 @@ def _crossing_anywhere(
             changes = changes[b[changes] @ b[k] > 0]
         for j in changes[:1]:
             brackets = float(ages[k]), float(ages[j]), float(ages[j + 1])
-            found = _crossing(F, z, n, *brackets, nonnegative)
-            if found is not None:
-                return found
+            verdict = _crossing(F, z, n, *brackets, nonnegative)
+            if verdict is not None:
+                return verdict
     return None
 
 
@@ -196,12 +196,12 @@ def _certain_meeting(
 def _stays(row: Any, values: Any, slopes: Any, i: int, radius: float) -> bool:
     """One coordinate of Krawczyk's operator stays inside the box."""
     r, Y = number(radius), [number(float(y)) for y in row]
-    moved = -(Y[0] * values[0] + Y[1] * values[1])
+    image = -(Y[0] * values[0] + Y[1] * values[1])
     for j in range(2):
-        rest = Y[0] * slopes[0][j] + Y[1] * slopes[1][j]
-        rest = number(float(i == j)) - rest
-        moved = moved + rest * around_zero(r)
-    return bool(abs(moved) < r)
+        entry = Y[0] * slopes[0][j] + Y[1] * slopes[1][j]
+        entry = number(float(i == j)) - entry
+        image = image + entry * around_zero(r)
+    return bool(abs(image) < r)
 
 
 def _witness(

@@ -39,11 +39,11 @@ _EFFORT = 6000  # boxes and halvings, a few seconds
 
 def markov_parameters(D: Any, c: Any, H: Any) -> list[Any]:
     """c D^k H for k = 0..n-1, exact, each (q,)."""
-    found, row = [], c
+    parameters, row = [], c
     for _ in range(len(D)):
-        found.append(row @ H)
+        parameters.append(row @ H)
         row = row @ D
-    return found
+    return parameters
 
 
 def decide_uniqueness(
@@ -61,9 +61,9 @@ def decide_uniqueness(
         return refuted({"weights": idle, "reason": reason, "of_all_gains": True})
     real = real_spectrum(D)
     if real:
-        found = _by_theorem(D, C, H, m, exponents, window)
-        if found is not None:
-            return found
+        verdict = _by_theorem(D, C, H, m, exponents, window)
+        if verdict is not None:
+            return verdict
     if q > 1:
         return undecided(
             f"with {q} directions the theorem is what decides: it needs a real spectrum of A - K C "
@@ -83,13 +83,13 @@ def _by_theorem(D: Any, C: Any, H: Any, m: int, exponents: Any, window: float) -
         c = C[j : j + 1]
         moments = [entry.ravel() for entry in markov_parameters(D, c, H)]
         if q == 1:
-            seen = any(entry[0] != 0 for entry in moments)
+            visible = any(entry[0] != 0 for entry in moments)
         else:
             rows = [c]
             for _ in range(n - 1):
                 rows.append(rows[-1] @ D)
-            seen = fixed_vector(rows) is None and fixed_vector([H]) is None
-        if not seen:
+            visible = fixed_vector(rows) is None and fixed_vector([H]) is None
+        if not visible:
             continue
         if q == 1 and m >= 2 and all(e[0] == 0 for e in moments[:-1]) and moments[-1][0] != 0:
             return proved(method="no zeros: b_i/b_j is strictly monotone", output=j + 1)
@@ -163,9 +163,9 @@ def _by_turning(
                 angle = "pi" if back is None else "2 pi, for nonnegative weights"
                 return proved(method=f"a pair of features turns one way, by less than {angle}",
                               features=[i + 1, j + 1])  # fmt: skip
-        found = second_solution(F, z, n, b, window, margin, nonnegative)
-        if found is not None:
-            return found
+        verdict = second_solution(F, z, n, b, window, margin, nonnegative)
+        if verdict is not None:
+            return verdict
     return undecided(
         f"{stopped}no pair of features was seen to turn one way for all ages; the last one tried "
         f"fails near age {place:.6g}. With a real spectrum of A - K C, {2 * n} exponents decide",
@@ -240,8 +240,8 @@ def _turns_one_way(
             (back - room, back + room, behind, 1),
             (back + room / 2, window, against_start, -sign),
         ]
-    for low, high, side, wanted in parts:
-        away, place = signs.one_sign(with_rates(low, high), side, wanted, effort)
+    for low, high, side, required in parts:
+        away, place = signs.one_sign(with_rates(low, high), side, required, effort)
         if away is not True:
             return False, place
     return True, place
@@ -253,8 +253,8 @@ def _one_way(
     """(the sign that `turn` has on all boxes, 0 if it has none, where that was not seen)."""
     place = math.nan
     for sign in (1, -1):  # boxes are used up by being looked at: new ones for each sign
-        found, place = signs.one_sign(cover(), turn, sign, effort)
-        if found is True:
+        holds, place = signs.one_sign(cover(), turn, sign, effort)
+        if holds is True:
             return sign, place
     return 0, place
 

@@ -85,7 +85,7 @@ def enough_exponents(D: Any, C: Any, exponents: list[float]) -> Claim:
 
 
 def ratio(
-    D: Any, C: Any, H: Any, exponents: list[float], window: float, margin: float, asked: float
+    D: Any, C: Any, H: Any, exponents: list[float], window: float, margin: float, bound: float
 ) -> Claim:
     """|E_i| <= ratio |b_i| for every feature, direction and age in [margin, window] (Prop. 3.2).
 
@@ -93,17 +93,17 @@ def ratio(
     z = ratio e^{D s} H -+ e^{lambda tau} e^{D (s - tau)} H; it must keep the sign of b_i.
     """
     statement = (
-        f"what (15) neglects of an impulse is at most {asked!r} of its feature, for every feature "
+        f"what (15) neglects of an impulse is at most {bound!r} of its feature, for every feature "
         f"and every age in [{margin!r}, {window!r}]"
     )
-    verdict = proved(ratio=asked)
+    verdict = proved(ratio=bound)
     try:
         for j in range(len(C)):
             for k in range(H.shape[1]):
                 for lam in exponents:
-                    found = _ratio(D, C[j : j + 1], H[:, k : k + 1], lam, window, margin, asked)
-                    if found is not None:
-                        verdict = found
+                    obstacle = _ratio(D, C[j : j + 1], H[:, k : k + 1], lam, window, margin, bound)
+                    if obstacle is not None:
+                        verdict = obstacle
                         raise StopIteration
     except StopIteration:
         pass
@@ -113,14 +113,14 @@ def ratio(
 
 
 def _ratio(
-    D: Any, c: Any, h: Any, lam: float, window: float, margin: float, asked: float
+    D: Any, c: Any, h: Any, lam: float, window: float, margin: float, bound: float
 ) -> Verdict | None:
     """None: proved for one feature; else why not."""
     n = len(D)
     F = np.vstack([np.hstack([D, exact(np.zeros((n, 1)))]), np.hstack([c, exact([[lam]])])])
-    rest = np.vstack([h, exact([[0.0]])])
+    start = np.vstack([h, exact([[0.0]])])
     with precision(PRECISIONS[-1]):
-        at_margin = exp_times(F, margin) * ball(rest)  # [e^{D eps} h; b(eps)]
+        at_margin = exp_times(F, margin) * ball(start)  # [e^{D eps} h; b(eps)]
         far = exp_times(D, margin - window) * ball(h)  # e^{D (eps - tau)} h
         growth = (number(lam) * number(window)).exp()
         left = _inner(D, c, h, lam, window - margin)
@@ -133,16 +133,16 @@ def _ratio(
         state = [row[0] for row in at_margin.tolist()[:n]]
         back = [row[0] for row in far.tolist()]
         for side in (1, -1):
-            z = [number(asked) * x - side * growth * y for x, y in zip(state, back, strict=True)]
-            f = number(asked) * b + side * E
+            z = [number(bound) * x - side * growth * y for x, y in zip(state, back, strict=True)]
+            f = number(bound) * b + side * E
             cover = signs.boxes(F, ball_column([*z, f]), 0.0, window - margin, [n])
-            found, place = signs.one_sign(cover, lambda box: box.rows[0], sign)
-            if found is True:
+            holds, place = signs.one_sign(cover, lambda box: box.rows[0], sign)
+            if holds is True:
                 continue
             age = margin + place
-            if found is False:
+            if holds is False:
                 reason = (
-                    f"exponent {lam!r}: near age {age:.6g} the neglected part exceeds {asked!r} "
+                    f"exponent {lam!r}: near age {age:.6g} the neglected part exceeds {bound!r} "
                     "of the feature (where the impulse response changes sign a feature has a zero)"
                 )
                 return refuted({"age": age, "exponent": lam, "reason": reason})

@@ -14,7 +14,7 @@ from obsdesign.equations.estimation_error import flow_error_matrix
 from obsdesign.equations.impulsive_input.features import filtered_system
 from obsdesign.synthesis.impulsive_input.exponent_program import (
     peak_age,
-    second_opinion,
+    refined_exponents,
     time_deviation,
 )
 from obsdesign.synthesis.impulsive_input.exponents import slowest_exponent
@@ -27,11 +27,11 @@ TAU, MARGIN = 20.0, 5.0
 
 
 def body(**changes: Any) -> dict[str, Any]:
-    found = copy.deepcopy(CHAIN)
+    changed = copy.deepcopy(CHAIN)
     for path, value in changes.items():
         block, key = path.split("__")
-        found[block][key] = value
-    return found
+        changed[block][key] = value
+    return changed
 
 
 def investigated(**changes: Any) -> Any:
@@ -64,9 +64,9 @@ def test_ipopt_confirms_the_corner(ratio: float, wanted: float) -> None:
     assert first is not None
     for count in (3, 6):
         corner = first - 0.05 * np.arange(count)
-        found, size = second_opinion(D, C, H, corner, np.ones(1), TAU, None)
-        assert found is not None
-        np.testing.assert_allclose(found, corner, atol=1e-3)
+        better, size = refined_exponents(D, C, H, corner, np.ones(1), TAU, None)
+        assert better is not None
+        np.testing.assert_allclose(better, corner, atol=1e-3)
         assert size == pytest.approx(1, abs=1e-4)
         if count == 3:  # variance 10, period 0.01, weight 5
             assert deviation(corner) * np.sqrt(0.1) / 5 == pytest.approx(wanted, abs=1e-4)
@@ -75,11 +75,11 @@ def test_ipopt_confirms_the_corner(ratio: float, wanted: float) -> None:
 def test_ipopt_improves_exponents_that_are_no_corner() -> None:
     # the twin: gaps wider than the least one
     wide = -0.6547542 * np.array([1.0, 1.6, 2.8])
-    found, size = second_opinion(D, C, H, wide, np.ones(1), TAU, None)
-    assert found is not None
+    better, size = refined_exponents(D, C, H, wide, np.ones(1), TAU, None)
+    assert better is not None
     assert size < 0.99
-    assert size == pytest.approx(deviation(found) / deviation(wide), rel=1e-9)
-    np.testing.assert_allclose(found, wide[0] * np.array([1.0, 1.6, 2.2]), atol=1e-3)
+    assert size == pytest.approx(deviation(better) / deviation(wide), rel=1e-9)
+    np.testing.assert_allclose(better, wide[0] * np.array([1.0, 1.6, 2.2]), atol=1e-3)
 
 
 def test_check_exponents_says_what_it_found() -> None:

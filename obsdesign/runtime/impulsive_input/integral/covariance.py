@@ -42,5 +42,5 @@ def added_by_noise(run: FreeRun, times: Array, spread: Array, elapsed: float) ->
     operator = np.kron(np.eye(n), D) + np.kron(D, np.eye(n))
     limit = np.linalg.solve(operator, -Q.reshape(-1)).reshape(n, n)
     flow = expm(D * elapsed)
-    found = limit - flow @ limit @ flow.T
-    return np.asarray((found + found.T) / 2)
+    added = limit - flow @ limit @ flow.T
+    return np.asarray((added + added.T) / 2)

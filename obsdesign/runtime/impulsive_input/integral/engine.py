@@ -19,7 +19,7 @@ from obsdesign.runtime.impulsive_input.integral.addition import Addition
 from obsdesign.runtime.impulsive_input.integral.covariance import covariance_at, first_covariance
 from obsdesign.runtime.impulsive_input.integral.evaluate import Evaluator, Window
 from obsdesign.runtime.impulsive_input.integral.free_run import FreeRun
-from obsdesign.runtime.impulsive_input.integral.rows import IntegralLive, Rows
+from obsdesign.runtime.impulsive_input.integral.rows import MISSING, IntegralLive, Rows
 from obsdesign.runtime.impulsive_input.integral.search import Position, Rule, smoothed
 from obsdesign.runtime.impulsive_input.whitening import (
     feature_deviation,
@@ -93,7 +93,8 @@ class IntegralEngine:
 
     def begin(self, t: float, x: Vector, covariance: Array | None) -> IntegralLive:
         """Nothing seen yet."""
-        return IntegralLive(t, x, np.zeros(self.run.B.shape[1]), covariance, t)
+        inputs = np.zeros(self.run.B.shape[1])
+        return IntegralLive(t=t, x=x, u=inputs, covariance=covariance, since=t)
 
     def extended(
         self, live: IntegralLive, t: Array, y: Array, u: Array
@@ -106,18 +107,18 @@ class IntegralEngine:
         self, live: IntegralLive, t: Array, y: Array, u: Array
     ) -> tuple[IntegralLive, list[Estimate]]:
         decided: list[Estimate] = []
-        seen: Any = np.isfinite(y).all(axis=1)
+        measured: Any = np.isfinite(y).all(axis=1)
         start = 0
         if live.first is None:
             live = replace(live, first=float(t[0]))
         if live.track is None:
-            start = int(np.argmax(seen)) if seen.any() else len(t)
+            start = int(np.argmax(measured)) if measured.any() else len(t)
             for k in range(min(start + 1, len(t))):
                 x = self.rows.predicted(live.t, live.x, live.u, float(t[k]))
                 live = replace(live, t=float(t[k]), x=x, u=u[k])
                 if k < start:
-                    reason = self.rows.status(live, live.t)
-                    status = status_of([] if reason == "ok" else [reason], x)
+                    missing = [MISSING] if self.rows.is_missing(live, live.t) else []
+                    status = status_of(missing, x)
                     decided.append(Estimate(live.t, x=x, status=status))
             if start == len(t):
                 return live, decided
@@ -128,7 +129,7 @@ class IntegralEngine:
                 P = flow @ P @ flow.T
             live = replace(live, track=track, since=live.t, covariance=P)
             start += 1
-        live = self.rows.appended(live, t[start:], y[start:], u[start:], seen[start:])
+        live = self.rows.appended(live, t[start:], y[start:], u[start:], measured[start:])
         return self._searched(live, decided)
 
     def _dropped(self, live: IntegralLive) -> tuple[IntegralLive, list[Estimate]]:
@@ -140,11 +141,11 @@ class IntegralEngine:
             front = int(np.searchsorted(live.track.t, live.track.t[front] - 1.01 * half))
         if front <= 0:
             return live, []
-        rows = self.rows.given(live, front)
+        rows = self.rows.decided_rows(live, front)
         return replace(
-            live, track=live.track.without(front), norms=live.norms[front:],
-            search=live.search.moved(front),
-            absent=self.rows.left(live, float(live.track.t[front])),
+            live, track=live.track.from_row(front), norms=live.norms[front:],
+            search=live.search.shifted(front),
+            absent=self.rows.absent_from(live, float(live.track.t[front])),
         ), rows  # fmt: skip
 
     def prediction(self, live: IntegralLive) -> Vector:
@@ -216,7 +217,7 @@ class IntegralEngine:
             T = whitened(taps, track.y[:stop], unit)[1]
             curve = self.evaluator.curve
             b = curve.states[1:, curve.n :]
-            position = Position.of(T, curve.ages[1:], b, self.evaluator.oldest)
+            position = Position.from_curve(T, curve.ages[1:], b, self.evaluator.oldest)
             own = T @ (taps.T @ track.y[:stop]).T.reshape(-1)
             exact = _EXACT_FLOOR * float(np.linalg.norm(own))
             rule = Rule(0.0, 0.0, 0.0, max(_LEAST if sigma > 0 else 0.0, exact, before))

@@ -108,7 +108,7 @@ class Evaluator:
             tau=tau,
             margin=gains.margin,
             V=window_matrix(D, C, exponents, tau, scales),
-            curve=ImpulseCurve.of(F, H, tau),
+            curve=ImpulseCurve.from_system(F, H, tau),
             gls=gains.weighting == "gls",
             state_correction=bool(gains.state_correction),
             nonnegative=bool(gains.nonnegative),
@@ -148,8 +148,8 @@ class Evaluator:
             return self._weighted(window, P, at_start)
         unit = window.spread if window.spread.all() else np.ones_like(window.spread)
         alike = whitened(window.taps, window.error, unit)
-        found = self._fitted(R, window, np.eye(len(R)), alike)
-        if found is None:
+        impulse = self._fitted(R, window, np.eye(len(R)), alike)
+        if impulse is None:
             return None
         noisy = bool(window.spread.any())
         if at_start:
@@ -157,17 +157,24 @@ class Evaluator:
             if noisy:
                 N = noise_covariance(window.taps, window.spread)
                 allowed += float(np.trace(N)) + Z_SCORE * math.sqrt(2 * float((N * N).sum()))
-            if found.cost > allowed or not found.inside:
+            if impulse.cost > allowed or not impulse.inside:
                 return None
-        stds = plain_deviations(found, window.taps, window.spread) if noisy else (None, None)
-        event = Event(self._time(window, found), found.weights, *stds)
-        return Decision(event, found.age, np.zeros(len(self.D)), None)
+        stds = plain_deviations(impulse, window.taps, window.spread) if noisy else (None, None)
+        t = self._time(window, impulse)
+        event = Event(t=t, weights=impulse.weights, t_std=stds[0], weights_std=stds[1])
+        return Decision(
+            event=event, age=impulse.age, correction=np.zeros(len(self.D)), covariance=None
+        )
 
-    def _time(self, window: Window, found: Impulse) -> float:
-        return float(window.t[0]) + self.tau - found.age
+    def _time(self, window: Window, impulse: Impulse) -> float:
+        return float(window.t[0]) + self.tau - impulse.age
 
     def _fitted(
-        self, R: Array, window: Window, T: Array, whitened_too: tuple[Array, Array] | None = None
+        self,
+        R: Array,
+        window: Window,
+        T: Array,
+        whitened_features: tuple[Array, Array] | None = None,
     ) -> Impulse | None:
         """The best impulse for weighted features R, with b weighted by T.
 
@@ -176,83 +183,86 @@ class Evaluator:
         again as samples show them. Features under the plain norm are nearly dependent; where to
         look is seen better in `whitened_too`, features and T without that.
         """
-        found = fit_impulse(R, self.curve, self.margin, self.oldest, T, self.nonnegative)
-        if found is None:
+        impulse = fit_impulse(R, self.curve, self.margin, self.oldest, T, self.nonnegative)
+        if impulse is None:
             return None
         ages = window.t[0] + self.tau - window.t
         searched = (ages >= self.margin) & (ages <= self.oldest)
         cells = np.flatnonzero(searched & (np.arange(len(ages)) > 0))
         width = float(np.median(np.diff(window.t)))
         inside = expm(self.A * (width * np.array([0.0, 0.5, 1.0]))[:, None, None]) @ self.H
-        likely = {int(np.searchsorted(window.t, self._time(window, found), "left"))}
-        for features, weighting in ((R, T), whitened_too or (R, T)):
+        likely = {int(np.searchsorted(window.t, self._time(window, impulse), "left"))}
+        for features, weighting in ((R, T), whitened_features or (R, T)):
             for jump in inside:
-                seen = weighting @ (window.onsets[cells] @ jump)
-                gains = explained(seen, features, self.nonnegative)
+                shown = weighting @ (window.onsets[cells] @ jump)
+                gains = explained(shown, features, self.nonnegative)
                 likely |= {int(cells[k]) for k in peaks(gains)}
-        tried: dict[int, Impulse] = {}
+        fits: dict[int, Impulse] = {}
 
-        def look(cell: int) -> float:
-            if cell not in tried and 1 <= cell < len(window.t):
+        def cost_in(cell: int) -> float:
+            if cell not in fits and 1 <= cell < len(window.t):
                 there = self._in_cell(R, window, T, cell)
                 if there is not None:
-                    tried[cell] = there
-            return tried[cell].cost if cell in tried else math.inf
+                    fits[cell] = there
+            return fits[cell].cost if cell in fits else math.inf
 
-        cost, cell = min((look(c + step), c + step) for c in sorted(likely) for step in (0, 1))
+        cost, cell = min((cost_in(c + step), c + step) for c in sorted(likely) for step in (0, 1))
         for step in (-1, 1):  # valleys are flat: go on while it goes down
-            while look(cell + step) < cost:
+            while cost_in(cell + step) < cost:
                 cell += step
-                cost = tried[cell].cost
-        return replace(tried[cell], inside=found.inside) if cell in tried else found
+                cost = fits[cell].cost
+        return replace(fits[cell], inside=impulse.inside) if cell in fits else impulse
 
     def _in_cell(self, R: Array, window: Window, T: Array, cell: int) -> Impulse | None:
         """The best impulse with its onset between rows cell - 1 and cell."""
         t_c = float(window.t[cell])
         width = t_c - float(window.t[cell - 1])
-        curve = ImpulseCurve.of(self.A, self.H, width, points=4, n=0)
+        curve = ImpulseCurve.from_system(self.A, self.H, width, points=4, n=0)
         M = T @ window.onsets[cell]
         # an onset at the row before would be one that this row shows already
-        found = fit_impulse(R, curve, 0.0, width * (1 - 1e-6), M, self.nonnegative)
-        if found is None:
+        impulse = fit_impulse(R, curve, 0.0, width * (1 - 1e-6), M, self.nonnegative)
+        if impulse is None:
             return None
-        return replace(found, age=float(window.t[0]) + self.tau - t_c + found.age)
+        return replace(impulse, age=float(window.t[0]) + self.tau - t_c + impulse.age)
 
     def _weighted(self, window: Window, P: Array, at_start: bool) -> Decision | None:
         R, T = whitened(window.taps, window.error, window.spread)
         V = T @ self.V
         half = root_of_sum(V, P)
         R, T, V = (np.linalg.solve(half, part) for part in (R, T, V))
-        found = self._fitted(R, window, T)
-        if found is None or found.gain <= _LEAST_GAIN:
+        impulse = self._fitted(R, window, T)
+        if impulse is None or impulse.gain <= _LEAST_GAIN:
             return None
-        freedom = len(R) - 1 - len(found.weights)
+        freedom = len(R) - 1 - len(impulse.weights)
         limit = chi_squared_limit(freedom)
-        if at_start and (found.cost > limit or not found.inside):
+        if at_start and (impulse.cost > limit or not impulse.inside):
             return None
-        J = np.column_stack([found.b_dot @ found.weights, found.b])  # d(b g)/d(age, g)
+        J = np.column_stack([impulse.b_dot @ impulse.weights, impulse.b])  # d(b g)/d(age, g)
         spread_of = covariance_of(J)
-        status = "ok" if found.cost <= limit else MISFIT
         event = Event(
-            self._time(window, found), found.weights,
-            math.sqrt(spread_of[0, 0]), np.sqrt(np.diag(spread_of)[1:]), status,
-        )  # fmt: skip
-        decision = self._with_state(event, found, R, J, spread_of, V, P)
-        return replace(decision, cost=found.cost, freedom=freedom)
+            t=self._time(window, impulse),
+            weights=impulse.weights,
+            t_std=math.sqrt(spread_of[0, 0]),
+            weights_std=np.sqrt(np.diag(spread_of)[1:]),
+            doubts=() if impulse.cost <= limit else (MISFIT,),
+        )
+        decision = self._with_state(event, impulse, R, J, spread_of, V, P)
+        return replace(decision, cost=impulse.cost, freedom=freedom)
 
     def _with_state(
-        self, event: Event, found: Impulse, R: Array, J: Array, spread_of: Array, V: Array,
+        self, event: Event, impulse: Impulse, R: Array, J: Array, spread_of: Array, V: Array,
         P: Array,
     ) -> Decision:  # fmt: skip
         """The covariance at the end of the window, and where asked the corrected state at t_o."""
         flow = expm(self.D * self.tau)
-        state = self.curve.at(found.age)[: len(self.D)]  # e^{D age} H
-        moves = np.column_stack([self.D @ state @ found.weights, state])
+        state = self.curve.value(impulse.age)[: len(self.D)]  # e^{D age} H
+        moves = np.column_stack([self.D @ state @ impulse.weights, state])
         correction = np.zeros(len(self.D))
         if self.state_correction:
             gain = P @ V.T
-            correction = gain @ (R - found.b @ found.weights)
+            correction = gain @ (R - impulse.b @ impulse.weights)
             P = P - gain @ gain.T
             moves = moves - flow @ gain @ J
         covariance = flow @ P @ flow.T + moves @ spread_of @ moves.T
-        return Decision(event, found.age, correction, (covariance + covariance.T) / 2)
+        covariance = (covariance + covariance.T) / 2
+        return Decision(event=event, age=impulse.age, correction=correction, covariance=covariance)

@@ -81,19 +81,19 @@ def integrals_at(t: Array, error: Array, integrals: Array, lams: Vector, times: 
         np.where(share == 1, np.minimum(cell + 1, last), cell),
         np.where(share == 1, 0.0, share),
     )
-    found = integrals[cell]
+    integrals_there = integrals[cell]
     between = np.flatnonzero(share)
     if len(between):
         at, v = cell[between], (share * width)[between]
         newer, older = kernel_weights(lams, v)
         part = share[between][:, None]
         there = error[at] + part * (error[at + 1] - error[at])
-        found[between] = (
+        integrals_there[between] = (
             np.exp(lams * v[:, None])[:, None, :] * integrals[at]
             + newer[:, None, :] * there[:, :, None]
             + older[:, None, :] * error[at][:, :, None]
         )
-    return found
+    return integrals_there
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,7 +110,7 @@ class Track:
     x: Array
     integrals: Array
 
-    def without(self, rows: int) -> Track:
+    def from_row(self, rows: int) -> Track:
         """The track from row `rows` on."""
         return Track(*(getattr(self, name)[rows:] for name in self.__slots__))
 
@@ -148,8 +148,8 @@ class FreeRun:
     def restarted(self, track: Track, row: int, x: Array) -> Track:
         """The track from `row` on, run again with the estimate x there."""
         first = self.begin(float(track.t[row]), track.y[row], track.forcing[row], x)
-        rest = track.without(row + 1)
-        return self.extended(first, rest.t, rest.y, rest.forcing)
+        following = track.from_row(row + 1)
+        return self.extended(first, following.t, following.y, following.forcing)
 
     def extended(self, track: Track, t: Array, y: Array, forcing: Array) -> Track:
         """The track with further rows."""
@@ -230,15 +230,15 @@ class FreeRun:
         """
         n, p, m = len(self.A), len(self.C), taps.shape[1]
         shown = (self.C[None, :, None, :] * taps[:, None, :, None]).reshape(len(times), p * m, n)
-        found, kicks = np.empty_like(shown), np.empty((len(times), n, n))
-        found[-1], kicks[0] = shown[-1], np.eye(n)
+        features, kicks = np.empty_like(shown), np.empty((len(times), n, n))
+        features[-1], kicks[0] = shown[-1], np.eye(n)
         for a, b, h in reversed(self._runs(times)):
             maps = self._maps(h)
             backwards = shown[a:b][::-1].copy()
-            backwards[0] += found[b] @ maps[4]
-            found[a:b] = doubled(maps[4].T, backwards)[::-1]
+            backwards[0] += features[b] @ maps[4]
+            features[a:b] = doubled(maps[4].T, backwards)[::-1]
             kicks[a + 1 : b + 1] = np.eye(n) - maps[2] @ self.C
-        return np.asarray(found @ kicks)
+        return np.asarray(features @ kicks)
 
     def plant_step(self, since: float, until: float) -> tuple[Array, Array]:
         """(e^{A h}, its integral over h) for h = until - since."""
@@ -246,12 +246,12 @@ class FreeRun:
         return maps[5], maps[6]
 
     def _coasted(self, X: Array, times: Array, since: float, x: Vector) -> Array:
-        found = np.empty((len(times), len(x)))
-        found[0] = expm(X * float(times[0] - since)) @ x
+        states = np.empty((len(times), len(x)))
+        states[0] = expm(X * float(times[0] - since)) @ x
         for a, b, h in self._runs(times):
             flow = expm(X * h)
-            found[a + 1 : b + 1] = accumulated(flow, np.zeros((b - a, len(x))), found[a])
-        return found
+            states[a + 1 : b + 1] = accumulated(flow, np.zeros((b - a, len(x))), states[a])
+        return states
 
     def _runs(self, times: Array) -> list[Run]:
         """Runs of cells of the same length, as far as time stamps can tell."""

@@ -45,7 +45,7 @@ class Search:
         """First row whose estimate an impulse may still change."""
         return self.top if self.armed else self.position
 
-    def moved(self, rows: int) -> Search:
+    def shifted(self, rows: int) -> Search:
         """The same search after `rows` rows were dropped in front."""
         return replace(self, position=self.position - rows, top=self.top - rows)
 
@@ -94,15 +94,22 @@ class Rule:
                 highest, top = value, top if at_start else j
             elif value < highest - self.share * highest - self.sigma or times[j] - times[top] > tau:
                 if highest > self.floor:
-                    return Search(j + 1, True, at_start, lowest, highest, top), True
+                    return Search(
+                        position=j + 1, armed=True, at_start=at_start, lowest=lowest,
+                        highest=highest, top=top,
+                    ), True  # fmt: skip
                 armed, at_start, lowest, highest = False, False, value, -math.inf
-        return Search(offset + len(values), armed, at_start, lowest, highest, top), False
+        return Search(
+            position=offset + len(values), armed=armed, at_start=at_start, lowest=lowest,
+            highest=highest, top=top,
+        ), False  # fmt: skip
 
     def _exceeded(self, search: Search, values: list[float], offset: int) -> tuple[Search, bool]:
         for j in range(search.position, offset + len(values)):
             if values[j - offset] > (self.threshold or 0.0):
-                return Search(j + 1, True, False, 0.0, values[j - offset], j), True
-        return Search(offset + len(values)), False
+                highest = values[j - offset]
+                return Search(position=j + 1, armed=True, lowest=0.0, highest=highest, top=j), True
+        return Search(position=offset + len(values)), False
 
 
 @dataclass(frozen=True)
@@ -118,7 +125,7 @@ class Position:
     old: NDArray[np.bool_]
 
     @classmethod
-    def of(cls, whitening: Array, ages: Array, b: Array, oldest: float) -> Position:
+    def from_curve(cls, whitening: Array, ages: Array, b: Array, oldest: float) -> Position:
         """From b (G, mp, q) at increasing ages above zero; `oldest`: ages searched end here."""
         ages, b = ages[ages <= oldest], b[ages <= oldest]
         bases = np.linalg.qr(whitening @ b)[0]

@@ -24,7 +24,7 @@ import numpy as np
 from obsdesign.equations.gains import Array
 from obsdesign.equations.impulsive_input.gains import SamplesGains
 from obsdesign.runtime.base import Estimate, Vector, status_of
-from obsdesign.runtime.impulsive_input.event import MISFIT, Event, short_dwell
+from obsdesign.runtime.impulsive_input.event import MISFIT, DoubtfulSpan, Event, short_dwell
 from obsdesign.runtime.impulsive_input.residuals import LARGER, Residuals, birge_ratio
 from obsdesign.runtime.impulsive_input.samples.filter import Filtered, Row, SampledPlant
 from obsdesign.runtime.impulsive_input.samples.onset import ONSETS, Cells, Fit, OnsetModel
@@ -61,7 +61,7 @@ class SampledLive:
     steady: tuple[Steady, ...] = ()
     last_event: float = -math.inf
     last_std: float = 0.0
-    doubt: tuple[float, float, str] = (math.inf, -math.inf, "")
+    doubt: DoubtfulSpan = field(default_factory=DoubtfulSpan)
     level: Array = field(default_factory=lambda: np.zeros(()))
     residuals: Residuals = field(default_factory=Residuals)
 
@@ -100,7 +100,7 @@ class SamplesEngine:
     def begin(self, t: float, x: Vector, covariance: Array | None) -> SampledLive:
         """Nothing seen yet."""
         inputs = np.zeros(self.model.plant.B.shape[1])
-        return SampledLive(t, x, covariance, inputs, Cells.empty(len(x)))
+        return SampledLive(t=t, x=x, P=covariance, u=inputs, cells=Cells.empty(len(x)))
 
     def extended(
         self, live: SampledLive, t: Array, y: Array, u: Array
@@ -114,19 +114,19 @@ class SamplesEngine:
     ) -> tuple[SampledLive, list[Estimate]]:
         decided: list[Estimate] = []
         for k in range(len(t)):
-            seen = bool(np.isfinite(y[k]).all())
+            measured = bool(np.isfinite(y[k]).all())
             std, cv = self.noise
-            level = np.maximum(live.level, np.abs(y[k])) if seen else live.level
+            level = np.maximum(live.level, np.abs(y[k])) if measured else live.level
             live = replace(live, level=level)
-            spread = noise_deviation(std, cv, y[k], level) if seen else std
-            row = Row(float(t[k]), y[k] if seen else None, u[k], spread)
+            spread = noise_deviation(std, cv, y[k], level) if measured else std
+            row = Row(float(t[k]), y[k] if measured else None, u[k], spread)
             if not live.rows:
                 live = self._first(live, row)
                 continue
             while len(live.rows) > 1 and row.t > self._end(live, row.t):
                 live, rows = self._evaluated(live)
                 decided += rows
-            live = self._with(live, row)
+            live = self._appended(live, row)
             if row.t >= self._end(live, row.t, -1.0):
                 live, rows = self._evaluated(live)
                 decided += rows
@@ -142,12 +142,12 @@ class SamplesEngine:
             return self._tail(live)
 
     def _tail(self, live: SampledLive) -> tuple[Estimate, ...]:
-        found: list[Estimate] = []
+        estimates: list[Estimate] = []
         while len(live.rows) > _FEWEST:
             live, rows = self._evaluated(live, provisional=True)
-            found += rows
-        found += [self._estimate(live, at.row, at.x) for at in live.rows]
-        return tuple(row._replace(status=_joined(row.status, "unresolved")) for row in found)
+            estimates += rows
+        estimates += [self._estimate(live, at.row, at.x, is_open=True) for at in live.rows]
+        return tuple(estimates)
 
     def _first(self, live: SampledLive, row: Row) -> SampledLive:
         plant = self.model.plant
@@ -166,7 +166,7 @@ class SamplesEngine:
         sizes = np.abs(states).max(axis=0) * max(level / 2, miss) / shown
         return np.asarray(np.maximum(sizes, 1e-6 * (float(sizes.max()) or 1.0)))
 
-    def _with(self, live: SampledLive, row: Row) -> SampledLive:
+    def _appended(self, live: SampledLive, row: Row) -> SampledLive:
         """One more row in the window."""
         last = live.rows[-1]
         at = self.model.plant.after(last, row)
@@ -183,12 +183,19 @@ class SamplesEngine:
         return max(first, second - self.period) + self.window + sign * tolerance
 
     def _estimate(
-        self, live: SampledLive, row: Row, x: Vector, events: tuple[Event, ...] = ()
+        self,
+        live: SampledLive,
+        row: Row,
+        x: Vector,
+        *,
+        events: tuple[Event, ...] = (),
+        is_open: bool = False,
     ) -> Estimate:
-        status = status_of([] if row.y is not None else ["missing sample"], x)
-        if live.doubt[0] <= row.t <= live.doubt[1]:
-            status = _joined(status, live.doubt[2])
-        return Estimate(row.t, x=x, events=events, status=status)
+        """The estimate of a row; is_open: a further sample could have changed it."""
+        reasons = [] if row.y is not None else ["missing sample"]
+        reasons += live.doubt.doubts_at(row.t)
+        reasons += ["unresolved"] if is_open else []
+        return Estimate(row.t, x=x, events=events, status=status_of(reasons, x))
 
     # --- windows --------------------------------------------------------------------------------
 
@@ -210,9 +217,9 @@ class SamplesEngine:
         cut = bisect_left(live.before, since, key=lambda at: at.row.t)
         return replace(
             live, rows=live.rows[1:], cells=live.cells.without_first(),
-            before=(*live.before[cut:], first), residuals=_with_rows(live, live.before[:cut]),
+            before=(*live.before[cut:], first), residuals=_residuals_with(live, live.before[:cut]),
             steady=self._followed(live.steady, second.row, second.cost),
-        ), [self._estimate(live, first.row, first.x)]  # fmt: skip
+        ), [self._estimate(live, first.row, first.x, is_open=provisional)]  # fmt: skip
 
     # --- an impulse -------------------------------------------------------------------------------
 
@@ -227,23 +234,23 @@ class SamplesEngine:
         cells = self.model.window(start, rows, end)
         step = max(interval / ONSETS, (end - start.row.t) / _MOST_ONSETS)  # after a gap: coarser
         count = max(round((end - start.row.t) / step) - 1, 2)
-        grid = self.model.at(cells, start.row.t + step * np.arange(count))
+        grid = self.model.grid_at(cells, start.row.t + step * np.arange(count))
         fit = self.model.refined(cells, self.model.posterior(cells, grid))
         steady, ahead = self._ahead(live, fit.cost)
         freedom = sum(row.y is not None for row in rows) * len(self.model.plant.C) - 2
-        residuals = _with_rows(live, (start,)).joined(fit.cost, freedom)
+        residuals = _residuals_with(live, (start,)).joined(fit.cost, freedom)
         live = replace(live, residuals=residuals)
         event = self._event(live, fit, freedom, ahead >= _AHEAD, provisional)
         doubt = live.doubt
-        if event.status != "ok":
-            doubt = (live.rows[0].row.t, rows[-1].t, event.status)
+        if event.doubts:
+            doubt = DoubtfulSpan(live.rows[0].row.t, rows[-1].t, event.doubts)
         live = replace(live, doubt=doubt)
         means, last = self.model.collapsed(fit, cells, start, rows)
         decided, given = [], False
         for at, mean in list(zip(known, means, strict=True))[len(live.before) : -1]:
             events = (event,) if not given and (at.row.t >= event.t or at is known[-2]) else ()
             given = given or bool(events)
-            decided.append(self._estimate(live, at.row, mean, events))
+            decided.append(self._estimate(live, at.row, mean, events=events, is_open=provisional))
         return replace(
             live, rows=(last,), cells=Cells.empty(len(last.x)), before=(),
             steady=(steady[ahead >= _AHEAD], Steady.begin(last)), last_event=event.t,
@@ -263,10 +270,10 @@ class SamplesEngine:
         return steady, ahead
 
     def _followed(self, steady: tuple[Steady, ...], row: Row, rival: float) -> tuple[Steady, ...]:
-        return tuple(one.after(self.model.plant, row, rival) for one in steady)
+        return tuple(hypothesis.after(self.model.plant, row, rival) for hypothesis in steady)
 
     def _event(
-        self, live: SampledLive, fit: Fit, freedom: int, alone: bool, provisional: bool
+        self, live: SampledLive, fit: Fit, freedom: int, is_ahead: bool, provisional: bool
     ) -> Event:
         """What is told of an impulse; alone: nothing steady explains the samples as well.
 
@@ -280,29 +287,29 @@ class SamplesEngine:
         larger = max(own, whole)
         t_std = larger * math.sqrt(float(p @ (onsets - t) ** 2) + step**2 / 12)
         spread = float(p @ (fit.weights**2 + 1 / fit.precision)) - weight**2
-        status = "ok"
-        if own > 1:
-            status = MISFIT
+        doubts = [MISFIT] if own > 1 else []
         if whole > 1:
-            status = _joined(status, LARGER)
+            doubts.append(LARGER)
         apart = t - live.last_event + math.ulp(t)  # as long as the stamps allow
         if gap := short_dwell(apart, self.dwell, live.last_std, t_std):
-            status = _joined(status, gap)
-        if not alone:
-            status = _joined(status, STEADY)
+            doubts.append(gap)
+        if not is_ahead:
+            doubts.append(STEADY)
         if provisional:
-            status = _joined(status, "provisional: the record ends inside its window")
+            doubts.append("provisional: the record ends inside its window")
         weight_std = larger * math.sqrt(max(spread, 0.0))
-        return Event(t, np.array([weight]), t_std, np.array([weight_std]), status)
+        return Event(
+            t=t,
+            weights=np.array([weight]),
+            t_std=t_std,
+            weights_std=np.array([weight_std]),
+            doubts=tuple(doubts),
+        )
 
 
-def _with_rows(live: SampledLive, rows: tuple[Filtered, ...]) -> Residuals:
+def _residuals_with(live: SampledLive, rows: tuple[Filtered, ...]) -> Residuals:
     """The residuals with those of rows that no window will use again."""
-    found = live.residuals
+    residuals = live.residuals
     for at in rows:
-        found = found.joined(at.cost, len(at.surprise))
-    return found
-
-
-def _joined(status: str, more: str) -> str:
-    return more if status == "ok" else f"{status}; {more}"
+        residuals = residuals.joined(at.cost, len(at.innovation))
+    return residuals

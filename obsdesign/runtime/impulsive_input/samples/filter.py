@@ -8,7 +8,6 @@ follows from them, in time proportional to its samples.
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -34,7 +33,7 @@ class Filtered:
     """The filter at a row, its sample used: x (n,), P (n, n), and how the row was reached.
 
     flow (n, n): of an error since the row before; kept (n, n): what the sample leaves of it.
-    shown (p, n), surprise (p,): the row of C, and the innovation, over the deviation of the latter.
+    shown (p, n), innovation (p,): rows of C and the innovation, over the deviation of the latter.
     """
 
     row: Row
@@ -43,18 +42,21 @@ class Filtered:
     flow: Array
     kept: Array
     shown: Array
-    surprise: Vector
+    innovation: Vector
 
     @property
     def cost(self) -> float:
         """Square of the scaled innovation."""
-        return float(self.surprise @ self.surprise)
+        return float(self.innovation @ self.innovation)
 
     @classmethod
-    def given(cls, row: Row, x: Vector, P: Array) -> Filtered:
+    def from_posterior(cls, row: Row, x: Vector, P: Array) -> Filtered:
         """A filter that begins at a row whose sample was used already."""
         unit = np.eye(len(x))
-        return cls(row, x, P, unit, unit, np.zeros((0, len(x))), np.zeros(0))
+        return cls(
+            row=row, x=x, P=P, flow=unit, kept=unit,
+            shown=np.zeros((0, len(x))), innovation=np.zeros(0),
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -94,24 +96,25 @@ class SampledPlant:
         x = x if jump is None else x + jump
         return self._used(row, x, flow @ before.P @ flow.T, flow)
 
-    def along(self, first: Filtered, rows: Iterable[Row]) -> list[Filtered]:
-        """The filter at each of the rows that follow `first`."""
-        found, at = [], first
-        for row in rows:
-            at = self.after(at, row)
-            found.append(at)
-        return found
-
     def _used(self, row: Row, x: Vector, P: Array, flow: Array) -> Filtered:
         unit = np.eye(len(x))
         if row.y is None:
-            return Filtered(row, x, P, flow, unit, np.zeros((0, len(x))), np.zeros(0))
-        R, seen = np.diag(row.spread**2), self.C @ P
-        S, miss = seen @ self.C.T + R, row.y - self.C @ x
-        gain = np.linalg.solve(S, seen).T
+            return Filtered(
+                row=row, x=x, P=P, flow=flow, kept=unit,
+                shown=np.zeros((0, len(x))), innovation=np.zeros(0),
+            )  # fmt: skip
+        R, CP = np.diag(row.spread**2), self.C @ P
+        S, residual = CP @ self.C.T + R, row.y - self.C @ x
+        gain = np.linalg.solve(S, CP).T
         kept = unit - gain @ self.C
         P = kept @ P @ kept.T + gain @ R @ gain.T  # Joseph's form: stays positive
-        white = np.linalg.solve(np.linalg.cholesky(S), np.column_stack([self.C, miss]))
+        white = np.linalg.solve(np.linalg.cholesky(S), np.column_stack([self.C, residual]))
         return Filtered(
-            row, x + gain @ miss, (P + P.T) / 2, flow, kept, white[:, :-1], white[:, -1]
+            row=row,
+            x=x + gain @ residual,
+            P=(P + P.T) / 2,
+            flow=flow,
+            kept=kept,
+            shown=white[:, :-1],
+            innovation=white[:, -1],
         )

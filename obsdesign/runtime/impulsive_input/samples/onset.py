@@ -73,7 +73,7 @@ class Cells:
     """
 
     ends: Array
-    moved: Array
+    propagated: Array
     information: Array
     score: Array
     costs: Array
@@ -82,35 +82,44 @@ class Cells:
     @classmethod
     def empty(cls, n: int) -> Cells:
         """A window that begins at a row, before the next one."""
-        none = np.zeros(0)
-        return cls(none, np.zeros((n, 0, n)), np.zeros((0, n, n)), np.zeros((0, n)), none,
-                   Grid.empty(n))  # fmt: skip
+        return cls(
+            ends=np.zeros(0),
+            propagated=np.zeros((n, 0, n)),
+            information=np.zeros((0, n, n)),
+            score=np.zeros((0, n)),
+            costs=np.zeros(0),
+            grid=Grid.empty(n),
+        )
 
     def after(self, at: Filtered, opens: bool = True) -> Cells:
         """With one more row; `opens`: an onset in the cell before it is looked for."""
-        n, moved = len(at.x), at.flow @ self.moved.reshape(len(at.x), -1)
+        n, propagated = len(at.x), at.flow @ self.propagated.reshape(len(at.x), -1)
         information, score, ends = self.information, self.score, self.ends
         if opens:
-            moved = np.hstack([moved, np.eye(n)])
+            propagated = np.hstack([propagated, np.eye(n)])
             information = np.concatenate([information, np.zeros((1, n, n))])
             score = np.concatenate([score, np.zeros((1, n))])
             ends = np.append(ends, at.row.t)
-        seen = (at.shown @ moved).reshape(-1, len(ends), n)
-        pairs = (seen[:, :, :, None] * seen[:, :, None, :]).sum(axis=0)
+        slopes = (at.shown @ propagated).reshape(-1, len(ends), n)
+        pairs = (slopes[:, :, :, None] * slopes[:, :, None, :]).sum(axis=0)
         return replace(
-            self, ends=ends, moved=(at.kept @ moved).reshape(n, -1, n),
-            information=information + pairs, score=score + np.tensordot(at.surprise, seen, 1),
+            self, ends=ends, propagated=(at.kept @ propagated).reshape(n, -1, n),
+            information=information + pairs, score=score + np.tensordot(at.innovation, slopes, 1),
             costs=np.append(self.costs, at.cost),
         )  # fmt: skip
 
     def without_first(self) -> Cells:
         """The window that begins one row later."""
         return Cells(
-            self.ends[1:], self.moved[:, 1:], self.information[1:], self.score[1:],
-            self.costs[1:], self.grid.without_first(),
-        )  # fmt: skip
+            ends=self.ends[1:],
+            propagated=self.propagated[:, 1:],
+            information=self.information[1:],
+            score=self.score[1:],
+            costs=self.costs[1:],
+            grid=self.grid.without_first(),
+        )
 
-    def of(self, onsets: Array) -> Array:
+    def cell_of(self, onsets: Array) -> Array:
         """Index of the cell of each onset; one at a row belongs to the cell that ends there."""
         return np.minimum(np.searchsorted(self.ends, onsets - _SAME), len(self.ends) - 1)
 
@@ -166,9 +175,9 @@ class OnsetModel:
         """e^{A age} H, (G, n)."""
         return np.asarray((expm(self.plant.A * ages[:, None, None]) @ self.plant.H)[..., 0])
 
-    def at(self, cells: Cells, onsets: Array) -> Grid:
+    def grid_at(self, cells: Cells, onsets: Array) -> Grid:
         """Any onsets within the cells."""
-        cell = cells.of(onsets)
+        cell = cells.cell_of(onsets)
         return Grid(onsets, cell, self.states(np.maximum(cells.ends[cell] - onsets, 0.0)))
 
     def posterior(self, cells: Cells, grid: Grid) -> Fit:
@@ -189,7 +198,9 @@ class OnsetModel:
         p = np.exp(log_p - log_p.max()) if np.isfinite(log_p).any() else np.ones_like(log_p)
         weights = np.where(den > 0, num / np.where(d > 0, d, 1.0), 0.0)
         cost = float(cells.costs.sum() - ratio.max())
-        return Fit(grid, p / p.sum(), weights, d, ratio, cost)
+        return Fit(
+            grid=grid, probability=p / p.sum(), weights=weights, precision=d, ratio=ratio, cost=cost
+        )
 
     def refined(self, cells: Cells, fit: Fit) -> Fit:
         """The posterior on finer and finer grids, while a few onsets hold all of it."""
@@ -199,7 +210,7 @@ class OnsetModel:
                 break
             onsets = fit.grid.onsets
             low, high = onsets[max(top - 2, 0)], onsets[min(top + 2, len(onsets) - 1)]
-            fit = self.posterior(cells, self.at(cells, np.linspace(low, high, ONSETS + 1)))
+            fit = self.posterior(cells, self.grid_at(cells, np.linspace(low, high, ONSETS + 1)))
         return fit
 
     def collapsed(
@@ -215,9 +226,9 @@ class OnsetModel:
         run, at, reach, score = [], first, np.eye(n), np.zeros(n)
         for row, jump in zip(rows, jumps, strict=True):
             at = self.plant.after(at, row, jump)
-            seen = at.flow @ reach
-            score = score + (at.shown @ seen).T @ at.surprise
-            reach = at.kept @ seen
+            spread = at.flow @ reach
+            score = score + (at.shown @ spread).T @ at.innovation
+            reach = at.kept @ spread
             run.append(at)
         x, since = first.x + first.P @ score, first.row
         means = [x]
@@ -225,11 +236,13 @@ class OnsetModel:
             x = self.plant.free(since.t, x, since.u, there.row.t) + jump
             since = there.row
             means.append(x)
-        onto = (cells.moved[:, fit.grid.cell] * fit.grid.states).sum(axis=2)  # (n, G): d x / d g
+        onto = (cells.propagated[:, fit.grid.cell] * fit.grid.states).sum(
+            axis=2
+        )  # (n, G): d x / d g
         away = onto * fit.weights - (onto @ mean)[:, None]
         P = at.P + (onto * (fit.probability / fit.precision)) @ onto.T
         P = P + (away * fit.probability) @ away.T
         # rounding must not leave it indefinite
         floor = 1e-9 * float(np.trace(P)) / n
         P = (P + P.T) / 2 + floor * np.eye(n)
-        return [*means[:-1], at.x], Filtered.given(at.row, at.x, P)
+        return [*means[:-1], at.x], Filtered.from_posterior(at.row, at.x, P)

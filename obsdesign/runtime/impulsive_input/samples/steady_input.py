@@ -30,7 +30,7 @@ class Steady:
     """
 
     at: Filtered
-    moved: Vector
+    sensitivity: Vector
     sums: tuple[float, float, float] = (0.0, 0.0, 0.0)
     rival: float = 0.0
 
@@ -50,8 +50,12 @@ class Steady:
         """At the next row, of which the impulses leave `rival`."""
         at = plant.after(self.at, row)
         once = plant.step(self.at.row.t, row.t)[1]
-        moved = at.flow @ self.moved + once @ plant.H[:, 0]
-        slope = at.shown @ moved  # the scaled innovation is surprise - slope w
+        sensitivity = at.flow @ self.sensitivity + once @ plant.H[:, 0]
+        slope = at.shown @ sensitivity  # the scaled innovation is `innovation` - slope w
         whole, product, size = self.sums
-        sums = (whole + at.cost, product + float(slope @ at.surprise), size + float(slope @ slope))
-        return Steady(at, at.kept @ moved, sums, self.rival + rival)
+        sums = (
+            whole + at.cost,
+            product + float(slope @ at.innovation),
+            size + float(slope @ slope),
+        )
+        return Steady(at, at.kept @ sensitivity, sums, self.rival + rival)
