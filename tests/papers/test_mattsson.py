@@ -35,6 +35,10 @@ STEP = 0.01
 D = A - PRINTED @ C
 
 
+def features(exponents: Any) -> eq.FeatureWindow:
+    return eq.FeatureWindow(D, C, H, exponents, 20.0, 5.0)
+
+
 def observer(exponents: Any, K: Any = PRINTED, std: float = 0.0, **options: Any) -> Any:
     body = obsdesign.load_problem(EXAMPLES / "mattsson_medvedev.toml").to_dict()
     body["output"]["noise_std"] = [std]
@@ -60,10 +64,10 @@ def test_the_printed_gain_is_rounded() -> None:
 
 
 def test_what_is_neglected_is_below_1e_7_with_the_first_exponents_only() -> None:
-    worst, age = eq.neglected_ratio(D, C, H, FIRST, 20.0, 5.0)
+    worst, age = eq.neglected_ratio(features(FIRST))
     assert worst == pytest.approx(5.570622e-8, abs=1e-12)
     assert age == 5.0
-    assert eq.neglected_ratio(D, C, H, SECOND, 20.0, 5.0)[0] == pytest.approx(0.0524086, abs=1e-7)
+    assert eq.neglected_ratio(features(SECOND))[0] == pytest.approx(0.0524086, abs=1e-7)
     claims = {c.id: c.verdict for c in obsdesign.design(
         obsdesign.load_problem(EXAMPLES / "mattsson_medvedev.toml")).claims}  # fmt: skip
     assert claims["ratio"] == "proved"
@@ -188,18 +192,16 @@ def test_identity_14() -> None:
     start, g, t_k = np.array([1.0, -2, 3]), 5.0, 6.3
     end = expm(D * 20) @ start + g * expm(D * (20 - t_k)) @ H[:, 0]
     right = eq.window_matrix(D, C, FIRST, 20.0) @ start + g * (
-        curve.value(20 - t_k)[3:, 0] + eq.neglected_part(D, C, H, FIRST, 20.0, 20 - t_k)[:, 0]
+        curve.value(20 - t_k)[3:, 0] + eq.neglected_part(features(FIRST), 20 - t_k)[:, 0]
     )
     np.testing.assert_allclose(W @ end, right, rtol=1e-12)
-    neglected = eq.neglected_part(D, C, H, FIRST, 20.0, 5.0)[:, 0]
+    neglected = eq.neglected_part(features(FIRST), 5.0)[:, 0]
     np.testing.assert_allclose(neglected[[0, 5]], [1.12707478e-7, 2.42592e-8], rtol=1e-5)
 
 
 def test_the_slowest_exponent_for_a_ratio() -> None:
     for ratio, lam in ((1e-7, -2.550539), (1e-2, -0.829592), (0.2, -0.5228)):
-        assert slowest_exponent(D, C, H, window=20.0, margin=5.0, ratio=ratio) == pytest.approx(
-            lam, abs=1e-4
-        )
+        assert slowest_exponent(features(FIRST), ratio) == pytest.approx(lam, abs=1e-4)
 
 
 def test_newton_beats_any_grid() -> None:
@@ -224,7 +226,7 @@ def test_disjoint_spectra_do_not_make_the_norm_definite() -> None:
 
 def test_the_solution_of_17_is_not_unique_in_general() -> None:
     plant = (exact(np.diag([-0.5, -1.0])), exact([[1.0, 1.0]]), exact([[2.0], [-3.0]]))
-    verdict = decide_uniqueness(*plant, [-2.0, -3.0], 5.0, 0.1)
+    verdict = decide_uniqueness(eq.FeatureWindow(*plant, [-2.0, -3.0], 5.0, 0.1))
     assert verdict.outcome == "refuted"
     # the witness, evaluated independently
     (s1, (low, high)), (g1, g2) = (verdict.evidence["witness"][k] for k in ("ages", "weights"))
@@ -233,14 +235,15 @@ def test_the_solution_of_17_is_not_unique_in_general() -> None:
     np.testing.assert_allclose(g1 * first, g2 * second, atol=1e-9)
     assert abs(s1 - low) > 0.5
     # three exponents are no better here, four are, by the theorem
-    verdict = decide_uniqueness(*plant, [-2.0, -3.0, -4.0], 5.0, 0.1)
+    verdict = decide_uniqueness(eq.FeatureWindow(*plant, [-2.0, -3.0, -4.0], 5.0, 0.1))
     assert verdict.outcome == "refuted"
     ages, (first, second) = (verdict.evidence["witness"][k] for k in ("ages", "weights"))
     for (low, high), printed in zip(ages, (0.50665112821918, 2.15682324393891), strict=True):
         assert low < printed < high
         assert high - low < 1e-5
     assert (first, second) == (1.0, pytest.approx(-1.30137425456950, abs=1e-6))
-    assert decide_uniqueness(*plant, [-2.0, -3.0, -4.0, -5.0], 5.0, 0.1).outcome == "proved"
+    four = eq.FeatureWindow(*plant, [-2.0, -3.0, -4.0, -5.0], 5.0, 0.1)
+    assert decide_uniqueness(four).outcome == "proved"
 
 
 def test_a_feature_may_have_a_zero_where_what_is_neglected_has_none() -> None:

@@ -1,4 +1,4 @@
-"""What an impulse leaves in the features of a window, by its age: a curve and its Taylor series."""
+"""Features of a window as a function of the age of an impulse, and their Taylor series."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from obsdesign.equations.impulsive_input.features import impulse_responses
 
 _POINTS = 160
 _MOST_POINTS = 4000
-_SWEEPS, _EVEN = 40, 1.5  # of balancing, and the scales at which it ends
-_LONGEST_REACH = 20.0  # |F| step beyond which Taylor's series loses too many digits
-_LEFT = 1e-3  # of the largest |b|: ages that leave less are not searched
+_SWEEPS, _BALANCED_RATIO = 40, 1.5  # of balancing, and the scales at which it ends
+_MAX_TAYLOR_EXPONENT = 20.0  # |F| step beyond which Taylor's series loses too many digits
+_LEAST_SHARE_OF_PEAK = 1e-3  # of the largest |b|: ages that leave less are not searched
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class ImpulseCurve:
         size = balanced_size(F)
         count = int(min(max(points, math.ceil(size * tau)), _MOST_POINTS))
         step = tau / count
-        if not size * step <= _LONGEST_REACH:
+        if not size * step <= _MAX_TAYLOR_EXPONENT:
             raise ValueError(
                 f"A - K C or an exponent is too large for the window: {size * tau:.3g} times 1/tau"
             )
@@ -67,7 +67,7 @@ class ImpulseCurve:
         Beyond it whatever is in the window would be explained by an immense old impulse.
         """
         sizes = np.linalg.norm(self.states[:, self.n :], axis=1)  # (G, q)
-        left = (sizes >= _LEFT * sizes.max(axis=0)).all(axis=1)
+        left = (sizes >= _LEAST_SHARE_OF_PEAK * sizes.max(axis=0)).all(axis=1)
         return float(self.ages[np.flatnonzero(left)[-1]]) if left.any() else 0.0
 
     def series(self, k: int) -> Array:
@@ -101,7 +101,7 @@ def balanced_size(F: Array) -> float:
             both = (rows > 0) & (columns > 0)
             rows, columns = np.where(both, rows, 1.0), np.where(both, columns, 1.0)
         scale = np.sqrt(columns / rows)
-        if scale.max() < _EVEN and scale.min() * _EVEN > 1:
+        if scale.max() < _BALANCED_RATIO and scale.min() * _BALANCED_RATIO > 1:
             break
         X = X * scale[:, None] / scale
     return smallest

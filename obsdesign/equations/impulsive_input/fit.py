@@ -1,4 +1,4 @@
-"""Step 2 of Mattsson and Medvedev: time and weight of one impulse from the features of a window.
+"""Step 2 of Mattsson and Medvedev: time and weight of one impulse from its features.
 
 Minimises |R - b(age) g|^2 over age and g, (18). For a given age g is a linear least-squares
 solution; what remains is a function of one variable, found on a grid and refined by Newton's
@@ -13,6 +13,7 @@ the root of the derivative is not limited by it.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,8 +23,8 @@ from obsdesign.equations.gains import Array
 from obsdesign.equations.impulsive_input.curve import ImpulseCurve, power_sum
 
 _NEWTON_STEPS = 60
-_SETTLED = 1e-6  # of a cell of the grid: Newton steps this small converge quadratically
-_CLOSE = 0.9  # of the highest: lower grid maxima cannot win by refining
+_CONVERGED_STEP = 1e-6  # of a cell of the grid: Newton steps this small converge quadratically
+_LEAST_MAXIMUM_SHARE = 0.9  # of the highest: lower grid maxima cannot win by refining
 _CANDIDATES = 3  # grid minima that are refined: the lowest may lie beside its neighbour's valley
 
 
@@ -49,6 +50,7 @@ def fit_impulse(
     curve: ImpulseCurve,
     low: float,
     high: float,
+    *,
     weighting: Array | None = None,
     nonnegative: bool = False,
 ) -> Impulse | None:
@@ -69,7 +71,9 @@ def fit_impulse(
             continue
         age = float(ages[inside[k]])
         ends = (max(low, age - curve.step), min(high, age + curve.step))
-        candidate = _refine(R, curve, int(inside[k]), ends, (low, high), weighting)
+        candidate = _refine(
+            R, curve, int(inside[k]), bracket=ends, limits=(low, high), weighting=weighting
+        )
         if nonnegative and (candidate.weights < 0).any():
             continue
         if best is None or candidate.cost < best.cost:
@@ -98,14 +102,19 @@ def peaks(gains: Array) -> list[int]:
     """The highest local maxima, highest first."""
     padded = np.concatenate([[-math.inf], gains, [-math.inf]])
     tops = np.flatnonzero((padded[1:-1] >= padded[:-2]) & (padded[1:-1] >= padded[2:]))
-    tops = tops[gains[tops] >= _CLOSE * gains.max(initial=0.0)]
+    tops = tops[gains[tops] >= _LEAST_MAXIMUM_SHARE * gains.max(initial=0.0)]
     return [int(k) for k in tops[np.argsort(-gains[tops])][:_CANDIDATES]]
 
 
 def _refine(
-    R: Array, curve: ImpulseCurve, k: int, bracket: tuple[float, float],
-    limits: tuple[float, float], weighting: Array | None,
-) -> Impulse:  # fmt: skip
+    R: Array,
+    curve: ImpulseCurve,
+    k: int,
+    *,
+    bracket: tuple[float, float],
+    limits: tuple[float, float],
+    weighting: Array | None,
+) -> Impulse:
     """Newton on F inside the bracket around grid point k; bisection where it would leave it."""
     n, origin = curve.n, k * curve.step
     series = curve.series(k)
@@ -122,17 +131,8 @@ def _refine(
     low, high = bracket
     ends = [_slope(R, *derivatives(end)) for end in (low, high)]
     if ends[0][0] < 0 < ends[1][0]:
-        age, change = min(max(origin, low), high), math.inf
-        for _ in range(_NEWTON_STEPS):
-            F, F_dot = _slope(R, *derivatives(age))
-            low, high = (age, high) if F < 0 else (low, age)
-            following = age - F / F_dot if F_dot > 0 else math.inf
-            if not low <= following <= high:
-                following = (low + high) / 2
-            last, change, age = change, abs(following - age), following
-            # rounding of F ends the descent: steps no longer shrink
-            if change <= 4 * math.ulp(curve.step) or _SETTLED * curve.step > change > last / 4:
-                break
+        start = min(max(origin, low), high)
+        age = _root(lambda age: _slope(R, *derivatives(age)), start, bracket, curve.step)
     else:  # no valley inside: the lower end of the bracket
         costs = [_solve(R, derivatives(end)[0])[1] for end in (low, high)]
         age = (low, high)[int(np.argmin(costs))]
@@ -142,6 +142,30 @@ def _refine(
     return Impulse(
         age=age, weights=g, cost=cost, gain=float(R @ R) - cost, b=b, b_dot=b_dot, inside=inner
     )
+
+
+def _root(
+    slope: Callable[[float], tuple[float, float]],
+    age: float,
+    bracket: tuple[float, float],
+    cell: float,
+) -> float:
+    """Age in the bracket where F changes its sign, by Newton and bisection from `age`.
+
+    slope: (F, F') at an age; cell: length of a cell of the grid.
+    """
+    (low, high), change = bracket, math.inf
+    for _ in range(_NEWTON_STEPS):
+        F, F_dot = slope(age)
+        low, high = (age, high) if F < 0 else (low, age)
+        following = age - F / F_dot if F_dot > 0 else math.inf
+        if not low <= following <= high:
+            following = (low + high) / 2
+        last, change, age = change, abs(following - age), following
+        # rounding of F ends the descent: steps no longer shrink
+        if change <= 4 * math.ulp(cell) or _CONVERGED_STEP * cell > change > last / 4:
+            break
+    return age
 
 
 def _solve(R: Array, b: Array) -> tuple[Array, float]:

@@ -1,4 +1,4 @@
-"""Gains of the observer of unknown impulses: what a design of kind `impulsive_input` stores."""
+"""Gains of the observer of unknown impulses: entries of designs of `impulsive_input`."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from obsdesign.equations.gains import Array, PlantGains, flag, matrix, number, word
-from obsdesign.equations.impulsive_input.features import (
+from obsdesign.equations.impulsive_input.requirements import (
     RULES,
     WEIGHTINGS,
     are_exponents,

@@ -11,7 +11,7 @@ from obsdesign.runtime.base import Vector
 from obsdesign.runtime.time_stamps import RELATIVE_TIME_TOLERANCE
 
 MISFIT = "does not fit one impulse in the window"
-_CERTAIN = 3.0  # deviations by which a dwell time must be too short
+_DEVIATIONS = 3.0  # deviations by which a dwell time must be too short
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +62,6 @@ class DoubtfulSpan:
 
 def short_dwell(gap: float, dwell: float, *deviations: float) -> str:
     """Sentence about a dwell time below the range by more than both deviations allow, or empty."""
-    if gap >= dwell * (1 - RELATIVE_TIME_TOLERANCE) - _CERTAIN * math.hypot(*deviations):
+    if gap >= dwell * (1 - RELATIVE_TIME_TOLERANCE) - _DEVIATIONS * math.hypot(*deviations):
         return ""
     return f"dwell time {gap:.9g} below {dwell:.9g}"

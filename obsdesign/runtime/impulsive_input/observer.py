@@ -1,4 +1,4 @@
-"""Observer for impulses of unknown times and weights at run time: delayed rows, events, a tail.
+"""Observer of impulses of unknown times and weights: delayed rows, events, a tail.
 
 Rows are given out once no later impulse can change them: with the window (tau) and what it takes to
 see that |R| has passed its maximum. A record's last rows stay `unresolved`. `step` answers at the
@@ -33,7 +33,8 @@ from obsdesign.runtime.base import (
 from obsdesign.runtime.impulsive_input.integral.engine import Engine, IntegralEngine
 from obsdesign.runtime.impulsive_input.integral.rows import IntegralLive
 from obsdesign.runtime.impulsive_input.record_checks import check_resolution, check_size
-from obsdesign.runtime.impulsive_input.samples.engine import SampledLive, SamplesEngine
+from obsdesign.runtime.impulsive_input.samples.engine import SamplesEngine
+from obsdesign.runtime.impulsive_input.samples.live import SampledLive
 from obsdesign.runtime.point_observer import PointObserver
 
 _BLOCK = 1024  # rows that a batch hands over at once, at least a window of them
@@ -69,7 +70,7 @@ class ImpulsiveInputObserver(PointObserver[ImpulsiveInputState]):
 
     @property
     def reads(self) -> dict[str, int | bool]:
-        """How many y and u a sample has; impulses are not reported."""
+        """Numbers of y and u in a sample; impulses are not reported."""
         return self.gains.columns | {"w": 0, "jump": False}
 
     @property

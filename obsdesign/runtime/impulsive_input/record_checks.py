@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from obsdesign.equations.impulsive_input.features import LARGEST
+from obsdesign.equations.impulsive_input.requirements import LARGEST
 from obsdesign.errors import InputError
 
 # parts of a window that the last digit of a time stamp must resolve

@@ -1,7 +1,7 @@
-"""Are the residuals of a record as large as the stated noise? What follows for deviations.
+"""Residuals of a record against the stated noise, and the factor they give deviations.
 
 Under the model what a fit leaves of whitened samples is chi-squared. Where it is significantly
-more, plant or noise are not what the design says; deviations, which rest on both, are then
+more, plant or noise differ from those of the design; deviations, which rest on both, are then
 multiplied by the Birge ratio sqrt(chi-squared / degrees of freedom) (R. T. Birge, Phys. Rev. 40,
 207, 1932), and the status says so.
 """
@@ -15,7 +15,7 @@ from obsdesign.runtime.impulsive_input.whitening import chi_squared_limit
 
 LARGER = "residuals larger than the noise"
 # a pool of many samples shows what is no matter: deviations off by less than 5 per cent
-_WORTH_SAYING = 1.1
+_LEAST_EXCESS = 1.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +39,7 @@ class Residuals:
     @property
     def ratio(self) -> float:
         """The Birge ratio, 1 where it is not significantly larger."""
-        if self.cost <= _WORTH_SAYING * self.freedom:
+        if self.cost <= _LEAST_EXCESS * self.freedom:
             return 1.0
         return birge_ratio(self.cost, self.freedom)
 

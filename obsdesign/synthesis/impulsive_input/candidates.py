@@ -1,9 +1,9 @@
 """Impulsive inputs: observer gain, window and exponents where they are left open.
 
 K places the poles of A - K C at real, distinct places a little faster than those of A: slow
-observers leave more of an impulse to be seen, and with a real spectrum few exponents determine an
-impulse (`verification.uniqueness`). The window is a part of the shortest dwell time. Exponents:
-`synthesis.impulse_exponents`.
+observers leave more of an impulse in the output, and with a real spectrum few exponents determine
+an impulse (`verification.impulsive_input.uniqueness`). The window is a part of the shortest dwell
+time. Exponents: `exponents`.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from obsdesign.analysis.hidden_modes import approx_unobservable_modes
 from obsdesign.equations.estimation_error import flow_error_matrix
-from obsdesign.equations.impulsive_input import features as equations
+from obsdesign.equations.impulsive_input import requirements
 from obsdesign.equations.impulsive_input.curve import balanced_size
 from obsdesign.equations.impulsive_input.features import longest_period
 from obsdesign.errors import DoesNotApply, InputError
@@ -38,11 +38,14 @@ from obsdesign.synthesis.placement import placed_gain
 
 Matrix = NDArray[np.float64]
 
-_WINDOW = 0.8  # of the shortest dwell time
-_MARGIN = 0.25  # of the window
-_LARGEST_GAIN = 1e3  # size of A - K C against that of A
-_MEMORY = 6.0  # time constants of the slowest mode of A - K C that a window is worth
-_FASTER, _APART = 1.25, 1.2  # poles of the observer against those of the plant and each other
+_WINDOW_SHARE = 0.8  # of the shortest dwell time
+_MARGIN_SHARE = 0.25  # of the window
+_LARGEST_SPEED_RATIO = 1e3  # size of A - K C against that of A
+_WINDOW_TIME_CONSTANTS = 6.0  # time constants of the slowest mode of A - K C that a window is worth
+_SPEED_RATIO, _POLE_RATIO = (
+    1.25,
+    1.2,
+)  # poles of the observer against those of the plant and each other
 
 
 def synthesize(problem: Problem) -> Iterator[Candidate]:
@@ -90,9 +93,9 @@ def _integral_candidates(problem: Problem, integral: IntegralWindow) -> Iterator
 
 
 def _check_plant(plant: Plant) -> None:
-    if text := equations.reason_against_jumps(plant):
+    if text := requirements.reason_against_jumps(plant):
         raise DoesNotApply(text)
-    if text := equations.reason_against_plant(plant):
+    if text := requirements.reason_against_plant(plant):
         raise InputError(text)
 
 
@@ -101,18 +104,20 @@ def _longest_window(problem: Problem, low: float) -> float:
     period = Fraction(float(problem.plant.output.period or 0.0))
     left = low - 2 * float(period)
     if left <= 0:
-        return _WINDOW * low or 1.0
+        return _WINDOW_SHARE * low or 1.0
     while Fraction(left) + 2 * period > Fraction(low):  # the claim `samples` is exact
         left = math.nextafter(left, 0.0)
-    return min(_WINDOW * low, left)
+    return min(_WINDOW_SHARE * low, left)
 
 
 def _shortened_window(problem: Problem, D: Matrix, window: float) -> float:
-    """No longer than something of an impulse is left in the output, so that all of it is used."""
+    """The window, cut to the time for which an impulse is left in the output."""
     slowest = float(-np.linalg.eigvals(D).real.max())
     if slowest <= 0:
         return window
-    return min(window, max(_MEMORY / slowest, 4 * float(problem.options.get("margin", 0.0))))
+    return min(
+        window, max(_WINDOW_TIME_CONSTANTS / slowest, 4 * float(problem.options.get("margin", 0.0)))
+    )
 
 
 def _integral_window(problem: Problem, K: Matrix, window: float, weighting: str) -> IntegralWindow:
@@ -125,7 +130,7 @@ def _integral_window(problem: Problem, K: Matrix, window: float, weighting: str)
         window = _shortened_window(
             problem, flow_error_matrix(plant.flow.A, K, plant.output.C), window
         )
-    margin = float(options.get("margin", _MARGIN * window))
+    margin = float(options.get("margin", _MARGIN_SHARE * window))
     if margin >= window:
         raise InputError(
             f"observer.margin must be less than the window, {window!r}; got {margin!r}."
@@ -195,10 +200,10 @@ def _check_options(problem: Problem) -> None:
 
 
 def _gain(problem: Problem, window: float) -> Matrix:
-    """Real distinct poles; zero where a mode is not seen (a claim says so).
+    """K with real distinct poles; zero where a mode is unobservable, which a claim refutes.
 
-    Also zero where that would take a gain beyond all measure and the plant forgets by itself: some
-    direction is hardly seen.
+    Also zero where some direction is nearly unobservable, so that K is immense, and the plant is
+    stable by itself.
     """
     A, C = problem.plant.flow.A, problem.plant.output.C
     if approx_unobservable_modes(A, C):
@@ -206,9 +211,11 @@ def _gain(problem: Problem, window: float) -> Matrix:
     speeds = np.sort(np.abs(np.linalg.eigvals(A)))
     poles: list[float] = []
     for speed in speeds.tolist():
-        wanted = max(_FASTER * speed, 1.0 / window)
-        poles.append(max(wanted, _APART * poles[-1]) if poles else wanted)
+        wanted = max(_SPEED_RATIO * speed, 1.0 / window)
+        poles.append(max(wanted, _POLE_RATIO * poles[-1]) if poles else wanted)
     K = placed_gain(A, C, [-pole for pole in poles])
-    immense = balanced_size(A - K @ C) > _LARGEST_GAIN * max(balanced_size(A), 1.0 / window)
-    forgets = float(np.linalg.eigvals(A).real.max()) * window < -1
-    return np.zeros_like(K) if immense and forgets else K
+    is_immense = balanced_size(A - K @ C) > _LARGEST_SPEED_RATIO * max(
+        balanced_size(A), 1.0 / window
+    )
+    decays = float(np.linalg.eigvals(A).real.max()) * window < -1
+    return np.zeros_like(K) if is_immense and decays else K

@@ -10,13 +10,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from obsdesign.equations.impulsive_input import features as equations
 from obsdesign.equations.impulsive_input import rule as impulse_rule
+from obsdesign.equations.impulsive_input.features import FeatureWindow
 from obsdesign.errors import InputError
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.impulsive_input import exponent_program
@@ -26,9 +27,9 @@ Matrix = NDArray[np.float64]
 
 _RATIO = 0.05
 _SPACING = 1 / 13  # of exponents, relative to the largest
-_BETTER = 0.99  # deviation against the corner's from which another choice counts
-_SPREAD = 10.0  # the fastest of spread exponents, times the margin
-_FASTEST = 3.3  # lambda margin, where no lambda keeps the ratio
+_IMPROVED_RATIO = 0.99  # deviation against the corner's from which another choice counts
+_SPREAD_SPEED = 10.0  # the fastest of spread exponents, times the margin
+_CORNER_SPEED = 3.3  # lambda margin, where no lambda keeps the ratio
 
 
 @dataclass(frozen=True)
@@ -44,11 +45,13 @@ def exponent_choices(problem: Problem, integral: IntegralWindow) -> Iterator[Exp
     """Yield the corner and spread exponents, in order of preference.
 
     Spread ones first where |b| has no peak: impulses are then evaluated when they are old, which
-    fast kernels have forgotten. They also differ most from each other: with many states neighbours
+    fast kernels weigh no more. They also differ most from each other: with many states neighbours
     are too much alike for the rank.
     """
     n, window, margin = problem.plant.n, integral.window, integral.margin
-    exponents = np.asarray(-np.geomspace(1.0 / window, _SPREAD / margin, 2 * n), dtype=np.float64)
+    exponents = np.asarray(
+        -np.geomspace(1.0 / window, _SPREAD_SPEED / margin, 2 * n), dtype=np.float64
+    )
     label = f"{2 * n} spread exponents"
     spread = ExponentChoice(label, exponents, rule_for(integral, exponents))
     corners = [
@@ -85,18 +88,15 @@ def _refined_by_ipopt(
         yield label, corner
         return
     tau, std = integral.window, problem.plant.output.noise_std
-    age = None if rule_for(integral, corner) == "peak" else equations.OLD * tau
+    age = None if rule_for(integral, corner) == "peak" else equations.EVALUATED_AGE_SHARE * tau
     scale = std / std.max() if std.any() else np.ones(len(std))
-    D, C, H = integral.D, integral.C, integral.H
-    better, size = exponent_program.refined_exponents(D, C, H, corner, scale, tau, age)
+    better, size = exponent_program.refined_exponents(integral.features(corner), scale, age)
     comparison = f"times {size:.3g} as uncertain as with {corner[0]:.4g} ... {corner[-1]:.4g}"
     if better is None:
         label += "; IPOPT did not converge"
-    elif size > _BETTER:
+    elif size > _IMPROVED_RATIO:
         label += ", confirmed by IPOPT"
-    elif equations.neglected_ratio(D, C, H, better, tau, integral.margin)[0] > _ratio(problem) * (
-        1 + 1e-6
-    ):
+    elif equations.neglected_ratio(integral.features(better))[0] > _ratio(problem) * (1 + 1e-6):
         label += f"; IPOPT finds {comparison}, but more is neglected than the ratio allows"
     else:
         yield f"{label} from IPOPT, {comparison}", better
@@ -105,12 +105,11 @@ def _refined_by_ipopt(
 
 def rule_for(integral: IntegralWindow, exponents: Matrix) -> str:
     """Return the rule of evaluation: a peak of |R| where every impulse makes one, else position."""
-    window, margin = integral.window, integral.margin
-    D, C, H = integral.D, integral.C, integral.H
-    if text := impulse_rule.reason_against_exponents(exponents, len(D), len(C), window):
+    plant, window, margin = integral.plant, integral.window, integral.margin
+    if text := impulse_rule.reason_against_exponents(exponents, plant.n, plant.p, window):
         raise InputError(text)
     try:
-        rule, oldest = impulse_rule.evaluation_rule(D, C, H, exponents, window, margin)
+        rule, oldest = impulse_rule.evaluation_rule(integral.features(exponents))
     except ValueError as error:
         if window >= integral.shortest_dwell:
             return "position"  # a claim refutes the window, whatever the rule
@@ -118,7 +117,7 @@ def rule_for(integral: IntegralWindow, exponents: Matrix) -> str:
             f"{error}; are the units of flow.A and output.C what they should be?"
         ) from None
     text = impulse_rule.reason_against_margin(oldest, window, margin)
-    if text and H.any():
+    if text and integral.H.any():
         raise InputError(text)
     return rule if integral.threshold is None else "threshold"
 
@@ -127,28 +126,28 @@ def _ratio(problem: Problem) -> float:
     return float(problem.options.get("ratio", _RATIO))
 
 
-def slowest_exponent(
-    D: Matrix, C: Matrix, H: Matrix, *, window: float, margin: float, ratio: float
-) -> float | None:
+def slowest_exponent(window: FeatureWindow, ratio: float) -> float | None:
     """The largest lambda <= -1/window with |E| <= ratio |b| for ages in [margin, window].
 
     By bisection. None where no lambda does: then h changes sign, and rows of b have zeros. Kernels
-    slower than the window are all alike on it: their features hardly differ.
+    slower than the window are all alike on it: their features hardly differ. The exponents of
+    `window` are replaced.
     """
+    tau = window.tau
 
     def holds(size: float) -> bool:
-        worst, _ = equations.neglected_ratio(D, C, H, np.array([-size]), window, margin, 60)
+        worst, _ = equations.neglected_ratio(replace(window, exponents=np.array([-size])), 60)
         return worst <= ratio
 
-    high = 1.0 / margin
+    high = 1.0 / window.margin
     while not holds(high):
         high *= 2
-        if high * window > 500:
+        if high * tau > 500:
             return None
     low = high / 2
     while holds(low):
-        if low * window <= 1:
-            return -1.0 / window
+        if low * tau <= 1:
+            return -1.0 / tau
         low /= 2
     for _ in range(40):
         middle = math.sqrt(low * high)
@@ -162,10 +161,10 @@ def corner_exponents(integral: IntegralWindow, *, ratio: float, count: int) -> M
     Where no ratio can be kept: from the length of the window to that of the margin, evenly in
     proportion.
     """
-    D, C, H, window, margin = (
-        integral.D, integral.C, integral.H, integral.window, integral.margin,
-    )  # fmt: skip
-    first = slowest_exponent(D, C, H, window=window, margin=margin, ratio=ratio)
+    window, margin = integral.window, integral.margin
+    first = slowest_exponent(integral.features(np.zeros(0)), ratio)
     if first is None:
-        return np.asarray(-np.geomspace(1.0 / window, _FASTEST / margin, count), dtype=np.float64)
+        return np.asarray(
+            -np.geomspace(1.0 / window, _CORNER_SPEED / margin, count), dtype=np.float64
+        )
     return np.asarray(first * (1 + _SPACING * np.arange(count)), dtype=np.float64)

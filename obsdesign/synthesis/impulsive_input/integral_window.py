@@ -1,4 +1,4 @@
-"""Operator `integral` while its exponents are open: gain, window and margin, chosen or given."""
+"""Operator `integral` with open exponents: gain, window and margin, chosen or given."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from obsdesign.equations.estimation_error import flow_error_matrix
+from obsdesign.equations.impulsive_input.features import FeatureWindow
 from obsdesign.equations.impulsive_input.gains import IntegralGains
 from obsdesign.problem.plant import Plant
 
@@ -43,6 +44,10 @@ class IntegralWindow:
     def D(self) -> Matrix:
         """A - K C (n, n)."""
         return np.asarray(flow_error_matrix(self.plant.flow.A, self.K, self.C))
+
+    def features(self, exponents: Matrix) -> FeatureWindow:
+        """Return the features of a window with these exponents."""
+        return FeatureWindow(self.D, self.C, self.H, exponents, self.window, self.margin)
 
     def gains(self, exponents: Matrix, rule: str) -> IntegralGains:
         """Return the gains of a design with these exponents."""

@@ -1,4 +1,4 @@
-"""Coarse samples: the window of the discrete operator; nothing else is left to choose."""
+"""Candidates of operator `samples`, for coarse samples: only the window is open."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from obsdesign.equations.gains import Array
-from obsdesign.equations.impulsive_input.features import LARGEST, is_whole_multiple
 from obsdesign.equations.impulsive_input.gains import SamplesGains
+from obsdesign.equations.impulsive_input.requirements import LARGEST, is_whole_multiple
 from obsdesign.errors import InputError
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
@@ -23,7 +23,7 @@ def sampled_candidates(
 ) -> Iterator[Candidate]:
     """Gains for operator `samples`; InputError where it cannot work.
 
-    longest: the period up to which operator `integral` would do, where `samples` was not asked for;
+    longest: the period up to which operator `integral` would do, where the operator is open;
     count: samples of a window that is left open. Windows of twice as many follow, since a few
     samples need not determine the state.
     """

@@ -1,8 +1,8 @@
-"""Impulsive inputs: what an observer of Mattsson and Medvedev rests on, proved for its numbers.
+"""Hypotheses of an observer of Mattsson and Medvedev, proved for its numbers.
 
 Beyond the paper: (12) does not make W(tau) of full rank where the spectrum is complex, so that its
 rank is proved by itself; uniqueness of (17) is false in general, and decided
-(`verification.uniqueness`). See docs/impulsive_input.md.
+(`uniqueness`). See docs/impulsive_input.md.
 """
 
 from __future__ import annotations
@@ -16,9 +16,10 @@ from lmi.arithmetic.balls import exact, to_float
 from obsdesign.document import Claim
 from obsdesign.equations.estimation_error import flow_error_matrix
 from obsdesign.equations.gains import plant_data
-from obsdesign.equations.impulsive_input import features as equations
+from obsdesign.equations.impulsive_input import requirements
 from obsdesign.equations.impulsive_input import rule as impulse_rule
 from obsdesign.equations.impulsive_input.expectations import expectations
+from obsdesign.equations.impulsive_input.features import FeatureWindow
 from obsdesign.equations.impulsive_input.gains import (
     IntegralGains,
     SamplesGains,
@@ -65,22 +66,22 @@ def claims(
 
 def _integral_claims(problem: Problem, gains: IntegralGains) -> list[Claim]:
     """Claims about the features of operator `integral`."""
-    window, margin = gains.window, gains.margin
     A, C, H = exact(gains.A), exact(gains.C), exact(gains.H)
     D = flow_error_matrix(A, exact(gains.K), C)
-    exponents: list[float] = gains.exponents.tolist()
+    exponents: Any = gains.exponents.tolist()
+    window = FeatureWindow(D, C, H, exponents, gains.window, gains.margin)
     claims = [
         window_claims.hurwitz(D),
         window_claims.enough_exponents(D, C, exponents),
-        full_rank(D, C, exponents, window),
+        full_rank(D, C, exponents, gains.window),
     ]
     if "ratio" in problem.options:
         bound = float(problem.options["ratio"])
-        claims.append(window_claims.ratio(D, C, H, exponents, window, margin, bound))
+        claims.append(window_claims.ratio(window, bound))
     nonnegative = bool(gains.nonnegative)
-    verdict = decide_uniqueness(D, C, H, exponents, window, margin, nonnegative)
+    verdict = decide_uniqueness(window, nonnegative)
     try:
-        expected = expectations(to_float(D), gains)
+        expected = expectations(to_float(D), gains).to_evidence()
     except ValueError:  # numbers beyond what floats can follow: nothing to expect
         expected = {}
     claims.append(
@@ -88,7 +89,7 @@ def _integral_claims(problem: Problem, gains: IntegralGains) -> list[Claim]:
             "uniqueness",
             f"without noise and error of the state, the features of a window determine time and "
             f"{'nonnegative ' if nonnegative else ''}weight of an impulse whose age lies in "
-            f"[{margin!r}, {window!r}]",
+            f"[{gains.margin!r}, {gains.window!r}]",
             SOURCE,
             verdict.outcome,
             {**verdict.evidence, "approx_expected": expected},
@@ -101,10 +102,10 @@ def _reason_against(problem: Problem, stored: Mapping[str, Any]) -> str | None:
     plant = problem.plant
     if plant.jump is None or plant.jump.H is None or plant.jump.dwell_time is None:
         return "jump.H and jump.dwell_time are required by kind 'impulsive_input'"
-    if text := equations.reason_against_plant(plant):
+    if text := requirements.reason_against_plant(plant):
         return text
     for name in ("window", "margin"):
-        if not equations.is_positive(stored.get(name)):
+        if not requirements.is_positive(stored.get(name)):
             return f"gains.{name} must be a positive number"
     for name in ("state_correction", "nonnegative"):
         if not isinstance(stored.get(name), bool):
@@ -113,7 +114,7 @@ def _reason_against(problem: Problem, stored: Mapping[str, Any]) -> str | None:
     if stored.get("operator") == "integral":
         text = _reason_against_integral(plant, stored)
     elif stored.get("operator") == "samples":
-        text = equations.reason_against_samples(plant, stored["window"], stored.get("weighting"))
+        text = requirements.reason_against_samples(plant, stored["window"], stored.get("weighting"))
     if text is not None:
         return text
     noisy = (plant.output.noise_std > 0) | (plant.output.noise_cv > 0)
@@ -126,7 +127,7 @@ def _reason_against_integral(plant: Any, stored: Mapping[str, Any]) -> str | Non
     window = float(stored["window"])
     if not float(stored["margin"]) < window:
         return "gains.margin must be less than gains.window"
-    if not equations.are_exponents(stored.get("exponents")):
+    if not requirements.are_exponents(stored.get("exponents")):
         return "gains.exponents must be distinct, finite numbers, one or more"
     return impulse_rule.reason_against_exponents(
         np.asarray(stored["exponents"]), plant.n, plant.p, window
@@ -134,23 +135,24 @@ def _reason_against_integral(plant: Any, stored: Mapping[str, Any]) -> str | Non
 
 
 def _required_rule(problem: Problem, stored: Mapping[str, Any]) -> str:
-    """What the stored exponents need; any rule where other claims tell what is wrong."""
+    """Return the rule that the stored exponents need; any where `_reason_against` refutes them."""
     rule = stored.get("rule")
-    fallback = rule if isinstance(rule, str) and rule in equations.RULES[:2] else "peak"
+    fallback = rule if isinstance(rule, str) and rule in requirements.RULES[:2] else "peak"
     K, plant = stored.get("K"), problem.plant
     H = None if plant.jump is None else plant.jump.H
-    readable = equations.is_positive(stored.get("window")) and equations.is_positive(
+    readable = requirements.is_positive(stored.get("window")) and requirements.is_positive(
         stored.get("margin")
     )
-    if H is None or not readable or not equations.are_exponents(stored.get("exponents")):
+    if H is None or not readable or not requirements.are_exponents(stored.get("exponents")):
         return fallback
     if not isinstance(K, np.ndarray) or K.shape != (plant.n, plant.p) or not np.isfinite(K).all():
         return fallback
     D = flow_error_matrix(plant.flow.A, K, plant.output.C)
     window, margin = float(stored["window"]), float(stored["margin"])
     exponents = np.asarray(stored["exponents"], float)
+    features = FeatureWindow(D, plant.output.C, H, exponents, window, margin)
     try:
-        rule, oldest = impulse_rule.evaluation_rule(D, plant.output.C, H, exponents, window, margin)
+        rule, oldest = impulse_rule.evaluation_rule(features)
     except ValueError:
         return fallback
     refused = H.any() and impulse_rule.reason_against_margin(oldest, window, margin) is not None
@@ -163,14 +165,14 @@ def _expected(problem: Problem, stored: Mapping[str, Any]) -> dict[str, Any]:
     expected = plant_data(plant) | {
         "H": None if plant.jump is None else plant.jump.H,
         "noise_std": plant.output.noise_std, "noise_cv": plant.output.noise_cv,
-        "operator": set(equations.OPERATORS), "weighting": set(equations.WEIGHTINGS),
+        "operator": set(requirements.OPERATORS), "weighting": set(requirements.WEIGHTINGS),
     }  # fmt: skip
-    # numbers that the problem leaves open are what they are; `_objection` has looked at them
+    # numbers that the problem leaves open are checked in `_reason_against`
     expected |= {name: stored.get(name) for name in ("window", "margin")}
-    # what nobody asked for: weights that are not negative would make the guarantee false
+    # off unless the problem sets them: nonnegative weights would make the guarantee false
     samples = stored.get("operator") == "samples"
     expected |= {"nonnegative": False, "state_correction": samples}
-    if not samples and stored.get("weighting") == "gls":  # either is what the guarantee says
+    if not samples and stored.get("weighting") == "gls":  # the guarantee holds for both
         expected["state_correction"] = stored.get("state_correction")
     if "initial_std" in options:
         expected["initial_std"] = np.array(options["initial_std"])

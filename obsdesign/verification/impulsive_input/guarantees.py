@@ -1,4 +1,4 @@
-"""Impulsive inputs: the sentences that follow from proved claims, and what is not promised."""
+"""Guarantees of observers of unknown impulses, and their limits."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _KNOWN_INTEGRALS = ", and with the integrals of y known exactly (y measured cont
 
 
 def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[dict[str, Any], ...]:
-    """The sentences a user may rely on, and those that were asked for and not proved."""
+    """Sentences that follow from the claims, given where these are proved, and limits."""
     verdicts = {claim.id: claim.verdict for claim in claims}
     needed = list(verdicts)
     plant = problem.plant
@@ -44,7 +44,7 @@ def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[dict[str, A
 
 
 def _main_sentence(problem: Problem, low: str, absent: str, between: str) -> str:
-    """What holds without noise, for the weighting, rule and weights that the problem asks for."""
+    """Sentence for exact records, for the weighting, rule and weights of the problem."""
     options, output = problem.options, problem.plant.output
     positive = bool(options.get("nonnegative"))
     noisy = bool(((output.noise_std > 0) | (output.noise_cv > 0)).all())
@@ -76,7 +76,7 @@ def _main_sentence(problem: Problem, low: str, absent: str, between: str) -> str
 
 
 def _sampling_sentences(problem: Problem, claims: tuple[Claim, ...]) -> list[str]:
-    """What operator `integral` does not promise of a sampled output."""
+    """Limits of operator `integral` on a sampled output."""
     return [
         f"That samples {problem.plant.output.period!r} apart reproduce these integrals is not "
         "claimed: between them the residual is taken as linear. The fastest mode of A - K C times "
@@ -88,7 +88,7 @@ def _sampling_sentences(problem: Problem, claims: tuple[Claim, ...]) -> list[str
 
 
 def _between_samples(plant: Any) -> str:
-    """What samples cannot tell: the onset between two of them, where e^{A v} H g stays in H."""
+    """Clause on onsets between two samples, which are lost where e^{A v} H g stays in H."""
     if plant.output.measured != "periodic":
         return ""
     H, A = exact(plant.jump.H), exact(plant.flow.A)

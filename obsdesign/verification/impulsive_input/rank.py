@@ -1,4 +1,4 @@
-"""Do the features, or the samples, of a window determine the state? A rank, relative to size."""
+"""Rank, relative to size, of the features or samples of a window as functions of the state."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ def rank_verdict(rows: Callable[[], list[list[Any]]], row_sizes: Any, n: int, wh
 
 
 def _certain(rows: list[list[Any]], n: int) -> bool | None:
-    """Is the smallest singular value of n columns at least RANK_TOLERANCE of the largest?
+    """Whether the smallest singular value is at least RANK_TOLERANCE of the largest.
 
     None: neither is certain.
     """

@@ -1,4 +1,4 @@
-"""Claims of the discrete operator: N samples after an onset, and what they determine.
+"""Claims about the samples of a window: the state, an onset and its weight.
 
 With samples t_o + h, ..., t_o + N h, an impulse at t_o + v, 0 <= v < h, leaves
 M e^{-A v} H g, M = [C e^{A h}; ...; C e^{A N h}]. If M has rank n and e^{A t} has no other
@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -24,9 +24,10 @@ from obsdesign.equations.gains import Array
 from obsdesign.equations.impulsive_input import features as equations
 from obsdesign.equations.impulsive_input.gains import IntegralGains, SamplesGains
 from obsdesign.verification.impulsive_input.rank import rank_verdict
+from obsdesign.verification.impulsive_input.witnesses import TooFewSamples
 
 _FEWEST_CELLS = 3  # of a window: two samples after an onset that is most of the window old
-_MOST_ROWS = 64  # of a window that are looked at
+_MOST_ROWS = 64  # of a window in a rank
 SOURCE = "Mattsson, Medvedev, ECC 2013, Section III-B, for samples"
 
 
@@ -83,43 +84,47 @@ def window_samples(gains: IntegralGains, period: float, shortest: float) -> Clai
     And two periods fit between the window and the shortest dwell time: the last sample of a window
     comes up to a period after its end, t_o is a sample too, and an impulse after that must still
     be before its peak when the next search begins. Modes of A - K C and exponents are slow enough
-    for the period (`equations.impulsive_input.longest_period`), exactly.
+    for the period (`equations.impulsive_input.features.longest_period`), exactly.
     """
-    n, p, directions, window = gains.n, gains.p, gains.directions, gains.window
-    A, C = exact(gains.A), exact(gains.C)
-    D = flow_error_matrix(A, exact(gains.K), C)
+    D = flow_error_matrix(exact(gains.A), exact(gains.K), exact(gains.C))
+    statement = (
+        f"the samples of a window show the state, and time and weight of an impulse: {gains.n}"
+        f" + {1 + gains.directions} unknown numbers, two samples after the onset, and no sample "
+        "of another impulse; they are close enough for A - K C and the exponents"
+    )
+    verdict = _window_verdict(gains, D, period, shortest)
+    evidence = {**verdict.evidence, **_speeds(D, gains.exponents, period).to_evidence()}
+    return Claim("samples", statement, SOURCE, verdict.outcome, evidence)
+
+
+def _window_verdict(gains: IntegralGains, D: Any, period: float, shortest: float) -> Verdict:
+    """Verdict on the number, the end and the spacing of the samples of a window; D exact."""
+    window = gains.window
     cells = math.floor(window / period * (1 + 1e-9))
-    unknown = n + 1 + directions
-    statement = f"the samples of a window show the state, and time and weight of an impulse: {n}"
-    statement += f" + {1 + directions} unknown numbers, two samples after the onset, and no sample "
-    statement += "of another impulse; they are close enough for A - K C and the exponents"
+    unknown = gains.n + 1 + gains.directions
     if cells < 2:
         reason = (
             f"output.period = {period!r} leaves {cells + 1} sample{'s' * (cells > 0)} in a window "
             f"of {window!r}: two after an onset are needed"
         )
-        verdict = refuted({"samples": cells + 1, "reason": reason})
-    elif (cells + 1) * p < unknown or cells < _FEWEST_CELLS:
-        verdict = undecided(
+        return refuted(TooFewSamples(cells + 1, reason).to_dict())
+    if (cells + 1) * gains.p < unknown or cells < _FEWEST_CELLS:
+        return undecided(
             f"{cells + 1} samples in a window are too few to be certain: {unknown} numbers are "
             f"unknown, and {_FEWEST_CELLS + 1} samples are asked for at least (fewer do where the "
             "state is known from before, which nothing here proves); choose operator 'samples' "
             "(with output.noise_std), or a longer window",
             samples=cells + 1,
         )
-    elif rational(window) + 2 * rational(period) > rational(shortest):
-        verdict = undecided(
+    if rational(window) + 2 * rational(period) > rational(shortest):
+        return undecided(
             f"the window {window!r} and two periods of {period!r} exceed the shortest dwell time "
             f"{shortest!r}: the sample that ends a window may show the next impulse, which may be "
             "past its peak when its search begins; choose a shorter window",
             samples=cells + 1,
         )
-    else:
-        fast = _too_fast(D, gains, period)
-        verdict = _rank(A, C, period, cells) if fast is None else fast
-    evidence = {**verdict.evidence, **_speeds(D, gains.exponents, period).to_evidence()}
-    verdict = replace(verdict, evidence=evidence)
-    return Claim("samples", statement, SOURCE, verdict.outcome, verdict.evidence)
+    fast = _too_fast(D, gains, period)
+    return _rank(exact(gains.A), exact(gains.C), period, cells) if fast is None else fast
 
 
 def _speeds(D: Any, exponents: Array, period: float) -> SpeedsPerPeriod:
@@ -134,20 +139,26 @@ def _too_fast(D: Any, gains: IntegralGains, period: float) -> Verdict | None:
     """Undecided where integrals of samples cannot follow, with a period that would do; or None."""
     window, exponents = gains.window, gains.exponents
     # every mode decays by more than LONG time constants within the window
-    faster = D + exact(np.eye(len(D))) * (rational(equations.LONG) / rational(window))
+    faster = D + exact(np.eye(len(D))) * (
+        rational(equations.LONG_TIME_CONSTANTS) / rational(window)
+    )
     long = prove_hurwitz(faster).outcome == "proved"
     limit = equations.fastest_limit(long)
     speeds, reasons = _speeds(D, exponents, period), []
     if not exactly_schur(D * (rational(period) / rational(limit))):
-        which = f" in a window of more than {equations.LONG:g} time constants" if long else ""
+        which = (
+            f" in a window of more than {equations.LONG_TIME_CONSTANTS:g} time constants"
+            if long
+            else ""
+        )
         reasons.append(
             f"the fastest mode of A - K C times the period is "
             f"{speeds.mode:.3g}, not below {limit:g}{which}"
         )
-    if speeds.exponent > equations.STEEPEST:
+    if speeds.exponent > equations.MAX_EXPONENT_PERIOD:
         reasons.append(
             f"the largest exponent times the period is {speeds.exponent:.3g}, above "
-            f"{equations.STEEPEST:g}"
+            f"{equations.MAX_EXPONENT_PERIOD:g}"
         )
     if not reasons:
         return None

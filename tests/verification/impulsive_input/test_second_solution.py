@@ -12,7 +12,7 @@ import pytest
 from lmi.arithmetic.balls import ball, exact, precision
 from lmi.arithmetic.exponential import expm
 from lmi.prove import exponential_sign as signs
-from obsdesign.equations.impulsive_input.features import filtered_system
+from obsdesign.equations.impulsive_input.features import FeatureWindow, filtered_system
 from obsdesign.verification.impulsive_input.uniqueness import decide_uniqueness
 
 TWO_MODES = (np.diag([-0.5, -1.0]), np.array([[1.0, 1.0]]), np.array([[2.0], [-3.0]]))
@@ -26,9 +26,8 @@ def features(D: Any, C: Any, H: Any, exponents: Any, age: float) -> Any:
 def decided(
     D: Any, C: Any, H: Any, exponents: Any, window: float, margin: float, nonnegative: bool = False
 ) -> Any:
-    return decide_uniqueness(
-        exact(D), exact(C), exact(H), list(exponents), window, margin, nonnegative
-    )
+    plant = exact(D), exact(C), exact(H)
+    return decide_uniqueness(FeatureWindow(*plant, list(exponents), window, margin), nonnegative)
 
 
 def middle(age: Any) -> float:

@@ -1,4 +1,4 @@
-"""An impulse that was decided joins the record: whether it fits, and which rows it settles."""
+"""Addition of a fitted impulse to the record: its doubts, and the rows that it settles."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from obsdesign.runtime.impulsive_input.residuals import LARGER, Residuals, birge
 from obsdesign.runtime.impulsive_input.whitening import chi_squared_limit
 from obsdesign.runtime.time_stamps import time_tolerance
 
-_MISFIT = 0.05  # of the residual: what an impulse may leave of it where there is no noise
+_MAX_MISFIT_SHARE = 0.05  # of the residual: what an impulse may leave of it where there is no noise
 
 
 def widened(event: Event, decision: Decision, residuals: Residuals) -> Event:
@@ -46,10 +46,10 @@ class Addition:
     dwell: float
 
     def compared(self, decision: Decision, times: Array, error: Array, spread: Array) -> Decision:
-        """Under the plain norm: does the output of the impulse match the residual, but for noise?
+        """The decision, doubted where the output of the impulse misses the residual; plain norm.
 
-        Features hardly tell. Two impulses in a window, a steady input, or an error of the state at
-        its start leave a difference.
+        Features hardly show it. Two impulses in a window, a steady input, or an error of the state
+        at its start leave a difference.
         """
         event = decision.event
         assert event is not None
@@ -57,14 +57,14 @@ class Addition:
         remainder = error - shown @ self.run.C.T
         size = float(np.abs(spread).max()) or 1.0
         noise = size**2 * chi_squared_limit(remainder.size) if spread.any() else 0.0
-        if (remainder**2).sum() > noise + (_MISFIT * np.linalg.norm(error)) ** 2:
+        if (remainder**2).sum() > noise + (_MAX_MISFIT_SHARE * np.linalg.norm(error)) ** 2:
             event = replace(event, doubts=(MISFIT,))
         return replace(decision, event=event)
 
     def added(
         self, live: IntegralLive, top: int, decision: Decision, spread: Array
     ) -> tuple[IntegralLive, list[Estimate]]:
-        """Add the impulse, give out rows up to the end of the window, begin again there."""
+        """The state after the impulse was added, and the rows up to the end of its window."""
         track, event, tau = live.track, decision.event, self.run.tau
         assert track is not None
         assert event is not None

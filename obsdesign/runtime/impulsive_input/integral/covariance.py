@@ -1,4 +1,4 @@
-"""The covariance of the error of a free run: at first, and as noise of the samples adds to it."""
+"""Covariance of the error of a free run: initial value, and growth by noise of the samples."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def covariance_at(run: FreeRun, live: IntegralLive, times: Array, spread: Array)
 
 
 def added_by_noise(run: FreeRun, times: Array, spread: Array, elapsed: float) -> Array:
-    """What noise through K adds to P in a time: P_inf - e^{D t} P_inf e^{D' t}."""
+    """Growth of P by noise through K in a time: P_inf - e^{D t} P_inf e^{D' t}."""
     D, K, n = run.D, run.K, len(run.D)
     spacing = (times[-1] - times[0]) / max(len(times) - 1, 1)
     Q = K @ np.diag((spread**2).mean(axis=0) * spacing) @ K.T

@@ -30,7 +30,9 @@ from obsdesign.runtime.time_stamps import time_tolerance
 
 _FLOOR = 8.0  # |R| must exceed this many deviations of noise
 _EXACT_FLOOR = 1e-7  # and this part of what the output itself leaves in R: interpolation, rounding
-_AFTER_FLOOR = 3e-6  # and this part of what impulses before it made of it: they are added as found
+_AFTER_FLOOR = (
+    3e-6  # and this part of what impulses before it made of it: their fitted values are added
+)
 _LEAST = 6.0  # deviations that an impulse must explain before it is evaluated by its position
 _SMOOTHING = 0.05  # half width of the moving average, of the window
 # part of |R| that a rise or a drop must have; without noise only interpolation disturbs it
@@ -41,7 +43,7 @@ class Engine(Protocol):
     """One way to find impulses along a record; rows come in blocks, y NaN where it is missing."""
 
     def begin(self, t: float, x: Vector, covariance: Array | None) -> Any:
-        """Nothing seen yet, the state guessed as x at t."""
+        """State before the first row, with the guess x at t."""
 
     def extended(self, live: Any, t: Array, y: Array, u: Array) -> tuple[Any, list[Estimate]]:
         """After further rows, and the rows that are decided now."""
@@ -92,7 +94,7 @@ class IntegralEngine:
     # --- rows in ------------------------------------------------------------------------------
 
     def begin(self, t: float, x: Vector, covariance: Array | None) -> IntegralLive:
-        """Nothing seen yet."""
+        """State before the first row."""
         inputs = np.zeros(self.run.B.shape[1])
         return IntegralLive(t=t, x=x, u=inputs, covariance=covariance, since=t)
 
@@ -100,7 +102,9 @@ class IntegralEngine:
         self, live: IntegralLive, t: Array, y: Array, u: Array
     ) -> tuple[IntegralLive, list[Estimate]]:
         """Rows before the first measurement are predicted; then rows wait for their window."""
-        with np.errstate(over="ignore", invalid="ignore"):  # rows that are not finite say so
+        with np.errstate(
+            over="ignore", invalid="ignore"
+        ):  # the status of a row names what is not finite
             return self._extended(live, t, y, u)
 
     def _extended(

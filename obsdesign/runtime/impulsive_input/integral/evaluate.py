@@ -1,4 +1,4 @@
-"""Step 2 at run time: an impulse from one window, with what noise leaves open about it.
+"""Step 2 at run time: an impulse from one window, with its deviations.
 
 plain: the paper's (18). gls: the features are whitened. With taps Psi and noise deviations s_k of
 the samples, the singular vectors U of diag(s) Psi give features U'(e / s) with unit covariance, of
@@ -42,12 +42,12 @@ from obsdesign.runtime.impulsive_input.whitening import (
 # gls: likelihood ratio of an impulse against none
 _LEAST_GAIN = 36.0
 # plain, without noise: part of R that a fit may leave at the start of a search
-_GOOD_FIT = 1e-3
+_MAX_MISFIT_SHARE = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
 class Decision:
-    """What a window said: an event (None: no impulse), the correction of the state at t_o, P after.
+    """Result of a window: an event (None: no impulse), the correction at t_o, P after.
 
     covariance: of the error at the end of the window, None without tracking. cost, freedom: what
     the fit leaves of whitened features, chi-squared of so many degrees of freedom; 0 without.
@@ -73,6 +73,15 @@ class Window:
     error: Array
     spread: Array
     onsets: Array
+
+
+@dataclass(frozen=True, slots=True)
+class _Whitened:
+    """Features R (r,) of unit covariance, V (r, n) of the error at t_o, its covariance P."""
+
+    R: Array
+    V: Array
+    P: Array
 
 
 @dataclass(frozen=True)
@@ -153,7 +162,7 @@ class Evaluator:
             return None
         noisy = bool(window.spread.any())
         if at_start:
-            allowed = _GOOD_FIT**2 * float(R @ R)
+            allowed = _MAX_MISFIT_SHARE**2 * float(R @ R)
             if noisy:
                 N = noise_covariance(window.taps, window.spread)
                 allowed += float(np.trace(N)) + Z_SCORE * math.sqrt(2 * float((N * N).sum()))
@@ -179,24 +188,19 @@ class Evaluator:
         """The best impulse for weighted features R, with b weighted by T.
 
         Samples of an impulse response, joined linearly, leave other features than the response
-        itself, which matters where the output jumps with the impulse. So all onsets are looked at
+        itself, which matters where the output jumps with the impulse. So all onsets are fitted
         again as samples show them. Features under the plain norm are nearly dependent; where to
-        look is seen better in `whitened_too`, features and T without that.
+        look is clearer in `whitened_features`, features and T without that.
         """
-        impulse = fit_impulse(R, self.curve, self.margin, self.oldest, T, self.nonnegative)
+        impulse = fit_impulse(
+            R, self.curve, self.margin, self.oldest, weighting=T, nonnegative=self.nonnegative
+        )
         if impulse is None:
             return None
-        ages = window.t[0] + self.tau - window.t
-        searched = (ages >= self.margin) & (ages <= self.oldest)
-        cells = np.flatnonzero(searched & (np.arange(len(ages)) > 0))
-        width = float(np.median(np.diff(window.t)))
-        inside = expm(self.A * (width * np.array([0.0, 0.5, 1.0]))[:, None, None]) @ self.H
         likely = {int(np.searchsorted(window.t, self._time(window, impulse), "left"))}
-        for features, weighting in ((R, T), whitened_features or (R, T)):
-            for jump in inside:
-                shown = weighting @ (window.onsets[cells] @ jump)
-                gains = explained(shown, features, self.nonnegative)
-                likely |= {int(cells[k]) for k in peaks(gains)}
+        pairs = [(R, T)] if whitened_features is None else [(R, T), whitened_features]
+        for features, weighting in pairs:
+            likely |= self._likely_cells(window, features, weighting)
         fits: dict[int, Impulse] = {}
 
         def cost_in(cell: int) -> float:
@@ -213,6 +217,20 @@ class Evaluator:
                 cost = fits[cell].cost
         return replace(fits[cell], inside=impulse.inside) if cell in fits else impulse
 
+    def _likely_cells(self, window: Window, features: Array, weighting: Array) -> set[int]:
+        """Cells where an onset at the ends or in the middle explains the features best."""
+        ages = window.t[0] + self.tau - window.t
+        searched = (ages >= self.margin) & (ages <= self.oldest)
+        cells = np.flatnonzero(searched & (np.arange(len(ages)) > 0))
+        width = float(np.median(np.diff(window.t)))
+        inside = expm(self.A * (width * np.array([0.0, 0.5, 1.0]))[:, None, None]) @ self.H
+        likely: set[int] = set()
+        for jump in inside:
+            shown = weighting @ (window.onsets[cells] @ jump)
+            gains = explained(shown, features, self.nonnegative)
+            likely |= {int(cells[k]) for k in peaks(gains)}
+        return likely
+
     def _in_cell(self, R: Array, window: Window, T: Array, cell: int) -> Impulse | None:
         """The best impulse with its onset between rows cell - 1 and cell."""
         t_c = float(window.t[cell])
@@ -220,7 +238,9 @@ class Evaluator:
         curve = ImpulseCurve.from_system(self.A, self.H, width, points=4, n=0)
         M = T @ window.onsets[cell]
         # an onset at the row before would be one that this row shows already
-        impulse = fit_impulse(R, curve, 0.0, width * (1 - 1e-6), M, self.nonnegative)
+        impulse = fit_impulse(
+            R, curve, 0.0, width * (1 - 1e-6), weighting=M, nonnegative=self.nonnegative
+        )
         if impulse is None:
             return None
         return replace(impulse, age=float(window.t[0]) + self.tau - t_c + impulse.age)
@@ -246,21 +266,25 @@ class Evaluator:
             weights_std=np.sqrt(np.diag(spread_of)[1:]),
             doubts=() if impulse.cost <= limit else (MISFIT,),
         )
-        decision = self._with_state(event, impulse, R, J, spread_of, V, P)
+        white = _Whitened(R, V, P)
+        decision = self._decision(event, impulse, white, J, spread_of)
         return replace(decision, cost=impulse.cost, freedom=freedom)
 
-    def _with_state(
-        self, event: Event, impulse: Impulse, R: Array, J: Array, spread_of: Array, V: Array,
-        P: Array,
-    ) -> Decision:  # fmt: skip
-        """The covariance at the end of the window, and where asked the corrected state at t_o."""
+    def _decision(
+        self, event: Event, impulse: Impulse, white: _Whitened, J: Array, spread_of: Array
+    ) -> Decision:
+        """The covariance at the end of the window; with `state_correction` the state at t_o.
+
+        J: derivatives of b g by age and g; spread_of: covariance of both.
+        """
+        P = white.P
         flow = expm(self.D * self.tau)
         state = self.curve.value(impulse.age)[: len(self.D)]  # e^{D age} H
         moves = np.column_stack([self.D @ state @ impulse.weights, state])
         correction = np.zeros(len(self.D))
         if self.state_correction:
-            gain = P @ V.T
-            correction = gain @ (R - impulse.b @ impulse.weights)
+            gain = P @ white.V.T
+            correction = gain @ (white.R - impulse.b @ impulse.weights)
             P = P - gain @ gain.T
             moves = moves - flow @ gain @ J
         covariance = flow @ P @ flow.T + moves @ spread_of @ moves.T

@@ -226,7 +226,7 @@ class FreeRun:
         """M, (rows, p m, n): features of unit states that appear at a row, as samples show them.
 
         An impulse v before row c leaves M_c e^{A v} H g; before it, and in the cell that ends at c,
-        the samples know nothing of it. taps (rows, m) make features of the residual.
+        the samples do not show it. taps (rows, m) make features of the residual.
         """
         n, p, m = len(self.A), len(self.C), taps.shape[1]
         shown = (self.C[None, :, None, :] * taps[:, None, :, None]).reshape(len(times), p * m, n)
@@ -254,7 +254,7 @@ class FreeRun:
         return states
 
     def _runs(self, times: Array) -> list[Run]:
-        """Runs of cells of the same length, as far as time stamps can tell."""
+        """Runs of cells of the same length, up to the resolution of time stamps."""
         if len(times) < 2:
             return []
         steps = np.diff(times)
@@ -266,7 +266,7 @@ class FreeRun:
     def _length(self, times: Array, first: int, last: int) -> float:
         """The period where stamps agree with it, else the mean: they round it once, not each cell.
 
-        The period, since it is the same whatever part of a record is looked at.
+        The period, since it is the same for every part of a record.
         """
         mean = float(times[last] - times[first]) / (last - first)
         if self.period is None:

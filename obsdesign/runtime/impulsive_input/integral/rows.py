@@ -1,4 +1,4 @@
-"""Rows of a record around a search for impulses: how they come in, what is known of each, the tail.
+"""Rows of a record around a search for impulses: from samples to estimates.
 
 Measured rows wait in a `Track`. A row without measurement is no part of it: samples joined across
 it show an impulse otherwise than a sample there would. It waits beside the track, and is given out
@@ -15,7 +15,7 @@ import numpy as np
 
 from lmi.arithmetic.exponential import expm
 from obsdesign.equations.gains import Array
-from obsdesign.equations.impulsive_input.features import LARGEST
+from obsdesign.equations.impulsive_input.requirements import LARGEST
 from obsdesign.runtime.base import Estimate, Vector
 from obsdesign.runtime.flow_response import responses
 from obsdesign.runtime.impulsive_input.event import DoubtfulSpan, Event
@@ -29,7 +29,9 @@ _BEYOND = "beyond what floats can follow: samples are too far apart for A - K C"
 
 @dataclass(frozen=True, slots=True)
 class IntegralLive:
-    """t, x, u: last row and the estimate there. track: rows that are open, None before the first
+    """State of operator `integral` along a record.
+
+    t, x, u: last row and the estimate there. track: rows that are open, None before the first
     measurement. norms: |R| of the first of them. waiting: rows after the last measurement.
     absent: rows without measurement between rows of the track: time, and how far the forcing moves
     the plant since the measured row before.
@@ -57,7 +59,7 @@ class IntegralLive:
 
 @dataclass(frozen=True)
 class Rows:
-    """The free run, and the period of samples (None: continuous), which tells what is missing."""
+    """The free run, and the period by which samples are missing; None: measured continuously."""
 
     run: FreeRun
     period: float | None
@@ -131,7 +133,7 @@ class Rows:
     # --- rows out -----------------------------------------------------------------------------
 
     def tail(self, live: IntegralLive) -> tuple[Estimate, ...]:
-        """Rows of the last window: an impulse in them may not have been seen yet."""
+        """Rows of the last window, where a later sample could still show an impulse."""
         if live.track is None:
             return ()
         rows = self.decided_rows(live, len(live.track.t), (_OPEN,))

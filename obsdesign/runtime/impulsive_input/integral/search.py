@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from obsdesign.equations.gains import Array
-from obsdesign.equations.impulsive_input.features import OLD
+from obsdesign.equations.impulsive_input.features import EVALUATED_AGE_SHARE
 from obsdesign.runtime.time_stamps import time_tolerance
 
 _SHARE = 0.5  # of the features that it must explain
@@ -30,7 +30,7 @@ _SHARE = 0.5  # of the features that it must explain
 class Search:
     """Where a search stands: next row to look at, lowest and highest value, row of the highest.
 
-    armed: a rise was seen, a maximum counts; at_start: what is armed is the first instant.
+    armed: after a rise, so that a maximum counts; at_start: the maximum is the first instant.
     """
 
     position: int = 0
@@ -114,7 +114,7 @@ class Rule:
 
 @dataclass(frozen=True)
 class Position:
-    """How much of the features one impulse explains, and whether it is old enough to be evaluated.
+    """Part of the features that one impulse explains, where it is old enough to be evaluated.
 
     whitening (r, mp) makes the noise of features uncorrelated; bases (G, r, q) span the whitened b
     at G ages.
@@ -129,7 +129,7 @@ class Position:
         """From b (G, mp, q) at increasing ages above zero; `oldest`: ages searched end here."""
         ages, b = ages[ages <= oldest], b[ages <= oldest]
         bases = np.linalg.qr(whitening @ b)[0]
-        return cls(whitening, bases, ages >= OLD * oldest)
+        return cls(whitening, bases, ages >= EVALUATED_AGE_SHARE * oldest)
 
     def values(self, R: Array) -> Array:
         """Square root of what the best age explains of |R|^2, (k,) for R (k, mp); else zero.

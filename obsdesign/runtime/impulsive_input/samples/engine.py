@@ -1,4 +1,4 @@
-"""Few samples per time constant: the finite-memory operator of Mattsson and Medvedev on samples.
+"""Few samples per time constant: the finite-memory operator of the paper on samples.
 
 With samples t_o < t_1 <= ... <= t_N = t_o + tau, a guess of x(t_o) with covariance P, and an onset
 t anywhere between samples,
@@ -10,14 +10,15 @@ exponents would span the same). Between impulses a Kalman filter without process
 samples. A window fires when its likelihood ratio is large and largest in its oldest interval; the
 impulse is then fitted in a window that begins one sample earlier, as a posterior over a grid of
 onsets: at this sampling the likelihood has kinks, and a linearised deviation is far too small.
-An extension of (18) of the paper; in the limit of all taps a fixed-lag likelihood-ratio test.
+An extension of (18) of Mattsson and Medvedev; in the limit of all taps a fixed-lag
+likelihood-ratio test.
 """
 
 from __future__ import annotations
 
 import math
 from bisect import bisect_left
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -25,8 +26,9 @@ from obsdesign.equations.gains import Array
 from obsdesign.equations.impulsive_input.gains import SamplesGains
 from obsdesign.runtime.base import Estimate, Vector, status_of
 from obsdesign.runtime.impulsive_input.event import MISFIT, DoubtfulSpan, Event, short_dwell
-from obsdesign.runtime.impulsive_input.residuals import LARGER, Residuals, birge_ratio
-from obsdesign.runtime.impulsive_input.samples.filter import Filtered, Row, SampledPlant
+from obsdesign.runtime.impulsive_input.residuals import LARGER, birge_ratio
+from obsdesign.runtime.impulsive_input.samples.filter import Row, SampledPlant
+from obsdesign.runtime.impulsive_input.samples.live import SampledLive
 from obsdesign.runtime.impulsive_input.samples.onset import ONSETS, Cells, Fit, OnsetModel
 from obsdesign.runtime.impulsive_input.samples.steady_input import STEADY, Steady
 from obsdesign.runtime.impulsive_input.whitening import noise_deviation
@@ -34,36 +36,12 @@ from obsdesign.runtime.time_stamps import time_tolerance
 
 # twice the log-likelihood ratio from which an impulse counts, in a window of four samples; each
 # doubling of the onsets that noise may choose from adds 2 ln 2
-_LEAST_RATIO, _FEW = 12.0, 4
-_LATEST = 0.3  # intervals before the end of a window in which no onset is looked for
+_LEAST_RATIO, _REFERENCE_SAMPLES = 12.0, 4
+_CLOSED_INTERVALS = 0.3  # intervals before the end of a window in which no onset is looked for
 # what a steady input must leave more than impulses do: what they must be worth against nothing
-_AHEAD = _LEAST_RATIO
+_LEAST_ADVANTAGE = _LEAST_RATIO
 _MOST_ONSETS = 4000  # of a window
-_FEWEST = 2  # samples of an incomplete window at the end of a record
-
-
-@dataclass(frozen=True, slots=True)
-class SampledLive:
-    """t, x, P, u: before the first row. rows: the filter from the window's start on.
-
-    cells: what the rows after that start say of onsets. before: the filter at rows of one period
-    before it, empty right after a restart: where a refit may begin. steady: what explains the
-    samples without impulses. level: largest |y| so far. residuals: of final rows and windows.
-    """
-
-    t: float
-    x: Vector
-    P: Array | None
-    u: Vector
-    cells: Cells
-    rows: tuple[Filtered, ...] = ()
-    before: tuple[Filtered, ...] = ()
-    steady: tuple[Steady, ...] = ()
-    last_event: float = -math.inf
-    last_std: float = 0.0
-    doubt: DoubtfulSpan = field(default_factory=DoubtfulSpan)
-    level: Array = field(default_factory=lambda: np.zeros(()))
-    residuals: Residuals = field(default_factory=Residuals)
+_LEAST_TAIL_SAMPLES = 2  # samples of an incomplete window at the end of a record
 
 
 @dataclass(frozen=True)
@@ -78,8 +56,8 @@ class SamplesEngine:
 
     @property
     def least_ratio(self) -> float:
-        """What an impulse must explain to count: more where there are more onsets to choose."""
-        return _LEAST_RATIO + 2 * math.log(max(self.window / self.period / _FEW, 1.0))
+        """Least likelihood ratio of an impulse: larger where there are more onsets to choose."""
+        return _LEAST_RATIO + 2 * math.log(max(self.window / self.period / _REFERENCE_SAMPLES, 1.0))
 
     @classmethod
     def from_gains(cls, gains: SamplesGains) -> SamplesEngine:
@@ -98,7 +76,7 @@ class SamplesEngine:
     # --- rows in, rows out ----------------------------------------------------------------------
 
     def begin(self, t: float, x: Vector, covariance: Array | None) -> SampledLive:
-        """Nothing seen yet."""
+        """State before the first row."""
         inputs = np.zeros(self.model.plant.B.shape[1])
         return SampledLive(t=t, x=x, P=covariance, u=inputs, cells=Cells.empty(len(x)))
 
@@ -143,7 +121,7 @@ class SamplesEngine:
 
     def _tail(self, live: SampledLive) -> tuple[Estimate, ...]:
         estimates: list[Estimate] = []
-        while len(live.rows) > _FEWEST:
+        while len(live.rows) > _LEAST_TAIL_SAMPLES:
             live, rows = self._evaluated(live, provisional=True)
             estimates += rows
         estimates += [self._estimate(live, at.row, at.x, is_open=True) for at in live.rows]
@@ -207,7 +185,7 @@ class SamplesEngine:
         interval = max(second.row.t - first.row.t, self.period)
         before, last = live.rows[-2].row.t, live.rows[-1].row.t
         fit = self.model.posterior(
-            live.cells, live.cells.grid.before(last - _LATEST * (last - before))
+            live.cells, live.cells.grid.before(last - _CLOSED_INTERVALS * (last - before))
         )
         top = int(np.argmax(fit.ratio))
         oldest = first.row.t + interval - 1e-9 * self.period
@@ -217,7 +195,7 @@ class SamplesEngine:
         cut = bisect_left(live.before, since, key=lambda at: at.row.t)
         return replace(
             live, rows=live.rows[1:], cells=live.cells.without_first(),
-            before=(*live.before[cut:], first), residuals=_residuals_with(live, live.before[:cut]),
+            before=(*live.before[cut:], first), residuals=live.residuals_with(live.before[:cut]),
             steady=self._followed(live.steady, second.row, second.cost),
         ), [self._estimate(live, first.row, first.x, is_open=provisional)]  # fmt: skip
 
@@ -238,9 +216,9 @@ class SamplesEngine:
         fit = self.model.refined(cells, self.model.posterior(cells, grid))
         steady, ahead = self._ahead(live, fit.cost)
         freedom = sum(row.y is not None for row in rows) * len(self.model.plant.C) - 2
-        residuals = _residuals_with(live, (start,)).joined(fit.cost, freedom)
+        residuals = live.residuals_with((start,)).joined(fit.cost, freedom)
         live = replace(live, residuals=residuals)
-        event = self._event(live, fit, freedom, ahead >= _AHEAD, provisional)
+        event = self._event(live, fit, freedom, ahead >= _LEAST_ADVANTAGE, provisional)
         doubt = live.doubt
         if event.doubts:
             doubt = DoubtfulSpan(live.rows[0].row.t, rows[-1].t, event.doubts)
@@ -253,7 +231,7 @@ class SamplesEngine:
             decided.append(self._estimate(live, at.row, mean, events=events, is_open=provisional))
         return replace(
             live, rows=(last,), cells=Cells.empty(len(last.x)), before=(),
-            steady=(steady[ahead >= _AHEAD], Steady.begin(last)), last_event=event.t,
+            steady=(steady[ahead >= _LEAST_ADVANTAGE], Steady.begin(last)), last_event=event.t,
             last_std=event.t_std or 0.0,
         ), decided  # fmt: skip
 
@@ -275,7 +253,7 @@ class SamplesEngine:
     def _event(
         self, live: SampledLive, fit: Fit, freedom: int, is_ahead: bool, provisional: bool
     ) -> Event:
-        """What is told of an impulse; alone: nothing steady explains the samples as well.
+        """The event of a fit; is_ahead: it explains the samples clearly better than a steady input.
 
         freedom: degrees of freedom of what the fit leaves of the window's samples.
         """
@@ -305,11 +283,3 @@ class SamplesEngine:
             weights_std=np.array([weight_std]),
             doubts=tuple(doubts),
         )
-
-
-def _residuals_with(live: SampledLive, rows: tuple[Filtered, ...]) -> Residuals:
-    """The residuals with those of rows that no window will use again."""
-    residuals = live.residuals
-    for at in rows:
-        residuals = residuals.joined(at.cost, len(at.innovation))
-    return residuals

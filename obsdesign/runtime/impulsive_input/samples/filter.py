@@ -1,8 +1,8 @@
-"""A Kalman filter from sample to sample without process noise, and what each sample told it.
+"""Kalman filter from sample to sample without process noise, with its innovations.
 
 Between impulses this is the observer of operator `samples`. The innovations of the filter, scaled
-by their deviations, are the samples of a window made white; so whatever is asked of a window
-follows from them, in time proportional to its samples.
+by their deviations, are the samples of a window made white; all statistics of a window
+follow from them, in time proportional to its samples.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ class Filtered:
 
 @dataclass(frozen=True)
 class SampledPlant:
-    """The plant as the filter sees it; steps of equal length share their matrices."""
+    """The plant of the filter; steps of equal length share their matrices."""
 
     A: Array
     B: Array

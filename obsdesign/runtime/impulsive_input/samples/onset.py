@@ -1,11 +1,10 @@
-"""An impulse somewhere in a window of few samples: likelihood of onsets, and what follows from it.
+"""Likelihood of onsets of an impulse in a window of few samples.
 
-The exact relation of samples, onset and weight that `runtime.impulse_samples` states; everything
-here is about one window, and nothing about when to look. An impulse in the cell that ends at row c
-moves the state there by v = e^{A (t_c - onset)} H g, and the scaled innovations after it by linear
-functions of v. So two sums for each cell hold all that samples say of it,
+Of one window; the exact relation of samples, onset and weight is in `engine`. An impulse in the
+cell that ends at row c moves the state there by v = e^{A (t_c - onset)} H g, and the scaled
+innovations after it by linear functions of v. So two sums for each cell are sufficient statistics,
 
-    score s_c = sum_k Psi_kc' surprise_k,      information I_c = sum_k Psi_kc' Psi_kc,
+    score s_c = sum_k Psi_kc' innovation_k,      information I_c = sum_k Psi_kc' Psi_kc,
 
 and the likelihood ratio of an onset is (v's)^2 / v'I v, v for weight 1: no covariance of a whole
 window is formed, and another row costs the same however many there are.
@@ -27,8 +26,8 @@ from obsdesign.runtime.step_cache import cached_step
 
 ONSETS = 40  # per period of the samples
 _REFINEMENTS = 12  # of the grid of onsets, tenfold each
-_CROWDED = 0.95  # probability of three neighbours from which a grid is too coarse
-_SAME = 1e-12  # times closer than this are one
+_MAX_NEIGHBOUR_PROBABILITY = 0.95  # probability of three neighbours from which a grid is too coarse
+_EQUAL_TIMES = 1e-12  # times closer than this are one
 
 
 @dataclass(frozen=True)
@@ -59,17 +58,17 @@ class Grid:
 
     def before(self, t: float) -> Grid:
         """Those that lie before a time; one at least."""
-        k = max(int(np.searchsorted(self.onsets, t - _SAME)), 1)
+        k = max(int(np.searchsorted(self.onsets, t - _EQUAL_TIMES)), 1)
         return Grid(self.onsets[:k], self.cell[:k], self.states[:k])
 
 
 @dataclass(frozen=True)
 class Cells:
-    """What the samples of a window say of an impulse in each cell between two rows, N cells.
+    """Statistics of an impulse in each cell between two rows of a window, N cells.
 
     ends (N,): times of rows; moved (n, N, n): what is left in the filter now (first axis) of unit
     errors at a cell's end (last); information (N, n, n), score (N, n); costs: squares of all scaled
-    innovations, one for each row; grid: onsets that are looked at whenever the window moves.
+    innovations, one for each row; grid: onsets that are weighed at every step of the window.
     """
 
     ends: Array
@@ -121,7 +120,7 @@ class Cells:
 
     def cell_of(self, onsets: Array) -> Array:
         """Index of the cell of each onset; one at a row belongs to the cell that ends there."""
-        return np.minimum(np.searchsorted(self.ends, onsets - _SAME), len(self.ends) - 1)
+        return np.minimum(np.searchsorted(self.ends, onsets - _EQUAL_TIMES), len(self.ends) - 1)
 
 
 @dataclass(frozen=True)
@@ -141,7 +140,7 @@ class Fit:
 
 @dataclass(frozen=True)
 class OnsetModel:
-    """How likely onsets are; weight_std: prior deviation of weights, inf for none."""
+    """Posterior of onsets; weight_std: prior deviation of weights, inf for none."""
 
     plant: SampledPlant
     nonnegative: bool
@@ -206,7 +205,7 @@ class OnsetModel:
         """The posterior on finer and finer grids, while a few onsets hold all of it."""
         for _ in range(_REFINEMENTS):
             top = int(np.argmax(fit.probability))
-            if fit.probability[max(top - 1, 0) : top + 2].sum() < _CROWDED:
+            if fit.probability[max(top - 1, 0) : top + 2].sum() < _MAX_NEIGHBOUR_PROBABILITY:
                 break
             onsets = fit.grid.onsets
             low, high = onsets[max(top - 2, 0)], onsets[min(top + 2, len(onsets) - 1)]
