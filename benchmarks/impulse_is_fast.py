@@ -40,15 +40,17 @@ def main() -> bool:
     ours, theirs, kept, better = [], [], [], True
     for seed in range(9):
         age = float(np.random.default_rng(seed).uniform(6, 19))
-        R = 5 * ImpulseCurve.of(F, H, TAU).at(age)[3:, 0]
-        time, found = seconds(lambda R=R: fit_impulse(R, ImpulseCurve.of(F, H, TAU), 5.0, TAU), 5)
+        R = 5 * ImpulseCurve.from_system(F, H, TAU).value(age)[3:, 0]
+        time, impulse = seconds(
+            lambda R=R: fit_impulse(R, ImpulseCurve.from_system(F, H, TAU), 5.0, TAU), 5
+        )
         ours.append(time)
         time, other = seconds(lambda R=R: grid(responses(ages), R, ages), 3)
         theirs.append(time)
-        b, curve = responses(ages), ImpulseCurve.of(F, H, TAU)
+        b, curve = responses(ages), ImpulseCurve.from_system(F, H, TAU)
         mine = seconds(lambda R=R, c=curve: fit_impulse(R, c, 5.0, TAU), 5)[0]
         kept.append(seconds(lambda R=R, b=b: grid(b, R, ages), 3)[0] / mine)
-        better &= abs(found.age - age) <= abs(other - age)
+        better &= abs(impulse.age - age) <= abs(other - age)
     print(f"as accurate as the grid or more in every case: {'yes' if better else 'NO'}")
     print(f"with responses kept from before by both: ratio {statistics.median(kept):.1f}")
     return report(f"step 2 against {POINTS} points", ours, theirs, FLOOR) and better

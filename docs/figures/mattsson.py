@@ -25,7 +25,7 @@ MOMENTS = [STEP * k for k in TRAIN]
 SETS = {"Λ = −2.65 … −2.90": (FAST, VERMILION), "Λ = −0.65 … −0.90": (SLOW, BLUE)}
 
 
-def found(y: Any, **options: Any) -> Any:
+def batch_of(y: Any, **options: Any) -> Any:
     kind: Any = observer(**options)
     return kind.run_batch(np.round(STEP * np.arange(ROWS), 10), y, x=GUESS)
 
@@ -68,7 +68,7 @@ def errors(axis: Any, t: Any, x: Any, estimate: Any, colour: str, label: str) ->
 
 def without_noise(output: str) -> None:
     t, x = np.round(STEP * np.arange(ROWS), 10), truth()
-    batch = found(x @ C.T, weighting="plain", exponents=FAST)
+    batch = batch_of(x @ C.T, weighting="plain", exponents=FAST)
     alone = np.linalg.norm(
         expm((A - K @ C) * t[SHOWN][:, None, None]) @ (x[0] - GUESS), axis=1
     )  # impulses known, only the first error decays
@@ -103,10 +103,10 @@ def with_noise(output: str) -> None:
     t, x = np.round(STEP * np.arange(ROWS), 10), truth()
     noise = np.random.default_rng(SEED).normal(0, VARIANCE**0.5, (ROWS, 1))
     runs = {
-        f"paper, {label}": (found(x @ C.T + noise, weighting="plain", exponents=lams), colour)
+        f"paper, {label}": (batch_of(x @ C.T + noise, weighting="plain", exponents=lams), colour)
         for label, (lams, colour) in SETS.items()
     }
-    better = found(x @ C.T + noise, weighting="gls")
+    better = batch_of(x @ C.T + noise, weighting="gls")
     runs["gls, state corrected"] = (better, GREEN)
     markers = dict(zip(runs, ("s", "o", "^"), strict=True))
     with picture(7.2, 6.4, output) as figure:

@@ -61,10 +61,10 @@ def test_a_record_through_the_command_line(designs: list[Path], tmp_path: Path) 
     assert done.returncode == 0, done.stderr
     rows = list(csv.DictReader(estimate.read_text("utf-8").splitlines()))
     assert [float(row["t"]) for row in rows] == [10.0 * k for k in range(48)]
-    written = list(csv.DictReader(events.read_text("utf-8").splitlines()))
-    assert list(written[0]) == ["t", "weight", "t_std", "weight_std", "status"]
-    assert [round(float(row["t"])) for row in written] == [54, 131, 212, 263, 379, 443]
-    assert all(float(row["t_std"]) > 1 for row in written)
+    rows = list(csv.DictReader(events.read_text("utf-8").splitlines()))
+    assert list(rows[0]) == ["t", "weight", "t_std", "weight_std", "status"]
+    assert [round(float(row["t"])) for row in rows] == [54, 131, 212, 263, 379, 443]
+    assert all(float(row["t_std"]) > 1 for row in rows)
     # row by row on a pipe: the same answer
     piped = subprocess.run(
         [sys.executable, "-c", "from obsdesign.cli.main import main; main()", "run", str(designs[0]), "--initial", "0,2.4"],
@@ -96,12 +96,12 @@ def test_simulate_makes_records_that_the_observer_reads(
         (float(r["t"]), float(r["weight"]))
         for r in csv.DictReader(true.read_text("utf-8").splitlines())
     ]
-    impulses = [
+    events = [
         (float(r["t"]), float(r["weight"]), r["t_std"])
         for r in csv.DictReader(events.read_text("utf-8").splitlines())
     ]
-    assert len(impulses) >= 2
-    for (t, g, spread), (moment, weight) in zip(impulses, wanted, strict=False):
+    assert len(events) >= 2
+    for (t, g, spread), (moment, weight) in zip(events, wanted, strict=False):
         assert t == pytest.approx(moment, abs=1e-4)
         assert g == pytest.approx(weight, abs=1e-4)
         assert spread == ""

@@ -27,9 +27,9 @@ def main() -> None:
         decay = np.zeros_like(A)
         decay[1, 1] = 0.1 * A[1, 1]
         for plant, wrong in (("right", 0 * A), ("decay + 10 %", decay), ("A + 10 %", 0.1 * A)):
-            found = [scores(body, wrong, seed) for seed in range(records)]
-            sizes = np.abs(np.concatenate([errors for errors, _ in found]))
-            fine = np.array([word == "ok" for _, status in found for word in status])
+            scored = [scores(body, wrong, seed) for seed in range(records)]
+            sizes = np.abs(np.concatenate([errors for errors, _ in scored]))
+            fine = np.array([word == "ok" for _, status in scored for word in status])
             within = "  ".join(f"{k}: {np.mean(sizes <= k):.3f}" for k in (1, 2, 3))
             print(f"{name:13s} {plant:13s} {len(sizes)} impulses, within {within}  beyond 5: "
                   f"{np.sum(sizes > 5)}, of them ok: {np.sum(fine & (sizes > 5))}; "

@@ -72,7 +72,7 @@ def observed(observer: Any, t: Any, y: Any) -> list[Any]:
 
 def methods(observer: Any, basal: float, cv: float) -> dict[str, Callable[[Any, Any], Pulses]]:
     """Every way to find pulses, by name; the observer first."""
-    A, std = observer.gains["A"], observer.gains["noise_std"][0]
+    A, std = observer.gains.A, observer.gains.noise_std[0]
     return {
         "observer": lambda t, y: [(e.t, float(e.weights[0])) for e in observed(observer, t, y)],
         "NNLS": lambda t, y: deconvolution(t, y, np.hypot(std, cv * y), A, 0, 1, basal),

@@ -24,12 +24,12 @@ KINDS: dict[str, dict[str, Any]] = {
 
 def matched(events: list[Any]) -> tuple[dict[float, Any], int]:
     """(impulse -> its event, events that belong to no impulse)."""
-    found: dict[float, Any] = {}
+    matches: dict[float, Any] = {}
     for moment in (STEP * k for k in TRAIN):
         near = [e for e in events if abs(e.t - moment) <= TOLERANCE]
         if near:
-            found[moment] = min(near, key=lambda e, m=moment: abs(e.t - m))
-    return found, len(events) - len(found)
+            matches[moment] = min(near, key=lambda e, m=moment: abs(e.t - m))
+    return matches, len(events) - len(matches)
 
 
 def main() -> None:
@@ -46,15 +46,15 @@ def main() -> None:
             noise = np.random.default_rng(seed).normal(0, VARIANCE**0.5, (ROWS, 1))
             batch = kind.run_batch(t, x @ C.T + noise, x=GUESS)
             rms.append(float(np.sqrt(((batch.x - x)[inside] ** 2).sum(axis=1).mean())))
-            found, extra = matched(list(batch.events))
+            matches, extra = matched(list(batch.events))
             false += extra
-            first += [found[m].t - m for m in moments[:1] if m in found]
+            first += [matches[m].t - m for m in moments[:1] if m in matches]
             for m in moments[1:]:
-                missed += m not in found
-                if m in found:
-                    off.append(found[m].t - m)
-                    weights.append(found[m].weights[0] - TRAIN[round(m / STEP)])
-                    scaled.append(off[-1] / (found[m].t_std or np.inf))
+                missed += m not in matches
+                if m in matches:
+                    off.append(matches[m].t - m)
+                    weights.append(matches[m].weights[0] - TRAIN[round(m / STEP)])
+                    scaled.append(off[-1] / (matches[m].t_std or np.inf))
             late += sum(e.status != "ok" for e in batch.events)
         root = [float(np.sqrt(np.mean(np.square(v)))) if v else np.nan
                 for v in (off, weights, scaled, first)]  # fmt: skip

@@ -43,12 +43,12 @@ def plant(rng: np.random.Generator, seed: int) -> dict[str, Any]:
 
 
 def train(rng: np.random.Generator, directions: int) -> list[tuple[float, Any]]:
-    found, moment = [], float(rng.uniform(1, 9))
+    train, moment = [], float(rng.uniform(1, 9))
     while moment < 22:
         weights = rng.choice([-1, 1], directions) * rng.uniform(0.5, 3, directions)
-        found.append((moment, weights))
+        train.append((moment, weights))
         moment += DWELL * float(rng.uniform(1.02, 1.8))
-    return found
+    return train
 
 
 def record(body: dict[str, Any], impulses: list[tuple[float, Any]], t: Any, u: Any, x0: Any) -> Any:
@@ -72,9 +72,9 @@ def outcome(seed: int) -> tuple[str, str]:
     """(word, what happened) for one plant."""
     rng = np.random.default_rng(seed)
     body = plant(rng, seed)
-    found = obsdesign.investigate(obsdesign.Problem.from_dict(body))
-    if found.verdict != "proved":
-        short = [f"{c.id} {c.verdict}" for c in found.claims if c.verdict != "proved"]
+    designed = obsdesign.investigate(obsdesign.Problem.from_dict(body))
+    if designed.verdict != "proved":
+        short = [f"{c.id} {c.verdict}" for c in designed.claims if c.verdict != "proved"]
         return "not proved", ", ".join(short)
     t = np.round(PERIOD * np.arange(ROWS), 10)
     inputs = np.array(body["flow"].get("B", np.zeros((len(body["flow"]["A"]), 0)))).shape[1]
@@ -82,23 +82,23 @@ def outcome(seed: int) -> tuple[str, str]:
     x0 = rng.standard_normal(len(body["flow"]["A"]))
     impulses = train(rng, len(body["jump"]["H"][0]))
     x = record(body, impulses, t, u, x0)
-    observer: Any = from_design(found.design)
+    observer: Any = from_design(designed.design)
     y = x @ np.array(body["output"]["C"]).T
     events = observer.run_batch(t, y, u if inputs else None, x=x0).events
-    told = f"{observer.gains['rule']}, {found.result['form']}"
+    detail = f"{observer.gains.rule}, {designed.result['form']}"
     if len(events) == len(impulses):
         off = max(max(abs(e.t - s), np.abs(e.weights - g).max())
                   for e, (s, g) in zip(events, impulses, strict=True))  # fmt: skip
         if off <= TOLERANCE:
-            return "found", told
-        told = f"off by {off:.1e}: {told}"
+            return "found", detail
+        detail = f"off by {off:.1e}: {detail}"
     else:
-        told = f"{len(events)} of {len(impulses)}: {told}"
+        detail = f"{len(events)} of {len(impulses)}: {detail}"
     A, H = np.array(body["flow"]["A"]), np.array(body["jump"]["H"])
     sides = np.hstack([H, A @ H])
     turned = np.linalg.svd(sides / np.linalg.norm(sides, axis=0), compute_uv=False)
     hidden = len(turned) < 2 * H.shape[1] or turned[-1] < NEARLY
-    return (HIDDEN if hidden else "missed"), told
+    return (HIDDEN if hidden else "missed"), detail
 
 
 def main() -> None:
@@ -106,10 +106,10 @@ def main() -> None:
     first = int(sys.argv[2]) if len(sys.argv) > 2 else 0
     words: Counter[str] = Counter()
     for seed in range(first, first + plants):
-        word, told = outcome(seed)
+        word, detail = outcome(seed)
         words[word] += 1
         if word not in ("found", HIDDEN):
-            print(f"seed {seed}: {word}, {told}", flush=True)
+            print(f"seed {seed}: {word}, {detail}", flush=True)
     print(", ".join(f"{word} {count}" for word, count in words.most_common()))
 
 

@@ -33,21 +33,21 @@ class Score:
     late: list[float] = field(default_factory=list)
     weights: list[float] = field(default_factory=list)
 
-    def add(self, true: Pulses, found: Pulses) -> dict[int, float]:
+    def add(self, true: Pulses, estimated: Pulses) -> dict[int, float]:
         """Count one record; event -> the onset it was taken for."""
         taken: dict[int, float] = {}
         for moment, weight in ((m, g) for m, g in true if m > 0):
-            near = [i for i, (t, _) in enumerate(found)
+            near = [i for i, (t, _) in enumerate(estimated)
                     if abs(t - moment) <= TOLERANCE and i not in taken]  # fmt: skip
             if near:
-                best = min(near, key=lambda i, m=moment: abs(found[i][0] - m))
+                best = min(near, key=lambda i, m=moment: abs(estimated[i][0] - m))
                 taken[best] = moment
             if moment <= LAST:
                 self.scored += 1
                 if near:
-                    self.late.append(found[best][0] - moment)
-                    self.weights.append(found[best][1] / weight - 1)
-        self.false += sum(i not in taken and t <= LAST for i, (t, _) in enumerate(found))
+                    self.late.append(estimated[best][0] - moment)
+                    self.weights.append(estimated[best][1] / weight - 1)
+        self.false += sum(i not in taken and t <= LAST for i, (t, _) in enumerate(estimated))
         return taken
 
     def line(self, records: int) -> str:
@@ -59,11 +59,11 @@ class Score:
 
 def train(rng: np.random.Generator) -> Pulses:
     sigma = np.sqrt(np.log(1 + 0.35**2))
-    moment, found = -float(rng.uniform(0, 75)) - 200, []
+    moment, train = -float(rng.uniform(0, 75)) - 200, []
     while moment < 470:
-        found.append((moment, float(1.8 * np.exp(sigma * rng.standard_normal() - sigma**2 / 2))))
+        train.append((moment, float(1.8 * np.exp(sigma * rng.standard_normal() - sigma**2 / 2))))
         moment += 45 + float(rng.gamma(2.0, 15.0))
-    return found
+    return train
 
 
 def record(rng: np.random.Generator, A: Any, H: Any, cv: float) -> tuple[Pulses, Any, Any]:

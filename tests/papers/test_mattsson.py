@@ -35,6 +35,10 @@ STEP = 0.01
 D = A - PRINTED @ C
 
 
+def features(exponents: Any) -> eq.FeatureWindow:
+    return eq.FeatureWindow(D, C, H, exponents, 20.0, 5.0)
+
+
 def observer(exponents: Any, K: Any = PRINTED, std: float = 0.0, **options: Any) -> Any:
     body = obsdesign.load_problem(EXAMPLES / "mattsson_medvedev.toml").to_dict()
     body["output"]["noise_std"] = [std]
@@ -60,10 +64,10 @@ def test_the_printed_gain_is_rounded() -> None:
 
 
 def test_what_is_neglected_is_below_1e_7_with_the_first_exponents_only() -> None:
-    worst, age = eq.neglected_ratio(D, C, H, FIRST, 20.0, 5.0)
+    worst, age = eq.neglected_ratio(features(FIRST))
     assert worst == pytest.approx(5.570622e-8, abs=1e-12)
     assert age == 5.0
-    assert eq.neglected_ratio(D, C, H, SECOND, 20.0, 5.0)[0] == pytest.approx(0.0524086, abs=1e-7)
+    assert eq.neglected_ratio(features(SECOND))[0] == pytest.approx(0.0524086, abs=1e-7)
     claims = {c.id: c.verdict for c in obsdesign.design(
         obsdesign.load_problem(EXAMPLES / "mattsson_medvedev.toml")).claims}  # fmt: skip
     assert claims["ratio"] == "proved"
@@ -96,10 +100,10 @@ def test_the_first_impulse_is_off_and_the_error_falls_faster(
 ) -> None:
     t, x = output
     rows = rows_from(observer(exponents, K), t, x @ C.T, x=GUESS)
-    found = [(e.t, e.weights[0]) for e in events_of(rows)]
-    for k, (one, other) in enumerate(zip(found, events, strict=True)):
+    fitted = [(e.t, e.weights[0]) for e in events_of(rows)]
+    for k, (pair, other) in enumerate(zip(fitted, events, strict=True)):
         tolerance = (0.02, 0.005, 1e-3, 1e-3)[k]
-        assert one == pytest.approx(other, abs=tolerance)
+        assert pair == pytest.approx(other, abs=tolerance)
     error = np.linalg.norm(np.array([row.x for row in rows]) - x, axis=1)
     alone = np.linalg.norm(expm((A - K @ C) * 50) @ (START - GUESS))
     assert error[5000] <= min(9e-3, 0.003 * alone)
@@ -114,8 +118,8 @@ def test_the_first_impulse_is_off_and_the_error_falls_faster(
 @pytest.mark.parametrize("exponents", [FIRST, SECOND])
 def test_with_the_true_state_all_impulses_are_exact(output: Any, exponents: Any, K: Any) -> None:
     t, x = output
-    found = events_of(rows_from(observer(exponents, K), t, x @ C.T, x=START))
-    for event, (moment, weight) in zip(found, TRAIN, strict=True):
+    events = events_of(rows_from(observer(exponents, K), t, x @ C.T, x=START))
+    for event, (moment, weight) in zip(events, TRAIN, strict=True):
         assert event.t == pytest.approx(moment, abs=5e-6)
         assert event.weights[0] == pytest.approx(weight, abs=2e-6)
         assert event.t_std is None
@@ -142,11 +146,11 @@ def test_in_noise_slow_exponents_help_and_weighting_helps_more(output: Any) -> N
             error = np.array([row.x for row in rows]) - x
             rms[name].append(float(np.sqrt((error[inside] ** 2).sum(axis=1).mean())))
             if name == "state":
-                found = events_of(rows)
-                assert len(found) == 4
-                late += [(e.t - m) / e.t_std for e, (m, _) in zip(found, TRAIN, strict=True)]
+                events = events_of(rows)
+                assert len(events) == 4
+                late += [(e.t - m) / e.t_std for e, (m, _) in zip(events, TRAIN, strict=True)]
                 assert (
-                    max(abs(e.t - m) for e, (m, _) in zip(found[1:], TRAIN[1:], strict=True)) < 0.1
+                    max(abs(e.t - m) for e, (m, _) in zip(events[1:], TRAIN[1:], strict=True)) < 0.1
                 )
     mean = {name: np.mean(values) for name, values in rms.items()}
     # over 50 seeds: 0.14, 0.30, 0.51, 3.2 (python -m benchmarks.pulses_in_noise)
@@ -159,9 +163,9 @@ def test_in_noise_slow_exponents_help_and_weighting_helps_more(output: Any) -> N
 
 def test_features_are_the_operator_of_10_and_proposition_3_1() -> None:
     F = eq.filtered_system(D, C, FIRST)
-    curve = ImpulseCurve.of(F, H, 20.0)
+    curve = ImpulseCurve.from_system(F, H, 20.0)
     start = np.array([1.0, -2, 3])
-    R = eq.window_matrix(D, C, FIRST, 20.0) @ start + 4 * curve.at(14.0)[3:, 0]
+    R = eq.window_matrix(D, C, FIRST, 20.0) @ start + 4 * curve.value(14.0)[3:, 0]
     np.testing.assert_allclose(
         R, [22.7810147532, 22.3590256980, 21.9523649287, 21.5602133072, 21.1818089599, 20.8164423649],
         rtol=1e-11,
@@ -184,27 +188,27 @@ def test_features_are_the_operator_of_10_and_proposition_3_1() -> None:
 
 def test_identity_14() -> None:
     W = eq.operator_matrix(D, C, FIRST, 20.0)
-    curve = ImpulseCurve.of(eq.filtered_system(D, C, FIRST), H, 20.0)
+    curve = ImpulseCurve.from_system(eq.filtered_system(D, C, FIRST), H, 20.0)
     start, g, t_k = np.array([1.0, -2, 3]), 5.0, 6.3
     end = expm(D * 20) @ start + g * expm(D * (20 - t_k)) @ H[:, 0]
     right = eq.window_matrix(D, C, FIRST, 20.0) @ start + g * (
-        curve.at(20 - t_k)[3:, 0] + eq.neglected_part(D, C, H, FIRST, 20.0, 20 - t_k)[:, 0]
+        curve.value(20 - t_k)[3:, 0] + eq.neglected_part(features(FIRST), 20 - t_k)[:, 0]
     )
     np.testing.assert_allclose(W @ end, right, rtol=1e-12)
-    neglected = eq.neglected_part(D, C, H, FIRST, 20.0, 5.0)[:, 0]
+    neglected = eq.neglected_part(features(FIRST), 5.0)[:, 0]
     np.testing.assert_allclose(neglected[[0, 5]], [1.12707478e-7, 2.42592e-8], rtol=1e-5)
 
 
 def test_the_slowest_exponent_for_a_ratio() -> None:
     for ratio, lam in ((1e-7, -2.550539), (1e-2, -0.829592), (0.2, -0.5228)):
-        assert slowest_exponent(D, C, H, 20.0, 5.0, ratio) == pytest.approx(lam, abs=1e-4)
+        assert slowest_exponent(features(FIRST), ratio) == pytest.approx(lam, abs=1e-4)
 
 
 def test_newton_beats_any_grid() -> None:
-    curve = ImpulseCurve.of(eq.filtered_system(D, C, FIRST), H, 20.0)
-    found = fit_impulse(5 * curve.at(13.3712345)[3:, 0], curve, 5.0, 20.0)
-    assert found.age == pytest.approx(13.3712345, abs=1e-9)
-    assert found.weights[0] == pytest.approx(5.0, abs=1e-10)
+    curve = ImpulseCurve.from_system(eq.filtered_system(D, C, FIRST), H, 20.0)
+    impulse = fit_impulse(5 * curve.value(13.3712345)[3:, 0], curve, 5.0, 20.0)
+    assert impulse.age == pytest.approx(13.3712345, abs=1e-9)
+    assert impulse.weights[0] == pytest.approx(5.0, abs=1e-10)
 
 
 # --- errata -----------------------------------------------------------------------------------------
@@ -214,31 +218,32 @@ def test_disjoint_spectra_do_not_make_the_norm_definite() -> None:
     # a mode that turns once per window is invisible to the exponent of its own decay
     turning = 2 * np.pi / 10
     D_turning = exact([[-0.1, turning], [-turning, -0.1]])
-    seen = exact([[1.0, 0.0]])
-    assert full_rank(D_turning, seen, [-0.1, -0.5], 10.0).verdict == "refuted"
-    assert full_rank(D_turning, seen, [-0.2, -0.5], 10.0).verdict == "proved"
+    first_state = exact([[1.0, 0.0]])
+    assert full_rank(D_turning, first_state, [-0.1, -0.5], 10.0).verdict == "refuted"
+    assert full_rank(D_turning, first_state, [-0.2, -0.5], 10.0).verdict == "proved"
     assert full_rank(exact(D), exact(C), FIRST.tolist(), 20.0).verdict == "proved"
 
 
 def test_the_solution_of_17_is_not_unique_in_general() -> None:
     plant = (exact(np.diag([-0.5, -1.0])), exact([[1.0, 1.0]]), exact([[2.0], [-3.0]]))
-    found = decide_uniqueness(*plant, [-2.0, -3.0], 5.0, 0.1)
-    assert found.outcome == "refuted"
+    verdict = decide_uniqueness(eq.FeatureWindow(*plant, [-2.0, -3.0], 5.0, 0.1))
+    assert verdict.outcome == "refuted"
     # the witness, evaluated independently
-    (s1, (low, high)), (g1, g2) = (found.evidence["witness"][k] for k in ("ages", "weights"))
+    (s1, (low, high)), (g1, g2) = (verdict.evidence["witness"][k] for k in ("ages", "weights"))
     F = eq.filtered_system(np.diag([-0.5, -1.0]), np.array([[1.0, 1.0]]), np.array([-2.0, -3.0]))
     first, second = (expm(F * s)[2:, :2] @ np.array([2.0, -3.0]) for s in (s1, (low + high) / 2))
     np.testing.assert_allclose(g1 * first, g2 * second, atol=1e-9)
     assert abs(s1 - low) > 0.5
     # three exponents are no better here, four are, by the theorem
-    found = decide_uniqueness(*plant, [-2.0, -3.0, -4.0], 5.0, 0.1)
-    assert found.outcome == "refuted"
-    ages, (one, other) = (found.evidence["witness"][k] for k in ("ages", "weights"))
+    verdict = decide_uniqueness(eq.FeatureWindow(*plant, [-2.0, -3.0, -4.0], 5.0, 0.1))
+    assert verdict.outcome == "refuted"
+    ages, (first, second) = (verdict.evidence["witness"][k] for k in ("ages", "weights"))
     for (low, high), printed in zip(ages, (0.50665112821918, 2.15682324393891), strict=True):
         assert low < printed < high
         assert high - low < 1e-5
-    assert (one, other) == (1.0, pytest.approx(-1.30137425456950, abs=1e-6))
-    assert decide_uniqueness(*plant, [-2.0, -3.0, -4.0, -5.0], 5.0, 0.1).outcome == "proved"
+    assert (first, second) == (1.0, pytest.approx(-1.30137425456950, abs=1e-6))
+    four = eq.FeatureWindow(*plant, [-2.0, -3.0, -4.0, -5.0], 5.0, 0.1)
+    assert decide_uniqueness(four).outcome == "proved"
 
 
 def test_a_feature_may_have_a_zero_where_what_is_neglected_has_none() -> None:
@@ -260,8 +265,8 @@ def test_an_impulse_past_its_peak_when_a_search_begins_is_not_missed() -> None:
     for train in (((3, 4), (40, 5)), ((30, 4), (45, 5), (80, 6))):
         x = record(A, H, train, t, START)
         rows = rows_from(observer(FIRST, EXACT), t, x @ C.T, x=START)
-        found = [(e.t, e.weights[0]) for e in events_of(rows)]
-        np.testing.assert_allclose(found, train, atol=1e-5)
+        fitted = [(e.t, e.weights[0]) for e in events_of(rows)]
+        np.testing.assert_allclose(fitted, train, atol=1e-5)
         assert np.linalg.norm(rows[6000].x - x[6000]) < 1e-5
     flagged = [e.status for e in events_of(rows)]
     assert flagged[1].startswith("dwell time 15")

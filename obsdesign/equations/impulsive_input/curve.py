@@ -1,23 +1,20 @@
-"""What an impulse leaves in the features of a window, by its age: a curve and its Taylor series."""
+"""Features of a window as a function of the age of an impulse, and their Taylor series."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from obsdesign.equations.gains import Array
 from obsdesign.equations.impulsive_input.features import impulse_responses
-
-Array = NDArray[Any]
 
 _POINTS = 160
 _MOST_POINTS = 4000
-_SWEEPS, _EVEN = 40, 1.5  # of balancing, and the scales at which it ends
-_LONGEST_REACH = 20.0  # |F| step beyond which Taylor's series loses too many digits
-_LEFT = 1e-3  # of the largest |b|: ages that leave less are not searched
+_SWEEPS, _BALANCED_RATIO = 40, 1.5  # of balancing, and the scales at which it ends
+_MAX_TAYLOR_EXPONENT = 20.0  # |F| step beyond which Taylor's series loses too many digits
+_LEAST_SHARE_OF_PEAK = 1e-3  # of the largest |b|: ages that leave less are not searched
 
 
 @dataclass(frozen=True)
@@ -34,7 +31,7 @@ class ImpulseCurve:
     terms: int
 
     @classmethod
-    def of(
+    def from_system(
         cls, F: Array, H: Array, tau: float, points: int = _POINTS, n: int | None = None
     ) -> ImpulseCurve:
         """The curve for ages in [0, tau]; the grid has `points` cells, more where F is large.
@@ -44,7 +41,7 @@ class ImpulseCurve:
         size = balanced_size(F)
         count = int(min(max(points, math.ceil(size * tau)), _MOST_POINTS))
         step = tau / count
-        if not size * step <= _LONGEST_REACH:
+        if not size * step <= _MAX_TAYLOR_EXPONENT:
             raise ValueError(
                 f"A - K C or an exponent is too large for the window: {size * tau:.3g} times 1/tau"
             )
@@ -70,18 +67,18 @@ class ImpulseCurve:
         Beyond it whatever is in the window would be explained by an immense old impulse.
         """
         sizes = np.linalg.norm(self.states[:, self.n :], axis=1)  # (G, q)
-        left = (sizes >= _LEFT * sizes.max(axis=0)).all(axis=1)
+        left = (sizes >= _LEAST_SHARE_OF_PEAK * sizes.max(axis=0)).all(axis=1)
         return float(self.ages[np.flatnonzero(left)[-1]]) if left.any() else 0.0
 
     def series(self, k: int) -> Array:
         """Taylor coefficients of the curve about grid point k, (terms, n + mp, q)."""
-        found = np.empty((self.terms, *self.states.shape[1:]))
-        found[0] = self.states[k]
+        coefficients = np.empty((self.terms, *self.states.shape[1:]))
+        coefficients[0] = self.states[k]
         for j in range(1, self.terms):
-            np.matmul(self.F, found[j - 1] / j, out=found[j])
-        return found
+            np.matmul(self.F, coefficients[j - 1] / j, out=coefficients[j])
+        return coefficients
 
-    def at(self, age: float) -> Array:
+    def value(self, age: float) -> Array:
         """[e^{D s} H; b(s)] at one age."""
         k = min(max(round(age / self.step), 0), len(self.states) - 1)
         return power_sum(self.series(k), age - k * self.step)
@@ -95,19 +92,19 @@ def balanced_size(F: Array) -> float:
     X = np.abs(np.asarray(F, dtype=np.float64))
     own = X.diagonal().copy()
     np.fill_diagonal(X, 0.0)
-    found, least = math.inf, float(own.max(initial=0.0))
+    smallest, least = math.inf, float(own.max(initial=0.0))
     for _ in range(_SWEEPS):
         rows, columns = X.sum(axis=1), X.sum(axis=0)
-        found = min(found, float((rows + own).max()), float((columns + own).max()))
+        smallest = min(smallest, float((rows + own).max()), float((columns + own).max()))
         rows, columns = rows + least, columns + least
         if least == 0:
             both = (rows > 0) & (columns > 0)
             rows, columns = np.where(both, rows, 1.0), np.where(both, columns, 1.0)
         scale = np.sqrt(columns / rows)
-        if scale.max() < _EVEN and scale.min() * _EVEN > 1:
+        if scale.max() < _BALANCED_RATIO and scale.min() * _BALANCED_RATIO > 1:
             break
         X = X * scale[:, None] / scale
-    return found
+    return smallest
 
 
 def power_sum(series: Array, v: float) -> Array:

@@ -23,119 +23,46 @@ Notation
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lmi.arithmetic.exponential import expm, exponential_grid, flow_integrals
-
-Array = NDArray[Any]
+from obsdesign.equations.gains import Array
 
 # |mu| h of the modes of A - K C, and |lambda| h, up to which integrals of samples show an impulse:
-# measured over random plants, where impulses were missed from 0.56 on in windows longer than LONG
-# time constants of the slowest mode, from 1.28 on in others
-_FASTEST, _FASTEST_LONG, LONG, STEEPEST = 0.7, 0.4, 7.0, 12.0
+# measured over random plants, where impulses were missed from 0.56 on in windows longer than
+# LONG_TIME_CONSTANTS of the slowest mode, from 1.28 on in others
+_MAX_MODE_PERIOD, _MAX_MODE_PERIOD_LONG = 0.7, 0.4
+LONG_TIME_CONSTANTS, MAX_EXPONENT_PERIOD = 7.0, 12.0
 # rule "position": age from which an impulse is evaluated, of the window
-OLD = 0.7
+EVALUATED_AGE_SHARE = 0.7
 # rule "peak": where the peak of |b| must lie, of the window, and how far |b| must fall to its end
-_LATEST_PEAK, _FALLEN = 0.9, 0.98
-# what is measured and its noise are squared, and multiplied by gains
-LARGEST, SMALLEST = 1e100, 1e-100
-# squares of what an impulse makes of y are multiplied with each other
-_FAINTEST = 1e-70
-OPERATORS = ("integral", "samples")
-WEIGHTINGS = ("plain", "gls")
-RULES = ("peak", "position", "threshold")
+_MAX_PEAK_AGE_SHARE, _MAX_END_SHARE = 0.9, 0.98
 
 
-def objection(plant: Any) -> str | None:
-    """What forbids an observer of this kind for a plant, or None; one sentence."""
-    if plant.jump is None or plant.jump.H is None:
-        return None  # a missing block: the caller asks for it
-    return plant_objection(plant) or size_objection(plant)
+@dataclass(frozen=True)
+class FeatureWindow:
+    """Windows of length tau, their features, and the ages in [margin, tau] that are evaluated.
 
+    D (n, n), C (p, n), H (n, q); exponents (m,) are floats; D, C, H floats or exact numbers.
+    """
 
-def plant_objection(plant: Any) -> str | None:
-    """What else than impulses happens at jumps, or None; one sentence. plant: with jumps."""
-    if not np.array_equal(plant.jump.G, np.eye(len(plant.flow.A))):
-        return (
-            "jump.G must be the identity for kind 'impulsive_input': impulses add to the state at "
-            "unknown times, and nothing else may happen then. Leave jump.G out."
-        )
-    if plant.jump.E is not None:
-        return (
-            "jump.E is refused by kind 'impulsive_input': jump times are unknown, so that no known "
-            "input can act at them."
-        )
-    return None
-
-
-def size_objection(plant: Any) -> str | None:
-    """Which number of a plant floats cannot square, or None; one sentence."""
-    output = plant.output
-    entries = {
-        "flow.A": plant.flow.A, "jump.H": plant.jump.H, "output.C": output.C,
-        "output.noise_std": output.noise_std, "output.noise_cv": output.noise_cv,
-    }  # fmt: skip
-    for name, values in entries.items():
-        sizes = np.abs(values[values != 0])
-        least = SMALLEST if "noise" in name else 0.0
-        wrong = sizes[(sizes > LARGEST) | (sizes < least)]
-        if len(wrong):
-            allowed = (
-                f"0, or between {least:g} and {LARGEST:g}" if least else f"at most {LARGEST:g}"
-            )
-            return (
-                f"{name} must be {allowed} in size for kind 'impulsive_input', which squares it; "
-                f"got {wrong[0]:g}. Are the units what they should be?"
-            )
-        if name in ("output.C", "jump.H") and 0 < sizes.max(initial=0.0) < _FAINTEST:
-            return (
-                f"{name} must be 0, or at least {_FAINTEST:g} in size for kind 'impulsive_input', "
-                f"which squares it; got {sizes.max():g}. Are the units what they should be?"
-            )
-    return None
+    D: Array
+    C: Array
+    H: Array
+    exponents: Array
+    tau: float
+    margin: float
 
 
 def feature_scales(exponents: Array, tau: float) -> Array:
-    """What features are multiplied by at run time, (m,): e^{-lambda tau} where lambda > 0, else 1.
+    """Factors of the features at run time, (m,): e^{-lambda tau} where lambda > 0, else 1.
 
     A kernel is then one at most. Unscaled, those of growing exponents drown all others.
     """
     return np.asarray(np.exp(-np.maximum(np.asarray(exponents, float), 0.0) * tau))
-
-
-def is_positive(value: Any) -> bool:
-    """A positive, finite number."""
-    number = isinstance(value, int | float) and not isinstance(value, bool)
-    return number and value > 0 and math.isfinite(value)
-
-
-def are_exponents(value: Any) -> bool:
-    """A list of one or more distinct, finite numbers."""
-    try:
-        found = np.asarray(value)
-    except ValueError:
-        return False
-    if found.ndim != 1 or found.dtype.kind not in "fi" or len(found) == 0:
-        return False
-    return bool(np.isfinite(found).all()) and len(set(found.tolist())) == len(found)
-
-
-def samples_objection(plant: Any, gains: Any) -> str | None:
-    """What forbids gains of operator `samples`, or None; one sentence."""
-    period, window = plant.output.period, gains["window"]
-    if plant.output.measured != "periodic" or not is_positive(period):
-        return "output.measured must be 'periodic' for operator 'samples'"
-    count = float(window) / float(period)
-    if abs(count - round(count)) > 1e-6 or round(count) < 1:
-        return f"gains.window must be a multiple of output.period = {period!r}; got {window!r}"
-    if gains.get("weighting") != "gls":
-        return "gains.weighting must be 'gls' for operator 'samples'"
-    if plant.jump.H.shape[1] != 1:
-        return "jump.H must have one column for operator 'samples'"
-    return None
 
 
 def filtered_system(D: Array, C: Array, exponents: Array, scales: Array | None = None) -> Array:
@@ -162,9 +89,9 @@ def impulse_responses(F: Array, H: Array, step: float, count: int) -> Array:
 
 
 def has_peak(F: Array, H: Array, tau: float, margin: float, count: int = 400) -> bool:
-    """Does |b(age)| rise to one maximum at an age in (margin, tau) and fall from there? On a grid.
+    """Decide on a grid whether |b(age)| has one maximum in (margin, tau) and no other.
 
-    Then the maximum of |R| tells when to evaluate an impulse, whatever its weight (Section IV). It
+    Then an impulse is evaluated at the maximum of |R|, whatever its weight (Section IV). It
     must have come and gone before the impulse leaves the window, when |R| may rise again.
     """
     if H.shape[1] > 1:
@@ -172,7 +99,10 @@ def has_peak(F: Array, H: Array, tau: float, margin: float, count: int = 400) ->
     size = np.linalg.norm(impulse_responses(F, H, tau / count, count + 1)[:, len(H) :, 0], axis=1)
     top = int(np.argmax(size))
     rising, falling = np.diff(size[: top + 1]), np.diff(size[top:])
-    inside = margin < top * tau / count <= _LATEST_PEAK * tau and size[-1] < _FALLEN * size[top]
+    inside = (
+        margin < top * tau / count <= _MAX_PEAK_AGE_SHARE * tau
+        and size[-1] < _MAX_END_SHARE * size[top]
+    )
     return bool(inside and (rising > 0).all() and (falling < 0).all())
 
 
@@ -196,28 +126,28 @@ def window_matrix(
     return expm(filtered_system(D, C, exponents, scales) * tau)[n:, :n]
 
 
-def neglected_part(D: Array, C: Array, H: Array, exponents: Array, tau: float, age: float) -> Array:
+def neglected_part(window: FeatureWindow, age: float) -> Array:
     """E(tau - age) = (W(tau) - W(age)) e^{D age} H, (m p, q), without the difference (App. I).
 
     Row i: e^{lambda_i age} C int_0^{tau - age} e^{(lambda_i - D) u} du H.
     """
-    inner = operator_matrix(D, C, exponents, tau - age) @ H
-    return np.exp(np.tile(np.asarray(exponents, float), len(C)) * age)[:, None] * inner
+    exponents = np.asarray(window.exponents, float)
+    inner = operator_matrix(window.D, window.C, exponents, window.tau - age) @ window.H
+    return np.exp(np.tile(exponents, len(window.C)) * age)[:, None] * inner
 
 
-def neglected_ratio(
-    D: Array, C: Array, H: Array, exponents: Array, tau: float, margin: float, count: int = 200
-) -> tuple[float, float]:
-    """(max |E_i| / |b_i|, age) over ages in [margin, tau] and all rows and directions, on a grid.
+def neglected_ratio(window: FeatureWindow, count: int = 200) -> tuple[float, float]:
+    """(max |E_i| / |b_i|, age) over ages in [margin, tau], rows and directions, on a grid.
 
     Floats: a number to choose by (Prop. 3.2); infinite where some b_i has a zero.
     """
+    D, C, H, margin = window.D, window.C, window.H, window.margin
     n = len(D)
-    F, step = filtered_system(D, C, exponents), (tau - margin) / (count - 1)
-    ages = np.linspace(margin, tau, count)
+    F, step = filtered_system(D, C, window.exponents), (window.tau - margin) / (count - 1)
+    ages = np.linspace(margin, window.tau, count)
     b = (exponential_grid(F, margin, step, count)[:, :, :n] @ H)[:, n:]
     parts = []
-    for lam in np.asarray(exponents, float).tolist():
+    for lam in np.asarray(window.exponents, float).tolist():
         block = np.zeros((2 * n, 2 * n))
         block[:n, :n], block[:n, n:] = lam * np.eye(n) - D, np.eye(n)
         inner = exponential_grid(block, 0.0, step, count)[::-1, :n, n:] @ H  # up to tau - age
@@ -265,11 +195,11 @@ def window_taps(exponents: Array, times: Array) -> Array:
 
 
 def fastest_limit(long: bool) -> float:
-    """What the fastest mode of A - K C times the period may be for an integral operator.
+    """Bound on |mu| h, mu the fastest mode of A - K C and h the period, for operator `integral`.
 
-    long: the window is longer than LONG time constants of its slowest mode.
+    long: the window is longer than LONG_TIME_CONSTANTS of its slowest mode.
     """
-    return _FASTEST_LONG if long else _FASTEST
+    return _MAX_MODE_PERIOD_LONG if long else _MAX_MODE_PERIOD
 
 
 def longest_period(D: Array, exponents: Array | None, window: float) -> float:
@@ -279,11 +209,11 @@ def longest_period(D: Array, exponents: Array | None, window: float) -> float:
     two samples differs too much from a line.
     """
     modes = np.linalg.eigvals(D)
-    long = float(-modes.real.max()) * window > LONG
+    long = float(-modes.real.max()) * window > LONG_TIME_CONSTANTS
     fastest = float(np.abs(modes).max(initial=0.0))
-    found = fastest_limit(long) / fastest if fastest > 0 else math.inf
+    longest = fastest_limit(long) / fastest if fastest > 0 else math.inf
     steepest = 0.0 if exponents is None else float(np.abs(exponents).max())
-    return min(found, STEEPEST / steepest) if steepest > 0 else found
+    return min(longest, MAX_EXPONENT_PERIOD / steepest) if steepest > 0 else longest
 
 
 def rounded_down(value: float) -> float:
@@ -293,7 +223,7 @@ def rounded_down(value: float) -> float:
 
 
 def jump_share(A: Array, C: Array, H: Array, window: float, count: int = 200) -> float:
-    """How much of its largest output within a window an impulse shows at once, 0 to 1; floats.
+    """Part of an impulse's largest output within a window that appears at once; floats.
 
     The least over the directions, for the output that jumps most.
     """

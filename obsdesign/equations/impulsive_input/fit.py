@@ -1,4 +1,4 @@
-"""Step 2 of Mattsson and Medvedev: time and weight of one impulse from the features of a window.
+"""Step 2 of Mattsson and Medvedev: time and weight of one impulse from its features.
 
 Minimises |R - b(age) g|^2 over age and g, (18). For a given age g is a linear least-squares
 solution; what remains is a function of one variable, found on a grid and refined by Newton's
@@ -13,19 +13,18 @@ the root of the derivative is not limited by it.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from obsdesign.equations.gains import Array
 from obsdesign.equations.impulsive_input.curve import ImpulseCurve, power_sum
 
-Array = NDArray[Any]
-
 _NEWTON_STEPS = 60
-_SETTLED = 1e-6  # of a cell of the grid: Newton steps this small converge quadratically
-_CLOSE = 0.9  # of the highest: lower grid maxima cannot win by refining
+_CONVERGED_STEP = 1e-6  # of a cell of the grid: Newton steps this small converge quadratically
+_LEAST_MAXIMUM_SHARE = 0.9  # of the highest: lower grid maxima cannot win by refining
 _CANDIDATES = 3  # grid minima that are refined: the lowest may lie beside its neighbour's valley
 
 
@@ -51,6 +50,7 @@ def fit_impulse(
     curve: ImpulseCurve,
     low: float,
     high: float,
+    *,
     weighting: Array | None = None,
     nonnegative: bool = False,
 ) -> Impulse | None:
@@ -71,11 +71,13 @@ def fit_impulse(
             continue
         age = float(ages[inside[k]])
         ends = (max(low, age - curve.step), min(high, age + curve.step))
-        found = _refine(R, curve, int(inside[k]), ends, (low, high), weighting)
-        if nonnegative and (found.weights < 0).any():
+        candidate = _refine(
+            R, curve, int(inside[k]), bracket=ends, limits=(low, high), weighting=weighting
+        )
+        if nonnegative and (candidate.weights < 0).any():
             continue
-        if best is None or found.cost < best.cost:
-            best = found
+        if best is None or candidate.cost < best.cost:
+            best = candidate
     return best
 
 
@@ -100,21 +102,26 @@ def peaks(gains: Array) -> list[int]:
     """The highest local maxima, highest first."""
     padded = np.concatenate([[-math.inf], gains, [-math.inf]])
     tops = np.flatnonzero((padded[1:-1] >= padded[:-2]) & (padded[1:-1] >= padded[2:]))
-    tops = tops[gains[tops] >= _CLOSE * gains.max(initial=0.0)]
+    tops = tops[gains[tops] >= _LEAST_MAXIMUM_SHARE * gains.max(initial=0.0)]
     return [int(k) for k in tops[np.argsort(-gains[tops])][:_CANDIDATES]]
 
 
 def _refine(
-    R: Array, curve: ImpulseCurve, k: int, bracket: tuple[float, float],
-    limits: tuple[float, float], weighting: Array | None,
-) -> Impulse:  # fmt: skip
+    R: Array,
+    curve: ImpulseCurve,
+    k: int,
+    *,
+    bracket: tuple[float, float],
+    limits: tuple[float, float],
+    weighting: Array | None,
+) -> Impulse:
     """Newton on F inside the bracket around grid point k; bisection where it would leave it."""
     n, origin = curve.n, k * curve.step
     series = curve.series(k)
     b_series = _weighted(series[:, n:], weighting)
     F_series = curve.F[n:]
 
-    def at(age: float) -> tuple[Array, Array, Array]:
+    def derivatives(age: float) -> tuple[Array, Array, Array]:
         whole = power_sum(series, age - origin)
         first = F_series @ whole
         second = F_series @ (curve.F @ whole)
@@ -122,26 +129,43 @@ def _refine(
                 _weighted(second, weighting))  # fmt: skip
 
     low, high = bracket
-    ends = [_slope(R, *at(end)) for end in (low, high)]
+    ends = [_slope(R, *derivatives(end)) for end in (low, high)]
     if ends[0][0] < 0 < ends[1][0]:
-        age, moved = min(max(origin, low), high), math.inf
-        for _ in range(_NEWTON_STEPS):
-            F, F_dot = _slope(R, *at(age))
-            low, high = (age, high) if F < 0 else (low, age)
-            following = age - F / F_dot if F_dot > 0 else math.inf
-            if not low <= following <= high:
-                following = (low + high) / 2
-            last, moved, age = moved, abs(following - age), following
-            # rounding of F ends the descent: steps no longer shrink
-            if moved <= 4 * math.ulp(curve.step) or _SETTLED * curve.step > moved > last / 4:
-                break
+        start = min(max(origin, low), high)
+        age = _root(lambda age: _slope(R, *derivatives(age)), start, bracket, curve.step)
     else:  # no valley inside: the lower end of the bracket
-        costs = [_solve(R, at(end)[0])[1] for end in (low, high)]
+        costs = [_solve(R, derivatives(end)[0])[1] for end in (low, high)]
         age = (low, high)[int(np.argmin(costs))]
-    b, b_dot, _ = at(age)
+    b, b_dot, _ = derivatives(age)
     g, cost = _solve(R, b)
     inner = limits[0] < age < limits[1]
-    return Impulse(age, g, cost, float(R @ R) - cost, b, b_dot, inner)
+    return Impulse(
+        age=age, weights=g, cost=cost, gain=float(R @ R) - cost, b=b, b_dot=b_dot, inside=inner
+    )
+
+
+def _root(
+    slope: Callable[[float], tuple[float, float]],
+    age: float,
+    bracket: tuple[float, float],
+    cell: float,
+) -> float:
+    """Age in the bracket where F changes its sign, by Newton and bisection from `age`.
+
+    slope: (F, F') at an age; cell: length of a cell of the grid.
+    """
+    (low, high), change = bracket, math.inf
+    for _ in range(_NEWTON_STEPS):
+        F, F_dot = slope(age)
+        low, high = (age, high) if F < 0 else (low, age)
+        following = age - F / F_dot if F_dot > 0 else math.inf
+        if not low <= following <= high:
+            following = (low + high) / 2
+        last, change, age = change, abs(following - age), following
+        # rounding of F ends the descent: steps no longer shrink
+        if change <= 4 * math.ulp(cell) or _CONVERGED_STEP * cell > change > last / 4:
+            break
+    return age
 
 
 def _solve(R: Array, b: Array) -> tuple[Array, float]:
@@ -151,8 +175,8 @@ def _solve(R: Array, b: Array) -> tuple[Array, float]:
         g = np.array([float(column @ R) / size if size > 0 else 0.0])
     else:
         g = np.linalg.lstsq(b, R, rcond=None)[0]
-    rest = R - b @ g
-    return g, float(rest @ rest)
+    residual = R - b @ g
+    return g, float(residual @ residual)
 
 
 def _slope(R: Array, b: Array, b_dot: Array, b_ddot: Array) -> tuple[float, float]:
@@ -161,15 +185,15 @@ def _slope(R: Array, b: Array, b_dot: Array, b_ddot: Array) -> tuple[float, floa
         b, b_dot, b_ddot = b[:, 0], b_dot[:, 0], b_ddot[:, 0]
         size = b @ b
         g: Any = (b @ R) / size
-        rest, moved = R - b * g, b_dot * g
-        g_dot = (b_dot @ rest - b @ moved) / size
-        bent = b_ddot * g + b_dot * g_dot
-        return -float(rest @ moved), float((moved + b * g_dot) @ moved - rest @ bent)
+        residual, rate = R - b * g, b_dot * g
+        g_dot = (b_dot @ residual - b @ rate) / size
+        curvature = b_ddot * g + b_dot * g_dot
+        return -float(residual @ rate), float((rate + b * g_dot) @ rate - residual @ curvature)
     g, _ = _solve(R, b)
-    rest, moved = R - b @ g, b_dot @ g
-    g_dot = np.linalg.solve(b.T @ b, b_dot.T @ rest - b.T @ moved)
-    bent = b_ddot @ g + b_dot @ g_dot
-    return -float(rest @ moved), float((moved + b @ g_dot) @ moved - rest @ bent)
+    residual, rate = R - b @ g, b_dot @ g
+    g_dot = np.linalg.solve(b.T @ b, b_dot.T @ residual - b.T @ rate)
+    curvature = b_ddot @ g + b_dot @ g_dot
+    return -float(residual @ rate), float((rate + b @ g_dot) @ rate - residual @ curvature)
 
 
 def left_inverse(J: Array) -> Array:

@@ -1,21 +1,24 @@
-"""When the observer of Mattsson and Medvedev looks for an impulse; exponents that cannot work."""
+"""Rules of evaluation of Mattsson and Medvedev; exponents and margins that cannot work."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from obsdesign.equations.gains import Array
 from obsdesign.equations.impulsive_input.curve import ImpulseCurve
-from obsdesign.equations.impulsive_input.features import feature_scales, filtered_system, has_peak
+from obsdesign.equations.impulsive_input.features import (
+    FeatureWindow,
+    feature_scales,
+    filtered_system,
+    has_peak,
+)
 
-Array = NDArray[Any]
-
-# kernels of growing exponents see the beginning of a window alone: beyond this lambda tau an
+# kernels of growing exponents weigh the beginning of a window alone: beyond this lambda tau an
 # impulse in the rest of it leaves less in a feature than rounding makes of what was there before
-_SEES_ALL = 6.0
-_LARGEST_GROWTH = 300.0  # e to it still fits binary64 with room
+_MAX_WINDOW_GROWTH = 6.0
+_MAX_GROWTH_EXPONENT = 300.0  # e to it still fits binary64 with room
 
 
 def integral_entries(options: Any, gains: Any) -> list[str]:
@@ -34,39 +37,38 @@ def operator_is_open(problem: Any) -> bool:
     return periodic and "operator" not in problem.options and not own
 
 
-def growth_objection(exponents: Array, n: int, p: int, window: float) -> str | None:
-    """Why these exponents cannot be executed in binary64, or None; one sentence."""
+def reason_against_exponents(exponents: Array, n: int, p: int, window: float) -> str | None:
+    """Return why these exponents cannot be executed in binary64, one sentence, or None."""
     growth = np.asarray(exponents, float) * window
     largest = float(growth.max(initial=0.0))
-    if largest > _LARGEST_GROWTH:
+    if largest > _MAX_GROWTH_EXPONENT:
         return (
-            f"observer.exponents times the window must be at most {_LARGEST_GROWTH:g}; "
+            f"observer.exponents times the window must be at most {_MAX_GROWTH_EXPONENT:g}; "
             f"got {largest:.6g}."
         )
-    enough = int((growth <= _SEES_ALL).sum())
+    enough = int((growth <= _MAX_WINDOW_GROWTH).sum())
     if enough * p < n <= len(growth) * p:
         return (
-            f"observer.exponents must hold {-(-n // p)} that are at most {_SEES_ALL:g} / window = "
-            f"{_SEES_ALL / window:.6g}; got {enough}. Kernels that grow faster see the beginning "
-            "of a window alone."
+            f"observer.exponents must hold {-(-n // p)} that are at most "
+            f"{_MAX_WINDOW_GROWTH:g} / window = {_MAX_WINDOW_GROWTH / window:.6g}; got {enough}. "
+            "Kernels that grow faster see the beginning of a window alone."
         )
     return None
 
 
-def rule_of(
-    D: Array, C: Array, H: Array, exponents: Array, window: float, margin: float
-) -> tuple[str, float]:
-    """(peak where every impulse makes one in |R| else position, oldest age that is searched).
+def evaluation_rule(window: FeatureWindow) -> tuple[str, float]:
+    """(`peak` where every impulse makes one in |R|, else `position`; oldest age searched).
 
     Floats: a choice to make, no proof. ValueError where the features cannot be followed.
     """
-    F = filtered_system(D, C, exponents, feature_scales(exponents, window))
-    oldest = ImpulseCurve.of(F, H, window).oldest
-    return "peak" if has_peak(F, H, window, margin) else "position", oldest
+    exponents, tau = window.exponents, window.tau
+    F = filtered_system(window.D, window.C, exponents, feature_scales(exponents, tau))
+    oldest = ImpulseCurve.from_system(F, window.H, tau).oldest
+    return "peak" if has_peak(F, window.H, tau, window.margin) else "position", oldest
 
 
-def margin_objection(oldest: float, window: float, margin: float) -> str | None:
-    """Why ages from `margin` on cannot be searched, or None."""
+def reason_against_margin(oldest: float, window: float, margin: float) -> str | None:
+    """Return why ages from `margin` on cannot be searched, or None."""
     if margin < oldest:
         return None
     return (

@@ -1,4 +1,4 @@
-"""An impulse that was decided: its time, its weights, and how sure they are."""
+"""An impulse that was decided: its time, its weights, their deviations and doubts."""
 
 from __future__ import annotations
 
@@ -11,21 +11,27 @@ from obsdesign.runtime.base import Vector
 from obsdesign.runtime.time_stamps import time_tolerance
 
 MISFIT = "does not fit one impulse in the window"
-_CERTAIN = 3.0  # deviations by which a dwell time must be too short
+_DEVIATIONS = 3.0  # deviations by which a dwell time must be too short
 
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """An impulse that was decided: time, weights (q,), standard deviations, status.
+    """An impulse that was decided: time, weights (q,), standard deviations, doubts.
 
-    The deviations are None where the problem states no noise; status: "ok", or what is doubtful.
+    The deviations are None where the problem states no noise; doubts: sentences, none where nothing
+    is doubtful.
     """
 
     t: float
     weights: Vector
     t_std: float | None
     weights_std: Vector | None
-    status: str = "ok"
+    doubts: tuple[str, ...] = ()
+
+    @property
+    def status(self) -> str:
+        """`ok`, or what is doubtful."""
+        return "; ".join(self.doubts) or "ok"
 
     def row(self) -> tuple[float | str, ...]:
         """The cells of an event file: t, weights, t_std, deviations of the weights, status."""
@@ -41,9 +47,22 @@ class Event:
         )
 
 
+@dataclass(frozen=True, slots=True)
+class DoubtfulSpan:
+    """Times whose rows rest on an impulse with doubts; at first none."""
+
+    since: float = math.inf
+    until: float = -math.inf
+    doubts: tuple[str, ...] = ()
+
+    def doubts_at(self, t: float) -> tuple[str, ...]:
+        """Doubts of a row at time t."""
+        return self.doubts if self.since <= t <= self.until else ()
+
+
 def short_dwell(last: float, t: float, dwell: float, *deviations: float) -> str:
-    """Status of an impulse that comes too soon, beyond the deviations of both times; or ""."""
+    """Sentence about a dwell time below the range by more than both deviations allow, or empty."""
     gap = t - last
-    if gap >= dwell - time_tolerance(dwell, t) - _CERTAIN * math.hypot(*deviations):
+    if gap >= dwell - time_tolerance(dwell, t) - _DEVIATIONS * math.hypot(*deviations):
         return ""
     return f"dwell time {gap:.9g} below {dwell:.9g}"

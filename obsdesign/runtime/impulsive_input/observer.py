@@ -1,4 +1,4 @@
-"""Observer for impulses of unknown times and weights at run time: delayed rows, events, a tail.
+"""Observer of impulses of unknown times and weights: delayed rows, events, a tail.
 
 Rows are given out once no later impulse can change them: with the window (tau) and what it takes to
 see that |R| has passed its maximum. A record's last rows stay `unresolved`. `step` answers at the
@@ -15,6 +15,11 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from obsdesign.equations.impulsive_input.gains import (
+    IntegralGains,
+    SamplesGains,
+    gains_from_document,
+)
 from obsdesign.runtime.base import (
     Batch,
     Delayed,
@@ -28,10 +33,11 @@ from obsdesign.runtime.base import (
     vector,
 )
 from obsdesign.runtime.impulsive_input.event import Event
-from obsdesign.runtime.impulsive_input.gains import check_gains, check_resolution, check_size
 from obsdesign.runtime.impulsive_input.integral.engine import Engine, IntegralEngine
 from obsdesign.runtime.impulsive_input.integral.rows import IntegralLive
-from obsdesign.runtime.impulsive_input.samples.engine import SampledLive, SamplesEngine
+from obsdesign.runtime.impulsive_input.record_checks import check_resolution, check_size
+from obsdesign.runtime.impulsive_input.samples.engine import SamplesEngine
+from obsdesign.runtime.impulsive_input.samples.live import SampledLive
 from obsdesign.runtime.point_observer import PointObserver
 
 _BLOCK = 1024  # rows that a batch hands over at once, at least a window of them
@@ -52,7 +58,7 @@ class ImpulsiveInputState:
 class ImpulsiveInputObserver(PointObserver[ImpulsiveInputState], Delayed[ImpulsiveInputState]):
     """Executes a design of kind `impulsive_input`."""
 
-    gains: Mapping[str, Any]
+    gains: IntegralGains | SamplesGains
     engine: Engine
     kind: ClassVar[str] = "impulsive_input"
     finds_events: ClassVar[bool] = True
@@ -60,20 +66,20 @@ class ImpulsiveInputObserver(PointObserver[ImpulsiveInputState], Delayed[Impulsi
     @classmethod
     def from_gains(cls, gains: Mapping[str, Any]) -> ImpulsiveInputObserver:
         """The observer of a design's `gains`; ValueError if they do not fit each other."""
-        check_gains(gains)
-        engines: dict[str, Any] = {"integral": IntegralEngine, "samples": SamplesEngine}
-        return cls(gains, engines[gains["operator"]].from_gains(gains))
+        typed = gains_from_document(gains)
+        if isinstance(typed, IntegralGains):
+            return cls(typed, IntegralEngine.from_gains(typed))
+        return cls(typed, SamplesEngine.from_gains(typed))
 
     @property
     def reads(self) -> dict[str, int | bool]:
-        """How many y and u a sample has; impulses are not reported."""
-        u = self.gains["B"].shape[1] if "B" in self.gains else 0
-        return {"y": len(self.gains["C"]), "u": u, "w": 0, "jump": False}
+        """Numbers of y and u in a sample; impulses are not reported."""
+        return self.gains.columns | {"w": 0, "jump": False}
 
     @property
     def event_names(self) -> tuple[str, ...]:
         """Columns of an event file; weights are numbered where H has several columns."""
-        q = int(self.gains["H"].shape[1])
+        q = self.gains.directions
         ends = [""] if q == 1 else [str(i + 1) for i in range(q)]
         weights, spread = (tuple(f"weight{i}{tail}" for i in ends) for tail in ("", "_std"))
         return ("t", *weights, "t_std", *spread, "status")
@@ -85,7 +91,7 @@ class ImpulsiveInputObserver(PointObserver[ImpulsiveInputState], Delayed[Impulsi
     @property
     def latency(self) -> float:
         """Time by which rows are late at least: the window; confirming a maximum adds to it."""
-        return float(self.gains["window"])
+        return self.gains.window
 
     def init(
         self, t: float = 0.0, *, x: ArrayLike | None = None, covariance: ArrayLike | None = None
@@ -105,10 +111,11 @@ class ImpulsiveInputObserver(PointObserver[ImpulsiveInputState], Delayed[Impulsi
             raise ValueError(f"covariance must be {self.n}x{self.n}; got shape {P.shape}.")
         if P is not None and not (np.isfinite(P).all() and (np.diag(P) >= 0).all()):
             raise ValueError("covariance must be finite, its diagonal not negative.")
-        if P is None and "initial_std" in self.gains:
-            P = np.diag(np.asarray(self.gains["initial_std"], dtype=np.float64) ** 2)
+        if P is None and self.gains.initial_std is not None:
+            P = np.diag(self.gains.initial_std**2)
         inputs = np.zeros(int(self.reads["u"]))
-        return ImpulsiveInputState(float(t), inputs, False, self.engine.begin(float(t), guess, P))
+        live = self.engine.begin(float(t), guess, P)
+        return ImpulsiveInputState(t=float(t), u=inputs, started=False, live=live)
 
     def step(
         self, state: ImpulsiveInputState, sample: Sample
@@ -150,7 +157,7 @@ class ImpulsiveInputObserver(PointObserver[ImpulsiveInputState], Delayed[Impulsi
             raise ValueError("at least one row is required; got none.")
         if not (np.isfinite(times).all() and (np.diff(times) > 0).all()):
             raise ValueError("times must be finite and increase.")
-        p = len(self.gains["C"])
+        p = self.gains.p
         ys = np.full((rows, p), np.nan) if y is None else np.asarray(y, dtype=np.float64)
         us = np.zeros((rows, m)) if u is None else np.asarray(u, dtype=np.float64)
         for values, width in ((ys, p), (us, m)):
@@ -161,19 +168,19 @@ class ImpulsiveInputObserver(PointObserver[ImpulsiveInputState], Delayed[Impulsi
         ys = centred(ys, self.gains)
         check_size("u", us, times)
         check_resolution(times, self.latency)
-        live, found = self.init(float(times[0]), x=x, covariance=covariance).live, []
+        live, estimates = self.init(float(times[0]), x=x, covariance=covariance).live, []
         for k in range(0, rows, _BLOCK):
             cut = slice(k, k + _BLOCK)
             live, decided = self.engine.extended(live, times[cut], ys[cut], us[cut])
-            found += decided
-        return collect([*found, *self.engine.tail(live)])
+            estimates += decided
+        return collect([*estimates, *self.engine.tail(live)])
 
     def block(self, state: ImpulsiveInputState, samples: Sequence[Sample]) -> ImpulsiveInputState:
         """The state after several samples at once; `decided` holds the rows they settled.
 
         Times are the caller's to check: they must increase.
         """
-        p, m = len(self.gains["C"]), int(self.reads["u"])
+        p, m = self.gains.p, int(self.reads["u"])
         y, u, held = np.full((len(samples), p), np.nan), np.zeros((len(samples), m)), state.u
         for k, sample in enumerate(samples):
             measured = optional_measurement(sample.y, p)

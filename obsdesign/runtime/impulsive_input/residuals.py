@@ -1,7 +1,7 @@
-"""Residuals of a record against the stated noise, and the factor of deviations that follows.
+"""Residuals of a record against the stated noise, and the factor they give deviations.
 
 Under the model what a fit leaves of whitened samples is chi-squared. Where it is significantly
-more, plant or noise are not what the design says; deviations, which rest on both, are then
+more, plant or noise differ from those of the design; deviations, which rest on both, are then
 multiplied by the Birge ratio sqrt(chi-squared / degrees of freedom) (R. T. Birge, Phys. Rev. 40,
 207, 1932), and the status says so.
 """

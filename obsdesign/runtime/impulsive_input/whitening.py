@@ -8,20 +8,17 @@ formed or inverted.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from obsdesign.equations.gains import Array
 from obsdesign.equations.impulsive_input.fit import Impulse, left_inverse
 from obsdesign.runtime.base import Vector
 
-Array = NDArray[Any]
-
 # proportional noise is no smaller than at this part of the largest output
-_FAINT = 1e-3
+_LEAST_LEVEL_SHARE = 1e-3
 # singular values below this part of the largest carry more rounding than signal
-_RANK = 1e-11
+_RANK_TOLERANCE = 1e-11
 # |r|^2 of a fit that noise alone explains is below this, once in a thousand windows: chi-squared
 # quantiles by Wilson and Hilferty, z = 3.0902
 Z_SCORE = 3.090232306167813
@@ -32,7 +29,7 @@ def whitened(taps: Array, error: Array, spread: Array) -> tuple[Array, Array]:
     features, maps, m = [], [], taps.shape[1]
     for j in range(error.shape[1]):
         U, sizes, right = np.linalg.svd(taps * spread[:, j, None], full_matrices=False)
-        kept = sizes > _RANK * sizes[0]
+        kept = sizes > _RANK_TOLERANCE * sizes[0]
         features.append(U[:, kept].T @ (error[:, j] / spread[:, j]))
         block = np.zeros((int(kept.sum()), m * error.shape[1]))
         block[:, j * m : (j + 1) * m] = right[kept] / sizes[kept, None]
@@ -48,7 +45,7 @@ def feature_deviation(taps: Array, spread: Array) -> float:
 
 def noise_deviation(std: Vector, cv: Vector, y: Array, level: Array) -> Array:
     """Deviation of the noise of outputs y whose largest so far is `level`: y = 0 is not exact."""
-    size = np.where(std > 0, np.abs(y), np.maximum(np.abs(y), _FAINT * level))
+    size = np.where(std > 0, np.abs(y), np.maximum(np.abs(y), _LEAST_LEVEL_SHARE * level))
     return np.asarray(np.hypot(std, np.where(size > 0, cv * size, cv)))
 
 
@@ -70,9 +67,9 @@ def noise_covariance(taps: Array, spread: Array) -> Array:
     return N
 
 
-def plain_deviations(found: Impulse, taps: Array, spread: Array) -> tuple[float, Vector]:
+def plain_deviations(impulse: Impulse, taps: Array, spread: Array) -> tuple[float, Vector]:
     """Deviations of age and weights under the plain norm: J^+ N J^+', N the covariance of R."""
-    J = np.column_stack([found.b_dot @ found.weights, found.b])
+    J = np.column_stack([impulse.b_dot @ impulse.weights, impulse.b])
     back = left_inverse(J)
     C = back @ noise_covariance(taps, spread) @ back.T
     deviations = np.sqrt(np.diag(C))

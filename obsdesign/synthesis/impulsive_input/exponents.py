@@ -10,134 +10,144 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from obsdesign.equations.impulsive_input import features as equations
 from obsdesign.equations.impulsive_input import rule as impulse_rule
+from obsdesign.equations.impulsive_input.features import FeatureWindow
 from obsdesign.errors import InputError
 from obsdesign.problem.problem import Problem
-from obsdesign.synthesis.impulsive_input import exponent_program as exponent_nlp
+from obsdesign.synthesis.impulsive_input import exponent_program
+from obsdesign.synthesis.impulsive_input.integral_window import IntegralWindow
 
 Matrix = NDArray[np.float64]
 
 _RATIO = 0.05
 _SPACING = 1 / 13  # of exponents, relative to the largest
-_BETTER = 0.99  # deviation against the corner's from which another choice counts
-_SPREAD = 10.0  # the fastest of spread exponents, times the margin
-_FASTEST = 3.3  # lambda margin, where no lambda keeps the ratio
+_IMPROVED_RATIO = 0.99  # deviation against the corner's from which another choice counts
+_SPREAD_SPEED = 10.0  # the fastest of spread exponents, times the margin
+_CORNER_SPEED = 3.3  # lambda margin, where no lambda keeps the ratio
 
 
-def exponent_choices(
-    problem: Problem, data: dict[str, Any], D: Matrix
-) -> Iterator[tuple[str, Matrix, str]]:
-    """(label, exponents, rule): the corner and spread exponents.
+@dataclass(frozen=True)
+class ExponentChoice:
+    """Exponents (m,), the rule of evaluation that they allow, and how they were chosen."""
+
+    label: str
+    exponents: Matrix
+    rule: str
+
+
+def exponent_choices(problem: Problem, integral: IntegralWindow) -> Iterator[ExponentChoice]:
+    """Yield the corner and spread exponents, in order of preference.
 
     Spread ones first where |b| has no peak: impulses are then evaluated when they are old, which
-    fast kernels have forgotten. They also differ most from each other: with many states neighbours
+    fast kernels weigh no more. They also differ most from each other: with many states neighbours
     are too much alike for the rank.
     """
-    n, window, margin = len(D), data["window"], data["margin"]
-    spread = np.asarray(-np.geomspace(1.0 / window, _SPREAD / margin, 2 * n), dtype=np.float64)
-    last = (f"{2 * n} spread exponents", spread, rule_for(data, D, spread))
+    n, window, margin = problem.plant.n, integral.window, integral.margin
+    exponents = np.asarray(
+        -np.geomspace(1.0 / window, _SPREAD_SPEED / margin, 2 * n), dtype=np.float64
+    )
+    label = f"{2 * n} spread exponents"
+    spread = ExponentChoice(label, exponents, rule_for(integral, exponents))
     corners = [
-        corner_exponents(D, data["C"], data["H"], window, margin, _ratio(problem), count)
+        corner_exponents(integral, ratio=_ratio(problem), count=count)
         for count in (2 * n, 2 * n + 2)
     ]
-    asked = any(name in problem.options for name in ("ratio", "check_exponents", "threshold"))
-    early = not asked and _rule_or_none(data, D, corners[0]) in (None, "position")
-    if early:
-        yield last
+    needs_corner = any(x in problem.options for x in ("ratio", "check_exponents", "threshold"))
+    spread_first = not needs_corner and _rule_or_none(integral, corners[0]) in (None, "position")
+    if spread_first:
+        yield spread
     for corner in corners:
-        if _rule_or_none(data, D, corner) is None:
+        if _rule_or_none(integral, corner) is None:
             continue
-        for label, chosen in _looked_at_again(problem, data, D, corner):
-            yield label, chosen, rule_for(data, D, chosen)
-    if not early:
-        yield last
+        for label, chosen in _refined_by_ipopt(problem, integral, corner):
+            yield ExponentChoice(label, chosen, rule_for(integral, chosen))
+    if not spread_first:
+        yield spread
 
 
-def _rule_or_none(data: dict[str, Any], D: Matrix, exponents: Matrix) -> str | None:
-    """None where these exponents cannot work in the window."""
+def _rule_or_none(integral: IntegralWindow, exponents: Matrix) -> str | None:
+    """Return the rule of these exponents; None where they cannot work in the window."""
     try:
-        return rule_for(data, D, exponents)
+        return rule_for(integral, exponents)
     except InputError:
         return None
 
 
-def _looked_at_again(
-    problem: Problem, data: dict[str, Any], D: Matrix, corner: Matrix
+def _refined_by_ipopt(
+    problem: Problem, integral: IntegralWindow, corner: Matrix
 ) -> Iterator[tuple[str, Matrix]]:
-    """(label, exponents): the corner, and before it what IPOPT finds better, where asked."""
+    """Yield (label, exponents): what IPOPT finds better, with `check_exponents`; the corner."""
     label = f"{len(corner)} exponents"
     if not problem.options.get("check_exponents"):
         yield label, corner
         return
-    tau, std = data["window"], problem.plant.output.noise_std
-    age = None if rule_for(data, D, corner) == "peak" else equations.OLD * tau
+    tau, std = integral.window, problem.plant.output.noise_std
+    age = None if rule_for(integral, corner) == "peak" else equations.EVALUATED_AGE_SHARE * tau
     scale = std / std.max() if std.any() else np.ones(len(std))
-    found, size = exponent_nlp.second_opinion(D, data["C"], data["H"], corner, scale, tau, age)
-    told = f"times {size:.3g} as uncertain as with {corner[0]:.4g} ... {corner[-1]:.4g}"
-    if found is None:
+    better, size = exponent_program.refined_exponents(integral.features(corner), scale, age)
+    comparison = f"times {size:.3g} as uncertain as with {corner[0]:.4g} ... {corner[-1]:.4g}"
+    if better is None:
         label += "; IPOPT did not converge"
-    elif size > _BETTER:
+    elif size > _IMPROVED_RATIO:
         label += ", confirmed by IPOPT"
-    elif equations.neglected_ratio(
-        D, data["C"], data["H"], found, tau, data["margin"]
-    )[0] > _ratio(problem) * (1 + 1e-6):  # fmt: skip
-        label += f"; IPOPT finds {told}, but more is neglected than the ratio allows"
+    elif equations.neglected_ratio(integral.features(better))[0] > _ratio(problem) * (1 + 1e-6):
+        label += f"; IPOPT finds {comparison}, but more is neglected than the ratio allows"
     else:
-        yield f"{label} from IPOPT, {told}", found
+        yield f"{label} from IPOPT, {comparison}", better
     yield label, corner
 
 
-def rule_for(data: dict[str, Any], D: Matrix, exponents: Matrix) -> str:
-    """When to evaluate: at a peak of |R| where every impulse makes one, else by position."""
-    window, margin = data["window"], data["margin"]
-    if text := impulse_rule.growth_objection(exponents, len(D), len(data["C"]), window):
+def rule_for(integral: IntegralWindow, exponents: Matrix) -> str:
+    """Return the rule of evaluation: a peak of |R| where every impulse makes one, else position."""
+    plant, window, margin = integral.plant, integral.window, integral.margin
+    if text := impulse_rule.reason_against_exponents(exponents, plant.n, plant.p, window):
         raise InputError(text)
     try:
-        rule, oldest = impulse_rule.rule_of(D, data["C"], data["H"], exponents, window, margin)
+        rule, oldest = impulse_rule.evaluation_rule(integral.features(exponents))
     except ValueError as error:
-        if window >= data["dwell_time"][0]:
+        if window >= integral.shortest_dwell:
             return "position"  # a claim refutes the window, whatever the rule
         raise InputError(
             f"{error}; are the units of flow.A and output.C what they should be?"
         ) from None
-    text = impulse_rule.margin_objection(oldest, window, margin)
-    if text and data["H"].any():
+    text = impulse_rule.reason_against_margin(oldest, window, margin)
+    if text and integral.H.any():
         raise InputError(text)
-    return "threshold" if "threshold" in data else rule
+    return rule if integral.threshold is None else "threshold"
 
 
 def _ratio(problem: Problem) -> float:
     return float(problem.options.get("ratio", _RATIO))
 
 
-def slowest_exponent(
-    D: Matrix, C: Matrix, H: Matrix, window: float, margin: float, ratio: float
-) -> float | None:
+def slowest_exponent(window: FeatureWindow, ratio: float) -> float | None:
     """The largest lambda <= -1/window with |E| <= ratio |b| for ages in [margin, window].
 
     By bisection. None where no lambda does: then h changes sign, and rows of b have zeros. Kernels
-    slower than the window are all alike on it: their features hardly differ.
+    slower than the window are all alike on it: their features hardly differ. The exponents of
+    `window` are replaced.
     """
+    tau = window.tau
 
     def holds(size: float) -> bool:
-        worst, _ = equations.neglected_ratio(D, C, H, np.array([-size]), window, margin, 60)
+        worst, _ = equations.neglected_ratio(replace(window, exponents=np.array([-size])), 60)
         return worst <= ratio
 
-    high = 1.0 / margin
+    high = 1.0 / window.margin
     while not holds(high):
         high *= 2
-        if high * window > 500:
+        if high * tau > 500:
             return None
     low = high / 2
     while holds(low):
-        if low * window <= 1:
-            return -1.0 / window
+        if low * tau <= 1:
+            return -1.0 / tau
         low /= 2
     for _ in range(40):
         middle = math.sqrt(low * high)
@@ -145,15 +155,16 @@ def slowest_exponent(
     return -high
 
 
-def corner_exponents(
-    D: Matrix, C: Matrix, H: Matrix, window: float, margin: float, ratio: float, count: int
-) -> Matrix:
+def corner_exponents(integral: IntegralWindow, *, ratio: float, count: int) -> Matrix:
     """`count` exponents: the slowest one the ratio allows, and as many below it, evenly spaced.
 
     Where no ratio can be kept: from the length of the window to that of the margin, evenly in
     proportion.
     """
-    first = slowest_exponent(D, C, H, window, margin, ratio)
+    window, margin = integral.window, integral.margin
+    first = slowest_exponent(integral.features(np.zeros(0)), ratio)
     if first is None:
-        return np.asarray(-np.geomspace(1.0 / window, _FASTEST / margin, count), dtype=np.float64)
+        return np.asarray(
+            -np.geomspace(1.0 / window, _CORNER_SPEED / margin, count), dtype=np.float64
+        )
     return np.asarray(first * (1 + _SPACING * np.arange(count)), dtype=np.float64)

@@ -1,15 +1,15 @@
-"""Coarse samples: the window of the discrete operator; nothing else is left to choose."""
+"""Candidates of operator `samples`, for coarse samples: only the window is open."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 
-from obsdesign.equations.gains import plant_data
-from obsdesign.equations.impulsive_input.features import LARGEST
+from obsdesign.equations.gains import Array
+from obsdesign.equations.impulsive_input.gains import SamplesGains
+from obsdesign.equations.impulsive_input.requirements import LARGEST, is_whole_multiple
 from obsdesign.errors import InputError
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
@@ -23,41 +23,46 @@ def sampled_candidates(
 ) -> Iterator[Candidate]:
     """Gains for operator `samples`; InputError where it cannot work.
 
-    longest: the period up to which operator `integral` would do, where `samples` was not asked for;
+    longest: the period up to which operator `integral` would do, where the operator is open;
     count: samples of a window that is left open. Windows of twice as many follow, since a few
     samples need not determine the state.
     """
     plant = problem.plant
     _check(problem, reason, longest)
     period = float(problem.require("output.period"))
-    data: dict[str, Any] = plant_data(plant) | {
-        "H": problem.require("jump.H"),
-        "noise_std": plant.output.noise_std, "noise_cv": plant.output.noise_cv,
-        "period": period, "margin": period, "weighting": "gls",
-        "operator": "samples", "state_correction": True,
-        "nonnegative": bool(problem.options.get("nonnegative", False)),
-    }  # fmt: skip
-    data |= initial_std(problem)
     for k, window in enumerate(_windows(problem, low, period, count)):
-        longer = f"; {round(window / period)} samples in a window" if k else ""
-        label = f"samples: {reason}{longer}"
-        yield Candidate(label, data | {"window": window}, searched=True)
+        gains = SamplesGains.from_plant(
+            plant,
+            H=problem.require("jump.H"),
+            noise_std=plant.output.noise_std,
+            noise_cv=plant.output.noise_cv,
+            period=period,
+            margin=period,
+            weighting="gls",
+            operator="samples",
+            state_correction=True,
+            nonnegative=bool(problem.options.get("nonnegative", False)),
+            initial_std=initial_std(problem),
+            window=window,
+        )
+        longer = f"; {gains.window_samples} samples in a window" if k else ""
+        yield Candidate(f"samples: {reason}{longer}", gains, searched=True)
 
 
-def initial_std(problem: Problem) -> dict[str, Any]:
-    """The deviations of the initial state as a design stores them, where the file gives them.
+def initial_std(problem: Problem) -> Array | None:
+    """Deviations of the initial state (n,), None where the problem does not give them.
 
     InputError for one that floats cannot square.
     """
     if "initial_std" not in problem.options:
-        return {}
+        return None
     given = np.array(problem.options["initial_std"], dtype=np.float64)
     if given.max() > LARGEST:
         raise InputError(
             f"observer.initial_std must be at most {LARGEST:g}, since it is squared; got "
             f"{given.max():g}."
         )
-    return {"initial_std": given}
+    return np.asarray(given)
 
 
 def _check(problem: Problem, reason: str, longest: float | None) -> None:
@@ -103,8 +108,7 @@ def _windows(problem: Problem, low: float, period: float, count: int) -> list[fl
         while counts[-1] < min(most, _LONGEST):
             counts.append(min(2 * counts[-1], most, _LONGEST))
         return [period * count for count in counts]
-    whole = float(window) / period
-    if abs(whole - round(whole)) > 1e-6 or round(whole) < 1:
+    if not is_whole_multiple(window, period):
         raise InputError(
             f"observer.window must be a multiple of output.period = {period!r} for operator "
             f"'samples'; got {window!r}."

@@ -1,4 +1,4 @@
-"""Refutations of an observer for impulsive inputs that no other choice would avoid.
+"""Witnesses against the problem among those against the gains that synthesis chose.
 
 Window, margin, K, exponents and operator that the problem leaves open are chosen by synthesis: a
 witness against one choice is no witness against the problem.
@@ -12,8 +12,13 @@ from obsdesign.document import Claim
 from obsdesign.equations.impulsive_input.rule import operator_is_open
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.choices import mark_witness, open_choices
+from obsdesign.verification.impulsive_input.witnesses import (
+    EqualFeatures,
+    TooFewFeatures,
+    TooFewSamples,
+)
 
-# what each claim depends on, beside the plant
+# gains and options that each claim depends on, beside the plant
 _INTEGRAL: Mapping[str, tuple[str, ...]] = {
     "observable": (),
     "window": ("window",),
@@ -33,7 +38,7 @@ _SAMPLES: Mapping[str, tuple[str, ...]] = {
 
 
 def mark_inevitable(problem: Problem, operator: str, claim: Claim) -> Claim:
-    """Mark the witness of a claim that no open choice would change."""
+    """The claim, its witness marked where no choice left open would change it."""
     names = (_INTEGRAL if operator == "integral" else _SAMPLES).get(claim.id, ("operator",))
     open_names = open_choices(problem, *names) - {"operator"}
     if "operator" in names and operator_is_open(problem):
@@ -44,15 +49,18 @@ def mark_inevitable(problem: Problem, operator: str, claim: Claim) -> Claim:
 
 
 def _is_inevitable(problem: Problem, claim: Claim) -> bool:
-    """Is the claim false for every choice, by counting samples, features or ages?"""
-    witness = claim.evidence.get("witness", {})
+    """Whether counting shows that no choice would do."""
+    evidence = claim.evidence
     low, _ = problem.require_dwell_time()
     period = float(problem.plant.output.period or 0.0)
     if claim.id == "window":  # no window, or none of one period, is shorter
         return low <= period
     if claim.id == "samples":  # a window below the dwell time holds less than two periods
-        return "samples" in witness and low <= (1 if operator_is_open(problem) else 2) * period
+        periods = 1 if operator_is_open(problem) else 2
+        return TooFewSamples.from_evidence(evidence) is not None and low <= periods * period
     count = len(problem.options.get("exponents", ())) * problem.plant.p
     if claim.id == "exponents":
-        return count > 0 and "features" in witness
-    return claim.id == "uniqueness" and count == 1 and "ages" in witness
+        return count > 0 and TooFewFeatures.from_evidence(evidence) is not None
+    if claim.id == "uniqueness":
+        return count == 1 and EqualFeatures.from_evidence(evidence) is not None
+    return False

@@ -1,4 +1,4 @@
-"""Do the features, or the samples, of a window determine the state? A rank, relative to size."""
+"""Rank, relative to size, of the features or samples of a window as functions of the state."""
 
 from __future__ import annotations
 
@@ -44,14 +44,14 @@ def _operator_ball(D: Any, C: Any, exponents: list[float], window: float) -> Any
     def rows() -> list[list[Any]]:
         n = len(D)
         zero, unit = exact(np.zeros((n, n))), exact(np.eye(n))
-        found = []
+        table = []
         for row in range(len(C)):
             for lam in exponents:
                 F = np.block([[exact(lam * np.eye(n)) - D, unit], [zero, zero]])
                 pick = np.hstack([C[row : row + 1], exact(np.zeros((1, n)))])
                 whole = ball(pick) * exp_times(F, window)
-                found.append(whole.tolist()[0][n:])
-        return found
+                table.append(whole.tolist()[0][n:])
+        return table
 
     return rows
 
@@ -59,11 +59,11 @@ def _operator_ball(D: Any, C: Any, exponents: list[float], window: float) -> Any
 def _row_sizes(D: Any, C: Any, exponents: list[float], window: float) -> Any:
     """Size of each row of W if nothing in its integral cancelled; floats, to scale by."""
     D_float, C_float, count = to_float(D), to_float(C), 64
-    found = []
+    sizes = []
     for lam in exponents:
         grid = exponential_grid(lam * np.eye(len(D)) - D_float, 0.0, window / count, count + 1)
-        found.append(np.abs(C_float @ grid).mean(axis=0).max(axis=1) * window)
-    return np.array(found).T.reshape(-1)  # output by output
+        sizes.append(np.abs(C_float @ grid).mean(axis=0).max(axis=1) * window)
+    return np.array(sizes).T.reshape(-1)  # output by output
 
 
 def rank_verdict(rows: Callable[[], list[list[Any]]], row_sizes: Any, n: int, what: str) -> Verdict:
@@ -108,7 +108,7 @@ def rank_verdict(rows: Callable[[], list[list[Any]]], row_sizes: Any, n: int, wh
 
 
 def _certain(rows: list[list[Any]], n: int) -> bool | None:
-    """Is the smallest singular value of n columns at least RANK_TOLERANCE of the largest?
+    """Whether the smallest singular value is at least RANK_TOLERANCE of the largest.
 
     None: neither is certain.
     """
@@ -122,10 +122,10 @@ def _certain(rows: list[list[Any]], n: int) -> bool | None:
     middles = np.array([[float(x.mid()) for x in row] for row in rows])
     v = [number(float(x)) for x in np.linalg.svd(middles)[2][-1]]
     through = [sum((a * b for a, b in zip(row, v, strict=True)), number(0.0)) for row in rows]
-    seen = sum((x * x for x in through), number(0.0))
+    image_size = sum((x * x for x in through), number(0.0))
     size = sum((x * x for x in v), number(0.0))
     # the largest singular value squared is at least trace / n
-    return False if seen < number(RANK_TOLERANCE) ** 2 * (total / n) * size else None
+    return False if image_size < number(RANK_TOLERANCE) ** 2 * (total / n) * size else None
 
 
 def _powers(sizes: Any) -> Any:

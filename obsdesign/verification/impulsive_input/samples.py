@@ -1,4 +1,4 @@
-"""Claims of the discrete operator: N samples after an onset, and what they determine.
+"""Claims about the samples of a window: the state, an onset and its weight.
 
 With samples t_o + h, ..., t_o + N h, an impulse at t_o + v, 0 <= v < h, leaves
 M e^{-A v} H g, M = [C e^{A h}; ...; C e^{A N h}]. If M has rank n and e^{A t} has no other
@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -20,19 +20,43 @@ from lmi.prove.hurwitz import exactly_schur, prove_hurwitz, real_spectrum
 from lmi.verdict import Verdict, proved, refuted, undecided
 from obsdesign.document import Claim
 from obsdesign.equations.estimation_error import flow_error_matrix
+from obsdesign.equations.gains import Array
 from obsdesign.equations.impulsive_input import features as equations
+from obsdesign.equations.impulsive_input.gains import IntegralGains, SamplesGains
 from obsdesign.verification.impulsive_input.rank import rank_verdict
+from obsdesign.verification.impulsive_input.witnesses import TooFewSamples
 
 _FEWEST_CELLS = 3  # of a window: two samples after an onset that is most of the window old
-_MOST_ROWS = 64  # of a window that are looked at
+_MOST_ROWS = 64  # of a window in a rank
 SOURCE = "Mattsson, Medvedev, ECC 2013, Section III-B, for samples"
 
 
-def sampled_claims(A: Any, C: Any, H: Any, gains: Mapping[str, Any]) -> tuple[Claim, ...]:
-    """Rank of the samples of a window, and uniqueness of an onset in its first interval."""
-    h, window = float(gains["period"]), float(gains["window"])
-    count = round(window / h)
+@dataclass(frozen=True)
+class SpeedsPerPeriod:
+    """The fastest mode of A - K C and the largest exponent, times the period; floats."""
 
+    mode: float
+    exponent: float
+
+    @classmethod
+    def from_evidence(cls, evidence: Mapping[str, Any]) -> SpeedsPerPeriod | None:
+        """The speeds in the evidence of claim `samples`; None where it has none."""
+        if "approx_mode_times_period" not in evidence:
+            return None
+        return cls(evidence["approx_mode_times_period"], evidence["approx_exponent_times_period"])
+
+    def to_evidence(self) -> dict[str, float]:
+        """Entries of the evidence."""
+        return {
+            "approx_mode_times_period": self.mode,
+            "approx_exponent_times_period": self.exponent,
+        }
+
+
+def sampled_claims(gains: SamplesGains) -> tuple[Claim, ...]:
+    """Rank of the samples of a window, and uniqueness of an onset in its first interval."""
+    A, C, H = exact(gains.A), exact(gains.C), exact(gains.H)
+    h, count = gains.sample_period, gains.window_samples
     rank = _rank(A, C, h, count, first=1)
     onset = _uniqueness(A, H, h)
     return (
@@ -54,84 +78,90 @@ def sampled_claims(A: Any, C: Any, H: Any, gains: Mapping[str, Any]) -> tuple[Cl
     )
 
 
-def window_samples(
-    A: Any, C: Any, directions: int, gains: Mapping[str, Any], shortest: float
-) -> Claim:
+def window_samples(gains: IntegralGains, period: float, shortest: float) -> Claim:
     """Operator `integral`: a window holds samples enough for a state, an onset and its weights.
 
     And two periods fit between the window and the shortest dwell time: the last sample of a window
     comes up to a period after its end, t_o is a sample too, and an impulse after that must still
     be before its peak when the next search begins. Modes of A - K C and exponents are slow enough
-    for the period (`equations.impulsive_input.longest_period`), exactly.
+    for the period (`equations.impulsive_input.features.longest_period`), exactly.
     """
-    n, p = len(A), len(C)
-    period, window = float(gains["period"]), float(gains["window"])
-    D = flow_error_matrix(A, exact(gains["K"]), C)
+    D = flow_error_matrix(exact(gains.A), exact(gains.K), exact(gains.C))
+    statement = (
+        f"the samples of a window show the state, and time and weight of an impulse: {gains.n}"
+        f" + {1 + gains.directions} unknown numbers, two samples after the onset, and no sample "
+        "of another impulse; they are close enough for A - K C and the exponents"
+    )
+    verdict = _window_verdict(gains, D, period, shortest)
+    evidence = {**verdict.evidence, **_speeds(D, gains.exponents, period).to_evidence()}
+    return Claim("samples", statement, SOURCE, verdict.outcome, evidence)
+
+
+def _window_verdict(gains: IntegralGains, D: Any, period: float, shortest: float) -> Verdict:
+    """Verdict on the number, the end and the spacing of the samples of a window; D exact."""
+    window = gains.window
     cells = math.floor(window / period * (1 + 1e-9))
-    unknown = n + 1 + directions
-    statement = f"the samples of a window show the state, and time and weight of an impulse: {n}"
-    statement += f" + {1 + directions} unknown numbers, two samples after the onset, and no sample "
-    statement += "of another impulse; they are close enough for A - K C and the exponents"
+    unknown = gains.n + 1 + gains.directions
     if cells < 2:
         reason = (
             f"output.period = {period!r} leaves {cells + 1} sample{'s' * (cells > 0)} in a window "
             f"of {window!r}: two after an onset are needed"
         )
-        verdict = refuted({"samples": cells + 1, "reason": reason})
-    elif (cells + 1) * p < unknown or cells < _FEWEST_CELLS:
-        verdict = undecided(
+        return refuted(TooFewSamples(cells + 1, reason).to_dict())
+    if (cells + 1) * gains.p < unknown or cells < _FEWEST_CELLS:
+        return undecided(
             f"{cells + 1} samples in a window are too few to be certain: {unknown} numbers are "
             f"unknown, and {_FEWEST_CELLS + 1} samples are asked for at least (fewer do where the "
             "state is known from before, which nothing here proves); choose operator 'samples' "
             "(with output.noise_std), or a longer window",
             samples=cells + 1,
         )
-    elif rational(window) + 2 * rational(period) > rational(shortest):
-        verdict = undecided(
+    if rational(window) + 2 * rational(period) > rational(shortest):
+        return undecided(
             f"the window {window!r} and two periods of {period!r} exceed the shortest dwell time "
             f"{shortest!r}: the sample that ends a window may show the next impulse, which may be "
             "past its peak when its search begins; choose a shorter window",
             samples=cells + 1,
         )
-    else:
-        fast = _too_fast(D, gains)
-        verdict = _rank(A, C, period, cells) if fast is None else fast
-    verdict = replace(verdict, evidence={**verdict.evidence, **_speeds(D, gains)})
-    return Claim("samples", statement, SOURCE, verdict.outcome, verdict.evidence)
+    fast = _too_fast(D, gains, period)
+    return _rank(exact(gains.A), exact(gains.C), period, cells) if fast is None else fast
 
 
-def _speeds(D: Any, gains: Mapping[str, Any]) -> dict[str, float]:
-    """The fastest mode of A - K C and the largest exponent, times the period; floats."""
-    period, modes = float(gains["period"]), np.linalg.eigvals(to_float(D))
-    exponents = np.asarray(gains["exponents"], float)
-    return {
-        "approx_mode_times_period": float(np.abs(modes).max()) * period,
-        "approx_exponent_times_period": float(np.abs(exponents).max()) * period,
-    }
+def _speeds(D: Any, exponents: Array, period: float) -> SpeedsPerPeriod:
+    modes = np.linalg.eigvals(to_float(D))
+    return SpeedsPerPeriod(
+        mode=float(np.abs(modes).max()) * period,
+        exponent=float(np.abs(exponents).max()) * period,
+    )
 
 
-def _too_fast(D: Any, gains: Mapping[str, Any]) -> Verdict | None:
+def _too_fast(D: Any, gains: IntegralGains, period: float) -> Verdict | None:
     """Undecided where integrals of samples cannot follow, with a period that would do; or None."""
-    period, window = float(gains["period"]), float(gains["window"])
+    window, exponents = gains.window, gains.exponents
     # every mode decays by more than LONG time constants within the window
-    faster = D + exact(np.eye(len(D))) * (rational(equations.LONG) / rational(window))
+    faster = D + exact(np.eye(len(D))) * (
+        rational(equations.LONG_TIME_CONSTANTS) / rational(window)
+    )
     long = prove_hurwitz(faster).outcome == "proved"
     limit = equations.fastest_limit(long)
-    speeds, reasons = _speeds(D, gains), []
+    speeds, reasons = _speeds(D, exponents, period), []
     if not exactly_schur(D * (rational(period) / rational(limit))):
-        which = f" in a window of more than {equations.LONG:g} time constants" if long else ""
+        which = (
+            f" in a window of more than {equations.LONG_TIME_CONSTANTS:g} time constants"
+            if long
+            else ""
+        )
         reasons.append(
             f"the fastest mode of A - K C times the period is "
-            f"{speeds['approx_mode_times_period']:.3g}, not below {limit:g}{which}"
+            f"{speeds.mode:.3g}, not below {limit:g}{which}"
         )
-    steepest = speeds["approx_exponent_times_period"]
-    if steepest > equations.STEEPEST:
+    if speeds.exponent > equations.MAX_EXPONENT_PERIOD:
         reasons.append(
-            f"the largest exponent times the period is {steepest:.3g}, above {equations.STEEPEST:g}"
+            f"the largest exponent times the period is {speeds.exponent:.3g}, above "
+            f"{equations.MAX_EXPONENT_PERIOD:g}"
         )
     if not reasons:
         return None
-    exponents = np.asarray(gains["exponents"], float)
     enough = equations.rounded_down(equations.longest_period(to_float(D), exponents, window))
     return undecided(
         f"{'; '.join(reasons)}: integrals of samples may miss impulses. An output.period of at "
@@ -146,18 +176,20 @@ def _rank(A: Any, C: Any, period: float, cells: int, first: int = 0) -> Verdict:
     Samples `first` .. `cells` of a window; where some do not do, nothing follows for all.
     """
     every = cells // min(cells, _MOST_ROWS)
-    found = _rank_of(A, C, period * every, first, min(cells, _MOST_ROWS))
-    if found.outcome != "proved" and every * _MOST_ROWS < cells:  # they end before the window does
+    verdict = _rank_of(A, C, period * every, first, min(cells, _MOST_ROWS))
+    if (
+        verdict.outcome != "proved" and every * _MOST_ROWS < cells
+    ):  # they end before the window does
         every += 1
         wider = _rank_of(A, C, period * every, first, cells // every)
-        found = wider if wider.outcome == "proved" else found
+        verdict = wider if wider.outcome == "proved" else verdict
     count = min(cells, _MOST_ROWS)
-    if found.outcome == "refuted" and count < cells:
+    if verdict.outcome == "refuted" and count < cells:
         return undecided(
             f"{count} of the {cells} samples of a window do not determine the state: change the "
             "window or the period"
         )
-    return found
+    return verdict
 
 
 def _rank_of(A: Any, C: Any, step: float, first: int, count: int) -> Verdict:
@@ -175,12 +207,12 @@ def _sampled_rows(
     def rows() -> list[list[Any]]:
         forward = exp_times(A, step)
         at = ball(C)
-        found: list[list[Any]] = []
+        table: list[list[Any]] = []
         for k in range(count + 1):
             if k >= first:
-                found += at.tolist()
+                table += at.tolist()
             at = at * forward
-        return found
+        return table
 
     return rows
 

@@ -9,6 +9,7 @@ answer is an accident that no box can prove; then nothing is found here.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -17,59 +18,79 @@ from lmi.arithmetic.balls import around_zero, ball, exp_around, exp_times, numbe
 from lmi.arithmetic.exponential import expm
 from lmi.prove import exponential_sign as signs
 from lmi.verdict import Verdict, refuted
+from obsdesign.verification.impulsive_input.witnesses import EqualFeatures
 
 _STARTS = 12  # of Newton's method, for three features
 _STEPS = 30
-_APART = 1e-3  # of the window: ages closer than this are one
+_LEAST_AGE_DIFFERENCE = 1e-3  # of the window: ages closer than this are one
 _RADII = (1e-8, 1e-10, 1e-6)  # of the window: boxes of ages that are tried
 
 
-def second_solution(
-    F: Any, z: Any, n: int, b: Any, window: float, margin: float, nonnegative: bool = False
-) -> Verdict | None:
-    """Refuted, or None. F, z: exact, [v; b](s) = e^{F s} z, v (n,); b (k, r): on a grid, floats.
+@dataclass(frozen=True, kw_only=True)
+class FeatureCurve:
+    """Features b(s) of an impulse of weight 1 by its age s in [margin, tau].
 
-    nonnegative: weights of opposite sign are no second answer.
+    F, z: exact, [v; b](s) = e^{F s} z, v (n,); b (k, r): on a grid of ages, floats; nonnegative:
+    weights of opposite sign are no second answer.
     """
-    if b.shape[1] == 2:
-        return _crossing_anywhere(F, z, n, b, window, margin, nonnegative)
-    if b.shape[1] == 3:
-        for ages in _meetings(F, z, n, b, window, margin):
-            found = _certain_meeting(F, z, n, ages, (margin, window), nonnegative)
-            if found is not None:
-                return found
+
+    F: Any
+    z: Any
+    n: int
+    b: Any
+    margin: float
+    tau: float
+    nonnegative: bool = False
+
+    def value(self, age: float) -> Any:
+        """Balls of b at an age, (r,)."""
+        return signs.value(self.F, self.z, age)[self.n :]
+
+    def enclosure(self, age: float, around: Any = None) -> tuple[Any, Any]:
+        """Balls of b and its rate at an age, or on e^{F u} of `around` it."""
+        state = exp_times(self.F, age) * ball(self.z)
+        state = state if around is None else around * state
+        return _entries(state, self.n), _entries(ball(self.F) * state, self.n)
+
+
+def second_solution(curve: FeatureCurve) -> Verdict | None:
+    """Refuted with two ages whose features are parallel, or None."""
+    if curve.b.shape[1] == 2:
+        return _crossing_anywhere(curve)
+    if curve.b.shape[1] == 3:
+        for ages in _meetings(curve):
+            verdict = _certain_meeting(curve, ages)
+            if verdict is not None:
+                return verdict
     return None
 
 
 # --- two features ---------------------------------------------------------------------------------
 
 
-def _crossing_anywhere(
-    F: Any, z: Any, n: int, b: Any, window: float, margin: float, nonnegative: bool
-) -> Verdict | None:
+def _crossing_anywhere(curve: FeatureCurve) -> Verdict | None:
     """Two features: ages s1 < s2 with b(s1), b(s2) parallel, between two certain signs."""
-    ages = np.linspace(margin, window, len(b))
+    b = curve.b
+    ages = np.linspace(curve.margin, curve.tau, len(b))
     for k in range(0, len(b) - 8, 4):
         cross = b[k, 0] * b[:, 1] - b[k, 1] * b[:, 0]
         far = np.arange(k + 4, len(b) - 1)
         changes = far[cross[far] * cross[far + 1] < 0]
-        if nonnegative:
+        if curve.nonnegative:
             changes = changes[b[changes] @ b[k] > 0]
         for j in changes[:1]:
-            brackets = float(ages[k]), float(ages[j]), float(ages[j + 1])
-            found = _crossing(F, z, n, *brackets, nonnegative)
-            if found is not None:
-                return found
+            verdict = _crossing(curve, float(ages[k]), float(ages[j]), float(ages[j + 1]))
+            if verdict is not None:
+                return verdict
     return None
 
 
-def _crossing(
-    F: Any, z: Any, n: int, s1: float, low: float, high: float, nonnegative: bool
-) -> Verdict | None:
-    first = signs.value(F, z, s1)[n:]
+def _crossing(curve: FeatureCurve, s1: float, low: float, high: float) -> Verdict | None:
+    """Refuted where b(s1) is certainly parallel to b at an age in [low, high]; else None."""
+    first = curve.value(s1)
 
     def cross(s: float) -> Any:
-        there = signs.value(F, z, s)[n:]
+        there = curve.value(s)
         return first[0] * there[1] - first[1] * there[0]
 
     ends = cross(low), cross(high)
@@ -85,30 +106,29 @@ def _crossing(
             low = middle
         else:
             high = middle
-    there = signs.value(F, z, high)[n:]
+    there = curve.value(high)
     index = 0 if abs(float(there[0].mid())) > abs(float(there[1].mid())) else 1
     slope = number(high - low)
     if not (there[index] > slope or there[index] < -slope):
         return None
-    if nonnegative and not first[index] / there[index] > 0:
+    if curve.nonnegative and not first[index] / there[index] > 0:
         return None
     weight = float((first[index] / there[index]).mid())
     reason = (
         f"an impulse of age {s1:.9g} and weight 1 and one of age {high:.9g} and weight "
         f"{weight:.9g} leave the same two features; give more exponents"
     )
-    return refuted({"ages": [s1, [low, high]], "weights": [1.0, weight], "reason": reason})
+    return refuted(EqualFeatures([s1, [low, high]], [1.0, weight], reason).to_dict())
 
 
 # --- three features -------------------------------------------------------------------------------
 
 
-def _meetings(
-    F: Any, z: Any, n: int, b: Any, window: float, margin: float
-) -> Iterator[tuple[float, float]]:
+def _meetings(curve: FeatureCurve) -> Iterator[tuple[float, float]]:
     """Pairs of ages with parallel features: Newton's method in floats from the best of a grid."""
-    F_float, start = to_float(F), to_float(z)[:, 0]
-    ages, size = np.linspace(margin, window, len(b)), np.linalg.norm(b, axis=1)
+    F, start, b = to_float(curve.F), to_float(curve.z)[:, 0], curve.b
+    margin, tau = curve.margin, curve.tau
+    ages, size = np.linspace(margin, tau, len(b)), np.linalg.norm(b, axis=1)
     unit = b / np.where(size > 0, size, 1.0)[:, None]
     # the sine of the angle, over the way between: near the diagonal it does not vanish
     apart = np.abs(ages[:, None] - ages[None, :]) + np.eye(len(ages))
@@ -122,20 +142,20 @@ def _meetings(
     for k in order:
         pair = np.array([ages[rows[k] + 1], ages[columns[k] + 1]])
         for _ in range(_STEPS):
-            values, slopes = _minors(*(_followed(F_float, start, n, s) for s in pair))
+            values, slopes = _minors(*(_followed(F, start, curve.n, s) for s in pair))
             try:
                 move = np.linalg.solve(slopes, values)
             except np.linalg.LinAlgError:
                 break
             pair = pair - move
-            if not (margin <= pair.min() and pair.max() <= window):
+            if not (margin <= pair.min() and pair.max() <= tau):
                 break
-            if np.abs(move).max() < 1e-13 * window:
+            if np.abs(move).max() < 1e-13 * tau:
                 break
         else:
             continue
-        inside = margin < pair.min() and pair.max() < window
-        if inside and abs(pair[1] - pair[0]) > _APART * window:
+        inside = margin < pair.min() and pair.max() < tau
+        if inside and abs(pair[1] - pair[0]) > _LEAST_AGE_DIFFERENCE * tau:
             yield float(pair.min()), float(pair.max())
 
 
@@ -164,44 +184,34 @@ def _largest(values: Any) -> int:
     return int(np.argmax([abs(float(value)) for value in values]))
 
 
-def _certain_meeting(
-    F: Any, z: Any, n: int, ages: tuple[float, float], limits: tuple[float, float],
-    nonnegative: bool,
-) -> Verdict | None:  # fmt: skip
+def _certain_meeting(curve: FeatureCurve, ages: tuple[float, float]) -> Verdict | None:
     """Krawczyk: m - Y f(m) + (1 - Y f'(X)) (X - m) lies inside X, so that X holds a zero."""
-    rates = ball(F)
-    there = []
-    for age in ages:
-        at = exp_times(F, age) * ball(z)
-        there.append((_entries(at, n), _entries(rates * at, n)))
+    there = [curve.enclosure(age) for age in ages]
     values, slopes = _minors(*there)
     back = np.linalg.inv(np.array([[float(x.mid()) for x in row] for row in slopes]))
     for part in _RADII:
-        radius = part * limits[1]
-        if min(ages) - radius < limits[0] or max(ages) + radius > limits[1]:
+        radius = part * curve.tau
+        if min(ages) - radius < curve.margin or max(ages) + radius > curve.tau:
             continue
-        around = exp_around(F, radius)
-        boxes = []
-        for age in ages:
-            at = around * (exp_times(F, age) * ball(z))
-            boxes.append((_entries(at, n), _entries(rates * at, n)))
+        around = exp_around(curve.F, radius)
+        boxes = [curve.enclosure(age, around) for age in ages]
         if _largest(boxes[0][0]) != _largest(there[0][0]):
             continue
         spread = _minors(*boxes)[1]
         if all(_stays(back[i], values, spread, i, radius) for i in range(2)):
-            return _witness(boxes, ages, radius, nonnegative)
+            return _witness(boxes, ages, radius, curve.nonnegative)
     return None
 
 
 def _stays(row: Any, values: Any, slopes: Any, i: int, radius: float) -> bool:
     """One coordinate of Krawczyk's operator stays inside the box."""
     r, Y = number(radius), [number(float(y)) for y in row]
-    moved = -(Y[0] * values[0] + Y[1] * values[1])
+    image = -(Y[0] * values[0] + Y[1] * values[1])
     for j in range(2):
-        rest = Y[0] * slopes[0][j] + Y[1] * slopes[1][j]
-        rest = number(float(i == j)) - rest
-        moved = moved + rest * around_zero(r)
-    return bool(abs(moved) < r)
+        entry = Y[0] * slopes[0][j] + Y[1] * slopes[1][j]
+        entry = number(float(i == j)) - entry
+        image = image + entry * around_zero(r)
+    return bool(abs(image) < r)
 
 
 def _witness(
@@ -219,7 +229,7 @@ def _witness(
         f"{weight:.9g} leave the same three features; give more exponents"
     )
     brackets = [[age - radius, age + radius] for age in ages]
-    return refuted({"ages": brackets, "weights": [1.0, weight], "reason": reason})
+    return refuted(EqualFeatures(brackets, [1.0, weight], reason).to_dict())
 
 
 def _entries(column: Any, n: int) -> list[Any]:

@@ -1,7 +1,9 @@
-"""Claims about the window and the features of an observer for impulsive inputs, one by one."""
+"""Claims about the window and the features of an observer of unknown impulses."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -22,12 +24,14 @@ from lmi.prove import exponential_sign as signs
 from lmi.prove.hurwitz import prove_hurwitz
 from lmi.verdict import Verdict, proved, refuted, undecided
 from obsdesign.document import Claim
+from obsdesign.equations.impulsive_input.features import FeatureWindow
+from obsdesign.verification.impulsive_input.witnesses import TooFewFeatures
 
 PAPER = "Mattsson, Medvedev, ECC 2013"
 
 
 def observable(A: Any, C: Any) -> Claim:
-    """(A, C) is observable, exactly; the witness is a direction that no output ever sees."""
+    """(A, C) is observable, exactly; the witness is an unobservable direction."""
     rows = [C]
     for _ in range(len(A) - 1):
         rows.append(rows[-1] @ A)
@@ -69,7 +73,7 @@ def enough_exponents(D: Any, C: Any, exponents: list[float]) -> Claim:
     verdict = proved(features=count, states=n)
     if count < n:
         reason = f"{count} features (exponents times outputs) cannot show {n} states"
-        verdict = refuted({"features": count, "states": n, "reason": reason})
+        verdict = refuted(TooFewFeatures(count, n, reason).to_dict())
     else:
         polynomial = characteristic_polynomial(D)
         for lam in exponents:
@@ -84,46 +88,44 @@ def enough_exponents(D: Any, C: Any, exponents: list[float]) -> Claim:
     return claim_of("exponents", statement, f"{PAPER}, (12)", verdict)
 
 
-def ratio(
-    D: Any, C: Any, H: Any, exponents: list[float], window: float, margin: float, asked: float
-) -> Claim:
+def ratio(window: FeatureWindow, bound: float) -> Claim:
     """|E_i| <= ratio |b_i| for every feature, direction and age in [margin, window] (Prop. 3.2).
 
     f = ratio b_i +- E_i is one entry of [z; f]' = [D z; lambda f + C z] by the age s, with
     z = ratio e^{D s} H -+ e^{lambda tau} e^{D (s - tau)} H; it must keep the sign of b_i.
     """
     statement = (
-        f"what (15) neglects of an impulse is at most {asked!r} of its feature, for every feature "
-        f"and every age in [{margin!r}, {window!r}]"
+        f"what (15) neglects of an impulse is at most {bound!r} of its feature, for every feature "
+        f"and every age in [{window.margin!r}, {window.tau!r}]"
     )
-    verdict = proved(ratio=asked)
     try:
-        for j in range(len(C)):
-            for k in range(H.shape[1]):
-                for lam in exponents:
-                    found = _ratio(D, C[j : j + 1], H[:, k : k + 1], lam, window, margin, asked)
-                    if found is not None:
-                        verdict = found
-                        raise StopIteration
-    except StopIteration:
-        pass
+        obstacles = (
+            _obstacle(part, lam, bound) for part in _parts(window) for lam in part.exponents
+        )
+        verdict = next((each for each in obstacles if each is not None), proved(ratio=bound))
     except ValueError as error:
         verdict = undecided(str(error))
     return claim_of("ratio", statement, f"{PAPER}, Proposition 3.2", verdict)
 
 
-def _ratio(
-    D: Any, c: Any, h: Any, lam: float, window: float, margin: float, asked: float
-) -> Verdict | None:
-    """None: proved for one feature; else why not."""
+def _parts(window: FeatureWindow) -> Iterator[FeatureWindow]:
+    """Yield the window of each output and direction by itself."""
+    for j in range(len(window.C)):
+        for k in range(window.H.shape[1]):
+            yield replace(window, C=window.C[j : j + 1], H=window.H[:, k : k + 1])
+
+
+def _obstacle(part: FeatureWindow, lam: float, bound: float) -> Verdict | None:
+    """Verdict for one feature that is not proved to keep the ratio; None where it is."""
+    D, c, h, tau, margin = part.D, part.C, part.H, part.tau, part.margin
     n = len(D)
     F = np.vstack([np.hstack([D, exact(np.zeros((n, 1)))]), np.hstack([c, exact([[lam]])])])
-    rest = np.vstack([h, exact([[0.0]])])
+    start = np.vstack([h, exact([[0.0]])])
     with precision(PRECISIONS[-1]):
-        at_margin = exp_times(F, margin) * ball(rest)  # [e^{D eps} h; b(eps)]
-        far = exp_times(D, margin - window) * ball(h)  # e^{D (eps - tau)} h
-        growth = (number(lam) * number(window)).exp()
-        left = _inner(D, c, h, lam, window - margin)
+        at_margin = exp_times(F, margin) * ball(start)  # [e^{D eps} h; b(eps)]
+        far = exp_times(D, margin - tau) * ball(h)  # e^{D (eps - tau)} h
+        growth = (number(lam) * number(tau)).exp()
+        left = _inner(D, c, h, lam, tau - margin)
         # E(eps) = e^{lam eps} c int_0^{tau - eps} e^{(lam - D) u} du h
         E = left * (number(lam) * number(margin)).exp()
         b = at_margin.tolist()[n][0]
@@ -133,16 +135,16 @@ def _ratio(
         state = [row[0] for row in at_margin.tolist()[:n]]
         back = [row[0] for row in far.tolist()]
         for side in (1, -1):
-            z = [number(asked) * x - side * growth * y for x, y in zip(state, back, strict=True)]
-            f = number(asked) * b + side * E
-            cover = signs.boxes(F, ball_column([*z, f]), 0.0, window - margin, [n])
-            found, place = signs.one_sign(cover, lambda box: box.rows[0], sign)
-            if found is True:
+            z = [number(bound) * x - side * growth * y for x, y in zip(state, back, strict=True)]
+            f = number(bound) * b + side * E
+            cover = signs.boxes(F, ball_column([*z, f]), 0.0, tau - margin, [n])
+            holds, place = signs.one_sign(cover, lambda box: box.rows[0], sign)
+            if holds is True:
                 continue
             age = margin + place
-            if found is False:
+            if holds is False:
                 reason = (
-                    f"exponent {lam!r}: near age {age:.6g} the neglected part exceeds {asked!r} "
+                    f"exponent {lam!r}: near age {age:.6g} the neglected part exceeds {bound!r} "
                     "of the feature (where the impulse response changes sign a feature has a zero)"
                 )
                 return refuted({"age": age, "exponent": lam, "reason": reason})

@@ -33,9 +33,9 @@ def chain_record(h: float = 0.05, until: float = 110.0) -> tuple[Any, Any]:
 
 
 def assert_found(rows: Any, train: Any, tolerance: float = 1e-6) -> None:
-    found = events_of(rows)
-    assert len(found) == len(train)
-    for event, (moment, weight) in zip(found, train, strict=True):
+    events = events_of(rows)
+    assert len(events) == len(train)
+    for event, (moment, weight) in zip(events, train, strict=True):
         assert event.t == pytest.approx(moment, abs=tolerance)
         np.testing.assert_allclose(event.weights, np.atleast_1d(weight), atol=tolerance)
 
@@ -51,7 +51,7 @@ def test_a_stream_a_batch_and_blocks_agree(noisy: bool) -> None:
     y[np.random.default_rng(4).random(len(t)) < 0.1] = np.nan
     y[[0, 1, 700, 701, 702, -1]] = np.nan
     observer = observer_of(chain(output__noise_std=[std]))
-    assert observer.gains["weighting"] == ("gls" if noisy else "plain")
+    assert observer.gains.weighting == ("gls" if noisy else "plain")
     batch = observer.run_batch(t, y, x=[4, 20, 60])
     rows = list(observer.run(observer.init(0.0, x=[4, 20, 60]), rows_of(t, y)))
     np.testing.assert_array_equal([row.t for row in rows], t)
@@ -59,8 +59,8 @@ def test_a_stream_a_batch_and_blocks_agree(noisy: bool) -> None:
     assert tuple(row.status for row in rows) == batch.status
     assert len(events_of(rows)) == len(events_of(rows_from(observer, t, y, x=[4, 20, 60]))) == 2
     missing = np.isnan(y[:, 0])
-    told = np.array(["missing sample" in row.status for row in rows])
-    np.testing.assert_array_equal(told, missing)
+    reported = np.array(["missing sample" in row.status for row in rows])
+    np.testing.assert_array_equal(reported, missing)
 
 
 def test_step_predicts_and_settles_rows_later() -> None:
@@ -107,7 +107,7 @@ def test_a_threshold_fires_instead_of_a_maximum() -> None:
     # above what the largest weight leaves at the age of the margin, below what the smallest reaches
     body = chain(observer__threshold=80.0, observer__exponents=[-0.65, -0.7, -0.75, -0.8])
     observer = observer_of(body)
-    assert observer.gains["rule"] == "threshold"
+    assert observer.gains.rule == "threshold"
     assert_found(rows_from(observer, t, x[:, 2:], x=[4, 20, 60]), TRAIN, 1e-6)
     # the twin: a threshold above every impulse finds none
     high = observer_of(chain(observer__threshold=1e6))
@@ -140,9 +140,9 @@ def test_coordinates_time_units_and_signs_do_not_matter() -> None:
         flow__A=(T @ A @ back).tolist(), jump__H=(T @ H).tolist(), output__C=(C @ back).tolist()
     )
     other = events_of(rows_from(observer_of(turned), t, x[:, 2:], x=T @ [4, 20, 60]))
-    for one, two in zip(plain, other, strict=True):
-        assert one.t == pytest.approx(two.t, abs=1e-6)
-        np.testing.assert_allclose(one.weights, two.weights, atol=1e-6)
+    for first, second in zip(plain, other, strict=True):
+        assert first.t == pytest.approx(second.t, abs=1e-6)
+        np.testing.assert_allclose(first.weights, second.weights, atol=1e-6)
     unit = 2.0**10  # seconds for minutes, as it were
     slow = chain(
         flow__A=(A / unit).tolist(),
@@ -152,11 +152,11 @@ def test_coordinates_time_units_and_signs_do_not_matter() -> None:
         observer__margin=5 * unit,
     )
     other = events_of(rows_from(observer_of(slow), t * unit, x[:, 2:], x=[4, 20, 60]))
-    for one, two in zip(plain, other, strict=True):
-        assert one.t * unit == pytest.approx(two.t, abs=1e-5 * unit)
+    for first, second in zip(plain, other, strict=True):
+        assert first.t * unit == pytest.approx(second.t, abs=1e-5 * unit)
     mirrored = events_of(rows_from(observer_of(chain()), t, -x[:, 2:], x=[-4, -20, -60]))
-    for one, two in zip(plain, mirrored, strict=True):
-        np.testing.assert_allclose(one.weights, -two.weights, atol=1e-6)
+    for first, second in zip(plain, mirrored, strict=True):
+        np.testing.assert_allclose(first.weights, -second.weights, atol=1e-6)
 
 
 @pytest.mark.parametrize("weighting", ["gls", "plain"])
@@ -193,8 +193,10 @@ def test_known_inputs_and_drift_are_accounted_for() -> None:
     first = record(
         A, CHAIN["jump"]["H"], TRAIN[:1], t[: 400 + 1], [4, 20, 60], B[:, 0] + [0, 0, 0.1]
     )
-    rest = record(A, CHAIN["jump"]["H"], TRAIN[1:], t[400:], first[-1], -2 * B[:, 0] + [0, 0, 0.1])
-    x = np.vstack([first[:-1], rest])
+    following = record(
+        A, CHAIN["jump"]["H"], TRAIN[1:], t[400:], first[-1], -2 * B[:, 0] + [0, 0, 0.1]
+    )
+    x = np.vstack([first[:-1], following])
     still = {"lower": [0, 0, 0.1], "upper": [0, 0, 0.1]}
     body = chain(flow__B=B.tolist(), flow__disturbance=still)
     rows = rows_from(observer_of(body), t, x[:, 2:], u, x=[4, 20, 60])
@@ -207,14 +209,14 @@ def test_impulses_closer_than_the_dwell_time_are_flagged_in_noise() -> None:
     body = chain(output__noise_std=[0.5], observer__state_correction=True)
     A, H = np.array(body["flow"]["A"]), body["jump"]["H"]
     noise = 0.5 * np.random.default_rng(6).standard_normal((len(t), 1))
-    seen = {}
+    statuses = {}
     for gap in (1.0, 8.0):
         x = record(A, H, ((40.0, 5.0), (40.0 + gap, 5.0)), t, [4, 20, 60])
-        found = events_of(rows_from(observer_of(body), t, x[:, 2:] + noise, x=[4, 20, 60]))
-        seen[gap] = [event.status for event in found]
-    assert any(status != "ok" for status in seen[8.0])
+        events = events_of(rows_from(observer_of(body), t, x[:, 2:] + noise, x=[4, 20, 60]))
+        statuses[gap] = [event.status for event in events]
+    assert any(status != "ok" for status in statuses[8.0])
     # one time unit apart they look like one impulse of twice the weight: no test can see that
-    assert seen[1.0] == ["ok"]
+    assert statuses[1.0] == ["ok"]
 
 
 def test_impulses_closer_than_the_dwell_time_are_flagged_without_noise() -> None:
@@ -222,10 +224,10 @@ def test_impulses_closer_than_the_dwell_time_are_flagged_without_noise() -> None
     A, H = np.array(CHAIN["flow"]["A"]), CHAIN["jump"]["H"]
     for gap, fits in ((10.0, False), (30.0, True)):
         x = record(A, H, ((30.0, 4.0), (30.0 + gap, 5.0)), t, [4, 20, 60])
-        found = observer_of(chain()).run_batch(t, x[:, 2:], x=[4, 20, 60])
-        assert all((e.status == "ok") is fits for e in found.events), gap
-        assert len(found.events) == 1 + fits
-        flagged = {s for s in found.status if "does not fit" in s}
+        batch = observer_of(chain()).run_batch(t, x[:, 2:], x=[4, 20, 60])
+        assert all((e.status == "ok") is fits for e in batch.events), gap
+        assert len(batch.events) == 1 + fits
+        flagged = {s for s in batch.status if "does not fit" in s}
         assert (flagged == set()) is fits
 
 
@@ -272,9 +274,9 @@ def test_what_is_left_open_suits_the_plant(
              for k in range(1, 5)]  # fmt: skip
     x = record(np.array(A), H, train, t, np.zeros(len(A)))
     y = x @ np.array(C).T + std * rng.standard_normal((len(t), len(C)))
-    found = observer_of(body).run_batch(t, y).events
-    assert [e.status for e in found] == ["ok"] * len(train)
-    for event, (moment, weights) in zip(found, train, strict=True):
+    events = observer_of(body).run_batch(t, y).events
+    assert [e.status for e in events] == ["ok"] * len(train)
+    for event, (moment, weights) in zip(events, train, strict=True):
         assert event.t_std < 0.05 * dwell
         assert abs(event.t - moment) < 5 * event.t_std
         assert (np.abs(event.weights - weights) < 5 * event.weights_std + 0.02).all()
@@ -282,15 +284,15 @@ def test_what_is_left_open_suits_the_plant(
 
 def test_where_samples_cannot_show_the_onset_it_is_said() -> None:
     assert outcome(1000)[0] == HIDDEN
-    one = {"flow": {"A": [[-1, 0], [0, -2]]}, "jump": {"H": [[1], [1]], "dwell_time": [3, "inf"]},
+    body = {"flow": {"A": [[-1, 0], [0, -2]]}, "jump": {"H": [[1], [1]], "dwell_time": [3, "inf"]},
            "output": {"C": [[1, 1]], "measured": "periodic", "period": 0.01},
            "observer": {"kind": "impulsive_input"}}  # fmt: skip
-    told = "samples show only between which two of them it came"
-    for H, said in (([[1], [1]], False), ([[1], [0]], True), ([[1, 0], [0, 1]], True)):
-        one["jump"]["H"] = H
-        design = obsdesign.investigate(obsdesign.Problem.from_dict(one)).design
+    sentence = "samples show only between which two of them it came"
+    for H, expected in (([[1], [1]], False), ([[1], [0]], True), ([[1, 0], [0, 1]], True)):
+        body["jump"]["H"] = H
+        design = obsdesign.investigate(obsdesign.Problem.from_dict(body)).design
         assert design is not None
-        assert (told in design.guarantees[0]["statement"]) is said
+        assert (sentence in design.guarantees[0]["statement"]) is expected
 
 
 # --- claims and refusals ------------------------------------------------------------------------------
@@ -314,8 +316,8 @@ def test_a_design_is_proved_again_and_survives_its_file(tmp_path: Any) -> None:
         again = obsdesign.load_design(tmp_path / "design.json")
         assert obsdesign.verify(again).verdict == "proved"
         t, x = chain_record(until=50.0)
-        one, two = (from_design(d).run_batch(t, x[:, 2:]).x for d in (design, again))
-        np.testing.assert_array_equal(one, two)
+        first, second = (from_design(d).run_batch(t, x[:, 2:]).x for d in (design, again))
+        np.testing.assert_array_equal(first, second)
 
 
 @pytest.mark.parametrize(
@@ -396,8 +398,8 @@ def test_the_first_covariance_does_not_matter_much() -> None:
     y = x[:, 2:] + np.random.default_rng(8).normal(0, 0.5, (len(t), 1))
     observer = observer_of(chain(output__noise_std=[0.5]))
     for P in (None, np.diag([9.0, 100, 100])):
-        found = events_of(rows_from(observer, t, y, x=[7, 30, 70], covariance=P))
-        assert len(found) == 3
-        for event, (moment, _) in zip(found, TRAIN, strict=True):
+        events = events_of(rows_from(observer, t, y, x=[7, 30, 70], covariance=P))
+        assert len(events) == 3
+        for event, (moment, _) in zip(events, TRAIN, strict=True):
             assert abs(event.t - moment) < 5 * event.t_std
             assert math.isfinite(event.t_std)

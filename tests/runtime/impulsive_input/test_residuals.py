@@ -40,17 +40,19 @@ def scores(body: Any, wrong: Any, seed: int, spike: float = 0.0) -> tuple[Any, l
     y = y + sizes * rng.standard_normal(y.shape)
     y[int(np.searchsorted(t, moments[2])) - 2] += spike
     events = observer_of(body).run_batch(t, y, x=np.zeros(len(A))).events
-    found = [min(events, key=lambda e, m=m: abs(e.t - m)) for m, _ in train]
-    errors = [(e.weights[0] - g) / e.weights_std[0] for e, (_, g) in zip(found, train, strict=True)]
-    return np.array(errors), [e.status for e in found]
+    nearest = [min(events, key=lambda e, m=m: abs(e.t - m)) for m, _ in train]
+    errors = [
+        (e.weights[0] - g) / e.weights_std[0] for e, (_, g) in zip(nearest, train, strict=True)
+    ]
+    return np.array(errors), [e.status for e in nearest]
 
 
 @pytest.fixture
 def precise(body: dict[str, Any]) -> dict[str, Any]:
     """The hormone with an assay so good that a wrong half-life shows."""
-    found = copy.deepcopy(body)
-    found["output"]["noise_cv"] = [0.01]
-    return found
+    proportional = copy.deepcopy(body)
+    proportional["output"]["noise_cv"] = [0.01]
+    return proportional
 
 
 def wrong_by(body: Any, part: float, entry: tuple[int, int]) -> Any:
@@ -122,8 +124,8 @@ def test_gls_corrects_the_state_unless_asked_not_to() -> None:
     # a design of before, which stored false, is still one; one that differs from its file is not
     before = replace(design, gains={**design.gains, "state_correction": False})
     assert obsdesign.verify(before).verdict == "proved"
-    asked = designed(noisy(state_correction=True))
-    other = replace(asked, gains={**asked.gains, "state_correction": False})
+    requested = designed(noisy(state_correction=True))
+    other = replace(requested, gains={**requested.gains, "state_correction": False})
     assert obsdesign.verify(other).verdict == "refuted"
 
 
@@ -153,8 +155,8 @@ def test_initial_deviations_are_the_first_covariance(operator: str) -> None:
     np.testing.assert_array_equal(once.x, plain.run_batch(t, y, covariance=np.diag(std) ** 2).x)
     assert not np.array_equal(once.x, plain.run_batch(t, y).x)  # the twin: from the data
     flow = expm(A * float(t[5]))
-    moved = plain.run_batch(t[5:], y[5:], covariance=flow @ np.diag(std) ** 2 @ flow.T)
-    np.testing.assert_allclose(once.x[5:], moved.x, rtol=1e-6, atol=1e-6)
+    shifted = plain.run_batch(t[5:], y[5:], covariance=flow @ np.diag(std) ** 2 @ flow.T)
+    np.testing.assert_allclose(once.x[5:], shifted.x, rtol=1e-6, atol=1e-6)
 
 
 def test_a_known_state_is_not_taken_for_an_impulse() -> None:
@@ -163,13 +165,13 @@ def test_a_known_state_is_not_taken_for_an_impulse() -> None:
     A, H = np.array(CHAIN["flow"]["A"]), CHAIN["jump"]["H"]
     rng, start = np.random.default_rng(7), np.array([0.0, 0.0, 0.0])
     y = record(A, H, ((30.0, 4.0),), t, start)[:, 2:] + 0.3 * rng.standard_normal((len(t), 1))
-    found = from_design(designed(noisy(initial_std=[1e-3] * 3))).run_batch(t, y)
-    (event,) = found.events
+    batch = from_design(designed(noisy(initial_std=[1e-3] * 3))).run_batch(t, y)
+    (event,) = batch.events
     assert event.t == pytest.approx(30.0, abs=4 * event.t_std)
     data = from_design(designed(noisy())).run_batch(t, y)
     inside = (t > 5) & (t < 29)
     truth = record(A, H, ((30.0, 4.0),), t, start)
-    assert np.abs(found.x - truth)[inside].mean() <= np.abs(data.x - truth)[inside].mean()
+    assert np.abs(batch.x - truth)[inside].mean() <= np.abs(data.x - truth)[inside].mean()
 
 
 @pytest.mark.parametrize(

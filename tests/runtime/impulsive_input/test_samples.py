@@ -13,7 +13,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import obsdesign
-from lmi.arithmetic.balls import exact
 from lmi.arithmetic.exponential import expm
 from obsdesign.runtime import from_design
 from obsdesign.runtime.base import rows_of
@@ -32,7 +31,7 @@ SIX = [
 PRIOR = {"x": [0, 2.4], "covariance": np.diag([0.25, 1.0])}
 
 
-def found_in(observer: Any, t: Any, y: Any, **initial: Any) -> list[Any]:
+def events_in(observer: Any, t: Any, y: Any, **initial: Any) -> list[Any]:
     return events_of(list(observer.run(observer.init(float(t[0]), **initial), rows_of(t, y))))
 
 
@@ -40,13 +39,13 @@ def test_six_impulses_in_the_hormone_record(observer: Any) -> None:
     # with a prior deviation of 3 for weights, to every digit; by default there is none
     for width, tolerance in ((3.0, (0.02, 0.01, 0.002, 0.001)), (np.inf, (0.1, 0.05, 0.02, 0.01))):
         engine = replace(observer.engine, model=replace(observer.engine.model, weight_std=width))
-        found = found_in(replace(observer, engine=engine), DATA[:, 0], DATA[:, 1:], **PRIOR)
-        for event, numbers in zip(found, SIX, strict=True):
-            told = (event.t, event.t_std, event.weights[0], event.weights_std[0])
-            for one, other, allowed in zip(told, numbers, tolerance, strict=True):
-                assert one == pytest.approx(other, abs=allowed)
-        assert [event.status for event in found[:5]] == ["ok"] * 5
-        assert found[5].status == "provisional: the record ends inside its window"
+        events = events_in(replace(observer, engine=engine), DATA[:, 0], DATA[:, 1:], **PRIOR)
+        for event, numbers in zip(events, SIX, strict=True):
+            numbers_of_event = (event.t, event.t_std, event.weights[0], event.weights_std[0])
+            for value, other, allowed in zip(numbers_of_event, numbers, tolerance, strict=True):
+                assert value == pytest.approx(other, abs=allowed)
+        assert [event.status for event in events[:5]] == ["ok"] * 5
+        assert events[5].status == "provisional: the record ends inside its window"
 
 
 @pytest.mark.parametrize("size", [1e30, 1e60, 1e99])
@@ -92,8 +91,8 @@ def test_a_covariance_that_is_none_is_refused(observer: Any, covariance: Any) ->
 
 
 def test_the_first_covariance_hardly_matters(observer: Any) -> None:
-    found = found_in(observer, DATA[:, 0], DATA[:, 1:])
-    for event, numbers in zip(found, SIX, strict=True):
+    events = events_in(observer, DATA[:, 0], DATA[:, 1:])
+    for event, numbers in zip(events, SIX, strict=True):
         assert event.t == pytest.approx(numbers[0], abs=0.7)
         assert event.weights[0] == pytest.approx(numbers[2], abs=0.05)
 
@@ -117,7 +116,7 @@ def test_an_onset_between_samples_is_exact_without_noise(
     t = 10.0 * np.arange(30)
     drift = np.array(quiet["flow"]["disturbance"]["lower"])
     x = record(quiet["flow"]["A"], quiet["jump"]["H"], [(onset, 1.8)], t, [0.1, 1.5], drift)
-    (event,) = found_in(observer, t, x[:, 1:], x=[0.1, 1.5], covariance=1e-8 * np.eye(2))
+    (event,) = events_in(observer, t, x[:, 1:], x=[0.1, 1.5], covariance=1e-8 * np.eye(2))
     assert event.t == pytest.approx(onset, abs=5 * event.t_std + 1e-6)
     assert event.t_std < 0.02
     assert event.weights[0] == pytest.approx(1.8, rel=0.01)
@@ -134,8 +133,8 @@ def test_unit_vectors_of_the_response(body: dict[str, Any]) -> None:
 def test_a_missing_sample_costs_little(observer: Any) -> None:
     y = DATA[:, 1:].copy()
     y[20] = np.nan
-    found = found_in(observer, DATA[:, 0], y, **PRIOR)
-    assert len(found) == 6
+    events = events_in(observer, DATA[:, 0], y, **PRIOR)
+    assert len(events) == 6
     rows = list(observer.run(observer.init(0.0, **PRIOR), rows_of(DATA[:, 0], y)))
     assert rows[20].status == "missing sample"
 
@@ -155,12 +154,12 @@ def test_the_operator_is_chosen_by_the_sampling(body: dict[str, Any]) -> None:
 
 
 def test_one_compartment_cannot_tell_the_onset(body: dict[str, Any]) -> None:
-    one = {
+    body = {
         "flow": {"A": [[-0.0139]]}, "jump": {"H": [[1]], "dwell_time": [45, "inf"]},
         "output": {"C": [[1]], "measured": "periodic", "period": 10, "noise_cv": [0.05]},
         "observer": {"kind": "impulsive_input", "operator": "samples"},
     }  # fmt: skip
-    outcome = obsdesign.investigate(obsdesign.Problem.from_dict(one))
+    outcome = obsdesign.investigate(obsdesign.Problem.from_dict(body))
     refuted = [c for c in outcome.claims if c.verdict == "refuted"]
     assert [c.id for c in refuted] == ["uniqueness"]
     assert refuted[0].evidence["witness"]["reason"].startswith("jump.H is an eigenvector of flow.A")
@@ -200,12 +199,14 @@ def test_a_window_of_very_many_samples_is_looked_at_in_some(body: dict[str, Any]
     fine["output"]["period"] = 1e-5
     fine["observer"]["window"] = 40.0
     problem = obsdesign.Problem.from_dict(fine)
-    gains = {**next(synthesis.synthesize(problem)).gains}
-    verdicts = {c.id: c.verdict for c in verification.claims(problem, gains, {})}
+    gains = next(synthesis.synthesize(problem)).gains
+    stored = gains.to_document()
+    verdicts = {c.id: c.verdict for c in verification.claims(problem, stored, {})}
     assert set(verdicts.values()) == {"proved"}
     # the twin: what a few samples cannot show at all is not called impossible for all of them
     A, C = np.array([[0.0, np.pi], [-np.pi, 0.0]]), np.array([[1.0, 1.0]])
     H = np.array([[1.0], [2.0]])
     for window, words in ((64.0, "refuted"), (128.0, "undecided")):
-        every = sampled_claims(exact(A), exact(C), exact(H), {"period": 1.0, "window": window})
+        turning = replace(gains, A=A, C=C, H=H, period=1.0, window=window)
+        every = sampled_claims(turning)
         assert next(c for c in every if c.id == "rank").verdict == words

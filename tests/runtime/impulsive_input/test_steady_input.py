@@ -33,19 +33,24 @@ def window_of(observer: Any, seed: int, gap: bool) -> tuple[Any, Filtered, list[
     if gap:
         rows[2] = Row(rows[2].t, None, np.zeros(0), rows[2].spread)
     M = rng.standard_normal((2, 2))
-    first = Filtered.given(Row(7.0, None, np.zeros(0), np.ones(1)), rng.uniform(0, 2, 2), M)
+    first = Filtered.from_posterior(
+        Row(7.0, None, np.zeros(0), np.ones(1)), rng.uniform(0, 2, 2), M
+    )
     return observer.engine.model, first, rows
 
 
 def residuals(model: Any, first: Filtered, rows: list[Row]) -> tuple[Any, Any, Any, list[Row]]:
     """(residuals of the plant run from the start, their whole covariance, C e^{A t}, rows seen)."""
-    seen, plant = [row for row in rows if row.y is not None], model.plant
-    ages = [row.t - first.row.t for row in seen]
-    seen_of = np.vstack([plant.C @ expm(plant.A * age) for age in ages])
+    measured, plant = [row for row in rows if row.y is not None], model.plant
+    ages = [row.t - first.row.t for row in measured]
+    observed = np.vstack([plant.C @ expm(plant.A * age) for age in ages])
     forced = [plant.C @ flow_integrals(plant.A, age)[1] @ plant.drift for age in ages]
-    e = np.concatenate([row.y for row in seen]) - seen_of @ first.x - np.concatenate(forced)
-    S = np.diag(np.concatenate([row.spread**2 for row in seen])) + seen_of @ first.P @ seen_of.T
-    return e, S, seen_of, seen
+    e = np.concatenate([row.y for row in measured]) - observed @ first.x - np.concatenate(forced)
+    S = (
+        np.diag(np.concatenate([row.spread**2 for row in measured]))
+        + observed @ first.P @ observed.T
+    )
+    return e, S, observed, measured
 
 
 @pytest.mark.parametrize(("seed", "gap"), [(1, False), (2, True), (3, False), (4, True)])
@@ -55,10 +60,10 @@ def test_two_sums_of_a_cell_hold_the_likelihood_of_the_whole_window(
     model, first, rows = window_of(observer, seed, gap)
     cells = model.window(first, rows, np.inf)
     onsets = np.linspace(first.row.t, rows[4].t, 37)
-    fit = model.posterior(cells, model.at(cells, onsets))
-    e, S, seen_of, seen = residuals(model, first, rows)
+    fit = model.posterior(cells, model.grid_at(cells, onsets))
+    e, S, observed, measured = residuals(model, first, rows)
     A, C, H = model.plant.A, model.plant.C, model.plant.H
-    ages = np.array([row.t for row in seen])[None, :] - onsets[:, None]
+    ages = np.array([row.t for row in measured])[None, :] - onsets[:, None]
     h = ((C @ expm(A * np.maximum(ages, 0)[:, :, None, None]) @ H)[..., 0, 0]) * (ages >= 0)
     num, den = h @ np.linalg.solve(S, e), np.einsum("gk,gk->g", h, np.linalg.solve(S, h.T).T)
     ratio = np.maximum(num, 0) ** 2 / np.where(den > 0, den, 1)
@@ -68,7 +73,7 @@ def test_two_sums_of_a_cell_hold_the_likelihood_of_the_whole_window(
     p, g, last = fit.probability, fit.weights, rows[-1].t
     means, at = model.collapsed(fit, cells, first, rows)
     flow = expm(A * (last - first.row.t))
-    gain = np.linalg.solve(S, seen_of @ first.P).T
+    gain = np.linalg.solve(S, observed @ first.P).T
     free = flow @ first.x + flow_integrals(A, last - first.row.t)[1] @ model.plant.drift
     jumps = (expm(A * (last - onsets)[:, None, None]) @ H)[..., 0].T
     each = free[:, None] + flow @ gain @ (e[:, None] - h.T * g) + jumps * g
@@ -76,16 +81,18 @@ def test_two_sums_of_a_cell_hold_the_likelihood_of_the_whole_window(
     np.testing.assert_allclose(means[-1], at.x)
     np.testing.assert_allclose(means[0], first.x + gain @ (e - h.T @ (p * g)), rtol=1e-8)
     onto, away = jumps - flow @ gain @ h.T, each - (each @ p)[:, None]
-    P = flow @ (first.P - gain @ seen_of @ first.P) @ flow.T + (onto * p / fit.precision) @ onto.T
+    P = flow @ (first.P - gain @ observed @ first.P) @ flow.T + (onto * p / fit.precision) @ onto.T
     np.testing.assert_allclose(at.P, P + (away * p) @ away.T, rtol=1e-6, atol=1e-8)
 
 
 @pytest.mark.parametrize("seed", [5, 6])
 def test_the_best_steady_input_is_that_of_least_squares(observer: Any, seed: int) -> None:
     model, first, rows = window_of(observer, seed, seed == 6)
-    e, S, _, seen = residuals(model, first, rows)
+    e, S, _, measured = residuals(model, first, rows)
     A, C, H = model.plant.A, model.plant.C, model.plant.H
-    r = np.concatenate([C @ flow_integrals(A, row.t - first.row.t)[1] @ H[:, 0] for row in seen])
+    r = np.concatenate(
+        [C @ flow_integrals(A, row.t - first.row.t)[1] @ H[:, 0] for row in measured]
+    )
     w = (r @ np.linalg.solve(S, e)) / (r @ np.linalg.solve(S, r))
     steady = Steady.begin(first)
     for row in rows:
@@ -157,9 +164,9 @@ def test_rows_without_samples_between_change_nothing(body: dict[str, Any], obser
     fine = 2.5 * np.arange(121)
     among = np.full((121, 1), np.nan)
     among[::4] = y
-    one, other = observer.run_batch(t, y).events, observer.run_batch(fine, among).events
-    assert len(one) == len(other) == 4
-    for a, b in zip(one, other, strict=True):
+    coarse, finer = observer.run_batch(t, y).events, observer.run_batch(fine, among).events
+    assert len(coarse) == len(finer) == 4
+    for a, b in zip(coarse, finer, strict=True):
         assert b.t == pytest.approx(a.t, abs=0.5 * a.t_std)
         assert b.weights[0] == pytest.approx(a.weights[0], abs=0.5 * a.weights_std[0])
 

@@ -11,10 +11,10 @@ from scipy.linalg import expm
 
 import obsdesign
 from obsdesign.equations.estimation_error import flow_error_matrix
-from obsdesign.equations.impulsive_input.features import filtered_system
+from obsdesign.equations.impulsive_input.features import FeatureWindow, filtered_system
 from obsdesign.synthesis.impulsive_input.exponent_program import (
     peak_age,
-    second_opinion,
+    refined_exponents,
     time_deviation,
 )
 from obsdesign.synthesis.impulsive_input.exponents import slowest_exponent
@@ -27,28 +27,31 @@ TAU, MARGIN = 20.0, 5.0
 
 
 def body(**changes: Any) -> dict[str, Any]:
-    found = copy.deepcopy(CHAIN)
+    changed = copy.deepcopy(CHAIN)
     for path, value in changes.items():
         block, key = path.split("__")
-        found[block][key] = value
-    return found
+        changed[block][key] = value
+    return changed
 
 
 def investigated(**changes: Any) -> Any:
     return obsdesign.investigate(obsdesign.Problem.from_dict(body(**changes)))
 
 
+def features(exponents: Any) -> FeatureWindow:
+    return FeatureWindow(D, C, H, exponents, TAU, MARGIN)
+
+
 def deviation(exponents: Any, scale: float = 1.0) -> float:
     lams = np.asarray(exponents)
-    age = peak_age(D, C, H, lams, TAU)
-    return time_deviation(D, C, H, lams, np.array([scale]), TAU, age)
+    return time_deviation(features(lams), np.array([scale]), peak_age(features(lams)))
 
 
 def test_the_deviation_is_that_of_simulated_noise() -> None:
     h, rng = 0.01, np.random.default_rng(0)
     lams = np.array([-0.65, -0.75, -0.9])
     kernels = np.exp(lams[:, None] * h * np.arange(2000))[:, ::-1]
-    age = peak_age(D, C, H, lams, TAU)
+    age = peak_age(features(lams))
     F = filtered_system(D, C, lams)
     state = expm(F * age)[:, :3] @ H[:, 0]
     J = np.column_stack([(F @ state)[3:], state[3:]])
@@ -60,13 +63,13 @@ def test_the_deviation_is_that_of_simulated_noise() -> None:
 
 @pytest.mark.parametrize(("ratio", "wanted"), [(1e-7, 0.9956), (0.05, 0.1261), (0.2, 0.0920)])
 def test_ipopt_confirms_the_corner(ratio: float, wanted: float) -> None:
-    first = slowest_exponent(D, C, H, TAU, MARGIN, ratio)
+    first = slowest_exponent(features(np.zeros(0)), ratio)
     assert first is not None
     for count in (3, 6):
         corner = first - 0.05 * np.arange(count)
-        found, size = second_opinion(D, C, H, corner, np.ones(1), TAU, None)
-        assert found is not None
-        np.testing.assert_allclose(found, corner, atol=1e-3)
+        better, size = refined_exponents(features(corner), np.ones(1), None)
+        assert better is not None
+        np.testing.assert_allclose(better, corner, atol=1e-3)
         assert size == pytest.approx(1, abs=1e-4)
         if count == 3:  # variance 10, period 0.01, weight 5
             assert deviation(corner) * np.sqrt(0.1) / 5 == pytest.approx(wanted, abs=1e-4)
@@ -75,11 +78,11 @@ def test_ipopt_confirms_the_corner(ratio: float, wanted: float) -> None:
 def test_ipopt_improves_exponents_that_are_no_corner() -> None:
     # the twin: gaps wider than the least one
     wide = -0.6547542 * np.array([1.0, 1.6, 2.8])
-    found, size = second_opinion(D, C, H, wide, np.ones(1), TAU, None)
-    assert found is not None
+    better, size = refined_exponents(features(wide), np.ones(1), None)
+    assert better is not None
     assert size < 0.99
-    assert size == pytest.approx(deviation(found) / deviation(wide), rel=1e-9)
-    np.testing.assert_allclose(found, wide[0] * np.array([1.0, 1.6, 2.2]), atol=1e-3)
+    assert size == pytest.approx(deviation(better) / deviation(wide), rel=1e-9)
+    np.testing.assert_allclose(better, wide[0] * np.array([1.0, 1.6, 2.2]), atol=1e-3)
 
 
 def test_check_exponents_says_what_it_found() -> None:

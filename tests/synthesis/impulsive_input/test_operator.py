@@ -36,8 +36,8 @@ def turning(period: float, noise: float = 0.0, **options: Any) -> dict[str, Any]
 
 
 def outcome(body: dict[str, Any]) -> tuple[Any, Any]:
-    found = obsdesign.investigate(obsdesign.Problem.from_dict(body))
-    return found, next((claim for claim in found.claims if claim.id == "samples"), None)
+    result = obsdesign.investigate(obsdesign.Problem.from_dict(body))
+    return result, next((claim for claim in result.claims if claim.id == "samples"), None)
 
 
 def events(body: dict[str, Any], design: Any, shift: float, seed: int | None = None) -> list[Any]:
@@ -61,16 +61,16 @@ def events(body: dict[str, Any], design: Any, shift: float, seed: int | None = N
 @pytest.mark.parametrize("window", [None, 2.0, 4.0])
 def test_what_is_proved_misses_nothing(period: float, window: float | None) -> None:
     body = turning(period, operator="integral", **({} if window is None else {"window": window}))
-    found, samples = outcome(body)
+    result, samples = outcome(body)
     assert samples.verdict == ("undecided" if (period, window) == (0.15, 4.0) else "proved")
     if window is None:  # six time constants, and no longer for the sake of many samples
-        D = found.design.gains["A"] - found.design.gains["K"] @ found.design.gains["C"]
+        D = result.design.gains["A"] - result.design.gains["K"] @ result.design.gains["C"]
         slowest = -np.linalg.eigvals(D).real.max()
-        assert found.design.gains["window"] == pytest.approx(6 / slowest, rel=1e-9)
+        assert result.design.gains["window"] == pytest.approx(6 / slowest, rel=1e-9)
     if samples.verdict != "proved":
         return
     for share in (0.0003, 0.3, 0.7):
-        for event, (at, g) in zip(events(body, found.design, share * period), TRAIN, strict=True):
+        for event, (at, g) in zip(events(body, result.design, share * period), TRAIN, strict=True):
             assert event.t == pytest.approx(at + share * period, abs=1e-4)
             assert event.weights[0] == pytest.approx(g, abs=1e-4)
 
@@ -81,8 +81,8 @@ def test_samples_too_far_apart_are_undecided_with_a_period_that_does(
     period: float, given: bool
 ) -> None:
     gains = {"gains": {"K": [[7.0], [5.0]]}} if given else {"operator": "integral"}
-    found, samples = outcome(turning(period, window=2.0, **gains))
-    assert (found.verdict, samples.verdict) == ("undecided", "undecided")
+    result, samples = outcome(turning(period, window=2.0, **gains))
+    assert (result.verdict, samples.verdict) == ("undecided", "undecided")
     if "period" not in samples.evidence:  # too few samples of a window, whatever their distance
         assert period > 0.5
         return
@@ -100,8 +100,8 @@ def test_the_refusal_without_noise_names_a_period_and_no_gain() -> None:
     assert "the fastest mode of A - K C times the period is 0.94" in text
     assert "gains.K" not in text
     enough = float(re.findall(r"output.period of at most ([0-9.]+)\.", text)[0])
-    found, _ = outcome(turning(enough))
-    assert (found.verdict, found.design.gains["operator"]) == ("proved", "integral")
+    result, _ = outcome(turning(enough))
+    assert (result.verdict, result.design.gains["operator"]) == ("proved", "integral")
 
 
 def test_the_longest_period_scales_with_time_and_not_with_coordinates() -> None:
@@ -119,22 +119,29 @@ def test_the_longest_period_scales_with_time_and_not_with_coordinates() -> None:
 
 
 def test_what_is_given_speaks_of_integrals_and_not_of_samples() -> None:
-    told = outcome(turning(0.1))[0].design.guarantees
-    assert told[0]["given"]
-    assert "with the integrals of y known exactly (y measured continuously)" in told[0]["statement"]
-    (left,) = [one for one in told if one["claims"] == ["samples"]]
+    sentences = outcome(turning(0.1))[0].design.guarantees
+    assert sentences[0]["given"]
+    assert (
+        "with the integrals of y known exactly (y measured continuously)"
+        in sentences[0]["statement"]
+    )
+    (left,) = [sentence for sentence in sentences if sentence["claims"] == ["samples"]]
     assert not left["given"]
     assert "samples 0.1 apart reproduce these integrals is not claimed" in left["statement"]
     assert "A - K C times the period is 0.376" in left["statement"]
     # the twins: nothing is sampled, or the samples themselves are the features
     body = turning(0.1, noise=0.01)
-    found, _ = outcome(body)
-    assert not [one for one in found.design.guarantees if one["claims"] == ["samples"]]
-    assert "integrals of y" not in found.design.guarantees[0]["statement"]
+    result, _ = outcome(body)
+    assert not [
+        sentence for sentence in result.design.guarantees if sentence["claims"] == ["samples"]
+    ]
+    assert "integrals of y" not in result.design.guarantees[0]["statement"]
     body["output"] = {"C": [[1, 0]], "measured": "continuous"}
-    found, _ = outcome(body)
-    assert not [one for one in found.design.guarantees if one["claims"] == ["samples"]]
-    assert found.design.guarantees[0]["given"]
+    result, _ = outcome(body)
+    assert not [
+        sentence for sentence in result.design.guarantees if sentence["claims"] == ["samples"]
+    ]
+    assert result.design.guarantees[0]["given"]
 
 
 def test_no_row_is_ok_that_floats_cannot_follow() -> None:
@@ -166,15 +173,15 @@ def test_no_row_is_ok_that_floats_cannot_follow() -> None:
 @pytest.mark.parametrize("period", [0.05, 0.1])
 def test_an_output_that_jumps_is_taken_as_samples_in_noise(period: float) -> None:
     body = turning(period, noise=0.1)
-    found, _ = outcome(body)
-    assert found.verdict == "proved"
-    assert found.design.gains["operator"] == "samples"
-    assert "the output jumps with an impulse, by 100%" in found.result["form"]
+    result, _ = outcome(body)
+    assert result.verdict == "proved"
+    assert result.design.gains["operator"] == "samples"
+    assert "the output jumps with an impulse, by 100%" in result.result["form"]
     errors = []
     for seed in range(3):
-        seen = events(body, found.design, 0.4 * period, seed)
+        fitted = events(body, result.design, 0.4 * period, seed)
         for at, _ in TRAIN:
-            near = min(seen, key=lambda event: abs(event.t - at - 0.4 * period))
+            near = min(fitted, key=lambda event: abs(event.t - at - 0.4 * period))
             errors.append((near.t - at - 0.4 * period) / near.t_std)
     assert np.abs(errors).max() < 5
     assert 0.3 < np.sqrt(np.mean(np.square(errors))) < 2
@@ -192,8 +199,8 @@ def test_noise_alone_makes_few_impulses_of_a_fine_record() -> None:
     assert sum(len(observer.run_batch(t, y, x=[0, 0]).events) for y in noise) <= 1
     # the twin: what noise does not make is seen
     kicked = record(body["flow"]["A"], [[1], [0]], [(20.01, 0.7)], t, [0, 0])[:, :1] + noise[0]
-    found = [event.t for event in observer.run_batch(t, kicked, x=[0, 0]).events]
-    assert min(abs(at - 20.01) for at in found) < 0.2
+    times = [event.t for event in observer.run_batch(t, kicked, x=[0, 0]).events]
+    assert min(abs(at - 20.01) for at in times) < 0.2
 
 
 @pytest.mark.parametrize(
@@ -242,15 +249,15 @@ def test_admissible_impulses_are_seldom_called_too_close() -> None:
     dwell = 6 * 0.25 * 1.001
     body["jump"]["dwell_time"] = [dwell, "inf"]
     observer = from_design(obsdesign.design(obsdesign.Problem.from_dict(body)))
-    t, told = 0.25 * np.arange(120), 0
+    t, flagged = 0.25 * np.arange(120), 0
     for seed in range(3):
         rng = np.random.default_rng(seed)
         train = [(2 + seed / 9 + k * dwell, rng.uniform(1, 2)) for k in range(16)]
         y = record(body["flow"]["A"], body["jump"]["H"], train, t, [0, 0])[:, :1]
         run = observer.run_batch(t, y + 0.001 * rng.standard_normal(y.shape), x=[0, 0])
-        told += sum("dwell time" in event.status for event in run.events)
+        flagged += sum("dwell time" in event.status for event in run.events)
         assert len(run.events) >= 16
-    assert told == 0
+    assert flagged == 0
     # the twin: half the dwell time is told
     train = [(2.0, 1.0), (2 + dwell, 1.5), (2 + 1.6 * dwell, 1.0)]
     y = record(body["flow"]["A"], body["jump"]["H"], train, t, [0, 0])[:, :1]

@@ -15,7 +15,7 @@ from obsdesign.equations.impulsive_input.features import (
     filtered_system,
     window_matrix,
 )
-from obsdesign.equations.impulsive_input.rule import growth_objection
+from obsdesign.equations.impulsive_input.rule import reason_against_exponents
 from obsdesign.runtime import from_design
 from obsdesign.verification.impulsive_input import claims as verification
 from tests.systems.impulsive_input import CHAIN, observer_of, record
@@ -33,11 +33,13 @@ def chain(period: float = 0.05, **options: Any) -> dict[str, Any]:
 
 
 def claims_of(body: dict[str, Any]) -> tuple[Any, dict[str, str]]:
-    found = obsdesign.investigate(obsdesign.Problem.from_dict(body))
-    return found, {claim.id: claim.verdict for claim in found.claims}
+    outcome = obsdesign.investigate(obsdesign.Problem.from_dict(body))
+    return outcome, {claim.id: claim.verdict for claim in outcome.claims}
 
 
-def found(body: dict[str, Any], train: Any = TRAIN, until: float = 160.0, **hidden: Any) -> Any:
+def observed_run(
+    body: dict[str, Any], train: Any = TRAIN, until: float = 160.0, **hidden: Any
+) -> Any:
     observer = observer_of(body)
     h = body["output"]["period"]
     t = np.round(h * np.arange(round(until / h) + 1), 10)
@@ -65,15 +67,15 @@ def assert_train(events: Any, train: Any = TRAIN, tolerance: float = 1e-4) -> No
     "exponents", [[-5, -1, 0, 0.5, 1, 2], [-2, -1, 0, 0.3, 0.6, 1], [0, 0.1, 0.2, 0.3, 0.4, 0.5]]
 )
 def test_growing_exponents_find_what_falling_ones_find(exponents: list[float]) -> None:
-    assert_train(found(chain(exponents=exponents))[0].events)
+    assert_train(observed_run(chain(exponents=exponents))[0].events)
 
 
 def test_exponents_that_binary64_cannot_follow_are_refused() -> None:
     steep = [0.5, 0.6, 0.7, 0.8, 0.9, 1.0]
     with pytest.raises(obsdesign.InputError, match=r"at most 6 / window = 0\.3; got 0"):
         obsdesign.design(obsdesign.Problem.from_dict(chain(exponents=steep)))
-    assert growth_objection(np.array(steep), 3, 1, 20.0)
-    assert growth_objection(np.array([*steep, -1, -2, -3]), 3, 1, 20.0) is None
+    assert reason_against_exponents(np.array(steep), 3, 1, 20.0)
+    assert reason_against_exponents(np.array([*steep, -1, -2, -3]), 3, 1, 20.0) is None
 
 
 def test_scales_multiply_features_and_nothing_else() -> None:
@@ -96,11 +98,11 @@ def test_scales_multiply_features_and_nothing_else() -> None:
 @pytest.mark.parametrize(("period", "share"), [(0.1, 0.1), (0.5, 0.3), (1.0, 0.1)])
 def test_missing_samples_change_nothing(period: float, share: float) -> None:
     train = ((33.3, 4.0), (71.7, 5.0), (122.1, -7.0))
-    run, (t, x, y) = found(chain(period, exponents=SLOW), train, seed=1, share=share)
+    run, (t, x, y) = observed_run(chain(period, exponents=SLOW), train, seed=1, share=share)
     assert_train(run.events, train, 1e-5)
     absent = np.isnan(y[:, 0])
-    told = np.array(["missing sample" in status for status in run.status])
-    np.testing.assert_array_equal(told, absent)
+    reported = np.array(["missing sample" in status for status in run.status])
+    np.testing.assert_array_equal(reported, absent)
     # missing rows too, also those right after an impulse
     settled = (t > 5) & (t < 100) & (np.abs(t[:, None] - np.array(train)[:, 0]) > 1e-6).all(axis=1)
     np.testing.assert_allclose(run.x[settled], x[settled], atol=1e-3)
@@ -136,7 +138,7 @@ def test_samples_of_a_window_are_a_claim(period: float, verdict: str) -> None:
     assert verdicts["samples"] == verdict
     if verdict == "proved":
         assert outcome.verdict == "proved"
-        assert_train(found(chain(period, exponents=SLOW))[0].events)
+        assert_train(observed_run(chain(period, exponents=SLOW))[0].events)
     else:
         assert outcome.verdict != "proved"
 

@@ -12,7 +12,7 @@ import pytest
 from lmi.arithmetic.balls import ball, exact, precision
 from lmi.arithmetic.exponential import expm
 from lmi.prove import exponential_sign as signs
-from obsdesign.equations.impulsive_input.features import filtered_system
+from obsdesign.equations.impulsive_input.features import FeatureWindow, filtered_system
 from obsdesign.verification.impulsive_input.uniqueness import decide_uniqueness
 
 TWO_MODES = (np.diag([-0.5, -1.0]), np.array([[1.0, 1.0]]), np.array([[2.0], [-3.0]]))
@@ -26,9 +26,8 @@ def features(D: Any, C: Any, H: Any, exponents: Any, age: float) -> Any:
 def decided(
     D: Any, C: Any, H: Any, exponents: Any, window: float, margin: float, nonnegative: bool = False
 ) -> Any:
-    return decide_uniqueness(
-        exact(D), exact(C), exact(H), list(exponents), window, margin, nonnegative
-    )
+    plant = exact(D), exact(C), exact(H)
+    return decide_uniqueness(FeatureWindow(*plant, list(exponents), window, margin), nonnegative)
 
 
 def middle(age: Any) -> float:
@@ -46,11 +45,11 @@ def test_three_features_of_random_plants(seed: int) -> None:
             D[:2, :2] = [[-0.2, 2.0], [-2.0, -0.2]]
         C, H = rng.standard_normal((1, n)), rng.standard_normal((n, 1))
         exponents, window, margin = -np.cumsum(rng.uniform(0.3, 1.0, 3)), 5.0, 0.2
-        found = decided(D, C, H, exponents, window, margin)
-        if found.outcome != "refuted":
+        verdict = decided(D, C, H, exponents, window, margin)
+        if verdict.outcome != "refuted":
             continue
         refuted += 1
-        witness = found.evidence["witness"]
+        witness = verdict.evidence["witness"]
         first, second = map(middle, witness["ages"])
         assert margin <= first < second <= window
         b1, b2 = (features(D, C, H, exponents, age) for age in (first, second))
@@ -69,15 +68,15 @@ def test_outside_the_ages_that_are_searched_a_second_answer_does_not_count() -> 
     D, C, H = TWO_MODES
     for margin, window, outcome in ((0.1, 5.0, "refuted"), (0.6, 5.0, "undecided"),
                                     (0.1, 2.1, "undecided"), (0.5, 2.2, "refuted")):  # fmt: skip
-        found = decided(D, C, H, [-2.0, -3.0, -4.0], window, margin)
+        verdict = decided(D, C, H, [-2.0, -3.0, -4.0], window, margin)
         # elsewhere it may be proved: the plane curve may turn one way
-        assert found.outcome == outcome or (found.outcome, outcome) == ("proved", "undecided")
+        assert verdict.outcome == outcome or (verdict.outcome, outcome) == ("proved", "undecided")
 
 
 def test_a_plant_without_zeros_has_none() -> None:
     D = np.array([[-0.5, 0.0], [1.0, -1.0]])
-    found = decided(D, np.array([[0.0, 1.0]]), np.array([[1.0], [0.0]]), [-2, -3, -4], 5.0, 0.1)
-    assert found.outcome == "proved"
+    verdict = decided(D, np.array([[0.0, 1.0]]), np.array([[1.0], [0.0]]), [-2, -3, -4], 5.0, 0.1)
+    assert verdict.outcome == "proved"
 
 
 # --- nonnegative weights --------------------------------------------------------------------------
@@ -135,10 +134,10 @@ def test_three_features_and_one_feature_of_nonnegative_weights() -> None:
     weights = decided(D, C, H, exponents, 5.0, 0.1).evidence["witness"]["weights"]
     assert min(weights) < 0  # the sign of h changes: so does that of the second answer
     assert decided(D, C, H, exponents, 5.0, 0.1, nonnegative=True).outcome != "refuted"
-    one = decided(D, C, H, [-2.0], 5.0, 0.1, nonnegative=True).evidence["witness"]
-    assert min(one["weights"]) > 0
-    b = [features(D, C, H, [-2.0], age)[0] for age in one["ages"]]
-    assert b[0] * one["weights"][0] == pytest.approx(b[1] * one["weights"][1])
+    witness = decided(D, C, H, [-2.0], 5.0, 0.1, nonnegative=True).evidence["witness"]
+    assert min(witness["weights"]) > 0
+    b = [features(D, C, H, [-2.0], age)[0] for age in witness["ages"]]
+    assert b[0] * witness["weights"][0] == pytest.approx(b[1] * witness["weights"][1])
 
 
 # --- how long it may take -------------------------------------------------------------------------
@@ -151,9 +150,9 @@ def test_a_stiff_plant_with_many_features_is_undecided_soon() -> None:
     T = np.diag([3e3, 1.0, 0.02, 1.0]) @ rng.standard_normal((4, 4))
     D, C, H = T @ D @ np.linalg.inv(T), rng.standard_normal((1, 4)), T @ rng.standard_normal((4, 1))
     start = time.process_time()
-    found = decided(D, C, H, [-0.7, -1.5, -2.0, -2.7], 5.0, 0.2)
-    assert found.outcome == "undecided"
-    assert "too much to cover" in found.evidence["reason"]
+    verdict = decided(D, C, H, [-0.7, -1.5, -2.0, -2.7], 5.0, 0.2)
+    assert verdict.outcome == "undecided"
+    assert "too much to cover" in verdict.evidence["reason"]
     assert time.process_time() - start < 20  # a few seconds; minutes without its budget
 
 

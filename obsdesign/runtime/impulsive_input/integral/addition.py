@@ -1,15 +1,14 @@
-"""An impulse that was decided joins the record: whether it fits, and which rows it settles."""
+"""Addition of a fitted impulse to the record: its doubts, and the rows that it settles."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from obsdesign.equations.gains import Array
 from obsdesign.runtime.base import Estimate
-from obsdesign.runtime.impulsive_input.event import MISFIT, Event, short_dwell
+from obsdesign.runtime.impulsive_input.event import MISFIT, DoubtfulSpan, Event, short_dwell
 from obsdesign.runtime.impulsive_input.integral.covariance import added_by_noise
 from obsdesign.runtime.impulsive_input.integral.evaluate import Decision
 from obsdesign.runtime.impulsive_input.integral.free_run import FreeRun
@@ -19,9 +18,7 @@ from obsdesign.runtime.impulsive_input.residuals import LARGER, Residuals, birge
 from obsdesign.runtime.impulsive_input.whitening import chi_squared_limit
 from obsdesign.runtime.time_stamps import time_tolerance
 
-Array = NDArray[Any]
-
-_MISFIT = 0.05  # of the residual: what an impulse may leave of it where there is no noise
+_MAX_MISFIT_SHARE = 0.05  # of the residual: what an impulse may leave of it where there is no noise
 
 
 def widened(event: Event, decision: Decision, residuals: Residuals) -> Event:
@@ -30,12 +27,12 @@ def widened(event: Event, decision: Decision, residuals: Residuals) -> Event:
     ratio = max(own, whole)
     if ratio == 1 or event.t_std is None or event.weights_std is None:
         return event
-    words = [event.status] if event.status != "ok" else []
-    words += [LARGER] if whole > 1 else []
     return replace(
-        event, t_std=ratio * event.t_std, weights_std=ratio * event.weights_std,
-        status="; ".join(words),
-    )  # fmt: skip
+        event,
+        t_std=ratio * event.t_std,
+        weights_std=ratio * event.weights_std,
+        doubts=(*event.doubts, LARGER) if whole > 1 else event.doubts,
+    )
 
 
 @dataclass(frozen=True)
@@ -48,25 +45,25 @@ class Addition:
     dwell: float
 
     def compared(self, decision: Decision, times: Array, error: Array, spread: Array) -> Decision:
-        """Under the plain norm: does the output of the impulse match the residual, but for noise?
+        """The decision, doubted where the output of the impulse misses the residual; plain norm.
 
-        Features hardly tell. Two impulses in a window, a steady input, or an error of the state at
-        its start leave a difference.
+        Features hardly show it. Two impulses in a window, a steady input, or an error of the state
+        at its start leave a difference.
         """
         event = decision.event
         assert event is not None
         shown = self.run.impulse_error(times, event.t, self.H @ event.weights)
-        rest = error - shown @ self.run.C.T
+        remainder = error - shown @ self.run.C.T
         size = float(np.abs(spread).max()) or 1.0
-        noise = size**2 * chi_squared_limit(rest.size) if spread.any() else 0.0
-        if (rest**2).sum() > noise + (_MISFIT * np.linalg.norm(error)) ** 2:
-            event = replace(event, status=MISFIT)
+        noise = size**2 * chi_squared_limit(remainder.size) if spread.any() else 0.0
+        if (remainder**2).sum() > noise + (_MAX_MISFIT_SHARE * np.linalg.norm(error)) ** 2:
+            event = replace(event, doubts=(MISFIT,))
         return replace(decision, event=event)
 
     def added(
         self, live: IntegralLive, top: int, decision: Decision, spread: Array
     ) -> tuple[IntegralLive, list[Estimate]]:
-        """Add the impulse, give out rows up to the end of the window, begin again there."""
+        """The state after the impulse was added, and the rows up to the end of its window."""
         track, event, tau = live.track, decision.event, self.run.tau
         assert track is not None
         assert event is not None
@@ -83,13 +80,12 @@ class Addition:
             x[window] += self.run.coasting(track.t[window], t_o, decision.correction)
         gap = short_dwell(live.last_event, event.t, self.dwell, live.last_std, event.t_std or 0.0)
         if gap:
-            words = gap if event.status == "ok" else f"{event.status}; {gap}"
-            event = replace(event, status=words)
+            event = replace(event, doubts=(*event.doubts, gap))
         doubt = live.doubt
-        if event.status != "ok":
-            doubt = (t_o, float(track.t[restart]), event.status)
+        if event.doubts:
+            doubt = DoubtfulSpan(t_o, float(track.t[restart]), event.doubts)
         whole = replace(live, track=replace(track, x=x), doubt=doubt)
-        rows = self.rows.given(whole, restart, event=event, jump=jump)
+        rows = self.rows.decided_rows(whole, restart, event=event, jump=jump)
         P, at = decision.covariance, t_o + tau
         if P is not None:
             P = P + added_by_noise(self.run, track.t[top : top + len(spread)], spread, tau)
@@ -99,5 +95,5 @@ class Addition:
             live, track=fresh, norms=np.zeros(0), search=Search(), rule=None, covariance=P,
             since=at, last_event=event.t, last_std=event.t_std or 0.0, doubt=doubt, largest=largest,
             residuals=residuals,
-            absent=self.rows.left(live, float(track.t[restart])),
+            absent=self.rows.absent_from(live, float(track.t[restart])),
         ), rows  # fmt: skip

@@ -1,17 +1,13 @@
-"""The covariance of the error of a free run: at first, and as noise of the samples adds to it."""
+"""Covariance of the error of a free run: initial value, and growth by noise of the samples."""
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 
 from lmi.arithmetic.exponential import expm, exponential_grid
+from obsdesign.equations.gains import Array
 from obsdesign.runtime.impulsive_input.integral.free_run import FreeRun, Track
 from obsdesign.runtime.impulsive_input.integral.rows import IntegralLive
-
-Array = NDArray[Any]
 
 
 def first_covariance(run: FreeRun, H: Array, track: Track, stop: int) -> Array:
@@ -39,12 +35,12 @@ def covariance_at(run: FreeRun, live: IntegralLive, times: Array, spread: Array)
 
 
 def added_by_noise(run: FreeRun, times: Array, spread: Array, elapsed: float) -> Array:
-    """What noise through K adds to P in a time: P_inf - e^{D t} P_inf e^{D' t}."""
+    """Growth of P by noise through K in a time: P_inf - e^{D t} P_inf e^{D' t}."""
     D, K, n = run.D, run.K, len(run.D)
     spacing = (times[-1] - times[0]) / max(len(times) - 1, 1)
     Q = K @ np.diag((spread**2).mean(axis=0) * spacing) @ K.T
     operator = np.kron(np.eye(n), D) + np.kron(D, np.eye(n))
     limit = np.linalg.solve(operator, -Q.reshape(-1)).reshape(n, n)
     flow = expm(D * elapsed)
-    found = limit - flow @ limit @ flow.T
-    return np.asarray((found + found.T) / 2)
+    added = limit - flow @ limit @ flow.T
+    return np.asarray((added + added.T) / 2)

@@ -11,21 +11,15 @@ from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-from obsdesign.equations.estimation_error import flow_error_matrix
-from obsdesign.equations.impulsive_input.curve import ImpulseCurve
-from obsdesign.equations.impulsive_input.features import (
-    feature_scales,
-    filtered_system,
-    window_matrix,
-)
+from obsdesign.equations.gains import Array
+from obsdesign.equations.impulsive_input.gains import IntegralGains
 from obsdesign.runtime.base import Estimate, Vector, status_of
 from obsdesign.runtime.impulsive_input.integral.addition import Addition
 from obsdesign.runtime.impulsive_input.integral.covariance import covariance_at, first_covariance
 from obsdesign.runtime.impulsive_input.integral.evaluate import Evaluator, Window
 from obsdesign.runtime.impulsive_input.integral.free_run import FreeRun
-from obsdesign.runtime.impulsive_input.integral.rows import IntegralLive, Rows
+from obsdesign.runtime.impulsive_input.integral.rows import MISSING, IntegralLive, Rows
 from obsdesign.runtime.impulsive_input.integral.search import Position, Rule, smoothed
 from obsdesign.runtime.impulsive_input.whitening import (
     feature_deviation,
@@ -34,11 +28,11 @@ from obsdesign.runtime.impulsive_input.whitening import (
 )
 from obsdesign.runtime.time_stamps import time_tolerance
 
-Array = NDArray[Any]
-
 _FLOOR = 8.0  # |R| must exceed this many deviations of noise
 _EXACT_FLOOR = 1e-7  # and this part of what the output itself leaves in R: interpolation, rounding
-_AFTER_FLOOR = 3e-6  # and this part of what impulses before it made of it: they are added as found
+_AFTER_FLOOR = (
+    3e-6  # and this part of what impulses before it made of it: their fitted values are added
+)
 _LEAST = 6.0  # deviations that an impulse must explain before it is evaluated by its position
 _SMOOTHING = 0.05  # half width of the moving average, of the window
 # part of |R| that a rise or a drop must have; without noise only interpolation disturbs it
@@ -49,7 +43,7 @@ class Engine(Protocol):
     """One way to find impulses along a record; rows come in blocks, y NaN where it is missing."""
 
     def begin(self, t: float, x: Vector, covariance: Array | None) -> Any:
-        """Nothing seen yet, the state guessed as x at t."""
+        """State before the first row, with the guess x at t."""
 
     def extended(self, live: Any, t: Array, y: Array, u: Array) -> tuple[Any, list[Estimate]]:
         """After further rows, and the rows that are decided now."""
@@ -74,58 +68,61 @@ class IntegralEngine:
     positional: bool
 
     @classmethod
-    def from_gains(cls, gains: Any) -> IntegralEngine:
-        """From a design's gains."""
-        A, C, H, K = (gains[name] for name in ("A", "C", "H", "K"))
-        D = flow_error_matrix(A, K, C)
-        exponents, tau = np.asarray(gains["exponents"]), float(gains["window"])
-        B = gains.get("B", np.zeros((len(A), 0)))
-        drift = (gains["flow_lower"] + gains["flow_upper"]) / 2
-        scales = feature_scales(exponents, tau)
-        F = filtered_system(D, C, exponents, scales)
-        evaluator = Evaluator(
-            A, D, C, H, exponents, tau, float(gains["margin"]),
-            window_matrix(D, C, exponents, tau, scales),
-            ImpulseCurve.of(F, H, tau), gains["weighting"] == "gls",
-            bool(gains.get("state_correction", False)), bool(gains.get("nonnegative", False)),
-        )  # fmt: skip
-        run = FreeRun(A, K, C, B, drift, exponents, tau, gains.get("period"))
-        rows = Rows(run, gains.get("period"))
+    def from_gains(cls, gains: IntegralGains) -> IntegralEngine:
+        """The engine of a design's gains."""
+        run = FreeRun(
+            A=gains.A,
+            K=gains.K,
+            C=gains.C,
+            B=gains.input_matrix,
+            drift=gains.flow_drift,
+            exponents=gains.exponents,
+            tau=gains.window,
+            period=gains.period,
+        )
+        rows = Rows(run, gains.period)
         return cls(
-            run, rows, evaluator, (gains["noise_std"], gains["noise_cv"]),
-            Addition(run, rows, H, float(gains["dwell_time"][0])),
-            gains.get("threshold"), gains.get("rule") == "position",
-        )  # fmt: skip
+            run=run,
+            rows=rows,
+            evaluator=Evaluator.from_gains(gains),
+            noise=(gains.noise_std, gains.noise_cv),
+            addition=Addition(run, rows, gains.H, gains.shortest_dwell),
+            threshold=gains.threshold,
+            positional=gains.rule == "position",
+        )
 
     # --- rows in ------------------------------------------------------------------------------
 
     def begin(self, t: float, x: Vector, covariance: Array | None) -> IntegralLive:
-        """Nothing seen yet."""
-        return IntegralLive(t, x, np.zeros(self.run.B.shape[1]), covariance, t)
+        """State before the first row."""
+        inputs = np.zeros(self.run.B.shape[1])
+        return IntegralLive(t=t, x=x, u=inputs, covariance=covariance, since=t)
 
     def extended(
         self, live: IntegralLive, t: Array, y: Array, u: Array
     ) -> tuple[IntegralLive, list[Estimate]]:
         """Rows before the first measurement are predicted; then rows wait for their window."""
-        with np.errstate(over="ignore", invalid="ignore"):  # rows that are not finite say so
+        with np.errstate(
+            over="ignore", invalid="ignore"
+        ):  # the status of a row names what is not finite
             return self._extended(live, t, y, u)
 
     def _extended(
         self, live: IntegralLive, t: Array, y: Array, u: Array
     ) -> tuple[IntegralLive, list[Estimate]]:
         decided: list[Estimate] = []
-        seen: Any = np.isfinite(y).all(axis=1)
+        measured: Any = np.isfinite(y).all(axis=1)
         start = 0
         if live.first is None:
             live = replace(live, first=float(t[0]))
         if live.track is None:
-            start = int(np.argmax(seen)) if seen.any() else len(t)
+            start = int(np.argmax(measured)) if measured.any() else len(t)
             for k in range(min(start + 1, len(t))):
                 x = self.rows.predicted(live.t, live.x, live.u, float(t[k]))
                 live = replace(live, t=float(t[k]), x=x, u=u[k])
                 if k < start:
-                    reason = self.rows.status(live, live.t)
-                    status = status_of([] if reason == "ok" else [reason], x)
+                    missing = [MISSING] if self.rows.is_missing(live, live.t) else []
+                    status = status_of(missing, x)
                     decided.append(Estimate(live.t, x=x, status=status))
             if start == len(t):
                 return live, decided
@@ -136,7 +133,7 @@ class IntegralEngine:
                 P = flow @ P @ flow.T
             live = replace(live, track=track, since=live.t, covariance=P)
             start += 1
-        live = self.rows.appended(live, t[start:], y[start:], u[start:], seen[start:])
+        live = self.rows.appended(live, t[start:], y[start:], u[start:], measured[start:])
         return self._searched(live, decided)
 
     def _dropped(self, live: IntegralLive) -> tuple[IntegralLive, list[Estimate]]:
@@ -148,11 +145,11 @@ class IntegralEngine:
             front = int(np.searchsorted(live.track.t, live.track.t[front] - 1.01 * half))
         if front <= 0:
             return live, []
-        rows = self.rows.given(live, front)
+        rows = self.rows.decided_rows(live, front)
         return replace(
-            live, track=live.track.without(front), norms=live.norms[front:],
-            search=live.search.moved(front),
-            absent=self.rows.left(live, float(live.track.t[front])),
+            live, track=live.track.from_row(front), norms=live.norms[front:],
+            search=live.search.shifted(front),
+            absent=self.rows.absent_from(live, float(live.track.t[front])),
         ), rows  # fmt: skip
 
     def prediction(self, live: IntegralLive) -> Vector:
@@ -224,7 +221,7 @@ class IntegralEngine:
             T = whitened(taps, track.y[:stop], unit)[1]
             curve = self.evaluator.curve
             b = curve.states[1:, curve.n :]
-            position = Position.of(T, curve.ages[1:], b, self.evaluator.oldest)
+            position = Position.from_curve(T, curve.ages[1:], b, self.evaluator.oldest)
             own = T @ (taps.T @ track.y[:stop]).T.reshape(-1)
             exact = _EXACT_FLOOR * float(np.linalg.norm(own))
             rule = Rule(0.0, 0.0, 0.0, max(_LEAST if sigma > 0 else 0.0, exact, before))

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from lmi.arithmetic.exponential import expm
 from obsdesign.equations.estimation_error import flow_error_matrix
+from obsdesign.equations.gains import Array
 from obsdesign.equations.impulsive_input.features import kernel_weights
 from obsdesign.runtime.base import Vector
 from obsdesign.runtime.flow_response import responses
@@ -33,14 +34,14 @@ from obsdesign.runtime.time_stamps import time_tolerance, time_tolerances
 Run = tuple[int, int, float]
 
 
-def accumulated(flow: Rows, forced: Rows, start: Rows) -> Rows:
+def accumulated(flow: Array, forced: Array, start: Array) -> Array:
     """x_j = flow x_{j-1} + forced_j, all j by doubling: x = sum of flow^i forced_{j-i}."""
     x = forced.copy()
     x[0] += flow @ start
     return doubled(flow, x)
 
 
-def doubled(flow: Rows, x: Rows) -> Rows:
+def doubled(flow: Array, x: Array) -> Array:
     """x_j + flow x_{j-1} + flow^2 x_{j-2} + ..., in place; x (L, n), or (L, k, n) of rows."""
     power, reach = flow, 1
     while reach < len(x):
@@ -49,7 +50,9 @@ def doubled(flow: Rows, x: Rows) -> Rows:
     return x
 
 
-def running_integrals(times: Rows, runs: list[Run], error: Rows, lams: Vector, start: Rows) -> Rows:
+def running_integrals(
+    times: Array, runs: list[Run], error: Array, lams: Vector, start: Array
+) -> Array:
     """Running integrals at times[1:], (L, p, k), from `start` at times[0]; all lams decay."""
     sums = np.empty((len(times) - 1, error.shape[1], len(lams)))
     at = start
@@ -66,7 +69,7 @@ def running_integrals(times: Rows, runs: list[Run], error: Rows, lams: Vector, s
     return sums
 
 
-def integrals_at(t: Rows, error: Rows, integrals: Rows, lams: Vector, times: Rows) -> Rows:
+def integrals_at(t: Array, error: Array, integrals: Array, lams: Vector, times: Array) -> Array:
     """Running integrals at any times of a track, the residual linear between its rows."""
     last = len(t) - 1
     cell = np.clip(np.searchsorted(t, times, side="right") - 1, 0, max(last - 1, 0))
@@ -78,22 +81,19 @@ def integrals_at(t: Rows, error: Rows, integrals: Rows, lams: Vector, times: Row
         np.where(share == 1, np.minimum(cell + 1, last), cell),
         np.where(share == 1, 0.0, share),
     )
-    found = integrals[cell]
+    integrals_there = integrals[cell]
     between = np.flatnonzero(share)
     if len(between):
         at, v = cell[between], (share * width)[between]
         newer, older = kernel_weights(lams, v)
         part = share[between][:, None]
         there = error[at] + part * (error[at + 1] - error[at])
-        found[between] = (
+        integrals_there[between] = (
             np.exp(lams * v[:, None])[:, None, :] * integrals[at]
             + newer[:, None, :] * there[:, :, None]
             + older[:, None, :] * error[at][:, :, None]
         )
-    return found
-
-
-Rows = NDArray[np.float64]
+    return integrals_there
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,13 +104,13 @@ class Track:
     integrals (L, p, k): running integrals I of the residual for the k exponents below zero.
     """
 
-    t: Rows
-    y: Rows
-    forcing: Rows
-    x: Rows
-    integrals: Rows
+    t: Array
+    y: Array
+    forcing: Array
+    x: Array
+    integrals: Array
 
-    def without(self, rows: int) -> Track:
+    def from_row(self, rows: int) -> Track:
         """The track from row `rows` on."""
         return Track(*(getattr(self, name)[rows:] for name in self.__slots__))
 
@@ -119,10 +119,10 @@ class Track:
 class FreeRun:
     """The parameters of a free run; steps of equal length share their matrices."""
 
-    A: Rows
-    K: Rows
-    C: Rows
-    B: Rows
+    A: Array
+    K: Array
+    C: Array
+    B: Array
     drift: Vector
     exponents: Vector
     tau: float
@@ -132,7 +132,7 @@ class FreeRun:
     )
 
     @cached_property
-    def D(self) -> Rows:
+    def D(self) -> Array:
         """A - K C: the error between impulses."""
         return np.asarray(flow_error_matrix(self.A, self.K, self.C))
 
@@ -140,18 +140,18 @@ class FreeRun:
     def _falling(self) -> NDArray[np.bool_]:
         return np.asarray(self.exponents < 0)
 
-    def begin(self, t: float, y: Rows, forcing: Rows, x: Rows) -> Track:
+    def begin(self, t: float, y: Array, forcing: Array, x: Array) -> Track:
         """A track of one row, where the estimate is x."""
         zeros = np.zeros((1, len(self.C), int(self._falling.sum())))
         return Track(np.array([t]), y[None], forcing[None], x[None], zeros)
 
-    def restarted(self, track: Track, row: int, x: Rows) -> Track:
+    def restarted(self, track: Track, row: int, x: Array) -> Track:
         """The track from `row` on, run again with the estimate x there."""
         first = self.begin(float(track.t[row]), track.y[row], track.forcing[row], x)
-        rest = track.without(row + 1)
-        return self.extended(first, rest.t, rest.y, rest.forcing)
+        following = track.from_row(row + 1)
+        return self.extended(first, following.t, following.y, following.forcing)
 
-    def extended(self, track: Track, t: Rows, y: Rows, forcing: Rows) -> Track:
+    def extended(self, track: Track, t: Array, y: Array, forcing: Array) -> Track:
         """The track with further rows."""
         if len(t) == 0:
             return track
@@ -170,7 +170,7 @@ class FreeRun:
         )
         return Track(*(np.concatenate(pair) for pair in parts))
 
-    def features(self, track: Track, first: int, last: int) -> Rows:
+    def features(self, track: Track, first: int, last: int) -> Array:
         """R for the windows that start at rows first..last - 1, (last - first, p m)."""
         starts = track.t[first:last]
         error = track.y - track.x @ self.C.T
@@ -192,7 +192,9 @@ class FreeRun:
             R[:, :, ~falling] = near - np.exp(-up * self.tau) * far  # scaled by e^{-lambda tau}
         return R.reshape(len(starts), -1)
 
-    def _estimates(self, times: Rows, ends: list[Run], y: Rows, forced: Rows, at: Vector) -> Rows:
+    def _estimates(
+        self, times: Array, ends: list[Run], y: Array, forced: Array, at: Vector
+    ) -> Array:
         """xhat at times[1:] from `at` at times[0], with outputs y and other inputs `forced`."""
         x = np.empty((len(times) - 1, len(self.A)))
         for a, b, h in ends:
@@ -203,11 +205,11 @@ class FreeRun:
             at = x[b - 1]
         return x
 
-    def coasting(self, times: Rows, since: float, x: Vector) -> Rows:
+    def coasting(self, times: Array, since: float, x: Vector) -> Array:
         """e^{D (t - since)} x at increasing times t, (k, n)."""
         return self._coasted(self.D, times, since, x)
 
-    def impulse_error(self, times: Rows, since: float, x: Vector) -> Rows:
+    def impulse_error(self, times: Array, since: float, x: Vector) -> Array:
         """x - xhat at the rows of a window after an impulse that moves the plant by x, (k, n).
 
         As this observer makes it from samples; close to e^{D (t - since)} x.
@@ -220,39 +222,39 @@ class FreeRun:
         error[1:] -= self._estimates(times, self._runs(times), y, nothing, nothing[0])
         return error
 
-    def onset_features(self, times: Rows, taps: Rows) -> Rows:
+    def onset_features(self, times: Array, taps: Array) -> Array:
         """M, (rows, p m, n): features of unit states that appear at a row, as samples show them.
 
         An impulse v before row c leaves M_c e^{A v} H g; before it, and in the cell that ends at c,
-        the samples know nothing of it. taps (rows, m) make features of the residual.
+        the samples do not show it. taps (rows, m) make features of the residual.
         """
         n, p, m = len(self.A), len(self.C), taps.shape[1]
         shown = (self.C[None, :, None, :] * taps[:, None, :, None]).reshape(len(times), p * m, n)
-        found, kicks = np.empty_like(shown), np.empty((len(times), n, n))
-        found[-1], kicks[0] = shown[-1], np.eye(n)
+        features, kicks = np.empty_like(shown), np.empty((len(times), n, n))
+        features[-1], kicks[0] = shown[-1], np.eye(n)
         for a, b, h in reversed(self._runs(times)):
             maps = self._maps(h)
             backwards = shown[a:b][::-1].copy()
-            backwards[0] += found[b] @ maps[4]
-            found[a:b] = doubled(maps[4].T, backwards)[::-1]
+            backwards[0] += features[b] @ maps[4]
+            features[a:b] = doubled(maps[4].T, backwards)[::-1]
             kicks[a + 1 : b + 1] = np.eye(n) - maps[2] @ self.C
-        return np.asarray(found @ kicks)
+        return np.asarray(features @ kicks)
 
-    def plant_step(self, since: float, until: float) -> tuple[Rows, Rows]:
+    def plant_step(self, since: float, until: float) -> tuple[Array, Array]:
         """(e^{A h}, its integral over h) for h = until - since."""
         maps = self._maps(until - since)
         return maps[5], maps[6]
 
-    def _coasted(self, X: Rows, times: Rows, since: float, x: Vector) -> Rows:
-        found = np.empty((len(times), len(x)))
-        found[0] = expm(X * float(times[0] - since)) @ x
+    def _coasted(self, X: Array, times: Array, since: float, x: Vector) -> Array:
+        states = np.empty((len(times), len(x)))
+        states[0] = expm(X * float(times[0] - since)) @ x
         for a, b, h in self._runs(times):
             flow = expm(X * h)
-            found[a + 1 : b + 1] = accumulated(flow, np.zeros((b - a, len(x))), found[a])
-        return found
+            states[a + 1 : b + 1] = accumulated(flow, np.zeros((b - a, len(x))), states[a])
+        return states
 
-    def _runs(self, times: Rows) -> list[Run]:
-        """Runs of cells of the same length, as far as time stamps can tell."""
+    def _runs(self, times: Array) -> list[Run]:
+        """Runs of cells of the same length, up to the resolution of time stamps."""
         if len(times) < 2:
             return []
         steps = np.diff(times)
@@ -261,10 +263,10 @@ class FreeRun:
         ends = itertools.pairwise([0, *cuts.tolist(), len(steps)])
         return [(a, b, self._length(times, a, b)) for a, b in ends]
 
-    def _length(self, times: Rows, first: int, last: int) -> float:
+    def _length(self, times: Array, first: int, last: int) -> float:
         """The period where stamps agree with it, else the mean: they round it once, not each cell.
 
-        The period, since it is the same whatever part of a record is looked at.
+        The period, since it is the same for every part of a record.
         """
         mean = float(times[last] - times[first]) / (last - first)
         if self.period is None:

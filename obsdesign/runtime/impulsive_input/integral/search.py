@@ -15,15 +15,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from obsdesign.equations.impulsive_input.features import OLD
+from obsdesign.equations.gains import Array
+from obsdesign.equations.impulsive_input.features import EVALUATED_AGE_SHARE
 from obsdesign.runtime.time_stamps import time_tolerance
-
-Array = NDArray[Any]
 
 _SHARE = 0.5  # of the features that it must explain
 
@@ -32,7 +30,7 @@ _SHARE = 0.5  # of the features that it must explain
 class Search:
     """Where a search stands: next row to look at, lowest and highest value, row of the highest.
 
-    armed: a rise was seen, a maximum counts; at_start: what is armed is the first instant.
+    armed: after a rise, so that a maximum counts; at_start: the maximum is the first instant.
     """
 
     position: int = 0
@@ -47,7 +45,7 @@ class Search:
         """First row whose estimate an impulse may still change."""
         return self.top if self.armed else self.position
 
-    def moved(self, rows: int) -> Search:
+    def shifted(self, rows: int) -> Search:
         """The same search after `rows` rows were dropped in front."""
         return replace(self, position=self.position - rows, top=self.top - rows)
 
@@ -96,20 +94,27 @@ class Rule:
                 highest, top = value, top if at_start else j
             elif value < highest - self.share * highest - self.sigma or times[j] - times[top] > tau:
                 if highest > self.floor:
-                    return Search(j + 1, True, at_start, lowest, highest, top), True
+                    return Search(
+                        position=j + 1, armed=True, at_start=at_start, lowest=lowest,
+                        highest=highest, top=top,
+                    ), True  # fmt: skip
                 armed, at_start, lowest, highest = False, False, value, -math.inf
-        return Search(offset + len(values), armed, at_start, lowest, highest, top), False
+        return Search(
+            position=offset + len(values), armed=armed, at_start=at_start, lowest=lowest,
+            highest=highest, top=top,
+        ), False  # fmt: skip
 
     def _exceeded(self, search: Search, values: list[float], offset: int) -> tuple[Search, bool]:
         for j in range(search.position, offset + len(values)):
             if values[j - offset] > (self.threshold or 0.0):
-                return Search(j + 1, True, False, 0.0, values[j - offset], j), True
-        return Search(offset + len(values)), False
+                highest = values[j - offset]
+                return Search(position=j + 1, armed=True, lowest=0.0, highest=highest, top=j), True
+        return Search(position=offset + len(values)), False
 
 
 @dataclass(frozen=True)
 class Position:
-    """How much of the features one impulse explains, and whether it is old enough to be evaluated.
+    """Part of the features that one impulse explains, where it is old enough to be evaluated.
 
     whitening (r, mp) makes the noise of features uncorrelated; bases (G, r, q) span the whitened b
     at G ages.
@@ -120,11 +125,11 @@ class Position:
     old: NDArray[np.bool_]
 
     @classmethod
-    def of(cls, whitening: Array, ages: Array, b: Array, oldest: float) -> Position:
+    def from_curve(cls, whitening: Array, ages: Array, b: Array, oldest: float) -> Position:
         """From b (G, mp, q) at increasing ages above zero; `oldest`: ages searched end here."""
         ages, b = ages[ages <= oldest], b[ages <= oldest]
         bases = np.linalg.qr(whitening @ b)[0]
-        return cls(whitening, bases, ages >= OLD * oldest)
+        return cls(whitening, bases, ages >= EVALUATED_AGE_SHARE * oldest)
 
     def values(self, R: Array) -> Array:
         """Square root of what the best age explains of |R|^2, (k,) for R (k, mp); else zero.

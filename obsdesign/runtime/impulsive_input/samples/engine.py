@@ -1,4 +1,4 @@
-"""Few samples per time constant: the finite-memory operator of Mattsson and Medvedev on samples.
+"""Few samples per time constant: the finite-memory operator of the paper on samples.
 
 With samples t_o < t_1 <= ... <= t_N = t_o + tau, a guess of x(t_o) with covariance P, and an onset
 t anywhere between samples,
@@ -10,67 +10,38 @@ exponents would span the same). Between impulses a Kalman filter without process
 samples. A window fires when its likelihood ratio is large and largest in its oldest interval; the
 impulse is then fitted in a window that begins one sample earlier, as a posterior over a grid of
 onsets: at this sampling the likelihood has kinks, and a linearised deviation is far too small.
-An extension of (18) of the paper; in the limit of all taps a fixed-lag likelihood-ratio test.
+An extension of (18) of Mattsson and Medvedev; in the limit of all taps a fixed-lag
+likelihood-ratio test.
 """
 
 from __future__ import annotations
 
 import math
 from bisect import bisect_left
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from obsdesign.equations.gains import Array
+from obsdesign.equations.impulsive_input.gains import SamplesGains
 from obsdesign.runtime.base import Estimate, Vector, status_of
-from obsdesign.runtime.impulsive_input.event import MISFIT, Event, short_dwell
-from obsdesign.runtime.impulsive_input.residuals import LARGER, Residuals, birge_ratio
-from obsdesign.runtime.impulsive_input.samples.filter import (
-    Filtered,
-    Row,
-    SampledPlant,
-    square_root,
-)
+from obsdesign.runtime.impulsive_input.event import MISFIT, DoubtfulSpan, Event, short_dwell
+from obsdesign.runtime.impulsive_input.residuals import LARGER, birge_ratio
+from obsdesign.runtime.impulsive_input.samples.filter import Row, SampledPlant, square_root
+from obsdesign.runtime.impulsive_input.samples.live import SampledLive
 from obsdesign.runtime.impulsive_input.samples.onset import ONSETS, Cells, Fit, OnsetModel
 from obsdesign.runtime.impulsive_input.samples.steady_input import STEADY, Steady
 from obsdesign.runtime.impulsive_input.whitening import noise_deviation
 from obsdesign.runtime.time_stamps import time_tolerance
 
-Array = NDArray[Any]
-
 # twice the log-likelihood ratio from which an impulse counts, in a window of four samples; each
 # doubling of the onsets that noise may choose from adds 2 ln 2
-_LEAST_RATIO, _FEW = 12.0, 4
-_LATEST = 0.3  # intervals before the end of a window in which no onset is looked for
+_LEAST_RATIO, _REFERENCE_SAMPLES = 12.0, 4
+_CLOSED_INTERVALS = 0.3  # intervals before the end of a window in which no onset is looked for
 # what a steady input must leave more than impulses do: what they must be worth against nothing
-_AHEAD = _LEAST_RATIO
+_LEAST_ADVANTAGE = _LEAST_RATIO
 _MOST_ONSETS = 4000  # of a window
-_FEWEST = 2  # samples of an incomplete window at the end of a record
-
-
-@dataclass(frozen=True, slots=True)
-class SampledLive:
-    """t, x, P, u: before the first row. rows: the filter from the window's start on.
-
-    cells: what the rows after that start say of onsets. before: the filter at rows of one period
-    before it, empty right after a restart: where a refit may begin. steady: what explains the
-    samples without impulses. level: largest |y| so far. residuals: of final rows and windows.
-    """
-
-    t: float
-    x: Vector
-    P: Array | None
-    u: Vector
-    cells: Cells
-    rows: tuple[Filtered, ...] = ()
-    before: tuple[Filtered, ...] = ()
-    steady: tuple[Steady, ...] = ()
-    last_event: float = -math.inf
-    last_std: float = 0.0
-    doubt: tuple[float, float, str] = (math.inf, -math.inf, "")
-    level: Array = field(default_factory=lambda: np.zeros(()))
-    residuals: Residuals = field(default_factory=Residuals)
+_LEAST_TAIL_SAMPLES = 2  # samples of an incomplete window at the end of a record
 
 
 @dataclass(frozen=True)
@@ -85,29 +56,29 @@ class SamplesEngine:
 
     @property
     def least_ratio(self) -> float:
-        """What an impulse must explain to count: more where there are more onsets to choose."""
-        return _LEAST_RATIO + 2 * math.log(max(self.window / self.period / _FEW, 1.0))
+        """Least likelihood ratio of an impulse: larger where there are more onsets to choose."""
+        return _LEAST_RATIO + 2 * math.log(max(self.window / self.period / _REFERENCE_SAMPLES, 1.0))
 
     @classmethod
-    def from_gains(cls, gains: Any) -> SamplesEngine:
-        """From a design's gains."""
-        A = gains["A"]
+    def from_gains(cls, gains: SamplesGains) -> SamplesEngine:
+        """The engine of a design's gains."""
         plant = SampledPlant(
-            A, gains.get("B", np.zeros((len(A), 0))), gains["C"], gains["H"],
-            (gains["flow_lower"] + gains["flow_upper"]) / 2,
-        )  # fmt: skip
-        noise = gains["noise_std"], gains["noise_cv"]
+            A=gains.A, B=gains.input_matrix, C=gains.C, H=gains.H, drift=gains.flow_drift
+        )
         return cls(
-            OnsetModel(plant, bool(gains.get("nonnegative", False))), noise,
-            float(gains["window"]), float(gains["dwell_time"][0]), float(gains["period"]),
-        )  # fmt: skip
+            model=OnsetModel(plant, bool(gains.nonnegative)),
+            noise=(gains.noise_std, gains.noise_cv),
+            window=gains.window,
+            dwell=gains.shortest_dwell,
+            period=gains.sample_period,
+        )
 
     # --- rows in, rows out ----------------------------------------------------------------------
 
     def begin(self, t: float, x: Vector, covariance: Array | None) -> SampledLive:
-        """Nothing seen yet."""
+        """State before the first row."""
         inputs = np.zeros(self.model.plant.B.shape[1])
-        return SampledLive(t, x, covariance, inputs, Cells.empty(len(x)))
+        return SampledLive(t=t, x=x, P=covariance, u=inputs, cells=Cells.empty(len(x)))
 
     def extended(
         self, live: SampledLive, t: Array, y: Array, u: Array
@@ -121,19 +92,19 @@ class SamplesEngine:
     ) -> tuple[SampledLive, list[Estimate]]:
         decided: list[Estimate] = []
         for k in range(len(t)):
-            seen = bool(np.isfinite(y[k]).all())
+            measured = bool(np.isfinite(y[k]).all())
             std, cv = self.noise
-            level = np.maximum(live.level, np.abs(y[k])) if seen else live.level
+            level = np.maximum(live.level, np.abs(y[k])) if measured else live.level
             live = replace(live, level=level)
-            spread = noise_deviation(std, cv, y[k], level) if seen else std
-            row = Row(float(t[k]), y[k] if seen else None, u[k], spread)
+            spread = noise_deviation(std, cv, y[k], level) if measured else std
+            row = Row(float(t[k]), y[k] if measured else None, u[k], spread)
             if not live.rows:
                 live = self._first(live, row)
                 continue
             while len(live.rows) > 1 and row.t > self._end(live, row.t):
                 live, rows = self._evaluated(live)
                 decided += rows
-            live = self._with(live, row)
+            live = self._appended(live, row)
             if row.t >= self._end(live, row.t, -1.0):
                 live, rows = self._evaluated(live)
                 decided += rows
@@ -149,12 +120,12 @@ class SamplesEngine:
             return self._tail(live)
 
     def _tail(self, live: SampledLive) -> tuple[Estimate, ...]:
-        found: list[Estimate] = []
-        while len(live.rows) > _FEWEST:
+        estimates: list[Estimate] = []
+        while len(live.rows) > _LEAST_TAIL_SAMPLES:
             live, rows = self._evaluated(live, provisional=True)
-            found += rows
-        found += [self._estimate(live, at.row, at.x) for at in live.rows]
-        return tuple(row._replace(status=_joined(row.status, "unresolved")) for row in found)
+            estimates += rows
+        estimates += [self._estimate(live, at.row, at.x, is_open=True) for at in live.rows]
+        return tuple(estimates)
 
     def _first(self, live: SampledLive, row: Row) -> SampledLive:
         plant = self.model.plant
@@ -173,7 +144,7 @@ class SamplesEngine:
         sizes = np.abs(states).max(axis=0) * max(level / 2, miss) / shown
         return np.asarray(np.maximum(sizes, 1e-6 * (float(sizes.max()) or 1.0)))
 
-    def _with(self, live: SampledLive, row: Row) -> SampledLive:
+    def _appended(self, live: SampledLive, row: Row) -> SampledLive:
         """One more row in the window."""
         last = live.rows[-1]
         at = self.model.plant.after(last, row)
@@ -190,12 +161,19 @@ class SamplesEngine:
         return max(first, second - self.period) + self.window + sign * tolerance
 
     def _estimate(
-        self, live: SampledLive, row: Row, x: Vector, events: tuple[Event, ...] = ()
+        self,
+        live: SampledLive,
+        row: Row,
+        x: Vector,
+        *,
+        events: tuple[Event, ...] = (),
+        is_open: bool = False,
     ) -> Estimate:
-        status = status_of([] if row.y is not None else ["missing sample"], x)
-        if live.doubt[0] <= row.t <= live.doubt[1]:
-            status = _joined(status, live.doubt[2])
-        return Estimate(row.t, x=x, events=events, status=status)
+        """The estimate of a row; is_open: a further sample could have changed it."""
+        reasons = [] if row.y is not None else ["missing sample"]
+        reasons += live.doubt.doubts_at(row.t)
+        reasons += ["unresolved"] if is_open else []
+        return Estimate(row.t, x=x, events=events, status=status_of(reasons, x))
 
     # --- windows --------------------------------------------------------------------------------
 
@@ -207,7 +185,7 @@ class SamplesEngine:
         interval = max(second.row.t - first.row.t, self.period)
         before, last = live.rows[-2].row.t, live.rows[-1].row.t
         fit = self.model.posterior(
-            live.cells, live.cells.grid.before(last - _LATEST * (last - before))
+            live.cells, live.cells.grid.before(last - _CLOSED_INTERVALS * (last - before))
         )
         top = int(np.argmax(fit.ratio))
         oldest = first.row.t + interval
@@ -218,9 +196,9 @@ class SamplesEngine:
         cut = bisect_left(live.before, since, key=lambda at: at.row.t)
         return replace(
             live, rows=live.rows[1:], cells=live.cells.without_first(),
-            before=(*live.before[cut:], first), residuals=_with_rows(live, live.before[:cut]),
+            before=(*live.before[cut:], first), residuals=live.residuals_with(live.before[:cut]),
             steady=self._followed(live.steady, second.row, second.cost),
-        ), [self._estimate(live, first.row, first.x)]  # fmt: skip
+        ), [self._estimate(live, first.row, first.x, is_open=provisional)]  # fmt: skip
 
     # --- an impulse -------------------------------------------------------------------------------
 
@@ -235,26 +213,26 @@ class SamplesEngine:
         cells = self.model.window(start, rows, end)
         step = max(interval / ONSETS, (end - start.row.t) / _MOST_ONSETS)  # after a gap: coarser
         count = max(round((end - start.row.t) / step) - 1, 2)
-        grid = self.model.at(cells, start.row.t + step * np.arange(count))
+        grid = self.model.grid_at(cells, start.row.t + step * np.arange(count))
         fit = self.model.refined(cells, self.model.posterior(cells, grid))
         steady, ahead = self._ahead(live, fit.cost)
         freedom = sum(row.y is not None for row in rows) * len(self.model.plant.C) - 2
-        residuals = _with_rows(live, (start,)).joined(fit.cost, freedom)
+        residuals = live.residuals_with((start,)).joined(fit.cost, freedom)
         live = replace(live, residuals=residuals)
-        event = self._event(live, fit, freedom, ahead >= _AHEAD, provisional)
+        event = self._event(live, fit, freedom, ahead >= _LEAST_ADVANTAGE, provisional)
         doubt = live.doubt
-        if event.status != "ok":
-            doubt = (live.rows[0].row.t, rows[-1].t, event.status)
+        if event.doubts:
+            doubt = DoubtfulSpan(live.rows[0].row.t, rows[-1].t, event.doubts)
         live = replace(live, doubt=doubt)
         means, last = self.model.collapsed(fit, cells, start, rows)
         decided, given = [], False
         for at, mean in list(zip(known, means, strict=True))[len(live.before) : -1]:
             events = (event,) if not given and (at.row.t >= event.t or at is known[-2]) else ()
             given = given or bool(events)
-            decided.append(self._estimate(live, at.row, mean, events))
+            decided.append(self._estimate(live, at.row, mean, events=events, is_open=provisional))
         return replace(
             live, rows=(last,), cells=Cells.empty(len(last.x)), before=(),
-            steady=(steady[ahead >= _AHEAD], Steady.begin(last)), last_event=event.t,
+            steady=(steady[ahead >= _LEAST_ADVANTAGE], Steady.begin(last)), last_event=event.t,
             last_std=event.t_std or 0.0,
         ), decided  # fmt: skip
 
@@ -271,12 +249,12 @@ class SamplesEngine:
         return steady, ahead
 
     def _followed(self, steady: tuple[Steady, ...], row: Row, rival: float) -> tuple[Steady, ...]:
-        return tuple(one.after(self.model.plant, row, rival) for one in steady)
+        return tuple(hypothesis.after(self.model.plant, row, rival) for hypothesis in steady)
 
     def _event(
-        self, live: SampledLive, fit: Fit, freedom: int, alone: bool, provisional: bool
+        self, live: SampledLive, fit: Fit, freedom: int, is_ahead: bool, provisional: bool
     ) -> Event:
-        """What is told of an impulse; alone: nothing steady explains the samples as well.
+        """The event of a fit; is_ahead: it explains the samples clearly better than a steady input.
 
         freedom: degrees of freedom of what the fit leaves of the window's samples.
         """
@@ -288,28 +266,20 @@ class SamplesEngine:
         larger = max(own, whole)
         t_std = larger * math.sqrt(float(p @ (onsets - t) ** 2) + step**2 / 12)
         spread = float(p @ (fit.weights**2 + 1 / fit.precision)) - weight**2
-        status = "ok"
-        if own > 1:
-            status = MISFIT
+        doubts = [MISFIT] if own > 1 else []
         if whole > 1:
-            status = _joined(status, LARGER)
+            doubts.append(LARGER)
         if gap := short_dwell(live.last_event, t, self.dwell, live.last_std, t_std):
-            status = _joined(status, gap)
-        if not alone:
-            status = _joined(status, STEADY)
+            doubts.append(gap)
+        if not is_ahead:
+            doubts.append(STEADY)
         if provisional:
-            status = _joined(status, "provisional: the record ends inside its window")
+            doubts.append("provisional: the record ends inside its window")
         weight_std = larger * math.sqrt(max(spread, 0.0))
-        return Event(t, np.array([weight]), t_std, np.array([weight_std]), status)
-
-
-def _with_rows(live: SampledLive, rows: tuple[Filtered, ...]) -> Residuals:
-    """The residuals with those of rows that no window will use again."""
-    found = live.residuals
-    for at in rows:
-        found = found.joined(at.cost, len(at.surprise))
-    return found
-
-
-def _joined(status: str, more: str) -> str:
-    return more if status == "ok" else f"{status}; {more}"
+        return Event(
+            t=t,
+            weights=np.array([weight]),
+            t_std=t_std,
+            weights_std=np.array([weight_std]),
+            doubts=tuple(doubts),
+        )

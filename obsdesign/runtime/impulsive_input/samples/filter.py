@@ -1,25 +1,21 @@
-"""A Kalman filter from sample to sample without process noise, and what each sample told it.
+"""Kalman filter from sample to sample without process noise, with its innovations.
 
 Between impulses this is the observer of operator `samples`. The innovations of the filter, scaled
-by their deviations, are the samples of a window made white; so whatever is asked of a window
-follows from them, in time proportional to its samples.
+by their deviations, are the samples of a window made white; all statistics of a window
+follow from them, in time proportional to its samples.
 """
 
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from obsdesign.equations.gains import Array
 from obsdesign.runtime.base import Vector
 from obsdesign.runtime.flow_response import responses
 from obsdesign.runtime.step_cache import cached_step
-
-Array = NDArray[Any]
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +34,7 @@ class Filtered:
 
     factor (n, n): P = factor factor', which no rounding makes indefinite, however large P was.
     flow (n, n): of an error since the row before; kept (n, n): what the sample leaves of it.
-    shown (p, n), surprise (p,): the row of C, and the innovation, over the deviation of the latter.
+    shown (p, n), innovation (p,): rows of C and the innovation, over the deviation of the latter.
     """
 
     row: Row
@@ -47,7 +43,7 @@ class Filtered:
     flow: Array
     kept: Array
     shown: Array
-    surprise: Vector
+    innovation: Vector
 
     @property
     def P(self) -> Array:
@@ -57,18 +53,21 @@ class Filtered:
     @property
     def cost(self) -> float:
         """Square of the scaled innovation."""
-        return float(self.surprise @ self.surprise)
+        return float(self.innovation @ self.innovation)
 
     @classmethod
-    def given(cls, row: Row, x: Vector, factor: Array) -> Filtered:
+    def from_posterior(cls, row: Row, x: Vector, factor: Array) -> Filtered:
         """A filter that begins at a row whose sample was used already."""
         unit = np.eye(len(x))
-        return cls(row, x, factor, unit, unit, np.zeros((0, len(x))), np.zeros(0))
+        return cls(
+            row=row, x=x, factor=factor, flow=unit, kept=unit,
+            shown=np.zeros((0, len(x))), innovation=np.zeros(0),
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)
 class SampledPlant:
-    """The plant as the filter sees it; steps of equal length share their matrices."""
+    """The plant of the filter; steps of equal length share their matrices."""
 
     A: Array
     B: Array
@@ -103,31 +102,32 @@ class SampledPlant:
         x = x if jump is None else x + jump
         return self._used(row, x, flow @ before.factor, flow)
 
-    def along(self, first: Filtered, rows: Iterable[Row]) -> list[Filtered]:
-        """The filter at each of the rows that follow `first`."""
-        found, at = [], first
-        for row in rows:
-            at = self.after(at, row)
-            found.append(at)
-        return found
-
     def _used(self, row: Row, x: Vector, factor: Array, flow: Array) -> Filtered:
         """After the sample of a row: the array form of the filter, an orthogonal transformation.
 
         Kailath, Sayed, Hassibi, Linear Estimation, section 12.3: no difference of covariances.
         """
         n, p = len(x), len(self.C)
+        unit = np.eye(n)
         if row.y is None:
-            return Filtered(row, x, factor, flow, np.eye(n), np.zeros((0, n)), np.zeros(0))
+            return Filtered(
+                row=row, x=x, factor=factor, flow=flow, kept=unit,
+                shown=np.zeros((0, n)), innovation=np.zeros(0),
+            )  # fmt: skip
         array = np.block([[np.diag(row.spread), self.C @ factor], [np.zeros((n, p)), factor]])
         lower = triangular(array)
         S, gain = lower[:p, :p], lower[p:, :p]
-        miss = row.y - self.C @ x
-        white = np.linalg.solve(S, np.column_stack([self.C, miss]))
+        residual = row.y - self.C @ x
+        white = np.linalg.solve(S, np.column_stack([self.C, residual]))
         return Filtered(
-            row, x + gain @ white[:, -1], lower[p:, p:], flow, np.eye(n) - gain @ white[:, :-1],
-            white[:, :-1], white[:, -1],
-        )  # fmt: skip
+            row=row,
+            x=x + gain @ white[:, -1],
+            factor=lower[p:, p:],
+            flow=flow,
+            kept=unit - gain @ white[:, :-1],
+            shown=white[:, :-1],
+            innovation=white[:, -1],
+        )
 
 
 def triangular(columns: Array) -> Array:

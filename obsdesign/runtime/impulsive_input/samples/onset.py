@@ -1,11 +1,10 @@
-"""An impulse somewhere in a window of few samples: likelihood of onsets, and what follows from it.
+"""Likelihood of onsets of an impulse in a window of few samples.
 
-The exact relation of samples, onset and weight that `runtime.impulse_samples` states; everything
-here is about one window, and nothing about when to look. An impulse in the cell that ends at row c
-moves the state there by v = e^{A (t_c - onset)} H g, and the scaled innovations after it by linear
-functions of v. So two sums for each cell hold all that samples say of it,
+Of one window; the exact relation of samples, onset and weight is in `engine`. An impulse in the
+cell that ends at row c moves the state there by v = e^{A (t_c - onset)} H g, and the scaled
+innovations after it by linear functions of v. So two sums for each cell are sufficient statistics,
 
-    score s_c = sum_k Psi_kc' surprise_k,      information I_c = sum_k Psi_kc' Psi_kc,
+    score s_c = sum_k Psi_kc' innovation_k,      information I_c = sum_k Psi_kc' Psi_kc,
 
 and the likelihood ratio of an onset is (v's)^2 / v'I v, v for weight 1: no covariance of a whole
 window is formed, and another row costs the same however many there are.
@@ -16,12 +15,11 @@ from __future__ import annotations
 import math
 from collections import OrderedDict
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lmi.arithmetic.exponential import expm
+from obsdesign.equations.gains import Array
 from obsdesign.runtime.base import Vector
 from obsdesign.runtime.impulsive_input.samples.filter import (
     Filtered,
@@ -31,13 +29,11 @@ from obsdesign.runtime.impulsive_input.samples.filter import (
 )
 from obsdesign.runtime.step_cache import cached_step
 
-Array = NDArray[Any]
-
 ONSETS = 40  # per period of the samples
 _REFINEMENTS = 12  # of the grid of onsets, tenfold each
-_CROWDED = 0.95  # probability of three neighbours from which a grid is too coarse
+_MAX_NEIGHBOUR_PROBABILITY = 0.95  # probability of three neighbours from which a grid is too coarse
 _LEAST_SPREAD = 1e-9  # smallest variance kept, relative to the mean one
-_SAME = 1e-12  # times closer than this are one
+_EQUAL_TIMES = 1e-12  # times closer than this are one
 
 
 @dataclass(frozen=True)
@@ -68,21 +64,21 @@ class Grid:
 
     def before(self, t: float) -> Grid:
         """Those that lie before a time; one at least."""
-        k = max(int(np.searchsorted(self.onsets, t - _SAME)), 1)
+        k = max(int(np.searchsorted(self.onsets, t - _EQUAL_TIMES)), 1)
         return Grid(self.onsets[:k], self.cell[:k], self.states[:k])
 
 
 @dataclass(frozen=True)
 class Cells:
-    """What the samples of a window say of an impulse in each cell between two rows, N cells.
+    """Statistics of an impulse in each cell between two rows of a window, N cells.
 
     ends (N,): times of rows; moved (n, N, n): what is left in the filter now (first axis) of unit
     errors at a cell's end (last); information (N, n, n), score (N, n); costs: squares of all scaled
-    innovations, one for each row; grid: onsets that are looked at whenever the window moves.
+    innovations, one for each row; grid: onsets that are weighed at every step of the window.
     """
 
     ends: Array
-    moved: Array
+    propagated: Array
     information: Array
     score: Array
     costs: Array
@@ -91,37 +87,46 @@ class Cells:
     @classmethod
     def empty(cls, n: int) -> Cells:
         """A window that begins at a row, before the next one."""
-        none = np.zeros(0)
-        return cls(none, np.zeros((n, 0, n)), np.zeros((0, n, n)), np.zeros((0, n)), none,
-                   Grid.empty(n))  # fmt: skip
+        return cls(
+            ends=np.zeros(0),
+            propagated=np.zeros((n, 0, n)),
+            information=np.zeros((0, n, n)),
+            score=np.zeros((0, n)),
+            costs=np.zeros(0),
+            grid=Grid.empty(n),
+        )
 
     def after(self, at: Filtered, opens: bool = True) -> Cells:
         """With one more row; `opens`: an onset in the cell before it is looked for."""
-        n, moved = len(at.x), at.flow @ self.moved.reshape(len(at.x), -1)
+        n, propagated = len(at.x), at.flow @ self.propagated.reshape(len(at.x), -1)
         information, score, ends = self.information, self.score, self.ends
         if opens:
-            moved = np.hstack([moved, np.eye(n)])
+            propagated = np.hstack([propagated, np.eye(n)])
             information = np.concatenate([information, np.zeros((1, n, n))])
             score = np.concatenate([score, np.zeros((1, n))])
             ends = np.append(ends, at.row.t)
-        seen = (at.shown @ moved).reshape(-1, len(ends), n)
-        pairs = (seen[:, :, :, None] * seen[:, :, None, :]).sum(axis=0)
+        slopes = (at.shown @ propagated).reshape(-1, len(ends), n)
+        pairs = (slopes[:, :, :, None] * slopes[:, :, None, :]).sum(axis=0)
         return replace(
-            self, ends=ends, moved=(at.kept @ moved).reshape(n, -1, n),
-            information=information + pairs, score=score + np.tensordot(at.surprise, seen, 1),
+            self, ends=ends, propagated=(at.kept @ propagated).reshape(n, -1, n),
+            information=information + pairs, score=score + np.tensordot(at.innovation, slopes, 1),
             costs=np.append(self.costs, at.cost),
         )  # fmt: skip
 
     def without_first(self) -> Cells:
         """The window that begins one row later."""
         return Cells(
-            self.ends[1:], self.moved[:, 1:], self.information[1:], self.score[1:],
-            self.costs[1:], self.grid.without_first(),
-        )  # fmt: skip
+            ends=self.ends[1:],
+            propagated=self.propagated[:, 1:],
+            information=self.information[1:],
+            score=self.score[1:],
+            costs=self.costs[1:],
+            grid=self.grid.without_first(),
+        )
 
-    def of(self, onsets: Array) -> Array:
+    def cell_of(self, onsets: Array) -> Array:
         """Index of the cell of each onset; one at a row belongs to the cell that ends there."""
-        return np.minimum(np.searchsorted(self.ends, onsets - _SAME), len(self.ends) - 1)
+        return np.minimum(np.searchsorted(self.ends, onsets - _EQUAL_TIMES), len(self.ends) - 1)
 
 
 @dataclass(frozen=True)
@@ -141,7 +146,7 @@ class Fit:
 
 @dataclass(frozen=True)
 class OnsetModel:
-    """How likely onsets are; weight_std: prior deviation of weights, inf for none."""
+    """Posterior of onsets; weight_std: prior deviation of weights, inf for none."""
 
     plant: SampledPlant
     nonnegative: bool
@@ -175,9 +180,9 @@ class OnsetModel:
         """e^{A age} H, (G, n)."""
         return np.asarray((expm(self.plant.A * ages[:, None, None]) @ self.plant.H)[..., 0])
 
-    def at(self, cells: Cells, onsets: Array) -> Grid:
+    def grid_at(self, cells: Cells, onsets: Array) -> Grid:
         """Any onsets within the cells."""
-        cell = cells.of(onsets)
+        cell = cells.cell_of(onsets)
         return Grid(onsets, cell, self.states(np.maximum(cells.ends[cell] - onsets, 0.0)))
 
     def posterior(self, cells: Cells, grid: Grid) -> Fit:
@@ -198,17 +203,19 @@ class OnsetModel:
         p = np.exp(log_p - log_p.max()) if np.isfinite(log_p).any() else np.ones_like(log_p)
         weights = np.where(den > 0, num / np.where(d > 0, d, 1.0), 0.0)
         cost = float(cells.costs.sum() - ratio.max())
-        return Fit(grid, p / p.sum(), weights, d, ratio, cost)
+        return Fit(
+            grid=grid, probability=p / p.sum(), weights=weights, precision=d, ratio=ratio, cost=cost
+        )
 
     def refined(self, cells: Cells, fit: Fit) -> Fit:
         """The posterior on finer and finer grids, while a few onsets hold all of it."""
         for _ in range(_REFINEMENTS):
             top = int(np.argmax(fit.probability))
-            if fit.probability[max(top - 1, 0) : top + 2].sum() < _CROWDED:
+            if fit.probability[max(top - 1, 0) : top + 2].sum() < _MAX_NEIGHBOUR_PROBABILITY:
                 break
             onsets = fit.grid.onsets
             low, high = onsets[max(top - 2, 0)], onsets[min(top + 2, len(onsets) - 1)]
-            fit = self.posterior(cells, self.at(cells, np.linspace(low, high, ONSETS + 1)))
+            fit = self.posterior(cells, self.grid_at(cells, np.linspace(low, high, ONSETS + 1)))
         return fit
 
     def collapsed(
@@ -224,9 +231,9 @@ class OnsetModel:
         run, at, reach, score = [], first, np.eye(n), np.zeros(n)
         for row, jump in zip(rows, jumps, strict=True):
             at = self.plant.after(at, row, jump)
-            seen = at.flow @ reach
-            score = score + (at.shown @ seen).T @ at.surprise
-            reach = at.kept @ seen
+            spread = at.flow @ reach
+            score = score + (at.shown @ spread).T @ at.innovation
+            reach = at.kept @ spread
             run.append(at)
         x, since = first.x + first.P @ score, first.row
         means = [x]
@@ -234,7 +241,9 @@ class OnsetModel:
             x = self.plant.free(since.t, x, since.u, there.row.t) + jump
             since = there.row
             means.append(x)
-        onto = (cells.moved[:, fit.grid.cell] * fit.grid.states).sum(axis=2)  # (n, G): d x / d g
+        onto = (cells.propagated[:, fit.grid.cell] * fit.grid.states).sum(
+            axis=2
+        )  # (n, G): d x / d g
         away = onto * fit.weights - (onto @ mean)[:, None]
         likely = np.sqrt(fit.probability)
         spread = np.hstack([onto * likely / np.sqrt(fit.precision), away * likely])
@@ -242,4 +251,4 @@ class OnsetModel:
         # rounding must not leave it singular
         floor = math.sqrt(_LEAST_SPREAD / n) * float(np.linalg.norm(factor))
         factor = triangular(np.hstack([factor, floor * np.eye(n)]))
-        return [*means[:-1], at.x], Filtered.given(at.row, at.x, factor)
+        return [*means[:-1], at.x], Filtered.from_posterior(at.row, at.x, factor)

@@ -1,0 +1,142 @@
+"""Gains of the observer of unknown impulses: entries of designs of `impulsive_input`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from obsdesign.equations.gains import Array, PlantGains, flag, matrix, number, word
+from obsdesign.equations.impulsive_input.requirements import (
+    RULES,
+    WEIGHTINGS,
+    are_exponents,
+    is_positive,
+    is_whole_multiple,
+)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ImpulsiveInputGains(PlantGains):
+    """Entries of both operators.
+
+    H (n, q): directions of the impulses; window, margin: length of a window and the youngest age
+    that is evaluated; period: of the samples, None where y is measured continuously; noise_std,
+    noise_cv (p,): constant and proportional deviations; initial_std (n,): of the initial state.
+    Designs without nonnegative or state_correction mean false.
+    """
+
+    H: Array = matrix("n", "q")
+    window: float = number()
+    margin: float = number()
+    period: float | None = number(optional=True)
+    noise_std: Array = matrix("p")
+    noise_cv: Array = matrix("p")
+    initial_std: Array | None = matrix("n", optional=True)
+    weighting: str = word(*WEIGHTINGS)
+    nonnegative: bool | None = flag(optional=True)
+    state_correction: bool | None = flag(optional=True)
+
+    # entries behind those of the plant, as design files list them
+    _FILE_ORDER: ClassVar[tuple[str, ...]] = ()
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.dwell_time is None:
+            raise ValueError("gains.dwell_time must have shape 2; got nothing.")
+        if self.initial_std is not None and not (self.initial_std >= 0).all():
+            raise ValueError("gains.initial_std must be >= 0.")
+        for name in ("window", "margin"):
+            if not is_positive(getattr(self, name)):
+                raise ValueError(f"gains.{name} must be a positive number.")
+
+    def to_document(self) -> dict[str, Any]:
+        """Entries of a design file, without those that the design does not have."""
+        entries = super().to_document()
+        places = {name: place for place, name in enumerate(self._FILE_ORDER)}
+        return dict(sorted(entries.items(), key=lambda entry: places.get(entry[0], -1)))
+
+    @property
+    def directions(self) -> int:
+        """Number of columns of H."""
+        return int(self.H.shape[1])
+
+    @property
+    def shortest_dwell(self) -> float:
+        """Shortest time between two impulses."""
+        return self.dwell_range[0]
+
+    @property
+    def input_matrix(self) -> Array:
+        """B (n, m), without columns where the plant has no known input."""
+        return np.zeros((self.n, 0)) if self.B is None else self.B
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class IntegralGains(ImpulsiveInputGains):
+    """Operator `integral`: K (n, p), exponents (m,) of the kernels, and when to evaluate.
+
+    threshold: |R| above which rule `threshold` evaluates.
+    """
+
+    operator: str = word("integral")
+    K: Array = matrix("n", "p")
+    exponents: Array = matrix("kernels")
+    rule: str = word(*RULES)
+    threshold: float | None = number(optional=True)
+
+    _FILE_ORDER: ClassVar[tuple[str, ...]] = (
+        "H", "window", "margin", "noise_std", "noise_cv", "nonnegative", "initial_std", "period",
+        "threshold", "K", "weighting", "operator", "state_correction", "exponents", "rule",
+    )  # fmt: skip
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not are_exponents(self.exponents):
+            raise ValueError("gains.exponents must be distinct, finite numbers, one or more.")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SamplesGains(ImpulsiveInputGains):
+    """Operator `samples`: the window is a multiple of the period of the samples."""
+
+    operator: str = word("samples")
+
+    _FILE_ORDER: ClassVar[tuple[str, ...]] = (
+        "H", "noise_std", "noise_cv", "period", "margin", "weighting", "operator",
+        "state_correction", "nonnegative", "initial_std", "window",
+    )  # fmt: skip
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not is_positive(self.period):
+            raise ValueError("gains.period must be a positive number for operator 'samples'.")
+        if not is_whole_multiple(self.window, self.sample_period):
+            raise ValueError("gains.window must be a multiple of gains.period.")
+
+    @property
+    def sample_period(self) -> float:
+        """Period of the samples, which this operator always has."""
+        assert self.period is not None
+        return self.period
+
+    @property
+    def window_samples(self) -> int:
+        """Samples of a window after its first one."""
+        return round(self.window / self.sample_period)
+
+
+_OPERATORS: dict[str, type[IntegralGains] | type[SamplesGains]] = {
+    "integral": IntegralGains,
+    "samples": SamplesGains,
+}
+
+
+def gains_from_document(entries: Mapping[str, Any]) -> IntegralGains | SamplesGains:
+    """The gains that a design file states, of the class of their operator; ValueError if unfit."""
+    operator = entries.get("operator")
+    if operator not in _OPERATORS:
+        raise ValueError(f"gains.operator must be one of {', '.join(_OPERATORS)}.")
+    return _OPERATORS[operator].from_document(entries)
