@@ -1,5 +1,7 @@
 """Gains of a design as typed, checked objects; each kind derives its own from `PlantGains`.
 
+A kind that does not store all of `PlantGains` derives from `Gains`.
+
     @dataclass(frozen=True, kw_only=True, eq=False)
     class LuenbergerGains(PlantGains):
         L: Array = matrix("n", "p")
@@ -14,8 +16,10 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
@@ -44,6 +48,11 @@ def number(*, optional: bool = False) -> Any:
     return _field({"shape": _Shape(())}, optional)
 
 
+def count(*, optional: bool = False) -> Any:
+    """Declare a whole number, 1 or more."""
+    return _field({"count": True}, optional)
+
+
 def word(*allowed: str, optional: bool = False) -> Any:
     """Declare one of some words."""
     return _field({"words": allowed}, optional)
@@ -59,16 +68,61 @@ def _field(metadata: Mapping[str, Any], optional: bool) -> Any:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class PlantGains:
-    """Numbers of the plant that every observer needs at run time.
-
-    A (n, n), B (n, m), C (p, n); flow_lower, flow_upper (n,): bounds of b; G (n, n), E (n, l),
-    jump_lower, jump_upper (n,): the jump, None without jumps; dwell_time: (shortest, longest), None
-    where every dwell time is allowed; noise_bound (p,).
-    """
+class Gains(ABC):
+    """Entries of every kind, A (n, n) and C (p, n), with checks and the forms of a design file."""
 
     A: Array = matrix("n", "n")
     C: Array = matrix("p", "n")
+
+    def __post_init__(self) -> None:
+        """ValueError unless every entry is there and all fit each other."""
+        sizes: dict[str, int] = {}
+        for entry in dataclasses.fields(self):
+            value = getattr(self, entry.name)
+            if value is None and entry.default is None:
+                continue
+            object.__setattr__(self, entry.name, _checked(entry, value, sizes))
+
+    @classmethod
+    def from_document(cls, entries: Mapping[str, Any]) -> Self:
+        """The gains that a design file states; ValueError if one is missing or does not fit."""
+        names = {entry.name for entry in dataclasses.fields(cls)}
+        required = [entry for entry in dataclasses.fields(cls) if entry.default is not None]
+        for entry in required:
+            if entry.name not in entries:
+                raise ValueError(f"gains.{entry.name} is missing.")
+        return cls(**{name: value for name, value in entries.items() if name in names})
+
+    def to_document(self) -> dict[str, Any]:
+        """Entries of a design file, without those that the design does not have."""
+        entries = {entry.name: getattr(self, entry.name) for entry in dataclasses.fields(self)}
+        return {name: value for name, value in entries.items() if value is not None}
+
+    @cached_property
+    def n(self) -> int:
+        """Number of states."""
+        return len(self.A)
+
+    @cached_property
+    def p(self) -> int:
+        """Number of outputs."""
+        return len(self.C)
+
+    @property
+    @abstractmethod
+    def columns(self) -> dict[str, int | bool]:
+        """How many y, u, w a sample has, and whether jumps are reported."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PlantGains(Gains):
+    """Numbers of the plant that every observer needs at run time.
+
+    B (n, m); flow_lower, flow_upper (n,): bounds of b; G (n, n), E (n, l), jump_lower, jump_upper
+    (n,): the jump, None without jumps; dwell_time: (shortest, longest), None where every dwell time
+    is allowed; noise_bound (p,).
+    """
+
     B: Array | None = matrix("n", "m", optional=True)
     flow_lower: Array = matrix("n")
     flow_upper: Array = matrix("n")
@@ -82,46 +136,15 @@ class PlantGains:
     jump_measurement: str = word("before", "after", "none")
 
     def __post_init__(self) -> None:
-        """ValueError unless every entry is there and all fit each other."""
-        sizes: dict[str, int] = {}
-        for entry in dataclasses.fields(self):
-            value = getattr(self, entry.name)
-            if value is None and entry.default is None:
-                continue
-            object.__setattr__(self, entry.name, _checked(entry, value, sizes))
+        super().__post_init__()
         for name in ("jump_lower", "jump_upper"):
             if self.G is not None and getattr(self, name) is None:
                 raise ValueError(f"gains.{name} must have shape n; got nothing.")
 
     @classmethod
-    def from_document(cls, entries: Mapping[str, Any]) -> Self:
-        """The gains that a design file states; ValueError if one is missing or does not fit."""
-        names = {entry.name for entry in dataclasses.fields(cls)}
-        required = [entry for entry in dataclasses.fields(cls) if entry.default is not None]
-        for entry in required:
-            if entry.name not in entries:
-                raise ValueError(f"gains.{entry.name} is missing.")
-        return cls(**{name: value for name, value in entries.items() if name in names})
-
-    @classmethod
     def from_plant(cls, plant: Any, **gains: Any) -> Self:
         """Gains with the numbers of a plant, which has the attributes of `obsdesign.Plant`."""
         return cls(**plant_data(plant), **gains)
-
-    def to_document(self) -> dict[str, Any]:
-        """Entries of a design file, without those that the design does not have."""
-        entries = {entry.name: getattr(self, entry.name) for entry in dataclasses.fields(self)}
-        return {name: value for name, value in entries.items() if value is not None}
-
-    @property
-    def n(self) -> int:
-        """Number of states."""
-        return len(self.A)
-
-    @property
-    def p(self) -> int:
-        """Number of outputs."""
-        return len(self.C)
 
     @property
     def jump_matrix(self) -> Array:
@@ -166,6 +189,10 @@ def _checked(entry: Any, value: Any, sizes: dict[str, int]) -> Any:
         if not isinstance(value, bool | np.bool_):
             raise ValueError(f"{name} must be true or false.")
         return bool(value)
+    if "count" in metadata:
+        if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
+            raise ValueError(f"{name} must be a whole number >= 1; got {value!r}.")
+        return int(value)
     return _sized(name, metadata["shape"], value, sizes)
 
 

@@ -11,7 +11,7 @@ from typing import Any, Generic, NamedTuple, Protocol, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from obsdesign.equations.gains import PlantGains
+from obsdesign.equations.gains import Gains, PlantGains
 from obsdesign.runtime.time_stamps import time_tolerance
 
 Vector = NDArray[np.float64]
@@ -87,9 +87,9 @@ class Stepped(ABC, Generic[State]):
             yield estimate
 
 
-def columns_read(gains: PlantGains | Mapping[str, Any]) -> dict[str, int | bool]:
+def columns_read(gains: Gains | Mapping[str, Any]) -> dict[str, int | bool]:
     """How many y, u, w a sample has for these gains, and whether jumps are reported."""
-    if isinstance(gains, PlantGains):
+    if isinstance(gains, Gains):
         return gains.columns
     u, w = (gains[x].shape[1] if x in gains else 0 for x in ("B", "E"))
     return {"y": len(gains["C"]), "u": u, "w": w, "jump": "G" in gains}

@@ -124,8 +124,8 @@ def test_smoothing_takes_noise_away(disturbance: str, gain: float) -> None:
 
 
 def test_noise_chooses_it_and_its_absence_does_not() -> None:
-    assert observer(differentiator=None).gains["lag"] == 10
-    assert observer(differentiator=None, noise_std=[SIGMA, 0.0]).gains["differentiator"] == "cell"
+    assert observer(differentiator=None).gains.lag == 10
+    assert observer(differentiator=None, noise_std=[SIGMA, 0.0]).gains.differentiator == "cell"
 
 
 def test_the_choice_is_announced_with_its_delay() -> None:
@@ -177,7 +177,7 @@ def test_refusals(options: dict[str, Any], message: str) -> None:
 def test_a_lag_that_counts_nothing_does_not_run(lag: Any) -> None:
     running = observer()
     with pytest.raises(ValueError, match=r"gains\.lag must be a whole number >= 1"):
-        type(running).from_gains({**running.gains, "lag": lag})
+        type(running).from_gains({**running.gains.to_document(), "lag": lag})
 
 
 def test_a_caller_may_reuse_its_arrays() -> None:

@@ -12,7 +12,7 @@ from scipy.linalg import expm
 import obsdesign
 from lmi.arithmetic.balls import exact
 from lmi.bounds.peak_gain import peak_gains
-from obsdesign.equations.unknown_input import matrices as equations
+from obsdesign.equations.unknown_input import formulas as equations
 from obsdesign.runtime import from_design
 from obsdesign.verification.unknown_input.claims import claims
 from tests.systems.unknown_input import problem, random_plant
@@ -75,7 +75,7 @@ def test_slow_zeros_are_proved_with_their_number() -> None:
     asked = problem(A, [[2, -2], [0, 0]], [[-2], [-1]])  # zero at -2.98e-8
     design = obsdesign.design(asked)
     bounds = next(c for c in design.claims if c.id == "rounding").evidence["bounds"]
-    assert 1e-10 < max(bounds.values()) < equations.LASTING
+    assert 1e-10 < max(bounds.values()) < equations.LASTING_ERROR
     # the twin: as slow, but an F that is off by a hundredth of the zero
     false = design.gains["F"] * 1.01
     assert verdicts(asked, design.gains | {"F": false})["rounding"] == "refuted"
