@@ -17,7 +17,8 @@ from scipy.linalg import expm
 import obsdesign
 from lmi.arithmetic.exponential import expm as flow_of
 from obsdesign.analysis.impulsive_noise import simulated
-from obsdesign.equations.impulsive.gains import Core, window_gains, window_matrix
+from obsdesign.equations.impulsive.formulas import Core, window_gains, window_matrix
+from obsdesign.equations.impulsive.gains import ImpulsiveGains
 from obsdesign.runtime import Sample, from_design
 from tests.systems.impulsive import DOUBLE, SPLINE, chain, claim, first, problem, rebased
 
@@ -242,11 +243,9 @@ def test_noise_against_speed(
 ) -> None:
     """Double integrator, spacings uniform on [0.5, 1.5]; a square window: E 2/delta^2 = 8/3."""
     A, G, C = DOUBLE
-    gains = {
-        "A": A, "G": G, "C": C, "jump_measurement": "before", "strategy": "full",
-        "dwell_time": np.array([0.5, 1.5]), "window": window, "alpha": alpha,
-    }  # fmt: skip
-    found = simulated(gains, np.ones(1), sequences=300, impulses=100)
-    assert found.per_impulse == pytest.approx(rate, abs=0.006)
-    assert found.std[0] ** 2 == pytest.approx(position, abs=0.002)
-    assert found.std[1] ** 2 == pytest.approx(velocity, rel=0.015)
+    plant = problem((A, G, C), [0.5, 1.5]).plant
+    gains = ImpulsiveGains.from_plant(plant, strategy="full", window=window, alpha=alpha)
+    estimate = simulated(gains, np.ones(1), sequences=300, impulses=100)
+    assert estimate.per_impulse == pytest.approx(rate, abs=0.006)
+    assert estimate.std[0] ** 2 == pytest.approx(position, abs=0.002)
+    assert estimate.std[1] ** 2 == pytest.approx(velocity, rel=0.015)

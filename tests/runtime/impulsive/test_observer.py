@@ -13,7 +13,7 @@ from scipy.linalg import expm
 
 import obsdesign
 from obsdesign.data.simulation import simulate
-from obsdesign.equations.impulsive.gains import core_of, window_gains
+from obsdesign.equations.impulsive.formulas import Core, window_gains
 from obsdesign.runtime import Sample, from_design
 from obsdesign.runtime.impulsive.observer import ImpulsiveObserver
 from obsdesign.runtime.impulsive.window import Element, SlidingWindow
@@ -38,7 +38,7 @@ def test_the_queue_is_the_product_of_its_elements(seed: int, length: int) -> Non
     elements = [
         Element(rng.standard_normal((3, 3)), rng.standard_normal((1, 3))) for _ in range(25)
     ]
-    queue = SlidingWindow.of(elements[:length], 1.3)
+    queue = SlidingWindow.from_elements(elements[:length], 1.3)
     for k in range(length, len(elements)):
         queue = queue.push(elements[k]).pop()
         inside = elements[k - length + 1 : k + 1]
@@ -56,7 +56,7 @@ def test_the_queue_is_the_product_of_its_elements(seed: int, length: int) -> Non
             product.factor.T @ product.factor, stacked.T @ stacked, rtol=1e-8, atol=1e-8
         )
     with pytest.raises(IndexError):
-        SlidingWindow.of([], 1.3).pop()
+        SlidingWindow.from_elements([], 1.3).pop()
 
 
 @pytest.mark.parametrize("compressed", [False, True])
@@ -73,7 +73,8 @@ def test_the_sliding_gain_is_that_of_the_whole_window(
         U, S = rng.standard_normal((n, n - 1)), rng.standard_normal((n - 1, n))
         gains |= {"G": U @ S, "image": U, "coimage": S, "strategy": "compressed"}
         window = gains["window"] = max(window, -(-(n - 1) // p))
-    observer, core = ImpulsiveObserver.from_gains(gains), core_of(gains)
+    observer = ImpulsiveObserver.from_gains(gains)
+    core = Core.from_gains(observer.gains, np.asarray)
     times = np.cumsum(rng.uniform(0.1, 0.8, 25))
     state = observer.init(t=0.0)
     for k, t in enumerate(times):
@@ -276,14 +277,15 @@ def test_the_quadratic_table_contracts() -> None:
     ("changes", "line"),
     [
         ({"strategy": "best"}, "gains.strategy must be one of full, compressed, subspace, quadratic."),
-        ({"window": 0}, "gains.window must be a whole number from 1 to 4096, and gains.alpha above 1."),
-        ({"alpha": 1.0}, "gains.window must be a whole number from 1 to 4096, and gains.alpha above 1."),
-        ({"G": np.eye(3)}, "gains.G must have shape (2, 2); got shape (3, 3)."),
-        ({"G": None}, "gains.G must have shape (2, 2); got nothing of the kind."),
-        ({"B": np.eye(3)}, "gains.B must have 2 rows."),
-        ({"strategy": "compressed"}, "gains.image must have shape (2,); got nothing of the kind."),
-        ({"strategy": "subspace"}, "gains.core_place must be two whole numbers, first and size."),
-        ({"strategy": "quadratic"}, "gains.cells must have shape (0,); got nothing of the kind."),
+        ({"window": 0}, "gains.window must be a whole number >= 1; got 0."),
+        ({"window": 5000}, "gains.window must be a whole number from 1 to 4096; got 5000."),
+        ({"alpha": 1.0}, "gains.alpha must be a number > 1; got 1.0."),
+        ({"G": np.eye(3)}, "gains.G must have shape (2, 2) (n x n); got shape (3, 3)."),
+        ({"G": None}, "gains.G is missing."),
+        ({"B": np.eye(3)}, "gains.B must have shape (2, 3) (n x m); got shape (3, 3)."),
+        ({"strategy": "compressed"}, "gains.image is missing."),
+        ({"strategy": "subspace"}, "gains.core_place is missing."),
+        ({"strategy": "quadratic"}, "gains.cells is missing."),
         ({"jump_measurement": "none"}, "gains.jump_measurement must be before or after."),
     ],
 )  # fmt: skip

@@ -12,7 +12,8 @@ import pytest
 
 import obsdesign
 from obsdesign.analysis.impulsive_noise import simulated
-from obsdesign.equations.impulsive.gains import Core, core_of, window_gains
+from obsdesign.equations.impulsive.formulas import Core, window_gains
+from obsdesign.equations.impulsive.gains import ImpulsiveGains
 from obsdesign.verification.impulsive.claims import claims
 from tests.systems.impulsive import (
     DOUBLE,
@@ -225,16 +226,17 @@ def growths(design: Any, dwell: Any, seed: int) -> list[tuple[float, int]]:
 
 def test_noise_targets_choose_window_and_alpha() -> None:
     outcome = investigate(DOUBLE, [0.5, 1.5], noise_target=[0.9, 0.5])
-    gains = outcome.design.gains
-    found = simulated(gains, np.ones(1)).std
-    assert (found <= [0.9, 0.5]).all()
+    gains = ImpulsiveGains.from_document(outcome.design.gains)
+    assert gains.window is not None
+    assert gains.alpha is not None
+    assert (simulated(gains, np.ones(1)).std <= [0.9, 0.5]).all()
     # neither a shorter window nor a faster memory would do
-    shorter = {**gains, "window": gains["window"] - 1, "alpha": 1.02}
+    shorter = replace(gains, window=gains.window - 1, alpha=1.02)
     assert not (simulated(shorter, np.ones(1)).std <= [0.9, 0.5]).all()
-    faster = {**gains, "alpha": gains["alpha"] * 1.02}
+    faster = replace(gains, alpha=gains.alpha * 1.02)
     assert not (simulated(faster, np.ones(1)).std <= [0.9, 0.5]).all()
     halved = investigate(DOUBLE, [0.5, 1.5], noise_target=[0.45, 0.25], output={"noise_std": [0.5]})
-    assert halved.design.gains["alpha"] == pytest.approx(gains["alpha"], rel=1e-3)
+    assert halved.design.gains["alpha"] == pytest.approx(gains.alpha, rel=1e-3)
 
 
 def test_a_noise_target_out_of_reach_is_undecided() -> None:
@@ -256,7 +258,8 @@ def test_the_estimate_is_that_of_simulated_noise() -> None:
         state, estimate = observer.step(state, Sample(t, y=rng.standard_normal(1), jump=True))
         errors.append(estimate.x)
     measured = np.std(errors[20:], axis=0)
-    assert measured == pytest.approx(simulated(design.gains, np.ones(1)).std, rel=0.08)
+    gains = ImpulsiveGains.from_document(design.gains)
+    assert measured == pytest.approx(simulated(gains, np.ones(1)).std, rel=0.08)
 
 
 # --- forged and damaged designs -----------------------------------------------------------------
@@ -351,7 +354,7 @@ def test_units_of_time_do_not_matter(unit: float) -> None:
 def test_a_measurement_after_the_impulse_sees_what_is_left() -> None:
     outcome = investigate(SPLINE, [0.1, 0.8], output={"jump_measurement": "after"})
     assert outcome.verdict == "proved"
-    core = core_of(outcome.design.gains)
+    core = Core.from_gains(ImpulsiveGains.from_document(outcome.design.gains), np.asarray)
     assert np.array_equal(core.C, SPLINE[2] @ SPLINE[1])
 
 
