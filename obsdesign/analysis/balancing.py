@@ -12,7 +12,7 @@ _REWEIGHTED = 8
 
 
 def balancing_units(A: Matrix, C: Matrix, D: Matrix) -> tuple[Matrix, float]:
-    """Return (sizes of the states (n,), pace): units that balance A, so that those of x drop out.
+    """Return (sizes of the states (n,), pace): units in which A is balanced.
 
     Where A does not tie all states together, the outputs C (p, n) and inputs D (n, q) do. Powers of
     two.

@@ -144,10 +144,10 @@ def hidden_subspace(A: Any, C: Any) -> tuple[Any, Any] | None:
     hidden, free = nullspace(rows)
     while free:
         image = flow @ hidden
-        inside, kept = nullspace(image - hidden @ image[free])
-        if len(kept) == len(free):
+        inside, inner = nullspace(image - hidden @ image[free])
+        if len(inner) == len(free):
             return image[free], hidden
-        hidden, free = hidden @ inside, [free[i] for i in kept]
+        hidden, free = hidden @ inside, [free[i] for i in inner]
     return None
 
 

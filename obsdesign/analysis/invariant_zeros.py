@@ -48,7 +48,7 @@ class NearZero:
 
 
 def shows_every_input(C: Matrix, D: Matrix) -> Verdict:
-    """Decide |C D v| > margin |M| |v| for all v != 0, M = |C| |D|; the witness is a v that fails.
+    """Decide |C D v| > margin |M| |v| for all v != 0, M = |C| |D|; a witness is a v that fails.
 
     C (p, n), D (n, q). Rows of M (y) and columns (d) are brought to one size; units of x drop out
     of both products.

@@ -1,4 +1,4 @@
-"""Impulsive observers: a point observer corrected at impulses only, gains of a sliding window.
+"""Impulsive observers: corrected at impulses only, with gains of a sliding window.
 
     xhat' = A xhat + B u + (b_lower + b_upper)/2                               between impulses
     xhat+ = G xhat- + E w + (c_lower + c_upper)/2 + L[k] (C xhat- - y[k])      at impulse k
@@ -88,7 +88,7 @@ class Core:
         return len(self.A) if self.U is None else int(self.U.shape[1])
 
     def spacings(self, window: int) -> int:
-        """How many spacings the gain of a window depends on."""
+        """Number of spacings that the gain of a window depends on."""
         return window - 1 if self.U is None else window
 
     def stack(self, window: int) -> tuple[Array, Array, Array, Array, int, bool]:

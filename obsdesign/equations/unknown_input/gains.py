@@ -89,7 +89,7 @@ class UnknownInputGains(Gains):
 
     @property
     def columns(self) -> dict[str, int | bool]:
-        """How many y, u, w a sample has, and whether jumps are reported."""
+        """Numbers of y, u, w in a sample, and whether jumps are reported."""
         return {"y": self.p, "u": self.m, "w": 0, "jump": False}
 
 

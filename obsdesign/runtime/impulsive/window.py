@@ -1,4 +1,4 @@
-"""A sliding window of products and triangular factors: each step costs the same at any length.
+"""A sliding window of products and triangular factors: steps of one cost at any length.
 
 A window is a product of elements "measure, then move": (Phi, R, count) with R'R the weighted
 information of its measurements about the state where it starts. Joined, b after a,

@@ -1,4 +1,4 @@
-"""Unknown-input observer with a fixed lag: each sample is smoothed with those that follow it.
+"""Unknown-input observer with a fixed lag: a sample is smoothed with those that follow it.
 
 A sample is decided when `lag` further measurements have come. It and the one before are then
 replaced by their values in the window of smoothing (`equations.smoothing`) that reaches from

@@ -269,12 +269,11 @@ class UnknownInputObserver(PointObserver[UnknownInputState], Stepped[UnknownInpu
         if y is None or u_integral is not None:
             u_integral = state.u * (t - state.t) + (0.0 if u_integral is None else u_integral)
         h = t - state.t_measured
-        interval, size = state.interval, max(abs(t), abs(state.t))
-        same = interval is not None and abs(h - interval.length) <= 2 * math.ulp(size)
-        if interval is None or interval.step is None or not same:
-            interval = self._next_interval(interval if same else None, h, size)
+        interval = self._interval(state, h, t)
         mean = state.u if u_integral is None else u_integral / h
-        known = np.concatenate((state.w, state.y, state.y if y is None else y, mean))
+        # a copy: the sample's own array is the caller's
+        latest = state.y if y is None else y.copy()
+        known = np.concatenate((state.w, state.y, latest, mean))
         w, x, d = self._estimates(interval, h, known)
         if y is None:
             following = state._replace(t=t, x=x, u=u, u_integral=u_integral)
@@ -294,8 +293,7 @@ class UnknownInputObserver(PointObserver[UnknownInputState], Stepped[UnknownInpu
             t_measured=t,
             x=x,
             w=w,
-            # y from `known`: the sample's own array is the caller's
-            y=known[len(w) + len(y) : len(w) + 2 * len(y)],
+            y=latest,
             u=u,
             u_integral=None,
             slope=slope,
@@ -362,15 +360,18 @@ class UnknownInputObserver(PointObserver[UnknownInputState], Stepped[UnknownInpu
             return y if math.hypot(*y.tolist()) < MODERATE else None
         return None
 
-    def _next_interval(self, same: Interval | None, h: float, size: float) -> Interval:
-        """The interval of length h; same: the one before, if it is as long but for time stamps.
+    def _interval(self, state: UnknownInputState, h: float, t: float) -> Interval:
+        """The interval of length h that ends at t: usually the one before, once more.
 
         Decided by the state alone, so that a stream gives the same numbers whatever ran before.
         """
-        if same is None:
+        before, size = state.interval, max(abs(t), abs(state.t))
+        if before is None or abs(h - before.length) > 2 * math.ulp(size):
             return self._first_interval(h, size)
-        step = cached_step(self._steps, h, self._stacked) if same.is_resolved else None
-        return same._replace(length=h, step=step)
+        if before.step is not None:
+            return before
+        step = cached_step(self._steps, h, self._stacked) if before.is_resolved else None
+        return before._replace(length=h, step=step)
 
     def _stacked(self, h: float) -> Vector:
         """The matrix of a step of length h."""

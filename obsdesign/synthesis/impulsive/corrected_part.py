@@ -26,7 +26,7 @@ def part_candidates(problem: Problem, only_if_smaller: bool) -> Iterator[Candida
     C = seen_before_jump(plant.jump.G, plant.output.C, plant.output.jump_measurement)
     rate = float(problem.options.get("decay_rate", 0.0))
     factor = uncorrected_factor(rate, high)
-    parts = corrected_part(plant.flow.A, plant.jump.G, C, low, high, factor)
+    parts = corrected_part((plant.flow.A, plant.jump.G, C), (low, high), factor)
     if only_if_smaller and parts.size in (0, plant.n):
         return  # nothing to correct, or all of it
     if parts.size == 0:

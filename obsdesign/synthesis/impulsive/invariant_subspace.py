@@ -40,12 +40,13 @@ class Parts:
 
 @np.errstate(all="ignore")
 def corrected_part(
-    A: Matrix, G: Matrix, C: Matrix, low: float, high: float, factor: float
+    plant: tuple[Matrix, Matrix, Matrix], ends: tuple[float, float], factor: float
 ) -> Parts:
     """Basis in which A and G are block upper triangular, the middle block to be corrected.
 
     factor: per impulse, below which what is left alone counts as decaying.
     """
+    (A, G, C), (low, high) = plant, ends
     n = len(A)
     units = balance(np.stack([np.abs(A) * high, G]))
     A, G = units[:, None] * A / units, units[:, None] * G / units
@@ -85,10 +86,10 @@ def _growing_directions(A: Matrix, G: Matrix, low: float, high: float, factor: f
             if not np.isfinite(M).all():
                 return np.eye(len(A))
             limit = factor**length
-            _, Q, kept = schur(
+            _, Q, count = schur(
                 M, output="real", sort=lambda re, im, limit=limit: np.hypot(re, im) >= limit
             )
-            growing = _span(np.hstack([growing, Q[:, :kept]]))
+            growing = _span(np.hstack([growing, Q[:, :count]]))
     return growing
 
 
@@ -118,14 +119,14 @@ def _refined(V: Matrix, maps: tuple[Matrix, ...], zero: Matrix | None) -> Matrix
     if d in (0, n):
         return V
     W = _complement(V)
-    rows, wanted = [], []
+    rows, right = [], []
     for F in maps:
         rows.append(np.kron(W.T @ F @ W, np.eye(d)) - np.kron(np.eye(n - d), (V.T @ F @ V).T))
-        wanted.append(-(W.T @ F @ V).reshape(-1))
+        right.append(-(W.T @ F @ V).reshape(-1))
     if zero is not None:
         rows.append(np.kron(zero @ W, np.eye(d)))
-        wanted.append(-(zero @ V).reshape(-1))
-    step = np.linalg.lstsq(np.vstack(rows), np.concatenate(wanted), rcond=1e-10)[0]
+        right.append(-(zero @ V).reshape(-1))
+    step = np.linalg.lstsq(np.vstack(rows), np.concatenate(right), rcond=1e-10)[0]
     turned: Matrix = np.linalg.qr(V + W @ step.reshape(n - d, d))[0]
     return turned
 

@@ -1,4 +1,4 @@
-"""The quadratic strategy: one P for all spacings, and a gain for each cell of the last spacing.
+"""The quadratic strategy: one P for all spacings, a gain for each cell of the last spacing.
 
 With S = G e^{A delta}, H = C e^{A delta} some gain L(delta) makes the error after an impulse at
 most gamma times that after the one before, in the norm of P, if and only if
@@ -49,13 +49,13 @@ def quadratic_candidate(problem: Problem) -> Candidate:
     limit = math.exp(-rate * high) * (1 - 1e-9)
     factors = {*(f for f in _FACTORS if f < limit), *([limit] if limit < 1 else [])}
     for gamma in sorted(factors):
-        P = common_matrix(A, G, C, low, high, gamma)
+        P = common_matrix((A, G, C), (low, high), gamma)
         if P is None:
             continue
         # a little room between the search and the proof
         looser = min(1.01 * gamma, (1 + gamma) / 2)
         looser = min(looser, limit) if rate > 0 else looser
-        table = _table(A, G, C, P, (low, high), looser)
+        table = _table((A, G, C), P, (low, high), looser)
         if table is not None:
             gains = _gains(problem, *table)
             certificates = {
@@ -75,9 +75,10 @@ def _gains(problem: Problem, cells: Any, table: Any) -> ImpulsiveGains:
     return ImpulsiveGains.from_plant(plant, strategy="quadratic", cells=cells, table=table)
 
 
-def common_matrix(A: Any, G: Any, C: Any, low: float, high: float, gamma: float) -> Any:
+def common_matrix(plant: tuple[Any, Any, Any], ends: tuple[float, float], gamma: float) -> Any:
     """P of the inequality on a grid of spacings, or None; floats, in balanced coordinates."""
-    flows = expm(A * np.linspace(low, high, _GRID)[:, None, None])
+    A, G, C = plant
+    flows = expm(A * np.linspace(*ends, _GRID)[:, None, None])
     if not np.isfinite(flows).all():
         return None
     units = balance(np.abs(G @ flows) + np.abs(flows))
@@ -109,9 +110,10 @@ def best_gain(A: Any, G: Any, C: Any, P: Any, spacing: float) -> Any:
 
 
 def _table(
-    A: Any, G: Any, C: Any, P: Any, ends: tuple[float, float], gamma: float
+    plant: tuple[Any, Any, Any], P: Any, ends: tuple[float, float], gamma: float
 ) -> tuple[Any, Any] | None:
     """Cells and gains for which the contraction is proved; None if there would be too many."""
+    A, G, C = plant
     A_exact, G_exact, C_exact = exact(A), exact(G), exact(C)
     todo, borders, gains = [ends], [ends[0]], []
     while todo and left() > 0:

@@ -51,8 +51,8 @@ def weight(problem: Problem, margin: float = 1.0) -> float:
         return ALPHA
     if rate * problem.require_dwell_time()[1] > _LARGEST_LOG_ALPHA:
         raise InputError(
-            f"observer.decay_rate must be at most {_LARGEST_LOG_ALPHA:g} / jump.dwell_time[1] here; "
-            f"got {problem.options['decay_rate']!r}. Is it in the plant's unit of time?"
+            f"observer.decay_rate must be at most {_LARGEST_LOG_ALPHA:g} / jump.dwell_time[1] "
+            f"here; got {problem.options['decay_rate']!r}. Is it in the plant's unit of time?"
         )
     return max(math.exp(rate * problem.require_dwell_time()[1]) * (1 + 1e-6), 1 + 1e-6)
 

@@ -1,4 +1,4 @@
-"""Unknown-input observers: coordinates, left inverse, annihilator and gain by QR and Riccati.
+"""Unknown-input observers: coordinates, left inverse, annihilator, gain by QR and Riccati.
 
 Where none exists (`obsdesign.analysis.invariant_zeros`) there is nothing to choose. The gain L
 itself is chosen in `reduced_gain.py`.

@@ -115,7 +115,7 @@ def left_inverse(CD: Matrix, variances: Matrix) -> tuple[Matrix, Matrix]:
 
 
 def annihilator(CD: Matrix, units: Matrix) -> Matrix:
-    """Z, (p - q, p), full rank, Z C D = 0; the unit matrix at the leftmost columns that allow it.
+    """Z, (p - q, p), full rank, Z C D = 0; the unit matrix at the leftmost possible columns.
 
     units: factors (p,) that bring the outputs to one size. The normal form depends on the
     plant alone, so that a given L means the same everywhere.

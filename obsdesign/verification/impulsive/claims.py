@@ -1,4 +1,4 @@
-"""Impulsive observers: every hypothesis of Theorem 3.1 about given gains, proved for all spacings.
+"""Impulsive observers: the hypotheses of Theorem 3.1 for given gains and all spacings.
 
 Source: E. A. Medina, D. A. Lawrence, State Estimation for Linear Impulsive Systems. The claims
 speak about the stored binary64 numbers; strong observability is proved with a margin, for every

@@ -30,16 +30,7 @@ def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[dict[str, A
     for claim in claims:
         if claim.id == "rate" and claim.verdict == "proved":
             rate = Rate.from_evidence(claim.evidence)
-            constant, each = (
-                six_digits(value, ROUND_CEILING) for value in (rate.constant, rate.per_impulse)
-            )
-            in_time = six_digits(rate.in_time, ROUND_FLOOR)
-            text = (
-                f"Without {free}, the error just before an impulse is, N impulses later, at most "
-                f"{constant} * {each}^N of what it was; it decays like e^(-{in_time} t). Actual "
-                "errors are far smaller."
-            )
-            sentences.append((text, [*needed, "rate"]))
+            sentences.append((_rate_sentence(rate, free), [*needed, "rate"]))
     if "decay_rate" in verdicts:
         goal = float(problem.options["decay_rate"])
         text = f"The error decays like e^(-{goal!r} t) {when}."
@@ -56,3 +47,16 @@ def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[dict[str, A
         )
         result.append({"statement": text, "given": False, "claims": []})
     return tuple(result)
+
+
+def _rate_sentence(rate: Rate, free: str) -> str:
+    """The proved rate in a sentence; free: signals that must be absent."""
+    constant, each = (
+        six_digits(value, ROUND_CEILING) for value in (rate.constant, rate.per_impulse)
+    )
+    in_time = six_digits(rate.in_time, ROUND_FLOOR)
+    return (
+        f"Without {free}, the error just before an impulse is, N impulses later, at most "
+        f"{constant} * {each}^N of what it was; it decays like e^(-{in_time} t). Actual "
+        "errors are far smaller."
+    )

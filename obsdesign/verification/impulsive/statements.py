@@ -1,4 +1,4 @@
-"""The claims of an impulsive observer, one function each: statement, source, verdict, evidence.
+"""Claims of an impulsive observer, one function each: statement, source, verdict, evidence.
 
 Source: E. A. Medina, D. A. Lawrence, State Estimation for Linear Impulsive Systems.
 """
