@@ -126,15 +126,15 @@ def test_check_names_what_stands_in_the_way() -> None:
     body = obsdesign.load_problem(EXAMPLES[0]).to_dict()
     del body["observer"]
     assert check_kind(obsdesign.Problem.from_dict(body), "unknown_input")["verdict"] == "proved"
-    one = body | {"output": {"C": [[1, 0, 1]]}}
-    found = check_kind(obsdesign.Problem.from_dict(one), "unknown_input")
-    assert found["verdict"] == "refuted"
-    assert found["reasons"][0].startswith("rank: rank(C D) = 1, 2 is needed")
+    single = body | {"output": {"C": [[1, 0, 1]]}}
+    report = check_kind(obsdesign.Problem.from_dict(single), "unknown_input")
+    assert report["verdict"] == "refuted"
+    assert report["reasons"][0].startswith("rank: rank(C D) = 1, 2 is needed")
     jumps = body | {"jump": {"dwell_time": [1, 2]}}
-    found = check_kind(obsdesign.Problem.from_dict(jumps), "unknown_input")
-    assert found["reasons"][0].startswith("[jump] must be absent for kind 'unknown_input'")
+    report = check_kind(obsdesign.Problem.from_dict(jumps), "unknown_input")
+    assert report["reasons"][0].startswith("[jump] must be absent for kind 'unknown_input'")
     no_d = {"flow": {"A": body["flow"]["A"]}, "output": body["output"]}
-    found = check_kind(obsdesign.Problem.from_dict(no_d), "unknown_input")
-    assert found["verdict"] == "does_not_apply"
-    assert found["reasons"] == ["flow.D is required by kind 'unknown_input'; it is missing."]
-    assert found["next"] == "If an unknown input acts, give its matrix flow.D."
+    report = check_kind(obsdesign.Problem.from_dict(no_d), "unknown_input")
+    assert report["verdict"] == "does_not_apply"
+    assert report["reasons"] == ["flow.D is required by kind 'unknown_input'; it is missing."]
+    assert report["next"] == "If an unknown input acts, give its matrix flow.D."

@@ -80,7 +80,7 @@ class UnknownInputState(NamedTuple):
     w: Vector | None
     y: Vector | None
     u: Vector
-    u_integral: Vector | None
+    u_integral: Vector | None = None
     slope: tuple[float, Vector, Vector] | None = None
     interval: Interval | None = None
     started: bool = True
@@ -130,6 +130,13 @@ class FreeStep:
         estimate = driven[k:-q] + self.end.dot(w)
         estimate[-q:] += driven[-q:] / h
         return w, estimate
+
+
+def _input_integral(state: UnknownInputState, t: float, y: Vector | None) -> Vector | None:
+    """Integral of [u; 1] since the last measurement; None where u was held all the time."""
+    if y is not None and state.u_integral is None:
+        return None
+    return state.u * (t - state.t) + (0.0 if state.u_integral is None else state.u_integral)
 
 
 def damped_slope(state: UnknownInputState, h: float, y: Vector) -> tuple[float, Vector, Vector]:
@@ -229,16 +236,7 @@ class UnknownInputObserver(PointObserver[UnknownInputState], Stepped[UnknownInpu
         inputs = np.zeros(int(self.reads["u"]) + 1)
         inputs[-1] = 1.0
         t = float(t)
-        return UnknownInputState(
-            t=t,
-            t_measured=t,
-            x=guess,
-            w=w,
-            y=None,
-            u=inputs,
-            u_integral=None,
-            started=False,
-        )
+        return UnknownInputState(t=t, t_measured=t, x=guess, w=w, y=None, u=inputs, started=False)
 
     def step(self, state: UnknownInputState, sample: Sample) -> tuple[UnknownInputState, Estimate]:
         """Move to the time of the sample and use it.
@@ -265,40 +263,28 @@ class UnknownInputObserver(PointObserver[UnknownInputState], Stepped[UnknownInpu
             u = np.append(vector(sample.u, len(u) - 1, "u"), 1.0)
         if state.y is None or state.w is None:
             return self._first(state, t, y, u, why)
-        u_integral = state.u_integral
-        if y is None or u_integral is not None:
-            u_integral = state.u * (t - state.t) + (0.0 if u_integral is None else u_integral)
         h = t - state.t_measured
-        interval = self._interval(state, h, t)
+        interval, u_integral = self._interval(state, h, t), _input_integral(state, t, y)
         mean = state.u if u_integral is None else u_integral / h
         # a copy: the sample's own array is the caller's
-        latest = state.y if y is None else y.copy()
-        known = np.concatenate((state.w, state.y, latest, mean))
+        end = state.y if y is None else y.copy()
+        known = np.concatenate((state.w, state.y, end, mean))
         w, x, d = self._estimates(interval, h, known)
         if y is None:
-            following = state._replace(t=t, x=x, u=u, u_integral=u_integral)
-            return following, Estimate(t, x=x, d=d * np.nan, status=why)
+            estimate = Estimate(t, x=x, d=d * np.nan, status=why)
+            return state._replace(t=t, x=x, u=u, u_integral=u_integral), estimate
         slope, status = None, interval.status
         if self._damped:
             slope = damped_slope(state, h, y)
             d = d + self.gains.N @ slope[2]
-        moderate = self._has_usual_gains
-        moderate &= math.hypot(*w.tolist(), *x.tolist(), *d.tolist()) < MODERATE
-        if not moderate:
+        small = self._has_usual_gains
+        small &= math.hypot(*w.tolist(), *x.tolist(), *d.tolist()) < MODERATE
+        if not small:
             status = status_of([status] if status != "ok" else [], x, d)
         if u is not state.u or not state.moderate:
-            moderate &= math.hypot(*u.tolist()) < MODERATE
+            small &= math.hypot(*u.tolist()) < MODERATE
         following = UnknownInputState(
-            t=t,
-            t_measured=t,
-            x=x,
-            w=w,
-            y=latest,
-            u=u,
-            u_integral=None,
-            slope=slope,
-            interval=interval,
-            moderate=moderate,
+            t=t, t_measured=t, x=x, w=w, y=end, u=u, slope=slope, interval=interval, moderate=small
         )
         return following, Estimate(t, x=x, d=d, status=status)
 
@@ -343,15 +329,8 @@ class UnknownInputObserver(PointObserver[UnknownInputState], Stepped[UnknownInpu
             return following, Estimate(t, x=state.x, d=nothing, status=why)
         w = self.gains.first @ y if state.w is None else state.w
         x = self.gains.X @ w + self.gains.Xy @ y
-        following = UnknownInputState(
-            t=t,
-            t_measured=t,
-            x=x,
-            w=w,
-            y=y.copy(),  # the sample's own array is the caller's
-            u=u,
-            u_integral=None,
-        )
+        # a copy: the sample's own array is the caller's
+        following = UnknownInputState(t=t, t_measured=t, x=x, w=w, y=y.copy(), u=u)
         return following, Estimate(t, x=x, d=nothing, status=status_of([], x))
 
     def _measurement(self, y: ArrayLike | None) -> Vector | None:
