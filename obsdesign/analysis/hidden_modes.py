@@ -1,4 +1,4 @@
-"""What a plant's matrices allow: modes that no output sees. Each answer carries its witness."""
+"""Unobservable and undetectable modes of a plant. Each answer carries its witness."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from lmi.refute.spectral import refute_spectral
 
 Matrix = NDArray[np.float64]
 
-# A mode counts as unseen when [A - s I; C] is this close to losing rank, relative to its size
+# A mode counts as unobservable when [A - s I; C] is this close to losing rank, relative to its size
 RANK_TOLERANCE = 1e-10
 
 
@@ -28,35 +28,35 @@ class Mode:
 
 
 def approx_unobservable_modes(A: Matrix, C: Matrix) -> list[Mode]:
-    """Modes of A, (n, n), that C, (p, n), does not see (Popov-Belevitch-Hautus), in floats.
+    """Unobservable modes of A, (n, n), C, (p, n), in floats (Popov-Belevitch-Hautus).
 
     The least decaying mode comes first.
     """
     size = max(float(np.abs(A).max(initial=0.0)), 1e-300)
-    seen = C / max(float(np.abs(C).max(initial=0.0)), 1e-300)
-    found = []
+    rows = C / max(float(np.abs(C).max(initial=0.0)), 1e-300)
+    modes = []
     for value in np.linalg.eigvals(A):
-        pencil = np.vstack([(A - value * np.eye(len(A))) / size, seen])
+        pencil = np.vstack([(A - value * np.eye(len(A))) / size, rows])
         margin = float(np.linalg.svd(pencil, compute_uv=False)[-1])
         if margin < RANK_TOLERANCE:
-            found.append(Mode(complex(value), margin))
-    return sorted(found, key=lambda mode: -mode.eigenvalue.real)
+            modes.append(Mode(complex(value), margin))
+    return sorted(modes, key=lambda mode: -mode.eigenvalue.real)
 
 
 def hidden_growth(A: Matrix, C: Matrix, rate: float = 0.0) -> bool:
-    """Is there, exactly, a mode that C never sees and that does not decay faster than `rate`?
+    """Decide exactly whether an unobservable mode does not decay faster than `rate`.
 
     In rational arithmetic: the unobservable subspace of (A, C), and Routh's test on A + rate I
     restricted to it. No gain L moves such a mode of A - L C.
     """
-    unseen = hidden_flow(A, C)
-    if unseen is None:
+    hidden = hidden_flow(A, C)
+    if hidden is None:
         return False
-    return prove_hurwitz(unseen + exact(rate * np.eye(len(unseen)))).outcome == "refuted"
+    return prove_hurwitz(hidden + exact(rate * np.eye(len(hidden)))).outcome == "refuted"
 
 
 def hidden_pair(A: Any, G: Any, C: Any) -> tuple[Any, Any] | None:
-    """(A, G) restricted to the largest subspace that C never sees, along flow and jumps; exact.
+    """(A, G) restricted to the unobservable subspace along flow and jumps; exact.
 
     No gain L or M reaches the error there, so that its stability is the plant's own. None if the
     subspace is zero.
@@ -77,10 +77,10 @@ def hidden_pair(A: Any, G: Any, C: Any) -> tuple[Any, Any] | None:
     return None
 
 
-def hidden_for_ever(
+def not_detectable(
     A: Any, G: Any | None, C: Any, ends: tuple[float, float]
 ) -> dict[str, Any] | None:
-    """Why two states are never told apart and never come together, whatever the gains; or None.
+    """Witness that (A, G, C) is not detectable over the dwell times; None if detectable.
 
     G: None without jumps; ends: shortest and longest dwell time. The reason, and its witness.
     """
@@ -103,11 +103,11 @@ def hidden_for_ever(
     return {**witness, "reason": reason}
 
 
-def hardly_hidden(A: Matrix, C: Matrix) -> str | None:
-    """What is missing where a mode that lasts is hidden but for rounding, in floats; or None.
+def nearly_undetectable(A: Matrix, C: Matrix) -> str | None:
+    """Warning for a non-decaying mode that is unobservable up to rounding; None otherwise.
 
-    Such a mode is often one that is lossless and unseen in other coordinates: exactly it is
-    neither, so that nothing can be proved against it, and no gain does anything about it.
+    Such a mode is often lossless and unobservable in other coordinates: exactly it is neither, so
+    that nothing can be proved against it, and no gain moves it.
     """
     size = max(float(np.abs(A).max(initial=0.0)), 1e-300)
     lasting = [
@@ -128,27 +128,26 @@ def hardly_hidden(A: Matrix, C: Matrix) -> str | None:
 
 
 def hidden_flow(A: Any, C: Any) -> Any | None:
-    """A restricted to the largest A-invariant subspace that C never sees; exact.
+    """A restricted to the unobservable subspace; exact. None if that is zero.
 
-    A, C: floats or exact rationals. Its modes are those that no output sees. None if the subspace
-    is zero.
+    A, C: floats or exact rationals. Its modes are the unobservable ones.
     """
-    found = hidden_subspace(A, C)
-    return None if found is None else found[0]
+    hidden = hidden_subspace(A, C)
+    return None if hidden is None else hidden[0]
 
 
 def hidden_subspace(A: Any, C: Any) -> tuple[Any, Any] | None:
     """(`hidden_flow`, basis (n, h) of the subspace in whose coordinates it stands); exact."""
-    flow, seen = exact(A), exact(C)
-    if surely_observable(flow, seen):
+    flow, rows = exact(A), exact(C)
+    if surely_observable(flow, rows):
         return None
-    hidden, free = nullspace(seen)
+    hidden, free = nullspace(rows)
     while free:
-        moved = flow @ hidden
-        inside, kept = nullspace(moved - hidden @ moved[free])
-        if len(kept) == len(free):
-            return moved[free], hidden
-        hidden, free = hidden @ inside, [free[i] for i in kept]
+        image = flow @ hidden
+        inside, inner = nullspace(image - hidden @ image[free])
+        if len(inner) == len(free):
+            return image[free], hidden
+        hidden, free = hidden @ inside, [free[i] for i in inner]
     return None
 
 

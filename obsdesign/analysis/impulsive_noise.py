@@ -1,14 +1,13 @@
-"""What noise does to an impulsive observer, and how fast it really is: estimates, not proofs.
+"""Estimates, not proofs, of the noise and the speed of convergence of an impulsive observer.
 
 Random spacings, uniform in their range; the covariance of the error just after an impulse follows
-Sigma+ = F Sigma F' + L V L', F = (G + L C) e^{A delta}, without any random noise. Synthesis asks,
-verification compares.
+Sigma+ = F Sigma F' + L V L', F = (G + L C) e^{A delta}, without any random noise. Synthesis and
+verification share it.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,7 +16,8 @@ from numpy.typing import NDArray
 
 from lmi.arithmetic.exponential import expm
 from obsdesign.equations.estimation_error import seen_before_jump
-from obsdesign.equations.impulsive import gains as equations
+from obsdesign.equations.impulsive.formulas import Core, window_gains
+from obsdesign.equations.impulsive.gains import ImpulsiveGains
 from obsdesign.problem.problem import Problem
 
 Matrix = NDArray[np.float64]
@@ -35,7 +35,7 @@ class Estimate:
 
 @np.errstate(all="ignore")
 def simulated(
-    gains: Mapping[str, Any],
+    gains: ImpulsiveGains,
     noise: Matrix,
     *,
     sequences: int = _SEQUENCES,
@@ -43,10 +43,9 @@ def simulated(
     seed: int = _SEED,
 ) -> Estimate:
     """Estimate for a design's gains and the standard deviations of its measurements, (p,)."""
-    low, high = (float(end) for end in gains["dwell_time"])
-    A, G = gains["A"], gains["G"]
-    C = seen_before_jump(G, gains["C"], gains["jump_measurement"])
-    window = int(gains.get("window", 1))
+    (low, high), window = gains.dwell_range, gains.window_length
+    A, G = gains.A, gains.jump_matrix
+    C = seen_before_jump(G, gains.C, gains.jump_measurement)
     rng = np.random.default_rng(seed)
     spacings = rng.uniform(low, high, (sequences, impulses + window))
     L = _gains(gains, spacings, window)
@@ -67,25 +66,23 @@ def simulated(
             total += np.diagonal(sigma, axis1=1, axis2=2).mean(axis=0)
             shrunk += float(np.log(np.maximum(size, 1e-300)).mean())
     count = L.shape[1] - settled
-    # what has sunk into rounding shrinks no further: dead-beat
+    # errors at the level of rounding shrink no further: dead-beat
     per_impulse = math.exp(shrunk / count)
     return Estimate(np.sqrt(total / count), per_impulse if per_impulse > 1e-6 else 0.0)
 
 
-def _gains(gains: Mapping[str, Any], spacings: Matrix, window: int) -> Matrix:
+def _gains(gains: ImpulsiveGains, spacings: Matrix, window: int) -> Matrix:
     """L for every impulse whose window lies in the record, (sequences, impulses, n, p)."""
-    if "window" not in gains:
-        borders = gains["cells"]
-        cells = np.searchsorted(borders, spacings, side="right") - 1
-        return np.asarray(gains["table"])[np.clip(cells, 0, len(borders) - 2)]
-    core = equations.core_of(gains)
+    if not gains.has_window:
+        return gains.table_gain(spacings)
+    core = Core.from_gains(gains, np.asarray)
     m = core.spacings(window)
     flows = expm(core.A * spacings[:, :, None, None])
     count = spacings.shape[1] - window + 1
     # the last spacing of each window is number window - 1 + k
     first = window - m
     index = first + np.arange(count)[:, None] + np.arange(m)
-    L = equations.window_gains(core, flows[:, index], float(gains["alpha"]))
+    L = window_gains(core, flows[:, index], gains.window_weight)
     L = np.broadcast_to(L, (len(spacings), count, *L.shape[-2:]))
     return L if core.lift is None else core.lift @ L
 
@@ -96,24 +93,24 @@ def noise_of(problem: Problem) -> Matrix:
     return np.array(given) if np.any(given) else np.ones(problem.plant.p)
 
 
-def estimate(problem: Problem, gains: Mapping[str, Any]) -> dict[str, Any]:
-    """The estimate as a design shows it: how fast, and what noise becomes of the noise."""
+def estimate(problem: Problem, gains: ImpulsiveGains) -> dict[str, Any]:
+    """The estimate as evidence of a design: convergence per impulse, and errors from noise."""
     noise = noise_of(problem)
-    found = simulated(gains, noise)
+    estimated = simulated(gains, noise)
     return {
-        "per_impulse": found.per_impulse,
-        "std_after_impulse": found.std.tolist(),
+        "per_impulse": estimated.per_impulse,
+        "std_after_impulse": estimated.std.tolist(),
         "measurement_std": noise.tolist(),
         "spacings": "independent, uniform in their range",
     }
 
 
-def missed(problem: Problem, gains: Mapping[str, Any]) -> dict[str, Any]:
-    """Why a design misses its noise target, in words and numbers."""
+def missed_target(problem: Problem, gains: ImpulsiveGains) -> dict[str, Any]:
+    """Evidence that a design misses its noise target: the reason, and the numbers."""
     reached = simulated(gains, noise_of(problem)).std
     shown = ", ".join(f"{value:.4g}" for value in reached)
     reason = (
-        f"with a window of {int(gains['window'])} and alpha {float(gains['alpha']):g} the "
+        f"with a window of {gains.window_length} and alpha {gains.window_weight:g} the "
         f"estimated standard deviations are ({shown}); a longer window, a slower alpha or better "
         "measurements are needed"
     )

@@ -1,4 +1,4 @@
-"""Can an unknown input be told from the output? Rank of C D, and the invariant zeros of (A, D, C).
+"""Existence of unknown-input observers: rank of C D, and the invariant zeros of (A, D, C).
 
     x' = A x + D d,   y = C x;   s is an invariant zero if [[sI - A, -D], [C, 0]] loses rank there
 
@@ -7,6 +7,8 @@ Both are decided on the exact numbers, each answer with its witness.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -16,25 +18,49 @@ from lmi.arithmetic.balls import Exact, ball, certify_positive_definite, exact, 
 from lmi.prove.hurwitz import prove_hurwitz
 from lmi.verdict import Verdict, proved, refuted, undecided
 from obsdesign.analysis.hidden_modes import approx_unobservable_modes, hidden_subspace, nullspace
-from obsdesign.equations.unknown_input import matrices as equations
+from obsdesign.equations.unknown_input import formulas as equations
 
 Matrix = NDArray[np.float64]
 
 
+@dataclass(frozen=True)
+class NearZero:
+    """A mode with Re s >= 0 that is an invariant zero up to rounding.
+
+    imag: its absolute value; margin: relative distance from a loss of rank.
+    """
+
+    real: float
+    imag: float
+    margin: float
+
+    @classmethod
+    def from_evidence(cls, evidence: Mapping[str, Any]) -> NearZero | None:
+        """That of the evidence of `zeros_decay`, if there is one."""
+        return cls(**evidence["nearly"]) if "nearly" in evidence else None
+
+    def to_evidence(self) -> dict[str, Any]:
+        """As it stands in the evidence of `zeros_decay`."""
+        return {"nearly": asdict(self)}
+
+    def __str__(self) -> str:
+        return f"{self.real:.6g}" + (f" +- {self.imag:.6g}i" if self.imag else "")
+
+
 def shows_every_input(C: Matrix, D: Matrix) -> Verdict:
-    """|C D v| > margin |M| |v| for every v != 0, M = |C| |D| entry by entry, or a v that does not.
+    """Decide |C D v| > margin |M| |v| for all v != 0, M = |C| |D|; a witness is a v that fails.
 
     C (p, n), D (n, q). Rows of M (y) and columns (d) are brought to one size; units of x drop out
     of both products.
     """
     rows, columns = exact(C), exact(D)
-    seen, terms = rows @ columns, abs(rows) @ abs(columns)
+    slope, terms = rows @ columns, abs(rows) @ abs(columns)
     of_y, of_d = _even_sizes(terms)
     factor = _powers(-of_y[:, None] - of_d)
-    seen, terms = seen * factor, terms * factor
+    slope, terms = slope * factor, terms * factor
     size = (terms**2).sum()
-    room = seen.T @ seen - exact(equations.RANK_MARGIN**2 * np.eye(D.shape[1])) * size
-    approx = to_float(seen)
+    room = slope.T @ slope - exact(equations.RANK_MARGIN**2 * np.eye(D.shape[1])) * size
+    approx = to_float(slope)
     values = np.linalg.svd(approx, compute_uv=False)
     whole = float(np.linalg.norm(to_float(terms)))
     with precision(256):
@@ -44,28 +70,28 @@ def shows_every_input(C: Matrix, D: Matrix) -> Verdict:
     direction = exact(v)
     if not direction @ room @ direction <= 0:
         return undecided("C D is at the border between full and deficient rank")
-    blind = np.ldexp(v, (of_d.min() - of_d).clip(-2000))
+    hidden = np.ldexp(v, (of_d.min() - of_d).clip(-2000))
     rank = int((values > equations.RANK_MARGIN * whole).sum())
     left = float(values[0] / whole) if whole and values.size else 0.0
-    return refuted(_blind(C, D, blind / np.abs(blind).max(), rank, left))
+    return refuted(_hidden_input(C, D, hidden / np.abs(hidden).max(), rank, left))
 
 
 def _even_sizes(terms: Exact) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Exponents of rows (p,) and columns (q,) that bring positive entries to one size.
 
-    Least squares of logarithms: other units of rows and columns move them by exactly those.
+    Least squares of logarithms: other units of rows and columns shift them by exactly those.
     """
     p, q = terms.shape
     table = np.zeros((p * q, p + q))
     table[np.arange(p * q), np.repeat(np.arange(p), q)] = 1.0
     table[np.arange(p * q), p + np.tile(np.arange(q), p)] = 1.0
     values: list[Any] = list(terms.flat)
-    there = [k for k, value in enumerate(values) if value != 0]
-    if not there:
+    positive = [k for k, value in enumerate(values) if value != 0]
+    if not positive:
         return np.zeros(p, np.int64), np.zeros(q, np.int64)
     bits = [int(v.p).bit_length() - int(v.q).bit_length() for v in values if v != 0]
-    found = np.linalg.lstsq(table[there], np.array(bits, dtype=np.float64), rcond=None)[0]
-    sizes = np.round(found).astype(np.int64)
+    logarithms = np.linalg.lstsq(table[positive], np.array(bits, dtype=np.float64), rcond=None)[0]
+    sizes = np.round(logarithms).astype(np.int64)
     return sizes[:p], sizes[p:]
 
 
@@ -78,8 +104,8 @@ def _powers(exponents: NDArray[np.int64]) -> Exact:
     return values
 
 
-def _blind(C: Matrix, D: Matrix, v: Matrix, rank: int, left: float) -> dict[str, Any]:
-    """Witness: d = v moves y' by nothing that could be told from rounding, and why.
+def _hidden_input(C: Matrix, D: Matrix, v: Matrix, rank: int, left: float) -> dict[str, Any]:
+    """Witness: d = v changes y' by no more than rounding, and the reason.
 
     left: the largest part of |C| |D| that C D leaves of any input.
     """
@@ -104,50 +130,50 @@ def _blind(C: Matrix, D: Matrix, v: Matrix, rank: int, left: float) -> dict[str,
 def zero_flow(A: Matrix, C: Matrix, D: Matrix) -> Exact | None:
     """Exact matrix whose eigenvalues are the invariant zeros; None if there are none.
 
-    C D must have full column rank: then they are the modes that C does not see of the flow that
-    keeps y' = 0.
+    C D must have full column rank: then they are the unobservable modes of the flow that keeps
+    y' = 0.
     """
-    found = _hidden(A, C, D)
-    return None if found is None else found[0]
+    hidden = _hidden(A, C, D)
+    return None if hidden is None else hidden[0]
 
 
 def hidden_states(A: Matrix, C: Matrix, D: Matrix) -> Matrix:
-    """Basis (n, h), rounded, of the states that can move unseen: those of the h zeros."""
-    found = _hidden(A, C, D)
-    return np.zeros((len(A), 0)) if found is None else to_float(found[1])
+    """Basis (n, h), rounded, of the states of the h zeros: d keeps them out of the output."""
+    hidden = _hidden(A, C, D)
+    return np.zeros((len(A), 0)) if hidden is None else to_float(hidden[1])
 
 
 def _hidden(A: Matrix, C: Matrix, D: Matrix) -> tuple[Exact, Exact] | None:
     numbers = exact(A), exact(C), exact(D)
-    seen = numbers[1] @ numbers[2]
-    # N = (seen' seen)^-1 seen': solutions of [seen' seen, -seen'] [N; I] = 0
-    solutions, _ = nullspace(np.hstack([seen.T @ seen, -seen.T]))
-    kept = equations.zero_dynamics(*numbers, solutions[: D.shape[1]])
-    found: tuple[Exact, Exact] | None = hidden_subspace(kept, numbers[1])
-    return found
+    CD = numbers[1] @ numbers[2]
+    # N = (CD' CD)^-1 CD': solutions of [CD' CD, -CD'] [N; I] = 0
+    solutions, _ = nullspace(np.hstack([CD.T @ CD, -CD.T]))
+    flow = equations.zero_dynamics(*numbers, solutions[: D.shape[1]])
+    hidden: tuple[Exact, Exact] | None = hidden_subspace(flow, numbers[1])
+    return hidden
 
 
 def zeros_decay(A: Matrix, C: Matrix, D: Matrix) -> Verdict:
-    """Every invariant zero has a negative real part, or the one that has not; C D of full rank."""
+    """Decide whether all invariant zeros have negative real parts; C D must have full rank."""
     restricted = zero_flow(A, C, D)
     if restricted is None:
         return proved(zeros=[], **_nearly(A, C, D))
     approx = _eigenvalues(to_float(restricted))
-    found = [[z.real, abs(z.imag)] for z in sorted(approx, key=lambda z: -z.real) if z.imag >= 0]
+    zeros = [[z.real, abs(z.imag)] for z in sorted(approx, key=lambda z: -z.real) if z.imag >= 0]
     verdict = prove_hurwitz(restricted)
     if verdict.outcome == "proved":
-        return proved(zeros=found, method=verdict.evidence["method"], **_nearly(A, C, D))
+        return proved(zeros=zeros, method=verdict.evidence["method"], **_nearly(A, C, D))
     mode = verdict.evidence["witness"]["eigenvalue"]
     text = f"{mode['real']:.6g}" + (f" +- {mode['imag']:.6g}i" if mode["imag"] else "")
     reason = (
         f"invariant zero at s = {text}: an unknown input and a state that move like e^(st) and "
         "never show in y; no gain changes that"
     )
-    return refuted({"zero": mode, "zeros": found, "reason": reason})
+    return refuted({"zero": mode, "zeros": zeros, "reason": reason})
 
 
 def _nearly(A: Matrix, C: Matrix, D: Matrix) -> dict[str, Any]:
-    """A mode with Re s >= 0 that floats cannot tell from a zero; exactly it is none."""
+    """A mode with Re s >= 0 that is a zero up to rounding, though not exactly; {} if none."""
     from scipy.linalg import matrix_balance
 
     with np.errstate(all="ignore"):  # all signals of one size: only then a margin means something
@@ -155,16 +181,16 @@ def _nearly(A: Matrix, C: Matrix, D: Matrix) -> dict[str, Any]:
         sizes = matrix_balance(A, permute=False, separate=True)[1][0]
         A, (C, D, _) = A * sizes / sizes[:, None], equations.scaled(C * sizes, D / sizes[:, None])
         N = np.linalg.pinv(C @ D) if np.isfinite(C @ D).all() else C @ D
-        kept = equations.zero_dynamics(A, C, D, N.reshape(D.shape[1], len(C)))
-    if not np.isfinite(kept).all():  # nothing to steer by
+        flow = equations.zero_dynamics(A, C, D, N.reshape(D.shape[1], len(C)))
+    if not np.isfinite(flow).all():
         return {}
-    modes = approx_unobservable_modes(kept, C)
+    modes = approx_unobservable_modes(flow, C)
     border = -1e-12 * float(np.abs(A).max(initial=0.0))
     growing = [mode for mode in modes if mode.eigenvalue.real >= border]
     if not growing:
         return {}
     value = growing[0].eigenvalue
-    return {"nearly": {"real": value.real, "imag": abs(value.imag), "margin": growing[0].margin}}
+    return NearZero(value.real, abs(value.imag), growing[0].margin).to_evidence()
 
 
 def _eigenvalues(F: Matrix) -> NDArray[np.complex128]:

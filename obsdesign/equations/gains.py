@@ -1,5 +1,7 @@
 """Gains of a design as typed, checked objects; each kind derives its own from `PlantGains`.
 
+A kind that does not store all of `PlantGains` derives from `Gains`.
+
     @dataclass(frozen=True, kw_only=True, eq=False)
     class LuenbergerGains(PlantGains):
         L: Array = matrix("n", "p")
@@ -14,8 +16,10 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
@@ -44,6 +48,11 @@ def number(*, optional: bool = False) -> Any:
     return _field({"shape": _Shape(())}, optional)
 
 
+def count(*, optional: bool = False) -> Any:
+    """Declare a whole number, 1 or more."""
+    return _field({"count": True}, optional)
+
+
 def word(*allowed: str, optional: bool = False) -> Any:
     """Declare one of some words."""
     return _field({"words": allowed}, optional)
@@ -59,29 +68,15 @@ def _field(metadata: Mapping[str, Any], optional: bool) -> Any:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class PlantGains:
-    """Numbers of the plant that every observer needs at run time.
+class Gains(ABC):
+    """Entries of every kind, with checks and the forms of a design file.
 
-    A (n, n), B (n, m), C (p, n); flow_lower, flow_upper (n,): bounds of b; G (n, n), E (n, l),
-    jump_lower, jump_upper (n,): the jump, None without jumps; dwell_time: (shortest, longest), None
-    where every dwell time is allowed; noise_bound, noise_centre (p,): |v - noise_centre| <=
-    noise_bound, the centre None where it is zero.
+    A (n, n), C (p, n); noise_centre (p,): middle of the bounds of the noise, None where it is zero.
     """
 
     A: Array = matrix("n", "n")
     C: Array = matrix("p", "n")
-    B: Array | None = matrix("n", "m", optional=True)
-    flow_lower: Array = matrix("n")
-    flow_upper: Array = matrix("n")
-    G: Array | None = matrix("n", "n", optional=True)
-    E: Array | None = matrix("n", "l", optional=True)
-    jump_lower: Array | None = matrix("n", optional=True)
-    jump_upper: Array | None = matrix("n", optional=True)
-    dwell_time: Array | None = matrix(2, optional=True)
-    dwell_jitter: float | None = number(optional=True)
-    noise_bound: Array | None = matrix("p", optional=True)
     noise_centre: Array | None = matrix("p", optional=True)
-    jump_measurement: str = word("before", "after", "none")
 
     def __post_init__(self) -> None:
         """ValueError unless every entry is there and all fit each other."""
@@ -91,9 +86,6 @@ class PlantGains:
             if value is None and entry.default is None:
                 continue
             object.__setattr__(self, entry.name, _checked(entry, value, sizes))
-        for name in ("jump_lower", "jump_upper"):
-            if self.G is not None and getattr(self, name) is None:
-                raise ValueError(f"gains.{name} must have shape n; got nothing.")
 
     @classmethod
     def from_document(cls, entries: Mapping[str, Any]) -> Self:
@@ -105,25 +97,58 @@ class PlantGains:
                 raise ValueError(f"gains.{entry.name} is missing.")
         return cls(**{name: value for name, value in entries.items() if name in names})
 
-    @classmethod
-    def from_plant(cls, plant: Any, **gains: Any) -> Self:
-        """Gains with the numbers of a plant, which has the attributes of `obsdesign.Plant`."""
-        return cls(**plant_data(plant), **gains)
-
     def to_document(self) -> dict[str, Any]:
         """Entries of a design file, without those that the design does not have."""
         entries = {entry.name: getattr(self, entry.name) for entry in dataclasses.fields(self)}
         return {name: value for name, value in entries.items() if value is not None}
 
-    @property
+    @cached_property
     def n(self) -> int:
         """Number of states."""
         return len(self.A)
 
-    @property
+    @cached_property
     def p(self) -> int:
         """Number of outputs."""
         return len(self.C)
+
+    @property
+    @abstractmethod
+    def columns(self) -> dict[str, int | bool]:
+        """How many y, u, w a sample has, and whether jumps are reported."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PlantGains(Gains):
+    """Numbers of the plant that every observer needs at run time.
+
+    B (n, m); flow_lower, flow_upper (n,): bounds of b; G (n, n), E (n, l), jump_lower, jump_upper
+    (n,): the jump, None without jumps; dwell_time: (shortest, longest), None where every dwell time
+    is allowed; noise_bound (p,): |v - noise_centre| <= noise_bound.
+    """
+
+    B: Array | None = matrix("n", "m", optional=True)
+    flow_lower: Array = matrix("n")
+    flow_upper: Array = matrix("n")
+    G: Array | None = matrix("n", "n", optional=True)
+    E: Array | None = matrix("n", "l", optional=True)
+    jump_lower: Array | None = matrix("n", optional=True)
+    jump_upper: Array | None = matrix("n", optional=True)
+    dwell_time: Array | None = matrix(2, optional=True)
+    dwell_jitter: float | None = number(optional=True)
+    noise_bound: Array | None = matrix("p", optional=True)
+    jump_measurement: str = word("before", "after", "none")
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in ("jump_lower", "jump_upper"):
+            if self.G is not None and getattr(self, name) is None:
+                raise ValueError(f"gains.{name} must have shape n; got nothing.")
+
+    @classmethod
+    def from_plant(cls, plant: Any, **gains: Any) -> Self:
+        """Gains with the numbers of a plant, which has the attributes of `obsdesign.Plant`."""
+        return cls(**plant_data(plant), **gains)
 
     @property
     def jump_matrix(self) -> Array:
@@ -168,6 +193,10 @@ def _checked(entry: Any, value: Any, sizes: dict[str, int]) -> Any:
         if not isinstance(value, bool | np.bool_):
             raise ValueError(f"{name} must be true or false.")
         return bool(value)
+    if "count" in metadata:
+        if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
+            raise ValueError(f"{name} must be a whole number >= 1; got {value!r}.")
+        return int(value)
     return _sized(name, metadata["shape"], value, sizes)
 
 

@@ -23,7 +23,8 @@ from obsdesign.equations.estimation_error import (
     jump_error_matrix,
     seen_before_jump,
 )
-from obsdesign.equations.impulsive import gains as impulsive
+from obsdesign.equations.impulsive.formulas import Core
+from obsdesign.equations.impulsive.gains import ImpulsiveGains
 from obsdesign.equations.impulsive_input import features as impulsive_input
 from obsdesign.equations.interval.width import WidthSystem, width_system_of
 
@@ -187,9 +188,7 @@ def _impulsive(gains: Mapping[str, Any], evidence: Mapping[str, Any]) -> Curve |
         return _quadratic(gains, evidence)
     proof = evidence.get("strongly_observable", {})
     low, high = (float(end) for end in gains["dwell_time"])
-    core = impulsive.core_of(
-        {k: exact(v) if getattr(v, "ndim", 0) == 2 else v for k, v in gains.items()}
-    )
+    core = Core.from_gains(ImpulsiveGains.from_document(gains), exact)
     stack = Stack(*core.stack(int(proof.get("blocks", gains["window"]))))
     theta = _around(low, high)
     R, full = coordinates(stack, low, high)

@@ -11,7 +11,7 @@ from typing import Any, ClassVar, Generic, NamedTuple, Protocol, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from obsdesign.equations.gains import PlantGains
+from obsdesign.equations.gains import Gains, PlantGains
 from obsdesign.runtime.time_stamps import time_tolerance
 
 Vector = NDArray[np.float64]
@@ -124,9 +124,9 @@ class Delayed(ABC, Generic[State]):
         """Rows that were not decided when the record ended."""
 
 
-def columns_read(gains: PlantGains | Mapping[str, Any]) -> dict[str, int | bool]:
+def columns_read(gains: Gains | Mapping[str, Any]) -> dict[str, int | bool]:
     """Numbers of y, u and w in a sample for these gains, and whether jumps are reported."""
-    if isinstance(gains, PlantGains):
+    if isinstance(gains, Gains):
         return gains.columns
     u, w = (gains[x].shape[1] if x in gains else 0 for x in ("B", "E"))
     return {"y": len(gains["C"]), "u": u, "w": w, "jump": "G" in gains}
@@ -230,18 +230,16 @@ def optional_measurement(y: ArrayLike | None, size: int) -> Vector | None:
     return result if np.isfinite(result).all() else None
 
 
-def centred(y: Vector, gains: PlantGains | Mapping[str, Any]) -> Vector:
+def centred(y: Vector, gains: Gains | Mapping[str, Any]) -> Vector:
     """Measurements less the middle of the noise's bounds, where a design has one; (..., p)."""
-    if isinstance(gains, PlantGains):
+    if isinstance(gains, Gains):
         return y if gains.noise_centre is None else y - gains.noise_centre
     return y - gains["noise_centre"] if "noise_centre" in gains else y
 
 
-def centred_measurement(
-    y: ArrayLike | None, gains: PlantGains | Mapping[str, Any]
-) -> Vector | None:
+def centred_measurement(y: ArrayLike | None, gains: Gains | Mapping[str, Any]) -> Vector | None:
     """The measurement less the middle of the noise's bounds, or None when it is missing."""
-    size = gains.p if isinstance(gains, PlantGains) else len(gains["C"])
+    size = gains.p if isinstance(gains, Gains) else len(gains["C"])
     result = optional_measurement(y, size)
     return None if result is None else centred(result, gains)
 

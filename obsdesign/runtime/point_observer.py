@@ -9,7 +9,7 @@ from typing import Any, Generic
 import numpy as np
 from numpy.typing import ArrayLike
 
-from obsdesign.equations.gains import PlantGains
+from obsdesign.equations.gains import Gains
 from obsdesign.errors import InputError
 from obsdesign.runtime.base import (
     Batch,
@@ -25,13 +25,13 @@ from obsdesign.runtime.base import (
 class PointObserver(ABC, Generic[State]):
     """Frozen parameters `gains`; a kind defines `init` and how a state is updated."""
 
-    gains: PlantGains | Mapping[str, Any]
+    gains: Gains | Mapping[str, Any]
 
     @property
     def n(self) -> int:
         """Number of states."""
         gains = self.gains
-        return gains.n if isinstance(gains, PlantGains) else len(gains["A"])
+        return gains.n if isinstance(gains, Gains) else len(gains["A"])
 
     @property
     def names(self) -> tuple[str, ...]:

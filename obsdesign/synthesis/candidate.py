@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from obsdesign.equations.gains import PlantGains
+from obsdesign.equations.gains import Gains
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,7 @@ class Candidate:
     """
 
     label: str
-    gains: PlantGains | Mapping[str, Any]
+    gains: Gains | Mapping[str, Any]
     certificates: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     searched: bool = False
     cost: float | None = None
@@ -31,4 +31,4 @@ class Candidate:
     def document(self) -> dict[str, Any]:
         """The gains as a design file states them, for verification."""
         gains = self.gains
-        return gains.to_document() if isinstance(gains, PlantGains) else dict(gains)
+        return gains.to_document() if isinstance(gains, Gains) else dict(gains)

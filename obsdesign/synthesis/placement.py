@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from obsdesign.analysis.balancing import balancing_units
 from obsdesign.analysis.hidden_modes import approx_unobservable_modes
-from obsdesign.analysis.units import own_units
 from obsdesign.errors import InputError
 
 Matrix = NDArray[np.float64]
@@ -62,7 +62,7 @@ def placed_gain(A: Matrix, C: Matrix, poles: Sequence[Any]) -> Matrix:
             f"observer.poles: the mode {complex_text(hidden[0].eigenvalue)} of flow.A cannot be "
             "moved, since output.C does not see it; leave poles out."
         )
-    sizes, pace = own_units(A, C, np.zeros((len(A), 0)))
+    sizes, pace = balancing_units(A, C, np.zeros((len(A), 0)))
     shown = C * sizes
     rows = np.linalg.norm(shown, axis=1)
     rows = np.where(rows > 0, rows, 1.0)

@@ -18,8 +18,8 @@ from tests.systems.unknown_input import (
     pencil_margin,
     pencil_zeros,
     plant_with_zeros,
-    problem,
     random_plant,
+    unknown_input_problem,
 )
 
 
@@ -39,7 +39,7 @@ def test_every_refusal_agrees_with_the_pencil(seed: int) -> None:
         A -= 1.5 * np.eye(n)
     if seed % 5 == 0:
         C[0] = C[0] - (C[0] @ D) @ np.linalg.pinv(D)  # the first output shows no input
-    outcome = obsdesign.investigate(problem(A, C, D))
+    outcome = obsdesign.investigate(unknown_input_problem(A, C, D))
     rank = int(np.linalg.matrix_rank(C @ D, tol=1e-9 * np.linalg.norm(C) * np.linalg.norm(D)))
     growing = [s for s in pencil_zeros(A, C, D) if s.real >= 0] if rank == q else []
     verdicts = {claim.id: claim.verdict for claim in outcome.claims}
@@ -65,8 +65,8 @@ def test_zeros_are_those_built_in(shape: tuple[int, int, int], shift: float) -> 
     # coordinates of the construction keep it exactly
     margin = pencil_margin(A, C, D, complex(shift, 1))
     assert margin < 1e-10
-    found = pencil_zeros(A, C, D)
-    assert np.abs(found - complex(shift, 1)).min() < 1e-6
+    zeros = pencil_zeros(A, C, D)
+    assert np.abs(zeros - complex(shift, 1)).min() < 1e-6
 
 
 def test_exact_zeros_where_nothing_rounds() -> None:
@@ -104,11 +104,11 @@ def test_coordinates_feedback_and_injection_keep_the_zeros(data: Any) -> None:
     # unimodular coordinates are exact; d + K x and an injection L y never change what is hidden
     S = np.tril(matrix(n, n), -1) + np.eye(n)
     back = np.round(np.linalg.inv(S))
-    moved = S @ (A + D @ matrix(q, n) + matrix(n, p) @ C) @ back
-    found = np.sort_complex(zeros_of(moved, C @ back, S @ D))
-    assert len(found) == len(expected)
-    np.testing.assert_allclose(np.poly(found), np.poly(expected), rtol=1e-6, atol=1e-6)
-    verdicts = {zeros_decay(A, C, D).outcome, zeros_decay(moved, C @ back, S @ D).outcome}
+    changed = S @ (A + D @ matrix(q, n) + matrix(n, p) @ C) @ back
+    zeros = np.sort_complex(zeros_of(changed, C @ back, S @ D))
+    assert len(zeros) == len(expected)
+    np.testing.assert_allclose(np.poly(zeros), np.poly(expected), rtol=1e-6, atol=1e-6)
+    verdicts = {zeros_decay(A, C, D).outcome, zeros_decay(changed, C @ back, S @ D).outcome}
     assert len(verdicts) == 1
 
 
@@ -130,7 +130,7 @@ def test_the_margin_decides_near_the_border() -> None:
     for angle, verdict in ((1e-8, "proved"), (1e-10, "refuted"), (0.0, "refuted")):
         C = np.array([[1 + angle, -1.0]])
         assert shows_every_input(C, D).outcome == verdict
-        claims = obsdesign.investigate(problem(A, C, D)).claims
+        claims = obsdesign.investigate(unknown_input_problem(A, C, D)).claims
         assert next(c for c in claims if c.id == "rank").verdict == verdict
 
 
@@ -148,7 +148,7 @@ REFUSED = [
 
 @pytest.mark.parametrize(("A", "C", "D", "reason"), REFUSED)
 def test_refusals_name_the_rank_or_the_zero(A: Any, C: Any, D: Any, reason: str) -> None:
-    outcome = obsdesign.investigate(problem(A, C, D))
+    outcome = obsdesign.investigate(unknown_input_problem(A, C, D))
     assert outcome.verdict == "refuted"
     witness = outcome.claims[-1].evidence["witness"]
     assert witness["reason"].replace("d = [1, -1]", "d = [-1, 1]").replace(
@@ -161,12 +161,14 @@ def test_refusals_name_the_rank_or_the_zero(A: Any, C: Any, D: Any, reason: str)
 def test_a_zero_that_rounding_hides_is_told() -> None:
     # 0.1 + 0.2 - 0.3 is 0 on paper; the stored numbers are off by 5e-17, and so C sees the mode
     A = [[0.5, 0, 0], [1, -1, 0], [0.1 + 0.2 - 0.3, 0, -1]]
-    outcome = obsdesign.investigate(problem(A, [[0, 1, 0], [0, 0, 1]], [[0], [1], [0]]))
+    outcome = obsdesign.investigate(
+        unknown_input_problem(A, [[0, 1, 0], [0, 0, 1]], [[0], [1], [0]])
+    )
     zeros = next(c for c in outcome.claims if c.id == "zeros")
     assert zeros.verdict == "proved"  # exactly, there is none
     assert zeros.evidence["nearly"]["real"] == pytest.approx(0.5)
-    told = outcome.design.guarantees
-    assert any("survives rounding" in g["statement"] and not g["given"] for g in told)
+    guarantees = outcome.design.guarantees
+    assert any("survives rounding" in g["statement"] and not g["given"] for g in guarantees)
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -187,18 +189,19 @@ def test_the_rank_modulo_a_prime_never_says_too_much(seed: int) -> None:
 def test_wild_units_are_proved_like_tame_ones(seed: int) -> None:
     family, matrices = draw(seed)
     assert family == "wild units"
-    assert obsdesign.investigate(problem(*matrices)).verdict == expected(*matrices)
+    assert obsdesign.investigate(unknown_input_problem(*matrices)).verdict == expected(*matrices)
 
 
 def test_a_zero_that_coordinates_round_away_leaves_the_design_undecided() -> None:
     rng = np.random.default_rng(0)
     A, C, D = plant_with_zeros(rng, 6, 3, 2, np.array([[0.5]]))
-    outcome = obsdesign.investigate(problem(A, C, D))
+    outcome = obsdesign.investigate(unknown_input_problem(A, C, D))
     assert outcome.verdict == "undecided"
     hurwitz = next(c for c in outcome.claims if c.id == "hurwitz")
     assert "s = 0.5 is within" in hurwitz.evidence["reason"]
     stable = plant_with_zeros(np.random.default_rng(0), 6, 3, 2, np.array([[-0.5]]))
-    design = obsdesign.design(problem(*stable))  # the twin: one that decays is simply kept
+    # the twin: a mode that decays stays
+    design = obsdesign.design(unknown_input_problem(*stable))
     assert np.abs(np.linalg.eigvals(design.gains["F"]) + 0.5).min() < 1e-9
     assert np.abs(design.gains["L"]).max() < 1e3
 
@@ -220,7 +223,7 @@ ODD = [
 
 @pytest.mark.parametrize(("A", "C", "D", "verdict"), ODD)
 def test_odd_numbers_are_answered(A: Any, C: Any, D: Any, verdict: str) -> None:
-    outcome = obsdesign.investigate(problem(A, C, D))
+    outcome = obsdesign.investigate(unknown_input_problem(A, C, D))
     assert outcome.verdict == verdict
     if verdict == "undecided":
         assert "beyond binary64" in outcome.claims[0].evidence["reason"]

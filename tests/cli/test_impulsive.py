@@ -48,10 +48,10 @@ def test_from_file_to_estimate(tmp_path: Path) -> None:
     done = command("run", "design.json", "d.csv", "-o", "e.csv", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     truth = [row.split(",") for row in (tmp_path / "d.csv").read_text().splitlines()]
-    found = [row.split(",") for row in (tmp_path / "e.csv").read_text().splitlines()]
-    assert found[0] == ["t", "x1", "x2", "status"]
+    rows = [row.split(",") for row in (tmp_path / "e.csv").read_text().splitlines()]
+    assert rows[0] == ["t", "x1", "x2", "status"]
     places = [truth[0].index(name) for name in ("x1", "x2")]
-    for have, want in zip(found[3:], truth[3:], strict=True):
+    for have, want in zip(rows[3:], truth[3:], strict=True):
         assert [float(have[1]), float(have[2])] == pytest.approx(
             [float(want[p]) for p in places], abs=1e-9
         )

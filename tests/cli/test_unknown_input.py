@@ -126,8 +126,8 @@ def test_check_names_what_stands_in_the_way() -> None:
     body = obsdesign.load_problem(EXAMPLES[0]).to_dict()
     del body["observer"]
     assert check_kind(obsdesign.Problem.from_dict(body), "unknown_input").verdict == "proved"
-    one = body | {"output": {"C": [[1, 0, 1]]}}
-    answer = check_kind(obsdesign.Problem.from_dict(one), "unknown_input")
+    single = body | {"output": {"C": [[1, 0, 1]]}}
+    answer = check_kind(obsdesign.Problem.from_dict(single), "unknown_input")
     assert answer.verdict == "refuted"
     assert answer.reasons[0].startswith("rank: rank(C D) = 1, 2 is needed")
     jumps = body | {"jump": {"dwell_time": [1, 2]}}

@@ -20,7 +20,8 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 
 import obsdesign
 from lmi.arithmetic.exponential import expm
-from obsdesign.equations.impulsive.gains import core_of, window_gains, window_matrix
+from obsdesign.equations.impulsive.formulas import Core, window_gains, window_matrix
+from obsdesign.equations.impulsive.gains import ImpulsiveGains
 
 WINDOWS, SEQUENCES, IMPULSES = 2000, 40, 25
 # singular values and products in binary64, against proofs in exact arithmetic
@@ -65,7 +66,8 @@ def contradiction(seed: int) -> tuple[str, str | None]:
         return outcome.verdict, None
     gains = outcome.design.gains
     evidence = {claim.id: claim.evidence for claim in outcome.claims}
-    core, (low, high) = core_of(gains), gains["dwell_time"]
+    core = Core.from_gains(ImpulsiveGains.from_document(gains), np.asarray)
+    low, high = gains["dwell_time"]
     blocks = evidence["strongly_observable"]["blocks"]
     sample = spacings(rng, low, high, (WINDOWS, core.spacings(blocks)))
     rows, _ = window_matrix(core, expm(core.A * sample[..., None, None]))

@@ -12,7 +12,12 @@ from collections import Counter
 import numpy as np
 
 import obsdesign
-from tests.systems.unknown_input import pencil_zeros, plant_with_zeros, problem, random_plant
+from tests.systems.unknown_input import (
+    pencil_zeros,
+    plant_with_zeros,
+    random_plant,
+    unknown_input_problem,
+)
 
 FAMILIES = ("generic", "stable", "blind output", "one zero", "wild units", "whole numbers")
 
@@ -53,7 +58,8 @@ def main() -> int:
     counts: Counter[tuple[str, str, str]] = Counter()
     for seed in range(plants):
         family, matrices = draw(seed)
-        wanted, outcome = expected(*matrices), obsdesign.investigate(problem(*matrices))
+        wanted = expected(*matrices)
+        outcome = obsdesign.investigate(unknown_input_problem(*matrices))
         near = any("nearly" in claim.evidence for claim in outcome.claims)
         # a zero that random coordinates round away is told, and leaves the design undecided
         verdict = f"{outcome.verdict}, zero nearly there" if near else outcome.verdict

@@ -105,8 +105,8 @@ def simulink_estimates(
     return tuple(block_pulse.coefficients(v) for v in (exact, x_hat, d_hat))  # type: ignore[return-value]
 
 
-def errors(found: tuple[np.ndarray, ...], d: np.ndarray, first: int = 0) -> list[float]:
-    x, x_hat, d_hat = (values[first:] for values in found)
+def errors(estimates: tuple[np.ndarray, ...], d: np.ndarray, first: int = 0) -> list[float]:
+    x, x_hat, d_hat = (values[first:] for values in estimates)
     states = np.linalg.norm(x - x_hat, axis=0) / M
     return [*states, *np.linalg.norm(d_hat - d, axis=0) / M]
 
@@ -222,19 +222,19 @@ def test_table_2() -> None:
 
 def test_with_the_right_sign_the_ranking_of_table_2_reverses() -> None:
     d = SECOND[2]
-    found = [
+    measured = [
         errors(block_pulse_estimates(SECOND), d)[3],
         errors(simulink_estimates(SECOND, runge_kutta), d)[3],
         errors(simulink_estimates(SECOND, euler), d)[3],
     ]
-    np.testing.assert_allclose(found, [0.187687, 0.17122, 0.13548], atol=1e-5)
-    assert found[0] > found[1] > found[2]
+    np.testing.assert_allclose(measured, [0.187687, 0.17122, 0.13548], atol=1e-5)
+    assert measured[0] > measured[1] > measured[2]
 
 
 def test_example_2_was_not_run_until_3() -> None:
-    found = errors(block_pulse_estimates(SECOND, h=3 / M), SECOND[2])
+    measured = errors(block_pulse_estimates(SECOND, h=3 / M), SECOND[2])
     # the text says tf = 3; the printed table has 4.5648, 6.7226, 4.5648
-    np.testing.assert_allclose(found, [0.083334, 0.122346, 0.083334, 0.34230], atol=1e-5)
+    np.testing.assert_allclose(measured, [0.083334, 0.122346, 0.083334, 0.34230], atol=1e-5)
 
 
 # --- existence ----------------------------------------------------------------------------------
@@ -263,12 +263,12 @@ def test_observable_does_not_make_the_reduced_pair_observable(case: Any, zero: f
     assert observable(A, C)
     g = gains(case[0])
     reduced = g["T"] @ A @ g["X"]
-    seen = g["Z"] @ C @ g["X"] if "Z" in g else np.zeros((0, len(reduced)))
+    output = g["Z"] @ C @ g["X"] if "Z" in g else np.zeros((0, len(reduced)))
     k = len(reduced)
-    assert np.linalg.matrix_rank(np.vstack([reduced - zero * np.eye(k), seen])) < k
-    found = zeros_decay(A, C, D)
-    assert found.outcome == "proved"
-    np.testing.assert_allclose(found.evidence["zeros"], [[zero, 0]], atol=1e-12)
+    assert np.linalg.matrix_rank(np.vstack([reduced - zero * np.eye(k), output])) < k
+    verdict = zeros_decay(A, C, D)
+    assert verdict.outcome == "proved"
+    np.testing.assert_allclose(verdict.evidence["zeros"], [[zero, 0]], atol=1e-12)
 
 
 @pytest.mark.parametrize(

@@ -17,9 +17,10 @@ from scipy.linalg import expm
 import obsdesign
 from lmi.arithmetic.exponential import expm as flow_of
 from obsdesign.analysis.impulsive_noise import simulated
-from obsdesign.equations.impulsive.gains import Core, window_gains, window_matrix
+from obsdesign.equations.impulsive.formulas import Core, window_gains, window_matrix
+from obsdesign.equations.impulsive.gains import ImpulsiveGains
 from obsdesign.runtime import Sample, from_design
-from tests.systems.impulsive import DOUBLE, SPLINE, chain, claim, first, problem, rebased
+from tests.systems.impulsive import DOUBLE, SPLINE, chain, claim, first, impulsive_problem, rebased
 
 ROOT = Path(__file__).parent.parent.parent
 KNOTS = [0.1, 0.5, 0.9, 1.0, 1.1, 1.2, 2.0, 2.8, 2.9, 3.0, 3.1, 3.5, 3.9]
@@ -80,9 +81,9 @@ def test_gain_12_by_qr_is_the_printed_one(n: int, p: int, window: int, singular:
             G[:, 0] = G[:, 1]
         spacings = rng.uniform(0.3, 0.8, window)
         printed, condition = literal_gain(A, G, C, spacings, 1.4)
-        found = gain(A, G, C, spacings, 1.4)
+        computed = gain(A, G, C, spacings, 1.4)
         # the printed form inverts a Gramian: that is what the difference is made of
-        assert np.abs(found - printed).max() <= 1e-14 * condition * np.abs(printed).max()
+        assert np.abs(computed - printed).max() <= 1e-14 * condition * np.abs(printed).max()
 
 
 def test_p1_the_spline_gain_in_closed_form() -> None:
@@ -92,8 +93,8 @@ def test_p1_the_spline_gain_in_closed_form() -> None:
             spacings = rng.uniform(0.1, 0.8, 3)
             a, b = spacings[2], spacings[1] + spacings[2]
             closed = -np.array([[1], [(a + b) / (a * b)], [2 / (a * b)]])
-            found = gain(chain(3), np.eye(3), first(3), spacings, alpha)
-            np.testing.assert_allclose(found, closed, rtol=1e-8)
+            computed = gain(chain(3), np.eye(3), first(3), spacings, alpha)
+            np.testing.assert_allclose(computed, closed, rtol=1e-8)
 
 
 def test_a_square_window_does_not_know_alpha() -> None:
@@ -138,11 +139,11 @@ def estimates(design: Any) -> tuple[Any, Any, Any]:
 
 @pytest.mark.parametrize("strategy", ["auto", "compressed", "subspace"])
 def test_p5_p6_the_example_is_dead_beat(strategy: str) -> None:
-    asked = obsdesign.load_problem(ROOT / "examples" / "medina_spline.toml").to_dict()
-    asked["observer"]["strategy"] = strategy
-    design = obsdesign.design(obsdesign.Problem.from_dict(asked))
-    t, found, true = estimates(design)
-    error = found - true
+    body = obsdesign.load_problem(ROOT / "examples" / "medina_spline.toml").to_dict()
+    body["observer"]["strategy"] = strategy
+    design = obsdesign.design(obsdesign.Problem.from_dict(body))
+    t, estimate, true = estimates(design)
+    error = estimate - true
     assert np.abs(error[t < 0.1, 3]) == pytest.approx(158.0338, abs=1e-4)
     # the true x4 of the table is the spline's, rounded: 400 * 1e-15
     assert np.abs(error[t >= 0.1, 3]).max() < 1e-12
@@ -167,16 +168,16 @@ def test_the_printed_gains() -> None:
 @pytest.mark.parametrize("seed", range(20))
 def test_random_bases_have_the_same_verdicts_and_are_dead_beat(seed: int) -> None:
     A, G, C = rebased(SPLINE, seed)
-    refused = obsdesign.investigate(problem((A, G, C), [0.1, 0.8], strategy="full"))
+    refused = obsdesign.investigate(impulsive_problem((A, G, C), [0.1, 0.8], strategy="full"))
     assert refused.verdict == "refuted"
-    outcome = obsdesign.investigate(problem((A, G, C), [0.1, 0.8]))
+    outcome = obsdesign.investigate(impulsive_problem((A, G, C), [0.1, 0.8]))
     assert (outcome.verdict, outcome.result["form"]) == ("proved", "compressed")
     # the rounding of the basis is not overlooked: it is absorbed
     assert claim(outcome, "image").evidence["exact"] is False
     design: Any = outcome.design
     assert design.gains["window"] == 3
     if seed < 3:
-        part = obsdesign.investigate(problem((A, G, C), [0.1, 0.8], strategy="subspace"))
+        part = obsdesign.investigate(impulsive_problem((A, G, C), [0.1, 0.8], strategy="subspace"))
         assert part.verdict == "proved"
         assert part.design.gains["core_place"].tolist() == [0, 3]
     observer: Any = from_design(design)
@@ -194,17 +195,17 @@ def test_random_bases_have_the_same_verdicts_and_are_dead_beat(seed: int) -> Non
 
 
 def test_p7_the_spline_is_not_strongly_observable() -> None:
-    outcome = obsdesign.investigate(problem(SPLINE, [0.1, 0.8], strategy="full"))
+    outcome = obsdesign.investigate(impulsive_problem(SPLINE, [0.1, 0.8], strategy="full"))
     assert outcome.verdict == "refuted"
     witness = claim(outcome, "strongly_observable").evidence["witness"]
     assert witness["null_vector"] == [0.0, 0.0, 0.0, 1.0]
     for strategy in ("compressed", "subspace"):
-        asked = problem(SPLINE, [0.1, 0.8], strategy=strategy)
-        assert obsdesign.investigate(asked).verdict == "proved"
+        problem = impulsive_problem(SPLINE, [0.1, 0.8], strategy=strategy)
+        assert obsdesign.investigate(problem).verdict == "proved"
 
 
 def test_p8_the_restricted_spline_is_certified() -> None:
-    outcome = obsdesign.investigate(problem((chain(3), np.eye(3), first(3)), [0.1, 0.8]))
+    outcome = obsdesign.investigate(impulsive_problem((chain(3), np.eye(3), first(3)), [0.1, 0.8]))
     evidence = claim(outcome, "strongly_observable").evidence
     assert (outcome.verdict, outcome.design.gains["window"]) == ("proved", 3)
     assert evidence["approx_sigma_min"] == pytest.approx(0.0040622001, rel=1e-7)
@@ -219,11 +220,11 @@ def test_the_printed_sum_of_p_before_the_impulse_has_one_term_too_many() -> None
     before = [np.eye(3)]  # Phi(tau_j^-, tau_(k-l)^-), j = k-l .. k
     for delta in spacings:
         before.append(expm(A * delta) @ G @ before[-1])
-    seen = [X.T @ C.T @ C @ X for X in before]
-    after = sum(alpha ** (2 * i) * M for i, M in enumerate(seen[1:]))  # A_I' P(tau_k) A_I
-    last = alpha ** (2 * (window - 1)) * seen[-1]
+    information = [X.T @ C.T @ C @ X for X in before]
+    after = sum(alpha ** (2 * i) * M for i, M in enumerate(information[1:]))  # A_I' P(tau_k) A_I
+    last = alpha ** (2 * (window - 1)) * information[-1]
     for terms, holds in ((window, True), (window + 1, False)):
-        P = sum(alpha ** (2 * i) * M for i, M in enumerate(seen[:terms]))
+        P = sum(alpha ** (2 * i) * M for i, M in enumerate(information[:terms]))
         right = alpha**-2 * P - alpha**-2 * C.T @ C + last
         assert np.allclose(after, right, rtol=1e-12) == holds
 
@@ -242,11 +243,9 @@ def test_noise_against_speed(
 ) -> None:
     """Double integrator, spacings uniform on [0.5, 1.5]; a square window: E 2/delta^2 = 8/3."""
     A, G, C = DOUBLE
-    gains = {
-        "A": A, "G": G, "C": C, "jump_measurement": "before", "strategy": "full",
-        "dwell_time": np.array([0.5, 1.5]), "window": window, "alpha": alpha,
-    }  # fmt: skip
-    found = simulated(gains, np.ones(1), sequences=300, impulses=100)
-    assert found.per_impulse == pytest.approx(rate, abs=0.006)
-    assert found.std[0] ** 2 == pytest.approx(position, abs=0.002)
-    assert found.std[1] ** 2 == pytest.approx(velocity, rel=0.015)
+    plant = impulsive_problem((A, G, C), [0.5, 1.5]).plant
+    gains = ImpulsiveGains.from_plant(plant, strategy="full", window=window, alpha=alpha)
+    estimate = simulated(gains, np.ones(1), sequences=300, impulses=100)
+    assert estimate.per_impulse == pytest.approx(rate, abs=0.006)
+    assert estimate.std[0] ** 2 == pytest.approx(position, abs=0.002)
+    assert estimate.std[1] ** 2 == pytest.approx(velocity, rel=0.015)

@@ -35,7 +35,9 @@ def rebased(plant: Any, seed: int) -> tuple[Any, Any, Any]:
     return T @ plant[0] @ back, T @ plant[1] @ back, plant[2] @ back
 
 
-def problem(plant: Any, dwell: Any, output: Any = None, jump: Any = None, **options: Any) -> Any:
+def impulsive_problem(
+    plant: Any, dwell: Any, output: Any = None, jump: Any = None, **options: Any
+) -> Any:
     A, G, C = (np.asarray(X, dtype=float).tolist() for X in plant)
     return obsdesign.Problem(
         flow={"A": A},

@@ -12,7 +12,9 @@ import obsdesign
 Matrix = np.ndarray
 
 
-def problem(A: Any, C: Any, D: Any, B: Any = None, **observer: Any) -> obsdesign.Problem:
+def unknown_input_problem(
+    A: Any, C: Any, D: Any, B: Any = None, **observer: Any
+) -> obsdesign.Problem:
     flow = {"A": A, "D": D} | ({} if B is None else {"B": B})
     return obsdesign.Problem(
         flow=flow, output={"C": C}, observer={"kind": "unknown_input"} | observer
@@ -51,14 +53,14 @@ def pencil_zeros(A: Matrix, C: Matrix, D: Matrix) -> Matrix:
     A squaring keeps the zeros and adds others, which differ from one to the next.
     """
     n, q = D.shape
-    found = []
+    zeros = []
     for seed in (1, 2):
         mix = np.random.default_rng(seed).standard_normal((q, len(C))) if len(C) > q else np.eye(q)
         M = np.block([[A, D], [mix @ C, np.zeros((q, q))]])
         E = np.block([[np.eye(n), np.zeros((n, q))], [np.zeros((q, n + q))]])
         values = eig(M, E, right=False)
-        found.append(values[np.isfinite(values) & (abs(values) < 1e6)])
-    return np.array([s for s in found[0] if pencil_margin(A, C, D, s) < 1e-9])
+        zeros.append(values[np.isfinite(values) & (abs(values) < 1e6)])
+    return np.array([s for s in zeros[0] if pencil_margin(A, C, D, s) < 1e-9])
 
 
 def pencil_margin(A: Matrix, C: Matrix, D: Matrix, s: complex) -> float:

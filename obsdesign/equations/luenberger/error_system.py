@@ -13,7 +13,7 @@ Theorem 3; applied to (A - L C, G - M C).
 Notation
     P, Z        Lyapunov matrix (n x n) and P M (n x p): the inequality below is affine in them
     flows       e^{F theta} at k dwell times, (k, n, n)
-    seen        what M is multiplied with: C, or C G for a measurement after the jump
+    output      the factor of M: C, or C G for a measurement after the jump
 """
 
 from __future__ import annotations
@@ -21,31 +21,29 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from fractions import Fraction
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[Any]
+from obsdesign.equations.gains import Array
 
 # relative room at the borders of a schedule; the runtime allows itself less
 BORDER = 4e-9
 
 
 def post_jump_inequality(
-    P: Array, Z: Array, G: Array, seen: Array, flows: Array, before: Array | None = None
+    P: Array, Z: Array, G: Array, output: Array, flows: Array, *, before: Array | None = None
 ) -> Array:
-    """[[P_before, ((P G - Z seen) e^{F theta})'], *, P]] > 0, (k, 2n, 2n): the error shrinks.
+    """[[P_before, ((P G - Z output) e^{F theta})'], *, P]] > 0, (k, 2n, 2n): the error shrinks.
 
-    By Schur's complement it says ((G - M seen) e^{F theta})' P (G - M seen) e^{F theta} < P_before
-    with M = P^-1 Z: the map from after one jump to after the next. Its products are those of the
+    By Schur's complement ((G - M output) e^{F theta})' P (G - M output) e^{F theta} < P_before with
+    M = P^-1 Z: the map from after one jump to after the next. Its products are those of the
     pre-jump map e^{F theta} H, so that one family is stable if and only if the other is. before:
     the matrix of the dwell time that came earlier, where matrices depend on it; None for P.
     """
-    moved = (P @ G - Z @ seen) @ flows
+    image = (P @ G - Z @ output) @ flows
     same = np.broadcast_to(P, flows.shape)
     earlier = same if before is None else np.broadcast_to(before, flows.shape)
-    return np.block([[earlier, np.swapaxes(moved, -1, -2)], [moved, same]])
+    return np.block([[earlier, np.swapaxes(image, -1, -2)], [image, same]])
 
 
 def schedule_cells(
@@ -66,14 +64,14 @@ def schedule_pairs(
 ) -> tuple[tuple[int, int], ...]:
     """(earlier, later): cells that may follow each other when dwell times change by `jitter`."""
 
-    def apart(one: tuple[float, float], other: tuple[float, float]) -> bool:
+    def are_apart(earlier: tuple[float, float], later: tuple[float, float]) -> bool:
         if math.isinf(jitter):
             return False
-        gaps = ((one[0], other[1]), (other[0], one[1]))
+        gaps = ((earlier[0], later[1]), (later[0], earlier[1]))
         return any(
             math.isfinite(end) and Fraction(start) - Fraction(end) > Fraction(jitter)
             for start, end in gaps
         )
 
     numbers = range(len(cells))
-    return tuple((i, j) for i in numbers for j in numbers if not apart(cells[i], cells[j]))
+    return tuple((i, j) for i in numbers for j in numbers if not are_apart(cells[i], cells[j]))

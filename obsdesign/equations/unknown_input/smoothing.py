@@ -35,14 +35,14 @@ def smoothed(t: Array, y: Array, deviation: Array) -> Array:
     while nodes > WINDOW:
         nodes = -(-nodes // 2)
     while nodes < rows:
-        found, bends = _of_means(t, y, deviation, nodes)
-        if bends <= _BENDS and _agrees(y, found, deviation):
-            return found
+        smooth, bends = _from_means(t, y, deviation, nodes)
+        if bends <= _BENDS and _lost_noise_alone(y, smooth, deviation):
+            return smooth
         nodes = min(2 * nodes, rows)
     return _in_windows(t, y, deviation)[0]
 
 
-def _of_means(t: Array, y: Array, deviation: Array, nodes: int) -> tuple[Array, float]:
+def _from_means(t: Array, y: Array, deviation: Array, nodes: int) -> tuple[Array, float]:
     """(smoothed y, bends) from means of about rows/nodes samples each."""
     starts = np.arange(nodes) * len(t) // nodes
     counts = np.diff(starts, append=len(t))
@@ -64,16 +64,16 @@ def _of_means(t: Array, y: Array, deviation: Array, nodes: int) -> tuple[Array, 
     return _between(centres, smooth, t - origin), bends
 
 
-def _agrees(y: Array, found: Array, deviation: Array) -> bool:
-    """Nothing but noise was lost: what is left is no more than told, or than neighbours differ.
+def _lost_noise_alone(y: Array, smooth: Array, deviation: Array) -> bool:
+    """Whether residuals are no larger than the given noise, or than that of third differences.
 
-    Third differences of white noise have 20 times its variance; those of a signal that a mean of
-    neighbours swallows have less of it.
+    Third differences of white noise have 20 times its variance; those of a signal that means of
+    neighbours remove have less of it.
     """
-    left = np.mean((y - found) ** 2, axis=0)
-    told = allowance(len(y)) / len(y) * deviation**2
-    near = np.mean(np.diff(y, 3, axis=0) ** 2, axis=0) / 20
-    return bool(np.all(left <= np.maximum(told, _NOISIER * near)))
+    residual = np.mean((y - smooth) ** 2, axis=0)
+    given = allowance(len(y)) / len(y) * deviation**2
+    local = np.mean(np.diff(y, 3, axis=0) ** 2, axis=0) / 20
+    return bool(np.all(residual <= np.maximum(given, _NOISIER * local)))
 
 
 def _between(nodes: Array, values: Array, t: Array) -> Array:
@@ -103,15 +103,15 @@ def _in_windows(t: Array, y: Array, deviation: Array) -> tuple[Array, float]:
     fade = np.minimum(np.arange(1, WINDOW + 1), np.arange(WINDOW, 0, -1))[:, None] / half
     for start in [*range(0, rows - WINDOW, half), rows - WINDOW]:
         part = slice(start, start + WINDOW)
-        found, bends = _window(t[part], y[part], deviation)
-        total[part] += fade * found
+        smooth, bends = _window(t[part], y[part], deviation)
+        total[part] += fade * smooth
         weights[part] += fade
         most = max(most, bends)
     return np.asarray(total / weights), most
 
 
 def allowance(rows: int) -> float:
-    """What the squares of `rows` samples of unit white noise sum to: mean plus two deviations."""
+    """Sum of squares of `rows` samples of unit white noise: mean plus two deviations."""
     return float(rows + 2 * np.sqrt(2 * rows))
 
 
@@ -136,7 +136,7 @@ def _window(t: Array, y: Array, deviation: Array) -> tuple[Array, float]:
     with np.errstate(over="ignore", invalid="ignore"):
         rough = roughness((t - t[0]) / scale)
         usable = np.isfinite(np.sum(rough**2))
-    if not usable:  # steps so different say nothing about how smooth the signal is
+    if not usable:  # steps so different do not show how smooth the signal is
         return y, float(rows)
     _, values, V = np.linalg.svd(rough)
     squares = np.concatenate([values**2, np.zeros(rows - len(values))])

@@ -1,4 +1,4 @@
-"""A sliding window of products and triangular factors: each step costs the same at any length.
+"""A sliding window of products and triangular factors: steps of one cost at any length.
 
 A window is a product of elements "measure, then move": (Phi, R, count) with R'R the weighted
 information of its measurements about the state where it starts. Joined, b after a,
@@ -53,7 +53,7 @@ class SlidingWindow:
     recent: Element | None = None
 
     @staticmethod
-    def of(elements: Iterable[Element], alpha: float) -> SlidingWindow:
+    def from_elements(elements: Iterable[Element], alpha: float) -> SlidingWindow:
         """A queue of these elements, oldest first."""
         listed = list(elements)
         columns = listed[0].factor.shape[1] if listed else 0
@@ -88,8 +88,8 @@ class SlidingWindow:
         return self._joined(self.front[-1][0], self.recent)
 
     @property
-    def empty(self) -> bool:
-        """Is there no element?"""
+    def is_empty(self) -> bool:
+        """Whether there is no element."""
         return not self.front and self.recent is None
 
     def _joined(self, older: Element, newer: Element) -> Element:
@@ -100,10 +100,10 @@ class SlidingWindow:
         return [element for _, element in reversed(self.front)] + list(self.back)
 
     def stretched(self, move: Matrix) -> SlidingWindow:
-        """The newest element moves further: an impulse without a measurement lies in it."""
+        """Append a move to the newest element: an impulse without measurement lies in it."""
         elements = self.elements()
         if not elements:
             return self
         last = elements[-1]
         longer = Element(move @ last.move, last.factor, last.count)
-        return SlidingWindow.of([*elements[:-1], longer], self.alpha)
+        return SlidingWindow.from_elements([*elements[:-1], longer], self.alpha)

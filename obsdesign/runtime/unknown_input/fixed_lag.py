@@ -1,10 +1,10 @@
-"""Unknown-input observer with a fixed lag: each sample is smoothed with those that follow it.
+"""Unknown-input observer with a fixed lag: a sample is smoothed with those that follow it.
 
 A sample is decided when `lag` further measurements have come. It and the one before are then
 replaced by their values in the window of smoothing (`equations.smoothing`) that reaches from
-2 lag measurements before it to lag measurements after it, and the observer of
-`runtime.unknown_input` takes its step between the two: both ends of the difference quotient come
-from one window, so that what windows disagree about does not enter y'. Delay: lag samples.
+2 lag measurements before it to lag measurements after it, and the observer of `observer.py` takes
+its step between the two: both ends of the difference quotient come from one window, so that
+differences between windows do not enter y'. Delay: lag samples.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from obsdesign.equations.unknown_input.gains import UnknownInputGains
 from obsdesign.equations.unknown_input.smoothing import smoothed_window
 from obsdesign.runtime.base import (
     Batch,
@@ -61,7 +62,7 @@ class FixedLagState:
 class FixedLagObserver(PointObserver[FixedLagState], Delayed[FixedLagState]):
     """Executes a design of kind `unknown_input` with `differentiator = "fixed_lag"`."""
 
-    gains: Mapping[str, Any]
+    gains: UnknownInputGains
     inner: UnknownInputObserver
     kind: ClassVar[str] = "unknown_input"
     finds_events: ClassVar[bool] = False
@@ -69,32 +70,26 @@ class FixedLagObserver(PointObserver[FixedLagState], Delayed[FixedLagState]):
     @classmethod
     def from_gains(cls, gains: Mapping[str, Any]) -> FixedLagObserver:
         """The observer of a design's `gains`; ValueError if they do not fit each other."""
-        lag = gains.get("lag")
-        if type(lag) is not int or lag < 1:
-            raise ValueError(f"gains.lag must be a whole number >= 1; got {lag!r}.")
-        return cls(gains, UnknownInputObserver.from_gains(gains))
+        inner = UnknownInputObserver.from_gains(gains)
+        return cls(inner.gains, inner)
 
     @property
     def names(self) -> tuple[str, ...]:
         """Columns of the estimate after t."""
         return self.inner.names
 
-    @property
-    def reads(self) -> dict[str, int | bool]:
-        """How many y, u, w a sample has, and whether jumps are reported."""
-        return self.inner.reads
-
     @cached_property
     def _lag(self) -> int:
-        return int(self.gains["lag"])
+        assert self.gains.lag is not None
+        return self.gains.lag
 
     def init(self, t: float = 0.0, *, x: ArrayLike | None = None) -> FixedLagState:
         """State at time t, before the first sample; x as for `UnknownInputObserver.init`."""
         state = self.inner.init(t, x=x)
-        return FixedLagState(state, state)
+        return FixedLagState(present=state, past=state)
 
     def step(self, state: FixedLagState, sample: Sample) -> tuple[FixedLagState, Estimate]:
-        """Take a sample; the estimate is what it shows without smoothing, at its own time.
+        """Take a sample; the estimate is that without smoothing, at its own time.
 
         Rows that it settles are in `decided` of the state. ValueError as for the inner observer.
         """
@@ -102,11 +97,17 @@ class FixedLagObserver(PointObserver[FixedLagState], Delayed[FixedLagState]):
         # copies: the sample's own arrays are the caller's
         y, u = (None if value is None else np.array(value, float) for value in (sample.y, sample.u))
         row = (float(sample.t), y, u)
-        measurement, _ = usable(y, len(self.gains["C"]))
+        measurement, _ = usable(y, self.gains.p)
         measured = state.measured
         if measurement is not None:
             measured = (*measured, (row[0], measurement))
-        state = FixedLagState(present, state.past, measured, state.done, (*state.waiting, row))
+        state = FixedLagState(
+            present=present,
+            past=state.past,
+            measured=measured,
+            done=state.done,
+            waiting=(*state.waiting, row),
+        )
         return self._decided(state, self._lag), prediction
 
     def block(self, state: FixedLagState, samples: Sequence[Sample]) -> FixedLagState:
@@ -157,7 +158,14 @@ class FixedLagObserver(PointObserver[FixedLagState], Delayed[FixedLagState]):
                 measured, done = measured[surplus:], done - surplus
             past, estimate = self.inner.step(past, sample)
             rows.append(estimate)
-        return FixedLagState(state.present, past, measured, done, tuple(waiting), tuple(rows))
+        return FixedLagState(
+            present=state.present,
+            past=past,
+            measured=measured,
+            done=done,
+            waiting=tuple(waiting),
+            decided=tuple(rows),
+        )
 
     def _smoothed(
         self, measured: tuple[tuple[float, Vector], ...], k: int, sample: Sample
@@ -165,6 +173,7 @@ class FixedLagObserver(PointObserver[FixedLagState], Delayed[FixedLagState]):
         """(the measurement before the k-th, the k-th sample), both smoothed in one window."""
         window = measured[: k + self._lag + 1]
         t = np.array([time for time, _ in window])
-        y = smoothed_window(t, np.array([row for _, row in window]), self.gains["noise_std"])
+        assert self.gains.noise_std is not None
+        y = smoothed_window(t, np.array([row for _, row in window]), self.gains.noise_std)
         # the inner observer keeps measurements less the middle of the noise
         return (centred(y[k - 1], self.gains) if k else None), sample._replace(y=y[k])

@@ -2,8 +2,8 @@
 
 The smallest subspace V, invariant under A and G, whose quotient decays for all spacings: subspaces
 with a decaying quotient are closed under intersection, and strong observability is inherited by
-invariant subspaces, so that if any V serves, the smallest one does. Inside V the part that no
-measurement sees is left to itself as well.
+invariant subspaces, so that if any V serves, the smallest one does. Inside V the unobservable part
+is left uncorrected as well.
 
 Every decision has a margin: eigenvalues count as decaying below QUOTIENT_RATE per impulse only, and
 ranks are decided in coordinates in which maps have entries of like size.
@@ -40,23 +40,22 @@ class Parts:
 
 @np.errstate(all="ignore")
 def corrected_part(
-    A: Matrix, G: Matrix, C: Matrix, low: float, high: float, factor: float
+    plant: tuple[Matrix, Matrix, Matrix], ends: tuple[float, float], factor: float
 ) -> Parts:
     """Basis in which A and G are block upper triangular, the middle block to be corrected.
 
     factor: per impulse, below which what is left alone counts as decaying.
     """
+    (A, G, C), (low, high) = plant, ends
     n = len(A)
     units = balance(np.stack([np.abs(A) * high, G]))
     A, G = units[:, None] * A / units, units[:, None] * G / units
     C = C / units
     V = _refined(_growing(A, G, low, high, factor), (A, G), None)
-    seen = _hull(np.linalg.qr(C.T)[0] if C.any() else np.zeros((n, 0)), (A.T, G.T), C.T)
-    unseen = _complement(seen)
-    hidden = _refined(_intersection(unseen, V), (A, G), C)
+    observed = _hull(np.linalg.qr(C.T)[0] if C.any() else np.zeros((n, 0)), (A.T, G.T), C.T)
+    hidden = _refined(_intersection(_complement(observed), V), (A, G), C)
     core = _beyond(hidden, V)
-    rest = _complement(V)
-    pieces = [_simple(hidden), _simple_beyond(core, hidden), _simple_rest(rest, V)]
+    pieces = [_simple(hidden), _simple_beyond(core, hidden), _simple_complement(V)]
     basis = np.hstack(pieces) / units[:, None]
     return Parts(basis, hidden.shape[1], core.shape[1])
 
@@ -78,20 +77,20 @@ def _growing_directions(A: Matrix, G: Matrix, low: float, high: float, factor: f
     from scipy.linalg import schur  # slow to import
 
     letters = [G @ expm(A * delta) for delta in np.linspace(low, high, _SPACINGS)]
-    found = np.zeros((len(A), 0))
+    growing = np.zeros((len(A), 0))
     if not np.isfinite(letters).all():
-        return np.eye(len(A))  # nothing can be told: nothing is left alone
+        return np.eye(len(A))  # overflow: every direction counts as growing
     for length in range(1, _WORDS + 1):
         for word in _words(length):
             M = np.linalg.multi_dot([letters[i] for i in word]) if length > 1 else letters[word[0]]
             if not np.isfinite(M).all():
                 return np.eye(len(A))
             limit = factor**length
-            _, Q, kept = schur(
+            _, Q, count = schur(
                 M, output="real", sort=lambda re, im, limit=limit: np.hypot(re, im) >= limit
             )
-            found = _span(np.hstack([found, Q[:, :kept]]))
-    return found
+            growing = _span(np.hstack([growing, Q[:, :count]]))
+    return growing
 
 
 def _words(length: int) -> Iterator[tuple[int, ...]]:
@@ -120,14 +119,14 @@ def _refined(V: Matrix, maps: tuple[Matrix, ...], zero: Matrix | None) -> Matrix
     if d in (0, n):
         return V
     W = _complement(V)
-    rows, wanted = [], []
+    rows, right = [], []
     for F in maps:
         rows.append(np.kron(W.T @ F @ W, np.eye(d)) - np.kron(np.eye(n - d), (V.T @ F @ V).T))
-        wanted.append(-(W.T @ F @ V).reshape(-1))
+        right.append(-(W.T @ F @ V).reshape(-1))
     if zero is not None:
         rows.append(np.kron(zero @ W, np.eye(d)))
-        wanted.append(-(zero @ V).reshape(-1))
-    step = np.linalg.lstsq(np.vstack(rows), np.concatenate(wanted), rcond=1e-10)[0]
+        right.append(-(zero @ V).reshape(-1))
+    step = np.linalg.lstsq(np.vstack(rows), np.concatenate(right), rcond=1e-10)[0]
     turned: Matrix = np.linalg.qr(V + W @ step.reshape(n - d, d))[0]
     return turned
 
@@ -185,11 +184,12 @@ def _simple_beyond(core: Matrix, hidden: Matrix) -> Matrix:
     return _independent_of(hidden, whole, core.shape[1])
 
 
-def _simple_rest(rest: Matrix, V: Matrix) -> Matrix:
+def _simple_complement(V: Matrix) -> Matrix:
     """Unit vectors that complete V to a basis."""
-    if not V.shape[1]:
-        return np.eye(len(V))
-    return _independent_of(V, np.eye(len(V)), rest.shape[1])
+    n, count = V.shape
+    if not count:
+        return np.eye(n)
+    return _independent_of(V, np.eye(n), n - count)
 
 
 def _independent_of(V: Matrix, columns: Matrix, count: int) -> Matrix:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from obsdesign.analysis.impulsive_noise import missed, noise_of, simulated
+from obsdesign.analysis.impulsive_noise import missed_target, noise_of, simulated
+from obsdesign.equations.impulsive.gains import ImpulsiveGains
 from obsdesign.problem.problem import Problem
 
 Matrix = NDArray[np.float64]
@@ -18,31 +19,29 @@ Matrix = NDArray[np.float64]
 _LONGEST, _SLOWEST, _FASTEST, _HALVINGS = 16, 1.02, 8.0, 12
 
 
-def quiet_enough(
-    problem: Problem, gains: Mapping[str, Any]
-) -> tuple[dict[str, Any], dict[str, Any]]:
+def quiet_enough(problem: Problem, gains: ImpulsiveGains) -> tuple[ImpulsiveGains, dict[str, Any]]:
     """The shortest window, and the largest alpha, whose estimated errors meet noise_target.
 
     Window and alpha are kept where they are given, alpha also where a decay rate fixes it. Returns
-    the gains and, where the target is missed, what was reached.
+    the gains and, where the target is missed, the evidence of it.
     """
     target = np.array(problem.options["noise_target"])
     noise, fixed = noise_of(problem), {"alpha", "decay_rate"} & set(problem.options)
-    slow = float(gains["alpha"]) if fixed else _SLOWEST
-    shortest = int(gains["window"])
+    slow = gains.window_weight if fixed else _SLOWEST
+    shortest = gains.window_length
     longest = shortest if "window" in problem.options else _LONGEST * shortest
 
     def std(window: int, alpha: float) -> Matrix:
-        return simulated(dict(gains) | {"window": window, "alpha": alpha}, noise).std
+        return simulated(replace(gains, window=window, alpha=alpha), noise).std
 
     window = shortest
     while not np.all(std(window, slow) <= target):
         if window >= longest:
-            best = dict(gains) | {"window": window, "alpha": slow}
-            return best, missed(problem, best)
+            best = replace(gains, window=window, alpha=slow)
+            return best, missed_target(problem, best)
         window += 1
     if fixed:
-        return dict(gains) | {"window": window}, {}
+        return replace(gains, window=window), {}
     fast = _FASTEST
     for _ in range(_HALVINGS):
         middle = math.sqrt(slow * fast)
@@ -50,4 +49,4 @@ def quiet_enough(
             slow = middle
         else:
             fast = middle
-    return dict(gains) | {"window": window, "alpha": slow}, {}
+    return replace(gains, window=window, alpha=slow), {}

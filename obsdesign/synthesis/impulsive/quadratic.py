@@ -1,4 +1,4 @@
-"""The quadratic strategy: one P for all spacings, and a gain for each cell of the last spacing.
+"""The quadratic strategy: one P for all spacings, a gain for each cell of the last spacing.
 
 With S = G e^{A delta}, H = C e^{A delta} some gain L(delta) makes the error after an impulse at
 most gamma times that after the one before, in the norm of P, if and only if
@@ -26,54 +26,59 @@ from lmi.rank.stack import Stack
 from lmi.time_budget import ended, remaining, remark_end
 from obsdesign.analysis.impulsive_noise import estimate
 from obsdesign.equations.estimation_error import seen_before_jump
-from obsdesign.equations.gains import plant_data
+from obsdesign.equations.impulsive.gains import ImpulsiveGains
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
 
 _GRID, _CONDITION = 25, 1e8
 _CELLS = 128
-# factors per impulse that are tried, the fastest first; between the last failure and the first
-# success there is nothing to gain that a user would notice
+# factors per impulse that are tried, the fastest first; finer steps would gain nothing that a user
+# would notice
 _FACTORS = (0.5, 0.7, 0.8, 0.9, 0.95, 0.98, 0.995)
 
 
 @np.errstate(all="ignore")
 def quadratic_candidate(problem: Problem) -> Candidate:
-    """The table of gains with the smallest factor that is proved; zeros where none is."""
+    """Return the table of gains with the smallest factor that is proved; zeros where none is."""
     plant = problem.plant
     assert plant.jump is not None
     low, high = problem.require_dwell_time()
     A, G = plant.flow.A, plant.jump.G
     C = seen_before_jump(G, plant.output.C, plant.output.jump_measurement)
-    gains = plant_data(plant) | {"strategy": "quadratic"}
     rate = float(problem.options.get("decay_rate", 0.0))
     limit = math.exp(-rate * high) * (1 - 1e-9)
     factors = {*(f for f in _FACTORS if f < limit), *([limit] if limit < 1 else [])}
     for gamma in sorted(factors):
-        P = common_matrix(A, G, C, low, high, gamma)
+        P = common_matrix((A, G, C), (low, high), gamma)
         if P is None:
             continue
         # a little room between the search and the proof
         looser = min(1.01 * gamma, (1 + gamma) / 2)
         looser = min(looser, limit) if rate > 0 else looser
-        found = _table(A, G, C, P, (low, high), looser)
-        if found is not None:
-            gains |= {"cells": found[0], "table": found[1]}
+        table = _table((A, G, C), P, (low, high), looser)
+        if table is not None:
+            gains = _gains(problem, *table)
             certificates = {
                 "contracting": {"P": P.tolist(), "gamma": looser},
                 "rate": {"estimated": estimate(problem, gains)},
             }
             return Candidate("quadratic", gains, certificates, searched=True)
-    none = {"cells": np.array([low, high]), "table": np.zeros((1, plant.n, plant.p))}
+    zeros = _gains(problem, np.array([low, high]), np.zeros((1, plant.n, plant.p)))
     forever = Stack(exact(A), exact(G), exact(C), exact(np.eye(plant.n)), plant.n + 1)
     theta = propose_hiding(forever, low, high)
     hiding = {} if theta is None else {"detectable": {"witness": {"thetas": [theta]}}}
-    return Candidate("quadratic", gains | none, hiding)
+    return Candidate("quadratic", zeros, hiding)
 
 
-def common_matrix(A: Any, G: Any, C: Any, low: float, high: float, gamma: float) -> Any:
+def _gains(problem: Problem, cells: Any, table: Any) -> ImpulsiveGains:
+    plant = problem.plant
+    return ImpulsiveGains.from_plant(plant, strategy="quadratic", cells=cells, table=table)
+
+
+def common_matrix(plant: tuple[Any, Any, Any], ends: tuple[float, float], gamma: float) -> Any:
     """P of the inequality on a grid of spacings, or None; floats, in balanced coordinates."""
-    flows = expm(A * np.linspace(low, high, _GRID)[:, None, None])
+    A, G, C = plant
+    flows = expm(A * np.linspace(*ends, _GRID)[:, None, None])
     if not np.isfinite(flows).all():
         return None
     units = balance(np.abs(G @ flows) + np.abs(flows))
@@ -89,10 +94,10 @@ def common_matrix(A: Any, G: Any, C: Any, low: float, high: float, gamma: float)
         inside = gamma**2 * P - np.swapaxes(S, 1, 2) @ P @ S
         return turned @ inside @ kernels
 
-    found = best_margin([Unknown(len(A), len(A), symmetric=True)], inequality, _CONDITION)
-    if found is None or found[1] <= 0:
+    solution = best_margin([Unknown(len(A), len(A), symmetric=True)], inequality, _CONDITION)
+    if solution is None or solution[1] <= 0:
         return None
-    P = units[:, None] * found[0][0] * units
+    P = units[:, None] * solution[0][0] * units
     return (P + P.T) / 2
 
 
@@ -105,20 +110,21 @@ def best_gain(A: Any, G: Any, C: Any, P: Any, spacing: float) -> Any:
 
 
 def _table(
-    A: Any, G: Any, C: Any, P: Any, ends: tuple[float, float], gamma: float
+    plant: tuple[Any, Any, Any], P: Any, ends: tuple[float, float], gamma: float
 ) -> tuple[Any, Any] | None:
     """Cells and gains for which the contraction is proved; None if there would be too many."""
+    A, G, C = plant
     A_exact, G_exact, C_exact = exact(A), exact(G), exact(C)
     todo, borders, gains = [ends], [ends[0]], []
     while todo and remaining() > 0:
         start, end = todo.pop()
         try:
             L = best_gain(A, G, C, P, (start + end) / 2)
-            hopeful = _shrinks(A, G + L @ C, P, (start, end), gamma)
+            is_likely = _is_likely(A, G + L @ C, P, (start, end), gamma)
         except np.linalg.LinAlgError:
             return None
         H = G_exact + exact(L) @ C_exact
-        if hopeful and _proved(A_exact, H, P, (start, end), gamma):
+        if is_likely and _is_proved(A_exact, H, P, (start, end), gamma):
             borders.append(end)
             gains.append(L)
         elif len(todo) + len(gains) >= _CELLS or end - start < 1e-3 * (ends[1] - ends[0]):
@@ -130,14 +136,14 @@ def _table(
     return None if todo else (np.array(borders), np.array(gains))
 
 
-def _shrinks(A: Any, H: Any, P: Any, ends: tuple[float, float], gamma: float) -> bool:
-    """Does |H e^{A theta}| in the norm of P look like at most gamma at both ends of a cell?"""
+def _is_likely(A: Any, H: Any, P: Any, ends: tuple[float, float], gamma: float) -> bool:
+    """Whether |H e^{A theta}|, in the norm of P, is at most gamma at both ends, in floats."""
     root = np.linalg.cholesky(P).T
     maps = root @ H @ expm(A * np.array(ends)[:, None, None])
     turned = np.linalg.solve(root.T, np.swapaxes(maps, 1, 2))
     return bool(np.linalg.norm(turned, 2, axis=(1, 2)).max() <= gamma)
 
 
-def _proved(A: Any, H: Any, P: Any, ends: tuple[float, float], gamma: float) -> bool:
+def _is_proved(A: Any, H: Any, P: Any, ends: tuple[float, float], gamma: float) -> bool:
     verdict = prove_common(A, H, P, *ends, form="after_jump", gamma=gamma)
     return verdict.outcome == "proved"

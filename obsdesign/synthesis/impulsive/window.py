@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -16,8 +17,8 @@ from lmi.rank.witness import check_deficient
 from lmi.time_budget import ended, remaining, remark_end
 from lmi.verdict import Verdict
 from obsdesign.analysis.impulsive_noise import estimate
-from obsdesign.equations.gains import plant_data
-from obsdesign.equations.impulsive import gains as equations
+from obsdesign.equations.impulsive.formulas import Core, most_blocks
+from obsdesign.equations.impulsive.gains import LONGEST_WINDOW, ImpulsiveGains
 from obsdesign.errors import InputError
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
@@ -26,38 +27,40 @@ from obsdesign.synthesis.impulsive.noise import quiet_enough
 # weight of the past where nothing else says: the error is certified to shrink by a quarter
 ALPHA = 1.3
 _RANK = 1e-10
-# log of the largest alpha that is worth its name
-_FASTEST = 200.0
-# the least weight that the impulses of a window may have
-_SPREAD = 1e7
-# a proof that took so many boxes in vain is not repeated in more dimensions
-_TIRED = 1000
+_LARGEST_LOG_ALPHA = 200.0
+# largest ratio of the weights of the impulses in a window
+_LARGEST_WEIGHT_RATIO = 1e7
+# a proof that failed with so many boxes is not repeated in more dimensions
+_MOST_BOXES_BEFORE_SKIPPING = 1000
 
 
-def base(problem: Problem, strategy: str) -> dict[str, Any]:
-    """What every windowed design stores."""
-    return plant_data(problem.plant) | {"strategy": strategy, "alpha": weight(problem)}
+def window_gains(problem: Problem, strategy: str, **entries: Any) -> ImpulsiveGains:
+    """Gains of a windowed strategy, of one impulse until a window is chosen."""
+    alpha = weight(problem)
+    return ImpulsiveGains.from_plant(
+        problem.plant, strategy=strategy, alpha=alpha, window=1, **entries
+    )
 
 
 def weight(problem: Problem, margin: float = 1.0) -> float:
-    """alpha as asked for, or so that the decay rate that is asked for follows, or the default."""
+    """Return alpha: the problem's own, or the one that its decay rate needs, or the default."""
     if "alpha" in problem.options:
         return float(problem.options["alpha"])
     rate = margin * float(problem.options.get("decay_rate", 0.0))
     if rate == 0:
         return ALPHA
-    if rate * problem.require_dwell_time()[1] > _FASTEST:
+    if rate * problem.require_dwell_time()[1] > _LARGEST_LOG_ALPHA:
         raise InputError(
-            f"observer.decay_rate must be at most {_FASTEST:g} / jump.dwell_time[1] here; got "
-            f"{problem.options['decay_rate']!r}. Is it in the plant's unit of time?"
+            f"observer.decay_rate must be at most {_LARGEST_LOG_ALPHA:g} / jump.dwell_time[1] "
+            f"here; got {problem.options['decay_rate']!r}. Is it in the plant's unit of time?"
         )
     return max(math.exp(rate * problem.require_dwell_time()[1]) * (1 + 1e-6), 1 + 1e-6)
 
 
-def image_of(G: Any) -> tuple[Any, Any]:
-    """(U, S) with G = U S up to rounding: independent columns of G, and what makes up the others.
+def factors_of(G: Any) -> tuple[Any, Any]:
+    """(U, S) with G = U S up to rounding: U independent columns of G, S the coefficients of all.
 
-    For G = 0 one column that nothing comes from.
+    For G = 0 one column, its coefficients zero.
     """
     from scipy.linalg import qr  # slow to import
 
@@ -84,46 +87,38 @@ def image_of(G: Any) -> tuple[Any, Any]:
 @np.errstate(all="ignore")
 def windowed(
     problem: Problem,
-    gains: Mapping[str, Any],
+    gains: ImpulsiveGains,
     label: str,
     certificates: Mapping[str, Mapping[str, Any]] | None = None,
     limit: int = BOX_LIMIT,
 ) -> Candidate:
-    """The candidate with the window that is asked for, or the shortest one that is proved.
+    """The candidate with the problem's own window, or the shortest one that is proved.
 
     A shorter window that is proved proves every longer one. limit: boxes of a proof that is tried.
     """
     ends = problem.require_dwell_time()
     others = dict(certificates or {})
-    numbers = dict(gains) | {
-        name: exact(value)
-        for name, value in gains.items()
-        if isinstance(value, np.ndarray) and value.ndim == 2
-    }
-    core = equations.core_of(numbers)
+    core = Core.from_gains(gains, exact)
     shortest = math.ceil(core.size / problem.plant.p)
-    asked = problem.options.get("window")
-    if asked is not None and asked > equations.LONGEST_WINDOW:
-        raise InputError(
-            f"observer.window must be at most {equations.LONGEST_WINDOW} impulses; got {asked}."
-        )
+    given = problem.options.get("window")
+    if given is not None and given > LONGEST_WINDOW:
+        raise InputError(f"observer.window must be at most {LONGEST_WINDOW} impulses; got {given}.")
     if math.isinf(ends[1]):
-        return Candidate(label, dict(gains) | {"window": int(asked or shortest)}, others)
-    blocks, verdict, searched = _provable(core, shortest, asked, ends, limit)
+        return Candidate(label, replace(gains, window=int(given or shortest)), others)
+    blocks, verdict, searched = _provable(core, shortest, given, ends, limit)
     others["strongly_observable"] = {**verdict.evidence, "blocks": blocks}
-    found = dict(gains) | {"window": int(asked or blocks)}
-    _refuse_lost_digits(problem, float(gains["alpha"]), blocks)
+    gains = replace(gains, window=int(given or blocks))
+    _refuse_lost_digits(problem, gains.window_weight, blocks)
     if verdict.outcome == "proved" and "noise_target" in problem.options:
-        found, short = quiet_enough(problem, found)
-        others["noise_target"] = short
+        gains, others["noise_target"] = quiet_enough(problem, gains)
     if verdict.outcome == "proved" and remaining() > 0:
-        others["rate"] = {"estimated": estimate(problem, found)}
-    return Candidate(label, found, others, searched=searched)
+        others["rate"] = {"estimated": estimate(problem, gains)}
+    return Candidate(label, gains, others, searched=searched)
 
 
 def _refuse_lost_digits(problem: Problem, alpha: float, blocks: int) -> None:
     """InputError where the oldest of the impulses that are needed would weigh next to nothing."""
-    if (blocks - 1) * math.log(alpha) <= math.log(_SPREAD):
+    if (blocks - 1) * math.log(alpha) <= math.log(_LARGEST_WEIGHT_RATIO):
         return
     name, value = "alpha", alpha
     if "alpha" not in problem.options:
@@ -131,55 +126,55 @@ def _refuse_lost_digits(problem: Problem, alpha: float, blocks: int) -> None:
     raise InputError(
         f"observer.{name} = {value!r} weighs the oldest of {blocks} impulses by "
         f"alpha^{1 - blocks} with alpha = {alpha:.4g}: fewer digits than binary64 has; at most "
-        f"alpha = {_SPREAD ** (1 / (blocks - 1)):.4g} can be executed."
+        f"alpha = {_LARGEST_WEIGHT_RATIO ** (1 / (blocks - 1)):.4g} can be executed."
     )
 
 
 def _provable(
-    core: equations.Core, shortest: int, asked: int | None, ends: tuple[float, float], limit: int
+    core: Core, shortest: int, given: int | None, ends: tuple[float, float], limit: int
 ) -> tuple[int, Verdict, bool]:
     """(blocks, verdict on a window of so many, whether longer ones might still do)."""
-    last = equations.most_blocks(core, len(core.C))
-    last = last if asked is None else min(asked, last)
+    last = most_blocks(core, len(core.C))
+    last = last if given is None else min(given, last)
     blocks = min(shortest, last)
     for blocks in range(min(shortest, last), last + 1):
         verdict = decide_full_rank(_stack(core, blocks), *ends, limit)
         if verdict.outcome == "proved":
             return blocks, verdict, False
-        if _hopeless(core, verdict, *ends):
-            return _for_window(core, verdict, blocks, asked or blocks, ends)
-        if verdict.evidence.get("boxes", 0) > _TIRED:
+        if _no_window_exists(core, verdict, *ends):
+            return _for_window(core, verdict, blocks, given or blocks, ends)
+        if verdict.evidence.get("boxes", 0) > _MOST_BOXES_BEFORE_SKIPPING:
             break
         if out_of_time := ended():
             remark_end("windows of impulses", out_of_time, matters=False)
             break
-    return blocks, verdict, asked is None or asked > blocks
+    return blocks, verdict, given is None or given > blocks
 
 
 def _for_window(
-    core: equations.Core, verdict: Verdict, blocks: int, asked: int, ends: tuple[float, float]
+    core: Core, verdict: Verdict, blocks: int, window: int, ends: tuple[float, float]
 ) -> tuple[int, Verdict, bool]:
-    """What defeats a short window at one spacing, as the witness against the one asked for."""
+    """The witness against a window of so many blocks, extended to a longer window."""
     thetas = verdict.evidence["witness"].get("thetas", [])
-    if asked == blocks or not thetas:
-        return asked, verdict, False
-    longer = _stack(core, asked)
+    if window == blocks or not thetas:
+        return window, verdict, False
+    longer = _stack(core, window)
     same = {"thetas": [float(np.mean(thetas))] * longer.thetas}
-    return asked, check_deficient(longer, *ends, same), False
+    return window, check_deficient(longer, *ends, same), False
 
 
-def _stack(core: equations.Core, window: int) -> Stack:
+def _stack(core: Core, window: int) -> Stack:
     return Stack(*core.stack(window))
 
 
-def _hopeless(core: equations.Core, verdict: Verdict, low: float, high: float) -> bool:
-    """Does what refutes this window refute every longer one too? One spacing, kept for ever."""
+def _no_window_exists(core: Core, verdict: Verdict, low: float, high: float) -> bool:
+    """Whether the witness against this window refutes longer ones too: one spacing for all."""
     witness = verdict.evidence.get("witness", {})
     thetas = witness.get("thetas", [])
     if verdict.outcome != "refuted":
         return False
     if witness.get("method") == "exact":
-        return True  # the state is destroyed unseen by the next jump
+        return True  # the next jump destroys the unobserved state
     if not thetas or max(thetas) - min(thetas) > 1e-6 * max(thetas):
         return False
     longer = _stack(core, core.size + 1)

@@ -17,7 +17,7 @@ import numpy as np
 from lmi.arithmetic.balls import exact, inverse
 from lmi.decide.dwell_search import shortest_dwell
 from lmi.time_budget import deadline, remaining
-from obsdesign.analysis.hidden_modes import hidden_for_ever
+from obsdesign.analysis.hidden_modes import not_detectable
 from obsdesign.equations.estimation_error import idle_gains
 from obsdesign.equations.interval import splits as equations
 from obsdesign.equations.interval.width import WidthSystem, width_system_of
@@ -78,7 +78,7 @@ def _hopeless(problem: Problem) -> bool:
     G, ends = None, (math.inf, math.inf)
     if plant.jump is not None:
         G, ends = plant.jump.G, problem.require_dwell_time()
-    return hidden_for_ever(plant.flow.A, G, plant.output.C, ends) is not None
+    return not_detectable(plant.flow.A, G, plant.output.C, ends) is not None
 
 
 def _unsearched(

@@ -32,7 +32,7 @@ from obsdesign.synthesis.placement import placed_gain, riccati_gain
 
 
 def synthesize(problem: Problem) -> Iterator[Candidate]:
-    """Candidates in order of preference; InputError for what cannot be built at all."""
+    """Yield candidates in order of preference; InputError for what cannot be built at all."""
     refuse_unusable(problem)
     check_schedule(problem)
     plant = problem.plant
@@ -47,19 +47,19 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
         if M is None:
             M = _jump_gain(problem, F + rate * np.eye(plant.n))
         gains = LuenbergerGains.from_plant(plant, L=L, M=M)
-        # several outputs leave more than one L with the poles of the file
+        # with several outputs more than one L has the poles of the file
         placed = given_gain(problem, "L") is None and plant.p > 1
         open_gain = chosen or placed or given_gain(problem, "M") is None
         yield Candidate(
             label,
             gains,
             _certificates(problem, F, M, rate),
-            searched=open_gain and not _doomed(problem, F, chosen, rate),
+            searched=open_gain and not _refuted_for_all_gains(problem, F, chosen, rate),
         )
 
 
-def _doomed(problem: Problem, F: Any, chosen: bool, rate: float) -> bool:
-    """Does what refutes these gains refute all? Exactly: a mode or a pair that no gain reaches."""
+def _refuted_for_all_gains(problem: Problem, F: Any, chosen: bool, rate: float) -> bool:
+    """Whether a mode or a pair that no gain reaches refutes all gains; exactly."""
     plant = problem.plant
     A, C = plant.flow.A, plant.output.C
     endless = plant.jump is None or math.isinf(problem.require_dwell_time()[1])
@@ -77,7 +77,7 @@ def _grows(F: Any, rate: float) -> bool:
 
 
 def _flow_gains(problem: Problem, rate: float) -> Iterator[tuple[str, Any]]:
-    """L as given, as the poles say, or by Riccati equations of growing speed; at last none."""
+    """Yield L: given, placed, or by Riccati equations of growing speed; at last 0."""
     A, C = problem.plant.flow.A, problem.plant.output.C
     given = given_gain(problem, "L")
     for name in ("poles", "weights"):
@@ -105,12 +105,12 @@ def _flow_gains(problem: Problem, rate: float) -> Iterator[tuple[str, Any]]:
 
 def _jump_gain(problem: Problem, F: Any) -> Any:
     """M with the largest margin over all dwell times for a flow F; zeros if there is none."""
-    found = jump_gains(problem, F, [problem.require_dwell_time()], [(0, 0)])
-    return np.zeros((problem.plant.n, problem.plant.p)) if found is None else found.M[0]
+    solution = jump_gains(problem, F, [problem.require_dwell_time()], [(0, 0)])
+    return np.zeros((problem.plant.n, problem.plant.p)) if solution is None else solution.M[0]
 
 
 def _certificates(problem: Problem, F: Any, M: Any, rate: float) -> dict[str, Any]:
-    """What shows stability; with a decay rate, the P of F + rate I serve both claims."""
+    """Certificates of stability; with a decay rate, the P of F + rate I serves both claims."""
     plant = problem.plant
     if plant.jump is None:
         return {}
@@ -118,10 +118,10 @@ def _certificates(problem: Problem, F: Any, M: Any, rate: float) -> dict[str, An
     H = jump_error_matrix(plant.jump.G, M, plant.output.C, plant.output.jump_measurement)
     if rate == 0:
         return dwell_certificates(F, H, *ends, **question(problem))
-    asked = decide(F + rate * np.eye(plant.n), H, *ends, **question(problem)).evidence
-    if not {"P", "windows"} & set(asked):
-        return dwell_certificates(F, H, *ends, **question(problem)) | {"decay_rate": asked}
-    return {"dwell_stability": asked, "decay_rate": asked}
+    evidence = decide(F + rate * np.eye(plant.n), H, *ends, **question(problem)).evidence
+    if not {"P", "windows"} & set(evidence):
+        return dwell_certificates(F, H, *ends, **question(problem)) | {"decay_rate": evidence}
+    return {"dwell_stability": evidence, "decay_rate": evidence}
 
 
 def untried(problem: Problem) -> dict[str, str]:

@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -19,10 +18,9 @@ from lmi.families import Edge, worst
 from lmi.find.affine import Unknown, best_margin
 from lmi.time_budget import ended, remark_end
 from obsdesign.equations.estimation_error import seen_before_jump
+from obsdesign.equations.gains import Array
 from obsdesign.equations.luenberger import error_system as equations
 from obsdesign.problem.problem import Problem
-
-Array = Any
 
 _CONDITION = 1e4
 _ROUNDS = 20
@@ -51,59 +49,72 @@ def jump_gains(
     """
     plant = problem.plant
     assert plant.jump is not None
-    n, p, G = plant.n, plant.p, plant.jump.G
-    seen = seen_before_jump(G, plant.output.C, plant.output.jump_measurement)
+    n, G = plant.n, plant.jump.G
+    output = seen_before_jump(G, plant.output.C, plant.output.jump_measurement)
     with np.errstate(all="ignore"):
         grids = [Edge(F, np.eye(n), *ends).grid(_EACH_POINTS) for ends in cells]
     if not all(np.isfinite(flows).all() for _, flows in grids):
         return None
-    unknowns = [Unknown(n, n, symmetric=True)] * len(cells) + [Unknown(n, p)] * len(cells)
     active = {(i, j, k) for i, j in pairs for k in (0, len(grids[j][0]) - 1)}
     best: JumpGains | None = None
     for _ in range(_ROUNDS):
         if out_of_time := ended():
             remark_end("gains at jumps", out_of_time, matters=False)
             break
-        rows = sorted(active)
-        earlier, later, _ = np.array(rows).T
-        flows = np.array([grids[j][1][k] for _, j, k in rows])
-
-        def inequality(*values: Array, at: Any = (earlier, later, flows)) -> Array:
-            P, Z = np.array(values[: len(cells)]), np.array(values[len(cells) :])
-            return equations.post_jump_inequality(P[at[1]], Z[at[1]], G, seen, at[2], P[at[0]])
-
-        found = best_margin(unknowns, inequality, _CONDITION)
-        if found is None:
+        solution = _solution(active, grids, G, output)
+        if solution is None:
             return best
-        values, margin = found
-        P, Z = np.array(values[: len(cells)]), np.array(values[len(cells) :])
+        P, Z, margin = solution
         try:
             best = JumpGains(np.linalg.solve(P, Z), P, margin)
         except np.linalg.LinAlgError:  # the solver stopped before P was positive definite
             return best
-        more = set() if margin <= 0 else _violated(P, Z, grids, pairs, G, seen) - active
+        more = set() if margin <= 0 else _violated((P, Z), grids, pairs, G, output) - active
         if not more:
             return best
         active |= more
     return best
 
 
+def _solution(
+    active: set[tuple[int, int, int]], grids: Sequence[tuple[Array, Array]], G: Array, output: Array
+) -> tuple[Array, Array, float] | None:
+    """(P, P M, margin) with the largest margin at the active (earlier, later, number of theta)."""
+    count, (p, n) = len(grids), output.shape
+    unknowns = [Unknown(n, n, symmetric=True)] * count + [Unknown(n, p)] * count
+    rows = sorted(active)
+    earlier, later, _ = np.array(rows).T
+    flows = np.array([grids[j][1][k] for _, j, k in rows])
+
+    def inequality(*values: Array) -> Array:
+        P, Z = np.array(values[:count]), np.array(values[count:])
+        return equations.post_jump_inequality(
+            P[later], Z[later], G, output, flows, before=P[earlier]
+        )
+
+    solution = best_margin(unknowns, inequality, _CONDITION)
+    if solution is None:
+        return None
+    values, margin = solution
+    return np.array(values[:count]), np.array(values[count:]), margin
+
+
 def _violated(
-    P: Array,
-    Z: Array,
+    solution: tuple[Array, Array],
     grids: Sequence[tuple[Array, Array]],
     pairs: Sequence[tuple[int, int]],
     G: Array,
-    seen: Array,
+    output: Array,
 ) -> set[tuple[int, int, int]]:
-    """(earlier, later, number of theta) where the inequality fails most."""
-    found = set()
+    """(earlier, later, number of theta) where the inequality for (P, Z) fails most."""
+    P, Z = solution
+    places = set()
     for i, j in pairs:
         flows = grids[j][1]
-        held = equations.post_jump_inequality(P[j], Z[j], G, seen, flows, P[i])
+        held = equations.post_jump_inequality(P[j], Z[j], G, output, flows, before=P[i])
         slacks = np.linalg.eigvalsh(held)[:, 0]
-        found |= {(i, j, k) for k in worst(slacks, 0.0)[:_ADDED]}
-    return found
+        places |= {(i, j, k) for k in worst(slacks, 0.0)[:_ADDED]}
+    return places
 
 
 def equal_cells(F: Array, low: float, high: float, count: int) -> list[float]:

@@ -2,7 +2,7 @@
 
 Only the past may be used, since the next dwell time is not known when the jump is corrected. For a
 fixed flow the search for such gains is jointly linear in the matrices and the gains, and loses
-nothing (`synthesis.jump_gains`).
+nothing (`jump_gains.py`).
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _MOST_CELLS = 16
 
 
 def check_schedule(problem: Problem) -> None:
-    """InputError when gains at jumps are asked to follow a schedule and cannot."""
+    """Raise InputError for a schedule of gains at jumps that is impossible."""
     if "schedule" not in problem.options:
         return
     if "M" in problem.gains:
@@ -36,14 +36,14 @@ def check_schedule(problem: Problem) -> None:
             "observer.schedule needs a range of dwell times; jump.dwell_time holds one, "
             f"{low!r}. Drop schedule."
         )
-    asked = problem.options["schedule"]
-    cells = asked if isinstance(asked, int) else len(asked) + 1
+    schedule = problem.options["schedule"]
+    cells = schedule if isinstance(schedule, int) else len(schedule) + 1
     if cells > _MOST_CELLS:
         raise InputError(
             f"observer.schedule must make at most {_MOST_CELLS} cells, each pair of which is an "
             f"inequality; got {cells}."
         )
-    for border in () if isinstance(asked, int) else asked:
+    for border in () if isinstance(schedule, int) else schedule:
         if not low * (1 + 2 * equations.BORDER) < border < high * (1 - 2 * equations.BORDER):
             raise InputError(
                 f"observer.schedule must lie inside jump.dwell_time = [{low:g}, {high:g}], more "
@@ -52,23 +52,23 @@ def check_schedule(problem: Problem) -> None:
 
 
 def scheduled_candidate(problem: Problem, label: str, L: Any, F: Any) -> Candidate:
-    """Gains M per cell of dwell times, for the flow F of the error plus the rate that is asked.
+    """Gains M per cell of dwell times, for the flow F of the error plus the decay rate.
 
     `M` is for a jump before which the dwell time is not known, the first one: any will do.
     """
     plant = problem.plant
     assert plant.jump is not None
     low, high = problem.require_dwell_time()
-    asked = problem.options["schedule"]
-    borders = equal_cells(F, low, high, asked) if isinstance(asked, int) else list(asked)
+    schedule = problem.options["schedule"]
+    borders = equal_cells(F, low, high, schedule) if isinstance(schedule, int) else list(schedule)
     cells = equations.schedule_cells(low, high, borders)
     pairs = equations.schedule_pairs(cells, plant.jump.dwell_jitter)
-    found = jump_gains(problem, F, cells, pairs)
-    M = np.zeros((len(cells), plant.n, plant.p)) if found is None else found.M
+    solution = jump_gains(problem, F, cells, pairs)
+    M = np.zeros((len(cells), plant.n, plant.p)) if solution is None else solution.M
     gains = LuenbergerGains.from_plant(plant, L=L, M=M[0], M_cells=M, dwell_borders=borders)
     certificate: dict[str, Any] = {}
-    if found is not None:
-        certificate = {"P_cells": [((P + P.T) / 2).tolist() for P in found.P]}
+    if solution is not None:
+        certificate = {"P_cells": [((P + P.T) / 2).tolist() for P in solution.P]}
     ids = ("dwell_stability", "decay_rate")
     return Candidate(
         f"{label}, M by {len(cells)} cells of dwell times",

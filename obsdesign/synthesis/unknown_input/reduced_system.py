@@ -1,8 +1,8 @@
 """The reduced system of an unknown-input observer.
 
-    x1' = A x1 + ...,   Z y = C x1        the state that d does not drive, and what is seen of it
+    x1' = A x1 + ...,   Z y = C x1        the state that d does not drive, and its outputs
 
-Its unseen modes are the invariant zeros of the plant.
+Its unobservable modes are the invariant zeros of the plant.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from obsdesign.analysis.units import own_units
-from obsdesign.equations.unknown_input import matrices as equations
+from obsdesign.analysis.balancing import balancing_units
+from obsdesign.equations.unknown_input import formulas as equations
 from obsdesign.problem.problem import Problem
 
 Matrix = NDArray[np.float64]
@@ -21,11 +21,11 @@ Matrix = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Reduced:
-    """A (k, k), C (p - q, k) of the reduced system, k = n - q, of a plant in `own_units`.
+    """A (k, k), C (p - q, k) of the reduced system, k = n - q, of a plant in `balancing_units`.
 
     sizes: of the terms whose sums A and C are, a number and one per row. T (k, n), Z (p - q, p):
-    from x and y to x1 and Z y; coupling (k, q): how x2 drives x1. visible, hidden: orthonormal,
-    what C sees and what it never does.
+    from x and y to x1 and Z y; coupling (k, q): how x2 drives x1. visible, hidden: orthonormal
+    bases of the observable and the unobservable directions.
     """
 
     A: Matrix
@@ -38,32 +38,41 @@ class Reduced:
     hidden: Matrix
 
     @classmethod
-    def of(
+    def from_plant(
         cls,
-        A: Matrix,
-        C: Matrix,
-        D: Matrix,
+        plant: tuple[Matrix, Matrix, Matrix],
+        *,
         Ta: Matrix,
         T: Matrix,
         N: Matrix,
         Z: Matrix,
         hidden: Matrix,
     ) -> Reduced:
-        """The reduced system of a plant in the coordinates [Ta, D].
+        """The reduced system of a plant (A, C, D) in the coordinates [Ta, D].
 
-        hidden (k, h): basis of what is exactly unseen, columns of any size.
+        hidden (k, h): basis of what is exactly unobservable, columns of any size.
         """
+        A, C, D = plant
         back = Ta - D @ (N @ C @ Ta)
-        inner, seen = T @ A @ back, Z @ C @ Ta
+        flow, output = T @ A @ back, Z @ C @ Ta
         rows = np.abs(Z) @ np.abs(C) @ np.abs(Ta)
         sizes = float(np.linalg.norm(T @ A) * np.linalg.norm(back)), np.linalg.norm(rows, axis=1)
         largest = np.linalg.norm(hidden, axis=0)
-        unseen = np.linalg.qr(hidden / np.where(largest > 0, largest, 1.0))[0]
-        return cls(inner, seen, sizes, T, Z, T @ A @ D, _complement(unseen), unseen)
+        unobservable = np.linalg.qr(hidden / np.where(largest > 0, largest, 1.0))[0]
+        return cls(
+            A=flow,
+            C=output,
+            sizes=sizes,
+            T=T,
+            Z=Z,
+            coupling=T @ A @ D,
+            visible=_complement(unobservable),
+            hidden=unobservable,
+        )
 
-    def nearly(self) -> Reduced:
-        """The same with everything hidden that floats cannot tell from it."""
-        hidden = _unseen(self.A, self.C, self.sizes)
+    def with_nearly_hidden(self) -> Reduced:
+        """The same system, everything hidden that is unobservable up to rounding."""
+        hidden = _unobservable(self.A, self.C, self.sizes)
         return replace(self, visible=_complement(hidden), hidden=hidden)
 
     def first_state(self) -> Matrix:
@@ -78,15 +87,15 @@ def _complement(basis: Matrix) -> Matrix:
 def output_variances(problem: Problem) -> Matrix:
     """Variances of the measurement noise: weights.output, else from noise_std up to a factor.
 
-    Without either, each output counts by the length of its row of C in `own_units`, so that units
-    drop out.
+    Without either, each output counts by the length of its row of C in `balancing_units`, so that
+    units drop out.
     """
     given = problem.options.get("weights", {}).get("output")
     if given is not None:
         return np.asarray(given, dtype=np.float64)
     flow, output = problem.plant.flow, problem.plant.output
     assert flow.D is not None
-    lengths = np.sum((output.C * own_units(flow.A, output.C, flow.D)[0]) ** 2, axis=1)
+    lengths = np.sum((output.C * balancing_units(flow.A, output.C, flow.D)[0]) ** 2, axis=1)
     lengths = np.where(lengths > 0, lengths, 1.0)
     if not np.all(output.noise_std > 0):
         return np.asarray(lengths)
@@ -106,7 +115,7 @@ def left_inverse(CD: Matrix, variances: Matrix) -> tuple[Matrix, Matrix]:
 
 
 def annihilator(CD: Matrix, units: Matrix) -> Matrix:
-    """Z, (p - q, p), full rank, Z C D = 0; the unit matrix at the leftmost columns that allow it.
+    """Z, (p - q, p), full rank, Z C D = 0; the unit matrix at the leftmost possible columns.
 
     units: factors (p,) that bring the outputs to one size. The normal form depends on the
     plant alone, so that a given L means the same everywhere.
@@ -118,22 +127,22 @@ def annihilator(CD: Matrix, units: Matrix) -> Matrix:
         columns: list[int] = []
         basis = np.zeros((p - q, 0))
         for j in range(p):
-            rest = Z[:, j] - basis @ (basis.T @ Z[:, j])
-            if len(columns) < p - q and np.linalg.norm(rest) > tolerance:
+            residual = Z[:, j] - basis @ (basis.T @ Z[:, j])
+            if len(columns) < p - q and np.linalg.norm(residual) > tolerance:
                 columns.append(j)
-                basis = np.column_stack([basis, rest / np.linalg.norm(rest)])
+                basis = np.column_stack([basis, residual / np.linalg.norm(residual)])
         if len(columns) == p - q:
             normal = np.linalg.solve(Z[:, columns], Z)
             return np.asarray(normal * units / units[columns][:, None] + 0.0)
         tolerance /= 10
 
 
-def _unseen(A: Matrix, C: Matrix, sizes: tuple[float, Matrix]) -> Matrix:
-    """Orthonormal basis of the subspace that A keeps and C sees by no more than rounding."""
+def _unobservable(A: Matrix, C: Matrix, sizes: tuple[float, Matrix]) -> Matrix:
+    """Orthonormal basis of the subspace that is invariant under A, and 0 under C up to rounding."""
     basis = _null(C / np.maximum(sizes[1], 1e-300)[:, None])
     while basis.shape[1]:
-        moved = A @ basis
-        inside = _null((moved - basis @ (basis.T @ moved)) / max(sizes[0], 1e-300))
+        image = A @ basis
+        inside = _null((image - basis @ (basis.T @ image)) / max(sizes[0], 1e-300))
         if inside.shape[1] == basis.shape[1]:
             break
         basis = basis @ inside
@@ -144,4 +153,4 @@ def _null(X: Matrix) -> Matrix:
     if not X.size:
         return np.eye(X.shape[1])
     _, values, V = np.linalg.svd(X)
-    return np.asarray(V[int((values > equations.UNSEEN).sum()) :].T)
+    return np.asarray(V[int((values > equations.UNOBSERVABLE).sum()) :].T)

@@ -4,9 +4,9 @@ In the coordinates of `basis` the nominal plant is block upper triangular,
 
     A, G = [[hidden, *, *], [0, core, *], [0, 0, rest]],   C = [0, core, *]:
 
-nothing that C sees comes from the hidden block, and nothing drives the rest. The core is corrected,
-hidden and rest must decay by themselves. What the stored numbers differ by from such a plant (it
-is rounding, or nothing) is carried to the convergence bound, which has to absorb it.
+C does not depend on the hidden block, and nothing drives the rest. The core is corrected, hidden
+and rest must decay by themselves. The difference of the stored numbers from such a plant, rounding
+or zero, enters the convergence bound, which has to absorb it.
 """
 
 from __future__ import annotations
@@ -21,8 +21,9 @@ from lmi.arithmetic.balls import Exact, exact, inverse, number, rational, scalar
 from lmi.bounds.largest_norm import norm_of, norm_over
 from lmi.rank.stack import Stack, coordinates, state_basis
 from obsdesign.equations.estimation_error import seen_before_jump
-from obsdesign.equations.impulsive.gains import Core
-from obsdesign.verification.impulsive.rate import Bound, Reach, flow_change, together
+from obsdesign.equations.impulsive.formulas import Core
+from obsdesign.equations.impulsive.gains import ImpulsiveGains
+from obsdesign.verification.impulsive.rate import Bound, Reach, coupled_bound, flow_change
 
 
 @dataclass(frozen=True)
@@ -41,12 +42,12 @@ class Blocks:
     size: int
 
     @property
-    def hidden(self) -> tuple[Exact, Exact] | None:
-        """(A, G) of the block that C does not see; None if there is none."""
+    def hidden_pair(self) -> tuple[Exact, Exact] | None:
+        """(A, G) of the unobservable block; None if there is none."""
         return self._pair(0, self.first)
 
     @property
-    def rest(self) -> tuple[Exact, Exact] | None:
+    def rest_pair(self) -> tuple[Exact, Exact] | None:
         """(A, G) of the block that nothing drives; None if there is none."""
         return self._pair(self.first + self.size, len(self.A))
 
@@ -56,23 +57,23 @@ class Blocks:
         return self.A0[start:end, start:end], self.G0[start:end, start:end]
 
     @property
-    def exact(self) -> bool:
-        """Is the nominal plant the stored one?"""
+    def is_exact(self) -> bool:
+        """Whether the nominal plant is the stored one."""
         pairs = ((self.A, self.A0), (self.G, self.G0), (self.C, self.C0))
         return not any(value != 0 for a, b in pairs for value in (a - b).flat)
 
 
-def blocks_of(numbers: Mapping[str, Any], core: Core, into: Exact) -> Blocks | None:
-    """The blocks of exact gains; None if the basis is singular.
+def plant_blocks(gains: ImpulsiveGains, core: Core, into: Exact) -> Blocks | None:
+    """The exact blocks of the plant of a design; None if the basis is singular.
 
     core: in coordinates of its own, the columns of `into`; they replace those of the basis there.
     """
-    A, G = numbers["A"], numbers["G"]
-    C = seen_before_jump(G, numbers["C"], numbers["jump_measurement"])
-    n, first, size = len(A), 0, len(core.A)
-    T = exact(np.eye(n))
-    if "basis" in numbers:
-        first, T = int(numbers["core_place"][0]), numbers["basis"].copy()
+    A, G = exact(gains.A), exact(gains.jump_matrix)
+    C = seen_before_jump(G, exact(gains.C), gains.jump_measurement)
+    first, size = 0, len(core.A)
+    T = exact(np.eye(gains.n))
+    if gains.basis is not None:
+        first, T = gains.core_columns.start, exact(gains.basis)
     end = first + size
     T[:, first:end] = T[:, first:end] @ into
     T_back = inverse(T)
@@ -87,11 +88,11 @@ def blocks_of(numbers: Mapping[str, Any], core: Core, into: Exact) -> Blocks | N
     C0[:, :first] = zero
     A0[first:end, first:end], G0[first:end, first:end] = core.A, core.J
     C0[:, first:end] = core.C
-    return Blocks(A, G, C, A0, G0, C0, T, T_back, first, size)
+    return Blocks(A=A, G=G, C=C, A0=A0, G0=G0, C0=C0, T=T, T_back=T_back, first=first, size=size)
 
 
-def in_its_coordinates(core: Core, low: float, high: float, window: int) -> tuple[Core, Exact]:
-    """The core in the coordinates that its window gives, and their columns; all exact.
+def in_own_coordinates(core: Core, low: float, high: float, window: int) -> tuple[Core, Exact]:
+    """The core in the coordinates of its window, and their columns; all exact.
 
     The state in those of `lmi.rank.stack.state_basis`, the columns of the window in its R.
     """
@@ -116,7 +117,7 @@ def in_its_coordinates(core: Core, low: float, high: float, window: int) -> tupl
 
 @dataclass(frozen=True)
 class Whole:
-    """The bound of the stored plant, in the coordinates of T, and what each step is off by."""
+    """The bound of the stored plant, in the coordinates of T, and the perturbation per step."""
 
     bound: Bound
     change: Any
@@ -125,16 +126,16 @@ class Whole:
 def whole_bound(
     blocks: Blocks, reach: Reach, decaying: Mapping[str, Bound], high: float, rate: float
 ) -> Whole | None:
-    """All blocks together; None if the bound of one is missing.
+    """The bound of all blocks, coupled; None if that of one is missing.
 
-    decaying: by "hidden" and "rest", for the blocks that are there; rate: decay per unit of time
-    that is aimed at.
+    decaying: by "hidden" and "rest", for the blocks that exist; rate: decay per unit of time to be
+    reached.
     """
     change, _, nominal = flow_change(blocks.A, blocks.A0, high)
-    off = nominal * (
+    perturbation = nominal * (
         norm_of(blocks.G - blocks.G0) + reach.gain * norm_of(blocks.C - blocks.C0)
     ) + change * (norm_of(blocks.G) + reach.gain * norm_of(blocks.C))
-    off = scalar(0) if blocks.exact else off
+    perturbation = scalar(0) if blocks.is_exact else perturbation
     parts: list[Bound] = []
     places: list[slice] = []
     end = blocks.first + blocks.size
@@ -151,21 +152,21 @@ def whole_bound(
         parts.append(own)
         places.append(place)
     if len(parts) == 1:
-        return Whole(reach.bound.perturbed(off), off)
-    # a little less than what is asked for, to be rounded up
+        return Whole(reach.bound.perturbed(perturbation), perturbation)
+    # a little less than the rate needs, to be rounded up
     goal = (-number(rate) * number(high)).exp() * number(1 - 1e-7) if rate > 0 else None
     core = places.index(slice(blocks.first, end))
     weights = _influences(blocks, reach, high, places, core)
-    return Whole(together(parts, weights, goal), off)
+    return Whole(coupled_bound(parts, weights, goal), perturbation)
 
 
 def _influences(
     blocks: Blocks, reach: Reach, high: float, places: list[slice], core: int
 ) -> list[list[Any]]:
-    """What one step brings from block j to block i beyond the blocks themselves; balls.
+    """Norms of the coupling from block j to block i in one step; balls.
 
-    Nominal: above the diagonal, the cascade. Everywhere: what the stored plant differs by, worked
-    out block by block, since a little from the core to the rest comes back through large gains.
+    Nominal: above the diagonal, the cascade. Everywhere: the difference of the stored plant, block
+    by block, since a little from the core to the rest comes back through large gains.
     """
     unit = exact(np.eye(len(blocks.A)))
     count = range(len(places))
@@ -181,14 +182,14 @@ def _influences(
 
     def closed(G: Exact, C: Exact) -> list[list[Any]]:
         """Norms of G + L C, L acting on the core alone."""
-        found = cut(G)
+        norms = cut(G)
         for j in count:
-            found[core][j] = found[core][j] + reach.gain * norm_of(C[:, places[j]])
-        return found
+            norms[core][j] = norms[core][j] + reach.gain * norm_of(C[:, places[j]])
+        return norms
 
     nominal = product(flows(blocks.A0), closed(blocks.G0, blocks.C0))
     cascade = [[nominal[i][j] if i < j else scalar(0) for j in count] for i in count]
-    if blocks.exact:
+    if blocks.is_exact:
         return cascade
     drift = product(product(flows(blocks.A), cut(blocks.A - blocks.A0)), flows(blocks.A0))
     drift = [[number(high) * x for x in row] for row in drift]

@@ -1,4 +1,4 @@
-"""What the proved claims of an impulsive observer promise, in sentences."""
+"""Guarantees of an impulsive observer: the sentences that follow from its claims."""
 
 from __future__ import annotations
 
@@ -8,41 +8,36 @@ from typing import Any
 from obsdesign.document import Claim
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.dwell import Dwell
+from obsdesign.verification.impulsive.rate import Rate
 from obsdesign.verification.rates import six_digits
 
 
-def guarantees(problem: Problem, found: tuple[Claim, ...]) -> tuple[dict[str, Any], ...]:
-    """The sentences a user may rely on, and those that were asked for and not proved."""
+def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[dict[str, Any], ...]:
+    """The sentences a user may rely on, and those of the problem that are not proved."""
     plant = problem.plant
-    verdicts = {claim.id: claim.verdict for claim in found}
+    verdicts = {claim.id: claim.verdict for claim in claims}
     needed = [name for name in verdicts if name not in ("decay_rate", "rate")]
     when = f"for every sequence of spacings in {Dwell.of(problem)}"
     without = ["disturbance", "noise"]
     without += ["unknown input d"] if plant.flow.D is not None else []
     without += ["unknown impulses"] if plant.jump is not None and plant.jump.H is not None else []
     free = f"{', '.join(without[:-1])} and {without[-1]}"
-    told = [
+    sentences = [
         (f"Without {free}, the estimation error tends to zero exponentially, uniformly {when}, "
          "if every impulse is reported and measured.", needed),
         (f"Bounded {free} leave the estimation error bounded {when}.", needed),
     ]  # fmt: skip
-    for claim in found:
+    for claim in claims:
         if claim.id == "rate" and claim.verdict == "proved":
-            each, in_time, constant = (
-                claim.evidence[name] for name in ("per_impulse", "in_time", "constant")
-            )
-            told.append((
-                f"Without {free}, the error just before an impulse is, N impulses later, at most "
-                f"{six_digits(constant, ROUND_CEILING)} * {six_digits(each, ROUND_CEILING)}^N of "
-                f"what it was; it decays like e^(-{six_digits(in_time, ROUND_FLOOR)} t). Actual "
-                "errors are far smaller.", [*needed, "rate"],
-            ))  # fmt: skip
+            rate = Rate.from_evidence(claim.evidence)
+            sentences.append((_rate_sentence(rate, free), [*needed, "rate"]))
     if "decay_rate" in verdicts:
-        rate = float(problem.options["decay_rate"])
-        told.append((f"The error decays like e^(-{rate!r} t) {when}.", [*needed, "decay_rate"]))
+        goal = float(problem.options["decay_rate"])
+        text = f"The error decays like e^(-{goal!r} t) {when}."
+        sentences.append((text, [*needed, "decay_rate"]))
     result = [
         {"statement": text, "given": all(verdicts[i] == "proved" for i in ids), "claims": ids}
-        for text, ids in told
+        for text, ids in sentences
     ]
     if "noise_target" in problem.options:
         target = ", ".join(repr(float(value)) for value in problem.options["noise_target"])
@@ -52,3 +47,16 @@ def guarantees(problem: Problem, found: tuple[Claim, ...]) -> tuple[dict[str, An
         )
         result.append({"statement": text, "given": False, "claims": []})
     return tuple(result)
+
+
+def _rate_sentence(rate: Rate, free: str) -> str:
+    """The proved rate in a sentence; free: signals that must be absent."""
+    constant, each = (
+        six_digits(value, ROUND_CEILING) for value in (rate.constant, rate.per_impulse)
+    )
+    in_time = six_digits(rate.in_time, ROUND_FLOOR)
+    return (
+        f"Without {free}, the error just before an impulse is, N impulses later, at most "
+        f"{constant} * {each}^N of what it was; it decays like e^(-{in_time} t). Actual "
+        "errors are far smaller."
+    )

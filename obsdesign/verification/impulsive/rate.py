@@ -1,4 +1,4 @@
-"""How fast an impulsive observer converges, with its constant; all bounds in balls.
+"""Rate of convergence of an impulsive observer, with its constant; all bounds in balls.
 
 A `Bound` says ||e(after N more impulses)|| <= constant factor^N ||e|| for the error just before
 an impulse, whatever the impulses and whatever the window held before.
@@ -6,7 +6,7 @@ an impulse, whatever the impulses and whatever the window held before.
 Source: proof of Theorem 3.1 and Lemma 3.2 (whose proof is left out in the paper). Just before
 impulse j, e = X zeta with zeta the error where the window starts; the correction takes X K C e
 away, K = R^-1 Q_last', and V = zeta+' M zeta+ falls by alpha^-2 at each impulse. An error that
-comes from nowhere is of this form only once the window has started after it: until then, at most
+enters from outside is of this form only once the window has started after it: until then, at most
 l corrections each add ||X_i K|| ||C|| to a bound of 1; where the moves of a window can be undone
 it is of this form at once. ||X_i K|| and ||X_i zeta||/sqrt(V) are at most spread_i alpha^(l-1)
 (`lmi.rank.full_rank`).
@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -25,10 +25,10 @@ from lmi.arithmetic.balls import Exact, inverse, number, precision, rational, sc
 from lmi.arithmetic.norms import nonnegative_inverse
 from lmi.bounds.largest_norm import identity_like, inverse_norm_over, norm_of, norm_over
 from lmi.verdict import Verdict, proved, undecided
-from obsdesign.equations.impulsive.gains import Core
+from obsdesign.equations.impulsive.formulas import Core
 
 _BITS = 128
-# numbers that are promised are rounded up to so many digits, with this much to spare
+# proved constants are rounded up to so many digits, with this much to spare
 _DIGITS, _SPARE = 3, 1.01
 # a cascade of two equal factors m is bounded by m to this power
 _CASCADE = 0.875
@@ -42,7 +42,7 @@ class Bound:
     factor: Any
 
     def perturbed(self, size: Any) -> Bound:
-        """What is left when each step is off by a matrix of at most this norm."""
+        """The bound when each step is off by a matrix of at most this norm."""
         return Bound(self.constant, self.factor + self.constant * size)
 
     def scaled(self, by: Any) -> Bound:
@@ -50,19 +50,19 @@ class Bound:
         return Bound(self.constant * by, self.factor)
 
 
-def together(parts: Sequence[Bound], weights: list[list[Any]], goal: Any) -> Bound:
-    """Blocks that influence each other, weights[i][j] the norm of what j brings to i per step.
+def coupled_bound(parts: Sequence[Bound], weights: list[list[Any]], goal: Any) -> Bound:
+    """Convergence bound of coupled blocks, weights[i][j] the norm of the coupling from j to i.
 
     x_i <= k_i f_i^N x_i(0) + sum of k_i f_i^(N-1-n) w_ij x_j(n), so that X_i = sup x_i(n)/L^n obeys
     X <= k x(0) + M X with M_ij = k_i w_ij/(L - f_i), for L above all f_i. If I - M has a
-    nonnegative inverse, X is at most that inverse times k x(0). A factor of 1 says that it has not.
-    goal: an L that is wanted, or None.
+    nonnegative inverse, X is at most that inverse times k x(0). The factor is 1 if it has none.
+    goal: the L to be reached, or None.
     """
     m = parts[0].factor
     for part in parts[1:]:
         m = m.max(part.factor)
-    tried = [goal] if goal is not None and goal > m and goal < 1 else []
-    for L in (*tried, (m.log() * rational(_CASCADE)).exp(), (1 + m) / 2):
+    goals = [goal] if goal is not None and goal > m and goal < 1 else []
+    for L in (*goals, (m.log() * rational(_CASCADE)).exp(), (1 + m) / 2):
         M = [[p.constant * w / (L - p.factor) for w in row]
              for p, row in zip(parts, weights, strict=True)]  # fmt: skip
         back = nonnegative_inverse(M)
@@ -81,38 +81,61 @@ class Reach:
     gain: Any
 
 
-def window_reach(
-    core: Core, low: float, high: float, window: int, alpha: float, evidence: Mapping[str, Any]
-) -> Reach:
-    """Bound of the error and of the gain's norm for a window; core: exact.
+@dataclass(frozen=True)
+class RankProof:
+    """Numbers of the proof that the unweighted window matrix of `blocks` impulses has full rank.
 
-    evidence: of the proof that a window matrix of "blocks" impulses, unweighted, has full rank, in
-    coordinates in which the core is given: "spread", "largest", "recalled". In a longer window
-    its newest measurements bound the present state, and its oldest the state where it starts.
+    In the coordinates in which the core is given: spread, by age; largest; recalled.
     """
-    unit, a, seen = identity_like(core.A), number(alpha), norm_of(core.C)
-    spread, blocks = [number(value) for value in evidence["spread"]], int(evidence["blocks"])
+
+    blocks: int
+    spread: tuple[float, ...]
+    largest: float
+    recalled: float
+
+    @classmethod
+    def from_evidence(cls, evidence: Mapping[str, Any]) -> RankProof:
+        """From the evidence of a proved claim `strongly_observable`."""
+        return cls(
+            blocks=int(evidence["blocks"]),
+            spread=tuple(evidence["spread"]),
+            largest=evidence["largest"],
+            recalled=evidence["recalled"],
+        )
+
+
+def window_reach(
+    core: Core, ends: tuple[float, float], window: int, alpha: float, rank: RankProof
+) -> Reach:
+    """Bound the error and the gain's norm for a window; core: exact.
+
+    In a window longer than that of the proof, its newest measurements bound the present state, and
+    its oldest the state where it starts.
+    """
+    (low, high), blocks = ends, rank.blocks
+    unit, a, output_norm = identity_like(core.A), number(alpha), norm_of(core.C)
+    spread = [number(value) for value in rank.spread]
     present = spread[-1] * a ** (blocks - 1)
     move = norm_over(unit, core.A, core.J, low, high)
-    step = move * (1 + present * seen)  # of an error that no window knows
-    # in a compressed window an error is known after one impulse at the earliest
+    step = move * (1 + present * output_norm)  # of an error that no window has measured
+    # in a compressed window an error is measured after one impulse at the earliest
     late, out, entered, into = 0, scalar(1), scalar(1), scalar(1)
     if core.U is not None and core.S is not None:
         late, out, into = 1, norm_over(unit, core.A, core.U, low, high), norm_of(core.S)
-        entered = into * (1 + present * seen)
+        entered = into * (1 + present * output_norm)
     ages = range(blocks, window)
     back = _undone(core, low, high) if ages else scalar(1)
-    if math.isfinite(evidence["recalled"]) and back is not None:
+    if math.isfinite(rank.recalled) and back is not None:
         known = 1 + late
-        older = sum(((seen * (back / a) ** age) ** 2 for age in ages), scalar(0))
-        outputs = out * (number(evidence["recalled"]) ** 2 + older).sqrt()
+        older = sum(((output_norm * (back / a) ** age) ** 2 for age in ages), scalar(0))
+        outputs = out * (number(rank.recalled) ** 2 + older).sqrt()
     else:
         known = window + late
-        older = sum(((seen * out * move**age) ** 2 for age in ages), scalar(0))
-        outputs = (number(evidence["largest"]) ** 2 + older).sqrt()
+        older = sum(((output_norm * out * move**age) ** 2 for age in ages), scalar(0))
+        outputs = (number(rank.largest) ** 2 + older).sqrt()
         for j in range(1 + late, window + late):
             state = spread[min(window - j, blocks - 1)] * a ** (window - 1)
-            entered = entered + into * state * seen * step ** (j - 1)
+            entered = entered + into * state * output_norm * step ** (j - 1)
     settled = move * present * outputs * entered * a**known
     constant = settled.max((step * a) ** (known - 1)).max(scalar(1))
     return Reach(Bound(constant, 1 / a), norm_of(core.J) * present)
@@ -140,35 +163,49 @@ def flow_change(A: Exact, nominal: Exact, high: float) -> tuple[Any, Any, Any]:
     return norm_of(A - nominal) * number(high) * actual * other, actual, other
 
 
-def promised(bound: Bound, high: float, stored: Mapping[str, Any]) -> dict[str, float] | None:
-    """The numbers that stand in a design: those stored if they are true, else rounded up anew.
+@dataclass(frozen=True)
+class Rate:
+    """constant * per_impulse^N bounds the error N impulses later; e^(-in_time t) its decay."""
 
-    None when the bound says nothing (no finite constant, or no decay).
+    per_impulse: float
+    constant: float
+    in_time: float
+
+    @classmethod
+    def from_evidence(cls, evidence: Mapping[str, Any]) -> Rate:
+        """From the evidence of a claim `rate`, or from a certificate of that form."""
+        return cls(*(evidence[entry.name] for entry in fields(cls)))
+
+    def to_evidence(self) -> dict[str, float]:
+        """As it stands in the evidence of a claim."""
+        return asdict(self)
+
+    def follows_from(self, factor: float, constant: float, high: float) -> bool:
+        """Whether a bound with this factor and constant shows the rate; high: longest spacing."""
+        if not (factor <= self.per_impulse < 1 and constant <= self.constant < math.inf):
+            return False
+        return 0 < self.in_time <= -math.log(self.per_impulse) / high * (1 - 1e-12)
+
+
+def certified_rate(bound: Bound, high: float, stored: Mapping[str, Any]) -> Rate | None:
+    """Return the stored rate if the bound shows it, else the bound's own, rounded up.
+
+    None if the bound has no finite constant or no decay.
     """
     # the ball's upper end, as a float that is above it
     factor, constant = (float(x.abs_upper()) * (1 + 1e-12) for x in (bound.factor, bound.constant))
     if not (factor < 1 and math.isfinite(constant)):
         return None
-    old = [stored.get(name) for name in ("per_impulse", "constant", "in_time")]
-    if all(isinstance(x, float) for x in old):
-        kept = dict(
-            zip(("per_impulse", "constant", "in_time"), [float(x or 0.0) for x in old], strict=True)
-        )
-        if _true(kept, factor, constant, high):
-            return kept
+    if all(isinstance(stored.get(entry.name), float) for entry in fields(Rate)):
+        rate = Rate.from_evidence(stored)
+        if rate.follows_from(factor, constant, high):
+            return rate
     per_impulse = min(factor * (1 + 1e-9), (1 + factor) / 2)
-    return {
-        "per_impulse": per_impulse,
-        "constant": _rounded_up(constant * _SPARE),
-        "in_time": -math.log(per_impulse) / high * (1 - 1e-9),
-    }
-
-
-def _true(kept: Mapping[str, float], factor: float, constant: float, high: float) -> bool:
-    per_impulse = kept["per_impulse"]
-    if not (factor <= per_impulse < 1 and constant <= kept["constant"] < math.inf):
-        return False
-    return 0 < kept["in_time"] <= -math.log(per_impulse) / high * (1 - 1e-12)
+    return Rate(
+        per_impulse=per_impulse,
+        constant=_rounded_up(constant * _SPARE),
+        in_time=-math.log(per_impulse) / high * (1 - 1e-9),
+    )
 
 
 def _rounded_up(value: float) -> float:
@@ -176,18 +213,18 @@ def _rounded_up(value: float) -> float:
     return math.ceil(value / unit) * unit
 
 
-def absorbed(bound: Bound, size: Any) -> Verdict:
-    """Is convergence proved although every step is off by so much, which the bound includes?"""
-    told = {"largest_change": float(size.abs_upper()), "exact": False}
+def robust_to_rounding(bound: Bound, size: Any) -> Verdict:
+    """Decide whether the bound, with a perturbation of this size per step, still contracts."""
+    evidence = {"largest_change": float(size.abs_upper()), "exact": False}
     if bound.factor < 1:
-        return proved(**told)
+        return proved(**evidence)
     reason = (
-        f"rounding moves each step by {told['largest_change']:.3g}, more than the proved "
+        f"rounding moves each step by {evidence['largest_change']:.3g}, more than the proved "
         "convergence absorbs"
     )
-    return undecided(reason, **told)
+    return undecided(reason, **evidence)
 
 
 def in_balls() -> Any:
-    """The precision that all bounds here are worked out at: a context."""
+    """The precision of all bounds here: a context."""
     return precision(_BITS)

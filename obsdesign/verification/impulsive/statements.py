@@ -1,4 +1,4 @@
-"""The claims of an impulsive observer, one function each: statement, source, verdict, evidence.
+"""Claims of an impulsive observer, one function each: statement, source, verdict, evidence.
 
 Source: E. A. Medina, D. A. Lawrence, State Estimation for Linear Impulsive Systems.
 """
@@ -16,16 +16,17 @@ from lmi.rank.stack import Stack
 from lmi.rank.witness import MARGIN, check_deficient
 from lmi.verdict import Verdict, proved, refuted, undecided
 from obsdesign.document import Claim
-from obsdesign.equations.impulsive import gains as equations
+from obsdesign.equations.impulsive.formulas import Core, most_blocks
+from obsdesign.equations.impulsive.gains import ImpulsiveGains
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.dwell import Dwell
-from obsdesign.verification.impulsive.rate import in_balls
+from obsdesign.verification.impulsive.rate import Rate, in_balls
 
 PAPER = "Medina, Lawrence, State Estimation for Linear Impulsive Systems"
 
 
 def bounded_spacing(high: float) -> Claim:
-    """There is a longest spacing; refuted without one: uniformity needs a bound."""
+    """Claim that there is a longest spacing; refuted without one: uniformity needs a bound."""
     verdict = proved(longest=high)
     if math.isinf(high):
         reason = (
@@ -42,19 +43,19 @@ def bounded_spacing(high: float) -> Claim:
     )
 
 
-def nominal_plant(numbers: Mapping[str, Any], verdict: Verdict) -> Claim:
-    """The plant is the one that the gain is worked out for, but for rounding that is absorbed."""
+def nominal_plant(gains: ImpulsiveGains, verdict: Verdict) -> Claim:
+    """Claim that the plant is the nominal one of the gain, but for rounding that is absorbed."""
     parts = []
-    if numbers["strategy"] == "subspace":
+    if gains.strategy == "subspace":
         parts.append(
             "in the coordinates of basis, A and G are block upper triangular, with core_A and "
             "core_G in the middle, and C sees core_C there and nothing of the first block"
         )
-    if "image" in numbers:
-        name = "core_G" if "core_G" in numbers else "G"
+    if gains.image is not None:
+        name = "G" if gains.core_G is None else "core_G"
         parts.append(f"{name} equals image @ coimage: the error after an impulse is in the image")
     return Claim(
-        "invariant" if numbers["strategy"] == "subspace" else "image",
+        "invariant" if gains.strategy == "subspace" else "image",
         "; ".join(parts) + "; up to rounding that the proved convergence absorbs",
         f"{PAPER}, section IV, carried over to any plant",
         verdict.outcome,
@@ -62,8 +63,8 @@ def nominal_plant(numbers: Mapping[str, Any], verdict: Verdict) -> Claim:
     )
 
 
-def missed_target(evidence: Mapping[str, Any]) -> Claim:
-    """A noise target that no window and alpha tried would meet, by estimate (`missed`)."""
+def noise_target(evidence: Mapping[str, Any]) -> Claim:
+    """Claim of a noise target that no window and alpha met, by estimate."""
     return Claim(
         "noise_target",
         "the estimated errors stay below noise_target",
@@ -73,29 +74,29 @@ def missed_target(evidence: Mapping[str, Any]) -> Claim:
     )
 
 
-def rate_claim(told: Mapping[str, float], estimated: Any) -> Claim:
-    """The proved numbers of the convergence; with an estimate beside them that proves nothing."""
+def rate_claim(rate: Rate, estimated: Any) -> Claim:
+    """Claim of the proved rate of convergence; an estimate beside it proves nothing."""
     return Claim(
         "rate",
         "the error just before an impulse is, N impulses later, at most constant * per_impulse^N "
         "of what it was, and it decays like e^(-in_time t), for all spacings in the range",
         f"{PAPER}, Theorem 3.1 and Lemma 3.2",
         "proved",
-        told if estimated is None else {**told, "estimated": estimated},
+        rate.to_evidence() | ({} if estimated is None else {"estimated": estimated}),
     )
 
 
-def decay_claim(told: Mapping[str, float] | None, rate: float, high: float) -> Claim:
-    """The decay rate that was asked for follows from the proved one."""
+def decay_claim(proved_rate: Rate | None, rate: float, high: float) -> Claim:
+    """Claim that the decay rate of the problem follows from the proved one."""
     verdict = undecided("convergence itself is not proved")
-    if told is not None:
+    if proved_rate is not None:
         with in_balls():
-            reached = number(told["per_impulse"]) <= (-number(rate) * number(high)).exp()
+            is_reached = number(proved_rate.per_impulse) <= (-number(rate) * number(high)).exp()
         verdict = (
-            proved(per_impulse=told["per_impulse"])
-            if reached
+            proved(per_impulse=proved_rate.per_impulse)
+            if is_reached
             else undecided(
-                f"the proved rate is {told['in_time']:.6g} per unit of time; alpha must be "
+                f"the proved rate is {proved_rate.in_time:.6g} per unit of time; alpha must be "
                 "at least e^(decay_rate * longest spacing)"
             )
         )
@@ -109,16 +110,16 @@ def decay_claim(told: Mapping[str, float] | None, rate: float, high: float) -> C
 
 
 def strongly_observable(
-    problem: Problem, core: equations.Core, window: int, certificate: Mapping[str, Any]
+    problem: Problem, core: Core, window: int, certificate: Mapping[str, Any]
 ) -> Claim:
-    """Full column rank of the window matrix for all spacings, with a margin."""
+    """Claim full column rank of the window matrix for all spacings, with a margin."""
     low, high = problem.require_dwell_time()
     # the first measurements of a window may be enough; their spacings are spacings like any others
     blocks = certificate.get("blocks")
     blocks = blocks if type(blocks) is int and 1 <= blocks <= window else window
     verdict = _witnessed(Stack(*core.stack(blocks)), low, high, certificate)
     if verdict is None:
-        blocks = min(blocks, equations.most_blocks(core, problem.plant.p))
+        blocks = min(blocks, most_blocks(core, problem.plant.p))
         verdict = full_rank(Stack(*core.stack(blocks)), low, high, certificate)
     if blocks < window and verdict.outcome == "refuted":
         verdict = undecided(f"{blocks} impulses do not suffice", **verdict.evidence)
@@ -137,18 +138,18 @@ def strongly_observable(
 
 
 def full_rank(stack: Stack, low: float, high: float, certificate: Mapping[str, Any]) -> Verdict:
-    """The proof again from what a finder left: a margin, or a witness; from scratch without."""
+    """Prove full rank from a certificate, a margin or a witness; from scratch without one."""
     witnessed = _witnessed(stack, low, high, certificate)
     if witnessed is not None:
         return witnessed
-    asked = certificate.get("asked")
+    margin = certificate.get("asked")
     if certificate.get("reason") and "thetas" in certificate and "sigma_min" not in certificate:
-        return Verdict("undecided", certificate)  # what a finder gave up on is not tried again
-    if not isinstance(asked, float) or not 0 <= asked < math.inf:
+        return Verdict("undecided", certificate)  # a search that failed is not repeated
+    if not isinstance(margin, float) or not 0 <= margin < math.inf:
         return decide_full_rank(stack, low, high)
-    verdict = prove_again(stack, low, high, asked)
-    seen = {"asked": asked, **seen_at(stack, certificate.get("approx_worst"), low, high)}
-    return Verdict(verdict.outcome, {**seen, **verdict.evidence})
+    verdict = prove_again(stack, low, high, margin)
+    shown = {"asked": margin, **seen_at(stack, certificate.get("approx_worst"), low, high)}
+    return Verdict(verdict.outcome, {**shown, **verdict.evidence})
 
 
 def _witnessed(
@@ -163,7 +164,7 @@ def _witnessed(
 
 
 def _admissible(verdict: Verdict, problem: Problem) -> Verdict:
-    """A witness must keep to the jitter that is allowed from one spacing to the next."""
+    """The verdict, undecided if its witness changes spacings by more than the jitter allows."""
     jump = problem.plant.jump
     thetas = verdict.evidence.get("witness", {}).get("thetas", ())
     if jump is None or verdict.outcome != "refuted":

@@ -18,7 +18,7 @@ from lmi.arithmetic.balls import exact, inverse, to_float
 from lmi.prove.hurwitz import prove_hurwitz
 from lmi.refute.spectral import refute_spectral
 from lmi.verdict import Verdict
-from obsdesign.analysis.hidden_modes import hardly_hidden, hidden_for_ever, nullspace
+from obsdesign.analysis.hidden_modes import nearly_undetectable, not_detectable, nullspace
 from obsdesign.document import Claim
 from obsdesign.equations.estimation_error import idle_gains, seen_before_jump
 from obsdesign.equations.interval.splits import absolute_metzler, flow_and_jump, in_coordinates
@@ -61,7 +61,7 @@ def obstruction_claim(problem: Problem, gains: Mapping[str, Any], source: str) -
 def _hidden(problem: Problem) -> dict[str, Any] | None:
     """Two states that no output ever tells apart, and whose distance does not shrink."""
     A, G, C, ends = _plant(problem)
-    return hidden_for_ever(A, G, C, ends)
+    return not_detectable(A, G, C, ends)
 
 
 def _plant(problem: Problem) -> tuple[Any, Any, Any, tuple[float, float]]:
@@ -81,7 +81,7 @@ def explained(problem: Problem, found: tuple[Claim, ...]) -> tuple[Claim, ...]:
     is_open = {"L", "M"} - {*problem.gains, *idle_gains(problem.plant)}
     if not failed or not is_open or any(c.id == "attainable" for c in found):
         return found
-    missing = hardly_hidden(problem.plant.flow.A, problem.plant.output.C)
+    missing = nearly_undetectable(problem.plant.flow.A, problem.plant.output.C)
     if missing is None:
         return found
     return tuple(_with_hint(c, missing) if c in failed else c for c in found)

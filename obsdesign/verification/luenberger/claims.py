@@ -27,7 +27,7 @@ from obsdesign.verification.dwell import (
     source_of,
     unusable,
 )
-from obsdesign.verification.luenberger.schedule import borders_objection, scheduled_stability
+from obsdesign.verification.luenberger.schedule import reason_against_borders, scheduled_stability
 from obsdesign.verification.rates import rates_claim, rates_sentence
 
 PAPER = "Briat, Automatica 49 (2013), Theorem 3"
@@ -42,10 +42,8 @@ def claims(
 ) -> tuple[Claim, ...]:
     """All hypotheses of the design, each with its verdict.
 
-    stored: gains as a design file states them.
-
-    certificates: {"dwell_stability": {"P": n x n}, "decay_rate": {"P": n x n}} where one was found,
-    or windows in place of P; they are checked, never believed.
+    stored: gains as a design file states them; certificates: {"dwell_stability": {"P": n x n},
+    "decay_rate": {"P": n x n}} or windows in place of P; all are checked.
     """
     agreement = consistency(_objection(problem, stored), stored, _expected(problem))
     if agreement.verdict != "proved":
@@ -54,23 +52,23 @@ def claims(
     F = flow_error_matrix(exact(gains.A), exact(gains.L), exact(gains.C))
     rate = float(problem.options.get("decay_rate", 0.0))
     shifted = F + exact(rate * np.eye(problem.plant.n))
-    found = [agreement]
+    claims = [agreement]
     if problem.plant.jump is None:
-        found.append(_hurwitz(F, "hurwitz", "there are no jumps"))
+        claims.append(_hurwitz(F, "hurwitz", "there are no jumps"))
         if rate > 0:
-            found.append(_hurwitz(shifted, "decay_rate", f"the rate {rate!r} was asked for", rate))
-        return tuple(found)
+            claims.append(_hurwitz(shifted, "decay_rate", f"the rate {rate!r} was asked for", rate))
+        return tuple(claims)
     dwell = Dwell.of(problem)
     if math.isinf(dwell.high):
-        found.append(_hurwitz(F, "hurwitz", "there is no longest dwell time"))
+        claims.append(_hurwitz(F, "hurwitz", "there is no longest dwell time"))
     if "schedule" in problem.options:
-        return (*found, *_scheduled(problem, gains, F, rate, certificates, paranoid))
+        return (*claims, *_scheduled(problem, gains, F, certificates, paranoid))
     H = _jump_error(gains)
-    found.append(_stability(F, H, dwell, certificates, paranoid))
-    found += rates_claim(F, H, dwell, certificates, PAPER)
+    claims.append(_stability(F, H, dwell, certificates, paranoid))
+    claims += rates_claim(F, H, dwell, certificates, PAPER)
     if rate > 0:
-        found.append(_decay(shifted, H, dwell, rate, certificates, paranoid))
-    return tuple(found)
+        claims.append(_decay(shifted, H, dwell, certificates, rate=rate, paranoid=paranoid))
+    return tuple(claims)
 
 
 def dwell_pair(stored: Mapping[str, Any]) -> tuple[Any, Any]:
@@ -85,17 +83,17 @@ def _jump_error(gains: LuenbergerGains) -> Any:
 
 
 def _objection(problem: Problem, stored: Mapping[str, Any]) -> str | None:
-    return unusable(problem) or borders_objection(problem, stored)
+    return unusable(problem) or reason_against_borders(problem, stored)
 
 
 def _expected(problem: Problem) -> dict[str, Any]:
     n, p = problem.plant.n, problem.plant.p
     zeros = {name: np.zeros((n, p)) for name in idle_gains(problem.plant)}
     expected = plant_data(problem.plant) | {"L": (n, p), "M": (n, p)} | dict(problem.gains) | zeros
-    asked = problem.options.get("schedule")
-    if asked is not None:
-        cells = asked if isinstance(asked, int) else len(asked) + 1
-        borders = (cells - 1,) if isinstance(asked, int) else np.array(asked)
+    schedule = problem.options.get("schedule")
+    if schedule is not None:
+        cells = schedule if isinstance(schedule, int) else len(schedule) + 1
+        borders = (cells - 1,) if isinstance(schedule, int) else np.array(schedule)
         expected |= {"M_cells": (cells, n, p), "dwell_borders": borders}
     return expected
 
@@ -130,15 +128,15 @@ def _scheduled(
     problem: Problem,
     gains: LuenbergerGains,
     F: Any,
-    rate: float,
     certificates: Mapping[str, Any],
     paranoid: bool,
 ) -> list[Claim]:
-    """Stability, and the rate that is asked for, with gains by cells of the last dwell time."""
-    dwell, found = Dwell.of(problem), []
-    asked = [("dwell_stability", 0.0, "is stable")]
-    asked += [("decay_rate", rate, f"decays like e^(-{rate!r} t)")] if rate > 0 else []
-    for name, shift, what in asked:
+    """Claim stability, and the decay rate, with gains by cells of the last dwell time."""
+    dwell, claims = Dwell.of(problem), []
+    rate = float(problem.options.get("decay_rate", 0.0))
+    goals = [("dwell_stability", 0.0, "is stable")]
+    goals += [("decay_rate", rate, f"decays like e^(-{rate!r} t)")] if rate > 0 else []
+    for name, shift, what in goals:
         shifted = F + exact(shift * np.eye(problem.plant.n))
         certificate = certificates.get(name, {})
         verdict = scheduled_stability(problem, gains, shifted, certificate, paranoid)
@@ -146,16 +144,17 @@ def _scheduled(
             "the error, corrected at a jump by the gain for the dwell time that ends there, "
             f"{what} for every sequence of dwell times T in {dwell}"
         )
-        found.append(Claim(name, statement, PAPER, verdict.outcome, verdict.evidence))
-    return found
+        claims.append(Claim(name, statement, PAPER, verdict.outcome, verdict.evidence))
+    return claims
 
 
 def _decay(
     shifted: Any,
     H: Any,
     dwell: Dwell,
-    rate: float,
     certificates: Mapping[str, Any],
+    *,
+    rate: float,
     paranoid: bool,
 ) -> Claim:
     flow = prove_hurwitz(shifted) if math.isinf(dwell.high) else None
@@ -171,10 +170,10 @@ def _decay(
     )
 
 
-def guarantees(problem: Problem, found: tuple[Claim, ...]) -> tuple[dict[str, Any], ...]:
-    """The sentences a user may rely on, and those that were asked for and not proved."""
+def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[dict[str, Any], ...]:
+    """The sentences a user may rely on, and those of the problem that are not proved."""
     plant = problem.plant
-    verdicts = {claim.id: claim.verdict for claim in found}
+    verdicts = {claim.id: claim.verdict for claim in claims}
     needed = [name for name in verdicts if name not in ("decay_rate", "rates")]
     ends = "" if plant.jump is None else str(Dwell.of(problem))
     when = f" for every sequence of dwell times in {ends}" if ends else ""
@@ -184,17 +183,17 @@ def guarantees(problem: Problem, found: tuple[Claim, ...]) -> tuple[dict[str, An
     without += ["unknown input d"] if plant.flow.D is not None else []
     without += ["unknown impulses"] if plant.jump is not None and plant.jump.H is not None else []
     free = f"{', '.join(without[:-1])} and {without[-1]}"
-    told = [
+    sentences = [
         (f"{measured} and without {free}, the estimation error tends to zero{when}.", needed),
         (f"{measured}, bounded {free} leave the estimation error bounded{when}.", needed),
     ]
     if "decay_rate" in verdicts:
         rate = float(problem.options["decay_rate"])
-        told.append((f"The error decays like e^(-{rate!r} t){when}.", [*needed, "decay_rate"]))
-    told += [(f"{measured}: {text}", ids) for text, ids in rates_sentence(found, "the error")]
+        sentences.append((f"The error decays like e^(-{rate!r} t){when}.", [*needed, "decay_rate"]))
+    sentences += [(f"{measured}: {text}", ids) for text, ids in rates_sentence(claims, "the error")]
     result = [
         {"statement": text, "given": all(verdicts[i] == "proved" for i in ids), "claims": ids}
-        for text, ids in told
+        for text, ids in sentences
     ]
     if not at_jumps:
         sampled = "Convergence for samples at a given spacing is not claimed."

@@ -35,10 +35,10 @@ def scheduled_stability(
     certificate: Mapping[str, Any],
     paranoid: bool,
 ) -> Verdict:
-    """Is the error stable for every admissible sequence of dwell times?
+    """Decide stability of the error for every admissible sequence of dwell times.
 
-    F (n, n) exact, the flow of the error (plus a rate);
-    certificate: {"P_cells": [n x n, ...]} or nothing, checked here.
+    F (n, n) exact, the flow of the error (plus a rate); certificate: {"P_cells": [n x n, ...]} or
+    nothing, checked here.
     """
     jump = problem.plant.jump
     assert jump is not None
@@ -52,7 +52,7 @@ def scheduled_stability(
     if matrices is not None:
         pairs = equations.schedule_pairs(cells, jump.dwell_jitter)
         methods = ("bernstein", "chords") if paranoid else ("bernstein",)
-        attempt = _proof(F, errors, matrices, cells, pairs, methods)
+        attempt = _proof(F, errors, matrices, cells, pairs, methods=methods)
         if attempt.outcome == "proved":
             return Verdict("proved", {"P_cells": certificate["P_cells"], **attempt.evidence})
     low, high = problem.require_dwell_time()
@@ -66,8 +66,8 @@ def scheduled_stability(
     return attempt
 
 
-def borders_objection(problem: Problem, stored: Mapping[str, Any]) -> str | None:
-    """Why the borders of the cells cannot be those of a schedule, or None."""
+def reason_against_borders(problem: Problem, stored: Mapping[str, Any]) -> str | None:
+    """Return why the borders of the cells cannot be those of a schedule, or None."""
     if "schedule" not in problem.options:
         return None
     low, high = problem.require_dwell_time()
@@ -92,6 +92,7 @@ def _proof(
     matrices: Any,
     cells: tuple[tuple[float, float], ...],
     pairs: tuple[tuple[int, int], ...],
+    *,
     methods: tuple[str, ...],
 ) -> Verdict:
     unit = exact(np.eye(len(F)))
@@ -112,9 +113,9 @@ def _proof(
 
 def _matrices(values: Any, count: int, n: int) -> Any:
     try:
-        found = np.asarray(values, dtype=np.float64)
+        matrices = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
         return None
-    if found.shape != (count, n, n) or not np.isfinite(found).all():
+    if matrices.shape != (count, n, n) or not np.isfinite(matrices).all():
         return None
-    return found if np.array_equal(found, np.swapaxes(found, 1, 2)) else None
+    return matrices if np.array_equal(matrices, np.swapaxes(matrices, 1, 2)) else None

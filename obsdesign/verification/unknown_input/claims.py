@@ -7,6 +7,7 @@ conditions, p >= q and observability, are refuted). Both are decided on the exac
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
 from typing import Any
 
@@ -15,14 +16,24 @@ import numpy as np
 from lmi.arithmetic.balls import exact, to_float
 from lmi.prove.hurwitz import prove_hurwitz
 from lmi.verdict import proved, refuted
-from obsdesign.analysis.invariant_zeros import shows_every_input, zeros_decay
-from obsdesign.analysis.units import own_units
+from obsdesign.analysis.balancing import balancing_units
+from obsdesign.analysis.invariant_zeros import NearZero, shows_every_input, zeros_decay
 from obsdesign.document import Claim
-from obsdesign.equations.unknown_input import matrices as equations
+from obsdesign.equations.unknown_input import formulas as equations
+from obsdesign.equations.unknown_input.formulas import ObserverMatrices, PlantMatrices
+from obsdesign.equations.unknown_input.gains import (
+    DIFFERENTIATORS,
+    UnknownInputGains,
+    shapes,
+    without_empty,
+)
+from obsdesign.equations.unknown_input.options import differentiation, reason_against_plant
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.consistency import consistency
-from obsdesign.verification.unknown_input.guarantees import sentences
+from obsdesign.verification.unknown_input.guarantees import guarantees
 from obsdesign.verification.unknown_input.lasting_error import lasting_error
+
+__all__ = ["claims", "guarantees"]
 
 PAPER = "Ahn (2002)"
 EXISTENCE = "Hautus (1983), strong* detectability"
@@ -35,84 +46,64 @@ FIRST_STATE = 1e-6
 
 def claims(
     problem: Problem,
-    gains: Mapping[str, Any],
+    stored: Mapping[str, Any],
     certificates: Mapping[str, Mapping[str, Any]],
     *,
     paranoid: bool = False,
 ) -> tuple[Claim, ...]:
-    """All hypotheses of the design, each with its verdict; of existence alone if there is none."""
+    """All hypotheses of the design, each with its verdict; of existence alone if there is none.
+
+    stored: gains as a design file states them.
+    """
     del certificates, paranoid  # nothing is searched for: every claim is decided exactly
-    text = equations.objection(problem.plant)
+    text = reason_against_plant(problem.plant)
     if text is None and problem.plant.flow.D is None:
         text = "flow.D is required by kind 'unknown_input'; it is missing."
     if text is not None:
-        return (consistency(text, gains, {}),)
+        return (consistency(text, stored, {}),)
     existence = _existence(problem)
     if any(claim.verdict != "proved" for claim in existence):
         return existence  # no gains to speak of
-    beyond = None if gains else "the gains are beyond binary64; choose other units for y, d or x"
-    agreement = consistency(beyond, gains, _expected(problem, gains))
+    beyond = None if stored else "the gains are beyond binary64; choose other units for y, d or x"
+    agreement = consistency(beyond, stored, _expected(problem, stored))
     if agreement.verdict != "proved":
         return (agreement, *existence)
-    if text := _false_first_state(gains):
-        agreement = consistency(text, gains, _expected(problem, gains))
-    numbers = _exact_gains(problem, gains)
-    plant, moved, pace = _in_own_units(problem, numbers)
-    stable = _stable(numbers["F"], existence[-1].evidence)
-    lasting = lasting_error(plant, moved, pace, stable.verdict == "proved")
-    return agreement, *existence, _equations(plant, moved), stable, lasting
+    gains = UnknownInputGains.from_document(stored)
+    if text := _reason_against_first_state(gains):
+        agreement = consistency(text, stored, _expected(problem, stored))
+    plant, matrices, pace = _in_balancing_units(problem, gains)
+    stable = _stable(exact(gains.F), NearZero.from_evidence(existence[-1].evidence))
+    lasting = lasting_error(plant, matrices, pace, stable.verdict == "proved")
+    return agreement, *existence, _equations(plant, matrices), stable, lasting
 
 
-def guarantees(problem: Problem, found: tuple[Claim, ...]) -> tuple[dict[str, Any], ...]:
-    """The sentences a user may rely on, and those that do not hold here."""
-    return sentences(problem, found)
-
-
-def _expected(problem: Problem, gains: Mapping[str, Any]) -> dict[str, Any]:
+def _expected(problem: Problem, stored: Mapping[str, Any]) -> dict[str, Any]:
     flow, C = problem.plant.flow, problem.plant.output.C
-    shapes = _shapes(problem)
-    stated = {"A": flow.A, "C": C, "D": flow.D} | ({} if flow.B is None else {"B": flow.B})
-    computed = {name: shape for name, shape in shapes.items() if 0 not in shape}
-    given = equations.without_empty(problem.gains)
-    chosen = problem.options.get("differentiator", gains.get("differentiator"))
-    if chosen not in equations.DIFFERENTIATORS:  # any will do where the problem names none
-        return stated | computed | given | {"differentiator": set(equations.DIFFERENTIATORS)}
-    return stated | computed | given | equations.differentiation(problem, chosen)
+    assert flow.D is not None
+    m = 0 if flow.B is None else flow.B.shape[1]
+    plant = {"A": flow.A, "C": C, "D": flow.D} | ({} if flow.B is None else {"B": flow.B})
+    (n, q), p = flow.D.shape, len(C)
+    computed = {name: shape for name, shape in shapes(n, p, q, m).items() if 0 not in shape}
+    given = without_empty(problem.gains)
+    chosen = problem.options.get("differentiator", stored.get("differentiator"))
+    if chosen not in DIFFERENTIATORS:  # any will do where the problem names none
+        return plant | computed | given | {"differentiator": set(DIFFERENTIATORS)}
+    return plant | computed | given | differentiation(problem, chosen)
 
 
-def _false_first_state(gains: Mapping[str, Any]) -> str | None:
-    """Why `first` is not what gives the reduced state of least norm at the first sample, or None.
+def _reason_against_first_state(gains: UnknownInputGains) -> str | None:
+    """Return why `first` does not give the reduced state of least norm, or None.
 
     In floats: it decides about a transient alone, and about no error that lasts.
     """
-    if "first" not in gains:
-        return None
-    T1, Z, C = gains["T1"], gains.get("Z"), gains["C"]
-    k, p = gains["first"].shape
-    expected = np.zeros((k, p))
-    if Z is not None:
-        Ta = T1[:, :k]
-        sizes = np.linalg.norm(np.abs(Z) @ np.abs(C) @ np.abs(Ta), axis=1)
-        expected = equations.first_state(Z @ C @ Ta, Z, sizes)
+    Ta = gains.T1[:, : gains.k]
+    sizes = np.linalg.norm(np.abs(gains.Z) @ np.abs(gains.C) @ np.abs(Ta), axis=1)
+    expected = equations.first_state(gains.Z @ gains.C @ Ta, gains.Z, sizes)
     columns = np.abs(expected).max(axis=0, initial=0.0)
     room = FIRST_STATE * np.broadcast_to(columns, expected.shape)
-    if np.all(np.abs(gains["first"] - expected) <= room):
+    if np.all(np.abs(gains.first - expected) <= room):
         return None
     return "gains.first is not what gives the reduced state of least norm at the first sample"
-
-
-def _exact_gains(problem: Problem, gains: Mapping[str, Any]) -> dict[str, Any]:
-    shapes = _shapes(problem)
-    return {name: exact(gains.get(name, np.zeros(shape))) for name, shape in shapes.items()}
-
-
-def _shapes(problem: Problem) -> dict[str, tuple[int, int]]:
-    """Of everything that a design stores."""
-    flow = problem.plant.flow
-    assert flow.D is not None
-    n, q = flow.D.shape
-    m = 0 if flow.B is None else flow.B.shape[1]
-    return equations.shapes(n, problem.plant.p, q, m)
 
 
 def _existence(problem: Problem) -> tuple[Claim, Claim] | tuple[Claim]:
@@ -140,10 +131,10 @@ def _existence(problem: Problem) -> tuple[Claim, Claim] | tuple[Claim]:
     return first, second
 
 
-def _equations(plant: tuple[Any, Any, Any, Any], gains: Mapping[str, Any]) -> Claim:
+def _equations(plant: PlantMatrices, matrices: ObserverMatrices) -> Claim:
     """Every condition of `equations.conditions` in exact arithmetic, up to the stored rounding."""
     worst: dict[str, Any] = {"condition": "", "relative": 0.0, "scaled": 0.0}
-    for name, (residual, sizes) in equations.conditions(plant, gains).items():
+    for name, (residual, sizes) in equations.conditions(plant, matrices).items():
         if not residual.size:
             continue
         off, room = max(abs(residual).flat), max(sizes.flat)
@@ -168,32 +159,35 @@ def _equations(plant: tuple[Any, Any, Any, Any], gains: Mapping[str, Any]) -> Cl
     )
 
 
-def _in_own_units(
-    problem: Problem, gains: Mapping[str, Any]
-) -> tuple[tuple[Any, Any, Any, Any], dict[str, Any], float]:
-    """Plant, gains with all signals of about unit size, exactly: only then sizes compare; pace."""
+def _in_balancing_units(
+    problem: Problem, gains: UnknownInputGains
+) -> tuple[PlantMatrices, ObserverMatrices, float]:
+    """Plant, observer with all signals of about unit size, exactly, so that sizes compare; pace."""
     flow, C = problem.plant.flow, problem.plant.output.C
-    B = equations.inputs(flow.B, flow.lower, flow.upper)
+    B = equations.known_inputs(flow.B, flow.lower, flow.upper)
     assert flow.D is not None
-    T, Z = to_float(gains["T"]), to_float(gains["Z"])
-    sizes, pace = own_units(flow.A, C, flow.D)
-    units = equations.units((flow.A, B, C, flow.D), sizes, T, Z)
-    exactly = {name: exact(values) for name, values in units.items()}
-    everything = {"A": exact(flow.A), "B": exact(B), "C": exact(C), "D": exact(flow.D), **gains}
-    moved = {
-        name: value * exactly[equations.UNITS[name][1]] / exactly[equations.UNITS[name][0]][:, None]
-        for name, value in everything.items()
-    }
-    return (moved["A"], moved["B"], moved["C"], moved["D"]), moved, pace
+    sizes, pace = balancing_units(flow.A, C, flow.D)
+    plant = PlantMatrices(flow.A, B, C, flow.D)
+    units = equations.units(plant, sizes, gains.T, gains.Z)
+    exact_units = {signal: exact(values) for signal, values in units.items()}
+
+    def scaled(name: str, matrix: Any) -> Any:
+        rows, columns = (exact_units[signal] for signal in equations.UNITS[name])
+        return exact(matrix) * columns / rows[:, None]
+
+    names = [entry.name for entry in dataclasses.fields(ObserverMatrices)]
+    matrices = {name: scaled(name, getattr(gains, name)) for name in names}
+    scaled_plant = {name: scaled(name, matrix) for name, matrix in plant._asdict().items()}
+    return PlantMatrices(**scaled_plant), ObserverMatrices(**matrices), pace
 
 
-def _stable(F: Any, zeros: Mapping[str, Any]) -> Claim:
+def _stable(F: Any, near: NearZero | None) -> Claim:
     if F.size:
         verdict = prove_hurwitz(F)
-        if verdict.outcome == "refuted" and "nearly" in zeros:
-            mode, witness = zeros["nearly"], verdict.evidence["witness"]
+        if verdict.outcome == "refuted" and near is not None:
+            witness = verdict.evidence["witness"]
             why = (
-                f"{witness['reason']}; s = {mode['real']:.6g} is within {mode['margin']:.1g} of "
+                f"{witness['reason']}; s = {near.real:.6g} is within {near.margin:.1g} of "
                 "being an invariant zero, so that hardly any gain reaches it"
             )
             verdict = refuted({**witness, "reason": why})

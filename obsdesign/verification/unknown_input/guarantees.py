@@ -1,4 +1,4 @@
-"""What a design of an unknown-input observer promises, in sentences, and what it does not."""
+"""Guarantees of an unknown-input observer: the sentences that follow from its claims."""
 
 from __future__ import annotations
 
@@ -6,16 +6,18 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from obsdesign.analysis.invariant_zeros import NearZero
 from obsdesign.document import Claim
-from obsdesign.equations.unknown_input import matrices as equations
+from obsdesign.equations.unknown_input.formulas import STEP_LIMIT
 from obsdesign.problem.problem import Problem
+from obsdesign.verification.unknown_input.lasting_error import SteadyBounds
 
 Sentence = dict[str, Any]
 
 
-def sentences(problem: Problem, found: tuple[Claim, ...]) -> tuple[Sentence, ...]:
+def guarantees(problem: Problem, listed: tuple[Claim, ...]) -> tuple[Sentence, ...]:
     """Guarantees of a design: {"statement", "given", "claims"} each."""
-    claims = {claim.id: claim for claim in found}
+    claims = {claim.id: claim for claim in listed}
     needed = ["rank", "zeros", "observer_equations", "hurwitz", "rounding"]
     given = all(claims[name].verdict == "proved" for name in needed if name in claims)
     given = given and set(needed) <= set(claims)
@@ -43,13 +45,14 @@ def sentences(problem: Problem, found: tuple[Claim, ...]) -> tuple[Sentence, ...
 
 
 def _rounding(claims: Mapping[str, Claim]) -> str:
-    """What the stored matrices leave for ever."""
-    found = claims["rounding"].evidence.get("bounds") if "rounding" in claims else None
-    if found is None:
+    """The steady-state error caused by rounding the stored matrices, as part of a sentence."""
+    evidence = claims["rounding"].evidence if "rounding" in claims else {}
+    bounds = SteadyBounds.from_evidence(evidence)
+    if bounds is None:
         return ""
     return (
-        f" and to the rounding of the stored matrices: {_up(found['state'])} of the largest state "
-        f"and {_up(found['input'])} of the largest input, in units that balance the plant"
+        f" and to the rounding of the stored matrices: {_up(bounds.state)} of the largest state "
+        f"and {_up(bounds.input)} of the largest input, in units that balance the plant"
     )
 
 
@@ -63,25 +66,24 @@ def _up(value: float) -> str:
 
 
 def _about_zeros(claim: Claim) -> list[Sentence]:
-    told, evidence = [], claim.evidence
+    sentences, evidence = [], claim.evidence
     if zeros := evidence.get("zeros"):
         text = ", ".join(f"{re:.6g}" + (f" +- {im:.6g}i" if im else "") for re, im in zeros)
-        told.append(
+        sentences.append(
             _given_by(
                 claim,
                 f"The poles include the invariant zeros {text}, which no gain moves; errors along "
                 "them decay at their own rate.",
             )
         )
-    if mode := evidence.get("nearly"):
-        text = f"{mode['real']:.6g}" + (f" +- {mode['imag']:.6g}i" if mode["imag"] else "")
-        told.append(
+    if near := NearZero.from_evidence(evidence):
+        sentences.append(
             _not_given(
-                f"It survives rounding of the plant: s = {text} is within {mode['margin']:.1g} of "
+                f"It survives rounding of the plant: s = {near} is within {near.margin:.1g} of "
                 "being an invariant zero that does not decay."
             )
         )
-    return told
+    return sentences
 
 
 def _about_steps(problem: Problem, claim: Claim) -> list[Sentence]:
@@ -90,14 +92,13 @@ def _about_steps(problem: Problem, claim: Claim) -> list[Sentence]:
     if h is None or not math.isfinite(fastest):
         return []
     product = h * fastest
-    limit = equations.STEP_LIMIT
     text = f"h |f| = {product:.3g} for the period h = {h:g} and the fastest pole f"
-    if product <= limit:
-        return [_given_by(claim, f"The steps do not ring: {text} is at most {limit:g}.")]
+    if product <= STEP_LIMIT:
+        return [_given_by(claim, f"The steps do not ring: {text} is at most {STEP_LIMIT:g}.")]
     return [
         _not_given(
-            f"The steps do not ring: {text} exceeds {limit:g}, so that errors alternate from row "
-            "to row. Is the period in the time unit of flow.A? Else choose slower poles."
+            f"The steps do not ring: {text} exceeds {STEP_LIMIT:g}, so that errors alternate from "
+            "row to row. Is the period in the time unit of flow.A? Else choose slower poles."
         )
     ]
 

@@ -1,12 +1,13 @@
-"""What the rounding of stored matrices leaves of the estimates of an unknown input for ever.
+"""Steady-state error caused by rounding the stored matrices.
 
 Rounded matrices are no exact observer: the state, the inputs and the unknown input drive the error
-by `equations.leftovers`. What that comes to is bounded by the peak gain from each to each estimate.
+by `error_drives`. The error is bounded by the peak gain from each to each estimate.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -15,25 +16,45 @@ from lmi.arithmetic.balls import exact, to_float
 from lmi.bounds.peak_gain import peak_gains
 from lmi.verdict import Verdict, proved, refuted, undecided
 from obsdesign.document import Claim
-from obsdesign.equations.unknown_input import matrices as equations
+from obsdesign.equations.unknown_input.formulas import (
+    LASTING_ERROR,
+    ErrorDrives,
+    ObserverMatrices,
+    PlantMatrices,
+    error_drives,
+)
 
 PAPER = "Ahn (2002)"
 
 
-def lasting_error(
-    plant: tuple[Any, Any, Any, Any], gains: Mapping[str, Any], pace: float, decays: bool
-) -> Claim:
-    """Exact matrices with all signals of about unit size; inputs are counted in units of pace.
+@dataclass(frozen=True)
+class SteadyBounds:
+    """Largest steady-state errors of xhat and of dhat for signals of unit size."""
 
-    decays: F is proved to be Hurwitz, without which there is nothing to bound.
+    state: float
+    input: float
+
+    @classmethod
+    def from_evidence(cls, evidence: Mapping[str, Any]) -> SteadyBounds | None:
+        """The bounds in the evidence of the claim `rounding`, if there are any."""
+        bounds = evidence.get("bounds")
+        return None if bounds is None else cls(**bounds)
+
+
+def lasting_error(
+    plant: PlantMatrices, matrices: ObserverMatrices, pace: float, is_hurwitz: bool
+) -> Claim:
+    """Bound the error of exact matrices with signals of unit size; inputs in units of pace.
+
+    is_hurwitz: F is proved to be Hurwitz, without which there is nothing to bound.
     """
     verdict = undecided("F is not proved to be Hurwitz")
-    if decays:
-        verdict = _verdict(equations.leftovers(plant, gains), gains, pace)
+    if is_hurwitz:
+        verdict = _verdict(error_drives(plant, matrices), matrices, pace)
     return Claim(
         "rounding",
         "what the rounding of the stored matrices leaves of the estimates for ever is at most "
-        f"{equations.LASTING:g} of the signals, in units that balance the plant: states of "
+        f"{LASTING_ERROR:g} of the signals, in units that balance the plant: states of "
         "unit size, and inputs that move them at the pace of the plant",
         f"{PAPER}, (27); peak gain of the error system",
         verdict.outcome,
@@ -41,38 +62,37 @@ def lasting_error(
     )
 
 
-def _verdict(
-    left: Mapping[str, Mapping[str, Any]], gains: Mapping[str, Any], pace: float
-) -> Verdict:
-    inputs = {"x": 1.0, "u": pace, "d": pace}
+def _verdict(drives: ErrorDrives, matrices: ObserverMatrices, pace: float) -> Verdict:
+    sizes = (1.0, pace, pace)  # of x, u and d
     drive, *direct = (
-        np.hstack([left[row][signal] * exact(size).item() for signal, size in inputs.items()])
-        for row in ("error", "state", "input")
+        np.hstack([part * exact(size).item() for part, size in zip(row, sizes, strict=True)])
+        for row in drives
     )
-    found = peak_gains(gains["F"], drive, np.vstack([gains["X"], gains["Q"]]))
-    if found is None:
+    peaks = peak_gains(matrices.F, drive, np.vstack([matrices.X, matrices.Q]))
+    if peaks is None:
         return undecided("F is too close to the border of stability for a bound")
-    n = len(gains["X"])
+    n = len(matrices.X)
     feed = np.abs(to_float(np.vstack(direct)))
     # a constant signal of the better sign leaves at least this; two sums of floats: room for both
-    low = (found[0] - feed).clip(0.0).sum(axis=1) * (1 - 1e-9)
-    high = (found[1] + feed).sum(axis=1) * (1 + 1e-9)
+    low = (peaks[0] - feed).clip(0.0).sum(axis=1) * (1 - 1e-9)
+    high = (peaks[1] + feed).sum(axis=1) * (1 + 1e-9)
     for bound in (low, high):
         bound[n:] /= pace
-    bounds = {"state": float(high[:n].max(initial=0.0)), "input": float(high[n:].max(initial=0.0))}
-    if max(bounds.values()) <= equations.LASTING:
+    largest = (float(part.max(initial=0.0)) for part in (high[:n], high[n:]))
+    bounds = asdict(SteadyBounds(*largest))
+    if max(bounds.values()) <= LASTING_ERROR:
         return proved(bounds=bounds)
-    if low.max(initial=0.0) > equations.LASTING:
+    if low.max(initial=0.0) > LASTING_ERROR:
         entry = int(np.argmax(low))
         name = f"x{entry + 1}" if entry < n else f"d{entry - n + 1}"
         reason = (
             f"constant signals of unit size leave an error of {low[entry]:.3g} in {name} for ever; "
-            f"{equations.LASTING:g} is allowed for rounding"
+            f"{LASTING_ERROR:g} is allowed for rounding"
         )
         return refuted({"estimate": name, "error": float(low[entry]), "reason": reason})
     worst = max(bounds.values())
     return undecided(
         f"rounding of the stored matrices may leave {worst:.3g} of the signals for ever; "
-        f"{equations.LASTING:g} is allowed",
+        f"{LASTING_ERROR:g} is allowed",
         bounds=bounds,
     )

@@ -64,13 +64,13 @@ def test_exact_averages_leave_an_alternating_error() -> None:
 @pytest.mark.parametrize("damping", [0.0, 0.5, 0.8])
 def test_damped_is_exact_for_ramps_and_late_by_the_formula(damping: float) -> None:
     F = bpf.coefficients(T)
-    found = bpf.damped_derivative(F, 0.0, H, damping)
-    np.testing.assert_allclose(found, 1.0, atol=1e-12)
+    slopes = bpf.damped_derivative(F, 0.0, H, damping)
+    np.testing.assert_allclose(slopes, 1.0, atol=1e-12)
     F = bpf.coefficients(T**2 / 2)
     middle = (T[1:] + T[:-1]) / 2
     delay = H * (1 - damping) / (2 * (1 + damping))
-    found = bpf.damped_derivative(F, 0.0, H, damping)
-    np.testing.assert_allclose(found[60:], middle[60:] - delay, atol=1e-5)
+    slopes = bpf.damped_derivative(F, 0.0, H, damping)
+    np.testing.assert_allclose(slopes[60:], middle[60:] - delay, atol=1e-5)
 
 
 def test_noise_of_the_forms() -> None:
@@ -82,9 +82,9 @@ def test_noise_of_the_forms() -> None:
     clean_start = bpf.derivative(F, np.zeros(runs), H)
     assert clean_start[-1].var() == pytest.approx(6 * sigma**2 / H**2, rel=0.1)
     cells = sigma * rng.standard_normal((M, runs))
-    found = bpf.derivative(cells, np.zeros(runs), H)
+    slopes = bpf.derivative(cells, np.zeros(runs), H)
     for i in (1, 2, 10, 100):  # without bound
-        assert found[i - 1].var() == pytest.approx((2 / H) ** 2 * sigma**2 * (4 * i - 3), rel=0.1)
+        assert slopes[i - 1].var() == pytest.approx((2 / H) ** 2 * sigma**2 * (4 * i - 3), rel=0.1)
     for r in (0.0, 0.5, 0.9):
         damped = bpf.damped_derivative(cells, np.zeros(runs), H, r)[-1]
         formula = 2 * (1 + r) ** 2 * sigma**2 / (H**2 * (1 - r))
@@ -148,11 +148,11 @@ def test_long_records_are_smoothed_in_windows() -> None:
     t = H * np.arange(3 * WINDOW + 17)
     rng = np.random.default_rng(2)
     y = np.sin(t)[:, None] + 0.05 * rng.standard_normal((len(t), 1))
-    found = smoothed(t, y, np.array([0.05]))
-    off = np.abs(found[:, 0] - np.sin(t))
+    smooth = smoothed(t, y, np.array([0.05]))
+    off = np.abs(smooth[:, 0] - np.sin(t))
     assert off[5:-5].max() < 0.06  # the ends are held from one side only
     assert np.sqrt(np.mean(off[5:-5] ** 2)) < 0.5 * 0.05
-    slope = np.diff(found[:, 0]) / H
+    slope = np.diff(smooth[:, 0]) / H
     assert np.sqrt(np.mean((slope - np.cos(t[1:] - H / 2)) ** 2)) < 0.1  # 0.7 unsmoothed
 
 
@@ -174,8 +174,8 @@ def test_what_means_would_swallow_is_kept() -> None:
     t = 0.001 * np.arange(10001)
     y = (t + np.sin(40 * t))[:, None]
     y += 0.01 * np.random.default_rng(4).standard_normal(y.shape)
-    found = smoothed(t, y, np.array([0.01]))[:, 0]
-    assert np.sqrt(np.mean((found - t - np.sin(40 * t)) ** 2)) < 0.005
+    smooth = smoothed(t, y, np.array([0.01]))[:, 0]
+    assert np.sqrt(np.mean((smooth - t - np.sin(40 * t)) ** 2)) < 0.005
     # the twin: an oscillation that neighbours cannot tell from noise is noise
     y = t[:, None] + 0.01 * np.cos(np.pi * np.arange(len(t)))[:, None]
     assert np.abs(smoothed(t, y, np.array([0.01]))[:, 0] - t).max() < 0.002

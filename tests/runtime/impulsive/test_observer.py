@@ -13,11 +13,11 @@ from scipy.linalg import expm
 
 import obsdesign
 from obsdesign.data.simulation import simulate
-from obsdesign.equations.impulsive.gains import core_of, window_gains
+from obsdesign.equations.impulsive.formulas import Core, window_gains
 from obsdesign.runtime import Sample, from_design
 from obsdesign.runtime.impulsive.observer import ImpulsiveObserver
 from obsdesign.runtime.impulsive.window import Element, SlidingWindow
-from tests.systems.impulsive import DOUBLE, SPLINE, chain, first, problem
+from tests.systems.impulsive import DOUBLE, SPLINE, chain, first, impulsive_problem
 
 
 def plant_gains(A: Any, G: Any, C: Any, **more: Any) -> dict[str, Any]:
@@ -38,7 +38,7 @@ def test_the_queue_is_the_product_of_its_elements(seed: int, length: int) -> Non
     elements = [
         Element(rng.standard_normal((3, 3)), rng.standard_normal((1, 3))) for _ in range(25)
     ]
-    queue = SlidingWindow.of(elements[:length], 1.3)
+    queue = SlidingWindow.from_elements(elements[:length], 1.3)
     for k in range(length, len(elements)):
         queue = queue.push(elements[k]).pop()
         inside = elements[k - length + 1 : k + 1]
@@ -56,7 +56,7 @@ def test_the_queue_is_the_product_of_its_elements(seed: int, length: int) -> Non
             product.factor.T @ product.factor, stacked.T @ stacked, rtol=1e-8, atol=1e-8
         )
     with pytest.raises(IndexError):
-        SlidingWindow.of([], 1.3).pop()
+        SlidingWindow.from_elements([], 1.3).pop()
 
 
 @pytest.mark.parametrize("compressed", [False, True])
@@ -73,7 +73,8 @@ def test_the_sliding_gain_is_that_of_the_whole_window(
         U, S = rng.standard_normal((n, n - 1)), rng.standard_normal((n - 1, n))
         gains |= {"G": U @ S, "image": U, "coimage": S, "strategy": "compressed"}
         window = gains["window"] = max(window, -(-(n - 1) // p))
-    observer, core = ImpulsiveObserver.from_gains(gains), core_of(gains)
+    observer = ImpulsiveObserver.from_gains(gains)
+    core = Core.from_gains(observer.gains, np.asarray)
     times = np.cumsum(rng.uniform(0.1, 0.8, 25))
     state = observer.init(t=0.0)
     for k, t in enumerate(times):
@@ -108,10 +109,10 @@ def full_problem(**options: Any) -> Any:
 def test_known_inputs_are_followed_exactly(when: str) -> None:
     body = full_problem().to_dict()
     body["output"]["jump_measurement"] = when
-    asked = obsdesign.Problem.from_dict(body)
-    design = obsdesign.design(asked)
+    problem = obsdesign.Problem.from_dict(body)
+    design = obsdesign.design(problem)
     record = simulate(
-        asked.plant,
+        problem.plant,
         until=12.0,
         step=0.11,
         disturbance="zero",
@@ -139,37 +140,37 @@ def spline_run(keep: Any, strategy: str = "auto", window: int | None = None) -> 
     """Estimates minus truth over random impulses; y is left out where keep says no."""
     options = {"strategy": strategy} | ({} if window is None else {"window": window})
     plant = SPLINE if strategy != "full" else (chain(3), np.eye(3), first(3))
-    design = obsdesign.design(problem(plant, [0.1, 0.8], **options))
+    design = obsdesign.design(impulsive_problem(plant, [0.1, 0.8], **options))
     observer: Any = from_design(design)
     A, G, C = plant
     rng = np.random.default_rng(3)
-    x, t, found = rng.standard_normal(len(A)), 0.0, []
+    x, t, results = rng.standard_normal(len(A)), 0.0, []
     state = observer.init(t=0.0)
     for k in range(14):
         spacing = rng.uniform(0.1, 0.4)
         x, t = expm(A * spacing) @ x, t + spacing
         state, estimate = observer.step(state, Sample(t, y=C @ x if keep(k) else None, jump=True))
         x = G @ x
-        found.append((estimate.status, float(np.abs(estimate.x - x).max())))
-    return found
+        results.append((estimate.status, float(np.abs(estimate.x - x).max())))
+    return results
 
 
 @pytest.mark.parametrize("strategy", ["full", "compressed", "subspace"])
 def test_an_impulse_without_measurement_costs_one_impulse(strategy: str) -> None:
-    found = spline_run(lambda k: k not in (1, 7), strategy)
-    statuses = [status for status, _ in found]
+    results = spline_run(lambda k: k not in (1, 7), strategy)
+    statuses = [status for status, _ in results]
     assert statuses[0] == "ok"
     assert statuses[1] == "missing sample"
     assert statuses[2] == "window spans what is not certified"
     assert statuses[4] == "window spans what is not certified"
     assert statuses[5] == "ok"
     # three measurements still determine everything: dead-beat one impulse later
-    assert max(error for _, error in found[3:]) < 1e-8
-    assert found[1][1] > 1e-3
+    assert max(error for _, error in results[3:]) < 1e-8
+    assert results[1][1] > 1e-3
 
 
 def test_estimates_between_impulses_wait_for_none() -> None:
-    design = obsdesign.design(problem(DOUBLE, [0.5, 1.5]))
+    design = obsdesign.design(impulsive_problem(DOUBLE, [0.5, 1.5]))
     observer: Any = from_design(design)
     state = observer.init(t=0.0, x=[1.0, 2.0])
     state, estimate = observer.step(state, Sample(0.25))
@@ -180,7 +181,7 @@ def test_estimates_between_impulses_wait_for_none() -> None:
 
 
 def test_spacings_outside_the_range_are_flagged_until_they_leave_the_window() -> None:
-    design = obsdesign.design(problem(DOUBLE, [0.5, 1.5], window=3))
+    design = obsdesign.design(impulsive_problem(DOUBLE, [0.5, 1.5], window=3))
     observer: Any = from_design(design)
     times = [0.2, 1.2, 1.4, 2.4, 3.4, 4.4, 6.4]
     batch = observer.run_batch(times, np.zeros((7, 1)), jump=np.ones(7), x=[1.0, 1.0])
@@ -203,11 +204,11 @@ def test_bad_conditions_are_told() -> None:
     gains = plant_gains(A, np.eye(2), np.array([[1.0, 1.0]]), window=6, alpha=1.01)
     observer = ImpulsiveObserver.from_gains(gains)
     state = observer.init(t=0.0)
-    seen = []
+    statuses = []
     for t in (0.1, 0.9, 1.7, 2.5, 3.3, 4.1):
         state, estimate = observer.step(state, Sample(t, y=[1.0], jump=True))
-        seen.append(estimate.status)
-    assert seen[-1] == "ok"
+        statuses.append(estimate.status)
+    assert statuses[-1] == "ok"
     hidden = plant_gains(np.zeros((2, 2)), np.eye(2), np.array([[1.0, 0.0]]), window=2)
     observer = ImpulsiveObserver.from_gains(hidden)
     state, estimate = observer.step(observer.init(t=0.0, x=[1, 1]), Sample(0.5, y=[5.0], jump=True))
@@ -229,7 +230,7 @@ def test_nearly_coinciding_impulses_are_ill_conditioned() -> None:
 @pytest.mark.parametrize("strategy", ["full", "compressed", "subspace", "quadratic"])
 def test_stream_is_batch_and_survives_the_file(strategy: str, tmp_path: Any) -> None:
     plant = (chain(3), np.eye(3), first(3)) if strategy == "full" else SPLINE
-    design = obsdesign.design(problem(plant, [0.4, 0.5], strategy=strategy))
+    design = obsdesign.design(impulsive_problem(plant, [0.4, 0.5], strategy=strategy))
     design.save(tmp_path / "d.json")
     rng = np.random.default_rng(4)
     t, y = np.cumsum(rng.uniform(0.4, 0.5, 20)), rng.standard_normal((20, 1))
@@ -248,8 +249,8 @@ def test_stream_is_batch_and_survives_the_file(strategy: str, tmp_path: Any) -> 
 
 
 def test_the_quadratic_table_contracts() -> None:
-    asked = problem(SPLINE, [0.4, 0.5], strategy="quadratic")
-    design = obsdesign.design(asked)
+    problem = impulsive_problem(SPLINE, [0.4, 0.5], strategy="quadratic")
+    design = obsdesign.design(problem)
     evidence = next(c for c in design.claims if c.id == "contracting").evidence
     P, A, G, C = np.array(evidence["P"]), *SPLINE
     observer: Any = from_design(design)
@@ -276,14 +277,15 @@ def test_the_quadratic_table_contracts() -> None:
     ("changes", "line"),
     [
         ({"strategy": "best"}, "gains.strategy must be one of full, compressed, subspace, quadratic."),
-        ({"window": 0}, "gains.window must be a whole number from 1 to 4096, and gains.alpha above 1."),
-        ({"alpha": 1.0}, "gains.window must be a whole number from 1 to 4096, and gains.alpha above 1."),
-        ({"G": np.eye(3)}, "gains.G must have shape (2, 2); got shape (3, 3)."),
-        ({"G": None}, "gains.G must have shape (2, 2); got nothing of the kind."),
-        ({"B": np.eye(3)}, "gains.B must have 2 rows."),
-        ({"strategy": "compressed"}, "gains.image must have shape (2,); got nothing of the kind."),
-        ({"strategy": "subspace"}, "gains.core_place must be two whole numbers, first and size."),
-        ({"strategy": "quadratic"}, "gains.cells must have shape (0,); got nothing of the kind."),
+        ({"window": 0}, "gains.window must be a whole number >= 1; got 0."),
+        ({"window": 5000}, "gains.window must be a whole number from 1 to 4096; got 5000."),
+        ({"alpha": 1.0}, "gains.alpha must be a number > 1; got 1.0."),
+        ({"G": np.eye(3)}, "gains.G must have shape (2, 2) (n x n); got shape (3, 3)."),
+        ({"G": None}, "gains.G is missing."),
+        ({"B": np.eye(3)}, "gains.B must have shape (2, 3) (n x m); got shape (3, 3)."),
+        ({"strategy": "compressed"}, "gains.image is missing."),
+        ({"strategy": "subspace"}, "gains.core_place is missing."),
+        ({"strategy": "quadratic"}, "gains.cells is missing."),
         ({"jump_measurement": "none"}, "gains.jump_measurement must be before or after."),
     ],
 )  # fmt: skip
@@ -295,7 +297,7 @@ def test_gains_that_do_not_fit(changes: dict[str, Any], line: str) -> None:
 
 
 def test_bad_starts_and_times() -> None:
-    observer: Any = from_design(obsdesign.design(problem(DOUBLE, [0.5, 1.5])))
+    observer: Any = from_design(obsdesign.design(impulsive_problem(DOUBLE, [0.5, 1.5])))
     with pytest.raises(obsdesign.InputError) as error:
         observer.start(0.0, [1.0])
     assert str(error.value) == "--initial must be the 2 finite numbers x1,x2; got 1 numbers."
@@ -307,7 +309,7 @@ def test_bad_starts_and_times() -> None:
 
 
 def test_digest_and_runtime_agree(tmp_path: Any) -> None:
-    design = obsdesign.design(problem(DOUBLE, [0.5, 1.5]))
+    design = obsdesign.design(impulsive_problem(DOUBLE, [0.5, 1.5]))
     design.save(tmp_path / "d.json")
     body = json.loads((tmp_path / "d.json").read_text())
     body["gains"]["window"] = 5

@@ -65,9 +65,11 @@ def test_what_follows_after_the_lag_changes_nothing() -> None:
     t, y, _ = record(40)
     other = y.copy()
     other[30:] += 1.0
-    one, two = (list(running.run(running.init(0.0), rows_of(t, values))) for values in (y, other))
-    same(one[:25], two[:25])
-    assert not np.array_equal(one[25].d, two[25].d)  # the twin: one row later it does
+    first, second = (
+        list(running.run(running.init(0.0), rows_of(t, values))) for values in (y, other)
+    )
+    same(first[:25], second[:25])
+    assert not np.array_equal(first[25].d, second[25].d)  # the twin: one row later it does
 
 
 def test_a_lag_as_long_as_the_record_is_the_smoother_of_the_whole_record() -> None:
@@ -101,9 +103,9 @@ def test_a_prediction_is_the_cell_at_the_present() -> None:
     t, y, _ = record(20)
     state, other = lagged.init(0.0), cell.init(0.0)
     for sample in rows_of(t, y):
-        state, one = lagged.step(state, sample)
-        other, two = cell.step(other, sample)
-        same([one], [two])
+        state, streamed = lagged.step(state, sample)
+        other, expected = cell.step(other, sample)
+        same([streamed], [expected])
 
 
 @pytest.mark.parametrize(("disturbance", "gain"), [("zero", 10.0), ("sine", 1.8)])
@@ -124,8 +126,8 @@ def test_smoothing_takes_noise_away(disturbance: str, gain: float) -> None:
 
 
 def test_noise_chooses_it_and_its_absence_does_not() -> None:
-    assert observer(differentiator=None).gains["lag"] == 10
-    assert observer(differentiator=None, noise_std=[SIGMA, 0.0]).gains["differentiator"] == "cell"
+    assert observer(differentiator=None).gains.lag == 10
+    assert observer(differentiator=None, noise_std=[SIGMA, 0.0]).gains.differentiator == "cell"
 
 
 def test_the_choice_is_announced_with_its_delay() -> None:
@@ -177,7 +179,7 @@ def test_refusals(options: dict[str, Any], message: str) -> None:
 def test_a_lag_that_counts_nothing_does_not_run(lag: Any) -> None:
     running = observer()
     with pytest.raises(ValueError, match=r"gains\.lag must be a whole number >= 1"):
-        type(running).from_gains({**running.gains, "lag": lag})
+        type(running).from_gains({**running.gains.to_document(), "lag": lag})
 
 
 def test_a_caller_may_reuse_its_arrays() -> None:

@@ -13,7 +13,7 @@ import obsdesign
 from obsdesign.data.simulation import simulate
 from obsdesign.equations.unknown_input import block_pulse
 from obsdesign.runtime import Sample, from_design
-from tests.systems.unknown_input import plant_with_zeros, problem, random_plant
+from tests.systems.unknown_input import plant_with_zeros, random_plant, unknown_input_problem
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 
@@ -21,12 +21,12 @@ EXAMPLES = Path(__file__).parents[3] / "examples"
 def plant(seed: int = 0, n: int = 5, p: int = 3, q: int = 2) -> obsdesign.Problem:
     rng = np.random.default_rng(seed)
     A, C, D = random_plant(rng, n, p, q)
-    return problem(A - np.eye(n), C, D, rng.standard_normal((n, 2)))
+    return unknown_input_problem(A - np.eye(n), C, D, rng.standard_normal((n, 2)))
 
 
-def truth(asked: obsdesign.Problem, t: np.ndarray, refine: int = 8) -> tuple[np.ndarray, ...]:
+def truth(problem: obsdesign.Problem, t: np.ndarray, refine: int = 8) -> tuple[np.ndarray, ...]:
     """(x, u, mean of d over each interval) for a smooth d and a u that is held between rows."""
-    flow = asked.plant.flow
+    flow = problem.plant.flow
     n, q = flow.D.shape
     B = np.zeros((n, 0)) if flow.B is None else flow.B
     m = B.shape[1]
@@ -56,9 +56,9 @@ def truth(asked: obsdesign.Problem, t: np.ndarray, refine: int = 8) -> tuple[np.
 
 
 def test_one_step_is_the_formulas_of_the_paper() -> None:
-    asked = plant()
-    g = obsdesign.design(asked).gains
-    observer = from_design(obsdesign.design(asked))
+    problem = plant()
+    g = obsdesign.design(problem).gains
+    observer = from_design(obsdesign.design(problem))
     rng = np.random.default_rng(1)
     t, y, u = 0.1 * np.arange(20), rng.standard_normal((20, 3)), rng.standard_normal((20, 2))
     batch = observer.run_batch(t, y, u, x=np.ones(5))
@@ -91,16 +91,16 @@ def test_a_stream_is_a_batch_and_a_state_can_be_kept(differentiator: str) -> Non
     y[[7, 8, 20]] = np.nan
     batch = observer.run_batch(t, y, u)
     state, rows = observer.init(float(t[0])), []
-    kept = None
+    saved = None
     for k in range(30):
         state, estimate = observer.step(state, Sample(t[k], y[k], u[k]))
         rows.append(estimate)
-        kept = state if k == 14 else kept
+        saved = state if k == 14 else saved
     np.testing.assert_array_equal(batch.x, [row.x for row in rows])
     np.testing.assert_array_equal(batch.d, [row.d for row in rows])
     assert batch.status == tuple(row.status for row in rows)
     for k in range(15, 30):  # states are values: an old one goes on as if nothing had happened
-        kept, estimate = observer.step(kept, Sample(t[k], y[k], u[k]))
+        saved, estimate = observer.step(saved, Sample(t[k], y[k], u[k]))
     np.testing.assert_array_equal(estimate.x, rows[-1].x)
 
 
@@ -115,12 +115,12 @@ def test_random_plants_are_recovered_at_the_rate_of_their_zeros(seed: int) -> No
         A, C, D = plant_with_zeros(rng, n, p, q, -np.diag(rng.uniform(0.7, 3, n - q)))
     else:
         A, C, D = random_plant(rng, n, p, q)
-    asked = problem(A, C, D)
-    design = obsdesign.design(asked)
+    problem = unknown_input_problem(A, C, D)
+    design = obsdesign.design(problem)
     slowest = -np.linalg.eigvals(design.gains["F"]).real.max()
     h = min(0.04, 0.3 / np.abs(np.linalg.eigvals(design.gains["F"])).max())
     t = h * np.arange(int(12 / slowest / h))
-    x, _, means = truth(asked, t, refine=2)
+    x, _, means = truth(problem, t, refine=2)
     batch = from_design(design).run_batch(t, x @ C.T, x=np.zeros(n))
     off, d_off = np.abs(batch.x - x).max(axis=1), np.abs(batch.d[1:] - means).max(axis=1)
     size, reach = np.abs(x).max(), np.abs(batch.x).max() + 1
@@ -131,12 +131,12 @@ def test_random_plants_are_recovered_at_the_rate_of_their_zeros(seed: int) -> No
 
 
 def test_second_order_in_the_period() -> None:
-    asked = plant(3)
-    design, errors = obsdesign.design(asked), []
+    problem = plant(3)
+    design, errors = obsdesign.design(problem), []
     for h in (0.08, 0.04, 0.02):
         t = h * np.arange(int(12 / h))
-        x, u, means = truth(asked, t)
-        batch = from_design(design).run_batch(t, x @ asked.plant.output.C.T, u)
+        x, u, means = truth(problem, t)
+        batch = from_design(design).run_batch(t, x @ problem.plant.output.C.T, u)
         late = t[1:] > 9
         errors.append(
             [np.abs((batch.x - x)[1:][late]).max(), np.abs((batch.d[1:] - means)[late]).max()]
@@ -146,20 +146,20 @@ def test_second_order_in_the_period() -> None:
 
 
 def test_missing_samples_and_irregular_periods() -> None:
-    asked = plant(4)
-    design = obsdesign.design(asked)
+    problem = plant(4)
+    design = obsdesign.design(problem)
     rng = np.random.default_rng(0)
     t = np.cumsum(rng.choice([0.005, 0.01, 0.02], 1500))
-    x, u, means = truth(asked, t, refine=2)
-    y = x @ asked.plant.output.C.T
+    x, u, means = truth(problem, t, refine=2)
+    y = x @ problem.plant.output.C.T
     missing = rng.random(1500) < 0.1
     y[missing] = np.nan
     batch = from_design(design).run_batch(t, y, u)
     assert [s == "missing sample" for s in batch.status] == missing.tolist()
     assert np.isnan(batch.d[missing]).all()
     late = np.arange(1500) > 1000
-    there = late & ~missing
-    assert np.abs(batch.x - x)[there].max() < 2e-3 * np.abs(x).max()
+    settled = late & ~missing
+    assert np.abs(batch.x - x)[settled].max() < 2e-3 * np.abs(x).max()
     # held outputs are off by at most what y moves in the gap
     assert np.abs(batch.x - x)[late].max() < 0.3 * np.abs(x).max()
     # d is the mean since the last sample: weigh the intervals of the gap
@@ -177,11 +177,11 @@ def test_missing_samples_and_irregular_periods() -> None:
 
 
 def test_a_known_input_that_changes_within_a_gap_counts_by_its_mean() -> None:
-    asked = plant(5)
-    design = obsdesign.design(asked)
+    problem = plant(5)
+    design = obsdesign.design(problem)
     t = 0.02 * np.arange(800)
-    x, u, _ = truth(asked, t, refine=2)
-    y = x @ asked.plant.output.C.T
+    x, u, _ = truth(problem, t, refine=2)
+    y = x @ problem.plant.output.C.T
     y[1::2] = np.nan
     batch = from_design(design).run_batch(t, y, u)
     frozen = np.repeat(u[::2], 2, axis=0)  # as if the changes in the gaps were not seen
@@ -191,16 +191,16 @@ def test_a_known_input_that_changes_within_a_gap_counts_by_its_mean() -> None:
 
 
 def test_the_first_sample_sets_what_it_shows() -> None:
-    asked = plant(1)
-    observer = from_design(obsdesign.design(asked))
+    problem = plant(1)
+    observer = from_design(obsdesign.design(problem))
     x = np.random.default_rng(0).standard_normal(5)
-    g, y = observer.gains, asked.plant.output.C @ x
+    g, y = observer.gains, problem.plant.output.C @ x
     _, first = observer.step(observer.init(), Sample(0.0, y))
-    np.testing.assert_allclose(asked.plant.output.C @ first.x, y, atol=1e-9)
-    w = g["first"] @ y
-    np.testing.assert_allclose(g["Z"] @ asked.plant.output.C @ g["X"] @ w, g["Z"] @ y, atol=1e-9)
-    _, told = observer.step(observer.init(x=x), Sample(0.0, y))
-    np.testing.assert_allclose(told.x, x, atol=1e-9)  # a guess that is right stays right
+    np.testing.assert_allclose(problem.plant.output.C @ first.x, y, atol=1e-9)
+    w = g.first @ y
+    np.testing.assert_allclose(g.Z @ problem.plant.output.C @ g.X @ w, g.Z @ y, atol=1e-9)
+    _, guessed = observer.step(observer.init(x=x), Sample(0.0, y))
+    np.testing.assert_allclose(guessed.x, x, atol=1e-9)  # a guess that is right stays right
     assert np.isnan(first.d).all()
 
 
@@ -233,7 +233,8 @@ def test_what_a_sample_may_not_be() -> None:
     with pytest.raises(obsdesign.InputError, match=r"--initial must be the 5 finite numbers"):
         observer.start(0.0, [1.0])
     for name in ("F", "Q", "D", "differentiator", "first"):
-        gains = {key: value for key, value in observer.gains.items() if key != name}
+        stored = observer.gains.to_document()
+        gains = {key: value for key, value in stored.items() if key != name}
         with pytest.raises(ValueError, match=f"gains.{name}"):
             type(observer).from_gains(gains)
 
@@ -250,9 +251,9 @@ def test_steps_that_ring_say_so() -> None:
 def test_the_middle_of_the_bounds_of_b_is_used() -> None:
     body = plant(2).to_dict()
     body["flow"]["disturbance"] = {"lower": [1.0] * 5, "upper": [3.0] * 5}
-    asked = obsdesign.Problem.from_dict(body)
-    record = simulate(asked.plant, until=20.0, step=0.01, disturbance="zero")
-    design = obsdesign.design(asked)
+    problem = obsdesign.Problem.from_dict(body)
+    record = simulate(problem.plant, until=20.0, step=0.01, disturbance="zero")
+    design = obsdesign.design(problem)
     batch = from_design(design).run_batch(record.t, record.block("y"), record.block("u"))
     assert np.abs(record.block("x")[-1]).max() > 2
     np.testing.assert_allclose(batch.x[-1], record.block("x")[-1], atol=1e-3)
@@ -308,11 +309,11 @@ def test_irregular_periods_need_no_matrix_of_their_own(differentiator: str) -> N
 def test_time_stamps_too_coarse_for_the_step_are_told() -> None:
     observer = from_design(obsdesign.design(obsdesign.load_problem(EXAMPLES / "ahn_1.toml")))
     y = np.random.default_rng(0).standard_normal((20, 2))
-    for step, told in ((5e-7, True), (1e-3, False)):
+    for step, is_coarse in ((5e-7, True), (1e-3, False)):
         batch = observer.run_batch(1.7e9 + step * np.arange(20), y)
         assert np.isfinite(batch.d[1:]).all()
-        assert batch.status[5].startswith("time stamps resolve 4.8e-07") == told
-        assert (batch.status[5] == "ok") != told
+        assert batch.status[5].startswith("time stamps resolve 4.8e-07") == is_coarse
+        assert (batch.status[5] == "ok") != is_coarse
 
 
 @pytest.mark.parametrize("size", [1e308, -1e200])

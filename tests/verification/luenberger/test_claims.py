@@ -63,8 +63,8 @@ def test_missing_gains_are_found_and_proved(changes: dict[str, Any]) -> None:
     assert set(verdicts(again).values()) == {"proved"}
     F = design.gains["A"] - design.gains["L"] @ design.gains["C"]
     if "observer__poles" in changes:
-        found = np.sort_complex(np.linalg.eigvals(F))
-        np.testing.assert_allclose(found, [-2 - 1j, -2 + 1j, -1], atol=1e-8)
+        poles = np.sort_complex(np.linalg.eigvals(F))
+        np.testing.assert_allclose(poles, [-2 - 1j, -2 + 1j, -1], atol=1e-8)
     if "output__measured" in changes:
         assert not design.gains["L"].any()
 
@@ -155,11 +155,11 @@ def test_the_decay_rate_is_a_claim_and_its_twin_fails() -> None:
 def test_a_spoilt_certificate_proves_nothing() -> None:
     design = obsdesign.design(problem())
     P = np.array(next(c for c in design.claims if c.id == "dwell_stability").evidence["P"])
-    asked = problem()
-    assert claims(asked, design.gains, {"dwell_stability": {"P": P}})[-1].verdict == "proved"
+    stated = problem()
+    assert claims(stated, design.gains, {"dwell_stability": {"P": P}})[-1].verdict == "proved"
     for bad in (-P, P + np.triu(np.ones((3, 3)), 1), np.eye(2), "P", np.diag([1e9, 1, 1])):
         assert (
-            claims(asked, design.gains, {"dwell_stability": {"P": bad}})[-1].verdict == "undecided"
+            claims(stated, design.gains, {"dwell_stability": {"P": bad}})[-1].verdict == "undecided"
         )
 
 
@@ -225,27 +225,27 @@ def test_the_inequality_is_schurs_complement_of_the_contraction() -> None:
 @given(seed=st.integers(0, 2**32 - 1), hidden=st.integers(0, 2))
 def test_hidden_modes_are_seen_in_any_coordinates(seed: int, hidden: int) -> None:
     rng = np.random.default_rng(seed)
-    n, seen = 4, 4 - hidden
+    n, observed = 4, 4 - hidden
     A = np.zeros((n, n))
-    A[:seen, :seen] = rng.standard_normal((seen, seen))
-    A[seen:, seen:] = np.diag([0.5, 1.5][:hidden])
-    A[seen:, :seen] = rng.standard_normal((hidden, seen))
-    C = np.hstack([rng.standard_normal((1, seen)), np.zeros((1, hidden))])
+    A[:observed, :observed] = rng.standard_normal((observed, observed))
+    A[observed:, observed:] = np.diag([0.5, 1.5][:hidden])
+    A[observed:, :observed] = rng.standard_normal((hidden, observed))
+    C = np.hstack([rng.standard_normal((1, observed)), np.zeros((1, hidden))])
     order = rng.permutation(n)
-    moved, output = A[np.ix_(order, order)], C[:, order]  # a permutation is exact
-    assert hidden_growth(moved, output) == (hidden > 0)
-    assert not hidden_growth(moved, output, rate=-2.0)
-    assert len(approx_unobservable_modes(moved, output)) == hidden
+    permuted, output = A[np.ix_(order, order)], C[:, order]  # a permutation is exact
+    assert hidden_growth(permuted, output) == (hidden > 0)
+    assert not hidden_growth(permuted, output, rate=-2.0)
+    assert len(approx_unobservable_modes(permuted, output)) == hidden
 
 
 # --- runtime ----------------------------------------------------------------------------------
 
 
 def test_the_estimate_converges_across_jumps() -> None:
-    asked = problem(flow__B=[[0], [1], [0]], jump__E=[[0], [0], [1]],
+    stated = problem(flow__B=[[0], [1], [0]], jump__E=[[0], [0], [1]],
                     flow__disturbance={"lower": [0.5, 0, -1], "upper": [0.5, 0, -1]})  # fmt: skip
-    observer = from_design(obsdesign.design(asked))
-    record = simulate(asked.plant, until=40.0, step=0.01, rng=np.random.default_rng(1))
+    observer = from_design(obsdesign.design(stated))
+    record = simulate(stated.plant, until=40.0, step=0.01, rng=np.random.default_rng(1))
     batch = observer.run_batch(
         record.t, record.block("y"), record.block("u"), np.nan_to_num(record.block("w")),
         record.columns["jump"], x=[5, 5, 5],
@@ -263,8 +263,8 @@ def test_the_flow_solves_its_differential_equation() -> None:
     L, B = np.array([[1.5], [-0.4]]), np.array([[0.3], [1.0]])
     plant = Plant(Flow(A, B=B, lower=[0.1, 0.2], upper=[0.3, 0.2]), None, Output(C))
     gains = {"kind": "luenberger", "gains": {"L": L.tolist()}}
-    asked = obsdesign.Problem(flow=plant.flow, output=plant.output, observer=gains)
-    observer = from_design(obsdesign.design(asked))
+    stated = obsdesign.Problem(flow=plant.flow, output=plant.output, observer=gains)
+    observer = from_design(obsdesign.design(stated))
     state = observer.init(0.0, x=[1, -1])
     state, _ = observer.step(state, Sample(0.0, y=[0.7], u=[2.0]))
     _, estimate = observer.step(state, Sample(0.5, y=[-0.4], u=[9.0]))
@@ -281,12 +281,12 @@ def test_the_flow_solves_its_differential_equation() -> None:
 def test_the_jump_uses_the_measurement_as_it_was_taken(when: str) -> None:
     G, C, M = np.array([[1.0, 0.5], [0, 0.8]]), np.array([[1.0, 0]]), np.array([[0.3], [0.7]])
     M = 0 * M if when == "none" else M
-    asked = obsdesign.Problem(
+    stated = obsdesign.Problem(
         flow=Flow(-np.eye(2)), output=Output(C, jump_measurement=when),
         jump=Jump(G, lower=[0.1, 0.1], upper=[0.3, 0.1], dwell_time=(1.0, 2.0)),
         observer={"kind": "luenberger", "gains": {"L": [[0], [0]], "M": M.tolist()}},
     )  # fmt: skip
-    observer = from_design(obsdesign.design(asked))
+    observer = from_design(obsdesign.design(stated))
     x, y = np.array([1.0, 2.0]), np.array([1.5])
     _, estimate = observer.step(observer.init(0.0, x=x), Sample(0.0, y=y, jump=True))
     after = G @ x + [0.2, 0.1]
@@ -361,8 +361,8 @@ def test_no_common_p_is_not_instability() -> None:
 
 
 def test_a_forged_sequence_refutes_nothing() -> None:
-    asked = problem()
-    design = obsdesign.design(asked)
+    stated = problem()
+    design = obsdesign.design(stated)
     for thetas in ([0.5, 0.7], [5.0], ["x"], 3):
         forged = {"dwell_stability": {"witness": {"thetas": thetas}}}
-        assert claims(asked, design.gains, forged)[-1].verdict == "undecided"
+        assert claims(stated, design.gains, forged)[-1].verdict == "undecided"

@@ -100,8 +100,8 @@ def evidence(design: obsdesign.Design, name: str) -> Any:
 
 
 def judged(design: obsdesign.Design, gains: Any, certificate: Any) -> dict[str, str]:
-    found = claims(problem(), gains, {"dwell_stability": certificate})
-    return {claim.id: claim.verdict for claim in found}
+    listed = claims(problem(), gains, {"dwell_stability": certificate})
+    return {claim.id: claim.verdict for claim in listed}
 
 
 def test_twins_that_must_not_be_proved(design: obsdesign.Design) -> None:
@@ -120,8 +120,8 @@ def test_twins_that_must_not_be_proved(design: obsdesign.Design) -> None:
     ):
         certificate = {"P_cells": jsonable_or_text(wrong)}
         assert judged(design, design.gains, certificate)["dwell_stability"] == "undecided"
-    moved = design.gains | {"dwell_borders": design.gains["dwell_borders"] * 1.1}
-    assert judged(design, moved, right)["dwell_stability"] != "proved"
+    stretched = design.gains | {"dwell_borders": design.gains["dwell_borders"] * 1.1}
+    assert judged(design, stretched, right)["dwell_stability"] != "proved"
     short = design.gains | {"dwell_borders": design.gains["dwell_borders"][:2]}
     assert judged(design, short, right) == {"consistent": "refuted"}
 
@@ -137,8 +137,8 @@ def test_borders_out_of_order_are_not_believed(design: obsdesign.Design) -> None
 
 
 def test_a_gain_that_grows_is_refuted() -> None:
-    found = obsdesign.design(problem())
-    loud = found.gains | {"M_cells": found.gains["M_cells"] + 50.0}
+    design = obsdesign.design(problem())
+    loud = design.gains | {"M_cells": design.gains["M_cells"] + 50.0}
     judgement = claims(problem(), loud, {})
     claim = next(c for c in judgement if c.id == "dwell_stability")
     assert claim.verdict == "refuted"
@@ -155,11 +155,11 @@ def test_a_gain_that_grows_is_refuted() -> None:
     ],
 )
 def test_variants_are_proved_and_verified(changes: dict[str, Any], tmp_path: Path) -> None:
-    found = obsdesign.design(problem(**changes))
-    found.save(tmp_path / "design.json")
+    design = obsdesign.design(problem(**changes))
+    design.save(tmp_path / "design.json")
     again = obsdesign.load_design(tmp_path / "design.json")
     assert obsdesign.verify(again, paranoid=True).verdict == "proved"
-    assert json.dumps(jsonable(again.gains)) == json.dumps(jsonable(found.gains))
+    assert json.dumps(jsonable(again.gains)) == json.dumps(jsonable(design.gains))
 
 
 def test_an_unbounded_range_with_a_flow_that_decays() -> None:
@@ -168,9 +168,9 @@ def test_an_unbounded_range_with_a_flow_that_decays() -> None:
         "jump__G": [[1.3, -0.1, 1.8], [-0.9, 0.5, 1.2], [0.1, -0.9, -1.2]],
         "jump__dwell_time": [0.05, "inf"],
     }
-    found = obsdesign.design(problem(**slow))
-    assert obsdesign.verify(found, paranoid=True).verdict == "proved"
-    assert "hurwitz" in {claim.id for claim in found.claims}
+    design = obsdesign.design(problem(**slow))
+    assert obsdesign.verify(design, paranoid=True).verdict == "proved"
+    assert "hurwitz" in {claim.id for claim in design.claims}
 
 
 def test_a_search_for_dwell_times_wants_one_gain() -> None:

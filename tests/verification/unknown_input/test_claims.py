@@ -13,7 +13,7 @@ import obsdesign
 from obsdesign.document import Design, load_design
 from obsdesign.runtime import from_design
 from obsdesign.verification.unknown_input.claims import claims
-from tests.systems.unknown_input import plant_with_zeros, problem, random_plant
+from tests.systems.unknown_input import plant_with_zeros, random_plant, unknown_input_problem
 from tests.test_architecture import SOLVERS, run_blocked
 
 SLOW = np.array([[-0.5, 1.0], [-1.0, -0.5]])
@@ -22,7 +22,7 @@ SLOW = np.array([[-0.5, 1.0], [-1.0, -0.5]])
 def example(p: int = 3, seed: int = 1, **observer: Any) -> obsdesign.Problem:
     rng = np.random.default_rng(seed)
     A, C, D = random_plant(rng, 5, p, 2)
-    return problem(A, C, D, rng.standard_normal((5, 1)), **observer)
+    return unknown_input_problem(A, C, D, rng.standard_normal((5, 1)), **observer)
 
 
 def with_zeros(**observer: Any) -> obsdesign.Problem:
@@ -32,11 +32,11 @@ def with_zeros(**observer: Any) -> obsdesign.Problem:
     A[:2, :2], A[2:5, :2] = SLOW, 0
     C = rng.integers(-3, 4, (3, 6)).astype(float)
     C[:, :2] = 0
-    return problem(A, C, [[0]] * 5 + [[1]], **observer)
+    return unknown_input_problem(A, C, [[0]] * 5 + [[1]], **observer)
 
 
-def verdicts(found: Any) -> dict[str, str]:
-    return {claim.id: claim.verdict for claim in found}
+def verdicts(listed: Any) -> dict[str, str]:
+    return {claim.id: claim.verdict for claim in listed}
 
 
 @pytest.mark.parametrize(
@@ -58,9 +58,9 @@ def test_what_is_open_is_found_and_proved(observer: dict[str, Any]) -> None:
     poles = np.sort_complex(np.linalg.eigvals(design.gains["F"]))
     assert poles.real.max() < 0
     if "poles" in observer:
-        wanted = [complex(*np.atleast_1d(x)) for x in observer["poles"]]
-        wanted += [x.conjugate() for x in wanted if x.imag]
-        np.testing.assert_allclose(poles, np.sort_complex(wanted), atol=1e-8)
+        expected = [complex(*np.atleast_1d(x)) for x in observer["poles"]]
+        expected += [x.conjugate() for x in expected if x.imag]
+        np.testing.assert_allclose(poles, np.sort_complex(expected), atol=1e-8)
 
 
 @pytest.mark.parametrize(
@@ -68,19 +68,19 @@ def test_what_is_open_is_found_and_proved(observer: dict[str, Any]) -> None:
 )
 def test_zeros_stay_among_the_poles(poles: list[Any]) -> None:
     design = obsdesign.design(with_zeros(poles=poles))
-    found = np.linalg.eigvals(design.gains["F"])
-    assert np.abs(found - complex(-0.5, 1)).min() < 1e-9
-    asked = [complex(*np.atleast_1d(x)) for x in poles]
-    for pole in asked:
-        assert np.abs(found - pole).min() < 1e-6
-    told = " ".join(g["statement"] for g in design.guarantees)
-    assert "invariant zeros -0.5 +- 1i" in told
+    poles_of_F = np.linalg.eigvals(design.gains["F"])
+    assert np.abs(poles_of_F - complex(-0.5, 1)).min() < 1e-9
+    expected = [complex(*np.atleast_1d(x)) for x in poles]
+    for pole in expected:
+        assert np.abs(poles_of_F - pole).min() < 1e-6
+    sentences = " ".join(g["statement"] for g in design.guarantees)
+    assert "invariant zeros -0.5 +- 1i" in sentences
 
 
 def test_the_riccati_gain_leaves_the_zeros_and_stabilises_the_rest() -> None:
-    found = np.linalg.eigvals(obsdesign.design(with_zeros()).gains["F"])
-    assert np.abs(found - complex(-0.5, 1)).min() < 1e-9
-    assert found.real.max() < -0.4
+    poles_of_F = np.linalg.eigvals(obsdesign.design(with_zeros()).gains["F"])
+    assert np.abs(poles_of_F - complex(-0.5, 1)).min() < 1e-9
+    assert poles_of_F.real.max() < -0.4
 
 
 POLES = [
@@ -119,13 +119,13 @@ def test_bad_input(observer: Any, changes: dict[str, Any], message: str) -> None
 
 
 def test_given_gains_are_kept_or_refuted() -> None:
-    found = obsdesign.design(example())
-    given = {"T1": found.gains["T1"], "L": found.gains["L"]}
+    design = obsdesign.design(example())
+    given = {"T1": design.gains["T1"], "L": design.gains["L"]}
     same = obsdesign.design(example(gains=given))
-    for name, value in found.gains.items():
+    for name, value in design.gains.items():
         if not isinstance(value, str):
             np.testing.assert_allclose(same.gains[name], value, atol=1e-9, err_msg=name)
-    bad = {"T1": given["T1"], "L": given["L"] - 50 * np.sign(found.gains["Z"] @ found.gains["C"]
+    bad = {"T1": given["T1"], "L": given["L"] - 50 * np.sign(design.gains["Z"] @ design.gains["C"]
                                                             @ given["T1"][:, :3]).T}  # fmt: skip
     outcome = obsdesign.investigate(example(gains=bad))
     assert verdicts(outcome.claims)["hurwitz"] == "refuted"
@@ -138,17 +138,19 @@ def test_coordinates_do_not_change_the_estimates() -> None:
     rng = np.random.default_rng(0)
     A, C, D = random_plant(rng, 4, 2, 2)  # p = q: no L, so nothing is chosen
     A = A - 2 * np.eye(4)
-    zeros = obsdesign.investigate(problem(A, C, D))
+    zeros = obsdesign.investigate(unknown_input_problem(A, C, D))
     assert zeros.verdict in ("proved", "refuted")
     A, C, D = plant_with_zeros(rng, 4, 2, 2, -np.eye(2) + [[0, 1], [0, 0]])
-    own = obsdesign.design(problem(A, C, D))
+    own = obsdesign.design(unknown_input_problem(A, C, D))
     T1 = np.hstack([rng.standard_normal((4, 2)), D])
-    other = obsdesign.design(problem(A, C, D, gains={"T1": T1, "L": np.zeros((2, 0))}))
+    other = obsdesign.design(
+        unknown_input_problem(A, C, D, gains={"T1": T1, "L": np.zeros((2, 0))})
+    )
     t = 0.05 * np.arange(200)
     y = np.column_stack([np.sin(t), np.cos(2 * t)])
-    one, two = (from_design(d).run_batch(t, y, x=np.ones(4)) for d in (own, other))
-    np.testing.assert_allclose(one.x, two.x, atol=1e-8)
-    np.testing.assert_allclose(one.d[1:], two.d[1:], atol=1e-7)
+    own_run, other_run = (from_design(d).run_batch(t, y, x=np.ones(4)) for d in (own, other))
+    np.testing.assert_allclose(own_run.x, other_run.x, atol=1e-8)
+    np.testing.assert_allclose(own_run.d[1:], other_run.d[1:], atol=1e-7)
 
 
 @pytest.mark.parametrize("states", [[0, 0, 0, 0, 0], [3, -8, 0, 11, -5]])
@@ -160,10 +162,10 @@ def test_units_do_not_matter(states: list[int]) -> None:
     body = example().to_dict()
     A, C, D, B = (np.array(body[b][k]) for b, k in (("flow", "A"), ("output", "C"),
                                                      ("flow", "D"), ("flow", "B")))  # fmt: skip
-    own = obsdesign.design(problem(A, C, D, B))
+    own = obsdesign.design(unknown_input_problem(A, C, D, B))
     x, y, d, t = 2.0 ** np.array(states), 2.0 ** np.array([6, 0, -9]), 2.0**7, 2.0**4
     S = np.diag(x)  # x in new units, and time in units of 1/t
-    other = obsdesign.design(problem(
+    other = obsdesign.design(unknown_input_problem(
         S @ A @ np.diag(1 / x) / t, np.diag(y) @ C @ np.diag(1 / x), S @ D * d / t, S @ B / t
     ))  # fmt: skip
     poles = [np.sort_complex(np.linalg.eigvals(design.gains["F"])) for design in (own, other)]
@@ -174,30 +176,32 @@ def test_units_do_not_matter(states: list[int]) -> None:
     np.testing.assert_allclose(poles[1] * t, poles[0], rtol=1e-7)
     rows = np.random.default_rng(0).standard_normal((40, 3))
     times = 0.1 * np.arange(40)
-    one = from_design(own).run_batch(times, rows, x=np.zeros(5))
-    two = from_design(other).run_batch(times * t, rows * y, x=np.zeros(5))
-    np.testing.assert_allclose(two.x / x, one.x, atol=1e-6 * np.abs(one.x).max())
-    np.testing.assert_allclose(two.d[1:] * d, one.d[1:], atol=1e-6 * np.abs(one.d[1:]).max())
+    own_run = from_design(own).run_batch(times, rows, x=np.zeros(5))
+    other_run = from_design(other).run_batch(times * t, rows * y, x=np.zeros(5))
+    np.testing.assert_allclose(other_run.x / x, own_run.x, atol=1e-6 * np.abs(own_run.x).max())
+    np.testing.assert_allclose(
+        other_run.d[1:] * d, own_run.d[1:], atol=1e-6 * np.abs(own_run.d[1:]).max()
+    )
 
 
 def test_every_false_matrix_is_refuted() -> None:
-    asked = example()
-    gains = dict(obsdesign.design(asked).gains)
+    problem = example()
+    gains = dict(obsdesign.design(problem).gains)
     for name in ("T", "N", "Z", "L", "F", "H", "Gu", "X", "Xy", "Q", "R", "S", "T1"):
         wrong = gains[name] + 1e-6 * np.abs(gains[name]).max()
-        found = claims(asked, gains | {name: wrong}, {})
-        assert verdicts(found)["observer_equations"] == "refuted", name
+        result = claims(problem, gains | {name: wrong}, {})
+        assert verdicts(result)["observer_equations"] == "refuted", name
     # the twin: rounding in the last digits is not held against it
-    found = claims(asked, gains | {"F": gains["F"] * (1 + 1e-15)}, {})
-    assert set(verdicts(found).values()) == {"proved"}
+    result = claims(problem, gains | {"F": gains["F"] * (1 + 1e-15)}, {})
+    assert set(verdicts(result).values()) == {"proved"}
 
 
 def test_gains_of_another_shape_are_refuted() -> None:
-    asked = example()
-    gains = dict(obsdesign.design(asked).gains)
+    problem = example()
+    gains = dict(obsdesign.design(problem).gains)
     without = {name: value for name, value in gains.items() if name != "F"}
     for wrong in (gains | {"F": gains["F"][:2, :2]}, without, gains | {"C": gains["C"] + 1}):
-        assert verdicts(claims(asked, wrong, {}))["consistent"] == "refuted"
+        assert verdicts(claims(problem, wrong, {}))["consistent"] == "refuted"
 
 
 @pytest.mark.parametrize("shape", [(1, 1, 1), (2, 2, 2), (2, 3, 2), (3, 3, 1), (4, 2, 2)])
@@ -210,18 +214,18 @@ def test_degenerate_sizes_from_file_to_estimate(
         A, C, D = plant_with_zeros(rng, n, p, q, -np.eye(2))
     else:
         A, C, D = random_plant(rng, n, p, q)
-    design = obsdesign.design(problem(A, C, D))
+    design = obsdesign.design(unknown_input_problem(A, C, D))
     path = tmp_path / "design.json"
     design.save(path)
     again = load_design(path)
     assert obsdesign.verify(again).verdict == "proved"
     t, y = 0.1 * np.arange(30), rng.standard_normal((30, p))
-    one, two = from_design(design).run_batch(t, y), from_design(again).run_batch(t, y)
-    np.testing.assert_array_equal(one.x, two.x)
-    np.testing.assert_array_equal(one.d, two.d)
-    assert np.isnan(one.d[0]).all()
+    own_run, other_run = from_design(design).run_batch(t, y), from_design(again).run_batch(t, y)
+    np.testing.assert_array_equal(own_run.x, other_run.x)
+    np.testing.assert_array_equal(own_run.d, other_run.d)
+    assert np.isnan(own_run.d[0]).all()
     if p == q == n:  # everything is seen at once
-        np.testing.assert_allclose(one.x @ C.T, y, atol=1e-9)
+        np.testing.assert_allclose(own_run.x @ C.T, y, atol=1e-9)
 
 
 def test_verify_needs_no_solver_and_the_runtime_numpy_alone(tmp_path: Path) -> None:
@@ -252,22 +256,22 @@ def test_a_long_period_is_warned_of_with_its_number() -> None:
     body = example(poles=[-1, -2, -300]).to_dict()
     body["output"] |= {"measured": "periodic", "period": 0.1}
     design = obsdesign.design(obsdesign.Problem.from_dict(body))
-    told = [g for g in design.guarantees if "h |f|" in g["statement"]]
-    assert len(told) == 1
-    assert not told[0]["given"]
-    assert "h |f| = 30 for the period h = 0.1" in told[0]["statement"]
+    sentences = [g for g in design.guarantees if "h |f|" in g["statement"]]
+    assert len(sentences) == 1
+    assert not sentences[0]["given"]
+    assert "h |f| = 30 for the period h = 0.1" in sentences[0]["statement"]
     body["output"]["period"] = 0.005
     fine = obsdesign.design(obsdesign.Problem.from_dict(body))
-    told = [g for g in fine.guarantees if "h |f|" in g["statement"]]
-    assert told[0]["given"]
+    sentences = [g for g in fine.guarantees if "h |f|" in g["statement"]]
+    assert sentences[0]["given"]
 
 
 def test_noise_chooses_the_left_inverse() -> None:
     """Of all left inverses of C D the stored one lets the least noise into d."""
     body = example(p=4).to_dict()
     body["output"]["noise_std"] = [0.1, 1.0, 0.3, 2.0]
-    asked = obsdesign.Problem.from_dict(body)
-    gains = obsdesign.design(asked).gains
+    problem = obsdesign.Problem.from_dict(body)
+    gains = obsdesign.design(problem).gains
     V = np.diag(np.array([0.1, 1.0, 0.3, 2.0]) ** 2)
     best = gains["N"] @ V @ gains["N"].T
     rng = np.random.default_rng(0)

@@ -12,14 +12,14 @@ from scipy.linalg import expm
 import obsdesign
 from lmi.arithmetic.balls import exact
 from lmi.bounds.peak_gain import peak_gains
-from obsdesign.equations.unknown_input import matrices as equations
+from obsdesign.equations.unknown_input import formulas as equations
 from obsdesign.runtime import from_design
 from obsdesign.verification.unknown_input.claims import claims
-from tests.systems.unknown_input import problem, random_plant
+from tests.systems.unknown_input import random_plant, unknown_input_problem
 
 
-def verdicts(found: obsdesign.Problem, gains: object) -> dict[str, str]:
-    return {claim.id: claim.verdict for claim in claims(found, gains, {})}
+def verdicts(problem: obsdesign.Problem, gains: object) -> dict[str, str]:
+    return {claim.id: claim.verdict for claim in claims(problem, gains, {})}
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -40,9 +40,9 @@ def test_peak_gains_enclose_the_integral(seed: int) -> None:
 
 def test_fast_modes_do_not_pay_for_slow_ones() -> None:
     F, B, C = np.diag([-1.0, -1e8]), np.array([[0.0], [1.0]]), np.ones((1, 2))
-    found = peak_gains(exact(F), exact(B), exact(C))
-    assert found is not None
-    assert found[1][0, 0] < 1e-3  # 1e-8 in truth; a norm and one rate would give 1
+    peaks = peak_gains(exact(F), exact(B), exact(C))
+    assert peaks is not None
+    assert peaks[1][0, 0] < 1e-3  # 1e-8 in truth; a norm and one rate would give 1
     both = peak_gains(exact(F), exact(np.ones((2, 1))), exact(C))
     assert both is not None
     assert both[0][0, 0] > 1.0
@@ -60,37 +60,39 @@ def compartments(rng: np.random.Generator, n: int) -> tuple[np.ndarray, ...]:
 def test_what_y_shows_may_be_the_unknown_input_alone(seed: int) -> None:
     rng = np.random.default_rng(seed)
     n = 2 + seed % 5
-    assert obsdesign.design(problem(*compartments(rng, n)))
+    assert obsdesign.design(unknown_input_problem(*compartments(rng, n)))
     A = rng.integers(-3, 4, (n, n)) - 8.0 * np.eye(n)
     A[-1] = 0  # x_n' = d, and x_n is measured
     C = D = np.eye(n)[:, -1:]
     S = rng.standard_normal((n, n))
-    own = obsdesign.investigate(problem(A, C.T, D)).verdict
-    moved = problem(S @ A @ np.linalg.inv(S), C.T @ np.linalg.inv(S), S @ D)
-    assert obsdesign.investigate(moved).verdict == own == "proved"
+    own = obsdesign.investigate(unknown_input_problem(A, C.T, D)).verdict
+    rebased = unknown_input_problem(S @ A @ np.linalg.inv(S), C.T @ np.linalg.inv(S), S @ D)
+    assert obsdesign.investigate(rebased).verdict == own == "proved"
 
 
 def test_slow_zeros_are_proved_with_their_number() -> None:
     A = [[7.000000029802322, -9.000000059604645], [5.000000029802322, -6.000000059604645]]
-    asked = problem(A, [[2, -2], [0, 0]], [[-2], [-1]])  # zero at -2.98e-8
-    design = obsdesign.design(asked)
+    problem = unknown_input_problem(A, [[2, -2], [0, 0]], [[-2], [-1]])  # zero at -2.98e-8
+    design = obsdesign.design(problem)
     bounds = next(c for c in design.claims if c.id == "rounding").evidence["bounds"]
-    assert 1e-10 < max(bounds.values()) < equations.LASTING
+    assert 1e-10 < max(bounds.values()) < equations.LASTING_ERROR
     # the twin: as slow, but an F that is off by a hundredth of the zero
     false = design.gains["F"] * 1.01
-    assert verdicts(asked, design.gains | {"F": false})["rounding"] == "refuted"
+    assert verdicts(problem, design.gains | {"F": false})["rounding"] == "refuted"
 
 
 @pytest.mark.parametrize("fast", [1e2, 1e6, 1e8])
 def test_a_false_gain_in_a_stiff_plant_is_refuted(fast: float) -> None:
-    asked = problem(np.diag([-1.0, -fast, -1.0]), [[0, 1, 0], [0, 0, 1]], [[0], [0], [1]])
-    design = obsdesign.design(asked)
+    problem = unknown_input_problem(
+        np.diag([-1.0, -fast, -1.0]), [[0, 1, 0], [0, 0, 1]], [[0], [0], [1]]
+    )
+    design = obsdesign.design(problem)
     gains, step = dict(design.gains), 1e-4
     slow = int(np.argmax(np.abs(gains["T"][:, 0])))
     H = gains["H"].copy()
     H[slow, 1] += step
-    assert verdicts(asked, gains | {"H": H})["rounding"] == "refuted"
-    assert set(verdicts(asked, gains).values()) == {"proved"}  # the twin
+    assert verdicts(problem, gains | {"H": H})["rounding"] == "refuted"
+    assert set(verdicts(problem, gains).values()) == {"proved"}  # the twin
     # and the claim is true: at rest with y = (0, 1), the false one is off for ever
     observer = type(from_design(design)).from_gains(gains | {"H": H})
     batch = observer.run_batch(0.1 * np.arange(400), np.tile([0.0, 1.0], (400, 1)), x=[0, 0, 1])
@@ -107,10 +109,10 @@ def test_units_of_the_states_change_no_verdict(seed: int, decades: int) -> None:
     kind = int(rng.integers(3))
     A = np.diag(np.diag(A)) if kind == 0 else np.tril(A) if kind == 1 else A
     s = 10.0 ** rng.choice([-decades, 0, decades], n)
-    one = obsdesign.investigate(problem(A, C, D))
-    two = obsdesign.investigate(problem(A * s[:, None] / s, C / s, D * s[:, None]))
-    assert one.verdict == two.verdict
-    assert [c.verdict for c in one.claims] == [c.verdict for c in two.claims]
+    plain = obsdesign.investigate(unknown_input_problem(A, C, D))
+    scaled = obsdesign.investigate(unknown_input_problem(A * s[:, None] / s, C / s, D * s[:, None]))
+    assert plain.verdict == scaled.verdict
+    assert [c.verdict for c in plain.claims] == [c.verdict for c in scaled.claims]
 
 
 CELL = (
@@ -121,17 +123,20 @@ CELL = (
 
 
 def test_units_hide_no_state_from_the_gain() -> None:
-    assert np.linalg.eigvals(obsdesign.design(problem(*CELL)).gains["F"]).real.max() < -0.1
-    placed = obsdesign.design(problem(*CELL, poles=[-3, -1.5]))
-    found = np.sort(np.linalg.eigvals(placed.gains["F"]).real)
-    np.testing.assert_allclose(found, [-3, -1.5], rtol=1e-8)
+    assert (
+        np.linalg.eigvals(obsdesign.design(unknown_input_problem(*CELL)).gains["F"]).real.max()
+        < -0.1
+    )
+    placed = obsdesign.design(unknown_input_problem(*CELL, poles=[-3, -1.5]))
+    poles = np.sort(np.linalg.eigvals(placed.gains["F"]).real)
+    np.testing.assert_allclose(poles, [-3, -1.5], rtol=1e-8)
     with pytest.raises(obsdesign.InputError, match=r"must give 2 poles \(n - q = 2"):
-        obsdesign.design(problem(*CELL, poles=[-3]))
+        obsdesign.design(unknown_input_problem(*CELL, poles=[-3]))
 
 
 def test_poles_that_grow_are_refuted() -> None:
-    assert obsdesign.investigate(problem(*CELL, poles=[1, -2])).verdict == "refuted"
-    assert obsdesign.investigate(problem(*CELL, poles=[-1, -2])).verdict == "proved"
+    assert obsdesign.investigate(unknown_input_problem(*CELL, poles=[1, -2])).verdict == "refuted"
+    assert obsdesign.investigate(unknown_input_problem(*CELL, poles=[-1, -2])).verdict == "proved"
 
 
 @pytest.mark.parametrize("units", [1.0, 1e-10, 1e10])
@@ -139,21 +144,21 @@ def test_the_rank_is_in_no_unit_of_the_states(units: float) -> None:
     s = np.array([1.0, units, 1.0])
     A = np.array([[-1, 1, 0], [1, -3, 0], [0, 0, -1.0]]) * s[:, None] / s
     D, C = np.array([[1.0], [1], [0]]) * s[:, None], np.array([[1, 0.3, 0], [1, -0.5, 0]]) / s
-    found = obsdesign.investigate(problem(A, C, D))
-    assert found.verdict == "proved"
-    assert found.claims[1].evidence["approx_margin"] > 0.1
+    outcome = obsdesign.investigate(unknown_input_problem(A, C, D))
+    assert outcome.verdict == "proved"
+    assert outcome.claims[1].evidence["approx_margin"] > 0.1
     # the twin: what cancels is refused in every unit, and said by how much
     C = np.array([[1, -1 + 1e-11, 0], [2, -2, 0]]) / s
-    refused = obsdesign.investigate(problem(A, C, D))
+    refused = obsdesign.investigate(unknown_input_problem(A, C, D))
     assert refused.verdict == "refuted"
     assert "C D cancels to" in refused.claims[0].evidence["witness"]["reason"]
 
 
 def test_the_first_state_is_checked() -> None:
     rng = np.random.default_rng(0)
-    asked = problem(*random_plant(rng, 5, 3, 2))
-    gains = dict(obsdesign.design(asked).gains)
+    problem = unknown_input_problem(*random_plant(rng, 5, 3, 2))
+    gains = dict(obsdesign.design(problem).gains)
     for change in (1e-4, 1e6):
         wrong = gains["first"] * (1 + change)
-        assert verdicts(asked, gains | {"first": wrong})["consistent"] == "refuted"
-    assert verdicts(asked, gains)["consistent"] == "proved"
+        assert verdicts(problem, gains | {"first": wrong})["consistent"] == "refuted"
+    assert verdicts(problem, gains)["consistent"] == "proved"

@@ -37,7 +37,7 @@ def numbers(value: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]
 
 def test_every_number_of_gains_and_evidence_is_found_again() -> None:
     """Each by itself: another sign, another size; nothing of it is proved."""
-    seen = 0
+    count = 0
     for block in ("claims", "gains"):
         for path in numbers(written()[block]):
             for change in (lambda v: -v - 0.5, lambda v: v * 1.5 + 1e-3):
@@ -47,8 +47,8 @@ def test_every_number_of_gains_and_evidence_is_found_again() -> None:
                     place = place[key]
                 place[path[-1]] = change(place[path[-1]])
                 assert verdict(body) != "proved", (block, path)
-                seen += 1
-    assert seen > 100
+                count += 1
+    assert count > 100
 
 
 def test_the_file_as_written_is_proved() -> None:

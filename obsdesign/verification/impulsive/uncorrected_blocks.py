@@ -1,10 +1,11 @@
-"""What no window is needed for: blocks that decay by themselves, and the quadratic strategy."""
+"""Blocks of the error that decay without correction; the quadratic strategy."""
 
 from __future__ import annotations
 
 import itertools
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,8 @@ from lmi.verdict import Verdict, proved, refuted, undecided
 from obsdesign.analysis.hidden_modes import hidden_pair
 from obsdesign.document import Claim
 from obsdesign.equations.estimation_error import seen_before_jump
-from obsdesign.equations.impulsive.gains import factor_left_alone
+from obsdesign.equations.impulsive.formulas import uncorrected_factor
+from obsdesign.equations.impulsive.gains import ImpulsiveGains
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.dwell import Dwell, dwell_stability
 from obsdesign.verification.impulsive.rate import Bound, in_balls, quadratic_bound
@@ -29,19 +31,33 @@ _SOURCES = {
 }
 
 
-def alone(
+@dataclass(frozen=True)
+class BlockDecay:
+    """V = x'P x of a block falls by factor^2 per impulse."""
+
+    P: Any
+    factor: float
+
+    @classmethod
+    def from_evidence(cls, evidence: Mapping[str, Any]) -> BlockDecay | None:
+        """From the evidence of a claim that a block decays; None without a P."""
+        if "P" not in evidence:
+            return None
+        return cls(np.asarray(evidence["P"], dtype=np.float64), evidence["factor"])
+
+
+def block_decay(
     name: str,
     pair: tuple[Exact, Exact],
     dwell: Dwell,
-    certificates: Mapping[str, Mapping[str, Any]],
+    certificate: Mapping[str, Any],
+    *,
     paranoid: bool,
     rate: float,
 ) -> Claim:
-    """The block "hidden" or "rest" decays for all spacings, with a margin."""
+    """Claim that the block "hidden" or "rest" decays for all spacings, with a margin."""
     F, H = pair
-    factor = factor_left_alone(rate, dwell.high)
-    identity = f"{name}_decays"
-    certificate = certificates.get(identity, {})
+    factor = uncorrected_factor(rate, dwell.high)
     smaller = certificate.get("factor")
     if isinstance(smaller, float) and 0 < smaller < factor:
         factor = smaller
@@ -51,7 +67,7 @@ def alone(
     verdict = Verdict(verdict.outcome, {**verdict.evidence, "factor": factor})
     what = "that no measurement sees" if name == "hidden" else "that nothing corrects"
     return Claim(
-        identity,
+        f"{name}_decays",
         f"the part of the error {what} ({len(F)} of the coordinates of basis) shrinks to "
         f"{factor:.9g} or less per impulse, in the norm of one P, for all spacings in "
         f"{dwell}",
@@ -62,14 +78,14 @@ def alone(
 
 
 def _without_margin(verdict: Verdict, F: Exact, H: Exact, dwell: Dwell) -> Verdict:
-    """A witness against the margin; only one against decay itself refutes."""
+    """Refute only by a witness against decay itself; one against the margin leaves it open."""
     plain = dwell_stability(F, H, dwell, {}, False)
     if plain.outcome == "refuted":
         witness = dict(plain.evidence.get("witness", {}))
         modes = np.linalg.eigvals(_float(F))
         worst = modes[np.argmax(modes.real)]
-        told = f"{witness.get('reason', '')}; its flow has the mode {worst:.6g}"
-        return refuted({**witness, "reason": f"it does not decay by itself: {told}"})
+        text = f"{witness.get('reason', '')}; its flow has the mode {worst:.6g}"
+        return refuted({**witness, "reason": f"it does not decay by itself: {text}"})
     return undecided("it decays too slowly, if at all", **verdict.evidence)
 
 
@@ -78,18 +94,18 @@ def _float(X: Exact) -> Any:
 
 
 def quadratic_claims(
-    problem: Problem, numbers: Mapping[str, Any], certificates: Any, paranoid: bool
+    problem: Problem, gains: ImpulsiveGains, certificates: Any, paranoid: bool
 ) -> tuple[list[Claim], Bound | None]:
-    """One P for all spacings, gains by cells of the last spacing; and the bound that follows."""
+    """Claims of one P for all spacings, gains by cells of the last one; and their bound."""
     dwell, ends = Dwell.of(problem), problem.require_dwell_time()
-    C = seen_before_jump(numbers["G"], numbers["C"], numbers["jump_measurement"])
+    plant = _ExactPlant.from_gains(gains)
     certificate = certificates.get("contracting", {})
     P, gamma = _matrix(certificate.get("P"), problem.plant.n), certificate.get("gamma")
     if P is None or not isinstance(gamma, float) or not 0 < gamma < 1:
         verdict = undecided("no P was found for which a gain contracts at every spacing")
     else:
-        verdict = _contracting(numbers, C, P, gamma, ends)
-    found = [Claim(
+        verdict = _contracting(plant, gains, P, gamma, ends)
+    claims = [Claim(
         "contracting",
         "in the norm of one P the error after an impulse is at most gamma of that after the "
         f"impulse before, for all spacings in {dwell}, with the gain of table for "
@@ -98,26 +114,36 @@ def quadratic_claims(
         verdict.outcome, verdict.evidence,
     )]  # fmt: skip
     if verdict.outcome == "proved" and P is not None and gamma is not None:
-        return found, _bound(numbers, C, P, float(gamma), ends)
+        return claims, _bound(plant, gains, P, float(gamma), ends)
     # no gain at all helps against these
-    return [*_hopeless(numbers, C, dwell, certificates, paranoid), *found], None
+    return [*_obstructions(plant, dwell, certificates, paranoid), *claims], None
 
 
-def _hopeless(
-    numbers: Mapping[str, Any],
-    C: Exact,
-    dwell: Dwell,
-    certificates: Any,
-    paranoid: bool,
+@dataclass(frozen=True)
+class _ExactPlant:
+    """A, G and the output just before a jump, exactly."""
+
+    A: Exact
+    G: Exact
+    C: Exact
+
+    @classmethod
+    def from_gains(cls, gains: ImpulsiveGains) -> _ExactPlant:
+        A, G, C = exact(gains.A), exact(gains.jump_matrix), exact(gains.C)
+        return cls(A, G, seen_before_jump(G, C, gains.jump_measurement))
+
+
+def _obstructions(
+    plant: _ExactPlant, dwell: Dwell, certificates: Any, paranoid: bool
 ) -> list[Claim]:
-    """What would refute every observer: claims about what no measurement sees."""
-    found = []
-    pair = hidden_pair(numbers["A"], numbers["G"], C)
+    """Claims whose refutation refutes every observer: undetectable modes."""
+    claims = []
+    pair = hidden_pair(plant.A, plant.G, plant.C)
     if pair is not None:
         verdict = dwell_stability(*pair, dwell, certificates.get("hidden_decays", {}), paranoid)
         if verdict.outcome == "refuted":
             verdict = _without_margin(verdict, *pair, dwell)
-        found.append(Claim(
+        claims.append(Claim(
             "hidden_decays",
             f"what no measurement ever sees of the state (dimension {len(pair[0])}) decays",
             _SOURCES["hidden"], verdict.outcome, verdict.evidence,
@@ -128,29 +154,29 @@ def _hopeless(
         and len(hiding) == 1
         and dwell.low <= float(hiding[0]) <= dwell.high
     ):
-        verdict = check_hiding(numbers["A"], numbers["G"], C, float(hiding[0]))
-        found.append(Claim(
+        verdict = check_hiding(plant.A, plant.G, plant.C, float(hiding[0]))
+        claims.append(Claim(
             "detectable",
             "at no constant spacing does C miss a mode of the impulses and the flow between them "
             f"that has modulus 1 or more (residuals below {MARGIN:g} of their terms)",
             _SOURCES["hidden"], verdict.outcome, verdict.evidence,
         ))  # fmt: skip
-    return found
+    return claims
 
 
 def _contracting(
-    numbers: Mapping[str, Any], C: Exact, P: Any, gamma: float, ends: tuple[float, float]
+    plant: _ExactPlant, gains: ImpulsiveGains, P: Any, gamma: float, ends: tuple[float, float]
 ) -> Verdict:
-    cells, table = numbers["cells"], numbers["table"]
-    one = len(cells) == 2 and cells[0] == cells[1] == ends[0] == ends[1]
-    rising = bool(np.all(np.diff(cells) > 0))
-    if not one and not (rising and cells[0] <= ends[0] and cells[-1] >= ends[1]):
+    cells, table = gains.gain_cells, gains.gain_table
+    is_single = len(cells) == 2 and cells[0] == cells[1] == ends[0] == ends[1]
+    is_rising = bool(np.all(np.diff(cells) > 0))
+    if not is_single and not (is_rising and cells[0] <= ends[0] and cells[-1] >= ends[1]):
         return refuted({"entry": "gains.cells", "reason": "the cells do not cover the range"})
     boxes = 0
     for (start, end), L in zip(itertools.pairwise(cells.tolist()), table, strict=True):
-        H = numbers["G"] + exact(L) @ C
+        H = plant.G + exact(L) @ plant.C
         sides = max(start, ends[0]), min(end, ends[1])
-        verdict = prove_common(numbers["A"], H, P, *sides, form="after_jump", gamma=gamma)
+        verdict = prove_common(plant.A, H, P, *sides, form="after_jump", gamma=gamma)
         if verdict.outcome != "proved":
             return verdict
         boxes += int(verdict.evidence.get("boxes", 0))
@@ -158,15 +184,15 @@ def _contracting(
 
 
 def _bound(
-    numbers: Mapping[str, Any], C: Exact, P: Any, gamma: float, ends: tuple[float, float]
+    plant: _ExactPlant, gains: ImpulsiveGains, P: Any, gamma: float, ends: tuple[float, float]
 ) -> Bound:
-    """From the error after an impulse to the one before the next, and back."""
-    unit = identity_like(numbers["A"])
+    """From the error after an impulse to the error before the next, and back."""
+    unit = identity_like(plant.A)
     with in_balls():
-        flow = norm_over(unit, numbers["A"], unit, *ends)
-        gain = norm_of(numbers["G"])
-        for L in numbers["table"]:
-            gain = gain.max(norm_of(numbers["G"] + exact(L) @ C))
+        flow = norm_over(unit, plant.A, unit, *ends)
+        gain = norm_of(plant.G)
+        for L in gains.gain_table:
+            gain = gain.max(norm_of(plant.G + exact(L) @ plant.C))
         bound = quadratic_bound(P, gamma).scaled(flow * gain / number(gamma))
         return Bound(bound.constant.max(number(1.0)), bound.factor)
 
@@ -176,5 +202,5 @@ def _matrix(values: Any, n: int) -> Any:
         P = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError):
         return None
-    good = P.shape == (n, n) and bool(np.isfinite(P).all()) and np.array_equal(P, P.T)
-    return P if good and not math.isinf(float(np.abs(P).max())) else None
+    is_valid = P.shape == (n, n) and bool(np.isfinite(P).all()) and np.array_equal(P, P.T)
+    return P if is_valid and not math.isinf(float(np.abs(P).max())) else None
