@@ -18,7 +18,8 @@ from lmi.prove.common_matrix import prove_common
 from lmi.prove.hurwitz import prove_hurwitz
 from lmi.refute.spectral import refute_spectral
 from obsdesign.equations.interval import splits as equations
-from obsdesign.equations.interval.width import periodic_width, width_system_of
+from obsdesign.equations.interval.gains import IntervalGains
+from obsdesign.equations.interval.width import WidthSystem, periodic_width
 from obsdesign.runtime.interval.observer import IntervalObserver
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -60,7 +61,7 @@ def pair(name: str) -> tuple[np.ndarray, np.ndarray]:
 
 def inputs(design: obsdesign.Design) -> tuple[np.ndarray, np.ndarray]:
     """(f, h) of the width system."""
-    system = width_system_of(design.gains)
+    system = WidthSystem.from_gains(IntervalGains.from_document(design.gains))
     return system.f, system.h
 
 

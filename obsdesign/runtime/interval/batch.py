@@ -35,7 +35,7 @@ class Columns:
     jump: NDArray[np.bool_]
 
     @staticmethod
-    def of(
+    def from_record(
         t: ArrayLike,
         y: ArrayLike | None,
         u: ArrayLike | None,
@@ -55,14 +55,14 @@ class Columns:
                 )
             return array.reshape(len(times), -1)
 
-        seen = table(y)
+        measured = table(y)
         jumps = np.zeros(len(times), bool) if jump is None else np.asarray(jump, dtype=bool)
         if len(jumps) != len(times):
             raise ValueError(
                 f"every array must have {len(times)} rows, as t has; got {len(jumps)}."
             )
         missing = np.full((len(times), 1), np.nan)
-        return Columns(times, missing if seen is None else seen, table(u), table(w), jumps)
+        return Columns(times, missing if measured is None else measured, table(u), table(w), jumps)
 
     def sample(self, row: int) -> Sample:
         """One row; NaN in y marks a missing sample."""
@@ -103,7 +103,7 @@ class Stretch:
 
 
 def stretch(kernel: Kernel, box: Matrix, y0: Matrix, y1: Matrix, u: Matrix) -> Stretch:
-    """As many rows as the kernel explains: those before an objection, an overflow, crossed bounds.
+    """Rows that the kernel explains: those before an objection, an overflow or crossed bounds.
 
     y0, y1: (rows, p) measurements at the start and the end of each step; u: (rows, m) inputs that
     hold over it.

@@ -1,12 +1,12 @@
 """Bounds since a sample on the period or a jump, whatever rows came between.
 
-What is claimed of the width is about samples a period apart and jumps between them:
+Claims about the width are about samples a period apart and jumps between them:
 r+ = |K e^{A h}| r + ..., K = I - L C, and r+ = |G e^{A s}| r + ... at jumps. Rows in between, off
 the period or without a sample, make two steps of one, and |K e^{A (h - s)}| |e^{A s}| is at least
-|K e^{A h}|, often more. So beside the box of such a row the
-observer keeps the radius at the last sample on the period (or jump), and makes the whole step from
-there as well: what both share is no wider than without the rows between. The centre goes from row
-to row, as inputs may change there, and its rounding is bounded beside.
+|K e^{A h}|, often more. So in addition to the box of such a row the observer keeps the radius at
+the last sample on the period (or jump), and makes the whole step from there as well: the
+intersection of both is no wider than without the rows between. The centre goes from row to row, as
+inputs may change there, and its rounding is bounded separately.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from obsdesign.runtime.interval.state import Course, IntervalState
 
 
 def course_of(state: IntervalState, t: float, latest: float) -> Course:
-    """The course that a row at t is on; latest: how long one lasts, since nothing is claimed later.
+    """The course of a row at t; latest: how long one lasts, since nothing is claimed later.
 
     It begins at the state itself where none has begun.
     """
@@ -36,8 +36,8 @@ def advanced(
 ) -> tuple[Course, Vector]:
     """The course and its box at time t; y: a measurement there that ends it, used by the box."""
     size = max(abs(t), abs(state.t))
-    one = kernels.at(t - state.t, size)["path" if y is None else "sampled path"]
-    path = one.rows.dot(one.vector(course.path, None, y, state.u))
+    path_kernel = kernels.at(t - state.t, size)["path" if y is None else "sampled path"]
+    path = path_kernel.rows.dot(path_kernel.vector(course.path, None, y, state.u))
     whole = kernels.at(t - course.since, max(size, abs(course.since)))
     chosen = whole["none" if y is None else "sampled"]
     n, nothing = chosen.n, np.zeros_like(state.u)

@@ -12,7 +12,7 @@ gives
 Rounding: |float(a'v) - a'v| <= gamma |a|'|v|. What is added on the radius side, or on the outer
 side of a bound, covers it, what the enclosure of the maps is off by, and itself.
 
-The kernels of an interval observer: one set for each length of a step, and those of jumps.
+`StepKernels` has one set of kernels for each length of a step, and those of jumps.
 """
 
 from __future__ import annotations
@@ -22,12 +22,13 @@ from collections import OrderedDict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from lmi.arithmetic.enclosure import TINY, UNIT, Enclosure, Matrix, raised
+from obsdesign.equations.interval.gains import IntervalGains
 from obsdesign.runtime.base import MODERATE, Vector, vector
 from obsdesign.runtime.interval.maps import (
     BoxMap,
@@ -38,7 +39,7 @@ from obsdesign.runtime.interval.maps import (
     jump_maps,
     sampled,
 )
-from obsdesign.runtime.interval.model import Model, exactly, model, size
+from obsdesign.runtime.interval.model import Model, exactly, observer_model, size
 from obsdesign.runtime.interval.state import Course, IntervalState, shared_box
 from obsdesign.runtime.step_cache import shared_step
 
@@ -120,7 +121,7 @@ def path_kernel(step: BoxMap, p: int) -> Kernel:
         return Kernel(rows, n, p, 0, _blank(n, columns), n + columns)
 
 
-def kernel(model: Model, step: BoxMap, predicted: BoxMap, C: Matrix, strips: bool) -> Kernel:
+def kernel(model: Model, step: BoxMap, predicted: BoxMap, C: Matrix, *, strips: bool) -> Kernel:
     """The kernel of a step; predicted: the same step without y1.
 
     C: in the coordinates of the plant. strips: intersect with |C x - y1| <= V and the prediction.
@@ -218,29 +219,37 @@ def _strip_ends(box: _Rows, C: Matrix, V: Matrix, y_end: Matrix) -> list[Matrix]
     With several outputs, which cost a reduction anyway, the prediction as a whole comes first.
     """
     whole = _ends(box)
-    found = [whole] if len(C) > 1 else []
+    candidates = [whole] if len(C) > 1 else []
     n = len(box.g)
     for i in range(len(C)):
         ends = whole.copy()
         for j in np.flatnonzero(C[i]):
             others = C[i].copy()
             others[j] = 0.0
-            rest = box.times(exactly(-others[None]), exactly(y_end[i][None]))
+            term = box.times(exactly(-others[None]), exactly(y_end[i][None]))
             scale = abs(1.0 / C[i, j])
             if not np.isfinite(scale):
                 continue
-            X = rest.X.scaled(1.0 / C[i, j], UNIT * scale)
-            R = raised(rest.R * scale, 2)
-            g = raised((rest.g + V[i]) * scale, 4)
+            X = term.X.scaled(1.0 / C[i, j], UNIT * scale)
+            R = raised(term.R * scale, 2)
+            g = raised((term.g + V[i]) * scale, 4)
             pair = _ends(_Rows(X, R, g))
             if np.isfinite(pair).all():
                 ends[j], ends[n + j] = pair
-        found.append(ends)
-    return found
+        candidates.append(ends)
+    return candidates
 
 
 # step lengths as they come, before rounding: a few dozen differences of decimal time stamps
 _RECENT = 1024
+
+
+class JumpSample(NamedTuple):
+    """What a sample says at a jump; is_off_period: it is early, and claims do not count it."""
+
+    y: Vector | None
+    w: ArrayLike | None
+    is_off_period: bool
 
 
 class StepKernels:
@@ -251,11 +260,11 @@ class StepKernels:
     `Course` "path" and "sampled path".
     """
 
-    def __init__(self, gains: Mapping[str, Any]) -> None:
+    def __init__(self, gains: IntervalGains) -> None:
         self.gains = gains
-        self.periodic = "period" in gains
+        self.is_periodic = gains.is_periodic
         self._steps: OrderedDict[tuple[float, int], dict[str, Kernel]] = OrderedDict()
-        self._jumped: OrderedDict[tuple[float, int], tuple[Matrix, Matrix]] = OrderedDict()
+        self._jump_spreads: OrderedDict[tuple[float, int], tuple[Matrix, Matrix]] = OrderedDict()
         self._recent: dict[tuple[float, int], dict[str, Kernel]] = {}
         # (length as it comes, exponent of the later time) -> the kernel of a sample there, in parts
         self.usual: dict[tuple[float, int], tuple[Any, ...]] = {}
@@ -264,23 +273,23 @@ class StepKernels:
     def model(self) -> Model:
         """The plant in the observer's coordinates, enclosed."""
         with np.errstate(over="ignore", invalid="ignore"):
-            return model(self.gains)
+            return observer_model(self.gains)
 
     def at(self, h: float, size: float) -> dict[str, Kernel]:
         """For a step of about h between time stamps of magnitude `size`."""
         key = (h, math.frexp(size)[1])
-        found = self._recent.get(key)
-        if found is None:
+        kernels = self._recent.get(key)
+        if kernels is None:
             if len(self._recent) >= _RECENT:
                 self._recent.clear()
                 self.usual.clear()
-            found = shared_step(self._steps, h, size, self._built)
-            self._recent[key] = found
-            if self.periodic:
-                chosen = found["sampled"]
+            kernels = shared_step(self._steps, h, size, self._built)
+            self._recent[key] = kernels
+            if self.is_periodic:
+                chosen = kernels["sampled"]
                 if chosen.moderate:
                     self.usual[key] = (chosen.rows, chosen.blank, *chosen.parts())
-        return found
+        return kernels
 
     @cached_property
     def still(self) -> Mapping[str, Kernel]:
@@ -293,59 +302,58 @@ class StepKernels:
         with np.errstate(over="ignore", invalid="ignore"):
             maps = jump_maps(self.model, self.gains)
         return {
-            corrected: kernel(self.model, step, step, self.gains["C"], False)
+            corrected: kernel(self.model, step, step, self.gains.C, strips=False)
             for corrected, step in maps.items()
         }
 
     def after_jump(
-        self, step: Mapping[str, Kernel], out: Vector, state: IntervalState, y: Vector | None,
-        w: ArrayLike | None, off: bool, course: Course | None,
+        self, step: Mapping[str, Kernel], out: Vector, state: IntervalState, jump: JumpSample,
+        course: Course | None,
     ) -> tuple[Kernel, Vector]:  # fmt: skip
         """The result after a jump, from `out` just before it; `step`: the kernels that led there.
 
         With samples as events: the sample and the jump, one after the other, then cut with the
-        jump corrected by M. off: the sample is off the period. course: up to the jump, as long as
-        no sample ended it.
+        jump corrected by M. course: up to the jump, as long as no sample ended it.
         """
-        if "G" not in self.gains:
+        gains = self.gains
+        if gains.G is None:
             raise ValueError("this plant has no jumps ([jump] is absent), but a sample says jump.")
-        inputs = self.gains["E"].shape[1] if "E" in self.gains else 0
-        known = np.zeros(inputs) if w is None else vector(w, inputs, "w")
-        when = self.gains["jump_measurement"]
-
-        def jumped(box: Vector, measured: bool) -> tuple[Kernel, Vector]:
-            k = self.jumps[measured]
-            return k, k.rows.dot(k.vector(box, None, y if measured else None, known))
-
+        inputs = 0 if gains.E is None else gains.E.shape[1]
+        known = np.zeros(inputs) if jump.w is None else vector(jump.w, inputs, "w")
         n2 = len(state.box)
-        use = y is not None and when != "none"
-        if not self.periodic:
-            return jumped(out[:n2], use)
-        k, after = jumped(out[:n2], False)
+        uses_sample = jump.y is not None and gains.jump_measurement != "none"
+        if not self.is_periodic:
+            return self._jumped(out[:n2], known, jump.y if uses_sample else None)
+        k, after = self._jumped(out[:n2], known, None)
         if course is not None:
             k, after = self.shared(k, after, [self._after_course(course, known)], state.u)
-        if not use:
+        if not uses_sample:
             return k, after
-        if when == "after":
+        if gains.jump_measurement == "after":
             k, free = self.still["sampled"], after
-            after = k.rows.dot(k.vector(free[:n2], None, y, state.u))
-            if off:
+            after = k.rows.dot(k.vector(free[:n2], None, jump.y, state.u))
+            if jump.is_off_period:
                 k, after = self.shared(k, after, [free[:n2]], state.u)
-        if np.any(self.gains["M"]):
+        if np.any(gains.M):
             plain = step["none"]
             before = plain.rows.dot(plain.vector(state.box, state.y, None, state.u))
-            _, other = jumped(before[:n2], True)
-            box = shared_box(after[:n2], other[:n2], k.n)
+            _, corrected = self._jumped(before[:n2], known, jump.y)
+            box = shared_box(after[:n2], corrected[:n2], k.n)
             k = self.still["none"]
             after = k.rows.dot(k.vector(box, None, None, state.u))
         return k, after
+
+    def _jumped(self, box: Vector, known: Vector, y: Vector | None) -> tuple[Kernel, Vector]:
+        """The result of a jump from a box just before it, corrected by M if y is there."""
+        k = self.jumps[y is not None]
+        return k, k.rows.dot(k.vector(box, None, y, known))
 
     def _after_course(self, course: Course, known: Vector) -> Vector:
         """The box after a jump that ends a course."""
         path = self._jump_path.rows.dot(self._jump_path.vector(course.path, None, None, known))
         n, t = len(course.radius), course.now
         size = max(abs(t), abs(course.since))
-        R, g = shared_step(self._jumped, t - course.since, size, self._flow_and_jump)
+        R, g = shared_step(self._jump_spreads, t - course.since, size, self._flow_and_jump)
         reach = raised(R @ course.radius + g, 2 * n)
         return np.concatenate([raised(reach + path[:n], 1), path[n:]])
 
@@ -354,7 +362,7 @@ class StepKernels:
 
     @cached_property
     def _jump_path(self) -> Kernel:
-        return path_kernel(jump_maps(self.model, self.gains)[False], len(self.gains["C"]))
+        return path_kernel(jump_maps(self.model, self.gains)[False], self.gains.p)
 
     def shared(
         self, chosen: Kernel, used: Vector, boxes: Sequence[Vector], u: Vector
@@ -380,19 +388,20 @@ class StepKernels:
         with np.errstate(over="ignore", invalid="ignore"):  # overflow shows as infinite radii
             if h == 0.0:
                 maps = {"none": identity_map(plant)}
-            elif self.periodic:
+            elif self.is_periodic:
                 maps = {"none": free_map(plant, h, h_error)}
             else:
                 maps = flow_maps(plant, h, h_error)
-            if self.periodic:
+            if self.is_periodic:
                 maps["sampled"] = sampled(plant, maps["none"], h, h_error)
         built = {name: self._kernel(name, maps) for name in maps}
-        if self.periodic:
-            p = len(self.gains["C"])
+        if self.is_periodic:
+            p = self.gains.p
             built["path"] = path_kernel(maps["none"], p)
             built["sampled path"] = path_kernel(maps["sampled"], p)
         return built
 
     def _kernel(self, name: str, maps: Mapping[str, BoxMap]) -> Kernel:
         predicted = maps["start" if name == "start" else "none"]
-        return kernel(self.model, maps[name], predicted, self.gains["C"], name == "sampled")
+        strips = name == "sampled"
+        return kernel(self.model, maps[name], predicted, self.gains.C, strips=strips)

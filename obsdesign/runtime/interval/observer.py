@@ -27,11 +27,11 @@ Step and sample are one map, of which the absolute value is taken, K = I - L C:
 (`lmi.arithmetic.exponential.absolute_flow`); what is reported is also cut with |C x - y| <= V and
 the prediction. What is claimed of the width is about samples a period apart, and one off the period
 (early, or at a jump) may widen. So of such a sample and of its absence the better is kept, as a
-box, and the step over the whole period is made besides (`interval_course`): r+ is then at most what
+box, and the step over the whole period is made besides (`course`): r+ is then at most what
 it would be without the rows between.
 
 All of it is linear in (m, y, u, 1) and (r, 1): one matrix per step size, cached
-(`interval_steps`, `interval_kernel`). Matrices are enclosed; what they may be off by, and the
+(`maps`, `kernel`). Matrices are enclosed; what they may be off by, and the
 rounding of the step itself, go into the radius.
 """
 
@@ -40,6 +40,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from enum import Enum
 from functools import cached_property
 from math import frexp
 from typing import Any, ClassVar
@@ -48,6 +49,7 @@ import numpy as np
 from numpy import absolute, maximum, ndarray
 from numpy.typing import ArrayLike
 
+from obsdesign.equations.interval.gains import IntervalGains
 from obsdesign.runtime.base import (
     MODERATE,
     Batch,
@@ -55,19 +57,16 @@ from obsdesign.runtime.base import (
     Estimate,
     Sample,
     Vector,
-    columns_read,
     first_time,
     later,
     optional_measurement,
-    require_gains,
-    require_shapes,
     vector,
 )
 from obsdesign.runtime.bound_observer import BoundObserver
 from obsdesign.runtime.interval.batch import Columns, Stretch, stretch
 from obsdesign.runtime.interval.clock import SampleClock
 from obsdesign.runtime.interval.course import advanced, course_of
-from obsdesign.runtime.interval.kernel import Kernel, StepKernels
+from obsdesign.runtime.interval.kernel import JumpSample, Kernel, StepKernels
 from obsdesign.runtime.interval.state import Course, IntervalState, first_box
 from obsdesign.runtime.step_cache import shared_length
 
@@ -76,32 +75,39 @@ _ONE_OUTPUT = (1,)
 _FEWEST_ROWS, _MOST_ROWS = 16, 4096
 
 
+# the event of a jump, beside those of objections
+JUMP = "jump"
+
+
+class BoundsFault(Enum):
+    """Bounds that a step cannot report as they are; the value is the status message."""
+
+    OVERFLOWED = "bounds overflowed"
+    CROSSED = "bounds crossed"  # which refutes the bounds of the step before
+
+
 @dataclass(frozen=True)
 class IntervalObserver(BoundObserver[IntervalState]):
     """Executes a design of kind `interval`."""
 
-    gains: Mapping[str, Any]
+    gains: IntervalGains
     finds_events: ClassVar[bool] = True
     event_names: ClassVar[tuple[str, ...]] = ("t", "event")
 
     @classmethod
     def from_gains(cls, gains: Mapping[str, Any]) -> IntervalObserver:
         """The observer of a design's `gains`; ValueError if they do not fit each other."""
-        two = gains.get("form") == "two_coordinates"
-        squares = ("D0", "D1", *(name for name in ("S", "S2", "T") if name in gains))
-        require_gains(gains, squares, () if two else ("Gp", "Gn"))
-        require_shapes(gains, {"noise_bound": np.shape(gains["C"])[:1]})
-        return cls(gains)
+        return cls(IntervalGains.from_document(gains))
 
     @cached_property
     def n(self) -> int:
         """Number of states."""
-        return len(self.gains["A"])
+        return self.gains.n
 
     @cached_property
     def reads(self) -> dict[str, int | bool]:
         """How many y, u, w a sample has, and whether jumps are reported."""
-        return columns_read(self.gains)
+        return self.gains.columns
 
     def init(self, t: float = 0.0, *, lower: ArrayLike, upper: ArrayLike) -> IntervalState:
         """State at time t from bounds of x(t), before the first sample and its jump.
@@ -113,12 +119,12 @@ class IntervalObserver(BoundObserver[IntervalState]):
         return IntervalState(now, box, inputs, None, guard, False, now)
 
     def reset(self, state: IntervalState, *, lower: ArrayLike, upper: ArrayLike) -> IntervalState:
-        """The same instant with new bounds of x(t): ends what a refuted state says of itself.
+        """The same instant with new bounds of x(t): ends the refutation of a state.
 
         Inputs and the time of the last jump are kept. ValueError as for `init`.
         """
         box = first_box(self._kernels.model, self.n, lower, upper)
-        return state._replace(box=box, lost="", course=None)
+        return state._replace(box=box, refutation="", course=None)
 
     def step(self, state: IntervalState, sample: Sample) -> tuple[IntervalState, Estimate]:
         """Move to the time of the sample, use it, and jump if it says so.
@@ -129,79 +135,82 @@ class IntervalObserver(BoundObserver[IntervalState]):
             return usual
         t = later(sample.t, state.t, state.started)
         y = optional_measurement(sample.y, self._p)
-        seen = y if not sample.jump or self._clock.when == "before" else None
+        before_jump = y if not sample.jump or self._measured_before_jumps else None
         kernels = self._kernels.at(t - state.t, max(abs(t), abs(state.t)))
-        chosen = kernels[self._mode(state, seen, t)]
+        chosen = kernels[self._mode(state, before_jump, t)]
         with np.errstate(over="ignore", invalid="ignore"):
-            out = chosen.rows.dot(chosen.vector(state.box, state.y, seen, state.u))
-            objections = [] if seen is None else chosen.implausible(out)
-            off = y is not None and self._clock.off_period(state, t)
-            boxes, course = self._besides(kernels, state, t, seen, off)
+            out = chosen.rows.dot(chosen.vector(state.box, state.y, before_jump, state.u))
+            contradictions = [] if before_jump is None else chosen.implausible(out)
+            off = y is not None and self._clock.is_off_period(state, t)
+            boxes, course = self._further_boxes(kernels, state, t, before_jump, off)
             if boxes:
                 chosen, out = self._kernels.shared(chosen, out, boxes, state.u)
             if sample.jump:
-                chosen, out = self._kernels.after_jump(
-                    kernels, out, state, y, sample.w, off, course
-                )
+                jump = JumpSample(y, sample.w, off)
+                chosen, out = self._kernels.after_jump(kernels, out, state, jump, course)
                 course = None
         guard, late = state.guard.after(t, sample.jump)
-        if late:
-            objections.append(late)
-        objections += self._clock.objections(state, sample, y, t)
-        box, bounds, fatal = self._results(chosen, out)
-        objections += fatal
-        lost = state.lost or _refuting(t, objections)
-        if state.lost:
-            objections.append(state.lost)
-        u = state.u if sample.u is None else vector(sample.u, len(state.u), "u")
-        usable = y if not sample.jump or self._clock.when == "after" else None
+        timing = [late] if late else []
+        timing += self._clock.objections(state, sample, y, t)
+        box, bounds, fault = self._results(chosen, out)
+        objections = [*contradictions, *timing, *([fault.value] if fault else [])]
+        if fault is BoundsFault.CROSSED:
+            contradictions = [*contradictions, fault.value]
+        refutation = state.refutation
+        if refutation:
+            objections.append(refutation)
+        elif contradictions:
+            refutation = f"void since time {t:.9g} ({contradictions[0]})"
         following = IntervalState(
-            t, box, u, usable, guard, True, state.sampled if y is None else t, lost,
-            state.phase if y is None or off else t,
-            bool(out[2 * self.n + 2 * self._p] < MODERATE), course,
+            t=t, box=box,
+            u=state.u if sample.u is None else vector(sample.u, len(state.u), "u"),
+            y=y if not sample.jump or self._measured_after_jumps else None,
+            guard=guard, started=True, sampled=state.sampled if y is None else t,
+            refutation=refutation, phase=state.phase if y is None or off else t,
+            moderate=bool(out[2 * self.n + 2 * self._p] < MODERATE), course=course,
         )  # fmt: skip
         status = "; ".join(objections) if objections else "ok"
-        events = tuple((t, text) for text in (["jump"] if sample.jump else []) + objections)
+        events = tuple((t, text) for text in ([JUMP] if sample.jump else []) + objections)
         return following, Estimate(t, None, *bounds, events=events, status=status)
 
-    def _besides(
-        self, kernels: Mapping[str, Kernel], state: IntervalState, t: float, seen: Vector | None,
+    def _further_boxes(
+        self, kernels: Mapping[str, Kernel], state: IntervalState, t: float, y: Vector | None,
         off: bool,
     ) -> tuple[list[Vector], Course | None]:  # fmt: skip
         """Further boxes at t, the first that of the course, and the course itself."""
         if self._clock.period is None:
             return [], None
-        ends = seen is not None and not off
+        ends = y is not None and not off
         if ends and state.course is None:
             return [], None
         latest = self._latest + 4 * math.ulp(t)
         course, box = advanced(
-            self._kernels, course_of(state, t, latest), state, t, seen if ends else None
+            self._kernels, course_of(state, t, latest), state, t, y if ends else None
         )
         boxes = [box]
-        if off and seen is not None:
+        if off and y is not None:
             plain = kernels["none"]
             free = plain.rows.dot(plain.vector(state.box, None, None, state.u))
             boxes.append(free[: 2 * self.n])
         return boxes, None if ends else course
 
     def _usual(self, state: IntervalState, sample: Sample) -> tuple[IntervalState, Estimate] | None:
-        """The step of a sample that is in time, with nothing to object; None for any other.
+        """The step of a sample in time, without any objection; None for any other.
 
         One output and no inputs: written out, since most of its time is spent calling.
         """
         t, y, _, _, jump = sample
-        if jump or state.lost or type(y) is not ndarray or y.shape != _ONE_OUTPUT:
+        if jump or state.refutation or type(y) is not ndarray or y.shape != _ONE_OUTPUT:
             return None
         if state.course is not None:
             return None
-        found = self._quick.get((t - state.t, frexp(t)[1]))
-        if found is None or not t > state.t >= 0.0 or not -MODERATE < y.item() < MODERATE:
+        kernel = self._quick.get((t - state.t, frexp(t)[1]))
+        if kernel is None or not t > state.t >= 0.0 or not -MODERATE < y.item() < MODERATE:
             return None
         apart = t - state.phase
-        if not self._earliest <= apart <= self._latest and not self._clock.in_time(state, t):
+        if not self._earliest <= apart <= self._latest and not self._clock.is_in_time(state, t):
             return None
-        rows, blank, box, y_end, known, sizes, checks, one, two = found
+        rows, blank, box, y_end, known, sizes, checks, first, second = kernel
         v = blank.copy()
         v[box] = state.box
         v[y_end] = y
@@ -213,7 +222,7 @@ class IntervalObserver(BoundObserver[IntervalState]):
         guard = state.guard
         if guard.last_jump is not None and guard.after(t, False)[1]:
             return None
-        ends, n = maximum(out[one], out[two]), self.n
+        ends, n = maximum(out[first], out[second]), self.n
         following = IntervalState(t, out[box], state.u, v[y_end], guard, True, t, "", t, True)
         return following, Estimate(t, None, ends[:n], -ends[n:])
 
@@ -234,17 +243,17 @@ class IntervalObserver(BoundObserver[IntervalState]):
         those of `step` up to rounding, and hold as well.
         """
         state = self.init(first_time(np.ravel(t)), lower=lower, upper=upper)
-        record = Columns.of(t, y, u, w, jump)
+        record = Columns.from_record(t, y, u, w, jump)
         times = record.t
         lows, highs = np.empty((len(times), self.n)), np.empty((len(times), self.n))
         status = ["ok"] * len(times)
         ends = record.stretches()
         row = 0
         while row < len(times):
-            state, found = self._stretch(state, record, row, int(ends[row]))
-            if found is not None:
-                done = slice(row, row + len(found.lower))
-                lows[done], highs[done] = found.lower, found.upper
+            state, rows = self._stretch(state, record, row, int(ends[row]))
+            if rows is not None:
+                done = slice(row, row + len(rows.lower))
+                lows[done], highs[done] = rows.lower, rows.upper
                 row = done.stop
             if row < len(times):
                 state, estimate = self.step(state, record.sample(row))
@@ -263,10 +272,14 @@ class IntervalObserver(BoundObserver[IntervalState]):
             latest = state.guard.last_jump + state.guard.longest
             end = min(end, int(np.searchsorted(times, latest)))
         mode = "start" if self._clock.period is None else "sampled"
-        fits = state.started and not state.lost and state.course is None
+        fits = state.started and not state.refutation and state.course is None
         fits = fits and (mode == "sampled" or state.y is not None)
         first_t = float(times[row])
-        if end - row < _FEWEST_ROWS or not fits or not self._clock.admits_stretch(state, first_t):
+        if (
+            end - row < _FEWEST_ROWS
+            or not fits
+            or not self._clock.can_begin_stretch(state, first_t)
+        ):
             return state, None
         h = first_t - state.t
         length, half = shared_length(h, first_t)
@@ -279,18 +292,19 @@ class IntervalObserver(BoundObserver[IntervalState]):
         chosen = self._kernels.at(h, first_t)[mode]
         after, inputs = record.y[row:end], record.held(state.u, row, end)
         first = np.zeros(self._p) if state.y is None else state.y
-        found = stretch(chosen, state.box, np.vstack([first, after[:-1]]), after, inputs[:-1])
-        done = len(found.lower)
+        rows = stretch(chosen, state.box, np.vstack([first, after[:-1]]), after, inputs[:-1])
+        done = len(rows.lower)
         if done == 0:
             return state, None
         now = float(times[row + done - 1])
         following = IntervalState(
-            now, found.box, inputs[done], after[done - 1], state.guard, True, now, "", now
-        )
-        return following, found
+            t=now, box=rows.box, u=inputs[done], y=after[done - 1], guard=state.guard,
+            started=True, sampled=now, phase=now,
+        )  # fmt: skip
+        return following, rows
 
     def fleet_kernel(self, h: float, size: float, has_sample: bool) -> Kernel:
-        """The kernel of a step with a measurement at its end, for `interval_fleet`."""
+        """The kernel of a step with a measurement at its end, for a fleet."""
         mode = "sampled" if self._clock.period is not None else "start" if has_sample else "end"
         return self._kernels.at(h, size)[mode]
 
@@ -304,11 +318,19 @@ class IntervalObserver(BoundObserver[IntervalState]):
 
     @cached_property
     def _clock(self) -> SampleClock:
-        return SampleClock.of(self.gains)
+        return SampleClock.from_gains(self.gains)
 
     @cached_property
     def _p(self) -> int:
-        return len(self.gains["C"])
+        return self.gains.p
+
+    @cached_property
+    def _measured_before_jumps(self) -> bool:
+        return self.gains.jump_measurement == "before"
+
+    @cached_property
+    def _measured_after_jumps(self) -> bool:
+        return self.gains.jump_measurement == "after"
 
     @cached_property
     def _latest(self) -> float:
@@ -323,36 +345,27 @@ class IntervalObserver(BoundObserver[IntervalState]):
         """Can `_usual` do most of the steps?"""
         return self._clock.period is not None and self._p == 1 and not self.reads["u"]
 
-    def _mode(self, state: IntervalState, seen: Vector | None, t: float) -> str:
+    def _mode(self, state: IntervalState, y: Vector | None, t: float) -> str:
         if self._clock.period is not None:
-            return "none" if seen is None else "sampled"
+            return "none" if y is None else "sampled"
         if t == state.t:
             return "none"
         if state.y is not None:
             return "start"
-        return "none" if seen is None else "end"
+        return "none" if y is None else "end"
 
     def _results(
         self, chosen: Kernel, out: Vector
-    ) -> tuple[Vector, tuple[Vector, Vector], list[str]]:
-        """Box, bounds and what is wrong with them. Overflow leaves the only sound bounds: none."""
+    ) -> tuple[Vector, tuple[Vector, Vector], BoundsFault | None]:
+        """Box, bounds and their fault. Overflow leaves the only sound bounds: infinite ones."""
         n = self.n
         if not math.isfinite(out[2 * n + 2 * self._p]):
             nothing = np.full(n, np.inf)
-            return (
-                np.concatenate([nothing, np.zeros(n)]),
-                (-nothing, nothing),
-                ["bounds overflowed"],
-            )
+            box = np.concatenate([nothing, np.zeros(n)])
+            return box, (-nothing, nothing), BoundsFault.OVERFLOWED
         lower, upper = chosen.bounds(out)
         box = out[: 2 * n]
         if chosen.candidates > 1 and (lower > upper).any():
             whole = replace(chosen, candidates=1).bounds(out)
-            return box, (whole[0][:n], whole[1][:n]), ["bounds crossed"]
-        return box, (lower, upper), []
-
-
-def _refuting(t: float, objections: list[str]) -> str:
-    """What is said of all rows after one that refutes the bounds."""
-    found = [text for text in objections if "outside" in text or "crossed" in text]
-    return f"void since time {t:.9g} ({found[0]})" if found else ""
+            return box, (whole[0][:n], whole[1][:n]), BoundsFault.CROSSED
+        return box, (lower, upper), None

@@ -44,9 +44,9 @@ class _Program:
     def block(self, *shape: int) -> NDArray[np.int_]:
         """New variables."""
         count = math.prod(shape)
-        found = np.arange(self.size, self.size + count).reshape(shape)
+        variables = np.arange(self.size, self.size + count).reshape(shape)
         self.size += count
-        return found
+        return variables
 
     def below(self, terms: list[tuple[NDArray[np.int_], Matrix]], limit: float) -> None:
         """Sum of coefficients times variables <= limit."""
@@ -124,7 +124,7 @@ def _flow_rows(
     Delta: NDArray[np.int_], narrow: bool,
 ) -> None:  # fmt: skip
     n = len(task.A)
-    q = task.weights if narrow and not _at_jumps(task) else np.zeros(n)
+    q = task.weights if narrow and not _is_at_jumps(task) else np.zeros(n)
     for k in range(len(clock)):
         for i in range(n):
             for j in range(n):
@@ -145,8 +145,8 @@ def _flow_rows(
         margin = 0.0 if narrow else _MARGIN
         for j in range(n):
             terms = _column_sum(task, j, zeta[-1], U[:, -1], Delta[-1])
-            rest = float(np.abs(task.A).max()) * margin
-            program.below([*terms, (zeta[-1, j], np.array(rest))], -q[j])
+            room = float(np.abs(task.A).max()) * margin
+            program.below([*terms, (zeta[-1, j], np.array(room))], -q[j])
 
 
 def _jump_rows(
@@ -155,7 +155,7 @@ def _jump_rows(
 ) -> None:  # fmt: skip
     assert task.G is not None
     n = len(task.A)
-    q = task.weights if margin == 0 and _at_jumps(task) else np.zeros(n)
+    q = task.weights if margin == 0 and _is_at_jumps(task) else np.zeros(n)
     for i in range(n):
         for j in range(n):
             C = task.C_jump[:, j]
@@ -172,7 +172,7 @@ def _jump_rows(
             )  # fmt: skip
 
 
-def _at_jumps(task: Task) -> bool:
+def _is_at_jumps(task: Task) -> bool:
     """Is it the pre-jump width that counts? Where jumps may stay away, its average stands in."""
     return task.pre_jump and math.isfinite(task.high)
 
@@ -181,7 +181,7 @@ def _cost_rows(
     program: _Program, task: Task, clock: Matrix, low: float, zeta: NDArray[np.int_],
     U: NDArray[np.int_], Z: NDArray[np.int_], gamma: int,
 ) -> None:  # fmt: skip
-    """What enters V from jump to jump is at most gamma times the time between them."""
+    """Rows: the input to V from jump to jump is at most gamma times the time between them."""
     k = len(clock)
     noise = np.broadcast_to(2 * task.V, U.shape[2:])
     steps = np.diff(clock)
@@ -195,11 +195,11 @@ def _cost_rows(
         flow = [(zeta[i], share[i] * task.f0) for i in range(last + 1)] + [
             (U[s, i], share[i] * noise) for i in range(last + 1) for s in (0, 1)
         ]
-        per = 1.0 if _at_jumps(task) else clock[last]
+        per = 1.0 if _is_at_jumps(task) else clock[last]
         program.below([*flow, *kick, (np.array(gamma), np.array(-per))], 0.0)
     if task.G is None or math.isinf(task.high):
-        rest = [(zeta[-1], task.f0), (U[0, -1], noise), (U[1, -1], noise)]
-        program.below([*rest, (np.array(gamma), np.array(-1.0))], 0.0)
+        settled = [(zeta[-1], task.f0), (U[0, -1], noise), (U[1, -1], noise)]
+        program.below([*settled, (np.array(gamma), np.array(-1.0))], 0.0)
 
 
 def _bounds(

@@ -33,7 +33,7 @@ _ROUNDS, _FINE = 12, 800
 def proved_width(
     system: WidthSystem, approx: WidthSystem, low: float, high: float, vanishing: bool = False
 ) -> dict[str, Any] | None:
-    """What `propose_width` proposes for the float twin of an exact system, if it can be proved.
+    """Return the proposal of `propose_width` for the float twin of a system, if it is proved.
 
     vanishing: also where nothing enters and the width tends to zero, to show just that.
     """
@@ -42,19 +42,19 @@ def proved_width(
     W, f, N, h, out = (exact(X) for X in (system.W, system.f, *system.at_jumps, system.out))
     names = ("tube", "after_jump", "before_jump", "always")
     for room in _ROOMS:
-        found = propose_width(approx, low, high, vanishing, room)
-        if found is None:
+        certificate = propose_width(approx, low, high, vanishing, room)
+        if certificate is None:
             return None
-        tube = Tube(*(exact(found[name]) for name in names))
+        tube = Tube(*(exact(certificate[name]) for name in names))
         if prove_tube(W, f, N, h, out, tube, low, high).outcome == "proved":
-            return found
+            return certificate
     return None
 
 
 def propose_width(
     system: WidthSystem, low: float, high: float, vanishing: bool = False, share: float = ROOM
 ) -> dict[str, Any] | None:
-    """{"tube": (n,) in z, "after_jump", "before_jump", "always": (n,) in x}; None if none is found.
+    """{"tube": (n,) in z, "after_jump", "before_jump", "always": (n,) in x}; None without one.
 
     system: floats, with jumps; share: room for a strict proof, relative.
     Without disturbance and noise the width vanishes: None.
@@ -66,7 +66,7 @@ def propose_width(
     with np.errstate(all="ignore"):
         last = Edge(W, N, low, high).last
         thetas = np.unique(np.concatenate([np.linspace(low, last, _FINE), _graded(low, last)]))
-        flows, pushes = moved(W, f, thetas)
+        flows, pushes = width_flow(W, f, thetas)
         entering = pushes @ N.T + h
     scale = float(entering.max(initial=0.0)) or float(vanishing)
     if not (np.isfinite(flows).all() and np.isfinite(entering).all() and scale > 0):
@@ -74,8 +74,8 @@ def propose_width(
     v = least(N @ flows, entering, share * scale)
     if v is None:
         return None
-    until = np.concatenate([np.linspace(0.0, low, _FINE), thetas])
-    flows_all, pushes_all = moved(W, f, until)
+    grid = np.concatenate([np.linspace(0.0, low, _FINE), thetas])
+    flows_all, pushes_all = width_flow(W, f, grid)
     reached = (flows_all @ v + pushes_all) @ system.out.T
     if math.isinf(high):
         reached = np.vstack([reached, np.linalg.solve(-W, f) @ system.out.T])
@@ -101,7 +101,7 @@ def propose_limit(system: WidthSystem, vanishing: bool = False) -> dict[str, Any
     return {"tube": v.tolist(), "always": ((system.out @ v) * (1.0 + ROOM)).tolist()}
 
 
-def moved(W: Matrix, f: Matrix, thetas: Matrix) -> tuple[Matrix, Matrix]:
+def width_flow(W: Matrix, f: Matrix, thetas: Matrix) -> tuple[Matrix, Matrix]:
     """(e^{W theta}, int_0^theta e^{W s} ds f) at each theta: (k, n, n), (k, n)."""
     n = len(W)
     Z = np.zeros((n + 1, n + 1))

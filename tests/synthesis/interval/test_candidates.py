@@ -14,12 +14,13 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 
 import obsdesign
-from obsdesign.equations.interval.width import periodic_width, width_system_of
+from obsdesign.equations.interval.gains import IntervalGains
+from obsdesign.equations.interval.width import WidthSystem, periodic_width
 from obsdesign.runtime import from_design
 from obsdesign.synthesis.interval.descent import best_gains
 from obsdesign.synthesis.interval.goals import growth, mean_width, shortest
 from obsdesign.synthesis.interval.linear_program import clock_gains
-from obsdesign.synthesis.interval.task import task_of
+from obsdesign.synthesis.interval.task import Task
 from obsdesign.workflow import reason
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
@@ -34,7 +35,7 @@ def open_example(name: str, **asked: Any) -> obsdesign.Problem:
 
 
 def mean_of(design: obsdesign.Design, theta: float) -> float:
-    system = width_system_of(design.gains)
+    system = WidthSystem.from_gains(IntervalGains.from_document(design.gains))
     mean = periodic_width(system.W, system.N, system.f, system.h, theta)[2]
     return float((system.out @ mean).sum())
 
@@ -157,7 +158,7 @@ def random_task(rng: np.random.Generator, n: int) -> Any:
 @given(seed=st.integers(0, 2**32 - 1), n=st.integers(1, 4))
 def test_what_is_found_is_never_worse_than_no_gain(seed: int, n: int) -> None:
     problem = random_task(np.random.default_rng(seed), n)
-    task = task_of(problem, False, None, {})
+    task = Task.from_problem(problem, False, None, {})
     value, L, M = best_gains(task, "narrowest")
     zero = np.zeros_like(L)
     assert value <= mean_width(task, zero, zero) * (1 + 1e-6)
@@ -171,11 +172,13 @@ def test_the_task_measures_what_the_finished_gains_do(seed: int, n: int) -> None
     rng = np.random.default_rng(seed)
     problem = random_task(rng, n)
     S = rng.standard_normal((n, n)) + 2 * np.eye(n)
-    task = task_of(problem, False, S, {})
+    task = Task.from_problem(problem, False, S, {})
     L, M = rng.standard_normal((2, *task.limit_L.shape))
-    from obsdesign.synthesis.interval.forms import formed
+    from obsdesign.synthesis.interval.forms import gains_of_form
 
-    system = width_system_of(formed(problem, "coordinates", *task.gains(L, M), {"S": S}))
+    system = WidthSystem.from_gains(
+        gains_of_form(problem, "coordinates", *task.gains(L, M), {"S": S})
+    )
     rough = task.system(L, M)
     np.testing.assert_allclose(rough.W, system.W, atol=1e-9)
     np.testing.assert_allclose(rough.N, system.N, atol=1e-9)
@@ -185,7 +188,7 @@ def test_the_task_measures_what_the_finished_gains_do(seed: int, n: int) -> None
 def test_the_program_certifies_what_it_finds() -> None:
     # a feasible program at T means that its clock-dependent gains contract from T on; constant
     # ones are read off it, and those of 4.1 contract as well
-    task = task_of(open_example("degue_4_1", dwell_time=[0.75, "inf"]), False, None, {})
+    task = Task.from_problem(open_example("degue_4_1", dwell_time=[0.75, "inf"]), False, None, {})
     found = clock_gains(task, 0.75, 24, False)
     assert found is not None
     assert min(growth(task, L, M) for L, M in found) < 1
@@ -193,7 +196,7 @@ def test_the_program_certifies_what_it_finds() -> None:
 
 
 def test_shortest_is_where_the_radius_crosses_one() -> None:
-    task = task_of(open_example("degue_4_1", dwell_time=[1, "inf"]), False, None, {})
+    task = Task.from_problem(open_example("degue_4_1", dwell_time=[1, "inf"]), False, None, {})
     L, M = np.array([[0.0], [1]]), np.array([[1.0], [2.8]])
     theta = shortest(task, L, M)
     assert theta == pytest.approx(math.log(2), abs=1e-9)

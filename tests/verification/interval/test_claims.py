@@ -220,11 +220,11 @@ def test_a_spoilt_certificate_proves_nothing(spoil: Any) -> None:
     asked = problem()
     candidate = next(iter(synthesize(asked)))
     P = np.array(candidate.certificates["dwell_stability"]["P"])
-    good = claims(asked, candidate.gains, {"dwell_stability": {"P": P}})
+    good = claims(asked, candidate.document(), {"dwell_stability": {"P": P}})
     assert good[-1].verdict == "proved"
-    bad = claims(asked, candidate.gains, {"dwell_stability": {"P": spoil(P)}})
+    bad = claims(asked, candidate.document(), {"dwell_stability": {"P": spoil(P)}})
     assert bad[-1].verdict == "undecided"
-    assert claims(asked, candidate.gains, {})[-1].verdict == "undecided"
+    assert claims(asked, candidate.document(), {})[-1].verdict == "undecided"
 
 
 def test_an_infinite_range_needs_a_flow_that_decays() -> None:

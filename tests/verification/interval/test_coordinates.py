@@ -14,10 +14,11 @@ from scipy.linalg import expm
 
 import obsdesign
 from lmi.prove.common_matrix import prove_common
-from obsdesign.equations.interval.width import width_system_of
+from obsdesign.equations.interval.gains import IntervalGains
+from obsdesign.equations.interval.width import WidthSystem
 from obsdesign.runtime import Sample, from_design
 from obsdesign.runtime.interval.observer import IntervalObserver
-from obsdesign.synthesis.interval.forms import formed
+from obsdesign.synthesis.interval.forms import gains_of_form
 
 DIGITS = 1e-3  # the thresholds are known to four digits
 
@@ -79,13 +80,13 @@ def test_the_counterexample_is_refuted_by_the_corrected_condition() -> None:
 def test_the_bounds_of_the_counterexample_do_explode() -> None:
     asked = problem(PRINTED_8_HOLDS)
     given_ = asked.gains
-    gains = formed(
+    gains = gains_of_form(
         asked, "two_coordinates", given_["L"], given_["M"], {n: given_[n] for n in ("S", "S2")}
     )
-    system = width_system_of(gains)
+    system = WidthSystem.from_gains(gains)
     np.testing.assert_allclose(system.N, [[2.6, 1.7], [3.4, 2.5]])
     assert max(abs(np.linalg.eigvals(system.N))) == pytest.approx(4.954683, abs=1e-6)
-    observer = IntervalObserver.from_gains(gains)
+    observer = IntervalObserver(gains)
     state = observer.init(0.0, lower=[0, 0], upper=[1, 1])
     widths = []
     for k in range(1, 31):
@@ -100,7 +101,7 @@ def test_one_change_of_coordinates_holds_where_two_fail() -> None:
     gains = {"L": [[0], [0]], "M": [[0], [0]]}
     one = problem(PRINTED_8_HOLDS, observer__gains=gains | {"S": [[1, 0], [0, 1]]})
     design = obsdesign.design(one)
-    system = width_system_of(design.gains)
+    system = WidthSystem.from_gains(IntervalGains.from_document(design.gains))
     assert radius(system.W, system.N, 1.0) == pytest.approx(0.944709, abs=1e-6)
     # and the two-coordinate observer needs dwell times twenty times as long
     for shortest, verdict in ((11.918, "proved"), (11.917, "refuted")):
@@ -126,8 +127,8 @@ def test_two_coordinates_are_never_narrower_than_one(seed: int, n: int) -> None:
     }  # fmt: skip
     asked = obsdesign.Problem(**body)
     L = np.zeros((n, p))
-    one = width_system_of(formed(asked, "coordinates", L, M, {"S": S}))
-    two = width_system_of(formed(asked, "two_coordinates", L, M, {"S": S, "S2": S2}))
+    one = WidthSystem.from_gains(gains_of_form(asked, "coordinates", L, M, {"S": S}))
+    two = WidthSystem.from_gains(gains_of_form(asked, "two_coordinates", L, M, {"S": S, "S2": S2}))
     room = 1e-9 * np.abs(two.N).max()
     assert np.all(two.N + room >= one.N)
     assert np.all(one.h <= two.h + room)
@@ -162,8 +163,8 @@ def test_the_printed_T_is_rejected_with_its_entry() -> None:
 
 def test_thresholds_of_the_bouncing_ball() -> None:
     gains = BALL["observer"]["gains"]
-    one = width_system_of(
-        formed(
+    one = WidthSystem.from_gains(
+        gains_of_form(
             ball([1, 1]),
             "coordinates",
             np.array(gains["L"]),
@@ -175,8 +176,8 @@ def test_thresholds_of_the_bouncing_ball() -> None:
     assert radius(one.W, one.N, 0.0) == pytest.approx(3.916146, abs=1e-4)
     assert radius(one.W, one.N, 0.986839) == pytest.approx(1.0, abs=1e-4)
     asked = ball([1, 1], S2=S2)
-    two = width_system_of(
-        formed(
+    two = WidthSystem.from_gains(
+        gains_of_form(
             asked,
             "two_coordinates",
             np.array(gains["L"], float),

@@ -12,7 +12,8 @@ import obsdesign
 from lmi.arithmetic.exponential import expm
 from obsdesign.data.simulation import simulate
 from obsdesign.document import digest, from_dict
-from obsdesign.equations.interval.width import width_system_of
+from obsdesign.equations.interval.gains import IntervalGains
+from obsdesign.equations.interval.width import WidthSystem
 from obsdesign.runtime import Sample, from_design
 from obsdesign.synthesis.interval.candidates import synthesize
 from obsdesign.verification.interval.claims import claims
@@ -43,7 +44,7 @@ def test_no_jump_between_samples_leaves_the_tube() -> None:
     assert outcome.verdict == "proved"
     assert obsdesign.verify(outcome.design).verdict == "proved"
     evidence = claim(outcome, "sampled_stability").evidence
-    system = width_system_of(outcome.design.gains)
+    system = WidthSystem.from_gains(IntervalGains.from_document(outcome.design.gains))
     Z = np.zeros((3, 3))
     Z[:2, :2], Z[:2, 2] = system.W, system.f
     rng, h = np.random.default_rng(0), 0.1
@@ -73,7 +74,7 @@ def test_a_forged_tube_of_samples_is_not_proved(name: str) -> None:
     for change in (lambda v: [0.5 * x for x in v], lambda v: v[:1], lambda v: None):
         forged = copy.deepcopy(dict(candidate.certificates))
         forged["sampled_stability"][name] = change(forged["sampled_stability"][name])
-        found = claims(asked, candidate.gains, forged)
+        found = claims(asked, candidate.document(), forged)
         assert found[-1].id == "sampled_stability"
         assert found[-1].verdict == "undecided"
 
@@ -107,7 +108,7 @@ def test_a_step_limit_is_proved_and_forged_ones_are_not() -> None:
     candidate = next(iter(synthesize(asked)))
     forged = copy.deepcopy(dict(candidate.certificates))
     forged["sampled_width"]["step_limit"] = 3.0
-    again = claims(asked, candidate.gains, forged)
+    again = claims(asked, candidate.document(), forged)
     assert next(c for c in again if c.id == "sampled_width").verdict == "undecided"
 
 
@@ -123,7 +124,7 @@ def test_a_sample_that_a_jump_takes_away_is_covered() -> None:
     evidence = claim(outcome, "sampled_stability").evidence
     seen = obsdesign.investigate(lost_problem([1.0, 3.0], "before"))
     assert np.all(evidence["after_sample"] >= claim(seen, "sampled_stability").evidence["sampled"])
-    system = width_system_of(outcome.design.gains)
+    system = WidthSystem.from_gains(IntervalGains.from_document(outcome.design.gains))
     Z = np.zeros((3, 3))
     Z[:2, :2], Z[:2, 2] = system.W, system.f
     step = expm(Z * 0.1)

@@ -15,7 +15,8 @@ import obsdesign
 from lmi.arithmetic.balls import exact
 from lmi.arithmetic.exponential import expm
 from lmi.bounds.tube import Affine, periodic_limit, prove_below
-from obsdesign.equations.interval.width import periodic_width, width_system_of
+from obsdesign.equations.interval.gains import IntervalGains
+from obsdesign.equations.interval.width import WidthSystem, periodic_width
 from obsdesign.synthesis.interval.candidates import synthesize
 from obsdesign.verification.interval.claims import claims
 from obsdesign.verification.interval.width import raised_product
@@ -111,7 +112,7 @@ def test_a_forged_width_is_not_proved(name: str) -> None:
     ):
         forged = copy.deepcopy(dict(candidate.certificates))
         forged["width"][name] = change(forged["width"][name])
-        found = [c for c in claims(asked, candidate.gains, forged) if c.id == "width"]
+        found = [c for c in claims(asked, candidate.document(), forged) if c.id == "width"]
         assert all(claim.verdict == "undecided" for claim in found)
 
 
@@ -192,7 +193,10 @@ def test_the_float_and_the_exact_width_system_agree() -> None:
 
     W, N, f, h = random_system(np.random.default_rng(1), 3)
     design = obsdesign.design(obsdesign.Problem(**body_of(W, N, f, h, [0.2, 1.5])))
-    rough, true = width_system_of(design.gains), width_system_of(design.gains, exact, inverse)
+    rough, true = (
+        WidthSystem.from_gains(IntervalGains.from_document(design.gains)),
+        WidthSystem.from_gains(IntervalGains.from_document(design.gains), exact, inverse),
+    )
     for name in ("W", "f", "N", "h"):
         np.testing.assert_allclose(getattr(rough, name), to_float(getattr(true, name)), rtol=1e-12)
 
