@@ -93,7 +93,7 @@ class LargeGain:
     limit: float
 
     def entry(self, owner: str) -> str:
-        """Name of the gain; owner: what the gains are part of."""
+        """Name of the gain; owner: prefix of the gains."""
         return f"{owner}.{self.name}, row {self.row}"
 
     def reason(self, owner: str) -> str:

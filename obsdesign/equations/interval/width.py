@@ -46,7 +46,7 @@ class WidthSystem:
     """W (n, n), f (n,); N, h at jumps and K, k at samples, None where there are none.
 
     A, G: flow and jump that samples come between, None without samples; A, K and G have signs, all
-    else has none. out: |S|, what turns a width in z into one in x.
+    else has none. out: |S|, which bounds a width in x by one in z.
     """
 
     W: Array
@@ -135,7 +135,7 @@ class Coordinates:
         return next((name for name, X, Y in pairs if X is not None and Y is None), None)
 
     def inward(self, X: Array) -> Array:
-        """S^-1 X: what enters x, as it enters z."""
+        """S^-1 X: an input of x as one of z."""
         return X if self.S is None else self.S_inverse @ X
 
     def similar(self, X: Array) -> Array:
@@ -200,7 +200,7 @@ def periodic_width(
 def slope_scheme(
     gains: IntervalGains, lift: Callable[[Any], Array], inverse: Callable[[Any], Any]
 ) -> tuple[Array, Array, Array, Array, Array]:
-    """(|L|, |C A|, Mz(A), |C|, Delta b) in the observer's coordinates: see `runtime.interval`.
+    """(|L|, |C A|, Mz(A), |C|, Delta b) in the observer's coordinates: see `runtime.interval.maps`.
 
     Between two samples sig' = |C A| rho + |C| Delta b and rho' = Mz(A) rho + Delta b, and the width
     grows by |L| sig.

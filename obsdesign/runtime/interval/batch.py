@@ -17,11 +17,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from lmi.arithmetic.enclosure import UNIT, raised
 from obsdesign.runtime.base import Sample
+from obsdesign.runtime.interval.clock import SampleClock
 from obsdesign.runtime.interval.kernel import Kernel
+from obsdesign.runtime.interval.state import IntervalState
+from obsdesign.runtime.interval.step_kernels import StepKernels
+from obsdesign.runtime.step_cache import shared_length
 
 Matrix = NDArray[np.float64]
 
 _BLOCK = 16
+# rows of a stretch that are done together
+_FEWEST_ROWS, _MOST_ROWS = 16, 4096
 
 
 @dataclass(frozen=True)
@@ -42,7 +48,7 @@ class Columns:
         w: ArrayLike | None,
         jump: ArrayLike | None,
     ) -> Columns:
-        """From what `run_batch` is given; ValueError for arrays of other lengths."""
+        """From the arguments of `run_batch`; ValueError for arrays of other lengths."""
         times = np.asarray(t, dtype=np.float64)
 
         def table(values: ArrayLike | None) -> Matrix | None:
@@ -137,6 +143,53 @@ def stretch(kernel: Kernel, box: Matrix, y0: Matrix, y1: Matrix, u: Matrix) -> S
     kept = count if fine.all() else int(np.argmin(fine))
     last = box if kept == 0 else np.concatenate([radii[kept - 1], centres[kept - 1]])
     return Stretch(lower[:kept], upper[:kept], last)
+
+
+def next_stretch(
+    kernels: StepKernels, clock: SampleClock, state: IntervalState, record: Columns, span: range
+) -> tuple[IntervalState, Stretch | None]:
+    """The rows from the start of `span` on that are ordinary samples in time, and the state after.
+
+    None, and the same state, where too few rows of the span are.
+    """
+    mode = "start" if clock.period is None else "sampled"
+    fits = state.started and not state.refutation and state.course is None
+    fits = fits and (mode == "sampled" or state.y is not None)
+    row, first_t = span.start, float(record.t[span.start])
+    if len(span) < _FEWEST_ROWS or not fits or not clock.can_begin_stretch(state, first_t):
+        return state, None
+    end = _end_of_equal_steps(clock, state, record, span)
+    if end - row < _FEWEST_ROWS:
+        return state, None
+    chosen = kernels.for_step(first_t - state.t, first_t)[mode]
+    after, inputs = record.y[row:end], record.held(state.u, row, end)
+    first = np.zeros(chosen.p) if state.y is None else state.y
+    rows = stretch(chosen, state.box, np.vstack([first, after[:-1]]), after, inputs[:-1])
+    done = len(rows.lower)
+    if done == 0:
+        return state, None
+    now = float(record.t[row + done - 1])
+    following = IntervalState(
+        t=now, box=rows.box, u=inputs[done], y=after[done - 1], guard=state.guard,
+        started=True, sampled=now, phase=now,
+    )  # fmt: skip
+    return following, rows
+
+
+def _end_of_equal_steps(
+    clock: SampleClock, state: IntervalState, record: Columns, span: range
+) -> int:
+    """The row that ends the steps of one length, in time, from the start of `span` on."""
+    row, end, times = span.start, min(span.stop, span.start + _MOST_ROWS), record.t
+    if state.guard.last_jump is not None:
+        latest = state.guard.last_jump + state.guard.longest
+        end = min(end, int(np.searchsorted(times, latest)))
+    first_t = float(times[row])
+    length, half = shared_length(first_t - state.t, first_t)
+    steps = np.diff(times[row:end], prepend=state.t)
+    alike = np.abs(steps - length) <= half
+    alike &= clock.regular_steps(steps, times[row:end])
+    return row + int(np.argmin(np.append(alike, False)))
 
 
 def _recursion(A: Matrix, driven: Matrix, start: Matrix) -> Matrix:

@@ -1,4 +1,4 @@
-"""Several interval observers of one plant: the state is in what all their bounds share."""
+"""Several interval observers of one plant: the state is in the intersection of their bounds."""
 
 from __future__ import annotations
 

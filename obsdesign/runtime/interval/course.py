@@ -1,4 +1,4 @@
-"""Bounds since a sample on the period or a jump, whatever rows came between.
+"""Bounds since a sample on the period or a jump, with any rows between.
 
 Claims about the width are about samples a period apart and jumps between them:
 r+ = |K e^{A h}| r + ..., K = I - L C, and r+ = |G e^{A s}| r + ... at jumps. Rows in between, off
@@ -15,8 +15,8 @@ import numpy as np
 
 from lmi.arithmetic.enclosure import raised
 from obsdesign.runtime.base import Vector
-from obsdesign.runtime.interval.kernel import StepKernels
 from obsdesign.runtime.interval.state import Course, IntervalState
+from obsdesign.runtime.interval.step_kernels import StepKernels
 
 
 def course_of(state: IntervalState, t: float, latest: float) -> Course:
@@ -36,9 +36,9 @@ def advanced(
 ) -> tuple[Course, Vector]:
     """The course and its box at time t; y: a measurement there that ends it, used by the box."""
     size = max(abs(t), abs(state.t))
-    path_kernel = kernels.at(t - state.t, size)["path" if y is None else "sampled path"]
+    path_kernel = kernels.for_step(t - state.t, size)["path" if y is None else "sampled path"]
     path = path_kernel.rows.dot(path_kernel.vector(course.path, None, y, state.u))
-    whole = kernels.at(t - course.since, max(size, abs(course.since)))
+    whole = kernels.for_step(t - course.since, max(size, abs(course.since)))
     chosen = whole["none" if y is None else "sampled"]
     n, nothing = chosen.n, np.zeros_like(state.u)
     start = np.concatenate([course.radius, np.zeros(n)])

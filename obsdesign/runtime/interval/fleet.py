@@ -29,7 +29,7 @@ class FleetState(NamedTuple):
 
 
 class FleetEstimate(NamedTuple):
-    """lower, upper: (n, plants) bounds of x at t; plausible: (plants,), False where they are void.
+    """Bounds of x at t: lower, upper (n, plants); plausible (plants,), False where they are void.
 
     They are void where no state inside them can give the measurement, or where they overflowed.
     """
@@ -103,7 +103,7 @@ class Fleet:
     def _room(
         self, chosen: Kernel, state: FleetState, measured: Matrix, start: Matrix, known: Matrix
     ) -> NDArray[np.float64]:
-        """What is left between the measurement and what the predicted boxes allow, least of p."""
+        """Distance of the measurements from the ends of their predicted ranges, the least of p."""
         n, p, middle = chosen.n, chosen.p, chosen.middle
         checks = chosen.rows[2 * n : 2 * n + p]
         middles = checks[:, n : 2 * n] @ state.centre

@@ -1,6 +1,36 @@
 """The maps of one step, of one sample and of one jump of the interval observer: enclosed.
 
-Derivation in `obsdesign.runtime.interval.observer`. A `BoxMap` takes a box (centre m, radius r) to
+Observers (6), (9) and (11) of Degue, Efimov, Richard (NOLCOS 2016) are written for a continuous y.
+Here y arrives as samples, and holding the last one would break the enclosure. Between two
+samples the plant bounds the slope of y (a slope scheme): the path of the centre is known
+exactly, and the distance of any path to it is bounded by a comparison system.
+
+State: a centre m and a radius r >= 0 with |z - m| <= r, x = S z (S = I where there are no other
+coordinates). Over a step h without jump, with the measurement y = C z(0) + v taken at its start,
+
+    z_c' = A z_c + B u + b_mid                     z_c(0) = m       the centre of the prediction
+    rho' = Mz(A) rho + b_rad                       rho(0) = r       |z - z_c| <= rho
+    sig' = |C A| rho + |C| b_rad                   sig(0) = 0       |C(z - z_c) - its value at 0|
+    q'   = W q + |L| (V + sig) + b_rad             q(0) = r         |z - m+| <= q
+
+    m+ = z_c(h) + K (y - C m),   K = int_0^h e^{(A - L C) s} ds L,
+
+because L C z = L(y + C(z_c - m)) + L(-v + something in [-sig, sig]). With the measurement at the
+end of the step instead, sig(h) - sig takes the place of sig and y - C z_c(h) that of y - C m.
+Without any, A predicts alone: m+ = z_c(h), r+ = rho(h). For h -> 0 this is the paper's observer.
+
+With `measured = periodic` a sample is an event like a jump: A predicts, then z+ = z + L(y - C z).
+Step and sample are one map, of which the absolute value is taken, K = I - L C:
+
+    r+ = |K e^{A h}| r + (bound of int_0^h |K e^{A s}| ds b_rad) + |L| V
+
+(`lmi.arithmetic.exponential.absolute_flow`); what is reported is also cut with |C x - y| <= V and
+the prediction. Claims about the width are about samples a period apart, and one off the period
+(early, or at a jump) may widen. So of such a sample and of its absence the better is kept, as a
+box, and the step over the whole period is made besides (`course`): r+ is then at most what
+it would be without the rows between.
+
+A `BoxMap` takes a box (centre m, radius r) to
 
     centre+ = X [m; y at the start; y at the end; u or w; 1]        X known up to an error
     radius+ = R r + g                                               R, g rounded up

@@ -1,38 +1,10 @@
 """Interval observer at run time: bounds that hold for samples, jumps and rounding.
 
-Observers (6), (9) and (11) of Degue, Efimov, Richard (NOLCOS 2016) are written for a continuous y.
-Here y arrives as samples, and holding the last one would break the enclosure. Between two
-samples we use what the plant lets y do (a slope scheme): the path of the centre is known
-exactly, and the distance of any path to it is bounded by a comparison system.
-
-State: a centre m and a radius r >= 0 with |z - m| <= r, x = S z (S = I where there are no other
-coordinates). Over a step h without jump, with the measurement y = C z(0) + v taken at its start,
-
-    z_c' = A z_c + B u + b_mid                     z_c(0) = m       the centre of the prediction
-    rho' = Mz(A) rho + b_rad                       rho(0) = r       |z - z_c| <= rho
-    sig' = |C A| rho + |C| b_rad                   sig(0) = 0       |C(z - z_c) - its value at 0|
-    q'   = W q + |L| (V + sig) + b_rad             q(0) = r         |z - m+| <= q
-
-    m+ = z_c(h) + K (y - C m),   K = int_0^h e^{(A - L C) s} ds L,
-
-because L C z = L(y + C(z_c - m)) + L(-v + something in [-sig, sig]). With the measurement at the
-end of the step instead, sig(h) - sig takes the place of sig and y - C z_c(h) that of y - C m.
-Without any, A predicts alone: m+ = z_c(h), r+ = rho(h). For h -> 0 this is the paper's observer.
-
-With `measured = periodic` a sample is an event like a jump: A predicts, then z+ = z + L(y - C z).
-Step and sample are one map, of which the absolute value is taken, K = I - L C:
-
-    r+ = |K e^{A h}| r + (bound of int_0^h |K e^{A s}| ds b_rad) + |L| V
-
-(`lmi.arithmetic.exponential.absolute_flow`); what is reported is also cut with |C x - y| <= V and
-the prediction. What is claimed of the width is about samples a period apart, and one off the period
-(early, or at a jump) may widen. So of such a sample and of its absence the better is kept, as a
-box, and the step over the whole period is made besides (`course`): r+ is then at most what
-it would be without the rows between.
-
-All of it is linear in (m, y, u, 1) and (r, 1): one matrix per step size, cached
-(`maps`, `kernel`). Matrices are enclosed; what they may be off by, and the
-rounding of the step itself, go into the radius.
+Observers (6), (9) and (11) of Degue, Efimov, Richard (NOLCOS 2016), for a y that arrives as
+samples: `maps` derives the maps of a step, a sample and a jump. All of them are linear in
+(m, y, u, 1) and (r, 1), m and r the centre and the radius of a box: one matrix per step size,
+cached (`kernel`, `step_kernels`). The errors of the enclosed matrices and the rounding of the step
+itself go into the radius.
 """
 
 from __future__ import annotations
@@ -63,16 +35,14 @@ from obsdesign.runtime.base import (
     vector,
 )
 from obsdesign.runtime.bound_observer import BoundObserver
-from obsdesign.runtime.interval.batch import Columns, Stretch, stretch
+from obsdesign.runtime.interval.batch import Columns, next_stretch
 from obsdesign.runtime.interval.clock import SampleClock
 from obsdesign.runtime.interval.course import advanced, course_of
-from obsdesign.runtime.interval.kernel import JumpSample, Kernel, StepKernels
+from obsdesign.runtime.interval.kernel import Kernel
 from obsdesign.runtime.interval.state import Course, IntervalState, first_box
-from obsdesign.runtime.step_cache import shared_length
+from obsdesign.runtime.interval.step_kernels import JumpSample, StepKernels
 
 _ONE_OUTPUT = (1,)
-# rows of a stretch that are done together
-_FEWEST_ROWS, _MOST_ROWS = 16, 4096
 
 
 # the event of a jump, beside those of objections
@@ -135,20 +105,9 @@ class IntervalObserver(BoundObserver[IntervalState]):
             return usual
         t = later(sample.t, state.t, state.started)
         y = optional_measurement(sample.y, self._p)
-        before_jump = y if not sample.jump or self._measured_before_jumps else None
-        kernels = self._kernels.at(t - state.t, max(abs(t), abs(state.t)))
-        chosen = kernels[self._mode(state, before_jump, t)]
+        off = y is not None and self._clock.is_off_period(state, t)
         with np.errstate(over="ignore", invalid="ignore"):
-            out = chosen.rows.dot(chosen.vector(state.box, state.y, before_jump, state.u))
-            contradictions = [] if before_jump is None else chosen.implausible(out)
-            off = y is not None and self._clock.is_off_period(state, t)
-            boxes, course = self._further_boxes(kernels, state, t, before_jump, off)
-            if boxes:
-                chosen, out = self._kernels.shared(chosen, out, boxes, state.u)
-            if sample.jump:
-                jump = JumpSample(y, sample.w, off)
-                chosen, out = self._kernels.after_jump(kernels, out, state, jump, course)
-                course = None
+            chosen, out, contradictions, course = self._propagated(state, sample, t, y, off)
         guard, late = state.guard.after(t, sample.jump)
         timing = [late] if late else []
         timing += self._clock.objections(state, sample, y, t)
@@ -172,6 +131,24 @@ class IntervalObserver(BoundObserver[IntervalState]):
         status = "; ".join(objections) if objections else "ok"
         events = tuple((t, text) for text in ([JUMP] if sample.jump else []) + objections)
         return following, Estimate(t, None, *bounds, events=events, status=status)
+
+    def _propagated(
+        self, state: IntervalState, sample: Sample, t: float, y: Vector | None, off: bool
+    ) -> tuple[Kernel, Vector, list[str], Course | None]:
+        """Kernel and result of the step to t and its jump, contradictions of y, and the course."""
+        before_jump = y if not sample.jump or self._measured_before_jumps else None
+        kernels = self._kernels.for_step(t - state.t, max(abs(t), abs(state.t)))
+        chosen = kernels[self._mode(state, before_jump, t)]
+        out = chosen.rows.dot(chosen.vector(state.box, state.y, before_jump, state.u))
+        contradictions = [] if before_jump is None else chosen.implausible(out)
+        boxes, course = self._further_boxes(kernels, state, t, before_jump, off)
+        if boxes:
+            chosen, out = self._kernels.shared(chosen, out, boxes, state.u)
+        if sample.jump:
+            jump = JumpSample(y, sample.w, off)
+            chosen, out = self._kernels.after_jump(kernels, out, state, jump, course)
+            course = None
+        return chosen, out, contradictions, course
 
     def _further_boxes(
         self, kernels: Mapping[str, Kernel], state: IntervalState, t: float, y: Vector | None,
@@ -250,7 +227,8 @@ class IntervalObserver(BoundObserver[IntervalState]):
         ends = record.stretches()
         row = 0
         while row < len(times):
-            state, rows = self._stretch(state, record, row, int(ends[row]))
+            span = range(row, int(ends[row]))
+            state, rows = next_stretch(self._kernels, self._clock, state, record, span)
             if rows is not None:
                 done = slice(row, row + len(rows.lower))
                 lows[done], highs[done] = rows.lower, rows.upper
@@ -262,51 +240,10 @@ class IntervalObserver(BoundObserver[IntervalState]):
                 row += 1
         return Batch(times, None, lows, highs, None, tuple(status))
 
-    def _stretch(
-        self, state: IntervalState, record: Columns, row: int, end: int
-    ) -> tuple[IntervalState, Stretch | None]:
-        """Do rows from `row` on together, as far as they are ordinary samples in time."""
-        times = record.t
-        end = min(end, row + _MOST_ROWS)
-        if state.guard.last_jump is not None:
-            latest = state.guard.last_jump + state.guard.longest
-            end = min(end, int(np.searchsorted(times, latest)))
-        mode = "start" if self._clock.period is None else "sampled"
-        fits = state.started and not state.refutation and state.course is None
-        fits = fits and (mode == "sampled" or state.y is not None)
-        first_t = float(times[row])
-        if (
-            end - row < _FEWEST_ROWS
-            or not fits
-            or not self._clock.can_begin_stretch(state, first_t)
-        ):
-            return state, None
-        h = first_t - state.t
-        length, half = shared_length(h, first_t)
-        steps = np.diff(times[row:end], prepend=state.t)
-        alike = np.abs(steps - length) <= half
-        alike &= self._clock.regular_steps(steps, times[row:end])
-        end = row + int(np.argmin(np.append(alike, False)))
-        if end - row < _FEWEST_ROWS:
-            return state, None
-        chosen = self._kernels.at(h, first_t)[mode]
-        after, inputs = record.y[row:end], record.held(state.u, row, end)
-        first = np.zeros(self._p) if state.y is None else state.y
-        rows = stretch(chosen, state.box, np.vstack([first, after[:-1]]), after, inputs[:-1])
-        done = len(rows.lower)
-        if done == 0:
-            return state, None
-        now = float(times[row + done - 1])
-        following = IntervalState(
-            t=now, box=rows.box, u=inputs[done], y=after[done - 1], guard=state.guard,
-            started=True, sampled=now, phase=now,
-        )  # fmt: skip
-        return following, rows
-
     def fleet_kernel(self, h: float, size: float, has_sample: bool) -> Kernel:
         """The kernel of a step with a measurement at its end, for a fleet."""
         mode = "sampled" if self._clock.period is not None else "start" if has_sample else "end"
-        return self._kernels.at(h, size)[mode]
+        return self._kernels.for_step(h, size)[mode]
 
     @cached_property
     def _kernels(self) -> StepKernels:

@@ -1,4 +1,4 @@
-"""Interval observers: candidates in each form, with gains and coordinates where they are open.
+"""Candidates for interval observers in each form, with open gains and coordinates chosen.
 
 Source: Degue, Efimov, Richard, NOLCOS 2016, Theorems 5 (`cooperative`), 8 (`split`), 7 and 8
 combined (`coordinates`) and 7 as corrected (`two_coordinates`). Candidates are proposals:
@@ -46,9 +46,9 @@ _MOST_PROOFS = 4
 
 
 def synthesize(problem: Problem) -> Iterator[Candidate]:
-    """Candidates in the order in which they are to be preferred; those with a cost, by cost.
+    """Yield candidates in order of preference; those with a cost, by cost.
 
-    InputError for what cannot be built from the gains that are given.
+    InputError where the given gains cannot be completed.
     """
     if reason := equations.reason_against_plant(problem.plant):
         raise DoesNotApply(reason)
@@ -138,7 +138,7 @@ def _with_samples(
     """Yield one candidate with samples as events: gain and coordinates that are proved, if any.
 
     frames: coordinates S (S2, T) to choose from. M, which acts only when a jump meets a sample, is
-    zero if open. With `narrowest` the least width comes first, else what comes first.
+    zero if open. With `narrowest` the least width is tried first, else the first gain.
     """
     narrow, end = _objective(problem) == "narrowest", until(SECONDS)
     trials: list[_SampledTrial] = []

@@ -1,4 +1,4 @@
-"""Coordinates for interval observers: bases in which flow and jump have little of the wrong sign.
+"""Coordinates for interval observers: bases with few wrong signs in flow and jump.
 
 Candidates are eigenvectors of the flow A - L C for a few L, and bases of the same kind adapted to
 the kernel of the jump. Gains are then sought in each (`descent`), and the best bases are

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,18 +54,18 @@ def best_gains(
     ranked = sorted(starts, key=lambda pair: _value(task, goal, *pair))
     best: tuple[float, Matrix, Matrix] = (math.inf, *ranked[0])
     for L, M in ranked[:2]:
-        value, L, M = _descent(task, goal, objective, L, M, end)
+        value, L, M = _descent(task, objective, (L, M), end)
         if value < best[0]:
             best = value, L, M
     unweighted = task.with_equal_weights()
     # descent is local: no wider than without weights
     if goal is mean_width and unweighted is not task:
-        start = best_gains(unweighted, objective, end)[1:]
-        other = _descent(task, goal, objective, *start, end)
+        _, *start = best_gains(unweighted, objective, end)
+        other = _descent(task, objective, start, end)
         best = min(best, other, key=lambda result: result[0])
     if math.isinf(best[0]) and goal is not growth:  # nothing to descend on: contract first
-        _, L, M = _descent(task, growth, "feasible", *ranked[0], end)
-        best = _descent(task, goal, objective, L, M, end)
+        _, *start = _descent(task, "feasible", ranked[0], end)
+        best = _descent(task, objective, start, end)
     if own_budget:
         remark_end("gains", ended(end, SECONDS), matters=objective != "feasible")
     return _rounded(task, goal, *best)
@@ -83,7 +83,7 @@ def quick_gains(task: Task, objective: str, end: float = math.inf) -> tuple[floa
     _, L, M = min(
         ((_value(task, goal, *pair), *pair) for pair in starts), key=lambda start: start[0]
     )
-    return _descent(task, goal, objective, L, M, end, most=_FEW)
+    return _descent(task, objective, (L, M), end, most=_FEW)
 
 
 def _starts(task: Task, objective: str, end: float) -> Iterator[tuple[Matrix, Matrix]]:
@@ -131,9 +131,10 @@ def _value(task: Task, goal: Goal, L: Matrix, M: Matrix) -> float:
 
 
 def _descent(
-    task: Task, goal: Goal, objective: str, L: Matrix, M: Matrix, end: float, most: int = _MOST
+    task: Task, objective: str, start: Sequence[Matrix], end: float, most: int = _MOST
 ) -> tuple[float, Matrix, Matrix]:
-    """One entry at a time, as long as it helps and time and effort last."""
+    """Return (value, L, M): improve one entry at a time while it helps and time and effort last."""
+    goal, (L, M) = OBJECTIVES[objective], start
     value = _value(task, goal, L, M)
     stride, spent, limit = 0.5, 0, scaled(most)
     for _ in range(_SWEEPS):
@@ -144,7 +145,9 @@ def _descent(
             for index in np.ndindex(*L.shape):
                 if objective == "feasible" and value < _SUFFICIENT_GROWTH:
                     return value, L, M
-                for candidate in _candidates(task, which, L, M, index, stride, goal is mean_width):
+                for candidate in _candidates(
+                    task, which, (L, M), index, stride=stride, to_limits=goal is mean_width
+                ):
                     spent += 1
                     if time.process_time() > end:
                         return value, L, M
@@ -168,28 +171,29 @@ def _descent(
 def _candidates(
     task: Task,
     which: str,
-    L: Matrix,
-    M: Matrix,
+    gains: tuple[Matrix, Matrix],
     index: tuple[int, ...],
+    *,
     stride: float,
     to_limits: bool,
 ) -> Iterator[Matrix]:
-    """The gain with one entry changed."""
+    """Yield L or M, as `which` names, with one entry changed."""
     i, k = index
+    L, M = gains
     if which == "L":
         gain, X, C, limit = L, task.A - L @ task.C, task.C, task.limit_L[i, k]
     else:
         assert task.G is not None
         gain, X, C, limit = M, task.G - M @ task.C_jump, task.C_jump, task.limit_M[i, k]
-    here = float(gain[i, k])
+    current = float(gain[i, k])
     with np.errstate(all="ignore"):
-        kinks = here + X[i] / C[k]
-    around = stride * max(abs(here), float(np.abs(X[i]).max(initial=0.0)), 1e-3)
-    values = [*kinks[np.isfinite(kinks)].tolist(), 0.0, here + around, here - around]
+        kinks = current + X[i] / C[k]
+    reach = stride * max(abs(current), float(np.abs(X[i]).max(initial=0.0)), 1e-3)
+    values = [*kinks[np.isfinite(kinks)].tolist(), 0.0, current + reach, current - reach]
     if to_limits and math.isfinite(limit):
         values += [limit, -limit]
     for value in values:
-        if value != here and abs(value) <= limit:
+        if value != current and abs(value) <= limit:
             changed = gain.copy()
             changed[i, k] = value
             yield changed
@@ -198,12 +202,12 @@ def _candidates(
 def _rounded(
     task: Task, goal: Goal, value: float, L: Matrix, M: Matrix
 ) -> tuple[float, Matrix, Matrix]:
-    """Few digits where they cost nothing: they are easier to read, and to copy by hand."""
+    """Return gains in few digits where they cost nothing: easier to read, and to copy by hand."""
     for digits in (3, 6, 9):
         short_L, short_M = _clipped(task, _digits(L, digits), _digits(M, digits))
-        found = _value(task, goal, short_L, short_M)
-        if found <= value + 1e-6 * abs(value):
-            return found, short_L, short_M
+        short_value = _value(task, goal, short_L, short_M)
+        if short_value <= value + 1e-6 * abs(value):
+            return short_value, short_L, short_M
     return value, L, M
 
 

@@ -1,7 +1,7 @@
 """From gains L, M (and coordinates) to everything an interval observer of a form stores.
 
 The splits default to the minimal ones, which no other split can beat. They are formed exactly and
-then rounded once, so that verification finds them within an ulp of what they split.
+then rounded once, so that they are within an ulp of the matrices that they split.
 """
 
 from __future__ import annotations
@@ -22,9 +22,10 @@ from obsdesign.problem.problem import Problem
 def gains_of_form(
     problem: Problem, form: str, L: Any, M: Any, coordinates: Mapping[str, Any]
 ) -> IntervalGains:
-    """Return the gains of a design in a form; `coordinates` holds S, S2, T as far as it has them.
+    """Return the gains of a design in a form.
 
-    InputError for a matrix of coordinates that is singular.
+    coordinates: S, S2, T, as far as the form has them and they are given. InputError if S or S2 is
+    singular.
     """
     plant = problem.plant
     is_periodic = plant.output.measured == "periodic"
@@ -46,9 +47,9 @@ def gains_of_form(
 
 
 def _splits(problem: Problem, form: str, F: Any, H: Any, frame: Coordinates) -> dict[str, Any]:
-    """D0, D1 and, with jumps, Gp, Gn, or T of Theorem 7. F, H: exact, in the plant's coordinates.
+    """Return D0, D1 and, with jumps, Gp, Gn, or T of Theorem 7.
 
-    H is None without jumps.
+    F, H: exact, in the plant's coordinates; H is None without jumps.
     """
     F_z = frame.similar(F)
     if form == "two_coordinates":

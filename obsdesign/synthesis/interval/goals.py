@@ -1,4 +1,4 @@
-"""What gains of an interval observer achieve, in floats: the goals of their synthesis.
+"""Goals of the synthesis of interval observers, evaluated in floats.
 
 Each goal is a function of a task and of gains (L, M) in its coordinates, the smaller the better.
 """
@@ -50,8 +50,9 @@ def growth(task: Task, L: Matrix, M: Matrix) -> float:
 
 
 def mean_width(task: Task, L: Matrix, M: Matrix) -> float:
-    """Weighted time average of the width (of the pre-jump one, if that is what the task is about),
-    at the worse end of the range; inf if it grows.
+    """Return the weighted time average of the width at the worse end of the range; inf if it grows.
+
+    The weighted pre-jump width, if the task is about that.
     """
     system = task.system(L, M)
     if (system.N is None or task.low < task.high) and growth(task, L, M) >= 1:

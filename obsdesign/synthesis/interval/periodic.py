@@ -1,4 +1,4 @@
-"""Gains for samples as events: in given coordinates the narrowest ones, by one linear program.
+"""Gains for samples as events: the narrowest in given coordinates, by one linear program.
 
 From sample to sample w+ = P w + d + k with P = |(I - L C) e^(A h)| and k = 2 |L| V, so that the
 width after samples tends to (I - P)^-1 (d + k), and with weights q >= 0
@@ -70,8 +70,9 @@ class SampledPlant:
         self.q, self.mean = self._average(width_weights(problem))
 
     def _average(self, weights: Matrix) -> tuple[Matrix, float]:
-        """(q, c): the time average of the weighted width of x over a period is q'w + c, w the width
-        in z after the sample that begins it.
+        """(q, c): the time average of the weighted width of x over a period is q'w + c.
+
+        w (n,): the width in z after the sample that begins the period.
         """
         grid = np.linspace(0.0, self.h, _POINTS)
         sizes, added = absolute_flow(np.eye(len(self.A)), self.A, self.f, grid)

@@ -1,4 +1,4 @@
-"""Widths with samples: proposals for samples as events, and for a continuous y that is sampled."""
+"""Proposed widths for samples as events, and for samples of a continuous y."""
 
 from __future__ import annotations
 

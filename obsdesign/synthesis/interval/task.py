@@ -1,4 +1,4 @@
-"""The synthesis of gains in given coordinates: what is open, and how the width depends on it.
+"""Synthesis of gains in given coordinates: the open gains, and the width as their function.
 
 In z, x = S z, the width system of gains (L, M) is
 

@@ -164,7 +164,7 @@ def _in_these_coordinates(
 def _unreached(problem: Problem, F: Any, H: Any, C_flow: Any, C_jump: Any) -> dict[str, Any] | None:
     """Columns that no gain reaches keep their part of W and N, and it does not contract.
 
-    C_flow, C_jump: what open gains multiply, zero where none is open.
+    C_flow, C_jump: factors of the open gains, zero where none is open.
     """
     columns = [j for j in range(len(F)) if all(x == 0 for x in [*C_flow[:, j], *C_jump[:, j]])]
     if not columns:

@@ -1,4 +1,4 @@
-"""Interval observers with samples: stability and width where samples are events, step limits."""
+"""Claims about samples: stability and width where they are events, limits of the step else."""
 
 from __future__ import annotations
 
@@ -152,7 +152,7 @@ def in_every_period(skips: bool) -> str:
 
 @dataclass(frozen=True)
 class SampledWidth:
-    """What a proved claim about samples states of the width of x.
+    """Bounds of the width of x in a proved claim about samples.
 
     after_sample: None for a continuous y; step_limit: None for samples as events.
     """

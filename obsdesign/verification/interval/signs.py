@@ -1,7 +1,7 @@
 """Signs on which the enclosure rests: Metzler and nonnegative matrices, and exact splits.
 
 Everything is decided in rational numbers. A split that was stored rounded is accepted if it misses
-what it splits by rounding alone; the observer carries the difference.
+its matrix by rounding alone; the observer carries the difference.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ SPLIT_ROUNDING = 2.0**-46
 
 @dataclass(frozen=True)
 class SplitPart:
-    """Flow or jump: its claim, the names of the halves of its split, and what signs they need."""
+    """Flow or jump: its claim, the names of the halves of its split, and their required signs."""
 
     claim: str
     names: tuple[str, str]

@@ -1,4 +1,4 @@
-"""Asymptotic width of interval bounds: a proved tube, and the widths at constant dwell times."""
+"""Asymptotic width of interval bounds: a proved tube, and limits at constant dwell times."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class ConstantDwell:
 
 @dataclass(frozen=True)
 class AsymptoticWidth:
-    """What a proved claim `width` states of the width of x; jumps: None without jumps."""
+    """Bounds of the width of x in a proved claim `width`; those at jumps are None without jumps."""
 
     always: Sequence[float]
     after_jump: Sequence[float] | None

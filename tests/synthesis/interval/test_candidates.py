@@ -26,11 +26,11 @@ from obsdesign.workflow import reason
 EXAMPLES = Path(__file__).parents[3] / "examples"
 
 
-def open_example(name: str, **asked: Any) -> obsdesign.Problem:
+def open_example(name: str, **options: Any) -> obsdesign.Problem:
     """An example with the gains taken out; dwell_time and options replaced."""
     body = obsdesign.load_problem(EXAMPLES / f"{name}.toml").to_dict()
-    body["jump"]["dwell_time"] = asked.pop("dwell_time")
-    body["observer"] = {"kind": "interval"} | asked
+    body["jump"]["dwell_time"] = options.pop("dwell_time")
+    body["observer"] = {"kind": "interval"} | options
     return obsdesign.Problem.from_dict(body)
 
 
@@ -45,10 +45,10 @@ def mean_of(design: obsdesign.Design, theta: float) -> float:
 
 @pytest.mark.parametrize("form", ["cooperative", "split", "auto"])
 def test_the_narrowest_gains_of_41(form: str) -> None:
-    asked = open_example(
+    problem = open_example(
         "degue_4_1", dwell_time=[5, 5], objective="narrowest", gain_limit=20, form=form
     )
-    design = obsdesign.design(asked)
+    design = obsdesign.design(problem)
     # 0.4620724 is the optimum among constant gains in these coordinates; the paper's have 0.64082
     assert 0.4620 <= mean_of(design, 5.0) <= 0.4625
     assert np.abs(design.gains["L"]).max() <= 20
@@ -61,18 +61,18 @@ def test_the_narrowest_gains_of_41(form: str) -> None:
 
 @pytest.mark.parametrize(("limit", "mean"), [(5, 0.5232), (1, 0.6524)])
 def test_a_smaller_limit_gives_wider_bounds(limit: float, mean: float) -> None:
-    asked = open_example("degue_4_1", dwell_time=[5, 5], objective="narrowest", gain_limit=limit)
-    design = obsdesign.design(asked)
+    problem = open_example("degue_4_1", dwell_time=[5, 5], objective="narrowest", gain_limit=limit)
+    design = obsdesign.design(problem)
     assert mean_of(design, 5.0) <= mean * 1.001
     assert max(np.abs(design.gains[name]).max() for name in ("L", "M")) <= limit
 
 
 def test_the_shortest_dwell_time_of_41() -> None:
-    asked = open_example(
+    problem = open_example(
         "degue_4_1", dwell_time=[1, "inf"], objective="shortest_dwell", form="split"
     )
-    design = obsdesign.design(asked)
-    low, high = design.gains["dwell_time"]
+    design = obsdesign.design(problem)
+    low, high = map(float, design.gains["dwell_time"])
     assert math.log(2) < low <= 0.70  # ln 2 itself is not attained in these coordinates
     assert high == math.inf
     assert design.problem["jump"]["dwell_time"] == [1.0, "inf"]
@@ -83,22 +83,22 @@ def test_the_shortest_dwell_time_of_41() -> None:
 
 
 def test_other_coordinates_allow_every_dwell_time() -> None:
-    asked = open_example("degue_4_1", dwell_time=[1, "inf"], objective="shortest_dwell")
-    design = obsdesign.design(asked)
+    problem = open_example("degue_4_1", dwell_time=[1, "inf"], objective="shortest_dwell")
+    design = obsdesign.design(problem)
     assert design.gains["form"] == "coordinates"
     assert list(design.gains["dwell_time"]) == [0.0, math.inf]
     assert obsdesign.verify(design).verdict == "proved"
 
 
 def test_a_range_that_is_narrower_than_asked_is_refuted_by_verify() -> None:
-    asked = open_example(
+    problem = open_example(
         "degue_4_1", dwell_time=[1, "inf"], objective="shortest_dwell", form="split"
     )
-    design = obsdesign.design(asked)
+    design = obsdesign.design(problem)
     from obsdesign.verification.interval.claims import claims
 
     gains = dict(design.gains) | {"dwell_time": [1.5, math.inf]}
-    (claim,) = claims(asked, gains, {})
+    (claim,) = claims(problem, gains, {})
     assert claim.evidence["witness"]["reason"].startswith("gains.dwell_time differs")
 
 
@@ -118,24 +118,24 @@ def test_no_form_in_the_plants_coordinates_goes_below_ln_2() -> None:
 
 
 def test_the_shortest_dwell_time_of_43() -> None:
-    asked = open_example(
+    problem = open_example(
         "degue_4_3", dwell_time=[1, "inf"], objective="shortest_dwell", form="split"
     )
-    low = obsdesign.design(asked).gains["dwell_time"][0]
+    low = obsdesign.design(problem).gains["dwell_time"][0]
     assert math.log(2) / 2 < low <= 0.352
 
 
 def test_the_narrowest_gains_of_43() -> None:
-    asked = open_example(
+    problem = open_example(
         "degue_4_3", dwell_time=[5, 5], objective="narrowest", gain_limit=20, form="split"
     )
-    assert mean_of(obsdesign.design(asked), 5.0) <= 0.1637 * 1.001
+    assert mean_of(obsdesign.design(problem), 5.0) <= 0.1637 * 1.001
 
 
 def test_a_gain_that_is_given_is_kept() -> None:
     L = [[0.0], [3.25]]
-    asked = open_example("degue_4_1", dwell_time=[2, 5], objective="narrowest", gains={"L": L})
-    design = obsdesign.design(asked)
+    problem = open_example("degue_4_1", dwell_time=[2, 5], objective="narrowest", gains={"L": L})
+    design = obsdesign.design(problem)
     assert design.gains["L"].tolist() == L
     assert np.any(design.gains["M"])
 
@@ -189,9 +189,9 @@ def test_the_program_certifies_what_it_finds() -> None:
     # a feasible program at T means that its clock-dependent gains contract from T on; constant
     # ones are read off it, and those of 4.1 contract as well
     task = Task.from_problem(open_example("degue_4_1", dwell_time=[0.75, "inf"]), False, None, {})
-    found = clock_gains(task, 0.75, 24, False)
-    assert found is not None
-    assert min(growth(task, L, M) for L, M in found) < 1
+    gains = clock_gains(task, 0.75, 24, False)
+    assert gains is not None
+    assert min(growth(task, L, M) for L, M in gains) < 1
     assert clock_gains(task, 0.69, 24, False) is None  # below ln 2 there is nothing
 
 
@@ -214,7 +214,7 @@ def investigated(A: Any, G: Any, C: Any, dwell: Any, **observer: Any) -> obsdesi
 
 
 @pytest.mark.parametrize(
-    ("asked", "words"),
+    ("plant", "words"),
     [
         # x1 grows, unseen
         (([[1, 0], [0, -1]], [[1, 0], [0, 0.5]], [[0, 1]], [0.5, 1]),
@@ -223,14 +223,14 @@ def investigated(A: Any, G: Any, C: Any, dwell: Any, **observer: Any) -> obsdesi
          "no observer exists: an unobservable mode of flow.A does not decay, and there is no longest dwell time"),
     ],
 )  # fmt: skip
-def test_a_plant_without_any_observer_is_refused(asked: Any, words: str) -> None:
-    outcome = investigated(*asked)
+def test_a_plant_without_any_observer_is_refused(plant: Any, words: str) -> None:
+    outcome = investigated(*plant)
     assert outcome.verdict == "refuted"
     assert reason(next(c for c in outcome.claims if c.id == "attainable")).startswith(words)
 
 
 @pytest.mark.parametrize(
-    ("asked", "words"),
+    ("plant", "words"),
     [
         (([[-2, 0], [-4, -3]], [[2, 0], [1, 0.2]], [[0, 1]], [5, 5]),
          "entry (2, 1) of A - L C is -4, and no gain can touch it"),
@@ -240,12 +240,12 @@ def test_a_plant_without_any_observer_is_refused(asked: Any, words: str) -> None
          "entries (1, 2), (1, 3) of A - L C cannot all be made nonnegative: a positive combination of them that no gain can touch is negative"),
     ],
 )  # fmt: skip
-def test_a_sign_that_no_gain_can_mend_is_named(asked: Any, words: str) -> None:
-    outcome = investigated(*asked, form="cooperative")
+def test_a_sign_that_no_gain_can_mend_is_named(plant: Any, words: str) -> None:
+    outcome = investigated(*plant, form="cooperative")
     assert outcome.verdict == "refuted"
     assert reason(next(c for c in outcome.claims if c.id == "attainable")) == words
     # the same plant is no obstacle to the split form
-    assert investigated(*asked, form="split").verdict == "proved"
+    assert investigated(*plant, form="split").verdict == "proved"
 
 
 def test_a_failed_search_is_undecided() -> None:
@@ -267,8 +267,8 @@ def test_an_obstruction_is_told_again_by_verify() -> None:
     from obsdesign.verification.interval.claims import claims
 
     gains = dict(design.gains) | {"dwell_time": [0.5, math.inf]}
-    found = claims(obsdesign.Problem.from_dict(body), gains, {})
-    assert next(c for c in found if c.id == "attainable").verdict == "refuted"
+    again = claims(obsdesign.Problem.from_dict(body), gains, {})
+    assert next(c for c in again if c.id == "attainable").verdict == "refuted"
 
 
 def test_entries_whose_cubes_overflow_leave_the_question_open() -> None:
@@ -384,8 +384,8 @@ def test_a_mode_that_is_hidden_but_for_rounding_is_told() -> None:
     body["observer"]["form"] = "split"
     outcome = obsdesign.investigate(obsdesign.Problem.from_dict(body))
     assert outcome.verdict == "undecided"
-    told = [reason(c) for c in outcome.claims if c.id == "dwell_stability"]
-    assert "flow.A has a mode (0+-1i) that no output sees" in told[0]
+    reasons = [reason(c) for c in outcome.claims if c.id == "dwell_stability"]
+    assert "flow.A has a mode (0+-1i) that no output sees" in reasons[0]
     body["output"]["C"] = [[1, 0, 0]]
-    seen = obsdesign.investigate(obsdesign.Problem.from_dict(body))
-    assert all("no output sees" not in reason(c) for c in seen.claims)
+    measured = obsdesign.investigate(obsdesign.Problem.from_dict(body))
+    assert all("no output sees" not in reason(c) for c in measured.claims)
