@@ -124,7 +124,10 @@ class Coordinates:
         inverse: Callable[[Any], Any],
         lift: Callable[[Any], Array] = np.asarray,
     ) -> Coordinates:
-        """Of S and S2, None where there is none; `inverse` may give None for a singular matrix."""
+        """Coordinates of S and S2, None where there is none.
+
+        inverse: may give None for a singular matrix; lift: chooses the arithmetic.
+        """
         S, S2 = (None if X is None else lift(X) for X in (S, S2))
         S_inverse, S2_inverse = (None if X is None else inverse(X) for X in (S, S2))
         return Coordinates(S, S_inverse, S2, S2_inverse)
@@ -200,10 +203,10 @@ def periodic_width(
 def slope_scheme(
     gains: IntervalGains, lift: Callable[[Any], Array], inverse: Callable[[Any], Any]
 ) -> tuple[Array, Array, Array, Array, Array]:
-    """(|L|, |C A|, Mz(A), |C|, Delta b) in the observer's coordinates: see `runtime.interval.maps`.
+    """(|L|, |C A|, Mz(A), |C|, Delta b) in the observer's coordinates.
 
-    Between two samples sig' = |C A| rho + |C| Delta b and rho' = Mz(A) rho + Delta b, and the width
-    grows by |L| sig.
+    Between two samples (derivation in `runtime.interval.maps`) sig' = |C A| rho + |C| Delta b and
+    rho' = Mz(A) rho + Delta b, and the width grows by |L| sig.
     """
     frame = Coordinates.from_matrices(gains.S, None, inverse, lift)
     A, C = frame.similar(lift(gains.A)), lift(gains.C)

@@ -83,7 +83,7 @@ class Columns:
         return np.vstack([u, self.u[first:end]])
 
     def stretches(self) -> NDArray[np.int_]:
-        """For each row the first one, from there on, that is not a sample one equal step later."""
+        """Return for each row the first later one that is not a sample one equal step later."""
         t, count = self.t, len(self.t)
         usual = np.isfinite(self.y).all(axis=1) & ~self.jump & np.isfinite(t) & (t > 0)
         if self.u is not None:
@@ -148,9 +148,9 @@ def stretch(kernel: Kernel, box: Matrix, y0: Matrix, y1: Matrix, u: Matrix) -> S
 def next_stretch(
     kernels: StepKernels, clock: SampleClock, state: IntervalState, record: Columns, span: range
 ) -> tuple[IntervalState, Stretch | None]:
-    """The rows from the start of `span` on that are ordinary samples in time, and the state after.
+    """Return the state after the first rows of `span`, and those rows, done together.
 
-    None, and the same state, where too few rows of the span are.
+    As many rows as are ordinary samples in time; None, and the same state, for too few of them.
     """
     mode = "start" if clock.period is None else "sampled"
     fits = state.started and not state.refutation and state.course is None
@@ -179,7 +179,7 @@ def next_stretch(
 def _end_of_equal_steps(
     clock: SampleClock, state: IntervalState, record: Columns, span: range
 ) -> int:
-    """The row that ends the steps of one length, in time, from the start of `span` on."""
+    """Return the row that ends the steps of one length, in time, at the start of `span`."""
     row, end, times = span.start, min(span.stop, span.start + _MOST_ROWS), record.t
     if state.guard.last_jump is not None:
         latest = state.guard.last_jump + state.guard.longest
@@ -211,7 +211,7 @@ def _upper_recursion(R: Matrix, added: Matrix, start: Matrix) -> Matrix:
 
 
 def _blocks(powers: Matrix, driven: Matrix, start: Matrix, terms: int) -> Matrix:
-    """Blocks from zero in one product, their starts one after the other, then what starts add."""
+    """Return rows x_k: blocks from zero in one product, then the contribution of their starts."""
     count, n = driven.shape
     size = min(_BLOCK, count)
     blocks = -(-count // size)

@@ -9,8 +9,8 @@ from numpy.typing import ArrayLike
 
 from obsdesign.runtime.base import Estimate, Sample
 from obsdesign.runtime.bound_observer import BoundObserver
-from obsdesign.runtime.interval.observer import JUMP, BoundsFault, IntervalObserver
-from obsdesign.runtime.interval.state import IntervalState
+from obsdesign.runtime.interval.observer import IntervalObserver
+from obsdesign.runtime.interval.state import JUMP, BoundsFault, IntervalState
 
 _PLANT = ("A", "B", "C", "G", "E", "flow_lower", "flow_upper", "jump_lower", "jump_upper",
           "noise_bound", "jump_measurement")  # fmt: skip

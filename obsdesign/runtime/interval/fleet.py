@@ -29,7 +29,7 @@ class FleetState(NamedTuple):
 
 
 class FleetEstimate(NamedTuple):
-    """Bounds of x at t: lower, upper (n, plants); plausible (plants,), False where they are void.
+    """Bounds of x at t: lower, upper (n, plants); plausible (plants,), False where void.
 
     They are void where no state inside them can give the measurement, or where they overflowed.
     """
@@ -117,7 +117,7 @@ class Fleet:
         return room
 
     def _bounds(self, centre: Matrix, radius: Matrix) -> tuple[Matrix, Matrix]:
-        """Of x = S z, rounded outward by widening the radius."""
+        """Return bounds of x = S z, rounded outward by widening the radius."""
         S = self.observer.gains.S
         if S is not None:
             spread = raised(np.abs(S) @ (radius + 8 * len(S) * UNIT * np.abs(centre)), 4 * len(S))

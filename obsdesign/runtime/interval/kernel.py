@@ -186,7 +186,7 @@ class _Rows:
 
 
 def _radius_rows(step: BoxMap) -> Matrix:
-    """r+ = R r + g, and all that m+ may be off by."""
+    """r+ = R r + g, and the error of m+."""
     rows = _Rows(step.X, step.R, step.g).upper()
     n, columns = len(step.g), step.X.mid.shape[1]
     rows[:, n : n + columns] = 0.0

@@ -24,7 +24,7 @@ Step and sample are one map, of which the absolute value is taken, K = I - L C:
 
     r+ = |K e^{A h}| r + (bound of int_0^h |K e^{A s}| ds b_rad) + |L| V
 
-(`lmi.arithmetic.exponential.absolute_flow`); what is reported is also cut with |C x - y| <= V and
+(`lmi.arithmetic.exponential.absolute_flow`); reported bounds are also cut with |C x - y| <= V and
 the prediction. Claims about the width are about samples a period apart, and one off the period
 (early, or at a jump) may widen. So of such a sample and of its absence the better is kept, as a
 box, and the step over the whole period is made besides (`course`): r+ is then at most what
@@ -35,7 +35,7 @@ A `BoxMap` takes a box (centre m, radius r) to
     centre+ = X [m; y at the start; y at the end; u or w; 1]        X known up to an error
     radius+ = R r + g                                               R, g rounded up
 
-so that |z - centre+| <= radius+ in exact arithmetic; what X and the arithmetic may be off by is
+so that |z - centre+| <= radius+ in exact arithmetic; the errors of X and of the arithmetic are
 added where maps are used (`kernel`).
 """
 
@@ -77,7 +77,7 @@ def box_map(
 
 
 def flow_maps(model: Model, h: float, h_error: float) -> dict[str, BoxMap]:
-    """Over a step of length h +- h_error: with y at its start, at its end, or without.
+    """Return the maps of a step of length h +- h_error: y at its start, at its end, or none.
 
     Overflow shows as infinite radii, not as warnings.
     """
@@ -99,7 +99,7 @@ def flow_maps(model: Model, h: float, h_error: float) -> dict[str, BoxMap]:
 
 
 def free_map(model: Model, h: float, h_error: float) -> BoxMap:
-    """Over a step of length h +- h_error without any measurement."""
+    """Return the map of a step of length h +- h_error without any measurement."""
     with np.errstate(over="ignore", invalid="ignore"):
         Phi, forced = _driven(model.A, model.inputs, h, h_error)
         g = _on_the_way(model, exactly(np.eye(len(model.b_rad))), h, h_error)
@@ -118,7 +118,7 @@ def _on_the_way(model: Model, left: Enclosure, h: float, h_error: float) -> Matr
 
 
 def identity_map(model: Model) -> BoxMap:
-    """No step at all."""
+    """Return the map of a step of length zero."""
     n = len(model.width)
     inputs = exactly(np.zeros_like(model.inputs.mid))
     identity = np.eye(n)
@@ -142,7 +142,7 @@ def sampled(model: Model, before: BoxMap, h: float, h_error: float) -> BoxMap:
 
 
 def jump_maps(model: Model, gains: IntervalGains) -> dict[bool, BoxMap]:
-    """Over a jump: with its measurement (True) and without one (False)."""
+    """Return the maps of a jump: with its measurement (True) and without one (False)."""
     G, M, C = (exactly(matrix) for matrix in (gains.jump_matrix, gains.M, gains.C))
     n, when, V = gains.n, gains.jump_measurement, model.V
     c_mid, c_rad = midpoint(*gains.jump_bounds)

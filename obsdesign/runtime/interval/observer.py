@@ -12,7 +12,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from enum import Enum
 from functools import cached_property
 from math import frexp
 from typing import Any, ClassVar
@@ -39,21 +38,10 @@ from obsdesign.runtime.interval.batch import Columns, next_stretch
 from obsdesign.runtime.interval.clock import SampleClock
 from obsdesign.runtime.interval.course import advanced, course_of
 from obsdesign.runtime.interval.kernel import Kernel
-from obsdesign.runtime.interval.state import Course, IntervalState, first_box
+from obsdesign.runtime.interval.state import JUMP, BoundsFault, Course, IntervalState, first_box
 from obsdesign.runtime.interval.step_kernels import JumpSample, StepKernels
 
 _ONE_OUTPUT = (1,)
-
-
-# the event of a jump, beside those of objections
-JUMP = "jump"
-
-
-class BoundsFault(Enum):
-    """Bounds that a step cannot report as they are; the value is the status message."""
-
-    OVERFLOWED = "bounds overflowed"
-    CROSSED = "bounds crossed"  # which refutes the bounds of the step before
 
 
 @dataclass(frozen=True)
@@ -109,12 +97,13 @@ class IntervalObserver(BoundObserver[IntervalState]):
         with np.errstate(over="ignore", invalid="ignore"):
             chosen, out, contradictions, course = self._propagated(state, sample, t, y, off)
         guard, late = state.guard.after(t, sample.jump)
-        timing = [late] if late else []
-        timing += self._clock.objections(state, sample, y, t)
+        objections = [*contradictions, late] if late else contradictions.copy()
+        objections += self._clock.objections(state, sample, y, t)
         box, bounds, fault = self._results(chosen, out)
-        objections = [*contradictions, *timing, *([fault.value] if fault else [])]
-        if fault is BoundsFault.CROSSED:
-            contradictions = [*contradictions, fault.value]
+        if fault is not None:
+            objections.append(fault.value)
+            if fault is BoundsFault.CROSSED:
+                contradictions.append(fault.value)
         refutation = state.refutation
         if refutation:
             objections.append(refutation)
@@ -214,7 +203,7 @@ class IntervalObserver(BoundObserver[IntervalState]):
         lower: ArrayLike,
         upper: ArrayLike,
     ) -> Batch:
-        """The whole record at once, from bounds of x at its first row.
+        """Estimates of a whole record at once, from bounds of x at its first row.
 
         Stretches of equal steps are done together, all other rows by `step`: the bounds agree with
         those of `step` up to rounding, and hold as well.

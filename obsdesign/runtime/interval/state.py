@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from enum import Enum
 from typing import NamedTuple
 
 import numpy as np
@@ -10,6 +11,16 @@ from numpy.typing import ArrayLike
 
 from obsdesign.runtime.base import DwellGuard, Vector, vector
 from obsdesign.runtime.interval.model import Model, midpoint
+
+# the event of a jump, beside those of objections
+JUMP = "jump"
+
+
+class BoundsFault(Enum):
+    """Bounds that a step cannot report as they are; the value is the status message."""
+
+    OVERFLOWED = "bounds overflowed"
+    CROSSED = "bounds crossed"  # which refutes the bounds of the step before
 
 
 class Course(NamedTuple):

@@ -81,12 +81,12 @@ class StepKernels:
 
     @cached_property
     def still(self) -> Mapping[str, Kernel]:
-        """Of no time passing."""
+        """Kernels of a step of length zero."""
         return self.for_step(0.0, 0.0)
 
     @cached_property
     def jumps(self) -> dict[bool, Kernel]:
-        """Of a jump: with the correction M (y - C x), and without."""
+        """Kernels of a jump: with the correction M (y - C x), and without."""
         with np.errstate(over="ignore", invalid="ignore"):
             maps = jump_maps(self.model, self.gains)
         return {

@@ -50,9 +50,9 @@ def growth(task: Task, L: Matrix, M: Matrix) -> float:
 
 
 def mean_width(task: Task, L: Matrix, M: Matrix) -> float:
-    """Return the weighted time average of the width at the worse end of the range; inf if it grows.
+    """Return the weighted mean width at the worse end of the range; inf if it grows.
 
-    The weighted pre-jump width, if the task is about that.
+    The mean is over time; the weighted pre-jump width, if the task is about that.
     """
     system = task.system(L, M)
     if (system.N is None or task.low < task.high) and growth(task, L, M) >= 1:

@@ -43,14 +43,14 @@ class _Program:
     limits: list[float] = field(default_factory=list)
 
     def block(self, *shape: int) -> Indices:
-        """New variables."""
+        """Return the indices of new variables."""
         count = math.prod(shape)
         variables = np.arange(self.size, self.size + count).reshape(shape)
         self.size += count
         return variables
 
     def below(self, terms: list[tuple[Indices, Matrix]], limit: float) -> None:
-        """Sum of coefficients times variables <= limit."""
+        """Add a row: the sum of coefficients times variables is at most the limit."""
         row = len(self.limits)
         for columns, values in terms:
             self.columns += np.ravel(columns).tolist()
@@ -200,7 +200,7 @@ def _jump_rows(
 
 
 def _is_at_jumps(task: Task) -> bool:
-    """Is it the pre-jump width that counts? Where jumps may stay away, its average stands in."""
+    """Is the pre-jump width minimised? Where jumps may stay away, the average stands in for it."""
     return task.pre_jump and math.isfinite(task.high)
 
 

@@ -97,7 +97,7 @@ class _Steps:
 
     @property
     def period(self) -> tuple[Matrix, Matrix]:
-        """From sample to sample."""
+        """(sizes, added) of the map from sample to sample."""
         return self.late[0][0], self.late[1][0]
 
 

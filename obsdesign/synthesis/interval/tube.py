@@ -111,7 +111,7 @@ def width_flow(W: Matrix, f: Matrix, thetas: Matrix) -> tuple[Matrix, Matrix]:
 
 
 def _graded(low: float, last: float) -> Matrix:
-    """More points near the start, where fast modes live."""
+    """Return a grid that is finer near the start, where fast modes act."""
     return low + (last - low) * np.linspace(0.0, 1.0, 200) ** 3
 
 

@@ -124,7 +124,7 @@ def _spacing(
     certificates: Mapping[str, Any],
     width: tuple[Claim, ...],
 ) -> tuple[Claim, ...]:
-    """The step limit of a continuous y, where one was found; none is needed with L = 0."""
+    """Claim of a step limit of a continuous y, if one is proposed; none is needed with L = 0."""
     if problem.plant.output.measured != "continuous":
         return ()
     if not np.any(gains.L):

@@ -36,7 +36,7 @@ _COMPARISON_IN_WORDS = "w' = W w + f, w+ = K w + k at samples and w+ = N w + h a
 def samples_claim(
     system: WidthSystem, gains: IntervalGains, proposed: Mapping[str, Any], source: str
 ) -> Claim:
-    """Samples as events: bounded width for every sequence of jumps between them.
+    """Claim for samples as events: bounded width for every sequence of jumps between them.
 
     proposed: "tube", "sampled", "always" and, with jumps, "jumped"; checked, not believed. "maps":
     `SAMPLED_MAPS`; without it, as in designs of earlier versions, the claim is about the wider
@@ -75,7 +75,7 @@ def _samples_statement(gains: IntervalGains, is_merged: bool) -> str:
 
 
 def _refutation(system: WidthSystem, period: float) -> Verdict:
-    """From sample to sample the error itself does not contract, or its absolute map does not."""
+    """Refute by the map from sample to sample of the error, or by its absolute value."""
     assert system.A is not None
     assert system.K is not None
     refutation = refute_spectral(system.A, system.K, period, period)

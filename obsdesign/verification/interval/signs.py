@@ -44,7 +44,7 @@ class SplitMatrix:
 
 
 def split_claim(part: SplitPart, form: str, name: str, matrix: SplitMatrix, source: str) -> Claim:
-    """The matrix itself has the signs (`cooperative`), or an exact split of it.
+    """Claim that the matrix has the signs itself (`cooperative`), or an exact split of it has.
 
     name: how a person writes the matrix; source: the theorem.
     """
@@ -76,7 +76,7 @@ def split_claim(part: SplitPart, form: str, name: str, matrix: SplitMatrix, sour
 
 
 def metzler_claim(R: Any, D0: Any, D1: Any, source: str) -> Claim:
-    """R = S^-1 (A - L C) S of Theorem 7 is Metzler, up to rounding that is carried as D1."""
+    """Claim that R = S^-1 (A - L C) S of Theorem 7 is Metzler, up to rounding, stored as D1."""
     limit = exact(SPLIT_ROUNDING).item() * np.max(np.abs(R))
     off_diagonal = ~np.eye(len(R), dtype=bool)
     verdict = signs(
@@ -97,7 +97,7 @@ def metzler_claim(R: Any, D0: Any, D1: Any, source: str) -> Claim:
 
 
 def nonnegative_claim(T: Any, H2: Any, source: str) -> Claim:
-    """T >= 0 is S2^-1 H S2, up to rounding."""
+    """Claim that T >= 0 is S2^-1 H S2, up to rounding."""
     verdict = signs(T, False, "T is not nonnegative")
     if verdict.outcome == "proved":
         verdict = _same(H2, T, "T misses S2^-1 H S2")

@@ -80,7 +80,7 @@ def width_claim(
 
 
 def limit_claim(system: WidthSystem, proposed: Mapping[str, Any], source: str) -> tuple[Claim, ...]:
-    """The same without jumps: W v + f < 0, exactly."""
+    """Claim of the bounds of the width without jumps: W v + f < 0, exactly."""
     bounds = vectors(proposed, ("tube", "always"), len(system.f))
     if bounds is None:
         return ()
