@@ -26,7 +26,8 @@ from obsdesign.equations.estimation_error import (
 from obsdesign.equations.impulsive.formulas import Core
 from obsdesign.equations.impulsive.gains import ImpulsiveGains
 from obsdesign.equations.impulsive_input import features as impulsive_input
-from obsdesign.equations.interval.width import WidthSystem, width_system_of
+from obsdesign.equations.interval.gains import IntervalGains
+from obsdesign.equations.interval.width import WidthSystem
 
 Array = NDArray[np.float64]
 
@@ -73,7 +74,7 @@ def curve_of(design: Design) -> Curve | None:
 
 
 def _interval(gains: Mapping[str, Any], evidence: Mapping[str, Any]) -> Curve | None:
-    system = width_system_of(gains)
+    system = WidthSystem.from_gains(IntervalGains.from_document(gains))
     if system.K is not None:
         return _growth_from_sample_to_sample(system, float(gains["period"]))
     if system.N is None:

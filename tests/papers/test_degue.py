@@ -18,7 +18,8 @@ from lmi.prove.common_matrix import prove_common
 from lmi.prove.hurwitz import prove_hurwitz
 from lmi.refute.spectral import refute_spectral
 from obsdesign.equations.interval import splits as equations
-from obsdesign.equations.interval.width import periodic_width, width_system_of
+from obsdesign.equations.interval.gains import IntervalGains
+from obsdesign.equations.interval.width import WidthSystem, periodic_width
 from obsdesign.runtime.interval.observer import IntervalObserver
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -60,7 +61,7 @@ def pair(name: str) -> tuple[np.ndarray, np.ndarray]:
 
 def inputs(design: obsdesign.Design) -> tuple[np.ndarray, np.ndarray]:
     """(f, h) of the width system."""
-    system = width_system_of(design.gains)
+    system = WidthSystem.from_gains(IntervalGains.from_document(design.gains))
     return system.f, system.h
 
 
@@ -199,14 +200,14 @@ def _continuous_run(jump_measurement: str) -> float:
     Plant, both bounds and the oscillator in one linear system: exact.
     """
     F, H = A1 - L1 @ C, G1 - M1 @ C
-    Z, one, noise = np.zeros((2, 2)), np.ones((2, 1)), np.abs(L1) * V
-    S = np.hstack([one, 0 * one])  # picks sin
+    Z, column, noise = np.zeros((2, 2)), np.ones((2, 1)), np.abs(L1) * V
+    S = np.hstack([column, 0 * column])  # picks sin
     LV = L1 @ np.array([[V, 0.0]])
     system = np.block(
         [
             [A1, Z, Z, BETA * S, np.zeros((2, 1))],
-            [L1 @ C, F, Z, LV, -BETA * one - noise],
-            [L1 @ C, Z, F, LV, BETA * one + noise],
+            [L1 @ C, F, Z, LV, -BETA * column - noise],
+            [L1 @ C, Z, F, LV, BETA * column + noise],
             [np.zeros((1, 6)), np.array([[0.0, 1.0]]), np.zeros((1, 1))],
             [np.zeros((1, 6)), np.array([[-1.0, 0.0]]), np.zeros((1, 1))],
             [np.zeros((1, 9))],

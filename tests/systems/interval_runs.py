@@ -40,7 +40,7 @@ def random_plant(rng: np.random.Generator, n: int | None = None) -> Plant:
 
 def observer_for(plant: Plant, L: Any, M: Any, **splits: Any) -> IntervalObserver:
     """An observer with these gains and the minimal splits, proved or not."""
-    data = plant_data(plant) | {"L": L, "M": M}
+    data = plant_data(plant) | {"form": "split", "L": L, "M": M}
     F = flow_error_matrix(plant.flow.A, L, plant.output.C)
     data["D0"], data["D1"] = equations.metzler_split(F)
     if plant.jump is not None:

@@ -21,40 +21,38 @@ The width w = upper - lower: `obsdesign.equations.interval.width`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from obsdesign.equations.estimation_error import (
     flow_error_matrix,
     jump_error_matrix,
 )
+from obsdesign.equations.gains import Array
+from obsdesign.equations.interval.gains import FORMS
 
-Array = NDArray[Any]  # float64, or object arrays of exact rationals
-
-FORMS = ("cooperative", "split", "coordinates", "two_coordinates")
 _SPLITS = ("D0", "D1", "Gp", "Gn")
 
 
-def objection(plant: Any, gains: Any, options: Any) -> str | None:
-    """What forbids an interval observer for a plant, or None; one sentence.
+def reason_against(plant: Any, gains: Any, options: Any) -> str | None:
+    """Reason against an interval observer for a plant, one sentence, or None.
 
-    `gains` and `options` are those of the problem file. Anything that moves the state without
-    bounds, and any request that would not be honoured.
+    `gains` and `options` are those of the problem file. Unbounded inputs are refused, and options
+    without effect.
     """
-    if text := plant_objection(plant):
-        return text
-    if text := limit_objection(gains, options, "observer.gains"):
-        return text
-    if text := _width_objection(plant, options):
-        return text
-    return _form_objection(plant, gains, options.get("form", "auto"))
+    if reason := reason_against_plant(plant):
+        return reason
+    if large := large_gain(gains.get("L"), gains.get("M"), options.get("gain_limit")):
+        return large.reason("observer.gains")
+    if reason := _reason_against_width(plant, options):
+        return reason
+    return _reason_against_form(plant, gains, options.get("form", "auto"))
 
 
-def plant_objection(plant: Any) -> str | None:
-    """What moves the state without bounds, or None; one sentence."""
+def reason_against_plant(plant: Any) -> str | None:
+    """Reason against a plant with unbounded inputs, one sentence, or None."""
     if plant.flow.D is not None:
         return (
             "flow.D is refused by kind 'interval': an unknown input without bounds leaves no "
@@ -68,8 +66,8 @@ def plant_objection(plant: Any) -> str | None:
     return None
 
 
-def _width_objection(plant: Any, options: Any) -> str | None:
-    """A width that is asked to be narrow where nothing is made narrow, or None."""
+def _reason_against_width(plant: Any, options: Any) -> str | None:
+    """Reason against options of the width, or None."""
     for name in ("width", "width_weights"):
         if name in options and options.get("objective") != "narrowest":
             return f"observer.{name} needs observer.objective = 'narrowest'; it is not asked for."
@@ -84,23 +82,41 @@ def _width_objection(plant: Any, options: Any) -> str | None:
     return None
 
 
-def limit_objection(gains: Any, options: Any, where: str) -> str | None:
-    """An entry of L or M beyond `gain_limit`, or None; exact. where: how the gains are called."""
-    limit = options.get("gain_limit")
-    for name in ("L", "M"):
-        if limit is None or name not in gains:
+@dataclass(frozen=True)
+class LargeGain:
+    """An entry of L or M beyond `gain_limit`; row and column from 1."""
+
+    name: str
+    row: int
+    column: int
+    value: float
+    limit: float
+
+    def entry(self, owner: str) -> str:
+        """Name of the gain; owner: prefix of the gains."""
+        return f"{owner}.{self.name}, row {self.row}"
+
+    def reason(self, owner: str) -> str:
+        """Reason against the gain, one sentence."""
+        return (
+            f"{owner}.{self.name}, row {self.row}, column {self.column} must not exceed "
+            f"observer.gain_limit = {self.limit:g}; got {self.value!r}."
+        )
+
+
+def large_gain(L: Array | None, M: Array | None, limit: float | None) -> LargeGain | None:
+    """The first entry of L or M, as far as they are given, beyond the limit; exact."""
+    for name, gain in (("L", L), ("M", M)):
+        if limit is None or gain is None:
             continue
-        for (i, k), value in np.ndenumerate(gains[name]):
+        for (i, k), value in np.ndenumerate(gain):
             if abs(value) > limit:
-                return (
-                    f"{where}.{name}, row {i + 1}, column {k + 1} must not exceed "
-                    f"observer.gain_limit = {limit:g}; got {float(value)!r}."
-                )
+                return LargeGain(name, i + 1, k + 1, float(value), limit)
     return None
 
 
-def _form_objection(plant: Any, gains: Any, form: str) -> str | None:
-    """Gains and form that do not go together, or None."""
+def _reason_against_form(plant: Any, gains: Any, form: str) -> str | None:
+    """Reason against a form for the given gains, or None."""
     if form not in (*FORMS, "auto"):
         return f"observer.form must be one of {', '.join(FORMS)} or auto; got {form!r}."
     if form in ("cooperative", "split"):
@@ -110,14 +126,14 @@ def _form_objection(plant: Any, gains: Any, form: str) -> str | None:
                     f"observer.gains.{name} belongs to the forms coordinates and two_coordinates; "
                     f"got it with form {form!r}."
                 )
-    own = [name for name in _SPLITS if name in gains]
-    if own and form in ("cooperative", "two_coordinates"):
+    splits = [name for name in _SPLITS if name in gains]
+    if splits and form in ("cooperative", "two_coordinates"):
         return (
-            f"observer.gains.{own[0]} belongs to the forms split and coordinates; "
+            f"observer.gains.{splits[0]} belongs to the forms split and coordinates; "
             f"got it with form {form!r}."
         )
-    if own and "S2" in gains:
-        return f"observer.gains.{own[0]} is a split; with S2 and T there is none."
+    if splits and "S2" in gains:
+        return f"observer.gains.{splits[0]} is a split; with S2 and T there is none."
     if form == "coordinates" and "S2" in gains:
         return "observer.gains.S2 belongs to form 'two_coordinates'; got it with 'coordinates'."
     needed = ("S", "S2") if form == "two_coordinates" or {"S2", "T"} & set(gains) else ()
@@ -129,8 +145,8 @@ def _form_objection(plant: Any, gains: Any, form: str) -> str | None:
     return None
 
 
-def forms_asked(gains: Any, options: Any) -> tuple[str, ...]:
-    """The forms that a problem leaves open, in order of preference."""
+def open_forms(gains: Any, options: Any) -> tuple[str, ...]:
+    """Return the forms that a problem leaves open, in order of preference."""
     form = options.get("form", "auto")
     if form != "auto":
         return (form,)
@@ -149,19 +165,18 @@ def in_coordinates(X: Array, S: Array | None, S_inverse: Array | None) -> Array:
 
 
 def flow_and_jump(
-    numbers: Mapping[str, Array], jump_measurement: str, periodic: bool
-) -> tuple[Array, Array | None]:
+    A: Array, C: Array, G: Array | None, *, L: Array, M: Array, jump_measurement: str,
+    is_periodic: bool,
+) -> tuple[Array, Array | None]:  # fmt: skip
     """(F, H) that the splits are of, in x: the error between events and at jumps.
 
-    With samples as events (`periodic`) neither L nor M acts there: (A, G). H is None without jumps.
+    With samples as events (`is_periodic`) neither L nor M acts there: (A, G). H is None without
+    jumps.
     """
-    A, C = numbers["A"], numbers["C"]
-    if periodic:
-        return A, numbers.get("G")
-    F = flow_error_matrix(A, numbers["L"], C)
-    if "G" not in numbers:
-        return F, None
-    return F, jump_error_matrix(numbers["G"], numbers["M"], C, jump_measurement)
+    if is_periodic:
+        return A, G
+    F = flow_error_matrix(A, L, C)
+    return F, None if G is None else jump_error_matrix(G, M, C, jump_measurement)
 
 
 def positive_part(X: Array) -> Array:

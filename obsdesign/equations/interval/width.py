@@ -15,12 +15,12 @@ Source: Degue, Efimov, Richard, NOLCOS 2016, Theorems 5, 7, 8; the pair (W, N) i
 after adding and subtracting the two error vectors. Theorem 7 needs |S^-1 S2| T |S2^-1 S| for N: the
 printed condition (8) has T alone, which bounds nothing (docs/papers.md).
 
-Samples of an interval observer: the absolute values that its slope scheme is bounded by.
+`slope_scheme` has the absolute values that bound the slope scheme of a continuous y.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -28,15 +28,16 @@ import numpy as np
 
 from lmi.arithmetic.exponential import expm
 from obsdesign.equations.estimation_error import jump_disturbance_matrix
+from obsdesign.equations.gains import Array
+from obsdesign.equations.interval.gains import IntervalGains
 from obsdesign.equations.interval.splits import (
-    Array,
     absolute_metzler,
     completed_split,
     flow_and_jump,
     in_coordinates,
 )
 
-# the maps that a claim about samples is of, as its evidence names them
+# maps that a claim about samples is of, as its evidence names them
 SAMPLED_MAPS = "|(I - L C) e^(A s)|"
 
 
@@ -45,7 +46,7 @@ class WidthSystem:
     """W (n, n), f (n,); N, h at jumps and K, k at samples, None where there are none.
 
     A, G: flow and jump that samples come between, None without samples; A, K and G have signs, all
-    else has none. out: |S|, what turns a width in z into one in x.
+    else has none. out: |S|, which bounds a width in x by one in z.
     """
 
     W: Array
@@ -58,7 +59,36 @@ class WidthSystem:
     A: Array | None = None
     G: Array | None = None
 
-    def compared(self) -> WidthSystem:
+    @staticmethod
+    def from_gains(
+        gains: IntervalGains,
+        lift: Callable[[Any], Array] = np.asarray,
+        inverse: Callable[[Any], Any] = np.linalg.inv,
+    ) -> WidthSystem:
+        """The width system of a design; `lift` and `inverse` choose the arithmetic.
+
+        ValueError if S or S2 is singular.
+        """
+        frame = Coordinates.from_matrices(gains.S, gains.S2, inverse, lift)
+        if name := frame.singular_matrix():
+            raise ValueError(f"{name} is singular")
+        F, H = error_matrices(gains, lift)
+        F_z = frame.similar(F)  # with samples as events this is A
+        D0, D1 = completed_split(F_z, lift(gains.D0), lift(gains.D1))
+        L = lift(gains.L)
+        noise = 2 * np.abs(frame.inward(L)) @ lift(gains.noise_bound)
+        identity = np.eye(gains.n, dtype=np.int64)
+        b_width = lift(gains.flow_upper) - lift(gains.flow_lower)
+        f = np.abs(frame.inward(identity)) @ b_width
+        out = identity if frame.S is None else np.abs(frame.S)
+        N, h = (None, None) if H is None else _jump_width(gains, frame, H, lift)
+        if not gains.is_periodic:
+            return WidthSystem(W=D0 + D1, f=f + noise, N=N, h=h, K=None, k=None, out=out)
+        K = frame.similar(identity - L @ lift(gains.C))
+        G = None if H is None else frame.similar(H)
+        return WidthSystem(W=D0 + D1, f=f, N=N, h=h, K=K, k=noise, out=out, A=F_z, G=G)
+
+    def comparison(self) -> WidthSystem:
         """With |K| e^(W s) in place of |K e^(A s)|, and likewise at jumps: a wider system."""
         assert self.K is not None
         return replace(self, A=self.W, K=np.abs(self.K), G=self.N)
@@ -88,89 +118,66 @@ class Coordinates:
     S2_inverse: Array | None
 
     @staticmethod
-    def of(gains: Mapping[str, Any], inverse: Callable[[Any], Any]) -> Coordinates:
-        """Those of a design's `gains`; `inverse` may give None for a singular matrix."""
-        S, S2 = gains.get("S"), gains.get("S2")
-        return Coordinates(
-            S, None if S is None else inverse(S), S2, None if S2 is None else inverse(S2)
-        )
+    def from_matrices(
+        S: Any,
+        S2: Any,
+        inverse: Callable[[Any], Any],
+        lift: Callable[[Any], Array] = np.asarray,
+    ) -> Coordinates:
+        """Coordinates of S and S2, None where there is none.
 
-    def singular(self) -> str | None:
-        """Which of the matrices has no inverse, if one has none."""
+        inverse: may give None for a singular matrix; lift: chooses the arithmetic.
+        """
+        S, S2 = (None if X is None else lift(X) for X in (S, S2))
+        S_inverse, S2_inverse = (None if X is None else inverse(X) for X in (S, S2))
+        return Coordinates(S, S_inverse, S2, S2_inverse)
+
+    def singular_matrix(self) -> str | None:
+        """Name of a matrix without an inverse, None if both have one."""
         pairs = (("S", self.S, self.S_inverse), ("S2", self.S2, self.S2_inverse))
         return next((name for name, X, Y in pairs if X is not None and Y is None), None)
 
     def inward(self, X: Array) -> Array:
-        """S^-1 X: what enters x, as it enters z."""
+        """S^-1 X: an input of x as one of z."""
         return X if self.S is None else self.S_inverse @ X
 
-
-_ARRAYS = (
-    "A", "C", "G", "L", "M", "D0", "D1", "Gp", "Gn", "S", "S2", "T", "noise_bound", "flow_lower",
-    "flow_upper", "jump_lower", "jump_upper",
-)  # fmt: skip
+    def similar(self, X: Array) -> Array:
+        """S^-1 X S: a map of x as one of z."""
+        return in_coordinates(X, self.S, self.S_inverse)
 
 
-def width_system_of(
-    gains: Mapping[str, Any],
-    lift: Callable[[Any], Array] = np.asarray,
-    inverse: Callable[[Any], Any] = np.linalg.inv,
-) -> WidthSystem:
-    """The width system of a design's `gains`; `lift` and `inverse` choose the arithmetic.
-
-    ValueError if S or S2 is singular.
-    """
-    numbers = {name: lift(gains[name]) for name in _ARRAYS if name in gains}
-    frame = Coordinates.of(numbers, inverse)
-    if name := frame.singular():
-        raise ValueError(f"{name} is singular")
-    numbers |= {"jump_measurement": gains["jump_measurement"]}
-    return width_system(numbers, frame, "period" in gains)
+def error_matrices(
+    gains: IntervalGains, lift: Callable[[Any], Array] = np.asarray
+) -> tuple[Array, Array | None]:
+    """(F, H) that the splits of a design are of, in x: `splits.flow_and_jump`."""
+    return flow_and_jump(
+        lift(gains.A), lift(gains.C), None if gains.G is None else lift(gains.G),
+        L=lift(gains.L), M=lift(gains.M), jump_measurement=gains.jump_measurement,
+        is_periodic=gains.is_periodic,
+    )  # fmt: skip
 
 
-def width_system(
-    numbers: Mapping[str, Any], coordinates: Coordinates, periodic: bool
-) -> WidthSystem:
-    """The width system of a design's `gains`, given as floats or exactly."""
-    S, S_inverse = coordinates.S, coordinates.S_inverse
-    n = len(numbers["A"])
-    identity = np.eye(n, dtype=np.int64)
-    F, H = flow_and_jump(numbers, numbers["jump_measurement"], periodic)
-    F = in_coordinates(F, S, S_inverse)  # with samples as events this is A
-    D0, D1 = completed_split(F, numbers["D0"], numbers["D1"])
-    L, V = coordinates.inward(numbers["L"]), numbers["noise_bound"]
-    noise = 2 * np.abs(L) @ V
-    f = np.abs(coordinates.inward(identity)) @ (numbers["flow_upper"] - numbers["flow_lower"])
-    out = identity if S is None else np.abs(S)
-    N = h = None
-    if H is not None:
-        N, h = _jump(numbers, coordinates, H, periodic)
-    if not periodic:
-        return WidthSystem(D0 + D1, f + noise, N, h, None, None, out)
-    K = in_coordinates(identity - numbers["L"] @ numbers["C"], S, S_inverse)
-    G = None if H is None else in_coordinates(H, S, S_inverse)
-    return WidthSystem(D0 + D1, f, N, h, K, noise, out, F, G)
-
-
-def _jump(
-    numbers: Mapping[str, Any], coordinates: Coordinates, H: Array, periodic: bool
+def _jump_width(
+    gains: IntervalGains, frame: Coordinates, H: Array, lift: Callable[[Any], Array]
 ) -> tuple[Array, Array]:
     """(N, h): by the splits of H, or by way of the second coordinates."""
-    when = "none" if periodic else numbers["jump_measurement"]
-    through = jump_disturbance_matrix(numbers["M"], numbers["C"], len(H), when)
-    size, V = numbers["jump_upper"] - numbers["jump_lower"], numbers["noise_bound"]
-    M = numbers["M"] if when != "none" else 0 * numbers["M"]
-    if coordinates.S2 is None:
-        H = in_coordinates(H, coordinates.S, coordinates.S_inverse)
-        Gp, Gn = completed_split(H, numbers["Gp"], numbers["Gn"])
-        inward = coordinates.inward
-        return Gp + Gn, np.abs(inward(through)) @ size + 2 * np.abs(inward(M)) @ V
-    S2, S2_inverse = coordinates.S2, coordinates.S2_inverse
+    when = "none" if gains.is_periodic else gains.jump_measurement
+    M, C, V = lift(gains.M), lift(gains.C), lift(gains.noise_bound)
+    through = jump_disturbance_matrix(M, C, len(H), when)
+    c_lower, c_upper = gains.jump_bounds
+    c_width = lift(c_upper) - lift(c_lower)
+    M = M if when != "none" else 0 * M
+    if frame.S2 is None:
+        Gp, Gn = (lift(half) for half in gains.jump_split)
+        Gp, Gn = completed_split(frame.similar(H), Gp, Gn)
+        inward = frame.inward
+        return Gp + Gn, np.abs(inward(through)) @ c_width + 2 * np.abs(inward(M)) @ V
+    S2, S2_inverse, T = frame.S2, frame.S2_inverse, lift(gains.T)
     assert S2_inverse is not None
-    H2, back = S2_inverse @ H @ S2, np.abs(coordinates.inward(S2))
-    T = numbers["T"]
-    N = back @ (T + np.abs(T - H2)) @ np.abs(S2_inverse @ coordinates.S)
-    return N, back @ (np.abs(S2_inverse @ through) @ size + 2 * np.abs(S2_inverse @ M) @ V)
+    H2, back = S2_inverse @ H @ S2, np.abs(frame.inward(S2))
+    # (8) with |S^-1 S2| T |S2^-1 S| in place of T
+    N = back @ (T + np.abs(T - H2)) @ np.abs(S2_inverse @ frame.S)
+    return N, back @ (np.abs(S2_inverse @ through) @ c_width + 2 * np.abs(S2_inverse @ M) @ V)
 
 
 def periodic_width(
@@ -194,18 +201,17 @@ def periodic_width(
 
 
 def slope_scheme(
-    gains: Mapping[str, Any], lift: Callable[[Any], Array], inverse: Callable[[Any], Any]
+    gains: IntervalGains, lift: Callable[[Any], Array], inverse: Callable[[Any], Any]
 ) -> tuple[Array, Array, Array, Array, Array]:
-    """(|L|, |C A|, Mz(A), |C|, Delta b) in the observer's coordinates: see `runtime.interval`.
+    """(|L|, |C A|, Mz(A), |C|, Delta b) in the observer's coordinates.
 
-    Between two samples sig' = |C A| rho + |C| Delta b and rho' = Mz(A) rho + Delta b, and the width
-    grows by |L| sig.
+    Between two samples (derivation in `runtime.interval.maps`) sig' = |C A| rho + |C| Delta b and
+    rho' = Mz(A) rho + Delta b, and the width grows by |L| sig.
     """
-    numbers = {name: lift(gains[name]) for name in ("A", "C", "L", "S") if name in gains}
-    frame = Coordinates.of(numbers, inverse)
-    A = in_coordinates(numbers["A"], frame.S, frame.S_inverse)
-    C = numbers["C"] if frame.S is None else numbers["C"] @ frame.S
-    size = lift(gains["flow_upper"]) - lift(gains["flow_lower"])
-    inward = np.abs(frame.inward(np.eye(len(A), dtype=np.int64)))
-    L = np.abs(frame.inward(numbers["L"]))
-    return L, np.abs(C @ A), absolute_metzler(A), np.abs(C), inward @ size
+    frame = Coordinates.from_matrices(gains.S, None, inverse, lift)
+    A, C = frame.similar(lift(gains.A)), lift(gains.C)
+    C = C if frame.S is None else C @ frame.S
+    b_width = lift(gains.flow_upper) - lift(gains.flow_lower)
+    inward = np.abs(frame.inward(np.eye(gains.n, dtype=np.int64)))
+    L = np.abs(frame.inward(lift(gains.L)))
+    return L, np.abs(C @ A), absolute_metzler(A), np.abs(C), inward @ b_width

@@ -19,11 +19,15 @@ from lmi.arithmetic.enclosure import UNIT, raised
 from obsdesign.runtime.base import Sample
 from obsdesign.runtime.interval.clock import SampleClock
 from obsdesign.runtime.interval.kernel import Kernel
+from obsdesign.runtime.interval.state import IntervalState
+from obsdesign.runtime.interval.step_kernels import StepKernels
 from obsdesign.runtime.step_cache import shared_length
 
 Matrix = NDArray[np.float64]
 
 _BLOCK = 16
+# rows of a stretch that are done together
+_FEWEST_ROWS, _MOST_ROWS = 16, 4096
 
 
 @dataclass(frozen=True)
@@ -37,14 +41,14 @@ class Columns:
     jump: NDArray[np.bool_]
 
     @staticmethod
-    def of(
+    def from_record(
         t: ArrayLike,
         y: ArrayLike | None,
         u: ArrayLike | None,
         w: ArrayLike | None,
         jump: ArrayLike | None,
     ) -> Columns:
-        """From what `run_batch` is given; ValueError for arrays of other lengths."""
+        """From the arguments of `run_batch`; ValueError for arrays of other lengths."""
         times = np.asarray(t, dtype=np.float64)
 
         def table(values: ArrayLike | None) -> Matrix | None:
@@ -57,14 +61,14 @@ class Columns:
                 )
             return array.reshape(len(times), -1)
 
-        seen = table(y)
+        measured = table(y)
         jumps = np.zeros(len(times), bool) if jump is None else np.asarray(jump, dtype=bool)
         if len(jumps) != len(times):
             raise ValueError(
                 f"every array must have {len(times)} rows, as t has; got {len(jumps)}."
             )
         missing = np.full((len(times), 1), np.nan)
-        return Columns(times, missing if seen is None else seen, table(u), table(w), jumps)
+        return Columns(times, missing if measured is None else measured, table(u), table(w), jumps)
 
     def sample(self, row: int) -> Sample:
         """One row; NaN in y marks a missing sample."""
@@ -79,7 +83,7 @@ class Columns:
         return np.vstack([u, self.u[first:end]])
 
     def stretches(self) -> NDArray[np.int_]:
-        """For each row the first one, from there on, that is not a sample one equal step later."""
+        """Return for each row the first later one that is not a sample one equal step later."""
         t, count = self.t, len(self.t)
         usual = np.isfinite(self.y).all(axis=1) & ~self.jump & np.isfinite(t) & (t > 0)
         if self.u is not None:
@@ -95,18 +99,6 @@ class Columns:
         return np.where(usual, ends, np.arange(count))
 
 
-def alike_until(clock: SampleClock, since: float, times: Matrix, row: int, end: int) -> int:
-    """The row up to which all steps from `row` on are regular and share the matrices of the first.
-
-    since: the time before `row`; end: at most that row.
-    """
-    length, half = shared_length(float(times[row]) - since, float(times[row]))
-    steps = np.diff(times[row:end], prepend=since)
-    alike = np.abs(steps - length) <= half
-    alike &= clock.regular_steps(steps, times[row:end])
-    return row + int(np.argmin(np.append(alike, False)))
-
-
 @dataclass(frozen=True)
 class Stretch:
     """Rows of one kernel: bounds (rows, n) of x, and [r; m] after the last one (2n,)."""
@@ -117,7 +109,7 @@ class Stretch:
 
 
 def stretch(kernel: Kernel, box: Matrix, y0: Matrix, y1: Matrix, u: Matrix) -> Stretch:
-    """As many rows as the kernel explains: those before an objection, an overflow, crossed bounds.
+    """Rows that the kernel explains: those before an objection, an overflow or crossed bounds.
 
     y0, y1: (rows, p) measurements at the start and the end of each step; u: (rows, m) inputs that
     hold over it.
@@ -153,6 +145,53 @@ def stretch(kernel: Kernel, box: Matrix, y0: Matrix, y1: Matrix, u: Matrix) -> S
     return Stretch(lower[:kept], upper[:kept], last)
 
 
+def next_stretch(
+    kernels: StepKernels, clock: SampleClock, state: IntervalState, record: Columns, span: range
+) -> tuple[IntervalState, Stretch | None]:
+    """Return the state after the first rows of `span`, and those rows, done together.
+
+    As many rows as are ordinary samples in time; None, and the same state, for too few of them.
+    """
+    mode = "start" if clock.period is None else "sampled"
+    fits = state.started and not state.refutation and state.course is None
+    fits = fits and (mode == "sampled" or state.y is not None)
+    row, first_t = span.start, float(record.t[span.start])
+    if len(span) < _FEWEST_ROWS or not fits or not clock.can_begin_stretch(state, first_t):
+        return state, None
+    end = _end_of_equal_steps(clock, state, record, span)
+    if end - row < _FEWEST_ROWS:
+        return state, None
+    chosen = kernels.for_step(first_t - state.t, first_t)[mode]
+    after, inputs = record.y[row:end], record.held(state.u, row, end)
+    first = np.zeros(chosen.p) if state.y is None else state.y
+    rows = stretch(chosen, state.box, np.vstack([first, after[:-1]]), after, inputs[:-1])
+    done = len(rows.lower)
+    if done == 0:
+        return state, None
+    now = float(record.t[row + done - 1])
+    following = IntervalState(
+        t=now, box=rows.box, u=inputs[done], y=after[done - 1], guard=state.guard,
+        started=True, sampled=now, phase=now,
+    )  # fmt: skip
+    return following, rows
+
+
+def _end_of_equal_steps(
+    clock: SampleClock, state: IntervalState, record: Columns, span: range
+) -> int:
+    """Return the row that ends the steps of one length, in time, at the start of `span`."""
+    row, end, times = span.start, min(span.stop, span.start + _MOST_ROWS), record.t
+    if state.guard.last_jump is not None:
+        latest = state.guard.last_jump + state.guard.longest
+        end = min(end, int(np.searchsorted(times, latest)))
+    first_t = float(times[row])
+    length, half = shared_length(first_t - state.t, first_t)
+    steps = np.diff(times[row:end], prepend=state.t)
+    alike = np.abs(steps - length) <= half
+    alike &= clock.regular_steps(steps, times[row:end])
+    return row + int(np.argmin(np.append(alike, False)))
+
+
 def _recursion(A: Matrix, driven: Matrix, start: Matrix) -> Matrix:
     """x_k = A x_{k-1} + driven_k, x_{-1} = start: rows x_k, by blocks."""
     n = len(A)
@@ -172,7 +211,7 @@ def _upper_recursion(R: Matrix, added: Matrix, start: Matrix) -> Matrix:
 
 
 def _blocks(powers: Matrix, driven: Matrix, start: Matrix, terms: int) -> Matrix:
-    """Blocks from zero in one product, their starts one after the other, then what starts add."""
+    """Return rows x_k: blocks from zero in one product, then the contribution of their starts."""
     count, n = driven.shape
     size = min(_BLOCK, count)
     blocks = -(-count // size)

@@ -1,4 +1,4 @@
-"""Several interval observers of one plant: the state is in what all their bounds share."""
+"""Several interval observers of one plant: the state is in the intersection of their bounds."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from obsdesign.runtime.base import Estimate, Sample
 from obsdesign.runtime.bound_observer import BoundObserver
 from obsdesign.runtime.interval.observer import IntervalObserver
-from obsdesign.runtime.interval.state import IntervalState
+from obsdesign.runtime.interval.state import JUMP, BoundsFault, IntervalState
 
 _PLANT = ("A", "B", "C", "G", "E", "flow_lower", "flow_upper", "jump_lower", "jump_upper",
           "noise_bound", "noise_centre", "jump_measurement")  # fmt: skip
@@ -32,8 +32,7 @@ class IntervalBundle(BoundObserver[tuple[IntervalState, ...]]):
         first = self.observers[0].gains
         for other in self.observers[1:]:
             for name in _PLANT:
-                mine, theirs = (np.asarray(x.get(name)) for x in (first, other.gains))
-                if not np.array_equal(mine, theirs):
+                if not np.array_equal(getattr(first, name), getattr(other.gains, name)):
                     raise ValueError(
                         f"observers of a bundle must be for one plant; {name} differs."
                     )
@@ -52,27 +51,28 @@ class IntervalBundle(BoundObserver[tuple[IntervalState, ...]]):
         self, t: float = 0.0, *, lower: ArrayLike, upper: ArrayLike
     ) -> tuple[IntervalState, ...]:
         """States at time t from bounds of x(t); ValueError as for one observer."""
-        return tuple(one.init(t, lower=lower, upper=upper) for one in self.observers)
+        return tuple(each.init(t, lower=lower, upper=upper) for each in self.observers)
 
     def reset(
         self, state: tuple[IntervalState, ...], *, lower: ArrayLike, upper: ArrayLike
     ) -> tuple[IntervalState, ...]:
         """The same instant with new bounds of x(t), for all of them."""
         pairs = zip(self.observers, state, strict=True)
-        return tuple(one.reset(each, lower=lower, upper=upper) for one, each in pairs)
+        return tuple(observer.reset(each, lower=lower, upper=upper) for observer, each in pairs)
 
     def step(
         self, state: tuple[IntervalState, ...], sample: Sample
     ) -> tuple[tuple[IntervalState, ...], Estimate]:
-        """One step of all. The status is `ok` if all are, else what they object to, each once."""
+        """One step of all. The status is `ok` if all are, else their objections, each once."""
         pairs = zip(self.observers, state, strict=True)
-        following, found = zip(*(one.step(each, sample) for one, each in pairs), strict=True)
-        lower = np.max([estimate.lower for estimate in found], axis=0)
-        upper = np.min([estimate.upper for estimate in found], axis=0)
-        said = [text for one in found for text in one.status.split("; ") if text != "ok"]
+        results = [observer.step(each, sample) for observer, each in pairs]
+        following, estimates = zip(*results, strict=True)
+        lower = np.max([estimate.lower for estimate in estimates], axis=0)
+        upper = np.min([estimate.upper for estimate in estimates], axis=0)
+        events = tuple(dict.fromkeys(event for each in estimates for event in each.events))
+        objections = [text for _, text in events if text != JUMP]
         if (lower > upper).any():
-            lower, upper = found[0].lower, found[0].upper
-            said.append("bounds crossed")
-        events = tuple(dict.fromkeys(event for one in found for event in one.events))
-        status = "; ".join(dict.fromkeys(said)) or "ok"
-        return following, Estimate(found[0].t, None, lower, upper, events=events, status=status)
+            lower, upper = estimates[0].lower, estimates[0].upper
+            objections.append(BoundsFault.CROSSED.value)
+        status = "; ".join(dict.fromkeys(objections)) or "ok"
+        return following, Estimate(estimates[0].t, None, lower, upper, events=events, status=status)

@@ -1,15 +1,14 @@
-"""When samples of an interval observer are in time, and what is said when they are not."""
+"""Checks of sampling times, with the status messages of samples that are late or missing."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from obsdesign.equations.interval.gains import IntervalGains
 from obsdesign.runtime.base import Sample, Vector
 from obsdesign.runtime.interval.state import IntervalState
 from obsdesign.runtime.time_stamps import RELATIVE_TIME_TOLERANCE, time_tolerance, time_tolerances
@@ -17,23 +16,30 @@ from obsdesign.runtime.time_stamps import RELATIVE_TIME_TOLERANCE, time_toleranc
 
 @dataclass(frozen=True)
 class SampleClock:
-    """What a design says of the times of its samples.
+    """Sampling times that a design is for.
 
     period: of periodic samples, else None; limit: the longest step of a continuous y for which a
-    width is guaranteed; when: jump_measurement; corrects: does L use the measurements?
+    width is guaranteed; skips_jumps: no sample is taken at the time of a jump;
+    before_jumps: a sample at a jump is taken before it; corrects: does L use the measurements?
     """
 
     period: float | None
     limit: float
-    when: str
+    skips_jumps: bool
+    before_jumps: bool
     corrects: bool
 
     @classmethod
-    def of(cls, gains: Mapping[str, Any]) -> SampleClock:
-        """The clock of a design's gains."""
-        period = float(gains["period"]) if "period" in gains else None
-        limit = float(gains.get("step_limit", math.inf))
-        return cls(period, limit, str(gains["jump_measurement"]), bool(np.any(gains["L"])))
+    def from_gains(cls, gains: IntervalGains) -> SampleClock:
+        """The clock of a design."""
+        limit = math.inf if gains.step_limit is None else gains.step_limit
+        return cls(
+            period=gains.period,
+            limit=limit,
+            skips_jumps=gains.jump_measurement == "none",
+            before_jumps=gains.jump_measurement == "before",
+            corrects=bool(np.any(gains.L)),
+        )
 
     @property
     def latest(self) -> float:
@@ -45,8 +51,8 @@ class SampleClock:
         """Time after a sample from which the next one is certainly a period later."""
         return (self.period or 0.0) * (1 - RELATIVE_TIME_TOLERANCE)
 
-    def in_time(self, state: IntervalState, t: float) -> bool:
-        """A whole number of periods since the last sample on the period, and not late."""
+    def is_in_time(self, state: IntervalState, t: float) -> bool:
+        """Is t whole periods after the last sample on the period, and not late?"""
         assert self.period is not None
         apart = t - state.phase
         if not apart > 0:
@@ -54,19 +60,19 @@ class SampleClock:
         off = abs(apart - max(round(apart / self.period), 1) * self.period)
         return off <= time_tolerance(apart, t) and not self._is_late(state, t)
 
-    def off_period(self, state: IntervalState, t: float) -> bool:
-        """Is a sample at t early, so that what is claimed of the width does not count it?"""
+    def is_off_period(self, state: IntervalState, t: float) -> bool:
+        """Is a sample at t early, so that claims about the width do not count it?"""
         if self.period is None or math.isnan(state.phase):
             return False
-        return not self.in_time(state, t) and not self._is_late(state, t)
+        return not self.is_in_time(state, t) and not self._is_late(state, t)
 
-    def admits_stretch(self, state: IntervalState, t: float) -> bool:
+    def can_begin_stretch(self, state: IntervalState, t: float) -> bool:
         """May rows begin at t that are done together: an ordinary sample, in time?"""
         h = t - state.t
         if self.period is None:
             step = max(h, t - state.sampled)
             return not step > self.limit + time_tolerance(step, t)
-        return abs(h - self.period) <= time_tolerance(h, t) and self.in_time(state, t)
+        return abs(h - self.period) <= time_tolerance(h, t) and self.is_in_time(state, t)
 
     def regular_steps(self, steps: Vector, times: Vector) -> NDArray[np.bool_]:
         """Which of the steps that end at `times` are one period, or within the step limit."""
@@ -78,7 +84,7 @@ class SampleClock:
     def objections(
         self, state: IntervalState, sample: Sample, y: Vector | None, t: float
     ) -> list[str]:
-        """What the time of a sample, or its absence, takes from the guarantee."""
+        """Sentences on what the time of a sample, or its absence, takes from the guarantee."""
         if self.period is None:
             return self._continuous(state, sample, y, t)
         if y is None and not sample.jump:
@@ -97,9 +103,9 @@ class SampleClock:
         The widths that are claimed are those of one jump at most between samples.
         """
         guard, since = state.guard, state.phase
-        if not sample.jump or guard.last_jump is None or (y is not None and self.when == "before"):
+        if not sample.jump or guard.last_jump is None or (y is not None and self.before_jumps):
             return []
-        between = guard.last_jump > since or (guard.last_jump == since and self.when == "before")
+        between = guard.last_jump > since or (guard.last_jump == since and self.before_jumps)
         if not between or guard.shortest < (self.period or 0.0):
             return []
         return [f"second jump since the sample at {since:.9g}: no width is guaranteed"]
@@ -107,32 +113,26 @@ class SampleClock:
     def _continuous(
         self, state: IntervalState, sample: Sample, y: Vector | None, t: float
     ) -> list[str]:
-        needed = y is None and not (sample.jump and self.when == "none")
-        found = ["missing sample"] if needed else []
+        needed = y is None and not (sample.jump and self.skips_jumps)
+        sentences = ["missing sample"] if needed else []
         step = t - state.t
-        unseen = state.y is None and y is None and not needed and step > 0
-        if state.started and unseen and self.corrects:
-            found.append("no sample at either end of the step: no width is guaranteed")
+        without_sample = state.y is None and y is None and not needed and step > 0
+        if state.started and without_sample and self.corrects:
+            sentences.append("no sample at either end of the step: no width is guaranteed")
         if state.started and step > self.limit + time_tolerance(step, t):
-            found.append(f"step {step:.9g} above {self.limit:.9g}: no width is guaranteed")
-        return found
+            sentences.append(f"step {step:.9g} above {self.limit:.9g}: no width is guaranteed")
+        return sentences
 
     def _is_late(self, state: IntervalState, t: float) -> bool:
-        """More than a period since the last sample; two, where a jump took the place of one."""
+        """Is the last sample more than a period ago (two, where a jump replaced one)?"""
         assert self.period is not None
         last = state.sampled if math.isnan(state.phase) else state.phase
         apart = t - last
         if apart <= self.period + time_tolerance(apart, t):
             return False
         jump = state.guard.last_jump
-        if self.when != "none" or jump is None:
+        if not self.skips_jumps or jump is None:
             return True
         waited, since = jump - last, t - jump
         on_sample = abs(waited - self.period) <= time_tolerance(waited, jump)
         return not (on_sample and since <= self.period + time_tolerance(since, t))
-
-
-def refuting(t: float, objections: list[str]) -> str:
-    """Status of every row after one that refutes the bounds; empty where none does."""
-    found = [text for text in objections if "outside" in text or "crossed" in text]
-    return f"void since time {t:.9g} ({found[0]})" if found else ""

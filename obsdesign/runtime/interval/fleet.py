@@ -29,7 +29,7 @@ class FleetState(NamedTuple):
 
 
 class FleetEstimate(NamedTuple):
-    """lower, upper: (n, plants) bounds of x at t; plausible: (plants,), False where they are void.
+    """Bounds of x at t: lower, upper (n, plants); plausible (plants,), False where void.
 
     They are void where no state inside them can give the measurement, or where they overflowed.
     """
@@ -68,44 +68,46 @@ class Fleet:
 
         Measurements must be finite: a plant that misses one needs an observer of its own.
         """
-        seen = np.array(y, dtype=np.float64)
+        measured = np.array(y, dtype=np.float64)
         if not t > state.t:
             raise ValueError(f"time must increase; got {t!r} after {state.t!r}.")
         with np.errstate(over="ignore", invalid="ignore"):
-            return self._step(state, t, seen)
+            return self._step(state, t, measured)
 
-    def _step(self, state: FleetState, t: float, seen: Matrix) -> tuple[FleetState, FleetEstimate]:
+    def _step(
+        self, state: FleetState, t: float, measured: Matrix
+    ) -> tuple[FleetState, FleetEstimate]:
         chosen = self.observer.fleet_kernel(
             t - state.t, max(abs(t), abs(state.t)), state.y is not None
         )
         n, p = chosen.n, chosen.p
         rows, middle = chosen.rows, chosen.middle
-        start = np.zeros_like(seen) if state.y is None else state.y
+        start = np.zeros_like(measured) if state.y is None else state.y
         X = rows[n : 2 * n, n:middle]
         before = state.y is not None and bool(X[:, n : n + p].any())
-        centre = X[:, :n] @ state.centre + X[:, n + p : n + 2 * p] @ seen + X[:, -1:]
+        centre = X[:, :n] @ state.centre + X[:, n + p : n + 2 * p] @ measured + X[:, -1:]
         if before:
             centre += X[:, n : n + p] @ start
         known = np.concatenate(
-            [_largest(state.centre), _largest(start), _largest(seen), np.ones(1)]
+            [_largest(state.centre), _largest(start), _largest(measured), np.ones(1)]
         )
         extra = raised(rows[:n, middle:] @ known, 4 * middle)
         radius = rows[:n, :n] @ state.radius
         radius += extra[:, None]
         radius *= 1.0 + 8 * n * UNIT
-        room = self._room(chosen, state, seen, start, known)
+        room = self._room(chosen, state, measured, start, known)
         lower, upper = self._bounds(centre, radius)
         plausible = (room >= 0) & np.isfinite(upper - lower).all(axis=0)
-        return FleetState(t, centre, radius, seen), FleetEstimate(t, lower, upper, plausible)
+        return FleetState(t, centre, radius, measured), FleetEstimate(t, lower, upper, plausible)
 
     def _room(
-        self, chosen: Kernel, state: FleetState, seen: Matrix, start: Matrix, known: Matrix
+        self, chosen: Kernel, state: FleetState, measured: Matrix, start: Matrix, known: Matrix
     ) -> NDArray[np.float64]:
-        """What is left between the measurement and what the predicted boxes allow, least of p."""
+        """Distance of the measurements from the ends of their predicted ranges, the least of p."""
         n, p, middle = chosen.n, chosen.p, chosen.middle
         checks = chosen.rows[2 * n : 2 * n + p]
         middles = checks[:, n : 2 * n] @ state.centre
-        middles += checks[:, 2 * n + p : 2 * n + 2 * p] @ seen
+        middles += checks[:, 2 * n + p : 2 * n + 2 * p] @ measured
         if checks[:, 2 * n : 2 * n + p].any():
             middles += checks[:, 2 * n : 2 * n + p] @ start
         middles += checks[:, middle - 1, None]
@@ -115,8 +117,8 @@ class Fleet:
         return room
 
     def _bounds(self, centre: Matrix, radius: Matrix) -> tuple[Matrix, Matrix]:
-        """Of x = S z, rounded outward by widening the radius."""
-        S = self.observer.gains.get("S")
+        """Return bounds of x = S z, rounded outward by widening the radius."""
+        S = self.observer.gains.S
         if S is not None:
             spread = raised(np.abs(S) @ (radius + 8 * len(S) * UNIT * np.abs(centre)), 4 * len(S))
             centre, radius = S @ centre, spread

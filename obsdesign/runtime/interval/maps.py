@@ -1,24 +1,53 @@
 """The maps of one step, of one sample and of one jump of the interval observer: enclosed.
 
-Derivation in `obsdesign.runtime.interval.observer`. A `BoxMap` takes a box (centre m, radius r) to
+Observers (6), (9) and (11) of Degue, Efimov, Richard (NOLCOS 2016) are written for a continuous y.
+Here y arrives as samples, and holding the last one would break the enclosure. Between two
+samples the plant bounds the slope of y (a slope scheme): the path of the centre is known
+exactly, and the distance of any path to it is bounded by a comparison system.
+
+State: a centre m and a radius r >= 0 with |z - m| <= r, x = S z (S = I where there are no other
+coordinates). Over a step h without jump, with the measurement y = C z(0) + v taken at its start,
+
+    z_c' = A z_c + B u + b_mid                     z_c(0) = m       the centre of the prediction
+    rho' = Mz(A) rho + b_rad                       rho(0) = r       |z - z_c| <= rho
+    sig' = |C A| rho + |C| b_rad                   sig(0) = 0       |C(z - z_c) - its value at 0|
+    q'   = W q + |L| (V + sig) + b_rad             q(0) = r         |z - m+| <= q
+
+    m+ = z_c(h) + K (y - C m),   K = int_0^h e^{(A - L C) s} ds L,
+
+because L C z = L(y + C(z_c - m)) + L(-v + something in [-sig, sig]). With the measurement at the
+end of the step instead, sig(h) - sig takes the place of sig and y - C z_c(h) that of y - C m.
+Without any, A predicts alone: m+ = z_c(h), r+ = rho(h). For h -> 0 this is the paper's observer.
+
+With `measured = periodic` a sample is an event like a jump: A predicts, then z+ = z + L(y - C z).
+Step and sample are one map, of which the absolute value is taken, K = I - L C:
+
+    r+ = |K e^{A h}| r + (bound of int_0^h |K e^{A s}| ds b_rad) + |L| V
+
+(`lmi.arithmetic.exponential.absolute_flow`); reported bounds are also cut with |C x - y| <= V and
+the prediction. Claims about the width are about samples a period apart, and one off the period
+(early, or at a jump) may widen. So of such a sample and of its absence the better is kept, as a
+box, and the step over the whole period is made besides (`course`): r+ is then at most what
+it would be without the rows between.
+
+A `BoxMap` takes a box (centre m, radius r) to
 
     centre+ = X [m; y at the start; y at the end; u or w; 1]        X known up to an error
     radius+ = R r + g                                               R, g rounded up
 
-so that |z - centre+| <= radius+ in exact arithmetic; what X and the arithmetic may be off by is
-added where maps are put to use (`interval_kernel`).
+so that |z - centre+| <= radius+ in exact arithmetic; the errors of X and of the arithmetic are
+added where maps are used (`kernel`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from lmi.arithmetic.enclosure import Enclosure, Matrix, expm, inverse, powers, raised, stack
 from lmi.arithmetic.exponential import FLOW_PIECES
+from obsdesign.equations.interval.gains import IntervalGains
 from obsdesign.runtime.interval.model import (
     Model,
     completed,
@@ -39,8 +68,8 @@ class BoxMap:
 
 
 def box_map(
-    model: Model, m: Enclosure, start: Enclosure | None, end: Enclosure | None, known: Enclosure,
-    R: Matrix, g: Matrix,
+    model: Model, m: Enclosure, start: Enclosure | None, end: Enclosure | None, *,
+    known: Enclosure, R: Matrix, g: Matrix,
 ) -> BoxMap:  # fmt: skip
     """Put the blocks of X side by side; a measurement that is not used has zeros."""
     unused = exactly(np.zeros((len(m.mid), len(model.C.mid))))
@@ -49,7 +78,7 @@ def box_map(
 
 
 def flow_maps(model: Model, h: float, h_error: float) -> dict[str, BoxMap]:
-    """Over a step of length h +- h_error: with y at its start, at its end, or without.
+    """Return the maps of a step of length h +- h_error: y at its start, at its end, or none.
 
     Overflow shows as infinite radii, not as warnings.
     """
@@ -62,19 +91,20 @@ def flow_maps(model: Model, h: float, h_error: float) -> dict[str, BoxMap]:
         outer = exactly(np.eye(n)) - K @ model.C
         spread = _spread(model, h, h_error)
         start, end = Phi - K @ model.C, outer @ Phi
+        (start_R, start_g), (end_R, end_g) = spread["start"], spread["end"]
         return {
-            "start": box_map(model, start, K, None, forced, *spread["start"]),
-            "end": box_map(model, end, None, K, outer @ forced, *spread["end"]),
+            "start": box_map(model, start, K, None, known=forced, R=start_R, g=start_g),
+            "end": box_map(model, end, None, K, known=outer @ forced, R=end_R, g=end_g),
             "none": free,
         }
 
 
 def free_map(model: Model, h: float, h_error: float) -> BoxMap:
-    """Over a step of length h +- h_error without any measurement."""
+    """Return the map of a step of length h +- h_error without any measurement."""
     with np.errstate(over="ignore", invalid="ignore"):
         Phi, forced = _driven(model.A, model.inputs, h, h_error)
         g = _on_the_way(model, exactly(np.eye(len(model.b_rad))), h, h_error)
-        return box_map(model, Phi, None, None, forced, size(Phi), g)
+        return box_map(model, Phi, None, None, known=forced, R=size(Phi), g=g)
 
 
 def _on_the_way(model: Model, left: Enclosure, h: float, h_error: float) -> Matrix:
@@ -89,10 +119,11 @@ def _on_the_way(model: Model, left: Enclosure, h: float, h_error: float) -> Matr
 
 
 def identity_map(model: Model) -> BoxMap:
-    """No step at all."""
+    """Return the map of a step of length zero."""
     n = len(model.width)
     inputs = exactly(np.zeros_like(model.inputs.mid))
-    return box_map(model, exactly(np.eye(n)), None, None, inputs, np.eye(n), np.zeros(n))
+    identity = np.eye(n)
+    return box_map(model, exactly(identity), None, None, known=inputs, R=identity, g=np.zeros(n))
 
 
 def sampled(model: Model, before: BoxMap, h: float, h_error: float) -> BoxMap:
@@ -112,17 +143,18 @@ def sampled(model: Model, before: BoxMap, h: float, h_error: float) -> BoxMap:
         return BoxMap(X, R, raised(g + size(model.L) @ model.V, 2 * (p + 1)))
 
 
-def jump_maps(model: Model, gains: Mapping[str, Any]) -> dict[bool, BoxMap]:
-    """Over a jump: with its measurement (True) and without one (False)."""
-    G, M, C = (exactly(gains[name]) for name in ("G", "M", "C"))
-    n, when, V = len(gains["G"]), gains["jump_measurement"], model.V
-    c_mid, c_rad = midpoint(gains["jump_lower"], gains["jump_upper"])
-    known = exactly(np.column_stack([gains.get("E", np.zeros((n, 0))), c_mid]))
-    by_splits = "Gp" in gains and "period" not in gains
-    by_plain_splits = when == "none" and "period" not in gains
-    plain_N = _jump_width(model, G, gains if by_plain_splits else None)
-    plain = box_map(model, model.similar(G), None, None, model.inward(known), plain_N,
-                    model.spread(c_rad))  # fmt: skip
+def jump_maps(model: Model, gains: IntervalGains) -> dict[bool, BoxMap]:
+    """Return the maps of a jump: with its measurement (True) and without one (False)."""
+    G, M, C = (exactly(matrix) for matrix in (gains.jump_matrix, gains.M, gains.C))
+    n, when, V = gains.n, gains.jump_measurement, model.V
+    c_mid, c_rad = midpoint(*gains.jump_bounds)
+    E = np.zeros((n, 0)) if gains.E is None else gains.E
+    known = exactly(np.column_stack([E, c_mid]))
+    # with samples as events the claims are about |G e^{A s}|: no split of the jump is used
+    has_split = gains.Gp is not None and not gains.is_periodic
+    plain_N = _jump_width(model, G, gains if has_split and when == "none" else None)
+    plain = box_map(model, model.similar(G), None, None, known=model.inward(known), R=plain_N,
+                    g=model.spread(c_rad))  # fmt: skip
     if when == "none":
         return {False: plain, True: plain}
     through = exactly(np.eye(n))
@@ -130,45 +162,47 @@ def jump_maps(model: Model, gains: Mapping[str, Any]) -> dict[bool, BoxMap]:
     if when == "after":
         through = through - M @ C
         H = through @ G
-    M_z = model.inward(M)
-    through_z = model.inward(through)
-    if "S2" in gains and "period" not in gains:
-        N, g = _by_second_coordinates(model, H, through, M, c_rad, gains)
+    M_z, through_z = model.inward(M), model.inward(through)
+    if gains.S2 is not None and not gains.is_periodic:
+        N, g = _by_second_coordinates(model, gains, H, through)
     else:
-        N = _jump_width(model, H, gains if by_splits else None)
+        N = _jump_width(model, H, gains if has_split else None)
         g = raised(size(M_z) @ V + size(through_z) @ c_rad, 2 * (n + len(V)))
-    corrected = box_map(model, model.similar(H), None, M_z, model.inward(through @ known), N, g)
+    corrected = box_map(
+        model, model.similar(H), None, M_z, known=model.inward(through @ known), R=N, g=g
+    )
     return {False: plain, True: corrected}
 
 
 def flow_and_jump_spread(
-    model: Model, gains: Mapping[str, Any], h: float, h_error: float
+    model: Model, gains: IntervalGains, h: float, h_error: float
 ) -> tuple[Matrix, Matrix]:
     """(R, g) of a step of length h +- h_error and an uncorrected jump at its end, as one map."""
     with np.errstate(over="ignore", invalid="ignore"):
-        G = model.similar(exactly(gains["G"]))
+        G = model.similar(exactly(gains.jump_matrix))
         Phi = expm(model.A.scaled(h, h_error))
-        c_rad = midpoint(gains["jump_lower"], gains["jump_upper"])[1]
+        c_rad = midpoint(*gains.jump_bounds)[1]
         added = model.spread(c_rad)
         if h > 0:
             added = raised(added + _on_the_way(model, G, h, h_error), 1)
         return size(G @ Phi), added
 
 
-def _jump_width(model: Model, H: Enclosure, gains: Mapping[str, Any] | None) -> Matrix:
-    """Upper bound of N: the stored split, completed, or the smallest one."""
+def _jump_width(model: Model, H: Enclosure, gains: IntervalGains | None) -> Matrix:
+    """Upper bound of N: the stored split, completed, or without gains the smallest one."""
     H_z = model.similar(H)
-    if gains is not None and "Gp" in gains:
-        return completed(H_z, gains["Gp"], gains["Gn"])
-    return size(H_z)
+    return size(H_z) if gains is None else completed(H_z, *gains.jump_split)
 
 
 def _by_second_coordinates(
-    model: Model, H: Enclosure, through: Enclosure, M: Enclosure, c_rad: Matrix,
-    gains: Mapping[str, Any],
-) -> tuple[Matrix, Matrix]:  # fmt: skip
+    model: Model, gains: IntervalGains, H: Enclosure, through: Enclosure
+) -> tuple[Matrix, Matrix]:
     """Theorem 7: into the coordinates of S2, there by T >= 0, and back."""
-    S2, S2_inverse, T = exactly(gains["S2"]), inverse(gains["S2"]), exactly(gains["T"])
+    assert gains.S2 is not None
+    assert gains.T is not None
+    S2, S2_inverse = exactly(gains.S2), inverse(gains.S2)
+    T, M = exactly(gains.T), exactly(gains.M)
+    c_rad = midpoint(*gains.jump_bounds)[1]
     back = size(model.inward(S2))
     forth = size(S2_inverse if model.S is None else S2_inverse @ model.S)
     inner = np.maximum(T.mid, 0.0) + size(T - S2_inverse @ H @ S2)

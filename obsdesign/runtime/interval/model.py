@@ -6,13 +6,12 @@ is changed and nothing is lost.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from lmi.arithmetic.enclosure import Enclosure, Matrix, inverse, raised
+from obsdesign.equations.interval.gains import IntervalGains
 
 exactly = Enclosure.exactly
 
@@ -78,25 +77,29 @@ def midpoint(lower: Matrix, upper: Matrix) -> tuple[Matrix, Matrix]:
     return centre, np.where(lower == upper, 0.0, np.nextafter(radius, np.inf))
 
 
-def model(gains: Mapping[str, Any]) -> Model:
-    """The model of a design's `gains`; ValueError if S cannot be inverted with certainty."""
-    S = exactly(gains["S"]) if "S" in gains else None
-    S_inverse = None if S is None else inverse(gains["S"])
-    A, C, L = (exactly(gains[name]) for name in ("A", "C", "L"))
-    b_mid, b_rad = midpoint(gains["flow_lower"], gains["flow_upper"])
-    inputs = exactly(np.column_stack([gains.get("B", np.zeros((len(b_mid), 0))), b_mid]))
-    V, y_mid = gains["noise_bound"], gains.get("noise_centre", np.zeros(len(C.mid)))
-    draft = Model(A, C, L, inputs, b_rad, V, y_mid, A.mid, S, S_inverse)
-    A, L = draft.similar(A), draft.inward(L)
+def observer_model(gains: IntervalGains) -> Model:
+    """The model of a design; ValueError if S cannot be inverted with certainty."""
+    S = None if gains.S is None else exactly(gains.S)
+    S_inverse = None if gains.S is None else inverse(gains.S)
+    A, C, L = (exactly(matrix) for matrix in (gains.A, gains.C, gains.L))
+    b_mid, b_rad = midpoint(gains.flow_lower, gains.flow_upper)
+    B = np.zeros((gains.n, 0)) if gains.B is None else gains.B
+    y_mid = np.zeros(gains.p) if gains.noise_centre is None else gains.noise_centre
+    plant = Model(
+        A=A, C=C, L=L, inputs=exactly(np.column_stack([B, b_mid])), b_rad=b_rad,
+        V=gains.noise_bound, y_mid=y_mid, width=A.mid, S=S, S_inverse=S_inverse,
+    )  # fmt: skip
+    A, L = plant.similar(A), plant.inward(L)
     C = C if S is None else C @ S
-    F = A if "period" in gains else A - L @ C
-    width = completed(F, gains["D0"], gains["D1"])
-    inputs, b_rad = draft.inward(inputs), draft.spread(b_rad)
-    return Model(A, C, L, inputs, b_rad, V, y_mid, width, S, S_inverse)
+    F = A if gains.is_periodic else A - L @ C
+    return replace(
+        plant, A=A, C=C, L=L, inputs=plant.inward(plant.inputs), b_rad=plant.spread(b_rad),
+        width=completed(F, gains.D0, gains.D1),
+    )  # fmt: skip
 
 
 def completed(X: Enclosure, plus: Matrix, minus: Matrix) -> Matrix:
-    """Upper bound of plus + minus + |plus - minus - X|: `equations.completed_split`, summed."""
+    """Upper bound of plus + minus + |plus - minus - X|: `splits.completed_split`, summed."""
     remainder = (exactly(plus) - exactly(minus) - X).magnitude
     # the remainder of numbers that agree is zero, not TINY: zeros of W and N are worth keeping
     remainder = np.where((plus - minus == X.mid) & (X.rad == 0), 0.0, remainder)

@@ -1,8 +1,9 @@
-"""The state of an interval observer between two samples, and what bounds it begins with."""
+"""The state of an interval observer between two samples, and the box that it begins with."""
 
 from __future__ import annotations
 
 import math
+from enum import Enum
 from typing import NamedTuple
 
 import numpy as np
@@ -10,6 +11,16 @@ from numpy.typing import ArrayLike
 
 from obsdesign.runtime.base import DwellGuard, Vector, vector
 from obsdesign.runtime.interval.model import Model, midpoint
+
+# the event of a jump, beside those of objections
+JUMP = "jump"
+
+
+class BoundsFault(Enum):
+    """Bounds that a step cannot report as they are; the value is the status message."""
+
+    OVERFLOWED = "bounds overflowed"
+    CROSSED = "bounds crossed"  # which refutes the bounds of the step before
 
 
 class Course(NamedTuple):
@@ -29,11 +40,11 @@ class IntervalState(NamedTuple):
     """Everything the next step needs, just after time t.
 
     box: (2n,), radius and centre in the observer's coordinates; u: input that holds; y: measurement
-    that the next step may start from; sampled: time of the last one used; lost: since when, and
-    why, the bounds are refuted; phase: time of the last sample that was a period after another
-    one, or began anew (periodic samples only), NaN before the first; moderate: all numbers of the
-    last step were below `MODERATE`; course: None where the box is just after a sample on the
-    period or a jump (periodic samples only).
+    that the next step may start from; sampled: time of the last one used; refutation: since when,
+    and why, the bounds are void, "" while they hold; phase: time of the last sample that was a
+    period after another one, or began anew (periodic samples only), NaN before the first; moderate:
+    all numbers of the last step were below `MODERATE`; course: None where the box is just after a
+    sample on the period or a jump (periodic samples only).
     """
 
     t: float
@@ -43,7 +54,7 @@ class IntervalState(NamedTuple):
     guard: DwellGuard
     started: bool
     sampled: float
-    lost: str = ""
+    refutation: str = ""
     phase: float = math.nan
     moderate: bool = False
     course: Course | None = None
@@ -62,13 +73,13 @@ def first_box(model: Model, n: int, lower: ArrayLike, upper: ArrayLike) -> Vecto
         return model.from_plant(*midpoint(low, high))
 
 
-def shared_box(one: Vector, other: Vector, n: int) -> Vector:
-    """A box around what two boxes [r; m] share, or the first if they share nothing."""
+def shared_box(first: Vector, second: Vector, n: int) -> Vector:
+    """A box around the intersection of two boxes [r; m], the first if that is empty."""
     with np.errstate(invalid="ignore"):
-        lower = np.maximum(one[n:] - one[:n], other[n:] - other[:n])
-        upper = np.minimum(one[n:] + one[:n], other[n:] + other[:n])
+        lower = np.maximum(first[n:] - first[:n], second[n:] - second[:n])
+        upper = np.minimum(first[n:] + first[:n], second[n:] + second[:n])
         lower, upper = np.nextafter(lower, -np.inf), np.nextafter(upper, np.inf)
         if not (lower <= upper).all() or not np.isfinite(upper - lower).all():
-            return one
+            return first
     centre, radius = midpoint(lower, upper)
     return np.concatenate([np.minimum(radius, np.inf), centre])

@@ -13,7 +13,7 @@ from obsdesign import workflow
 from obsdesign.document import Design
 from obsdesign.equations.finite_time import gains as finite_time
 from obsdesign.equations.impulsive import gains as impulsive
-from obsdesign.equations.interval import splits as interval
+from obsdesign.equations.interval import gains as interval
 from obsdesign.errors import InputError
 from obsdesign.problem.kinds import KINDS
 from obsdesign.problem.problem import Problem

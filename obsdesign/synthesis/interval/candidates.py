@@ -1,8 +1,8 @@
-"""Interval observers: candidates in each form, gains and coordinates found where they are open.
+"""Candidates for interval observers in each form, with open gains and coordinates chosen.
 
 Source: Degue, Efimov, Richard, NOLCOS 2016, Theorems 5 (`cooperative`), 8 (`split`), 7 and 8
-combined (`coordinates`) and 7 as corrected (`two_coordinates`). What is found is only proposed:
-verification analyses every candidate exactly.
+combined (`coordinates`) and 7 as corrected (`two_coordinates`). Candidates are proposals:
+verification analyses each of them exactly.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,8 @@ from lmi.time_budget import deadline, remaining
 from obsdesign.analysis.hidden_modes import not_detectable
 from obsdesign.equations.estimation_error import idle_gains
 from obsdesign.equations.interval import splits as equations
-from obsdesign.equations.interval.width import WidthSystem, width_system_of
+from obsdesign.equations.interval.gains import IntervalGains
+from obsdesign.equations.interval.width import WidthSystem
 from obsdesign.errors import DoesNotApply, InputError
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
@@ -28,7 +30,7 @@ from obsdesign.synthesis.dwell import dwell_certificates, question
 from obsdesign.synthesis.given_gains import given_gain, refuse_unusable
 from obsdesign.synthesis.interval.coordinates import best_coordinates
 from obsdesign.synthesis.interval.descent import SECONDS, best_gains
-from obsdesign.synthesis.interval.forms import formed
+from obsdesign.synthesis.interval.forms import gains_of_form
 from obsdesign.synthesis.interval.goals import mean_width
 from obsdesign.synthesis.interval.periodic import SampledPlant, sampled_bases
 from obsdesign.synthesis.interval.sampled_width import (
@@ -36,41 +38,41 @@ from obsdesign.synthesis.interval.sampled_width import (
     propose_spacing,
     sampled_tube,
 )
-from obsdesign.synthesis.interval.task import task_of
+from obsdesign.synthesis.interval.task import Task
 from obsdesign.synthesis.interval.tube import proved_width
 
-# proofs of gains for samples that are tried before the answer is that none was proved
-_PROOFS = 4
+# proofs for samples as events that are tried before a candidate is given up as not proved
+_MOST_PROOFS = 4
 
 
 def synthesize(problem: Problem) -> Iterator[Candidate]:
-    """Candidates in the order in which they are to be preferred; those with a cost, by cost.
+    """Yield candidates in order of preference; those with a cost, by cost.
 
-    InputError for what cannot be built from the gains that are given.
+    InputError where the given gains cannot be completed.
     """
-    if text := equations.plant_objection(problem.plant):
-        raise DoesNotApply(text)
-    if text := equations.objection(problem.plant, problem.gains, problem.options):
-        raise InputError(text)
+    if reason := equations.reason_against_plant(problem.plant):
+        raise DoesNotApply(reason)
+    if reason := equations.reason_against(problem.plant, problem.gains, problem.options):
+        raise InputError(reason)
     problem.require_noise_bound("kind 'interval'")
-    _refuse(problem)
+    _refuse_unexecutable(problem)
     given = {name: given_gain(problem, name) for name in ("L", "M")}
     given = {name: gain for name, gain in given.items() if gain is not None}
     own = {name: problem.gains[name] for name in ("S", "S2", "T") if name in problem.gains}
-    if _hopeless(problem):
-        yield from _unsearched(problem, given, own)
+    if _no_observer_exists(problem):
+        yield from _without_search(problem, given, own)
         return
-    for form in equations.forms_asked(problem.gains, problem.options):
+    for form in equations.open_forms(problem.gains, problem.options):
         if form == "coordinates" and "S" not in own:
-            yield from _in_found_coordinates(problem, given)
+            yield from _in_open_coordinates(problem, given)
         elif problem.plant.output.measured == "periodic":
             yield from _with_samples(problem, form, given, [own])
         else:
             yield _in_known_coordinates(problem, form, given, own)
 
 
-def _hopeless(problem: Problem) -> bool:
-    """Gains are open and none can do, since no output sees what does not shrink."""
+def _no_observer_exists(problem: Problem) -> bool:
+    """Are gains open while a mode that does not decay is unobservable?"""
     plant = problem.plant
     needed = ("L",) if plant.output.measured == "periodic" else ("L", "M")
     if not {*needed} - {*problem.gains, *idle_gains(plant)}:
@@ -81,16 +83,16 @@ def _hopeless(problem: Problem) -> bool:
     return not_detectable(plant.flow.A, G, plant.output.C, ends) is not None
 
 
-def _unsearched(
+def _without_search(
     problem: Problem, given: Mapping[str, Any], own: Mapping[str, Any]
 ) -> Iterator[Candidate]:
-    """The forms as they are without gains: what verification says of them holds for all gains."""
-    for form in equations.forms_asked(problem.gains, problem.options):
-        yield _without_gains(problem, form, given, {**_plain_frame(problem, form), **own})
+    """Yield the forms with zero gains: what refutes them holds for all gains."""
+    for form in equations.open_forms(problem.gains, problem.options):
+        yield _with_zero_gains(problem, form, given, {**_plain_frame(problem, form), **own})
 
 
-def _refuse(problem: Problem) -> None:
-    """InputError for what an interval observer cannot execute."""
+def _refuse_unexecutable(problem: Problem) -> None:
+    """Raise InputError for what an interval observer cannot execute."""
     if problem.plant.output.measured != "periodic":
         refuse_unusable(problem)
         return
@@ -104,7 +106,7 @@ def _refuse(problem: Problem) -> None:
 
 
 def untried(problem: Problem) -> dict[str, str]:
-    """Forms that `auto` passes over, and why."""
+    """Return the forms that `auto` passes over, with the reason."""
     if problem.options.get("form", "auto") != "auto" or "S2" in problem.gains:
         return {}
     why = (
@@ -121,117 +123,123 @@ def _objective(problem: Problem) -> str:
 def _in_known_coordinates(
     problem: Problem, form: str, given: Mapping[str, Any], own: Mapping[str, Any]
 ) -> Candidate:
-    """One candidate, L and M found for the coordinates that are given (or the plant's own)."""
+    """Return one candidate with L and M for the given coordinates (or the plant's own)."""
     if {"L", "M"} <= set(given):
-        return _candidate(problem, form, given["L"], given["M"], own, False)
-    task = task_of(problem, form == "cooperative", own.get("S"), given)
+        return _candidate(problem, form, given["L"], given["M"], own, searched=False)
+    task = Task.from_problem(problem, form == "cooperative", own.get("S"), given)
     _, L, M = best_gains(task, _objective(problem))
     L, M = task.gains(L, M)
-    return _candidate(problem, form, given.get("L", L), given.get("M", M), own, True)
+    return _candidate(problem, form, given.get("L", L), given.get("M", M), own, searched=True)
 
 
 def _with_samples(
     problem: Problem, form: str, given: Mapping[str, Any], frames: Iterable[Mapping[str, Any]]
 ) -> Iterator[Candidate]:
-    """One candidate with samples as events: gain and coordinates that are proved, if any are.
+    """Yield one candidate with samples as events: gain and coordinates that are proved, if any.
 
     frames: coordinates S (S2, T) to choose from. M, which acts only when a jump meets a sample, is
-    zero if open. With `narrowest` the least width comes first, else what comes first.
+    zero if open. With `narrowest` the least width is tried first, else the first gain.
     """
     narrow, end = _objective(problem) == "narrowest", deadline(SECONDS)
-    tries: list[tuple[float, Any, Mapping[str, Any]]] = []
+    trials: list[_SampledTrial] = []
     last, frame = None, _plain_frame(problem, form)
     for frame in frames:
-        for cost, L in _sampled_gains(problem, frame.get("S"), given):
-            tries.append((cost, L, frame))
-            if not narrow and math.isfinite(cost):
-                last = _sampled_candidate(problem, form, given, *tries[-1])
+        for trial in _sampled_trials(problem, frame, given):
+            trials.append(trial)
+            if not narrow and math.isfinite(trial.cost):
+                last = _sampled_candidate(problem, form, given, trial)
                 if _is_proved(last):
                     yield last
                     return
         if time.process_time() > end:
             break
-    tries = sorted(tries, key=lambda one: one[0]) if narrow else tries[:1]
-    for one in tries[:_PROOFS]:
-        last = _sampled_candidate(problem, form, given, *one)
+    trials = sorted(trials, key=lambda trial: trial.cost) if narrow else trials[:1]
+    for trial in trials[:_MOST_PROOFS]:
+        last = _sampled_candidate(problem, form, given, trial)
         if _is_proved(last):
             break
-    # no gain at all: what verification says of none holds for what was not tried too
-    yield last or _without_gains(problem, form, given, frame)
+    # without any trial, a refutation of zero gains holds for the gains that were not tried too
+    yield last or _with_zero_gains(problem, form, given, frame)
 
 
 def _plain_frame(problem: Problem, form: str) -> Mapping[str, Any]:
-    """The plant's own coordinates, for a form that needs some."""
+    """Return the plant's own coordinates, for a form that needs some."""
     return {"S": np.eye(problem.plant.n)} if form == "coordinates" else {}
 
 
-def _without_gains(
+def _with_zero_gains(
     problem: Problem, form: str, given: Mapping[str, Any], frame: Mapping[str, Any]
 ) -> Candidate:
     zero = np.zeros((problem.plant.n, problem.plant.p))
-    gains = formed(problem, form, given.get("L", zero), given.get("M", zero), frame)
+    gains = gains_of_form(problem, form, given.get("L", zero), given.get("M", zero), frame)
     return Candidate(form, gains, searched=True)
 
 
-def _sampled_gains(
-    problem: Problem, S: Any, given: Mapping[str, Any]
-) -> Iterator[tuple[float, Any]]:
-    """(cost, L): L in the plant's coordinates; the cost is infinite where floats see no tube."""
-    plant = SampledPlant(problem, S)
-    lost = problem.plant.output.jump_measurement == "none" and plant.G is not None
-    pairs = [plant.inward @ given["L"]] if "L" in given else (L for _, L in plant.gains())
-    for L in pairs:
-        tube = sampled_tube(plant.system(L), plant.h, plant.dwell, lost)
+@dataclass(frozen=True)
+class _SampledTrial:
+    """L in the plant's coordinates for coordinates S (S2, T); cost: inf if floats have no tube."""
+
+    cost: float
+    L: Any
+    frame: Mapping[str, Any]
+
+
+def _sampled_trials(
+    problem: Problem, frame: Mapping[str, Any], given: Mapping[str, Any]
+) -> Iterator[_SampledTrial]:
+    plant = SampledPlant(problem, frame.get("S"))
+    skips_jumps = problem.plant.output.jump_measurement == "none" and plant.G is not None
+    gains = [plant.inward @ given["L"]] if "L" in given else (L for _, L in plant.gains())
+    for L in gains:
+        tube = sampled_tube(plant.system(L), plant.h, plant.dwell, skips_jumps)
         cost = math.inf if tube is None else plant.width(L)
-        yield cost, given["L"] if "L" in given else plant.outward(L)
+        yield _SampledTrial(cost, given["L"] if "L" in given else plant.outward(L), frame)
 
 
 def _sampled_candidate(
-    problem: Problem, form: str, given: Mapping[str, Any], cost: float, L: Any,
-    frame: Mapping[str, Any],
-) -> Candidate:  # fmt: skip
-    searched = "L" not in given or ("S" in frame and "S" not in problem.gains)
-    gains = formed(problem, form, L, given.get("M", 0 * L), frame)
-    system, approx = width_system_of(gains, exact, inverse), width_system_of(gains)
-    lost = gains["jump_measurement"] == "none"
-    found = propose_samples(system, approx, gains["period"], _dwell_range(gains), lost)
-    value = cost if _objective(problem) == "narrowest" else None
-    return Candidate(form, gains, {"sampled_stability": found}, searched, value, True)
+    problem: Problem, form: str, given: Mapping[str, Any], trial: _SampledTrial
+) -> Candidate:
+    searched = "L" not in given or ("S" in trial.frame and "S" not in problem.gains)
+    gains = gains_of_form(problem, form, trial.L, given.get("M", 0 * trial.L), trial.frame)
+    system, approx = WidthSystem.from_gains(gains, exact, inverse), WidthSystem.from_gains(gains)
+    certificate = propose_samples(gains, system, approx)
+    value = trial.cost if _objective(problem) == "narrowest" else None
+    return Candidate(form, gains, {"sampled_stability": certificate}, searched, value, True)
 
 
 def _is_proved(candidate: Candidate) -> bool:
     return "tube" in candidate.certificates["sampled_stability"]
 
 
-def _in_found_coordinates(problem: Problem, given: Mapping[str, Any]) -> Iterator[Candidate]:
-    """Candidate bases first; the search over bases only if that is not enough."""
+def _in_open_coordinates(problem: Problem, given: Mapping[str, Any]) -> Iterator[Candidate]:
+    """Yield from candidate bases; only if that is not enough from a search over bases."""
     if problem.plant.output.measured == "periodic":
         frames = ({"S": S} for S in sampled_bases(problem, given))
         yield from _with_samples(problem, "coordinates", given, frames)
         return
     auto = problem.options.get("form", "auto") == "auto"
     for search in (False, True) if auto else (True,):
-        found = best_coordinates(problem, given, _objective(problem), search)
-        if found is None:
+        best = best_coordinates(problem, given, _objective(problem), search)
+        if best is None:
             continue
-        L, M = given.get("L", found.L), given.get("M", found.M)
-        yield _candidate(problem, "coordinates", L, M, {"S": found.S}, True, goes_on=search)
+        L, M = given.get("L", best.L), given.get("M", best.M)
+        yield _candidate(problem, "coordinates", L, M, {"S": best.S}, searched=True, goes_on=search)
 
 
 def _candidate(
-    problem: Problem, form: str, L: Any, M: Any, own: Mapping[str, Any], searched: bool,
+    problem: Problem, form: str, L: Any, M: Any, own: Mapping[str, Any], *, searched: bool,
     goes_on: bool = True,
 ) -> Candidate:  # fmt: skip
-    gains = formed(problem, form, L, M, own)
-    system, approx = width_system_of(gains, exact, inverse), width_system_of(gains)
+    gains = gains_of_form(problem, form, L, M, own)
+    system, approx = WidthSystem.from_gains(gains, exact, inverse), WidthSystem.from_gains(gains)
     objective = _objective(problem)
-    cost = _cost(problem, form, gains) if objective == "narrowest" else None
+    cost = _cost(problem, gains) if objective == "narrowest" else None
     certificates: dict[str, Any] = {}
     if system.N is not None:
-        low, high = gains["dwell_time"]
+        low, high = gains.dwell_ends
         if objective == "shortest_dwell":
             low, certificates = _widest_range(problem, system, low, high)
-            gains["dwell_time"], cost = [low, high], low
+            gains, cost = replace(gains, dwell_time=np.array([low, high])), low
         certificates = certificates or dwell_certificates(
             system.W, system.N, low, high, **question(problem)
         )
@@ -239,42 +247,37 @@ def _candidate(
         certificates |= _widths(problem, gains, system, approx)
         # where a spacing was named, the observer watches it
         if "sampled_width" in certificates and problem.plant.output.period is not None:
-            gains["step_limit"] = certificates["sampled_width"]["step_limit"]
+            gains = replace(gains, step_limit=certificates["sampled_width"]["step_limit"])
     return Candidate(form, gains, certificates, searched, cost, goes_on)
 
 
 def _widths(
-    problem: Problem, gains: Mapping[str, Any], system: WidthSystem, approx: WidthSystem
+    problem: Problem, gains: IntervalGains, system: WidthSystem, approx: WidthSystem
 ) -> dict[str, Any]:
-    """How wide the bounds get with a continuous y, and with samples of it, as far as found."""
-    found: dict[str, Any] = {}
-    width = proved_width(system, approx, *_dwell_range(gains))
+    """Return certificates of the width with a continuous y, and with samples of it."""
+    certificates: dict[str, Any] = {}
+    width = proved_width(system, approx, *gains.dwell_ends)
     if width is not None:
-        found["width"] = width
+        certificates["width"] = width
     if problem.plant.output.measured == "continuous":
         period = problem.plant.output.period
-        spacing = propose_spacing(gains, system, *_dwell_range(gains), period)
+        spacing = propose_spacing(gains, system, *gains.dwell_ends, period)
         if spacing is not None:
-            found["sampled_width"] = spacing
-    return found
+            certificates["sampled_width"] = spacing
+    return certificates
 
 
-def _dwell_range(gains: Mapping[str, Any]) -> tuple[float, float]:
-    low, high = gains.get("dwell_time", (math.inf, math.inf))
-    return low, high
-
-
-def _cost(problem: Problem, form: str, gains: Mapping[str, Any]) -> float:
-    """Mean width of x, summed over the states, of finished gains."""
-    given = {"L": gains["L"], "M": gains["M"]}
-    task = task_of(problem, form == "cooperative", gains.get("S"), given)
-    return mean_width(task, 0 * gains["L"], 0 * gains["M"])
+def _cost(problem: Problem, gains: IntervalGains) -> float:
+    """Return the mean width of x, summed over the states, of finished gains."""
+    given = {"L": gains.L, "M": gains.M}
+    task = Task.from_problem(problem, gains.form == "cooperative", gains.S, given)
+    return mean_width(task, 0 * gains.L, 0 * gains.M)
 
 
 def _widest_range(
     problem: Problem, system: WidthSystem, low: float, high: float
 ) -> tuple[float, dict[str, Any]]:
-    """(shortest dwell time, certificates): the range found if it holds the one asked for."""
+    """Return (shortest dwell time, certificates): the proved range if it holds the required one."""
     N, _ = system.at_jumps
     bracket = shortest_dwell(system.W, N, high, **question(problem))
     if bracket.proved is None or not bracket.proved <= low or math.isinf(bracket.proved):

@@ -1,7 +1,7 @@
-"""Coordinates for interval observers: bases in which flow and jump have little of the wrong sign.
+"""Coordinates for interval observers: bases with few wrong signs in flow and jump.
 
 Candidates are eigenvectors of the flow A - L C for a few L, and bases of the same kind adapted to
-the kernel of the jump. The gains are then found in each (`interval_gains`), and the best bases are
+the kernel of the jump. Gains are then sought in each (`descent`), and the best bases are
 improved by a simplex search over the entries of S with the gains inside, of bounded effort.
 Source: Degue, Efimov, Richard, NOLCOS 2016, the remark after Theorem 8; S is proved like any gain.
 """
@@ -23,7 +23,7 @@ from obsdesign.equations.interval.splits import flow_and_jump
 from obsdesign.problem.plant import Plant
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.interval.descent import best_gains, quick_gains
-from obsdesign.synthesis.interval.task import task_of
+from obsdesign.synthesis.interval.task import Task
 from obsdesign.synthesis.placement import riccati_gain
 
 Matrix = NDArray[np.float64]
@@ -33,12 +33,12 @@ _WORST_CONDITION = 1e6
 _EVALUATIONS, _LARGE = 60, 4  # with more states than that, a third of them
 _MOST_BASES = 8
 _SECONDS = 3.0  # of processor time, for the bases and the search; the gains of the best come after
-_SETTLED = 0.9  # the largest growth from jump to jump that is good enough
+_SUFFICIENT_GROWTH = 0.9  # the largest growth from jump to jump that is good enough
 
 
 @dataclass(frozen=True)
-class Found:
-    """Coordinates with their gains in the plant's coordinates; value as `interval_gains` has it."""
+class CoordinateChoice:
+    """Coordinates with their gains in the plant's coordinates; value as in `descent.best_gains`."""
 
     value: float
     S: Matrix
@@ -48,64 +48,67 @@ class Found:
 
 def best_coordinates(
     problem: Problem, given: Mapping[str, Any], objective: str, search: bool
-) -> Found | None:
-    """The best of the candidate bases, improved if `search`; None if there is no basis at all."""
-    found: list[Found] = []
+) -> CoordinateChoice | None:
+    """Return the best of the bases, improved if `search`; None if there is no basis at all."""
+    choices: list[CoordinateChoice] = []
     end = deadline(_SECONDS)
     for S in itertools.islice(_bases(problem.plant, given), _MOST_BASES):
-        if found and time.process_time() > end:
+        if choices and time.process_time() > end:
             break
-        found.append(_quickly(problem, given, objective, S, end))
-        if _settled(found[-1], objective):
-            return found[-1]
-    if not found:
+        choices.append(_with_quick_gains(problem, given, objective, S, end))
+        if _is_sufficient(choices[-1], objective):
+            return choices[-1]
+    if not choices:
         return None
-    best = min(found, key=lambda one: one.value)
+    best = min(choices, key=lambda choice: choice.value)
     if search:
-        best = _searched(problem, given, objective, best, end)
-    if not _settled(best, objective):
+        best = _improved(problem, given, objective, best, end)
+    if not _is_sufficient(best, objective):
         remark_end("coordinates", ended(end, _SECONDS), matters=objective != "feasible")
-    thorough = _with_gains(problem, given, objective, best.S)
-    return min(best, thorough, key=lambda one: one.value)
+    thorough = _with_best_gains(problem, given, objective, best.S)
+    return min(best, thorough, key=lambda choice: choice.value)
 
 
-def _quickly(
+def _with_quick_gains(
     problem: Problem, given: Mapping[str, Any], objective: str, S: Matrix, end: float
-) -> Found:
-    task = task_of(problem, False, S, given)
+) -> CoordinateChoice:
+    task = Task.from_problem(problem, False, S, given)
     value, L, M = quick_gains(task, objective, end)
-    return Found(value, S, *task.gains(L, M))
+    return CoordinateChoice(value, S, *task.gains(L, M))
 
 
-def _settled(found: Found, objective: str) -> bool:
-    """Nothing more to gain."""
+def _is_sufficient(choice: CoordinateChoice, objective: str) -> bool:
+    """Is a further search of no use to the objective?"""
     if objective == "narrowest":
         return False
-    return found.value <= (_SETTLED if objective == "feasible" else _SETTLED - 1.0)
+    limit = _SUFFICIENT_GROWTH
+    return choice.value <= (limit if objective == "feasible" else limit - 1.0)
 
 
-def _with_gains(problem: Problem, given: Mapping[str, Any], objective: str, S: Matrix) -> Found:
-    task = task_of(problem, False, S, given)
+def _with_best_gains(
+    problem: Problem, given: Mapping[str, Any], objective: str, S: Matrix
+) -> CoordinateChoice:
+    task = Task.from_problem(problem, False, S, given)
     value, L, M = best_gains(task, objective)
-    return Found(value, S, *task.gains(L, M))
+    return CoordinateChoice(value, S, *task.gains(L, M))
 
 
-def _searched(
-    problem: Problem, given: Mapping[str, Any], objective: str, start: Found, end: float
-) -> Found:
-    """Nelder-Mead over the entries of S, gains from a small program for each."""
+def _improved(
+    problem: Problem, given: Mapping[str, Any], objective: str, start: CoordinateChoice, end: float
+) -> CoordinateChoice:
+    """Return the best of a Nelder-Mead search over S, gains from a small program for each."""
     n = problem.plant.n
     best = [start]
 
     def value(entries: Matrix) -> float:
-        if _settled(best[0], objective) or time.process_time() > end:
+        if _is_sufficient(best[0], objective) or time.process_time() > end:
             return best[0].value
         S = scaled_columns(entries.reshape(n, n))
         if S is None:
             return math.inf
-        found = _quickly(problem, given, objective, S, end)
-        best[0] = min(best[0], found, key=lambda one: one.value)
-        return min(found.value, 1e30)
+        choice = _with_quick_gains(problem, given, objective, S, end)
+        best[0] = min(best[0], choice, key=lambda each: each.value)
+        return min(choice.value, 1e30)
 
     from scipy.optimize import minimize  # slow to import, and rarely needed
 
@@ -115,7 +118,7 @@ def _searched(
             value, start.S.ravel(), method="Nelder-Mead",
             options={"maxfev": effort, "initial_simplex": _simplex(start.S)},
         )  # fmt: skip
-    if result.nfev >= effort and not _settled(best[0], objective):
+    if result.nfev >= effort and not _is_sufficient(best[0], objective):
         evidence = ended_by_count("evaluations", effort)
         remark_end("coordinates", evidence, matters=objective != "feasible")
     return best[0]
@@ -128,18 +131,18 @@ def _simplex(S: Matrix) -> Matrix:
 
 
 def _bases(plant: Plant, given: Mapping[str, Any]) -> Iterator[Matrix]:
-    """Candidates for S, without repetition."""
-    seen: list[Matrix] = []
+    """Yield candidates for S, without repetition."""
+    yielded: list[Matrix] = []
     for L in _flow_gains(plant, given):
         M = given.get("M", np.zeros((plant.n, plant.p)))
         for S in bases(plant, L, M):
-            if not any(np.allclose(S, other) for other in seen):
-                seen.append(S)
+            if not any(np.allclose(S, other) for other in yielded):
+                yielded.append(S)
                 yield S
 
 
 def _flow_gains(plant: Plant, given: Mapping[str, Any]) -> Iterator[Matrix]:
-    """L as given; else a few of growing speed, and none."""
+    """Yield L as given; else zero and a few of growing speed."""
     if "L" in given:
         yield given["L"]
         return
@@ -153,16 +156,16 @@ def _flow_gains(plant: Plant, given: Mapping[str, Any]) -> Iterator[Matrix]:
 
 
 def bases(plant: Plant, L: Any, M: Any) -> list[Matrix]:
-    """Eigenvectors of the flow, of the jump, and a mixture with the kernel of the jump."""
-    numbers = {"A": plant.flow.A, "C": plant.output.C, "L": L, "M": M}
-    if plant.jump is not None:
-        numbers["G"] = plant.jump.G
-    periodic = plant.output.measured == "periodic"
-    F, H = flow_and_jump(numbers, plant.output.jump_measurement, periodic)
-    found = [eigenbasis(F)]
+    """Return eigenvectors of the flow, of the jump, and a mixture with the kernel of the jump."""
+    F, H = flow_and_jump(
+        plant.flow.A, plant.output.C, None if plant.jump is None else plant.jump.G, L=L, M=M,
+        jump_measurement=plant.output.jump_measurement,
+        is_periodic=plant.output.measured == "periodic",
+    )  # fmt: skip
+    candidates = [eigenbasis(F)]
     if H is not None:
-        found += [eigenbasis(H), adapted_basis(F, H)]
-    return [S for S in found if S is not None]
+        candidates += [eigenbasis(H), adapted_basis(F, H)]
+    return [S for S in candidates if S is not None]
 
 
 def eigenbasis(X: Matrix) -> Matrix | None:

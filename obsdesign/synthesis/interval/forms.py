@@ -1,7 +1,7 @@
 """From gains L, M (and coordinates) to everything an interval observer of a form stores.
 
 The splits default to the minimal ones, which no other split can beat. They are formed exactly and
-then rounded once, so that verification finds them within an ulp of what they split.
+then rounded once, so that they are within an ulp of the matrices that they split.
 """
 
 from __future__ import annotations
@@ -12,64 +12,68 @@ from typing import Any
 import numpy as np
 
 from lmi.arithmetic.balls import exact, inverse, to_float
-from obsdesign.equations.gains import plant_data
 from obsdesign.equations.interval import splits as equations
+from obsdesign.equations.interval.gains import IntervalGains
 from obsdesign.equations.interval.width import Coordinates
 from obsdesign.errors import InputError
-from obsdesign.problem.plant import Plant
 from obsdesign.problem.problem import Problem
 
-_EXACT = ("A", "C", "G", "L", "M")
 
-
-def observer_data(plant: Plant) -> dict[str, Any]:
-    """What `gains` repeats of the plant; with samples as events, their period too."""
-    data = plant_data(plant)
-    if plant.output.measured == "periodic":
-        data |= {"period": plant.output.period}
-    return data
-
-
-def formed(
+def gains_of_form(
     problem: Problem, form: str, L: Any, M: Any, coordinates: Mapping[str, Any]
-) -> dict[str, Any]:
-    """`gains` of a design in a form; `coordinates` holds S, S2, T as far as the form has them.
+) -> IntervalGains:
+    """Return the gains of a design in a form.
 
-    InputError for a matrix of coordinates that is singular.
+    coordinates: S, S2, T, as far as the form has them and they are given. InputError if S or S2 is
+    singular.
     """
-    plant, given = problem.plant, problem.gains
-    gains = {"form": form} | observer_data(plant) | {"L": L, "M": M} | dict(coordinates)
-    numbers = {name: exact(gains[name]) for name in _EXACT if name in gains}
-    frame = exact_coordinates(gains)
+    plant = problem.plant
+    is_periodic = plant.output.measured == "periodic"
+    frame = _exact_coordinates(coordinates)
     F, H = equations.flow_and_jump(
-        numbers, plant.output.jump_measurement, plant.output.measured == "periodic"
+        exact(plant.flow.A), exact(plant.output.C),
+        None if plant.jump is None else exact(plant.jump.G),
+        L=exact(L), M=exact(M), jump_measurement=plant.output.jump_measurement,
+        is_periodic=is_periodic,
+    )  # fmt: skip
+    return IntervalGains.from_plant(
+        plant,
+        form=form,
+        period=plant.output.period if is_periodic else None,
+        L=L,
+        M=M,
+        **_splits(problem, form, F, H, frame) | dict(coordinates),
     )
-    F_z = equations.in_coordinates(F, frame.S, frame.S_inverse)
+
+
+def _splits(problem: Problem, form: str, F: Any, H: Any, frame: Coordinates) -> dict[str, Any]:
+    """Return D0, D1 and, with jumps, Gp, Gn, or T of Theorem 7.
+
+    F, H: exact, in the plant's coordinates; H is None without jumps.
+    """
+    F_z = frame.similar(F)
     if form == "two_coordinates":
-        gains |= _two(gains, F_z, H, frame)
-    elif form == "cooperative":
-        gains |= {"D0": to_float(F_z), "D1": np.zeros(F.shape)}
-        if H is not None:
-            gains |= {"Gp": to_float(H), "Gn": np.zeros(H.shape)}
-    else:
-        gains |= _own_split(given, "D0", "D1", F_z, equations.metzler_split)
-        if H is not None:
-            H_z = equations.in_coordinates(H, frame.S, frame.S_inverse)
-            gains |= _own_split(given, "Gp", "Gn", H_z, equations.nonnegative_split)
-    return gains
+        return _theorem_7(F_z, H, frame)
+    if form == "cooperative":
+        flow = {"D0": to_float(F_z), "D1": np.zeros(F.shape)}
+        return flow if H is None else flow | {"Gp": to_float(H), "Gn": np.zeros(H.shape)}
+    given = problem.gains
+    flow = _given_split(given, "D0", "D1", F_z, equations.metzler_split)
+    if H is None:
+        return flow
+    H_z = frame.similar(H)
+    return flow | _given_split(given, "Gp", "Gn", H_z, equations.nonnegative_split)
 
 
-def exact_coordinates(gains: Mapping[str, Any]) -> Coordinates:
-    """The coordinates of `gains` in exact numbers; InputError if one is singular."""
-    frame = Coordinates.of(
-        {name: exact(gains[name]) for name in ("S", "S2") if name in gains}, inverse
-    )
-    if name := frame.singular():
+def _exact_coordinates(coordinates: Mapping[str, Any]) -> Coordinates:
+    """S and S2 in exact numbers; InputError if one is singular."""
+    frame = Coordinates.from_matrices(coordinates.get("S"), coordinates.get("S2"), inverse, exact)
+    if name := frame.singular_matrix():
         raise InputError(f"observer.gains.{name} must be invertible; it is singular.")
     return frame
 
 
-def _own_split(given: Any, plus: str, minus: str, X: Any, minimal: Any) -> dict[str, Any]:
+def _given_split(given: Any, plus: str, minus: str, X: Any, minimal: Any) -> dict[str, Any]:
     """The user's split; one half given determines the other; none given: the minimal one."""
     if plus in given and minus in given:
         return {plus: given[plus], minus: given[minus]}
@@ -80,17 +84,18 @@ def _own_split(given: Any, plus: str, minus: str, X: Any, minimal: Any) -> dict[
     return {name: to_float(half) for name, half in zip((plus, minus), minimal(X), strict=True)}
 
 
-def _two(gains: Mapping[str, Any], R: Any, H: Any, frame: Coordinates) -> dict[str, Any]:
-    """R and T of Theorem 7; what only rounding made negative of R is carried as D1."""
+def _theorem_7(R: Any, H: Any, frame: Coordinates) -> dict[str, Any]:
+    """R and T of Theorem 7; entries of R that only rounding made negative are carried as D1."""
     rounded = to_float(R)
-    noise = _noise(rounded) & ~np.eye(len(rounded), dtype=bool)
-    found = {"D0": np.where(noise, 0.0, rounded), "D1": np.where(noise, -rounded, 0.0)}
-    if "T" not in gains:
-        T = to_float(frame.S2_inverse @ H @ frame.S2)
-        found["T"] = np.where(_noise(T), 0.0, T)
-    return found
+    noise = _rounding_noise(rounded) & ~np.eye(len(rounded), dtype=bool)
+    T = to_float(frame.S2_inverse @ H @ frame.S2)
+    return {
+        "D0": np.where(noise, 0.0, rounded),
+        "D1": np.where(noise, -rounded, 0.0),
+        "T": np.where(_rounding_noise(T), 0.0, T),
+    }
 
 
-def _noise(X: Any) -> Any:
+def _rounding_noise(X: Any) -> Any:
     """Entries that would be zero in decimals, and are negative by rounding."""
     return (X < 0) & (-(2.0**-46) * np.abs(X).max(initial=0.0) < X)

@@ -1,4 +1,4 @@
-"""What gains of an interval observer achieve, in floats: the goals of their synthesis.
+"""Goals of the synthesis of interval observers, evaluated in floats.
 
 Each goal is a function of a task and of gains (L, M) in its coordinates, the smaller the better.
 """
@@ -23,7 +23,7 @@ _TIE = 1e-6  # of equal pre-jump widths (a jump is forgotten at the next one) th
 
 
 def _thetas(task: Task, W: Matrix, low: float) -> Matrix:
-    """Dwell times to look at: more of them near the shortest."""
+    """Return sample dwell times, denser near the shortest."""
     last = Edge(W, np.eye(len(W)), low, task.high).last
     return low + (last - low) * np.linspace(0.0, 1.0, _POINTS) ** 2
 
@@ -33,9 +33,9 @@ def _radii(task: Task, system: WidthSystem, low: float) -> tuple[Matrix, Matrix]
     thetas = _thetas(task, system.W, low)
     maps = expm(system.W * thetas[:, None, None]) @ system.at_jumps[0]
     good = np.isfinite(maps).all(axis=(1, 2))
-    found = np.full(len(thetas), np.inf)
-    found[good] = np.abs(np.linalg.eigvals(maps[good])).max(axis=1)
-    return thetas, found
+    radii = np.full(len(thetas), np.inf)
+    radii[good] = np.abs(np.linalg.eigvals(maps[good])).max(axis=1)
+    return thetas, radii
 
 
 def growth(task: Task, L: Matrix, M: Matrix) -> float:
@@ -50,8 +50,9 @@ def growth(task: Task, L: Matrix, M: Matrix) -> float:
 
 
 def mean_width(task: Task, L: Matrix, M: Matrix) -> float:
-    """Weighted time average of the width (of the pre-jump one, if that is what the task is about),
-    at the worse end of the range; inf if it grows.
+    """Return the weighted mean width at the worse end of the range; inf if it grows.
+
+    The mean is over time; the weighted pre-jump width, if the task is about that.
     """
     system = task.system(L, M)
     if (system.N is None or task.low < task.high) and growth(task, L, M) >= 1:
@@ -88,10 +89,10 @@ def shortest(task: Task, L: Matrix, M: Matrix) -> float:
     with np.errstate(all="ignore"):
         if math.isinf(task.high) and np.linalg.eigvals(system.W).real.max() >= 0:
             return math.inf
-        thetas, found = _radii(task, system, 0.0)
-        bad = np.flatnonzero(found >= 1)
+        thetas, radii = _radii(task, system, 0.0)
+        bad = np.flatnonzero(radii >= 1)
         if not bad.size:
-            return float(found.max()) - 1.0
+            return float(radii.max()) - 1.0
         if bad[-1] == len(thetas) - 1:
             return math.inf
         left, right = thetas[bad[-1]], thetas[bad[-1] + 1]

@@ -26,6 +26,7 @@ from lmi.time_budget import remaining
 from obsdesign.synthesis.interval.task import Task
 
 Matrix = NDArray[np.float64]
+Indices = NDArray[np.int_]
 
 _SECONDS = 5.0  # by the clock on the wall: the solver knows no other
 _MARGIN = 1e-3  # of contraction, where nothing else makes the inequalities strict
@@ -41,15 +42,15 @@ class _Program:
     rows: list[int] = field(default_factory=list)
     limits: list[float] = field(default_factory=list)
 
-    def block(self, *shape: int) -> NDArray[np.int_]:
-        """New variables."""
+    def block(self, *shape: int) -> Indices:
+        """Return the indices of new variables."""
         count = math.prod(shape)
-        found = np.arange(self.size, self.size + count).reshape(shape)
+        variables = np.arange(self.size, self.size + count).reshape(shape)
         self.size += count
-        return found
+        return variables
 
-    def below(self, terms: list[tuple[NDArray[np.int_], Matrix]], limit: float) -> None:
-        """Sum of coefficients times variables <= limit."""
+    def below(self, terms: list[tuple[Indices, Matrix]], limit: float) -> None:
+        """Add a row: the sum of coefficients times variables is at most the limit."""
         row = len(self.limits)
         for columns, values in terms:
             self.columns += np.ravel(columns).tolist()
@@ -66,6 +67,33 @@ class _Program:
         return minimise(cost, entries, sides, (low, high), seconds=remaining(_SECONDS))
 
 
+@dataclass(frozen=True)
+class _Variables:
+    """Indices: zeta (k, n), U (2, k, n, p), Z (2, n, p), Delta (k, n, n), Theta (n, n), gamma.
+
+    The positive and the negative part of U and Z come first and second.
+    """
+
+    zeta: Indices
+    U: Indices
+    Z: Indices
+    Delta: Indices
+    Theta: Indices
+    gamma: int
+
+    @classmethod
+    def in_program(cls, program: _Program, k: int, n: int, p: int) -> _Variables:
+        """New variables of a program with k nodes."""
+        return cls(
+            zeta=program.block(k, n),
+            U=program.block(2, k, n, p),
+            Z=program.block(2, n, p),
+            Delta=program.block(k, n, n),
+            Theta=program.block(n, n),
+            gamma=int(program.block(1)[0]),
+        )
+
+
 def clock_gains(
     task: Task, low: float, nodes: int, narrow: bool
 ) -> list[tuple[Matrix, Matrix]] | None:
@@ -78,23 +106,21 @@ def clock_gains(
     clock = _clock(task, low, nodes)
     k = len(clock)
     program = _Program()
-    zeta = program.block(k, n)
-    U = program.block(2, k, n, p)
-    Z = program.block(2, n, p)
-    Delta, Theta = program.block(k, n, n), program.block(n, n)
-    gamma = int(program.block(1)[0])
-    _flow_rows(program, task, clock, zeta, U, Delta, narrow)
+    variables = _Variables.in_program(program, k, n, p)
+    _flow_rows(program, task, variables, clock, narrow)
     if task.G is not None:
-        _jump_rows(program, task, clock, low, zeta, Z, Theta, 0.0 if narrow else _MARGIN)
+        margin = 0.0 if narrow else _MARGIN
+        _jump_rows(program, task, variables, clock, low=low, margin=margin)
     if narrow:
-        _cost_rows(program, task, clock, low, zeta, U, Z, gamma)
-    bounds = _bounds(program, task, zeta, U, Z, Delta, Theta, narrow)
+        _cost_rows(program, task, variables, clock, low)
+    bounds = _bounds(program, task, variables, narrow)
     cost = np.zeros(program.size)
-    cost[gamma] = 1.0 if narrow else 0.0
+    cost[variables.gamma] = 1.0 if narrow else 0.0
     small = 1e-9 if narrow else 1.0
-    cost[U.ravel()], cost[Z.ravel()], cost[zeta.ravel()] = small / k, small, small / k
+    cost[variables.U.ravel()], cost[variables.Z.ravel()] = small / k, small
+    cost[variables.zeta.ravel()] = small / k
     x = program.solve(cost, bounds)
-    return None if x is None else list(_constant(x, zeta, U, Z))
+    return None if x is None else list(_constant(x, variables))
 
 
 def _clock(task: Task, low: float, nodes: int) -> Matrix:
@@ -112,19 +138,19 @@ def _clock(task: Task, low: float, nodes: int) -> Matrix:
 
 
 def _column_sum(
-    task: Task, j: int, zeta: NDArray[np.int_], U: NDArray[np.int_], Delta: NDArray[np.int_]
-) -> list[tuple[NDArray[np.int_], Matrix]]:
+    task: Task, j: int, zeta: Indices, U: Indices, Delta: Indices
+) -> list[tuple[Indices, Matrix]]:
     """1'Y, column j, at one node."""
     C = np.broadcast_to(task.C[:, j], U.shape[1:])
     return [(zeta, task.A[:, j]), (U[0], -C), (U[1], C), (Delta[:, j], np.array(2.0))]
 
 
 def _flow_rows(
-    program: _Program, task: Task, clock: Matrix, zeta: NDArray[np.int_], U: NDArray[np.int_],
-    Delta: NDArray[np.int_], narrow: bool,
-) -> None:  # fmt: skip
+    program: _Program, task: Task, variables: _Variables, clock: Matrix, narrow: bool
+) -> None:
+    zeta, U, Delta = variables.zeta, variables.U, variables.Delta
     n = len(task.A)
-    q = task.weights if narrow and not _at_jumps(task) else np.zeros(n)
+    q = task.weights if narrow and not _is_at_jumps(task) else np.zeros(n)
     for k in range(len(clock)):
         for i in range(n):
             for j in range(n):
@@ -145,17 +171,18 @@ def _flow_rows(
         margin = 0.0 if narrow else _MARGIN
         for j in range(n):
             terms = _column_sum(task, j, zeta[-1], U[:, -1], Delta[-1])
-            rest = float(np.abs(task.A).max()) * margin
-            program.below([*terms, (zeta[-1, j], np.array(rest))], -q[j])
+            room = float(np.abs(task.A).max()) * margin
+            program.below([*terms, (zeta[-1, j], np.array(room))], -q[j])
 
 
 def _jump_rows(
-    program: _Program, task: Task, clock: Matrix, low: float, zeta: NDArray[np.int_],
-    Z: NDArray[np.int_], Theta: NDArray[np.int_], margin: float,
+    program: _Program, task: Task, variables: _Variables, clock: Matrix, *, low: float,
+    margin: float,
 ) -> None:  # fmt: skip
+    zeta, Z, Theta = variables.zeta, variables.Z, variables.Theta
     assert task.G is not None
     n = len(task.A)
-    q = task.weights if margin == 0 and _at_jumps(task) else np.zeros(n)
+    q = task.weights if margin == 0 and _is_at_jumps(task) else np.zeros(n)
     for i in range(n):
         for j in range(n):
             C = task.C_jump[:, j]
@@ -172,16 +199,16 @@ def _jump_rows(
             )  # fmt: skip
 
 
-def _at_jumps(task: Task) -> bool:
-    """Is it the pre-jump width that counts? Where jumps may stay away, its average stands in."""
+def _is_at_jumps(task: Task) -> bool:
+    """Is the pre-jump width minimised? Where jumps may stay away, the average stands in for it."""
     return task.pre_jump and math.isfinite(task.high)
 
 
 def _cost_rows(
-    program: _Program, task: Task, clock: Matrix, low: float, zeta: NDArray[np.int_],
-    U: NDArray[np.int_], Z: NDArray[np.int_], gamma: int,
-) -> None:  # fmt: skip
-    """What enters V from jump to jump is at most gamma times the time between them."""
+    program: _Program, task: Task, variables: _Variables, clock: Matrix, low: float
+) -> None:
+    """Rows: the input to V from jump to jump is at most gamma times the time between them."""
+    zeta, U, Z, gamma = variables.zeta, variables.U, variables.Z, variables.gamma
     k = len(clock)
     noise = np.broadcast_to(2 * task.V, U.shape[2:])
     steps = np.diff(clock)
@@ -195,18 +222,18 @@ def _cost_rows(
         flow = [(zeta[i], share[i] * task.f0) for i in range(last + 1)] + [
             (U[s, i], share[i] * noise) for i in range(last + 1) for s in (0, 1)
         ]
-        per = 1.0 if _at_jumps(task) else clock[last]
+        per = 1.0 if _is_at_jumps(task) else clock[last]
         program.below([*flow, *kick, (np.array(gamma), np.array(-per))], 0.0)
     if task.G is None or math.isinf(task.high):
-        rest = [(zeta[-1], task.f0), (U[0, -1], noise), (U[1, -1], noise)]
-        program.below([*rest, (np.array(gamma), np.array(-1.0))], 0.0)
+        settled = [(zeta[-1], task.f0), (U[0, -1], noise), (U[1, -1], noise)]
+        program.below([*settled, (np.array(gamma), np.array(-1.0))], 0.0)
 
 
 def _bounds(
-    program: _Program, task: Task, zeta: NDArray[np.int_], U: NDArray[np.int_],
-    Z: NDArray[np.int_], Delta: NDArray[np.int_], Theta: NDArray[np.int_], narrow: bool,
-) -> list[tuple[float | None, float | None]]:  # fmt: skip
+    program: _Program, task: Task, variables: _Variables, narrow: bool
+) -> list[tuple[float | None, float | None]]:
     """Signs, gains that are not open, caps: |U| <= limit times zeta."""
+    zeta, U, Z = variables.zeta, variables.U, variables.Z
     top = np.full(program.size, np.inf)
     least = np.zeros(program.size)
     least[zeta.ravel()] = 0.0 if narrow else 1.0
@@ -214,7 +241,7 @@ def _bounds(
         if not is_open:
             top[block.ravel()] = 0.0
     if task.positive:
-        top[Delta.ravel()] = top[Theta.ravel()] = 0.0
+        top[variables.Delta.ravel()] = top[variables.Theta.ravel()] = 0.0
     for index in np.ndindex(*U.shape[1:]):
         limit = task.limit_L[index[1], index[2]]
         if task.open_L and math.isfinite(limit):
@@ -228,10 +255,9 @@ def _bounds(
     return [(a, None if math.isinf(b) else b) for a, b in zip(least, top, strict=True)]
 
 
-def _constant(
-    x: Matrix, zeta: NDArray[np.int_], U: NDArray[np.int_], Z: NDArray[np.int_]
-) -> Iterator[tuple[Matrix, Matrix]]:
+def _constant(x: Matrix, variables: _Variables) -> Iterator[tuple[Matrix, Matrix]]:
     """Gains that do not depend on the clock: on average, at its end, at its start."""
+    zeta, U, Z = variables.zeta, variables.U, variables.Z
     scale = np.maximum(x[zeta], 1e-12)
     flow, jump = x[U[0]] - x[U[1]], x[Z[0]] - x[Z[1]]
     M = jump / scale[0][:, None]

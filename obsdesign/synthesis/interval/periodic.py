@@ -1,4 +1,4 @@
-"""Gains for samples as events: in given coordinates the narrowest ones, by one linear program.
+"""Gains for samples as events: the narrowest in given coordinates, by one linear program.
 
 From sample to sample w+ = P w + d + k with P = |(I - L C) e^(A h)| and k = 2 |L| V, so that the
 width after samples tends to (I - P)^-1 (d + k), and with weights q >= 0
@@ -70,8 +70,9 @@ class SampledPlant:
         self.q, self.mean = self._average(width_weights(problem))
 
     def _average(self, weights: Matrix) -> tuple[Matrix, float]:
-        """(q, c): the time average of the weighted width of x over a period is q'w + c, w the width
-        in z after the sample that begins it.
+        """(q, c): the time average of the weighted width of x over a period is q'w + c.
+
+        w (n,): the width in z after the sample that begins the period.
         """
         grid = np.linspace(0.0, self.h, _POINTS)
         sizes, added = absolute_flow(np.eye(len(self.A)), self.A, self.f, grid)
@@ -85,7 +86,9 @@ class SampledPlant:
         K = np.eye(len(self.A)) - L @ self.C
         W, k = absolute_metzler(self.A), 2 * np.abs(L) @ self.V
         N, j = (None, None) if self.G is None else (np.abs(self.G), self.j)
-        return WidthSystem(W, self.f, N, j, K, k, np.abs(self.S), self.A, self.G)
+        return WidthSystem(
+            W=W, f=self.f, N=N, h=j, K=K, k=k, out=np.abs(self.S), A=self.A, G=self.G
+        )
 
     def width(self, L: Matrix) -> float:
         """Time average of the weighted width, at the worse end of the range; inf if it grows.
@@ -109,16 +112,16 @@ class SampledPlant:
         """Average of q'w over the periods from jump to jump."""
         n = len(P)
         power, offset = np.eye(n), np.zeros(n)
-        total, passed = np.zeros((n, n)), np.zeros(n)
+        power_sum, offset_sum = np.zeros((n, n)), np.zeros(n)
         for _ in range(periods):
-            total, passed = total + power, passed + offset
+            power_sum, offset_sum = power_sum + power, offset_sum + offset
             power, offset = P @ power, P @ offset + c
         assert self.G is not None
         N = np.abs(self.G)
         if max(abs(np.linalg.eigvals(N @ power))) >= 1:
             return math.inf
         first = np.linalg.solve(np.eye(n) - N @ power, N @ offset + self.j)
-        return float(self.q @ (total @ first + passed)) / periods
+        return float(self.q @ (power_sum @ first + offset_sum)) / periods
 
     def gain(self, contraction: float) -> Matrix | None:
         """L in z, of least average without jumps among those that contract so; None without one."""
@@ -200,8 +203,8 @@ class _Program:
         x = minimise(cost, (rows, columns, values), sides, ends, seconds=remaining(_SECONDS))
         if x is None or not (x[:n] > 0).all():
             return None
-        found: Matrix = (x[self.U[0]] - x[self.U[1]]) / x[:n, None]
-        return np.clip(found, -limit, limit)
+        L: Matrix = (x[self.U[0]] - x[self.U[1]]) / x[:n, None]
+        return np.clip(L, -limit, limit)
 
     def _absolute(self, j: int, X: Matrix, CX: Matrix) -> None:
         n = self.n

@@ -1,9 +1,8 @@
-"""Widths with samples: proposals for samples as events, and for a continuous y that is sampled."""
+"""Proposed widths for samples as events, and for samples of a continuous y."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -15,6 +14,7 @@ from lmi.arithmetic.balls import exact, inverse, to_float
 from lmi.arithmetic.exponential import absolute_flow
 from lmi.bounds.interleaved import Bounds, Interleaved, prove_interleaved, sampled_flow
 from lmi.prove.hurwitz import rightmost
+from obsdesign.equations.interval.gains import IntervalGains
 from obsdesign.equations.interval.width import SAMPLED_MAPS, WidthSystem, slope_scheme
 from obsdesign.synthesis.interval.tube import ROOM, Units, least, proved_width
 
@@ -24,23 +24,47 @@ _OFFSETS, _FINE, _MOST_PERIODS = 24, 400, 400
 _HALVINGS = 14
 
 
-def propose_samples(
-    system: WidthSystem, approx: WidthSystem, period: float, ends: tuple[float, float], lost: bool
-) -> dict[str, Any]:
-    """{"maps"} and, where it is proved, {"tube", "sampled", ("jumped",) "always"}.
+@dataclass(frozen=True)
+class SampledTube:
+    """A tube for samples as events, in floats: bounds of the width at four kinds of instants.
 
-    For samples as events. system, approx: exact and in floats, with A, K and k; ends: shortest and
-    longest dwell time, inf without jumps; lost: no sample is taken at the time of a jump.
+    tube (n,): in z, just after the sample that follows a jump; sampled, jumped (n,): in z, just
+    after any sample and any jump (None without jumps); always (n,): in x, at any time.
     """
+
+    tube: Matrix
+    sampled: Matrix
+    jumped: Matrix | None
+    always: Matrix
+
+    def to_certificate(self) -> dict[str, Any]:
+        """Return the entries that verification checks."""
+        vectors = {"tube": self.tube, "sampled": self.sampled, "always": self.always}
+        vectors |= {} if self.jumped is None else {"jumped": self.jumped}
+        return {name: vector.tolist() for name, vector in vectors.items()}
+
+    def exact_bounds(self) -> Bounds:
+        """Return the same in exact numbers, to be proved."""
+        jumped = None if self.jumped is None else exact(self.jumped)
+        return Bounds(exact(self.tube), exact(self.sampled), jumped, exact(self.always))
+
+
+def propose_samples(
+    gains: IntervalGains, system: WidthSystem, approx: WidthSystem
+) -> dict[str, Any]:
+    """Return {"maps"} and, where it is proved, {"tube", "sampled", ("jumped",) "always"}.
+
+    For samples as events. system, approx: exact and in floats, with A, K and k.
+    """
+    assert gains.period is not None
     maps = {"maps": SAMPLED_MAPS}
-    found = sampled_tube(approx, period, ends, lost)
-    if found is None:
+    ends = gains.dwell_ends
+    proposal = sampled_tube(approx, gains.period, ends, gains.skips_jumps)
+    if proposal is None:
         return maps
-    question = Interleaved.of(system, period, *ends, lost)
-    jumped = exact(found["jumped"]) if "jumped" in found else None
-    bounds = Bounds(exact(found["tube"]), exact(found["sampled"]), jumped, exact(found["always"]))
-    verdict = prove_interleaved(question, exact(system.out), bounds)
-    return {**maps, **found} if verdict.outcome == "proved" else maps
+    question = Interleaved.of(system, gains.period, *ends, gains.skips_jumps)
+    verdict = prove_interleaved(question, exact(system.out), proposal.exact_bounds())
+    return {**maps, **proposal.to_certificate()} if verdict.outcome == "proved" else maps
 
 
 @dataclass(frozen=True)
@@ -54,8 +78,8 @@ class _Steps:
     late: tuple[Matrix, Matrix]
 
     @staticmethod
-    def of(system: WidthSystem, period: float) -> _Steps:
-        """Of a width system in floats."""
+    def from_system(system: WidthSystem, period: float) -> _Steps:
+        """Return the maps of a width system in floats."""
         assert system.A is not None
         assert system.K is not None
         assert system.k is not None
@@ -68,27 +92,31 @@ class _Steps:
         return _Steps((sizes, added + system.h), late)
 
     @property
-    def finite(self) -> bool:
+    def is_finite(self) -> bool:
         """Has nothing overflowed?"""
         return all(np.isfinite(x).all() for x in (*(self.jumped or ()), *self.late))
 
     @property
     def period(self) -> tuple[Matrix, Matrix]:
-        """From sample to sample."""
+        """(sizes, added) of the map from sample to sample."""
         return self.late[0][0], self.late[1][0]
 
 
 def sampled_tube(
-    system: WidthSystem, period: float, ends: tuple[float, float], lost: bool
-) -> dict[str, Any] | None:
-    """The tube of `propose_samples` in floats, not proved; None where there is none."""
+    system: WidthSystem, period: float, ends: tuple[float, float], skips_jumps: bool
+) -> SampledTube | None:
+    """Return a tube for samples as events, in floats, not proved; None where there is none.
+
+    ends: shortest and longest dwell time, inf without jumps; skips_jumps: no sample is taken at the
+    time of a jump.
+    """
     with np.errstate(all="ignore"):
-        units = Units.of(system, period, period)
-        system = units.of_system(system)
-        steps = _Steps.of(system, period)
+        units = Units.from_system(system, period, period)
+        system = units.rescaled(system)
+        steps = _Steps.from_system(system, period)
         P, c = steps.period
         scale = float(max(c.max(initial=0.0), 0.0 if system.h is None else system.h.max())) or 1.0
-        if not steps.finite:
+        if not steps.is_finite:
             return None
         if steps.jumped is None:
             p = least(P[None], c[None], ROOM * scale)
@@ -96,35 +124,35 @@ def sampled_tube(
                 return None
             sampled, jumped = p * (1 + ROOM), None
         else:
-            result = _cycle_tube(period, ends, steps, scale, lost)
-            if result is None:
+            cycle = _cycle_tube(period, ends, steps, scale, skips_jumps)
+            if cycle is None:
                 return None
-            p, sampled, jumped = result
+            p, sampled, jumped = cycle
         top = _highest(system, period, [q for q in (sampled, jumped) if q is not None])
-    found = {"tube": p, "sampled": sampled, "always": top * (1 + 1e-4) + ROOM * scale}
-    if jumped is not None:
-        found["jumped"] = jumped
-    if not all(np.isfinite(x).all() for x in found.values()):
+    always = top * (1 + 1e-4) + ROOM * scale
+    vectors = (p, sampled, always) if jumped is None else (p, sampled, always, jumped)
+    if not all(np.isfinite(vector).all() for vector in vectors):
         return None
-    return units.restated(found)
+    z, x = units.z.sizes, units.x.sizes
+    return SampledTube(p * z, sampled * z, None if jumped is None else jumped * z, always * x)
 
 
 def _cycle_tube(
-    h: float, ends: tuple[float, float], steps: _Steps, scale: float, lost: bool
+    h: float, ends: tuple[float, float], steps: _Steps, scale: float, skips_jumps: bool
 ) -> tuple[Matrix, Matrix, Matrix] | None:
     """(p, after samples, after jumps): the least p for offsets and numbers of periods on a grid."""
     low, high = ends
     assert steps.jumped is not None
-    (sizes, kicks), (late, rest), (P, c) = steps.jumped, steps.late, steps.period
+    (sizes, kicks), (late, late_added), (P, c) = steps.jumped, steps.late, steps.period
     if low < h or (math.isinf(high) and max(abs(np.linalg.eigvals(P))) >= 1):
         return None
     fewest = max(1, math.floor(low / h * (1 - 1e-12))) - 1
-    if lost:  # not too few: more only asks for more
+    if skips_jumps:  # not too few: more only asks for more
         fewest = max(math.ceil(low / h * (1 - 1e-12)) - 2, 0)
     most = _MOST_PERIODS if math.isinf(high) else min(math.ceil(high / h), _MOST_PERIODS)
     maps = late @ sizes
-    adds = (late @ kicks[..., None])[..., 0] + rest
-    if lost:  # the sample at the jump's time is missing: a whole period more
+    adds = (late @ kicks[..., None])[..., 0] + late_added
+    if skips_jumps:  # the sample at the jump's time is missing: a whole period more
         maps = np.concatenate([maps, (P @ sizes[-1])[None]])
         adds = np.concatenate([adds, (P @ kicks[-1] + c)[None]])
     powers, offsets = [np.eye(len(P))], [np.zeros(len(P))]
@@ -150,7 +178,7 @@ def _cycle_tube(
 
 
 def _highest(system: WidthSystem, period: float, starts: list[Matrix]) -> Matrix:
-    """The largest width of x on the way from each of some boxes of z, over a period."""
+    """Return the largest width of x on the way from each of some boxes of z, over a period."""
     assert system.A is not None
     s = np.linspace(0.0, period, _FINE)
     flows, pushes = absolute_flow(np.eye(len(system.f)), system.A, system.f, s)
@@ -160,32 +188,32 @@ def _highest(system: WidthSystem, period: float, starts: list[Matrix]) -> Matrix
 
 
 def propose_spacing(
-    gains: Mapping[str, Any], system: WidthSystem, low: float, high: float, period: float | None
+    gains: IntervalGains, system: WidthSystem, low: float, high: float, period: float | None
 ) -> dict[str, Any] | None:
-    """A step limit with its tube, proved, for a continuous y known at samples; None if L = 0.
+    """Return a step limit with its tube, proved, for samples of a continuous y; None if L = 0.
 
-    period: the spacing to prove if it can be; otherwise half of the largest one found by halving.
+    period: the spacing to prove if it can be; otherwise the first provable one by halving.
     """
-    if not np.any(gains["L"]):
+    if not np.any(gains.L):
         return None
     parts = slope_scheme(gains, exact, inverse)
     W = exact(system.W)
     jump = 0 * W if system.N is None else exact(system.N)
     slope = Scaling.of(W, jump, min(high, 1e300)).map(to_float(parts[0] @ parts[1]))
     unit = 1.0 / max(float(np.abs(slope).sum(axis=1).max()), 1e-300)
-    tries = [period] if period is not None else []
-    tries += [unit * 2.0**-i for i in range(1, _HALVINGS)]
-    for spacing in tries:
-        found = spaced_tube(parts, system, spacing, low, high)
-        if found is not None:
-            return {"step_limit": spacing, **found}
+    spacings = [period] if period is not None else []
+    spacings += [unit * 2.0**-i for i in range(1, _HALVINGS)]
+    for spacing in spacings:
+        tube = spaced_tube(parts, system, spacing, low, high)
+        if tube is not None:
+            return {"step_limit": spacing, **tube}
     return None
 
 
 def spaced_tube(
     parts: Any, system: WidthSystem, spacing: float, low: float, high: float
 ) -> dict[str, Any] | None:
-    """The tube of the width system for samples at most `spacing` apart, proved; or None."""
+    """Return the proved tube of the width system for samples at most `spacing` apart, or None."""
     L, CA, A, C, b = parts
     added = sampled_flow(exact(system.W), L, CA, A, C, b, spacing)
     if added is None:

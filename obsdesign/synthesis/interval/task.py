@@ -1,10 +1,10 @@
-"""The synthesis of gains in given coordinates: what is open, and how the width depends on it.
+"""Synthesis of gains in given coordinates: the open gains, and the width as their function.
 
 In z, x = S z, the width system of gains (L, M) is
 
     W = Mz(A - L C),  N = |G - M C_J|,  f = f0 + 2 |L| V,  h = h0 + 2 |M| V
 
-with every matrix in z; C_J is what the measurement at a jump sees of the state before it. A gain
+with every matrix in z; C_J maps the state before a jump to the measurement at the jump. A gain
 that is given is part of A and f0 (of G and h0), and nothing is open there.
 """
 
@@ -28,7 +28,7 @@ Matrix = NDArray[np.float64]
 # caps of the gains where none is given, in multiples of the plant's own size: the width goes on
 # shrinking, ever more slowly, as gains grow, and a limit may be approached only by endless gains
 _DEFAULT_LIMIT = {"narrowest": 20.0, "shortest_dwell": 100.0, "feasible": 1000.0}
-# negative entries below this share of the largest are rounding of a zero that was aimed at
+# negative entries below this share of the largest are rounding of a zero that was intended
 ROUNDING = 1e-12
 
 
@@ -61,7 +61,40 @@ class Task:
     L0: Matrix
     M0: Matrix
 
-    def plain(self) -> Task:
+    @classmethod
+    def from_problem(
+        cls, problem: Problem, positive: bool, S: Matrix | None, given: Mapping[str, Any]
+    ) -> Task:
+        """The task in coordinates S (None: the plant's own); `given` holds L, M as far as fixed."""
+        plant = problem.plant
+        n, p = plant.n, plant.p
+        basis = np.eye(n) if S is None else S
+        inward = np.linalg.inv(basis)
+        C, V = plant.output.C, problem.require_noise_bound("kind 'interval'")
+        idle = idle_gains(plant)
+        L, M = (np.asarray(given.get(name, np.zeros((n, p)))) for name in ("L", "M"))
+        G, low, high = None, math.inf, math.inf
+        C_jump, h0 = C, np.zeros(n)
+        if plant.jump is not None:
+            low, high = problem.require_dwell_time()
+            C_jump = seen_before_jump(plant.jump.G, C, plant.output.jump_measurement)
+            G = inward @ (plant.jump.G - M @ C_jump) @ basis
+            h0 = np.abs(inward) @ (plant.jump.upper - plant.jump.lower)
+            h0 = h0 + 2 * np.abs(inward @ M) @ V
+        f0 = np.abs(inward) @ (plant.flow.upper - plant.flow.lower) + 2 * np.abs(inward @ L) @ V
+        limit_L, limit_M = _limits(problem, basis)
+        return cls(
+            A=inward @ (plant.flow.A - L @ C) @ basis, G=G, C=C @ basis, C_jump=C_jump @ basis,
+            f0=f0, h0=h0, V=V, low=low, high=high,
+            open_L="L" not in given and "L" not in idle,
+            open_M="M" not in given and "M" not in idle,
+            limit_L=limit_L, limit_M=limit_M, positive=positive,
+            weights=width_weights(problem) @ np.abs(basis),
+            pre_jump=problem.options.get("width") == "pre_jump",
+            S=basis, L0=inward @ L, M0=inward @ M,
+        )  # fmt: skip
+
+    def with_equal_weights(self) -> Task:
         """The same for the time average of all widths alike; itself, if it is that."""
         weights = np.abs(self.S).sum(axis=0)
         if not self.pre_jump and np.allclose(weights, self.weights, rtol=1e-12, atol=0.0):
@@ -69,7 +102,7 @@ class Task:
         return replace(self, weights=weights, pre_jump=False)
 
     def gains(self, L: Matrix, M: Matrix) -> tuple[Matrix, Matrix]:
-        """(L, M) in the plant's coordinates, for those found in z."""
+        """(L, M) in the plant's coordinates, for L, M in z."""
         return self.S @ (self.L0 + L), self.S @ (self.M0 + M)
 
     def system(self, L: Matrix, M: Matrix) -> WidthSystem:
@@ -77,10 +110,11 @@ class Task:
         W = absolute_metzler(self.A - L @ self.C)
         N = None if self.G is None else np.abs(self.G - M @ self.C_jump)
         f, h = self.f0 + 2 * np.abs(L) @ self.V, self.h0 + 2 * np.abs(M) @ self.V
-        return WidthSystem(W, f, N, None if N is None else h, None, None, np.abs(self.S))
+        h_jump = None if N is None else h
+        return WidthSystem(W=W, f=f, N=N, h=h_jump, K=None, k=None, out=np.abs(self.S))
 
-    def admissible(self, L: Matrix, M: Matrix) -> bool:
-        """Signs (form `cooperative`) and limits."""
+    def is_admissible(self, L: Matrix, M: Matrix) -> bool:
+        """Do the gains keep the limits and, in form `cooperative`, the signs?"""
         if np.any(np.abs(L) > self.limit_L * (1 + ROUNDING)):
             return False
         if np.any(np.abs(M) > self.limit_M * (1 + ROUNDING)):
@@ -97,73 +131,45 @@ class Task:
         return bool(H.min() >= -ROUNDING * np.abs(self.G).max())
 
 
-def task_of(problem: Problem, positive: bool, S: Matrix | None, given: Mapping[str, Any]) -> Task:
-    """The task in coordinates S (None: the plant's own); `given` holds L, M as far as fixed."""
-    plant = problem.plant
-    n, p = plant.n, plant.p
-    basis = np.eye(n) if S is None else S
-    inward = np.linalg.inv(basis)
-    C, V = plant.output.C, problem.require_noise_bound("kind 'interval'")
-    idle = idle_gains(plant)
-    L, M = (np.asarray(given.get(name, np.zeros((n, p)))) for name in ("L", "M"))
-    G, low, high = None, math.inf, math.inf
-    C_jump, h0 = C, np.zeros(n)
-    if plant.jump is not None:
-        low, high = problem.require_dwell_time()
-        C_jump = seen_before_jump(plant.jump.G, C, plant.output.jump_measurement)
-        G = inward @ (plant.jump.G - M @ C_jump) @ basis
-        h0 = np.abs(inward) @ (plant.jump.upper - plant.jump.lower) + 2 * np.abs(inward @ M) @ V
-    f0 = np.abs(inward) @ (plant.flow.upper - plant.flow.lower) + 2 * np.abs(inward @ L) @ V
-    limit_L, limit_M = _limits(problem, basis)
-    return Task(
-        A=inward @ (plant.flow.A - L @ C) @ basis, G=G, C=C @ basis, C_jump=C_jump @ basis,
-        f0=f0, h0=h0, V=V, low=low, high=high,
-        open_L="L" not in given and "L" not in idle, open_M="M" not in given and "M" not in idle,
-        limit_L=limit_L, limit_M=limit_M, positive=positive,
-        weights=width_weights(problem) @ np.abs(basis),
-        pre_jump=problem.options.get("width") == "pre_jump", S=basis, L0=inward @ L, M0=inward @ M,
-    )  # fmt: skip
-
-
 def width_weights(problem: Problem) -> Matrix:
-    """Of the widths of the states, (n,), one on average."""
+    """Weights (n,) of the widths of the states, one on average."""
     n = problem.plant.n
-    asked = np.array(problem.options.get("width_weights", np.ones(n)), dtype=np.float64)
-    found: Matrix = asked / asked.max()
-    return found * (n / float(found.sum()))
+    given = np.array(problem.options.get("width_weights", np.ones(n)), dtype=np.float64)
+    weights: Matrix = given / given.max()
+    return weights * (n / float(weights.sum()))
 
 
 def sampling_limit(problem: Problem, basis: Matrix) -> Matrix:
-    """Cap of the gain at samples in z, (n, p): the one asked for, or what no plant should need."""
-    cap = _asked_limit(problem, basis)
+    """Cap of the gain at samples in z, (n, p): the given one, or more than any plant needs."""
+    cap = _given_limit(problem, basis)
     factor = _DEFAULT_LIMIT["feasible"]
     return np.full(
         (len(basis), problem.plant.p), factor / _size(problem, basis) if cap is None else cap
     )
 
 
-def _asked_limit(problem: Problem, basis: Matrix) -> float | None:
-    asked = problem.options.get("gain_limit")
-    if asked is None:
+def _given_limit(problem: Problem, basis: Matrix) -> float | None:
+    limit = problem.options.get("gain_limit")
+    if limit is None:
         return None
-    cap = float(asked) / float(np.abs(basis).sum(axis=1).max())
+    cap = float(limit) / float(np.abs(basis).sum(axis=1).max())
     return (
         cap if np.array_equal(basis, np.eye(len(basis))) else cap * (1 - ROUNDING)
     )  # S L is rounded
 
 
 def _size(problem: Problem, basis: Matrix) -> float:
-    """Of the outputs and of the coordinates: gains are large against one over it."""
+    """Size of the outputs and of the coordinates: gains are large against one over it."""
     return max(float(np.abs(problem.plant.output.C).max()), 1e-300) * float(
         np.abs(basis).sum(axis=1).max()
     )
 
 
 def _limits(problem: Problem, basis: Matrix) -> tuple[Matrix, Matrix]:
-    """Caps of L and M in z so that |S L|, |S M| stay below the one asked for."""
+    """Caps of L and M in z so that |S L|, |S M| stay below the given one."""
     plant = problem.plant
     shape = (plant.n, plant.p)
-    cap = _asked_limit(problem, basis)
+    cap = _given_limit(problem, basis)
     if cap is not None:
         return np.full(shape, cap), np.full(shape, cap)
     factor = _DEFAULT_LIMIT[str(problem.options.get("objective", "feasible"))]

@@ -35,7 +35,7 @@ _ROUNDS, _FINE = 12, 800
 def proved_width(
     system: WidthSystem, approx: WidthSystem, low: float, high: float, vanishing: bool = False
 ) -> dict[str, Any] | None:
-    """What `propose_width` proposes for the float twin of an exact system, if it can be proved.
+    """Return the proposal of `propose_width` for the float twin of a system, if it is proved.
 
     vanishing: also where nothing enters and the width tends to zero, to show just that.
     """
@@ -44,19 +44,19 @@ def proved_width(
     W, f, N, h, out = (exact(X) for X in (system.W, system.f, *system.at_jumps, system.out))
     names = ("tube", "after_jump", "before_jump", "always")
     for room in _ROOMS:
-        found = propose_width(approx, low, high, vanishing, room)
-        if found is None:
+        certificate = propose_width(approx, low, high, vanishing, room)
+        if certificate is None:
             return None
-        tube = Tube(*(exact(found[name]) for name in names))
+        tube = Tube(*(exact(certificate[name]) for name in names))
         if prove_tube(W, f, N, h, out, tube, low, high).outcome == "proved":
-            return found
+            return certificate
     return None
 
 
 def propose_width(
     system: WidthSystem, low: float, high: float, vanishing: bool = False, share: float = ROOM
 ) -> dict[str, Any] | None:
-    """{"tube": (n,) in z, "after_jump", "before_jump", "always": (n,) in x}; None if none is found.
+    """{"tube": (n,) in z, "after_jump", "before_jump", "always": (n,) in x}; None without one.
 
     system: floats, with jumps; share: room for a strict proof, relative.
     Without disturbance and noise the width vanishes: None.
@@ -64,9 +64,9 @@ def propose_width(
     if math.isinf(high) and not rightmost(system.W).real < 0:
         return None
     with np.errstate(all="ignore"):
-        units = Units.of(system, low, Edge(system.W, system.at_jumps[0], low, high).last)
-        found = _least_tube(units.of_system(system), low, high, vanishing, share)
-    return None if found is None else units.restated(found)
+        units = Units.from_system(system, low, Edge(system.W, system.at_jumps[0], low, high).last)
+        widths = _least_tube(units.rescaled(system), low, high, vanishing, share)
+    return None if widths is None else units.restated(widths)
 
 
 def _least_tube(
@@ -77,7 +77,7 @@ def _least_tube(
     N, h = system.at_jumps
     last = Edge(W, N, low, high).last
     thetas = np.unique(np.concatenate([np.linspace(low, last, _FINE), _graded(low, last)]))
-    flows, pushes = moved(W, f, thetas)
+    flows, pushes = width_flow(W, f, thetas)
     entering = pushes @ N.T + h
     scale = float(entering.max(initial=0.0)) or float(vanishing)
     if not (np.isfinite(flows).all() and np.isfinite(entering).all() and scale > 0):
@@ -85,8 +85,8 @@ def _least_tube(
     v = least(N @ flows, entering, share * scale)
     if v is None:
         return None
-    until = np.concatenate([np.linspace(0.0, low, _FINE), thetas])
-    flows_all, pushes_all = moved(W, f, until)
+    grid = np.concatenate([np.linspace(0.0, low, _FINE), thetas])
+    flows_all, pushes_all = width_flow(W, f, grid)
     reached = (flows_all @ v + pushes_all) @ system.out.T
     if math.isinf(high):
         reached = np.vstack([reached, np.linalg.solve(-W, f) @ system.out.T])
@@ -102,8 +102,8 @@ def _least_tube(
 
 def propose_limit(system: WidthSystem, vanishing: bool = False) -> dict[str, Any] | None:
     """{"tube": (n,) in z, "always": (n,) in x} of a plant without jumps; None without a limit."""
-    units = Units.of(system, 1.0, 1.0)
-    own = units.of_system(system)
+    units = Units.from_system(system, 1.0, 1.0)
+    own = units.rescaled(system)
     scale = float(own.f.max(initial=0.0)) or float(vanishing)
     try:
         v: Matrix = np.asarray(np.linalg.solve(-own.W, own.f + ROOM * scale), np.float64)
@@ -122,7 +122,7 @@ class Units:
     x: Scaling
 
     @staticmethod
-    def of(system: WidthSystem, low: float, last: float) -> Units:
+    def from_system(system: WidthSystem, low: float, last: float) -> Units:
         """Of a width system in floats, from the limits that constant steps low and last lead to.
 
         Between events W, or A where samples are events; at their end N, else K, else nothing.
@@ -143,7 +143,7 @@ class Units:
         z = Scaling(first.sizes * Scaling.like(np.max(limits, axis=0)).sizes)
         return Units(z, Scaling.like(system.out @ z.sizes))
 
-    def of_system(self, system: WidthSystem) -> WidthSystem:
+    def rescaled(self, system: WidthSystem) -> WidthSystem:
         """The same system in these units."""
         arrays: dict[str, Any] = dict(vars(system))
         for name in ("W", "N", "K", "A", "G"):
@@ -153,12 +153,12 @@ class Units:
         arrays["out"] = self.x.rows(self.z.columns(system.out))
         return WidthSystem(**arrays)
 
-    def restated(self, found: dict[str, Matrix]) -> dict[str, Any]:
+    def restated(self, widths: dict[str, Matrix]) -> dict[str, Any]:
         """Widths in the units of the plant, and of its observer's coordinates, as lists."""
         of_z = ("tube", "sampled", "jumped")
         return {
             name: (v * (self.z if name in of_z else self.x).sizes).tolist()
-            for name, v in found.items()
+            for name, v in widths.items()
         }
 
 
@@ -171,7 +171,7 @@ def _limit(M: Matrix, entering: Matrix) -> Matrix:
     return v if np.isfinite(v).all() and (v >= 0).all() else 0 * entering
 
 
-def moved(W: Matrix, f: Matrix, thetas: Matrix) -> tuple[Matrix, Matrix]:
+def width_flow(W: Matrix, f: Matrix, thetas: Matrix) -> tuple[Matrix, Matrix]:
     """(e^{W theta}, int_0^theta e^{W s} ds f) at each theta: (k, n, n), (k, n)."""
     n = len(W)
     Z = np.zeros((n + 1, n + 1))
@@ -181,7 +181,7 @@ def moved(W: Matrix, f: Matrix, thetas: Matrix) -> tuple[Matrix, Matrix]:
 
 
 def _graded(low: float, last: float) -> Matrix:
-    """More points near the start, where fast modes live."""
+    """Return a grid that is finer near the start, where fast modes act."""
     return low + (last - low) * np.linspace(0.0, 1.0, 200) ** 3
 
 

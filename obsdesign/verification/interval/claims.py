@@ -2,7 +2,7 @@
 
 Source: Degue, Efimov, Richard, NOLCOS 2016. The claims speak about the stored binary64 numbers:
 A - L C and G - M C are formed in exact rationals. A split that was stored rounded is completed
-to an exact one (`equations.completed_split`), and stability is proved for the completed pair.
+to an exact one (`splits.completed_split`), and stability is proved for the completed pair.
 """
 
 from __future__ import annotations
@@ -17,10 +17,12 @@ import numpy as np
 from lmi.arithmetic.balls import exact, inverse
 from lmi.prove.hurwitz import prove_hurwitz
 from obsdesign.document import Claim
+from obsdesign.entries import is_number
 from obsdesign.equations.estimation_error import idle_gains
 from obsdesign.equations.gains import plant_data
 from obsdesign.equations.interval import splits as equations
-from obsdesign.equations.interval.width import Coordinates, WidthSystem, width_system_of
+from obsdesign.equations.interval.gains import IntervalGains
+from obsdesign.equations.interval.width import Coordinates, WidthSystem, error_matrices
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.consistency import consistency
 from obsdesign.verification.dwell import (
@@ -30,15 +32,21 @@ from obsdesign.verification.dwell import (
     unusable,
 )
 from obsdesign.verification.interval.guarantees import guarantees
-from obsdesign.verification.interval.obstruction import explained, obstruction_claim
+from obsdesign.verification.interval.obstruction import obstruction_claim, with_hints
 from obsdesign.verification.interval.sampled import at_any_spacing, samples_claim, spacing_claim
-from obsdesign.verification.interval.signs import metzler_claim, nonnegative_claim, split_claim
+from obsdesign.verification.interval.signs import (
+    FLOW,
+    JUMP,
+    SplitMatrix,
+    metzler_claim,
+    nonnegative_claim,
+    split_claim,
+)
 from obsdesign.verification.interval.width import limit_claim, width_claim
 from obsdesign.verification.rates import rates_claim
 
 __all__ = ["claims", "dwell_pair", "expected_gains", "guarantees"]
 
-_MATRICES = ("A", "C", "G", "L", "M", "D0", "D1", "Gp", "Gn", "S", "S2", "T")
 PAPER = "Degue, Efimov, Richard, NOLCOS 2016"
 THEOREMS = {
     "cooperative": "Theorem 5",
@@ -56,135 +64,151 @@ _EQUATIONS = {
 
 def claims(
     problem: Problem,
-    gains: Mapping[str, Any],
+    stored: Mapping[str, Any],
     certificates: Mapping[str, Mapping[str, Any]],
     *,
     paranoid: bool = False,
 ) -> tuple[Claim, ...]:
     """All hypotheses of the design's theorem, each with its verdict.
 
-    certificates: {"dwell_stability": {"P": n x n}} where one was found; it is checked, never
-    believed.
+    stored: gains as a design file states them. certificates: {"dwell_stability": {"P": n x n}}
+    where one was found; they are checked, never believed.
     """
-    agreement = consistency(_objection(problem), gains, expected_gains(problem, gains))
-    if agreement.verdict == "proved":
-        agreement = _within_limit(problem, gains, agreement)
-    if agreement.verdict == "proved":
-        agreement = _invertible(gains, agreement)
+    agreement = consistency(_reason_against(problem), stored, expected_gains(problem, stored))
     if agreement.verdict != "proved":
         return (agreement,)
-    form = gains["form"]
-    source = f"{PAPER}, {THEOREMS[form]}"
-    found = [agreement, *obstruction_claim(problem, gains, source), *_sign_claims(gains)]
-    system = width_system_of(gains, exact, inverse)
-    if "period" in gains:
+    gains = IntervalGains.from_document(stored)
+    agreement = _invertible(gains, _within_limit(problem, gains, agreement))
+    if agreement.verdict != "proved":
+        return (agreement,)
+    source = f"{PAPER}, {THEOREMS[gains.form]}"
+    hypotheses = (agreement, *obstruction_claim(problem, gains, source), *_sign_claims(gains))
+    system = WidthSystem.from_gains(gains, exact, inverse)
+    if gains.is_periodic:
         proposed = certificates.get("sampled_stability", {})
-        stability = samples_claim(system, gains, proposed, f"{source}; samples as jumps")
-        return explained(problem, (*found, stability))
+        sampled = samples_claim(system, gains, proposed, f"{source}; samples as jumps")
+        return with_hints(problem, (*hypotheses, sampled))
     if system.N is None:
-        found.append(_hurwitz_claim(system.W, "there are no jumps"))
+        decay = _hurwitz_claim(system.W, "there are no jumps")
         width = limit_claim(system, certificates.get("width", {}), source)
-        return (*found, *width, *_spacing(problem, system, gains, certificates, width))
-    low, high = (float(end) for end in gains["dwell_time"])
-    dwell = Dwell(low, high, float(gains.get("dwell_jitter", math.inf)))
-    if math.isinf(high):
-        found.append(_hurwitz_claim(system.W, "there is no longest dwell time"))
-    certificate = certificates.get("dwell_stability", {})
-    found.append(_stability_claim(form, system, dwell, certificate, paranoid))
-    found += rates_claim(system.W, system.N, dwell, certificates, source)
-    width = width_claim(system, (low, high), certificates.get("width", {}), source)
+        spacing = _spacing(problem, system, gains, certificates, width)
+        return (*hypotheses, decay, *width, *spacing)
+    stability = _jump_claims(system, gains, certificates, paranoid)
+    width = width_claim(system, gains.dwell_range, certificates.get("width", {}), source)
     spacing = _spacing(problem, system, gains, certificates, width)
-    return explained(problem, (*found, *width, *spacing))
+    return with_hints(problem, (*hypotheses, *stability, *width, *spacing))
+
+
+def _jump_claims(
+    system: WidthSystem,
+    gains: IntervalGains,
+    certificates: Mapping[str, Mapping[str, Any]],
+    paranoid: bool,
+) -> tuple[Claim, ...]:
+    """Stability and rates of the width of a plant with jumps."""
+    low, high = gains.dwell_range
+    jitter = math.inf if gains.dwell_jitter is None else gains.dwell_jitter
+    dwell = Dwell(low, high, jitter)
+    decay = [_hurwitz_claim(system.W, "there is no longest dwell time")] if math.isinf(high) else []
+    certificate = certificates.get("dwell_stability", {})
+    stability = _stability_claim(gains.form, system, dwell, certificate, paranoid)
+    source = f"{PAPER}, {THEOREMS[gains.form]}"
+    rates = rates_claim(system.W, system.N, dwell, certificates, source)
+    return (*decay, stability, *rates)
 
 
 def _spacing(
     problem: Problem,
     system: WidthSystem,
-    gains: Mapping[str, Any],
+    gains: IntervalGains,
     certificates: Mapping[str, Any],
     width: tuple[Claim, ...],
 ) -> tuple[Claim, ...]:
-    """The step limit of a continuous y, where one was found; none is needed with L = 0."""
+    """Claim of a step limit of a continuous y, if one is proposed; none is needed with L = 0."""
     if problem.plant.output.measured != "continuous":
         return ()
-    if not np.any(gains["L"]):
+    if not np.any(gains.L):
         return tuple(at_any_spacing(claim) for claim in width)
-    low, high = gains.get("dwell_time", (math.inf, math.inf))
-    source = f"{PAPER}, {THEOREMS[gains['form']]}; slope scheme of docs/interval.md"
-    ends = (float(low), float(high))
-    return spacing_claim(system, gains, ends, certificates.get("sampled_width", {}), source)
+    source = f"{PAPER}, {THEOREMS[gains.form]}; slope scheme of docs/interval.md"
+    return spacing_claim(system, gains, certificates.get("sampled_width", {}), source)
 
 
-def dwell_pair(gains: Mapping[str, Any]) -> tuple[Any, Any]:
+def dwell_pair(stored: Mapping[str, Any]) -> tuple[Any, Any]:
     """(W, N), exact: the pair whose stability over a range of dwell times is claimed."""
-    system = width_system_of(gains, exact, inverse)
+    system = WidthSystem.from_gains(IntervalGains.from_document(stored), exact, inverse)
     return system.W, system.N
 
 
-def _within_limit(problem: Problem, gains: Mapping[str, Any], agreement: Claim) -> Claim:
-    """The claim of consistency, refuted if a gain exceeds the limit that was asked for."""
-    reason = equations.limit_objection(gains, problem.options, "gains")
-    if reason is None:
+def _within_limit(problem: Problem, gains: IntervalGains, agreement: Claim) -> Claim:
+    """The claim of consistency, refuted if a gain exceeds the limit of the problem."""
+    large = equations.large_gain(gains.L, gains.M, problem.options.get("gain_limit"))
+    if large is None:
         return agreement
-    entry = reason.split(",")[0]
+    return _refuted(agreement, large.entry("gains"), large.reason("gains"))
+
+
+def _invertible(gains: IntervalGains, agreement: Claim) -> Claim:
+    """The claim of consistency, refuted if coordinates are singular."""
+    if agreement.verdict != "proved":
+        return agreement
+    for name, S in (("gains.S", gains.S), ("gains.S2", gains.S2)):
+        if S is not None and inverse(exact(S)) is None:
+            return _refuted(agreement, name, f"{name} is singular")
+    return agreement
+
+
+def _refuted(agreement: Claim, entry: str, reason: str) -> Claim:
     evidence = {"witness": {"entry": entry, "reason": reason}}
     return replace(agreement, verdict="refuted", evidence=evidence)
 
 
-def _invertible(gains: Mapping[str, Any], agreement: Claim) -> Claim:
-    """The claim of consistency, refuted if coordinates are singular."""
-    for name in ("S", "S2"):
-        if name in gains and inverse(exact(gains[name])) is None:
-            entry = f"gains.{name}"
-            evidence = {"witness": {"entry": entry, "reason": f"{entry} is singular"}}
-            return replace(agreement, verdict="refuted", evidence=evidence)
-    return agreement
-
-
-def _sign_claims(gains: Mapping[str, Any]) -> list[Claim]:
+def _sign_claims(gains: IntervalGains) -> list[Claim]:
     """`flow_positive` and `jump_positive`: the hypotheses of the enclosure."""
-    form, periodic = gains["form"], "period" in gains
-    numbers = {name: exact(gains[name]) for name in _MATRICES if name in gains}
-    frame = Coordinates.of(numbers, inverse)
-    F, H = equations.flow_and_jump(numbers, gains["jump_measurement"], periodic)
-    F = equations.in_coordinates(F, frame.S, frame.S_inverse)
+    form = gains.form
+    frame = Coordinates.from_matrices(gains.S, gains.S2, inverse, exact)
+    F, H = error_matrices(gains, exact)
+    F = frame.similar(F)
     source = f"{PAPER}, {THEOREMS[form]}"
-    flow, jump = "A" if periodic else "A - L C", "the jump matrix of the error, H,"
-    if H is not None and form == "two_coordinates":
+    flow, jump = "A" if gains.is_periodic else "A - L C", "the jump matrix of the error, H,"
+    D0, D1 = exact(gains.D0), exact(gains.D1)
+    if H is not None and gains.T is not None:
         H2 = equations.in_coordinates(H, frame.S2, frame.S2_inverse)
-        return [metzler_claim(F, numbers, source), nonnegative_claim(numbers["T"], H2, source)]
+        return [metzler_claim(F, D0, D1, source), nonnegative_claim(exact(gains.T), H2, source)]
     if form == "coordinates":
         flow, jump = f"S^-1 ({flow}) S", "S^-1 H S, H the jump matrix of the error,"
-    found = [split_claim("flow", form, flow, F, numbers, source)]
+    claims = [split_claim(FLOW, form, flow, SplitMatrix(F, D0, D1), source)]
     if H is not None:
-        H = equations.in_coordinates(H, frame.S, frame.S_inverse)
-        found.append(split_claim("jump", form, jump, H, numbers, source))
-    return found
+        Gp, Gn = (exact(half) for half in gains.jump_split)
+        matrix = SplitMatrix(frame.similar(H), Gp, Gn)
+        claims.append(split_claim(JUMP, form, jump, matrix, source))
+    return claims
 
 
-def _objection(problem: Problem) -> str | None:
-    text = equations.objection(problem.plant, problem.gains, problem.options)
-    text = text or (None if problem.plant.output.measured == "periodic" else unusable(problem))
-    if text is None and problem.plant.output.noise_bound is None:
-        text = "output.noise_bound is required by kind 'interval', which promises bounds."
-    return text
+def _reason_against(problem: Problem) -> str | None:
+    """Reason against an interval observer for the problem, or None."""
+    reason = equations.reason_against(problem.plant, problem.gains, problem.options)
+    is_periodic = problem.plant.output.measured == "periodic"
+    reason = reason or (None if is_periodic else unusable(problem))
+    if reason is None and problem.plant.output.noise_bound is None:
+        reason = "output.noise_bound is required by kind 'interval', which promises bounds."
+    return reason
 
 
-def expected_gains(problem: Problem, gains: Mapping[str, Any]) -> dict[str, Any]:
-    """Entries of `gains` and what the problem says of them: a value, or the shape it must have.
+def expected_gains(problem: Problem, stored: Mapping[str, Any]) -> dict[str, Any]:
+    """Entries of the stored gains, each with the value that the problem fixes, or its shape.
 
-    The form that `gains` names decides which entries there are.
+    The form that they name decides which entries there are.
     """
-    plant, form = problem.plant, gains.get("form")
+    plant, form = problem.plant, stored.get("form")
     n, p = plant.n, plant.p
-    forms = set(equations.forms_asked(problem.gains, problem.options))
+    forms = set(equations.open_forms(problem.gains, problem.options))
     expected: dict[str, Any] = {"form": forms} | plant_data(plant)
     if plant.output.measured == "periodic":
         expected |= {"period": plant.output.period}
-    elif _watches_steps(problem, gains):  # `sampled_width` is about this limit, and no other
-        expected |= {"step_limit": gains["step_limit"]}
-    if "dwell_time" in expected and _wider(problem, gains.get("dwell_time")):
-        expected |= {"dwell_time": gains["dwell_time"]}
+    elif _has_step_limit(problem, stored):  # `sampled_width` is about this limit, and no other
+        expected |= {"step_limit": stored["step_limit"]}
+    if "dwell_time" in expected and _is_wider(problem, stored.get("dwell_time")):
+        expected |= {"dwell_time": stored["dwell_time"]}
     expected |= {"L": (n, p), "M": (n, p), "D0": (n, n), "D1": (n, n)}
     if form == "two_coordinates":
         expected |= {"S": (n, n), "S2": (n, n), "T": (n, n)}
@@ -196,19 +220,20 @@ def expected_gains(problem: Problem, gains: Mapping[str, Any]) -> dict[str, Any]
     return expected | dict(problem.gains) | zeros
 
 
-def _watches_steps(problem: Problem, gains: Mapping[str, Any]) -> bool:
-    """A continuous y whose spacing the problem names, and that is used between jumps."""
+def _has_step_limit(problem: Problem, stored: Mapping[str, Any]) -> bool:
+    """Does the problem name the spacing of a continuous y that is used between jumps?"""
     output = problem.plant.output
     named = output.measured == "continuous" and output.period is not None
-    return named and "step_limit" in gains and bool(np.any(gains.get("L", 0.0)))
+    has_limit = is_number(stored.get("step_limit"))
+    return named and has_limit and bool(np.any(stored.get("L", 0.0)))
 
 
-def _wider(problem: Problem, found: Any) -> bool:
-    """The range of a search for the shortest dwell time holds the one that was asked for."""
-    if problem.options.get("objective") != "shortest_dwell" or np.shape(found) != (2,):
+def _is_wider(problem: Problem, dwell_time: Any) -> bool:
+    """Does the range of a search for the shortest dwell time hold the one of the problem?"""
+    if problem.options.get("objective") != "shortest_dwell" or np.shape(dwell_time) != (2,):
         return False
     low, high = problem.require_dwell_time()
-    return bool(0.0 <= found[0] <= low and found[1] == high)
+    return bool(0.0 <= dwell_time[0] <= low and dwell_time[1] == high)
 
 
 def _hurwitz_claim(W: Any, why: str) -> Claim:

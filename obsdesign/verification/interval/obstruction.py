@@ -1,7 +1,7 @@
-"""Why no gains at all can do: modes that no output sees, entries that no gain can touch.
+"""Obstructions: proofs that no L, M exist (undetectable modes, entries with the wrong sign).
 
-Decided in exact numbers. Each answer is about every L and M that the problem leaves open, in the
-form and the coordinates at hand (the first one about every observer whatever).
+Decided in exact numbers. Each witness holds for every L and M that the problem leaves open, in the
+form and the coordinates of the design (undetectable modes: for every observer).
 """
 
 from __future__ import annotations
@@ -21,45 +21,50 @@ from lmi.verdict import Verdict
 from obsdesign.analysis.hidden_modes import nearly_undetectable, not_detectable, nullspace
 from obsdesign.document import Claim
 from obsdesign.equations.estimation_error import idle_gains, seen_before_jump
-from obsdesign.equations.interval.splits import absolute_metzler, flow_and_jump, in_coordinates
-from obsdesign.equations.interval.width import Coordinates
+from obsdesign.equations.interval.gains import IntervalGains
+from obsdesign.equations.interval.splits import absolute_metzler
+from obsdesign.equations.interval.width import Coordinates, error_matrices
 from obsdesign.problem.problem import Problem
 
-# supports of Farkas vectors that are looked at, one row after the other
+# supports of Farkas vectors that are tried for each row
 _MOST_SUPPORTS = 2000
 _STABILITY = ("dwell_stability", "sampled_stability")
 
 
-def obstruction_claim(problem: Problem, gains: Mapping[str, Any], source: str) -> tuple[Claim, ...]:
-    """A refuted claim where gains are open and none can do; nothing otherwise."""
+def obstruction_claim(problem: Problem, gains: IntervalGains, source: str) -> tuple[Claim, ...]:
+    """A refuted claim where gains are open and none suffices; nothing otherwise."""
     plant = problem.plant
     idle = idle_gains(plant)
     is_open = {name: name not in problem.gains and name not in idle for name in ("L", "M")}
     if plant.output.measured == "periodic":
-        found = _hidden(problem) if is_open["L"] else None
-        if not is_open["L"] and "S" in gains and "S" not in problem.gains:
-            found = _unstable_between_samples(problem, gains)
+        witness = _undetectable(problem) if is_open["L"] else None
+        if not is_open["L"] and _has_open_coordinates(problem, gains):
+            witness = _unstable_between_samples(problem, gains)
     elif any(is_open.values()):
-        found = _hidden(problem) or _in_these_coordinates(problem, gains, is_open)
-    elif "S" in gains and "S" not in problem.gains:
-        found = _unstable_error(problem, gains)
+        witness = _undetectable(problem) or _in_these_coordinates(problem, gains, is_open)
+    elif _has_open_coordinates(problem, gains):
+        witness = _unstable_error(problem, gains)
     else:
         return ()
-    if found is None:
+    if witness is None:
         return ()
     return (
         Claim(
             "attainable",
-            f"some gains L, M make a design of form {gains['form']}",
+            f"some gains L, M make a design of form {gains.form}",
             source,
             "refuted",
-            {"witness": {**found, "of_all_gains": True}},
+            {"witness": {**witness, "of_all_gains": True}},
         ),
     )
 
 
-def _hidden(problem: Problem) -> dict[str, Any] | None:
-    """Two states that no output ever tells apart, and whose distance does not shrink."""
+def _has_open_coordinates(problem: Problem, gains: IntervalGains) -> bool:
+    return gains.S is not None and "S" not in problem.gains
+
+
+def _undetectable(problem: Problem) -> dict[str, Any] | None:
+    """Witness of two states with equal outputs whose distance does not shrink, or None."""
     A, G, C, ends = _plant(problem)
     return not_detectable(A, G, C, ends)
 
@@ -72,53 +77,54 @@ def _plant(problem: Problem) -> tuple[Any, Any, Any, tuple[float, float]]:
     return plant.flow.A, plant.jump.G, plant.output.C, problem.require_dwell_time()
 
 
-def explained(problem: Problem, found: tuple[Claim, ...]) -> tuple[Claim, ...]:
-    """The same claims; what fails says so where a mode is hidden but for rounding.
+def with_hints(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Claim, ...]:
+    """The same claims; a failed one names a mode that is unobservable up to rounding, if any.
 
     Only where gains are open: a given one is judged by itself.
     """
-    failed = [c for c in found if c.id in _STABILITY and c.verdict != "proved"]
+    failed = [c for c in claims if c.id in _STABILITY and c.verdict != "proved"]
     is_open = {"L", "M"} - {*problem.gains, *idle_gains(problem.plant)}
-    if not failed or not is_open or any(c.id == "attainable" for c in found):
-        return found
-    missing = nearly_undetectable(problem.plant.flow.A, problem.plant.output.C)
-    if missing is None:
-        return found
-    return tuple(_with_hint(c, missing) if c in failed else c for c in found)
+    if not failed or not is_open or any(c.id == "attainable" for c in claims):
+        return claims
+    hint = nearly_undetectable(problem.plant.flow.A, problem.plant.output.C)
+    if hint is None:
+        return claims
+    return tuple(_with_hint(c, hint) if c in failed else c for c in claims)
 
 
-def _with_hint(claim: Claim, missing: str) -> Claim:
+def _with_hint(claim: Claim, hint: str) -> Claim:
     witness = claim.evidence.get("witness")
     if witness is not None:
-        witness = {**witness, "reason": f"{witness['reason']}; {missing}"}
+        witness = {**witness, "reason": f"{witness['reason']}; {hint}"}
         return replace(claim, evidence={**claim.evidence, "witness": witness})
-    why = f"{claim.evidence.get('reason', 'not proved')}; {missing}"
-    return replace(claim, evidence={**claim.evidence, "reason": why})
+    reason = f"{claim.evidence.get('reason', 'not proved')}; {hint}"
+    return replace(claim, evidence={**claim.evidence, "reason": reason})
 
 
-def _unstable_error(problem: Problem, gains: Mapping[str, Any]) -> dict[str, Any] | None:
+def _unstable_error(problem: Problem, gains: IntervalGains) -> dict[str, Any] | None:
     """With gains that are given no coordinates help if the error itself does not shrink."""
-    numbers = {name: exact(gains[name]) for name in ("A", "C", "G", "L", "M") if name in gains}
-    F, H = flow_and_jump(numbers, gains["jump_measurement"], periodic=False)
+    F, H = error_matrices(gains, exact)
     beginning = "with these gains no coordinates help, the estimation error does not shrink: "
     if H is None:
-        return _told(prove_hurwitz(F), beginning)
+        return _witness(prove_hurwitz(F), beginning)
     low, high = problem.require_dwell_time()
-    found = _told(prove_hurwitz(F), beginning) if math.isinf(high) else None
-    return found or _told(refute_spectral(F, H, low, high), beginning)
+    witness = _witness(prove_hurwitz(F), beginning) if math.isinf(high) else None
+    return witness or _witness(refute_spectral(F, H, low, high), beginning)
 
 
-def _unstable_between_samples(problem: Problem, gains: Mapping[str, Any]) -> dict[str, Any] | None:
+def _unstable_between_samples(problem: Problem, gains: IntervalGains) -> dict[str, Any] | None:
     """The same for samples as events, without jumps if they may stay away for ever."""
     if problem.plant.jump is not None and math.isfinite(problem.require_dwell_time()[1]):
         return None
-    A, C, L = (exact(gains[name]) for name in ("A", "C", "L"))
-    period = float(gains["period"])
+    assert gains.period is not None
+    A, C, L = (exact(matrix) for matrix in (gains.A, gains.C, gains.L))
     beginning = "with this L no coordinates help, the estimation error does not shrink: "
-    return _told(refute_spectral(A, exact(np.eye(len(A))) - L @ C, period, period), beginning)
+    K = exact(np.eye(gains.n)) - L @ C
+    return _witness(refute_spectral(A, K, gains.period, gains.period), beginning)
 
 
-def _told(verdict: Verdict, beginning: str) -> dict[str, Any] | None:
+def _witness(verdict: Verdict, beginning: str) -> dict[str, Any] | None:
+    """The witness of a refutation, its reason after a beginning; None without one."""
     if verdict.outcome != "refuted":
         return None
     witness = dict(verdict.evidence["witness"])
@@ -126,42 +132,41 @@ def _told(verdict: Verdict, beginning: str) -> dict[str, Any] | None:
 
 
 def _in_these_coordinates(
-    problem: Problem, gains: Mapping[str, Any], is_open: Mapping[str, bool]
+    problem: Problem, gains: IntervalGains, is_open: Mapping[str, bool]
 ) -> dict[str, Any] | None:
     plant = problem.plant
-    if gains["form"] == "two_coordinates":
+    if gains.form == "two_coordinates":
         return None
-    frame = Coordinates.of({n: exact(gains[n]) for n in ("S",) if n in gains}, inverse)
+    frame = Coordinates.from_matrices(gains.S, None, inverse, exact)
     C = exact(plant.output.C)
-    zero = 0 * exact(gains["L"])
-    L, M = (zero if is_open[name] else exact(gains[name]) for name in ("L", "M"))
-    F = in_coordinates(exact(plant.flow.A) - L @ C, frame.S, frame.S_inverse)
+    L, M = (0 * exact(X) if is_open[name] else exact(X)
+            for name, X in (("L", gains.L), ("M", gains.M)))  # fmt: skip
+    F = frame.similar(exact(plant.flow.A) - L @ C)
     H, C_jump = None, C
     if plant.jump is not None:
         G = exact(plant.jump.G)
         C_jump = seen_before_jump(G, C, plant.output.jump_measurement)
-        H = in_coordinates(G - M @ C_jump, frame.S, frame.S_inverse)
+        H = frame.similar(G - M @ C_jump)
     if frame.S is not None:
         C, C_jump = C @ frame.S, C_jump @ frame.S
-    flow_seen, jump_seen = C if is_open["L"] else 0 * C, C_jump if is_open["M"] else 0 * C
-    if gains["form"] == "cooperative":
-        found = _wrong_sign(F, flow_seen, "A - L C", metzler=True)
-        if found is None and H is not None:
-            found = _wrong_sign(H, jump_seen, "the jump matrix of the error", metzler=False)
-        if found is not None:
-            return found
-    if "S" in gains and "S" not in problem.gains:
-        return None  # other coordinates are open as well
-    return _untouched(problem, F, H, flow_seen, jump_seen)
+    C_flow, C_jump = C if is_open["L"] else 0 * C, C_jump if is_open["M"] else 0 * C
+    if gains.form == "cooperative":
+        witness = _wrong_sign(F, C_flow, "A - L C", metzler=True)
+        if witness is None and H is not None:
+            witness = _wrong_sign(H, C_jump, "the jump matrix of the error", metzler=False)
+        if witness is not None:
+            return witness
+    if _has_open_coordinates(problem, gains):
+        return None
+    return _unreached(problem, F, H, C_flow, C_jump)
 
 
-def _untouched(
-    problem: Problem, F: Any, H: Any, flow_seen: Any, jump_seen: Any
-) -> dict[str, Any] | None:
-    """Columns that no gain reaches keep their part of W and N, and it does not contract."""
-    columns = [
-        j for j in range(len(F)) if all(x == 0 for x in [*flow_seen[:, j], *jump_seen[:, j]])
-    ]
+def _unreached(problem: Problem, F: Any, H: Any, C_flow: Any, C_jump: Any) -> dict[str, Any] | None:
+    """Columns that no gain reaches keep their part of W and N, and it does not contract.
+
+    C_flow, C_jump: factors of the open gains, zero where none is open.
+    """
+    columns = [j for j in range(len(F)) if all(x == 0 for x in [*C_flow[:, j], *C_jump[:, j]])]
     if not columns:
         return None
     part = np.ix_(columns, columns)
@@ -172,20 +177,20 @@ def _untouched(
     )
     W = absolute_metzler(F[part])
     if H is None:
-        return _told(prove_hurwitz(W), beginning)
+        return _witness(prove_hurwitz(W), beginning)
     low, high = problem.require_dwell_time()
-    found = _told(refute_spectral(W, np.abs(H[part]), low, high), beginning)
-    if found is None and math.isinf(high):
-        found = _told(prove_hurwitz(W), beginning)
-    return found
+    witness = _witness(refute_spectral(W, np.abs(H[part]), low, high), beginning)
+    if witness is None and math.isinf(high):
+        witness = _witness(prove_hurwitz(W), beginning)
+    return witness
 
 
-def _wrong_sign(X: Any, seen: Any, name: str, metzler: bool) -> dict[str, Any] | None:
+def _wrong_sign(X: Any, C: Any, name: str, metzler: bool) -> dict[str, Any] | None:
     """A row that no gain makes nonnegative: y >= 0 with C y = 0 and (row) y < 0 (Farkas)."""
     n = len(X)
     for i in range(n):
         others = [j for j in range(n) if not (metzler and j == i)]
-        for support, y in _unseen_vectors(seen, others):
+        for support, y in _kernel_vectors(C, others):
             total = sum(X[i, j] * value for j, value in zip(support, y, strict=True))
             if total < 0:
                 return _entry(X, i, support, y, name)
@@ -207,13 +212,13 @@ def _entry(X: Any, i: int, support: tuple[int, ...], y: Any, name: str) -> dict[
     return {"row": i + 1, "columns": [j + 1 for j in support], "weights": weights, "reason": reason}
 
 
-def _unseen_vectors(seen: Any, columns: list[int]) -> Iterator[tuple[tuple[int, ...], Any]]:
-    """Vectors y > 0 on a few columns with (seen) y = 0, of least support."""
+def _kernel_vectors(C: Any, columns: list[int]) -> Iterator[tuple[tuple[int, ...], Any]]:
+    """Yield (support, y): y > 0 on a few columns with C y = 0, of least support."""
     supports = itertools.chain.from_iterable(
-        itertools.combinations(columns, size) for size in range(1, len(seen) + 2)
+        itertools.combinations(columns, size) for size in range(1, len(C) + 2)
     )
     for support in itertools.islice(supports, _MOST_SUPPORTS):
-        basis, free = nullspace(seen[:, list(support)])
+        basis, free = nullspace(C[:, list(support)])
         if len(free) != 1:
             continue
         y = basis[:, 0]

@@ -1,10 +1,10 @@
-"""Interval observers with samples: stability and width where samples are events, step limits."""
+"""Claims about samples: stability and width where they are events, limits of the step else."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from lmi.prove.hurwitz import prove_hurwitz
 from lmi.refute.spectral import refute_spectral
 from lmi.verdict import Verdict, undecided
 from obsdesign.document import Claim
+from obsdesign.equations.interval.gains import IntervalGains
 from obsdesign.equations.interval.width import SAMPLED_MAPS, WidthSystem, slope_scheme
 from obsdesign.verification.dwell import Dwell
 from obsdesign.verification.interval.width import (
@@ -33,51 +34,53 @@ _COMPARISON_IN_WORDS = "w' = W w + f, w+ = K w + k at samples and w+ = N w + h a
 
 
 def samples_claim(
-    system: WidthSystem, gains: Mapping[str, Any], proposed: Mapping[str, Any], source: str
+    system: WidthSystem, gains: IntervalGains, proposed: Mapping[str, Any], source: str
 ) -> Claim:
-    """Samples as events: bounded width for every sequence of jumps between them.
+    """Claim for samples as events: bounded width for every sequence of jumps between them.
 
     proposed: "tube", "sampled", "always" and, with jumps, "jumped"; checked, not believed. "maps":
     `SAMPLED_MAPS`; without it, as in designs of earlier versions, the claim is about the wider
     comparison system.
     """
-    period = float(gains["period"])
-    merged = proposed.get("maps") == SAMPLED_MAPS
-    system = system if merged else system.compared()
-    low, high = (float(end) for end in gains.get("dwell_time", (math.inf, math.inf)))
-    ends = (low, high)
-    lost = system.N is not None and gains["jump_measurement"] == "none"
+    assert gains.period is not None
+    is_merged = proposed.get("maps") == SAMPLED_MAPS
+    system = system if is_merged else system.comparison()
     names = ("tube", "sampled", "always") + (() if system.N is None else ("jumped",))
-    found = vectors(proposed, names, len(system.f))
+    bounds = vectors(proposed, names, len(system.f))
     verdict = undecided("no tube was given or found for samples and jumps between them")
-    if found is not None:
-        verdict = _proof(system, period, ends, found, lost)
-    if verdict.outcome == "proved" and found is not None:
-        widths = {name: to_float(found[name]).tolist() for name in names}
+    if bounds is not None:
+        verdict = _proof(system, gains, bounds)
+    if verdict.outcome == "proved" and bounds is not None:
+        widths = {name: to_float(bounds[name]).tolist() for name in names}
         if system.N is not None:
-            widths["after_jump"] = raised_product(system.out, found["jumped"])
-        widths["after_sample"] = raised_product(system.out, found["sampled"])
+            widths["after_jump"] = raised_product(system.out, bounds["jumped"])
+        widths["after_sample"] = raised_product(system.out, bounds["sampled"])
         verdict = Verdict("proved", {**widths, **verdict.evidence})
-    elif system.N is None or math.isinf(high):
-        counter = _refutation(system, period)
-        verdict = counter if counter.outcome == "refuted" else verdict
-    jumps = "" if system.N is None else f" and jumps with dwell times in {Dwell(*ends)}"
-    spared = " (none is needed at the time of a jump)" if lost else ""
-    statement = (
-        f"with a sample every {period!r}{spared}{jumps}, the width stays bounded: a tube that "
-        f"{_MAPS_IN_WORDS if merged else _COMPARISON_IN_WORDS} do not leave and are drawn to"
-    )
-    evidence = {**({"maps": SAMPLED_MAPS} if merged else {}), **verdict.evidence}
+    elif math.isinf(gains.dwell_ends[1]):
+        refutation = _refutation(system, gains.period)
+        verdict = refutation if refutation.outcome == "refuted" else verdict
+    maps = {"maps": SAMPLED_MAPS} if is_merged else {}
+    statement, evidence = _samples_statement(gains, is_merged), {**maps, **verdict.evidence}
     return Claim("sampled_stability", statement, source, verdict.outcome, evidence)
 
 
+def _samples_statement(gains: IntervalGains, is_merged: bool) -> str:
+    jumps = "" if gains.G is None else f" and jumps with dwell times in {Dwell(*gains.dwell_range)}"
+    spared = " (none is needed at the time of a jump)" if gains.skips_jumps else ""
+    system = _MAPS_IN_WORDS if is_merged else _COMPARISON_IN_WORDS
+    return (
+        f"with a sample every {gains.period!r}{spared}{jumps}, the width stays bounded: a tube "
+        f"that {system} do not leave and are drawn to"
+    )
+
+
 def _refutation(system: WidthSystem, period: float) -> Verdict:
-    """From sample to sample the error itself does not contract, or its absolute map does not."""
+    """Refute by the map from sample to sample of the error, or by its absolute value."""
     assert system.A is not None
     assert system.K is not None
-    counter = refute_spectral(system.A, system.K, period, period)
-    if counter.outcome == "refuted":
-        return counter
+    refutation = refute_spectral(system.A, system.K, period, period)
+    if refutation.outcome == "refuted":
+        return refutation
     sample = Interleaved.of(system, period, math.inf, math.inf).over_period()
     below = np.maximum(-upper_ends(-sample), 0.0)[:-1, :-1]
     if not np.isfinite(below).all():
@@ -85,28 +88,22 @@ def _refutation(system: WidthSystem, period: float) -> Verdict:
     return refute_spectral(0 * below, below, period, period)
 
 
-def _proof(
-    system: WidthSystem,
-    period: float,
-    ends: tuple[float, float],
-    found: Mapping[str, Any],
-    lost: bool,
-) -> Verdict:
-    question = Interleaved.of(system, period, *ends, lost)
-    bounds = Bounds(found["tube"], found["sampled"], found.get("jumped"), found["always"])
+def _proof(system: WidthSystem, gains: IntervalGains, vectors: Mapping[str, Any]) -> Verdict:
+    assert gains.period is not None
+    question = Interleaved.of(system, gains.period, *gains.dwell_ends, gains.skips_jumps)
+    bounds = Bounds(vectors["tube"], vectors["sampled"], vectors.get("jumped"), vectors["always"])
     return prove_interleaved(question, exact(system.out), bounds)
 
 
 def spacing_claim(
     system: WidthSystem,
-    gains: Mapping[str, Any],
-    ends: tuple[float, float],
+    gains: IntervalGains,
     proposed: Mapping[str, Any],
     source: str,
 ) -> tuple[Claim, ...]:
-    """A continuous y known at samples: the width for all spacings up to a limit; extra."""
+    """Claim of the width for samples of a continuous y at all spacings up to a limit."""
     limit = proposed.get("step_limit")
-    if limit != gains.get("step_limit", limit):
+    if gains.step_limit is not None and limit != gains.step_limit:
         nothing = undecided("the step limit of the gains is not the one to be proved")
         return (Claim("sampled_width", "the width", source, nothing.outcome, nothing.evidence),)
     if not isinstance(limit, float) or not 0 < limit < math.inf:
@@ -119,10 +116,9 @@ def spacing_claim(
     if system.N is None:
         claims = limit_claim(spaced, proposed, source)
     else:
-        claims = width_claim(spaced, ends, proposed, source)
-    flow = prove_hurwitz(spaced.W) if math.isinf(ends[1]) else None
-    lost = system.N is not None and gains["jump_measurement"] == "none"
-    return tuple(_spaced(claim, limit, flow, lost) for claim in claims)
+        claims = width_claim(spaced, gains.dwell_ends, proposed, source)
+    flow = prove_hurwitz(spaced.W) if math.isinf(gains.dwell_ends[1]) else None
+    return tuple(_spaced(claim, limit, flow, gains.skips_jumps) for claim in claims)
 
 
 def at_any_spacing(claim: Claim) -> Claim:
@@ -133,56 +129,75 @@ def at_any_spacing(claim: Claim) -> Claim:
     return Claim("sampled_width", statement, claim.source, claim.verdict, evidence)
 
 
-def _spaced(claim: Claim, limit: float, flow: Verdict | None, lost: bool) -> Claim:
-    """lost: no sample is taken at jumps, so that two in a row would leave a step without any."""
+def _spaced(claim: Claim, limit: float, flow: Verdict | None, skips: bool) -> Claim:
+    """The claim about a width as one about samples.
+
+    skips: no sample is taken at jumps, so that two in a row would leave a step without any.
+    """
     evidence = {"step_limit": limit, **claim.evidence}
     verdict = claim.verdict
     if verdict == "proved" and flow is not None and flow.outcome != "proved":
         verdict, evidence = "undecided", {**evidence, "reason": "the flow does not decay"}
     evidence.pop("constant_dwell", None)
-    where = "at every step" if not lost else "at one end at least of every step"
+    where = "at every step" if not skips else "at one end at least of every step"
     statement = f"with a sample {where} of at most {limit!r}: {claim.statement}"
     return Claim("sampled_width", statement, claim.source, verdict, evidence)
 
 
-def in_every_period(lost: bool) -> str:
-    """What is asked of periodic samples; lost: none is taken at the time of a jump."""
-    spared = ", save where one falls on a jump," if lost else ""
+def in_every_period(skips: bool) -> str:
+    """Condition on periodic samples; skips: none is taken at the time of a jump."""
+    spared = ", save where one falls on a jump," if skips else ""
     return f"With samples a period apart{spared} and any others besides"
 
 
-def sampled_sentences(found: tuple[Claim, ...], lost: bool) -> list[tuple[str, list[str]]]:
-    """The guarantees of proved claims about samples, and the claims behind them."""
-    told = []
-    for claim in found:
-        if claim.verdict != "proved":
-            continue
-        evidence = claim.evidence
-        if claim.id == "sampled_stability":
-            text = (
-                f"{in_every_period(lost)}, the width comes to at most "
-                f"{shown(evidence['after_sample'])} after samples and {shown(evidence['always'])} "
-                "at any time."
+@dataclass(frozen=True)
+class SampledWidth:
+    """Bounds of the width of x in a proved claim about samples.
+
+    after_sample: None for a continuous y; step_limit: None for samples as events.
+    """
+
+    always: Sequence[float]
+    after_sample: Sequence[float] | None
+    step_limit: float | None
+
+    @classmethod
+    def from_evidence(cls, evidence: Mapping[str, Any]) -> SampledWidth:
+        """Those of a proved claim."""
+        limit = evidence.get("step_limit")
+        limit = None if limit is None else float(limit)
+        return cls(evidence["always"], evidence.get("after_sample"), limit)
+
+    def sentence(self, skips: bool) -> str:
+        """Guarantee of the width; skips: no sample is taken at the time of a jump."""
+        always = shown(self.always)
+        if self.step_limit is None:
+            return (
+                f"{in_every_period(skips)}, the width comes to at most "
+                f"{shown(self.after_sample)} after samples and {always} at any time."
             )
-            told.append((text, ["sampled_stability"]))
-        if claim.id == "sampled_width":
-            limit = float(evidence["step_limit"])
-            apart = f"at most {limit:.6g} apart, at jumps and irregular ones too,"
-            if lost:
-                apart = (
-                    f"at most {limit:.6g} apart, irregular ones too, save where one falls on a "
-                    "jump, and a sample between any two jumps,"
-                )
-            if math.isinf(limit):
-                apart = "at any spacing, and at jumps if M is not zero,"
-            widest = shown(evidence["always"])
-            text = f"With samples {apart} the width comes to at most {widest} at any time."
-            told.append((text, ["sampled_width"]))
-    return told
+        apart = f"at most {self.step_limit:.6g} apart, at jumps and irregular ones too,"
+        if skips:
+            apart = (
+                f"at most {self.step_limit:.6g} apart, irregular ones too, save where one falls on "
+                "a jump, and a sample between any two jumps,"
+            )
+        if math.isinf(self.step_limit):
+            apart = "at any spacing, and at jumps if M is not zero,"
+        return f"With samples {apart} the width comes to at most {always} at any time."
+
+
+def sampled_sentences(claims: tuple[Claim, ...], skips: bool) -> list[tuple[str, list[str]]]:
+    """The guarantees of proved claims about samples, each with the claims that it rests on."""
+    return [
+        (SampledWidth.from_evidence(claim.evidence).sentence(skips), [claim.id])
+        for claim in claims
+        if claim.verdict == "proved" and claim.id in ("sampled_stability", "sampled_width")
+    ]
 
 
 def no_spacing() -> str:
-    """What is said where no step limit is proved."""
+    """Sentence where no step limit is proved."""
     return (
         "A bounded width for samples at a given spacing is not claimed: no limit of the spacing "
         "was proved. Unless L = 0, it must be small against 1/(|L||CA|)."

@@ -1,9 +1,10 @@
-"""How wide the bounds of an interval observer get: a tube, proved, and widths of constant dwell."""
+"""Asymptotic width of interval bounds: a proved tube, and limits at constant dwell times."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
 from decimal import ROUND_CEILING
 from typing import Any
 
@@ -18,23 +19,57 @@ from obsdesign.verification.dwell import Dwell
 from obsdesign.verification.rates import six_digits
 
 
+@dataclass(frozen=True)
+class ConstantDwell:
+    """Widths of x that a constant dwell time leads to: limits, rounded up."""
+
+    dwell_time: float
+    before_jump: Sequence[float]
+    after_jump: Sequence[float]
+    mean: Sequence[float]
+
+    @classmethod
+    def from_evidence(cls, entries: Mapping[str, Any]) -> ConstantDwell:
+        """Those of one row of a claim."""
+        names = ("before_jump", "after_jump", "mean")
+        return cls(float(entries["dwell_time"]), *(entries[name] for name in names))
+
+
+@dataclass(frozen=True)
+class AsymptoticWidth:
+    """Bounds of the width of x in a proved claim `width`; those at jumps are None without jumps."""
+
+    always: Sequence[float]
+    after_jump: Sequence[float] | None
+    before_jump: Sequence[float] | None
+    constant_dwell: tuple[ConstantDwell, ...]
+
+    @classmethod
+    def from_evidence(cls, evidence: Mapping[str, Any]) -> AsymptoticWidth:
+        """Those of a proved claim."""
+        rows = tuple(map(ConstantDwell.from_evidence, evidence.get("constant_dwell", ())))
+        return cls(
+            evidence["always"], evidence.get("after_jump"), evidence.get("before_jump"), rows
+        )
+
+
 def width_claim(
     system: WidthSystem, ends: tuple[float, float], proposed: Mapping[str, Any], source: str
 ) -> tuple[Claim, ...]:
-    """The bounds on the width that a finder proposes; no claim where none was.
+    """Claim of the proposed bounds of the width; no claim where there is no proposal.
 
     system: exact, with jumps. proposed: "tube" (width after a jump, in the observer's coordinates),
     "after_jump", "before_jump", "always" (in the plant's).
     """
     names = ("tube", "after_jump", "before_jump", "always")
-    found = vectors(proposed, names, len(system.f))
-    if found is None:
+    bounds = vectors(proposed, names, len(system.f))
+    if bounds is None:
         return ()
-    verdict = _proof(system, ends, found)
+    verdict = _proof(system, ends, bounds)
     if verdict.outcome == "proved":
-        words = {name: to_float(found[name]).tolist() for name in names}
-        rows = _constant_dwell(system, ends)
-        verdict = Verdict("proved", {**words, "constant_dwell": rows, **verdict.evidence})
+        stated = {name: to_float(bounds[name]).tolist() for name in names}
+        rows = [asdict(row) for row in _constant_dwell(system, ends)]
+        verdict = Verdict("proved", {**stated, "constant_dwell": rows, **verdict.evidence})
     statement = (
         "as jumps go on, the width of the bounds comes to at most after_jump just after a jump, "
         f"before_jump just before one and always at any time, for dwell times in "
@@ -45,83 +80,81 @@ def width_claim(
 
 
 def limit_claim(system: WidthSystem, proposed: Mapping[str, Any], source: str) -> tuple[Claim, ...]:
-    """The same without jumps: W v + f < 0, exactly."""
-    found = vectors(proposed, ("tube", "always"), len(system.f))
-    if found is None:
+    """Claim of the bounds of the width without jumps: W v + f < 0, exactly."""
+    bounds = vectors(proposed, ("tube", "always"), len(system.f))
+    if bounds is None:
         return ()
-    v, always = found["tube"], found["always"]
+    v, always = bounds["tube"], bounds["always"]
     holds = all(x < 0 for x in system.W @ v + system.f) and all(x > 0 for x in v)
     verdict = undecided("W v + f < 0 does not hold for the proposed v")
     if holds and all(a >= b for a, b in zip(always, system.out @ v, strict=True)):
-        words = {name: to_float(found[name]).tolist() for name in ("tube", "always")}
-        verdict = proved(**words, exact=True)
+        stated = {name: to_float(bounds[name]).tolist() for name in ("tube", "always")}
+        verdict = proved(**stated, exact=True)
     statement = "as time goes on, the width of the bounds comes to at most `always`: W v + f < 0"
     return (Claim("width", statement, f"{source}; tube", verdict.outcome, verdict.evidence),)
 
 
-def width_sentence(found: tuple[Claim, ...], measured: str) -> list[tuple[str, list[str]]]:
-    """The guarantee of a proved width claim, and the claims behind it."""
-    for claim in found:
-        if claim.id == "width" and claim.verdict == "proved":
-            evidence = claim.evidence
-            if "after_jump" not in evidence:
-                return [(f"{measured}, the width comes to at most {shown(evidence['always'])}.",
-                         ["width"])]  # fmt: skip
-            text = (
-                f"{measured}, the width comes, as jumps go on, to at most "
-                f"{shown(evidence['after_jump'])} after jumps, {shown(evidence['before_jump'])} "
-                f"before them and {shown(evidence['always'])} at any time."
-            )
-            rows = evidence.get("constant_dwell", [])
-            return [(text, ["width"]), *((_at_constant(row, measured), ["width"]) for row in rows)]
-    return []
+def width_sentence(claims: tuple[Claim, ...], measured: str) -> list[tuple[str, list[str]]]:
+    """The guarantees of a proved width claim, each with the claims that it rests on."""
+    evidence = [c.evidence for c in claims if c.id == "width" and c.verdict == "proved"]
+    if not evidence:
+        return []
+    width = AsymptoticWidth.from_evidence(evidence[0])
+    always = shown(width.always)
+    if width.after_jump is None:
+        return [(f"{measured}, the width comes to at most {always}.", ["width"])]
+    sentence = (
+        f"{measured}, the width comes, as jumps go on, to at most "
+        f"{shown(width.after_jump)} after jumps, {shown(width.before_jump)} "
+        f"before them and {always} at any time."
+    )
+    constant = [_constant_dwell_sentence(row, measured) for row in width.constant_dwell]
+    return [(each, ["width"]) for each in (sentence, *constant)]
 
 
-def _at_constant(row: Mapping[str, Any], measured: str) -> str:
-    """What constant dwell times lead to, in a sentence."""
+def _constant_dwell_sentence(row: ConstantDwell, measured: str) -> str:
     return (
-        f"{measured} and a constant dwell time of {float(row['dwell_time']):.6g}, the width comes "
-        f"to {shown(row['before_jump'])} before jumps, {shown(row['after_jump'])} after them and "
-        f"{shown(row['mean'])} on average: the limits, rounded up."
+        f"{measured} and a constant dwell time of {row.dwell_time:.6g}, the width comes "
+        f"to {shown(row.before_jump)} before jumps, {shown(row.after_jump)} after them and "
+        f"{shown(row.mean)} on average: the limits, rounded up."
     )
 
 
 def shown(values: Any) -> str:
-    """A vector of upper bounds as a sentence has it: six digits, rounded up."""
+    """Text of a vector of upper bounds: six digits, rounded up."""
     return "(" + ", ".join(six_digits(float(value), ROUND_CEILING) for value in values) + ")"
 
 
 def vectors(proposed: Mapping[str, Any], names: tuple[str, ...], n: int) -> Any:
-    """The proposed vectors, exact; None if one is not there, or not a finite vector."""
-    found = {}
+    """The proposed vectors, exact; None if one is missing, or not a finite vector."""
+    result = {}
     for name in names:
         try:
             value = np.asarray(proposed[name], dtype=np.float64)
-            found[name] = exact(value)
+            result[name] = exact(value)
         except (KeyError, TypeError, ValueError, OverflowError):
             return None
         if value.shape != (n,):
             return None
-    return found
+    return result
 
 
-def _proof(system: WidthSystem, ends: tuple[float, float], found: Mapping[str, Any]) -> Verdict:
+def _proof(system: WidthSystem, ends: tuple[float, float], bounds: Mapping[str, Any]) -> Verdict:
     W, f, N, h, out = (exact(X) for X in (system.W, system.f, *system.at_jumps, system.out))
     names = ("tube", "after_jump", "before_jump", "always")
-    return prove_tube(W, f, N, h, out, Tube(*(found[name] for name in names)), *ends)
+    return prove_tube(W, f, N, h, out, Tube(*(bounds[name] for name in names)), *ends)
 
 
-def _constant_dwell(system: WidthSystem, ends: tuple[float, float]) -> list[dict[str, Any]]:
-    """Widths that constant dwell times at the ends of the range lead to, enclosed from above."""
-    rows = []
+def _constant_dwell(system: WidthSystem, ends: tuple[float, float]) -> list[ConstantDwell]:
+    """Widths at constant dwell times, the ends of the range, enclosed from above."""
+    rows: list[ConstantDwell] = []
     W, f, N, h = (exact(X) for X in (system.W, system.f, *system.at_jumps))
     out = to_float(exact(system.out))
     for theta in sorted({end for end in ends if 0 < end < math.inf}):
         limit = periodic_limit(W, N, f, h, theta)
         if limit is not None:
-            names = ("before_jump", "after_jump", "mean")
-            widths = {name: raised_product(out, x) for name, x in zip(names, limit, strict=True)}
-            rows.append({"dwell_time": theta, **widths})
+            before, after, mean = (raised_product(out, x) for x in limit)
+            rows.append(ConstantDwell(theta, before, after, mean))
     return rows
 
 

@@ -73,9 +73,9 @@ def test_a_sample_off_the_period_never_makes_a_later_row_wider() -> None:
     rows, _, samples = record(observer, extra, 1.25)
     state = observer.init(0.0, lower=[1, 1], upper=[1, 1])
     for row, sample in zip(rows, samples, strict=True):
-        seen = sample.y if sample.t % 1 == 0 else None
-        state, bare = observer.step(state, Sample(sample.t, seen, jump=sample.jump))
-        widths = [one.upper - one.lower for one in (row, bare)]
+        y = sample.y if sample.t % 1 == 0 else None
+        state, bare = observer.step(state, Sample(sample.t, y, jump=sample.jump))
+        widths = [each.upper - each.lower for each in (row, bare)]
         assert np.all(widths[0] <= widths[1] * (1 + 1e-9))
 
 
@@ -93,12 +93,12 @@ def test_batches_know_the_period_as_well() -> None:
 def test_a_period_without_its_sample_is_said() -> None:
     observer = from_design(periodic_design())
     state = observer.init(0.0, lower=[1, 1], upper=[1, 1])
-    said = []
+    statuses = []
     for t in (0.0, 0.6, 1.2, 1.8):
         state, row = observer.step(state, Sample(t, [math.exp(-t)]))
-        said.append(row.status)
+        statuses.append(row.status)
     late = "no sample 1 after the one at 0: no width is guaranteed"
-    assert said == ["ok", "ok", late, "ok"]
+    assert statuses == ["ok", "ok", late, "ok"]
 
 
 def unstable_design(when: str = "none", gain: float = 3.0) -> obsdesign.Design:
@@ -116,26 +116,26 @@ def test_a_step_without_a_sample_at_either_end_is_said() -> None:
     design = unstable_design()
     sentence = next(g["statement"] for g in design.guarantees if "0.1 apart" in g["statement"])
     assert "a sample between any two jumps" in sentence
-    said = _statuses(from_design(design), jumps=(0.12, 0.14, 0.16))
+    statuses = _statuses(from_design(design), jumps=(0.12, 0.14, 0.16))
     nothing = "no sample at either end of the step: no width is guaranteed"
-    assert said == ["ok", "ok", "ok", nothing, nothing, "ok", "ok"]
+    assert statuses == ["ok", "ok", "ok", nothing, nothing, "ok", "ok"]
     assert set(_statuses(from_design(design), jumps=(0.12, 0.25))) == {"ok"}
 
 
 def test_where_y_is_known_at_jumps_no_sample_is_asked_for_between_them() -> None:
     design = unstable_design("before")
     assert not any("between any two jumps" in g["statement"] for g in design.guarantees)
-    said = _statuses(from_design(design), jumps=(0.12, 0.14, 0.16), seen=True)
-    assert set(said) == {"ok"}
+    statuses = _statuses(from_design(design), jumps=(0.12, 0.14, 0.16), measured=True)
+    assert set(statuses) == {"ok"}
 
 
-def _statuses(observer: IntervalObserver, jumps: tuple[float, ...], seen: bool = False) -> Any:
-    state, said = observer.init(0.0, lower=[0], upper=[0]), []
+def _statuses(observer: IntervalObserver, jumps: tuple[float, ...], measured: bool = False) -> Any:
+    state, statuses = observer.init(0.0, lower=[0], upper=[0]), []
     for t in sorted({0.0, 0.1, 0.2, 0.3} | set(jumps)):
-        y = None if t in jumps and not seen else [0.0]
+        y = None if t in jumps and not measured else [0.0]
         state, row = observer.step(state, Sample(t, y, jump=t in jumps))
-        said.append(row.status)
-    return said
+        statuses.append(row.status)
+    return statuses
 
 
 @cache

@@ -16,9 +16,10 @@ from hypothesis import strategies as st
 from lmi.arithmetic.exponential import expm
 from obsdesign.problem.plant import Flow, Jump, Output, Plant
 from obsdesign.runtime import Sample
-from obsdesign.runtime.interval.kernel import Kernel, StepKernels
+from obsdesign.runtime.interval.kernel import Kernel
 from obsdesign.runtime.interval.maps import BoxMap
 from obsdesign.runtime.interval.observer import IntervalObserver
+from obsdesign.runtime.interval.step_kernels import StepKernels
 from tests.systems.interval_runs import (
     SIMULATION_ROUNDING,
     observer_for,
@@ -180,17 +181,17 @@ def test_steps_without_samples_are_between_one_and_their_limit() -> None:
     state = start
     for k in range(1, 9):
         state, many = observer.step(state, Sample(k / 8))
-    _, one = observer.step(start, Sample(1.0))
+    _, single = observer.step(start, Sample(1.0))
     A, n = plant.flow.A, 4
     Z = np.zeros((n + 1, n + 1))
     Z[:n, :n] = np.where(np.eye(n, dtype=bool), A, np.abs(A))
     Z[:n, n] = (plant.flow.upper - plant.flow.lower) / 2
     limit = expm(Z)[:n] @ np.append(np.ones(n), 1.0)
-    radius = [(row.upper - row.lower) / 2 for row in (one, many)]
+    radius = [(row.upper - row.lower) / 2 for row in (single, many)]
     assert np.all(radius[0] < radius[1])
     assert np.all(radius[1] <= limit * (1 + 1e-9))
-    assert np.all(many.lower <= one.lower)
-    assert np.all(one.upper <= many.upper)
+    assert np.all(many.lower <= single.lower)
+    assert np.all(single.upper <= many.upper)
 
 
 def test_short_steps_tend_to_the_observer_of_the_paper() -> None:

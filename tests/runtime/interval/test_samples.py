@@ -182,7 +182,7 @@ def test_a_record_at_once_agrees_with_the_stream(seed: int) -> None:
     )
     box = {"lower": x - 1, "upper": x + 1}
     batch = observer.run_batch(*data, **box)
-    rows = Columns.of(*data)
+    rows = Columns.from_record(*data)
     state = observer.init(0.0, **box)
     for k in range(len(record.t)):
         state, estimate = observer.step(state, rows.sample(k))
@@ -277,7 +277,7 @@ def test_a_bundle_is_the_intersection() -> None:
 
 def test_a_bundle_is_for_one_plant() -> None:
     other = academic("continuous", 0.1)
-    gains = dict(other.gains) | {"noise_bound": np.array([0.5])}
+    gains = other.gains.to_document() | {"noise_bound": np.array([0.5])}
     with pytest.raises(ValueError, match="for one plant") as error:
         IntervalBundle((other, IntervalObserver.from_gains(gains)))
     assert str(error.value) == "observers of a bundle must be for one plant; noise_bound differs."

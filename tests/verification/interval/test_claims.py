@@ -24,7 +24,7 @@ BASE: dict[str, Any] = {
 }
 
 
-def problem(**changes: Any) -> obsdesign.Problem:
+def problem_with(**changes: Any) -> obsdesign.Problem:
     body = copy.deepcopy(BASE)
     for path, value in changes.items():
         block, key = path.split("__")
@@ -76,13 +76,13 @@ def test_other_units_and_order_of_the_states_change_no_verdict(seed: int, n: int
     body = random_body(rng, n)
     S = np.diag(2.0 ** rng.integers(-3, 4, n))[rng.permutation(n)]
     inverse = np.linalg.inv(S)
-    moved = copy.deepcopy(body)
-    moved["flow"]["A"] = S @ body["flow"]["A"] @ inverse
-    moved["jump"]["G"] = S @ body["jump"]["G"] @ inverse
-    moved["output"]["C"] = body["output"]["C"] @ inverse
+    transformed = copy.deepcopy(body)
+    transformed["flow"]["A"] = S @ body["flow"]["A"] @ inverse
+    transformed["jump"]["G"] = S @ body["jump"]["G"] @ inverse
+    transformed["output"]["C"] = body["output"]["C"] @ inverse
     for name in ("L", "M"):
-        moved["observer"]["gains"][name] = S @ body["observer"]["gains"][name]
-    assert verdicts(outcome_of(body)) == verdicts(outcome_of(moved))
+        transformed["observer"]["gains"][name] = S @ body["observer"]["gains"][name]
+    assert verdicts(outcome_of(body)) == verdicts(outcome_of(transformed))
 
 
 @settings(max_examples=30, deadline=None)
@@ -151,7 +151,7 @@ def test_no_split_beats_the_minimal_one(seed: int, n: int, excess: float) -> Non
 
 def test_an_entry_of_the_wrong_sign_is_the_witness() -> None:
     outcome = obsdesign.investigate(
-        problem(observer__form="cooperative", flow__A=[[-1, -0.5], [1, -2]])
+        problem_with(observer__form="cooperative", flow__A=[[-1, -0.5], [1, -2]])
     )
     claim = next(c for c in outcome.claims if c.id == "flow_positive")
     assert claim.verdict == "refuted"
@@ -163,19 +163,21 @@ def test_rounding_of_decimals_is_told_apart() -> None:
     # 0.3 - 3 * 0.1 is -2.8e-17 in binary64: not Metzler, and the split form does not mind
     changes = {"flow__A": [[-1, 0.3], [1, -2]], "observer__gains": {"L": [[3], [1]], "M": [[0], [0]]},
                "output__C": [[0, 0.1]], "jump__G": [[0.1, 0], [0, 0.1]]}  # fmt: skip
-    strict = obsdesign.investigate(problem(observer__form="cooperative", **changes))
+    strict = obsdesign.investigate(problem_with(observer__form="cooperative", **changes))
     reason = next(c for c in strict.claims if c.id == "flow_positive").evidence["witness"]["reason"]
     assert reason == (
         "A - L C is not Metzler: entry (1, 2) is -2.77556e-17; "
         "rounding of decimals, which form = split absorbs"
     )
-    relaxed = obsdesign.investigate(problem(**changes))
+    relaxed = obsdesign.investigate(problem_with(**changes))
     assert (relaxed.verdict, relaxed.result["form"]) == ("proved", "split")
 
 
 def test_auto_prefers_the_cooperative_form_and_reports_both() -> None:
-    assert obsdesign.investigate(problem()).result["form"] == "cooperative"
-    outcome = obsdesign.investigate(problem(jump__G=[[2, 1], [1, 2]], jump__dwell_time=[1.5, 3]))
+    assert obsdesign.investigate(problem_with()).result["form"] == "cooperative"
+    outcome = obsdesign.investigate(
+        problem_with(jump__G=[[2, 1], [1, 2]], jump__dwell_time=[1.5, 3])
+    )
     assert outcome.result["form"] == "split"
     assert outcome.result["forms"]["cooperative"]["verdict"] == "refuted"
     reasons = outcome.result["forms"]["cooperative"]["reasons"]
@@ -188,19 +190,19 @@ def test_own_splits_are_taken_completed_or_refused() -> None:
     own = {"D0": [[-1, 0.125], [1.125, -2.875]]}
     gains = BASE["observer"]["gains"]
     outcome = obsdesign.investigate(
-        problem(observer__gains=gains | own, jump__dwell_time=[2, "inf"])
+        problem_with(observer__gains=gains | own, jump__dwell_time=[2, "inf"])
     )
     assert outcome.verdict == "proved"
     np.testing.assert_allclose(outcome.design.gains["D1"], [[0, 0.125], [0.125, 0.125]])
     wrong = gains | {"D0": [[-1, 0.5], [1.5, -2.5]], "D1": [[0, 0.5], [0.5, 0.6]]}
-    outcome = obsdesign.investigate(problem(observer__gains=wrong))
+    outcome = obsdesign.investigate(problem_with(observer__gains=wrong))
     claim = next(c for c in outcome.claims if c.id == "flow_positive")
     assert claim.verdict == "refuted"
     assert claim.evidence["witness"]["reason"] == (
         "D0 - D1 misses the matrix it splits at entry (2, 2) by -0.1"
     )
     negative = gains | {"D0": [[-1, 0], [1, -3.5]]}
-    outcome = obsdesign.investigate(problem(observer__gains=negative))
+    outcome = obsdesign.investigate(problem_with(observer__gains=negative))
     claim = next(c for c in outcome.claims if c.id == "flow_positive")
     assert claim.evidence["witness"]["reason"] == "D1 has the wrong sign: entry (2, 2) is -0.5"
 
@@ -217,21 +219,23 @@ def test_own_splits_are_taken_completed_or_refused() -> None:
     ],
 )
 def test_a_spoilt_certificate_proves_nothing(spoil: Any) -> None:
-    asked = problem()
-    candidate = next(iter(synthesize(asked)))
+    problem = problem_with()
+    candidate = next(iter(synthesize(problem)))
     P = np.array(candidate.certificates["dwell_stability"]["P"])
-    good = claims(asked, candidate.gains, {"dwell_stability": {"P": P}})
+    good = claims(problem, candidate.document(), {"dwell_stability": {"P": P}})
     assert good[-1].verdict == "proved"
-    bad = claims(asked, candidate.gains, {"dwell_stability": {"P": spoil(P)}})
+    bad = claims(problem, candidate.document(), {"dwell_stability": {"P": spoil(P)}})
     assert bad[-1].verdict == "undecided"
-    assert claims(asked, candidate.gains, {})[-1].verdict == "undecided"
+    assert claims(problem, candidate.document(), {})[-1].verdict == "undecided"
 
 
 def test_an_infinite_range_needs_a_flow_that_decays() -> None:
     steady = {"flow__A": [[-1, 0], [0, 0]], "observer__gains": {"L": [[0], [0]], "M": [[0], [0]]},
               "jump__G": [[0.5, 0], [0, 0.5]]}  # fmt: skip
-    assert obsdesign.investigate(problem(**steady, jump__dwell_time=[0, 9])).verdict == "proved"
-    outcome = obsdesign.investigate(problem(**steady, jump__dwell_time=[0, "inf"]))
+    assert (
+        obsdesign.investigate(problem_with(**steady, jump__dwell_time=[0, 9])).verdict == "proved"
+    )
+    outcome = obsdesign.investigate(problem_with(**steady, jump__dwell_time=[0, "inf"]))
     assert verdicts(outcome)["hurwitz"] == "refuted"
     claim = next(c for c in outcome.claims if c.id == "hurwitz")
     assert claim.evidence["witness"]["eigenvalue"] == {"real": 0.0, "imag": 0.0}
@@ -248,8 +252,8 @@ def test_an_infinite_range_needs_a_flow_that_decays() -> None:
 )
 def test_degenerate_problems_are_ordinary(G: Any, dwell: Any, verdict: str) -> None:
     gains = {"L": [[0], [0]], "M": [[0], [0]]}
-    asked = problem(jump__G=G, jump__dwell_time=dwell, observer__gains=gains)
-    assert obsdesign.investigate(asked).verdict == verdict
+    problem = problem_with(jump__G=G, jump__dwell_time=dwell, observer__gains=gains)
+    assert obsdesign.investigate(problem).verdict == verdict
 
 
 def test_a_plant_without_jumps() -> None:
@@ -270,11 +274,11 @@ def test_a_plant_without_jumps() -> None:
 @pytest.mark.parametrize("when", ["before", "after", "none"])
 def test_every_jump_measurement_is_designed_verified_and_run(when: str) -> None:
     M = [[0], [0]] if when == "none" else [[0.2], [0.5]]
-    asked = problem(
+    problem = problem_with(
         output__jump_measurement=when, jump__dwell_time=[2, 4],
         observer__gains={"L": [[0], [1]], "M": M},
     )  # fmt: skip
-    design = obsdesign.design(asked)
+    design = obsdesign.design(problem)
     assert obsdesign.verify(design).verdict == "proved"
     H = design.gains["Gp"] - design.gains["Gn"]
     G, C = np.array(BASE["jump"]["G"]), np.array([[0, 1]])
@@ -287,7 +291,7 @@ def test_verify_after_a_round_trip_through_text() -> None:
 
     from obsdesign.document import from_dict
 
-    design = obsdesign.design(problem())
+    design = obsdesign.design(problem_with())
     again = from_dict(json.loads(json.dumps(design.to_dict())))
     assert again.to_dict() == design.to_dict()
     assert obsdesign.verify(again).verdict == "proved"
@@ -314,7 +318,7 @@ def test_periodic_width_is_the_limit_of_the_recursion() -> None:
 
 def test_refuted_and_undecided_designs_are_not_returned() -> None:
     with pytest.raises(obsdesign.NotProved, match=r"refuted: .* at dwell time 0.5 a jump") as error:
-        obsdesign.design(problem(jump__dwell_time=[0.5, "inf"]))
+        obsdesign.design(problem_with(jump__dwell_time=[0.5, "inf"]))
     assert error.value.outcome.verdict == "refuted"
 
 
@@ -324,7 +328,7 @@ def test_the_second_method_confirms_and_its_objection_counts(
     from lmi.verdict import undecided
     from obsdesign.verification import dwell
 
-    design = obsdesign.design(problem())
+    design = obsdesign.design(problem_with())
     confirmed = obsdesign.verify(design, paranoid=True)
     evidence = next(c for c in confirmed.claims if c.id == "dwell_stability").evidence
     assert evidence["method"] != evidence["confirmed_by"]["method"]
@@ -353,7 +357,7 @@ def test_many_states_are_proved_by_one_vector_and_verified() -> None:
     claim = next(c for c in design.claims if c.id == "dwell_stability")
     assert "vector" in claim.evidence
     assert obsdesign.verify(design).verdict == "proved"
-    asked, gains = obsdesign.Problem.from_dict(design.problem), design.gains
+    problem, gains = obsdesign.Problem.from_dict(design.problem), design.gains
     for change in (
         {"vector": [1.0] * 17},
         {"vector": [-1.0] * n},
@@ -361,4 +365,4 @@ def test_many_states_are_proved_by_one_vector_and_verified() -> None:
         {"vector": "v"},
     ):
         forged = {"dwell_stability": {**claim.evidence, **change}}
-        assert claims(asked, gains, forged)[-1].verdict == "undecided"
+        assert claims(problem, gains, forged)[-1].verdict == "undecided"

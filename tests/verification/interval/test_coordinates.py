@@ -14,10 +14,11 @@ from scipy.linalg import expm
 
 import obsdesign
 from lmi.prove.common_matrix import prove_common
-from obsdesign.equations.interval.width import width_system_of
+from obsdesign.equations.interval.gains import IntervalGains
+from obsdesign.equations.interval.width import WidthSystem
 from obsdesign.runtime import Sample, from_design
 from obsdesign.runtime.interval.observer import IntervalObserver
-from obsdesign.synthesis.interval.forms import formed
+from obsdesign.synthesis.interval.forms import gains_of_form
 
 DIGITS = 1e-3  # the thresholds are known to four digits
 
@@ -45,7 +46,7 @@ DEAD_BEAT: dict[str, Any] = {
 }  # fmt: skip
 
 
-def problem(body: dict[str, Any], **changes: Any) -> obsdesign.Problem:
+def problem_with(body: dict[str, Any], **changes: Any) -> obsdesign.Problem:
     changed = copy.deepcopy(body)
     for path, value in changes.items():
         block, key = path.split("__")
@@ -70,22 +71,26 @@ def test_the_printed_condition_8_holds_for_the_counterexample() -> None:
 
 
 def test_the_counterexample_is_refuted_by_the_corrected_condition() -> None:
-    outcome = obsdesign.investigate(problem(PRINTED_8_HOLDS))
+    outcome = obsdesign.investigate(problem_with(PRINTED_8_HOLDS))
     assert outcome.result["form"] == "two_coordinates"
     assert verdicts(outcome)["flow_positive"] == verdicts(outcome)["jump_positive"] == "proved"
     assert verdicts(outcome)["dwell_stability"] == "refuted"
 
 
 def test_the_bounds_of_the_counterexample_do_explode() -> None:
-    asked = problem(PRINTED_8_HOLDS)
-    given_ = asked.gains
-    gains = formed(
-        asked, "two_coordinates", given_["L"], given_["M"], {n: given_[n] for n in ("S", "S2")}
+    problem = problem_with(PRINTED_8_HOLDS)
+    given_gains = problem.gains
+    gains = gains_of_form(
+        problem,
+        "two_coordinates",
+        given_gains["L"],
+        given_gains["M"],
+        {n: given_gains[n] for n in ("S", "S2")},
     )
-    system = width_system_of(gains)
+    system = WidthSystem.from_gains(gains)
     np.testing.assert_allclose(system.N, [[2.6, 1.7], [3.4, 2.5]])
     assert max(abs(np.linalg.eigvals(system.N))) == pytest.approx(4.954683, abs=1e-6)
-    observer = IntervalObserver.from_gains(gains)
+    observer = IntervalObserver(gains)
     state = observer.init(0.0, lower=[0, 0], upper=[1, 1])
     widths = []
     for k in range(1, 31):
@@ -98,13 +103,13 @@ def test_the_bounds_of_the_counterexample_do_explode() -> None:
 
 def test_one_change_of_coordinates_holds_where_two_fail() -> None:
     gains = {"L": [[0], [0]], "M": [[0], [0]]}
-    one = problem(PRINTED_8_HOLDS, observer__gains=gains | {"S": [[1, 0], [0, 1]]})
+    one = problem_with(PRINTED_8_HOLDS, observer__gains=gains | {"S": [[1, 0], [0, 1]]})
     design = obsdesign.design(one)
-    system = width_system_of(design.gains)
+    system = WidthSystem.from_gains(IntervalGains.from_document(design.gains))
     assert radius(system.W, system.N, 1.0) == pytest.approx(0.944709, abs=1e-6)
     # and the two-coordinate observer needs dwell times twenty times as long
     for shortest, verdict in ((11.918, "proved"), (11.917, "refuted")):
-        two = problem(PRINTED_8_HOLDS, jump__dwell_time=[shortest, shortest])
+        two = problem_with(PRINTED_8_HOLDS, jump__dwell_time=[shortest, shortest])
         assert obsdesign.investigate(two).verdict == verdict
 
 
@@ -124,10 +129,12 @@ def test_two_coordinates_are_never_narrower_than_one(seed: int, n: int) -> None:
         "output": {"C": C, "noise_bound": rng.random(p)},
         "observer": {"kind": "interval"},
     }  # fmt: skip
-    asked = obsdesign.Problem(**body)
+    problem = obsdesign.Problem(**body)
     L = np.zeros((n, p))
-    one = width_system_of(formed(asked, "coordinates", L, M, {"S": S}))
-    two = width_system_of(formed(asked, "two_coordinates", L, M, {"S": S, "S2": S2}))
+    one = WidthSystem.from_gains(gains_of_form(problem, "coordinates", L, M, {"S": S}))
+    two = WidthSystem.from_gains(
+        gains_of_form(problem, "two_coordinates", L, M, {"S": S, "S2": S2})
+    )
     room = 1e-9 * np.abs(two.N).max()
     assert np.all(two.N + room >= one.N)
     assert np.all(one.h <= two.h + room)
@@ -148,7 +155,7 @@ T = [[0.05, 0.85], [0.85, 0.05]]
 
 def ball(dwell: list[float], **more: Any) -> obsdesign.Problem:
     gains = BALL["observer"]["gains"] | {"S": S1} | more
-    return problem(BALL, observer__gains=gains, jump__dwell_time=dwell)
+    return problem_with(BALL, observer__gains=gains, jump__dwell_time=dwell)
 
 
 def test_the_printed_T_is_rejected_with_its_entry() -> None:
@@ -162,8 +169,8 @@ def test_the_printed_T_is_rejected_with_its_entry() -> None:
 
 def test_thresholds_of_the_bouncing_ball() -> None:
     gains = BALL["observer"]["gains"]
-    one = width_system_of(
-        formed(
+    one = WidthSystem.from_gains(
+        gains_of_form(
             ball([1, 1]),
             "coordinates",
             np.array(gains["L"]),
@@ -174,10 +181,10 @@ def test_thresholds_of_the_bouncing_ball() -> None:
     np.testing.assert_allclose(one.W, np.diag([-2.0, -1.0]), atol=1e-12)
     assert radius(one.W, one.N, 0.0) == pytest.approx(3.916146, abs=1e-4)
     assert radius(one.W, one.N, 0.986839) == pytest.approx(1.0, abs=1e-4)
-    asked = ball([1, 1], S2=S2)
-    two = width_system_of(
-        formed(
-            asked,
+    problem = ball([1, 1], S2=S2)
+    two = WidthSystem.from_gains(
+        gains_of_form(
+            problem,
             "two_coordinates",
             np.array(gains["L"], float),
             np.array(gains["M"]),
@@ -199,17 +206,19 @@ def test_no_range_down_to_zero_holds_for_the_ball_in_these_coordinates() -> None
 
 
 def test_a_dead_beat_design_is_proved_for_all_dwell_times() -> None:
-    design = obsdesign.design(problem(DEAD_BEAT))
+    design = obsdesign.design(problem_with(DEAD_BEAT))
     assert obsdesign.verify(design, paranoid=True).verdict == "proved"
     # its twin, with the gain of the jump visibly off
     gains = DEAD_BEAT["observer"]["gains"] | {"M": [[5], [4]]}
-    assert obsdesign.investigate(problem(DEAD_BEAT, observer__gains=gains)).verdict == "refuted"
+    assert (
+        obsdesign.investigate(problem_with(DEAD_BEAT, observer__gains=gains)).verdict == "refuted"
+    )
 
 
 def test_coordinates_are_found_when_none_are_given() -> None:
     gains = {"L": [[0], [1]], "M": [[5], [5]]}
     outcome = obsdesign.investigate(
-        problem(DEAD_BEAT, observer__gains=gains, observer__form="auto")
+        problem_with(DEAD_BEAT, observer__gains=gains, observer__form="auto")
     )
     assert (outcome.verdict, outcome.result["form"]) == ("proved", "coordinates")
     forms = outcome.result["forms"]
@@ -223,9 +232,9 @@ def test_coordinates_are_found_when_none_are_given() -> None:
 def test_the_state_stays_inside_in_other_coordinates(seed: int) -> None:
     from obsdesign.data.simulation import simulate
 
-    design = obsdesign.design(problem(DEAD_BEAT, jump__dwell_time=[0.3, 1]))
-    asked = obsdesign.Problem.from_dict(design.problem)
-    record = simulate(asked.plant, until=12.0, step=0.02, initial=[1.0, 1.0],
+    design = obsdesign.design(problem_with(DEAD_BEAT, jump__dwell_time=[0.3, 1]))
+    problem = obsdesign.Problem.from_dict(design.problem)
+    record = simulate(problem.plant, until=12.0, step=0.02, initial=[1.0, 1.0],
                       disturbance=("extreme", "random", "sine")[seed],
                       rng=np.random.default_rng(seed))  # fmt: skip
     batch = from_design(design).run_batch(
@@ -274,17 +283,17 @@ def test_the_state_stays_inside_in_other_coordinates(seed: int) -> None:
 def test_gains_that_do_not_fit_the_form(gains: Any, form: str, message: str) -> None:
     body = {"L": [[0], [1]], "M": [[5], [5]]} | gains
     with pytest.raises(obsdesign.InputError) as error:
-        obsdesign.investigate(problem(DEAD_BEAT, observer__gains=body, observer__form=form))
+        obsdesign.investigate(problem_with(DEAD_BEAT, observer__gains=body, observer__form=form))
     assert str(error.value) == message
 
 
 def test_a_design_with_singular_coordinates_is_refuted() -> None:
-    design = obsdesign.design(problem(DEAD_BEAT))
+    design = obsdesign.design(problem_with(DEAD_BEAT))
     from obsdesign.verification.interval.claims import claims
 
     gains = dict(design.gains) | {"S": np.array([[1.0, 1], [1, 1]])}
-    asked = obsdesign.Problem.from_dict(
+    problem = obsdesign.Problem.from_dict(
         {**design.problem, "observer": {**design.problem["observer"], "gains": {}}}
     )
-    (claim,) = claims(asked, gains, {})
+    (claim,) = claims(problem, gains, {})
     assert claim.evidence["witness"]["reason"] == "gains.S is singular"

@@ -12,7 +12,8 @@ import obsdesign
 from lmi.arithmetic.exponential import expm
 from obsdesign.data.simulation import simulate
 from obsdesign.document import digest, from_dict
-from obsdesign.equations.interval.width import width_system_of
+from obsdesign.equations.interval.gains import IntervalGains
+from obsdesign.equations.interval.width import WidthSystem
 from obsdesign.runtime import Sample, from_design
 from obsdesign.synthesis.interval.candidates import synthesize
 from obsdesign.verification.interval.claims import claims
@@ -26,7 +27,7 @@ PERIODIC: dict[str, Any] = {
 }  # fmt: skip
 
 
-def problem(**changes: Any) -> obsdesign.Problem:
+def problem_with(**changes: Any) -> obsdesign.Problem:
     body = copy.deepcopy(PERIODIC)
     for path, value in changes.items():
         block, key = path.split("__")
@@ -39,11 +40,11 @@ def claim(outcome: obsdesign.Outcome, name: str) -> obsdesign.Claim:
 
 
 def test_no_jump_between_samples_leaves_the_tube() -> None:
-    outcome = obsdesign.investigate(problem())
+    outcome = obsdesign.investigate(problem_with())
     assert outcome.verdict == "proved"
     assert obsdesign.verify(outcome.design).verdict == "proved"
     evidence = claim(outcome, "sampled_stability").evidence
-    system = width_system_of(outcome.design.gains)
+    system = WidthSystem.from_gains(IntervalGains.from_document(outcome.design.gains))
     Z = np.zeros((3, 3))
     Z[:2, :2], Z[:2, 2] = system.W, system.f
     rng, h = np.random.default_rng(0), 0.1
@@ -68,52 +69,54 @@ def test_no_jump_between_samples_leaves_the_tube() -> None:
 
 @pytest.mark.parametrize("name", ["tube", "sampled", "jumped", "always"])
 def test_a_forged_tube_of_samples_is_not_proved(name: str) -> None:
-    asked = problem()
-    candidate = next(iter(synthesize(asked)))
+    problem = problem_with()
+    candidate = next(iter(synthesize(problem)))
     for change in (lambda v: [0.5 * x for x in v], lambda v: v[:1], lambda v: None):
         forged = copy.deepcopy(dict(candidate.certificates))
         forged["sampled_stability"][name] = change(forged["sampled_stability"][name])
-        found = claims(asked, candidate.gains, forged)
-        assert found[-1].id == "sampled_stability"
-        assert found[-1].verdict == "undecided"
+        again = claims(problem, candidate.document(), forged)
+        assert again[-1].id == "sampled_stability"
+        assert again[-1].verdict == "undecided"
 
 
 def test_jumps_closer_than_samples_are_undecided_and_still_enclosed() -> None:
-    outcome = obsdesign.investigate(problem(jump__dwell_time=[0.05, 1.0]))
+    outcome = obsdesign.investigate(problem_with(jump__dwell_time=[0.05, 1.0]))
     assert outcome.verdict == "undecided"
     assert outcome.design.guarantees[0]["given"]
     assert not outcome.design.guarantees[1]["given"]
 
 
 def test_a_mode_that_samples_do_not_hold_is_refuted() -> None:
-    # x1 grows and is never seen: from sample to sample its width does not shrink
+    # x1 grows and is never measured: from sample to sample its width does not shrink
     outcome = obsdesign.investigate(
-        problem(flow__A=[[0.5, 0], [1, -2]], jump__dwell_time=[1.0, "inf"])
+        problem_with(flow__A=[[0.5, 0], [1, -2]], jump__dwell_time=[1.0, "inf"])
     )
-    found = claim(outcome, "sampled_stability")
-    assert found.verdict == "refuted"
-    assert found.evidence["witness"]["theta"] == 0.1
+    stability = claim(outcome, "sampled_stability")
+    assert stability.verdict == "refuted"
+    assert stability.evidence["witness"]["theta"] == 0.1
 
 
 def test_a_step_limit_is_proved_and_forged_ones_are_not() -> None:
     body = copy.deepcopy(PERIODIC)
     body["output"]["measured"] = "continuous"
     body["observer"]["gains"]["M"] = [[1], [2.8]]
-    asked = obsdesign.Problem.from_dict(body)
-    outcome = obsdesign.investigate(asked)
-    found = claim(outcome, "sampled_width")
-    assert found.verdict == "proved"
-    assert found.evidence["step_limit"] == 0.1  # the period that the file names
-    candidate = next(iter(synthesize(asked)))
+    problem = obsdesign.Problem.from_dict(body)
+    outcome = obsdesign.investigate(problem)
+    width = claim(outcome, "sampled_width")
+    assert width.verdict == "proved"
+    assert width.evidence["step_limit"] == 0.1  # the period that the file names
+    candidate = next(iter(synthesize(problem)))
     forged = copy.deepcopy(dict(candidate.certificates))
     forged["sampled_width"]["step_limit"] = 3.0
-    again = claims(asked, candidate.gains, forged)
+    again = claims(problem, candidate.document(), forged)
     assert next(c for c in again if c.id == "sampled_width").verdict == "undecided"
 
 
 def lost_problem(dwell: list[Any], when: str = "none") -> obsdesign.Problem:
     gains = {"L": [[0], [1]], "M": [[0], [0]]}
-    return problem(jump__dwell_time=dwell, output__jump_measurement=when, observer__gains=gains)
+    return problem_with(
+        jump__dwell_time=dwell, output__jump_measurement=when, observer__gains=gains
+    )
 
 
 def test_a_sample_that_a_jump_takes_away_is_covered() -> None:
@@ -121,9 +124,11 @@ def test_a_sample_that_a_jump_takes_away_is_covered() -> None:
     assert outcome.verdict == "proved"
     assert obsdesign.verify(outcome.design).verdict == "proved"
     evidence = claim(outcome, "sampled_stability").evidence
-    seen = obsdesign.investigate(lost_problem([1.0, 3.0], "before"))
-    assert np.all(evidence["after_sample"] >= claim(seen, "sampled_stability").evidence["sampled"])
-    system = width_system_of(outcome.design.gains)
+    with_sample = obsdesign.investigate(lost_problem([1.0, 3.0], "before"))
+    assert np.all(
+        evidence["after_sample"] >= claim(with_sample, "sampled_stability").evidence["sampled"]
+    )
+    system = WidthSystem.from_gains(IntervalGains.from_document(outcome.design.gains))
     Z = np.zeros((3, 3))
     Z[:2, :2], Z[:2, 2] = system.W, system.f
     step = expm(Z * 0.1)
@@ -147,17 +152,17 @@ def test_a_sample_that_a_jump_takes_away_is_covered() -> None:
 
 def test_all_samples_may_be_lost_to_jumps() -> None:
     outcome = obsdesign.investigate(lost_problem([0.1, 3.0]))
-    found = claim(outcome, "sampled_stability")
-    assert found.verdict == "undecided"
+    stability = claim(outcome, "sampled_stability")
+    assert stability.verdict == "undecided"
 
 
 @pytest.mark.parametrize("dwell", [[1.0, 1.0], [0.9, 0.9], [0.95, 2.0]])
 def test_rows_beside_lost_samples_are_in_order(dwell: list[float]) -> None:
-    asked = lost_problem(dwell)
-    outcome = obsdesign.investigate(asked)
+    problem = lost_problem(dwell)
+    outcome = obsdesign.investigate(problem)
     assert outcome.verdict == "proved"
     rng = np.random.default_rng(3)
-    record = simulate(asked.plant, until=15.0, initial=[1.0, 1.0], disturbance="extreme", rng=rng)
+    record = simulate(problem.plant, until=15.0, initial=[1.0, 1.0], disturbance="extreme", rng=rng)
     observer = from_design(outcome.design)
     batch = observer.run_batch(
         record.t, record.block("y"), jump=record.columns["jump"], lower=[1, 1], upper=[1, 1]
@@ -176,7 +181,7 @@ def test_rows_beside_lost_samples_are_in_order(dwell: list[float]) -> None:
 
 @pytest.mark.parametrize("start", [0.0, 1e7, 1.7e9])
 def test_time_stamps_far_from_zero_are_in_time(start: float) -> None:
-    outcome = obsdesign.investigate(problem())
+    outcome = obsdesign.investigate(problem_with())
     observer = from_design(outcome.design)
     state = observer.init(start, lower=[-1, -1], upper=[1, 1])
     for k in range(1, 60):

@@ -54,8 +54,8 @@ def test_widths_of_constant_dwell_times_are_found_again(name: str) -> None:
 
     outcome = verified(smaller)
     assert outcome.verdict == "refuted"
-    told = outcome.claims[-1].evidence["witness"]["reason"]
-    assert f"width.constant_dwell[0].{name}" in told
+    witness_reason = outcome.claims[-1].evidence["witness"]["reason"]
+    assert f"width.constant_dwell[0].{name}" in witness_reason
 
 
 def test_widths_of_constant_dwell_times_may_not_be_left_out() -> None:
@@ -66,8 +66,8 @@ def test_widths_of_constant_dwell_times_may_not_be_left_out() -> None:
 @pytest.mark.parametrize("name", ["after_jump", "after_sample", "always", "sampled", "jumped"])
 def test_widths_between_samples_are_found_again(name: str) -> None:
     def smaller(body: Any) -> None:
-        found = evidence(body, "sampled_stability")
-        found[name] = [0.5 * x for x in found[name]]
+        widths = evidence(body, "sampled_stability")
+        widths[name] = [0.5 * x for x in widths[name]]
 
     assert verified(smaller, periodic=True).verdict != "proved"
 
@@ -124,33 +124,33 @@ def test_given_gains_beyond_the_limit_are_bad_input() -> None:
 
 
 def test_differences_by_sort() -> None:
-    found = {"bound": [1.0, 2.0], "approx_pole": 1.0, "estimated": {"std": 1.0}, "steps": 3}
-    assert difference("c", found, found) is None
-    assert difference("c", {**found, "steps": 9, "approx_pole": 1.000001}, found) is None
-    assert difference("c", found, {**found, "confirmed_by": {"steps": 3}}) is None
-    false = [{**found, "bound": [1.0]}, {**found, "bound": [1.0, 1.9]}, {**found, "more": 1},
-             {k: v for k, v in found.items() if k != "bound"}, {**found, "bound": "[1, 2]"}]  # fmt: skip
+    true = {"bound": [1.0, 2.0], "approx_pole": 1.0, "estimated": {"std": 1.0}, "steps": 3}
+    assert difference("c", true, true) is None
+    assert difference("c", {**true, "steps": 9, "approx_pole": 1.000001}, true) is None
+    assert difference("c", true, {**true, "confirmed_by": {"steps": 3}}) is None
+    false = [{**true, "bound": [1.0]}, {**true, "bound": [1.0, 1.9]}, {**true, "more": 1},
+             {k: v for k, v in true.items() if k != "bound"}, {**true, "bound": "[1, 2]"}]  # fmt: skip
     for stored in false:
-        gap = difference("c", stored, found)
+        gap = difference("c", stored, true)
         assert gap is not None
         assert gap.false
-    near = [{**found, "bound": [1.0, 2.0 * (1 + 1e-12)]}, {**found, "approx_pole": 2.0},
-            {**found, "estimated": {"std": 0.5}}]  # fmt: skip
+    near = [{**true, "bound": [1.0, 2.0 * (1 + 1e-12)]}, {**true, "approx_pole": 2.0},
+            {**true, "estimated": {"std": 0.5}}]  # fmt: skip
     for stored in near:
-        gap = difference("c", stored, found)
+        gap = difference("c", stored, true)
         assert gap is not None
         assert not gap.false
 
 
 @pytest.mark.parametrize("value", [0.5, -1, 40.000001, True, "many"])
 def test_a_count_of_how_a_proof_went_stays_a_count(value: Any) -> None:
-    found = {"boxes": 3, "steps": 40, "smallest_box": 0.25, "tail_from": 2.0}
-    assert difference("dwell_stability", {**found, "boxes": 7, "tail_from": 1.5}, found) is None
+    true = {"boxes": 3, "steps": 40, "smallest_box": 0.25, "tail_from": 2.0}
+    assert difference("dwell_stability", {**true, "boxes": 7, "tail_from": 1.5}, true) is None
     for key in ("boxes", "steps"):
-        gap = difference("dwell_stability", {**found, key: value}, found)
+        gap = difference("dwell_stability", {**true, key: value}, true)
         assert gap is not None
         assert gap.false
-    assert difference("dwell_stability", {**found, "tail_from": -1.0}, found) is not None
+    assert difference("dwell_stability", {**true, "tail_from": -1.0}, true) is not None
 
 
 def test_a_fraction_of_a_step_is_refused() -> None:

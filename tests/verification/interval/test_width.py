@@ -15,7 +15,8 @@ import obsdesign
 from lmi.arithmetic.balls import exact
 from lmi.arithmetic.exponential import expm
 from lmi.bounds.tube import Affine, periodic_limit, prove_below
-from obsdesign.equations.interval.width import periodic_width, width_system_of
+from obsdesign.equations.interval.gains import IntervalGains
+from obsdesign.equations.interval.width import WidthSystem, periodic_width
 from obsdesign.synthesis.interval.candidates import synthesize
 from obsdesign.verification.interval.claims import claims
 from obsdesign.verification.interval.width import raised_product
@@ -101,8 +102,8 @@ def test_a_plant_without_jumps_has_its_limit() -> None:
 @pytest.mark.parametrize("name", ["tube", "after_jump", "before_jump", "always"])
 def test_a_forged_width_is_not_proved(name: str) -> None:
     W, N, f, h = random_system(np.random.default_rng(4), 3)
-    asked = obsdesign.Problem(**body_of(W, N, f, h, [0.2, 1.5]))
-    candidate = next(iter(synthesize(asked)))
+    problem = obsdesign.Problem(**body_of(W, N, f, h, [0.2, 1.5]))
+    candidate = next(iter(synthesize(problem)))
     for change in (
         lambda v: [0.99 * x for x in v],
         lambda v: v[:2],
@@ -111,8 +112,8 @@ def test_a_forged_width_is_not_proved(name: str) -> None:
     ):
         forged = copy.deepcopy(dict(candidate.certificates))
         forged["width"][name] = change(forged["width"][name])
-        found = [c for c in claims(asked, candidate.gains, forged) if c.id == "width"]
-        assert all(claim.verdict == "undecided" for claim in found)
+        again = [c for c in claims(problem, candidate.document(), forged) if c.id == "width"]
+        assert all(claim.verdict == "undecided" for claim in again)
 
 
 def test_an_unstable_width_has_no_tube() -> None:
@@ -183,8 +184,8 @@ def test_signs_are_checked_by_the_prover() -> None:
 
 
 def test_a_limit_that_does_not_exist_is_not_certified() -> None:
-    one = exact([[1.0]])
-    assert periodic_limit(0 * one, one, exact([1.0]), exact([0.0]), 1.0) is None
+    unit = exact([[1.0]])
+    assert periodic_limit(0 * unit, unit, exact([1.0]), exact([0.0]), 1.0) is None
 
 
 def test_the_float_and_the_exact_width_system_agree() -> None:
@@ -192,7 +193,10 @@ def test_the_float_and_the_exact_width_system_agree() -> None:
 
     W, N, f, h = random_system(np.random.default_rng(1), 3)
     design = obsdesign.design(obsdesign.Problem(**body_of(W, N, f, h, [0.2, 1.5])))
-    rough, true = width_system_of(design.gains), width_system_of(design.gains, exact, inverse)
+    rough, true = (
+        WidthSystem.from_gains(IntervalGains.from_document(design.gains)),
+        WidthSystem.from_gains(IntervalGains.from_document(design.gains), exact, inverse),
+    )
     for name in ("W", "f", "N", "h"):
         np.testing.assert_allclose(getattr(rough, name), to_float(getattr(true, name)), rtol=1e-12)
 
@@ -208,8 +212,8 @@ def test_a_tube_that_is_nearly_touched_is_proved_with_more_room() -> None:
         "observer": {"kind": "interval", "form": "coordinates",
                      "gains": {"S": S, "L": np.zeros((2, 1)), "M": [[5], [5]]}},
     }  # fmt: skip
-    for form in ("given", "found"):
-        if form == "found":
+    for form in ("given", "sought"):
+        if form == "sought":
             body["observer"] = {"kind": "interval", "form": "coordinates"}
         outcome = obsdesign.investigate(obsdesign.Problem(**body))
         assert outcome.verdict == "proved"
@@ -219,8 +223,10 @@ def test_a_tube_that_is_nearly_touched_is_proved_with_more_room() -> None:
             spaced = next(c for c in outcome.claims if c.id == "sampled_width")
             assert spaced.evidence["step_limit"] == math.inf
             assert spaced.evidence["always"] == always
-            told = [g for g in outcome.design.guarantees if "any spacing, and" in g["statement"]]
-            assert [g["given"] for g in told] == [True]
+            sentences = [
+                g for g in outcome.design.guarantees if "any spacing, and" in g["statement"]
+            ]
+            assert [g["given"] for g in sentences] == [True]
         assert obsdesign.verify(outcome.design).verdict == "proved"
 
 
@@ -228,11 +234,11 @@ def test_widths_of_constant_dwell_times_are_told_rounded_up() -> None:
     W, N, f, h = random_system(np.random.default_rng(4), 3)
     outcome = obsdesign.investigate(obsdesign.Problem(**body_of(W, N, f, h, [0.5, 1.0])))
     rows = width_evidence(outcome)["constant_dwell"]
-    told = [
+    sentences = [
         g["statement"] for g in outcome.design.guarantees if "a constant dwell" in g["statement"]
     ]
-    assert len(told) == len(rows) == 2
-    for row, text in zip(rows, told, strict=True):
+    assert len(sentences) == len(rows) == 2
+    for row, text in zip(rows, sentences, strict=True):
         groups = [part.split(")")[0].split(", ") for part in text.split("(")[1:]]
         for name, values in zip(("before_jump", "after_jump", "mean"), groups, strict=True):
             for exactly, word in zip(row[name], values, strict=True):
