@@ -20,7 +20,8 @@ from obsdesign.analysis.finite_time.enclosed_gains import (
     injection,
 )
 from obsdesign.equations.finite_time import condition_13 as bounds
-from obsdesign.equations.finite_time import gains as equations
+from obsdesign.equations.finite_time.options import NEED_L
+from obsdesign.equations.finite_time.rows import least_squares_gain, sample_rows
 from obsdesign.runtime import from_design
 from obsdesign.synthesis.finite_time.injection import Open, best_injection
 from obsdesign.verification.finite_time.theorem_1 import Sizes
@@ -35,7 +36,7 @@ RELATIVE = 1e-7
 
 def problem(method: str, *, period: float = PERIOD, window: float = T, **observer: Any) -> Any:
     asked = {"kind": "finite_time", "method": method, "window": window, **observer}
-    if method in equations.NEED_L:
+    if method in NEED_L:
         asked["gains"] = {"L": L}
     return obsdesign.Problem(
         flow={"A": A, "B": [[1], [0]]}, observer=asked,
@@ -327,8 +328,8 @@ def test_robust_bounds(method: str, noise: float, size: Any, radius: Any) -> Non
 def test_noise_gains_with_the_last_sample(period: float, norm: float, sums: Any) -> None:
     # y_i as well: not what the paper's window holds, but what its samples could give
     k = round(T / period)
-    rows = np.vstack([equations.sample_rows(A, C, period, k).reshape(-1, 2), C])
-    G = equations.least_squares_gain(rows, np.ones(k + 1))
+    rows = np.vstack([sample_rows(A, C, period, k).reshape(-1, 2), C])
+    G = least_squares_gain(rows, np.ones(k + 1))
     assert np.linalg.norm(G, 2) == pytest.approx(norm, rel=1e-5)
     if sums:
         assert np.abs(G).sum(axis=1) == pytest.approx(sums, rel=1e-5)
@@ -356,7 +357,7 @@ def test_least_rows_with_the_last_sample(period: float, size: float, sums: Any) 
     from scipy.optimize import linprog
 
     k = round(T / period)
-    rows = np.vstack([equations.sample_rows(A, C, period, k).reshape(-1, 2), C])
+    rows = np.vstack([sample_rows(A, C, period, k).reshape(-1, 2), C])
     back, half = expm(-A * period), expm(-A * period / 2)
     # R_l of a unit gain at sample j is C back^(l - j); y_i acts on no interval of the window
     R = np.zeros((k, 2, k + 1))
@@ -401,7 +402,7 @@ def test_a_gain_whose_matrix_has_lost_all_digits() -> None:
     found = design.gains["window_gain"]
     fitted = obsdesign.design(problem("least_squares")).gains["window_gain"]
     assert np.linalg.norm(found, 2) / np.linalg.norm(fitted, 2) == pytest.approx(3.68, rel=7e-3)
-    rows = equations.sample_rows(A, C, PERIOD, K).reshape(-1, 2)
+    rows = sample_rows(A, C, PERIOD, K).reshape(-1, 2)
     assert np.abs(found @ rows - np.eye(2)).max() < 1e-12
 
 

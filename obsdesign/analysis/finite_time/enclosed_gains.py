@@ -27,7 +27,17 @@ from lmi.arithmetic.balls import (
     to_float,
     working_bits,
 )
-from obsdesign.equations.finite_time import gains as equations
+from obsdesign.equations.finite_time.formulas import (
+    SERIES_TERMS,
+    approximate_terms,
+    difference_block,
+    discrete_injection,
+    exact_terms,
+    series_rest,
+    series_steps,
+    window_matrix,
+)
+from obsdesign.equations.finite_time.rows import END, START, stacked_rows, state_scales
 
 # eighths of a term of the series per bit: each is about a quarter of the one before
 _TERMS_PER_BIT = 3
@@ -48,10 +58,10 @@ class Sampled:
     k: int
     forward: Exact
     back: Exact
-    reference: str = equations.END
+    reference: str = END
 
     @staticmethod
-    def of(A: Any, C: Any, period: float, k: int, reference: str = equations.END) -> Sampled:
+    def of(A: Any, C: Any, period: float, k: int, reference: str = END) -> Sampled:
         """From the numbers of a plant."""
         A_exact = exact(A)
         forward = entries(exp_times(A_exact, period))
@@ -60,23 +70,23 @@ class Sampled:
 
     def rows(self) -> Exact:
         """C A_d^(j-k), or C A_d^j, j = 0..k-1, (k p, n)."""
-        if self.reference == equations.START:
+        if self.reference == START:
             unit = entries(identity(len(self.A)))
-            stack = equations.stacked_rows(self.C @ unit, self.forward, self.k)
+            stack = stacked_rows(self.C @ unit, self.forward, self.k)
         else:
-            stack = equations.stacked_rows(self.C @ self.back, self.back, self.k)[::-1]
+            stack = stacked_rows(self.C @ self.back, self.back, self.k)[::-1]
         return stack.reshape(-1, len(self.A))
 
     def last(self) -> Exact:
         """What x(t_i) is of the reference: I, or A_d^k."""
-        if self.reference == equations.START:
+        if self.reference == START:
             return exponential(self.A, self.period, self.k)
         return entries(identity(len(self.A)))
 
     def units(self) -> Exact:
         """Units of the states for this window, exact powers of two (`state_scales`)."""
         A, C = to_float(self.A), to_float(self.C)
-        return exact(equations.state_scales(A, C, self.k * self.period))
+        return exact(state_scales(A, C, self.k * self.period))
 
 
 def exponential(A: Exact, period: float, k: int = 1) -> Exact:
@@ -88,7 +98,7 @@ def difference_matrix(sampled: Sampled, L: Any) -> tuple[Exact, Exact]:
     """(M_T / scale, e^{-F T}), enclosed; the scale is `gain_scale`."""
     n = len(sampled.A)
     LC = exact(L) @ sampled.C
-    block = equations.difference_block(sampled.A, LC)
+    block = difference_block(sampled.A, LC)
     block[:n, n:] = block[:n, n:] / gain_scale(sampled, L)
     whole = exponential(block, sampled.period, sampled.k)
     return whole[:n, n:], whole[:n, :n]
@@ -104,12 +114,12 @@ def approximate_gain(sampled: Sampled, L: Any) -> Exact | None:
     block = np.block([[-F, exact(np.eye(n))], [exact(np.zeros((n, 2 * n)))]])
     whole = exponential(block, sampled.period)  # [[e^{-F nu}, int_0^nu e^{-F s} ds], ...]
     weighted = whole[:n, n:] @ (L_exact / scale)
-    terms = equations.approximate_terms(whole[:n, :n], weighted, sampled.k)
-    return solve_entries(M, equations.side_by_side(terms))
+    terms = approximate_terms(whole[:n, :n], weighted, sampled.k)
+    return solve_entries(M, window_matrix(terms))
 
 
 def exact_matrix(sampled: Sampled, L: Any) -> tuple[Exact, Exact] | None:
-    """(N, W) with N xhat = W y, of (9) with (16): see `equations.exact_terms`.
+    """(N, W) with N xhat = W y, of (9) with (16): see `exact_terms`.
 
     N is P^k - A_d^k, times A_d^-k where the reference is the window's end, both over the size of
     L. None where enclosing them is beyond `_MOST_WORK`.
@@ -120,7 +130,7 @@ def exact_matrix(sampled: Sampled, L: Any) -> tuple[Exact, Exact] | None:
         return None
     K_d = sampled.forward @ K
     P = sampled.forward + K_d @ sampled.C
-    W = equations.side_by_side(equations.exact_terms(P, K_d / gain_scale(sampled, L), sampled.k))
+    W = window_matrix(exact_terms(P, K_d / gain_scale(sampled, L), sampled.k))
     return (W @ sampled.rows()).reshape(n, n), W
 
 
@@ -166,8 +176,8 @@ class _Key(NamedTuple):
 def _injection(of_A: _Key, of_C: _Key, of_L: _Key, period: float, bits: int) -> Exact | None:
     A_exact, C_exact, L_exact = of_A.matrix(), of_C.matrix(), of_L.matrix()
     A, C, gain = (to_float(X) for X in (A_exact, C_exact, L_exact))
-    m = equations.series_steps(A, C, gain, period)
-    count = max(equations.SERIES_TERMS, _TERMS_PER_BIT * bits // 8)
+    m = series_steps(A, C, gain, period)
+    count = max(SERIES_TERMS, _TERMS_PER_BIT * bits // 8)
     if m * L_exact.size * len(C) * count**2 > _MOST_WORK:
         return None
     h = rational(period) / m
@@ -177,9 +187,9 @@ def _injection(of_A: _Key, of_C: _Key, of_L: _Key, period: float, bits: int) -> 
         backs.append(backs[-1] @ step)
     sizes = (_size(A_exact), _size(L_exact))
     reaches = [_size(C_exact @ back) for back in backs]
-    rests = [equations.series_rest(*sizes, reach, scalar(h), count) for reach in reaches]
+    rests = [series_rest(*sizes, reach, scalar(h), count) for reach in reaches]
     steps = [(back, around_zero(rest)) for back, rest in zip(backs, rests, strict=True)]
-    return equations.discrete_injection(A_exact, C_exact, L_exact, scalar(h), steps, count)
+    return discrete_injection(A_exact, C_exact, L_exact, scalar(h), steps, count)
 
 
 def _size(X: Exact) -> Any:

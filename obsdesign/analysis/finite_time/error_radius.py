@@ -28,7 +28,7 @@ import numpy as np
 
 from lmi.arithmetic.balls import Exact, entries, exact, exp_times, identity, rational, scalar
 from obsdesign.analysis.finite_time.enclosed_gains import Sampled
-from obsdesign.equations.finite_time.gains import START
+from obsdesign.equations.finite_time.rows import START
 
 # halvings around a change of sign: what is left to a crude bound is a 4^-12 part of one period
 _HALVINGS = 12

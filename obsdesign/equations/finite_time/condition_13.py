@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lmi.arithmetic.exponential import expm
-from obsdesign.equations.finite_time.gains import difference_block
+from obsdesign.equations.finite_time.formulas import difference_block
 
 Array = NDArray[Any]
 

@@ -22,7 +22,7 @@ MOST_SAMPLES = 20_000
 _OF_JUMPS = ("G", "E", "jump_lower", "jump_upper", "dwell_time", "dwell_jitter")
 
 
-def objection(plant: Any, options: Any) -> str | None:
+def reason_against_problem(plant: Any, options: Any) -> str | None:
     """What forbids a finite-time observer for a problem, or None; one sentence."""
     if plant.output.measured != "periodic":
         return (
@@ -36,11 +36,11 @@ def objection(plant: Any, options: Any) -> str | None:
             f"{method!r}, which has no bias to correct."
         )
     if "window" in options:
-        return window_objection(options["window"], plant.output.period)
+        return reason_against_window(options["window"], plant.output.period)
     return None
 
 
-def objective_objection(options: Any, L: bool = False) -> str | None:
+def reason_against_objective(options: Any, L: bool = False) -> str | None:
     """Why `objective` has nothing to choose for a design, or None. L: is it given?"""
     method, objective = options.get("method", "least_squares"), options.get("objective")
     if objective is None:
@@ -77,7 +77,7 @@ def _nothing_open(method: str, objective: str, window: float | None, L: bool) ->
     return None
 
 
-def window_objection(window: float, period: float) -> str | None:
+def reason_against_window(window: float, period: float) -> str | None:
     """Why this window does not fit the period, or None."""
     if window < period * (1 - WHOLE_TOLERANCE):
         return (
@@ -101,11 +101,11 @@ def window_objection(window: float, period: float) -> str | None:
 
 
 def window_samples(window: float, period: float) -> int:
-    """k = T / nu for a window that `window_objection` has nothing against."""
+    """k = T / nu for a window that `reason_against_window` has nothing against."""
     return round(window / period)
 
 
-def announced_jumps(plant: Any) -> bool:
+def has_announced_jumps(plant: Any) -> bool:
     """Does the data tell when the plant jumps? Impulses of unknown weight alone are not told."""
     jump = plant.jump
     return jump is not None and (jump.H is None or not np.array_equal(jump.G, np.eye(plant.n)))
@@ -114,7 +114,7 @@ def announced_jumps(plant: Any) -> bool:
 def stored_plant(plant: Any) -> dict[str, Any]:
     """The plant's numbers in a design's gains: without jumps that no data announce."""
     data = plant_data(plant) | {"period": plant.output.period}
-    if not announced_jumps(plant):
+    if not has_announced_jumps(plant):
         data = {name: value for name, value in data.items() if name not in _OF_JUMPS}
     return data
 

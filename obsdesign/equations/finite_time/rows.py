@@ -23,7 +23,7 @@ REFERENCES = (END, START)
 # leaves of gains that do not amplify beyond reason
 UNBIASED = 1e-8
 # what the samples do not see of the window's start is that much of it at its end, at most
-DEAD = 1e-11
+DECAYED = 1e-11
 _ROUNDING = 1e-15
 
 
@@ -84,7 +84,7 @@ def approx_determinacy(rows: Array, scales: Array) -> float:
     return float(values[-1] / math.sqrt(float((values**2).sum()) or 1.0))
 
 
-def approx_reach(A: Array, C: Array, period: float, k: int) -> float:
+def approx_window_determinacy(A: Array, C: Array, period: float, k: int) -> float:
     """How well k samples determine the state: at the window's end or at its start, in floats."""
     scales = state_scales(A, C, k * period)
     stacks = (sample_rows(A, C, period, k, reference) for reference in REFERENCES)
@@ -128,7 +128,7 @@ def least_squares_gain(rows: Array, deviations: Array, cut: float = 0.0) -> Arra
     return scales[:, None] * np.linalg.pinv(flat * scales, rcond=cut) * weights
 
 
-def made_unbiased(gain: Array, rows: Array, unbiased: Array, wanted: Array) -> Array:
+def unbiased_gain(gain: Array, rows: Array, unbiased: Array, wanted: Array) -> Array:
     """The gain made unbiased, G + (X - G O) G_0, by a G_0 that is: G_0 O = I. rows: O, (m, n).
 
     wanted: X = G O, what x(t_i) is of the state that rows speak of (`last_state`).

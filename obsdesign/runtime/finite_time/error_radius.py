@@ -17,7 +17,7 @@ import numpy as np
 
 from lmi.arithmetic.enclosure import UNIT, Enclosure, expm, powers, raised
 from lmi.arithmetic.exponential import expm as plain_expm
-from obsdesign.equations.finite_time import gains as equations
+from obsdesign.equations.finite_time.rows import least_squares_gain, state_scales
 from obsdesign.runtime.base import Vector
 from obsdesign.runtime.finite_time.flow_maps import flow_maps
 
@@ -41,8 +41,8 @@ class StartError:
         """rows: C A_d^j; X with X rows = I up to E inverts them, |X r| + |E| e bounds e."""
         A, C, k = gains["A"], gains["C"], int(gains["samples"])
         n = len(A)
-        units = equations.state_scales(A, C, k * float(gains["period"]))
-        X = equations.least_squares_gain(rows.mid, np.ones(len(rows.mid)))
+        units = state_scales(A, C, k * float(gains["period"]))
+        X = least_squares_gain(rows.mid, np.ones(len(rows.mid)))
         missed = (Enclosure.exactly(X) @ rows - Enclosure.exactly(np.eye(n))).magnitude
         scaled = raised(np.abs(X) / units[:, None], 1)
         left = float((missed * units / units[:, None]).sum(axis=1).max())

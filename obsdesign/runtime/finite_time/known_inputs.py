@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from lmi.arithmetic.exponential import expm, flow_integrals
-from obsdesign.equations.finite_time import gains as equations
+from obsdesign.equations.finite_time.formulas import difference_block
 from obsdesign.runtime.base import Vector
 from obsdesign.runtime.finite_time.tape import Tape
 from obsdesign.runtime.step_cache import cached_step
@@ -74,7 +74,7 @@ class ApproximateInputs:
         n, k, period = len(A), int(gains["samples"]), float(gains["period"])
         LC = L @ C
         scale = max(float(np.abs(LC).max()), 1e-300)
-        block = equations.difference_block(A, LC)
+        block = difference_block(A, LC)
         block[:n, n:] /= scale
         whole = expm(block * (k * period))
         back_F, back_A = expm(-(A + LC) * period), expm(-A * period)

@@ -26,7 +26,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from obsdesign.equations.finite_time import gains as equations
+from obsdesign.equations.finite_time.options import METHODS
 from obsdesign.runtime.base import (
     MODERATE,
     Estimate,
@@ -336,8 +336,8 @@ def _require_shapes(gains: Mapping[str, Any]) -> None:
     period = gains.get("period")
     if not isinstance(period, int | float) or not 0 < period < math.inf:
         raise ValueError(f"gains.period must be a positive number; got {period!r}.")
-    if gains.get("method") not in equations.METHODS:
-        raise ValueError(f"gains.method must be one of {', '.join(equations.METHODS)}.")
+    if gains.get("method") not in METHODS:
+        raise ValueError(f"gains.method must be one of {', '.join(METHODS)}.")
     if gains["method"] == "approximate" and gains.get("half_sample") not in (
         "printed",
         "corrected",

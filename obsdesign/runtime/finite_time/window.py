@@ -16,7 +16,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from obsdesign.equations.finite_time import gains as equations
+from obsdesign.equations.finite_time.rows import (
+    END,
+    approx_determinacy,
+    last_state,
+    least_squares_gain,
+    sample_rows,
+    state_scales,
+)
 from obsdesign.runtime.base import MODERATE, Vector, vector
 from obsdesign.runtime.finite_time.error_radius import WindowError, window_length
 from obsdesign.runtime.finite_time.flow_maps import FlowMaps, flow_maps
@@ -105,32 +112,32 @@ class WindowConstants:
     def _rows(self) -> Vector:
         """C A_d^(j-k), or C A_d^j where the window speaks of its start, (k p, n)."""
         gains = self.gains
-        rows = equations.sample_rows(gains["A"], gains["C"], self._period, self.k, self._reference)
+        rows = sample_rows(gains["A"], gains["C"], self._period, self.k, self._reference)
         return rows.reshape(-1, len(self.gains["A"]))
 
     @cached_property
     def _reference(self) -> str:
-        return str(self.gains.get("reference", equations.END))
+        return str(self.gains.get("reference", END))
 
     @cached_property
     def _last(self) -> Vector:
         """x(t_i) as a function of what `_rows` speak of."""
         if self.bounded and self._error.start is not None:
             return self._error.start.last.mid
-        return equations.last_state(self.gains["A"], self.k * self._period, self._reference)
+        return last_state(self.gains["A"], self.k * self._period, self._reference)
 
     @cached_property
     def _of_start(self) -> Vector | None:
         """x(t_i - T) - w from the window; None where the window speaks of its end."""
-        if self._reference == equations.END:
+        if self._reference == END:
             return None
         # what the window does not see need not move
-        return equations.least_squares_gain(self._rows, np.ones(len(self._rows)), _UNSEEN)
+        return least_squares_gain(self._rows, np.ones(len(self._rows)), _UNSEEN)
 
     @cached_property
     def _scales(self) -> Vector:
         A, C = self.gains["A"], self.gains["C"]
-        return np.asarray(equations.state_scales(A, C, self.k * self._period))
+        return np.asarray(state_scales(A, C, self.k * self._period))
 
     @cached_property
     def _seen_back(self) -> Vector:
@@ -295,10 +302,10 @@ class SamplingWindow(WindowConstants, SteppedObserver[FiniteTimeState]):
             return None
         there = np.isfinite(state.window)
         rows = self._rows[there]
-        if equations.approx_determinacy(rows, self._scales) < _DETERMINED:
+        if approx_determinacy(rows, self._scales) < _DETERMINED:
             return None
         deviations = np.tile(self.gains["deviations"], self.k)[there]
-        gain = equations.least_squares_gain(rows, deviations)
+        gain = least_squares_gain(rows, deviations)
         return np.asarray(state.w + self._last @ (gain @ state.window[there]))
 
     def _pushed(self, state: FiniteTimeState, y: Vector | None) -> FiniteTimeState:

@@ -22,7 +22,7 @@ from lmi.arithmetic.norms import float_above, float_below
 from lmi.time_budget import listening, remark, sentences
 from obsdesign.analysis.finite_time.enclosed_gains import Sampled
 from obsdesign.document import Claim
-from obsdesign.equations.finite_time import gains as equations
+from obsdesign.equations.finite_time.options import MOST_SAMPLES, reason_against_problem
 from obsdesign.errors import InputError
 from obsdesign.problem.kinds import PERIOD_SEARCHES
 from obsdesign.problem.problem import Problem
@@ -117,7 +117,7 @@ def needed_samples(A: Any, C: Any, window: float) -> int:
 
 _BITS = 160
 _TOO_MANY = (
-    f"{{}} samples in a window are more than the {equations.MOST_SAMPLES} that a design may hold: "
+    f"{{}} samples in a window are more than the {MOST_SAMPLES} that a design may hold: "
     "none has the period that is found"
 )
 # windows with fewer samples than the one that is found are all shown to fail, up to that many
@@ -155,7 +155,7 @@ def search_period(problem: Problem, what: str) -> Outcome:
     problem.require_measured("periodic")
     period = float(problem.plant.output.period or 1.0)
     asked = {} if what == "shortest_window" else _without_window(problem)
-    if text := equations.objection(problem.plant, asked):
+    if text := reason_against_problem(problem.plant, asked):
         raise InputError(text)
     with listening() as remarks, precision(_BITS):
         first = observable(Sampled.of(problem.plant.flow.A, problem.plant.output.C, period, 1))
@@ -163,7 +163,7 @@ def search_period(problem: Problem, what: str) -> Outcome:
             return _outcome(problem, None, first, False)
         find = _longest_period if what == "longest_period" else _shortest_window
         found = find(problem, period)
-        if found.samples > equations.MOST_SAMPLES:
+        if found.samples > MOST_SAMPLES:
             remark(_TOO_MANY.format(found.samples))
         better = _better(problem, found, None if what == "longest_period" else period)
     searched = "L" not in problem.gains or (what, "window" in problem.options) == (

@@ -12,7 +12,15 @@ from typing import Any
 
 import numpy as np
 
-from obsdesign.equations.finite_time import gains as equations
+from obsdesign.equations.finite_time.options import (
+    MOST_SAMPLES,
+    NEED_L,
+    reason_against_objective,
+    reason_against_problem,
+    relative_deviations,
+    stored_plant,
+)
+from obsdesign.equations.finite_time.rows import approx_window_determinacy, state_scales
 from obsdesign.errors import InputError
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
@@ -28,11 +36,11 @@ _LONGER = (1, 4, 16)
 def synthesize(problem: Problem) -> Iterator[Candidate]:
     """One candidate; InputError for what cannot be built at all."""
     problem.require_measured("periodic")
-    text = equations.objection(problem.plant, problem.options)
-    if text := text or equations.objective_objection(problem.options, "L" in problem.gains):
+    text = reason_against_problem(problem.plant, problem.options)
+    if text := text or reason_against_objective(problem.options, "L" in problem.gains):
         raise InputError(text)
     method = problem.options.get("method", "least_squares")
-    plant = equations.stored_plant(problem.plant)
+    plant = stored_plant(problem.plant)
     if method == "minimax":
         problem.require_noise_bound("observer.method = 'minimax'")
         if not _disturbed(plant):
@@ -47,8 +55,8 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
         corrected = problem.options.get("half_sample_correction")
         gains["half_sample"] = "corrected" if corrected else "printed"
     if method == "least_squares":
-        gains["deviations"] = equations.relative_deviations(problem.plant.output)
-    if method in equations.NEED_L:
+        gains["deviations"] = relative_deviations(problem.plant.output)
+    if method in NEED_L:
         yield from _with_injection(problem, gains)
     else:
         yield Candidate(method, completed(problem, gains), searched="window" not in problem.options)
@@ -60,7 +68,7 @@ def _with_injection(problem: Problem, gains: dict[str, Any]) -> Iterator[Candida
     free = open_window and "objective" not in problem.options
     for factor in _LONGER if free else (1,):
         k = factor * int(gains["samples"])
-        if k > equations.MOST_SAMPLES:
+        if k > MOST_SAMPLES:
             return
         units = _units(problem, k)
         for natural in (False, True) if open_gain and (units != units[0]).any() else (False,):
@@ -75,14 +83,12 @@ def _with_injection(problem: Problem, gains: dict[str, Any]) -> Iterator[Candida
 
 def _blind(problem: Problem, k: int) -> bool:
     plant, period = problem.plant, float(problem.plant.output.period or 1.0)
-    return equations.approx_reach(plant.flow.A, plant.output.C, period, k) < SINGULAR
+    return approx_window_determinacy(plant.flow.A, plant.output.C, period, k) < SINGULAR
 
 
 def _units(problem: Problem, k: int) -> Any:
     plant = problem.plant
-    return equations.state_scales(
-        plant.flow.A, plant.output.C, k * float(plant.output.period or 1.0)
-    )
+    return state_scales(plant.flow.A, plant.output.C, k * float(plant.output.period or 1.0))
 
 
 def _injection(problem: Problem, k: int, units: Any = None) -> Injection:

@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lmi.time_budget import ended, remark_end, until
-from obsdesign.equations.finite_time import gains as equations
 from obsdesign.equations.finite_time.condition_13 import approx_log_longest_period
+from obsdesign.equations.finite_time.options import MOST_SAMPLES
 from obsdesign.synthesis.finite_time.period_descent import polished
 from obsdesign.synthesis.finite_time.period_program import PeriodProgram, Start
 from obsdesign.synthesis.finite_time.period_question import Injection as Injection
@@ -175,7 +175,7 @@ def _scanned(asked: Open, L: Array, period: float, least: int) -> tuple[int | No
     # beyond some ten time constants only rounding is left of M_T
     reach = math.ceil(60.0 / (np.linalg.norm(asked.A, 2) * period))
     end = until(_SCAN_SECONDS)
-    for k in range(least, max(min(equations.MOST_SAMPLES, reach), least) + 1):
+    for k in range(least, max(min(MOST_SAMPLES, reach), least) + 1):
         value = approx_log_longest_period(asked.A, asked.C, L, k * period, None, asked.tighter)
         if value > math.log(period):
             return k, Injection(L, k * period, value)

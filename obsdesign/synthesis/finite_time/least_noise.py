@@ -15,7 +15,16 @@ from numpy.typing import NDArray
 
 from lmi.arithmetic.exponential import expm, exponential_grid, flow_integrals
 from lmi.time_budget import ended, remark_end, until
-from obsdesign.equations.finite_time import gains as equations
+from obsdesign.equations.finite_time.formulas import (
+    approximate_terms,
+    difference_block,
+    discrete_injection,
+    exact_terms,
+    series_steps,
+    window_matrix,
+)
+from obsdesign.equations.finite_time.options import relative_deviations
+from obsdesign.equations.finite_time.rows import least_squares_gain, sample_rows
 from obsdesign.problem.plant import Plant
 
 Array = NDArray[np.float64]
@@ -38,11 +47,11 @@ def quiet_samples(plant: Plant, counts: list[int]) -> int:
 def _errors(plant: Plant, k: int) -> Array:
     """(n,): what noise and disturbance of the plant's sizes do to each state, least squares."""
     A, C, period = plant.flow.A, plant.output.C, float(plant.output.period or 1.0)
-    deviations = equations.relative_deviations(plant.output)
-    rows = equations.sample_rows(A, C, period, k).reshape(-1, len(A))
+    deviations = relative_deviations(plant.output)
+    rows = sample_rows(A, C, period, k).reshape(-1, len(A))
     if not np.isfinite(rows).all():
         return np.full(len(A), np.inf)
-    gain = equations.least_squares_gain(rows, np.tile(deviations, k))
+    gain = least_squares_gain(rows, np.tile(deviations, k))
     noise = plant.output.noise_bound
     Delta = (plant.flow.upper - plant.flow.lower) / 2
     noise = np.zeros(len(C)) if noise is None else noise
@@ -93,20 +102,20 @@ class _Over(Exception):
 
 
 def _exact_gain(A: Array, C: Array, L: Array, period: float, k: int) -> Array:
-    m = equations.series_steps(A, C, L, period)
+    m = series_steps(A, C, L, period)
     backs = exponential_grid(-A, 0.0, period / m, m)
     steps = [(back, 0.0) for back in backs]
     forward = expm(A * period)
-    K_d = forward @ equations.discrete_injection(A, C, L, period / m, steps)
-    terms = equations.exact_terms(forward + K_d @ C, K_d, k)
-    W = equations.side_by_side(terms)
-    rows = equations.sample_rows(A, C, period, k).reshape(-1, len(A))
+    K_d = forward @ discrete_injection(A, C, L, period / m, steps)
+    terms = exact_terms(forward + K_d @ C, K_d, k)
+    W = window_matrix(terms)
+    rows = sample_rows(A, C, period, k).reshape(-1, len(A))
     return np.asarray(np.linalg.solve(W @ rows, W))
 
 
 def _approximate_gain(A: Array, C: Array, L: Array, period: float, k: int) -> Array:
     n = len(A)
     back, once = flow_integrals(-(A + L @ C), period)
-    whole = expm(equations.difference_block(A, L @ C) * (k * period))
-    terms = equations.approximate_terms(back, once @ L, k)
-    return np.asarray(np.linalg.solve(whole[:n, n:], equations.side_by_side(terms)))
+    whole = expm(difference_block(A, L @ C) * (k * period))
+    terms = approximate_terms(back, once @ L, k)
+    return np.asarray(np.linalg.solve(whole[:n, n:], window_matrix(terms)))

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lmi.arithmetic.exponential import expm
-from obsdesign.equations.finite_time.gains import START, state_scales
+from obsdesign.equations.finite_time.rows import START, state_scales
 
 Array = NDArray[np.float64]
 

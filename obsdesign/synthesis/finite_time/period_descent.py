@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lmi.time_budget import ended, remark_end
-from obsdesign.equations.finite_time import gains as equations
+from obsdesign.equations.finite_time.formulas import SMALLEST_GAIN
 from obsdesign.synthesis.finite_time.period_question import Injection, Open, triangle_of, triangular
 
 Array = NDArray[np.float64]
@@ -43,7 +43,7 @@ class _Polish:
         if asked.coordinates:
             x.append(triangle_of(np.eye(len(asked.A)) if start.S is None else start.S))
         self.x0 = np.concatenate(x) if x else np.zeros(0)
-        self._least = equations.SMALLEST_GAIN * float(np.linalg.norm(asked.A, 2))
+        self._least = SMALLEST_GAIN * float(np.linalg.norm(asked.A, 2))
 
     def cost(self, x: Array) -> float:
         """-log of the period; _Over when time is."""

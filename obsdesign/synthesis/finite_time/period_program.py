@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from obsdesign.equations.finite_time.condition_13 import log_lambert
-from obsdesign.equations.finite_time.gains import SMALLEST_GAIN
+from obsdesign.equations.finite_time.formulas import SMALLEST_GAIN
 from obsdesign.synthesis.finite_time.period_question import (
     normal_coordinates,
     triangular,

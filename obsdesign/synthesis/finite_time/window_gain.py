@@ -21,7 +21,19 @@ from obsdesign.analysis.finite_time.enclosed_gains import (
     half_period,
 )
 from obsdesign.analysis.finite_time.error_radius import bias, disturbance_bound, error_radius
-from obsdesign.equations.finite_time import gains as equations
+from obsdesign.equations.finite_time.options import FREE, relative_deviations
+from obsdesign.equations.finite_time.rows import (
+    DECAYED,
+    END,
+    START,
+    UNBIASED,
+    approx_determinacy,
+    last_state,
+    least_squares_gain,
+    sample_rows,
+    state_scales,
+    unbiased_gain,
+)
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.finite_time.minimax import minimax_gain
 
@@ -31,7 +43,7 @@ _ROUNDING = 1e-13
 # parts of the largest singular value of the samples' rows below which a state may count as unseen,
 # and the bias that is as good as none
 _CUTS = (1e-15, 1e-14, 1e-13, 1e-12, 1e-10, 1e-8)
-_WELL = equations.DEAD / 4
+_WELL = DECAYED / 4
 # rows that are that far from losing rank, relative to their norm, show every state
 _SEEN = 1e-11
 
@@ -44,9 +56,9 @@ def completed(problem: Problem, gains: dict[str, Any]) -> dict[str, Any]:
     if gains["method"] == "approximate":
         return gains | {"window_gain": _window_gain(problem, gains)}
     chosen, error, size = _refined(gains | {"window_gain": _window_gain(problem, gains)})
-    if not size <= equations.UNBIASED and np.linalg.eigvals(gains["A"]).real.min() < 0:
+    if not size <= UNBIASED and np.linalg.eigvals(gains["A"]).real.min() < 0:
         other, of_other, smaller = _against_the_start(problem, gains)
-        if smaller <= equations.UNBIASED:
+        if smaller <= UNBIASED:
             chosen, error = other, of_other
     chosen = chosen | {"state_error": error}
     return chosen | {"radius": _radius(chosen)} if "noise_bound" in chosen else chosen
@@ -59,8 +71,8 @@ def _against_the_start(
 
     Modes that die within a period cannot be told apart, and need not be.
     """
-    start = gains | {"reference": equations.START}
-    if gains["method"] not in equations.FREE:
+    start = gains | {"reference": START}
+    if gains["method"] not in FREE:
         return _refined(start | {"window_gain": _window_gain(problem, start)})
     fitted = start | {"method": "least_squares"}
 
@@ -68,9 +80,9 @@ def _against_the_start(
         return _refined(fitted | {"window_gain": _window_gain(problem, fitted, cut)}, cut)[2]
 
     rows = _rows(start)[0]
-    scales = equations.state_scales(gains["A"], gains["C"], gains["samples"] * gains["period"])
+    scales = state_scales(gains["A"], gains["C"], gains["samples"] * gains["period"])
     cut, least = 0.0, missed(0.0)
-    if not (least <= _WELL and equations.approx_determinacy(rows, scales) > _SEEN):
+    if not (least <= _WELL and approx_determinacy(rows, scales) > _SEEN):
         sizes = {cut: least} | {other: missed(other) for other in _CUTS}
         well = [other for other in sizes if sizes[other] <= _WELL]
         # the more is cut the less is amplified
@@ -85,18 +97,16 @@ def _window_gain(problem: Problem, gains: dict[str, Any], cut: float = 0.0) -> A
     flat, wanted = _rows(gains)
     if not (np.isfinite(flat).all() and np.isfinite(wanted).all()):
         return nothing
-    if not cut and equations.approx_determinacy(flat, np.ones(len(A))) == 0.0:
+    if not cut and approx_determinacy(flat, np.ones(len(A))) == 0.0:
         return nothing
-    left = equations.least_squares_gain(
-        flat, np.tile(equations.relative_deviations(problem.plant.output), k), cut
-    )
+    left = least_squares_gain(flat, np.tile(relative_deviations(problem.plant.output), k), cut)
     fitted = wanted @ left
     if method == "least_squares":
-        return equations.made_unbiased(fitted, flat, left, wanted)
+        return unbiased_gain(fitted, flat, left, wanted)
     if method == "minimax":
 
         def project(gain: Any) -> Any:
-            return equations.made_unbiased(gain, flat, left, wanted)
+            return unbiased_gain(gain, flat, left, wanted)
 
         found, kept = minimax_gain(gains, project(fitted), project)
         if kept:
@@ -116,12 +126,12 @@ def _rows(gains: dict[str, Any]) -> tuple[Any, Any]:
     Against the start rounded from enclosures: what has died is rounding of what has not.
     """
     A, k = gains["A"], gains["samples"]
-    if gains.get("reference", equations.END) == equations.START:
+    if gains.get("reference", END) == START:
         with precision(_BITS[1]):
             sampled = _sampled(gains)
             return middles(sampled.rows()), middles(sampled.last())
-    rows = equations.sample_rows(A, gains["C"], gains["period"], k)
-    wanted = equations.last_state(A, k * gains["period"], equations.END)
+    rows = sample_rows(A, gains["C"], gains["period"], k)
+    wanted = last_state(A, k * gains["period"], END)
     return rows.reshape(-1, len(A)), wanted
 
 
@@ -158,7 +168,7 @@ def _refined(gains: dict[str, Any], cut: float = 0.0) -> tuple[dict[str, Any], A
     for bits in _BITS:
         with precision(bits):
             found = _refined_once(gains, cut)
-        if found[2] <= equations.UNBIASED:
+        if found[2] <= UNBIASED:
             break
         if np.isfinite(found[2]) and "reference" not in gains:
             break  # no digits are missing
@@ -167,7 +177,7 @@ def _refined(gains: dict[str, Any], cut: float = 0.0) -> tuple[dict[str, Any], A
 
 def _refined_once(gains: dict[str, Any], cut: float) -> tuple[dict[str, Any], Any, float]:
     error, size = bias(_sampled(gains), gains["window_gain"])
-    if gains["method"] in equations.FREE and _ROUNDING < float_above(size) < 1:
+    if gains["method"] in FREE and _ROUNDING < float_above(size) < 1:
         moved = _less(gains, error, cut)
         of_moved, smaller = bias(_sampled(moved), moved["window_gain"])
         if float_above(smaller) < float_above(size):
@@ -179,10 +189,10 @@ def _refined_once(gains: dict[str, Any], cut: float) -> tuple[dict[str, Any], An
 def _less(gains: dict[str, Any], error: Any, cut: float) -> dict[str, Any]:
     """The gains less an error (n, n) of G O."""
     rows = _rows(gains)[0]
-    left = equations.least_squares_gain(rows, np.ones(len(rows)), cut)
+    left = least_squares_gain(rows, np.ones(len(rows)), cut)
     return gains | {"window_gain": gains["window_gain"] - middles(error) @ left}
 
 
 def _sampled(gains: dict[str, Any]) -> Sampled:
-    reference = gains.get("reference", equations.END)
+    reference = gains.get("reference", END)
     return Sampled.of(gains["A"], gains["C"], gains["period"], gains["samples"], reference)

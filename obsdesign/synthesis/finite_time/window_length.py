@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from obsdesign.equations.finite_time import gains as equations
+from obsdesign.equations.finite_time.options import MOST_SAMPLES, NEED_L, window_samples
+from obsdesign.equations.finite_time.rows import approx_window_determinacy
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.finite_time.injection import Open, best_injection, fewest_samples
 from obsdesign.synthesis.finite_time.least_noise import quiet_samples
@@ -26,7 +27,7 @@ def chosen_samples(problem: Problem) -> int:
     """k, given or chosen by the objective, else by how well the window determines the state."""
     plant, period = problem.plant, float(problem.plant.output.period or 1.0)
     if "window" in problem.options:
-        return equations.window_samples(problem.options["window"], period)
+        return window_samples(problem.options["window"], period)
     A, C, objective = plant.flow.A, plant.output.C, problem.options.get("objective")
     if objective is None:
         return _well_determined(A, C, period)
@@ -35,7 +36,7 @@ def chosen_samples(problem: Problem) -> int:
         (
             k
             for k in range(fewest, plant.n + 1)
-            if equations.approx_reach(A, C, period, k) > SINGULAR
+            if approx_window_determinacy(A, C, period, k) > SINGULAR
         ),
         None,
     )
@@ -43,11 +44,11 @@ def chosen_samples(problem: Problem) -> int:
     if objective == "shortest_window":
         k = shortest
     by_13 = objective in BY_13 and np.any(A)
-    if by_13 and shortest is not None and problem.options.get("method") in equations.NEED_L:
+    if by_13 and shortest is not None and problem.options.get("method") in NEED_L:
         k = _samples_for_13(Open(A, C, None, problem.gains.get("L")), period, shortest, objective)
     if objective == "least_noise" and shortest is not None:
         counts = _counts(plant.n, _PER_OCTAVE)
-        enough = [n for n in counts if equations.approx_reach(A, C, period, n) >= _DETERMINED]
+        enough = [n for n in counts if approx_window_determinacy(A, C, period, n) >= _DETERMINED]
         k = quiet_samples(plant, enough) if enough else None
     return _well_determined(A, C, period) if k is None else k
 
@@ -58,14 +59,14 @@ def _samples_for_13(asked: Open, period: float, least: int, objective: Any) -> i
         k = fewest_samples(asked, period, least)[0]
         return k or fewest_samples(replace(asked, coordinates=True), period, least)[0]
     window = best_injection(asked).window
-    return int(min(max(round(window / period), least), equations.MOST_SAMPLES))
+    return int(min(max(round(window / period), least), MOST_SAMPLES))
 
 
 def _well_determined(A: Any, C: Any, period: float) -> int:
     """The first of n, 2 n, ... samples that determines the state well, or half as well as any."""
     found = []
     for k in _counts(len(A)):
-        found.append((equations.approx_reach(A, C, period, k), k))
+        found.append((approx_window_determinacy(A, C, period, k), k))
         if found[-1][0] >= _DETERMINED:
             return k
     best = max(reach for reach, _ in found)

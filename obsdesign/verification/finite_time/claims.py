@@ -15,7 +15,16 @@ import numpy as np
 from lmi.arithmetic.balls import precision
 from obsdesign.analysis.finite_time.enclosed_gains import Sampled
 from obsdesign.document import Claim
-from obsdesign.equations.finite_time import gains as equations
+from obsdesign.equations.finite_time.options import (
+    MOST_SAMPLES,
+    NEED_L,
+    reason_against_objective,
+    reason_against_problem,
+    relative_deviations,
+    stored_plant,
+    window_samples,
+)
+from obsdesign.equations.finite_time.rows import END, START
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.choices import left_open, of_all_choices
 from obsdesign.verification.consistency import consistency
@@ -90,8 +99,8 @@ def _coordinates(certificates: Mapping[str, Mapping[str, Any]], n: int) -> Any:
 
 
 def _objection(problem: Problem) -> str | None:
-    text = equations.objection(problem.plant, problem.options)
-    return text or equations.objective_objection(problem.options, "L" in problem.gains)
+    text = reason_against_problem(problem.plant, problem.options)
+    return text or reason_against_objective(problem.options, "L" in problem.gains)
 
 
 def expected_gains(problem: Problem, gains: Mapping[str, Any]) -> dict[str, Any]:
@@ -100,11 +109,11 @@ def expected_gains(problem: Problem, gains: Mapping[str, Any]) -> dict[str, Any]
     method = options.get("method", "least_squares")
     samples: Any = gains.get("samples")
     k = int(samples) if _is_count(samples) else 0
-    if "window" in options and equations.objection(plant, options) is None:
-        k = equations.window_samples(options["window"], plant.output.period or 1.0)
-    expected = equations.stored_plant(plant) | {"method": method, "samples": float(k)}
+    if "window" in options and reason_against_problem(plant, options) is None:
+        k = window_samples(options["window"], plant.output.period or 1.0)
+    expected = stored_plant(plant) | {"method": method, "samples": float(k)}
     expected |= {"window_gain": (plant.n, k * plant.p)}
-    if method in equations.NEED_L:
+    if method in NEED_L:
         expected |= {"L": (plant.n, plant.p)}
     if method == "approximate":
         corrected = bool(options.get("half_sample_correction"))
@@ -114,20 +123,20 @@ def expected_gains(problem: Problem, gains: Mapping[str, Any]) -> dict[str, Any]
         if plant.output.noise_bound is not None:
             expected |= {"radius": (plant.n,)}
         if "reference" in gains:  # without it, the window's end
-            expected |= {"reference": {equations.START}}
+            expected |= {"reference": {START}}
     if method == "least_squares":
-        expected |= {"deviations": equations.relative_deviations(plant.output)}
+        expected |= {"deviations": relative_deviations(plant.output)}
     return expected | {name: X for name, X in problem.gains.items() if name in expected}
 
 
 def _is_count(value: Any) -> bool:
-    return isinstance(value, int | float) and 1 <= value <= equations.MOST_SAMPLES
+    return isinstance(value, int | float) and 1 <= value <= MOST_SAMPLES
 
 
 def _hypotheses(gains: Mapping[str, Any], S: Any) -> list[Claim]:
     sampled = Sampled.of(
         gains["A"], gains["C"], gains["period"], int(gains["samples"]),
-        gains.get("reference", equations.END),
+        gains.get("reference", END),
     )  # fmt: skip
     found: list[Claim] = []
     for claim in _in_order(gains, sampled, S):
@@ -143,7 +152,7 @@ def _in_order(gains: Mapping[str, Any], sampled: Sampled, S: Any) -> Any:
     yield sampled_observable(sampled, dead)
     yield long_enough(sampled, dead)
     method = gains["method"]
-    if method in equations.NEED_L:
+    if method in NEED_L:
         yield invertible(sampled, gains)
         yield of_the_method(sampled, gains)
     if method == "approximate":

@@ -21,7 +21,7 @@ from obsdesign.analysis.finite_time.enclosed_gains import (
 )
 from obsdesign.analysis.finite_time.error_radius import bias, disturbance_bound, error_radius
 from obsdesign.document import Claim
-from obsdesign.equations.finite_time.gains import REFERENCES, START, UNBIASED
+from obsdesign.equations.finite_time.rows import REFERENCES, START, UNBIASED
 from obsdesign.verification.finite_time.window import (
     PAPER,
     SINGULAR,

@@ -7,7 +7,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from obsdesign.document import Claim
-from obsdesign.equations.finite_time import gains as equations
+from obsdesign.equations.finite_time.options import NEED_L, has_announced_jumps
+from obsdesign.equations.finite_time.rows import START, pathological_pairs
 from obsdesign.problem.problem import Problem
 
 # rounding of the data is amplified beyond this: most of the 16 digits are at stake
@@ -43,14 +44,14 @@ def _estimate(problem: Problem, method: str, evidence: Mapping[str, Any]) -> tup
     """When and without what the estimate is the state, or near to it."""
     plant = problem.plant
     without = ["disturbance", "noise", *_unbounded(problem)]
-    announced = equations.announced_jumps(plant)
+    announced = has_announced_jumps(plant)
     free = f"{', '.join(without[:-1])} or {without[-1]}"
     since = "or since the last jump, " if announced else ""
     when = f"Once the window is full of samples {since}and without {free} in it,"
     ids = ["consistent", "observable", "sampled_observable", "window_long_enough"]
     if method != "approximate":
         of_what = ""
-        if evidence.get("unbiased", {}).get("reference") == equations.START:
+        if evidence.get("unbiased", {}).get("reference") == START:
             of_what = " of what it was at the window's start"
         return f"{when} the estimate is the state, to rounding{of_what}.", [*ids, "unbiased"]
     ids += ["difference_invertible", "gains_of_the_method"]
@@ -68,7 +69,7 @@ def _unbounded(problem: Problem) -> list[str]:
     """What moves the state without bounds and without being told."""
     plant = problem.plant
     found = ["unknown input d"] if plant.flow.D is not None else []
-    hidden = plant.jump is not None and not equations.announced_jumps(plant)
+    hidden = plant.jump is not None and not has_announced_jumps(plant)
     return [*found, "unannounced impulses"] if hidden else found
 
 
@@ -103,7 +104,7 @@ def _bounded(problem: Problem, evidence: Mapping[str, Any]) -> list[tuple[str, l
 def _of_the_theorem(problem: Problem) -> str:
     """What Theorem 1 speaks of: (14) as printed, and nothing unknown in the window."""
     free = " or ".join(["without disturbance", "noise", *_unbounded(problem)])
-    since = ", and since the last jump" if equations.announced_jumps(problem.plant) else ""
+    since = ", and since the last jump" if has_announced_jumps(problem.plant) else ""
     taken = ""
     if problem.options.get("half_sample_correction"):
         taken = " before its half-sample correction, which is not what runs"
@@ -170,15 +171,13 @@ def _warnings(problem: Problem, evidence: Mapping[str, Any]) -> list[dict[str, A
     told = []
     plant = problem.plant
     method = problem.options.get("method", "least_squares")
-    if "L" in problem.gains and method not in equations.NEED_L:
+    if "L" in problem.gains and method not in NEED_L:
         told.append(
             f"An estimate that depends on observer.gains.L: method {method!r} has no L, and the "
             "one of the file is not used."
         )
     if evidence.get("sampled_observable"):
-        for one, other, turns in equations.pathological_pairs(
-            plant.flow.A, plant.output.period or 1.0
-        ):
+        for one, other, turns in pathological_pairs(plant.flow.A, plant.output.period or 1.0):
             told.append(
                 f"A period away from pathological sampling: the eigenvalues {one:.6g} and "
                 f"{other:.6g} differ by {turns:.6g} x 2 pi i / period, and only together do the "

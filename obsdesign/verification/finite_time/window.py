@@ -19,7 +19,14 @@ from lmi.verdict import Verdict, proved, refuted
 from obsdesign.analysis.finite_time.enclosed_gains import Sampled
 from obsdesign.analysis.finite_time.error_radius import bias
 from obsdesign.document import Claim
-from obsdesign.equations.finite_time import gains as equations
+from obsdesign.equations.finite_time.options import FREE
+from obsdesign.equations.finite_time.rows import (
+    DECAYED,
+    REFERENCES,
+    START,
+    approx_window_determinacy,
+    pathological_pairs,
+)
 
 PAPER = "Mazenc, Ahmed, MICNON 2018"
 _SOURCES = {
@@ -51,9 +58,9 @@ def observable(sampled: Sampled) -> Claim:
 
 def dead_otherwise(sampled: Sampled, gains: Mapping[str, Any]) -> bool:
     """Do the stored gains show that what the samples do not see has died within the window?"""
-    if sampled.reference != equations.START or gains["method"] not in equations.FREE:
+    if sampled.reference != START or gains["method"] not in FREE:
         return False
-    if not bias(sampled, gains["window_gain"])[1] <= scalar(exact(equations.DEAD).item()):
+    if not bias(sampled, gains["window_gain"])[1] <= scalar(exact(DECAYED).item()):
         return False
     # gains that pick a state out of what rounding leaves of it are no such gains
     units = sampled.units()
@@ -67,7 +74,7 @@ def _but_for_the_dead(verdict: Verdict, name: str, statement: str, dead: bool) -
     if verdict.outcome != "proved" and dead:
         statement = (
             f"{statement}; or, as here, what they do not tell apart at the window's start is at "
-            f"its end at most {equations.DEAD:g} of what it was: sum_j G_j C A_d^j = A_d^k to "
+            f"its end at most {DECAYED:g} of what it was: sum_j G_j C A_d^j = A_d^k to "
             "within that for the stored gains, and no entry of sum_j |G_j| |C A_d^j| is above "
             f"{_MOST_AMPLIFIED:g} (scaled)"
         )
@@ -93,7 +100,7 @@ def sampled_observable(sampled: Sampled, dead: bool = False) -> Claim:
 
 
 def _why_badly_sampled(sampled: Sampled) -> str:
-    pairs = equations.pathological_pairs(to_float(sampled.A), sampled.period)
+    pairs = pathological_pairs(to_float(sampled.A), sampled.period)
     if pairs:
         one, other, turns = pairs[0]
         return (
@@ -122,7 +129,7 @@ def _enough_samples(sampled: Sampled) -> int | None:
     counts = [k for i in powers for k in (first << i, first >> i) if n <= k <= _MOST_TRIED]
 
     def seen(k: int) -> float:
-        return min(equations.approx_reach(A, C, sampled.period, k), _WITH_MARGIN)
+        return min(approx_window_determinacy(A, C, sampled.period, k), _WITH_MARGIN)
 
     best = max(counts, key=seen, default=None)
     if best is None or seen(best) < SINGULAR or _row_rank(sampled, best).outcome != "proved":
@@ -147,7 +154,7 @@ def sampled_index(sampled: Sampled) -> int:
     """Fewest samples whose rows have full rank (in floats; a rank at l = n is a rank for ever)."""
     A, C = to_float(sampled.A), to_float(sampled.C)
     for k in range(1, len(A) + 1):
-        if equations.approx_reach(A, C, sampled.period, k) >= SINGULAR:
+        if approx_window_determinacy(A, C, sampled.period, k) >= SINGULAR:
             return k
     return len(A)
 
@@ -159,7 +166,7 @@ def _row_rank(sampled: Sampled, k: int) -> Verdict:
     those of the second; what the samples hardly see, neither sees.
     """
     first: Verdict | None = None
-    for reference in equations.REFERENCES:
+    for reference in REFERENCES:
         window = replace(sampled, k=k, reference=reference)
         scaled = window.rows() * window.units()
         units = [_power_of_two(sum(x * x for x in row)) for row in scaled]

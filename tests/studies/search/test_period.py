@@ -19,8 +19,8 @@ from lmi.arithmetic.norms import float_below
 from lmi.time_budget import total_budget
 from obsdesign.analysis.finite_time.enclosed_gains import Sampled
 from obsdesign.document import digest, from_dict
-from obsdesign.equations.finite_time import gains as equations
 from obsdesign.equations.finite_time.condition_13 import approx_log_longest_period
+from obsdesign.studies.search import period as period_search
 from obsdesign.studies.search.dwell_time import search
 from obsdesign.synthesis.finite_time.injection import Open, best_injection
 from obsdesign.verification.finite_time.theorem_1 import Sizes
@@ -49,10 +49,10 @@ def test_given_window_and_gain() -> None:
 
 
 def test_more_samples_than_a_design_holds_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(equations, "MOST_SAMPLES", 116)
+    monkeypatch.setattr(period_search, "MOST_SAMPLES", 116)
     remarks = found(window=6, gains={"L": L})["remarks"]
     assert any("117 samples in a window are more than" in text for text in remarks)
-    monkeypatch.setattr(equations, "MOST_SAMPLES", 117)  # the twin
+    monkeypatch.setattr(period_search, "MOST_SAMPLES", 117)  # the twin
     remarks = found(window=6, gains={"L": L}).get("remarks", [])
     assert not any("samples in a window" in text for text in remarks)
 

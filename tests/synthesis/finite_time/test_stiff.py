@@ -17,7 +17,7 @@ from obsdesign.analysis.finite_time import enclosed_gains as window_gains
 from obsdesign.analysis.finite_time.enclosed_gains import Sampled
 from obsdesign.data.simulation import simulate
 from obsdesign.document import from_dict
-from obsdesign.equations.finite_time.gains import least_squares_gain
+from obsdesign.equations.finite_time.rows import least_squares_gain
 from obsdesign.runtime import Sample, from_design
 from obsdesign.synthesis.finite_time import minimax
 from obsdesign.verification.finite_time.gains import _too_fast

@@ -25,37 +25,9 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lmi.arithmetic.exponential import exponential_grid
-from obsdesign.equations.finite_time.options import FREE as FREE
-from obsdesign.equations.finite_time.options import METHODS as METHODS
-from obsdesign.equations.finite_time.options import MOST_SAMPLES as MOST_SAMPLES
-from obsdesign.equations.finite_time.options import NEED_L as NEED_L
-from obsdesign.equations.finite_time.options import WHOLE_TOLERANCE as WHOLE_TOLERANCE
-from obsdesign.equations.finite_time.options import announced_jumps as announced_jumps
-from obsdesign.equations.finite_time.options import objection as objection
-from obsdesign.equations.finite_time.options import objective_objection as objective_objection
-from obsdesign.equations.finite_time.options import relative_deviations as relative_deviations
-from obsdesign.equations.finite_time.options import stored_plant as stored_plant
-from obsdesign.equations.finite_time.options import window_objection as window_objection
-from obsdesign.equations.finite_time.options import window_samples as window_samples
-from obsdesign.equations.finite_time.rows import DEAD as DEAD
-from obsdesign.equations.finite_time.rows import END as END
-from obsdesign.equations.finite_time.rows import REFERENCES as REFERENCES
-from obsdesign.equations.finite_time.rows import START as START
-from obsdesign.equations.finite_time.rows import UNBIASED as UNBIASED
-from obsdesign.equations.finite_time.rows import approx_determinacy as approx_determinacy
-from obsdesign.equations.finite_time.rows import approx_reach as approx_reach
-from obsdesign.equations.finite_time.rows import last_state as last_state
-from obsdesign.equations.finite_time.rows import least_squares_gain as least_squares_gain
-from obsdesign.equations.finite_time.rows import made_unbiased as made_unbiased
-from obsdesign.equations.finite_time.rows import pathological_pairs as pathological_pairs
-from obsdesign.equations.finite_time.rows import sample_rows as sample_rows
-from obsdesign.equations.finite_time.rows import stacked_rows as stacked_rows
-from obsdesign.equations.finite_time.rows import state_scales as state_scales
-
-Array = NDArray[Any]
+from obsdesign.equations.gains import Array
 
 # the norm of the generator times a step of the series below, and the terms it is summed to
 _SERIES_STEP, SERIES_TERMS = 0.5, 36
@@ -147,7 +119,7 @@ def _powers_times(X: Array, Y: Array, k: int) -> Array:
     return np.array(terms)
 
 
-def side_by_side(terms: Array) -> Array:
+def window_matrix(terms: Array) -> Array:
     """(k, n, p) -> (n, k p): gains as one matrix that multiplies the window, oldest first."""
     k, n, p = terms.shape
     return terms.transpose(1, 0, 2).reshape(n, k * p)
