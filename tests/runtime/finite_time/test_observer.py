@@ -15,6 +15,7 @@ import obsdesign
 from obsdesign.data.simulation import simulate
 from obsdesign.errors import InputError
 from obsdesign.runtime import Sample, from_design
+from obsdesign.runtime.finite_time import observer as finite_time
 from tests.cli.test_commands import command
 from tests.test_architecture import SOLVERS, run_blocked
 from tests.verification.finite_time.test_claims import ROTATION, L, problem
@@ -179,6 +180,16 @@ def test_a_long_silence_empties_the_window() -> None:
     assert estimate.status == "window not full"
 
 
+def test_times_are_regular_after_a_gap_of_more_than_a_window() -> None:
+    observer = observer_of(problem(period=0.25, window=1))
+    for first in (0, 1):  # the gap begins at the very first sample, or later
+        state, statuses = observer.init(), []
+        for i in [*range(first + 1), 10, 11, 12, 13, 14]:
+            state, estimate = observer.step(state, Sample(0.25 * i, y=[1.0]))
+            statuses.append(estimate.status)
+        assert statuses == ["window not full"] * (first + 5) + ["ok"]
+
+
 def test_irregular_times_start_again() -> None:
     asked = problem(period=0.25, window=1)
     observer = observer_of(asked)
@@ -246,7 +257,7 @@ def test_the_usual_step_is_the_general_one(
     y, u = record.block("y"), record.block("u") if driven else None
     observer = observer_of(asked)
     usual = observer.run_batch(record.t, y, u)
-    monkeypatch.setattr(type(observer), "_steady", lambda *_: None)
+    monkeypatch.setattr(finite_time, "steady_step", lambda *_: None)
     general = observer.run_batch(record.t, y, u)
     assert usual.status == general.status
     # (14) integrates known inputs by other products, whose rounding M_T^-1 amplifies
@@ -421,10 +432,10 @@ def test_bounds_of_an_unstable_plant_that_feedback_keeps_small() -> None:
             assert estimate.status == "ok"
             assert estimate.lower[0] <= x <= estimate.upper[0]
             width = estimate.upper[0] - estimate.lower[0]
-            assert width <= 2 * observer.gains["radius"][0] * (1 + 1e-9)
+            assert width <= 2 * observer.gains.radius[0] * (1 + 1e-9)
         u = -2.0 * estimate.x[0]
         # the sample's u holds from its time on: the one given with the next sample comes later
-        state = state._replace(u=np.array([u]), drive=observer._drive(np.array([u])))
+        state = state._replace(u=np.array([u]), drive=observer.constants.driven(np.array([u])))
         x = np.exp(0.1) * x + np.expm1(0.1) * u
 
 

@@ -160,7 +160,7 @@ def test_bounds_hold_and_w_moves(rate: float, method: str) -> None:
         x = flow @ x + once @ (np.array([0.0, u[0]]) + rng.choice([-1.0, 1.0], 2))
     assert seen == 192
     assert np.abs(state.w).max() < 100
-    radius = observer.gains["radius"]
+    radius = observer.gains.radius
     assert (told.upper - told.lower <= 2 * radius * (1 + 1e-9) + 1e-9).all()
 
 
@@ -252,7 +252,7 @@ def test_what_is_written_is_what_is_promised(seed: int) -> None:
     outcome = obsdesign.investigate(asked)
     assert outcome.verdict == "proved"
     observer: Any = from_design(outcome.design)
-    promised = observer.gains["radius"]
+    promised = observer.gains.radius
     flow, once = flow_integrals(A, 0.1)
     rng = np.random.default_rng(seed)
     x, state = rng.standard_normal(n), observer.init()
