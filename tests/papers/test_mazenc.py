@@ -23,8 +23,9 @@ from obsdesign.equations.finite_time import condition_13 as bounds
 from obsdesign.equations.finite_time.options import NEED_L
 from obsdesign.equations.finite_time.rows import least_squares_gain, sample_rows
 from obsdesign.runtime import from_design
-from obsdesign.synthesis.finite_time.injection import Open, best_injection
-from obsdesign.verification.finite_time.theorem_1 import Sizes
+from obsdesign.synthesis.finite_time.injection import best_injection
+from obsdesign.synthesis.finite_time.period_problem import PeriodProblem
+from obsdesign.verification.finite_time.theorem_1 import Norms
 
 A = np.array([[0.0, 0.15], [-0.15, 0.0]])
 C = np.array([[0.3, 0.0]])
@@ -44,8 +45,8 @@ def problem(method: str, *, period: float = PERIOD, window: float = T, **observe
     )  # fmt: skip
 
 
-def sizes(period: float = PERIOD, k: int = K) -> Sizes:
-    found = Sizes.of(Sampled.of(A, C, period, k), L)
+def sizes(period: float = PERIOD, k: int = K) -> Norms:
+    found = Norms.from_sampled(Sampled.from_plant(A, C, period, k), L)
     assert found is not None
     return found
 
@@ -89,7 +90,7 @@ def test_printed_constants(name: str, printed: float, digits: int) -> None:
 
 def test_printed_matrices() -> None:
     with precision(160):
-        sampled = Sampled.of(A, C, PERIOD, K)
+        sampled = Sampled.from_plant(A, C, PERIOD, K)
         M = difference_matrix(sampled, L)[0] * gain_scale(sampled, L)
         inverse = middles(solve_entries(M, entries(identity(2))))
         M = middles(M)
@@ -215,7 +216,7 @@ def test_exact_at_any_period(period: float, window: float, approximate: float | 
 
 def test_the_bias_is_half_a_sample() -> None:
     with precision(160):
-        sampled = Sampled.of(A, C, PERIOD, K)
+        sampled = Sampled.from_plant(A, C, PERIOD, K)
         E = middles(approximate_gain(sampled, L) @ sampled.rows()) - np.eye(2)
     expected = [[-1.78252347e-5, -3.77640625e-3], [3.72333851e-3, -5.96138451e-5]]
     assert np.abs(E - expected).max() < 1e-11
@@ -232,7 +233,7 @@ def test_the_bias_is_half_a_sample() -> None:
 )  # fmt: skip
 def test_bias_against_the_period(period: float, size: str) -> None:
     with precision(160):
-        sampled = Sampled.of(A, C, period, round(T / period))
+        sampled = Sampled.from_plant(A, C, period, round(T / period))
         E = middles(approximate_gain(sampled, L) @ sampled.rows()) - np.eye(2)
     mantissa, _, exponent = size.partition("e")
     unit = 10.0 ** (int(exponent or 0) - len(mantissa.partition(".")[2]))
@@ -259,7 +260,7 @@ def test_half_sample_correction() -> None:
 )
 def test_phi_over_one_period(period: float, P: Any, det: float) -> None:
     with precision(160):
-        sampled = Sampled.of(A, C, period, 2)
+        sampled = Sampled.from_plant(A, C, period, 2)
         K_d = sampled.forward @ injection(sampled, L)
         found = middles(sampled.forward + K_d @ sampled.C)
         gain = middles(K_d)
@@ -461,7 +462,7 @@ def test_longest_period_of_the_improved_lemma(window: float, longest: float) -> 
     ],
 )
 def test_longest_period_that_the_improved_lemma_allows(known: Any, longest: float) -> None:
-    found = best_injection(Open(A, C, tighter=True, **known), seconds=2.0)
+    found = best_injection(PeriodProblem(A, C, tighter=True, **known), seconds=2.0)
     assert np.exp(found.log_period) >= longest * (1 - 1e-5)
 
 

@@ -49,7 +49,7 @@ _MOST_WORK = 3e7
 class Sampled:
     """A, C (exact rationals) and one period: A_d, A_d^-1 as balls; k samples in the window.
 
-    reference: does the window speak of x(t_i), or of x(t_i - T)?
+    reference: the rows of the samples are functions of x(t_i) (END) or of x(t_i - T) (START).
     """
 
     A: Exact
@@ -60,13 +60,13 @@ class Sampled:
     back: Exact
     reference: str = END
 
-    @staticmethod
-    def of(A: Any, C: Any, period: float, k: int, reference: str = END) -> Sampled:
-        """From the numbers of a plant."""
+    @classmethod
+    def from_plant(cls, A: Any, C: Any, period: float, k: int, reference: str = END) -> Sampled:
+        """Enclose A_d and A_d^-1 of a plant."""
         A_exact = exact(A)
         forward = entries(exp_times(A_exact, period))
         back = entries(exp_times(-A_exact, period))
-        return Sampled(A_exact, exact(C), period, k, forward, back, reference)
+        return cls(A_exact, exact(C), period, k, forward, back, reference)
 
     def rows(self) -> Exact:
         """C A_d^(j-k), or C A_d^j, j = 0..k-1, (k p, n)."""
@@ -78,7 +78,7 @@ class Sampled:
         return stack.reshape(-1, len(self.A))
 
     def last(self) -> Exact:
-        """What x(t_i) is of the reference: I, or A_d^k."""
+        """x(t_i) as a function of the reference: I, or A_d^k."""
         if self.reference == START:
             return exponential(self.A, self.period, self.k)
         return entries(identity(len(self.A)))
@@ -137,8 +137,8 @@ def exact_matrix(sampled: Sampled, L: Any) -> tuple[Exact, Exact] | None:
 def exact_gain(sampled: Sampled, L: Any) -> Exact | None:
     """Gains (n, k p) of (9) with (16); None if N may be singular, or is not known."""
     pair = exact_matrix(sampled, L)
-    found = None if pair is None else solve_entries(*pair)
-    return None if found is None else sampled.last() @ found
+    gain = None if pair is None else solve_entries(*pair)
+    return None if gain is None else sampled.last() @ gain
 
 
 def half_period(sampled: Sampled) -> Any:
@@ -147,9 +147,9 @@ def half_period(sampled: Sampled) -> Any:
 
 
 def injection(sampled: Sampled, L: Any) -> Exact | None:
-    """K of one period; the rest of its series is in the balls. None if that is too much work.
+    """K of one period with the remainder of its series; None beyond `_MOST_WORK`.
 
-    In units in which all states are seen about equally well: its steps depend on norms.
+    In units in which all states are about equally observable: its steps depend on norms.
     """
     units = sampled.units()
     A, C = sampled.A * units / units[:, None], sampled.C * units
@@ -161,20 +161,20 @@ def injection(sampled: Sampled, L: Any) -> Exact | None:
 
 
 class _Key(NamedTuple):
-    """An exact matrix that can be remembered."""
+    """An exact matrix as a key of the cache."""
 
     shape: tuple[int, ...]
     values: tuple[Any, ...]
 
     def matrix(self) -> Exact:
-        found = np.empty(len(self.values), dtype=object)
-        found[:] = self.values
-        return found.reshape(self.shape)
+        flat = np.empty(len(self.values), dtype=object)
+        flat[:] = self.values
+        return flat.reshape(self.shape)
 
 
-@lru_cache(maxsize=8)  # a design asks for the same one several times
-def _injection(of_A: _Key, of_C: _Key, of_L: _Key, period: float, bits: int) -> Exact | None:
-    A_exact, C_exact, L_exact = of_A.matrix(), of_C.matrix(), of_L.matrix()
+@lru_cache(maxsize=8)  # a design needs the same one several times
+def _injection(A_key: _Key, C_key: _Key, L_key: _Key, period: float, bits: int) -> Exact | None:
+    A_exact, C_exact, L_exact = A_key.matrix(), C_key.matrix(), L_key.matrix()
     A, C, gain = (to_float(X) for X in (A_exact, C_exact, L_exact))
     m = series_steps(A, C, gain, period)
     count = max(SERIES_TERMS, _TERMS_PER_BIT * bits // 8)
@@ -201,7 +201,7 @@ def _size(X: Exact) -> Any:
 def gain_scale(sampled: Sampled, L: Any) -> Any:
     """A power of two, exactly, about as large as L C; 1 if it is zero.
 
-    Beside the plant's own entries those of a small L C would drown in the radius of a ball.
+    Without it the entries of a small L C would be below the radius of a ball.
     """
     LC = exact(L) @ sampled.C
     largest = max(abs(x) for x in LC.flat)

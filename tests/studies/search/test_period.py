@@ -22,8 +22,9 @@ from obsdesign.document import digest, from_dict
 from obsdesign.equations.finite_time.condition_13 import approx_log_longest_period
 from obsdesign.studies.search import period as period_search
 from obsdesign.studies.search.dwell_time import search
-from obsdesign.synthesis.finite_time.injection import Open, best_injection
-from obsdesign.verification.finite_time.theorem_1 import Sizes
+from obsdesign.synthesis.finite_time.injection import best_injection
+from obsdesign.synthesis.finite_time.period_problem import PeriodProblem
+from obsdesign.verification.finite_time.theorem_1 import Norms
 from tests.cli.test_commands import ROOT, command
 from tests.verification.finite_time.test_claims import ROTATION, L, problem
 
@@ -94,7 +95,7 @@ def test_an_open_window_is_a_whole_number_of_the_longest_periods(
     with precision(160):
         for factor, holds in ((1.0, True), (1 + 1e-9, False)):
             period = result["admissible"] * factor
-            sizes = Sizes.of(Sampled.of(A, C, period, k), gain)
+            sizes = Norms.from_sampled(Sampled.from_plant(A, C, period, k), gain)
             assert sizes is not None
             assert sizes.condition(period) is holds
     design = obsdesign.design(
@@ -112,7 +113,7 @@ def test_feasible_windows_at_the_printed_gain() -> None:
     assert (result["samples"], result["not_proved_verdict"]) == (84, "refuted")
     with precision(160):
         for k, holds in ((83, False), (84, True), (129, True), (130, False)):
-            sizes = Sizes.of(Sampled.of(A, C, 0.05, k), L)
+            sizes = Norms.from_sampled(Sampled.from_plant(A, C, 0.05, k), L)
             assert sizes is not None
             assert sizes.condition(0.05) is holds
 
@@ -130,7 +131,7 @@ def test_the_admissible_design_has_theorem_1() -> None:
     told = [entry for entry in design.guarantees if entry["statement"].startswith("Theorem 1")]
     assert [entry["given"] for entry in told] == [True]
     with precision(160):
-        sizes = Sizes.of(Sampled.of(A, C, 6.0, 1), L)
+        sizes = Norms.from_sampled(Sampled.from_plant(A, C, 6.0, 1), L)
         assert sizes is not None
         assert sizes.constants(result["admissible"]).second < 1
         assert float_below(sizes.constants(result["admissible"]).second) == pytest.approx(
@@ -155,7 +156,9 @@ def test_large_exponents_do_not_overflow() -> None:
         assert not math.isnan(value)
         assert value < 0
         with precision(160):
-            sizes = Sizes.of(Sampled.of(chain, np.array([[1.0, 0]]), window, 1), gain)
+            sizes = Norms.from_sampled(
+                Sampled.from_plant(chain, np.array([[1.0, 0]]), window, 1), gain
+            )
             assert sizes is not None
             assert sizes.condition(1e-3) is False
             ball = sizes.longest_period()
@@ -211,7 +214,7 @@ def test_floats_and_balls_agree(seed: int, n: int) -> None:
     gain, window = rng.standard_normal((n, 1)), float(rng.uniform(0.1, 2.0))
     value = approx_log_longest_period(plant, output, gain, window)
     with precision(160):
-        sizes = Sizes.of(Sampled.of(plant, output, window, 1), gain)
+        sizes = Norms.from_sampled(Sampled.from_plant(plant, output, window, 1), gain)
         assert sizes is not None
         # floats lose the digits that the condition of M_T costs
         lost = 1e-16 * float((sizes.a * sizes.m * sizes.size_LC).mid())
@@ -223,9 +226,9 @@ def test_floats_and_balls_agree(seed: int, n: int) -> None:
 
 def test_freedom_never_hurts_and_units_do_not_matter() -> None:
     plant, output = np.array([[0.0, 1], [-1, -0.3]]), np.array([[1.0, 0.2]])
-    fixed = best_injection(Open(plant, output, 0.5, np.array([[0.3], [-0.1]])))
-    free = best_injection(Open(plant, output, 0.5))
-    freest = best_injection(Open(plant, output))
+    fixed = best_injection(PeriodProblem(plant, output, 0.5, np.array([[0.3], [-0.1]])))
+    free = best_injection(PeriodProblem(plant, output, 0.5))
+    freest = best_injection(PeriodProblem(plant, output))
     assert fixed.log_period <= free.log_period + 1e-9
     assert free.log_period <= freest.log_period + 1e-6
     # C -> c C, L -> L / c changes nothing; time t -> t / 8 divides the period by 8
@@ -253,7 +256,7 @@ def test_coordinates_are_part_of_the_program() -> None:
 
     chain, output = np.array([[0.0, 1], [0, 0]]), np.array([[1.0, 0]])
     program = PeriodProgram(chain, output, coordinates=True)
-    plain = best_injection(Open(chain, output)).log_period
+    plain = best_injection(PeriodProblem(chain, output)).log_period
     best = -math.inf
     for start in program.starts(6):
         point = program.solve(start)
@@ -314,9 +317,9 @@ def test_coordinates_that_allow_shorter_windows() -> None:
     assert other["proved"] == other["samples"] * 1e-4 == other["window"]
     chain, output = np.array(CHAIN, dtype=float), np.array([[1.0, 0.0]])
     with precision(160):
-        sampled = Sampled.of(chain, output, 1e-4, other["samples"])
+        sampled = Sampled.from_plant(chain, output, 1e-4, other["samples"])
         for S, holds in ((np.array(other["S"]), True), (None, False)):
-            sizes = Sizes.of(sampled, np.array(other["L"]), S)
+            sizes = Norms.from_sampled(sampled, np.array(other["L"]), S)
             assert sizes is not None
             assert sizes.condition(1e-4) is holds
 
@@ -344,7 +347,9 @@ def test_a_design_proves_theorem_1_in_coordinates_of_its_certificate() -> None:
 
 def test_a_search_ends_with_the_total() -> None:
     rng = np.random.default_rng(0)
-    asked = Open(rng.standard_normal((5, 5)), rng.standard_normal((2, 5)), coordinates=True)
+    asked = PeriodProblem(
+        rng.standard_normal((5, 5)), rng.standard_normal((2, 5)), coordinates=True
+    )
     started = time.process_time()
     with total_budget(0.1):
         assert math.isfinite(best_injection(asked, seconds=100.0).log_period)

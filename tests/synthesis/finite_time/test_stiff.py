@@ -20,7 +20,7 @@ from obsdesign.document import from_dict
 from obsdesign.equations.finite_time.rows import least_squares_gain
 from obsdesign.runtime import Sample, from_design
 from obsdesign.synthesis.finite_time import minimax
-from obsdesign.verification.finite_time.gains import _too_fast
+from obsdesign.verification.finite_time.gains import _reason_against_window
 from tests.verification.finite_time.test_claims import problem
 
 BOTH = [[1.0, 1.0]]
@@ -230,14 +230,16 @@ def test_words_of_a_refusal_make_sense() -> None:
     # growth and decay beyond 16 digits within the shortest window
     with pytest.raises(obsdesign.NotProved, match="choose a shorter period, and with it"):
         obsdesign.design(problem(np.diag([-400.0, 400.0]), BOTH, 0.1, window=0.4))
-    fast = _too_fast(Sampled.of(np.diag([-100.0, 100.0]), BOTH, 0.01, 100))
+    fast = _reason_against_window(Sampled.from_plant(np.diag([-100.0, 100.0]), BOTH, 0.01, 100))
     assert fast is not None
     assert fast.endswith("choose a window below 0.18")
     # what hardly grows is not said to grow
-    told = _too_fast(Sampled.of(np.diag([-100.0, 1e-10]), BOTH, 0.01, 100))
+    told = _reason_against_window(Sampled.from_plant(np.diag([-100.0, 1e-10]), BOTH, 0.01, 100))
     assert told is not None
     assert "grows" not in told
-    assert _too_fast(Sampled.of(np.diag([-100.0, 100.0]), BOTH, 0.01, 10)) is None  # the twin
+    assert (
+        _reason_against_window(Sampled.from_plant(np.diag([-100.0, 100.0]), BOTH, 0.01, 10)) is None
+    )  # the twin
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2, 5, 7, 9])
@@ -367,7 +369,7 @@ def test_minimax_is_never_worse_than_least_squares() -> None:
 
 
 def test_a_solver_that_gives_up_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(minimax, "_solved", lambda *_: [])
+    monkeypatch.setattr(minimax, "_solutions", lambda *_: [])
     asked = {"window": 2, "output": {"noise_bound": [0.1]}}
     outcome = obsdesign.investigate(problem(method="minimax", **asked))
     assert outcome.verdict == "proved"

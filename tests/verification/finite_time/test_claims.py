@@ -347,7 +347,7 @@ def test_series_of_one_period_against_an_ode(seed: int) -> None:
 
     P = solve_ivp(flow, (0, period), np.eye(n).ravel(), "DOP853", rtol=1e-10, atol=1e-10).y[:, -1]
     with precision(160):
-        sampled = Sampled.of(A, C, period, 1)
+        sampled = Sampled.from_plant(A, C, period, 1)
         found = middles(sampled.forward + sampled.forward @ injection(sampled, gain) @ sampled.C)
     assert np.abs(P.reshape(n, n) - found).max() <= 1e-7 * np.abs(found).max()
 
