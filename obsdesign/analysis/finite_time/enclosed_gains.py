@@ -33,7 +33,7 @@ from obsdesign.equations.finite_time.formulas import (
     difference_block,
     discrete_injection,
     exact_terms,
-    series_rest,
+    series_remainder,
     series_steps,
     window_matrix,
 )
@@ -186,10 +186,10 @@ def _injection(A_key: _Key, C_key: _Key, L_key: _Key, period: float, bits: int) 
     for _ in range(m - 1):
         backs.append(backs[-1] @ step)
     sizes = (_size(A_exact), _size(L_exact))
-    reaches = [_size(C_exact @ back) for back in backs]
-    rests = [series_rest(*sizes, reach, scalar(h), count) for reach in reaches]
-    steps = [(back, around_zero(rest)) for back, rest in zip(backs, rests, strict=True)]
-    return discrete_injection(A_exact, C_exact, L_exact, scalar(h), steps, count)
+    sizes_C = [_size(C_exact @ back) for back in backs]
+    remainders = [series_remainder(*sizes, size_C, scalar(h), count) for size_C in sizes_C]
+    steps = [(back, around_zero(x)) for back, x in zip(backs, remainders, strict=True)]
+    return discrete_injection(A_exact, C_exact, L_exact, scalar(h), steps, count=count)
 
 
 def _size(X: Exact) -> Any:

@@ -108,8 +108,8 @@ def _pieces(sampled: Sampled) -> list[_Piece]:
     """A whole period, its half, its quarter, ..."""
     n, A = len(sampled.A), sampled.A
     A = -A if sampled.reference == START else A
-    zero, one = exact(np.zeros((n, n))), exact(np.eye(n))
-    block = np.block([[-A, one], [zero, zero]])
+    zero, unit = exact(np.zeros((n, n))), exact(np.eye(n))
+    block = np.block([[-A, unit], [zero, zero]])
     # comparison system, with no decay: entry by entry above e^{-A s}, and growing
     sizes = np.where(np.eye(n, dtype=bool), np.maximum(-A, 0 * A), np.abs(A))
     pieces = []

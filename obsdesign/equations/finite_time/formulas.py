@@ -45,6 +45,7 @@ def discrete_injection(
     L: Array,
     h: Any,
     steps: Sequence[tuple[Array, Any]],
+    *,
     count: int = SERIES_TERMS,
 ) -> Array:
     """K, (n, p), of one period: P = A_d (I + K C) is Phi^{-1} over it, K_d = A_d K.
@@ -54,7 +55,7 @@ def discrete_injection(
     (In the paper's terms I + C X(s) = Z(s), which for one output is exp(C W(s) L).)
 
     steps: for each of them e^{-A s} at its start s, and what the series leaves out, a ball around
-    zero (`series_rest`) or 0; count: terms of the series.
+    zero (`series_remainder`) or 0; count: terms of the series.
     """
     p = L.shape[1]
     unit = np.eye(p, dtype=np.int64)
@@ -63,40 +64,42 @@ def discrete_injection(
         b.append(-(A @ b[-1]) * h / j)
     all_b = np.hstack(b)
     total = 0 * L
-    for back, rest in steps:
-        seen = C @ back
+    for back, remainder in steps:
+        output = C @ back
         z = unit  # z_m over z_{m-1} over ... over z_0
-        change = 0 * L + rest
+        change = 0 * L + remainder
         for m in range(count):
             term = all_b[:, : p * (m + 1)] @ z * h / (m + 1)
             change = change + term
-            z = np.vstack([seen @ term, z])
+            z = np.vstack([output @ term, z])
         total = total + back @ (change @ (unit + C @ total))
     return total
 
 
 def series_steps(A: Array, C: Array, L: Array, period: float) -> int:
     """Number of steps of `discrete_injection` for which its series converges quickly."""
-    seen = C @ exponential_grid(-A, 0.0, period / 16, 17)
-    reach = float(np.linalg.norm(seen, axis=(1, 2)).max())
-    size = float(np.linalg.norm(A, 2) + np.linalg.norm(L, 2) * reach) * period
+    output = C @ exponential_grid(-A, 0.0, period / 16, 17)
+    largest = float(np.linalg.norm(output, axis=(1, 2)).max())
+    size = float(np.linalg.norm(A, 2) + np.linalg.norm(L, 2) * largest) * period
     if not size <= _MOST_STEPS * _SERIES_STEP:
         return _MOST_STEPS
     return max(1, math.ceil(size / _SERIES_STEP))
 
 
-def series_rest(size_A: Any, size_L: Any, reach: Any, h: Any, count: int) -> Any:
-    """Bound on what the series of one step leaves out; sizes are norms, reach that of C e^{-A s}.
+def series_remainder(size_A: Any, size_L: Any, size_C: Any, h: Any, count: int) -> Any:
+    """Bound the remainder of the series of one step.
+
+    size_A, size_L: norms; size_C: bound of |C e^{-A s}|.
 
     Cauchy's estimate on |s| <= 4 h: a coefficient times h^m is below X(4 h) 4^-m, where
-    X(s) = a e^{reach a}, a = s |L| e^{s |A|}, solves the scalar majorant.
+    X(s) = a e^{size_C a}, a = s |L| e^{s |A|}, solves the scalar majorant.
     """
     a = 4 * h * size_L * np.exp(4 * h * size_A)
-    return a * np.exp(reach * a) / 4**count
+    return a * np.exp(size_C * a) / 4**count
 
 
 def exact_terms(P: Array, K_d: Array, k: int) -> Array:
-    """W_j = P^(k-1-j) K_d, j = 0..k-1, (k, n, p): the weights that (9) gives to the samples.
+    """Weights W_j = P^(k-1-j) K_d, j = 0..k-1, (k, n, p), of the samples in (9).
 
     With N = sum_j W_j C A_d^(j-k), which is (P^k - A_d^k) A_d^-k, (9) and (16) together are
     N x(t_i) = sum_j W_j y_j: no unknown is left, and no condition (13) is needed.

@@ -1,4 +1,4 @@
-"""Matrices that follow from the gains of a finite-time observer, each built once when needed."""
+"""Matrices that follow from the gains of a finite-time observer, each built once."""
 
 from __future__ import annotations
 

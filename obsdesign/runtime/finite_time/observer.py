@@ -37,6 +37,7 @@ from obsdesign.runtime.finite_time.constants import WindowConstants
 from obsdesign.runtime.finite_time.steady import outward_ends, steady_step
 from obsdesign.runtime.finite_time.window import (
     FiniteTimeState,
+    HeldInput,
     emptied,
     initial_state,
     jumped,
@@ -83,7 +84,7 @@ class FiniteTimeObserver(SteppedObserver[FiniteTimeState]):
         ValueError if time does not increase (the first sample may share the initial time).
         """
         t = later(sample.t, state.t, state.started)
-        if state.full and not sample.jump:
+        if state.filling.full and not sample.jump:
             steady = steady_step(self.constants, state, t, sample)
             if steady is not None:
                 return steady
@@ -107,20 +108,25 @@ class FiniteTimeObserver(SteppedObserver[FiniteTimeState]):
             if y_after is not None and when == "after":
                 state = pushed(constants, anchored(state, t), y_after)
         if sample.u is not None:
-            u = vector(sample.u, len(state.u), "u")
-            state = state._replace(u=u, drive=constants.driven(u))
+            u = vector(sample.u, len(state.held.u), "u")
+            state = state._replace(held=HeldInput(u, constants.driven(u)))
         moderate = constants.has_moderate_gains and _is_moderate(state.x, state.w, state.window)
-        state = state._replace(started=True, cached_radius=None, moderate=moderate)
+        state = state._replace(
+            filling=state.filling._replace(moderate=moderate),
+            bounds=state.bounds._replace(cached_radius=None),
+            started=True,
+        )
         return state, self._estimate(state, irregular)
 
     def _estimate(self, state: FiniteTimeState, irregular: str | None) -> Estimate:
         reasons = [irregular] if irregular else []
-        if not state.full:
-            reasons.append("window not full" if state.full is None else "missing sample")
+        full = state.filling.full
+        if not full:
+            reasons.append("window not full" if full is None else "missing sample")
         if not self.constants.has_bounds:
             return Estimate(state.t, x=state.x, status=status_of(reasons, state.x))
-        low, high = outward_ends(state.centre, state.radius)
-        is_bounded = state.full and self.constants.has_finite_radius
+        low, high = outward_ends(state.bounds.centre, state.bounds.radius)
+        is_bounded = full and self.constants.has_finite_radius
         checked = (state.x, low, high) if is_bounded else (state.x,)
         return Estimate(state.t, state.x, low, high, status=status_of(reasons, *checked))
 

@@ -1,4 +1,4 @@
-"""The usual step of a finite-time observer: from one instant to the next, with a full window.
+"""Usual step of a finite-time observer: from one instant to the next, with a full window.
 
 The same estimate as `window.sampled`, by one product with the gains and a few of size n.
 """
@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from obsdesign.runtime.base import MODERATE, Estimate, Sample, Vector, vector
 from obsdesign.runtime.finite_time.clock import is_next_instant
@@ -15,7 +16,13 @@ from obsdesign.runtime.finite_time.constants import WindowConstants
 from obsdesign.runtime.finite_time.error_radius import window_length
 from obsdesign.runtime.finite_time.known_inputs import KnownInput
 from obsdesign.runtime.finite_time.tape import extend
-from obsdesign.runtime.finite_time.window import OUTPUT_ROUNDING, CachedRadius, FiniteTimeState
+from obsdesign.runtime.finite_time.window import (
+    OUTPUT_ROUNDING,
+    CachedRadius,
+    FiniteTimeState,
+    HeldInput,
+    StateBounds,
+)
 
 # estimate, w, residual, known inputs, radius
 _Response = tuple[Vector, Vector, Vector, KnownInput | None, CachedRadius | None]
@@ -28,8 +35,8 @@ def steady_step(
 
     The window of the state is full, the sample has no jump.
     """
-    periods = state.periods_since_anchor + 1
-    if state.missing or not state.moderate or periods > constants.most_periods_counted:
+    filling, periods = state.filling, state.periods_since_anchor + 1
+    if filling.missing or not filling.moderate or periods > constants.most_periods_counted:
         return None
     if not is_next_instant(state, t, constants.period, periods):
         return None
@@ -38,44 +45,33 @@ def steady_step(
         return None
     if not isinstance(y, np.ndarray) or y.shape != (constants.p,):
         y = vector(y, constants.p, "y")
-    u = state.u if sample.u is None else vector(sample.u, len(state.u), "u")
-    if not _is_moderate(y) or (u is not state.u and not _is_moderate(u)):
+    held = state.held if sample.u is None else _held(constants, state.held, sample.u)
+    if held is None or not _is_moderate(y):
         return None
     response = _response(constants, state, y)
     if response is None:
         return None
     x, w, residual, known, cached = response
-    w_rounding, radius, low, high = state.w_rounding, state.radius, None, None
-    if cached is not None:
-        w_rounding, radius = cached.w_rounding, cached.radius
-        low, high = outward_ends(x, radius)
     window, tape, tape_end = extend(state.tape, state.tape_end, state.window, residual)
+    bounds, low, high = state.bounds, None, None
+    if cached is not None:
+        radius, rounding = cached.radius, cached.w_rounding
+        bounds = StateBounds(x, radius, rounding, bounds.shift_rounding, cached)
+        low, high = outward_ends(x, radius)
     following = FiniteTimeState(
-        t=t,
-        x=x,
-        w=w,
-        u=u,
-        drive=state.drive if u is state.u or (u == state.u).all() else constants.driven(u),
-        window=window,
-        known=known,
-        filled=state.filled,
-        missing=0,
-        since_shift=state.since_shift + 1,
-        last_instant=t,
-        full=True,
-        centre=x,
-        radius=radius,
-        w_rounding=w_rounding,
-        shift_rounding=state.shift_rounding,
-        anchor_time=state.anchor_time,
-        periods_since_anchor=periods,
-        started=True,
-        tape=tape,
-        tape_end=tape_end,
-        cached_radius=cached,
-        moderate=True,
-    )
+        t=t, x=x, w=w, held=held, window=window, known=known, filling=filling, bounds=bounds,
+        since_shift=state.since_shift + 1, last_instant=t, anchor_time=state.anchor_time,
+        periods_since_anchor=periods, started=True, tape=tape, tape_end=tape_end,
+    )  # fmt: skip
     return following, Estimate(t, x, low, high)
+
+
+def _held(constants: WindowConstants, held: HeldInput, u: ArrayLike) -> HeldInput | None:
+    """The input from now on; None if products with it may overflow."""
+    u = vector(u, len(held.u), "u")
+    if not _is_moderate(u):
+        return None
+    return HeldInput(u, held.drive if (u == held.u).all() else constants.driven(u))
 
 
 def outward_ends(centre: Vector, radius: Vector) -> tuple[Vector, Vector]:
@@ -100,13 +96,13 @@ def _response(constants: WindowConstants, state: FiniteTimeState, y: Vector) -> 
     if constants.inputs is not None and state.known is not None:
         if state.known.age:
             return None  # an input changed before the last sample
-        known = constants.inputs.advanced_by_period(state.known, state.drive)
+        known = constants.inputs.advanced_by_period(state.known, state.held.drive)
         x = x + constants.inputs.weights.dot(known.closed)
         return (x, state.w, y, known, None) if _is_moderate(x) else None
     if state.since_shift + 1 >= constants.k:
         return None  # w is due to be shifted onto the estimate
     # one product for w and C w
-    w_and_output = constants.flow_and_output.dot(state.w) + state.drive
+    w_and_output = constants.flow_and_output.dot(state.w) + state.held.drive
     if not _is_moderate(w_and_output):
         return None
     w, residual = w_and_output[: -constants.p], y - w_and_output[-constants.p :]
@@ -121,7 +117,7 @@ def _bounded(
     x, w, residual, known, _ = response
     if not constants.has_bounds:
         return response if _is_moderate(x) else None
-    cached = state.cached_radius
+    cached = state.bounds.cached_radius
     if cached is None or not _is_valid(cached, constants, state, x, w):
         cached = _new_radius(constants, state, x, w)
         if not math.hypot(*cached.x.tolist(), *cached.radius.tolist()) < MODERATE:
@@ -133,10 +129,10 @@ def _is_valid(
     cached: CachedRadius, constants: WindowConstants, state: FiniteTimeState, x: Vector, w: Vector
 ) -> bool:
     """Does the cached radius cover x, with the rounding of w up to now?"""
-    forced = constants.forced(state.u)
+    forced = constants.forced(state.held.u)
     return bool(
         float(state.window.dot(state.window)) <= cached.square
-        and state.shift_rounding is cached.shift_rounding
+        and state.bounds.shift_rounding is cached.shift_rounding
         and (np.abs(x) <= cached.x).all()
         and (not constants.is_driven or (np.abs(w) <= cached.w).all())
         and (forced is constants.drift or (np.abs(forced) <= cached.forced).all())
@@ -148,8 +144,8 @@ def _new_radius(
 ) -> CachedRadius:
     """The radius for twice the sizes it depends on: all it adds to `proved` is rounding."""
     most_x, most_w = 2 * np.abs(x), 2 * np.maximum(np.abs(w), np.abs(state.w))
-    most_forced = 2 * np.abs(constants.forced(state.u))
-    w_rounding, distance = state.w_rounding, most_x
+    most_forced = 2 * np.abs(constants.forced(state.held.u))
+    w_rounding, distance = state.bounds.w_rounding, most_x
     if constants.is_driven:
         rounding = constants.period_maps.error(most_w, most_forced) + OUTPUT_ROUNDING * most_w
         w_rounding, distance = np.maximum(w_rounding, rounding), most_x + most_w
@@ -160,7 +156,7 @@ def _new_radius(
         x=most_x,
         forced=most_forced,
         square=4 * float(state.window.dot(state.window)),
-        shift_rounding=state.shift_rounding,
+        shift_rounding=state.bounds.shift_rounding,
         w_rounding=w_rounding,
-        radius=radius + state.shift_rounding,
+        radius=radius + state.bounds.shift_rounding,
     )

@@ -41,43 +41,67 @@ class CachedRadius(NamedTuple):
     radius: Vector
 
 
+class HeldInput(NamedTuple):
+    """Known input u until the next one; drive: its contribution to (w, C w) in a period."""
+
+    u: Vector
+    drive: Vector
+
+
+class Filling(NamedTuple):
+    """Contents of the window: instants in it, and those of them without a sample.
+
+    full: was the estimate taken from a full window, False with gaps, None not yet; moderate: are
+    x, w and the residuals below `MODERATE`?
+    """
+
+    instants: int
+    missing: int
+    full: bool | None
+    moderate: bool
+
+
+class StateBounds(NamedTuple):
+    """|state - centre| <= radius, for an observer with bounds.
+
+    w_rounding: rounding of w per step; shift_rounding: that of the residuals when w was shifted;
+    cached_radius: the last one.
+    """
+
+    centre: Vector
+    radius: Vector
+    w_rounding: Vector
+    shift_rounding: Vector
+    cached_radius: CachedRadius | None
+
+
 class FiniteTimeState(NamedTuple):  # a frozen dataclass of this size costs more than the step
     """Everything the next step needs, just after time t.
 
-    x: estimate; w: known response; drive: contribution of the input u to (w, C w) in a period;
-    window: (k p,) residuals y - C w, oldest first, NaN where a sample is missing; known: known
-    inputs of (14) as printed; filled: instants in the window, missing: those without a sample;
-    since_shift: instants since w was shifted onto the estimate; last_instant: its time; full: was x
-    taken from a full window, False with gaps, None not yet; |state - centre| <= radius;
-    w_rounding: rounding of w per step; shift_rounding: that of the residuals when w was shifted;
-    anchor_time, periods_since_anchor: an instant, and how many periods ago it was; tape, tape_end:
-    where the window may grow; cached_radius: the last one; moderate: x, w and the residuals are
-    below `MODERATE`.
+    x: estimate; w: known response; window: (k p,) residuals y - C w, oldest first, NaN where a
+    sample is missing; known: known inputs of (14) as printed; since_shift: instants since w was
+    shifted onto the estimate; last_instant: its time; anchor_time, periods_since_anchor: an
+    instant, and how many periods ago it was; tape, tape_end: where the window may grow.
     """
 
     t: float
     x: Vector
     w: Vector
-    u: Vector
-    drive: Vector
+    held: HeldInput
     window: Vector
     known: KnownInput | None
-    filled: int
-    missing: int
+    filling: Filling
+    bounds: StateBounds
     since_shift: int
     last_instant: float | None
-    full: bool | None
-    centre: Vector
-    radius: Vector
-    w_rounding: Vector
-    shift_rounding: Vector
     anchor_time: float
     periods_since_anchor: int
     started: bool
     tape: Tape | None = None
     tape_end: int = 0
-    cached_radius: CachedRadius | None = None
-    moderate: bool = False
+
+
+_EMPTY = Filling(instants=0, missing=0, full=None, moderate=False)
 
 
 def initial_state(
@@ -85,28 +109,25 @@ def initial_state(
 ) -> FiniteTimeState:
     """State at time t with an empty window, whose estimate is a guess."""
     n = constants.n
-    zero = np.zeros(n)
     return FiniteTimeState(
         t=t,
         x=guess,
-        w=zero,
-        u=u,
-        drive=constants.driven(u),
+        w=np.zeros(n),
+        held=HeldInput(u, constants.driven(u)),
         window=np.full(constants.k * constants.p, np.nan),
         known=None if constants.inputs is None else KnownInput.zero(n, constants.k),
-        filled=0,
-        missing=0,
+        filling=_EMPTY,
+        bounds=_unbounded(n, guess),
         since_shift=0,
         last_instant=None,
-        full=None,
-        centre=guess,
-        radius=np.full(n, np.inf),
-        w_rounding=zero,
-        shift_rounding=zero,
         anchor_time=t,
         periods_since_anchor=0,
         started=False,
     )
+
+
+def _unbounded(n: int, centre: Vector) -> StateBounds:
+    return StateBounds(centre, np.full(n, np.inf), np.zeros(n), np.zeros(n), None)
 
 
 def flowed(constants: WindowConstants, state: FiniteTimeState, t: float) -> FiniteTimeState:
@@ -115,7 +136,7 @@ def flowed(constants: WindowConstants, state: FiniteTimeState, t: float) -> Fini
     if h <= 0:
         return state._replace(t=t)
     maps = constants.maps(h, max(abs(t), abs(state.t)))
-    forced = constants.forced(state.u)
+    forced = constants.forced(state.held.u)
     x = maps.flow @ state.x + maps.once @ forced
     w = maps.flow @ state.w + maps.once @ forced
     known = state.known
@@ -123,25 +144,23 @@ def flowed(constants: WindowConstants, state: FiniteTimeState, t: float) -> Fini
         known = constants.inputs.advanced(known, forced, h, maps)
     if not constants.has_bounds:
         return state._replace(t=t, x=x, w=w, known=known)
+    bounds = state.bounds
     rounding = maps.error(state.w, forced) + OUTPUT_ROUNDING * np.abs(w)
-    return state._replace(
-        t=t,
-        x=x,
-        w=w,
-        known=known,
-        centre=maps.flow @ state.centre + maps.once @ forced,
-        radius=maps.spread(state.radius) + maps.error(state.centre, forced),
-        w_rounding=np.maximum(state.w_rounding, rounding),
+    bounds = bounds._replace(
+        centre=maps.flow @ bounds.centre + maps.once @ forced,
+        radius=maps.spread(bounds.radius) + maps.error(bounds.centre, forced),
+        w_rounding=np.maximum(bounds.w_rounding, rounding),
     )
+    return state._replace(t=t, x=x, w=w, known=known, bounds=bounds)
 
 
 def sampled(
     constants: WindowConstants, state: FiniteTimeState, y: Vector | None
 ) -> FiniteTimeState:
     """The state after a sampling instant: estimate from the window, then take in the sample."""
-    if state.known is not None and constants.inputs is not None and state.filled:
+    if state.known is not None and constants.inputs is not None and state.filling.instants:
         state = state._replace(known=constants.inputs.closed(state.known))
-    if state.filled == constants.k:
+    if state.filling.instants == constants.k:
         state = _estimated(constants, state)
     return pushed(constants, state, y)
 
@@ -152,11 +171,15 @@ def pushed(constants: WindowConstants, state: FiniteTimeState, y: Vector | None)
     # (14) as printed works on the measurements themselves
     base = np.zeros(constants.n) if state.known is not None else state.w
     fresh = np.full(p, np.nan) if y is None else y - C @ base
-    is_gap_leaving = state.filled == constants.k and bool(np.isnan(state.window[0]))
+    filling = state.filling
+    is_gap_leaving = filling.instants == constants.k and bool(np.isnan(state.window[0]))
+    filling = filling._replace(
+        instants=min(filling.instants + 1, constants.k),
+        missing=filling.missing + (y is None) - is_gap_leaving,
+    )
     return state._replace(
         window=np.concatenate([state.window[p:], fresh]),
-        filled=min(state.filled + 1, constants.k),
-        missing=state.missing + (y is None) - is_gap_leaving,
+        filling=filling,
         known=None if state.known is None else state.known.opened(),
         tape=None,
     )
@@ -166,16 +189,13 @@ def emptied(constants: WindowConstants, state: FiniteTimeState) -> FiniteTimeSta
     """The state with an empty window, its estimate kept."""
     n = constants.n
     return state._replace(
+        w=np.zeros(n),
         window=np.full_like(state.window, np.nan),
-        filled=0,
-        missing=0,
+        known=None if state.known is None else KnownInput.zero(n, constants.k),
+        filling=_EMPTY,
+        bounds=state.bounds._replace(w_rounding=np.zeros(n), shift_rounding=np.zeros(n)),
         since_shift=0,
         last_instant=None,
-        full=None,
-        w=np.zeros(n),
-        known=None if state.known is None else KnownInput.zero(n, constants.k),
-        w_rounding=np.zeros(n),
-        shift_rounding=np.zeros(n),
         tape=None,
     )
 
@@ -192,30 +212,31 @@ def jumped(
         inputs = gains.E.shape[1]
         forced = forced + gains.E @ (np.zeros(inputs) if w is None else vector(w, inputs, "w"))
     x = gains.G @ state.x + forced
-    radius = np.full(constants.n, np.inf)
-    return emptied(constants, state)._replace(x=x, centre=x, radius=radius)
+    return emptied(constants, state)._replace(x=x, bounds=_unbounded(constants.n, x))
 
 
 # --- the estimate from a full window ----------------------------------------------------------
 
 
 def _estimated(constants: WindowConstants, state: FiniteTimeState) -> FiniteTimeState:
-    if state.missing:
+    is_full = not state.filling.missing
+    state = state._replace(filling=state.filling._replace(full=is_full))
+    if not is_full:
         x = _incomplete_estimate(constants, state)
-        state = state._replace(full=False, since_shift=state.since_shift + 1)
+        state = state._replace(since_shift=state.since_shift + 1)
         return _shifted(constants, state if x is None else state._replace(x=x))
     G = constants.gains.window_gain
     if state.known is not None and constants.inputs is not None:
         x = G @ state.window + constants.inputs.known_part(state.known)
-        return state._replace(x=x, full=True)
+        return state._replace(x=x)
     x = constants.reproduced_state @ state.w + G @ state.window
     if constants.has_bounds:
-        w, distance = np.abs(state.w), np.abs(x - state.w)
+        w, distance, bounds = np.abs(state.w), np.abs(x - state.w), state.bounds
         length = window_length(state.window)
-        radius = constants.error.radius(length, w, np.abs(x), state.w_rounding, distance)
-        state = state._replace(centre=x, radius=radius + state.shift_rounding)
-    state = state._replace(x=x, full=True, since_shift=state.since_shift + 1)
-    return _shifted(constants, state)
+        radius = constants.error.radius(length, w, np.abs(x), bounds.w_rounding, distance)
+        bounds = bounds._replace(centre=x, radius=radius + bounds.shift_rounding)
+        state = state._replace(bounds=bounds)
+    return _shifted(constants, state._replace(x=x, since_shift=state.since_shift + 1))
 
 
 def _incomplete_estimate(constants: WindowConstants, state: FiniteTimeState) -> Vector | None:
@@ -232,7 +253,7 @@ def _incomplete_estimate(constants: WindowConstants, state: FiniteTimeState) -> 
 
 
 def _shifted(constants: WindowConstants, state: FiniteTimeState) -> FiniteTimeState:
-    """Once per window, replace w by a response through the estimate: w may grow where x does not.
+    """Replace w, once per window, by a response through the estimate, so that it cannot grow.
 
     With bounds only if it has grown: the shift rounds the residuals (`shift_rounding`).
     """
@@ -240,14 +261,17 @@ def _shifted(constants: WindowConstants, state: FiniteTimeState) -> FiniteTimeSt
         return state
     has_grown = np.abs(state.w).max() > _LARGEST_RATIO * np.abs(state.x).max()
     if constants.has_bounds and not has_grown:
-        return state._replace(since_shift=0, shift_rounding=np.zeros(constants.n))
+        bounds = state.bounds._replace(shift_rounding=np.zeros(constants.n))
+        return state._replace(since_shift=0, bounds=bounds)
     if constants.start_gain is None:
         change, w = state.x - state.w, state.x
     else:  # back in time fast modes would explode: from the window's start instead
         change = constants.start_gain @ np.nan_to_num(state.window)
         w = state.w + constants.last @ change
+    bounds = state.bounds
     if constants.has_bounds:
         window, rounding = constants.error.shifted(state.window, change, w)
+        bounds = bounds._replace(shift_rounding=rounding)
     else:
-        window, rounding = state.window - constants.rows @ change, state.shift_rounding
-    return state._replace(w=w, window=window, shift_rounding=rounding, since_shift=0, tape=None)
+        window = state.window - constants.rows @ change
+    return state._replace(w=w, window=window, bounds=bounds, since_shift=0, tape=None)

@@ -1,4 +1,4 @@
-"""Periods and windows beyond condition (13) as printed: coordinates S, and a tighter Lemma 2.
+"""Periods and windows beyond condition (13) as printed: coordinates S, a tighter Lemma 2.
 
 Both change the bound of Theorem 1, not the observer. Their gain is proved in ball arithmetic.
 """

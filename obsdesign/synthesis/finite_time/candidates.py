@@ -1,4 +1,4 @@
-"""Finite-time estimation: candidates for L where the method has one, on the window (`window_gain`).
+"""Finite-time estimation: candidates for L where the method has one, and the window.
 
 Where the window is open too and its samples do not carry the method's matrix, longer ones follow;
 where only units hide an L, it is searched in those of the window.
@@ -87,7 +87,7 @@ def _is_undetermined(problem: Problem, k: int) -> bool:
 
 
 def _injection(problem: Problem, k: int, units: Array | None = None) -> Injection:
-    """L, given or by the objective, and S where (13) holds with it alone, if that is the objective.
+    """L, given or by the objective; for objectives of (13) also S, if (13) needs it.
 
     Any L where the samples do not determine the state with any. units, (n,): the norms of (13) are
     those of states in these.

@@ -1,4 +1,4 @@
-"""L of finite-time estimation where it is left open, and with it the window and coordinates S.
+"""Search for L of finite-time estimation, and with it the window and coordinates S.
 
 L makes the period of condition (13) long: IPOPT from several starts (`period_program`), then
 quasi-Newton steps, and Nelder and Mead on the true norms, which close the last per cent. Small L
@@ -118,7 +118,7 @@ _ROUNDS, _FEWER = 4, 0.9
 def fewest_samples(
     problem: PeriodProblem, period: float, least: int
 ) -> tuple[int | None, Injection]:
-    """Fewest samples, at least `least`, for which (13) holds in floats, and its L, T, S; or None.
+    """Fewest samples, at least `least`, with (13) in floats, and its L, T, S; None: none.
 
     For a given L all numbers are tried upwards; else by bisection below the best window.
     """
@@ -140,10 +140,10 @@ def fewest_samples(
         # further starts, as bisection begins at the last solution only
         fewer = max(least, math.floor(_FEWER * high))
         shorter = replace(problem, window=fewer * period)
-        other = best_injection(shorter, (chosen,), seconds=2 * SECONDS, target=log_period)
-        if other.log_period <= log_period:
+        retried = best_injection(shorter, (chosen,), seconds=2 * SECONDS, target=log_period)
+        if retried.log_period <= log_period:
             break
-        high, chosen = fewer, other
+        high, chosen = fewer, retried
     if chosen.log_period <= log_period:
         chosen = best_injection(replace(problem, window=high * period), (best,))
     return high, chosen
@@ -156,9 +156,9 @@ def _bisected(
     low, high = ends
     while high - low > 1:
         middle = (low + high) // 2
-        other = _for_window(problem, middle * period, best, math.log(period))
-        if other.log_period > math.log(period):
-            high, best = middle, other
+        solution = _for_window(problem, middle * period, best, math.log(period))
+        if solution.log_period > math.log(period):
+            high, best = middle, solution
         else:
             low = middle
     return high, best
@@ -178,7 +178,7 @@ def _scanned(
     end = until(_SCAN_SECONDS)
     for k in range(least, max(min(MOST_SAMPLES, most), least) + 1):
         value = approx_log_longest_period(
-            problem.A, problem.C, L, k * period, None, problem.tighter
+            problem.A, problem.C, L, k * period, tighter=problem.tighter
         )
         if value > math.log(period):
             return k, Injection(L, k * period, value)

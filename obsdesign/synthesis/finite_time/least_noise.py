@@ -1,4 +1,4 @@
-"""Objective `least_noise` of finite-time estimation: L with small gains, a window long enough.
+"""Objective `least_noise` of finite-time estimation: L with small gains, and the window.
 
 Longer windows average more noise and collect more disturbance. The window is judged by the gains
 of least squares, which under noise alone no unbiased gains beat; L by the gains it leads to. Both

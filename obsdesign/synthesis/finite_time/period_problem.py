@@ -1,4 +1,4 @@
-"""The longest period of condition (13): A, C and whichever of L, T, S are fixed; its solutions.
+"""The problem of the longest period of condition (13), and its solutions in floats.
 
 Coordinates S x as triangles, whose rotations change no norm, and those in which A is normal.
 """
@@ -84,6 +84,6 @@ class PeriodProblem:
 
     def rated(self, L: Array, T: float, S: Array | None = None) -> Injection:
         """Return L, T, S with the longest period that (13) and the number of samples allow."""
-        value = approx_log_longest_period(self.A, self.C, L, T, S, self.tighter)
+        value = approx_log_longest_period(self.A, self.C, L, T, S, tighter=self.tighter)
         most = math.log(T) - math.log(math.ceil(len(self.A) / len(self.C)))
         return Injection(L, T, -math.inf if math.isnan(value) else min(value, most), S)

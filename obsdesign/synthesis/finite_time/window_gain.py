@@ -1,4 +1,4 @@
-"""Gains on the window of finite-time estimation, and bounds of their errors, rounded to be stored.
+"""Gains on the window of finite-time estimation and bounds of their errors, as stored.
 
 Gains of (14) and (9) come from ball enclosures and are rounded once, so that a matrix with a bad
 condition costs no digits; least squares by QR; minimax by a linear program per state. Gains that
@@ -108,10 +108,10 @@ def _gains_relative_to_start(task: WindowTask) -> _UnbiasedGain:
     cut, least = 0.0, bias_with(0.0)
     is_determined = approx_determinacy(_rows(task)[0], task.scales) > _DETERMINED
     if not (least <= _NEGLIGIBLE_BIAS and is_determined):
-        sizes = {cut: least} | {other: bias_with(other) for other in _CUTS}
-        negligible = [other for other in sizes if sizes[other] <= _NEGLIGIBLE_BIAS]
+        sizes = {cut: least} | {larger: bias_with(larger) for larger in _CUTS}
+        negligible = [each for each in sizes if sizes[each] <= _NEGLIGIBLE_BIAS]
         # larger cuts amplify less
-        cut = max(negligible) if negligible else min(sizes, key=lambda other: sizes[other])
+        cut = max(negligible) if negligible else min(sizes, key=lambda each: sizes[each])
     return _refined(task, _window_gain(task, cut), cut)
 
 

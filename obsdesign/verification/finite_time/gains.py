@@ -1,4 +1,4 @@
-"""Finite-time estimation: stored gains are the method's, unbiased, and their error is bounded."""
+"""Claims of finite-time gains: those of the method, unbiased, with a bounded error."""
 
 from __future__ import annotations
 

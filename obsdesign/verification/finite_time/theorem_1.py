@@ -1,4 +1,4 @@
-"""Error bounds of observer (14) with given gains: Theorem 1's constants, and the error identity.
+"""Error bounds of observer (14): constants of Theorem 1, and the error identity.
 
 Source: F. Mazenc, S. Ahmed, MICNON 2018, Theorem 1 with the errata of docs/papers.md. Everything
 is enclosed in balls, whose exponents do not overflow.
