@@ -1,4 +1,4 @@
-"""Random plants for finite-time estimators: exact to rounding, bounds never left, bounds attained.
+"""Random plants for finite-time estimators: exact to rounding, bounds hold and are attained.
 
 python tests/long/random_finite_time.py [cases] [first seed]
 """
@@ -48,9 +48,9 @@ def attained(design: Any) -> float:
     for j in range(int(k)):
         R = R @ expm(-A * period) + G[:, j * p : (j + 1) * p] @ C
         weights.append(R @ parts)
-    found = np.abs(G) @ np.tile(gains["noise_bound"], int(k))
-    found = found + np.abs(np.array(weights)).sum(axis=(0, 1)) @ half * period / FINE
-    return float(np.min(found / np.where(gains["radius"] > 0, gains["radius"], 1.0)))
+    errors = np.abs(G) @ np.tile(gains["noise_bound"], int(k))
+    errors = errors + np.abs(np.array(weights)).sum(axis=(0, 1)) @ half * period / FINE
+    return float(np.min(errors / np.where(gains["radius"] > 0, gains["radius"], 1.0)))
 
 
 def main(cases: int, first: int) -> None:
@@ -58,15 +58,15 @@ def main(cases: int, first: int) -> None:
     for seed in range(first, first + cases):
         rng = np.random.default_rng(seed)
         method, bounded = str(rng.choice(["least_squares", "exact"])), bool(rng.integers(2))
-        asked = problem(rng, method, bounded)
-        outcome = obsdesign.investigate(asked)
+        case = problem(rng, method, bounded)
+        outcome = obsdesign.investigate(case)
         if outcome.verdict != "proved" or outcome.design is None:
             refused += 1
             continue
-        window, period = float(asked.options["window"]), float(asked.plant.output.period or 1.0)
+        window, period = float(case.options["window"]), float(case.plant.output.period or 1.0)
         kind = str(rng.choice(["extreme", "random", "sine"])) if bounded else "zero"
         record = simulate(
-            asked.plant, until=3 * window, step=period / 2, disturbance=kind, rng=rng
+            case.plant, until=3 * window, step=period / 2, disturbance=kind, rng=rng
         )  # fmt: skip
         observer: Any = from_design(outcome.design)
         batch = observer.run_batch(record.t, record.block("y"), record.block("u"))

@@ -1,4 +1,4 @@
-"""Longest period and shortest window of condition (13): brackets, traps, and what beats what."""
+"""Longest period and shortest window of condition (13): brackets, traps, extensions."""
 
 from __future__ import annotations
 

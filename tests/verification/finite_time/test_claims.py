@@ -1,4 +1,4 @@
-"""Claims of finite-time designs: refusals in order with witnesses, twins that must not be proved."""
+"""Claims of finite-time designs: refusals in order with witnesses, twins that are not proved."""
 
 from __future__ import annotations
 
