@@ -43,7 +43,7 @@ def main() -> bool:
                     state, estimate = observer.step(state, Sample(t[i], y[i]))
                 return estimate
 
-            rows = observer._rows
+            rows = observer.constants.rows
 
             def windows(rows: Any = rows, y: Any = y, k: int = k) -> Any:
                 window = y[-ROWS - k : -ROWS, 0]

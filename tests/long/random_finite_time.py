@@ -1,4 +1,4 @@
-"""Random plants for finite-time estimators: exact to rounding, bounds never left, bounds attained.
+"""Random plants for finite-time estimators: exact to rounding, bounds hold and are attained.
 
 python tests/long/random_finite_time.py [cases] [first seed]
 """
@@ -48,9 +48,9 @@ def attained(design: Any) -> float:
     for j in range(int(k)):
         R = R @ expm(-A * period) + G[:, j * p : (j + 1) * p] @ C
         weights.append(R @ parts)
-    bound = np.abs(G) @ np.tile(gains["noise_bound"], int(k))
-    bound = bound + np.abs(np.array(weights)).sum(axis=(0, 1)) @ half * period / FINE
-    return float(np.min(bound / np.where(gains["radius"] > 0, gains["radius"], 1.0)))
+    errors = np.abs(G) @ np.tile(gains["noise_bound"], int(k))
+    errors = errors + np.abs(np.array(weights)).sum(axis=(0, 1)) @ half * period / FINE
+    return float(np.min(errors / np.where(gains["radius"] > 0, gains["radius"], 1.0)))
 
 
 def main(cases: int, first: int) -> None:

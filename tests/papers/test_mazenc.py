@@ -20,10 +20,12 @@ from obsdesign.analysis.finite_time.enclosed_gains import (
     injection,
 )
 from obsdesign.equations.finite_time import condition_13 as bounds
-from obsdesign.equations.finite_time import gains as equations
+from obsdesign.equations.finite_time.options import NEED_L
+from obsdesign.equations.finite_time.rows import least_squares_gain, sample_rows
 from obsdesign.runtime import from_design
-from obsdesign.synthesis.finite_time.injection import Open, best_injection
-from obsdesign.verification.finite_time.theorem_1 import Sizes
+from obsdesign.synthesis.finite_time.injection import best_injection
+from obsdesign.synthesis.finite_time.period_problem import PeriodProblem
+from obsdesign.verification.finite_time.theorem_1 import Norms
 
 A = np.array([[0.0, 0.15], [-0.15, 0.0]])
 C = np.array([[0.3, 0.0]])
@@ -34,19 +36,19 @@ RELATIVE = 1e-7
 
 
 def problem(method: str, *, period: float = PERIOD, window: float = T, **observer: Any) -> Any:
-    asked = {"kind": "finite_time", "method": method, "window": window, **observer}
-    if method in equations.NEED_L:
-        asked["gains"] = {"L": L}
+    options = {"kind": "finite_time", "method": method, "window": window, **observer}
+    if method in NEED_L:
+        options["gains"] = {"L": L}
     return obsdesign.Problem(
-        flow={"A": A, "B": [[1], [0]]}, observer=asked,
+        flow={"A": A, "B": [[1], [0]]}, observer=options,
         output={"C": C, "measured": "periodic", "period": period},
     )  # fmt: skip
 
 
-def sizes(period: float = PERIOD, k: int = K) -> Sizes:
-    found = Sizes.of(Sampled.of(A, C, period, k), L)
-    assert found is not None
-    return found
+def theorem_norms(period: float = PERIOD, k: int = K) -> Norms:
+    norms = Norms.from_sampled(Sampled.from_plant(A, C, period, k), L)
+    assert norms is not None
+    return norms
 
 
 def motion(period: float, rows: int, change: float | None = 0.0) -> tuple[Any, Any, Any]:
@@ -80,15 +82,15 @@ PRINTED = [
 @pytest.mark.parametrize(("name", "printed", "digits"), PRINTED)
 def test_printed_constants(name: str, printed: float, digits: int) -> None:
     with precision(160):
-        found = sizes()
-        value = getattr(found, name) if name in "am" else getattr(found.constants(PERIOD), name)
+        norms = theorem_norms()
+        value = getattr(norms, name) if name in "am" else getattr(norms.constants(PERIOD), name)
         low, high = float_below(value), float_above(value)
     assert printed - 0.5 * 10**-digits <= low <= high <= printed + 0.5 * 10**-digits
 
 
 def test_printed_matrices() -> None:
     with precision(160):
-        sampled = Sampled.of(A, C, PERIOD, K)
+        sampled = Sampled.from_plant(A, C, PERIOD, K)
         M = difference_matrix(sampled, L)[0] * gain_scale(sampled, L)
         inverse = middles(solve_entries(M, entries(identity(2))))
         M = middles(M)
@@ -110,12 +112,12 @@ CERTIFIED = {
 
 def test_constants_of_theorem_1_are_enclosed() -> None:
     with precision(160):
-        found = sizes()
-        constants = found.constants(PERIOD)
+        norms = theorem_norms()
+        constants = norms.constants(PERIOD)
         values = {name: getattr(constants, name) for name in CERTIFIED}
-        values |= {"a": found.a, "m": found.m}
+        values |= {"a": norms.a, "m": norms.m}
         ends = {name: (float_below(x), float_above(x)) for name, x in values.items()}
-        assert found.condition(PERIOD) is True
+        assert norms.condition(PERIOD) is True
     for name, number in (CERTIFIED | {"a": 1.0838322400124, "m": 86.985791699358}).items():
         low, high = ends[name]
         rounding = 0.5 * 10.0 ** (np.floor(np.log10(number)) - 13)
@@ -126,9 +128,9 @@ def test_constants_of_theorem_1_are_enclosed() -> None:
 def test_the_proof_of_theorem_1_has_a_factor_too_many() -> None:
     # beta with the printed extra nu is 2940.0698, and smaller than what the proof gives
     with precision(160):
-        found = sizes()
-        c = found.constants(PERIOD)
-        printed = found.a * c.alpha + (found.m + c.alpha * PERIOD) * c.gbar
+        norms = theorem_norms()
+        c = norms.constants(PERIOD)
+        printed = norms.a * c.alpha + (norms.m + c.alpha * PERIOD) * c.gbar
         assert float_above(printed) == pytest.approx(2940.0698, rel=RELATIVE)
         assert printed < c.beta
 
@@ -136,10 +138,10 @@ def test_the_proof_of_theorem_1_has_a_factor_too_many() -> None:
 def test_condition_13_needs_the_norm_of_the_exponential() -> None:
     # after (20): e^{-|F| T} Sigma is smaller than |e^{-F T}| Sigma and is not Lemma 1's hypothesis
     with precision(160):
-        found = sizes()
-        printed = (-(found.f * found.T)).exp() * found.constants(PERIOD).sigma
+        norms = theorem_norms()
+        printed = (-(norms.f * norms.T)).exp() * norms.constants(PERIOD).sigma
         assert float_above(printed) == pytest.approx(0.0038160, rel=1e-4)
-        assert printed < found.constants(PERIOD).first
+        assert printed < norms.constants(PERIOD).first
 
 
 def test_32_as_supplied_is_not_the_exponential() -> None:
@@ -214,7 +216,7 @@ def test_exact_at_any_period(period: float, window: float, approximate: float | 
 
 def test_the_bias_is_half_a_sample() -> None:
     with precision(160):
-        sampled = Sampled.of(A, C, PERIOD, K)
+        sampled = Sampled.from_plant(A, C, PERIOD, K)
         E = middles(approximate_gain(sampled, L) @ sampled.rows()) - np.eye(2)
     expected = [[-1.78252347e-5, -3.77640625e-3], [3.72333851e-3, -5.96138451e-5]]
     assert np.abs(E - expected).max() < 1e-11
@@ -231,7 +233,7 @@ def test_the_bias_is_half_a_sample() -> None:
 )  # fmt: skip
 def test_bias_against_the_period(period: float, size: str) -> None:
     with precision(160):
-        sampled = Sampled.of(A, C, period, round(T / period))
+        sampled = Sampled.from_plant(A, C, period, round(T / period))
         E = middles(approximate_gain(sampled, L) @ sampled.rows()) - np.eye(2)
     mantissa, _, exponent = size.partition("e")
     unit = 10.0 ** (int(exponent or 0) - len(mantissa.partition(".")[2]))
@@ -258,12 +260,12 @@ def test_half_sample_correction() -> None:
 )
 def test_phi_over_one_period(period: float, P: Any, det: float) -> None:
     with precision(160):
-        sampled = Sampled.of(A, C, period, 2)
+        sampled = Sampled.from_plant(A, C, period, 2)
         K_d = sampled.forward @ injection(sampled, L)
-        found = middles(sampled.forward + K_d @ sampled.C)
+        enclosed = middles(sampled.forward + K_d @ sampled.C)
         gain = middles(K_d)
-    assert found == pytest.approx(np.array(P), rel=1e-6)
-    assert np.linalg.det(found) == pytest.approx(det, rel=1e-13)
+    assert enclosed == pytest.approx(np.array(P), rel=1e-6)
+    assert np.linalg.det(enclosed) == pytest.approx(det, rel=1e-13)
     if period == PERIOD:
         assert gain.ravel() == pytest.approx([1.874989453e-5, 4.99994375e-3], rel=RELATIVE)
 
@@ -327,8 +329,8 @@ def test_robust_bounds(method: str, noise: float, size: Any, radius: Any) -> Non
 def test_noise_gains_with_the_last_sample(period: float, norm: float, sums: Any) -> None:
     # y_i as well: not what the paper's window holds, but what its samples could give
     k = round(T / period)
-    rows = np.vstack([equations.sample_rows(A, C, period, k).reshape(-1, 2), C])
-    G = equations.least_squares_gain(rows, np.ones(k + 1))
+    rows = np.vstack([sample_rows(A, C, period, k).reshape(-1, 2), C])
+    G = least_squares_gain(rows, np.ones(k + 1))
     assert np.linalg.norm(G, 2) == pytest.approx(norm, rel=1e-5)
     if sums:
         assert np.abs(G).sum(axis=1) == pytest.approx(sums, rel=1e-5)
@@ -356,7 +358,7 @@ def test_least_rows_with_the_last_sample(period: float, size: float, sums: Any) 
     from scipy.optimize import linprog
 
     k = round(T / period)
-    rows = np.vstack([equations.sample_rows(A, C, period, k).reshape(-1, 2), C])
+    rows = np.vstack([sample_rows(A, C, period, k).reshape(-1, 2), C])
     back, half = expm(-A * period), expm(-A * period / 2)
     # R_l of a unit gain at sample j is C back^(l - j); y_i acts on no interval of the window
     R = np.zeros((k, 2, k + 1))
@@ -364,14 +366,14 @@ def test_least_rows_with_the_last_sample(period: float, size: float, sums: Any) 
         R[j:, :, j] = [(C @ np.linalg.matrix_power(back, m) @ half)[0] for m in range(k - j)]
     effects = np.vstack([np.eye(k + 1), size * period * R.reshape(2 * k, k + 1)])
     m = len(effects)
-    found = []
+    costs = []
     for unit in np.eye(2):
         cost = np.concatenate([np.zeros(k + 1), np.ones(m)])
         above = np.block([[effects, -np.eye(m)], [-effects, -np.eye(m)]])
         equal = np.hstack([rows.T, np.zeros((2, m))])
         free = [(None, None)] * (k + 1) + [(0, None)] * m
-        found.append(linprog(cost, above, np.zeros(2 * m), equal, unit, free).fun)
-    assert found == pytest.approx(sums, rel=2e-6)
+        costs.append(linprog(cost, above, np.zeros(2 * m), equal, unit, free).fun)
+    assert costs == pytest.approx(sums, rel=2e-6)
 
 
 def test_near_pathological_sampling() -> None:
@@ -384,25 +386,25 @@ def test_near_pathological_sampling() -> None:
     ("gain", "ratio"), [([-3, 0], 1.195), ([-5, -5], 1.496), ([-10, -10], 2.066)]
 )
 def test_large_gains_of_the_exact_observer(gain: list[float], ratio: float) -> None:
-    asked = problem("exact").to_dict()
-    asked["observer"]["gains"] = {"L": [[x] for x in gain]}
-    sizes = [
-        np.linalg.norm(obsdesign.design(one).gains["window_gain"], 2)
-        for one in (obsdesign.Problem.from_dict(asked), problem("least_squares"))
+    body = problem("exact").to_dict()
+    body["observer"]["gains"] = {"L": [[x] for x in gain]}
+    lengths = [
+        np.linalg.norm(obsdesign.design(case).gains["window_gain"], 2)
+        for case in (obsdesign.Problem.from_dict(body), problem("least_squares"))
     ]
-    assert sizes[0] / sizes[1] == pytest.approx(ratio, abs=0.51e-3)
+    assert lengths[0] / lengths[1] == pytest.approx(ratio, abs=0.51e-3)
 
 
 def test_a_gain_whose_matrix_has_lost_all_digits() -> None:
     # L = [-20, -50]: condition 3e14, and 7e-3 accurate in floats; rounded once from balls it is not
-    asked = problem("exact").to_dict()
-    asked["observer"]["gains"] = {"L": [[-20], [-50]]}
-    design = obsdesign.design(obsdesign.Problem.from_dict(asked))
-    found = design.gains["window_gain"]
+    body = problem("exact").to_dict()
+    body["observer"]["gains"] = {"L": [[-20], [-50]]}
+    design = obsdesign.design(obsdesign.Problem.from_dict(body))
+    gain = design.gains["window_gain"]
     fitted = obsdesign.design(problem("least_squares")).gains["window_gain"]
-    assert np.linalg.norm(found, 2) / np.linalg.norm(fitted, 2) == pytest.approx(3.68, rel=7e-3)
-    rows = equations.sample_rows(A, C, PERIOD, K).reshape(-1, 2)
-    assert np.abs(found @ rows - np.eye(2)).max() < 1e-12
+    assert np.linalg.norm(gain, 2) / np.linalg.norm(fitted, 2) == pytest.approx(3.68, rel=7e-3)
+    rows = sample_rows(A, C, PERIOD, K).reshape(-1, 2)
+    assert np.abs(gain @ rows - np.eye(2)).max() < 1e-12
 
 
 def test_a_square_wave() -> None:
@@ -428,13 +430,13 @@ def test_a_square_wave() -> None:
 def test_the_improved_lemma_2() -> None:
     # |phi - e^{A t}| <= e^{|A| t} (e^{|E| t} - 1): tighter than Sigma, and no part of (13)
     with precision(160):
-        found = sizes()
-        better, printed = found.constants(PERIOD, tighter=True), found.constants(PERIOD)
+        norms = theorem_norms()
+        better, printed = norms.constants(PERIOD, tighter=True), norms.constants(PERIOD)
         names = ("sigma", "gbar", "second", "alpha", "beta", "gamma")
         values = [float_above(getattr(better, name)) for name in names]
         assert better.sigma < printed.sigma
-    told = [0.0033352063, 0.0039320549, 0.34203291, 45.218072, 49.528637, 143.80664]
-    assert values == pytest.approx(told, rel=RELATIVE)
+    expected = [0.0033352063, 0.0039320549, 0.34203291, 45.218072, 49.528637, 143.80664]
+    assert values == pytest.approx(expected, rel=RELATIVE)
 
 
 @pytest.mark.parametrize(("window", "longest"), [(6.0, 0.1439677351), (10.18999, 0.1822966154)])
@@ -442,12 +444,12 @@ def test_longest_period_of_the_improved_lemma(window: float, longest: float) -> 
     value = bounds.approx_log_longest_period(A, C, L, window, tighter=True)
     assert np.exp(value) == pytest.approx(longest, rel=RELATIVE)
     with precision(160):
-        found = sizes(window, 1)
-        ball = found.longest_period(tighter=True)
+        norms = theorem_norms(window, 1)
+        ball = norms.longest_period(tighter=True)
         low, high = float_below(ball), float_above(ball)
-        assert found.condition(low, tighter=True) is True
-        assert found.condition(high, tighter=True) is False
-        assert found.condition(low) is False
+        assert norms.condition(low, tighter=True) is True
+        assert norms.condition(high, tighter=True) is False
+        assert norms.condition(low) is False
     assert low * (1 - RELATIVE) <= longest <= high * (1 + RELATIVE)
 
 
@@ -460,24 +462,24 @@ def test_longest_period_of_the_improved_lemma(window: float, longest: float) -> 
     ],
 )
 def test_longest_period_that_the_improved_lemma_allows(known: Any, longest: float) -> None:
-    found = best_injection(Open(A, C, tighter=True, **known), seconds=2.0)
-    assert np.exp(found.log_period) >= longest * (1 - 1e-5)
+    best = best_injection(PeriodProblem(A, C, tighter=True, **known), seconds=2.0)
+    assert np.exp(best.log_period) >= longest * (1 - 1e-5)
 
 
 def test_the_design_tells_the_better_bound() -> None:
     """At 0.1 the printed (13) is false, and the theorem holds all the same; at 0.2 neither."""
-    told = {}
+    entries = {}
     for period in (0.05, 0.1, 0.2):
         design = obsdesign.design(problem("approximate", period=period))
-        told[period] = [
+        entries[period] = [
             (entry["given"], entry["statement"][:12])
             for entry in design.guarantees
             if "Theorem 1" in entry["statement"]
         ]
     tighter = (True, "With a tight")
-    assert told[0.05] == [(True, "Theorem 1 fo"), tighter]
-    assert told[0.1] == [(False, "The bound of"), tighter]
-    assert told[0.2] == [(False, "The bound of")]
+    assert entries[0.05] == [(True, "Theorem 1 fo"), tighter]
+    assert entries[0.1] == [(False, "The bound of"), tighter]
+    assert entries[0.2] == [(False, "The bound of")]
 
 
 def test_minimax_is_least() -> None:
@@ -495,10 +497,10 @@ def test_the_robust_bound_is_attained() -> None:
     attained = 0.01 * np.abs(G).sum(axis=1)
     for j in range(K):
         R = R @ back + G[:, j : j + 1] @ C
-        moved = R @ expm(-A * PERIOD / fine / 2)
+        weight = R @ expm(-A * PERIOD / fine / 2)
         for _ in range(fine):
-            attained = attained + 0.02 * np.abs(moved) @ np.ones(n) * PERIOD / fine
-            moved = moved @ step
+            attained = attained + 0.02 * np.abs(weight) @ np.ones(n) * PERIOD / fine
+            weight = weight @ step
     assert attained == pytest.approx([0.10143011, 0.29652106], rel=RELATIVE)
     assert (gains["radius"] >= attained * (1 - 1e-9)).all()
 
@@ -530,11 +532,11 @@ def test_longest_period_of_13(window: float, longest: float) -> None:
         longest, rel=1e-7
     )
     with precision(160):
-        found = sizes(window, 1)
-        ball = found.longest_period()
+        norms = theorem_norms(window, 1)
+        ball = norms.longest_period()
         low, high = float_below(ball), float_above(ball)
-        assert found.condition(low) is True
-        assert found.condition(high) is False
+        assert norms.condition(low) is True
+        assert norms.condition(high) is False
     assert low <= longest * (1 + 1e-7)
     assert high >= longest * (1 - 1e-7)
     assert high / low - 1 < 1e-9
@@ -544,7 +546,7 @@ def theorem_bounds(change: float | None, rows: int = 601) -> Any:
     """The bound of Theorem 1 at every t_i >= T, its integrals by Gauss-Legendre on each period."""
     _, d, x = motion(PERIOD, rows, change)
     with precision(160):
-        c = sizes().constants(PERIOD)
+        c = theorem_norms().constants(PERIOD)
         alpha, beta, last = (float(v.mid()) for v in (c.alpha, c.beta, c.gamma * c.sigma))
     F = A + L @ C
     nodes, weights = np.polynomial.legendre.leggauss(6)
@@ -561,17 +563,17 @@ def theorem_bounds(change: float | None, rows: int = 601) -> Any:
     onwards = expms(F * (PERIOD - s)[:, None, None])
     pieces = np.einsum("q,qij,kqj->ki", weights, onwards, value)
     back = np.einsum("q,qij->ij", weights, expms(-A * s[:, None, None]))[:, 0]
-    found = []
+    values = []
     for i in range(K, rows):
         ages = (np.arange(K - 1, -1, -1) * PERIOD)[:, None, None]
         inner_T = (expms(F * ages) @ pieces[i - K : i, :, None]).sum(axis=0)
         times = (np.arange(K) * PERIOD)[:, None, None]
         forced = (expms(-A * times) @ (d[i - K : i, None] * back)[:, :, None]).sum(axis=0)
-        found.append(
+        values.append(
             alpha * np.linalg.norm(forced) + beta * np.linalg.norm(inner_T)
             + last * size[i - K : i].sum()
         )  # fmt: skip
-    return np.array(found)
+    return np.array(values)
 
 
 @pytest.mark.parametrize(
@@ -581,16 +583,16 @@ def theorem_bounds(change: float | None, rows: int = 601) -> Any:
 def test_the_bound_of_theorem_1_is_empty(
     change: float | None, first: float, low: float, high: float
 ) -> None:
-    found = theorem_bounds(change)
-    assert found[0] == pytest.approx(first, rel=1e-6)
-    assert (found.min(), found.max()) == (
+    bound = theorem_bounds(change)
+    assert bound[0] == pytest.approx(first, rel=1e-6)
+    assert (bound.min(), bound.max()) == (
         pytest.approx(low, rel=1e-6),
         pytest.approx(high, rel=1e-6),
     )
     error = errors("approximate", PERIOD, 601, change)[3][K:]
     x = np.linalg.norm(motion(PERIOD, 601, change)[2], axis=1)
-    assert (error <= found).all()
+    assert (error <= bound).all()
     # to answer zero would always be closer than the bound promises; the identity says something
-    assert (x[K:] < found).all()
+    assert (x[K:] < bound).all()
     windows = np.array([x[i - K : i + 1].max() for i in range(K, 601)])
     assert (error <= 0.0137102 * windows).all()

@@ -27,7 +27,17 @@ from lmi.arithmetic.balls import (
     to_float,
     working_bits,
 )
-from obsdesign.equations.finite_time import gains as equations
+from obsdesign.equations.finite_time.formulas import (
+    SERIES_TERMS,
+    approximate_terms,
+    difference_block,
+    discrete_injection,
+    exact_terms,
+    series_remainder,
+    series_steps,
+    window_matrix,
+)
+from obsdesign.equations.finite_time.rows import END, START, stacked_rows, state_scales
 
 # eighths of a term of the series per bit: each is about a quarter of the one before
 _TERMS_PER_BIT = 3
@@ -39,20 +49,20 @@ _MOST_WORK = 3e7
 class Sampled:
     """A, C (exact rationals) and one period: A_d, A_d^-1 as balls; k samples in the window.
 
-    reference: does the window speak of x(t_i), or of x(t_i - T)? The balls have the precision in
-    force at their first use.
+    reference: the rows of the samples are functions of x(t_i) (END) or of x(t_i - T) (START). The
+    balls have the precision in force at their first use.
     """
 
     A: Exact
     C: Exact
     period: float
     k: int
-    reference: str = equations.END
+    reference: str = END
 
-    @staticmethod
-    def of(A: Any, C: Any, period: float, k: int, reference: str = equations.END) -> Sampled:
-        """From the numbers of a plant."""
-        return Sampled(exact(A), exact(C), period, k, reference)
+    @classmethod
+    def from_plant(cls, A: Any, C: Any, period: float, k: int, reference: str = END) -> Sampled:
+        """The samples of a plant's output, k of them."""
+        return cls(exact(A), exact(C), period, k, reference)
 
     @cached_property
     def forward(self) -> Exact:
@@ -69,28 +79,28 @@ class Sampled:
         return self._rows
 
     def last(self) -> Exact:
-        """What x(t_i) is of the reference: I, or A_d^k."""
+        """x(t_i) as a function of the reference: I, or A_d^k."""
         return self._last
 
     @cached_property
     def _rows(self) -> Exact:
-        if self.reference == equations.START:
+        if self.reference == START:
             unit = entries(identity(len(self.A)))
-            stack = equations.stacked_rows(self.C @ unit, self.forward, self.k)
+            stack = stacked_rows(self.C @ unit, self.forward, self.k)
         else:
-            stack = equations.stacked_rows(self.C @ self.back, self.back, self.k)[::-1]
+            stack = stacked_rows(self.C @ self.back, self.back, self.k)[::-1]
         return stack.reshape(-1, len(self.A))
 
     @cached_property
     def _last(self) -> Exact:
-        if self.reference == equations.START:
+        if self.reference == START:
             return exponential(self.A, self.period, self.k)
         return entries(identity(len(self.A)))
 
     def units(self) -> Exact:
         """Units of the states for this window, exact powers of two (`state_scales`)."""
         A, C = to_float(self.A), to_float(self.C)
-        return exact(equations.state_scales(A, C, self.k * self.period))
+        return exact(state_scales(A, C, self.k * self.period))
 
 
 def exponential(A: Exact, period: float, k: int = 1) -> Exact:
@@ -102,7 +112,7 @@ def difference_matrix(sampled: Sampled, L: Any) -> tuple[Exact, Exact]:
     """(M_T / scale, e^{-F T}), enclosed; the scale is `gain_scale`."""
     n = len(sampled.A)
     LC = exact(L) @ sampled.C
-    block = equations.difference_block(sampled.A, LC)
+    block = difference_block(sampled.A, LC)
     block[:n, n:] = block[:n, n:] / gain_scale(sampled, L)
     whole = exponential(block, sampled.period, sampled.k)
     return whole[:n, n:], whole[:n, :n]
@@ -118,12 +128,12 @@ def approximate_gain(sampled: Sampled, L: Any) -> Exact | None:
     block = np.block([[-F, exact(np.eye(n))], [exact(np.zeros((n, 2 * n)))]])
     whole = exponential(block, sampled.period)  # [[e^{-F nu}, int_0^nu e^{-F s} ds], ...]
     weighted = whole[:n, n:] @ (L_exact / scale)
-    terms = equations.approximate_terms(whole[:n, :n], weighted, sampled.k)
-    return solve_entries(M, equations.side_by_side(terms))
+    terms = approximate_terms(whole[:n, :n], weighted, sampled.k)
+    return solve_entries(M, window_matrix(terms))
 
 
 def exact_matrix(sampled: Sampled, L: Any) -> tuple[Exact, Exact] | None:
-    """(N, W) with N xhat = W y, of (9) with (16): see `equations.exact_terms`.
+    """(N, W) with N xhat = W y, of (9) with (16): see `exact_terms`.
 
     N is P^k - A_d^k, times A_d^-k where the reference is the window's end, both over the size of
     L. None where enclosing them is beyond `_MOST_WORK`.
@@ -134,15 +144,15 @@ def exact_matrix(sampled: Sampled, L: Any) -> tuple[Exact, Exact] | None:
         return None
     K_d = sampled.forward @ K
     P = sampled.forward + K_d @ sampled.C
-    W = equations.side_by_side(equations.exact_terms(P, K_d / gain_scale(sampled, L), sampled.k))
+    W = window_matrix(exact_terms(P, K_d / gain_scale(sampled, L), sampled.k))
     return (W @ sampled.rows()).reshape(n, n), W
 
 
 def exact_gain(sampled: Sampled, L: Any) -> Exact | None:
     """Gains (n, k p) of (9) with (16); None if N may be singular, or is not known."""
     pair = exact_matrix(sampled, L)
-    found = None if pair is None else solve_entries(*pair)
-    return None if found is None else sampled.last() @ found
+    gain = None if pair is None else solve_entries(*pair)
+    return None if gain is None else sampled.last() @ gain
 
 
 def half_period(sampled: Sampled) -> Any:
@@ -151,9 +161,9 @@ def half_period(sampled: Sampled) -> Any:
 
 
 def injection(sampled: Sampled, L: Any) -> Exact | None:
-    """K of one period; the rest of its series is in the balls. None if that is too much work.
+    """K of one period with the remainder of its series; None beyond `_MOST_WORK`.
 
-    In units in which all states are seen about equally well: its steps depend on norms.
+    In units in which all states are about equally observable: its steps depend on norms.
     """
     units = sampled.units()
     A, C = sampled.A * units / units[:, None], sampled.C * units
@@ -165,23 +175,23 @@ def injection(sampled: Sampled, L: Any) -> Exact | None:
 
 
 class _Key(NamedTuple):
-    """An exact matrix that can be remembered."""
+    """An exact matrix as a key of the cache."""
 
     shape: tuple[int, ...]
     values: tuple[Any, ...]
 
     def matrix(self) -> Exact:
-        found = np.empty(len(self.values), dtype=object)
-        found[:] = self.values
-        return found.reshape(self.shape)
+        flat = np.empty(len(self.values), dtype=object)
+        flat[:] = self.values
+        return flat.reshape(self.shape)
 
 
-@lru_cache(maxsize=8)  # a design asks for the same one several times
-def _injection(of_A: _Key, of_C: _Key, of_L: _Key, period: float, bits: int) -> Exact | None:
-    A_exact, C_exact, L_exact = of_A.matrix(), of_C.matrix(), of_L.matrix()
+@lru_cache(maxsize=8)  # a design needs the same one several times
+def _injection(A_key: _Key, C_key: _Key, L_key: _Key, period: float, bits: int) -> Exact | None:
+    A_exact, C_exact, L_exact = A_key.matrix(), C_key.matrix(), L_key.matrix()
     A, C, gain = (to_float(X) for X in (A_exact, C_exact, L_exact))
-    m = equations.series_steps(A, C, gain, period)
-    count = max(equations.SERIES_TERMS, _TERMS_PER_BIT * bits // 8)
+    m = series_steps(A, C, gain, period)
+    count = max(SERIES_TERMS, _TERMS_PER_BIT * bits // 8)
     if m * L_exact.size * len(C) * count**2 > _MOST_WORK:
         return None
     h = rational(period) / m
@@ -190,10 +200,10 @@ def _injection(of_A: _Key, of_C: _Key, of_L: _Key, period: float, bits: int) -> 
     for _ in range(m - 1):
         backs.append(backs[-1] @ step)
     sizes = (_size(A_exact), _size(L_exact))
-    reaches = [_size(C_exact @ back) for back in backs]
-    rests = [equations.series_rest(*sizes, reach, scalar(h), count) for reach in reaches]
-    steps = [(back, around_zero(rest)) for back, rest in zip(backs, rests, strict=True)]
-    return equations.discrete_injection(A_exact, C_exact, L_exact, scalar(h), steps, count)
+    sizes_C = [_size(C_exact @ back) for back in backs]
+    remainders = [series_remainder(*sizes, size_C, scalar(h), count) for size_C in sizes_C]
+    steps = [(back, around_zero(x)) for back, x in zip(backs, remainders, strict=True)]
+    return discrete_injection(A_exact, C_exact, L_exact, scalar(h), steps, count=count)
 
 
 def _size(X: Exact) -> Any:
@@ -205,7 +215,7 @@ def _size(X: Exact) -> Any:
 def gain_scale(sampled: Sampled, L: Any) -> Any:
     """A power of two, exactly, about as large as L C; 1 if it is zero.
 
-    Beside the plant's own entries those of a small L C would drown in the radius of a ball.
+    Without it the entries of a small L C would be below the radius of a ball.
     """
     LC = exact(L) @ sampled.C
     largest = max(abs(x) for x in LC.flat)

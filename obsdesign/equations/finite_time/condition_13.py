@@ -1,4 +1,4 @@
-"""Error bounds of observer (14): Theorem 1 as repaired, and the longest period of its condition.
+"""Error bounds of observer (14): Theorem 1 as repaired, longest period of condition (13).
 
 Source: F. Mazenc, S. Ahmed, MICNON 2018, (10)-(13), with the errata of docs/papers.md:
 
@@ -18,12 +18,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lmi.arithmetic.exponential import expm
-from obsdesign.equations.finite_time.gains import difference_block
-
-Array = NDArray[Any]
+from obsdesign.equations.finite_time.formulas import difference_block
+from obsdesign.equations.gains import Array
 
 
 @dataclass(frozen=True)
@@ -53,58 +51,58 @@ def sigma(T: Any, f: Any, s: Any) -> Any:
 
 
 def log_sigma(T: Any, f: Any, s: Any) -> Any:
-    """log Sigma, which is a number where Sigma is beyond any exponent. s > 0."""
+    """log Sigma, which is finite where Sigma overflows. s > 0."""
     g = flow_growth(f, T)
     return np.log(s) + T * f + np.log(g) + s * g
 
 
 def tighter_sigma(T: Any, f: Any, s: Any) -> Any:
-    """What |phi - e^{F t}| is at most for t <= T: e^{f T} (e^{s T} - 1), never above Sigma.
+    """Bound |phi - e^{F t}| for t <= T by e^{f T} (e^{s T} - 1), never above Sigma.
 
-    The Dyson series bounds it at once, where Lemma 2 bounds its square by Gronwall's inequality.
+    The Dyson series bounds it directly; Lemma 2 bounds its square by Gronwall's inequality.
     """
     return np.exp(f * T) * np.expm1(s * T)
 
 
 def log_tighter_sigma(T: Any, f: Any, s: Any) -> Any:
-    """Its logarithm. s > 0."""
+    """Logarithm of `tighter_sigma`. s > 0."""
     return f * T + np.log(np.expm1(s * T))
 
 
 def constants(a: Any, m: Any, sigma_value: Any) -> Constants:
-    """(10)-(12); meaningful where both numbers of (13) are below one."""
-    first = a * sigma_value
-    gbar = a * first / (1 - first)
-    second = m * gbar
-    alpha = m * second / (1 - second)
-    beta = a * alpha + (m + alpha) * gbar
-    gamma = (m + alpha) * (a + gbar)
+    """Constants of (10)-(12), defined where both numbers of (13) are below one."""
+    first = a * sigma_value  # (13)
+    gbar = a * first / (1 - first)  # (10)
+    second = m * gbar  # (13)
+    alpha = m * second / (1 - second)  # (11)
+    beta = a * alpha + (m + alpha) * gbar  # (11)
+    gamma = (m + alpha) * (a + gbar)  # (12)
     return Constants(sigma_value, gbar, alpha, beta, gamma, first, second)
 
 
 def largest_sigma(a: Any, m: Any) -> Any:
-    """Both parts of (13) hold exactly when Sigma is below this."""
+    """Bound of Sigma below which both parts of (13) hold, and only there."""
     return 1 / (a * (1 + m * a))
 
 
-def in_coordinates(S: Array, A: Array, C: Array, L: Array) -> tuple[Array, Array, Array]:
+def transformed_plant(S: Array, A: Array, C: Array, L: Array) -> tuple[Array, Array, Array]:
     """A, C, L for the states S x: S A S^-1, C S^-1, S L. LinAlgError if S is singular."""
     back = np.linalg.solve(S.T, np.vstack([S @ A, C]).T).T
     return back[: len(A)], back[len(A) :], S @ L
 
 
 def approx_log_longest_period(
-    A: Array, C: Array, L: Array, T: float, S: Array | None = None, tighter: bool = False
+    A: Array, C: Array, L: Array, T: float, S: Array | None = None, *, tighter: bool = False
 ) -> float:
     """log of the period below which (13) holds, -inf where M_T is singular; inf if A = 0.
 
     nu_max = log(1 + u / (g |L C|)) / |A|, u e^u = Sigma* e^{-f T}: in logarithms, as e^{2 f T}
-    overflows where the answer is still a number. S: for the states S x; tighter: with
+    overflows where the period is still a number. S: for the states S x; tighter: with
     `tighter_sigma` in place of Sigma. Floats, no proof.
     """
     if S is not None:
         try:
-            A, C, L = in_coordinates(S, A, C, L)
+            A, C, L = transformed_plant(S, A, C, L)
         except np.linalg.LinAlgError:
             return -math.inf
     LC = L @ C
@@ -121,11 +119,11 @@ def approx_log_longest_period(
     whole = expm(block * T)
     if not np.isfinite(whole).all():
         return -math.inf
-    of_F, of_M = np.linalg.svd(np.array([whole[:n, :n], whole[:n, n:]]), compute_uv=False)
-    if of_M[-1] <= 1e-300:
+    values_F, values_M = np.linalg.svd(np.array([whole[:n, :n], whole[:n, n:]]), compute_uv=False)
+    if values_M[-1] <= 1e-300:
         return -math.inf
-    log_a = math.log(of_F[0])
-    log_ma = log_a - math.log(of_M[-1]) - math.log(size_LC)
+    log_a = math.log(values_F[0])
+    log_ma = log_a - math.log(values_M[-1]) - math.log(size_LC)
     log_sigma = -log_a - np.logaddexp(0.0, log_ma)
     if tighter:
         exponent = log_sigma - f * T
@@ -154,12 +152,12 @@ def log_lambert(log_z: float) -> float:
 
 
 def enclosed_longest_period(a: Any, m: Any, f: Any, sizes: tuple[Any, Any], T: Any) -> Any:
-    """The same in balls, which do not overflow; sizes = (|A|, |L C|), both positive."""
+    """Longest period of (13) in balls, which do not overflow; sizes: (|A|, |L C|), positive."""
     u = (largest_sigma(a, m) * np.exp(-(f * T))).lambertw()
     return np.log1p(u / (flow_growth(f, T) * sizes[1])) / sizes[0]
 
 
 def enclosed_tighter_period(a: Any, m: Any, f: Any, sizes: tuple[Any, Any], T: Any) -> Any:
-    """The same with `tighter_sigma`: log(1 + log(1 + Sigma* e^{-f T}) / (T |L C|)) / |A|."""
+    """Longest period with `tighter_sigma`: log(1 + log(1 + Sigma* e^{-f T}) / (T |L C|)) / |A|."""
     inner = np.log1p(largest_sigma(a, m) * np.exp(-(f * T)))
     return np.log1p(inner / (T * sizes[1])) / sizes[0]

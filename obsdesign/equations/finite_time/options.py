@@ -1,4 +1,4 @@
-"""What may be asked of a finite-time observer, and what a design keeps of its plant."""
+"""Options of a finite-time observer, and the numbers of the plant that a design stores."""
 
 from __future__ import annotations
 
@@ -6,11 +6,8 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from obsdesign.equations.gains import plant_data
-
-Array = NDArray[Any]
+from obsdesign.equations.gains import Array, plant_data
 
 METHODS = ("least_squares", "exact", "approximate", "minimax")
 NEED_L = ("exact", "approximate")
@@ -19,11 +16,11 @@ FREE = ("least_squares", "minimax")
 WHOLE_TOLERANCE = 1e-9
 # more samples than this make a design file too large to handle
 MOST_SAMPLES = 20_000
-_OF_JUMPS = ("G", "E", "jump_lower", "jump_upper", "dwell_time", "dwell_jitter")
+_JUMP_ENTRIES = ("G", "E", "jump_lower", "jump_upper", "dwell_time", "dwell_jitter")
 
 
-def objection(plant: Any, options: Any) -> str | None:
-    """What forbids a finite-time observer for a problem, or None; one sentence."""
+def reason_against_problem(plant: Any, options: Any) -> str | None:
+    """Reason why a problem has no finite-time observer, or None; one sentence."""
     if plant.output.measured != "periodic":
         return (
             "output.measured must be periodic for kind 'finite_time'; "
@@ -36,17 +33,17 @@ def objection(plant: Any, options: Any) -> str | None:
             f"{method!r}, which has no bias to correct."
         )
     if "window" in options:
-        return window_objection(options["window"], plant.output.period)
+        return reason_against_window(options["window"], plant.output.period)
     return None
 
 
-def objective_objection(options: Any, L: bool = False) -> str | None:
-    """Why `objective` has nothing to choose for a design, or None. L: is it given?"""
+def reason_against_objective(options: Any, L: bool = False) -> str | None:
+    """Reason why `objective` has no free variable to choose, or None. L: is it given?"""
     method, objective = options.get("method", "least_squares"), options.get("objective")
     if objective is None:
         return None
     if method in NEED_L:
-        return _nothing_open(method, objective, options.get("window"), L)
+        return _reason_against_objective_with_injection(method, objective, options.get("window"), L)
     if objective == "longest_period":
         return (
             "observer.objective = 'longest_period' chooses L and the window of methods 'exact' and "
@@ -60,8 +57,10 @@ def objective_objection(options: Any, L: bool = False) -> str | None:
     return None
 
 
-def _nothing_open(method: str, objective: str, window: float | None, L: bool) -> str | None:
-    """The same for methods with L; longest_period chooses coordinates S where L and T are given."""
+def _reason_against_objective_with_injection(
+    method: str, objective: str, window: float | None, L: bool
+) -> str | None:
+    """Reason for methods with L; longest_period chooses S where L and T are given."""
     if window is None:
         return None
     if objective == "shortest_window":
@@ -77,8 +76,8 @@ def _nothing_open(method: str, objective: str, window: float | None, L: bool) ->
     return None
 
 
-def window_objection(window: float, period: float) -> str | None:
-    """Why this window does not fit the period, or None."""
+def reason_against_window(window: float, period: float) -> str | None:
+    """Reason why a window does not fit the period, or None."""
     if window < period * (1 - WHOLE_TOLERANCE):
         return (
             f"observer.window must be at least output.period = {period!r}; got {window!r}. "
@@ -101,21 +100,21 @@ def window_objection(window: float, period: float) -> str | None:
 
 
 def window_samples(window: float, period: float) -> int:
-    """k = T / nu for a window that `window_objection` has nothing against."""
+    """Number of samples k = T / nu of a window that `reason_against_window` accepts."""
     return round(window / period)
 
 
-def announced_jumps(plant: Any) -> bool:
-    """Does the data tell when the plant jumps? Impulses of unknown weight alone are not told."""
+def has_announced_jumps(plant: Any) -> bool:
+    """Do the data announce jumps? Impulses of unknown weight alone are not announced."""
     jump = plant.jump
     return jump is not None and (jump.H is None or not np.array_equal(jump.G, np.eye(plant.n)))
 
 
 def stored_plant(plant: Any) -> dict[str, Any]:
-    """The plant's numbers in a design's gains: without jumps that no data announce."""
+    """Return the plant's numbers in a design's gains, without jumps that no data announce."""
     data = plant_data(plant) | {"period": plant.output.period}
-    if not announced_jumps(plant):
-        data = {name: value for name, value in data.items() if name not in _OF_JUMPS}
+    if not has_announced_jumps(plant):
+        data = {name: value for name, value in data.items() if name not in _JUMP_ENTRIES}
     return data
 
 

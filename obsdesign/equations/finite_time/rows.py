@@ -1,29 +1,26 @@
-"""What the samples of a window say of the state, and the gains that least squares make of it.
+"""Rows that map the state to the samples of a window, and their least-squares gains.
 
-Rows are C A_d^(j-k), of x(t_i), or C A_d^j, of x(t_i - T): one of them is good where modes decay or
-grow by many digits over the window. Notation as in `finite_time`.
+Rows are C A_d^(j-k) for x(t_i), or C A_d^j for x(t_i - T): one of them is well conditioned where
+modes decay or grow by many digits over the window. Notation as in `formulas`.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lmi.arithmetic.exponential import expm, exponential_grid
+from obsdesign.equations.gains import Array
 
-Array = NDArray[Any]
-
-# which state a bias is measured against, and rows are written in: x(t_i) or x(t_i - T)
+# reference state of biases and rows: x(t_i) or x(t_i - T)
 END, START = "end", "start"
 REFERENCES = (END, START)
-# largest deviation of G O from what it should be, states in units of `state_scales`: what rounding
-# leaves of gains that do not amplify beyond reason
+# largest deviation of G O from I or A_d^k, states in units of `state_scales`: rounding of gains
+# that amplify moderately
 UNBIASED = 1e-8
-# what the samples do not see of the window's start is that much of it at its end, at most
-DEAD = 1e-11
+# unobserved modes decay below this part of their size at the window's start
+DECAYED = 1e-11
 _ROUNDING = 1e-15
 
 
@@ -48,10 +45,10 @@ def stacked_rows(C: Array, power: Array, k: int) -> Array:
 
 
 def state_scales(A: Array, C: Array, window: float) -> Array:
-    """Powers of two (n,): states in units in which they are seen about equally well.
+    """Powers of two (n,): units in which all states are about equally observable.
 
-    1 / the column norms of C (A T)^j / j!, j < n: what the flow could tell of a state in the
-    window. Other units of the states scale along; samples that see less than that are noticed.
+    1 / the column norms of C (A T)^j / j!, j < n, the Taylor terms of the output over the window.
+    They scale with the units of the states.
     """
     n = len(A)
     terms = [np.asarray(C, dtype=np.float64)]
@@ -84,33 +81,33 @@ def approx_determinacy(rows: Array, scales: Array) -> float:
     return float(values[-1] / math.sqrt(float((values**2).sum()) or 1.0))
 
 
-def approx_reach(A: Array, C: Array, period: float, k: int) -> float:
-    """How well k samples determine the state: at the window's end or at its start, in floats."""
+def approx_window_determinacy(A: Array, C: Array, period: float, k: int) -> float:
+    """Larger `approx_determinacy` of k samples for the state at the window's end or start."""
     scales = state_scales(A, C, k * period)
     stacks = (sample_rows(A, C, period, k, reference) for reference in REFERENCES)
     return max(approx_determinacy(rows.reshape(-1, len(A)), scales) for rows in stacks)
 
 
 def pathological_pairs(A: Array, period: float) -> list[tuple[complex, complex, float]]:
-    """Eigenvalues of A that (almost) coincide after sampling: (one, other, turns between them).
+    """Eigenvalues of A that (almost) coincide after sampling: (first, second, turns).
 
     Kalman, Ho, Narendra: equal real parts and imaginary parts that differ by a multiple of
     2 pi / nu. A warning: several outputs may still see both.
     """
     values = np.linalg.eigvals(A)
     size = max(float(np.abs(values).max(initial=0.0)), 1e-300)
-    found = []
-    for i, one in enumerate(values):
-        for other in values[i + 1 :]:
-            turns = abs(one.imag - other.imag) * period / (2 * math.pi)
-            same = abs(one.real - other.real) <= 1e-9 * size
+    pairs = []
+    for i, first in enumerate(values):
+        for second in values[i + 1 :]:
+            turns = abs(first.imag - second.imag) * period / (2 * math.pi)
+            same = abs(first.real - second.real) <= 1e-9 * size
             if same and round(turns) > 0 and abs(turns - round(turns)) <= 1e-6 * turns:
-                found.append((complex(one), complex(other), float(turns)))
-    return found
+                pairs.append((complex(first), complex(second), float(turns)))
+    return pairs
 
 
 def least_squares_gain(rows: Array, deviations: Array, cut: float = 0.0) -> Array:
-    """Gains (n, m) of the weighted least-squares estimate of the state that rows speak of, by QR.
+    """Gains (n, m) of the weighted least-squares estimate of the reference state, by QR.
 
     rows: (m, n), of `sample_rows`; deviations: (m,) relative sizes of the samples' errors; cut: of
     the scaled rows, singular values below that part of the largest count as zero (by SVD then).
@@ -128,14 +125,14 @@ def least_squares_gain(rows: Array, deviations: Array, cut: float = 0.0) -> Arra
     return scales[:, None] * np.linalg.pinv(flat * scales, rcond=cut) * weights
 
 
-def made_unbiased(gain: Array, rows: Array, unbiased: Array, wanted: Array) -> Array:
+def unbiased_gain(gain: Array, rows: Array, unbiased: Array, wanted: Array) -> Array:
     """The gain made unbiased, G + (X - G O) G_0, by a G_0 that is: G_0 O = I. rows: O, (m, n).
 
-    wanted: X = G O, what x(t_i) is of the state that rows speak of (`last_state`).
+    wanted: X = G O, x(t_i) as a function of the reference state (`last_state`).
     """
     return gain + (wanted - gain @ rows) @ unbiased
 
 
 def last_state(A: Array, window: float, reference: str) -> Array:
-    """x(t_i) as a function of x(t_i), or with START of x(t_i - T): I or A_d^k, (n, n)."""
+    """x(t_i) as a function of the reference state, (n, n): I, or A_d^k for START."""
     return np.asarray(expm(A * window)) if reference == START else np.eye(len(A))

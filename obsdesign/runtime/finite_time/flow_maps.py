@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from lmi.arithmetic.enclosure import UNIT, Enclosure, expm, powers, raised
+from obsdesign.equations.finite_time.gains import FiniteTimeGains
 from obsdesign.runtime.base import Vector
 
 # parts of a step, by the norm of A times their length
@@ -36,18 +35,18 @@ class FlowMaps:
         return raised(total, terms)
 
     def spread(self, radius: Vector) -> Vector:
-        """Radius after the step: |e^{A h}| rho + int |e^{A s}| ds Delta, or what is above."""
+        """Bound of |e^{A h}| rho + int |e^{A s}| ds Delta, the radius after the step."""
         if not np.isfinite(radius).all():
             return np.full_like(radius, np.inf)
-        with np.errstate(over="ignore"):  # beyond any number there is no bound
+        with np.errstate(over="ignore"):  # an overflow is no bound
             return raised(self.growth @ radius + self.inflow, 2 * len(radius))
 
 
-def flow_maps(gains: Mapping[str, Any], h: float, error: float) -> FlowMaps:
+def flow_maps(gains: FiniteTimeGains, h: float, error: float) -> FlowMaps:
     """Matrices of a step of length h, known to `error`."""
-    A = np.asarray(gains["A"])
+    A = gains.A
     n = len(A)
-    Delta = raised((gains["flow_upper"] - gains["flow_lower"]) / 2, 1)
+    Delta = raised((gains.flow_upper - gains.flow_lower) / 2, 1)
     whole = _enclosed(A, np.eye(n), h, error)
     growth, inflow = _compared(A, Delta, h, error)
     # the comparison system forgets signs, and with them how fast coupled modes decay
@@ -59,7 +58,7 @@ def flow_maps(gains: Mapping[str, Any], h: float, error: float) -> FlowMaps:
 
 
 def _compared(A: Vector, Delta: Vector, h: float, error: float) -> tuple[Vector, Vector]:
-    """Above |e^{A h}| and int_0^h |e^{A s}| ds Delta: e^{Mz(A) h}, and the same integral of it."""
+    """Bound |e^{A h}| and int_0^h |e^{A s}| ds Delta by e^{Mz(A) h} and its integral."""
     n = len(A)
     metzler = np.where(np.eye(n, dtype=bool), A, np.abs(A))
     top = _enclosed(metzler, Delta[:, None], h, error).magnitude[:n]
@@ -67,7 +66,7 @@ def _compared(A: Vector, Delta: Vector, h: float, error: float) -> tuple[Vector,
 
 
 def _reach(A: Vector, Delta: Vector, h: float, error: float) -> Vector:
-    """Above int_0^h |e^{A s}| ds Delta: the comparison system over parts of the step alone."""
+    """Bound int_0^h |e^{A s}| ds Delta by the comparison system over parts of the step."""
     size = float(np.abs(A).sum(axis=1).max(initial=0.0)) * h
     if not (np.any(Delta) and size < _MOST_PARTS):
         return np.full(len(A), np.inf) if np.any(Delta) else Delta

@@ -1,7 +1,7 @@
-"""Residuals of a sliding window in one growing array: a new sample moves nothing.
+"""Residuals of a sliding window in one growing array: a new sample copies nothing.
 
-A window is a view of the last m entries. It is never written again, so that states keep theirs;
-an entry behind it is given away once, and whoever comes second copies.
+A window is a view of the last m entries, which are never written again: every state keeps its own.
+A free slot is claimed once; a second claimant gets a copy.
 """
 
 from __future__ import annotations
@@ -16,20 +16,20 @@ _LEAST_ROOM = 512  # entries to write before the window is copied again
 
 
 class Tape:
-    """Room behind a window; `after` is all there is to do with it."""
+    """A window with room behind it for further entries."""
 
     __slots__ = ("_claims", "_data")
 
     def __init__(self, window: Vector, step: int) -> None:
-        """The window's entries are copied to the beginning; `step` more come at a time."""
+        """Copy the window's entries to the beginning; further ones come `step` at a time."""
         self._data = np.empty(2 * len(window) + max(_LEAST_ROOM, step))
         self._data[: len(window)] = window
         self._claims = count(len(window), step)
 
-    def after(self, end: int, fresh: Vector, size: int) -> Vector | None:
-        """The last `size` entries once `fresh` stands at `end`, if nobody has been there.
+    def extended(self, end: int, fresh: Vector, size: int) -> Vector | None:
+        """The last `size` entries with `fresh` at `end`; None where that slot is not free.
 
-        None where somebody has, or where there is no room: counting is atomic, also among threads.
+        Counting is atomic, also among threads. None also where there is no room.
         """
         if next(self._claims) != end:
             return None
@@ -38,3 +38,14 @@ class Tape:
             return None
         data[end:new] = fresh
         return data[new - size : new]
+
+
+def extend(tape: Tape | None, end: int, window: Vector, fresh: Vector) -> tuple[Vector, Tape, int]:
+    """(the window moved on by `fresh`, its tape, where it ends there)."""
+    size = len(window)
+    following = None if tape is None else tape.extended(end, fresh, size)
+    if tape is None or following is None:
+        tape, end = Tape(window, len(fresh)), size
+        following = tape.extended(end, fresh, size)
+    assert following is not None  # a new tape has room
+    return following, tape, end + len(fresh)

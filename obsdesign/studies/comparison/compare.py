@@ -11,7 +11,7 @@ from lmi.memory import OversizeError
 from lmi.time_budget import ended_part, total_budget
 from obsdesign import workflow
 from obsdesign.document import Design
-from obsdesign.equations.finite_time import gains as finite_time
+from obsdesign.equations.finite_time.options import METHODS
 from obsdesign.equations.impulsive import gains as impulsive
 from obsdesign.equations.interval import gains as interval
 from obsdesign.errors import InputError
@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 _VARIANTS: dict[str, tuple[str, tuple[str, ...]]] = {
     "interval": ("form", interval.FORMS),
     "impulsive": ("strategy", impulsive.STRATEGIES),
-    "finite_time": ("method", finite_time.METHODS),
+    "finite_time": ("method", METHODS),
     "unknown_input": ("differentiator", ("cell", "damped", "batch", "fixed_lag")),
 }
 # rows on which a design is compared with the filter

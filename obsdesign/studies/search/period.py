@@ -1,12 +1,10 @@
 """Longest period and shortest window of condition (13), Theorem 1 of Mazenc and Ahmed.
 
 `longest_period` replaces the period of the file: the end of (13) for its window and its L, or for
-those that are found where the file leaves them open. `shortest_window` keeps the period and looks
-for the fewest samples. Both ends are proved in ball arithmetic; where L or the window was searched
-for, the far end speaks of the found ones only and is undecided.
-
-What lets Theorem 1 hold for longer periods than (13) as printed: coordinates S, and a tighter
-Lemma 2 (`tighter_sigma`). Both change the bound, not the observer; each is told beside (13).
+the best ones where the file leaves them open. `shortest_window` keeps the period and minimises the
+number of samples. Both ends are proved in ball arithmetic; where L or the window was searched for,
+the far end holds for this L and this window only and is undecided. `period_extensions` lists what
+coordinates S and a tighter Lemma 2 gain.
 """
 
 from __future__ import annotations
@@ -22,126 +20,77 @@ from lmi.arithmetic.norms import float_above, float_below
 from lmi.time_budget import collect_remarks, remark, sentences
 from obsdesign.analysis.finite_time.enclosed_gains import Sampled
 from obsdesign.document import Claim
-from obsdesign.equations.finite_time import gains as equations
+from obsdesign.equations.finite_time.options import MOST_SAMPLES, reason_against_problem
+from obsdesign.equations.gains import Array
 from obsdesign.errors import InputError
 from obsdesign.problem.kinds import PERIOD_SEARCHES
 from obsdesign.problem.problem import Problem
-from obsdesign.synthesis.finite_time.injection import (
-    SECONDS,
-    Injection,
-    Open,
-    best_injection,
-    fewest_samples,
+from obsdesign.studies.search.period_extensions import (
+    LONG_SECONDS,
+    longer_periods,
+    needed_samples,
+    shorter_windows,
 )
+from obsdesign.synthesis.finite_time.injection import best_injection, fewest_samples
+from obsdesign.synthesis.finite_time.period_problem import Injection, PeriodProblem
 from obsdesign.synthesis.finite_time.whole_windows import whole_windows
 from obsdesign.verification.answers import with_end
-from obsdesign.verification.finite_time.theorem_1 import Sizes
+from obsdesign.verification.finite_time.theorem_1 import Norms
 from obsdesign.verification.finite_time.window import observable, sampled_index
 from obsdesign.workflow import Outcome
 
-# told where it gains more than rounding
-_BETTER = 1 + 1e-6
-
-
-def longer_periods(problem: Problem, plain: Injection | None) -> dict[str, Any]:
-    """{"coordinates": {"S", "L", "window", "proved"}, "tighter": the same}, where they gain.
-
-    proved: a period for which the condition is proved; plain: what (13) allows, log_period that
-    of the proved one, if any. S is [] where it is I.
-    """
-    A, C, L = problem.plant.flow.A, problem.plant.output.C, problem.gains.get("L")
-    if not np.any(A) or (L is not None and not np.any(L @ C)):
-        return {}
-    asked = Open(A, C, problem.options.get("window"), L)
-    first = () if plain is None else (plain,)
-    least = 0.0 if plain is None else math.exp(plain.log_period)
-    told = {}
-    moved = best_injection(replace(asked, coordinates=True), first, seconds=_SECONDS)
-    longest = _proved(asked, moved)
-    if longest > least * _BETTER:
-        told["coordinates"] = _told(moved, longest)
-    asked = replace(asked, tighter=True)
-    found = best_injection(asked, first, seconds=SECONDS)
-    longest = _proved(asked, found)
-    moved = best_injection(replace(asked, coordinates=True), (found,), seconds=_SECONDS)
-    further = _proved(asked, moved)
-    if further > longest * _BETTER:
-        found, longest = moved, further
-    if longest > least * _BETTER:
-        told["tighter"] = _told(found, longest)
-    return told
-
-
-def shorter_windows(problem: Problem, plain: int | None, period: float) -> dict[str, Any]:
-    """The same with "samples", and the window as "proved"; plain: the fewest samples of (13)."""
-    A, C, L = problem.plant.flow.A, problem.plant.output.C, problem.gains.get("L")
-    if not np.any(A) or (L is not None and not np.any(L @ C)):
-        return {}
-    told = {}
-    least = sampled_index(Sampled.of(A, C, period, len(A)))
-    for name in ("coordinates", "tighter"):
-        asked = Open(A, C, None, L, **{name: True})
-        k, found = fewest_samples(asked, period, least)
-        if k is None or (plain is not None and k >= plain):
-            continue
-        sizes = Sizes.of(Sampled.of(A, C, period, k), found.L, found.S)
-        if sizes is not None and sizes.condition(period, asked.tighter) is True:
-            window = k * period
-            told[name] = _told(replace(found, window=window), window) | {"samples": k}
-    return told
-
-
-def _proved(asked: Open, found: Injection) -> float:
-    """A period for which the condition is proved; 0 where there is none."""
-    sizes = Sizes.of(Sampled.of(asked.A, asked.C, found.window, 1), found.L, found.S)
-    longest = None if sizes is None else sizes.longest_period(asked.tighter)
-    if sizes is None or longest is None:
-        return 0.0
-    most = found.window / needed_samples(asked.A, asked.C, found.window)
-    period = min(float_below(longest), most)
-    return period if sizes.condition(period, asked.tighter) is True else 0.0
-
-
-def _told(found: Injection, value: float) -> dict[str, Any]:
-    S = [] if found.S is None else found.S.tolist()
-    return {"S": S, "L": found.L, "window": found.window, "proved": value}
-
-
-def needed_samples(A: Any, C: Any, window: float) -> int:
-    """The least k for which k samples, window/k apart, determine the state."""
-    for k in range(1, len(A) + 1):
-        if sampled_index(Sampled.of(A, C, window / k, k)) <= k:
-            return k
-    return len(A)
-
-
 _BITS = 160
 _TOO_MANY = (
-    f"{{}} samples in a window are more than the {equations.MOST_SAMPLES} that a design may hold: "
+    f"{{}} samples in a window are more than the {MOST_SAMPLES} that a design may hold: "
     "none has the period that is found"
 )
-# windows with fewer samples than the one that is found are all shown to fail, up to that many
+# windows with fewer samples than the shortest one are all shown to fail, up to that many
 _MOST_SHOWN = 2000
-_SECONDS = 2.0
 _SOURCE = "Mazenc, Ahmed, MICNON 2018, Theorem 1, (13)"
 
 
 @dataclass(frozen=True)
-class _Found:
-    """Ends of a bracket in the searched quantity, with window, samples and L."""
+class _Bracket:
+    """Ends of a bracket in the searched quantity, with window, samples and L.
 
-    proved: float | None
-    not_proved: float | None
+    whole_period: a period for which (13) is proved with T = samples * whole_period.
+    """
+
     window: float
     samples: int
-    L: Any
+    L: Array
     claims: tuple[Claim, ...]
-    reason: str | None
-    whole: float | None = None  # a period for which (13) is proved with T = samples * whole
+    reason: str
+    proved: float | None = None
+    not_proved: float | None = None
+    whole_period: float | None = None
+
+    @classmethod
+    def empty(cls, window: float, L: Array, reason: str) -> _Bracket:
+        """No period or window is known to satisfy (13)."""
+        statement = "(13) holds for some period"
+        claim = Claim("condition_13", statement, _SOURCE, "undecided", {"reason": reason})
+        return cls(window, 0, L, (claim,), reason)
+
+    def to_result(self, is_searched: bool) -> dict[str, Any]:
+        """Entries of a search result; is_searched: are L or the window not those of the file?"""
+        result: dict[str, Any] = {"proved": None, "not_proved": None, "not_proved_verdict": None}
+        result |= {"window": self.window, "gains": {"L": self.L}, "reason": self.reason}
+        if self.proved is None:
+            return result
+        result |= {"proved": self.proved, "not_proved": self.not_proved, "samples": self.samples}
+        if self.whole_period is None:
+            result |= {"admissible": self.window / self.samples, "admissible_window": self.window}
+        else:
+            window = self.samples * self.whole_period
+            result |= {"admissible": self.whole_period, "admissible_window": window}
+        if self.not_proved is not None:
+            result["not_proved_verdict"] = "undecided" if is_searched else "refuted"
+        return result
 
 
 def search_period(problem: Problem, what: str) -> Outcome:
-    """The bracket for `what`.
+    """Return the bracket for `what`.
 
     result: {"proved", "not_proved", "not_proved_verdict", "admissible", "samples", "window",
     "gains", "reason"}; admissible is the longest period that (13) allows with a whole number of
@@ -154,118 +103,138 @@ def search_period(problem: Problem, what: str) -> Outcome:
         raise InputError(f"--for {what} is not available for kind 'finite_time'.")
     problem.require_measured("periodic")
     period = float(problem.plant.output.period or 1.0)
-    asked = {} if what == "shortest_window" else _without_window(problem)
-    if text := equations.objection(problem.plant, asked):
-        raise InputError(text)
+    options = {} if what == "shortest_window" else _options_without_window(problem)
+    if reason := reason_against_problem(problem.plant, options):
+        raise InputError(reason)
     with collect_remarks() as remarks, precision(_BITS):
-        first = observable(Sampled.of(problem.plant.flow.A, problem.plant.output.C, period, 1))
+        plant = problem.plant
+        first = observable(Sampled.from_plant(plant.flow.A, plant.output.C, period, 1))
         if first.verdict != "proved":
-            return _outcome(problem, None, first, False)
-        find = _longest_period if what == "longest_period" else _shortest_window
-        found = find(problem, period)
-        if found.samples > equations.MOST_SAMPLES:
-            remark(_TOO_MANY.format(found.samples))
-        better = _better(problem, found, None if what == "longest_period" else period)
-    searched = "L" not in problem.gains or (what, "window" in problem.options) == (
-        "longest_period", False,
-    )  # fmt: skip
-    outcome = _outcome(problem, found, first, searched)
+            result = {"proved": None, "not_proved": None, "not_proved_verdict": None}
+            return Outcome("refuted", "finite_time", (first,), result, None)
+        is_period = what == "longest_period"
+        bracket = (_longest_period if is_period else _shortest_window)(problem, period)
+        if bracket.samples > MOST_SAMPLES:
+            remark(_TOO_MANY.format(bracket.samples))
+        extensions = _extensions(problem, bracket, None if is_period else period)
+    is_searched = "L" not in problem.gains or (is_period and "window" not in problem.options)
     if remarks:
-        better["remarks"] = sentences(remarks)
-    end = next((one.evidence for one in reversed(remarks) if one.evidence), {})
-    claims = tuple(with_end(claim, end) for claim in outcome.claims)
-    return replace(outcome, claims=claims, result={**outcome.result, **better, **end})
+        extensions["remarks"] = sentences(remarks)
+    end = next((entry.evidence for entry in reversed(remarks) if entry.evidence), {})
+    claims = (first, *bracket.claims)
+    verdict = "proved" if all(claim.verdict == "proved" for claim in claims) else "undecided"
+    claims = tuple(with_end(claim, end) for claim in claims)
+    result = {**bracket.to_result(is_searched), **extensions, **end}
+    return Outcome(verdict, "finite_time", claims, result, None)
 
 
-def _better(problem: Problem, found: _Found, period: float | None) -> dict[str, Any]:
+def _extensions(problem: Problem, bracket: _Bracket, period: float | None) -> dict[str, Any]:
     """Longer periods, or shorter windows at this one, than those of (13) as printed."""
     if period is not None:
-        return shorter_windows(problem, None if found.proved is None else found.samples, period)
-    if found.proved is None or not 0 < found.proved < math.inf:
+        return shorter_windows(problem, None if bracket.proved is None else bracket.samples, period)
+    if bracket.proved is None or not 0 < bracket.proved < math.inf:
         return longer_periods(problem, None)
-    return longer_periods(problem, Injection(found.L, found.window, math.log(found.proved)))
+    return longer_periods(problem, Injection(bracket.L, bracket.window, math.log(bracket.proved)))
 
 
-def _without_window(problem: Problem) -> dict[str, Any]:
-    """Options but for the window: it need not be a multiple of a period that is searched for."""
+def _options_without_window(problem: Problem) -> dict[str, Any]:
+    """Options but for the window, which need not be a multiple of the period of the file."""
     return {name: value for name, value in problem.options.items() if name != "window"}
 
 
-def _longest_period(problem: Problem, period: float) -> _Found:
+def _longest_period(problem: Problem, period: float) -> _Bracket:
     A, C = problem.plant.flow.A, problem.plant.output.C
-    given = problem.options.get("window")
-    L = problem.gains.get("L")
-    if not np.any(A):  # (13) holds for any period: the window is all there is
+    given, L = problem.options.get("window"), problem.gains.get("L")
+    if not np.any(A):  # (13) holds for any period: the window is the only limit
         window, L = given or 2 * period, C.T if L is None else L
     elif given is None or L is None:
-        best = best_injection(Open(A, C, given, L), seconds=_SECONDS)
+        best = best_injection(PeriodProblem(A, C, given, L), seconds=LONG_SECONDS)
         window, L = best.window, best.L
     else:
         window = given
-    sizes = Sizes.of(Sampled.of(A, C, window, 1), L)
-    if sizes is None:
-        return _nothing(window, L, f"M_T is not certainly invertible at T = {window!r}")
-    longest = sizes.longest_period()
-    ends = (math.inf, math.inf) if longest is None else (float_below(longest), float_above(longest))
-    if not ends[0] > window * 2.0**-52:
-        reason = f"at T = {window!r} (13) allows periods below {ends[1]:.3g} only: too many samples"
-        return _nothing(window, L, reason)
+    bracket = _period_bracket(A, C, L, window)
+    is_open = given is None and bool(np.any(A)) and bracket.not_proved is not None
+    return _in_whole_samples(A, C, bracket) if is_open else bracket
+
+
+def _period_bracket(A: Array, C: Array, L: Array, window: float) -> _Bracket:
+    """Ends of (13) in the period, for a fixed L and window."""
+    norms = Norms.from_sampled(Sampled.from_plant(A, C, window, 1), L)
+    if norms is None:
+        return _Bracket.empty(window, L, f"M_T is not certainly invertible at T = {window!r}")
+    longest = norms.longest_period()
+    low, high = (
+        (math.inf, math.inf) if longest is None else (float_below(longest), float_above(longest))
+    )
+    if not low > window * 2.0**-52:
+        reason = f"at T = {window!r} (13) allows periods below {high:.3g} only: too many samples"
+        return _Bracket.empty(window, L, reason)
     least = needed_samples(A, C, window)
-    if ends[0] * least > window:
+    if low * least > window:
         reason = f"the window {window!r} has to hold {least} samples; (13) would allow more"
         period = window / least
-        only = (_condition(sizes, period, True),)
-        return _Found(period, None, window, least, L, only, reason)
-    claims = (_condition(sizes, ends[0], True), _condition(sizes, ends[1], False))
-    k = math.floor(window / ends[0]) + (window / math.floor(window / ends[0]) > ends[0])
-    reason = f"at T = {window!r}, (13) fails beyond"
-    found = _Found(ends[0], ends[1], window, max(k, least), L, claims, reason)
-    return found if given is not None or not np.any(A) else _in_whole_samples(A, C, found)
+        claims = (_condition_claim(norms, period, True),)
+        return _Bracket(window, least, L, claims, reason, proved=period)
+    k = math.floor(window / low) + (window / math.floor(window / low) > low)
+    return _Bracket(
+        window=window,
+        samples=max(k, least),
+        L=L,
+        claims=(_condition_claim(norms, low, True), _condition_claim(norms, high, False)),
+        reason=f"at T = {window!r}, (13) fails beyond",
+        proved=low,
+        not_proved=high,
+    )
 
 
-def _in_whole_samples(A: Any, C: Any, found: _Found) -> _Found:
-    """With another window near the found one, where that allows a longer period T/k."""
-    asked = Open(A, C, None, found.L)
-    best = Injection(found.L, found.window, math.log(found.proved or math.inf))
-    least = needed_samples(A, C, found.window)
-    for period, k in whole_windows(asked, best, least):
-        if period <= found.window / found.samples:
+def _in_whole_samples(A: Array, C: Array, bracket: _Bracket) -> _Bracket:
+    """The bracket with a window nearby, where that allows a longer period T/k."""
+    L, window = bracket.L, bracket.window
+    best = Injection(L, window, math.log(bracket.proved or math.inf))
+    least = needed_samples(A, C, window)
+    for period, k in whole_windows(PeriodProblem(A, C, None, L), best, least):
+        if period <= window / bracket.samples:
             break
-        sampled = Sampled.of(A, C, period, k)
-        sizes = Sizes.of(sampled, found.L) if sampled_index(sampled) <= k else None
-        if sizes is not None and sizes.condition(period) is True:
-            claim = replace(_condition(sizes, period, True), id="condition_13_admissible")
-            return replace(found, samples=k, claims=(*found.claims, claim), whole=period)
-    return found
+        sampled = Sampled.from_plant(A, C, period, k)
+        norms = Norms.from_sampled(sampled, L) if sampled_index(sampled) <= k else None
+        if norms is not None and norms.condition(period) is True:
+            claim = replace(_condition_claim(norms, period, True), id="condition_13_admissible")
+            claims = (*bracket.claims, claim)
+            return replace(bracket, samples=k, claims=claims, whole_period=period)
+    return bracket
 
 
-def _shortest_window(problem: Problem, period: float) -> _Found:
+def _shortest_window(problem: Problem, period: float) -> _Bracket:
     A, C = problem.plant.flow.A, problem.plant.output.C
-    least = sampled_index(Sampled.of(A, C, period, len(A)))
-    given = problem.gains.get("L")
-    k, best = fewest_samples(Open(A, C, None, given), period, least)
+    least = sampled_index(Sampled.from_plant(A, C, period, len(A)))
+    k, best = fewest_samples(PeriodProblem(A, C, None, problem.gains.get("L")), period, least)
     L = best.L
     if k is None:
-        return _nothing(least * period, L, f"(13) holds for no window with period {period!r}")
-    sizes = Sizes.of(Sampled.of(A, C, period, k), L)
-    if sizes is None or sizes.condition(period) is not True:
-        return _nothing(k * period, L, f"(13) is not certain at T = {k * period:.9g}")
-    claims = [_condition(sizes, period, True)]
+        reason = f"(13) holds for no window with period {period!r}"
+        return _Bracket.empty(least * period, L, reason)
+    window = k * period
+    norms = Norms.from_sampled(Sampled.from_plant(A, C, period, k), L)
+    if norms is None or norms.condition(period) is not True:
+        return _Bracket.empty(window, L, f"(13) is not certain at T = {window:.9g}")
+    claims = (_condition_claim(norms, period, True),)
+    below = (k - 1) * period
     if k == least:
         reason = f"{least} samples are needed to determine the state"
-        below = (k - 1) * period if k > 1 else None
-        return _Found(k * period, below, k * period, k, L, tuple(claims), reason)
-    shorter = _all_fail(A, C, L, period, range(max(least, k - _MOST_SHOWN), k))
+        return _Bracket(window, k, L, claims, reason, window, below if k > 1 else None)
+    shorter = _shorter_windows_claim((A, C, L), period, range(max(least, k - _MOST_SHOWN), k))
     reason = f"(13) is false for all windows of {least} to {k - 1} samples"
-    return _Found(k * period, (k - 1) * period, k * period, k, L, (*claims, shorter), reason)
+    return _Bracket(window, k, L, (*claims, shorter), reason, window, below)
 
 
-def _all_fail(A: Any, C: Any, L: Any, period: float, counts: range) -> Claim:
-    """(13) is false for every one of these windows, or else undecided."""
+def _shorter_windows_claim(
+    plant: tuple[Array, Array, Array], period: float, counts: range
+) -> Claim:
+    """Claim that (13) is false for every one of these windows; plant: A, C, L."""
+    A, C, L = plant
     held = []
     for k in counts:
-        sizes = Sizes.of(Sampled.of(A, C, period, k), L)
-        if sizes is not None and sizes.condition(period) is not False:
+        norms = Norms.from_sampled(Sampled.from_plant(A, C, period, k), L)
+        if norms is not None and norms.condition(period) is not False:
             held.append(k)
     evidence: dict[str, Any] = {"samples": [counts.start, counts.stop - 1]}
     if held:
@@ -280,34 +249,14 @@ def _all_fail(A: Any, C: Any, L: Any, period: float, counts: range) -> Claim:
     )
 
 
-def _condition(sizes: Sizes, period: float, wanted: bool) -> Claim:
-    found = sizes.condition(period)
+def _condition_claim(norms: Norms, period: float, wanted: bool) -> Claim:
+    """Claim that (13) holds, or fails, at a period."""
+    is_as_wanted = norms.condition(period) is wanted
     word = "holds" if wanted else "fails"
-    T = float_below(sizes.T)
-    verdict = "proved" if found is wanted else "undecided"
-    evidence = {} if found is wanted else {"reason": f"at {period!r} it is too close to call"}
-    name = "condition_13" if wanted else "condition_13_ends"
-    return Claim(name, f"(13) {word} at period {period!r}, T = {T:.9g}", _SOURCE, verdict, evidence)
-
-
-def _nothing(window: float, L: Any, reason: str) -> _Found:
-    claim = Claim("condition_13", "(13) holds for some period", _SOURCE, "undecided",
-                  {"reason": reason})  # fmt: skip
-    return _Found(None, None, window, 0, L, (claim,), reason)
-
-
-def _outcome(problem: Problem, found: _Found | None, first: Claim, searched: bool) -> Outcome:
-    result: dict[str, Any] = {"proved": None, "not_proved": None, "not_proved_verdict": None}
-    if found is None:
-        return Outcome("refuted", "finite_time", (first,), result, None)
-    result |= {"window": found.window, "gains": {"L": found.L}, "reason": found.reason}
-    claims = (first, *found.claims)
-    verdict = "proved" if all(claim.verdict == "proved" for claim in claims) else "undecided"
-    if found.proved is not None:
-        result |= {"proved": found.proved, "not_proved": found.not_proved}
-        period = found.window / found.samples if found.whole is None else found.whole
-        window = found.window if found.whole is None else found.samples * found.whole
-        result |= {"samples": found.samples, "admissible": period, "admissible_window": window}
-        if found.not_proved is not None:
-            result["not_proved_verdict"] = "undecided" if searched else "refuted"
-    return Outcome(verdict, "finite_time", claims, result, None)
+    return Claim(
+        "condition_13" if wanted else "condition_13_ends",
+        f"(13) {word} at period {period!r}, T = {float_below(norms.T):.9g}",
+        _SOURCE,
+        "proved" if is_as_wanted else "undecided",
+        {} if is_as_wanted else {"reason": f"at {period!r} it is too close to call"},
+    )

@@ -4,9 +4,10 @@
     such that q_l = q_{l-1} A_d^{-1} + z_l C,   q_{k-1} = 0     (z changes nothing of the bias)
 
 g is row r of gains that are unbiased already, those of least squares, r_l row r of their R_l
-(`window_bounds`); where the window speaks of its start, Q_l in place of R_l. So z = 0 is always
-there, and everything is in units in which it is about one. The integral over a period is replaced
-by its midpoint, which steers well enough: what is found is made unbiased and bounded again.
+(`analysis.finite_time.error_radius`); relative to the window's start Q_l in place of R_l. So z = 0
+is always feasible, and everything is in units in which it is about one. The integral over a period
+is replaced by its midpoint, which is accurate enough for a cost: the minimiser is made unbiased and
+bounded again.
 """
 
 from __future__ import annotations
@@ -15,18 +16,16 @@ import contextlib
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lmi.arithmetic.exponential import expm
-from obsdesign.equations.finite_time.gains import START, state_scales
+from obsdesign.equations.gains import Array
+from obsdesign.synthesis.finite_time.window_task import WindowTask
 
-Array = NDArray[np.float64]
-
-# a sample without noise counts that little beside the others: gains do not grow for nothing
-_SMALL = 1e-9
+# weight of a sample without noise relative to the others, which keeps its gains small
+_LEAST_WEIGHT = 1e-9
 # the second one, slower with long windows, where the first one is not sure
 _TIGHT = 1e-10
 _SOLVERS: dict[str, dict[str, Any]] = {
@@ -36,107 +35,116 @@ _SOLVERS: dict[str, dict[str, Any]] = {
 
 
 @dataclass(frozen=True)
-class _Task:
-    """A row's program in natural units: all but its fitted gains."""
+class _RowProgram:
+    """The program of a row in natural units, without its fitted gains."""
 
     C: Array
     step: Array
     half: Array
     weights: Array
     Delta: Array
-    of_start: bool
+    from_start: bool
 
-    @staticmethod
-    def of(gains: dict[str, Any], fitted: Array) -> tuple[_Task, Array]:
-        """The task, and the units of the states."""
-        A, C, period, k = gains["A"], gains["C"], gains["period"], gains["samples"]
-        units = state_scales(A, C, k * period)
-        A, C = A * units / units[:, None], C * units
-        of_start = gains.get("reference") == START
-        forwards = 1.0 if of_start else -1.0
-        Delta = (gains["flow_upper"] - gains["flow_lower"]) / 2 * period / units
-        noise = np.asarray(gains["noise_bound"])
+    @classmethod
+    def from_task(cls, task: WindowTask, fitted: Array) -> Self:
+        """The program of a task with these fitted gains (n, k p)."""
+        units, period, flow = task.scales, task.period, task.plant.flow
+        A, C = task.A * units / units[:, None], task.C * units
+        forwards = 1.0 if task.is_relative_to_start else -1.0
+        Delta = (flow.upper - flow.lower) / 2 * period / units
+        noise = np.asarray(task.plant.output.noise_radius)
         size = float(np.abs(fitted / units[:, None]).max()) or 1.0
-        least = _SMALL * max(float(noise.max()), float(Delta.max()) / size)
-        step, half = expm(forwards * A * period), expm(forwards * A * period / 2)
-        return _Task(C, step, half, np.maximum(noise, least), Delta, of_start), units
+        least = _LEAST_WEIGHT * max(float(noise.max()), float(Delta.max()) / size)
+        return cls(
+            C=C,
+            step=expm(forwards * A * period),
+            half=expm(forwards * A * period / 2),
+            weights=np.maximum(noise, least),
+            Delta=Delta,
+            from_start=task.is_relative_to_start,
+        )
 
     def weights_of_disturbance(self, g: Array, unit: Array) -> Array:
         """r_l, l = 0..k-1, or q_l, (k, n), of the row g (k, p), whose state is `unit`."""
-        found = np.zeros((len(g), len(unit)))
-        now = unit if self.of_start else 0 * unit
-        order = range(len(g) - 1, -1, -1) if self.of_start else range(len(g))
-        for j in order:
-            if self.of_start:
-                found[j], now = now, now @ self.step - g[j] @ self.C
-            else:
-                found[j] = now = now @ self.step + g[j] @ self.C
-        return found
+        weights = np.zeros((len(g), len(unit)))
+        if self.from_start:
+            q = unit
+            for j in range(len(g) - 1, -1, -1):
+                weights[j], q = q, q @ self.step - g[j] @ self.C
+            return weights
+        r = 0 * unit
+        for j in range(len(g)):
+            weights[j] = r = r @ self.step + g[j] @ self.C
+        return weights
 
     def error(self, g: Array, unit: Array) -> float:
-        """What the program makes small; infinite beyond floats."""
+        """Cost of the program; infinite beyond floats."""
         r = self.weights_of_disturbance(g, unit)
         size = (np.abs(g) @ self.weights).sum() + (np.abs(r @ self.half) @ self.Delta).sum()
         return float(size) if np.isfinite(size) else np.inf
 
 
 def minimax_gain(
-    gains: dict[str, Any], fitted: Array, project: Callable[[Array], Array]
+    task: WindowTask, fitted: Array, project: Callable[[Array], Array]
 ) -> tuple[Array, list[int]]:
-    """(n, k p), and the rows that are those of fitted, as nothing better was found.
+    """Gains (n, k p), and the rows that are those of fitted for lack of better ones.
 
     fitted: unbiased gains, (n, k p); project makes gains unbiased that are nearly so.
     """
-    task, units = _Task.of(gains, fitted)
-    k, p, n = gains["samples"], len(gains["C"]), len(units)
-    found, kept = fitted.copy(), []
+    program, units = _RowProgram.from_task(task, fitted), task.scales
+    k, p, n = task.samples, len(task.C), len(units)
+    best, kept = fitted.copy(), []
     with np.errstate(over="ignore", invalid="ignore"):
         for r, unit in enumerate(np.eye(n)):
             g = fitted[r].reshape(k, p) / units[r]
-            least = task.error(g, unit)
-            for row in _solved(task, g, unit):
-                moved = fitted.copy()
-                moved[r] = units[r] * row.reshape(-1)
-                moved = project(moved)
-                error = task.error(moved[r].reshape(k, p) / units[r], unit)
+            least = program.error(g, unit)
+            for row in _solutions(program, g, unit):
+                gain = fitted.copy()
+                gain[r] = units[r] * row.reshape(-1)
+                gain = project(gain)
+                error = program.error(gain[r].reshape(k, p) / units[r], unit)
                 if error < least:
-                    found[r], least = moved[r], error
-            if (found[r] == fitted[r]).all():
+                    best[r], least = gain[r], error
+            if (best[r] == fitted[r]).all():
                 kept.append(r)
-    return found, kept
+    return best, kept
 
 
-def _solved(task: _Task, g: Array, unit: Array) -> list[Array]:
-    """What the solvers make of g, (k, p), for the state `unit`, the last one being surest of it."""
+def _solutions(program: _RowProgram, g: Array, unit: Array) -> list[Array]:
+    """Solutions (k, p) near g for the state `unit`, one per solver until one is optimal."""
     import cvxpy as cp
 
-    r = task.weights_of_disturbance(g, unit)
-    disturbed = bool(np.any(task.Delta))
-    total = task.error(g, unit)
+    r = program.weights_of_disturbance(g, unit)
+    total = program.error(g, unit)
     size_g, size_r = float(np.abs(g).max()), float(np.abs(r).max())
     if not (0 < total < np.inf and 0 < size_g < np.inf and 0 < size_r < np.inf):
         return []
     z, q = cp.Variable(g.shape), cp.Variable(r.shape)
-    pushed = (size_g / size_r) * (z @ task.C)
-    if task.of_start:
-        conditions = [q[-1] == 0, q[0] @ task.step == pushed[0]]
-        conditions += [q[:-1] == q[1:] @ task.step - pushed[1:]] if len(g) > 1 else []
-    else:
-        conditions = [q[-1] == 0, q[0] == pushed[0]]
-        conditions += [q[1:] == q[:-1] @ task.step + pushed[1:]] if len(g) > 1 else []
-    cost = cp.sum(cp.abs(g / size_g + z) @ (task.weights * size_g / total))
-    if disturbed:
-        moved = (r / size_r + q) @ task.half
-        cost = cost + cp.sum(cp.abs(moved) @ (task.Delta * size_r / total))
-    program = cp.Problem(cp.Minimize(cost), conditions)
-    found = []
+    conditions = _recursion(program, q, (size_g / size_r) * (z @ program.C))
+    cost = cp.sum(cp.abs(g / size_g + z) @ (program.weights * size_g / total))
+    if np.any(program.Delta):
+        disturbance = (r / size_r + q) @ program.half
+        cost = cost + cp.sum(cp.abs(disturbance) @ (program.Delta * size_r / total))
+    linear = cp.Problem(cp.Minimize(cost), conditions)
+    solutions = []
     for solver, options in _SOLVERS.items():
         # CVXPY calls an unknown status a ValueError
         with contextlib.suppress(cp.error.SolverError, ValueError), warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of a solution that may be inaccurate: it is judged
-            program.solve(solver=solver, **options)
+            warnings.simplefilter("ignore")  # an inaccurate solution is compared with g anyway
+            linear.solve(solver=solver, **options)
         if z.value is not None and np.isfinite(z.value).all():
-            found.append(np.asarray(g + size_g * z.value))
-        if program.status == cp.OPTIMAL:
+            solutions.append(np.asarray(g + size_g * z.value))
+        if linear.status == cp.OPTIMAL:
             break
-    return found
+    return solutions
+
+
+def _recursion(program: _RowProgram, q: Any, push: Any) -> list[Any]:
+    """Conditions on q_l, (k, n) variables, driven by z_l C = push."""
+    if program.from_start:
+        conditions = [q[-1] == 0, q[0] @ program.step == push[0]]
+        later = q[:-1] == q[1:] @ program.step - push[1:] if q.shape[0] > 1 else None
+    else:
+        conditions = [q[-1] == 0, q[0] == push[0]]
+        later = q[1:] == q[:-1] @ program.step + push[1:] if q.shape[0] > 1 else None
+    return conditions if later is None else [*conditions, later]

@@ -1,4 +1,4 @@
-"""The last per cent of a search for a long period: descent on the true norms of condition (13)."""
+"""Last step of a search for a long period: descent on the true norms of condition (13)."""
 
 from __future__ import annotations
 
@@ -7,95 +7,98 @@ import time
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lmi.time_budget import ended, remark_end
-from obsdesign.equations.finite_time import gains as equations
-from obsdesign.synthesis.finite_time.period_question import Injection, Open, triangle_of, triangular
-
-Array = NDArray[np.float64]
+from obsdesign.equations.finite_time.formulas import SMALLEST_GAIN
+from obsdesign.equations.gains import Array
+from obsdesign.synthesis.finite_time.period_problem import (
+    Injection,
+    PeriodProblem,
+    triangle_of,
+    triangular,
+)
 
 _NELDER_MEAD: Any = {"xatol": 1e-7, "fatol": 1e-11, "maxiter": 2000, "maxfev": 2000}
 # beyond, a simplex only creeps
 _MOST_UNKNOWNS = 12
 
 
-class _Over(Exception):
+class _TimeLimit(Exception):
     """The time of a search has ended."""
 
 
-class _Enough(Exception):
-    """What is asked for has been found."""
+class _TargetReached(Exception):
+    """The period exceeds the target of the search."""
 
 
-class _Polish:
-    """What is open as one vector: direction and size of L, log T, the triangle of S."""
+class _Cost:
+    """Cost of the free variables as one vector: direction and size of L, log T, triangle of S."""
 
-    def __init__(self, asked: Open, start: Injection, end: float, enough: float) -> None:
-        self._asked, self._start, self._end, self._enough = asked, start, end, enough
+    def __init__(self, problem: PeriodProblem, start: Injection, end: float, target: float) -> None:
+        self._problem, self._start, self._end, self._target = problem, start, end, target
         self.best = start
         size = float(np.linalg.norm(start.L)) or 1.0
         x: list[Array] = []
-        if asked.L is None:
+        if problem.L is None:
             x += [start.L.reshape(-1) / size, np.array([math.log(size)])]
-        if asked.window is None:
+        if problem.window is None:
             x.append(np.array([math.log(start.window)]))
-        if asked.coordinates:
-            x.append(triangle_of(np.eye(len(asked.A)) if start.S is None else start.S))
+        if problem.coordinates:
+            x.append(triangle_of(np.eye(len(problem.A)) if start.S is None else start.S))
         self.x0 = np.concatenate(x) if x else np.zeros(0)
-        self._least = equations.SMALLEST_GAIN * float(np.linalg.norm(asked.A, 2))
+        self._least = SMALLEST_GAIN * float(np.linalg.norm(problem.A, 2))
 
-    def cost(self, x: Array) -> float:
-        """-log of the period; _Over when time is."""
+    def value(self, x: Array) -> float:
+        """-log of the period; _TimeLimit after the end, _TargetReached beyond the target."""
         if time.process_time() > self._end:
-            raise _Over
+            raise _TimeLimit
         if not np.isfinite(x).all() or np.abs(x).max() > 700:
             return 1e6
-        found = self._point(x)
-        if found.log_period > self.best.log_period:
-            self.best = found
-            if found.log_period > self._enough:
-                raise _Enough
-        return -found.log_period if math.isfinite(found.log_period) else 1e6
+        injection = self._injection(x)
+        if injection.log_period > self.best.log_period:
+            self.best = injection
+            if injection.log_period > self._target:
+                raise _TargetReached
+        return -injection.log_period if math.isfinite(injection.log_period) else 1e6
 
-    def _point(self, x: Array) -> Injection:
-        asked, L, T, S = self._asked, self._start.L, self._start.window, None
-        if asked.L is None:
+    def _injection(self, x: Array) -> Injection:
+        problem, L, T, S = self._problem, self._start.L, self._start.window, None
+        if problem.L is None:
             m = L.size
             L = (x[:m] / (np.linalg.norm(x[:m]) or 1.0)).reshape(L.shape) * math.exp(x[m])
-            seen = float(np.linalg.norm(L @ asked.C, 2))
-            L = L * max(1.0, 1.000001 * self._least / seen) if seen > 0 else L
+            size = float(np.linalg.norm(L @ problem.C, 2))
+            L = L * max(1.0, 1.000001 * self._least / size) if size > 0 else L
             x = x[m + 1 :]
-        if asked.window is None:
+        if problem.window is None:
             T, x = math.exp(x[0]), x[1:]
-        if asked.coordinates:
-            S = triangular(x, len(asked.A))
-        return asked.rated(L, T, S)
+        if problem.coordinates:
+            S = triangular(x, len(problem.A))
+        return problem.rated(L, T, S)
 
 
 def polished(
-    asked: Open, start: Injection, end: float, seconds: float, enough: float = math.inf
+    problem: PeriodProblem, start: Injection, end: float, seconds: float, target: float = math.inf
 ) -> Injection:
-    """At least as good as start, by quasi-Newton steps and simplices until the time is over.
+    """Improve start by quasi-Newton steps and simplices until the time is over.
 
-    end: `deadline(seconds)`, seconds the budget of the whole search. enough: log of a period beyond
-    which nobody asks.
+    end: deadline(seconds), seconds the budget of the whole search; target: log of a period beyond
+    which the search ends.
     """
     from scipy.optimize import minimize
 
-    polish = _Polish(asked, start, end, enough)
-    x, count = polish.x0, len(polish.x0)
-    if math.isinf(start.log_period) or not count or start.log_period > enough:
+    cost = _Cost(problem, start, end, target)
+    x, count = cost.x0, len(cost.x0)
+    if math.isinf(start.log_period) or not count or start.log_period > target:
         return start
     try:
-        x = minimize(polish.cost, x, method="BFGS", options={"gtol": 1e-7, "maxiter": 100}).x
+        x = minimize(cost.value, x, method="BFGS", options={"gtol": 1e-7, "maxiter": 100}).x
         # norms have kinks where singular values meet; a simplex that has collapsed is opened again
         for spread in (0.3, 0.1) if count <= _MOST_UNKNOWNS else ():
             simplex = np.vstack([x, x + spread * np.eye(count)])
             options = {**_NELDER_MEAD, "initial_simplex": simplex}
-            x = minimize(polish.cost, x, method="Nelder-Mead", options=options).x
-    except _Enough:
+            x = minimize(cost.value, x, method="Nelder-Mead", options=options).x
+    except _TargetReached:
         pass
-    except _Over:
-        remark_end(asked.unknowns, ended(end, seconds))
-    return polish.best
+    except _TimeLimit:
+        remark_end(problem.unknowns, ended(end, seconds))
+    return cost.best

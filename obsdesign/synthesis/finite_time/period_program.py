@@ -7,12 +7,10 @@
 (13) eliminates nu by Lambert's function, and w + e^w = ... says u e^u = Sigma* e^{-f T} without
 overflow. Spectral norms are replaced by (tr (X'X)^p)^(1/2p), which is above them by at most
 n^(1/2p) and smooth; since all terms of (13) grow with each norm, a feasible point of the program
-is one of (13). e^X is a scaled Taylor polynomial: the wheel's own expm lacks its plugin. Whatever
-comes out is looked at again with true norms, and proved elsewhere.
+is one of (13). e^X is a scaled Taylor polynomial: the wheel's own expm lacks its plugin. Its
+solutions are rated again with true norms, and proved elsewhere.
 
-Smooth formulas of CasADi: condition (13), an exponential, an inverse, norms from above.
-
-SX and MX alike.
+The smooth formulas take SX and MX of CasADi alike.
 """
 
 from __future__ import annotations
@@ -23,11 +21,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from obsdesign.equations.finite_time.condition_13 import log_lambert
-from obsdesign.equations.finite_time.gains import SMALLEST_GAIN
-from obsdesign.synthesis.finite_time.period_question import (
+from obsdesign.equations.finite_time.formulas import SMALLEST_GAIN
+from obsdesign.equations.gains import Array
+from obsdesign.synthesis.finite_time.period_problem import (
     normal_coordinates,
     triangular,
 )
@@ -37,7 +35,7 @@ _NORM_DOUBLINGS = 6  # p = 64
 
 
 def casadi_package() -> Any:
-    """The package without its type hints, which do not know that a formula takes SX and MX."""
+    """Import CasADi without its type hints, which exclude formulas for both SX and MX."""
     import casadi
 
     return casadi
@@ -100,7 +98,7 @@ def softplus(x: Any) -> Any:
 
 
 def condition_13(A: Any, C: Any, kind: Any, tighter: bool) -> tuple[Any, Any, Any, Any]:
-    """(unknowns, log nu, what has to vanish, (|l|^2 - 1, log |L C|)); kind: SX or MX.
+    """(unknowns, log nu, equality that vanishes, (|l|^2 - 1, log |L C|)); kind: SX or MX.
 
     unknowns: l (n p,), log of the size of L, log T, w = log u, the triangle of S.
     """
@@ -133,15 +131,13 @@ def condition_13(A: Any, C: Any, kind: Any, tighter: bool) -> tuple[Any, Any, An
     return unknowns, log_nu, equality, (ca.dot(direction, direction) - 1, log_LC)
 
 
-Array = NDArray[np.float64]
-
 _SCALAR_STATES = 3
 _LARGEST_GAIN = 1e3  # |L C| relative to |A|
 
 
 @dataclass(frozen=True)
 class Start:
-    """Where IPOPT starts: direction of L (n p,), its size, T, and S as `triangular` takes it."""
+    """Initial point: direction of L (n p,), its size, T, and S as entries of `triangular`."""
 
     direction: Array
     size: float
@@ -150,8 +146,8 @@ class Start:
 
 
 @dataclass(frozen=True)
-class Found:
-    """A point of the program; period and status are the solver's word, not to be believed."""
+class Solution:
+    """A point of the program; period and status are unchecked results of the solver."""
 
     L: Array
     window: float
@@ -199,8 +195,8 @@ class PeriodProgram:
             {"print_time": False, "show_eval_warnings": False, "ipopt": ipopt},
         )  # fmt: skip
 
-    def solve(self, start: Start) -> Found:
-        """One run of IPOPT."""
+    def solve(self, start: Start) -> Solution:
+        """Return the solution of one run of IPOPT."""
         n, p = self._n, self._p
         triangle = np.zeros(n * (n + 1) // 2) if start.triangle is None else start.triangle
         free = math.inf if self._coordinates else 0.0
@@ -232,7 +228,7 @@ class PeriodProgram:
         S = triangular(x[n * p + 3 :], n)
         status = str(self._solver.stats()["return_status"])
         period = math.exp(min(-float(result["f"]), 700.0)) if result["f"].is_regular() else 0.0
-        return Found(L, math.exp(min(x[n * p + 1], 700.0)), period, S, status)
+        return Solution(L, math.exp(min(x[n * p + 1], 700.0)), period, S, status)
 
     def starts(self, count: int) -> Sequence[Start]:
         """Random directions, L C below and about the size of A, T below and about 1 / |A|.
@@ -241,12 +237,12 @@ class PeriodProgram:
         """
         rng = np.random.default_rng(0)  # fixed: the same problem has the same starts
         normal = normal_coordinates(self._A) if self._coordinates else None
-        found = []
+        starts = []
         for i in range(count):
             direction = rng.standard_normal(self._n * self._p)
             direction /= np.linalg.norm(direction)
             # from far below |A| there is no gradient back: most starts are near it
             size = self._size_A / self._size_C * 10.0 ** rng.uniform(-2, 0.5)
             window = 10.0 ** rng.uniform(-1, 0.3) / self._size_A
-            found.append(Start(direction, size, window, normal if i % 2 == 0 else None))
-        return found
+            starts.append(Start(direction, size, window, normal if i % 2 == 0 else None))
+        return starts

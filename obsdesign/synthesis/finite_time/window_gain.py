@@ -1,12 +1,13 @@
-"""Gains on the window of finite-time estimation, and what they may be off by, rounded to be stored.
+"""Gains on the window of finite-time estimation and bounds of their errors, as stored.
 
 Gains of (14) and (9) come from ball enclosures and are rounded once, so that a matrix with a bad
-condition costs no digits; least squares by QR; minimax by a linear program per state. What should
-be unbiased is made so to rounding before it is stored.
+condition costs no digits; least squares by QR; minimax by a linear program per state. Gains that
+should be unbiased are made so to rounding before they are stored.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,175 +16,202 @@ from lmi.arithmetic.balls import precision, scalar
 from lmi.arithmetic.norms import float_above, middles
 from lmi.time_budget import remark
 from obsdesign.analysis.finite_time.enclosed_gains import (
-    Sampled,
     approximate_gain,
     exact_gain,
     half_period,
 )
 from obsdesign.analysis.finite_time.error_radius import bias, disturbance_bound, error_radius
-from obsdesign.equations.finite_time import gains as equations
-from obsdesign.problem.problem import Problem
+from obsdesign.equations.finite_time.gains import CORRECTED, FiniteTimeGains
+from obsdesign.equations.finite_time.options import FREE
+from obsdesign.equations.finite_time.rows import (
+    DECAYED,
+    END,
+    UNBIASED,
+    approx_determinacy,
+    last_state,
+    least_squares_gain,
+    sample_rows,
+    unbiased_gain,
+)
+from obsdesign.equations.gains import Array
 from obsdesign.synthesis.finite_time.minimax import minimax_gain
+from obsdesign.synthesis.finite_time.window_task import WindowTask
 
 _BITS = (160, 320)
 # a bias above is corrected once more, with exact numbers
 _ROUNDING = 1e-13
-# parts of the largest singular value of the samples' rows below which a state may count as unseen,
-# and the bias that is as good as none
+# parts of the largest singular value of the samples' rows below which a state may count as
+# unobserved, and the bias that is as good as none
 _CUTS = (1e-15, 1e-14, 1e-13, 1e-12, 1e-10, 1e-8)
-_WELL = equations.DEAD / 4
-# rows that are that far from losing rank, relative to their norm, show every state
-_SEEN = 1e-11
+_NEGLIGIBLE_BIAS = DECAYED / 4
+# rows that are that far from losing rank, relative to their norm, determine every state
+_DETERMINED = 1e-11
+# an error beyond floats, as it is stored
+_UNBOUNDED = 1e300
 
 
-def completed(problem: Problem, gains: dict[str, Any]) -> dict[str, Any]:
-    """With the gains on the window and what they may be off by.
+@dataclass(frozen=True)
+class _UnbiasedGain:
+    """Gains (n, k p), |bias| entry by entry (n, n), and its size with units scaled away."""
 
-    Against the last state; where that is hopeless, as fast modes have decayed, against the first.
+    gain: Array
+    state_error: Array
+    size: float
+
+
+def completed_gains(task: WindowTask) -> FiniteTimeGains:
+    """The gains of a design: those on the window, and bounds of their errors.
+
+    Their bias is bounded relative to the last state; where fast modes have decayed too far for
+    that, relative to the first.
     """
-    if gains["method"] == "approximate":
-        return gains | {"window_gain": _window_gain(problem, gains)}
-    chosen, error, size = _refined(gains | {"window_gain": _window_gain(problem, gains)})
-    if not size <= equations.UNBIASED and np.linalg.eigvals(gains["A"]).real.min() < 0:
-        other, of_other, smaller = _against_the_start(problem, gains)
-        if smaller <= equations.UNBIASED:
-            chosen, error = other, of_other
-    chosen = chosen | {"state_error": error}
-    return chosen | {"radius": _radius(chosen)} if "noise_bound" in chosen else chosen
-
-
-def _against_the_start(
-    problem: Problem, gains: dict[str, Any]
-) -> tuple[dict[str, Any], Any, float]:
-    """Gains that speak of the window's start: of all states, or of those that last.
-
-    Modes that die within a period cannot be told apart, and need not be.
-    """
-    start = gains | {"reference": equations.START}
-    if gains["method"] not in equations.FREE:
-        return _refined(start | {"window_gain": _window_gain(problem, start)})
-    fitted = start | {"method": "least_squares"}
-
-    def missed(cut: float) -> float:
-        return _refined(fitted | {"window_gain": _window_gain(problem, fitted, cut)}, cut)[2]
-
-    rows = _rows(start)[0]
-    scales = equations.state_scales(gains["A"], gains["C"], gains["samples"] * gains["period"])
-    cut, least = 0.0, missed(0.0)
-    if not (least <= _WELL and equations.approx_determinacy(rows, scales) > _SEEN):
-        sizes = {cut: least} | {other: missed(other) for other in _CUTS}
-        well = [other for other in sizes if sizes[other] <= _WELL]
-        # the more is cut the less is amplified
-        cut = max(well) if well else min(sizes, key=lambda other: sizes[other])
-    return _refined(start | {"window_gain": _window_gain(problem, start, cut)}, cut)
-
-
-def _window_gain(problem: Problem, gains: dict[str, Any], cut: float = 0.0) -> Any:
-    """Gains (n, k p) of the method; zeros, which are refuted, where it has none in binary64."""
-    A, C, k, method = gains["A"], gains["C"], gains["samples"], gains["method"]
-    nothing = np.zeros((len(A), k * len(C)))
-    flat, wanted = _rows(gains)
-    if not (np.isfinite(flat).all() and np.isfinite(wanted).all()):
-        return nothing
-    if not cut and equations.approx_determinacy(flat, np.ones(len(A))) == 0.0:
-        return nothing
-    left = equations.least_squares_gain(
-        flat, np.tile(equations.relative_deviations(problem.plant.output), k), cut
+    if task.method == "approximate":
+        return _stored_gains(task, window_gain=_window_gain(task))
+    chosen = _refined(task, _window_gain(task))
+    if not chosen.size <= UNBIASED and np.linalg.eigvals(task.A).real.min() < 0:
+        relative = _gains_relative_to_start(task.relative_to_start())
+        if relative.size <= UNBIASED:
+            task, chosen = task.relative_to_start(), relative
+    radius = None
+    if task.plant.output.noise_radius is not None:
+        radius = _radius(task, chosen.gain, task.plant.output.noise_radius)
+    return _stored_gains(
+        task, window_gain=chosen.gain, state_error=chosen.state_error, radius=radius
     )
-    fitted = wanted @ left
-    if method == "least_squares":
-        return equations.made_unbiased(fitted, flat, left, wanted)
-    if method == "minimax":
 
-        def project(gain: Any) -> Any:
-            return equations.made_unbiased(gain, flat, left, wanted)
 
-        found, kept = minimax_gain(gains, project(fitted), project)
+def _stored_gains(task: WindowTask, **entries: Any) -> FiniteTimeGains:
+    return FiniteTimeGains.from_plant(
+        task.plant,
+        method=task.method,
+        samples=task.samples,
+        half_sample=task.half_sample,
+        deviations=task.deviations if task.method == "least_squares" else None,
+        L=task.L,
+        reference=task.reference if task.is_relative_to_start else None,
+        **entries,
+    )
+
+
+def _gains_relative_to_start(task: WindowTask) -> _UnbiasedGain:
+    """Gains whose bias is bounded relative to x(t_i - T), for all or only the slow modes.
+
+    Modes that decay within a period cannot be told apart by the samples, and need not be.
+    """
+    if task.method not in FREE:
+        return _refined(task, _window_gain(task))
+    fitted = replace(task, method="least_squares")
+
+    def bias_with(cut: float) -> float:
+        return _refined(fitted, _window_gain(fitted, cut), cut).size
+
+    cut, least = 0.0, bias_with(0.0)
+    is_determined = approx_determinacy(_rows(task)[0], task.scales) > _DETERMINED
+    if not (least <= _NEGLIGIBLE_BIAS and is_determined):
+        sizes = {cut: least} | {larger: bias_with(larger) for larger in _CUTS}
+        negligible = [each for each in sizes if sizes[each] <= _NEGLIGIBLE_BIAS]
+        # larger cuts amplify less
+        cut = max(negligible) if negligible else min(sizes, key=lambda each: sizes[each])
+    return _refined(task, _window_gain(task, cut), cut)
+
+
+def _window_gain(task: WindowTask, cut: float = 0.0) -> Array:
+    """Gains (n, k p) of the method; zeros, which are refuted, where it has none in binary64."""
+    zeros = np.zeros((len(task.A), task.samples * len(task.C)))
+    rows, wanted = _rows(task)
+    if not (np.isfinite(rows).all() and np.isfinite(wanted).all()):
+        return zeros
+    if not cut and approx_determinacy(rows, np.ones(len(task.A))) == 0.0:
+        return zeros
+    left_inverse = least_squares_gain(rows, np.tile(task.deviations, task.samples), cut)
+
+    def projected(gain: Array) -> Array:
+        return unbiased_gain(gain, rows, left_inverse, wanted)
+
+    fitted = wanted @ left_inverse
+    if task.method == "least_squares":
+        return projected(fitted)
+    if task.method == "minimax":
+        gain, kept = minimax_gain(task, projected(fitted), projected)
         if kept:
-            told = ", ".join(f"x{r + 1}" for r in kept)
+            names = ", ".join(f"x{r + 1}" for r in kept)
             remark(
-                f"minimax: the solvers find nothing better for {told} than least squares, whose "
+                f"minimax: the solvers find nothing better for {names} than least squares, whose "
                 "gains are used for it"
             )
-        return found
-    found = _formula(gains)
-    return nothing if found is None or not np.isfinite(found).all() else found
+        return gain
+    formula = _formula(task)
+    return zeros if formula is None or not np.isfinite(formula).all() else formula
 
 
-def _rows(gains: dict[str, Any]) -> tuple[Any, Any]:
+def _rows(task: WindowTask) -> tuple[Array, Array]:
     """The samples, (k p, n), and the last state, (n, n), as functions of the reference.
 
-    Against the start rounded from enclosures: what has died is rounding of what has not.
+    Relative to the start they are rounded from enclosures: decayed modes drown in the rounding of
+    the others.
     """
-    A, k = gains["A"], gains["samples"]
-    if gains.get("reference", equations.END) == equations.START:
+    if task.is_relative_to_start:
         with precision(_BITS[1]):
-            sampled = _sampled(gains)
+            sampled = task.sampled()
             return middles(sampled.rows()), middles(sampled.last())
-    rows = equations.sample_rows(A, gains["C"], gains["period"], k)
-    wanted = equations.last_state(A, k * gains["period"], equations.END)
-    return rows.reshape(-1, len(A)), wanted
+    rows = sample_rows(task.A, task.C, task.period, task.samples)
+    wanted = last_state(task.A, task.samples * task.period, END)
+    return rows.reshape(-1, len(task.A)), wanted
 
 
-def _formula(gains: dict[str, Any]) -> Any:
+def _formula(task: WindowTask) -> Array | None:
     """(14), or (9) with (16), rounded from an enclosure that is tight enough."""
     for bits in _BITS:
         with precision(bits):
-            sampled = _sampled(gains)
-            if gains["method"] == "exact":
-                found = exact_gain(sampled, gains["L"])
+            sampled = task.sampled()
+            if task.method == "exact":
+                enclosed = exact_gain(sampled, task.L)
             else:
-                found = approximate_gain(sampled, gains["L"])
-                if found is not None and gains["half_sample"] == "corrected":
-                    found = half_period(sampled) @ found
-            if found is not None:
-                return middles(found)
+                enclosed = approximate_gain(sampled, task.L)
+                if enclosed is not None and task.half_sample == CORRECTED:
+                    enclosed = half_period(sampled) @ enclosed
+            if enclosed is not None:
+                return np.asarray(middles(enclosed))
     return None
 
 
-def _radius(gains: dict[str, Any]) -> Any:
-    """(n,): what noise and disturbance inside their bounds do to the estimate, rounded upwards."""
+def _radius(task: WindowTask, gain: Array, noise: Array) -> Array:
+    """Largest errors (n,) under noise and disturbance inside their bounds, rounded upwards."""
+    flow = task.plant.flow
     with precision(_BITS[0]):
-        sizes = error_radius(
-            _sampled(gains), gains["window_gain"], gains["noise_bound"], disturbance_bound(gains)
-        )
+        sizes = error_radius(task.sampled(), gain, noise, disturbance_bound(flow.lower, flow.upper))
         return np.array([float_above(scalar(x)) if x > 0 else 0.0 for x in sizes])
 
 
-def _refined(gains: dict[str, Any], cut: float = 0.0) -> tuple[dict[str, Any], Any, float]:
-    """Gains made unbiased once more; state_error (n, n); the latter's size, units scaled away.
+def _refined(task: WindowTask, gain: Array, cut: float = 0.0) -> _UnbiasedGain:
+    """The gain made unbiased once more, with exact numbers.
 
-    With exact numbers: floats alone leave a bias that is amplified twice.
+    Floats alone leave a bias that is amplified twice.
     """
     for bits in _BITS:
         with precision(bits):
-            found = _refined_once(gains, cut)
-        if found[2] <= equations.UNBIASED:
+            refined = _refined_once(task, gain, cut)
+        if refined.size <= UNBIASED:
             break
-        if np.isfinite(found[2]) and "reference" not in gains:
+        if np.isfinite(refined.size) and not task.is_relative_to_start:
             break  # no digits are missing
-    return found
+    return refined
 
 
-def _refined_once(gains: dict[str, Any], cut: float) -> tuple[dict[str, Any], Any, float]:
-    sampled = _sampled(gains)
-    error, size = bias(sampled, gains["window_gain"])
-    if gains["method"] in equations.FREE and _ROUNDING < float_above(size) < 1:
-        moved = _less(gains, error, cut)
-        of_moved, smaller = bias(sampled, moved["window_gain"])
-        if float_above(smaller) < float_above(size):
-            gains, error, size = moved, of_moved, smaller
-    found = np.array([[float_above(abs(x)) for x in row] for row in error])
-    return gains, np.where(np.isfinite(found), found, 1e300), float_above(size)
+def _refined_once(task: WindowTask, gain: Array, cut: float) -> _UnbiasedGain:
+    sampled = task.sampled()
+    error, size = bias(sampled, gain)
+    if task.method in FREE and _ROUNDING < float_above(size) < 1:
+        corrected = _corrected(task, gain, error, cut)
+        corrected_error, corrected_size = bias(sampled, corrected)
+        if float_above(corrected_size) < float_above(size):
+            gain, error, size = corrected, corrected_error, corrected_size
+    bound = np.array([[float_above(abs(x)) for x in row] for row in error])
+    return _UnbiasedGain(gain, np.where(np.isfinite(bound), bound, _UNBOUNDED), float_above(size))
 
 
-def _less(gains: dict[str, Any], error: Any, cut: float) -> dict[str, Any]:
-    """The gains less an error (n, n) of G O."""
-    rows = _rows(gains)[0]
-    left = equations.least_squares_gain(rows, np.ones(len(rows)), cut)
-    return gains | {"window_gain": gains["window_gain"] - middles(error) @ left}
-
-
-def _sampled(gains: dict[str, Any]) -> Sampled:
-    reference = gains.get("reference", equations.END)
-    return Sampled.of(gains["A"], gains["C"], gains["period"], gains["samples"], reference)
+def _corrected(task: WindowTask, gain: Array, error: Any, cut: float) -> Array:
+    """The gain less an error (n, n) of G O."""
+    rows = _rows(task)[0]
+    left_inverse = least_squares_gain(rows, np.ones(len(rows)), cut)
+    return np.asarray(gain - middles(error) @ left_inverse)

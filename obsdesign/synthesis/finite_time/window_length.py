@@ -8,10 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from obsdesign.equations.finite_time import gains as equations
+from obsdesign.equations.finite_time.options import MOST_SAMPLES, NEED_L, window_samples
+from obsdesign.equations.finite_time.rows import approx_window_determinacy
 from obsdesign.problem.problem import Problem
-from obsdesign.synthesis.finite_time.injection import Open, best_injection, fewest_samples
-from obsdesign.synthesis.finite_time.least_noise import quiet_samples
+from obsdesign.synthesis.finite_time.injection import best_injection, fewest_samples
+from obsdesign.synthesis.finite_time.least_noise import low_noise_samples
+from obsdesign.synthesis.finite_time.period_problem import PeriodProblem
 
 # a default window is doubled until its scaled rows are that far from losing rank
 _DETERMINED = 1e-2
@@ -19,14 +21,14 @@ _LONGEST = 2048
 # windows that are compared for their noise, per factor of two
 _PER_OCTAVE = 4
 SINGULAR = 1e-11
-BY_13 = ("longest_period", "shortest_window")
+CONDITION_13_OBJECTIVES = ("longest_period", "shortest_window")
 
 
 def chosen_samples(problem: Problem) -> int:
-    """k, given or chosen by the objective, else by how well the window determines the state."""
+    """Number of samples, given, or chosen by the objective or the determinacy of the window."""
     plant, period = problem.plant, float(problem.plant.output.period or 1.0)
     if "window" in problem.options:
-        return equations.window_samples(problem.options["window"], period)
+        return window_samples(problem.options["window"], period)
     A, C, objective = plant.flow.A, plant.output.C, problem.options.get("objective")
     if objective is None:
         return _well_determined(A, C, period)
@@ -35,41 +37,45 @@ def chosen_samples(problem: Problem) -> int:
         (
             k
             for k in range(fewest, plant.n + 1)
-            if equations.approx_reach(A, C, period, k) > SINGULAR
+            if approx_window_determinacy(A, C, period, k) > SINGULAR
         ),
         None,
     )
     k: int | None = None
     if objective == "shortest_window":
         k = shortest
-    by_13 = objective in BY_13 and np.any(A)
-    if by_13 and shortest is not None and problem.options.get("method") in equations.NEED_L:
-        k = _samples_for_13(Open(A, C, None, problem.gains.get("L")), period, shortest, objective)
+    by_condition_13 = objective in CONDITION_13_OBJECTIVES and np.any(A)
+    if by_condition_13 and shortest is not None and problem.options.get("method") in NEED_L:
+        k = _samples_for_13(
+            PeriodProblem(A, C, None, problem.gains.get("L")), period, shortest, objective
+        )
     if objective == "least_noise" and shortest is not None:
         counts = _counts(plant.n, _PER_OCTAVE)
-        enough = [n for n in counts if equations.approx_reach(A, C, period, n) >= _DETERMINED]
-        k = quiet_samples(plant, enough) if enough else None
+        enough = [n for n in counts if approx_window_determinacy(A, C, period, n) >= _DETERMINED]
+        k = low_noise_samples(plant, enough) if enough else None
     return _well_determined(A, C, period) if k is None else k
 
 
-def _samples_for_13(asked: Open, period: float, least: int, objective: Any) -> int | None:
-    """The shortest window for which (13) holds, if need be in coordinates S, or the best one."""
+def _samples_for_13(
+    problem: PeriodProblem, period: float, least: int, objective: Any
+) -> int | None:
+    """Samples of the shortest window with (13), if need be in coordinates S, or of the best."""
     if objective == "shortest_window":
-        k = fewest_samples(asked, period, least)[0]
-        return k or fewest_samples(replace(asked, coordinates=True), period, least)[0]
-    window = best_injection(asked).window
-    return int(min(max(round(window / period), least), equations.MOST_SAMPLES))
+        k = fewest_samples(problem, period, least)[0]
+        return k or fewest_samples(replace(problem, coordinates=True), period, least)[0]
+    window = best_injection(problem).window
+    return int(min(max(round(window / period), least), MOST_SAMPLES))
 
 
 def _well_determined(A: Any, C: Any, period: float) -> int:
-    """The first of n, 2 n, ... samples that determines the state well, or half as well as any."""
-    found = []
+    """The first of n, 2 n, ... samples with a determinacy of _DETERMINED, or of half the best."""
+    determinacies = []
     for k in _counts(len(A)):
-        found.append((equations.approx_reach(A, C, period, k), k))
-        if found[-1][0] >= _DETERMINED:
+        determinacies.append((approx_window_determinacy(A, C, period, k), k))
+        if determinacies[-1][0] >= _DETERMINED:
             return k
-    best = max(reach for reach, _ in found)
-    return next(k for reach, k in found if reach >= best / 2)
+    best = max(determinacy for determinacy, _ in determinacies)
+    return next(k for determinacy, k in determinacies if determinacy >= best / 2)
 
 
 def _counts(n: int, per_octave: int = 1) -> list[int]:

@@ -1,4 +1,4 @@
-"""Finite-time estimation: what makes the stored gains give the state, proved.
+"""Finite-time estimation: the stored gains give the state, proved.
 
 Source: F. Mazenc, S. Ahmed, MICNON 2018, with the corrections of docs/papers.md. Claims come in
 the order in which a plant fails: unobservable, badly sampled, too short a window, a singular
@@ -7,7 +7,7 @@ matrix of the method, gains that miss what they should. T is k nu for the stored
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -15,28 +15,39 @@ import numpy as np
 from lmi.arithmetic.balls import precision
 from obsdesign.analysis.finite_time.enclosed_gains import Sampled
 from obsdesign.document import Claim
-from obsdesign.equations.finite_time import gains as equations
+from obsdesign.equations.finite_time.gains import CORRECTED, PRINTED, FiniteTimeGains
+from obsdesign.equations.finite_time.options import (
+    MOST_SAMPLES,
+    NEED_L,
+    reason_against_objective,
+    reason_against_problem,
+    relative_deviations,
+    stored_plant,
+    window_samples,
+)
+from obsdesign.equations.finite_time.rows import START
+from obsdesign.equations.gains import Array
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.choices import mark_witness, open_choices
 from obsdesign.verification.consistency import consistency
 from obsdesign.verification.finite_time.gains import (
     error_radius_claim,
     invertible,
-    of_the_method,
+    method_gains_claim,
     unbiased,
 )
 from obsdesign.verification.finite_time.guarantees import guarantees
 from obsdesign.verification.finite_time.theorem_1 import bound_claims
 from obsdesign.verification.finite_time.window import (
-    dead_otherwise,
     long_enough,
     observable,
     sampled_observable,
+    unobserved_modes_decay,
 )
 
 __all__ = ["claims", "guarantees"]
 
-# what a claim rests on beside the plant, where that is not both window and L
+# choices that a claim rests on beside the plant, where they are not both window and L
 _RESTS_ON: Mapping[str, tuple[str, ...]] = {
     "observable": (),
     "sampled_observable": ("window",),
@@ -48,39 +59,40 @@ _BITS = (160, 320)
 
 def claims(
     problem: Problem,
-    gains: Mapping[str, Any],
+    stored: Mapping[str, Any],
     certificates: Mapping[str, Mapping[str, Any]],
     *,
     paranoid: bool = False,
 ) -> tuple[Claim, ...]:
     """All hypotheses of the design, in the order of refusal, until one is not proved.
 
-    certificates: coordinates S for the norms of Theorem 1, if any; paranoid
-    proves with twice the precision.
+    stored: gains as a design file states them; certificates: coordinates S for the norms of
+    Theorem 1, if any; paranoid proves with twice the precision.
     """
-    agreement = consistency(_objection(problem), gains, expected_gains(problem, gains))
+    agreement = consistency(_reason_against(problem), stored, expected_gains(problem, stored))
     if agreement.verdict != "proved":
         return (agreement,)
+    gains = FiniteTimeGains.from_document(stored)
     S = _coordinates(certificates, problem.plant.n)
-    found: list[Claim] = []
+    hypotheses: list[Claim] = []
     for bits in _BITS[1:] if paranoid else _BITS:
         with precision(bits):
-            found = _hypotheses(gains, S)
-        if all(claim.verdict != "undecided" for claim in found):
+            hypotheses = _hypotheses(gains, S)
+        if all(claim.verdict != "undecided" for claim in hypotheses):
             break
-    return (agreement, *(_with_marked_witness(problem, claim) for claim in found))
+    return (agreement, *(_with_marked_witness(problem, claim) for claim in hypotheses))
 
 
 def _with_marked_witness(problem: Problem, claim: Claim) -> Claim:
-    """The claim, its witness marked where no window and no L that is open would change it."""
+    """The claim, its witness marked where it holds for all open windows and L."""
     L = problem.gains.get("L")
-    silent = L is not None and not np.any(L @ problem.plant.output.C)
+    is_zero = L is not None and not np.any(L @ problem.plant.output.C)
     singular = claim.id in ("difference_invertible", "injection_invertible")
     names = _RESTS_ON.get(claim.id, ("window", "L"))
-    return mark_witness(claim, () if singular and silent else open_choices(problem, *names))
+    return mark_witness(claim, () if singular and is_zero else open_choices(problem, *names))
 
 
-def _coordinates(certificates: Mapping[str, Mapping[str, Any]], n: int) -> Any:
+def _coordinates(certificates: Mapping[str, Mapping[str, Any]], n: int) -> Array | None:
     """S of a certificate, or None where there is none that is an (n, n) matrix of numbers."""
     try:
         S = np.asarray(certificates["theorem_1_coordinates"]["S"], dtype=np.float64)
@@ -89,73 +101,70 @@ def _coordinates(certificates: Mapping[str, Mapping[str, Any]], n: int) -> Any:
     return S if S.shape == (n, n) and np.isfinite(S).all() else None
 
 
-def _objection(problem: Problem) -> str | None:
-    text = equations.objection(problem.plant, problem.options)
-    return text or equations.objective_objection(problem.options, "L" in problem.gains)
+def _reason_against(problem: Problem) -> str | None:
+    reason = reason_against_problem(problem.plant, problem.options)
+    return reason or reason_against_objective(problem.options, "L" in problem.gains)
 
 
-def expected_gains(problem: Problem, gains: Mapping[str, Any]) -> dict[str, Any]:
-    """Entries of `gains` and what the problem says of them: a value, or the shape it must have."""
+def expected_gains(problem: Problem, stored: Mapping[str, Any]) -> dict[str, Any]:
+    """Entries of `gains` that the problem requires: a value, or the shape it must have."""
     plant, options = problem.plant, problem.options
     method = options.get("method", "least_squares")
-    samples: Any = gains.get("samples")
+    samples: Any = stored.get("samples")
     k = int(samples) if _is_count(samples) else 0
-    if "window" in options and equations.objection(plant, options) is None:
-        k = equations.window_samples(options["window"], plant.output.period or 1.0)
-    expected = equations.stored_plant(plant) | {"method": method, "samples": float(k)}
+    if "window" in options and reason_against_problem(plant, options) is None:
+        k = window_samples(options["window"], plant.output.period or 1.0)
+    expected = stored_plant(plant) | {"method": method, "samples": float(k)}
     expected |= {"window_gain": (plant.n, k * plant.p)}
-    if method in equations.NEED_L:
+    if method in NEED_L:
         expected |= {"L": (plant.n, plant.p)}
     if method == "approximate":
         corrected = bool(options.get("half_sample_correction"))
-        expected |= {"half_sample": "corrected" if corrected else "printed"}
+        expected |= {"half_sample": CORRECTED if corrected else PRINTED}
     else:
         expected |= {"state_error": (plant.n, plant.n)}
         if plant.output.noise_bound is not None:
             expected |= {"radius": (plant.n,)}
-        if "reference" in gains:  # without it, the window's end
-            expected |= {"reference": {equations.START}}
+        if "reference" in stored:  # without it, the window's end
+            expected |= {"reference": {START}}
     if method == "least_squares":
-        expected |= {"deviations": equations.relative_deviations(plant.output)}
+        expected |= {"deviations": relative_deviations(plant.output)}
     return expected | {name: X for name, X in problem.gains.items() if name in expected}
 
 
 def _is_count(value: Any) -> bool:
-    return isinstance(value, int | float) and 1 <= value <= equations.MOST_SAMPLES
+    return isinstance(value, int | float) and 1 <= value <= MOST_SAMPLES
 
 
-def _hypotheses(gains: Mapping[str, Any], S: Any) -> list[Claim]:
-    sampled = Sampled.of(
-        gains["A"], gains["C"], gains["period"], int(gains["samples"]),
-        gains.get("reference", equations.END),
-    )  # fmt: skip
-    found: list[Claim] = []
+def _hypotheses(gains: FiniteTimeGains, S: Array | None) -> list[Claim]:
+    sampled = Sampled.from_plant(
+        gains.A, gains.C, gains.period, gains.samples, gains.window_reference
+    )
+    hypotheses: list[Claim] = []
     for claim in _in_order(gains, sampled, S):
-        found.append(claim)
+        hypotheses.append(claim)
         if claim.verdict != "proved":
             break
-    return found
+    return hypotheses
 
 
-def _in_order(gains: Mapping[str, Any], sampled: Sampled, S: Any) -> Any:
+def _in_order(gains: FiniteTimeGains, sampled: Sampled, S: Array | None) -> Iterator[Claim]:
     yield observable(sampled)
-    dead = dead_otherwise(sampled, gains)
-    yield sampled_observable(sampled, dead)
-    yield long_enough(sampled, dead)
-    method = gains["method"]
-    if method in equations.NEED_L:
+    decayed = unobserved_modes_decay(sampled, gains)
+    yield sampled_observable(sampled, decayed)
+    yield long_enough(sampled, decayed)
+    if gains.method in NEED_L:
         yield invertible(sampled, gains)
-        yield of_the_method(sampled, gains)
-    if method == "approximate":
+        yield method_gains_claim(sampled, gains)
+    if not gains.is_unbiased:
         yield from bound_claims(sampled, gains, S)
         return
     yield unbiased(sampled, gains)
-    if "radius" in gains and (np.any(gains["radius"]) or _disturbed(gains)):
+    if gains.radius is not None and (np.any(gains.radius) or _is_disturbed(gains)):
         yield error_radius_claim(sampled, gains)
-    if method == "exact":
+    if gains.method == "exact":
         yield from bound_claims(sampled, gains, S)
 
 
-def _disturbed(gains: Mapping[str, Any]) -> bool:
-    moved = np.any(np.asarray(gains["flow_lower"]) != gains["flow_upper"])
-    return bool(moved or np.any(gains["noise_bound"]))
+def _is_disturbed(gains: FiniteTimeGains) -> bool:
+    return bool(np.any(gains.flow_lower != gains.flow_upper) or np.any(gains.noise))

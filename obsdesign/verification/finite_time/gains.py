@@ -1,8 +1,7 @@
-"""Finite-time estimation: stored gains are the method's, unbiased, and their error is bounded."""
+"""Claims of finite-time gains: those of the method, unbiased, with a bounded error."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -21,7 +20,10 @@ from obsdesign.analysis.finite_time.enclosed_gains import (
 )
 from obsdesign.analysis.finite_time.error_radius import bias, disturbance_bound, error_radius
 from obsdesign.document import Claim
-from obsdesign.equations.finite_time.gains import REFERENCES, START, UNBIASED
+from obsdesign.equations.finite_time.gains import CORRECTED, FiniteTimeGains
+from obsdesign.equations.finite_time.rows import REFERENCES, START, UNBIASED
+from obsdesign.equations.gains import Array
+from obsdesign.verification.finite_time.evidence import BiasEvidence
 from obsdesign.verification.finite_time.window import (
     PAPER,
     SINGULAR,
@@ -33,22 +35,22 @@ from obsdesign.verification.finite_time.window import (
 # stored gains agree with their formula to this part of the largest one of a row
 SAME_GAIN = 2.0**-40
 # e^36 is beyond the rounding of what it multiplies
-_MOST_GROWTH = 36.0
+_MOST_GROWTH_EXPONENT = 36.0
 # a radius is the largest error to within this factor
-_ATTAINED = 1.000001
-# e^0.01 is no growth to speak of
-_SOME_GROWTH = 1e-2
+_ATTAINED_FACTOR = 1.000001
+# smaller exponents are not mentioned as growth
+_LEAST_GROWTH_EXPONENT = 1e-2
 # decay within a period, as an exponent, that hides what e^{-A s} is added to
-_MOST_IN_A_PERIOD = 10.0
-_TOO_MUCH = (
+_MOST_DECAY_EXPONENT = 10.0
+_TOO_MANY_STEPS = (
     "the series of e^{-A s} L over one period takes too many steps to be enclosed in a few "
     "seconds; method 'least_squares' does not need it"
 )
 
 
-def invertible(sampled: Sampled, gains: Mapping[str, Any]) -> Claim:
-    """M_T for (14); P^k - A_d^k for (9) with (16), alone or times A_d^-k."""
-    approximate = gains["method"] == "approximate"
+def invertible(sampled: Sampled, gains: FiniteTimeGains) -> Claim:
+    """Claim that M_T, or P^k - A_d^k alone or times A_d^-k, is invertible: (14), (9) with (16)."""
+    approximate = not gains.is_unbiased
     T = sampled.k * sampled.period
     threshold = f"its smallest singular value is at least {SINGULAR:g} of its norm"
     if approximate:
@@ -57,21 +59,21 @@ def invertible(sampled: Sampled, gains: Mapping[str, Any]) -> Claim:
             "M_T = e^(-A T) - e^(-F T), F = A + L C, is invertible at "
             f"T = {T:.9g}: scaled, {threshold}"
         )
-        verdict = _scaled_rank(sampled, difference_matrix(sampled, gains["L"])[0])
+        verdict = _scaled_rank(sampled, difference_matrix(sampled, gains.injection)[0])
     else:
         name, source = "injection_invertible", f"{PAPER}, (9) with (16)"
         statement = (
             "P^k - A_d^k, P = A_d + K_d C = Phi^(-1) over a period, is invertible at "
             f"T = {T:.9g}: scaled, alone or times A_d^(-k), {threshold}"
         )
-        verdict = _of_the_difference(sampled, gains["L"])
+        verdict = _difference_rank(sampled, gains.injection)
     if verdict.outcome == "undecided":
-        verdict = undecided(_hidden(sampled) or str(verdict.evidence["reason"]))
+        verdict = undecided(_reason_against_inverse(sampled) or str(verdict.evidence["reason"]))
     if verdict.outcome == "refuted":
         letter = "M_T" if approximate else "P^k - A_d^k"
         ratio = verdict.evidence["approx_ratio"]
         why = f"{letter} is singular: L C = 0"
-        if np.any(np.asarray(gains["L"]) @ gains["C"]):
+        if np.any(gains.injection @ gains.C):
             least = f"{ratio:.1e}" if ratio > 1e-14 else "less than 1e-14"
             why = (
                 f"{letter} is singular, but for {least} of its norm: for this L at T = {T:.9g}; "
@@ -81,35 +83,35 @@ def invertible(sampled: Sampled, gains: Mapping[str, Any]) -> Claim:
     return make_claim(name, statement, source, verdict)
 
 
-def _of_the_difference(sampled: Sampled, L: Any) -> Verdict:
-    """P^k - A_d^k acts on x(t_i - T), and times A_d^-k on x(t_i): a good one of them is enough.
+def _difference_rank(sampled: Sampled, L: Array) -> Verdict:
+    """Decide the rank of P^k - A_d^k, alone for x(t_i - T) or times A_d^-k for x(t_i).
 
-    Where modes decay by many digits, the second hides those that stay.
+    One of them is enough: where modes decay by many digits, the second hides the slow ones.
     """
-    found = []
+    verdicts = []
     for reference in (sampled.reference, *REFERENCES):
         pair = exact_matrix(replace(sampled, reference=reference), L)
         if pair is None:
-            return undecided(_TOO_MUCH)
-        found.append(_scaled_rank(sampled, pair[0]))
-        if found[-1].outcome == "proved":
-            return found[-1]
-    # `REFERENCES` ends with P^k - A_d^k itself, of which a witness has to speak
-    open_ones = [verdict for verdict in found if verdict.outcome == "undecided"]
-    return open_ones[0] if open_ones else found[-1]
+            return undecided(_TOO_MANY_STEPS)
+        verdicts.append(_scaled_rank(sampled, pair[0]))
+        if verdicts[-1].outcome == "proved":
+            return verdicts[-1]
+    # `REFERENCES` ends with P^k - A_d^k itself, which a witness refers to
+    undecided_ranks = [verdict for verdict in verdicts if verdict.outcome == "undecided"]
+    return undecided_ranks[0] if undecided_ranks else verdicts[-1]
 
 
 def _scaled_rank(sampled: Sampled, matrix: Any) -> Verdict:
-    """In units in which the samples see all states about equally well."""
+    """Decide the rank in units in which all states are about equally observable."""
     scales = sampled.units()
     return well_ranked(matrix * scales / scales[:, None], SINGULAR)
 
 
-def _hidden(sampled: Sampled) -> str | None:
-    """Why e^{-A s} within one period hides the matrix of a method, if it does."""
+def _reason_against_inverse(sampled: Sampled) -> str | None:
+    """Reason why e^{-A s} within one period hides the matrix of a method, or None."""
     rates = np.linalg.eigvals(to_float(sampled.A)).real
     decay = float(-rates.min(initial=0.0)) * sampled.period
-    if decay < _MOST_IN_A_PERIOD:
+    if decay < _MOST_DECAY_EXPONENT:
         return None
     return (
         f"a mode of A decays by e^-{decay:.3g} in one period; the method multiplies by its "
@@ -117,28 +119,30 @@ def _hidden(sampled: Sampled) -> str | None:
     )
 
 
-def of_the_method(sampled: Sampled, gains: Mapping[str, Any]) -> Claim:
-    """The stored gains are what the formula says, to rounding."""
-    approximate = gains["method"] == "approximate"
-    of_paper = approximate_gain(sampled, gains["L"]) if approximate else None
-    if not approximate:
-        of_paper = exact_gain(sampled, gains["L"])
-    elif of_paper is not None and gains["half_sample"] == "corrected":
-        of_paper = half_period(sampled) @ of_paper
+def method_gains_claim(sampled: Sampled, gains: FiniteTimeGains) -> Claim:
+    """Claim that the stored gains are those of the formula, to rounding."""
+    approximate = not gains.is_unbiased
+    if approximate:
+        enclosed = approximate_gain(sampled, gains.injection)
+        if enclosed is not None and gains.half_sample == CORRECTED:
+            enclosed = half_period(sampled) @ enclosed
+    else:
+        enclosed = exact_gain(sampled, gains.injection)
     formula = "(14)" if approximate else "(9) with (16)"
     statement = f"the stored gains are those of {formula} for the stored L, to rounding"
-    if approximate and gains["half_sample"] == "corrected":
+    if approximate and gains.half_sample == CORRECTED:
         statement = (
             "the stored gains are those of (14) for the stored L times e^(A nu / 2), which takes "
             "the half-sample delay off, to rounding"
         )
     verdict = undecided("the matrix of the method is not certainly invertible")
-    if of_paper is not None:
-        verdict = _close(exact(gains["window_gain"]), of_paper)
+    if enclosed is not None:
+        verdict = _agreement(exact(gains.window_gain), enclosed)
     return make_claim("gains_of_the_method", statement, f"{PAPER}, {formula}", verdict)
 
 
-def _close(stored: Any, formula: Any) -> Verdict:
+def _agreement(stored: Any, formula: Any) -> Verdict:
+    """Decide whether stored gains are within `SAME_GAIN` of enclosed ones, row by row."""
     largest = 0.0
     for r, (row, wanted) in enumerate(zip(stored, formula, strict=True)):
         size = max(abs(x).abs_upper() for x in wanted)
@@ -153,25 +157,23 @@ def _close(stored: Any, formula: Any) -> Verdict:
     return proved(largest_difference=largest)
 
 
-def unbiased(sampled: Sampled, gains: Mapping[str, Any]) -> Claim:
-    """G O = I, or A_d^k, up to rounding, by exact numbers; with what the gains amplify."""
-    error, size = bias(sampled, gains["window_gain"])
-    amplified = np.abs(exact(gains["window_gain"])) @ np.abs(sampled.rows())
+def unbiased(sampled: Sampled, gains: FiniteTimeGains) -> Claim:
+    """Claim that G O = I, or A_d^k, up to rounding, by exact numbers; with the amplification."""
+    error, size = bias(sampled, gains.window_gain)
+    amplified = np.abs(exact(gains.window_gain)) @ np.abs(sampled.rows())
     amplification = float_above(max(sum(row) for row in amplified))
     limit = scalar(exact(UNBIASED).item())
-    evidence: dict[str, Any] = {"amplification": amplification, "error": float_above(size)}
-    if sampled.reference == START:
-        evidence["reference"] = START
+    evidence = BiasEvidence(amplification, float_above(size), sampled.reference).to_evidence()
     stated = np.array([[float_above(abs(x)) for x in row] for row in error])
-    if size <= limit and not (stated <= gains["state_error"]).all():
+    if size <= limit and not (stated <= gains.bias_bound).all():
         verdict = undecided("gains.state_error is below what is proved", **evidence)
-    elif size <= limit and _too_large(sampled, gains["state_error"]):
+    elif size <= limit and _is_too_large(sampled, gains.bias_bound):
         reason = f"gains.state_error is above {UNBIASED:g} (scaled), far more than what is missed"
         verdict = refuted({"reason": reason}, **evidence)
     elif size <= limit:
         verdict = proved(**evidence)
     elif size > limit:
-        verdict = refuted(_missed(sampled, stated, amplification), **evidence)
+        verdict = refuted(_bias_witness(sampled, stated, amplification), **evidence)
     else:
         verdict = undecided("the gains are not known well enough", **evidence)
     source = "docs/finite_time.md; Gramian estimator, (16)"
@@ -189,15 +191,15 @@ def unbiased(sampled: Sampled, gains: Mapping[str, Any]) -> Claim:
     return make_claim("unbiased", statement, source, verdict)
 
 
-def _too_large(sampled: Sampled, state_error: Any) -> bool:
-    """Would bounds that run be wider than what is told, for nothing?"""
+def _is_too_large(sampled: Sampled, state_error: Array) -> bool:
+    """Is the stored state_error more than twice the largest admissible bias?"""
     units = sampled.units()
     scaled: list[Any] = list((exact(state_error) * units / units[:, None]).flat)
     return bool(sum(x * x for x in scaled) > exact((2 * UNBIASED) ** 2).item())
 
 
-def _missed(sampled: Sampled, error: Any, amplification: float) -> dict[str, Any]:
-    """A state that is not reproduced, and why; error (n, n) in floats."""
+def _bias_witness(sampled: Sampled, error: Array, amplification: float) -> dict[str, Any]:
+    """A state that is not reproduced, and the reason; error (n, n) in floats."""
     n = len(error)
     r, c = np.unravel_index(int(np.argmax(error)), (n, n))
     when = " at the window's start" if sampled.reference == START else ""
@@ -207,61 +209,64 @@ def _missed(sampled: Sampled, error: Any, amplification: float) -> dict[str, Any
         if amplification > 1
         else ""
     )
-    reason = _too_fast(sampled) or (
+    reason = _reason_against_window(sampled) or (
         f"with x{c + 1} = 1{when} and no noise the estimate of x{r + 1} is off by "
         f"{error[r][c]:.3g}{costs}"
     )
     return {"state": np.eye(n)[c].tolist(), "reason": reason}
 
 
-def _too_fast(sampled: Sampled) -> str | None:
-    """The reason where modes decay and grow in the window beyond what binary64 can hold."""
+def _reason_against_window(sampled: Sampled) -> str | None:
+    """Reason where modes decay and grow in the window beyond binary64, or None."""
     T = sampled.k * sampled.period
     rates = np.linalg.eigvals(to_float(sampled.A)).real
     decay, growth = float(-rates.min(initial=0.0)), float(rates.max(initial=0.0))
-    if (decay + growth) * T < _MOST_GROWTH:
+    if (decay + growth) * T < _MOST_GROWTH_EXPONENT:
         return None
-    told = [f"decays by e^-{decay * T:.3g}"] if decay * T > _SOME_GROWTH else []
-    told += [f"grows by e^{growth * T:.3g}"] if growth * T > _SOME_GROWTH else []
-    limit = _MOST_GROWTH / (decay + growth)
+    changes = []
+    if decay * T > _LEAST_GROWTH_EXPONENT:
+        changes.append(f"decays by e^-{decay * T:.3g}")
+    if growth * T > _LEAST_GROWTH_EXPONENT:
+        changes.append(f"grows by e^{growth * T:.3g}")
+    limit = _MOST_GROWTH_EXPONENT / (decay + growth)
     advice = f"choose a window below {limit:.3g}"
     if limit < sampled_index(sampled) * sampled.period:  # no window of enough samples is
         advice = "choose a shorter period, and with it a shorter window"
     return (
-        f"over the window T = {T:.6g} a mode of A {' and another one '.join(told)}, more than "
+        f"over the window T = {T:.6g} a mode of A {' and another one '.join(changes)}, more than "
         f"binary64 can hold; {advice}"
     )
 
 
-def error_radius_claim(sampled: Sampled, gains: Mapping[str, Any]) -> Claim:
-    """The componentwise bound of `window_bounds`, at most the stored radius."""
-    bounds = error_radius(
-        sampled, gains["window_gain"], gains["noise_bound"], disturbance_bound(gains)
-    )
-    stored = [scalar(x) for x in exact(gains["radius"])]
+def error_radius_claim(sampled: Sampled, gains: FiniteTimeGains) -> Claim:
+    """Claim that the largest error of each state is the stored radius, up to rounding."""
+    Delta = disturbance_bound(gains.flow_lower, gains.flow_upper)
+    bounds = error_radius(sampled, gains.window_gain, gains.noise, Delta)
+    stored = [scalar(x) for x in exact(gains.error_bound)]
     verdict = proved(largest_error=[float_above(x) for x in bounds])
     for r, (bound, radius) in enumerate(zip(bounds, stored, strict=True)):
         if bound > radius:
             reason = (
                 f"noise and a switching disturbance inside their bounds move the estimate of "
-                f"x{r + 1} by {float_above(bound):.9g}, more than radius {gains['radius'][r]:.9g}"
+                f"x{r + 1} by {float_above(bound):.9g}, more than radius {gains.error_bound[r]:.9g}"
             )
             verdict = refuted({"state": r + 1, "reason": reason})
             break
         if not bound <= radius:
             verdict = undecided(f"radius of x{r + 1} is too close to the largest error")
             break
-        if radius > scalar(exact(float_above(bound) * _ATTAINED).item()):
+        if radius > scalar(exact(float_above(bound) * _ATTAINED_FACTOR).item()):
             reason = (
                 f"the estimate of x{r + 1} is off by at most {float_above(bound):.9g}, less than "
-                f"radius {gains['radius'][r]:.9g}: what runs is not what is told"
+                f"radius {gains.error_bound[r]:.9g}: the stored radius is larger than the proved "
+                "error"
             )
             verdict = refuted({"state": r + 1, "reason": reason})
             break
     return make_claim(
         "error_radius",
         "with noise and disturbance inside their bounds, no estimate of x_r is off by more than "
-        f"radius_r, which is attained to within a factor of {_ATTAINED:g} (by noise and "
+        f"radius_r, which is attained to within a factor of {_ATTAINED_FACTOR:g} (by noise and "
         "disturbance that switch with the signs of their weights)",
         "docs/finite_time.md; error of an unbiased gain",
         verdict,

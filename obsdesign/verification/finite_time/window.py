@@ -1,13 +1,12 @@
-"""Does a window of periodic samples determine the state? Exactly, and well enough.
+"""Claims that a window of periodic samples determines the state, with a margin.
 
 With rational A and period no eigenvalue pair coincides exactly after sampling (2 pi is
-transcendental), so that the claims ask for a margin: what is refuted has a state that the samples
-hardly see, and the pair of eigenvalues that makes it so where there is one.
+transcendental), so that the claims require a margin: the witness of a refutation is a state that is
+nearly unobservable from the samples, with the pair of eigenvalues that makes it so, if any.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -19,7 +18,15 @@ from lmi.verdict import Verdict, proved, refuted
 from obsdesign.analysis.finite_time.enclosed_gains import Sampled
 from obsdesign.analysis.finite_time.error_radius import bias
 from obsdesign.document import Claim
-from obsdesign.equations.finite_time import gains as equations
+from obsdesign.equations.finite_time.gains import FiniteTimeGains
+from obsdesign.equations.finite_time.options import FREE
+from obsdesign.equations.finite_time.rows import (
+    DECAYED,
+    REFERENCES,
+    START,
+    approx_window_determinacy,
+    pathological_pairs,
+)
 
 PAPER = "Mazenc, Ahmed, MICNON 2018"
 _SOURCES = {
@@ -35,7 +42,7 @@ _MOST_AMPLIFIED = 1e6
 
 
 def observable(sampled: Sampled) -> Claim:
-    """Kalman's rank condition, decided exactly; the witness is a state that is never seen."""
+    """Claim of Kalman's rank condition, decided exactly; the witness is an unobservable state."""
     A, C = sampled.A, sampled.C
     blocks = [C]
     for _ in range(len(A) - 1):
@@ -43,31 +50,31 @@ def observable(sampled: Sampled) -> Claim:
     vector = fixed_vector(blocks)
     verdict = proved(exact=True)
     if vector is not None:
-        told = ", ".join(f"{x:.6g}" for x in vector)
-        reason = f"the state ({told}) and what becomes of it is never seen in y"
+        state = ", ".join(f"{x:.6g}" for x in vector)
+        reason = f"the state ({state}) and what becomes of it is never seen in y"
         verdict = refuted({"vector": vector, "reason": reason})
     return make_claim("observable", "(A, C) is observable", f"{PAPER}, Assumption 1", verdict)
 
 
-def dead_otherwise(sampled: Sampled, gains: Mapping[str, Any]) -> bool:
-    """Do the stored gains show that what the samples do not see has died within the window?"""
-    if sampled.reference != equations.START or gains["method"] not in equations.FREE:
+def unobserved_modes_decay(sampled: Sampled, gains: FiniteTimeGains) -> bool:
+    """Do the stored gains show that the unobserved modes decay within the window?"""
+    if sampled.reference != START or gains.method not in FREE:
         return False
-    if not bias(sampled, gains["window_gain"])[1] <= scalar(exact(equations.DEAD).item()):
+    if not bias(sampled, gains.window_gain)[1] <= scalar(exact(DECAYED).item()):
         return False
-    # gains that pick a state out of what rounding leaves of it are no such gains
+    # large gains could recover a state from the rounding of its samples
     units = sampled.units()
-    seen = np.abs(exact(gains["window_gain"])) @ np.abs(sampled.rows())
-    amplified: list[Any] = list((seen * units / units[:, None]).flat)
+    amplification = np.abs(exact(gains.window_gain)) @ np.abs(sampled.rows())
+    amplified: list[Any] = list((amplification * units / units[:, None]).flat)
     return all(bool(x <= scalar(exact(_MOST_AMPLIFIED).item())) for x in amplified)
 
 
-def _but_for_the_dead(verdict: Verdict, name: str, statement: str, dead: bool) -> Claim:
-    """A rank that is needed only of what lasts."""
-    if verdict.outcome != "proved" and dead:
+def _rank_or_decayed(verdict: Verdict, name: str, statement: str, decayed: bool) -> Claim:
+    """Claim of full rank, or that the unobserved modes decay below DECAYED within the window."""
+    if verdict.outcome != "proved" and decayed:
         statement = (
             f"{statement}; or, as here, what they do not tell apart at the window's start is at "
-            f"its end at most {equations.DEAD:g} of what it was: sum_j G_j C A_d^j = A_d^k to "
+            f"its end at most {DECAYED:g} of what it was: sum_j G_j C A_d^j = A_d^k to "
             "within that for the stored gains, and no entry of sum_j |G_j| |C A_d^j| is above "
             f"{_MOST_AMPLIFIED:g} (scaled)"
         )
@@ -75,40 +82,40 @@ def _but_for_the_dead(verdict: Verdict, name: str, statement: str, dead: bool) -
     return make_claim(name, statement, _SOURCES[name], verdict)
 
 
-def sampled_observable(sampled: Sampled, dead: bool = False) -> Claim:
-    """The rank of max(k, n) samples: their spacing, not their number, is in question.
+def sampled_observable(sampled: Sampled, decayed: bool = False) -> Claim:
+    """Claim of the rank of max(k, n) samples, which their spacing decides and not their number.
 
-    dead: is what they do not see dead at the window's end (`dead_otherwise`)?
+    decayed: see `unobserved_modes_decay`.
     """
     n = len(sampled.A)
     verdict = _row_rank(sampled, max(sampled.k, n))
-    if verdict.outcome == "refuted" and not dead:
-        verdict = with_reason(verdict, _why_badly_sampled(sampled))
+    if verdict.outcome == "refuted" and not decayed:
+        verdict = with_reason(verdict, _reason_against_period(sampled))
     statement = (
         f"samples {sampled.period!r} apart see every state: the smallest singular value of the "
         f"scaled C A_d^-l, l = 1..{max(sampled.k, n)}, or of the scaled C A_d^l, l = 0.., is at "
         f"least {SINGULAR:g} of their norm"
     )
-    return _but_for_the_dead(verdict, "sampled_observable", statement, dead)
+    return _rank_or_decayed(verdict, "sampled_observable", statement, decayed)
 
 
-def _why_badly_sampled(sampled: Sampled) -> str:
-    pairs = equations.pathological_pairs(to_float(sampled.A), sampled.period)
+def _reason_against_period(sampled: Sampled) -> str:
+    pairs = pathological_pairs(to_float(sampled.A), sampled.period)
     if pairs:
-        one, other, turns = pairs[0]
+        first, second, turns = pairs[0]
         return (
-            f"pathological sampling: the eigenvalues {one:.6g} and {other:.6g} of A differ by "
+            f"pathological sampling: the eigenvalues {first:.6g} and {second:.6g} of A differ by "
             f"{turns:.9g} times 2 pi i / period, so that samples {sampled.period!r} apart cannot "
             "tell them apart; choose another period"
         )
-    told = (
+    reason = (
         f"samples {sampled.period!r} apart, {max(sampled.k, len(sampled.A))} of them, hardly see a "
         "state; "
     )
     k = _enough_samples(sampled)
     if k is None:
-        return told + "change the period or the window"
-    return told + f"{k} of them, a window of {k * sampled.period:.9g}, see every state"
+        return reason + "change the period or the window"
+    return reason + f"{k} of them, a window of {k * sampled.period:.9g}, see every state"
 
 
 def _enough_samples(sampled: Sampled) -> int | None:
@@ -121,45 +128,45 @@ def _enough_samples(sampled: Sampled) -> int | None:
     powers = range(1, _MOST_TRIED.bit_length())
     counts = [k for i in powers for k in (first << i, first >> i) if n <= k <= _MOST_TRIED]
 
-    def seen(k: int) -> float:
-        return min(equations.approx_reach(A, C, sampled.period, k), _WITH_MARGIN)
+    def determinacy(k: int) -> float:
+        return min(approx_window_determinacy(A, C, sampled.period, k), _WITH_MARGIN)
 
-    best = max(counts, key=seen, default=None)
-    if best is None or seen(best) < SINGULAR or _row_rank(sampled, best).outcome != "proved":
+    best = max(counts, key=determinacy, default=None)
+    if best is None or determinacy(best) < SINGULAR or _row_rank(sampled, best).outcome != "proved":
         return None
     return best
 
 
-def long_enough(sampled: Sampled, dead: bool = False) -> Claim:
-    """The rank of the window's own samples; dead: as for `sampled_observable`."""
+def long_enough(sampled: Sampled, decayed: bool = False) -> Claim:
+    """Claim of the rank of the window's own samples; decayed: see `unobserved_modes_decay`."""
     verdict = _row_rank(sampled, sampled.k)
-    if verdict.outcome == "refuted" and not dead:
+    if verdict.outcome == "refuted" and not decayed:
         least = sampled_index(sampled)
         reason = f"the window holds {sampled.k} samples; at least {least} are needed"
         verdict = with_reason(verdict, reason)
     statement = (
         f"the window's {sampled.k} samples determine the state: the same for l = 1..{sampled.k}"
     )
-    return _but_for_the_dead(verdict, "window_long_enough", statement, dead)
+    return _rank_or_decayed(verdict, "window_long_enough", statement, decayed)
 
 
 def sampled_index(sampled: Sampled) -> int:
-    """Fewest samples whose rows have full rank (in floats; a rank at l = n is a rank for ever)."""
+    """Fewest samples whose rows have full rank in floats; more than n add no rank."""
     A, C = to_float(sampled.A), to_float(sampled.C)
     for k in range(1, len(A) + 1):
-        if equations.approx_reach(A, C, sampled.period, k) >= SINGULAR:
+        if approx_window_determinacy(A, C, sampled.period, k) >= SINGULAR:
             return k
     return len(A)
 
 
 def _row_rank(sampled: Sampled, k: int) -> Verdict:
-    """The rank of C A_d^-l, l = 1..k, in units of `state_scales`, rows at unit length.
+    """Decide the rank of C A_d^-l, l = 1..k, in units of `state_scales`, rows at unit length.
 
-    Or of C A_d^l: fast stable modes dwarf all others in the rows of the first, unstable ones in
-    those of the second; what the samples hardly see, neither sees.
+    Or of C A_d^l: fast stable modes dominate the rows of the first, unstable ones those of the
+    second; a state that is nearly unobservable from the samples is so in both.
     """
     first: Verdict | None = None
-    for reference in equations.REFERENCES:
+    for reference in REFERENCES:
         window = replace(sampled, k=k, reference=reference)
         scaled = window.rows() * window.units()
         units = [_power_of_two(sum(x * x for x in row)) for row in scaled]
@@ -173,18 +180,19 @@ def _row_rank(sampled: Sampled, k: int) -> Verdict:
 
 
 def _power_of_two(square: Any) -> Any:
-    """About 1 / sqrt(square), exactly a power of two; 1 for zero. Balls may be beyond binary64."""
+    """Power of two near 1 / sqrt(square); 1 for zero. Balls may be beyond binary64."""
     if not square > 0:
         return scalar(1)
     return scalar(2) ** -round(float((square.mid().log() / scalar(4).log()).mid()))
 
 
 def with_reason(verdict: Verdict, reason: str) -> Verdict:
-    """A refutation told in words."""
-    rest = {name: value for name, value in verdict.evidence.items() if name != "witness"}
-    return refuted({**verdict.evidence["witness"], "reason": reason}, **rest)
+    """The refutation with a reason in its witness."""
+    evidence = dict(verdict.evidence)
+    witness = evidence.pop("witness")
+    return refuted({**witness, "reason": reason}, **evidence)
 
 
 def make_claim(name: str, statement: str, source: str, verdict: Verdict) -> Claim:
-    """A claim with the outcome and evidence of a verdict."""
+    """Claim with the outcome and evidence of a verdict."""
     return Claim(name, statement, source, verdict.outcome, verdict.evidence)

@@ -1,4 +1,4 @@
-"""Longest period and shortest window of condition (13): brackets, traps, and what beats what."""
+"""Longest period and shortest window of condition (13): brackets, traps, extensions."""
 
 from __future__ import annotations
 
@@ -19,20 +19,21 @@ from lmi.arithmetic.norms import float_below
 from lmi.time_budget import total_budget
 from obsdesign.analysis.finite_time.enclosed_gains import Sampled
 from obsdesign.document import digest, from_dict
-from obsdesign.equations.finite_time import gains as equations
 from obsdesign.equations.finite_time.condition_13 import approx_log_longest_period
+from obsdesign.studies.search import period as period_search
 from obsdesign.studies.search.dwell_time import search
-from obsdesign.synthesis.finite_time.injection import Open, best_injection
-from obsdesign.verification.finite_time.theorem_1 import Sizes
+from obsdesign.synthesis.finite_time.injection import best_injection
+from obsdesign.synthesis.finite_time.period_problem import PeriodProblem
+from obsdesign.verification.finite_time.theorem_1 import Norms
 from tests.cli.test_commands import ROOT, command
-from tests.verification.finite_time.test_claims import ROTATION, L, problem
+from tests.verification.finite_time.test_claims import ROTATION, L, sampled_problem
 
 CHAIN = [[0, 1], [0, 0]]
 A, C = np.array(ROTATION), np.array([[0.3, 0.0]])
 
 
-def found(what: str = "longest_period", **asked: Any) -> dict[str, Any]:
-    outcome = search(problem(**asked), what)
+def search_result(what: str = "longest_period", **changes: Any) -> dict[str, Any]:
+    outcome = search(sampled_problem(**changes), what)
     assert outcome.verdict == "proved"
     return dict(outcome.result)
 
@@ -41,31 +42,31 @@ def found(what: str = "longest_period", **asked: Any) -> dict[str, Any]:
 
 
 def test_given_window_and_gain() -> None:
-    result = found(window=6, gains={"L": L})
+    result = search_result(window=6, gains={"L": L})
     assert result["proved"] == pytest.approx(0.0515755343, rel=1e-9)
     assert result["proved"] < result["not_proved"] < result["proved"] * (1 + 1e-11)
     assert result["not_proved_verdict"] == "refuted"
     assert (result["samples"], result["admissible"]) == (117, 6 / 117)
 
 
-def test_more_samples_than_a_design_holds_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(equations, "MOST_SAMPLES", 116)
-    remarks = found(window=6, gains={"L": L})["remarks"]
+def test_more_samples_than_a_design_holds_are_reported(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(period_search, "MOST_SAMPLES", 116)
+    remarks = search_result(window=6, gains={"L": L})["remarks"]
     assert any("117 samples in a window are more than" in text for text in remarks)
-    monkeypatch.setattr(equations, "MOST_SAMPLES", 117)  # the twin
-    remarks = found(window=6, gains={"L": L}).get("remarks", [])
+    monkeypatch.setattr(period_search, "MOST_SAMPLES", 117)  # the twin
+    remarks = search_result(window=6, gains={"L": L}).get("remarks", [])
     assert not any("samples in a window" in text for text in remarks)
 
 
 def test_given_gain() -> None:
-    result = found(gains={"L": L})
+    result = search_result(gains={"L": L})
     assert result["proved"] >= 0.0526887 * (1 - 1e-7)
     assert result["window"] == pytest.approx(5.2416, abs=1e-3)
     assert result["not_proved_verdict"] == "undecided"
 
 
 def test_given_window() -> None:
-    result = found(window=6)
+    result = search_result(window=6)
     assert result["proved"] >= 0.0622
     # the limit for L -> 0 is never reached
     assert result["proved"] < 0.0623334890
@@ -73,7 +74,7 @@ def test_given_window() -> None:
 
 
 def test_nothing_given() -> None:
-    result = found()
+    result = search_result()
     assert 0.06257 < result["proved"] < 0.0625794167 * (1 + 1e-9)
     assert result["window"] == pytest.approx(5.66, abs=0.01)
 
@@ -85,7 +86,7 @@ def test_nothing_given() -> None:
 def test_an_open_window_is_a_whole_number_of_the_longest_periods(
     gains: dict[str, Any], k: int, window: float, least: float
 ) -> None:
-    result = found(**gains)
+    result = search_result(**gains)
     assert result["samples"] == k
     assert result["admissible_window"] == pytest.approx(window, abs=2e-3)
     assert least * (1 - 1e-5) <= result["admissible"] < result["proved"]
@@ -94,11 +95,11 @@ def test_an_open_window_is_a_whole_number_of_the_longest_periods(
     with precision(160):
         for factor, holds in ((1.0, True), (1 + 1e-9, False)):
             period = result["admissible"] * factor
-            sizes = Sizes.of(Sampled.of(A, C, period, k), gain)
+            sizes = Norms.from_sampled(Sampled.from_plant(A, C, period, k), gain)
             assert sizes is not None
             assert sizes.condition(period) is holds
     design = obsdesign.design(
-        problem(
+        sampled_problem(
             period=result["admissible"], window=result["admissible_window"], method="exact",
             gains={"L": gain},
         )
@@ -107,30 +108,30 @@ def test_an_open_window_is_a_whole_number_of_the_longest_periods(
 
 
 def test_feasible_windows_at_the_printed_gain() -> None:
-    result = found("shortest_window", gains={"L": L})
+    result = search_result("shortest_window", gains={"L": L})
     assert (result["proved"], result["not_proved"]) == (pytest.approx(4.2), pytest.approx(4.15))
     assert (result["samples"], result["not_proved_verdict"]) == (84, "refuted")
     with precision(160):
         for k, holds in ((83, False), (84, True), (129, True), (130, False)):
-            sizes = Sizes.of(Sampled.of(A, C, 0.05, k), L)
+            sizes = Norms.from_sampled(Sampled.from_plant(A, C, 0.05, k), L)
             assert sizes is not None
             assert sizes.condition(0.05) is holds
 
 
 def test_shortest_window_with_any_gain() -> None:
-    result = found("shortest_window")
+    result = search_result("shortest_window")
     assert result["proved"] == pytest.approx(3.5)
 
 
 def test_the_admissible_design_has_theorem_1() -> None:
-    result = found(window=6, gains={"L": L})
+    result = search_result(window=6, gains={"L": L})
     design = obsdesign.design(
-        problem(period=result["admissible"], window=6, method="approximate", gains={"L": L})
+        sampled_problem(period=result["admissible"], window=6, method="approximate", gains={"L": L})
     )
-    told = [entry for entry in design.guarantees if entry["statement"].startswith("Theorem 1")]
-    assert [entry["given"] for entry in told] == [True]
+    entries = [entry for entry in design.guarantees if entry["statement"].startswith("Theorem 1")]
+    assert [entry["given"] for entry in entries] == [True]
     with precision(160):
-        sizes = Sizes.of(Sampled.of(A, C, 6.0, 1), L)
+        sizes = Norms.from_sampled(Sampled.from_plant(A, C, 6.0, 1), L)
         assert sizes is not None
         assert sizes.constants(result["admissible"]).second < 1
         assert float_below(sizes.constants(result["admissible"]).second) == pytest.approx(
@@ -155,7 +156,9 @@ def test_large_exponents_do_not_overflow() -> None:
         assert not math.isnan(value)
         assert value < 0
         with precision(160):
-            sizes = Sizes.of(Sampled.of(chain, np.array([[1.0, 0]]), window, 1), gain)
+            sizes = Norms.from_sampled(
+                Sampled.from_plant(chain, np.array([[1.0, 0]]), window, 1), gain
+            )
             assert sizes is not None
             assert sizes.condition(1e-3) is False
             ball = sizes.longest_period()
@@ -165,37 +168,37 @@ def test_large_exponents_do_not_overflow() -> None:
 
 def test_a_period_is_never_longer_than_its_window() -> None:
     # one state: as T -> 0 (13) alone would allow periods beyond T
-    result = found(A=[[-1]], C=[[2]], period=0.1)
+    result = search_result(A=[[-1]], C=[[2]], period=0.1)
     assert result["proved"] <= result["window"]
     assert result["admissible"] == result["admissible_window"] / result["samples"]
     assert result["samples"] == 1
     assert result["admissible"] == pytest.approx(result["proved"], rel=1e-9)
-    tiny = found(A=[[-1]], C=[[2]], period=0.1, window=1e-9, gains={"L": [[0.5]]})
+    tiny = search_result(A=[[-1]], C=[[2]], period=0.1, window=1e-9, gains={"L": [[0.5]]})
     assert tiny["proved"] == 1e-9
     assert tiny["not_proved"] is None
 
 
 def test_enough_samples_for_the_state() -> None:
     # A = 0 leaves nothing to (13); the window has to hold one sample (C square) or cannot
-    result = found(A=[[0, 0], [0, 0]], C=[[1, 0], [0, 1]], window=3, period=1)
+    result = search_result(A=[[0, 0], [0, 0]], C=[[1, 0], [0, 1]], window=3, period=1)
     assert (result["proved"], result["not_proved"], result["samples"]) == (3.0, None, 1)
 
 
 def test_unobservable_plants_have_no_period() -> None:
-    outcome = search(problem([[-1, 0], [0, -2]], [[1, 0]], window=1), "longest_period")
+    outcome = search(sampled_problem([[-1, 0], [0, -2]], [[1, 0]], window=1), "longest_period")
     assert (outcome.verdict, outcome.result["proved"]) == ("refuted", None)
     assert outcome.claims[0].id == "observable"
 
 
 @pytest.mark.parametrize("what", ["longest_period", "shortest_window"])
 def test_no_gain_is_no_period(what: str) -> None:
-    outcome = search(problem(window=6, gains={"L": [[0], [0]]}), what)
+    outcome = search(sampled_problem(window=6, gains={"L": [[0], [0]]}), what)
     assert outcome.verdict != "proved"
     assert outcome.result["proved"] is None
 
 
 def test_a_period_that_is_too_long_has_no_window() -> None:
-    outcome = search(problem(period=1.0, gains={"L": L}), "shortest_window")
+    outcome = search(sampled_problem(period=1.0, gains={"L": L}), "shortest_window")
     assert outcome.verdict == "undecided"
     assert outcome.result["reason"] == "(13) holds for no window with period 1.0"
 
@@ -211,7 +214,7 @@ def test_floats_and_balls_agree(seed: int, n: int) -> None:
     gain, window = rng.standard_normal((n, 1)), float(rng.uniform(0.1, 2.0))
     value = approx_log_longest_period(plant, output, gain, window)
     with precision(160):
-        sizes = Sizes.of(Sampled.of(plant, output, window, 1), gain)
+        sizes = Norms.from_sampled(Sampled.from_plant(plant, output, window, 1), gain)
         assert sizes is not None
         # floats lose the digits that the condition of M_T costs
         lost = 1e-16 * float((sizes.a * sizes.m * sizes.size_LC).mid())
@@ -223,9 +226,9 @@ def test_floats_and_balls_agree(seed: int, n: int) -> None:
 
 def test_freedom_never_hurts_and_units_do_not_matter() -> None:
     plant, output = np.array([[0.0, 1], [-1, -0.3]]), np.array([[1.0, 0.2]])
-    fixed = best_injection(Open(plant, output, 0.5, np.array([[0.3], [-0.1]])))
-    free = best_injection(Open(plant, output, 0.5))
-    freest = best_injection(Open(plant, output))
+    fixed = best_injection(PeriodProblem(plant, output, 0.5, np.array([[0.3], [-0.1]])))
+    free = best_injection(PeriodProblem(plant, output, 0.5))
+    freest = best_injection(PeriodProblem(plant, output))
     assert fixed.log_period <= free.log_period + 1e-9
     assert free.log_period <= freest.log_period + 1e-6
     # C -> c C, L -> L / c changes nothing; time t -> t / 8 divides the period by 8
@@ -253,7 +256,7 @@ def test_coordinates_are_part_of_the_program() -> None:
 
     chain, output = np.array([[0.0, 1], [0, 0]]), np.array([[1.0, 0]])
     program = PeriodProgram(chain, output, coordinates=True)
-    plain = best_injection(Open(chain, output)).log_period
+    plain = best_injection(PeriodProblem(chain, output)).log_period
     best = -math.inf
     for start in program.starts(6):
         point = program.solve(start)
@@ -281,56 +284,57 @@ def test_from_the_command_line(tmp_path: Path) -> None:
     assert "--for shortest_dwell is not available for kind 'finite_time'" in done.stderr
 
 
-def test_a_hopeless_period_is_told() -> None:
+def test_a_period_without_a_window_has_a_reason() -> None:
     outcome = search(
-        problem([[0, 40], [0, 0]], [[1, 0]], window=10, gains={"L": [[-2], [-1]]}), "longest_period"
+        sampled_problem([[0, 40], [0, 0]], [[1, 0]], window=10, gains={"L": [[-2], [-1]]}),
+        "longest_period",
     )
     assert outcome.verdict == "undecided"
     assert outcome.result["reason"].endswith("only: too many samples")
 
 
 def test_coordinates_that_allow_longer_periods() -> None:
-    result = found(A=[[0, 1], [0, 0]], C=[[1, 0]])
-    other = result["coordinates"]
-    assert other["proved"] > 1.01 * result["proved"]
-    S, back = np.array(other["S"]), np.linalg.inv(other["S"])
+    result = search_result(A=[[0, 1], [0, 0]], C=[[1, 0]])
+    extension = result["coordinates"]
+    assert extension["proved"] > 1.01 * result["proved"]
+    S, back = np.array(extension["S"]), np.linalg.inv(extension["S"])
     value = approx_log_longest_period(
-        S @ np.array([[0, 1.0], [0, 0]]) @ back, np.array([[1.0, 0]]) @ back, S @ other["L"],
-        other["window"],
+        S @ np.array([[0, 1.0], [0, 0]]) @ back, np.array([[1.0, 0]]) @ back, S @ extension["L"],
+        extension["window"],
     )  # fmt: skip
-    assert math.exp(value) == pytest.approx(other["proved"], rel=1e-6)
+    assert math.exp(value) == pytest.approx(extension["proved"], rel=1e-6)
     # A of the paper's example is skew: nothing is gained
-    assert "coordinates" not in found(window=6)
+    assert "coordinates" not in search_result(window=6)
     # with the printed L, A + L C is not skew
-    given = found(window=6, gains={"L": L})
+    given = search_result(window=6, gains={"L": L})
     assert np.array_equal(given["coordinates"]["L"], given["gains"]["L"])
     assert given["coordinates"]["proved"] > 1.08 * given["proved"]
 
 
 def test_coordinates_that_allow_shorter_windows() -> None:
-    result = found("shortest_window", A=CHAIN, C=[[1, 0]], period=1e-4)
-    other = result["coordinates"]
-    assert other["samples"] < result["samples"] / 4
-    assert other["proved"] == other["samples"] * 1e-4 == other["window"]
+    result = search_result("shortest_window", A=CHAIN, C=[[1, 0]], period=1e-4)
+    extension = result["coordinates"]
+    assert extension["samples"] < result["samples"] / 4
+    assert extension["proved"] == extension["samples"] * 1e-4 == extension["window"]
     chain, output = np.array(CHAIN, dtype=float), np.array([[1.0, 0.0]])
     with precision(160):
-        sampled = Sampled.of(chain, output, 1e-4, other["samples"])
-        for S, holds in ((np.array(other["S"]), True), (None, False)):
-            sizes = Sizes.of(sampled, np.array(other["L"]), S)
+        sampled = Sampled.from_plant(chain, output, 1e-4, extension["samples"])
+        for S, holds in ((np.array(extension["S"]), True), (None, False)):
+            sizes = Norms.from_sampled(sampled, np.array(extension["L"]), S)
             assert sizes is not None
             assert sizes.condition(1e-4) is holds
 
 
 def test_a_design_proves_theorem_1_in_coordinates_of_its_certificate() -> None:
     design = obsdesign.design(
-        problem(CHAIN, [[1, 0]], period=1e-4, window=0.01, method="exact",
+        sampled_problem(CHAIN, [[1, 0]], period=1e-4, window=0.01, method="exact",
                 objective="longest_period")
     )  # fmt: skip
     claims = {claim.id: claim for claim in design.claims}
     assert claims["theorem_1_numbers"].evidence["condition_13"] == "false"
     assert claims["theorem_1_coordinates"].evidence["condition_13"] == "true"
-    told = [entry for entry in design.guarantees if "coordinates S x" in entry["statement"]]
-    assert [entry["given"] for entry in told] == [True]
+    entries = [entry for entry in design.guarantees if "coordinates S x" in entry["statement"]]
+    assert [entry["given"] for entry in entries] == [True]
     assert obsdesign.verify(from_dict(design.to_dict())).verdict == "proved"
     # the twins: coordinates in which nothing is proved, and none
     for S in (np.eye(2).tolist(), [[1.0]]):
@@ -344,16 +348,18 @@ def test_a_design_proves_theorem_1_in_coordinates_of_its_certificate() -> None:
 
 def test_a_search_ends_with_the_total() -> None:
     rng = np.random.default_rng(0)
-    asked = Open(rng.standard_normal((5, 5)), rng.standard_normal((2, 5)), coordinates=True)
+    problem = PeriodProblem(
+        rng.standard_normal((5, 5)), rng.standard_normal((2, 5)), coordinates=True
+    )
     started = time.process_time()
     with total_budget(0.1):
-        assert math.isfinite(best_injection(asked, seconds=100.0).log_period)
+        assert math.isfinite(best_injection(problem, seconds=100.0).log_period)
     assert time.process_time() - started < 2.0
 
 
-def test_quiet_windows() -> None:
-    noisy = obsdesign.design(problem(objective="least_noise")).gains
-    default = obsdesign.design(problem()).gains
+def test_windows_of_least_noise() -> None:
+    noisy = obsdesign.design(sampled_problem(objective="least_noise")).gains
+    default = obsdesign.design(sampled_problem()).gains
     assert noisy["samples"] > default["samples"]
     assert np.linalg.norm(noisy["window_gain"]) < np.linalg.norm(default["window_gain"])
     # what a disturbance does grows with the window: the shortest that is nearly best
@@ -361,8 +367,8 @@ def test_quiet_windows() -> None:
         "flow": {"disturbance": {"lower": [-1, -1], "upper": [1, 1]}},
         "output": {"noise_bound": [1.0]},
     }
-    found = obsdesign.design(problem(objective="least_noise", **bounded)).gains
-    assert found["samples"] < noisy["samples"]
-    for count in (found["samples"] // 4, found["samples"] * 4):
-        other = obsdesign.design(problem(window=count * 0.05, **bounded)).gains
-        assert (other["radius"] > found["radius"]).any()
+    chosen = obsdesign.design(sampled_problem(objective="least_noise", **bounded)).gains
+    assert chosen["samples"] < noisy["samples"]
+    for count in (chosen["samples"] // 4, chosen["samples"] * 4):
+        longer = obsdesign.design(sampled_problem(window=count * 0.05, **bounded)).gains
+        assert (longer["radius"] > chosen["radius"]).any()

@@ -1,4 +1,4 @@
-"""Claims of finite-time designs: refusals in order with witnesses, twins that must not be proved."""
+"""Claims of finite-time designs: refusals in order with witnesses, twins that are not proved."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ ROTATION = [[0, 0.15], [-0.15, 0]]
 L = [[0], [0.1]]
 
 
-def problem(
+def sampled_problem(
     A: Any = ROTATION, C: Any = ((0.3, 0.0),), period: float = 0.05, *, flow: Any = None,
     output: Any = None, jump: Any = None, **observer: Any,
 ) -> obsdesign.Problem:  # fmt: skip
@@ -32,9 +32,9 @@ def problem(
     )  # fmt: skip
 
 
-def failed(asked: obsdesign.Problem) -> obsdesign.Claim:
+def failed(problem: obsdesign.Problem) -> obsdesign.Claim:
     """The one refuted claim; it is the last one that is told."""
-    outcome = obsdesign.investigate(asked)
+    outcome = obsdesign.investigate(problem)
     assert outcome.verdict == "refuted"
     assert [c.verdict for c in outcome.claims[:-1]] == ["proved"] * (len(outcome.claims) - 1)
     return outcome.claims[-1]
@@ -63,37 +63,37 @@ WRONG: list[tuple[dict[str, Any], str]] = [
 
 
 @pytest.mark.parametrize(("changes", "message"), WRONG)
-def test_what_cannot_be_read_as_asked(changes: dict[str, Any], message: str) -> None:
-    with pytest.raises(InputError) as told:
-        obsdesign.investigate(problem(**changes))
-    assert str(told.value) == message
+def test_problems_that_are_refused(changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError) as error:
+        obsdesign.investigate(sampled_problem(**changes))
+    assert str(error.value) == message
 
 
 def test_decimal_windows_are_whole() -> None:
     # 0.3 / 0.1 is 2.9999999999999996 in binary64
-    assert obsdesign.design(problem(period=0.1, window=0.3)).gains["samples"] == 3
+    assert obsdesign.design(sampled_problem(period=0.1, window=0.3)).gains["samples"] == 3
 
 
 def test_unobservable_even_if_detectable() -> None:
-    claim = failed(problem([[-1, 0], [0, -2]], [[1, 0]], window=1))
+    claim = failed(sampled_problem([[-1, 0], [0, -2]], [[1, 0]], window=1))
     assert claim.id == "observable"
     assert reason(claim) == "the state (0, 1) and what becomes of it is never seen in y"
     # the twin: a coupling so small that floats would call it zero is enough for the claim itself
-    tiny = obsdesign.investigate(problem([[-1, 1e-30], [0, -2]], [[1, 0]], window=1))
+    tiny = obsdesign.investigate(sampled_problem([[-1, 1e-30], [0, -2]], [[1, 0]], window=1))
     assert {c.id: c.verdict for c in tiny.claims}["observable"] == "proved"
 
 
 @pytest.mark.parametrize("method", ["exact", "approximate"])
-def test_no_gain_helps_a_state_that_is_not_seen(method: str) -> None:
+def test_no_gain_helps_an_unobservable_state(method: str) -> None:
     """L is open, yet the answer is no, not perhaps."""
-    claim = failed(problem([[-1, 0], [0, -2]], [[1, 0]], window=1, method=method))
+    claim = failed(sampled_problem([[-1, 0], [0, -2]], [[1, 0]], window=1, method=method))
     assert claim.id == "observable"
     period = 2 * np.pi / 0.3
-    claim = failed(problem(period=period, window=2 * period, method=method))
+    claim = failed(sampled_problem(period=period, window=2 * period, method=method))
     assert claim.id == "sampled_observable"
-    assert failed(problem(window=0.05, method=method)).id == "window_long_enough"
+    assert failed(sampled_problem(window=0.05, method=method)).id == "window_long_enough"
     # the twin: an L that was looked for and is of no use refutes nothing
-    fast = problem([[50, 1], [0, 40]], [[1, 0]], 0.5, window=20, method=method)
+    fast = sampled_problem([[50, 1], [0, 40]], [[1, 0]], 0.5, window=20, method=method)
     assert obsdesign.investigate(fast).verdict != "refuted"
 
 
@@ -103,8 +103,8 @@ def test_gains_beyond_floats_are_an_answer(method: str) -> None:
     given = {} if method == "least_squares" else {"gains": {"L": [[1], [1]]}}
     for sign in (1, -1) if method == "least_squares" else (1,):
         A = sign * np.array([[50.0, 1], [0, 40]])
-        asked = problem(A, [[1, 0]], 0.5, window=20, method=method, **given)
-        outcome = obsdesign.investigate(asked)
+        problem = sampled_problem(A, [[1, 0]], 0.5, window=20, method=method, **given)
+        outcome = obsdesign.investigate(problem)
         assert outcome.verdict in ("proved", "refuted", "undecided")
         gains = outcome.design.gains  # type: ignore[union-attr]
         assert np.isfinite(gains["window_gain"]).all()
@@ -115,57 +115,59 @@ def test_gains_beyond_floats_are_an_answer(method: str) -> None:
 
 def test_pathological_sampling_names_pair_and_period() -> None:
     period = 2 * np.pi / 0.3
-    claim = failed(problem(period=period, window=2 * period))
+    claim = failed(sampled_problem(period=period, window=2 * period))
     assert claim.id == "sampled_observable"
-    told = reason(claim)
-    assert told.startswith("pathological sampling: the eigenvalues ")
-    assert "differ by 1 times 2 pi i / period" in told
-    assert repr(period) in told
+    text = reason(claim)
+    assert text.startswith("pathological sampling: the eigenvalues ")
+    assert "differ by 1 times 2 pi i / period" in text
+    assert repr(period) in text
     vector = np.array(claim.evidence["witness"]["vector"])
     assert np.linalg.norm(vector) == pytest.approx(1)
     # close to it the plant is solved: k = 2 at 95 % of that period
-    assert obsdesign.design(problem(period=20.0, window=40.0)).gains["samples"] == 2
+    assert obsdesign.design(sampled_problem(period=20.0, window=40.0)).gains["samples"] == 2
 
 
 @pytest.mark.parametrize(("period", "samples"), [(0.05, 6), (0.02, 12)])
 def test_a_window_that_would_do_is_named(period: float, samples: int) -> None:
     # six slow modes in one output: neighbouring samples are almost the same
-    asked = {"A": np.diag([0.1, 0.2, 0.3, 0.4, 0.5, 0.6]), "C": [[1] * 6]}
-    claim = failed(problem(**asked, period=period, window=samples * period))
+    plant = {"A": np.diag([0.1, 0.2, 0.3, 0.4, 0.5, 0.6]), "C": [[1] * 6]}
+    claim = failed(sampled_problem(**plant, period=period, window=samples * period))
     assert claim.id == "sampled_observable"
-    told = re.search(r"hardly see a state; (\d+) of them, a window of (\S+), see", reason(claim))
-    assert told is not None
-    window = float(told[2])
-    assert window == pytest.approx(period * int(told[1]))
-    found = obsdesign.investigate(problem(**asked, period=period, window=window))
-    assert found.verdict == "proved"
-    # the twin: where none is found, none is named
-    claim = failed(problem(**asked, period=1e-5, window=6e-5))
+    advice = re.search(r"hardly see a state; (\d+) of them, a window of (\S+), see", reason(claim))
+    assert advice is not None
+    window = float(advice[2])
+    assert window == pytest.approx(period * int(advice[1]))
+    outcome = obsdesign.investigate(sampled_problem(**plant, period=period, window=window))
+    assert outcome.verdict == "proved"
+    # the twin: where no window helps, none is named
+    claim = failed(sampled_problem(**plant, period=1e-5, window=6e-5))
     assert reason(claim).endswith("hardly see a state; change the period or the window")
 
 
 def test_several_outputs_survive_a_pathological_period() -> None:
     period = 2 * np.pi / 0.3
-    design = obsdesign.design(problem(C=np.eye(2), period=period, window=2 * period))
-    told = [entry["statement"] for entry in design.guarantees if not entry["given"]]
-    assert any("away from pathological sampling" in text for text in told)
+    design = obsdesign.design(sampled_problem(C=np.eye(2), period=period, window=2 * period))
+    sentences = [entry["statement"] for entry in design.guarantees if not entry["given"]]
+    assert any("away from pathological sampling" in text for text in sentences)
 
 
 def test_too_few_samples() -> None:
     chain = np.diag([1.0, 1.0, 1.0], 1)
-    claim = failed(problem(chain, [[1, 0, 0, 0]], 0.1, window=0.3))
+    claim = failed(sampled_problem(chain, [[1, 0, 0, 0]], 0.1, window=0.3))
     assert claim.id == "window_long_enough"
     assert reason(claim) == "the window holds 3 samples; at least 4 are needed"
-    obsdesign.design(problem(chain, [[1, 0, 0, 0]], 0.1, window=0.4))
+    obsdesign.design(sampled_problem(chain, [[1, 0, 0, 0]], 0.1, window=0.4))
     # two outputs need fewer
     both = [[1, 0, 0, 0], [0, 0, 1, 0]]
-    obsdesign.design(problem(chain, both, 0.1, window=0.2))
-    assert reason(failed(problem(chain, both, 0.1, window=0.1))).endswith("at least 2 are needed")
+    obsdesign.design(sampled_problem(chain, both, 0.1, window=0.2))
+    assert reason(failed(sampled_problem(chain, both, 0.1, window=0.1))).endswith(
+        "at least 2 are needed"
+    )
 
 
 @pytest.mark.parametrize("method", ["approximate", "exact"])
 def test_zero_injection(method: str) -> None:
-    claim = failed(problem(window=6, method=method, gains={"L": [[0], [0]]}))
+    claim = failed(sampled_problem(window=6, method=method, gains={"L": [[0], [0]]}))
     assert claim.id == (
         "difference_invertible" if method == "approximate" else "injection_invertible"
     )
@@ -176,22 +178,24 @@ def test_a_singular_difference_names_its_window() -> None:
     # x'' = u, F = A + L C with eigenvalues +-2 pi i: e^{-F T} = I at T = 1, and M_T has rank 1
     gain = [[0], [-((2 * np.pi) ** 2)]]
     chain = [[0, 1], [0, 0]]
-    asked: dict[str, Any] = {"A": chain, "C": [[1, 0]], "period": 0.125, "gains": {"L": gain}}
-    claim = failed(problem(**asked, window=1, method="approximate"))
+    plant: dict[str, Any] = {"A": chain, "C": [[1, 0]], "period": 0.125, "gains": {"L": gain}}
+    claim = failed(sampled_problem(**plant, window=1, method="approximate"))
     assert claim.id == "difference_invertible"
     assert "singular, but for less than 1e-14 of its norm: for this L at T = 1;" in reason(claim)
-    obsdesign.design(problem(**asked, window=0.75, method="approximate"))
+    obsdesign.design(sampled_problem(**plant, window=0.75, method="approximate"))
     # the exact observer has its own matrix, which is regular there
-    obsdesign.design(problem(**asked, window=1, method="exact"))
+    obsdesign.design(sampled_problem(**plant, window=1, method="exact"))
 
 
 def test_condition_13_fails_and_blocks_nothing() -> None:
-    design = obsdesign.design(problem(period=0.5, window=6, method="approximate", gains={"L": L}))
-    told = [entry for entry in design.guarantees if "Theorem 1" in entry["statement"]]
-    assert [entry["given"] for entry in told] == [False]
-    assert "it holds for periods below 0.0515755343" in told[0]["statement"]
+    design = obsdesign.design(
+        sampled_problem(period=0.5, window=6, method="approximate", gains={"L": L})
+    )
+    entries = [entry for entry in design.guarantees if "Theorem 1" in entry["statement"]]
+    assert [entry["given"] for entry in entries] == [False]
+    assert "it holds for periods below 0.0515755343" in entries[0]["statement"]
     # the twin
-    design = obsdesign.design(problem(window=6, method="approximate", gains={"L": L}))
+    design = obsdesign.design(sampled_problem(window=6, method="approximate", gains={"L": L}))
     assert [e["given"] for e in design.guarantees if "Theorem 1" in e["statement"]] == [True, True]
 
 
@@ -206,7 +210,7 @@ def changed(design: Design, name: str, change: Any) -> Design:
 @pytest.mark.parametrize("method", ["least_squares", "exact", "approximate"])
 def test_gains_that_miss_are_refuted(method: str) -> None:
     given = {} if method == "least_squares" else {"gains": {"L": L}}
-    design = obsdesign.design(problem(window=6, method=method, **given))
+    design = obsdesign.design(sampled_problem(window=6, method=method, **given))
     assert obsdesign.verify(design, paranoid=True).verdict == "proved"
 
     def nudge(G: Any) -> Any:
@@ -229,10 +233,12 @@ def numbers(value: Any, path: tuple[Any, ...] = ()) -> Any:
 
 
 @pytest.mark.parametrize("method", ["least_squares", "exact", "approximate"])
-def test_every_number_told_as_evidence_is_checked(method: str) -> None:
+def test_every_number_in_evidence_is_checked(method: str) -> None:
     given = {} if method == "least_squares" else {"gains": {"L": L}}
-    told = {"noise_bound": [0.1]}
-    whole = obsdesign.design(problem(period=0.25, window=2, method=method, output=told, **given))
+    output = {"noise_bound": [0.1]}
+    whole = obsdesign.design(
+        sampled_problem(period=0.25, window=2, method=method, output=output, **given)
+    )
     assert obsdesign.verify(from_dict(whole.to_dict())).verdict == "proved"  # the twin
     every = 3 if method == "approximate" else 1  # its integral takes a while
     for path in list(numbers(whole.to_dict()["claims"]))[::every]:
@@ -251,7 +257,7 @@ def test_every_number_told_as_evidence_is_checked(method: str) -> None:
 
 def test_weights_of_missing_samples_are_those_of_the_problem() -> None:
     both = {"noise_std": [0.1, 0.2]}
-    design = obsdesign.design(problem(C=np.eye(2), period=0.25, window=2, output=both))
+    design = obsdesign.design(sampled_problem(C=np.eye(2), period=0.25, window=2, output=both))
     assert design.gains["deviations"].tolist() == [0.5, 1.0]
     outcome = obsdesign.verify(changed(design, "deviations", lambda d: d[::-1]))
     assert outcome.verdict == "refuted"
@@ -259,14 +265,14 @@ def test_weights_of_missing_samples_are_those_of_the_problem() -> None:
 
 
 def test_a_small_radius_is_refuted() -> None:
-    asked = problem(
+    problem = sampled_problem(
         window=6, flow={"disturbance": {"lower": [-1, -1], "upper": [1, 1]}},
         output={"noise_bound": [0.1]},
     )  # fmt: skip
-    design = obsdesign.design(asked)
+    design = obsdesign.design(problem)
     outcome = obsdesign.verify(changed(design, "radius", lambda r: r * (1 - 1e-6)))
-    found = {c.id: c.verdict for c in outcome.claims}
-    assert found["error_radius"] == "refuted"
+    verdicts = {c.id: c.verdict for c in outcome.claims}
+    assert verdicts["error_radius"] == "refuted"
     # nor may what runs be wider than what is told
     wider = obsdesign.verify(changed(design, "radius", lambda r: r * 1.5))
     assert {c.id: c.verdict for c in wider.claims}["error_radius"] == "refuted"
@@ -275,19 +281,19 @@ def test_a_small_radius_is_refuted() -> None:
 
 
 def test_another_l_or_window_is_noticed() -> None:
-    design = obsdesign.design(problem(window=6, method="exact", gains={"L": L}))
+    design = obsdesign.design(sampled_problem(window=6, method="exact", gains={"L": L}))
     for name, change in (("L", lambda X: 2 * X), ("A", lambda X: 2 * X)):
-        found = claims(
+        outcome = claims(
             obsdesign.Problem.from_dict(design.problem), changed(design, name, change).gains, {}
         )
-        assert [c.verdict for c in found] == ["refuted"]
-        assert found[0].id == "consistent"
+        assert [c.verdict for c in outcome] == ["refuted"]
+        assert outcome[0].id == "consistent"
 
 
 def test_json_round_trip_and_claims_again() -> None:
     for method in ("least_squares", "exact", "approximate", "minimax"):
-        asked = problem(window=1, method=method, output={"noise_bound": [0.1]})
-        design = obsdesign.design(asked)
+        problem = sampled_problem(window=1, method=method, output={"noise_bound": [0.1]})
+        design = obsdesign.design(problem)
         again = from_dict(design.to_dict())
         assert again.to_dict() == design.to_dict()
         assert obsdesign.verify(again).verdict == "proved"
@@ -295,18 +301,20 @@ def test_json_round_trip_and_claims_again() -> None:
 
 def test_high_gain_costs_digits_but_not_the_answer() -> None:
     # k = 120, L = [-20, -50]: floats reach 7e-3 here; rounding once from balls costs nothing
-    design = obsdesign.design(problem(window=6, method="exact", gains={"L": [[-20], [-50]]}))
+    design = obsdesign.design(
+        sampled_problem(window=6, method="exact", gains={"L": [[-20], [-50]]})
+    )
     error = {c.id: c for c in design.claims}["unbiased"].evidence["error"]
     assert error < 1e-12
     rows = np.abs(design.gains["window_gain"])
     assert np.linalg.norm(rows, 2) == pytest.approx(3.68 * 1.19523, rel=5e-3)
 
 
-def test_huge_gains_are_told() -> None:
+def test_huge_gains_are_reported() -> None:
     chain = np.diag([1.0] * 3, 1)
-    design = obsdesign.design(problem(chain, [[1, 0, 0, 0]], 0.01, window=0.04))
-    told = [e["statement"] for e in design.guarantees if not e["given"]]
-    assert any("of 16 digits are lost" in text for text in told), told
+    design = obsdesign.design(sampled_problem(chain, [[1, 0, 0, 0]], 0.01, window=0.04))
+    sentences = [e["statement"] for e in design.guarantees if not e["given"]]
+    assert any("of 16 digits are lost" in text for text in sentences), sentences
 
 
 # --- laws -----------------------------------------------------------------------------------------
@@ -321,11 +329,11 @@ def test_claims_do_not_depend_on_coordinates_or_units(seed: int, n: int, p: int)
     outputs = 2.0 ** rng.integers(-6, 6, len(C))
     gains = []
     for X, Y in ((A, C), (A * scale[:, None] / scale, outputs[:, None] * C / scale)):
-        design = obsdesign.design(problem(X, Y, 0.125, window=0.125 * 3 * n))
+        design = obsdesign.design(sampled_problem(X, Y, 0.125, window=0.125 * 3 * n))
         gains.append(design.gains["window_gain"])
     if len(C) == 1:  # several outputs change their weights with their units
-        moved = scale[:, None] * gains[0] / np.tile(outputs, 3 * n)
-        assert np.abs(gains[1] - moved).max() <= 1e-9 * np.abs(moved).max()
+        scaled = scale[:, None] * gains[0] / np.tile(outputs, 3 * n)
+        assert np.abs(gains[1] - scaled).max() <= 1e-9 * np.abs(scaled).max()
 
 
 @settings(max_examples=10, deadline=None)
@@ -347,9 +355,9 @@ def test_series_of_one_period_against_an_ode(seed: int) -> None:
 
     P = solve_ivp(flow, (0, period), np.eye(n).ravel(), "DOP853", rtol=1e-10, atol=1e-10).y[:, -1]
     with precision(160):
-        sampled = Sampled.of(A, C, period, 1)
-        found = middles(sampled.forward + sampled.forward @ injection(sampled, gain) @ sampled.C)
-    assert np.abs(P.reshape(n, n) - found).max() <= 1e-7 * np.abs(found).max()
+        sampled = Sampled.from_plant(A, C, period, 1)
+        enclosed = middles(sampled.forward + sampled.forward @ injection(sampled, gain) @ sampled.C)
+    assert np.abs(P.reshape(n, n) - enclosed).max() <= 1e-7 * np.abs(enclosed).max()
 
 
 @pytest.mark.parametrize(
@@ -361,33 +369,37 @@ def test_series_of_one_period_against_an_ode(seed: int) -> None:
 )  # fmt: skip
 def test_the_objective_chooses_the_window(objective: str, method: str, samples: int) -> None:
     kept = {"gains": {"L": L}} if method == "approximate" else {}
-    design = obsdesign.design(problem(method=method, objective=objective, **kept))
+    design = obsdesign.design(sampled_problem(method=method, objective=objective, **kept))
     assert design.gains["samples"] == samples
     if kept:
-        told = [e["given"] for e in design.guarantees if e["statement"].startswith("Theorem 1")]
-        assert told == [True]
+        given = [e["given"] for e in design.guarantees if e["statement"].startswith("Theorem 1")]
+        assert given == [True]
 
 
 @pytest.mark.parametrize("method", ["least_squares", "minimax", "exact"])
-def test_a_gain_that_is_not_used_is_told(method: str) -> None:
+def test_a_gain_that_is_not_used_is_reported(method: str) -> None:
     bounded = {"noise_bound": [0.01]}
-    asked = problem(method=method, window=6, gains={"L": L}, output=bounded)
-    told = [e for e in obsdesign.design(asked).guarantees if "observer.gains.L" in e["statement"]]
-    assert [entry["given"] for entry in told] == ([] if method == "exact" else [False])
-    without = problem(method=method, window=6, output=bounded)
+    problem = sampled_problem(method=method, window=6, gains={"L": L}, output=bounded)
+    entries = [
+        e for e in obsdesign.design(problem).guarantees if "observer.gains.L" in e["statement"]
+    ]
+    assert [entry["given"] for entry in entries] == ([] if method == "exact" else [False])
+    plain = sampled_problem(method=method, window=6, output=bounded)
     if method != "exact":
-        same, other = obsdesign.design(asked).gains, obsdesign.design(without).gains
-        assert np.array_equal(same["window_gain"], other["window_gain"])
+        same, expected = obsdesign.design(problem).gains, obsdesign.design(plain).gains
+        assert np.array_equal(same["window_gain"], expected["window_gain"])
 
 
 def test_least_noise_is_no_worse() -> None:
     sizes = {}
     for objective in ("longest_period", "least_noise"):
         design = obsdesign.design(
-            problem(period=0.5, window=6, method="exact", objective=objective)
+            sampled_problem(period=0.5, window=6, method="exact", objective=objective)
         )
         sizes[objective] = np.linalg.norm(design.gains["window_gain"])
-    least = np.linalg.norm(obsdesign.design(problem(period=0.5, window=6)).gains["window_gain"])
+    least = np.linalg.norm(
+        obsdesign.design(sampled_problem(period=0.5, window=6)).gains["window_gain"]
+    )
     assert least <= sizes["least_noise"] * (1 + 1e-9)
     assert sizes["least_noise"] <= sizes["longest_period"] * (1 + 1e-9)
 
@@ -397,23 +409,23 @@ def test_everything_is_chosen_where_nothing_is_given(n: int) -> None:
     rng = np.random.default_rng(n)
     A, C = rng.standard_normal((n, n)), rng.standard_normal((1, n))
     for method in ("least_squares", "exact", "approximate"):
-        design = obsdesign.design(problem(A, C, 0.25, method=method))
+        design = obsdesign.design(sampled_problem(A, C, 0.25, method=method))
         assert obsdesign.verify(design).verdict == "proved"
 
 
 def test_what_the_guarantees_are_without() -> None:
     design = obsdesign.design(
-        problem(
+        sampled_problem(
             window=6, flow={"D": [[1], [0]]}, output={"noise_bound": [0.1]},
             jump={"H": [[1], [0]], "dwell_time": [1, 2]},
         )
     )  # fmt: skip
-    told = [entry["statement"] for entry in design.guarantees]
-    assert told[0] == (
+    sentences = [entry["statement"] for entry in design.guarantees]
+    assert sentences[0] == (
         "Once the window is full of samples and without disturbance, noise, unknown input d or "
         "unannounced impulses in it, the estimate is the state, to rounding."
     )
-    assert "a full window without unknown input d or unannounced impulses" in told[1]
+    assert "a full window without unknown input d or unannounced impulses" in sentences[1]
     assert "G" not in design.gains  # no data announce such jumps
 
 
@@ -428,7 +440,7 @@ def test_designs_keep_the_published_schema() -> None:
     )
     for method in ("least_squares", "exact", "approximate"):
         kept = {} if method == "least_squares" else {"gains": {"L": L}}
-        design = obsdesign.design(problem(window=1, method=method, **kept))
+        design = obsdesign.design(sampled_problem(window=1, method=method, **kept))
         jsonschema.validate(design.to_dict(), schema)
 
 
@@ -436,9 +448,9 @@ def test_designs_keep_the_published_schema() -> None:
 @pytest.mark.parametrize("method", ["exact", "approximate"])
 def test_units_of_the_states_do_not_decide(method: str, unit: float) -> None:
     units = np.array([1.0, unit])
-    plain = obsdesign.design(problem(period=0.5, window=6, method=method, gains={"L": L}))
+    plain = obsdesign.design(sampled_problem(period=0.5, window=6, method=method, gains={"L": L}))
     design = obsdesign.design(
-        problem(
+        sampled_problem(
             (np.array(ROTATION) * units[:, None] / units).tolist(), period=0.5, window=6,
             method=method, gains={"L": (np.array(L) * units[:, None]).tolist()},
         )
@@ -447,7 +459,7 @@ def test_units_of_the_states_do_not_decide(method: str, unit: float) -> None:
     assert design.gains["window_gain"] == pytest.approx(expected, rel=1e-9)
     # the twin: nothing is fed back in any units
     with pytest.raises(obsdesign.NotProved, match="is singular: L C = 0"):
-        obsdesign.design(problem(period=0.5, method=method, gains={"L": [[0], [0]]}))
+        obsdesign.design(sampled_problem(period=0.5, method=method, gains={"L": [[0], [0]]}))
 
 
 def test_a_window_too_long_for_fast_modes_says_so() -> None:
@@ -455,19 +467,19 @@ def test_a_window_too_long_for_fast_modes_says_so() -> None:
     with pytest.raises(
         obsdesign.NotProved, match=r"grows by e\^40, .* choose a window below 0\.12"
     ):
-        obsdesign.design(problem(plant, [[1, 1]], period=0.05, window=0.4))
-    obsdesign.design(problem(plant, [[1, 1]], period=0.05, window=0.1))  # what it advises
+        obsdesign.design(sampled_problem(plant, [[1, 1]], period=0.05, window=0.4))
+    obsdesign.design(sampled_problem(plant, [[1, 1]], period=0.05, window=0.1))  # what it advises
 
 
 def test_a_gain_is_found_where_norms_mislead() -> None:
     """Six integrators, and one in units of 1e140: L in the units of the file is of no use."""
     chain = np.diag([1.0] * 5, 1)
-    obsdesign.design(problem(chain, [[1] + [0] * 5], 0.01, method="exact"))
+    obsdesign.design(sampled_problem(chain, [[1] + [0] * 5], 0.01, method="exact"))
     tiny = {"A": [[0, 1e-140], [0, 0]], "C": [[1, 0]], "period": 1.0, "window": 2}
-    obsdesign.design(problem(**tiny, method="exact"))
+    obsdesign.design(sampled_problem(**tiny, method="exact"))
     # the twin: a gain that is given is not replaced
     with pytest.raises(obsdesign.NotProved, match="is singular"):
-        obsdesign.design(problem(**tiny, method="exact", gains={"L": [[1e-140], [1e-140]]}))
+        obsdesign.design(sampled_problem(**tiny, method="exact", gains={"L": [[1e-140], [1e-140]]}))
 
 
 @pytest.mark.parametrize("method", ["exact", "approximate"])
@@ -477,12 +489,12 @@ def test_gains_are_the_same_in_all_coordinates(method: str) -> None:
     A, C, gain = rng.standard_normal((3, 3)), rng.standard_normal((1, 3)), np.ones((3, 1)) / 8
     S = np.array([[1.0, 2, 0], [0, 1, -1], [0, 0, 1]])
     back = np.linalg.inv(S)
-    found = [
-        obsdesign.design(problem(X, Y, 0.25, window=3, method=method, gains={"L": Z})).gains
+    gains = [
+        obsdesign.design(sampled_problem(X, Y, 0.25, window=3, method=method, gains={"L": Z})).gains
         for X, Y, Z in ((A, C, gain), (S @ A @ back, C @ back, S @ gain))
     ]
-    moved = S @ found[0]["window_gain"]
-    assert np.abs(found[1]["window_gain"] - moved).max() <= 1e-9 * np.abs(moved).max()
+    transformed = S @ gains[0]["window_gain"]
+    assert np.abs(gains[1]["window_gain"] - transformed).max() <= 1e-9 * np.abs(transformed).max()
 
 
 def test_least_noise_is_close_to_the_best_of_all_windows() -> None:
@@ -492,10 +504,14 @@ def test_least_noise_is_close_to_the_best_of_all_windows() -> None:
         "output": {"noise_bound": [1.0]},
     }
     chain = [[0, 1], [0, -0.1]]
-    chosen = obsdesign.design(problem(chain, [[1, 0]], 0.1, objective="least_noise", **more)).gains
+    chosen = obsdesign.design(
+        sampled_problem(chain, [[1, 0]], 0.1, objective="least_noise", **more)
+    ).gains
     radii = np.array(
         [
-            obsdesign.design(problem(chain, [[1, 0]], 0.1, window=0.1 * k, **more)).gains["radius"]
+            obsdesign.design(sampled_problem(chain, [[1, 0]], 0.1, window=0.1 * k, **more)).gains[
+                "radius"
+            ]
             for k in range(8, 200, 4)
         ]
     )
@@ -504,8 +520,8 @@ def test_least_noise_is_close_to_the_best_of_all_windows() -> None:
     assert (chosen["radius"] / best).max() <= 1.12 * (radii / best).max(axis=1).min()
 
 
-def test_tiny_entries_are_seen() -> None:
+def test_tiny_entries_count() -> None:
     # cubes of 1e-140 underflow
-    obsdesign.design(problem([[0, 1e-140], [0, 0]], [[1, 0]], period=1, window=2))
+    obsdesign.design(sampled_problem([[0, 1e-140], [0, 0]], [[1, 0]], period=1, window=2))
     with pytest.raises(obsdesign.NotProved, match="never seen"):
-        obsdesign.design(problem([[0, 0], [0, 0]], [[1, 0]], period=1, window=2))
+        obsdesign.design(sampled_problem([[0, 0], [0, 0]], [[1, 0]], period=1, window=2))

@@ -1,4 +1,4 @@
-"""The question of the longest period of condition (13): what is given, and an answer in floats.
+"""The problem of the longest period of condition (13), and its solutions in floats.
 
 Coordinates S x as triangles, whose rotations change no norm, and those in which A is normal.
 """
@@ -9,15 +9,16 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from obsdesign.equations.finite_time.condition_13 import approx_log_longest_period
+from obsdesign.equations.gains import Array
 
-_WORST_BASIS = 1e6
+# eigenvectors with a larger condition number are of no use as coordinates
+_LARGEST_CONDITION = 1e6
 
 
 def triangular(entries: Array, n: int) -> Array:
-    """S upper triangular from its entries row by row, logarithms on the diagonal."""
+    """Return S upper triangular from its entries row by row, logarithms on the diagonal."""
     S = np.zeros((n, n))
     S[np.triu_indices(n)] = entries
     np.fill_diagonal(S, np.exp(np.minimum(np.diag(S), 700.0)))
@@ -25,7 +26,10 @@ def triangular(entries: Array, n: int) -> Array:
 
 
 def triangle_of(S: Array) -> Array:
-    """The reverse of `triangular` for any regular S: a rotation of S x changes no norm."""
+    """Return the entries of a triangle with the norms of S x, the inverse of `triangular`.
+
+    S is regular; a rotation of S x changes no norm.
+    """
     R = np.asarray(np.linalg.qr(S, mode="r"), dtype=np.float64)
     R = R * np.where(np.diag(R) < 0, -1.0, 1.0)[:, None]
     np.fill_diagonal(R, np.log(np.diag(R)))
@@ -33,21 +37,21 @@ def triangle_of(S: Array) -> Array:
 
 
 def normal_coordinates(A: Array) -> Array | None:
-    """The triangle of an S with S A S^-1 normal; None where the eigenvectors hardly allow it."""
+    """Triangle of an S with S A S^-1 normal; None if the eigenvectors are nearly dependent."""
     _, V = np.linalg.eig(A)
-    if np.linalg.cond(V) > _WORST_BASIS:
+    if np.linalg.cond(V) > _LARGEST_CONDITION:
         return None
     # V^-1 = Q R up to a unitary Q: R'R = (V V*)^-1 is real, as eigenvectors come in pairs
     inverse = np.linalg.inv(np.linalg.cholesky(np.real(V @ V.conj().T)))
     return triangle_of(inverse)
 
 
-Array = NDArray[np.float64]
-
-
 @dataclass(frozen=True)
 class Injection:
-    """L (n, p), window T, log of the period below which (13) holds (in floats), S or None."""
+    """L (n, p), window T, log of the period below which (13) holds (in floats), S or None.
+
+    An upper bound of the period that keeps n / p samples in the window is included.
+    """
 
     L: Array
     window: float
@@ -56,8 +60,8 @@ class Injection:
 
 
 @dataclass(frozen=True)
-class Open:
-    """A plant, and what of T, L and S is given; coordinates: is S to be found?
+class PeriodProblem:
+    """A, C and whichever of L, T are fixed; coordinates: is S free?
 
     tighter: with `tighter_sigma` in place of Sigma in (13).
     """
@@ -71,15 +75,15 @@ class Open:
 
     @property
     def unknowns(self) -> str:
-        """What is open, for a person."""
+        """Names of the free variables, for messages."""
         names = ["L"] if self.L is None else []
         names += ["the window"] if self.window is None else []
         names += ["coordinates S"] if self.coordinates else []
-        told = " and ".join([", ".join(names[:-1]), *names[-1:]] if len(names) > 1 else names)
-        return told + (" for a tighter Lemma 2" if self.tighter else "")
+        listed = " and ".join([", ".join(names[:-1]), *names[-1:]] if len(names) > 1 else names)
+        return listed + (" for a tighter Lemma 2" if self.tighter else "")
 
     def rated(self, L: Array, T: float, S: Array | None = None) -> Injection:
-        """As (13) allows, and short enough for the window to hold n / p samples."""
-        value = approx_log_longest_period(self.A, self.C, L, T, S, self.tighter)
+        """Return L, T, S with the longest period that (13) and the number of samples allow."""
+        value = approx_log_longest_period(self.A, self.C, L, T, S, tighter=self.tighter)
         most = math.log(T) - math.log(math.ceil(len(self.A) / len(self.C)))
         return Injection(L, T, -math.inf if math.isnan(value) else min(value, most), S)

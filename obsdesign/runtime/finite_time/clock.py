@@ -1,0 +1,92 @@
+"""Sampling instants of a finite-time observer: regular, missed and irregular times."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from obsdesign.runtime.finite_time.constants import WindowConstants
+from obsdesign.runtime.finite_time.window import FiniteTimeState, emptied, flowed, sampled
+from obsdesign.runtime.time_stamps import RELATIVE_TIME_TOLERANCE, time_tolerance
+
+
+@dataclass(frozen=True)
+class _Timing:
+    """A time t against the instants so far.
+
+    count: whole periods since the last instant; regular: t is an instant; drifted: it would be one
+    but for small deviations of the same sign, which add up since the anchor.
+    """
+
+    elapsed: float
+    count: int
+    regular: bool
+    drifted: bool
+
+    @classmethod
+    def from_times(cls, state: FiniteTimeState, t: float, period: float) -> _Timing:
+        elapsed = t - (state.last_instant or 0.0)
+        count = round(elapsed / period)
+        # stamps whose spacing exceeds a period cannot identify a sample
+        is_resolved = count >= 1 and math.ulp(t) <= period
+        is_near = is_resolved and abs(elapsed - count * period) <= time_tolerance(elapsed, t)
+        since_anchor = (state.periods_since_anchor + count) * period
+        deviation = abs(t - state.anchor_time - since_anchor)
+        is_near_anchor = deviation <= time_tolerance(since_anchor, t)
+        return cls(elapsed, count, is_near and is_near_anchor, is_near and not is_near_anchor)
+
+    def missed(self, period: float) -> int:
+        """Instants before t at which no sample arrived."""
+        if self.regular or self.drifted:
+            return self.count - 1
+        return math.floor(self.elapsed / period)
+
+
+def moved_to(
+    constants: WindowConstants, state: FiniteTimeState, t: float, has_sample: bool
+) -> tuple[FiniteTimeState, bool, str | None]:
+    """The state at t; whether t is a sampling instant; the status of an irregular sample."""
+    period, last = constants.period, state.last_instant
+    if last is None:
+        state = flowed(constants, state, t)
+        return anchored(state, t) if has_sample else state, has_sample, None
+    timing = _Timing.from_times(state, t, period)
+    missed = timing.missed(period)
+    periods = state.periods_since_anchor + timing.count
+    has_gap = missed > constants.k
+    if has_gap:
+        state, missed = anchored(emptied(constants, flowed(constants, state, t)), t), 0
+    for i in range(missed):
+        state = sampled(constants, flowed(constants, state, last + (i + 1) * period), None)
+    state = flowed(constants, state, t)
+    if timing.regular:
+        if has_gap or periods >= constants.most_periods_counted:
+            return anchored(state, t), True, None
+        return state._replace(last_instant=t, periods_since_anchor=periods), True, None
+    if missed:
+        counted = state.periods_since_anchor + missed
+        state = state._replace(last_instant=last + missed * period, periods_since_anchor=counted)
+    if not has_sample:
+        return state, False, None
+    since = t - state.anchor_time if timing.drifted else timing.elapsed
+    return state, False, f"sampling time {since:.9g} is not a multiple of {period:.9g}"
+
+
+def anchored(state: FiniteTimeState, t: float) -> FiniteTimeState:
+    """The state with an instant at t from which the coming ones are counted."""
+    return state._replace(last_instant=t, anchor_time=t, periods_since_anchor=0)
+
+
+def is_next_instant(state: FiniteTimeState, t: float, period: float, periods: int) -> bool:
+    """Is t the instant after the last one, by the tolerances of `time_tolerance`?
+
+    periods: from the anchor to t.
+    """
+    slack = math.ulp(t)
+    return (
+        state.last_instant == state.t
+        and slack <= period
+        and abs(t - state.t - period) <= RELATIVE_TIME_TOLERANCE * period + slack
+        and abs(t - state.anchor_time - periods * period)
+        <= RELATIVE_TIME_TOLERANCE * periods * period + slack
+    )

@@ -1,0 +1,105 @@
+"""Periods and windows beyond condition (13) as printed: coordinates S, a tighter Lemma 2.
+
+Both change the bound of Theorem 1, not the observer. Their gain is proved in ball arithmetic.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from lmi.arithmetic.norms import float_below
+from obsdesign.analysis.finite_time.enclosed_gains import Sampled
+from obsdesign.problem.problem import Problem
+from obsdesign.synthesis.finite_time.injection import SECONDS, best_injection, fewest_samples
+from obsdesign.synthesis.finite_time.period_problem import Injection, PeriodProblem
+from obsdesign.verification.finite_time.theorem_1 import Norms
+from obsdesign.verification.finite_time.window import sampled_index
+
+# extensions of (13) are reported where they gain more than rounding
+_LEAST_RATIO = 1 + 1e-6
+# processor time of a search that may replace the one of a design
+LONG_SECONDS = 2.0
+
+
+def longer_periods(problem: Problem, plain: Injection | None) -> dict[str, Any]:
+    """{"coordinates": {"S", "L", "window", "proved"}, "tighter": the same}, where they gain.
+
+    proved: a period for which the condition is proved; plain: the solution for (13) as printed,
+    log_period that of the proved one, if any. S is [] where it is I.
+    """
+    if not _is_condition_13_open(problem):
+        return {}
+    A, C, L = problem.plant.flow.A, problem.plant.output.C, problem.gains.get("L")
+    printed = PeriodProblem(A, C, problem.options.get("window"), L)
+    first = () if plain is None else (plain,)
+    least = 0.0 if plain is None else math.exp(plain.log_period)
+    extensions = {}
+    transformed = best_injection(replace(printed, coordinates=True), first, seconds=LONG_SECONDS)
+    longest = _proved_period(printed, transformed)
+    if longest > least * _LEAST_RATIO:
+        extensions["coordinates"] = _extension(transformed, longest)
+    tighter = replace(printed, tighter=True)
+    best = best_injection(tighter, first, seconds=SECONDS)
+    longest = _proved_period(tighter, best)
+    transformed = best_injection(replace(tighter, coordinates=True), (best,), seconds=LONG_SECONDS)
+    further = _proved_period(tighter, transformed)
+    if further > longest * _LEAST_RATIO:
+        best, longest = transformed, further
+    if longest > least * _LEAST_RATIO:
+        extensions["tighter"] = _extension(best, longest)
+    return extensions
+
+
+def shorter_windows(problem: Problem, plain: int | None, period: float) -> dict[str, Any]:
+    """The same with "samples", and the window as "proved"; plain: the fewest samples of (13)."""
+    if not _is_condition_13_open(problem):
+        return {}
+    A, C, L = problem.plant.flow.A, problem.plant.output.C, problem.gains.get("L")
+    extensions = {}
+    least = sampled_index(Sampled.from_plant(A, C, period, len(A)))
+    for name in ("coordinates", "tighter"):
+        extended = PeriodProblem(A, C, None, L, **{name: True})
+        k, injection = fewest_samples(extended, period, least)
+        if k is None or (plain is not None and k >= plain):
+            continue
+        norms = Norms.from_sampled(Sampled.from_plant(A, C, period, k), injection.L, injection.S)
+        if norms is not None and norms.condition(period, extended.tighter) is True:
+            window = k * period
+            extension = _extension(replace(injection, window=window), window)
+            extensions[name] = extension | {"samples": k}
+    return extensions
+
+
+def _is_condition_13_open(problem: Problem) -> bool:
+    """Does (13) depend on the period, with an L that can satisfy it?"""
+    L = problem.gains.get("L")
+    is_zero = L is not None and not np.any(L @ problem.plant.output.C)
+    return bool(np.any(problem.plant.flow.A)) and not is_zero
+
+
+def _proved_period(problem: PeriodProblem, injection: Injection) -> float:
+    """A period for which the condition is proved; 0 where there is none."""
+    A, C, window = problem.A, problem.C, injection.window
+    norms = Norms.from_sampled(Sampled.from_plant(A, C, window, 1), injection.L, injection.S)
+    longest = None if norms is None else norms.longest_period(problem.tighter)
+    if norms is None or longest is None:
+        return 0.0
+    period = min(float_below(longest), window / needed_samples(A, C, window))
+    return period if norms.condition(period, problem.tighter) is True else 0.0
+
+
+def _extension(injection: Injection, proved: float) -> dict[str, Any]:
+    S = [] if injection.S is None else injection.S.tolist()
+    return {"S": S, "L": injection.L, "window": injection.window, "proved": proved}
+
+
+def needed_samples(A: Any, C: Any, window: float) -> int:
+    """The least k for which k samples, window/k apart, determine the state."""
+    for k in range(1, len(A) + 1):
+        if sampled_index(Sampled.from_plant(A, C, window / k, k)) <= k:
+            return k
+    return len(A)
