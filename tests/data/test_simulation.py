@@ -42,7 +42,7 @@ def test_the_flow_solves_the_differential_equation(disturbance: str) -> None:
 
     def rate(t: float, state: np.ndarray) -> np.ndarray:
         k = min(int(t / 0.1 + 1e-9), len(u) - 1)
-        return flow.A @ state + flow.B @ u[k] + source.flow.at(min(k + 1, len(u) - 1), t)
+        return flow.A @ state + flow.B @ u[k] + source.flow.value(min(k + 1, len(u) - 1), t)
 
     state = np.array([1.0, -1.0])
     for k in range(1, len(record.t)):
