@@ -168,7 +168,7 @@ def test_a_zero_that_rounding_hides_is_told() -> None:
     assert zeros.verdict == "proved"  # exactly, there is none
     assert zeros.evidence["nearly"]["real"] == pytest.approx(0.5)
     guarantees = outcome.design.guarantees
-    assert any("survives rounding" in g["statement"] and not g["given"] for g in guarantees)
+    assert any("survives rounding" in g.statement and not g.given for g in guarantees)
 
 
 @pytest.mark.parametrize("seed", range(20))

@@ -472,9 +472,9 @@ def test_the_design_tells_the_better_bound() -> None:
     for period in (0.05, 0.1, 0.2):
         design = obsdesign.design(problem("approximate", period=period))
         entries[period] = [
-            (entry["given"], entry["statement"][:12])
+            (entry.given, entry.statement[:12])
             for entry in design.guarantees
-            if "Theorem 1" in entry["statement"]
+            if "Theorem 1" in entry.statement
         ]
     tighter = (True, "With a tight")
     assert entries[0.05] == [(True, "Theorem 1 fo"), tighter]

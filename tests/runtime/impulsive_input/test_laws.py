@@ -292,7 +292,7 @@ def test_where_samples_cannot_show_the_onset_it_is_said() -> None:
         body["jump"]["H"] = H
         design = obsdesign.investigate(obsdesign.Problem.from_dict(body)).design
         assert design is not None
-        assert (sentence in design.guarantees[0]["statement"]) is expected
+        assert (sentence in design.guarantees[0].statement) is expected
 
 
 # --- claims and refusals ------------------------------------------------------------------------------

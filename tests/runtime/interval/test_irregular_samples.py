@@ -114,7 +114,7 @@ def unstable_design(when: str = "none", gain: float = 3.0) -> obsdesign.Design:
 
 def test_a_step_without_a_sample_at_either_end_is_said() -> None:
     design = unstable_design()
-    sentence = next(g["statement"] for g in design.guarantees if "0.1 apart" in g["statement"])
+    sentence = next(g.statement for g in design.guarantees if "0.1 apart" in g.statement)
     assert "a sample between any two jumps" in sentence
     statuses = _statuses(from_design(design), jumps=(0.12, 0.14, 0.16))
     nothing = "no sample at either end of the step: no width is guaranteed"
@@ -124,7 +124,7 @@ def test_a_step_without_a_sample_at_either_end_is_said() -> None:
 
 def test_where_y_is_known_at_jumps_no_sample_is_asked_for_between_them() -> None:
     design = unstable_design("before")
-    assert not any("between any two jumps" in g["statement"] for g in design.guarantees)
+    assert not any("between any two jumps" in g.statement for g in design.guarantees)
     statuses = _statuses(from_design(design), jumps=(0.12, 0.14, 0.16), measured=True)
     assert set(statuses) == {"ok"}
 

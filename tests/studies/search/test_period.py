@@ -128,8 +128,8 @@ def test_the_admissible_design_has_theorem_1() -> None:
     design = obsdesign.design(
         sampled_problem(period=result["admissible"], window=6, method="approximate", gains={"L": L})
     )
-    entries = [entry for entry in design.guarantees if entry["statement"].startswith("Theorem 1")]
-    assert [entry["given"] for entry in entries] == [True]
+    entries = [entry for entry in design.guarantees if entry.statement.startswith("Theorem 1")]
+    assert [entry.given for entry in entries] == [True]
     with precision(160):
         sizes = Norms.from_sampled(Sampled.from_plant(A, C, 6.0, 1), L)
         assert sizes is not None
@@ -333,8 +333,8 @@ def test_a_design_proves_theorem_1_in_coordinates_of_its_certificate() -> None:
     claims = {claim.id: claim for claim in design.claims}
     assert claims["theorem_1_numbers"].evidence["condition_13"] == "false"
     assert claims["theorem_1_coordinates"].evidence["condition_13"] == "true"
-    entries = [entry for entry in design.guarantees if "coordinates S x" in entry["statement"]]
-    assert [entry["given"] for entry in entries] == [True]
+    entries = [entry for entry in design.guarantees if "coordinates S x" in entry.statement]
+    assert [entry.given for entry in entries] == [True]
     assert obsdesign.verify(from_dict(design.to_dict())).verdict == "proved"
     # the twins: coordinates in which nothing is proved, and none
     for S in (np.eye(2).tolist(), [[1.0]]):

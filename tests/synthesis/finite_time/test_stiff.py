@@ -46,7 +46,7 @@ def test_fast_modes_are_measured_at_the_start(fast: float, method: str) -> None:
     # nothing is amplified, and what is missed is rounding of x(t_i - T)
     assert np.abs(design.gains["window_gain"]).sum(axis=1).max() < 1.0
     assert design.gains["state_error"].max() < 1e-14
-    assert design.guarantees[0]["statement"].endswith(
+    assert design.guarantees[0].statement.endswith(
         "to rounding of what it was at the window's start."
     )
     again = from_dict(design.to_dict())
@@ -192,7 +192,7 @@ def test_modes_that_decay_within_a_period_need_not_be_distinguished(method: str)
     assert evidence["unbiased"]["error"] <= 1e-11
     assert obsdesign.verify(from_dict(design.to_dict()), paranoid=True).verdict == "proved"
     # what no sample shows has no bound, and the design says so
-    sentences = [entry["statement"] for entry in design.guarantees if entry["given"]]
+    sentences = [entry.statement for entry in design.guarantees if entry.given]
     assert any("the bounds that run are infinite" in text for text in sentences)
     observer: Any = from_design(design)
     flow = flow_integrals(A, 0.1)[0]

@@ -120,28 +120,27 @@ def test_the_longest_period_scales_with_time_and_not_with_coordinates() -> None:
 
 def test_what_is_given_speaks_of_integrals_and_not_of_samples() -> None:
     sentences = outcome(turning(0.1))[0].design.guarantees
-    assert sentences[0]["given"]
+    assert sentences[0].given
     assert (
-        "with the integrals of y known exactly (y measured continuously)"
-        in sentences[0]["statement"]
+        "with the integrals of y known exactly (y measured continuously)" in sentences[0].statement
     )
     (left,) = [sentence for sentence in sentences if sentence["claims"] == ["samples"]]
-    assert not left["given"]
-    assert "samples 0.1 apart reproduce these integrals is not claimed" in left["statement"]
-    assert "A - K C times the period is 0.376" in left["statement"]
+    assert not left.given
+    assert "samples 0.1 apart reproduce these integrals is not claimed" in left.statement
+    assert "A - K C times the period is 0.376" in left.statement
     # the twins: nothing is sampled, or the samples themselves are the features
     body = turning(0.1, noise=0.01)
     result, _ = outcome(body)
     assert not [
         sentence for sentence in result.design.guarantees if sentence["claims"] == ["samples"]
     ]
-    assert "integrals of y" not in result.design.guarantees[0]["statement"]
+    assert "integrals of y" not in result.design.guarantees[0].statement
     body["output"] = {"C": [[1, 0]], "measured": "continuous"}
     result, _ = outcome(body)
     assert not [
         sentence for sentence in result.design.guarantees if sentence["claims"] == ["samples"]
     ]
-    assert result.design.guarantees[0]["given"]
+    assert result.design.guarantees[0].given
 
 
 def test_no_row_is_ok_that_floats_cannot_follow() -> None:
@@ -270,9 +269,8 @@ def test_the_promise_is_relative_to_the_whole_output() -> None:
     body["flow"]["B"] = [[0], [0], [1.0]]
     del body["observer"]["window"], body["observer"]["margin"]
     design = obsdesign.design(obsdesign.Problem.from_dict(body))
-    assert (
-        "and of the whole output, what known inputs make of it included"
-        in (design.guarantees[0]["statement"])
+    assert "and of the whole output, what known inputs make of it included" in (
+        design.guarantees[0].statement
     )
     t = 0.05 * np.arange(3200)
     for forcing, wanted in ((1e3, 2), (1e6, 1)):  # .12 of 5e3 is promised, of 5e6 it is not

@@ -77,7 +77,7 @@ def test_the_shortest_dwell_time_of_41() -> None:
     assert high == math.inf
     assert design.problem["jump"]["dwell_time"] == [1.0, "inf"]
     assert obsdesign.verify(design).verdict == "proved"
-    assert f"[{low!r}, inf)" in design.guarantees[1]["statement"]
+    assert f"[{low!r}, inf)" in design.guarantees[1].statement
     observer = from_design(design)  # the guard is that of the range found
     assert observer.init(0.0, lower=[0, 0], upper=[1, 1]).guard.shortest == low
 

@@ -147,7 +147,7 @@ def test_a_window_that_would_do_is_named(period: float, samples: int) -> None:
 def test_several_outputs_survive_a_pathological_period() -> None:
     period = 2 * np.pi / 0.3
     design = obsdesign.design(sampled_problem(C=np.eye(2), period=period, window=2 * period))
-    sentences = [entry["statement"] for entry in design.guarantees if not entry["given"]]
+    sentences = [entry.statement for entry in design.guarantees if not entry.given]
     assert any("away from pathological sampling" in text for text in sentences)
 
 
@@ -191,12 +191,12 @@ def test_condition_13_fails_and_blocks_nothing() -> None:
     design = obsdesign.design(
         sampled_problem(period=0.5, window=6, method="approximate", gains={"L": L})
     )
-    entries = [entry for entry in design.guarantees if "Theorem 1" in entry["statement"]]
-    assert [entry["given"] for entry in entries] == [False]
-    assert "it holds for periods below 0.0515755343" in entries[0]["statement"]
+    entries = [entry for entry in design.guarantees if "Theorem 1" in entry.statement]
+    assert [entry.given for entry in entries] == [False]
+    assert "it holds for periods below 0.0515755343" in entries[0].statement
     # the twin
     design = obsdesign.design(sampled_problem(window=6, method="approximate", gains={"L": L}))
-    assert [e["given"] for e in design.guarantees if "Theorem 1" in e["statement"]] == [True, True]
+    assert [e.given for e in design.guarantees if "Theorem 1" in e.statement] == [True, True]
 
 
 # --- stored numbers that are not what they should be ----------------------------------------------
@@ -313,7 +313,7 @@ def test_high_gain_costs_digits_but_not_the_answer() -> None:
 def test_huge_gains_are_reported() -> None:
     chain = np.diag([1.0] * 3, 1)
     design = obsdesign.design(sampled_problem(chain, [[1, 0, 0, 0]], 0.01, window=0.04))
-    sentences = [e["statement"] for e in design.guarantees if not e["given"]]
+    sentences = [e.statement for e in design.guarantees if not e.given]
     assert any("of 16 digits are lost" in text for text in sentences), sentences
 
 
@@ -372,7 +372,7 @@ def test_the_objective_chooses_the_window(objective: str, method: str, samples: 
     design = obsdesign.design(sampled_problem(method=method, objective=objective, **kept))
     assert design.gains["samples"] == samples
     if kept:
-        given = [e["given"] for e in design.guarantees if e["statement"].startswith("Theorem 1")]
+        given = [e.given for e in design.guarantees if e.statement.startswith("Theorem 1")]
         assert given == [True]
 
 
@@ -380,10 +380,8 @@ def test_the_objective_chooses_the_window(objective: str, method: str, samples: 
 def test_a_gain_that_is_not_used_is_reported(method: str) -> None:
     bounded = {"noise_bound": [0.01]}
     problem = sampled_problem(method=method, window=6, gains={"L": L}, output=bounded)
-    entries = [
-        e for e in obsdesign.design(problem).guarantees if "observer.gains.L" in e["statement"]
-    ]
-    assert [entry["given"] for entry in entries] == ([] if method == "exact" else [False])
+    entries = [e for e in obsdesign.design(problem).guarantees if "observer.gains.L" in e.statement]
+    assert [entry.given for entry in entries] == ([] if method == "exact" else [False])
     plain = sampled_problem(method=method, window=6, output=bounded)
     if method != "exact":
         same, expected = obsdesign.design(problem).gains, obsdesign.design(plain).gains
@@ -420,7 +418,7 @@ def test_what_the_guarantees_are_without() -> None:
             jump={"H": [[1], [0]], "dwell_time": [1, 2]},
         )
     )  # fmt: skip
-    sentences = [entry["statement"] for entry in design.guarantees]
+    sentences = [entry.statement for entry in design.guarantees]
     assert sentences[0] == (
         "Once the window is full of samples and without disturbance, noise, unknown input d or "
         "unannounced impulses in it, the estimate is the state, to rounding."

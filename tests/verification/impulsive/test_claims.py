@@ -56,7 +56,7 @@ def test_strategies_are_tried_from_strong_to_weak(
     assert set(ids) <= set(verdicts(outcome))
     again = obsdesign.verify(outcome.design)
     assert set(verdicts(again).values()) == {"proved"}
-    assert all(entry["given"] for entry in outcome.design.guarantees)
+    assert all(entry.given for entry in outcome.design.guarantees)
     earlier = list(outcome.result["forms"])[:-1]
     assert all(outcome.result["forms"][name]["verdict"] == "refuted" for name in earlier)
 

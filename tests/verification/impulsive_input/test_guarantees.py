@@ -144,7 +144,7 @@ def test_samples_of_a_window_are_a_claim(period: float, verdict: str) -> None:
 
 
 def promise(body: dict[str, Any]) -> str:
-    return str(claims_of(body)[0].design.guarantees[0]["statement"])
+    return str(claims_of(body)[0].design.guarantees[0].statement)
 
 
 def test_the_promise_names_its_conditions() -> None:
@@ -155,7 +155,7 @@ def test_the_promise_names_its_conditions() -> None:
     body = chain(exponents=[-2.65, -2.7, -2.75, -2.8, -2.85, -2.9], threshold=33.4,
                  gains={"K": [[0.0002], [0.0048], [0.02]]})  # fmt: skip
     outcome, _ = claims_of(body)
-    assert "first exceed the threshold 33.4" in outcome.design.guarantees[0]["statement"]
+    assert "first exceed the threshold 33.4" in outcome.design.guarantees[0].statement
     evidence = next(claim for claim in outcome.claims if claim.id == "uniqueness").evidence
     # 33.4 over the largest |b|, 11.026520
     assert evidence["approx_expected"]["smallest_weight"] == pytest.approx(3.029060, abs=1e-4)

@@ -82,8 +82,8 @@ def test_a_forged_tube_of_samples_is_not_proved(name: str) -> None:
 def test_jumps_closer_than_samples_are_undecided_and_still_enclosed() -> None:
     outcome = obsdesign.investigate(problem_with(jump__dwell_time=[0.05, 1.0]))
     assert outcome.verdict == "undecided"
-    assert outcome.design.guarantees[0]["given"]
-    assert not outcome.design.guarantees[1]["given"]
+    assert outcome.design.guarantees[0].given
+    assert not outcome.design.guarantees[1].given
 
 
 def test_a_mode_that_samples_do_not_hold_is_refuted() -> None:

@@ -223,10 +223,8 @@ def test_a_tube_that_is_nearly_touched_is_proved_with_more_room() -> None:
             spaced = next(c for c in outcome.claims if c.id == "sampled_width")
             assert spaced.evidence["step_limit"] == math.inf
             assert spaced.evidence["always"] == always
-            sentences = [
-                g for g in outcome.design.guarantees if "any spacing, and" in g["statement"]
-            ]
-            assert [g["given"] for g in sentences] == [True]
+            sentences = [g for g in outcome.design.guarantees if "any spacing, and" in g.statement]
+            assert [g.given for g in sentences] == [True]
         assert obsdesign.verify(outcome.design).verdict == "proved"
 
 
@@ -235,7 +233,7 @@ def test_widths_of_constant_dwell_times_are_told_rounded_up() -> None:
     outcome = obsdesign.investigate(obsdesign.Problem(**body_of(W, N, f, h, [0.5, 1.0])))
     rows = width_evidence(outcome)["constant_dwell"]
     sentences = [
-        g["statement"] for g in outcome.design.guarantees if "a constant dwell" in g["statement"]
+        g.statement for g in outcome.design.guarantees if "a constant dwell" in g.statement
     ]
     assert len(sentences) == len(rows) == 2
     for row, text in zip(rows, sentences, strict=True):

@@ -68,7 +68,7 @@ def test_limited_jitter_is_part_of_the_claim() -> None:
     design = obsdesign.design(sampled_data_problem(2.0, 0.2))
     claim = next(c for c in design.claims if c.id == "dwell_stability")
     assert "[0.4, 2.0] that change by at most 0.2 from one to the next" in claim.statement
-    assert any("change by at most 0.2" in g["statement"] for g in design.guarantees)
+    assert any("change by at most 0.2" in g.statement for g in design.guarantees)
     assert obsdesign.verify(design).verdict == "proved"
     assert sampled_data(2.0).verdict == "refuted"
     # the same windows do not serve a plant whose dwell times may change more
@@ -99,7 +99,7 @@ def test_search_closes_the_gap_that_a_common_p_leaves() -> None:
 def test_a_sentence_promises_no_more_than_was_proved() -> None:
     design = obsdesign.design(sampled_data_problem(1.5))
     rates = claim_of(obsdesign.verify(design), "rates").evidence
-    sentence = next(g["statement"] for g in design.guarantees if "shrinks" in g["statement"])
+    sentence = next(g.statement for g in design.guarantees if "shrinks" in g.statement)
     factor = float(re.search(r"to at most (\S+) of itself", sentence)[1])
     rate = float(re.search(r"e\^\(-(\S+) t\)", sentence)[1])
     assert rates["per_jump"] <= factor < rates["per_jump"] * (1 + 2e-5)

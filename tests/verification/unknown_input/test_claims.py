@@ -73,7 +73,7 @@ def test_zeros_stay_among_the_poles(poles: list[Any]) -> None:
     expected = [complex(*np.atleast_1d(x)) for x in poles]
     for pole in expected:
         assert np.abs(poles_of_F - pole).min() < 1e-6
-    sentences = " ".join(g["statement"] for g in design.guarantees)
+    sentences = " ".join(g.statement for g in design.guarantees)
     assert "invariant zeros -0.5 +- 1i" in sentences
 
 
@@ -256,14 +256,14 @@ def test_a_long_period_is_warned_of_with_its_number() -> None:
     body = example(poles=[-1, -2, -300]).to_dict()
     body["output"] |= {"measured": "periodic", "period": 0.1}
     design = obsdesign.design(obsdesign.Problem.from_dict(body))
-    sentences = [g for g in design.guarantees if "h |f|" in g["statement"]]
+    sentences = [g for g in design.guarantees if "h |f|" in g.statement]
     assert len(sentences) == 1
-    assert not sentences[0]["given"]
-    assert "h |f| = 30 for the period h = 0.1" in sentences[0]["statement"]
+    assert not sentences[0].given
+    assert "h |f| = 30 for the period h = 0.1" in sentences[0].statement
     body["output"]["period"] = 0.005
     fine = obsdesign.design(obsdesign.Problem.from_dict(body))
-    sentences = [g for g in fine.guarantees if "h |f|" in g["statement"]]
-    assert sentences[0]["given"]
+    sentences = [g for g in fine.guarantees if "h |f|" in g.statement]
+    assert sentences[0].given
 
 
 def test_noise_chooses_the_left_inverse() -> None:
