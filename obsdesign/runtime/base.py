@@ -156,8 +156,6 @@ class DwellGuard:
         jitter = gains.get("dwell_jitter", math.inf)
         return cls(float(shortest), float(longest), jitter=float(jitter))
 
-    of = from_gains  # BRIDGE: until every kind calls `from_gains`
-
     def after(self, t: float, jump: bool) -> tuple[DwellGuard, str | None]:
         """The guard after an instant, and why the instant is inadmissible (None: it is not)."""
         violation = None

@@ -27,9 +27,6 @@ def stability_options(problem: Problem) -> dict[str, Any]:
     return {"memory": memory_of(problem.options), "jitter": jitter}
 
 
-question = stability_options  # BRIDGE: until every kind calls it by this name
-
-
 def dwell_certificates(
     F: Any,
     H: Any,

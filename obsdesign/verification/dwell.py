@@ -31,9 +31,6 @@ def reason_against_problem(problem: Problem) -> str | None:
     return None
 
 
-unusable = reason_against_problem  # BRIDGE: until every kind calls it by this name
-
-
 @dataclass(frozen=True)
 class Dwell:
     """The dwell times of a claim: the range, and the largest change from one to the next."""
@@ -47,8 +44,6 @@ class Dwell:
         """Dwell times of a problem with jumps."""
         assert problem.plant.jump is not None
         return Dwell(*problem.require_dwell_time(), problem.plant.jump.dwell_jitter)
-
-    of = from_problem  # BRIDGE: until every kind calls `from_problem`
 
     def __str__(self) -> str:
         """In words that round-trip: [0.7, inf)."""

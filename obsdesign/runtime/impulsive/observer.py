@@ -89,7 +89,7 @@ class ImpulsiveObserver(SteppedObserver[ImpulsiveState]):
             u=inputs,
             window=self._virtual_past,
             spacing=None,
-            guard=DwellGuard.of(self.gains),
+            guard=DwellGuard.from_gains(self.gains),
         )
 
     def step(self, state: ImpulsiveState, sample: Sample) -> tuple[ImpulsiveState, Estimate]:

@@ -72,7 +72,11 @@ class IntervalObserver(BoundObserver[IntervalState]):
 
         ValueError if a lower bound exceeds its upper one or a bound is not finite.
         """
-        guard, inputs, now = DwellGuard.of(self.gains), np.zeros(int(self.reads["u"])), float(t)
+        guard, inputs, now = (
+            DwellGuard.from_gains(self.gains),
+            np.zeros(int(self.reads["u"])),
+            float(t),
+        )
         box = first_box(self._kernels.model, self.n, lower, upper)
         return IntervalState(now, box, inputs, None, guard, False, now)
 

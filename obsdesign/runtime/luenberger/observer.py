@@ -66,7 +66,7 @@ class LuenbergerObserver(SteppedObserver[LuenbergerState]):
     def init(self, t: float = 0.0, *, x: ArrayLike | None = None) -> LuenbergerState:
         """State at time t from a guess of x(t), before the first sample and its jump."""
         guess = vector(np.zeros(self.n) if x is None else x, self.n, "x")
-        guard = DwellGuard.of(self.gains)
+        guard = DwellGuard.from_gains(self.gains)
         inputs = np.zeros(int(self.reads["u"]))
         return LuenbergerState(float(t), guess, inputs, None, guard, started=False)
 

@@ -26,7 +26,7 @@ from obsdesign.equations.interval.width import WidthSystem
 from obsdesign.errors import DoesNotApply, InputError
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
-from obsdesign.synthesis.dwell import dwell_certificates, question
+from obsdesign.synthesis.dwell import dwell_certificates, stability_options
 from obsdesign.synthesis.given_gains import given_gain, refuse_unusable
 from obsdesign.synthesis.interval.coordinates import best_coordinates
 from obsdesign.synthesis.interval.descent import SECONDS, best_gains
@@ -241,7 +241,7 @@ def _candidate(
             low, certificates = _widest_range(problem, system, low, high)
             gains, cost = replace(gains, dwell_time=np.array([low, high])), low
         certificates = certificates or dwell_certificates(
-            system.W, system.N, low, high, **question(problem)
+            system.W, system.N, low, high, **stability_options(problem)
         )
     if remaining() > 0:
         certificates |= _widths(problem, gains, system, approx)
@@ -279,7 +279,7 @@ def _widest_range(
 ) -> tuple[float, dict[str, Any]]:
     """Return (shortest dwell time, certificates): the proved range if it holds the required one."""
     N, _ = system.at_jumps
-    bracket = shortest_dwell(system.W, N, high, **question(problem))
+    bracket = shortest_dwell(system.W, N, high, **stability_options(problem))
     if bracket.proved is None or not bracket.proved <= low or math.isinf(bracket.proved):
         return low, {}
     return bracket.proved, {"dwell_stability": dict(bracket.certificate)}

@@ -24,7 +24,7 @@ from obsdesign.equations.luenberger.gains import LuenbergerGains
 from obsdesign.errors import InputError
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
-from obsdesign.synthesis.dwell import dwell_certificates, question
+from obsdesign.synthesis.dwell import dwell_certificates, stability_options
 from obsdesign.synthesis.given_gains import given_gain, refuse_unusable
 from obsdesign.synthesis.luenberger.jump_gains import jump_gains
 from obsdesign.synthesis.luenberger.schedule import check_schedule, scheduled_candidate
@@ -117,10 +117,12 @@ def _certificates(problem: Problem, F: Any, M: Any, rate: float) -> dict[str, An
     ends = problem.require_dwell_time()
     H = jump_error_matrix(plant.jump.G, M, plant.output.C, plant.output.jump_measurement)
     if rate == 0:
-        return dwell_certificates(F, H, *ends, **question(problem))
-    evidence = decide(F + rate * np.eye(plant.n), H, *ends, **question(problem)).evidence
+        return dwell_certificates(F, H, *ends, **stability_options(problem))
+    evidence = decide(F + rate * np.eye(plant.n), H, *ends, **stability_options(problem)).evidence
     if not {"P", "windows"} & set(evidence):
-        return dwell_certificates(F, H, *ends, **question(problem)) | {"decay_rate": evidence}
+        return dwell_certificates(F, H, *ends, **stability_options(problem)) | {
+            "decay_rate": evidence
+        }
     return {"dwell_stability": evidence, "decay_rate": evidence}
 
 

@@ -154,7 +154,7 @@ def _uncorrected(
             continue
         certificate = certificates.get(f"{name}_decays", {})
         claim = block_decay(
-            name, pair, Dwell.of(problem), certificate, paranoid=paranoid, rate=rate
+            name, pair, Dwell.from_problem(problem), certificate, paranoid=paranoid, rate=rate
         )
         if name == "hidden" and (blocks.is_exact or _is_undetectable(problem)):
             claim = mark_witness(claim)  # the same in every basis

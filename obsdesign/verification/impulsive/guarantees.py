@@ -17,7 +17,7 @@ def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[dict[str, A
     plant = problem.plant
     verdicts = {claim.id: claim.verdict for claim in claims}
     needed = [name for name in verdicts if name not in ("decay_rate", "rate")]
-    when = f"for every sequence of spacings in {Dwell.of(problem)}"
+    when = f"for every sequence of spacings in {Dwell.from_problem(problem)}"
     without = ["disturbance", "noise"]
     without += ["unknown input d"] if plant.flow.D is not None else []
     without += ["unknown impulses"] if plant.jump is not None and plant.jump.H is not None else []

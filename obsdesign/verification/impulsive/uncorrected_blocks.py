@@ -97,7 +97,7 @@ def quadratic_claims(
     problem: Problem, gains: ImpulsiveGains, certificates: Any, paranoid: bool
 ) -> tuple[list[Claim], Bound | None]:
     """Claims of one P for all spacings, gains by cells of the last one; and their bound."""
-    dwell, ends = Dwell.of(problem), problem.require_dwell_time()
+    dwell, ends = Dwell.from_problem(problem), problem.require_dwell_time()
     plant = _ExactPlant.from_gains(gains)
     certificate = certificates.get("contracting", {})
     P, gamma = _matrix(certificate.get("P"), problem.plant.n), certificate.get("gamma")

@@ -28,8 +28,8 @@ from obsdesign.verification.consistency import consistency
 from obsdesign.verification.dwell import (
     Dwell,
     dwell_stability,
+    reason_against_problem,
     source_of,
-    unusable,
 )
 from obsdesign.verification.interval.guarantees import guarantees
 from obsdesign.verification.interval.obstruction import obstruction_claim, with_hints
@@ -188,7 +188,7 @@ def _reason_against(problem: Problem) -> str | None:
     """Reason against an interval observer for the problem, or None."""
     reason = equations.reason_against(problem.plant, problem.gains, problem.options)
     is_periodic = problem.plant.output.measured == "periodic"
-    reason = reason or (None if is_periodic else unusable(problem))
+    reason = reason or (None if is_periodic else reason_against_problem(problem))
     if reason is None and problem.plant.output.noise_bound is None:
         reason = "output.noise_bound is required by kind 'interval', which promises bounds."
     return reason

@@ -64,8 +64,8 @@ def _dwell_range(problem: Problem, claims: tuple[Claim, ...]) -> Dwell:
     for claim in claims:
         if claim.id == "dwell_stability" and "dwell_time" in claim.evidence:
             low, high = claim.evidence["dwell_time"]
-            return replace(Dwell.of(problem), low=float(low), high=float(high))
-    return Dwell.of(problem)
+            return replace(Dwell.from_problem(problem), low=float(low), high=float(high))
+    return Dwell.from_problem(problem)
 
 
 def _present(verdicts: Mapping[str, str], names: tuple[str, ...]) -> list[str]:

@@ -24,8 +24,8 @@ from obsdesign.verification.consistency import consistency
 from obsdesign.verification.dwell import (
     Dwell,
     dwell_stability,
+    reason_against_problem,
     source_of,
-    unusable,
 )
 from obsdesign.verification.luenberger.schedule import reason_against_borders, scheduled_stability
 from obsdesign.verification.rates import rates_claim, rates_sentence
@@ -58,7 +58,7 @@ def claims(
         if rate > 0:
             claims.append(_hurwitz(shifted, "decay_rate", f"the rate {rate!r} was asked for", rate))
         return tuple(claims)
-    dwell = Dwell.of(problem)
+    dwell = Dwell.from_problem(problem)
     if math.isinf(dwell.high):
         claims.append(_hurwitz(F, "hurwitz", "there is no longest dwell time"))
     if "schedule" in problem.options:
@@ -83,7 +83,7 @@ def _jump_error(gains: LuenbergerGains) -> Any:
 
 
 def _objection(problem: Problem, stored: Mapping[str, Any]) -> str | None:
-    return unusable(problem) or reason_against_borders(problem, stored)
+    return reason_against_problem(problem) or reason_against_borders(problem, stored)
 
 
 def _expected(problem: Problem) -> dict[str, Any]:
@@ -132,7 +132,7 @@ def _scheduled(
     paranoid: bool,
 ) -> list[Claim]:
     """Claim stability, and the decay rate, with gains by cells of the last dwell time."""
-    dwell, claims = Dwell.of(problem), []
+    dwell, claims = Dwell.from_problem(problem), []
     rate = float(problem.options.get("decay_rate", 0.0))
     goals = [("dwell_stability", 0.0, "is stable")]
     goals += [("decay_rate", rate, f"decays like e^(-{rate!r} t)")] if rate > 0 else []
@@ -175,7 +175,7 @@ def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[dict[str, A
     plant = problem.plant
     verdicts = {claim.id: claim.verdict for claim in claims}
     needed = [name for name in verdicts if name not in ("decay_rate", "rates")]
-    ends = "" if plant.jump is None else str(Dwell.of(problem))
+    ends = "" if plant.jump is None else str(Dwell.from_problem(problem))
     when = f" for every sequence of dwell times in {ends}" if ends else ""
     at_jumps = plant.output.measured == "at_jumps"
     measured = "With y measured at every jump" if at_jumps else "With y measured continuously"
