@@ -72,6 +72,11 @@ class Guarantee:
         given = all(verdicts.get(name) == "proved" for name in claims)
         return cls(statement, tuple(claims), given)
 
+    @classmethod
+    def not_proved(cls, statement: str) -> Guarantee:
+        """A sentence that rests on no claim and is not given."""
+        return cls(statement, (), given=False)
+
     def to_dict(self) -> dict[str, Any]:
         """The guarantee as it stands in a file."""
         return {"statement": self.statement, "given": self.given, "claims": list(self.claims)}
@@ -198,8 +203,10 @@ def _whole(text: str) -> int:
 def from_dict(body: Any, path: str = "design") -> Design:
     """A design from its parsed JSON, checked for format, version, keys and digest."""
     if not isinstance(body, dict) or body.get("format") != FORMAT:
-        found = shown(body.get("format")) if isinstance(body, dict) else type(body).__name__
-        raise InputError(f"{path}: format must be {FORMAT!r}; got {found}. Is this a problem file?")
+        arrived = shown(body.get("format")) if isinstance(body, dict) else type(body).__name__
+        raise InputError(
+            f"{path}: format must be {FORMAT!r}; got {arrived}. Is this a problem file?"
+        )
     if type(body.get("version")) is not int or body["version"] != VERSION:
         raise InputError(
             f"{path}: version must be {VERSION}; got {shown(body.get('version'))}. "

@@ -97,19 +97,22 @@ def investigate_each(
     ended are tried again, with ever longer ones. So more time never makes less of a problem.
     first: the first proved candidate ends an attempt. done: called with what is settled.
     """
-    found: dict[_Key, _Attempt | InputError] = {}
+    outcomes: dict[_Key, _Attempt | InputError] = {}
     todo = dict(problems)
     for factor in stretch_factors():
         for key, problem in list(todo.items()):
             with stretched(factor):
                 attempt = _attempted(problem, first)
-            found[key] = _better(found.get(key), attempt)
+            outcomes[key] = _better(outcomes.get(key), attempt)
             if isinstance(attempt, InputError) or not attempt.is_open(first):
                 done(key)
                 del todo[key]
         if not todo:
             break
-    return {key: one if isinstance(one, InputError) else one.outcome for key, one in found.items()}
+    return {
+        key: entry if isinstance(entry, InputError) else entry.outcome
+        for key, entry in outcomes.items()
+    }
 
 
 @dataclass(frozen=True)
@@ -227,7 +230,7 @@ def _summary(verdict: str, claims: tuple[Claim, ...]) -> dict[str, Any]:
 def _document(problem: Problem, candidate: Any, claims: tuple[Claim, ...]) -> Design:
     """The design of a candidate; nothing in it differs from run to run."""
     kind = problem.require_kind()
-    sentences = sentences_from(problem, claims, layer("verification", kind))
+    sentences = sentences_from(problem, claims)
     return Design(
         name=problem.name,
         kind=kind,
@@ -306,7 +309,7 @@ def verify(design: Design, *, paranoid: bool = False) -> Outcome:
         claims = verification.claims(problem, design.gains, certificates, paranoid=paranoid)
     except OversizeError as error:
         raise InputError(str(error)) from None
-    document, sentences = document_claim(problem, design, claims, verification)
+    document, sentences = document_claim(problem, design, claims)
     claims = (*claims, document)
     verdict = overall(claim.verdict for claim in claims)
     return Outcome(

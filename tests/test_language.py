@@ -13,45 +13,7 @@ ROOT = Path(__file__).parents[1]
 BANNED = frozenset({"found", "told", "asked", "seen", "moved"})
 LONGEST_FIRST_LINE = 90
 # folders that are not converted yet
-PENDING: tuple[str, ...] = (
-    "lmi",
-    "lmi/arithmetic",
-    "lmi/bounds",
-    "lmi/decide",
-    "lmi/find",
-    "lmi/prove",
-    "lmi/rank",
-    "lmi/refute",
-    "obsdesign",
-    "obsdesign/analysis",
-    "obsdesign/analysis/finite_time",
-    "obsdesign/equations/finite_time",
-    "obsdesign/equations/impulsive",
-    "obsdesign/equations/impulsive_input",
-    "obsdesign/equations/luenberger",
-    "obsdesign/equations/unknown_input",
-    "obsdesign/runtime/finite_time",
-    "obsdesign/runtime/impulsive",
-    "obsdesign/runtime/impulsive_input",
-    "obsdesign/runtime/impulsive_input/integral",
-    "obsdesign/runtime/impulsive_input/samples",
-    "obsdesign/runtime/interval",
-    "obsdesign/runtime/unknown_input",
-    "obsdesign/studies/search",
-    "obsdesign/synthesis/finite_time",
-    "obsdesign/synthesis/impulsive",
-    "obsdesign/synthesis/impulsive_input",
-    "obsdesign/synthesis/interval",
-    "obsdesign/synthesis/luenberger",
-    "obsdesign/synthesis/unknown_input",
-    "obsdesign/verification",
-    "obsdesign/verification/finite_time",
-    "obsdesign/verification/impulsive",
-    "obsdesign/verification/impulsive_input",
-    "obsdesign/verification/interval",
-    "obsdesign/verification/luenberger",
-    "obsdesign/verification/unknown_input",
-)
+PENDING: tuple[str, ...] = ()
 
 FOLDERS = sorted(
     {

@@ -115,7 +115,7 @@ class Jump:
 
 @dataclass(frozen=True, eq=False)
 class Output:
-    """C (p, n); noise_bound (p,) or (p, 2), None: not known; noise_std, noise_cv (p,), default 0.
+    """C (p, n); noise_bound (p,) or (p, 2) or None, not known; noise_std, noise_cv (p,).
 
     One number serves all outputs. noise_bound may hold pairs [lower, upper], with numbers between
     them; then all are pairs. A bound that is absent stays absent: None is not zero.
@@ -126,9 +126,9 @@ class Output:
 
     C: Array = file_entry(ref("matrix"), "p x n.")
     noise_bound: Array | None = file_entry(
-        ref("per_output"),
-        "|v_i| <= noise_bound_i at every instant; required by kinds that promise bounds. Absent: "
-        "not known.",
+        ref("noise_bound"),
+        "|v_i| <= noise_bound_i, or lower <= v_i <= upper where that is a pair, at every instant; "
+        "required by kinds that promise bounds. Absent: not known.",
         default=None,
     )
     noise_std: Array = file_entry(ref("per_output"), "Standard deviation of v_i.", default=_DEFAULT)

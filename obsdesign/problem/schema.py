@@ -91,6 +91,16 @@ DEFINITIONS: Mapping[str, Fragment] = {
         "minItems": 1,
         "title": "a number for all outputs, or a list of numbers",
     },
+    "noise_bound": {
+        "type": ["number", "array"],
+        "items": {
+            "type": ["number", "array"],
+            "items": ref("number"),
+            "title": "a number, or a pair [lower, upper]",
+        },
+        "minItems": 1,
+        "title": "a number for all outputs, or a list of numbers or pairs [lower, upper]",
+    },
     "row": list_of(ref("number"), _ROW_TITLE),
     "matrix": list_of(ref("row"), _MATRIX_TITLE),
     "gain_matrix": {

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from importlib import import_module
 from typing import Any
 
 from obsdesign.document import Claim, Design, Guarantee
@@ -27,29 +28,24 @@ class Sentences:
     warnings: tuple[str, ...] = ()
 
 
-def sentences_from(problem: Problem, claims: tuple[Claim, ...], verification: Any) -> Sentences:
-    """Guarantees and warnings of a kind; a guarantee is given where all its claims are proved here.
+def sentences_from(problem: Problem, claims: tuple[Claim, ...]) -> Sentences:
+    """Guarantees, given where all their claims are proved here, and warnings.
 
     Every guarantee rests on `consistent` beside the claims it names: it is about these gains.
     """
+    kind = import_module(f"obsdesign.verification.{problem.require_kind()}.guarantees")
     proved = {claim.id for claim in claims if claim.verdict == "proved"}
     guarantees = tuple(
-        replace(one, given=one.given and {"consistent", *one.claims} <= proved and bool(one.claims))
-        for one in map(_as_guarantee, verification.guarantees(problem, claims))
+        replace(entry, given=entry.given and {"consistent", *entry.claims} <= proved)
+        for entry in kind.guarantees(problem, claims)
     )
-    return Sentences(guarantees, getattr(verification, "warnings", lambda *_: ())(problem, claims))
-
-
-def _as_guarantee(entry: Any) -> Guarantee:  # BRIDGE
-    if isinstance(entry, Guarantee):
-        return entry
-    return Guarantee(entry["statement"], tuple(entry["claims"]), entry["given"])
+    return Sentences(guarantees, kind.warnings(problem, claims))
 
 
 def document_claim(
-    problem: Problem, design: Design, claims: tuple[Claim, ...], verification: Any
+    problem: Problem, design: Design, claims: tuple[Claim, ...]
 ) -> tuple[Claim, Sentences]:
-    """The claim that the stored claims, evidence and sentences are those recomputed; the sentences.
+    """The claim that a document states what is recomputed from it, and the sentences.
 
     A claim that is undecided now and decided in the document makes it unconfirmed, not false; so do
     a statement in the words of an earlier release and bounds that another course of the proof
@@ -67,7 +63,7 @@ def document_claim(
     assumed = tuple(stored[claim.id] if claim.id in open_now else claim for claim in claims)
     sentences: Sentences | None
     try:
-        sentences = sentences_from(problem, assumed, verification)
+        sentences = sentences_from(problem, assumed)
     except InputError:
         raise
     except (KeyError, TypeError, ValueError):  # evidence that nobody confirmed
@@ -93,7 +89,7 @@ def document_claim(
     elif older:
         verdict, evidence = "undecided", {"reason": _restated(older[0])}
     elif evidence_gap is not None:
-        why = f"the document's {evidence_gap.entry!r} is not quite what was found again"
+        why = f"the document's {evidence_gap.entry!r} is not quite what was proved again"
         verdict, evidence = "undecided", {"reason": why}
     claim = Claim(
         "document",
@@ -105,11 +101,11 @@ def document_claim(
     return claim, sentences if sentences and verdict == "proved" else Sentences()
 
 
-def _claims_of_older_wording(stored: Mapping[str, Claim], found: Sequence[Claim]) -> list[Claim]:
+def _claims_of_older_wording(stored: Mapping[str, Claim], proved: Sequence[Claim]) -> list[Claim]:
     """Claims proved again that the document has proved too, as an earlier release states them."""
     return [
         claim
-        for claim in found
+        for claim in proved
         if claim.id in stored
         and claim.verdict == stored[claim.id].verdict == "proved"
         and claim.source == current_source(stored[claim.id].source)

@@ -17,9 +17,9 @@ from obsdesign.document import digest
 from obsdesign.pages.curves import curve_of
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.document import sentences_from
-from obsdesign.workflow import layer
 from tests.cli.test_commands import ROOT
 from tests.pages.test_report import Page
+from tests.verification.unknown_input.test_claims import example
 
 # one design of each kind, and the kinds whose sentences name no claim of their own
 EXAMPLES = (
@@ -74,12 +74,11 @@ def test_every_sentence_falls_with_any_claim_it_rests_on(
     outcome = obsdesign.investigate(obsdesign.load_problem(ROOT / "examples" / f"{example}.toml"))
     assert outcome.design is not None
     problem = Problem.from_dict(outcome.design.problem)
-    verification = layer("verification", outcome.kind)
     assert any(entry.given for entry in outcome.guarantees)
     for k, claim in enumerate(outcome.claims):
         claims = list(outcome.claims)
         claims[k] = replace(claim, verdict="undecided")
-        left = sentences_from(problem, tuple(claims), verification).guarantees
+        left = sentences_from(problem, tuple(claims)).guarantees
         named = [entry for entry in left if claim.id in entry.claims]
         assert not any(entry.given for entry in (left if k == 0 else named)), claim.id
         opened = replace(outcome, verdict="undecided", claims=tuple(claims), guarantees=left)
@@ -110,3 +109,19 @@ def test_a_sentence_may_name_fewer_of_its_claims_and_promises_no_more_by_it() ->
     false = tuple(replace(entry, given=not entry.given) for entry in design.guarantees)
     outcome = obsdesign.verify(replace(design, guarantees=false))
     assert (outcome.verdict, outcome.guarantees) == ("refuted", ())
+
+
+def test_warnings_are_those_of_the_claims(tmp_path: Path) -> None:
+    """A document may lack warnings, as older ones do; others than these are refuted."""
+    body = example(poles=[-1, -2, -300]).to_dict()
+    body["output"] |= {"measured": "periodic", "period": 0.1}
+    design = obsdesign.design(obsdesign.Problem.from_dict(body))
+    assert design.warnings
+    design.save(tmp_path / "d.json")
+    assert json.loads((tmp_path / "d.json").read_text("utf-8"))["warnings"] == [*design.warnings]
+    stored = obsdesign.load_design(tmp_path / "d.json")
+    assert obsdesign.verify(stored).warnings == design.warnings
+    for warnings, verdict in ((None, "proved"), ((), "refuted"), (("All is well.",), "refuted")):
+        outcome = obsdesign.verify(replace(stored, warnings=warnings))
+        assert outcome.verdict == verdict
+        assert outcome.warnings == (design.warnings if verdict == "proved" else ())

@@ -36,7 +36,6 @@ from obsdesign.verification.finite_time.gains import (
     method_gains_claim,
     unbiased,
 )
-from obsdesign.verification.finite_time.guarantees import guarantees
 from obsdesign.verification.finite_time.theorem_1 import bound_claims
 from obsdesign.verification.finite_time.window import (
     long_enough,
@@ -44,8 +43,6 @@ from obsdesign.verification.finite_time.window import (
     sampled_observable,
     unobserved_modes_decay,
 )
-
-__all__ = ["claims", "guarantees"]
 
 # choices that a claim rests on beside the plant, where they are not both window and L
 _RESTS_ON: Mapping[str, tuple[str, ...]] = {

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
-from obsdesign.document import Claim
+from obsdesign.document import Claim, Guarantee
 from obsdesign.equations.finite_time.options import NEED_L, has_announced_jumps
 from obsdesign.equations.finite_time.rows import START, pathological_pairs
 from obsdesign.problem.problem import Problem
@@ -16,7 +15,7 @@ _LARGE_AMPLIFICATION = 1e6
 _SMALL_ROW_RATIO = 1e-6
 
 
-def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[dict[str, Any], ...]:
+def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Guarantee, ...]:
     """The sentences a user may rely on, and those that are not proved."""
     evidence = DesignEvidence.from_claims(claims)
     method = problem.options.get("method", "least_squares")
@@ -25,26 +24,17 @@ def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[dict[str, A
         result.append(_bounded(problem, evidence, evidence.largest_error))
     if problem.plant.output.noise_bound is None and method != "approximate":
         text = "Bounds of the state around the estimate: output.noise_bound is not given."
-        result.append(_withheld(text))
+        result.append(Guarantee.not_proved(text))
     if evidence.theorem is not None:
         result.append(_theorem(problem, evidence, evidence.theorem))
     if evidence.tighter is not None and evidence.tighter.is_applicable:
         result.append(_tighter(problem, evidence, evidence.tighter))
     if evidence.transformed is not None and evidence.transformed.is_applicable:
         result.append(_in_coordinates(problem, evidence, evidence.transformed))
-    return (*result, *_negated_warnings(problem, evidence))
+    return tuple(result)
 
 
-def _entry(text: str, ids: list[str], evidence: DesignEvidence) -> dict[str, Any]:
-    given = all(evidence.verdicts.get(name) == "proved" for name in ids)
-    return {"statement": text, "given": given, "claims": ids}
-
-
-def _withheld(text: str) -> dict[str, Any]:
-    return {"statement": text, "given": False, "claims": []}
-
-
-def _estimate(problem: Problem, method: str, evidence: DesignEvidence) -> dict[str, Any]:
+def _estimate(problem: Problem, method: str, evidence: DesignEvidence) -> Guarantee:
     """Error of the estimate from a full window without disturbance and noise."""
     absent = ["disturbance", "noise", *_unbounded(problem)]
     free = f"{', '.join(absent[:-1])} or {absent[-1]}"
@@ -55,15 +45,15 @@ def _estimate(problem: Problem, method: str, evidence: DesignEvidence) -> dict[s
         is_relative = evidence.bias is not None and evidence.bias.reference == START
         reference = " of what it was at the window's start" if is_relative else ""
         text = f"{when} the estimate is the state, to rounding{reference}."
-        return _entry(text, [*ids, "unbiased"], evidence)
+        return Guarantee.from_verdicts(text, [*ids, "unbiased"], evidence.verdicts)
     ids += ["difference_invertible", "gains_of_the_method"]
     if evidence.error_factor is not None:
         factor = evidence.error_factor
         text = f"{when} the estimate is off by at most {factor:.6g} times the largest |x| in it."
-        return _entry(text, [*ids, "error_identity"], evidence)
+        return Guarantee.from_verdicts(text, [*ids, "error_identity"], evidence.verdicts)
     order = "second" if problem.options.get("half_sample_correction") else "first"
     text = f"{when} the estimate is off by a term of {order} order in the period."
-    return _entry(text, ids, evidence)
+    return Guarantee.from_verdicts(text, ids, evidence.verdicts)
 
 
 def _unbounded(problem: Problem) -> list[str]:
@@ -74,9 +64,7 @@ def _unbounded(problem: Problem) -> list[str]:
     return [*names, "unannounced impulses"] if is_hidden else names
 
 
-def _bounded(
-    problem: Problem, evidence: DesignEvidence, largest_error: list[float]
-) -> dict[str, Any]:
+def _bounded(problem: Problem, evidence: DesignEvidence, largest_error: list[float]) -> Guarantee:
     """Bounds of the state around the estimate, where disturbance and noise have theirs."""
     free = " or ".join(_unbounded(problem))
     sizes = ", ".join(f"{x:.6g}" for x in largest_error)
@@ -94,7 +82,7 @@ def _bounded(
             f"{' without ' + free if free else ''} and no sample missing, the state is inside the "
             f"stated bounds; at a sample they are this far from the estimate: {sizes}."
         )
-    return _entry(text, ["unbiased", "error_radius"], evidence)
+    return Guarantee.from_verdicts(text, ["unbiased", "error_radius"], evidence.verdicts)
 
 
 def _hypotheses_of_theorem(problem: Problem) -> str:
@@ -116,9 +104,7 @@ def _bound(constants: TheoremEvidence) -> str:
     )
 
 
-def _theorem(
-    problem: Problem, evidence: DesignEvidence, constants: TheoremEvidence
-) -> dict[str, Any]:
+def _theorem(problem: Problem, evidence: DesignEvidence, constants: TheoremEvidence) -> Guarantee:
     """Theorem 1 where (13) holds, with its constants; else (13) with its number."""
     longest = constants.longest_period
     below = "" if longest == "inf" else f"; it holds for periods below {longest:.9g}"
@@ -127,16 +113,14 @@ def _theorem(
             f"Theorem 1 {_hypotheses_of_theorem(problem)}: |xhat - x| <= {_bound(constants)} "
             f"((13) is true{below})."
         )
-        return _entry(text, ["theorem_1_numbers"], evidence)
+        return Guarantee.from_verdicts(text, ["theorem_1_numbers"], evidence.verdicts)
     verdict = "is false" if constants.condition_13 == "false" else "is too close to call"
-    return _withheld(
+    return Guarantee.not_proved(
         f"The bound of Theorem 1 for observer (14): its condition (13) {verdict} here{below}."
     )
 
 
-def _tighter(
-    problem: Problem, evidence: DesignEvidence, constants: TheoremEvidence
-) -> dict[str, Any]:
+def _tighter(problem: Problem, evidence: DesignEvidence, constants: TheoremEvidence) -> Guarantee:
     """The theorem with a tighter Lemma 2, where its condition holds: a smaller bound."""
     longest = constants.longest_period
     below = "" if longest == "inf" else f", which it is for periods below {longest:.9g}"
@@ -145,12 +129,12 @@ def _tighter(
         f"|xhat - x| <= {_bound(constants)} (its condition, with that in place of Sigma, is "
         f"true{below})."
     )
-    return _entry(text, ["theorem_1_tighter"], evidence)
+    return Guarantee.from_verdicts(text, ["theorem_1_tighter"], evidence.verdicts)
 
 
 def _in_coordinates(
     problem: Problem, evidence: DesignEvidence, constants: TheoremEvidence
-) -> dict[str, Any]:
+) -> Guarantee:
     """Theorem 1 for S x, and the bound of |x| that follows."""
     alpha, beta, last = constants.factors
     back = math.inf if constants.norm_of_back is None else constants.norm_of_back[1]
@@ -160,35 +144,33 @@ def _in_coordinates(
         f"{last:.6g} T_Delta with |S .| inside it, and |xhat - x| is at most "
         f"{back:.6g} times that ((13) is true for S A S^-1, C S^-1, S L)."
     )
-    return _entry(text, ["theorem_1_coordinates"], evidence)
+    return Guarantee.from_verdicts(text, ["theorem_1_coordinates"], evidence.verdicts)
 
 
-def _negated_warnings(problem: Problem, evidence: DesignEvidence) -> list[dict[str, Any]]:
-    """Warnings, which the file format states as guarantees that are not given."""
+def warnings(problem: Problem, claims: tuple[Claim, ...]) -> tuple[str, ...]:
+    """Sentences on options that have no effect, pathological sampling and lost digits."""
+    evidence = DesignEvidence.from_claims(claims)
     sentences = []
     plant = problem.plant
     method = problem.options.get("method", "least_squares")
     if "L" in problem.gains and method not in NEED_L:
-        sentences.append(
-            f"An estimate that depends on observer.gains.L: method {method!r} has no L, and the "
-            "one of the file is not used."
-        )
+        sentences.append(f"observer.gains.L is not used: method {method!r} has no L.")
     if "sampled_observable" in evidence.verdicts:
         for first, second, turns in pathological_pairs(plant.flow.A, plant.output.period or 1.0):
             sentences.append(
-                f"A period away from pathological sampling: the eigenvalues {first:.6g} and "
-                f"{second:.6g} differ by {turns:.6g} x 2 pi i / period, and only together do the "
-                "outputs tell them apart."
+                f"The period is near pathological sampling: the eigenvalues {first:.6g} and "
+                f"{second:.6g} differ by {turns:.6g} x 2 pi i / period, and only several outputs "
+                "together distinguish them."
             )
     if evidence.row_ratio < _SMALL_ROW_RATIO:
         sentences.append(
-            "A window that determines the state well: the smallest singular value of its scaled "
+            "The window barely determines the state: the smallest singular value of its scaled "
             f"rows is {evidence.row_ratio:.1e} of their norm."
         )
     amplification = 1.0 if evidence.bias is None else evidence.bias.amplification
     if amplification > _LARGE_AMPLIFICATION:
         sentences.append(
-            f"Well-conditioned gains: rounding of the samples is amplified by {amplification:.1e}, "
-            f"about {math.log10(amplification):.0f} of 16 digits are lost."
+            f"The gains are ill-conditioned: rounding of the samples is amplified by "
+            f"{amplification:.1e}, about {math.log10(amplification):.0f} of 16 digits are lost."
         )
-    return [_withheld(text) for text in sentences]
+    return tuple(sentences)

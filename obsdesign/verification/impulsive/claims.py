@@ -33,7 +33,6 @@ from obsdesign.verification.impulsive.blocks import (
     plant_blocks,
     whole_bound,
 )
-from obsdesign.verification.impulsive.guarantees import guarantees
 from obsdesign.verification.impulsive.rate import (
     Bound,
     RankProof,
@@ -56,8 +55,6 @@ from obsdesign.verification.impulsive.uncorrected_blocks import (
     block_decay,
     quadratic_claims,
 )
-
-__all__ = ["claims", "expected_gains", "guarantees"]
 
 
 @np.errstate(all="ignore")

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from decimal import ROUND_CEILING, ROUND_FLOOR
-from typing import Any
 
-from obsdesign.document import Claim
+from obsdesign.document import Claim, Guarantee
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.dwell import Dwell
 from obsdesign.verification.impulsive.rate import Rate
 from obsdesign.verification.rates import six_digits
 
 
-def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[dict[str, Any], ...]:
+def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Guarantee, ...]:
     """The sentences a user may rely on, and those of the problem that are not proved."""
     plant = problem.plant
     verdicts = {claim.id: claim.verdict for claim in claims}
@@ -35,18 +34,20 @@ def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[dict[str, A
         goal = float(problem.options["decay_rate"])
         text = f"The error decays like e^(-{goal!r} t) {when}."
         sentences.append((text, [*needed, "decay_rate"]))
-    result = [
-        {"statement": text, "given": all(verdicts[i] == "proved" for i in ids), "claims": ids}
-        for text, ids in sentences
-    ]
+    result = [Guarantee.from_verdicts(text, ids, verdicts) for text, ids in sentences]
     if "noise_target" in problem.options:
         target = ", ".join(repr(float(value)) for value in problem.options["noise_target"])
         text = (
             f"Noise leaves the states errors with standard deviations of at most {target}: "
             "estimated by simulation, not proved."
         )
-        result.append({"statement": text, "given": False, "claims": []})
+        result.append(Guarantee.not_proved(text))
     return tuple(result)
+
+
+def warnings(problem: Problem, claims: tuple[Claim, ...]) -> tuple[str, ...]:
+    """No warnings: this kind has none."""
+    return ()
 
 
 def _rate_sentence(rate: Rate, free: str) -> str:

@@ -29,7 +29,6 @@ from obsdesign.problem.problem import Problem
 from obsdesign.verification.consistency import consistency
 from obsdesign.verification.impulsive_input import window as window_claims
 from obsdesign.verification.impulsive_input.choices import mark_inevitable
-from obsdesign.verification.impulsive_input.guarantees import guarantees as guarantees
 from obsdesign.verification.impulsive_input.rank import full_rank
 from obsdesign.verification.impulsive_input.samples import sampled_claims, window_samples
 from obsdesign.verification.impulsive_input.uniqueness import SOURCE, decide_uniqueness

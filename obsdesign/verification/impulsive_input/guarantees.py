@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 
 from lmi.arithmetic.balls import exact, fixed_vector
-from obsdesign.document import Claim
+from obsdesign.document import Claim, Guarantee
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.impulsive_input.samples import SpeedsPerPeriod
 
 _KNOWN_INTEGRALS = ", and with the integrals of y known exactly (y measured continuously)"
 
 
-def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[dict[str, Any], ...]:
+def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Guarantee, ...]:
     """Sentences that follow from the claims, given where these are proved, and limits."""
     verdicts = {claim.id: claim.verdict for claim in claims}
     needed = list(verdicts)
@@ -23,24 +23,26 @@ def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[dict[str, A
     low = "" if plant.jump is None else f"{problem.require_dwell_time()[0]!r}"
     between = _between_samples(plant)
     integrals = _KNOWN_INTEGRALS if "hurwitz" in verdicts else ""
-    sentences = [
-        (
-            _main_sentence(problem, low, " and ".join(absent) + integrals, between),
-            all(verdicts[name] == "proved" for name in needed),
-            needed,
-        ),
-        (
+    main = _main_sentence(problem, low, " and ".join(absent) + integrals, between)
+    return (
+        Guarantee.from_verdicts(main, needed, verdicts),
+        Guarantee.not_proved(
             "Two impulses within one window are not told apart where one impulse explains the "
-            "record as well; the test of fit flags them only where noise does not hide them.",
-            False,
-            [],
+            "record as well; the test of fit flags them only where noise does not hide them."
         ),
-        ("That every impulse is found in noise is not claimed: small ones are missed.", False, []),
-    ]
-    sentences += [(text, False, ["samples"]) for text in _sampling_sentences(problem, claims)]
-    return tuple(
-        {"statement": text, "given": given, "claims": ids} for text, given, ids in sentences
+        Guarantee.not_proved(
+            "That every impulse is found in noise is not claimed: small ones are missed."
+        ),
+        *(
+            Guarantee(text, ("samples",), given=False)
+            for text in _sampling_sentences(problem, claims)
+        ),
     )
+
+
+def warnings(problem: Problem, claims: tuple[Claim, ...]) -> tuple[str, ...]:
+    """No warnings: this kind has none."""
+    return ()
 
 
 def _main_sentence(problem: Problem, low: str, absent: str, between: str) -> str:

@@ -31,7 +31,6 @@ from obsdesign.verification.dwell import (
     reason_against_problem,
     source_of,
 )
-from obsdesign.verification.interval.guarantees import guarantees
 from obsdesign.verification.interval.obstruction import obstruction_claim, with_hints
 from obsdesign.verification.interval.sampled import at_any_spacing, samples_claim, spacing_claim
 from obsdesign.verification.interval.signs import (
@@ -44,8 +43,6 @@ from obsdesign.verification.interval.signs import (
 )
 from obsdesign.verification.interval.width import limit_claim, width_claim
 from obsdesign.verification.rates import rates_claim
-
-__all__ = ["claims", "dwell_pair", "expected_gains", "guarantees"]
 
 PAPER = "Degue, Efimov, Richard, NOLCOS 2016"
 THEOREMS = {

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
 
-from obsdesign.document import Claim
+from obsdesign.document import Claim, Guarantee
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.dwell import Dwell
 from obsdesign.verification.interval.sampled import in_every_period, no_spacing, sampled_sentences
@@ -21,7 +20,7 @@ _ENCLOSURE = (
 )
 
 
-def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[dict[str, Any], ...]:
+def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Guarantee, ...]:
     """The sentences a user may rely on, and those that were required and not proved."""
     plant = problem.plant
     verdicts = {claim.id: claim.verdict for claim in claims}
@@ -42,10 +41,15 @@ def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[dict[str, A
     decaying = _present(verdicts, ("hurwitz",))
     for text, ids in [*width_sentence(claims, measured), *sampled]:
         sentences.append((text, [*enclosing, *decaying, *ids]))
-    entries = [_entry(verdicts, text, ids) for text, ids in sentences]
+    entries = [Guarantee.from_verdicts(text, ids, verdicts) for text, ids in sentences]
     if not (at_jumps or is_periodic or sampled):
-        entries.append({"statement": no_spacing(), "given": False, "claims": []})
-    return (*entries, _entry(verdicts, ROUNDED_WIDTHS, enclosing))
+        entries.append(Guarantee.not_proved(no_spacing()))
+    return (*entries, Guarantee.from_verdicts(ROUNDED_WIDTHS, enclosing, verdicts))
+
+
+def warnings(problem: Problem, claims: tuple[Claim, ...]) -> tuple[str, ...]:
+    """No warnings: this kind has none."""
+    return ()
 
 
 def _bounded_width(problem: Problem, claims: tuple[Claim, ...], measured: str) -> str:
@@ -70,8 +74,3 @@ def _dwell_range(problem: Problem, claims: tuple[Claim, ...]) -> Dwell:
 
 def _present(verdicts: Mapping[str, str], names: tuple[str, ...]) -> list[str]:
     return [name for name in names if name in verdicts]
-
-
-def _entry(verdicts: Mapping[str, str], text: str, ids: list[str]) -> dict[str, Any]:
-    given = all(verdicts[name] == "proved" for name in ids)
-    return {"statement": text, "given": given, "claims": ids}

@@ -28,7 +28,7 @@ from obsdesign.verification.dwell import (
     source_of,
 )
 from obsdesign.verification.luenberger.schedule import reason_against_borders, scheduled_stability
-from obsdesign.verification.rates import rates_claim, rates_sentence
+from obsdesign.verification.rates import rates_claim
 
 PAPER = "Briat, Automatica 49 (2013), Theorem 3"
 
@@ -168,34 +168,3 @@ def _decay(
         verdict.outcome,
         verdict.evidence,
     )
-
-
-def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[dict[str, Any], ...]:
-    """The sentences a user may rely on, and those of the problem that are not proved."""
-    plant = problem.plant
-    verdicts = {claim.id: claim.verdict for claim in claims}
-    needed = [name for name in verdicts if name not in ("decay_rate", "rates")]
-    ends = "" if plant.jump is None else str(Dwell.from_problem(problem))
-    when = f" for every sequence of dwell times in {ends}" if ends else ""
-    at_jumps = plant.output.measured == "at_jumps"
-    measured = "With y measured at every jump" if at_jumps else "With y measured continuously"
-    without = ["disturbance", "noise"]
-    without += ["unknown input d"] if plant.flow.D is not None else []
-    without += ["unknown impulses"] if plant.jump is not None and plant.jump.H is not None else []
-    free = f"{', '.join(without[:-1])} and {without[-1]}"
-    sentences = [
-        (f"{measured} and without {free}, the estimation error tends to zero{when}.", needed),
-        (f"{measured}, bounded {free} leave the estimation error bounded{when}.", needed),
-    ]
-    if "decay_rate" in verdicts:
-        rate = float(problem.options["decay_rate"])
-        sentences.append((f"The error decays like e^(-{rate!r} t){when}.", [*needed, "decay_rate"]))
-    sentences += [(f"{measured}: {text}", ids) for text, ids in rates_sentence(claims, "the error")]
-    result = [
-        {"statement": text, "given": all(verdicts[i] == "proved" for i in ids), "claims": ids}
-        for text, ids in sentences
-    ]
-    if not at_jumps:
-        sampled = "Convergence for samples at a given spacing is not claimed."
-        result.append({"statement": sampled, "given": False, "claims": []})
-    return tuple(result)

@@ -30,10 +30,7 @@ from obsdesign.equations.unknown_input.gains import (
 from obsdesign.equations.unknown_input.options import differentiation, reason_against_plant
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.consistency import consistency
-from obsdesign.verification.unknown_input.guarantees import guarantees
 from obsdesign.verification.unknown_input.lasting_error import lasting_error
-
-__all__ = ["claims", "guarantees"]
 
 PAPER = "Ahn (2002)"
 EXISTENCE = "Hautus (1983), strong* detectability"

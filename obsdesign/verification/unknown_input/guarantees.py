@@ -4,44 +4,82 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any
 
 from obsdesign.analysis.invariant_zeros import NearZero
-from obsdesign.document import Claim
+from obsdesign.document import Claim, Guarantee
 from obsdesign.equations.unknown_input.formulas import STEP_LIMIT
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.unknown_input.lasting_error import SteadyBounds
 
-Sentence = dict[str, Any]
 
-
-def guarantees(problem: Problem, listed: tuple[Claim, ...]) -> tuple[Sentence, ...]:
-    """Guarantees of a design: {"statement", "given", "claims"} each."""
+def guarantees(problem: Problem, listed: tuple[Claim, ...]) -> tuple[Guarantee, ...]:
+    """The sentences a user may rely on."""
     claims = {claim.id: claim for claim in listed}
+    verdicts = {claim.id: claim.verdict for claim in listed}
     needed = ["rank", "zeros", "observer_equations", "hurwitz", "rounding"]
-    given = all(claims[name].verdict == "proved" for name in needed if name in claims)
-    given = given and set(needed) <= set(claims)
     result = [
-        {
-            "statement": "Without noise, disturbance and jumps the estimate of the state tends to "
+        Guarantee.from_verdicts(
+            "Without noise, disturbance and jumps the estimate of the state tends to "
             "x, and that of the unknown input to its mean over each sampling interval, up to the "
             "curvature of y within an interval (the trapezoid rule stands in for it)"
             f"{_rounding(claims)}.",
-            "given": given,
-            "claims": needed,
-        },
-        {
-            "statement": "Bounded noise and disturbance leave both errors bounded, for any "
+            needed,
+            verdicts,
+        ),
+        Guarantee.from_verdicts(
+            "Bounded noise and disturbance leave both errors bounded, for any "
             "sequence of sampling intervals between two positive bounds.",
-            "given": given,
-            "claims": needed,
-        },
+            needed,
+            verdicts,
+        ),
     ]
-    if "zeros" in claims:
-        result += _about_zeros(claims["zeros"])
-    if "hurwitz" in claims:
-        result += _about_steps(problem, claims["hurwitz"])
+    if zeros := claims["zeros"].evidence.get("zeros") if "zeros" in claims else None:
+        text = ", ".join(f"{re:.6g}" + (f" +- {im:.6g}i" if im else "") for re, im in zeros)
+        sentence = (
+            f"The poles include the invariant zeros {text}, which no gain moves; errors along "
+            "them decay at their own rate."
+        )
+        result.append(Guarantee.from_verdicts(sentence, ["zeros"], verdicts))
+    product = _step_product(problem, claims)
+    if product is not None and product <= STEP_LIMIT:
+        sentence = (
+            f"The steps do not ring: {_step_words(problem, product)} is at most {STEP_LIMIT:g}."
+        )
+        result.append(Guarantee.from_verdicts(sentence, ["hurwitz"], verdicts))
     return tuple(result)
+
+
+def warnings(problem: Problem, listed: tuple[Claim, ...]) -> tuple[str, ...]:
+    """Sentences on zeros that rounding of the plant may destabilise, and on ringing steps."""
+    claims = {claim.id: claim for claim in listed}
+    sentences = []
+    if "zeros" in claims and (near := NearZero.from_evidence(claims["zeros"].evidence)):
+        sentences.append(
+            f"Rounding the plant may destroy stability: s = {near} is within {near.margin:.1g} of "
+            "being an invariant zero that does not decay."
+        )
+    product = _step_product(problem, claims)
+    if product is not None and product > STEP_LIMIT:
+        sentences.append(
+            f"The steps ring: {_step_words(problem, product)} exceeds {STEP_LIMIT:g}, so that "
+            "errors alternate from row to row. Is the period in the time unit of flow.A? Else "
+            "choose slower poles."
+        )
+    return tuple(sentences)
+
+
+def _step_product(problem: Problem, claims: Mapping[str, Claim]) -> float | None:
+    """h |f| for the period h and the fastest pole f, at most 2 without ringing; None if unknown."""
+    h = problem.plant.output.period
+    if "hurwitz" not in claims or h is None:
+        return None
+    fastest = float(claims["hurwitz"].evidence.get("approx_fastest", 0.0))
+    return h * fastest if math.isfinite(fastest) else None
+
+
+def _step_words(problem: Problem, product: float) -> str:
+    h = problem.plant.output.period
+    return f"h |f| = {product:.3g} for the period h = {h:g} and the fastest pole f"
 
 
 def _rounding(claims: Mapping[str, Claim]) -> str:
@@ -63,49 +101,3 @@ def _up(value: float) -> str:
     power = math.floor(math.log10(value))
     digit = math.ceil(value / 10.0**power)
     return f"{digit}e{power}" if digit < 10 else f"1e{power + 1}"
-
-
-def _about_zeros(claim: Claim) -> list[Sentence]:
-    sentences, evidence = [], claim.evidence
-    if zeros := evidence.get("zeros"):
-        text = ", ".join(f"{re:.6g}" + (f" +- {im:.6g}i" if im else "") for re, im in zeros)
-        sentences.append(
-            _given_by(
-                claim,
-                f"The poles include the invariant zeros {text}, which no gain moves; errors along "
-                "them decay at their own rate.",
-            )
-        )
-    if near := NearZero.from_evidence(evidence):
-        sentences.append(
-            _not_given(
-                f"It survives rounding of the plant: s = {near} is within {near.margin:.1g} of "
-                "being an invariant zero that does not decay."
-            )
-        )
-    return sentences
-
-
-def _about_steps(problem: Problem, claim: Claim) -> list[Sentence]:
-    """h |f| <= 2 for every pole f: no ringing."""
-    fastest, h = float(claim.evidence.get("approx_fastest", 0.0)), problem.plant.output.period
-    if h is None or not math.isfinite(fastest):
-        return []
-    product = h * fastest
-    text = f"h |f| = {product:.3g} for the period h = {h:g} and the fastest pole f"
-    if product <= STEP_LIMIT:
-        return [_given_by(claim, f"The steps do not ring: {text} is at most {STEP_LIMIT:g}.")]
-    return [
-        _not_given(
-            f"The steps do not ring: {text} exceeds {STEP_LIMIT:g}, so that errors alternate from "
-            "row to row. Is the period in the time unit of flow.A? Else choose slower poles."
-        )
-    ]
-
-
-def _given_by(claim: Claim, statement: str) -> Sentence:
-    return {"statement": statement, "given": claim.verdict == "proved", "claims": [claim.id]}
-
-
-def _not_given(statement: str) -> Sentence:
-    return {"statement": statement, "given": False, "claims": []}

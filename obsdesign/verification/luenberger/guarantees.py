@@ -1,0 +1,41 @@
+"""Guarantees of point observers with jumps, in sentences."""
+
+from __future__ import annotations
+
+from obsdesign.document import Claim, Guarantee
+from obsdesign.problem.problem import Problem
+from obsdesign.verification.dwell import Dwell
+from obsdesign.verification.rates import rates_sentence
+
+
+def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Guarantee, ...]:
+    """The sentences a user may rely on, and those of the problem that are not proved."""
+    plant = problem.plant
+    verdicts = {claim.id: claim.verdict for claim in claims}
+    needed = [name for name in verdicts if name not in ("decay_rate", "rates")]
+    ends = "" if plant.jump is None else str(Dwell.from_problem(problem))
+    when = f" for every sequence of dwell times in {ends}" if ends else ""
+    at_jumps = plant.output.measured == "at_jumps"
+    measured = "With y measured at every jump" if at_jumps else "With y measured continuously"
+    without = ["disturbance", "noise"]
+    without += ["unknown input d"] if plant.flow.D is not None else []
+    without += ["unknown impulses"] if plant.jump is not None and plant.jump.H is not None else []
+    free = f"{', '.join(without[:-1])} and {without[-1]}"
+    sentences = [
+        (f"{measured} and without {free}, the estimation error tends to zero{when}.", needed),
+        (f"{measured}, bounded {free} leave the estimation error bounded{when}.", needed),
+    ]
+    if "decay_rate" in verdicts:
+        rate = float(problem.options["decay_rate"])
+        sentences.append((f"The error decays like e^(-{rate!r} t){when}.", [*needed, "decay_rate"]))
+    sentences += [(f"{measured}: {text}", ids) for text, ids in rates_sentence(claims, "the error")]
+    result = [Guarantee.from_verdicts(text, ids, verdicts) for text, ids in sentences]
+    if not at_jumps:
+        sampled = "Convergence for samples at a given spacing is not claimed."
+        result.append(Guarantee.not_proved(sampled))
+    return tuple(result)
+
+
+def warnings(problem: Problem, claims: tuple[Claim, ...]) -> tuple[str, ...]:
+    """No warnings: this kind has none."""
+    return ()
