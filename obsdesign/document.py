@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from obsdesign.entries import is_number, shown
+from obsdesign.entries import LARGEST, is_number, shown
 from obsdesign.errors import InputError
 from obsdesign.input_files import keys_once, read_text, require_depth
 from obsdesign.output_files import write_text
@@ -328,4 +328,8 @@ def _numbers(value: Any, entry: str) -> Any:
         return math.inf
     if not is_number(value):
         raise InputError(f"{entry} must hold numbers; got {shown(value)}.")
+    if abs(value) > LARGEST:
+        raise InputError(
+            f"{entry} must hold numbers of magnitude at most {LARGEST:g}; got {shown(value)}."
+        )
     return value

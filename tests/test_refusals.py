@@ -22,11 +22,12 @@ from lmi.arithmetic.norms import well_ranked
 from lmi.rank.stack import Stack, state_basis
 from obsdesign import workflow
 from obsdesign.cli import commands as cli
-from obsdesign.document import digest, load_design
+from obsdesign.document import digest, from_dict, load_design
 from obsdesign.equations.unknown_input.smoothing import smoothed
 from obsdesign.errors import InputError
 from obsdesign.input_files import MOST_BYTES
 from obsdesign.problem.plant import Flow, Output, Plant
+from obsdesign.runtime import from_design
 from obsdesign.runtime.base import Sample
 from obsdesign.runtime.step_cache import shared_length
 from obsdesign.studies.comparison.kalman import kalman_filter
@@ -380,3 +381,29 @@ def test_time_stamps_must_resolve_the_window() -> None:
     with pytest.raises(InputError, match="t must resolve the window of 1"):
         observer.step(state, Sample(1e16, [1.0]))
     assert len(observer.run_batch([0.0, 1e9], [[1.0], [1.0]]).t) == 2
+
+
+@pytest.mark.parametrize("value", [1e151, -1.7e308])
+def test_gains_beyond_the_range_are_refused(value: float) -> None:
+    body = json.loads(design_text("luenberger"))
+    body["gains"]["L"][0][0] = value
+    body["digest"] = digest(body)
+    with pytest.raises(
+        InputError, match=r"gains\.L must hold numbers of magnitude at most 1e\+150"
+    ):
+        from_dict(body)
+    body["gains"]["L"][0][0] = 1e149  # within the range, and not the gain that was proved
+    body["digest"] = digest(body)
+    assert obsdesign.verify(from_dict(body)).verdict == "refuted"
+
+
+def test_gains_that_do_not_fit_each_other_are_refuted() -> None:
+    """Shapes and words are those of the problem, and yet no observer can be made of them."""
+    body = json.loads(design_text("impulsive_input"))
+    body["gains"]["exponents"][-1] = 1e3 / body["gains"]["window"]
+    body["digest"] = digest(body)
+    design = from_dict(body)
+    claim = obsdesign.verify(design).claims[0]
+    assert (claim.id, claim.verdict) == ("consistent", "refuted")
+    with pytest.raises(InputError, match=r"gains\.exponents times gains\.window must be below 300"):
+        from_design(design)

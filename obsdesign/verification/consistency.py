@@ -2,26 +2,46 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Callable, Mapping
+from typing import Any, TypeVar
 
 import numpy as np
 
 from lmi.verdict import Verdict, proved, refuted
 from obsdesign.document import Claim, jsonable, same
 
+GainsType = TypeVar("GainsType")
 
-def consistency(
-    objection: str | None, gains: Mapping[str, Any], expected: Mapping[str, Any]
-) -> Claim:
-    """Claim that `gains` holds exactly the expected entries, for a problem the kind can serve.
 
-    objection: why it cannot, if so; expected: by name, the value itself, a tuple (required shape)
-    or a set (allowed words).
+def consistent_gains(
+    objection: str | None,
+    stored: Mapping[str, Any],
+    expected: Mapping[str, Any],
+    read: Callable[[Mapping[str, Any]], GainsType],
+) -> tuple[Claim, GainsType | None]:
+    """Claim that `stored` holds exactly the expected gains; the typed gains where it is proved.
+
+    objection: why the kind cannot serve the problem, if so; expected: by name, the value itself, a
+    tuple (required shape) or a set (allowed words); read: makes typed gains, ValueError if they do
+    not fit each other.
     """
-    verdict = _compare(gains, expected)
+    verdict, gains = _compare(stored, expected), None
     if objection is not None:
         verdict = refuted({"entry": "problem", "reason": objection})
+    elif verdict.outcome == "proved":
+        try:
+            gains = read(stored)
+        except ValueError as error:
+            verdict = refuted({"entry": "gains", "reason": str(error)})
+    return _claim(verdict), gains
+
+
+def inconsistent(objection: str) -> Claim:
+    """The claim where the kind cannot serve the problem, or the gains are none."""
+    return _claim(refuted({"entry": "problem", "reason": objection}))
+
+
+def _claim(verdict: Verdict) -> Claim:
     return Claim(
         "consistent",
         "the stored gains are those of the stored problem",

@@ -17,6 +17,9 @@ from obsdesign.equations.impulsive_input.requirements import (
     is_whole_multiple,
 )
 
+# of e^x in binary64, with room for products of a few such numbers
+MAX_GROWTH_EXPONENT = 300.0
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ImpulsiveInputGains(PlantGains):
@@ -96,6 +99,11 @@ class IntegralGains(ImpulsiveInputGains):
         super().__post_init__()
         if not are_exponents(self.exponents):
             raise ValueError("gains.exponents must be distinct, finite numbers, one or more.")
+        if not self.exponents.max() * self.window < MAX_GROWTH_EXPONENT:
+            raise ValueError(
+                f"gains.exponents times gains.window must be below {MAX_GROWTH_EXPONENT:g}: floats "
+                f"cannot hold what grows further; got {self.exponents.max() * self.window:g}."
+            )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

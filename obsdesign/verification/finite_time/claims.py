@@ -29,7 +29,7 @@ from obsdesign.equations.finite_time.rows import START
 from obsdesign.equations.gains import Array
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.choices import mark_witness, open_choices
-from obsdesign.verification.consistency import consistency
+from obsdesign.verification.consistency import consistent_gains
 from obsdesign.verification.finite_time.gains import (
     error_radius_claim,
     invertible,
@@ -66,10 +66,12 @@ def claims(
     stored: gains as a design file states them; certificates: coordinates S for the norms of
     Theorem 1, if any; paranoid proves with twice the precision.
     """
-    agreement = consistency(_reason_against(problem), stored, expected_gains(problem, stored))
-    if agreement.verdict != "proved":
+    agreement, gains = consistent_gains(
+        _reason_against(problem), stored, expected_gains(problem, stored),
+        FiniteTimeGains.from_document,
+    )  # fmt: skip
+    if gains is None:
         return (agreement,)
-    gains = FiniteTimeGains.from_document(stored)
     S = _coordinates(certificates, problem.plant.n)
     hypotheses: list[Claim] = []
     for bits in _BITS[1:] if paranoid else _BITS:

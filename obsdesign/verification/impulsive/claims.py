@@ -23,7 +23,7 @@ from obsdesign.equations.impulsive.formulas import Core, reason_against_plant
 from obsdesign.equations.impulsive.gains import STRATEGIES, ImpulsiveGains
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.choices import mark_witness
-from obsdesign.verification.consistency import consistency
+from obsdesign.verification.consistency import consistent_gains
 from obsdesign.verification.dwell import Dwell
 from obsdesign.verification.impulsive.blocks import (
     Blocks,
@@ -71,10 +71,10 @@ def claims(
     {"witness"}} and those of the strategies.
     """
     objection = reason_against_plant(problem.plant) or _reason_against_gains(stored)
-    agreement = consistency(objection, stored, {} if objection else expected_gains(problem, stored))
-    if agreement.verdict != "proved":
+    expected = {} if objection else expected_gains(problem, stored)
+    agreement, gains = consistent_gains(objection, stored, expected, ImpulsiveGains.from_document)
+    if gains is None:
         return (agreement,)
-    gains = ImpulsiveGains.from_document(stored)
     high = problem.require_dwell_time()[1]
     bounded = bounded_spacing(high)
     if bounded.verdict != "proved":

@@ -26,7 +26,7 @@ from obsdesign.equations.impulsive_input.gains import (
     gains_from_document,
 )
 from obsdesign.problem.problem import Problem
-from obsdesign.verification.consistency import consistency
+from obsdesign.verification.consistency import consistent_gains
 from obsdesign.verification.impulsive_input import window as window_claims
 from obsdesign.verification.impulsive_input.choices import mark_inevitable
 from obsdesign.verification.impulsive_input.rank import full_rank
@@ -47,10 +47,11 @@ def claims(
 
     stored: gains as a design file states them.
     """
-    agreement = consistency(_reason_against(problem, stored), stored, _expected(problem, stored))
-    if agreement.verdict != "proved":
+    agreement, gains = consistent_gains(
+        _reason_against(problem, stored), stored, _expected(problem, stored), gains_from_document
+    )
+    if gains is None:
         return (agreement,)
-    gains = gains_from_document(stored)
     low, _ = problem.require_dwell_time()
     A, C = exact(gains.A), exact(gains.C)
     claims = [agreement, window_claims.observable(A, C), window_claims.dwell(gains.window, low)]

@@ -24,7 +24,7 @@ from obsdesign.equations.interval import splits as equations
 from obsdesign.equations.interval.gains import IntervalGains
 from obsdesign.equations.interval.width import Coordinates, WidthSystem, error_matrices
 from obsdesign.problem.problem import Problem
-from obsdesign.verification.consistency import consistency
+from obsdesign.verification.consistency import consistent_gains
 from obsdesign.verification.dwell import (
     Dwell,
     dwell_stability,
@@ -71,10 +71,12 @@ def claims(
     stored: gains as a design file states them. certificates: {"dwell_stability": {"P": n x n}}
     where one was found; they are checked, never believed.
     """
-    agreement = consistency(_reason_against(problem), stored, expected_gains(problem, stored))
-    if agreement.verdict != "proved":
+    agreement, gains = consistent_gains(
+        _reason_against(problem), stored, expected_gains(problem, stored),
+        IntervalGains.from_document,
+    )  # fmt: skip
+    if gains is None:
         return (agreement,)
-    gains = IntervalGains.from_document(stored)
     agreement = _invertible(gains, _within_limit(problem, gains, agreement))
     if agreement.verdict != "proved":
         return (agreement,)

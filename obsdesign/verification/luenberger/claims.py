@@ -20,7 +20,7 @@ from obsdesign.equations.estimation_error import flow_error_matrix, idle_gains, 
 from obsdesign.equations.gains import plant_data
 from obsdesign.equations.luenberger.gains import LuenbergerGains
 from obsdesign.problem.problem import Problem
-from obsdesign.verification.consistency import consistency
+from obsdesign.verification.consistency import consistent_gains
 from obsdesign.verification.dwell import (
     Dwell,
     dwell_stability,
@@ -45,10 +45,11 @@ def claims(
     stored: gains as a design file states them; certificates: {"dwell_stability": {"P": n x n},
     "decay_rate": {"P": n x n}} or windows in place of P; all are checked.
     """
-    agreement = consistency(_objection(problem, stored), stored, _expected(problem))
-    if agreement.verdict != "proved":
+    agreement, gains = consistent_gains(
+        _objection(problem, stored), stored, _expected(problem), LuenbergerGains.from_document
+    )
+    if gains is None:
         return (agreement,)
-    gains = LuenbergerGains.from_document(stored)
     F = flow_error_matrix(exact(gains.A), exact(gains.L), exact(gains.C))
     rate = float(problem.options.get("decay_rate", 0.0))
     shifted = F + exact(rate * np.eye(problem.plant.n))

@@ -29,7 +29,7 @@ from obsdesign.equations.unknown_input.gains import (
 )
 from obsdesign.equations.unknown_input.options import differentiation, reason_against_plant
 from obsdesign.problem.problem import Problem
-from obsdesign.verification.consistency import consistency
+from obsdesign.verification.consistency import consistent_gains, inconsistent
 from obsdesign.verification.unknown_input.lasting_error import lasting_error
 
 PAPER = "Ahn (2002)"
@@ -57,17 +57,18 @@ def claims(
     if text is None and problem.plant.flow.D is None:
         text = "flow.D is required by kind 'unknown_input'; it is missing."
     if text is not None:
-        return (consistency(text, stored, {}),)
+        return (inconsistent(text),)
     existence = _existence(problem)
     if any(claim.verdict != "proved" for claim in existence):
         return existence  # no gains to speak of
     beyond = None if stored else "the gains are beyond binary64; choose other units for y, d or x"
-    agreement = consistency(beyond, stored, _expected(problem, stored))
-    if agreement.verdict != "proved":
+    agreement, gains = consistent_gains(
+        beyond, stored, _expected(problem, stored), UnknownInputGains.from_document
+    )
+    if gains is None:
         return (agreement, *existence)
-    gains = UnknownInputGains.from_document(stored)
     if text := _reason_against_first_state(gains):
-        agreement = consistency(text, stored, _expected(problem, stored))
+        agreement = inconsistent(text)
     plant, matrices, pace = _in_balancing_units(problem, gains)
     stable = _stable(exact(gains.F), NearZero.from_evidence(existence[-1].evidence))
     lasting = lasting_error(plant, matrices, pace, stable.verdict == "proved")
