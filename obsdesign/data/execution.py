@@ -115,12 +115,12 @@ def _write(
 
 
 def _unproved(path: str, design: Design) -> list[str]:
-    """A remark if a claim of the design is not proved: what rests on it may not hold."""
+    """A remark if a claim of the design is not proved."""
     claims = [claim.id for claim in design.claims if claim.verdict != "proved"]
     if not claims:
         return []
     names = ", ".join(claims)
-    return [f"{path}: {names} not proved: rows with status ok may be wrong."]
+    return [f"{path}: {names} not proved: what rests on them is not guaranteed."]
 
 
 def _void(name: str, counts: Counter[str]) -> list[str]:

@@ -387,3 +387,15 @@ def test_a_solver_that_gives_up_is_reported(monkeypatch: pytest.MonkeyPatch) -> 
     monkeypatch.undo()
     twin = obsdesign.investigate(sampled_problem(method="minimax", **options))
     assert "remarks" not in twin.result
+
+
+@pytest.mark.parametrize("method", ["exact", "approximate"])
+@pytest.mark.parametrize("unit", [1.0, 5e4])
+def test_injections_that_floats_cannot_follow_are_passed_over(method: str, unit: float) -> None:
+    """A guess of L may be so fast that nothing is left of it over a window."""
+    problem = obsdesign.Problem(
+        flow={"A": [[-0.2 / unit]]},
+        output={"C": [[9.6e-9]], "measured": "periodic", "period": unit},
+        observer={"kind": "finite_time", "method": method, "window": 2 * unit},
+    )
+    assert obsdesign.investigate(problem).verdict in ("proved", "undecided")
