@@ -39,6 +39,16 @@ def test_links_lead_somewhere(page: Path) -> None:
         assert (page.parent / target).exists(), target
 
 
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
+def test_files_that_a_page_names_exist(page: Path) -> None:
+    if page.name == "CHANGELOG.md":
+        return
+    named = re.findall(r"`([\w./]+/\w+\.(?:py|json|toml|html))`", page.read_text("utf-8"))
+    layers = [ROOT, ROOT / "obsdesign", ROOT / "lmi"] if page.name == "ARCHITECTURE.md" else [ROOT]
+    for name in named:
+        assert any((layer / name).exists() for layer in layers), name
+
+
 def test_every_folder_is_on_the_map() -> None:
     page = (ROOT / "ARCHITECTURE.md").read_text("utf-8")
     assert len(page.splitlines()) <= 120
