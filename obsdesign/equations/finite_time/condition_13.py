@@ -120,7 +120,7 @@ def approx_log_longest_period(
     if not np.isfinite(whole).all():
         return -math.inf
     values_F, values_M = np.linalg.svd(np.array([whole[:n, :n], whole[:n, n:]]), compute_uv=False)
-    if values_M[-1] <= 1e-300:
+    if values_M[-1] <= 1e-300 or values_F[0] == 0.0:  # e^{-F T} underflows: no float follows
         return -math.inf
     log_a = math.log(values_F[0])
     log_ma = log_a - math.log(values_M[-1]) - math.log(size_LC)

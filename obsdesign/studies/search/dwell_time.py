@@ -36,29 +36,55 @@ from obsdesign.studies.search.result import SearchResult
 from obsdesign.verification.answers import as_answers, is_ended
 
 # claims about the range itself; all others must hold before one is searched for
-_RANGE_CLAIMS = ("dwell_stability", "decay_rate", "hurwitz", "rates")
+_RANGE_CLAIMS = ("attainable", "dwell_stability", "decay_rate", "hurwitz", "rates")
 
 
 @dataclass(frozen=True)
 class _Attempt:
-    """One candidate with its bracket; None where its gains are refused for every range."""
+    """A candidate, claims about it on the file's range, and its bracket where one was sought.
 
-    label: str
-    bracket: Bracket | None
+    claims: as answers to the problem. is_usable: do the hypotheses that every range needs hold?
+    """
+
+    candidate: Any
     claims: tuple[Claim, ...]
     gains: Mapping[str, Any]
-    searched: bool = False
+    is_usable: bool
+    bracket: Bracket | None = None
+
+    @property
+    def proves_range(self) -> bool:
+        """Is there a certificate for the range of the file?"""
+        certificate = self.candidate.certificates.get("dwell_stability", {})
+        return self.is_usable and bool({"P", "windows"} & set(certificate))
 
     @property
     def is_open(self) -> bool:
         """May some range hold? Not where the gains are refuted for every range."""
-        return self.bracket is not None or overall(c.verdict for c in self.claims) != "refuted"
+        return self.is_usable or overall(c.verdict for c in self.claims) != "refuted"
 
     def reach(self, shortest: bool) -> float:
         """Extent of the proved range; larger is better."""
         if self.bracket is None or self.bracket.proved is None:
             return -math.inf
         return -self.bracket.proved if shortest else self.bracket.proved
+
+    def refutes(self, problem: Problem, end: float, shortest: bool) -> bool:
+        """Is every choice of this form refuted on the range from `end`, or up to it?"""
+        bracket = self.bracket
+        if not self.candidate.searched and bracket is not None and bracket.verdict == "refuted":
+            nearest = bracket.not_proved
+            if nearest is not None and (end <= nearest if shortest else end >= nearest):
+                return True
+        low, high = problem.require_dwell_time()
+        ends = (end, high) if shortest else (low, end)
+        if math.isinf(ends[0]):  # of an endless range nothing is left: the file's own is no better
+            ends = low, high
+        gains = {**self.gains, "dwell_time": list(ends)}
+        verification = workflow.layer("verification", problem.require_kind())
+        claims = verification.claims(problem.with_dwell_time(*ends), gains, {})
+        claims = as_answers(self.candidate, claims)
+        return overall(claim.verdict for claim in claims) == "refuted"
 
 
 def search(
@@ -103,16 +129,14 @@ def _searched(problem: Problem, what: str, accuracy: float) -> workflow.Outcome:
     if what in PERIOD_SEARCHES:
         return period_search.search_period(problem, what)
     kind, shortest = problem.require_kind(), what == "shortest_dwell"
-    tried: list[_Attempt] = []
     with collect_remarks() as remarks:
-        for candidate in _candidates(problem):
-            tried.append(_bracket(problem, candidate, shortest, accuracy, remarks))
-            if candidate.searched and tried[-1].bracket is not None:
-                break
+        tried = _with_brackets(problem, _attempts(problem, remarks), shortest, accuracy)
     # a refuted form does not refute the problem while another one is open
     best = max(tried, key=lambda attempt: (attempt.reach(shortest), attempt.is_open))
+    end = None if best.bracket is None else best.bracket.not_proved
+    of_problem = end is None or all(one.refutes(problem, end, shortest) for one in tried)
     gains_ended = next((entry.evidence for entry in reversed(remarks) if entry.evidence), {})
-    return _outcome(problem, kind, best, shortest, accuracy, gains_ended)
+    return _outcome(problem, kind, best, shortest, accuracy, of_problem, gains_ended)
 
 
 def require_accuracy(accuracy: float) -> None:
@@ -143,37 +167,56 @@ def require_search(problem: Problem, what: str, accuracy: float = ACCURACY) -> N
         )
 
 
-def _candidates(problem: Problem) -> list[Any]:
-    """Candidates of synthesis; of gains that were searched for, the proved one."""
+def _attempts(problem: Problem, remarks: Sequence[Remark]) -> list[_Attempt]:
+    """Candidates of synthesis, until one is proved for the range of the file."""
     synthesis = workflow.layer("synthesis", problem.require_kind())
-    candidates, proved = [], []
+    attempts = list[_Attempt]()
     for candidate in synthesis.synthesize(problem):
-        candidates.append(candidate)
-        if {"P", "windows"} & set(candidate.certificates.get("dwell_stability", {})):
-            proved.append(candidate)
-        if proved and not candidate.goes_on:
+        attempts.append(_attempt(problem, candidate, remarks))
+        if not candidate.goes_on and any(one.proves_range for one in attempts):
             break
-    return proved[:1] if proved and candidates[0].searched else candidates
+    return attempts
 
 
-def _bracket(
-    problem: Problem, candidate: Any, shortest: bool, accuracy: float, remarks: Sequence[Remark]
-) -> _Attempt:
-    verification = workflow.layer("verification", problem.require_kind())
+def _attempt(problem: Problem, candidate: Any, remarks: Sequence[Remark]) -> _Attempt:
     gains = candidate.document()
-    claims = verification.claims(problem, gains, {})
-    claims = as_answers(candidate, claims, remarks)
-    if any(c.verdict != "proved" for c in claims if c.id not in _RANGE_CLAIMS):
-        return _Attempt(candidate.label, None, claims, gains)
+    claims = workflow.layer("verification", problem.require_kind()).claims(problem, gains, {})
+    is_usable = all(c.verdict == "proved" for c in claims if c.id not in _RANGE_CLAIMS)
+    return _Attempt(candidate, as_answers(candidate, claims, remarks), gains, is_usable)
+
+
+def _with_brackets(
+    problem: Problem, attempts: list[_Attempt], shortest: bool, accuracy: float
+) -> list[_Attempt]:
+    """The attempts, with the bracket of each that may hold the answer.
+
+    Of gains that were searched for, the first that are proved for the file's range, or else for
+    any.
+    """
+    chosen = next((i for i, one in enumerate(attempts) if one.proves_range), None)
+    if chosen is not None and any(one.candidate.searched for one in attempts[: chosen + 1]):
+        order = [chosen]
+    else:
+        order = [i for i, one in enumerate(attempts) if one.is_usable]
+    found = list(attempts)
+    for i in order:
+        bracket = _bracket(problem, attempts[i], shortest, accuracy)
+        found[i] = replace(attempts[i], bracket=bracket)
+        if attempts[i].candidate.searched and bracket.proved is not None:
+            break
+    return found
+
+
+def _bracket(problem: Problem, attempt: _Attempt, shortest: bool, accuracy: float) -> Bracket:
     low, high = problem.require_dwell_time()
-    F, H = verification.dwell_pair(gains)
+    F, H = workflow.layer("verification", problem.require_kind()).dwell_pair(attempt.gains)
     # a required decay rate has to hold over the whole range
     options = problem.options
     rate = (options.decay_rate or 0.0) if isinstance(options, LuenbergerOptions) else 0.0
     F = F + exact(rate * np.eye(problem.plant.n))
     jump = problem.plant.jump
     find, kept = (shortest_dwell, high) if shortest else (longest_dwell, low)
-    bracket = find(
+    return find(
         F,
         H,
         kept,
@@ -181,7 +224,6 @@ def _bracket(
         memory=memory_of(options),
         jitter=math.inf if jump is None else jump.dwell_jitter,
     )
-    return _Attempt(candidate.label, bracket, claims, gains, candidate.searched)
 
 
 def _outcome(
@@ -190,6 +232,7 @@ def _outcome(
     best: _Attempt,
     shortest: bool,
     accuracy: float,
+    of_problem: bool,
     gains_ended: Mapping[str, Any],
 ) -> workflow.Outcome:
     bracket = best.bracket
@@ -197,12 +240,13 @@ def _outcome(
         verdict = overall(claim.verdict for claim in best.claims)
         end = next((ended_part(claim.evidence) for claim in best.claims if is_ended(claim)), {})
         ended: Mapping[str, Any] = end if verdict == "undecided" else {}
-        result = SearchResult(form=best.label, ended=ended)
+        result = SearchResult(form=best.candidate.label, ended=ended)
         return workflow.Outcome(verdict, kind, best.claims, result.to_dict(), None)
-    result = _result(problem, best, bracket, shortest, accuracy)
+    result = _result(problem, best, bracket, shortest, accuracy, of_problem)
     if bracket.proved is None:
-        # other gains may prove a range where these do not; time may have ended before all was tried
-        is_open = best.searched or bracket.ended
+        # other choices may prove a range where these do not; time may have ended before all was
+        # tried
+        is_open = not of_problem or bracket.ended
         verdict = "undecided" if is_open else bracket.verdict or "undecided"
         ended = (bracket.ended or gains_ended) if verdict == "undecided" else {}
         body = replace(result, ended=ended).to_dict()
@@ -215,26 +259,41 @@ def _outcome(
     certificates = {"dwell_stability": bracket.certificate, "decay_rate": bracket.certificate}
     claims = verification.claims(narrowed, gains, certificates)
     proved = overall(c.verdict for c in claims) == "proved"
-    unit = high if math.isfinite(high) else 1.0 / float(np.abs(best.gains["A"]).max())
-    verdict = "proved" if proved and _is_tight(bracket, accuracy, unit) else "undecided"
+    is_tight = _is_tight(bracket, accuracy, _unit_of_time(problem))
+    verdict = "proved" if proved and is_tight else "undecided"
     result = replace(result, ended=bracket.ended if verdict == "undecided" else {})
     return workflow.Outcome(verdict, kind, claims, result.to_dict(), None)
 
 
+def _unit_of_time(problem: Problem) -> float:
+    """What dwell times next to zero are short against."""
+    low, high = problem.require_dwell_time()
+    rate = float(np.abs(problem.plant.flow.A).max())
+    if math.isfinite(high):
+        return high
+    return 1.0 / rate if rate > 0 else low or 1.0
+
+
 def _result(
-    problem: Problem, best: _Attempt, bracket: Bracket, shortest: bool, accuracy: float
+    problem: Problem,
+    best: _Attempt,
+    bracket: Bracket,
+    shortest: bool,
+    accuracy: float,
+    of_problem: bool,
 ) -> SearchResult:
     """The result of an attempt that has a bracket.
 
-    A witness against gains that were searched for does not concern other gains: the far end is
-    refuted for the gains of the file only.
+    of_problem: does a witness against these gains hold for all that the problem leaves open? Else
+    the far end is refuted for these gains only.
     """
     witness, reason, verdict = bracket.obstacle.get("witness"), _reason(bracket), bracket.verdict
     these_gains: Mapping[str, Any] = {}
-    if best.searched and verdict == "refuted":
+    if not of_problem and verdict == "refuted":
         these_gains = {"witness": witness}
         witness, verdict = None, "undecided"
-        reason = f"other gains may do; for these, {reason}"
+        others = "gains" if best.candidate.searched else "forms"
+        reason = f"other {others} may do; for these, {reason}"
     return SearchResult(
         proved=bracket.proved,
         not_proved=bracket.not_proved,
@@ -247,7 +306,7 @@ def _result(
         reason=reason,
         witness=witness,
         these_gains=these_gains,
-        form=best.label,
+        form=best.candidate.label,
         gains={name: best.gains[name] for name in ("L", "M")},
     )
 

@@ -387,3 +387,16 @@ def test_a_solver_that_gives_up_is_reported(monkeypatch: pytest.MonkeyPatch) -> 
     monkeypatch.undo()
     twin = obsdesign.investigate(sampled_problem(method="minimax", **options))
     assert "remarks" not in twin.result
+
+
+@pytest.mark.parametrize("method", ["exact", "approximate"])
+@pytest.mark.parametrize("unit", [1.0, 1e-3])
+def test_a_slow_plant_in_short_units_of_time_is_designed(method: str, unit: float) -> None:
+    """Gains for which e^(-(A + L C) T) underflows are passed over."""
+    body = {
+        "flow": {"A": [[-4.1e-06 / unit]]},
+        "output": {"C": [[9.6e-09]], "noise_bound": 0.0, "measured": "periodic",
+                   "period": 5e4 * unit},
+        "observer": {"kind": "finite_time", "method": method, "window": 1e5 * unit},
+    }  # fmt: skip
+    assert obsdesign.investigate(obsdesign.Problem.from_dict(body)).verdict == "proved"
