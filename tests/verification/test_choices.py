@@ -126,12 +126,13 @@ def resting(A: float, jump: Body | None, **observer: Any) -> Body:
 def test_a_plant_at_rest_leaves_room_for_gains(A: float, objective: str) -> None:
     """Gains are large against the rate of the jumps, where the flow does next to nothing."""
     for jump in ({"G": [[-1]], "dwell_time": [1, "inf"]}, {"G": [[2]], "dwell_time": [0, 3]},
-                 {"G": [[1]], "dwell_time": [1e-3, "inf"]}, None):  # fmt: skip
+                 {"G": [[1]], "dwell_time": [1e-3, "inf"]}):  # fmt: skip
         body = resting(A, jump, objective=objective)
         assert verdict(body) == "proved"
         # the twin: without gains the width stays
         unmoved = changed(body, observer__gains={"L": [[0]], "M": [[0]]})
         assert A < 0 or verdict(unmoved) == "refuted"
+    assert verdict(resting(0.0, None, objective=objective)) == "proved"
 
 
 def empty_image(**more: Any) -> Body:
