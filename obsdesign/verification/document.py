@@ -49,7 +49,8 @@ def document_claim(
 
     A claim that is undecided now and decided in the document makes it unconfirmed, not false; so do
     a statement in the words of an earlier release and bounds that another course of the proof
-    gave, with the sentences that rest on them.
+    gave, with the sentences that rest on them. A claim that the document leaves undecided says
+    nothing that could be false, whatever is decided now.
     The sentences are recomputed from the claims; there are none unless the claim is proved.
     """
     stored = {claim.id: claim for claim in design.claims}
@@ -60,7 +61,10 @@ def document_claim(
         and claim.id in stored
         and stored[claim.id].verdict != "undecided"
     ]
-    assumed = tuple(stored[claim.id] if claim.id in open_now else claim for claim in claims)
+    assumed = tuple(
+        stored[claim.id] if claim.id in open_now else _as_left_open(claim, stored.get(claim.id))
+        for claim in claims
+    )
     sentences: Sentences | None
     try:
         sentences = sentences_from(problem, assumed)
@@ -99,6 +103,13 @@ def document_claim(
         evidence,
     )
     return claim, sentences if sentences and verdict == "proved" else Sentences()
+
+
+def _as_left_open(claim: Claim, stored: Claim | None) -> Claim:
+    """The claim, undecided if the document leaves it so: its statement is all that is compared."""
+    if stored is None or stored.verdict != "undecided":
+        return claim
+    return replace(claim, verdict="undecided", source=stored.source, evidence=stored.evidence)
 
 
 def _claims_of_older_wording(stored: Mapping[str, Claim], proved: Sequence[Claim]) -> list[Claim]:

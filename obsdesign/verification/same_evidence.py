@@ -49,7 +49,9 @@ OLDER_WORDING = {
 
 
 # where earlier releases found what a source now names
-_OLDER_SOURCES = {"(lmi/windows_proof.py)": "(docs/windows.md)"}
+_OLDER_SOURCES = dict.fromkeys(
+    ("(lmi/windows_proof.py)", "(lmi/prove/windows_proof.py)"), "(docs/windows.md)"
+)
 
 
 def current_source(source: str) -> str:

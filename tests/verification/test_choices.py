@@ -99,6 +99,61 @@ def test_coordinates_are_chosen_where_they_are_open() -> None:
     assert verdict(oblique(1.1)) == "refuted"
 
 
+def defective(size: float, rate: float = 0.9) -> Body:
+    """Both eigenvalues -rate, one eigenvector: no basis of eigenvectors to choose."""
+    return {
+        "flow": {"A": [[size - rate, -size], [size, -size - rate]]},
+        "output": {"C": [[1, 0]], "noise_bound": 0.1},
+        "observer": {"kind": "interval", "gains": {"L": [[0], [0]]}},
+    }
+
+
+@pytest.mark.parametrize("size", [0.7, 3.0, 11.0])
+def test_coordinates_are_open_where_eigenvectors_are_no_basis(size: float) -> None:
+    assert verdict(defective(size)) == "proved"
+    assert verdict(changed(defective(size), observer__form="split")) == "refuted"
+    assert verdict(defective(size, -0.1)) == "refuted"
+
+
+def resting(A: float, jump: Body | None, **observer: Any) -> Body:
+    more = {} if jump is None else {"jump": jump}
+    return {"flow": {"A": [[A]]}, "output": {"C": [[1]], "noise_bound": 0.1},
+            "observer": {"kind": "interval", **observer}} | more  # fmt: skip
+
+
+@pytest.mark.parametrize("A", [0.0, 1e-12, -1e-12])
+@pytest.mark.parametrize("objective", ["feasible", "narrowest"])
+def test_a_plant_at_rest_leaves_room_for_gains(A: float, objective: str) -> None:
+    """Gains are large against the rate of the jumps, where the flow does next to nothing."""
+    for jump in ({"G": [[-1]], "dwell_time": [1, "inf"]}, {"G": [[2]], "dwell_time": [0, 3]},
+                 {"G": [[1]], "dwell_time": [1e-3, "inf"]}):  # fmt: skip
+        body = resting(A, jump, objective=objective)
+        assert verdict(body) == "proved"
+        # the twin: without gains the width stays
+        unmoved = changed(body, observer__gains={"L": [[0]], "M": [[0]]})
+        assert A < 0 or verdict(unmoved) == "refuted"
+    assert verdict(resting(0.0, None, objective=objective)) == "proved"
+
+
+def empty_image(**more: Any) -> Body:
+    """Each jump leaves zero, whatever was before it."""
+    return {
+        "flow": {"A": [[0, 3], [-3, 0]]},
+        "jump": {"G": [[0, 0], [0, 0]], "dwell_time": [1, 2]},
+        "output": {"C": [[1, 1]], "measured": "at_jumps", "jump_measurement": "after"},
+        "observer": {"kind": "impulsive", **more},
+    }
+
+
+@pytest.mark.parametrize("more", [{"window": 3}, {"strategy": "compressed"}, {"window": 1}])
+def test_no_state_after_a_jump_is_no_witness(more: Body) -> None:
+    assert verdict(empty_image()) == "proved"
+    assert verdict(empty_image(**more)) == "undecided"
+    # the twin: a jump that leaves one direction, and outputs that do not show it
+    hidden = {"jump__G": [[1, 0], [0, 0]], "flow__A": [[1, 0], [0, 1]], "output__C": [[0, 1]]}
+    assert verdict(changed(empty_image(**more), **hidden)) == "refuted"
+
+
 # --- impulsive_input: window, K, exponents and operator ----------------------------------------------
 
 

@@ -125,3 +125,51 @@ def test_warnings_are_those_of_the_claims(tmp_path: Path) -> None:
         outcome = obsdesign.verify(replace(stored, warnings=warnings))
         assert outcome.verdict == verdict
         assert outcome.warnings == (design.warnings if verdict == "proved" else ())
+
+
+# gains are open and the last ones tried fail, which refutes them and not the problem
+UNDECIDED: list[dict[str, Any]] = [
+    {
+        "flow": {"A": [[1, 0.26], [-1, 1]]},
+        "jump": {"G": [[0.0, 1.0], [0.0, 0.0]], "dwell_time": [0, 1]},
+        "output": {"C": [[-1, -0.66]], "measured": "at_jumps"},
+        "observer": {"kind": "luenberger", "decay_rate": 0.1},
+    },
+    {
+        "flow": {"A": [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, 0.0]]},
+        "jump": {"G": [[0, -0.28, 0], [-1, 0, 1], [0, 0, 1]], "dwell_time": [0.3, "inf"]},
+        "output": {"C": [[-0.61, 0.46, 0]]},
+        "observer": {"kind": "luenberger"},
+    },
+]
+
+
+@pytest.mark.parametrize("body", UNDECIDED)
+def test_what_a_document_leaves_undecided_is_not_false(body: dict[str, Any]) -> None:
+    design = obsdesign.design(Problem.from_dict(body), allow_undecided=True)
+    opened = {claim.id for claim in design.claims if claim.verdict == "undecided"}
+    found = {claim.id: claim.verdict for claim in obsdesign.verify(design).claims}
+    assert "refuted" in {found[name] for name in opened}
+    assert found["document"] == "proved"
+    # the twins: a document that says more than that is refuted, in a verdict or in words
+    for change in ({"verdict": "proved"}, {"statement": "the error is zero"}):
+        claims = tuple(
+            replace(claim, **change) if claim.id in opened else claim for claim in design.claims
+        )
+        said = obsdesign.verify(replace(design, claims=claims))
+        assert {claim.id: claim.verdict for claim in said.claims}["document"] == "refuted"
+
+
+def test_a_proof_of_what_a_document_leaves_undecided_is_no_fault_of_it(
+    academic_design: Path,
+) -> None:
+    design = obsdesign.load_design(academic_design)
+    claims = tuple(
+        replace(claim, verdict="undecided") if claim.id == "dwell_stability" else claim
+        for claim in design.claims
+    )
+    sentences = sentences_from(Problem.from_dict(design.problem), claims)
+    opened = replace(design, claims=claims, guarantees=sentences.guarantees)
+    outcome = obsdesign.verify(opened)
+    assert {claim.id: claim.verdict for claim in outcome.claims}["document"] == "proved"
+    assert not any(one.given for one in outcome.guarantees if "dwell_stability" in one.claims)

@@ -8,16 +8,14 @@ any design.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.balls import exact
-from lmi.decide.dwell_search import ACCURACY, Bracket, longest_dwell, shortest_dwell
+from lmi.decide.dwell_search import ACCURACY, Bracket
 from lmi.time_budget import (
-    Remark,
     collect_remarks,
     ended_part,
     stretch_factors,
@@ -26,39 +24,13 @@ from lmi.time_budget import (
 )
 from lmi.verdict import overall
 from obsdesign import workflow
-from obsdesign.document import Claim
 from obsdesign.errors import InputError
 from obsdesign.problem.kinds import DWELL_SEARCHES, PERIOD_SEARCHES, SEARCHES
-from obsdesign.problem.options import LuenbergerOptions, memory_of
 from obsdesign.problem.problem import Problem
 from obsdesign.studies.search import period as period_search
+from obsdesign.studies.search.attempts import Attempt, attempts, with_brackets
 from obsdesign.studies.search.result import SearchResult
-from obsdesign.verification.answers import as_answers, is_ended
-
-# claims about the range itself; all others must hold before one is searched for
-_RANGE_CLAIMS = ("dwell_stability", "decay_rate", "hurwitz", "rates")
-
-
-@dataclass(frozen=True)
-class _Attempt:
-    """One candidate with its bracket; None where its gains are refused for every range."""
-
-    label: str
-    bracket: Bracket | None
-    claims: tuple[Claim, ...]
-    gains: Mapping[str, Any]
-    searched: bool = False
-
-    @property
-    def is_open(self) -> bool:
-        """May some range hold? Not where the gains are refuted for every range."""
-        return self.bracket is not None or overall(c.verdict for c in self.claims) != "refuted"
-
-    def reach(self, shortest: bool) -> float:
-        """Extent of the proved range; larger is better."""
-        if self.bracket is None or self.bracket.proved is None:
-            return -math.inf
-        return -self.bracket.proved if shortest else self.bracket.proved
+from obsdesign.verification.answers import is_ended
 
 
 def search(
@@ -103,16 +75,14 @@ def _searched(problem: Problem, what: str, accuracy: float) -> workflow.Outcome:
     if what in PERIOD_SEARCHES:
         return period_search.search_period(problem, what)
     kind, shortest = problem.require_kind(), what == "shortest_dwell"
-    tried: list[_Attempt] = []
     with collect_remarks() as remarks:
-        for candidate in _candidates(problem):
-            tried.append(_bracket(problem, candidate, shortest, accuracy, remarks))
-            if candidate.searched and tried[-1].bracket is not None:
-                break
+        tried = with_brackets(problem, attempts(problem, remarks), shortest, accuracy)
     # a refuted form does not refute the problem while another one is open
     best = max(tried, key=lambda attempt: (attempt.reach(shortest), attempt.is_open))
+    end = None if best.bracket is None else best.bracket.not_proved
+    of_problem = end is None or all(one.refutes(problem, end, shortest) for one in tried)
     gains_ended = next((entry.evidence for entry in reversed(remarks) if entry.evidence), {})
-    return _outcome(problem, kind, best, shortest, accuracy, gains_ended)
+    return _outcome(problem, kind, best, shortest, accuracy, of_problem, gains_ended)
 
 
 def require_accuracy(accuracy: float) -> None:
@@ -143,53 +113,13 @@ def require_search(problem: Problem, what: str, accuracy: float = ACCURACY) -> N
         )
 
 
-def _candidates(problem: Problem) -> list[Any]:
-    """Candidates of synthesis; of gains that were searched for, the proved one."""
-    synthesis = workflow.layer("synthesis", problem.require_kind())
-    candidates, proved = [], []
-    for candidate in synthesis.synthesize(problem):
-        candidates.append(candidate)
-        if {"P", "windows"} & set(candidate.certificates.get("dwell_stability", {})):
-            proved.append(candidate)
-        if proved and not candidate.goes_on:
-            break
-    return proved[:1] if proved and candidates[0].searched else candidates
-
-
-def _bracket(
-    problem: Problem, candidate: Any, shortest: bool, accuracy: float, remarks: Sequence[Remark]
-) -> _Attempt:
-    verification = workflow.layer("verification", problem.require_kind())
-    gains = candidate.document()
-    claims = verification.claims(problem, gains, {})
-    claims = as_answers(candidate, claims, remarks)
-    if any(c.verdict != "proved" for c in claims if c.id not in _RANGE_CLAIMS):
-        return _Attempt(candidate.label, None, claims, gains)
-    low, high = problem.require_dwell_time()
-    F, H = verification.dwell_pair(gains)
-    # a required decay rate has to hold over the whole range
-    options = problem.options
-    rate = (options.decay_rate or 0.0) if isinstance(options, LuenbergerOptions) else 0.0
-    F = F + exact(rate * np.eye(problem.plant.n))
-    jump = problem.plant.jump
-    find, kept = (shortest_dwell, high) if shortest else (longest_dwell, low)
-    bracket = find(
-        F,
-        H,
-        kept,
-        accuracy=accuracy,
-        memory=memory_of(options),
-        jitter=math.inf if jump is None else jump.dwell_jitter,
-    )
-    return _Attempt(candidate.label, bracket, claims, gains, candidate.searched)
-
-
 def _outcome(
     problem: Problem,
     kind: str,
-    best: _Attempt,
+    best: Attempt,
     shortest: bool,
     accuracy: float,
+    of_problem: bool,
     gains_ended: Mapping[str, Any],
 ) -> workflow.Outcome:
     bracket = best.bracket
@@ -197,12 +127,13 @@ def _outcome(
         verdict = overall(claim.verdict for claim in best.claims)
         end = next((ended_part(claim.evidence) for claim in best.claims if is_ended(claim)), {})
         ended: Mapping[str, Any] = end if verdict == "undecided" else {}
-        result = SearchResult(form=best.label, ended=ended)
+        result = SearchResult(form=best.candidate.label, ended=ended)
         return workflow.Outcome(verdict, kind, best.claims, result.to_dict(), None)
-    result = _result(problem, best, bracket, shortest, accuracy)
+    result = _result(problem, best, bracket, shortest, accuracy, of_problem)
     if bracket.proved is None:
-        # other gains may prove a range where these do not; time may have ended before all was tried
-        is_open = best.searched or bracket.ended
+        # other choices may prove a range where these do not; time may have ended before all was
+        # tried
+        is_open = not of_problem or bracket.ended
         verdict = "undecided" if is_open else bracket.verdict or "undecided"
         ended = (bracket.ended or gains_ended) if verdict == "undecided" else {}
         body = replace(result, ended=ended).to_dict()
@@ -215,26 +146,41 @@ def _outcome(
     certificates = {"dwell_stability": bracket.certificate, "decay_rate": bracket.certificate}
     claims = verification.claims(narrowed, gains, certificates)
     proved = overall(c.verdict for c in claims) == "proved"
-    unit = high if math.isfinite(high) else 1.0 / float(np.abs(best.gains["A"]).max())
-    verdict = "proved" if proved and _is_tight(bracket, accuracy, unit) else "undecided"
+    is_tight = _is_tight(bracket, accuracy, _unit_of_time(problem))
+    verdict = "proved" if proved and is_tight else "undecided"
     result = replace(result, ended=bracket.ended if verdict == "undecided" else {})
     return workflow.Outcome(verdict, kind, claims, result.to_dict(), None)
 
 
+def _unit_of_time(problem: Problem) -> float:
+    """What dwell times next to zero are short against."""
+    low, high = problem.require_dwell_time()
+    rate = float(np.abs(problem.plant.flow.A).max())
+    if math.isfinite(high):
+        return high
+    return 1.0 / rate if rate > 0 else low or 1.0
+
+
 def _result(
-    problem: Problem, best: _Attempt, bracket: Bracket, shortest: bool, accuracy: float
+    problem: Problem,
+    best: Attempt,
+    bracket: Bracket,
+    shortest: bool,
+    accuracy: float,
+    of_problem: bool,
 ) -> SearchResult:
     """The result of an attempt that has a bracket.
 
-    A witness against gains that were searched for does not concern other gains: the far end is
-    refuted for the gains of the file only.
+    of_problem: does a witness against these gains hold for all that the problem leaves open? Else
+    the far end is refuted for these gains only.
     """
     witness, reason, verdict = bracket.obstacle.get("witness"), _reason(bracket), bracket.verdict
     these_gains: Mapping[str, Any] = {}
-    if best.searched and verdict == "refuted":
+    if not of_problem and verdict == "refuted":
         these_gains = {"witness": witness}
         witness, verdict = None, "undecided"
-        reason = f"other gains may do; for these, {reason}"
+        others = "gains" if best.candidate.searched else "forms"
+        reason = f"other {others} may do; for these, {reason}"
     return SearchResult(
         proved=bracket.proved,
         not_proved=bracket.not_proved,
@@ -247,7 +193,7 @@ def _result(
         reason=reason,
         witness=witness,
         these_gains=these_gains,
-        form=best.label,
+        form=best.candidate.label,
         gains={name: best.gains[name] for name in ("L", "M")},
     )
 

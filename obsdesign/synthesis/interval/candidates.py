@@ -220,8 +220,6 @@ def _in_open_coordinates(problem: Problem, given: Mapping[str, Any]) -> Iterator
     auto = problem.options.get("form", "auto") == "auto"
     for search in (False, True) if auto else (True,):
         best = best_coordinates(problem, given, _objective(problem), search)
-        if best is None:
-            continue
         L, M = given.get("L", best.L), given.get("M", best.M)
         yield _candidate(problem, "coordinates", L, M, {"S": best.S}, searched=True, goes_on=search)
 

@@ -48,8 +48,8 @@ class CoordinateChoice:
 
 def best_coordinates(
     problem: Problem, given: Mapping[str, Any], objective: str, search: bool
-) -> CoordinateChoice | None:
-    """Return the best of the bases, improved if `search`; None if there is no basis at all."""
+) -> CoordinateChoice:
+    """Return the best of the bases, improved if `search`."""
     choices: list[CoordinateChoice] = []
     end = deadline(_SECONDS)
     for S in itertools.islice(_bases(problem.plant, given), _MOST_BASES):
@@ -58,8 +58,6 @@ def best_coordinates(
         choices.append(_with_quick_gains(problem, given, objective, S, end))
         if _is_sufficient(choices[-1], objective):
             return choices[-1]
-    if not choices:
-        return None
     best = min(choices, key=lambda choice: choice.value)
     if search:
         best = _improved(problem, given, objective, best, end)
@@ -131,7 +129,7 @@ def _simplex(S: Matrix) -> Matrix:
 
 
 def _bases(plant: Plant, given: Mapping[str, Any]) -> Iterator[Matrix]:
-    """Yield candidates for S, without repetition."""
+    """Yield candidates for S, without repetition; the plant's own coordinates if there are none."""
     yielded: list[Matrix] = []
     for L in _flow_gains(plant, given):
         M = given.get("M", np.zeros((plant.n, plant.p)))
@@ -139,6 +137,8 @@ def _bases(plant: Plant, given: Mapping[str, Any]) -> Iterator[Matrix]:
             if not any(np.allclose(S, other) for other in yielded):
                 yielded.append(S)
                 yield S
+    if not yielded:  # eigenvectors of a defective matrix are dependent: a search starts here
+        yield np.eye(plant.n)
 
 
 def _flow_gains(plant: Plant, given: Mapping[str, Any]) -> Iterator[Matrix]:

@@ -165,6 +165,19 @@ def _size(problem: Problem, basis: Matrix) -> float:
     )
 
 
+def _rate(problem: Problem) -> float:
+    """Rate that gains of the flow are large against: of the plant, or of its jumps or samples.
+
+    The latter is a floor: a flow that does less than this in a dwell time hardly matters.
+    """
+    plant = problem.plant
+    rate = float(np.abs(plant.flow.A).max())
+    times = problem.require_dwell_time()[::-1] if plant.jump is not None else ()
+    spans = (*times, plant.output.period or 0.0)
+    span = next((span for span in spans if 0 < span < math.inf), math.inf)
+    return max(rate, 1.0 / span) or 1.0
+
+
 def _limits(problem: Problem, basis: Matrix) -> tuple[Matrix, Matrix]:
     """Caps of L and M in z so that |S L|, |S M| stay below the given one."""
     plant = problem.plant
@@ -176,6 +189,6 @@ def _limits(problem: Problem, basis: Matrix) -> tuple[Matrix, Matrix]:
     size = _size(problem, basis)
     jump = 1.0 if plant.jump is None else float(np.abs(plant.jump.G).max())
     return (
-        np.full(shape, factor * float(np.abs(plant.flow.A).max()) / size),
+        np.full(shape, factor * _rate(problem) / size),
         np.full(shape, factor * max(jump, 1.0) / size),
     )

@@ -15,6 +15,7 @@ from lmi.rank.decide import decide_full_rank, prove_again, seen_at
 from lmi.rank.stack import Stack
 from lmi.rank.witness import MARGIN, check_deficient
 from lmi.verdict import Verdict, proved, refuted, undecided
+from obsdesign.analysis.hidden_modes import nullspace
 from obsdesign.document import Claim
 from obsdesign.equations.impulsive.formulas import Core, most_blocks
 from obsdesign.equations.impulsive.gains import ImpulsiveGains
@@ -123,7 +124,7 @@ def strongly_observable(
         verdict = full_rank(Stack(*core.stack(blocks)), low, high, certificate)
     if blocks < window and verdict.outcome == "refuted":
         verdict = undecided(f"{blocks} impulses do not suffice", **verdict.evidence)
-    verdict = _admissible(verdict, problem)
+    verdict = _admissible(_in_image(verdict, core), problem)
     verdict = Verdict(verdict.outcome, {**verdict.evidence, "blocks": blocks})
     what = "states" if core.U is None else "states after an impulse"
     return Claim(
@@ -161,6 +162,22 @@ def _witnessed(
         return None
     verdict = check_deficient(stack, low, high, witness)
     return verdict if verdict.outcome == "refuted" else None
+
+
+def _in_image(verdict: Verdict, core: Core) -> Verdict:
+    """The verdict, undecided if the columns of `image` may be no states after an impulse.
+
+    They are where J = U S reaches all of them: where S has full row rank.
+    """
+    if verdict.outcome != "refuted" or core.S is None or not nullspace(core.S.T)[1]:
+        return verdict
+    others = {key: value for key, value in verdict.evidence.items() if key != "witness"}
+    return undecided(
+        f"the image of the jump has fewer dimensions than the window has columns, {core.size}: "
+        "what the window leaves open may be no state after an impulse; strategy 'quadratic' has "
+        "no window",
+        **others,
+    )
 
 
 def _admissible(verdict: Verdict, problem: Problem) -> Verdict:

@@ -163,3 +163,79 @@ def test_gains_that_were_searched_for_refute_no_range(kind: str) -> None:
     again = search(obsdesign.Problem.from_dict(fixed), "shortest_dwell", 1e-3)
     assert again.result["not_proved_verdict"] == "refuted"
     assert again.result["witness"] == answer.result["these_gains"]["witness"]
+
+
+# the error of these gains shrinks, but in the plant's own coordinates its width may grow
+OBLIQUE: dict[str, Any] = {
+    "flow": {"A": [[0.4, -1.0], [0.7, -0.6]]},
+    "jump": {"G": [[0.4, 1.3], [0, 0]], "dwell_time": [0.1, 0.2]},
+    "output": {"C": [[0.2, 1.0]], "noise_bound": 0.1, "measured": "at_jumps",
+               "jump_measurement": "after"},
+    "observer": {"kind": "interval", "gains": {"M": [[-0.5], [0.3]]}},
+}  # fmt: skip
+MIRRORED: dict[str, Any] = {
+    "flow": {"A": [[-1]]},
+    "jump": {"G": [[-0.5]], "dwell_time": [0.3, "inf"]},
+    "output": {"C": [[1]], "noise_bound": 0.1, "jump_measurement": "none"},
+    "observer": {"kind": "interval"},
+}
+
+
+def changed(body: dict[str, Any], block: str, **entries: Any) -> obsdesign.Problem:
+    return obsdesign.Problem.from_dict({**body, block: {**body[block], **entries}})
+
+
+def test_a_form_that_was_chosen_refutes_no_range() -> None:
+    problem = obsdesign.Problem.from_dict(OBLIQUE)
+    answer = search(problem, "longest_dwell", 1e-3).result
+    assert answer["not_proved"] < 0.45
+    assert answer["not_proved_verdict"] == "undecided"
+    assert answer["reason"].startswith("other forms may do; for these, ")
+    assert obsdesign.investigate(problem.with_dwell_time(0.1, 0.45)).verdict == "proved"
+    # the twin: with the form of the file the witness is against the problem
+    named = search(changed(OBLIQUE, "observer", form="split"), "longest_dwell", 1e-3).result
+    assert named["not_proved_verdict"] == "refuted"
+    assert named["witness"] == answer["these_gains"]["witness"]
+
+
+def test_a_range_that_no_coordinates_have_is_refuted() -> None:
+    """The error itself does not shrink there: forms that are open do not matter."""
+    body = {
+        "flow": {"A": [[-1.3, 0.0], [-0.8, -2.0]]},
+        "jump": {"G": [[1.3, 0.9], [0.8, -0.8]], "dwell_time": [0.3, 3.0]},
+        "output": {"C": [[-0.8, -0.6]], "noise_bound": 0.1, "measured": "at_jumps"},
+        "observer": {"kind": "interval", "gains": {"M": [[0.2], [0.3]]}},
+    }
+    problem = obsdesign.Problem.from_dict(body)
+    answer = search(problem, "shortest_dwell", 1e-3).result
+    assert answer["form"] == "coordinates"
+    assert answer["proved"] < 0.6469  # below is the limit of the plant's own coordinates
+    assert answer["not_proved_verdict"] == "refuted"
+    for end, verdict in ((answer["proved"], "proved"), (answer["not_proved"], "refuted")):
+        assert obsdesign.investigate(problem.with_dwell_time(end, 3.0)).verdict == verdict
+
+
+@pytest.mark.parametrize("what", ["shortest_dwell", "longest_dwell"])
+def test_a_refuted_form_does_not_end_the_search(what: str) -> None:
+    answer = search(obsdesign.Problem.from_dict(MIRRORED), what, 1e-3)
+    assert (answer.verdict, answer.result["form"]) == ("proved", "split")
+    # the twins: the form of the file is refuted, and so is a jump that no form lets shrink
+    assert search(changed(MIRRORED, "observer", form="cooperative"), what).verdict == "refuted"
+    growing = changed({**MIRRORED, "flow": {"A": [[1]]}}, "jump", G=[[-2]], dwell_time=[0.3, 1])
+    given = {"kind": "interval", "gains": {"L": [[0]], "M": [[0]]}}
+    growing = obsdesign.Problem.from_dict({**growing.to_dict(), "observer": given})
+    assert search(growing, what).verdict == "refuted"
+
+
+@pytest.mark.parametrize("what", ["shortest_dwell", "longest_dwell"])
+@pytest.mark.parametrize("kind", ["luenberger", "interval"])
+def test_a_plant_at_rest_has_dwell_times_too(kind: str, what: str) -> None:
+    resting = {"flow": {"A": [[0]]}, "jump": {"G": [[0.5]], "dwell_time": [1, "inf"]},
+               "output": {"C": [[1]], "noise_bound": 0.1}, "observer": {"kind": kind}}  # fmt: skip
+    answer = search(obsdesign.Problem.from_dict(resting), what)
+    assert answer.verdict == "proved"
+    assert answer.result["proved"] == (0.0 if what == "shortest_dwell" else math.inf)
+    # the twin: without its gain nothing shrinks at rest
+    given = {"kind": kind, "gains": {"L": [[0]], "M": [[0]]}}
+    unmoved = obsdesign.Problem.from_dict({**resting, "observer": given})
+    assert search(unmoved, what).result["proved"] != answer.result["proved"]

@@ -52,7 +52,12 @@ def test_a_design_with_false_windows_is_not_verified() -> None:
 
 
 @pytest.mark.parametrize(
-    ("place", "verdict"), [("lmi/windows_proof.py", "proved"), ("lmi/chords.py", "refuted")]
+    ("place", "verdict"),
+    [
+        ("lmi/windows_proof.py", "proved"),
+        ("lmi/prove/windows_proof.py", "proved"),
+        ("lmi/chords.py", "refuted"),
+    ],
 )
 def test_a_source_as_an_earlier_release_names_it(place: str, verdict: str) -> None:
     design = obsdesign.design(sampled_data_problem(1.87))
