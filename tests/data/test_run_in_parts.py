@@ -137,7 +137,7 @@ WRONG: dict[str, Any] = {
     "state.t must be float; got": _field("t", "soon"),
     "state.t must be float; got null": _field("t", None),
     "state.started must be bool; got 1.": _field("started", 1),
-    "state.lost must be str; got []": _field("lost", []),
+    "state.refutation must be str; got []": _field("refutation", []),
     "state.box must be an array; got": _field("box", [1.0, 2.0]),
     "state.u must be an array; got": _field("u", {"array": 99}),
     "state.guard must be DwellGuard with": _field("guard", {"type": "DwellGuard"}),

@@ -150,7 +150,10 @@ def test_tolerances_of_an_array_are_those_of_its_entries(pairs: list[tuple[float
 @pytest.mark.parametrize("origin", [-1.7e18, 1.7e18])
 @pytest.mark.parametrize("period", [4096.0, None])
 def test_steps_are_regular_on_both_sides_of_zero(origin: float, period: float | None) -> None:
-    clock = SampleClock(period, math.inf if period else 4096.0, "before", corrects=True)
+    clock = SampleClock(
+        period=period, limit=math.inf if period else 4096.0, skips_jumps=False, before_jumps=True,
+        corrects=True,
+    )  # fmt: skip
     times = origin + 4096.0 * np.arange(1, 6)
     steps = np.array([4096.0, 3840.0, 4352.0, 3584.0, 4608.0])
     regular = clock.regular_steps(steps, times).tolist()

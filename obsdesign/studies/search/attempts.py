@@ -106,13 +106,13 @@ def with_brackets(
         order = [chosen]
     else:
         order = [i for i, one in enumerate(tried) if one.is_usable]
-    found = list(tried)
+    attempts = list(tried)
     for i in order:
         bracket = _bracket(problem, tried[i], shortest, accuracy)
-        found[i] = replace(tried[i], bracket=bracket)
+        attempts[i] = replace(tried[i], bracket=bracket)
         if tried[i].candidate.searched and bracket.proved is not None:
             break
-    return found
+    return attempts
 
 
 def _bracket(problem: Problem, attempt: Attempt, shortest: bool, accuracy: float) -> Bracket:

@@ -76,11 +76,13 @@ def test_the_filter_of_a_covariance_however_large_is_that_of_least_squares(
     t, y, std = np.arange(8) * 0.5, 10.0**decades * rng.uniform(1, 2, (8, 1)), np.full(1, 0.1)
     rows = [Row(float(a), b, np.zeros(0), 10.0**decades * std) for a, b in zip(t, y, strict=True)]
     first = plant.start(0.0, np.zeros(2), 1e8 * 10.0**decades * np.eye(2), np.zeros(0), rows[0])
-    last = plant.along(first, rows[1:])[-1]
-    seen = np.vstack([plant.C @ expm(plant.A * (a - t[-1])) for a in t])
-    best = np.linalg.lstsq(seen, y[:, 0], rcond=None)[0]
+    last = first
+    for row in rows[1:]:
+        last = plant.after(last, row)
+    output_rows = np.vstack([plant.C @ expm(plant.A * (a - t[-1])) for a in t])
+    best = np.linalg.lstsq(output_rows, y[:, 0], rcond=None)[0]
     np.testing.assert_allclose(last.x, best, rtol=1e-5, atol=1e-5 * np.abs(best).max())
-    wanted = (10.0**decades * 0.1) ** 2 * np.linalg.inv(seen.T @ seen)
+    wanted = (10.0**decades * 0.1) ** 2 * np.linalg.inv(output_rows.T @ output_rows)
     np.testing.assert_allclose(last.P, wanted, rtol=1e-4, atol=1e-4 * np.abs(wanted).max())
 
 

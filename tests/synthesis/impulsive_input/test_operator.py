@@ -124,7 +124,7 @@ def test_what_is_given_speaks_of_integrals_and_not_of_samples() -> None:
     assert (
         "with the integrals of y known exactly (y measured continuously)" in sentences[0].statement
     )
-    (left,) = [sentence for sentence in sentences if sentence["claims"] == ["samples"]]
+    (left,) = [sentence for sentence in sentences if sentence.claims == ("samples",)]
     assert not left.given
     assert "samples 0.1 apart reproduce these integrals is not claimed" in left.statement
     assert "A - K C times the period is 0.376" in left.statement
@@ -132,13 +132,13 @@ def test_what_is_given_speaks_of_integrals_and_not_of_samples() -> None:
     body = turning(0.1, noise=0.01)
     result, _ = outcome(body)
     assert not [
-        sentence for sentence in result.design.guarantees if sentence["claims"] == ["samples"]
+        sentence for sentence in result.design.guarantees if sentence.claims == ("samples",)
     ]
     assert "integrals of y" not in result.design.guarantees[0].statement
     body["output"] = {"C": [[1, 0]], "measured": "continuous"}
     result, _ = outcome(body)
     assert not [
-        sentence for sentence in result.design.guarantees if sentence["claims"] == ["samples"]
+        sentence for sentence in result.design.guarantees if sentence.claims == ("samples",)
     ]
     assert result.design.guarantees[0].given
 

@@ -141,12 +141,12 @@ def test_evidence_of_earlier_versions_is_about_the_comparison_system() -> None:
             body["output"]["C"] = [[0, 1]]
         asked = obsdesign.Problem.from_dict(body)
         candidate = next(iter(synthesize(asked)))
-        merged = claims(asked, candidate.gains, candidate.certificates)[-1]
+        merged = claims(asked, candidate.document(), candidate.certificates)[-1]
         assert merged.verdict == "proved"
         assert merged.evidence["maps"] in ("|(I - L C) e^(A s)|",)
         older = copy.deepcopy(dict(candidate.certificates))
         del older["sampled_stability"]["maps"]
-        claim = claims(asked, candidate.gains, older)[-1]
+        claim = claims(asked, candidate.document(), older)[-1]
         assert claim.verdict in (verdict, "refuted" if verdict == "undecided" else verdict)
         assert "w' = W w + f" in claim.statement
         assert "maps" not in claim.evidence
@@ -159,7 +159,7 @@ def test_forged_bounds_of_merged_maps_are_not_proved(name: str) -> None:
                     "disturbance": {"lower": [-0.1] * 2, "upper": [0.1] * 2}}  # fmt: skip
     asked = obsdesign.Problem.from_dict(body)
     candidate = next(iter(synthesize(asked)))
-    assert claims(asked, candidate.gains, candidate.certificates)[-1].verdict == "proved"
+    assert claims(asked, candidate.document(), candidate.certificates)[-1].verdict == "proved"
     forged = copy.deepcopy(dict(candidate.certificates))
     forged["sampled_stability"][name] = [0.99 * x for x in forged["sampled_stability"][name]]
-    assert claims(asked, candidate.gains, forged)[-1].verdict == "undecided"
+    assert claims(asked, candidate.document(), forged)[-1].verdict == "undecided"
