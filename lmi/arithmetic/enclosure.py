@@ -171,7 +171,7 @@ def _similar(matrix: Enclosure, scales: Matrix) -> Enclosure:
 
 
 def _taylor(matrix: Enclosure, pattern: NDArray[np.bool_], even: bool) -> Enclosure:
-    """even: units are, so that one remainder may do for all entries where it is small in each."""
+    """Series of e^X; even: one remainder may do for all entries where it is small in each."""
     identity = Enclosure.exactly(np.eye(len(matrix.mid)))
     result = identity
     for k in range(_TAYLOR_DEGREE, 0, -1):
@@ -186,7 +186,7 @@ def _taylor(matrix: Enclosure, pattern: NDArray[np.bool_], even: bool) -> Enclos
 
 
 def _tail(size: Matrix, norm: float) -> Matrix:
-    """Bound of the sum of N^k / k!, k > 16, N = size: entry by entry, so that units do not matter.
+    """Bound of the sum of N^k / k!, k > 16, entry by entry; N = size.
 
     At most N^17 / 17! times the sum of (N / 18)^j. The powers j >= 64 are bounded by the norm,
     which is at most 1/2: 2^-380 of the largest entry.
