@@ -73,7 +73,10 @@ def test_packages_live_where_they_belong(path: Path) -> None:
             assert name.startswith(places), f"{package} is imported by {name}"
 
 
-LIGHT = ("numpy", "lmi.arithmetic.exponential", "lmi.arithmetic.enclosure", "lmi.memory")
+LIGHT = (
+    "numpy", "lmi.arithmetic.exponential", "lmi.arithmetic.enclosure", "lmi.arithmetic.units",
+    "lmi.memory",
+)  # fmt: skip
 
 
 @pytest.mark.parametrize(

@@ -2,11 +2,7 @@
 
 In coordinates z = D^-1 x, D = diag(sizes), a flow F and jumps H become D^-1 F D and D^-1 H D, and a
 certificate of these is one of F and H: P becomes D^-1 P D^-1, all in exact arithmetic. Sizes are
-chosen so that rows and columns are of like size where states depend on each other (Osborne's
-iteration, in the largest entry). States that depend on others, but not they on them (block
-triangular maps), are graded: their unit grows until that coupling is at most one.
-
-Source: E. E. Osborne, On pre-conditioning of matrices, J. ACM 7 (1960), 338-345.
+those of `lmi.arithmetic.units`.
 """
 
 from __future__ import annotations
@@ -20,69 +16,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lmi.arithmetic.balls import Exact, exact, pivot_columns, to_float
+from lmi.arithmetic.units import LARGEST_UNIT, units_in_bits
 
 Matrix = NDArray[Any]
 
-_SWEEPS = 40
-_SETTLED = 0.5  # bits: a sweep that changes no unit by more ends the iteration
 # Couplings below this many bits need no other units: solvers do not mind
 _COARSE = 4
-# D^-1 P D^-1 must stay in the range of floats
-_LARGEST = 240
-
-
-def balance(maps: Matrix) -> Matrix:
-    """Powers of two d, (n,), for which diag(d) M diag(1/d) is balanced and graded.
-
-    maps: (n, n) or (k, n, n), finite; of several maps the largest entries count.
-    """
-    bits = -_bits(np.abs(maps).reshape(-1, *maps.shape[-2:]).max(axis=0))
-    return np.asarray(np.exp2(np.clip(np.round(bits - bits.max(initial=0.0)), -_LARGEST, 0)))
-
-
-def _bits(size: Matrix) -> Matrix:
-    """Binary logarithms x of units for which size[i, j] 2^(x_j - x_i) is balanced and graded."""
-    weights = np.full(size.shape, -np.inf)
-    np.log2(size, out=weights, where=size > 0)
-    np.fill_diagonal(weights, -np.inf)
-    reach = _reachable(weights > -np.inf)
-    units, part = np.zeros(len(size)), np.argmax(reach & reach.T, axis=1)
-    # a part comes after those that it depends on
-    for first in sorted({*part.tolist()}, key=lambda first: int(reach[first].sum())):
-        members, others = np.flatnonzero(part == first), np.flatnonzero(part != first)
-        units[members] = _osborne(weights[np.ix_(members, members)])
-        coupling = weights[np.ix_(members, others)] + units[others] - units[members, None]
-        units[members] += max(float(coupling.max(initial=-np.inf)), 0.0)
-    return units
-
-
-def _reachable(edges: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Which states each state depends on, at once or through others; itself included."""
-    reach = edges | np.eye(len(edges), dtype=bool)
-    while True:
-        further = reach @ reach
-        if (further == reach).all():
-            return reach
-        reach = further
-
-
-def _osborne(weights: Matrix) -> Matrix:
-    """Units of states all of which depend on each other; in bits, the smallest 0."""
-    n = len(weights)
-    units = np.zeros(n)
-    if n == 1:
-        return units
-    for _ in range(_SWEEPS):
-        largest = 0.0
-        for i in range(n):
-            row = float((weights[i] + units).max()) - units[i]
-            column = float((weights[:, i] - units).max()) + units[i]
-            step = (row - column) / 2
-            units[i] += step
-            largest = max(largest, abs(step))
-        if largest <= _SETTLED:
-            break
-    return np.asarray(units - units.min())
 
 
 @dataclass(frozen=True)
@@ -106,9 +45,9 @@ class Scaling:
             coupling = size - np.diag(np.diag(size))
         if not (np.isfinite(size).all() and coupling.max(initial=0.0) > 2.0**_COARSE):
             return Scaling(np.ones(len(F)))
-        bits = _bits(size)
+        bits = units_in_bits(size)
         bits = np.round((bits - (bits.max() + bits.min()) / 2) / _COARSE) * _COARSE
-        return Scaling(np.exp2(np.clip(bits, -_LARGEST, _LARGEST)))
+        return Scaling(np.exp2(np.clip(bits, -LARGEST_UNIT, LARGEST_UNIT)))
 
     @staticmethod
     def like(v: Matrix) -> Scaling:
@@ -116,7 +55,7 @@ class Scaling:
         usable = np.isfinite(v) & (v > 0)
         with np.errstate(all="ignore"):
             bits = np.where(usable, np.round(np.log2(np.where(usable, v, 1.0))), 0.0)
-        return Scaling(np.exp2(np.clip(bits, -_LARGEST, _LARGEST)))
+        return Scaling(np.exp2(np.clip(bits, -LARGEST_UNIT, LARGEST_UNIT)))
 
     @property
     def is_identity(self) -> bool:

@@ -13,10 +13,14 @@ BIT 39 (1999).
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from lmi.arithmetic.units import balance, reachable
 
 Matrix = NDArray[np.float64]
 
@@ -24,9 +28,12 @@ UNIT = 2.0**-53  # unit roundoff of binary64
 TINY = 2.0**-1000  # covers every underflow: far above it, far below anything that matters
 # Taylor remainder at ||X|| <= 1/2: 0.5**17 / 17! is below the unit roundoff by 2**-49.
 _TAYLOR_DEGREE = 16
+_FACTORIAL = float(math.factorial(_TAYLOR_DEGREE + 1))
+_TAIL_DOUBLINGS = 5
 _SCALED_NORM = 0.5
-_BALANCING_SWEEPS, _BALANCING_STEP = 3, 60  # so that no scale leaves 2**+-180
-_MODERATE, _NEGLIGIBLE = 16.0, 2.0**-60
+# part of every entry below which a remainder may be the same for all entries
+_NEGLIGIBLE = 2.0**-45
+_MODERATE = 16.0  # a norm that costs few squarings
 _LARGEST_NORM = 2.0**46  # beyond, the squarings leave no digit that is certain
 
 
@@ -130,50 +137,29 @@ def expm(matrix: Enclosure) -> Enclosure:
     or NaN radii, never a finite wrong answer.
     """
     with np.errstate(over="ignore", invalid="ignore"):
-        scales = _balance(np.abs(matrix.mid) + matrix.rad)
-        balanced = _similar(matrix, 1.0 / scales)
+        size = np.abs(matrix.mid) + matrix.rad
+        scales, pattern = _scales(size), reachable(size > 0)
+        balanced = _similar(matrix, scales)
         norm = float(np.max(np.sum(balanced.magnitude, axis=0), initial=0.0))
         if not np.isfinite(norm) or norm > _LARGEST_NORM:
             return Enclosure(np.zeros_like(matrix.mid), np.full_like(matrix.rad, np.inf))
         squarings = max(0, int(np.ceil(np.log2(norm / _SCALED_NORM))) if norm > 0 else 0)
-        result = _taylor(balanced.scaled(2.0**-squarings))
+        result = _taylor(balanced.scaled(2.0**-squarings), pattern, even=bool((scales == 1).all()))
         for _ in range(squarings):
             result = result @ result
-        result = _similar(result, scales)
-    pattern = _pattern(matrix)
+        result = _similar(result, 1.0 / scales)
     return Enclosure(np.where(pattern, result.mid, 0.0), np.where(pattern, result.rad, 0.0))
 
 
-def _balance(size: Matrix) -> Matrix:
-    """Powers of two d for which entries size[i, j] d[j] / d[i] are as even as they can be.
+def _scales(size: Matrix) -> Matrix:
+    """Powers of two d: units of states and inputs should not cost squarings, D X D^-1 is small.
 
-    Units of states and inputs should not cost squarings. A matrix of moderate norm is left alone,
-    and so are entries far below the largest: scaling them up would only scale up rounding.
+    One where the norm is moderate: entries err in parts of themselves, in any units.
     """
-    scales = np.ones(len(size))
     largest = float(size.max(initial=0.0))
     if not (np.isfinite(largest) and largest > _MODERATE):
-        return scales
-    size = np.where(size < _NEGLIGIBLE * largest, 0.0, size)
-    for _ in range(_BALANCING_SWEEPS):
-        for i in range(len(size)):
-            row = float(np.delete(size[i] * scales, i).sum()) / scales[i]
-            column = float(np.delete(size[:, i] / scales, i).sum()) * scales[i]
-            scales[i] *= 2.0 ** _step(row, column)
-    return scales
-
-
-def _step(row: float, column: float) -> float:
-    """Exponent that evens out two sums; one that is zero leaves the other to be made small."""
-    if not (np.isfinite(row) and np.isfinite(column)) or row == column == 0.0:
-        return 0.0
-    if row == 0.0:
-        wanted = -np.ceil(max(np.log2(column), 0.0))
-    elif column == 0.0:
-        wanted = np.ceil(max(np.log2(row), 0.0))
-    else:
-        wanted = np.round(0.5 * (np.log2(row) - np.log2(column)))
-    return float(np.clip(wanted, -_BALANCING_STEP, _BALANCING_STEP))
+        return np.ones(len(size))
+    return balance(size)
 
 
 def _similar(matrix: Enclosure, scales: Matrix) -> Enclosure:
@@ -184,20 +170,35 @@ def _similar(matrix: Enclosure, scales: Matrix) -> Enclosure:
     return Enclosure(matrix.mid * factors, np.where(nonzero, rad + TINY, rad))
 
 
-def _taylor(matrix: Enclosure) -> Enclosure:
+def _taylor(matrix: Enclosure, pattern: NDArray[np.bool_], even: bool) -> Enclosure:
+    """Series of e^X; even: one remainder may do for all entries where it is small in each."""
     identity = Enclosure.exactly(np.eye(len(matrix.mid)))
     result = identity
     for k in range(_TAYLOR_DEGREE, 0, -1):
         result = identity + (matrix @ result).scaled(1.0 / k, UNIT / k)
-    norm = float(np.max(np.sum(matrix.magnitude, axis=0), initial=0.0))
+    size = matrix.magnitude
+    norm = float(np.max(np.sum(size, axis=0), initial=0.0))
     # the tail of the series is at most twice its first term, as norm <= 1/2
-    remainder = 2.0 * norm ** (_TAYLOR_DEGREE + 1) / float(np.prod(np.arange(1.0, 18.0)))
+    remainder: Any = 2.0 * norm ** (_TAYLOR_DEGREE + 1) / _FACTORIAL
+    if not even or (remainder > _NEGLIGIBLE * np.abs(result.mid))[pattern].any():
+        remainder = np.where(pattern, _tail(size, norm), 0.0)
     return Enclosure(result.mid, raised(result.rad + remainder, 4))
 
 
-def _pattern(matrix: Enclosure) -> NDArray[np.bool_]:
-    """Where any power of X can be nonzero: the entries joined by a path of nonzero entries."""
-    reach = (np.abs(matrix.mid) + matrix.rad > 0) | np.eye(len(matrix.mid), dtype=bool)
-    for _ in range(max(1, int(np.ceil(np.log2(max(len(matrix.mid), 2)))))):
-        reach = reach @ reach
-    return reach
+def _tail(size: Matrix, norm: float) -> Matrix:
+    """Bound of the sum of N^k / k!, k > 16, entry by entry; N = size.
+
+    At most N^17 / 17! times the sum of (N / 18)^j. The powers j >= 64 are bounded by the norm,
+    which is at most 1/2: 2^-380 of the largest entry.
+    """
+    n, degree = len(size), _TAYLOR_DEGREE + 1
+    first = np.linalg.matrix_power(size, degree) / _FACTORIAL
+    power = size / (degree + 1)
+    series = np.eye(n) + power
+    for _ in range(_TAIL_DOUBLINGS):
+        power = power @ power
+        series = series + series @ power
+    share = norm / (degree + 1)
+    rest = 2.0 * norm**degree * share ** (2 ** (_TAIL_DOUBLINGS + 1)) / _FACTORIAL
+    # a product of `degree` factors, and 2^(doublings + 1) more, each with n + 2 roundings
+    return raised(first @ series + rest, (degree + 2 ** (_TAIL_DOUBLINGS + 2)) * (n + 2))

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lmi.arithmetic.balancing import balance
+from lmi.arithmetic.units import balance
 from lmi.families import FEWEST, Edge, slack_of
 from lmi.find.edge_grid import Cut, EdgeGrid, Grids
 from lmi.find.semidefinite import FLOOR, Solution, common_matrices

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from obsdesign.equations.gains import Array
-from obsdesign.equations.impulsive_input.features import impulse_responses
+from obsdesign.equations.impulsive_input.features import feature_units, impulse_responses
 
 _POINTS = 160
 _MOST_POINTS = 4000
@@ -38,7 +38,8 @@ class ImpulseCurve:
 
         n: entries in front that are no features; by default the states of the plant.
         """
-        size = balanced_size(F)
+        units = feature_units(F, len(H), tau)
+        size = balanced_size(F * units / units[:, None])
         count = int(min(max(points, math.ceil(size * tau)), _MOST_POINTS))
         step = tau / count
         if not size * step <= _MAX_TAYLOR_EXPONENT:

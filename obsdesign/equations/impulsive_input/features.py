@@ -28,7 +28,8 @@ from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.exponential import expm, exponential_grid, flow_integrals
+from lmi.arithmetic.exponential import exponential_grid, flow_integrals
+from lmi.arithmetic.units import balance
 from obsdesign.equations.gains import Array
 
 # |mu| h of the modes of A - K C, and |lambda| h, up to which integrals of samples show an impulse:
@@ -83,9 +84,35 @@ def filtered_system(D: Array, C: Array, exponents: Array, scales: Array | None =
     return F
 
 
+def feature_units(F: Array, n: int, time: float) -> Array:
+    """Powers of two, (len(F),): units of n states and their features, F in floats.
+
+    States are balanced over the time. A feature's unit is about what states of size one leave in it
+    in that time, 1 where that is nothing.
+    """
+    units = np.ones(len(F))
+    if np.isfinite(F).all():
+        units[:n] = 1.0 / balance(F[:n, :n] * time)
+        shown = np.abs(F[n:, :n] * units[:n]).max(axis=1, initial=0.0) * time
+        usable = (shown > 0) & np.isfinite(shown)
+        units[n:][usable] = np.exp2(np.round(np.log2(shown[usable])))
+    return units
+
+
+def feature_flows(F: Array, n: int, start: float, step: float, count: int) -> Array:
+    """First n columns of e^{F s} at s = start, start + step, ..., (count, len(F), n).
+
+    In units of their own meanwhile: those of x, y and time cost no digits, and a record times a
+    power of two leaves the same features times it, bit for bit.
+    """
+    units = feature_units(F, n, abs(start) + abs(step) * count)
+    flows = exponential_grid(F * units / units[:, None], start, step, count)
+    return np.asarray(flows[:, :, :n] * units[:, None] / units[:n])
+
+
 def impulse_responses(F: Array, H: Array, step: float, count: int) -> Array:
     """[e^{D s} H; b(s)] at s = 0, step, ..., (count, n + m p, q)."""
-    return exponential_grid(F, 0.0, step, count)[:, :, : len(H)] @ H
+    return feature_flows(F, len(H), 0.0, step, count) @ H
 
 
 def has_peak(F: Array, H: Array, tau: float, margin: float, count: int = 400) -> bool:
@@ -123,7 +150,8 @@ def window_matrix(
 ) -> Array:
     """V(tau) = W(tau) e^{D tau}, (m p, n), rows times `scales`."""
     n = len(D)
-    return expm(filtered_system(D, C, exponents, scales) * tau)[n:, :n]
+    F = filtered_system(D, C, exponents, scales)
+    return feature_flows(F, n, tau, 0.0, 1)[0, n:]
 
 
 def neglected_part(window: FeatureWindow, age: float) -> Array:
@@ -145,7 +173,7 @@ def neglected_ratio(window: FeatureWindow, count: int = 200) -> tuple[float, flo
     n = len(D)
     F, step = filtered_system(D, C, window.exponents), (window.tau - margin) / (count - 1)
     ages = np.linspace(margin, window.tau, count)
-    b = (exponential_grid(F, margin, step, count)[:, :, :n] @ H)[:, n:]
+    b = (feature_flows(F, n, margin, step, count) @ H)[:, n:]
     parts = []
     for lam in np.asarray(window.exponents, float).tolist():
         block = np.zeros((2 * n, 2 * n))

@@ -18,8 +18,8 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from lmi.arithmetic.balancing import balance
 from lmi.arithmetic.exponential import expm
+from lmi.arithmetic.units import balance
 
 Matrix = NDArray[np.float64]
 

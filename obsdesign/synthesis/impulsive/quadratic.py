@@ -16,9 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.balancing import balance
 from lmi.arithmetic.balls import exact
 from lmi.arithmetic.exponential import expm
+from lmi.arithmetic.units import balance
 from lmi.find.affine import Unknown, best_margin
 from lmi.prove.common_matrix import prove_common
 from lmi.rank.hidden_mode import propose_hiding

@@ -19,9 +19,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lmi.arithmetic.exponential import expm, exponential_grid
+from lmi.arithmetic.exponential import exponential_grid
 from lmi.time_budget import ended, remaining, remark_end
-from obsdesign.equations.impulsive_input.features import FeatureWindow, filtered_system
+from obsdesign.equations.impulsive_input.features import (
+    FeatureWindow,
+    feature_flows,
+    filtered_system,
+    impulse_responses,
+)
 
 Array = NDArray[np.float64]
 
@@ -38,7 +43,7 @@ def time_deviation(window: FeatureWindow, scale: Array, age: float) -> float:
     """
     exponents, tau, C = window.exponents, window.tau, window.C
     F, n = filtered_system(window.D, C, exponents), len(window.D)
-    state = expm(F * age)[:, :n] @ window.H[:, 0]
+    state = feature_flows(F, n, age, 0.0, 1)[0] @ window.H[:, 0]
     b, rate = state[n:], (F @ state)[n:]
     J = np.column_stack([rate, b])
     if np.linalg.matrix_rank(J, tol=1e-13 * float(np.abs(J).max())) < 2:
@@ -53,9 +58,10 @@ def time_deviation(window: FeatureWindow, scale: Array, age: float) -> float:
 
 def peak_age(window: FeatureWindow) -> float:
     """Age at which |b| is largest, on a grid refined by a parabola."""
-    F, n, count = filtered_system(window.D, window.C, window.exponents), len(window.D), 800
+    n, count = len(window.D), 800
+    F = filtered_system(window.D, window.C, window.exponents)
     tau = window.tau
-    states = exponential_grid(F, 0.0, tau / count, count + 1)[:, :, :n] @ window.H
+    states = impulse_responses(F, window.H, tau / count, count + 1)
     size = np.linalg.norm(states[:, n:, 0], axis=1)
     k = int(np.clip(np.argmax(size), 1, count - 1))
     low, mid, high = size[k - 1 : k + 2]

@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 
 from lmi.arithmetic.balls import around_zero, ball, exp_around, exp_times, number, to_float
-from lmi.arithmetic.exponential import expm
 from lmi.prove import exponential_sign as signs
 from lmi.verdict import Verdict, refuted
+from obsdesign.equations.impulsive_input.features import feature_flows
 from obsdesign.verification.impulsive_input.witnesses import EqualFeatures
 
 _STARTS = 12  # of Newton's method, for three features
@@ -161,7 +161,7 @@ def _meetings(curve: FeatureCurve) -> Iterator[tuple[float, float]]:
 
 def _followed(F: Any, start: Any, n: int, age: float) -> tuple[Any, Any]:
     """b and its rate at an age, floats."""
-    at = expm(F * age) @ start
+    at = feature_flows(F, n, age, 0.0, 1)[0] @ start[:n]
     return at[n:], (F @ at)[n:]
 
 

@@ -21,11 +21,14 @@ from typing import Any
 import numpy as np
 
 from lmi.arithmetic.balls import ball, exact, fixed_vector, precision, to_float
-from lmi.arithmetic.exponential import exponential_grid
 from lmi.prove import exponential_sign as signs
 from lmi.prove.hurwitz import real_spectrum
 from lmi.verdict import Verdict, proved, refuted, undecided
-from obsdesign.equations.impulsive_input.features import FeatureWindow, filtered_system
+from obsdesign.equations.impulsive_input.features import (
+    FeatureWindow,
+    feature_flows,
+    filtered_system,
+)
 from obsdesign.verification.impulsive_input.second_solution import FeatureCurve, second_solution
 from obsdesign.verification.impulsive_input.turning import PlaneCurve
 from obsdesign.verification.impulsive_input.witnesses import EqualFeatures
@@ -145,8 +148,8 @@ def _by_turning(window: FeatureWindow, nonnegative: bool) -> Verdict:
     margin, tau = window.margin, window.tau
     step = (tau - margin) / _GRID
     # from the margin on: next to the window, steps are far shorter than the way there
-    grid = exponential_grid(to_float(F), margin, step, _GRID + 1)
-    b = (grid[:, n:, :n] @ to_float(window.H))[:, :, 0]
+    flows = feature_flows(to_float(F), n, margin, step, _GRID + 1)
+    b = (flows[:, n:] @ to_float(window.H))[:, :, 0]
     pairs = list(itertools.combinations(range(rows), 2))
     pairs.sort(key=lambda pair: -_least_turn(b, *pair))
     curve = FeatureCurve(F=F, z=z, n=n, b=b, margin=margin, tau=tau, nonnegative=nonnegative)

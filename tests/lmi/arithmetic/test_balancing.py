@@ -10,8 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lmi.arithmetic.balancing import Scaling, balance
+from lmi.arithmetic.balancing import Scaling
 from lmi.arithmetic.balls import exact
+from lmi.arithmetic.units import balance
 from lmi.decide.dwell_search import shortest_dwell
 from lmi.decide.stability import decide
 from lmi.find.copositive import decide_copositive

@@ -86,6 +86,38 @@ def test_units_neither_break_nor_blunt_the_enclosure(seed: int) -> None:
     assert radius.max() < 1e-11 * size.max()
 
 
+@settings(max_examples=60, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), scale=st.sampled_from([1e-4, 0.1, 2.0]))
+def test_radii_follow_units_that_are_powers_of_two(seed: int, scale: float) -> None:
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(2, 9))
+    X = scale * rng.standard_normal((n, n)) * (rng.random((n, n)) < 0.6)
+    X = np.triu(X) if rng.random() < 0.3 else X
+    units = np.exp2(rng.integers(-60, 61, n))
+    factors = units[:, None] / units
+    own, scaled = expm(Enclosure.exactly(X)), expm(Enclosure.exactly(X * factors))
+    assert contains(scaled, ball_expm(X * factors, 1.0))
+    # the sizes of all paths from one state to another, in any units
+    allowed = 1e-12 * expm(Enclosure.exactly(np.abs(X))).mid
+    assert (own.rad <= allowed).all()
+    assert (scaled.rad / factors <= allowed).all()
+
+
+@pytest.mark.parametrize("coupling", [1e-60, 1e-30, 4.7e-13])
+def test_a_small_coupling_is_known_to_its_own_digits(coupling: float) -> None:
+    X = np.array([[-0.19, -2.7e-7, coupling], [-1.8e-5, -0.41, 0], [0, 0, 0]])
+    result = expm(Enclosure.exactly(X))
+    assert contains(result, ball_expm(X, 1.0))
+    assert (result.rad <= 1e-11 * np.abs(result.mid)).all()
+
+
+def test_growth_on_the_way_does_not_blunt_what_decays() -> None:
+    X = np.array([[-14.0, 30.0, 20.0], [0, 40.0, 1.0], [0, 0, 44.0]])
+    result = expm(Enclosure.exactly(X))
+    assert contains(result, ball_expm(X, 1.0))
+    assert (result.rad <= 1e-11 * np.abs(result.mid)).all()
+
+
 def test_a_large_input_column_costs_nothing() -> None:
     X = np.array([[-1.0, 2e6, 1e9], [0, 0, 0], [0, 0, 0]])
     result = expm(Enclosure.exactly(X))

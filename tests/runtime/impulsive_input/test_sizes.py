@@ -47,13 +47,60 @@ def test_units_of_the_states_do_not_matter(sizes: tuple[float, ...]) -> None:
     np.testing.assert_allclose(batch.x[:990] @ back, x[:990], atol=1e-2)
 
 
+def in_units(weighting: str, y: float, time: float) -> Any:
+    """The observer of a chain whose y and time are measured in other units."""
+    body = copy.deepcopy(CHAIN)
+    body["flow"]["A"] = (np.array(CHAIN["flow"]["A"]) / time).tolist()
+    body["jump"]["dwell_time"] = [25 * time, "inf"]
+    body["output"] |= {"C": [[0, 0, y]], "noise_std": [0.3 * y], "period": 0.1 * time}
+    body["observer"] |= {
+        "operator": "integral", "weighting": weighting, "window": 20 * time, "margin": 5 * time,
+        "exponents": [-0.65 / time, -0.75 / time, -0.85 / time],
+        "gains": {"K": (np.array([[2e-4], [4.8e-3], [2e-2]]) / y / time).tolist()},
+    }  # fmt: skip
+    return observer_of(body)
+
+
+def pulses(weighting: str, y: float = 1.0, time: float = 1.0) -> tuple[Any, Any]:
+    """(t, weight, their deviations) of every impulse in the units of the chain, and the states."""
+    t = 0.1 * np.arange(1200)
+    states = record(CHAIN["flow"]["A"], CHAIN["jump"]["H"], TRAIN, t, np.zeros(3))
+    noise = 0.3 * np.random.default_rng(5).standard_normal((len(t), 1))
+    batch = in_units(weighting, y, time).run_batch(t * time, y * (states[:, 2:] + noise))
+    events = [
+        (e.t / time, e.weights[0], e.t_std / time, e.weights_std[0], e.status) for e in batch.events
+    ]
+    return events, batch.x
+
+
+@pytest.mark.parametrize("weighting", ["gls", "plain"])
+def test_units_of_y_that_are_powers_of_two_change_no_bit(weighting: str) -> None:
+    events, states = pulses(weighting)
+    assert [round(event[0] / 30) for event in events] == [1, 2, 3]
+    for power in (-60, -43, -7, 1, 20, 37, 43, 50, 60):
+        other, their_states = pulses(weighting, y=2.0**power)
+        assert other == events, power
+        np.testing.assert_array_equal(their_states, states)
+
+
+@pytest.mark.parametrize("weighting", ["gls", "plain"])
+@pytest.mark.parametrize(("y", "time"), [(1e13, 1.0), (1e50, 1.0), (1.0, 1e12), (1e-9, 1e-15)])
+def test_units_of_y_and_time_do_not_matter(weighting: str, y: float, time: float) -> None:
+    events, states = pulses(weighting)
+    other, their_states = pulses(weighting, y, time)
+    assert [event[-1] for event in other] == [event[-1] for event in events]
+    numbers, theirs = (np.array([event[:-1] for event in found]) for found in (events, other))
+    np.testing.assert_allclose(theirs, numbers, rtol=1e-6)
+    np.testing.assert_allclose(their_states, states, rtol=1e-6, atol=1e-6)
+
+
 @pytest.mark.parametrize(
     ("block", "name", "value", "line"),
     [
         ("output", "noise_std", [1e120], "output.noise_std must be 0, or between 1e-100 and 1e\\+100"),
         ("output", "noise_std", [1e-120], "output.noise_std must be 0, or between"),
         ("output", "C", [[0, 0, 1e120]], "output.C must be at most 1e\\+100 in size"),
-        ("output", "C", [[0, 0, 1e50]], "are the units of flow.A and output.C what they should be"),
+        ("flow", "A", [[-0.08, 0, 0], [1e80, -0.15, 0], [0, 1e80, -0.2]], "are the units of flow.A and output.C what they should be"),
         ("output", "C", [[0, 0, 1e-99]], "output.C must be 0, or at least 1e-70 in size"),
         ("jump", "H", [[1e120], [0], [0]], "jump.H must be at most 1e\\+100 in size"),
     ],
