@@ -82,7 +82,7 @@ def remark_end(search: str, evidence: Mapping[str, Any], *, matters: bool = True
 
 def sentences(remarks: Iterable[Remark]) -> list[str]:
     """Texts of remarks; of a search that was ended several times the last."""
-    return [entry.text for entry in {one.search or one.text: one for one in remarks}.values()]
+    return [entry.text for entry in {item.search or item.text: item for item in remarks}.values()]
 
 
 @contextmanager

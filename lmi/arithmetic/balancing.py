@@ -19,9 +19,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from lmi.arithmetic.arrays import Array
 from lmi.arithmetic.balls import Exact, exact, pivot_columns, to_float
-
-Matrix = NDArray[Any]
 
 _SWEEPS = 40
 _SETTLED = 0.5  # bits: a sweep that changes no unit by more ends the iteration
@@ -31,7 +30,7 @@ _COARSE = 4
 _LARGEST = 240
 
 
-def balance(maps: Matrix) -> Matrix:
+def balance(maps: Array) -> Array:
     """Powers of two d, (n,), for which diag(d) M diag(1/d) is balanced and graded.
 
     maps: (n, n) or (k, n, n), finite; of several maps the largest entries count.
@@ -40,7 +39,7 @@ def balance(maps: Matrix) -> Matrix:
     return np.asarray(np.exp2(np.clip(np.round(bits - bits.max(initial=0.0)), -_LARGEST, 0)))
 
 
-def _bits(size: Matrix) -> Matrix:
+def _bits(size: Array) -> Array:
     """Binary logarithms x of units for which size[i, j] 2^(x_j - x_i) is balanced and graded."""
     weights = np.full(size.shape, -np.inf)
     np.log2(size, out=weights, where=size > 0)
@@ -66,7 +65,7 @@ def _reachable(edges: NDArray[np.bool_]) -> NDArray[np.bool_]:
         reach = further
 
 
-def _osborne(weights: Matrix) -> Matrix:
+def _osborne(weights: Array) -> Array:
     """Units of states all of which depend on each other; in bits, the smallest 0."""
     n = len(weights)
     units = np.zeros(n)
@@ -89,10 +88,10 @@ def _osborne(weights: Matrix) -> Matrix:
 class Scaling:
     """sizes: powers of two (n,), x = D z, D = diag(sizes)."""
 
-    sizes: Matrix
+    sizes: Array
 
     @staticmethod
-    def of(F: Exact, H: Exact, longest: float) -> Scaling:
+    def from_pair(F: Exact, H: Exact, longest: float) -> Scaling:
         """Sizes that balance a flow F and a jump H, (n, n) exact, together.
 
         longest: the longest dwell time; F counts over the time of its fastest mode, or that one.
@@ -111,7 +110,7 @@ class Scaling:
         return Scaling(np.exp2(np.clip(bits, -_LARGEST, _LARGEST)))
 
     @staticmethod
-    def like(v: Matrix) -> Scaling:
+    def like(v: Array) -> Scaling:
         """Sizes next to the entries of v, (n,) floats; 1 where one is not positive and finite."""
         usable = np.isfinite(v) & (v > 0)
         with np.errstate(all="ignore"):
@@ -127,29 +126,29 @@ class Scaling:
     def _numbers(self) -> tuple[Exact, Exact]:
         return exact(self.sizes), exact(1 / self.sizes)
 
-    def _pair(self, X: Matrix) -> tuple[Matrix, Matrix]:
+    def _pair(self, X: Array) -> tuple[Array, Array]:
         return self._numbers if X.dtype == object else (self.sizes, 1 / self.sizes)
 
-    def map(self, X: Matrix) -> Matrix:
+    def map(self, X: Array) -> Array:
         """D^-1 X D: a map of x as one of z. Floats or exact, (..., n, n)."""
         return self.rows(self.columns(X))
 
-    def rows(self, X: Matrix) -> Matrix:
+    def rows(self, X: Array) -> Array:
         """D^-1 X: what has its values in x. (n,) or (..., n, m)."""
         if self.is_identity:
             return X
         back = self._pair(X)[1]
         return np.asarray((back if X.ndim == 1 else back[:, None]) * X)
 
-    def columns(self, X: Matrix) -> Matrix:
+    def columns(self, X: Array) -> Array:
         """X D: what is applied to x."""
         return X if self.is_identity else np.asarray(X * self._pair(X)[0])
 
-    def form(self, P: Matrix) -> Matrix:
+    def form(self, P: Array) -> Array:
         """D P D: x'Px as a quadratic form of z."""
         return P if self.is_identity else np.asarray(self._pair(P)[0][:, None] * self.columns(P))
 
-    def dual(self, Z: Matrix) -> Matrix:
+    def dual(self, Z: Array) -> Array:
         """D^-1 Z D^-1: a multiplier for maps of x as one for those of z."""
         return self.undone.form(Z)
 
@@ -158,7 +157,7 @@ class Scaling:
         """From z back to x."""
         return Scaling(1 / self.sizes)
 
-    def vector(self, v: Matrix, side: str) -> Matrix:
+    def vector(self, v: Array, side: str) -> Array:
         """A state of z as one of x (side "right"), or a row vector v'z as one of x ("left")."""
         return np.asarray(v / self.sizes if side == "left" else v * self.sizes)
 
@@ -169,19 +168,19 @@ class Scaling:
         """
         if self.is_identity:
             return dict(evidence)
-        found = dict(evidence)
-        for name in found.keys() & {"P", "Q"}:
-            found[name] = self.undone.form(_floats(found[name])).tolist()
-        if "multipliers" in found:
-            back = [self.form(Z) for Z in _floats(found["multipliers"])]
-            found["multipliers"] = [Z.tolist() for Z in back]
-        if "vector" in found:
-            found["vector"] = self.vector(_floats(found["vector"]), found["side"]).tolist()
-        if "windows" in found:
-            found["windows"] = self._windows(found["windows"], H)
-        for name in found.keys() & {"no_common_P", "witness"}:
-            found[name] = self.restored(found[name], H)
-        return found
+        result = dict(evidence)
+        for name in result.keys() & {"P", "Q"}:
+            result[name] = self.undone.form(_floats(result[name])).tolist()
+        if "multipliers" in result:
+            back = [self.form(Z) for Z in _floats(result["multipliers"])]
+            result["multipliers"] = [Z.tolist() for Z in back]
+        if "vector" in result:
+            result["vector"] = self.vector(_floats(result["vector"]), result["side"]).tolist()
+        if "windows" in result:
+            result["windows"] = self._windows(result["windows"], H)
+        for name in result.keys() & {"no_common_P", "witness"}:
+            result[name] = self.restored(result[name], H)
+        return result
 
     def _windows(self, windows: Any, H: Exact) -> list[dict[str, Any]]:
         reduced = len(windows[0]["P"]) < len(self.sizes)
@@ -189,5 +188,5 @@ class Scaling:
         return [window | {"P": part.form(_floats(window["P"])).tolist()} for window in windows]
 
 
-def _floats(values: ArrayLike) -> Matrix:
+def _floats(values: ArrayLike) -> Array:
     return np.asarray(values, dtype=np.float64)

@@ -286,8 +286,8 @@ def entries(S: Any) -> Exact:
 
 def solve_entries(A: Exact, B: Exact) -> Exact | None:
     """A^-1 B for object arrays of balls; None unless A is certainly invertible."""
-    found = solve(arb_mat(A.tolist()), arb_mat(B.tolist()))
-    return None if found is None else entries(found)
+    solution = solve(arb_mat(A.tolist()), arb_mat(B.tolist()))
+    return None if solution is None else entries(solution)
 
 
 def around_zero(radius: Any) -> Any:

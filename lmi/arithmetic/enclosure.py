@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Matrix = NDArray[np.float64]
+from lmi.arithmetic.arrays import Matrix as Matrix  # of the runtime's imports too
 
 UNIT = 2.0**-53  # unit roundoff of binary64
 TINY = 2.0**-1000  # covers every underflow: far above it, far below anything that matters
@@ -92,15 +92,15 @@ def stack(rows: list[list[Enclosure]]) -> Enclosure:
 
 def powers(X: Enclosure, count: int) -> Enclosure:
     """I, X, ..., X^(count-1), (count, n, n), by doubling: few factors keep the radii small."""
-    found = Enclosure.exactly(np.eye(len(X.mid))[None])
+    result = Enclosure.exactly(np.eye(len(X.mid))[None])
     with np.errstate(over="ignore", invalid="ignore"):
-        while len(found.mid) < count:
-            more = found @ X
-            found = Enclosure(
-                np.concatenate([found.mid, more.mid]), np.concatenate([found.rad, more.rad])
+        while len(result.mid) < count:
+            more = result @ X
+            result = Enclosure(
+                np.concatenate([result.mid, more.mid]), np.concatenate([result.rad, more.rad])
             )
             X = X @ X
-    return Enclosure(found.mid[:count], found.rad[:count])
+    return Enclosure(result.mid[:count], result.rad[:count])
 
 
 def inverse(values: Matrix) -> Enclosure:
@@ -119,8 +119,10 @@ def inverse(values: Matrix) -> Enclosure:
     if not norm < 0.5:
         raise ValueError("the matrix is too close to a singular one for its inverse to be certain")
     size = np.abs(R.mid)
-    rest = 4.0 * norm * norm * np.max(size, axis=0, initial=0.0)  # sums of powers of norm <= 1/2
-    return Enclosure(R.mid, raised(E @ size + rest, 2 * n + 6))
+    remainder = (
+        4.0 * norm * norm * np.max(size, axis=0, initial=0.0)
+    )  # sums of powers of norm <= 1/2
+    return Enclosure(R.mid, raised(E @ size + remainder, 2 * n + 6))
 
 
 def expm(matrix: Enclosure) -> Enclosure:

@@ -1,4 +1,4 @@
-"""Windows of dwell times: what a matrix P may depend on, and which of them can follow each other.
+"""Windows of dwell times that a matrix P may depend on, and which can follow each other.
 
 Offset -1 is the dwell time that has just passed, 0 the one about to start (the theta of the next
 map), 1 the one after it. A window gives every offset an interval; all windows together divide the
@@ -22,8 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-Matrix = NDArray[np.float64]
-Indices = NDArray[np.intp]
+from lmi.arithmetic.arrays import Indices, Matrix
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Words with long repeats: flows that swing, pumped by switching between two dwell times; twins."""
+"""Words with long repeats: oscillating flows, pumped by two alternating dwell times."""
 
 from __future__ import annotations
 
@@ -44,9 +44,9 @@ def test_a_long_word_keeps_its_shape_and_the_step_limit_where_it_is_polished() -
     word = Word((0.6,) * 20 + (1.4,) * 13, 0.0)
     free, bound = polished(edge, word), polished(edge, word, jitter=1.0)
     assert free.growth >= bound.growth > 0
-    for found, jitter in ((free, np.inf), (bound, 1.0)):
-        thetas = np.array(found.thetas)
-        assert len(set(found.thetas)) == 2
+    for refined, jitter in ((free, np.inf), (bound, 1.0)):
+        thetas = np.array(refined.thetas)
+        assert len(set(refined.thetas)) == 2
         assert np.abs(thetas - np.roll(thetas, 1)).max() <= jitter
 
 
