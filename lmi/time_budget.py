@@ -56,7 +56,7 @@ _REMARKS: ContextVar[list[Remark] | None] = ContextVar("remarks", default=None)
 
 @contextmanager
 def collect_remarks() -> Iterator[list[Remark]]:
-    """What searches in here remark: that one ended early, or had to settle for less."""
+    """Collect remarks of searches in the block: ended early, or a lesser result."""
     remarks: list[Remark] = []
     token = _REMARKS.set(remarks)
     try:
@@ -133,7 +133,7 @@ def deadline(seconds: float) -> float:
 
 
 def remaining(seconds: float = math.inf) -> float:
-    """What remains of a budget that starts now; negative when the total has ended."""
+    """Seconds left of a budget that starts now; negative when the total has ended."""
     return deadline(seconds) - time.process_time()
 
 

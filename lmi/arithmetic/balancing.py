@@ -119,7 +119,7 @@ class Scaling:
 
     @property
     def is_identity(self) -> bool:
-        """Whether nothing is scaled."""
+        """True if no state is scaled."""
         return bool((self.sizes == 1).all())
 
     @cached_property

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lmi.arithmetic.arrays import Matrix as Matrix  # of the runtime's imports too
+from lmi.arithmetic.arrays import Matrix as Matrix  # the runtime imports it from here
 
 UNIT = 2.0**-53  # unit roundoff of binary64
 TINY = 2.0**-1000  # covers every underflow: far above it, far below anything that matters
@@ -119,9 +119,8 @@ def inverse(values: Matrix) -> Enclosure:
     if not norm < 0.5:
         raise ValueError("the matrix is too close to a singular one for its inverse to be certain")
     size = np.abs(R.mid)
-    remainder = (
-        4.0 * norm * norm * np.max(size, axis=0, initial=0.0)
-    )  # sums of powers of norm <= 1/2
+    # sums of powers of norm <= 1/2
+    remainder = 4.0 * norm * norm * np.max(size, axis=0, initial=0.0)
     return Enclosure(R.mid, raised(E @ size + remainder, 2 * n + 6))
 
 
@@ -198,7 +197,7 @@ def _taylor(matrix: Enclosure) -> Enclosure:
 
 
 def _pattern(matrix: Enclosure) -> NDArray[np.bool_]:
-    """Where any power of X can be nonzero: the entries joined by a path of nonzero entries."""
+    """Entries that can be nonzero in a power of X: joined by a path of nonzero entries."""
     reach = (np.abs(matrix.mid) + matrix.rad > 0) | np.eye(len(matrix.mid), dtype=bool)
     for _ in range(max(1, int(np.ceil(np.log2(max(len(matrix.mid), 2)))))):
         reach = reach @ reach

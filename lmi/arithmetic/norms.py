@@ -76,10 +76,10 @@ def spectral_norm(X: Exact) -> Any:
 
 
 def well_ranked(X: Exact, threshold: float) -> Verdict:
-    """Is the smallest singular value of X, (m, n), at least threshold times its Frobenius norm?
+    """Decide whether the least singular value of X is at least threshold times |X|_F.
 
-    Proved by X'X - (threshold |X|_F)^2 I > 0; refuted by a vector v with |X v| below that, checked.
-    Evidence holds the ratio in floats, approx_ratio.
+    X: (m, n). Proved by X'X - (threshold |X|_F)^2 I > 0; refuted by a vector v with |X v| below
+    that, checked. Evidence holds the ratio in floats, approx_ratio.
     """
     middle, scale = _scaled_middle(X)
     n = X.shape[1]

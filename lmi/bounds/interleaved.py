@@ -149,8 +149,10 @@ class Interleaved:
 
 @dataclass(frozen=True)
 class Bounds:
-    """What is to be proved; exact. p (n,): after the sample that follows a jump (without jumps:
-    after samples); sampled, jumped (n,): after any sample and after any jump; always (q,): X r.
+    """Bounds that are to be proved; exact.
+
+    p (n,): after the sample that follows a jump (without jumps: after samples); sampled, jumped
+    (n,): after any sample and after any jump; always (q,): X r.
     """
 
     p: Exact
@@ -270,7 +272,7 @@ def _not_raised(sample: Any, p: Any, limit: Exact) -> Any:
 def _between_samples(
     system: Interleaved, X: Exact, bounds: Bounds, widest: Exact | None
 ) -> Verdict:
-    """What holds for every time s in [0, h] after a sample, by the mean value form."""
+    """Prove the bounds for every time s in [0, h] after a sample, by the mean value form."""
     h = system.period
     at, step = 0.0, h / 4
     for count in range(1, _STEPS + 1):

@@ -86,8 +86,10 @@ class Affine:
 
 @dataclass(frozen=True)
 class Tube:
-    """What u is compared with. v (n,): after a jump u+ = N u + h. before, always (q,): X u in
-    [low, high] and in [0, high]; after (q,): X v. Exact.
+    """Bounds of the tube that u is compared with.
+
+    v (n,): after a jump u+ = N u + h. before, always (q,): X u in [low, high] and in
+    [0, high]; after (q,): X v. Exact.
     """
 
     v: Exact

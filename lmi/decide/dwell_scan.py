@@ -24,7 +24,7 @@ _DOUBLINGS = 6
 
 @dataclass(frozen=True)
 class Scan:
-    """What constant dwell times tell about the searched end of a range.
+    """Limits that constant dwell times put on the searched end of a range.
 
     crossing: the dwell time nearest to the fixed end at which the radius reaches 1, None if none
     does. last: the one furthest from the fixed end that was looked at. islands: [a, b] beyond the

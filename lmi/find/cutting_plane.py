@@ -116,7 +116,7 @@ def propose_edges(
 
 
 def _guess(edge: Edge, nodes: int, n: int) -> Proposal:
-    """Where floats overflow, only the prover can tell; the identity is worth its try."""
+    """Propose the identity where floats overflow: only the prover can decide there."""
     return Proposal(np.tile(np.eye(n), (nodes, 1, 1)), (), -math.inf, edge.low)
 
 

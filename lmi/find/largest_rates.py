@@ -80,7 +80,7 @@ def _largest(F: Exact, H: Exact, given: Matrix, low: float, high: float) -> dict
 
 @dataclass(frozen=True)
 class _Span:
-    """What every stable system has, what its P seems to allow, and what none can exceed."""
+    """Rates: of every stable system, as estimated for its P, and the limit for every P."""
 
     nothing: float
     estimate: float

@@ -178,7 +178,7 @@ class _Family:
 
 
 def certificate(windows: Windows, links: Links, matrices: Array) -> dict[str, Any]:
-    """What a file holds: windows with their intervals and P, edges with their ranges."""
+    """Certificate for a file: windows with their intervals and P, edges with their ranges."""
     P = (matrices + np.swapaxes(matrices, 1, 2)) / 2
     ends = zip(links.source, links.target, links.low, links.high, strict=True)
     return {

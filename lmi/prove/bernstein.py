@@ -61,7 +61,7 @@ class Normalised:
 
 @dataclass(frozen=True)
 class Boxes:
-    """What a range took: boxes, the smallest of them, or the theta where it failed.
+    """Boxes over a range: their number, the smallest, or the theta where the proof failed.
 
     which: the bound that failed there, 0 the identity, then the others.
     """
@@ -169,7 +169,7 @@ def flow(family: Normalised, theta: Any) -> Any:
 
 
 def certify(family: Normalised, S: Any) -> bool:
-    """True only if S < gamma^2 I, and the same for all other bounds."""
+    """Certify S < gamma^2 I, and the same for all other bounds."""
     return _unmet(family, [lower_entries(S)], scalar(0)) is None
 
 
@@ -196,13 +196,13 @@ def _bound(n: int, square: Any, S: Any, remainder: Any) -> list[list[Any]]:
 
 
 def _below(bound: list[list[Any]], entries: list[Any]) -> bool:
-    """True only if bound - entries > 0, both by lower entries."""
+    """Certify bound - entries > 0, both by lower entries."""
     at = iter(entries)
     return certify_pivots([[b - next(at) for b in row] for row in bound])
 
 
 def _box(family: Normalised, series: _Series, E: Any, size: Any, width: Any) -> bool:
-    """True only if N'N < gamma^2 I on the whole box of this width from where E was taken."""
+    """Certify N'N < gamma^2 I on the whole box of this width from where E was taken."""
     h = scalar(width)
     remainder = series.remainder(size, h)
     if remainder is None or not remainder < scalar(rational(family.gamma)) ** 2:

@@ -1,4 +1,4 @@
-"""Proof for all dwell times by chords: the second prover, independent of boxes.
+"""Proof for all dwell times by chords, for margins too narrow for `lmi.prove.march`.
 
 In coordinates where both P are the identity the condition says N' N < gamma^2 I, for
 N(theta) = left e^{F theta} right. Between a and b = a + h, N stays within h^2/8 max |N''| = rho of
@@ -101,7 +101,7 @@ class _Line:
         return N.transpose() * N
 
     def below(self, S: Any, room: Any = 0) -> bool:
-        """True only if S + room I < gamma^2 I."""
+        """Certify S + room I < gamma^2 I."""
         return certify_positive_definite((self.square - room) * self.unit - S)
 
     def margin(self, flow: Any) -> float:

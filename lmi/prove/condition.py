@@ -1,4 +1,4 @@
-"""What is to be proved, in exact numbers: M(theta)' P_target M(theta) < gamma^2 P_source."""
+"""Condition to be proved, in exact numbers: M(theta)' P_target M(theta) < gamma^2 P_source."""
 
 from __future__ import annotations
 

@@ -1,6 +1,7 @@
-"""Is a matrix Hurwitz (every mode decays), is it Schur? Decided exactly, with the mode.
+"""Exact decisions on the spectrum of a matrix: Hurwitz, Schur, real.
 
-Are all eigenvalues of a matrix real? Decided exactly, by Sturm's sequence.
+Hurwitz (every mode decays) is refuted with the mode; a real spectrum is decided by Sturm's
+sequence.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from lmi.verdict import Verdict, proved, refuted
 
 
 def real_spectrum(F: Any) -> bool:
-    """Are all eigenvalues of the exact matrix F real? By Sturm's sequence of its polynomial."""
+    """Decide by Sturm's sequence whether all eigenvalues of the exact matrix F are real."""
     chain = [characteristic_polynomial(F)]
     chain.append([k * c for k, c in enumerate(chain[0])][1:])
     while True:
@@ -179,10 +180,11 @@ def modal_matrix(F: Matrix) -> Matrix | None:
 
 
 def _routh(coefficients: list[Any]) -> bool | None:
-    """Are all roots in the open left half-plane? Exact rationals or balls, constant term first.
+    """Decide whether all roots are in the open left half-plane.
 
-    All entries of the first column are positive if they are: one that is certainly not refutes it.
-    None where the sign of a ball is uncertain.
+    coefficients: exact rationals or balls, constant term first. All entries of the first column are
+    positive if they are: one that is certainly not refutes it. None where the sign of a ball is
+    uncertain.
     """
     falling = coefficients[::-1]
     upper, lower = falling[0::2], falling[1::2]

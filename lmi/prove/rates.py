@@ -1,4 +1,4 @@
-"""How fast a proved system decays: per jump and in time, in the norm of its certificate P.
+"""Decay rates of a proved system, per jump and in time, in the norm of its certificate P.
 
     per jump   |M(theta) x|_P <= gamma |x|_P                          for all theta in the range
     in time    |M(theta) x|_P <= e^{-alpha theta} |x|_P               (the same for F + alpha I)

@@ -39,7 +39,7 @@ class Certificate:
 
 
 class Unreadable(Exception):
-    """What the certificate has to hold and does not."""
+    """Requirement that the certificate does not meet."""
 
 
 def read_certificate(
@@ -151,7 +151,7 @@ def _edges(boxes: Sequence[Box], ends: Interval, jitter: float) -> list[Edge]:
 
 
 def _common(first: Box, second: Box, ends: Interval) -> Box | None:
-    """What two boxes share, by offsets; None when the inside of some offset is empty.
+    """Intersection of two boxes, by offsets; None when the inside of some offset is empty.
 
     Cells are half-open, [., .), the last one closed, so that inside means: more than a point.
     """
@@ -166,7 +166,7 @@ def _common(first: Box, second: Box, ends: Interval) -> Box | None:
 
 
 def _reachable(box: Box, ends: Interval, jitter: float) -> bool:
-    """Does the box hold a sequence whose steps are at most `jitter`? In exact numbers."""
+    """Decide exactly whether the box holds a sequence with steps of at most `jitter`."""
     if math.isinf(jitter) or ends[0] == ends[1]:
         return True
     step, last = rational(jitter), max(box, default=0)

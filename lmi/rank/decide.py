@@ -128,7 +128,7 @@ def _sign_change(stack: Stack, points: Matrix, R: Matrix) -> list[list[float]] |
 
 
 def _vanishing(stack: Stack, points: Matrix, R: Matrix, low: float, high: float) -> Verdict:
-    """Whether rank is lost where block rows pass through zero, next to the place with the least."""
+    """Check for lost rank where block rows pass through zero, next to the least margin."""
     least = functools.partial(approx_vanishing, stack, R=R)
     place, _ = _polished(least, points, least(points), low, high)
     return check_deficient(stack, low, high, {"thetas": place.tolist()})

@@ -25,10 +25,10 @@ _BITS = 256
 
 @np.errstate(all="ignore")
 def check_deficient(stack: Stack, low: float, high: float, witness: Mapping[str, Any]) -> Verdict:
-    """Is this a witness? {"thetas": (m,)} or, for a square stack, {"between": two of them}.
+    """Check a witness against full rank.
 
-    Refuted with thetas, null vector and ratio; otherwise undecided. Thetas outside [low, high]
-    are no witness.
+    witness: {"thetas": (m,)} or, for a square stack, {"between": two of them}. Refuted with thetas,
+    null vector and ratio; otherwise undecided. Thetas outside [low, high] are no witness.
     """
     if (plain := outright(stack)) is not None:
         return refuted(plain)
@@ -53,7 +53,7 @@ def _point(stack: Stack, values: Any, low: float, high: float) -> Matrix | None:
 
 
 def outright(stack: Stack) -> dict[str, Any] | None:
-    """What forbids full rank whatever the thetas are."""
+    """Witness against full rank for all thetas alike; None if there is none."""
     if stack.shape[0] < stack.shape[1]:
         return too_few(stack)
     if stack.flows_first or stack.blocks == 1:

@@ -233,7 +233,7 @@ def refute_word(F: ArrayLike, H: ArrayLike, thetas: Sequence[float]) -> Verdict:
 
 
 def steps_within(thetas: Sequence[float], jitter: float) -> bool:
-    """Is no step of the sequence, repeated without end, larger than `jitter`? In exact numbers."""
+    """Decide exactly whether no step of the repeated sequence is larger than `jitter`."""
     if math.isinf(jitter):
         return True
     numbers = [rational(theta) for theta in thetas]
