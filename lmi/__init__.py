@@ -1,1 +1,1 @@
-"""Matrix inequalities over a range of dwell times: found, proved for all of them, or refuted."""
+"""Matrix inequalities over a range of dwell times: solved, proved or refuted."""

@@ -9,14 +9,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from lmi.arithmetic.arrays import Array
 from lmi.arithmetic.exponential import expm, exponential_grid, times
-
-Matrix = NDArray[Any]
 
 # Grid step times |eigenvalue|: 30 points per turn of M, 15 per turn of the quadratic form in M
 _STEP = 0.2
@@ -30,35 +28,35 @@ _GONE = 14.0
 class Edge:
     """F, H, left: (n, n); theta in [low, high]; high may be infinite when F is Hurwitz."""
 
-    F: Matrix
-    H: Matrix
+    F: Array
+    H: Array
     low: float
     high: float
-    left: Matrix | None = None
+    left: Array | None = None
     source: int = 0
     target: int = 0
     gamma: float = 1.0
 
-    def maps(self, thetas: ArrayLike) -> Matrix:
+    def maps(self, thetas: ArrayLike) -> Array:
         """M(theta) at each theta, (k, n, n)."""
         flows = expm(self.F * np.asarray(thetas, dtype=np.float64)[:, None, None])
         return self._from_flows(flows)
 
-    def with_slopes(self, thetas: ArrayLike) -> tuple[Matrix, Matrix]:
+    def with_slopes(self, thetas: ArrayLike) -> tuple[Array, Array]:
         """M and its derivative at each theta, (k, n, n) each."""
         flows = expm(self.F * np.asarray(thetas, dtype=np.float64)[:, None, None])
         return self._from_flows(flows), self._from_flows(self.F @ flows)
 
-    def _from_flows(self, flows: Matrix) -> Matrix:
-        moved = times(flows, self.H)
-        return moved if self.left is None else self.left @ moved
+    def _from_flows(self, flows: Array) -> Array:
+        products = times(flows, self.H)
+        return products if self.left is None else self.left @ products
 
     @property
     def last(self) -> float:
         """The end of the range, or where an infinite one has nothing left to show."""
         return self.high if math.isfinite(self.high) else self.low + horizon(self.F)
 
-    def grid(self, fewest: int = FEWEST) -> tuple[Matrix, Matrix]:
+    def grid(self, fewest: int = FEWEST) -> tuple[Array, Array]:
         """(theta, M(theta)) on panels of equally spaced points, ends included, at least `fewest`.
 
         The step resolves the fastest mode that is still alive; decayed modes cost no points.
@@ -102,7 +100,7 @@ def _spaced(ends: list[float]) -> list[float]:
     return kept[::-1]
 
 
-def horizon(F: Matrix) -> float:
+def horizon(F: Array) -> float:
     """A time after which a Hurwitz flow has decayed; some time of its own for another."""
     if not np.isfinite(F).all():
         return math.inf
@@ -113,7 +111,7 @@ def horizon(F: Matrix) -> float:
     return 8.0 / max(float(np.abs(modes).max()), 1e-6)
 
 
-def slack(P_source: Matrix, maps: Matrix, P_target: Matrix | None = None) -> Matrix:
+def slack(P_source: Array, maps: Array, P_target: Array | None = None) -> Array:
     """1 - |M|^2 in the norms of P_target and P_source: positive where M' P_target M < P_source.
 
     P: (n, n) positive definite (LinAlgError if not), maps: (k, n, n). Free of the scale of P.
@@ -122,7 +120,7 @@ def slack(P_source: Matrix, maps: Matrix, P_target: Matrix | None = None) -> Mat
     return slack_in(L, maps, L if P_target is None else np.linalg.cholesky(P_target))
 
 
-def approx_holds(P: Matrix, maps: Matrix) -> bool:
+def approx_holds(P: Array, maps: Array) -> bool:
     """M' P M < P for every M of (k, n, n), in floats; the fastest look there is."""
     products = times(np.ascontiguousarray(np.swapaxes(maps, 1, 2)), P) @ maps
     try:
@@ -132,37 +130,40 @@ def approx_holds(P: Matrix, maps: Matrix) -> bool:
     return bool(np.isfinite(products).all())
 
 
-def slack_in(L: Matrix, maps: Matrix, L_target: Matrix) -> Matrix:
+def slack_in(L: Array, maps: Array, L_target: Array) -> Array:
     """`slack` for P_source = L L', P_target = L_target L_target'."""
-    return slack_of(moved(L, maps, L_target))
+    return slack_of(transformed(L, maps, L_target))
 
 
-def slack_of(N: Matrix) -> Matrix:
+def slack_of(N: Array) -> Array:
     """1 - |N|^2 for each N of (k, n, n); minus infinity where it is not finite."""
     gram = np.swapaxes(N, -1, -2) @ N
-    finite: Matrix = np.asarray(np.isfinite(gram).all(axis=(-2, -1)))
+    finite: Array = np.asarray(np.isfinite(gram).all(axis=(-2, -1)))
     if not finite.all():
         gram = np.where(finite[:, None, None], gram, 0.0)
-    values: Matrix = 1.0 - np.linalg.eigvalsh(gram)[:, -1]
+    values: Array = 1.0 - np.linalg.eigvalsh(gram)[:, -1]
     return np.where(finite, values, -math.inf)
 
 
-def moved(L: Matrix, maps: Matrix, L_target: Matrix) -> Matrix:
+def transformed(L: Array, maps: Array, L_target: Array) -> Array:
     """L_target' M L^-T: the maps in coordinates where both matrices are the identity."""
     right = np.swapaxes(times(maps, np.linalg.inv(L).T), 1, 2)
     return np.swapaxes(times(np.ascontiguousarray(right), L_target), 1, 2)
 
 
-def moved_between(L: Matrix, maps: Matrix, source: Matrix, target: Matrix) -> Matrix:
-    """`moved` for many nodes: L (nodes, n, n), source and target (k,) the nodes of each map."""
+def transformed_between(L: Array, maps: Array, source: Array, target: Array) -> Array:
+    """`transformed` for many nodes.
+
+    L: (nodes, n, n); source, target: (k,), the nodes of each map.
+    """
     if len(L) == 1:
-        return moved(L[0], maps, L[0])
+        return transformed(L[0], maps, L[0])
     back = np.swapaxes(np.linalg.inv(L), 1, 2)
-    between: Matrix = np.swapaxes(L, 1, 2)[target] @ (maps @ back[source])
+    between: Array = np.swapaxes(L, 1, 2)[target] @ (maps @ back[source])
     return between
 
 
-def worst(slacks: Matrix, limit: float, starts: Matrix | None = None) -> list[int]:
+def worst(slacks: Array, limit: float, starts: Array | None = None) -> list[int]:
     """Local minima of the slack below `limit`, ends included, worst first.
 
     starts: where the points of each edge begin, for the slacks of several edges in a row.
@@ -172,5 +173,5 @@ def worst(slacks: Matrix, limit: float, starts: Matrix | None = None) -> list[in
     if starts is not None:
         before[starts] = math.inf
         after[starts[1:] - 1] = math.inf
-    found = np.flatnonzero((slacks <= before) & (slacks < after) & (slacks < limit))
-    return sorted(found.tolist(), key=lambda k: slacks[k])
+    minima = np.flatnonzero((slacks <= before) & (slacks < after) & (slacks < limit))
+    return sorted(minima.tolist(), key=lambda k: slacks[k])

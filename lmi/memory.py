@@ -1,7 +1,7 @@
-"""Budget of memory: sizes that a user or a file gives are compared with it before arrays exist.
+"""Budget of memory for sizes that a user or a file gives.
 
-Whoever builds arrays of such a size calls `require_memory` first. The refusal is one line: what is
-needed, what the budget is, what to change.
+Code that builds arrays of such a size calls `require_memory` first. The refusal is one line: what
+is needed, what the budget is, what to change.
 """
 
 from __future__ import annotations

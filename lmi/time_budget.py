@@ -56,7 +56,7 @@ _REMARKS: ContextVar[list[Remark] | None] = ContextVar("remarks", default=None)
 
 @contextmanager
 def collect_remarks() -> Iterator[list[Remark]]:
-    """What searches in here remark: that one ended early, or had to settle for less."""
+    """Collect remarks of searches in the block: ended early, or a lesser result."""
     remarks: list[Remark] = []
     token = _REMARKS.set(remarks)
     try:
@@ -82,7 +82,7 @@ def remark_end(search: str, evidence: Mapping[str, Any], *, matters: bool = True
 
 def sentences(remarks: Iterable[Remark]) -> list[str]:
     """Texts of remarks; of a search that was ended several times the last."""
-    return [entry.text for entry in {one.search or one.text: one for one in remarks}.values()]
+    return [entry.text for entry in {item.search or item.text: item for item in remarks}.values()]
 
 
 @contextmanager
@@ -133,7 +133,7 @@ def deadline(seconds: float) -> float:
 
 
 def remaining(seconds: float = math.inf) -> float:
-    """What remains of a budget that starts now; negative when the total has ended."""
+    """Seconds left of a budget that starts now; negative when the total has ended."""
     return deadline(seconds) - time.process_time()
 
 

@@ -41,5 +41,5 @@ def undecided(reason: str, **evidence: Any) -> Verdict:
 
 def overall(outcomes: Iterable[str]) -> str:
     """Refuted if any is, else undecided if any is, else proved."""
-    found = set(outcomes)
-    return next((word for word in ("refuted", "undecided") if word in found), "proved")
+    distinct = set(outcomes)
+    return next((word for word in ("refuted", "undecided") if word in distinct), "proved")

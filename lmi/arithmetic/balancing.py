@@ -13,12 +13,11 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from lmi.arithmetic.arrays import Array
 from lmi.arithmetic.balls import Exact, exact, pivot_columns, to_float
 from lmi.arithmetic.units import LARGEST_UNIT, units_in_bits
-
-Matrix = NDArray[Any]
 
 # Couplings below this many bits need no other units: solvers do not mind
 _COARSE = 4
@@ -28,10 +27,10 @@ _COARSE = 4
 class Scaling:
     """sizes: powers of two (n,), x = D z, D = diag(sizes)."""
 
-    sizes: Matrix
+    sizes: Array
 
     @staticmethod
-    def of(F: Exact, H: Exact, longest: float) -> Scaling:
+    def from_pair(F: Exact, H: Exact, longest: float) -> Scaling:
         """Sizes that balance a flow F and a jump H, (n, n) exact, together.
 
         longest: the longest dwell time; F counts over the time of its fastest mode, or that one.
@@ -50,7 +49,7 @@ class Scaling:
         return Scaling(np.exp2(np.clip(bits, -LARGEST_UNIT, LARGEST_UNIT)))
 
     @staticmethod
-    def like(v: Matrix) -> Scaling:
+    def like(v: Array) -> Scaling:
         """Sizes next to the entries of v, (n,) floats; 1 where one is not positive and finite."""
         usable = np.isfinite(v) & (v > 0)
         with np.errstate(all="ignore"):
@@ -59,36 +58,36 @@ class Scaling:
 
     @property
     def is_identity(self) -> bool:
-        """Whether nothing is scaled."""
+        """True if no state is scaled."""
         return bool((self.sizes == 1).all())
 
     @cached_property
     def _numbers(self) -> tuple[Exact, Exact]:
         return exact(self.sizes), exact(1 / self.sizes)
 
-    def _pair(self, X: Matrix) -> tuple[Matrix, Matrix]:
+    def _pair(self, X: Array) -> tuple[Array, Array]:
         return self._numbers if X.dtype == object else (self.sizes, 1 / self.sizes)
 
-    def map(self, X: Matrix) -> Matrix:
+    def map(self, X: Array) -> Array:
         """D^-1 X D: a map of x as one of z. Floats or exact, (..., n, n)."""
         return self.rows(self.columns(X))
 
-    def rows(self, X: Matrix) -> Matrix:
+    def rows(self, X: Array) -> Array:
         """D^-1 X: what has its values in x. (n,) or (..., n, m)."""
         if self.is_identity:
             return X
         back = self._pair(X)[1]
         return np.asarray((back if X.ndim == 1 else back[:, None]) * X)
 
-    def columns(self, X: Matrix) -> Matrix:
+    def columns(self, X: Array) -> Array:
         """X D: what is applied to x."""
         return X if self.is_identity else np.asarray(X * self._pair(X)[0])
 
-    def form(self, P: Matrix) -> Matrix:
+    def form(self, P: Array) -> Array:
         """D P D: x'Px as a quadratic form of z."""
         return P if self.is_identity else np.asarray(self._pair(P)[0][:, None] * self.columns(P))
 
-    def dual(self, Z: Matrix) -> Matrix:
+    def dual(self, Z: Array) -> Array:
         """D^-1 Z D^-1: a multiplier for maps of x as one for those of z."""
         return self.undone.form(Z)
 
@@ -97,7 +96,7 @@ class Scaling:
         """From z back to x."""
         return Scaling(1 / self.sizes)
 
-    def vector(self, v: Matrix, side: str) -> Matrix:
+    def vector(self, v: Array, side: str) -> Array:
         """A state of z as one of x (side "right"), or a row vector v'z as one of x ("left")."""
         return np.asarray(v / self.sizes if side == "left" else v * self.sizes)
 
@@ -108,19 +107,19 @@ class Scaling:
         """
         if self.is_identity:
             return dict(evidence)
-        found = dict(evidence)
-        for name in found.keys() & {"P", "Q"}:
-            found[name] = self.undone.form(_floats(found[name])).tolist()
-        if "multipliers" in found:
-            back = [self.form(Z) for Z in _floats(found["multipliers"])]
-            found["multipliers"] = [Z.tolist() for Z in back]
-        if "vector" in found:
-            found["vector"] = self.vector(_floats(found["vector"]), found["side"]).tolist()
-        if "windows" in found:
-            found["windows"] = self._windows(found["windows"], H)
-        for name in found.keys() & {"no_common_P", "witness"}:
-            found[name] = self.restored(found[name], H)
-        return found
+        result = dict(evidence)
+        for name in result.keys() & {"P", "Q"}:
+            result[name] = self.undone.form(_floats(result[name])).tolist()
+        if "multipliers" in result:
+            back = [self.form(Z) for Z in _floats(result["multipliers"])]
+            result["multipliers"] = [Z.tolist() for Z in back]
+        if "vector" in result:
+            result["vector"] = self.vector(_floats(result["vector"]), result["side"]).tolist()
+        if "windows" in result:
+            result["windows"] = self._windows(result["windows"], H)
+        for name in result.keys() & {"no_common_P", "witness"}:
+            result[name] = self.restored(result[name], H)
+        return result
 
     def _windows(self, windows: Any, H: Exact) -> list[dict[str, Any]]:
         reduced = len(windows[0]["P"]) < len(self.sizes)
@@ -128,5 +127,5 @@ class Scaling:
         return [window | {"P": part.form(_floats(window["P"])).tolist()} for window in windows]
 
 
-def _floats(values: ArrayLike) -> Matrix:
+def _floats(values: ArrayLike) -> Array:
     return np.asarray(values, dtype=np.float64)

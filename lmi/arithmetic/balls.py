@@ -83,15 +83,15 @@ def exp_times(F: Exact, theta: float) -> Any:
 
 
 def certify_positive_definite(S: Any) -> bool:
-    """True only if the symmetric ball matrix S is positive definite for every choice inside.
+    """Certify that the symmetric ball matrix S is positive definite for every choice inside.
 
-    False says nothing. Every pivot of L D L' must be certainly positive.
+    False proves nothing. Every pivot of L D L' must be certainly positive.
     """
     return certify_pivots([list(row) for row in S.tolist()])
 
 
 def certify_negative(x: Any) -> bool:
-    """True only if the ball contains nothing but negative numbers."""
+    """Certify that the ball contains nothing but negative numbers."""
     return bool(x < 0)
 
 
@@ -135,9 +135,9 @@ def row_echelon(values: Exact) -> tuple[Exact, int]:
 
 
 def surely_observable(A: Exact, C: Exact) -> bool:
-    """True only if [C; C A; ...; C A^(n-1)] has full column rank n; exact A (n, n), C (p, n).
+    """Certify that [C; C A; ...; C A^(n-1)] has full column rank n; exact A (n, n), C (p, n).
 
-    Modulo a prime the rank can only fall, and numbers stay short. False says nothing.
+    Modulo a prime the rank can only fall, and numbers stay short. False proves nothing.
     """
     try:
         flow, rows = (nmod_mat(*X.shape, [_residue(x) for x in X.flat], _PRIME) for X in (A, C))
@@ -286,8 +286,8 @@ def entries(S: Any) -> Exact:
 
 def solve_entries(A: Exact, B: Exact) -> Exact | None:
     """A^-1 B for object arrays of balls; None unless A is certainly invertible."""
-    found = solve(arb_mat(A.tolist()), arb_mat(B.tolist()))
-    return None if found is None else entries(found)
+    solution = solve(arb_mat(A.tolist()), arb_mat(B.tolist()))
+    return None if solution is None else entries(solution)
 
 
 def around_zero(radius: Any) -> Any:

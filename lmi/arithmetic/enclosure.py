@@ -20,9 +20,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from lmi.arithmetic.arrays import Matrix as Matrix  # the runtime imports it from here
 from lmi.arithmetic.units import balance, reachable
-
-Matrix = NDArray[np.float64]
 
 UNIT = 2.0**-53  # unit roundoff of binary64
 TINY = 2.0**-1000  # covers every underflow: far above it, far below anything that matters
@@ -99,15 +98,15 @@ def stack(rows: list[list[Enclosure]]) -> Enclosure:
 
 def powers(X: Enclosure, count: int) -> Enclosure:
     """I, X, ..., X^(count-1), (count, n, n), by doubling: few factors keep the radii small."""
-    found = Enclosure.exactly(np.eye(len(X.mid))[None])
+    result = Enclosure.exactly(np.eye(len(X.mid))[None])
     with np.errstate(over="ignore", invalid="ignore"):
-        while len(found.mid) < count:
-            more = found @ X
-            found = Enclosure(
-                np.concatenate([found.mid, more.mid]), np.concatenate([found.rad, more.rad])
+        while len(result.mid) < count:
+            more = result @ X
+            result = Enclosure(
+                np.concatenate([result.mid, more.mid]), np.concatenate([result.rad, more.rad])
             )
             X = X @ X
-    return Enclosure(found.mid[:count], found.rad[:count])
+    return Enclosure(result.mid[:count], result.rad[:count])
 
 
 def inverse(values: Matrix) -> Enclosure:
@@ -126,8 +125,9 @@ def inverse(values: Matrix) -> Enclosure:
     if not norm < 0.5:
         raise ValueError("the matrix is too close to a singular one for its inverse to be certain")
     size = np.abs(R.mid)
-    rest = 4.0 * norm * norm * np.max(size, axis=0, initial=0.0)  # sums of powers of norm <= 1/2
-    return Enclosure(R.mid, raised(E @ size + rest, 2 * n + 6))
+    # sums of powers of norm <= 1/2
+    remainder = 4.0 * norm * norm * np.max(size, axis=0, initial=0.0)
+    return Enclosure(R.mid, raised(E @ size + remainder, 2 * n + 6))
 
 
 def expm(matrix: Enclosure) -> Enclosure:
@@ -199,6 +199,6 @@ def _tail(size: Matrix, norm: float) -> Matrix:
         power = power @ power
         series = series + series @ power
     share = norm / (degree + 1)
-    rest = 2.0 * norm**degree * share ** (2 ** (_TAIL_DOUBLINGS + 1)) / _FACTORIAL
+    remainder = 2.0 * norm**degree * share ** (2 ** (_TAIL_DOUBLINGS + 1)) / _FACTORIAL
     # a product of `degree` factors, and 2^(doublings + 1) more, each with n + 2 roundings
-    return raised(first @ series + rest, (degree + 2 ** (_TAIL_DOUBLINGS + 2)) * (n + 2))
+    return raised(first @ series + remainder, (degree + 2 ** (_TAIL_DOUBLINGS + 2)) * (n + 2))

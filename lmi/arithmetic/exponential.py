@@ -14,9 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from lmi.arithmetic.arrays import Matrix
 from lmi.memory import require_memory
-
-Matrix = NDArray[np.float64]
 
 # Degrees m and the 1-norms up to which the backward error of the [m/m] approximant stays below the
 # unit roundoff (Higham, Table 2.3). Larger norms are scaled down to the last one.
@@ -114,9 +113,9 @@ def _pade(X: Matrix, degree: int) -> Matrix:
     even: Any = sum((b[2 * k] * powers[k] for k in range(1, len(powers))), b[0] * powers[0])
     odd: Any = sum((b[2 * k + 1] * powers[k] for k in range(1, len(powers))), b[1] * powers[0])
     if degree > 7:  # the rest in powers of X^6 times lower ones (Higham, (2.16))
-        rest = range(4, degree // 2 + 1)
-        even = even + powers[3] @ sum(b[2 * k] * powers[k - 3] for k in rest)
-        odd = odd + powers[3] @ sum(b[2 * k + 1] * powers[k - 3] for k in rest)
+        orders = range(4, degree // 2 + 1)
+        even = even + powers[3] @ sum(b[2 * k] * powers[k - 3] for k in orders)
+        odd = odd + powers[3] @ sum(b[2 * k + 1] * powers[k - 3] for k in orders)
     odd = X @ odd
     result: Matrix = np.linalg.solve(even - odd, even + odd)
     return result

@@ -25,9 +25,10 @@ from lmi.verdict import Verdict, proved, refuted, undecided
 
 
 def nonnegative_inverse(M: list[list[Any]]) -> list[list[Any]] | None:
-    """Balls that bound (I - M)^-1 for every matrix with entries in [0, M_ij], M nonnegative balls.
+    """Bound (I - X)^-1 in balls for every X with entries in [0, M_ij].
 
-    None unless some v > 0 has (I - M) v > 0, certainly: then the spectral radius of M is below 1.
+    M: nonnegative balls. None unless some v > 0 has (I - M) v > 0, certainly: then the spectral
+    radius of M is below 1.
     """
     n = len(M)
     upper = [[scalar(0).max(x.abs_upper()) for x in row] for row in M]
@@ -61,12 +62,10 @@ def spectral_norm(X: Exact) -> Any:
         return _frobenius(X).union(scalar(0))
     if not np.isfinite(middle).all():  # balls without a midpoint: the norm may be anything
         return _frobenius(X)
-    if not np.isfinite(middle).all():  # balls without a midpoint: the norm may be anything
-        return _frobenius(X)
     _, values, right = np.linalg.svd(middle)
     v = exact(right[0])
-    moved = X @ v
-    low = _root(sum(x * x for x in moved) / scalar(sum(x * x for x in v)))
+    image = X @ v
+    low = _root(sum(x * x for x in image) / scalar(sum(x * x for x in v)))
     gram = X.T @ X
     n = len(gram)
     for room in _ROOM:
@@ -77,10 +76,10 @@ def spectral_norm(X: Exact) -> Any:
 
 
 def well_ranked(X: Exact, threshold: float) -> Verdict:
-    """Is the smallest singular value of X, (m, n), at least threshold times its Frobenius norm?
+    """Decide whether the least singular value of X is at least threshold times |X|_F.
 
-    Proved by X'X - (threshold |X|_F)^2 I > 0; refuted by a vector v with |X v| below that, checked.
-    Evidence holds the ratio in floats, approx_ratio.
+    X: (m, n). Proved by X'X - (threshold |X|_F)^2 I > 0; refuted by a vector v with |X v| below
+    that, checked. Evidence holds the ratio in floats, approx_ratio.
     """
     middle, scale = _scaled_middle(X)
     n = X.shape[1]
@@ -98,8 +97,8 @@ def well_ranked(X: Exact, threshold: float) -> Verdict:
     if certify_positive_definite(gram - entries(identity(n)) * level):
         return proved(approx_ratio=ratio, threshold=threshold)
     v = exact(right[-1])
-    moved = X @ v
-    if sum(x * x for x in moved) < level * scalar(sum(x * x for x in v)):
+    image = X @ v
+    if sum(x * x for x in image) < level * scalar(sum(x * x for x in v)):
         return refuted({"vector": right[-1].tolist()}, approx_ratio=ratio, threshold=threshold)
     return undecided("too close to the threshold", approx_ratio=ratio, threshold=threshold)
 

@@ -9,12 +9,10 @@ Source: E. E. Osborne, On pre-conditioning of matrices, J. ACM 7 (1960), 338-345
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
-Matrix = NDArray[Any]
+from lmi.arithmetic.arrays import Array
 
 _SWEEPS = 40
 _SETTLED = 0.5  # bits: a sweep that changes no unit by more ends the iteration
@@ -22,7 +20,7 @@ _SETTLED = 0.5  # bits: a sweep that changes no unit by more ends the iteration
 LARGEST_UNIT = 240
 
 
-def balance(maps: Matrix) -> Matrix:
+def balance(maps: Array) -> Array:
     """Powers of two d, (n,), for which diag(d) M diag(1/d) is balanced and graded.
 
     maps: (n, n) or (k, n, n), finite; of several maps the largest entries count.
@@ -31,7 +29,7 @@ def balance(maps: Matrix) -> Matrix:
     return np.asarray(np.exp2(np.clip(np.round(bits - bits.max(initial=0.0)), -LARGEST_UNIT, 0)))
 
 
-def units_in_bits(size: Matrix) -> Matrix:
+def units_in_bits(size: Array) -> Array:
     """Binary logarithms x of units for which size[i, j] 2^(x_j - x_i) is balanced and graded."""
     weights = np.full(size.shape, -np.inf)
     np.log2(size, out=weights, where=size > 0)
@@ -57,7 +55,7 @@ def reachable(edges: NDArray[np.bool_]) -> NDArray[np.bool_]:
         reach = further
 
 
-def _osborne(weights: Matrix) -> Matrix:
+def _osborne(weights: Array) -> Array:
     """Units of states all of which depend on each other; in bits, the smallest 0."""
     n = len(weights)
     units = np.zeros(n)

@@ -53,7 +53,7 @@ from lmi.verdict import Verdict, proved, undecided
 def sampled_flow(
     W: Exact, L: Exact, CA: Exact, A: Exact, C: Exact, b: Exact, h: float
 ) -> tuple[Exact, Exact] | None:
-    """(W_h, f_h) >= 0 to be added to W and f where an output is known at samples at most h apart.
+    """(W_h, f_h) >= 0, added to W and f where an output is sampled at most h apart.
 
     What the output does between samples enters like |L| sig with sig' = CA rho + C b,
     rho' = A rho + b, rho(0) the width at the sample, which is at most e^{-W_ii s} times the one s
@@ -106,7 +106,9 @@ class Interleaved:
     lost: bool = False
 
     @staticmethod
-    def of(system: Any, period: float, low: float, high: float, lost: bool = False) -> Interleaved:
+    def from_system(
+        system: Any, period: float, low: float, high: float, lost: bool = False
+    ) -> Interleaved:
         """From an object with A, f, K, k, G, h (G, h None without jumps)."""
         A, b, K, k = (exact(X) for X in (system.A, system.f, system.K, system.k))
         G, j = (None if X is None else exact(X) for X in (system.G, system.h))
@@ -147,8 +149,10 @@ class Interleaved:
 
 @dataclass(frozen=True)
 class Bounds:
-    """What is to be proved; exact. p (n,): after the sample that follows a jump (without jumps:
-    after samples); sampled, jumped (n,): after any sample and after any jump; always (q,): X r.
+    """Bounds that are to be proved; exact.
+
+    p (n,): after the sample that follows a jump (without jumps: after samples); sampled, jumped
+    (n,): after any sample and after any jump; always (q,): X r.
     """
 
     p: Exact
@@ -268,7 +272,7 @@ def _not_raised(sample: Any, p: Any, limit: Exact) -> Any:
 def _between_samples(
     system: Interleaved, X: Exact, bounds: Bounds, widest: Exact | None
 ) -> Verdict:
-    """What holds for every time s in [0, h] after a sample, by the mean value form."""
+    """Prove the bounds for every time s in [0, h] after a sample, by the mean value form."""
     h = system.period
     at, step = 0.0, h / 4
     for count in range(1, _STEPS + 1):
@@ -300,8 +304,8 @@ def _comparisons(
     jumped = sizes * constant(widest) + entering
     yield jumped, bounds.jumped
     yield out * (flow * constant(bounds.jumped) + added), bounds.always
-    rest = Time(rational(system.period) - time.middle, time.reach, -time.rate)
-    late, pushed = system.sampled(rest)
+    remaining = Time(rational(system.period) - time.middle, time.reach, -time.rate)
+    late, pushed = system.sampled(remaining)
     yield late * jumped + pushed, bounds.p
 
 
@@ -327,5 +331,5 @@ def _below(column: Any, bound: Exact, strictly: bool = True) -> bool:
     return all(bool(x < b) if strictly else bool(x <= b) for x, b in pairs)
 
 
-def _uppermost(here: Any, so_far: Any) -> Any:
-    return here if so_far is None else np.maximum(here, so_far)
+def _uppermost(values: Any, so_far: Any) -> Any:
+    return values if so_far is None else np.maximum(values, so_far)

@@ -30,8 +30,8 @@ def norm_over(left: Exact, F: Exact, right: Exact, low: float, high: float) -> A
     left (a, n), F (n, n), right (n, b): exact. At the current precision.
     """
     largest = scalar(0)
-    for here, around in _cells(left, F, right, low, high, _REACH):
-        largest = largest.max(norm_bound(here * around))
+    for centre, around in _cells(left, F, right, low, high, _REACH):
+        largest = largest.max(norm_bound(centre * around))
     return largest
 
 
@@ -41,12 +41,12 @@ def inverse_norm_over(left: Exact, F: Exact, right: Exact, low: float, high: flo
     None where the inverse is not certain to exist everywhere.
     """
     largest = scalar(0)
-    for here, around in _cells(left, F, right, low, high, _FINE):
+    for centre, around in _cells(left, F, right, low, high, _FINE):
         try:
-            Z = ball(exact(np.linalg.inv(middle(here * around))))
+            Z = ball(exact(np.linalg.inv(middle(centre * around))))
         except (np.linalg.LinAlgError, ValueError):  # singular, or not finite
             return None
-        off = norm_bound(identity(len(left)) - (Z * here) * around)
+        off = norm_bound(identity(len(left)) - (Z * centre) * around)
         if not off < 1:
             return None
         largest = largest.max(norm_bound(Z) / (1 - off))
@@ -62,12 +62,12 @@ def _cells(
     length = rational(high) - rational(low)
     half = length / (2 * cells)
     flow = ball(F)
-    here = ball(left) * (flow * scalar(rational(low) + half)).exp()
+    centre = ball(left) * (flow * scalar(rational(low) + half)).exp()
     onwards = (flow * scalar(2 * half)).exp()
     around = (flow * scalar(-half).union(scalar(half))).exp() * ball(right)
     for _ in range(cells):
-        yield here, around
-        here = here * onwards
+        yield centre, around
+        centre = centre * onwards
 
 
 def norm_of(X: Exact) -> Any:

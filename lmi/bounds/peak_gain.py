@@ -1,4 +1,4 @@
-"""How much a bounded input ever shows: the integral of |C e^(Fs) B|, entry by entry, bounded.
+"""Peak gain of a bounded input: bounds of the integral of |C e^(Fs) B|, by entries.
 
     integral |c e^(Fs) b| ds <= sqrt(b' P b) / sqrt(2a),   (F + aI)'P + P(F + aI) = -c'c
 
@@ -60,14 +60,14 @@ def _above(F: Exact, B: Exact, C: Exact, rate: float) -> Any | None:
     eye = exact(np.eye(k))
     operator = np.kron(eye, shifted.T) + np.kron(shifted.T, eye)
     right = np.array([-np.kron(c, c) for c in C], dtype=object).T
-    found = solve_entries(entries(ball(operator)), entries(ball(right)))
-    if found is None:
+    solution = solve_entries(entries(ball(operator)), entries(ball(right)))
+    if solution is None:
         return None
     weight = 1 / (2 * scalar(exact(rate).item()))
     columns = entries(ball(B))
     result = np.zeros((len(C), B.shape[1]))
     for i in range(len(C)):
-        P = found[:, i].reshape(k, k)
+        P = solution[:, i].reshape(k, k)
         squares = (columns * (P @ columns)).sum(axis=0) * weight
         result[i] = [float_above(square.abs_upper().sqrt()) for square in squares]
     return result
@@ -75,8 +75,8 @@ def _above(F: Exact, B: Exact, C: Exact, rate: float) -> Any | None:
 
 def _below(F: Exact, B: Exact, C: Exact) -> Any:
     """|C F^-1 B|."""
-    found = solve_entries(entries(ball(F)), entries(ball(B)))
-    if found is None:
+    solution = solve_entries(entries(ball(F)), entries(ball(B)))
+    if solution is None:
         return np.zeros((len(C), B.shape[1]))
-    left = entries(ball(C)) @ found
+    left = entries(ball(C)) @ solution
     return np.array([[float_below(abs(x).abs_lower()) for x in row] for row in left]).clip(0.0)

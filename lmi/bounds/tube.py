@@ -86,8 +86,10 @@ class Affine:
 
 @dataclass(frozen=True)
 class Tube:
-    """What u is compared with. v (n,): after a jump u+ = N u + h. before, always (q,): X u in
-    [low, high] and in [0, high]; after (q,): X v. Exact.
+    """Bounds of the tube that u is compared with.
+
+    v (n,): after a jump u+ = N u + h. before, always (q,): X u in [low, high] and in
+    [0, high]; after (q,): X v. Exact.
     """
 
     v: Exact
@@ -99,10 +101,11 @@ class Tube:
 def prove_tube(
     W: Exact, f: Exact, N: Exact, h: Exact, X: Exact, tube: Tube, low: float, high: float
 ) -> Verdict:
-    """The tube is not left, and drawn to, by u' = W u + f, u+ = N u + h with jumps in [low, high].
+    """Prove that a tube is invariant and attracts: u' = W u + f, u+ = N u + h.
 
-    With v > 0 the strict inequality N e^{W theta} v < v shrinks whatever is outside. States and
-    rows of X are measured in powers of two like v and `always`.
+    Dwell times between jumps are in [low, high]. With v > 0 the strict inequality N e^{W theta} v <
+    v shrinks whatever is outside. States and rows of X are measured in powers of two like v and
+    `always`.
     """
     if not all(x > 0 for x in tube.v):
         return undecided("the tube is not positive")
@@ -151,13 +154,13 @@ def _march(system: Affine, X: Exact, bound: Exact, low: float, high: float, limi
     steady = _steady(system, X, bound) if math.isinf(high) else None
     theta, step = low, min(unit, high - low)
     for count in range(1, limit + 1):
-        here = exp_times(Z, theta) * start
-        if not _negative(rows * here):
+        state = exp_times(Z, theta) * start
+        if not _negative(rows * state):
             reason = f"the bound fails, or nearly fails, at theta = {theta!r}"
             return undecided(reason, theta=theta, steps=count)
         if theta >= high:
             return proved(steps=count)
-        if _falls_from_here(ball(Z), here) or _below(here, steady):
+        if _is_decreasing(ball(Z), state) or _is_below(state, steady):
             return proved(steps=count, tail_from=theta)
         while True:
             end = min(theta + step, high)
@@ -188,9 +191,9 @@ def _negative(column: Any) -> bool:
     return all(bool(x < 0) for x in column.entries())
 
 
-def _falls_from_here(Z: Any, here: Any) -> bool:
+def _is_decreasing(Z: Any, state: Any) -> bool:
     """u' <= 0 now, hence for ever: u' is a solution of the positive system y' = W y."""
-    return all(bool(x <= 0) for x in (Z * here).entries())
+    return all(bool(x <= 0) for x in (Z * state).entries())
 
 
 def _steady(system: Affine, X: Exact, bound: Exact) -> Exact | None:
@@ -198,23 +201,23 @@ def _steady(system: Affine, X: Exact, bound: Exact) -> Exact | None:
     W, f = to_float(system.W), to_float(system.f)
     try:
         push = np.linalg.solve(-W, np.ones(len(W)))
-        rest = np.linalg.solve(-W, f)
+        equilibrium = np.linalg.solve(-W, f)
     except np.linalg.LinAlgError:
         return None
-    if not (np.isfinite(push).all() and np.isfinite(rest).all()):
+    if not (np.isfinite(push).all() and np.isfinite(equilibrium).all()):
         return None
-    scale = max(float(np.abs(rest).max()), 1e-300) / max(float(np.abs(push).max()), 1e-300)
+    scale = max(float(np.abs(equilibrium).max()), 1e-300) / max(float(np.abs(push).max()), 1e-300)
     for share in (1e-2, 1e-4, 1e-6, 1e-8):
-        z = exact(rest + share * scale * push)
+        z = exact(equilibrium + share * scale * push)
         inside = all(x < b for x, b in zip(X @ z, bound, strict=True))
         if inside and all(x < 0 for x in system.W @ z + system.f):
             return z
     return None
 
 
-def _below(here: Any, steady: Exact | None) -> bool:
+def _is_below(state: Any, steady: Exact | None) -> bool:
     if steady is None:
         return False
     return all(bool(x <= number_of) for x, number_of in zip(
-        here.entries(), ball(steady[:, None]).entries(), strict=False
+        state.entries(), ball(steady[:, None]).entries(), strict=False
     ))  # fmt: skip

@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.balls import Exact, to_float
 from lmi.families import Edge
 from lmi.find.splitting import Limits
@@ -25,8 +25,6 @@ from lmi.prove.hurwitz import prove_hurwitz
 from lmi.refute.spectral import refute_word, steps_within
 from lmi.time_budget import ended, ended_part, remaining
 from lmi.verdict import Verdict, undecided
-
-Matrix = NDArray[Any]
 
 _SEED = 20162  # the search for destabilising sequences repeats itself exactly
 _WORDS = 6
@@ -73,10 +71,10 @@ class Gap:
             word = worst_word(edge, L, (), rng, jitter=self.jitter)
             if word.growth < 1:
                 break
-            found = self._followed(edge, word, good, x)
-            if found is None:
+            refutation = self._followed(edge, word, good, x)
+            if refutation is None:
                 break
-            best, x = found, self._inward(found[0], good)
+            best, x = refutation, self._inward(refutation[0], good)
         return best
 
     def _inward(self, x: float, good: float) -> float:
@@ -89,13 +87,15 @@ class Gap:
         """The word, its dwell times moved along with the range, down to a growth of one."""
         from scipy.optimize import brentq
 
-        def at(x: float) -> Word:
+        def word_at(x: float) -> Word:
             low, high = self._range(x)
-            moved = [self._moved(theta, edge, low, high) for theta in word.thetas]
-            return polished(replace(edge, low=low, high=high), Word(tuple(moved), 0.0), self.jitter)
+            thetas = [self._clipped(theta, edge, low, high) for theta in word.thetas]
+            return polished(
+                replace(edge, low=low, high=high), Word(tuple(thetas), 0.0), self.jitter
+            )
 
         def excess(x: float) -> float:
-            return math.log(at(x).growth)
+            return math.log(word_at(x).growth)
 
         size = max(abs(bad), abs(good))
         if excess(good) >= 0 or excess(bad) <= 0:
@@ -105,15 +105,15 @@ class Gap:
         away = 0.1 * self.accuracy * size * (1 if bad > good else -1)
         for _ in range(5):  # a little further out, where the proof has room
             tried = x + away if abs(x + away - good) < abs(bad - good) else bad
-            found = at(tried)
-            if steps_within(found.thetas, self.jitter):
-                verdict = refute_word(self.F, self.H, found.thetas)
+            candidate = word_at(tried)
+            if steps_within(candidate.thetas, self.jitter):
+                verdict = refute_word(self.F, self.H, candidate.thetas)
                 if verdict.outcome == "refuted":
                     return tried, verdict
             away *= 4
         return None
 
-    def _moved(self, theta: float, edge: Edge, low: float, high: float) -> float:
+    def _clipped(self, theta: float, edge: Edge, low: float, high: float) -> float:
         """Dwell times at an end of the range stay there."""
         if theta == edge.low:
             return low
@@ -139,14 +139,14 @@ class Gap:
             x = bad + share * (good - bad)
             if start is not None:
                 start = stretched(start[0], *self._range(x)), start[1]
-            found = find_windows(self.F, self.H, *self._range(x), jitter=self.jitter,
+            result = find_windows(self.F, self.H, *self._range(x), jitter=self.jitter,
                                  limits=limits, budget=_BUDGET, start=start)  # fmt: skip
-            if found.verdict.outcome == "proved":
-                best, reached = (x, found.verdict.evidence), share
-                if found.windows is not None and found.L is not None:
-                    start = found.windows, found.L
+            if result.verdict.outcome == "proved":
+                best, reached = (x, result.verdict.evidence), share
+                if result.windows is not None and result.L is not None:
+                    start = result.windows, result.L
             else:
-                end, failed, failures = ended_part(found.verdict.evidence), share, failures + 1
+                end, failed, failures = ended_part(result.verdict.evidence), share, failures + 1
                 if ended():
                     break
             if abs(x - bad) <= self.accuracy * max(abs(x), abs(bad)) / 2:

@@ -7,17 +7,14 @@ range that is kept, no dwell-time range can go on.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.balls import Exact, to_float
 from lmi.families import Edge, horizon
 from lmi.prove.hurwitz import prove_hurwitz
 from lmi.refute.spectral import spectral_radii
-
-Matrix = NDArray[Any]
 
 _SUBDIVISIONS, _REFINEMENTS = 33, 9
 # a flow that does not decay may allow every finite dwell time: the look ends after this many
@@ -27,7 +24,7 @@ _DOUBLINGS = 6
 
 @dataclass(frozen=True)
 class Scan:
-    """What constant dwell times tell about the searched end of a range.
+    """Limits that constant dwell times put on the searched end of a range.
 
     crossing: the dwell time nearest to the fixed end at which the radius reaches 1, None if none
     does. last: the one furthest from the fixed end that was looked at. islands: [a, b] beyond the
@@ -40,7 +37,9 @@ class Scan:
 
 
 def scan(F: Exact, H: Exact, fixed: float, shortest: bool) -> Scan:
-    """F, H: (n, n). fixed: the end of the range that is kept, the longest dwell time if `shortest`
+    """Scan constant dwell times for the first at which the map does not contract.
+
+    F, H: (n, n). fixed: the end of the range that is kept, the longest dwell time if `shortest`
     is what is searched for (it may be infinite then), else the shortest one.
     """
     flow, jump = to_float(F), to_float(H)

@@ -14,8 +14,9 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.balancing import Scaling
 from lmi.arithmetic.balls import Exact, exact, to_float
 from lmi.decide.dwell_gap import Gap
@@ -27,8 +28,6 @@ from lmi.prove.hurwitz import prove_hurwitz
 from lmi.refute.spectral import refute_word
 from lmi.time_budget import ended
 from lmi.verdict import Verdict
-
-Matrix = NDArray[Any]
 
 ACCURACY = 1e-6
 _STEPS = 60
@@ -100,20 +99,21 @@ class _Search:
     def balanced(self) -> Bracket:
         """The bracket, found in coordinates that balance the pair."""
         longest = self.fixed if self.shortest else math.inf
-        scaling = Scaling.of(self.F, self.H, longest)
-        found = replace(self, F=scaling.map(self.F), H=scaling.map(self.H)).run()
+        scaling = Scaling.from_pair(self.F, self.H, longest)
+        bracket = replace(self, F=scaling.map(self.F), H=scaling.map(self.H)).run()
         certificate, obstacle = (
-            scaling.restored(evidence, self.H) for evidence in (found.certificate, found.obstacle)
+            scaling.restored(evidence, self.H)
+            for evidence in (bracket.certificate, bracket.obstacle)
         )
-        return replace(found, certificate=certificate, obstacle=obstacle)
+        return replace(bracket, certificate=certificate, obstacle=obstacle)
 
     def run(self) -> Bracket:
         """Everything proved; or nothing; or the bracket around the limit."""
         extreme = 0.0 if self.shortest else math.inf
-        hopeless = self._hopeless()
-        if hopeless is not None:
-            evidence = hopeless.evidence
-            return Bracket(None, self.fixed, hopeless.outcome, obstacle=evidence, ended=ended())
+        verdict = self._nothing_to_search()
+        if verdict is not None:
+            evidence = verdict.evidence
+            return Bracket(None, self.fixed, verdict.outcome, obstacle=evidence, ended=ended())
         looked = scan(self.F, self.H, self.fixed, self.shortest)
         crossing, last = looked.crossing, looked.last
         # windows go on from where a common P ends: no need to know that end exactly
@@ -124,7 +124,7 @@ class _Search:
                 return Bracket(extreme, None, None, whole.evidence)
             bracket = common._up_to(last, whole)
         else:
-            bracket = self._at(crossing) or common._follow(crossing)
+            bracket = self._at_crossing(crossing) or common._follow(crossing)
         if bracket.verdict == "undecided" and self.memory != 0:
             bracket = self._beyond_common(bracket, crossing, last, extreme)
         return replace(bracket, islands=looked.islands, ended=ended() or bracket.ended)
@@ -147,9 +147,9 @@ class _Search:
             for end in dict.fromkeys((extreme, far) if crossing is None else ()):
                 whole = gap.attempt(end)
                 if whole.outcome == "proved":
-                    rest = None if end == extreme else extreme
+                    not_proved = None if end == extreme else extreme
                     word = None if end == extreme else "undecided"
-                    return Bracket(end, rest, word, whole.evidence, common=common)
+                    return Bracket(end, not_proved, word, whole.evidence, common=common)
         limit = far if outside is None else outside[0]
         further = gap.proved(good, limit)
         certificate = bracket.certificate if further.end is None else further.certificate
@@ -159,13 +159,13 @@ class _Search:
             word, obstacle = "refuted", outside[1].evidence
         return Bracket(reached, limit, word, certificate, obstacle, (), common, further.ended)
 
-    def _hopeless(self) -> Verdict | None:
+    def _nothing_to_search(self) -> Verdict | None:
         """The verdict on the smallest range there is, if that is not proved."""
         if self.shortest and math.isinf(self.fixed):
             flow = prove_hurwitz(self.F)
             return None if flow.outcome == "proved" else flow
-        one = decide(self.F, self.H, self.fixed, self.fixed, memory=0)
-        return None if one.outcome == "proved" else one
+        verdict = decide(self.F, self.H, self.fixed, self.fixed, memory=0)
+        return None if verdict.outcome == "proved" else verdict
 
     def _range(self, x: float) -> tuple[float, float]:
         return (x, self.fixed) if self.shortest else (self.fixed, x)
@@ -196,7 +196,7 @@ class _Search:
                 return Bracket(last, math.inf, whole.outcome, good.evidence, whole.evidence)
         return self._follow(last)
 
-    def _at(self, crossing: float) -> Bracket | None:
+    def _at_crossing(self, crossing: float) -> Bracket | None:
         """The bracket if the radius of one map is what limits the range."""
         inside = self._inward(crossing, 0.4 * self.accuracy)
         outside = self._inward(crossing, -0.4 * self.accuracy)

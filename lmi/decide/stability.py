@@ -1,4 +1,4 @@
-"""Find, prove, refute: is x -> e^{F theta} H x stable for every sequence of theta in a range?
+"""Decide stability of x -> e^{F theta} H x for every sequence of theta in a range.
 
 The parts are separate programs; this file only lets them take turns.
 """
@@ -11,8 +11,9 @@ from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.balancing import Scaling
 from lmi.arithmetic.balls import Exact, exact, to_float
 from lmi.families import Edge
@@ -28,7 +29,6 @@ from lmi.refute.spectral import decide_constant, refute_spectral, refute_word, s
 from lmi.time_budget import ended, ended_part
 from lmi.verdict import Verdict, undecided
 
-Matrix = NDArray[np.float64]
 Memory = int | Literal["auto"]
 
 _TURNS = 8
@@ -67,7 +67,7 @@ def decide(
         flow = prove_hurwitz(F_exact)
         if flow.outcome != "proved":
             return flow
-    scaling = Scaling.of(F_exact, H_exact, high)
+    scaling = Scaling.from_pair(F_exact, H_exact, high)
     flow_map, jump = scaling.map(F_exact), scaling.map(H_exact)
     verdict = _balanced(flow_map, jump, low, high, memory, jitter)
     return Verdict(verdict.outcome, scaling.restored(verdict.evidence, H_exact))
@@ -105,16 +105,18 @@ def _by_windows(
 ) -> Verdict:
     """Windows; where they fail, the dwell times that stood in their way may be a witness."""
     limits = Limits() if memory == "auto" else Limits(memory, memory)
-    found = find_windows(F, H, low, high, jitter=jitter, limits=limits)
-    if found.verdict.outcome == "proved":
-        return found.verdict
-    hints = tuple(dict.fromkeys([*found.thetas[:_HINTS], *proposal.thetas]))
+    result = find_windows(F, H, low, high, jitter=jitter, limits=limits)
+    if result.verdict.outcome == "proved":
+        return result.verdict
+    hints = tuple(dict.fromkeys([*result.thetas[:_HINTS], *proposal.thetas]))
     again = refute_sequences(F, H, low, high, replace(proposal, thetas=hints), attempt, jitter)
     if again.outcome == "refuted":
         return again
-    without = {key: value for key, value in again.evidence.items() if key != "reason"}
-    without |= ended() or ended_part(found.verdict.evidence)
-    return undecided(f"{attempt.evidence['reason']}; {found.verdict.evidence['reason']}", **without)
+    evidence = {key: value for key, value in again.evidence.items() if key != "reason"}
+    evidence |= ended() or ended_part(result.verdict.evidence)
+    return undecided(
+        f"{attempt.evidence['reason']}; {result.verdict.evidence['reason']}", **evidence
+    )
 
 
 def find_and_prove(
@@ -134,13 +136,16 @@ def find_and_prove(
     for _ in range(_TURNS):
         proposal = propose(F_float, H_float, low, high, seeds, start)
         if proposal.P is None:
-            return _without(F, H, proposal), proposal
+            return _no_common_P(F, H, proposal), proposal
         attempt = prove_common(F, H, proposal.P, low, high, steps=_BOXES)
         if attempt.outcome == "proved":
-            found: dict[str, Any] = {"P": proposal.P.tolist(), "thetas_used": len(proposal.thetas)}
+            evidence: dict[str, Any] = {
+                "P": proposal.P.tolist(),
+                "thetas_used": len(proposal.thetas),
+            }
             if math.isfinite(proposal.margin):
-                found["approx_margin"] = proposal.margin
-            return Verdict("proved", {**found, **attempt.evidence}), proposal
+                evidence["approx_margin"] = proposal.margin
+            return Verdict("proved", {**evidence, **attempt.evidence}), proposal
         theta = attempt.evidence.get("theta")
         if theta is None or theta in seeds or attempt.evidence.get("boxes", 0) >= _BOXES:
             break
@@ -148,7 +153,7 @@ def find_and_prove(
     return attempt, proposal
 
 
-def _without(F: Exact, H: Exact, proposal: Proposal) -> Verdict:
+def _no_common_P(F: Exact, H: Exact, proposal: Proposal) -> Verdict:
     """Undecided, since no P was found; with a checked certificate when there is none."""
     where: dict[str, Any] = {"theta": proposal.worst_theta, "thetas": list(proposal.thetas)}
     if proposal.multipliers is not None:
@@ -184,6 +189,6 @@ def refute_sequences(
         counter = refute_word(F, H, word.thetas)
         if counter.outcome == "refuted":
             return counter
-    seen: dict[str, Sequence[float] | float]
-    seen = {"growth_per_jump": word.growth, "worst_sequence": list(word.thetas)}
-    return Verdict("undecided", {**attempt.evidence, **seen})
+    approx: dict[str, Sequence[float] | float]
+    approx = {"growth_per_jump": word.growth, "worst_sequence": list(word.thetas)}
+    return Verdict("undecided", {**attempt.evidence, **approx})

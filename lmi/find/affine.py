@@ -1,4 +1,4 @@
-"""Matrix inequalities that are affine in several unknown matrices: the largest margin, by Clarabel.
+"""Largest margin of matrix inequalities that are affine in several unknowns, by Clarabel.
 
 The inequality is given once, as a function of the unknowns made of `+ - @ .T`; its coefficients
 are read off by evaluating it, so that there is no second copy to drift away.
@@ -16,11 +16,10 @@ from dataclasses import dataclass
 
 import clarabel
 import numpy as np
-from numpy.typing import NDArray
 
+from lmi.arithmetic.arrays import Matrix
 from lmi.memory import require_memory
 
-Matrix = NDArray[np.float64]
 Inequality = Callable[..., Matrix]  # unknowns -> (k, m, m) symmetric
 
 
@@ -34,15 +33,15 @@ class Unknown:
 
     def basis(self) -> list[Matrix]:
         """Matrices whose combinations are all values of the unknown."""
-        found = []
+        matrices = []
         for j in range(self.columns):
             for i in range(j + 1 if self.symmetric else self.rows):
                 E = np.zeros((self.rows, self.columns))
                 E[i, j] = 1.0
                 if self.symmetric:
                     E[j, i] = 1.0
-                found.append(E)
-        return found
+                matrices.append(E)
+        return matrices
 
 
 def best_margin(

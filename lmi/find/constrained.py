@@ -14,12 +14,12 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.balls import exact, to_float
 from lmi.families import Edge, slack, worst
 
-Matrix = NDArray[np.float64]
 Constraints = Callable[[Any], Sequence[Any]]  # cvxpy P -> cvxpy constraints
 Objective = Callable[[Any], Any]  # cvxpy P -> convex cvxpy expression
 
@@ -89,5 +89,5 @@ def _solved(
         return None
     if P.value is None or not np.isfinite(P.value).all():
         return None
-    found: Matrix = (P.value + P.value.T) / 2
-    return found if np.linalg.eigvalsh(found)[0] > 0 else None
+    solution: Matrix = (P.value + P.value.T) / 2
+    return solution if np.linalg.eigvalsh(solution)[0] > 0 else None

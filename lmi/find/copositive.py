@@ -8,16 +8,15 @@ for the four conditions of `lmi.prove.positive`, whose rows are linear in v.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.balancing import Scaling
 from lmi.arithmetic.balls import exact, to_float
 from lmi.families import Edge
 from lmi.find.linear_program import minimise
 from lmi.prove.positive import FORMS, SIDES, prove_copositive
 from lmi.verdict import Verdict, undecided
-
-Matrix = NDArray[np.float64]
 
 _ROUNDS = 30
 
@@ -28,7 +27,7 @@ def decide_copositive(F: ArrayLike, H: ArrayLike, low: float, high: float) -> Ve
     F, H: (n, n) floats or exact rationals, F Metzler and H >= 0 (otherwise undecided).
     """
     F_exact, H_exact = exact(F), exact(H)
-    scaling = Scaling.of(F_exact, H_exact, high)
+    scaling = Scaling.from_pair(F_exact, H_exact, high)
     flow, jump = to_float(scaling.map(F_exact)), to_float(scaling.map(H_exact))
     if not looks_positive(flow, jump):
         return undecided("the flow is not Metzler, or the jump not nonnegative")

@@ -11,18 +11,15 @@ import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmi.arithmetic.arrays import Array
 from lmi.arithmetic.units import balance
 from lmi.families import FEWEST, Edge, slack_of
 from lmi.find.edge_grid import Cut, EdgeGrid, Grids
 from lmi.find.semidefinite import FLOOR, Solution, common_matrices
 from lmi.time_budget import deadline
-
-Matrix = NDArray[Any]
 
 _ROUNDS = 25
 _ADDED = 4
@@ -55,40 +52,41 @@ class Proposal:
     edges that `thetas` belong to.
     """
 
-    matrices: Matrix | None
+    matrices: Array | None
     thetas: tuple[float, ...]
     margin: float
     worst_theta: float
-    multipliers: Matrix | None = field(default=None, repr=False)
-    masses: Matrix | None = field(default=None, repr=False)
-    coordinates: Matrix | None = field(default=None, repr=False)
+    multipliers: Array | None = field(default=None, repr=False)
+    masses: Array | None = field(default=None, repr=False)
+    coordinates: Array | None = field(default=None, repr=False)
     optimum: float = math.nan
     owners: tuple[int, ...] = ()
 
     @property
-    def P(self) -> Matrix | None:
+    def P(self) -> Array | None:
         """The matrix of the first node: the common P where there is one node."""
         return None if self.matrices is None else self.matrices[0]
 
     @property
-    def L(self) -> Matrix | None:
+    def L(self) -> Array | None:
         """Coordinates of the first node."""
         return None if self.coordinates is None else self.coordinates[0]
 
 
 def propose(
-    F: Matrix,
-    H: Matrix,
+    F: Array,
+    H: Array,
     low: float,
     high: float,
     seeds: Sequence[float] = (),
-    start: Matrix | None = None,
+    start: Array | None = None,
     points: int = FEWEST,
 ) -> Proposal:
-    """P with M(theta)' P M(theta) < P at every theta of a fine grid, or the theta that forbid it.
+    """Propose P with M(theta)' P M(theta) < P at every theta of a fine grid.
 
-    seeds: theta that must be among those solved for; start: a P of a neighbouring problem, whose
-    coordinates the solver then works in; points: at least so many theta are looked at.
+    Without such a P the proposal holds the theta that forbid it. seeds: theta that must be among
+    those solved for; start: a P of a neighbouring problem, whose coordinates the solver then works
+    in; points: at least so many theta are looked at.
     """
     coordinates = None if start is None else np.linalg.cholesky(start)[None]
     edges = [Edge(F, H, low, high)]
@@ -99,7 +97,7 @@ def propose_edges(
     edges: Sequence[Edge],
     nodes: int,
     seeds: Sequence[Cut] = (),
-    start: Matrix | None = None,
+    start: Array | None = None,
     points: int = _FEW,
     grids: Grids | None = None,
     seconds: float = math.inf,
@@ -111,14 +109,14 @@ def propose_edges(
     seconds: processor time after which nothing is found.
     """
     with np.errstate(all="ignore"):
-        grid = EdgeGrid.of(edges, points, {} if grids is None else grids)
+        grid = EdgeGrid.from_edges(edges, points, {} if grids is None else grids)
         if not np.isfinite(grid.maps).all():
             return _guess(edges[0], nodes, grid.maps.shape[-1])
         return _Search(grid, nodes, deadline(seconds)).run([*seeds], start)
 
 
 def _guess(edge: Edge, nodes: int, n: int) -> Proposal:
-    """Where floats overflow, only the prover can tell; the identity is worth its try."""
+    """Propose the identity where floats overflow: only the prover can decide there."""
     return Proposal(np.tile(np.eye(n), (nodes, 1, 1)), (), -math.inf, edge.low)
 
 
@@ -128,7 +126,7 @@ class _Search:
     nodes: int
     deadline: float
 
-    def run(self, seeds: list[Cut], start: Matrix | None) -> Proposal:
+    def run(self, seeds: list[Cut], start: Array | None) -> Proposal:
         """Rounds of the cutting-plane method, each in the coordinates of the last P."""
         scale = np.diag(balance(self.grid.maps))
         L = np.tile(scale, (self.nodes, 1, 1)) if start is None else start
@@ -137,11 +135,11 @@ class _Search:
         tolerance = _QUICK
         for _ in range(_ROUNDS):
             owner = np.array([edge for edge, _ in active])
-            moved, ends = self.grid.moved(L, maps, owner), self.grid.nodes_of(owner)
-            solution = self._solution(moved, ends, tolerance)
+            transformed, ends = self.grid.transformed(L, maps, owner), self.grid.nodes_of(owner)
+            solution = self._solution(transformed, ends, tolerance)
             if tolerance == _QUICK and abs(solution.margin) < _CLEAR * _QUICK:
                 tolerance = _EXACT
-                solution = self._solution(moved, ends, tolerance)
+                solution = self._solution(transformed, ends, tolerance)
             if time.process_time() > self.deadline:
                 return best
             inner = _cholesky(solution.P)
@@ -163,11 +161,13 @@ class _Search:
             maps = np.concatenate([maps, self.grid.maps_of(more)])
         return best
 
-    def _solution(self, moved: Matrix, ends: tuple[Matrix, Matrix], tolerance: float) -> Solution:
+    def _solution(
+        self, transformed: Array, ends: tuple[Array, Array], tolerance: float
+    ) -> Solution:
         left = self.deadline - time.process_time()
-        return common_matrices(moved, self.nodes, *ends, tolerance=tolerance, seconds=left)
+        return common_matrices(transformed, self.nodes, *ends, tolerance=tolerance, seconds=left)
 
-    def _hopeful(self, inner: Matrix, better: Matrix) -> bool:
+    def _hopeful(self, inner: Array, better: Array) -> bool:
         """Nothing fits at the floor of kappa(P): may other coordinates still allow something?
 
         Nodes that are short of room are split instead.
@@ -178,13 +178,13 @@ class _Search:
         return bool(floored and np.linalg.cond(better[0]) <= _LARGEST_CONDITION)
 
     def _proposal(
-        self, L: Matrix | None, active: list[Cut], margin: float, theta: float
+        self, L: Array | None, active: list[Cut], margin: float, theta: float
     ) -> Proposal:
         matrices = None if L is None else L @ np.swapaxes(L, 1, 2)
         owners = tuple(edge for edge, _ in active)
         return Proposal(matrices, tuple(theta for _, theta in active), margin, theta, owners=owners)
 
-    def _first(self, L: Matrix, seeds: list[Cut]) -> tuple[list[Cut], Matrix]:
+    def _first(self, L: Array, seeds: list[Cut]) -> tuple[list[Cut], Array]:
         """The ends of every edge, and what the caller asks for.
 
         With one edge also the largest map in these coordinates, and where P is large more points.
@@ -192,7 +192,7 @@ class _Search:
         grid, thetas, last = self.grid, self.grid.thetas, len(self.grid.thetas) - 1
         chosen = grid.ends
         if len(grid.edges) == 1:
-            chosen.add(int(np.argmin(slack_of(grid.moved(L, grid.maps, grid.owner)))))
+            chosen.add(int(np.argmin(slack_of(grid.transformed(L, grid.maps, grid.owner)))))
         if len(grid.edges) == 1 and L.shape[-1] >= _LARGE:
             span = thetas[-1] - thetas[0]
             chosen |= {
@@ -208,12 +208,12 @@ class _Search:
         return [*active, *extra], maps
 
     def _judge(
-        self, L: Matrix, active: list[Cut], maps: Matrix, best: Proposal
+        self, L: Array, active: list[Cut], maps: Array, best: Proposal
     ) -> tuple[Proposal, list[Cut]]:
         """The better of these P and the best so far, and the theta to add (none: good enough)."""
         grid, looked_at = self.grid, len(self.grid.maps)
         owner = np.concatenate([grid.owner, [edge for edge, _ in active]])
-        both = slack_of(grid.moved(L, np.concatenate([grid.maps, maps]), owner))
+        both = slack_of(grid.transformed(L, np.concatenate([grid.maps, maps]), owner))
         slacks, goal = both[:looked_at], float(both[looked_at:].min())
         k = int(np.argmin(slacks))
         least, (edge, theta) = float(slacks[k]), grid.cuts([k])[0]
@@ -229,8 +229,8 @@ class _Search:
         known = set(active)
         if between is not None:
             return best, [(edge, theta)] if (edge, theta) not in known else []
-        found = grid.worst(slacks, _ENOUGH * max(goal, 0.0))
-        return best, [cut for cut in self._few(found) if cut not in known]
+        minima = grid.worst(slacks, _ENOUGH * max(goal, 0.0))
+        return best, [cut for cut in self._few(minima) if cut not in known]
 
     def _few(self, cuts: list[Cut]) -> list[Cut]:
         """The worst few of one edge, the worst one of each of many."""
@@ -242,7 +242,7 @@ class _Search:
         return list(first.values())
 
     def _none(
-        self, active: list[Cut], solution: Solution, L: Matrix, better: Matrix, best: Proposal
+        self, active: list[Cut], solution: Solution, L: Array, better: Array, best: Proposal
     ) -> Proposal:
         if best.matrices is not None:
             return best
@@ -252,10 +252,10 @@ class _Search:
         masses = np.trace(Z, axis1=1, axis2=2)
         back = np.linalg.inv(L)[self.grid.source[[edge for edge, _ in active]]]
         Z = np.swapaxes(back, 1, 2) @ Z @ back
-        found = self._proposal(None, active, best.margin, best.worst_theta)
+        proposal = self._proposal(None, active, best.margin, best.worst_theta)
         tame = np.linalg.cond(better) <= _LARGEST_CONDITION
         return replace(
-            found,
+            proposal,
             multipliers=(Z + np.swapaxes(Z, 1, 2)) / 2,
             masses=masses,
             coordinates=np.where(tame[:, None, None], better, L),
@@ -263,9 +263,9 @@ class _Search:
         )
 
 
-def _cholesky(P: Matrix) -> Matrix | None:
+def _cholesky(P: Array) -> Array | None:
     try:
-        L: Matrix = np.linalg.cholesky(P)
+        L: Array = np.linalg.cholesky(P)
     except np.linalg.LinAlgError:
         return None
     return L if np.isfinite(L).all() else None

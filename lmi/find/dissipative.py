@@ -8,12 +8,10 @@ prover the steps of the fastest one. A proposal; `lmi.prove.common_matrix` decid
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.exponential import expm
 from lmi.find.affine import Unknown, best_margin
-
-Matrix = NDArray[np.float64]
 
 # so many units of the fastest mode within the range make steps expensive
 _STIFF = 300.0
@@ -38,8 +36,8 @@ def propose_dissipative(F: Matrix, H: Matrix, low: float) -> Matrix | None:
     def both(P: Matrix) -> Matrix:
         return np.stack([P - M.T @ P @ M, -pace @ (F.T @ P + P @ F) @ pace])
 
-    found = best_margin([Unknown(n, n, symmetric=True)], both, _CONDITION)
-    if found is None or found[1] <= 0:
+    solution = best_margin([Unknown(n, n, symmetric=True)], both, _CONDITION)
+    if solution is None or solution[1] <= 0:
         return None
-    P = found[0][0]
+    P = solution[0][0]
     return (P + P.T) / 2

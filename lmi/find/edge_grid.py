@@ -1,4 +1,4 @@
-"""The grids of all edges of a graph, laid end to end: the map at every theta, and between them.
+"""Grids of all edges of a graph, laid end to end: maps at grid points and between.
 
 A cut is one theta of one edge, on the grid or not.
 """
@@ -11,11 +11,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lmi.families import Edge, moved_between, slack_of, worst
+from lmi.arithmetic.arrays import Matrix
+from lmi.families import Edge, slack_of, transformed_between, worst
 
-Matrix = NDArray[Any]
 Cut = tuple[int, float]  # number of an edge, theta
 Grids = dict[tuple[Any, ...], tuple[Matrix, Matrix]]
 
@@ -40,7 +39,7 @@ class EdgeGrid:
     target: Matrix
 
     @staticmethod
-    def of(edges: Sequence[Edge], points: int, known: Grids) -> EdgeGrid:
+    def from_edges(edges: Sequence[Edge], points: int, known: Grids) -> EdgeGrid:
         """At least so many points an edge; what is `known` already is not computed again."""
         pieces = [_grid(edge, points, known) for edge in edges]
         counts = [len(thetas) for thetas, _ in pieces]
@@ -66,8 +65,8 @@ class EdgeGrid:
     def maps_of(self, cuts: Sequence[Cut]) -> Matrix:
         """Maps at any theta, on the grid or not, (cuts, n, n)."""
         if len(self.edges) == 1:
-            found = self.edges[0].maps([theta for _, theta in cuts])
-            return found / self.edges[0].gamma
+            maps = self.edges[0].maps([theta for _, theta in cuts])
+            return maps / self.edges[0].gamma
         return np.concatenate(
             [self.edges[edge].maps([theta]) / self.edges[edge].gamma for edge, theta in cuts]
         )
@@ -76,9 +75,9 @@ class EdgeGrid:
         """Source and target of each of these edges."""
         return self.source[owner], self.target[owner]
 
-    def moved(self, L: Matrix, maps: Matrix, owner: Matrix) -> Matrix:
+    def transformed(self, L: Matrix, maps: Matrix, owner: Matrix) -> Matrix:
         """Maps of these edges in the coordinates L (nodes, n, n)."""
-        return moved_between(L, maps, *self.nodes_of(owner))
+        return transformed_between(L, maps, *self.nodes_of(owner))
 
     def worst(self, slacks: Matrix, limit: float) -> list[Cut]:
         """Local minima of the slack on the grid (k,) below the limit, worst first."""
@@ -86,7 +85,7 @@ class EdgeGrid:
 
     def least_between(self, L: Matrix, slacks: Matrix) -> tuple[Cut, float]:
         """Least slack near the lowest points of the grid: narrow margins hide between points."""
-        found: tuple[Cut, float] = self.cuts([0])[0], math.inf
+        least: tuple[Cut, float] = self.cuts([0])[0], math.inf
         for k in worst(slacks, math.inf, self.starts)[:_LOOKED]:
             number = int(self.owner[k])
             edge, nodes = self.edges[number], self.nodes_of(np.array([number]))
@@ -95,12 +94,12 @@ class EdgeGrid:
             for _ in range(_ZOOMS):
                 points = np.linspace(left, right, 9)
                 maps = edge.maps(points) / edge.gamma
-                values = slack_of(moved_between(L, maps, *nodes))
+                values = slack_of(transformed_between(L, maps, *nodes))
                 j = int(np.argmin(values))
                 left, right = points[max(j - 1, 0)], points[min(j + 1, 8)]
-                if values[j] < found[1]:
-                    found = (number, float(points[j])), float(values[j])
-        return found
+                if values[j] < least[1]:
+                    least = (number, float(points[j])), float(values[j])
+        return least
 
     def _same_edge(self, k: int, number: int) -> bool:
         return 0 <= k < len(self.owner) and int(self.owner[k]) == number

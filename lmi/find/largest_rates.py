@@ -13,15 +13,14 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.balancing import Scaling
 from lmi.arithmetic.balls import Exact, exact, to_float
 from lmi.families import Edge
 from lmi.find.cutting_plane import Proposal, propose
 from lmi.prove.rates import SMALLEST, WORTH, Rates, approx_rates, propose_rates, prove_rate
-
-Matrix = NDArray[np.float64]
 
 # the search ends this close to where the margin is foretold to vanish, relative to the rate
 _FINE = {"per_jump": 2e-3, "in_time": 5e-2}
@@ -39,19 +38,19 @@ def largest_rates(
     rates of the given P alone.
     """
     flow, jump = exact(F), exact(H)
-    scaling = Scaling.of(flow, jump, high)
+    scaling = Scaling.from_pair(flow, jump, high)
     given = scaling.form(np.asarray(P, dtype=np.float64))
-    found = _largest(scaling.map(flow), scaling.map(jump), given, low, high)
-    if found is None:
+    rates = _largest(scaling.map(flow), scaling.map(jump), given, low, high)
+    if rates is None:
         return None
-    names = [name for name in found if name.startswith("P_")]
-    return found | {name: scaling.undone.form(np.array(found[name])).tolist() for name in names}
+    names = [name for name in rates if name.startswith("P_")]
+    return rates | {name: scaling.undone.form(np.array(rates[name])).tolist() for name in names}
 
 
 def _largest(F: Exact, H: Exact, given: Matrix, low: float, high: float) -> dict[str, Any] | None:
     """`largest_rates` of a balanced pair, with P given in its coordinates."""
-    seen = approx_rates(F, H, {"P": given.tolist()}, low, high)
-    if seen is None:
+    approx = approx_rates(F, H, {"P": given.tolist()}, low, high)
+    if approx is None:
         return None
     edge = Edge(to_float(F), to_float(H), low, high)
     limits, unit = _limits(edge), np.eye(len(edge.F))
@@ -61,28 +60,30 @@ def _largest(F: Exact, H: Exact, given: Matrix, low: float, high: float) -> dict
         "per_jump": lambda x: (edge.F, edge.H / x),
         "in_time": lambda x: (edge.F + x * unit, edge.H),
     }
-    found: dict[str, Any] = {}
+    result: dict[str, Any] = {}
     for name, family in families.items():
-        span = _Span(1.0 if name == "per_jump" else 0.0, getattr(seen, name), getattr(limits, name))
+        span = _Span(
+            1.0 if name == "per_jump" else 0.0, getattr(approx, name), getattr(limits, name)
+        )
         for value, better in _towards(family, span, edge, given, first, _FINE[name]):
             rates = Rates(value, 0.0) if name == "per_jump" else Rates(0.5, value)
             certificate = {"P": better.tolist()}
             done = prove_rate(F, H, certificate, low, high, rates, math.inf, name, WORTH)
             if done.outcome == "proved":
-                found |= {name: value, f"P_{name}": certificate["P"]}
+                result |= {name: value, f"P_{name}": certificate["P"]}
                 break
-    if len(found) < 2 * len(families):
+    if len(result) < 2 * len(families):
         usual = propose_rates(F, H, {"P": given.tolist()}, low, high)
         return None if usual is None else asdict(usual)
-    return found
+    return result
 
 
 @dataclass(frozen=True)
 class _Span:
-    """What every stable system has, what its P seems to allow, and what none can exceed."""
+    """Rates: of every stable system, as estimated for its P, and the limit for every P."""
 
     nothing: float
-    seen: float
+    estimate: float
     limit: float
 
 
@@ -110,24 +111,24 @@ def _towards(
 
     Each try works in the coordinates of P, with the theta of the last success.
     """
-    last, here, margin, bad = first, span.nothing, first.optimum, span.limit
-    found = list[tuple[float, Matrix]]()
+    last, reached, margin, bad = first, span.nothing, first.optimum, span.limit
+    pairs = list[tuple[float, Matrix]]()
     if not (math.isfinite(bad) and margin > 0):
-        return found
-    following = span.seen + _LEFT * (here - span.seen)
+        return pairs
+    following = span.estimate + _LEFT * (reached - span.estimate)
     for _ in range(_STEPS):
-        if abs(following - here) <= fine * abs(here):
+        if abs(following - reached) <= fine * abs(reached):
             break
         with np.errstate(all="ignore"):
             proposal = propose(*family(following), edge.low, edge.high, seeds=last.thetas, start=P)
         if proposal.P is None:
             bad = following
-            following = (here + bad) / 2
+            following = (reached + bad) / 2
             continue
-        fall = (margin - proposal.optimum) / (following - here)
-        last, here, margin = proposal, following, proposal.optimum
-        found.append((here, proposal.P))
-        end = here + margin / fall if fall * (bad - here) > 0 else bad
-        end = end if abs(end - here) < abs(bad - here) else bad
-        following = end + _LEFT * (here - end)
-    return found[::-1]
+        fall = (margin - proposal.optimum) / (following - reached)
+        last, reached, margin = proposal, following, proposal.optimum
+        pairs.append((reached, proposal.P))
+        end = reached + margin / fall if fall * (bad - reached) > 0 else bad
+        end = end if abs(end - reached) < abs(bad - reached) else bad
+        following = end + _LEFT * (reached - end)
+    return pairs[::-1]

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import highspy
 import numpy as np
 from numpy.typing import NDArray
 
+from lmi.arithmetic.arrays import Indices, Matrix
 from lmi.memory import require_memory
 
 Vector = NDArray[np.float64]
-Matrix = NDArray[np.float64]
-Indices = NDArray[Any]  # of integers
 
 
 def minimise(

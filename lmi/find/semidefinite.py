@@ -1,4 +1,4 @@
-"""Matrices P_w for finitely many maps: the largest margin, by Clarabel, cones assembled directly.
+"""Matrices P_w for finitely many maps: largest margin by Clarabel, cones set up here.
 
     maximise t   subject to   P_s - M_i' P_t M_i >= t I   for every map M_i, from its source
                  node s to its target node t (one node: the common P),
@@ -18,15 +18,13 @@ from typing import TYPE_CHECKING
 
 import clarabel
 import numpy as np
-from numpy.typing import NDArray
 
+from lmi.arithmetic.arrays import Indices, Matrix
 from lmi.memory import require_memory
 
 if TYPE_CHECKING:
     from scipy import sparse
 
-Matrix = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 # P >= floor I under trace n keeps kappa(P) near 1e4, where the solver is at its best. Larger
 # ratios are reached by solving again in coordinates where the last P is the identity.
@@ -104,14 +102,14 @@ def _constraints(
     k, n = maps.shape[:2]
     size, unit = n * (n + 1) // 2, svec(np.eye(n))
     rows, own = (k + nodes) * size + 1, np.eye(size)
-    moved = congruences(maps)
-    moved[source == target] -= own
+    blocks = congruences(maps)
+    blocks[source == target] -= own
     data, indices, counts = [], [], []
     for w in range(nodes):
         into, out = np.flatnonzero(target == w), np.flatnonzero((source == w) & (target != w))
         first = np.concatenate([into, out, [k + w]])
         order = np.argsort(first)
-        parts = np.concatenate([moved[into], np.broadcast_to(-own, (len(out) + 1, size, size))])
+        parts = np.concatenate([blocks[into], np.broadcast_to(-own, (len(out) + 1, size, size))])
         where = (first[order, None] * size + np.arange(size)).reshape(-1)
         columns = np.concatenate([parts[order].reshape(-1, size), unit[None]]).T
         kept = columns != 0
@@ -163,7 +161,7 @@ def congruences(maps: Matrix) -> Matrix:
     """The matrix of P -> M'PM on svec, for each M of (k, n, n)."""
     i, j, weights = _triangle(maps.shape[-1])
     first, second = maps[:, :, i], maps[:, :, j]  # M[a, i] and M[b, j] for each entry (i, j)
-    moved = first[:, i] * second[:, j] + first[:, j] * second[:, i]  # (k, entry of P, entry)
+    products = first[:, i] * second[:, j] + first[:, j] * second[:, i]  # (k, entry of P, entry)
     scale = np.outer(weights, weights) / 2
-    result: Matrix = np.swapaxes(moved * scale, -1, -2)
+    result: Matrix = np.swapaxes(products * scale, -1, -2)
     return result

@@ -1,4 +1,4 @@
-"""Where to cut windows: at the dwell times on which the multipliers of a failed search disagree.
+"""Cuts of windows, at dwell times that the multipliers of a failed search separate.
 
 When no P fits the windows, the dual masses of the active dwell times say which ones a window
 would have to tell apart. Every offset that a window knows, and the next one on either side, is
@@ -12,11 +12,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lmi.find.windows import Cutting, Indices, Links, Windows
-
-Matrix = NDArray[np.float64]
+from lmi.arithmetic.arrays import Indices, Matrix
+from lmi.find.windows import Cutting, Links, Windows
 
 # windows whose best cut scores this share of the best of all are cut in the same round
 _SHARE, _MOST = 0.15, 40
@@ -76,14 +74,14 @@ class _Evidence:
 
     def best_cut(self, window: int, offset: int) -> tuple[float, float]:
         """(score, where) of the best cut of a window in one offset; score 0: there is none."""
-        values, masses = self._seen(window, offset)
+        values, masses = self._weighted_thetas(window, offset)
         if len(values) < 2:
             return 0.0, math.nan
         values, group = np.unique(values, return_inverse=True)
         masses = np.bincount(group, masses).astype(np.float64)
         below, moment = np.cumsum(masses)[:-1], np.cumsum(masses * values)[:-1]
-        above, rest = masses.sum() - below, (masses * values).sum() - moment
-        scores = below * above / (below + above) * np.abs(moment / below - rest / above)
+        above, moment_above = masses.sum() - below, (masses * values).sum() - moment
+        scores = below * above / (below + above) * np.abs(moment / below - moment_above / above)
         low, high = self.windows.interval(window, offset)
         high = min(high, self.last)
         thinnest = _THINNEST * (self.last - self.windows.low)
@@ -94,7 +92,7 @@ class _Evidence:
         k = int(np.argmax(np.where(fits, scores, -1.0)))
         return float(scores[k]), float(where[k])
 
-    def _seen(self, window: int, offset: int) -> tuple[Matrix, Matrix]:
+    def _weighted_thetas(self, window: int, offset: int) -> tuple[Matrix, Matrix]:
         """Dwell times at this offset of this window, and the masses they carry.
 
         The next map's theta is known as such. Other dwell times are known up to the interval that
@@ -108,11 +106,11 @@ class _Evidence:
             return self.thetas[mine], self.masses[mine]
         others = (self.links.source if past else self.links.target)[owners]
         shifted = offset + 1 if past else offset - 1
-        telling = self.windows.knows(shifted)[others]
+        known = self.windows.knows(shifted)[others]
         column = (offset + 1 if past else offset) - self.windows.first
-        owners = owners[telling]
+        owners = owners[known]
         upper = np.minimum(self.links.upper[owners, column], self.last)
-        return (self.links.lower[owners, column] + upper) / 2, self.masses[mine][telling]
+        return (self.links.lower[owners, column] + upper) / 2, self.masses[mine][known]
 
 
 def _short(low: float, high: float) -> float:

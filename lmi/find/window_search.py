@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmi.arithmetic.arrays import Array
 from lmi.arithmetic.balls import Exact, rank_factors, to_float
 from lmi.families import Edge, horizon
 from lmi.find.cutting_plane import Proposal, propose_edges
@@ -25,8 +25,6 @@ from lmi.find.windows import Links, Windows, whole
 from lmi.prove.windows_proof import prove_windows
 from lmi.time_budget import deadline, ended, ended_by_count, scaled
 from lmi.verdict import Verdict, undecided
-
-Matrix = NDArray[Any]
 
 # a proof that fails this often at new theta is not worth another round
 _TURNS = 6
@@ -47,7 +45,7 @@ class Budget:
 
 
 @dataclass(frozen=True)
-class Found:
+class WindowResult:
     """The verdict, and the dwell times that mattered last: where to look for a witness.
 
     windows: those that were proved, and L (windows, m, m), the Cholesky factors of their P.
@@ -56,7 +54,7 @@ class Found:
     verdict: Verdict
     thetas: tuple[float, ...]
     windows: Windows | None = None
-    L: Matrix | None = None
+    L: Array | None = None
 
 
 def find_windows(
@@ -68,36 +66,37 @@ def find_windows(
     jitter: float = math.inf,
     limits: Limits | None = None,
     budget: Budget | None = None,
-    start: tuple[Windows, Matrix] | None = None,
-) -> Found:
-    """Proved with the windows, their P and the edges in its evidence, or undecided with the reason.
+    start: tuple[Windows, Array] | None = None,
+) -> WindowResult:
+    """Search windows of dwell times with a P for each, and prove them.
 
-    F, H: (n, n) exact. start: windows to begin with, and coordinates for them. When windows that
-    look both ways come to nothing, windows that look back only are tried in the time that is left.
+    Evidence holds the windows, their P and the edges; else the reason. F, H: (n, n) exact. start:
+    windows to begin with, and coordinates for them. When windows that look both ways come to
+    nothing, windows that look back only are tried in the time that is left.
     """
     budget, limits = budget or Budget(), limits or Limits()
-    family = _Family.of(F, H, low, high, jitter)
+    family = _Family.from_pair(F, H, low, high, jitter)
     stop = deadline(budget.seconds)
-    found = family.search(start, limits, budget, stop)
-    if found.verdict.outcome != "proved" and limits.future > 0 and start is None:
+    result = family.search(start, limits, budget, stop)
+    if result.verdict.outcome != "proved" and limits.future > 0 and start is None:
         back = family.search(None, Limits(limits.past, 0), budget, stop)
-        found = back if back.verdict.outcome == "proved" else found
-    return found
+        result = back if back.verdict.outcome == "proved" else result
+    return result
 
 
 @dataclass(frozen=True)
 class _Family:
     exact: tuple[Exact, Exact]
-    F: Matrix
-    left: Matrix | None
-    right: Matrix
+    F: Array
+    left: Array | None
+    right: Array
     low: float
     high: float
     jitter: float
     grids: Grids
 
     @staticmethod
-    def of(F: Exact, H: Exact, low: float, high: float, jitter: float) -> _Family:
+    def from_pair(F: Exact, H: Exact, low: float, high: float, jitter: float) -> _Family:
         """In the coordinates of the image of H: smaller matrices, and never worse ones."""
         U, V = rank_factors(H)
         if not 0 < U.shape[1] < len(H):
@@ -119,8 +118,8 @@ class _Family:
         ]
 
     def search(
-        self, start: tuple[Windows, Matrix] | None, limits: Limits, budget: Budget, stop: float
-    ) -> Found:
+        self, start: tuple[Windows, Array] | None, limits: Limits, budget: Budget, stop: float
+    ) -> WindowResult:
         """Rounds of solving and cutting."""
         windows, L = (whole(self.low, self.high), None) if start is None else start
         links, seeds, most = windows.links(self.jitter), list[Cut](), scaled(budget.windows)
@@ -135,22 +134,24 @@ class _Family:
             out_of_time = ended(stop, budget.seconds)
             if proposal.masses is None or proposal.coordinates is None:
                 text = why if out_of_time else f"{why}: the solver gave no numbers"
-                return Found(undecided(text, **out_of_time), proposal.thetas)
+                return WindowResult(undecided(text, **out_of_time), proposal.thetas)
             cuts = cuttings(windows, links, np.array(proposal.owners), np.array(proposal.thetas),
                             proposal.masses, self.last, limits)  # fmt: skip
             heavy = proposal.masses > _FAINT * proposal.masses.max()
             thetas = tuple(t for t, heavy_ in zip(proposal.thetas, heavy, strict=True) if heavy_)
             if not cuts:
-                return Found(undecided(f"{why}, and none of them can be cut further"), thetas)
+                return WindowResult(
+                    undecided(f"{why}, and none of them can be cut further"), thetas
+                )
             if len(windows) >= most or out_of_time:
                 end = out_of_time or ended_by_count("windows", most)
-                return Found(undecided(why, **end), thetas)
+                return WindowResult(undecided(why, **end), thetas)
             finer, parents = windows.cut(cuts[: most - len(windows)])
             following = finer.links(self.jitter)
             seeds = _carried(links, proposal, heavy, following, parents)
             windows, links, L = finer, following, proposal.coordinates[parents]
 
-    def _proved(self, windows: Windows, links: Links, proposal: Proposal) -> Found:
+    def _proved(self, windows: Windows, links: Links, proposal: Proposal) -> WindowResult:
         """The proof, with as many turns as bring new theta."""
         edges, attempt = self.edges(links), undecided("no proof was tried")
         seeds = list(zip(proposal.owners, proposal.thetas, strict=True))
@@ -161,11 +162,11 @@ class _Family:
             attempt = prove_windows(*self.exact, body, self.low, self.high, jitter=self.jitter,
                                     steps=_BOXES)  # fmt: skip
             if attempt.outcome == "proved":
-                found = {**body, **attempt.evidence}
+                evidence = {**body, **attempt.evidence}
                 if math.isfinite(proposal.margin):
-                    found["approx_margin"] = proposal.margin
+                    evidence["approx_margin"] = proposal.margin
                 L = np.linalg.cholesky(proposal.matrices)
-                return Found(Verdict("proved", found), proposal.thetas, windows, L)
+                return WindowResult(Verdict("proved", evidence), proposal.thetas, windows, L)
             cut = _failed(links, attempt)
             if cut is None or cut in seeds:
                 break
@@ -173,11 +174,11 @@ class _Family:
             proposal = propose_edges(
                 edges, len(windows), seeds, proposal.coordinates, grids=self.grids
             )
-        return Found(attempt, proposal.thetas)
+        return WindowResult(attempt, proposal.thetas)
 
 
-def certificate(windows: Windows, links: Links, matrices: Matrix) -> dict[str, Any]:
-    """What a file holds: windows with their intervals and P, edges with their ranges."""
+def certificate(windows: Windows, links: Links, matrices: Array) -> dict[str, Any]:
+    """Certificate for a file: windows with their intervals and P, edges with their ranges."""
     P = (matrices + np.swapaxes(matrices, 1, 2)) / 2
     ends = zip(links.source, links.target, links.low, links.high, strict=True)
     return {
@@ -200,7 +201,7 @@ def _failed(links: Links, attempt: Verdict) -> Cut | None:
 
 
 def _carried(
-    links: Links, proposal: Proposal, heavy: Matrix, finer: Links, parents: Matrix
+    links: Links, proposal: Proposal, heavy: Array, finer: Links, parents: Array
 ) -> list[Cut]:
     """Active theta with weight, on every edge that comes from theirs and still holds them."""
     kept = defaultdict(list)

@@ -1,4 +1,4 @@
-"""Windows of dwell times: what a matrix P may depend on, and which of them can follow each other.
+"""Windows of dwell times that a matrix P may depend on, and which can follow each other.
 
 Offset -1 is the dwell time that has just passed, 0 the one about to start (the theta of the next
 map), 1 the one after it. A window gives every offset an interval; all windows together divide the
@@ -22,8 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-Matrix = NDArray[np.float64]
-Indices = NDArray[np.intp]
+from lmi.arithmetic.arrays import Indices, Matrix
 
 
 @dataclass(frozen=True)
@@ -89,7 +88,7 @@ class Windows:
         return restricted
 
     def depths(self, window: int) -> tuple[int, int]:
-        """How many dwell times back and ahead this window looks."""
+        """Numbers of dwell times back and ahead that this window constrains."""
         row = (self.lower[window] > self.low) | (self.upper[window] < self.high)
         offsets = np.flatnonzero(row) + self.first
         return -int(offsets.min(initial=0)), int(offsets.max(initial=-1)) + 1
@@ -149,7 +148,7 @@ def _word(end: float) -> float | str:
 
 
 def passable(lower: Matrix, upper: Matrix, jitter: float) -> bool:
-    """Is there a sequence through these intervals whose steps are at most `jitter`? Exactly."""
+    """Decide exactly whether a sequence with steps up to `jitter` fits these intervals."""
     step = Fraction(jitter)
     low, high = _fraction(lower[0]), _fraction(upper[0])
     for a, b in zip(lower[1:], upper[1:], strict=True):

@@ -14,14 +14,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmi.arithmetic.arrays import Array
 from lmi.families import Edge
 from lmi.time_budget import remaining
 
-Matrix = NDArray[Any]
-
 _UNIFORM = 7
+_NO_GROWTH = 1e3  # loss of a product without growth: e^-1000 is zero
 _WIDTH = 120
 _LONGEST = 10
 _FINE = 60  # with little jitter, letters must be close together, but not more of them
@@ -45,7 +44,7 @@ class Word:
 
 def worst_word(
     edge: Edge,
-    L: Matrix,
+    L: Array,
     seeds: Sequence[float],
     rng: np.random.Generator,
     enough: float = 1.0,
@@ -72,7 +71,7 @@ def worst_word(
     for word in [*words[:_POLISHED], *starts]:
         if best.growth > enough or remaining() < 0:
             break
-        best = max(best, polished(edge, word, jitter), key=lambda found: found.growth)
+        best = max(best, polished(edge, word, jitter), key=lambda candidate: candidate.growth)
     return replace(best, thetas=_primitive(best.thetas))
 
 
@@ -93,25 +92,25 @@ def _random(
     return [float(theta) for theta in rng.uniform(low, high, length)]
 
 
-def _beam(edge: Edge, L: Matrix, letters: Matrix, jitter: float) -> list[Word]:
+def _beam(edge: Edge, L: Array, letters: Array, jitter: float) -> list[Word]:
     """Words over the letters, longest norms kept at each length; the fastest growing first."""
     maps = L.T @ edge.maps(letters) @ np.linalg.inv(L).T
     near = np.abs(letters[:, None] - letters) <= jitter
     products, words = maps, np.arange(len(letters))[:, None]
-    found: list[Word] = []
+    candidates: list[Word] = []
     for length in range(1, _LONGEST + 1):
         closed = near[words[:, -1], words[:, 0]]
         growth = np.where(closed, _radii(products) ** (1.0 / length), 0.0)
         top = np.argsort(-growth)[:_POLISHED]
-        found += [Word(tuple(letters[words[k]].tolist()), float(growth[k])) for k in top]
+        candidates += [Word(tuple(letters[words[k]].tolist()), float(growth[k])) for k in top]
         keep = np.argsort(-np.linalg.norm(products, axis=(1, 2)))[:_WIDTH]
         letter, word = np.nonzero(near[:, words[keep, -1]])
         products = maps[letter] @ products[keep[word]]
         words = np.concatenate([words[keep[word]], letter[:, None]], axis=1)
-    return sorted(found, key=lambda word: -word.growth)
+    return sorted(candidates, key=lambda word: -word.growth)
 
 
-def _repeats(edge: Edge, letters: Matrix, jitter: float) -> list[Word]:
+def _repeats(edge: Edge, letters: Array, jitter: float) -> list[Word]:
     """Words theta^i eta^j, theta an extremal letter: an end, or the one of the largest radius.
 
     A map that turns may take many jumps to bring a state to where another map stretches it, with
@@ -136,7 +135,7 @@ def _word(theta: float, i: int, eta: float, j: int, growth: float) -> Word:
     return Word((theta,) * i + (eta,) * j, growth)
 
 
-def _resonances(M: Matrix, theta: float, others: Matrix, partners: Matrix) -> list[Word]:
+def _resonances(M: Array, theta: float, others: Array, partners: Array) -> list[Word]:
     """The best words theta^i eta^j, i up to _MANY and j up to _FEW, of different i."""
     i = np.arange(1, _MANY + 1)
     powers, sizes = _powers(M, i)
@@ -151,7 +150,7 @@ def _resonances(M: Matrix, theta: float, others: Matrix, partners: Matrix) -> li
     return sorted(best.values(), key=lambda word: -word.growth)[:_POLISHED]
 
 
-def _best_counts(A: Matrix, B: Matrix) -> tuple[float, int, int]:
+def _best_counts(A: Array, B: Array) -> tuple[float, int, int]:
     """Largest rho(B^j A^i)^(1 / (i + j)), i and j powers of two, then all integers near them."""
     counts = [1 << np.arange(_DOUBLINGS + 1)] * 2
     for _ in range(2):
@@ -166,7 +165,7 @@ def _best_counts(A: Matrix, B: Matrix) -> tuple[float, int, int]:
     return float(np.exp(growth[k])), int(i[k]), int(j[k])
 
 
-def _powers(M: Matrix, exponents: Matrix) -> tuple[Matrix, Matrix]:
+def _powers(M: Array, exponents: Array) -> tuple[Array, Array]:
     """(M^k / e^size, size) for each exponent, sizes such that nothing overflows."""
     n, bits = len(M), int(exponents.max()).bit_length()
     results = np.tile(np.eye(n), (len(exponents), 1, 1))
@@ -183,8 +182,11 @@ def _powers(M: Matrix, exponents: Matrix) -> tuple[Matrix, Matrix]:
     return results, sizes
 
 
-def _radii(M: Matrix) -> Matrix:
-    return np.asarray(np.abs(np.linalg.eigvals(M)).max(axis=-1, initial=0.0))
+def _radii(M: Array) -> Array:
+    """Spectral radii; 0 of what floats do not hold, since shorter words grow as fast."""
+    is_finite = np.isfinite(M).all(axis=(-2, -1), keepdims=True)
+    eigenvalues = np.linalg.eigvals(np.where(is_finite, M, 0.0))
+    return np.asarray(np.abs(eigenvalues).max(axis=-1, initial=0.0))
 
 
 def polished(edge: Edge, word: Word, jitter: float = math.inf) -> Word:
@@ -207,21 +209,21 @@ def polished(edge: Edge, word: Word, jitter: float = math.inf) -> Word:
         room = {"type": "ineq", "fun": lambda x: jitter - both @ x, "jac": lambda x: -both}
         how = {"method": "SLSQP", "options": {"maxiter": 40}, "constraints": [room]}
 
-    def loss(x: Matrix) -> tuple[float, Matrix]:
+    def loss(x: Array) -> tuple[float, Array]:
         value, slope = _loss(edge, spread @ x)
         return value, slope @ spread
 
     result = minimize(loss, start, jac=True, bounds=bounds, **how)
     thetas = _within(np.clip(spread @ result.x, edge.low, edge.last), jitter)
     better = Word(tuple(float(theta) for theta in thetas), _growth(edge, thetas))
-    return max(word, better, key=lambda found: found.growth)
+    return max(word, better, key=lambda candidate: candidate.growth)
 
 
-def _growth(edge: Edge, thetas: Matrix) -> float:
+def _growth(edge: Edge, thetas: Array) -> float:
     return float(np.exp(-_loss(edge, thetas)[0]))
 
 
-def _within(thetas: Matrix, jitter: float) -> Matrix:
+def _within(thetas: Array, jitter: float) -> Array:
     """Drawn together until no step exceeds `jitter`: solvers and rounding overstep a little."""
     step = float(np.abs(thetas - np.roll(thetas, 1)).max())
     if step <= jitter:
@@ -230,18 +232,20 @@ def _within(thetas: Matrix, jitter: float) -> Matrix:
     return np.asarray(centre + (thetas - centre) * (jitter / step) * (1 - 1e-12))
 
 
-def _loss(edge: Edge, thetas: Matrix) -> tuple[float, Matrix]:
+def _loss(edge: Edge, thetas: Array) -> tuple[float, Array]:
     """-log rho(M_k ... M_1) / k and its gradient: d lambda = y* dM x / (y* x)."""
     maps, slopes = edge.with_slopes(thetas)
     k, n = len(maps), maps.shape[-1]
     before = [np.eye(n)]
     for M in maps:
         before.append(M @ before[-1])
+    if not np.isfinite(before[-1]).all():  # beyond floats: like a product that vanishes
+        return _NO_GROWTH, np.zeros(k)
     values, vectors = np.linalg.eig(before[-1])
     top = int(np.argmax(np.abs(values)))
     value, x = values[top], vectors[:, top]
     if abs(value) < 1e-280:
-        return 1e3, np.zeros(k)
+        return _NO_GROWTH, np.zeros(k)
     lefts, left_vectors = np.linalg.eig(before[-1].T)
     y = left_vectors[:, int(np.argmin(np.abs(lefts - value)))]
     scale = value * (y @ x)

@@ -1,4 +1,4 @@
-"""Proof for all dwell times by boxes: Taylor polynomials whose Bernstein coefficients are small.
+"""Proof for all dwell times by boxes: Taylor polynomials in Bernstein form.
 
 In coordinates where P is the identity the condition says N(theta)' N(theta) < gamma^2 I for
 N(theta) = left e^{F theta} right. On a box [x, x + h], theta = x + u h, the product is a matrix
@@ -61,7 +61,7 @@ class Normalised:
 
 @dataclass(frozen=True)
 class Boxes:
-    """What a range took: boxes, the smallest of them, or the theta where it failed.
+    """Boxes over a range: their number, the smallest, or the theta where the proof failed.
 
     which: the bound that failed there, 0 the identity, then the others.
     """
@@ -83,7 +83,7 @@ class _Series:
     to_bernstein: Any
 
     @staticmethod
-    def of(family: Normalised) -> _Series:
+    def from_family(family: Normalised) -> _Series:
         power, powers, norms = family.left, [], []
         for k in range(_POWERS):
             if k:
@@ -121,11 +121,11 @@ class _Series:
             w = [size * width**k for k, size in enumerate(sizes)]
             kept = sum(w[i] * w[j] for i in orders for j in range(DEGREE + 1 - i))
             total = sum(w)
-            found = total * total - kept  # a power would raise where this is infinite
-            if not found > 0:
+            remainder = total * total - kept  # a power would raise where this is infinite
+            if not remainder > 0:
                 return 2 * width
-            width *= min(2.0, (wanted / found) ** (1 / (DEGREE + 1)))
-            if 0.5 * wanted < found < 2 * wanted:
+            width *= min(2.0, (wanted / remainder) ** (1 / (DEGREE + 1)))
+            if 0.5 * wanted < remainder < 2 * wanted:
                 break
         return width
 
@@ -136,31 +136,31 @@ def prove_range(family: Normalised, low: float, high: float, limit: int, tails: 
     tails: ball matrices Q in the coordinates of the flow such that right' e^{F't} Q e^{Ft} right
     bounds N'N and falls with t.
     """
-    series = _Series.of(family)
-    here, end = rational(low), None if math.isinf(high) else rational(high)
+    series = _Series.from_family(family)
+    theta, end = rational(low), None if math.isinf(high) else rational(high)
     width, share = _first_width(series, high - low), _SHARE
-    smallest, halvings, E = math.inf, 0, flow(family, here)
+    smallest, halvings, E = math.inf, 0, flow(family, theta)
     for count in range(1, limit + 1):
         if not halvings and any(certify(family, E.transpose() * Q * E) for Q in tails):
-            return Boxes(count - 1, smallest, tail_from=_nearest(here))
+            return Boxes(count - 1, smallest, tail_from=_nearest(theta))
         size = norm_bound(E)
         width = series.fitting(size, width, share * family.gamma**2)
-        following = here + rational(width)
+        following = theta + rational(width)
         if end is not None and following >= end:
             following = end
-        if _box(family, series, E, size, following - here):
+        if _box(family, series, E, size, following - theta):
             smallest, halvings, share = min(smallest, width), 0, min(_SHARE, 4 * share)
             if end is not None and following >= end:
                 return Boxes(count, smallest)
-            here, E = following, flow(family, following)
+            theta, E = following, flow(family, following)
             continue
-        N = family.left * flow(family, (here + following) / 2)
-        settled = halvings < _HALVINGS and following > here
+        N = family.left * flow(family, (theta + following) / 2)
+        settled = halvings < _HALVINGS and following > theta
         which = _unmet(family, [lower_entries(N.transpose() * N)], scalar(0))
         if not settled or which is not None:
-            return Boxes(count, smallest, _nearest((here + following) / 2), which=which or 0)
-        width, share, halvings = _nearest(following - here) / 2, share / 30, halvings + 1
-    return Boxes(limit, smallest, failed=_nearest(here))
+            return Boxes(count, smallest, _nearest((theta + following) / 2), which=which or 0)
+        width, share, halvings = _nearest(following - theta) / 2, share / 30, halvings + 1
+    return Boxes(limit, smallest, failed=_nearest(theta))
 
 
 def flow(family: Normalised, theta: Any) -> Any:
@@ -169,7 +169,7 @@ def flow(family: Normalised, theta: Any) -> Any:
 
 
 def certify(family: Normalised, S: Any) -> bool:
-    """True only if S < gamma^2 I, and the same for all other bounds."""
+    """Certify S < gamma^2 I, and the same for all other bounds."""
     return _unmet(family, [lower_entries(S)], scalar(0)) is None
 
 
@@ -196,13 +196,13 @@ def _bound(n: int, square: Any, S: Any, remainder: Any) -> list[list[Any]]:
 
 
 def _below(bound: list[list[Any]], entries: list[Any]) -> bool:
-    """True only if bound - entries > 0, both by lower entries."""
+    """Certify bound - entries > 0, both by lower entries."""
     at = iter(entries)
     return certify_pivots([[b - next(at) for b in row] for row in bound])
 
 
 def _box(family: Normalised, series: _Series, E: Any, size: Any, width: Any) -> bool:
-    """True only if N'N < gamma^2 I on the whole box of this width from where E was taken."""
+    """Certify N'N < gamma^2 I on the whole box of this width from where E was taken."""
     h = scalar(width)
     remainder = series.remainder(size, h)
     if remainder is None or not remainder < scalar(rational(family.gamma)) ** 2:

@@ -1,4 +1,4 @@
-"""Proof for all dwell times by chords: a third way, for margins too narrow for `lmi.prove.march`.
+"""Proof for all dwell times by chords, for margins too narrow for `lmi.prove.march`.
 
 In coordinates where both P are the identity the condition says N' N < gamma^2 I, for
 N(theta) = left e^{F theta} right. Between a and b = a + h, N stays within h^2/8 max |N''| = rho of
@@ -17,7 +17,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lmi.arithmetic.balls import (
     ball,
@@ -34,8 +33,6 @@ from lmi.prove.condition import Condition
 from lmi.prove.hurwitz import lyapunov_matrix
 from lmi.verdict import Verdict, proved, undecided
 
-Matrix = NDArray[np.float64]
-
 # a step leaves this share of the margin to what lies between its ends
 _SHARE = 0.5
 _HALVINGS = 30
@@ -45,7 +42,7 @@ def chords(condition: Condition, steps: int) -> Verdict:
     """Proved by chords, or undecided with the theta where they ended, at the current precision."""
     if condition.others:
         return undecided("chords are for one source at a time")
-    line = _Line.of(condition)
+    line = _Line.from_condition(condition)
     if line is None:
         return undecided("P is not certainly positive definite")
     tail = _tail(condition, line.left) if math.isinf(condition.high) else None
@@ -81,7 +78,7 @@ class _Line:
     unit: Any
 
     @staticmethod
-    def of(condition: Condition) -> _Line | None:
+    def from_condition(condition: Condition) -> _Line | None:
         both = (condition.P_source, condition.P_target)
         source, target = (cholesky(ball(exact(P))) for P in both)
         if source is None or target is None:
@@ -104,7 +101,7 @@ class _Line:
         return N.transpose() * N
 
     def below(self, S: Any, room: Any = 0) -> bool:
-        """True only if S + room I < gamma^2 I."""
+        """Certify S + room I < gamma^2 I."""
         return certify_positive_definite((self.square - room) * self.unit - S)
 
     def margin(self, flow: Any) -> float:

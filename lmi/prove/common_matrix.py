@@ -52,12 +52,13 @@ def prove_common(
     gamma: float = 1.0,
     steps: int = STEP_LIMIT,
 ) -> Verdict:
-    """P > 0 and M(theta)' P M(theta) < gamma^2 P for all theta in [low, high], or [low, infinity).
+    """Prove P > 0 and M(theta)' P M(theta) < gamma^2 P for all theta in a range.
 
-    F, H: (n, n) floats or exact rationals; P: (n, n) symmetric floats. form: "before_jump" for
-    M = e^{F theta} H, "after_jump" for M = H e^{F theta}. Proved or undecided; then
-    evidence["theta"], where there is one, is a float near which the inequality could not be shown.
-    For high = infinity F must be Hurwitz. ValueError unless 0 <= low <= high.
+    The range is [low, high], or [low, infinity). F, H: (n, n) floats or exact rationals; P: (n, n)
+    symmetric floats. form: "before_jump" for M = e^{F theta} H, "after_jump" for M = H e^{F theta}.
+    Proved or undecided; then evidence["theta"], where there is one, is a float near which the
+    inequality could not be shown. For high = infinity F must be Hurwitz. ValueError unless 0 <= low
+    <= high.
     """
     condition = common(F, H, P, low, high, form, gamma)
     if isinstance(condition, str):
@@ -103,17 +104,17 @@ def _boxes(condition: Condition, limit: int) -> Verdict:
     reason = f"the inequality fails, or nearly fails, at theta = {boxes.failed!r}"
     if boxes.count >= limit:
         reason = f"{limit} boxes did not reach the end; they came to theta = {boxes.failed!r}"
-    found = {"theta": boxes.failed, "boxes": boxes.count}
-    return undecided(reason, **found, **({"which": boxes.which} if condition.others else {}))
+    place = {"theta": boxes.failed, "boxes": boxes.count}
+    return undecided(reason, **place, **({"which": boxes.which} if condition.others else {}))
 
 
 def _account(boxes: Boxes) -> dict[str, Any]:
-    found: dict[str, Any] = {"method": "Taylor-Bernstein boxes", "boxes": boxes.count}
+    evidence: dict[str, Any] = {"method": "Taylor-Bernstein boxes", "boxes": boxes.count}
     if boxes.count:
-        found["smallest_box"] = boxes.smallest
+        evidence["smallest_box"] = boxes.smallest
     if boxes.tail_from is not None:
-        found["tail_from"] = boxes.tail_from
-    return found
+        evidence["tail_from"] = boxes.tail_from
+    return evidence
 
 
 def _normalised(condition: Condition) -> Normalised | None:

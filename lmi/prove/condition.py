@@ -1,16 +1,15 @@
-"""What is to be proved, in exact numbers: M(theta)' P_target M(theta) < gamma^2 P_source."""
+"""Condition to be proved, in exact numbers: M(theta)' P_target M(theta) < gamma^2 P_source."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.balancing import Scaling
 from lmi.arithmetic.balls import Exact, exact
-
-Matrix = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -40,7 +39,7 @@ class Condition:
         jump = self.right if self.left is None else self.right @ self.left
         if jump.shape != self.F.shape:  # other coordinates than the flow's do not bind it
             jump = 0 * self.F
-        scaling = Scaling.of(self.F, jump, self.high)
+        scaling = Scaling.from_pair(self.F, jump, self.high)
         if scaling.is_identity:
             return self
         n, right, left = len(self.F), scaling.rows(self.right), self.left

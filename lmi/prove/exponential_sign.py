@@ -1,4 +1,4 @@
-"""Signs of exponential sums over an interval, proved: f(s) = row e^{F s} z and products of them.
+"""Proved signs of f(s) = row e^{F s} z, and of products of such f, over an interval.
 
 Over boxes of a small width such a function is its Taylor polynomial plus a remainder that is
 bounded; both are balls. A polynomial is positive where its Bernstein coefficients are.
@@ -154,9 +154,9 @@ def one_sign(
     place = math.nan
     for box in cover:
         place = box.start
-        found = positive([sign * c for c in function(box)], effort)
-        if found is not True:
-            return found, place
+        verdict = positive([sign * c for c in function(box)], effort)
+        if verdict is not True:
+            return verdict, place
     return True, place
 
 

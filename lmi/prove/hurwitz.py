@@ -1,6 +1,7 @@
-"""Is a matrix Hurwitz (every mode decays), is it Schur? Decided exactly, with the mode.
+"""Exact decisions on the spectrum of a matrix: Hurwitz, Schur, real.
 
-Are all eigenvalues of a matrix real? Decided exactly, by Sturm's sequence.
+Hurwitz (every mode decays) is refuted with the mode; a real spectrum is decided by Sturm's
+sequence.
 """
 
 from __future__ import annotations
@@ -10,8 +11,9 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.balls import (
     Exact,
     ball,
@@ -26,14 +28,14 @@ from lmi.verdict import Verdict, proved, refuted
 
 
 def real_spectrum(F: Any) -> bool:
-    """Are all eigenvalues of the exact matrix F real? By Sturm's sequence of its polynomial."""
+    """Decide by Sturm's sequence whether all eigenvalues of the exact matrix F are real."""
     chain = [characteristic_polynomial(F)]
     chain.append([k * c for k, c in enumerate(chain[0])][1:])
     while True:
-        rest = _remainder(chain[-2], chain[-1])
-        if not rest:
+        remainder = _remainder(chain[-2], chain[-1])
+        if not remainder:
             break
-        chain.append([-c for c in rest])
+        chain.append([-c for c in remainder])
     distinct = (len(chain[0]) - 1) - (len(chain[-1]) - 1)
     at_ends = []
     for end in (-1, 1):
@@ -43,21 +45,19 @@ def real_spectrum(F: Any) -> bool:
 
 
 def _remainder(p: list[Any], q: list[Any]) -> list[Any]:
-    rest = list(p)
-    while len(rest) >= len(q):
-        factor, shift = rest[-1] / q[-1], len(rest) - len(q)
+    remainder = list(p)
+    while len(remainder) >= len(q):
+        factor, shift = remainder[-1] / q[-1], len(remainder) - len(q)
         for i, c in enumerate(q):
-            rest[i + shift] = rest[i + shift] - factor * c
-        rest.pop()
-    while rest and rest[-1] == 0:
-        rest.pop()
-    return rest
+            remainder[i + shift] = remainder[i + shift] - factor * c
+        remainder.pop()
+    while remainder and remainder[-1] == 0:
+        remainder.pop()
+    return remainder
 
 
-Matrix = NDArray[np.float64]
-
-# the slowest mode may push this part of its weight on to the others
-_FAVOUR = 30.0
+# bound on the ratio of modal weights
+_LARGEST_WEIGHT_RATIO = 30.0
 
 
 def prove_hurwitz(F: ArrayLike) -> Verdict:
@@ -168,8 +168,8 @@ def modal_matrix(F: Matrix) -> Matrix | None:
     with np.errstate(all="ignore"):
         modes, V = np.linalg.eig(F)
         gram = np.abs(V.conj().T @ V)
-        patience = np.sqrt(modes.real.max() / modes.real)  # 1 for the slowest, less for the others
-        share = np.maximum(patience, 1 / _FAVOUR)
+        ratio = np.sqrt(modes.real.max() / modes.real)  # 1 for the slowest, less for the others
+        share = np.maximum(ratio, 1 / _LARGEST_WEIGHT_RATIO)
         weights = (gram * share / share[:, None]).sum(axis=1)
         try:
             back = np.linalg.inv(V)
@@ -180,10 +180,11 @@ def modal_matrix(F: Matrix) -> Matrix | None:
 
 
 def _routh(coefficients: list[Any]) -> bool | None:
-    """Are all roots in the open left half-plane? Exact rationals or balls, constant term first.
+    """Decide whether all roots are in the open left half-plane.
 
-    All entries of the first column are positive if they are: one that is certainly not refutes it.
-    None where the sign of a ball is uncertain.
+    coefficients: exact rationals or balls, constant term first. All entries of the first column are
+    positive if they are: one that is certainly not refutes it. None where the sign of a ball is
+    uncertain.
     """
     falling = coefficients[::-1]
     upper, lower = falling[0::2], falling[1::2]

@@ -12,8 +12,8 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.balls import (
     PRECISIONS,
     ball,
@@ -28,8 +28,6 @@ from lmi.arithmetic.balls import (
 from lmi.prove.condition import Condition
 from lmi.prove.hurwitz import lyapunov_matrix
 from lmi.verdict import Verdict, proved, undecided
-
-Matrix = NDArray[np.float64]
 
 # room given to float estimates before they are certified; less at each higher precision
 _PADS = dict(zip(PRECISIONS, (1e-9, 1e-12, 1e-14), strict=True))
@@ -89,15 +87,15 @@ def _log_norm(condition: Condition, growth: Any, P_ball: Any, pad: float) -> flo
 
 def _contraction(M: Any, target: Any, source: Any, pad: float) -> float | None:
     """A certified q < 1 with M' target M <= q source."""
-    moved = M.transpose() * target * M
-    approx = middle(moved)
+    product = M.transpose() * target * M
+    approx = middle(product)
     if not np.isfinite(approx).all():
         return None
     q = _largest_relative(approx, middle(source))
     if q is None:
         return None
     q = max(q, 0.0) * (1 + pad) + 1e-4 * pad
-    if q < 1 and certify_positive_definite(number(q) * source - moved):
+    if q < 1 and certify_positive_definite(number(q) * source - product):
         return q
     return None
 

@@ -71,10 +71,10 @@ def prove_copositive(
     form: str = "before_jump",
     steps: int = STEP_LIMIT,
 ) -> Verdict:
-    """F Metzler, H >= 0, v > 0, and the inequality for all theta in [low, high]; high may be inf.
+    """Prove the copositive inequality for all theta in [low, high]; high may be infinite.
 
-    F, H: (n, n) floats or exact rationals; v: (n,) floats. Proved or undecided. For high = infinity
-    this does not say that F is Hurwitz.
+    That includes F Metzler, H >= 0, v > 0; for high = infinity not that F is Hurwitz. F, H: (n, n)
+    floats or exact rationals; v: (n,) floats. Proved or undecided.
     """
     if side not in SIDES or form not in FORMS:
         raise ValueError(f"side is one of {SIDES}, form one of {FORMS}; got {side!r}, {form!r}")
@@ -84,7 +84,7 @@ def prove_copositive(
     entries: list[Any] = [*flow[~np.eye(len(flow), dtype=bool)], *jump.flat]
     if any(entry < 0 for entry in entries):
         return undecided("the flow is not Metzler, or the jump not nonnegative")
-    scaling = Scaling.of(flow, jump, float(high))
+    scaling = Scaling.from_pair(flow, jump, float(high))
     flow, jump = scaling.map(flow), scaling.map(jump)
     vector = scaling.undone.vector(vector, side)
     question = row_flow(flow, jump, exact(vector), side, form)
@@ -135,10 +135,10 @@ def _lifted(row: Any, lift: list[Any]) -> Any:
 
 def _largest(values: list[Any]) -> float | None:
     """A float that is certainly at least as large as every ball; None if there is none."""
-    found = -math.inf
+    largest = -math.inf
     for value in values:
         top = math.nextafter(float(value.upper()), math.inf)
         if not math.isfinite(top):
             return None
-        found = max(found, top)
-    return found if math.isfinite(found) else None
+        largest = max(largest, top)
+    return largest if math.isfinite(largest) else None

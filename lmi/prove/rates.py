@@ -1,4 +1,4 @@
-"""How fast a proved system decays: per jump and in time, in the norm of its certificate P.
+"""Decay rates of a proved system, per jump and in time, in the norm of its certificate P.
 
     per jump   |M(theta) x|_P <= gamma |x|_P                          for all theta in the range
     in time    |M(theta) x|_P <= e^{-alpha theta} |x|_P               (the same for F + alpha I)
@@ -16,16 +16,15 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.balancing import Scaling
 from lmi.arithmetic.balls import exact, rank_factors, to_float
 from lmi.families import Edge, slack
 from lmi.prove.common_matrix import STEP_LIMIT, prove_common
 from lmi.prove.windows_proof import prove_windows
 from lmi.verdict import Verdict, proved, undecided
-
-Matrix = NDArray[np.float64]
 
 SMALLEST = 1e-6  # a map that vanishes (H = 0) still has to be given some rate
 WORTH = 300  # boxes that a rate, which nothing hangs on, is worth (for stiff flows it takes more)
@@ -55,11 +54,11 @@ def propose_rates(
     change from one dwell time to the next. An infinite range cannot decay faster in time than the
     flow. None when nothing can be proved.
     """
-    seen = approx_rates(F, H, certificate, low, high)
-    if seen is None:
+    approx = approx_rates(F, H, certificate, low, high)
+    if approx is None:
         return None
     for share in _RELAXATIONS:
-        rates = Rates(seen.per_jump ** (1 - share), seen.in_time * (1 - share))
+        rates = Rates(approx.per_jump ** (1 - share), approx.in_time * (1 - share))
         done = prove_rates(F, H, certificate, low, high, rates, jitter, steps=WORTH)
         if done.outcome == "proved":
             return rates
@@ -71,17 +70,19 @@ def approx_rates(
 ) -> Rates | None:
     """The rates that a certificate allows on a grid; None where floats overflow."""
     flow, jump = exact(F), exact(H)
-    scaling = Scaling.of(flow, jump, high)
+    scaling = Scaling.from_pair(flow, jump, high)
     F_float, H_float = to_float(scaling.map(flow)), to_float(scaling.map(jump))
     certificate = scaling.undone.restored(certificate, jump)
     with np.errstate(all="ignore"):
         try:
-            seen = [_seen(*each) for each in _edges(F_float, H_float, certificate, low, high)]
+            pairs = [
+                _edge_rates(*each) for each in _edges(F_float, H_float, certificate, low, high)
+            ]
         except np.linalg.LinAlgError:
             return None
-    if any(np.isnan(pair).any() for pair in seen):
+    if any(np.isnan(pair).any() for pair in pairs):
         return None
-    gamma, in_time = max(pair[0] for pair in seen), min(pair[1] for pair in seen)
+    gamma, in_time = max(pair[0] for pair in pairs), min(pair[1] for pair in pairs)
     if math.isinf(high):
         in_time = min(in_time, -float(np.linalg.eigvals(F_float).real.max()))
     return Rates(gamma, in_time if math.isfinite(in_time) and in_time > 0 else 0.0)
@@ -105,7 +106,7 @@ def _edges(
         yield edge, all_P[source], all_P[target]
 
 
-def _seen(edge: Edge, P_source: Matrix, P_target: Matrix) -> tuple[float, float]:
+def _edge_rates(edge: Edge, P_source: Matrix, P_target: Matrix) -> tuple[float, float]:
     """Largest norm on a grid, and the slowest decay in time; NaN where floats overflow."""
     thetas, maps = edge.grid()
     norms = np.sqrt(np.clip(1.0 - slack(P_source, maps, P_target), SMALLEST**2, None))

@@ -13,11 +13,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.balls import rational
 
-Matrix = NDArray[np.float64]
 Interval = tuple[float, float]
 Box = Mapping[int, Interval]  # offset -> interval; the whole range where an offset is missing
 Edge = tuple[int, int, float, float]  # window, the next window, range of theta
@@ -40,16 +39,17 @@ class Certificate:
 
 
 class Unreadable(Exception):
-    """What the certificate has to hold and does not."""
+    """Requirement that the certificate does not meet."""
 
 
 def read_certificate(
     certificate: Mapping[str, Any], n: int, ends: Interval, jitter: float
 ) -> Certificate:
-    """The windows of a certificate for n states, dwell times between `ends`, steps up to `jitter`.
+    """Read and check the windows of a certificate for n states.
 
-    Raises Unreadable, with the reason, where they do not divide all sequences, or where the edges
-    of the certificate are not those of its windows.
+    Dwell times are between `ends`, their steps up to `jitter`. Raises Unreadable, with the reason,
+    where they do not divide all sequences, or where the edges of the certificate are not those of
+    its windows.
     """
     boxes, P, listed = _read(certificate, n, ends)
     _check_partition(boxes, ends)
@@ -138,23 +138,25 @@ def _halves(boxes: list[Box], region: Box, ends: Interval) -> list[tuple[list[Bo
 
 def _edges(boxes: Sequence[Box], ends: Interval, jitter: float) -> list[Edge]:
     """Every window with every one that can follow it, and the theta that both allow."""
-    found = []
-    shifted = [{offset + 1: interval for offset, interval in box.items()} for box in boxes]
-    for s, here in enumerate(boxes):
-        for t, there in enumerate(shifted):
-            both = _common(here, there, ends)
+    edges = []
+    shifted = [
+        {offset + 1: interval for offset, interval in each_box.items()} for each_box in boxes
+    ]
+    for s, box in enumerate(boxes):
+        for t, following in enumerate(shifted):
+            both = _common(box, following, ends)
             if both is not None and _reachable(both, ends, jitter):
-                found.append((s, t, *both.get(0, ends)))
-    return found
+                edges.append((s, t, *both.get(0, ends)))
+    return edges
 
 
-def _common(one: Box, other: Box, ends: Interval) -> Box | None:
-    """What two boxes share, by offsets; None when the inside of some offset is empty.
+def _common(first: Box, second: Box, ends: Interval) -> Box | None:
+    """Intersection of two boxes, by offsets; None when the inside of some offset is empty.
 
     Cells are half-open, [., .), the last one closed, so that inside means: more than a point.
     """
-    shared = dict(one)
-    for offset, (low, high) in other.items():
+    shared = dict(first)
+    for offset, (low, high) in second.items():
         a, b = shared.get(offset, ends)
         low, high = max(low, a), min(high, b)
         if not low < high:
@@ -164,7 +166,7 @@ def _common(one: Box, other: Box, ends: Interval) -> Box | None:
 
 
 def _reachable(box: Box, ends: Interval, jitter: float) -> bool:
-    """Does the box hold a sequence whose steps are at most `jitter`? In exact numbers."""
+    """Decide exactly whether the box holds a sequence with steps of at most `jitter`."""
     if math.isinf(jitter) or ends[0] == ends[1]:
         return True
     step, last = rational(jitter), max(box, default=0)

@@ -22,8 +22,9 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.balls import (
     PRECISIONS,
     Exact,
@@ -40,8 +41,6 @@ from lmi.prove.condition import Condition
 from lmi.prove.window_partition import Certificate, Edge, Unreadable, read_certificate
 from lmi.verdict import Verdict, proved, undecided
 
-Matrix = NDArray[np.float64]
-
 _LOOKED = 33  # points at which floats look for room
 
 
@@ -57,36 +56,36 @@ def prove_windows(
     method: str = "bernstein",
     steps: int = STEP_LIMIT,
 ) -> Verdict:
-    """All sequences of theta in [low, high], high possibly infinite, with steps at most `jitter`.
+    """Prove decrease along all sequences of theta in [low, high] with steps up to `jitter`.
 
-    F, H: (n, n) floats or exact rationals, M(theta) = e^{F theta} H. certificate: {"windows":
-    [{"dwell": {"-1": [0.4, 1.2], ...}, "P": m x m}, ...], "edges": [[w, w', low, high], ...]}, what
-    `lmi.find.window_search` writes. Proved or undecided; then evidence["edge"] and ["theta"] tell
-    where an inequality could not be shown.
+    high may be infinite. F, H: (n, n) floats or exact rationals, M(theta) = e^{F theta} H.
+    certificate: {"windows": [{"dwell": {"-1": [0.4, 1.2], ...}, "P": m x m}, ...], "edges": [[w,
+    w', low, high], ...]}, what `lmi.find.window_search` writes. Proved or undecided; then
+    evidence["edge"] and ["theta"] tell where an inequality could not be shown.
     """
     if not 0 <= low <= high:
         raise ValueError(f"0 <= low <= high is required; got [{low}, {high}]")
     flow, jump = exact(F), exact(H)
     try:
-        found = read_certificate(certificate, len(flow), (low, high), jitter)
-        left, right = _factors(jump, found)
+        partition = read_certificate(certificate, len(flow), (low, high), jitter)
+        left, right = _factors(jump, partition)
     except Unreadable as error:
         return undecided(str(error))
-    for w, P in enumerate(found.P):
+    for w, P in enumerate(partition.P):
         if not _positive(P):
             return undecided(f"P of window {w + 1} is not certainly positive definite")
-    counts = {"window_count": len(found.boxes), "edge_count": len(found.edges)}
-    family = Condition(flow, right, found.P[0], found.P[0], low, high, left, gamma)
-    verdict = _prove_edges(family, found, method, steps)
+    counts = {"window_count": len(partition.boxes), "edge_count": len(partition.edges)}
+    family = Condition(flow, right, partition.P[0], partition.P[0], low, high, left, gamma)
+    verdict = _prove_edges(family, partition, method, steps)
     return verdict if verdict.outcome != "proved" else proved(**counts, **verdict.evidence)
 
 
-def _prove_edges(family: Condition, found: Certificate, method: str, steps: int) -> Verdict:
+def _prove_edges(family: Condition, partition: Certificate, method: str, steps: int) -> Verdict:
     """The inequalities of all edges; the family gives all but their windows and ranges."""
     work: dict[str, Any] = {}
-    for (target, *ends), sources in _groups(found.edges, together=method == "bernstein"):
-        first, *others = (found.P[s] for s in sources)
-        condition = replace(family, P_source=first, P_target=found.P[target], low=ends[0],
+    for (target, *ends), sources in _groups(partition.edges, merge_sources=method == "bernstein"):
+        first, *others = (partition.P[s] for s in sources)
+        condition = replace(family, P_source=first, P_target=partition.P[target], low=ends[0],
                             high=ends[1], others=tuple(others))  # fmt: skip
         if method == "march":
             condition = _unreduced(condition.balanced())
@@ -113,13 +112,13 @@ def _account(work: dict[str, Any], evidence: Mapping[str, Any]) -> None:
 
 
 def _groups(
-    edges: Sequence[Edge], together: bool
+    edges: Sequence[Edge], merge_sources: bool
 ) -> list[tuple[tuple[int, float, float], list[int]]]:
     """Edges with the same target and range, by their sources: one polynomial serves them all."""
     groups = defaultdict(list)
     for source, target, low, high in edges:
         groups[target, low, high].append(source)
-    if together:
+    if merge_sources:
         return list(groups.items())
     return [(group, [source]) for group, sources in groups.items() for source in sources]
 
@@ -133,11 +132,14 @@ def _unreduced(condition: Condition) -> Condition:
         return condition
     V, n = condition.left.T, len(condition.F)
     end = condition.high if math.isfinite(condition.high) else condition.low
-    moved = expm(to_float(condition.F) * np.linspace(condition.low, end, _LOOKED)[:, None, None])
-    moved = moved @ to_float(condition.right)
-    seen = to_float(condition.left) @ moved
-    room = condition.gamma**2 * condition.P_source - seen.swapaxes(1, 2) @ condition.P_target @ seen
-    gram = moved.swapaxes(1, 2) @ moved
+    maps = expm(to_float(condition.F) * np.linspace(condition.low, end, _LOOKED)[:, None, None])
+    maps = maps @ to_float(condition.right)
+    reduced = to_float(condition.left) @ maps
+    room = (
+        condition.gamma**2 * condition.P_source
+        - reduced.swapaxes(1, 2) @ condition.P_target @ reduced
+    )
+    gram = maps.swapaxes(1, 2) @ maps
     shares = np.linalg.eigvals(np.linalg.solve(gram + 1e-300 * np.eye(len(room[0])), room)).real
     e = max(0.5 * float(shares.min()), 1e-12 * float(np.abs(condition.P_target).max()))
     whole = V @ exact(condition.P_target) @ V.T + exact(e * np.eye(n))
@@ -148,13 +150,13 @@ def _word(end: float) -> float | str:
     return "inf" if math.isinf(end) else end
 
 
-def _factors(jump: Exact, found: Certificate) -> tuple[Exact | None, Exact]:
+def _factors(jump: Exact, partition: Certificate) -> tuple[Exact | None, Exact]:
     """(left, right) of the family left e^{F theta} right: (None, H), or (V', U) of H = U V'."""
-    if not found.reduced:
+    if not partition.reduced:
         return None, jump
     U, V = rank_factors(jump)
-    if U.shape[1] != found.P.shape[1]:
-        raise Unreadable(f"H has rank {U.shape[1]}; the P have size {found.P.shape[1]}")
+    if U.shape[1] != partition.P.shape[1]:
+        raise Unreadable(f"H has rank {U.shape[1]}; the P have size {partition.P.shape[1]}")
     return V.T, U
 
 

@@ -1,4 +1,4 @@
-"""Does a stack of products lose rank somewhere in a box of thetas? Looked for in floats, decided.
+"""Decide full column rank of a stack of products over a box of dwell times.
 
 Rank is decided relative to size: in coordinates that make the stack at the centre of the box
 orthonormal (`lmi.rank.stack`), and with block rows scaled to norm 1, its smallest singular value
@@ -15,8 +15,9 @@ from typing import Any
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Matrix
 from lmi.rank.full_rank import BOX_LIMIT, prove_full_rank
-from lmi.rank.stack import Matrix, Stack, approx_margin, approx_vanishing, coordinates, unit_blocks
+from lmi.rank.stack import Stack, approx_margin, approx_vanishing, coordinates, unit_blocks
 from lmi.rank.witness import MARGIN, check_deficient, outright, too_few
 from lmi.verdict import Verdict, refuted, undecided
 
@@ -50,25 +51,27 @@ def decide_full_rank(stack: Stack, low: float, high: float, limit: int = BOX_LIM
         verdict = check_deficient(stack, low, high, {"thetas": place.tolist()})
         if verdict.outcome == "refuted" or not full:
             return verdict
-    asked = max(_SHARE * margin, MARGIN)
-    verdict = prove_full_rank(stack, low, high, R, margin=asked, limit=min(BOX_LIMIT // 10, limit))
+    required = max(_SHARE * margin, MARGIN)
+    verdict = prove_full_rank(
+        stack, low, high, R, margin=required, limit=min(BOX_LIMIT // 10, limit)
+    )
     if verdict.outcome != "proved":
         counter = _vanishing(stack, points, R, low, high)
         if counter.outcome == "refuted":
             return counter
-        asked = MARGIN
-        verdict = prove_full_rank(stack, low, high, R, margin=asked, limit=limit)
+        required = MARGIN
+        verdict = prove_full_rank(stack, low, high, R, margin=required, limit=limit)
     if "thetas" in verdict.evidence:  # the proof may have been led to a place the search missed
         place = np.array([verdict.evidence["thetas"]])
         worst, margin = _polished(in_units, place, in_units(place), low, high)
         if margin < MARGIN:
             counter = check_deficient(stack, low, high, {"thetas": worst.tolist()})
             verdict = counter if counter.outcome == "refuted" else verdict
-    told = {"asked": asked, **seen_at(stack, worst.tolist(), low, high)}
-    return Verdict(verdict.outcome, {**verdict.evidence, **told})
+    evidence = {"asked": required, **approx_evidence(stack, worst.tolist(), low, high)}
+    return Verdict(verdict.outcome, {**verdict.evidence, **evidence})
 
 
-def seen_at(stack: Stack, thetas: Any, low: float, high: float) -> dict[str, Any]:
+def approx_evidence(stack: Stack, thetas: Any, low: float, high: float) -> dict[str, Any]:
     """{"approx_sigma_min", "approx_worst"}: O at thetas (m,) in floats; {} for no such thetas."""
     numbers = isinstance(thetas, list) and all(isinstance(x, int | float) for x in thetas)
     if not numbers or len(thetas) != stack.thetas:
@@ -82,14 +85,14 @@ def seen_at(stack: Stack, thetas: Any, low: float, high: float) -> dict[str, Any
 
 
 @np.errstate(all="ignore")
-def prove_again(stack: Stack, low: float, high: float, asked: float) -> Verdict:
+def prove_again(stack: Stack, low: float, high: float, margin: float) -> Verdict:
     """The proof of `decide_full_rank` without its search: asked is the evidence's."""
     if stack.shape[0] < stack.shape[1]:
         return refuted(too_few(stack))
     R, full = coordinates(stack, low, high)
     if not full:
         return undecided("the stack has no full rank anywhere in the box")
-    return prove_full_rank(stack, low, high, R, margin=max(asked, MARGIN))
+    return prove_full_rank(stack, low, high, R, margin=max(margin, MARGIN))
 
 
 def _candidates(stack: Stack, low: float, high: float) -> Matrix:
@@ -125,7 +128,7 @@ def _sign_change(stack: Stack, points: Matrix, R: Matrix) -> list[list[float]] |
 
 
 def _vanishing(stack: Stack, points: Matrix, R: Matrix, low: float, high: float) -> Verdict:
-    """Whether rank is lost where block rows pass through zero, next to the place with the least."""
+    """Check for lost rank where block rows pass through zero, next to the least margin."""
     least = functools.partial(approx_vanishing, stack, R=R)
     place, _ = _polished(least, points, least(points), low, high)
     return check_deficient(stack, low, high, {"thetas": place.tolist()})
@@ -142,17 +145,17 @@ def _polished(
         return best, value
     directions = np.vstack([np.eye(m), -np.eye(m), np.ones((1, m)), -np.ones((1, m))])
     for start in order:
-        here, least, step = points[start], float(margins[start]), (high - low) / 20
+        point, least, step = points[start], float(margins[start]), (high - low) / 20
         for _ in range(_STEPS):
-            tried = np.clip(here + step * directions, low, high)
-            found = np.nan_to_num(margin_at(tried), nan=np.inf)
-            k = int(np.argmin(found))
-            if found[k] < least:
-                here, least = tried[k], float(found[k])
+            tried = np.clip(point + step * directions, low, high)
+            values = np.nan_to_num(margin_at(tried), nan=np.inf)
+            k = int(np.argmin(values))
+            if values[k] < least:
+                point, least = tried[k], float(values[k])
             else:
                 step *= _SHRINK
             if least < 1e-3 * MARGIN or step < 1e-15 * high:
                 break
         if least < value:
-            best, value = here, least
+            best, value = point, least
     return best, value

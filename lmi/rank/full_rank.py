@@ -1,4 +1,4 @@
-"""Full column rank of a stack of products for all thetas of a box: branch and bound in balls.
+"""Full column rank over a box of thetas, proved by branch and bound in balls.
 
 A box on which `lmi.rank.stack_box` cannot show it is halved where its bound is widest, and the box
 with the least margin at its centre comes next: where the rank is lost the search ends early, and
@@ -14,9 +14,10 @@ from typing import Any
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.balls import precision
 from lmi.rank.normalised_stack import NormalisedStack, normalised
-from lmi.rank.stack import Matrix, Stack
+from lmi.rank.stack import Stack
 from lmi.rank.stack_box import Box, bounds
 from lmi.time_budget import ended
 from lmi.verdict import Verdict, proved, undecided
@@ -72,24 +73,24 @@ def _branch(stack: Stack, family: NormalisedStack, margin: float, limit: int) ->
     while todo and not reason:
         box = heapq.heappop(todo)[2]
         count += 1
-        found = bounds(stack, family, box, margin)
-        if found.proved:
-            least, least_margin = min(least, found.size), min(least_margin, found.relative)
-            spread, largest = np.maximum(spread, found.spread), max(largest, found.largest)
-            recalled = max(recalled, found.recalled)
+        bound = bounds(stack, family, box, margin)
+        if bound.proved:
+            least, least_margin = min(least, bound.size), min(least_margin, bound.relative)
+            spread, largest = np.maximum(spread, bound.spread), max(largest, bound.largest)
+            recalled = max(recalled, bound.recalled)
             continue
-        if found.centre <= worst:
-            worst, worst_box = found.centre, box
+        if bound.centre <= worst:
+            worst, worst_box = bound.centre, box
         if count + len(todo) >= limit:
             reason = f"{limit} boxes did not suffice"
-        if found.widest is None or box.sides[found.widest][0] >= _DEPTH or found.centre <= margin:
+        if bound.widest is None or box.sides[bound.widest][0] >= _DEPTH or bound.centre <= margin:
             reason = "it nearly fails"
         if out_of_time := ended():
             reason = f"{count} boxes were looked at"
-        if not reason and found.widest is not None:
-            for half in box.halves(found.widest):
+        if not reason and bound.widest is not None:
+            for half in box.halves(bound.widest):
                 serial += 1
-                heapq.heappush(todo, (found.centre, serial, half))
+                heapq.heappush(todo, (bound.centre, serial, half))
     if not reason:
         return proved(sigma_min=least, margin=least_margin, spread=spread.tolist(),
                       largest=largest, recalled=recalled, boxes=count)  # fmt: skip

@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.balls import Exact, ball, exact, exp_times, norm_bound, number, precision
-from lmi.rank.stack import Matrix, Stack, approx_margin, coordinates
+from lmi.rank.stack import Stack, approx_margin, coordinates
 from lmi.rank.witness import MARGIN
 from lmi.verdict import Verdict, refuted, undecided
 
@@ -69,14 +70,14 @@ def check_hiding(F: Exact, H: Exact, C: Exact, theta: float) -> Verdict:
 
 def _residuals_small(F: Exact, H: Exact, C: Exact, theta: float, v: Matrix, s: complex) -> bool:
     with precision(_BITS):
-        M, seen = exp_times(F, theta) * ball(H), ball(C)
+        M, output = exp_times(F, theta) * ball(H), ball(C)
         parts = np.column_stack([v.real, v.imag])
         turn = np.array([[s.real, s.imag], [-s.imag, s.real]])
         vectors = ball(exact(parts))
         size = number(float(np.linalg.norm(parts[:, 0]))) * number(1 - 1e-9)
         off = norm_bound(M * vectors - vectors * ball(exact(turn)))
-        missed = norm_bound(seen * vectors)
+        missed = norm_bound(output * vectors)
         margin = number(MARGIN)
         small = off < margin * norm_bound(M) * size
-        unseen = missed == 0 or missed < margin * norm_bound(seen) * size
+        unseen = missed == 0 or missed < margin * norm_bound(output) * size
         return bool(small and unseen)

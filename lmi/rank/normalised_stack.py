@@ -1,4 +1,4 @@
-"""A stack of products in coordinates of its own, as ball matrices: its flows at sides of boxes.
+"""A stack of products in normalised coordinates, in balls: its flows at sides of boxes.
 
 A side is (level, index): the index-th of the 2^level equal parts of [low, high].
 """
@@ -11,8 +11,9 @@ from typing import Any
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.balls import ball, exact, middle, rational, scalar
-from lmi.rank.stack import Matrix, Stack, state_basis
+from lmi.rank.stack import Stack, state_basis
 
 # sums of a few positive floats, and LAPACK's singular values, are off by far less
 RAISED = 1.0 + 1e-10

@@ -13,13 +13,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.balls import Exact, to_float
 from lmi.arithmetic.exponential import expm
 from lmi.memory import require_memory
-
-Matrix = NDArray[np.float64]
 
 # columns of a stack at the centre that are this close to dependent give no coordinates
 DEPENDENT = 1e-10
@@ -99,11 +97,11 @@ class Stack:
         steps = [flows[:, i] for i in range(flows.shape[1])]
         if self.flows_first:
             X, steps = steps[0] @ X, steps[1:]
-        found = [X]
+        states = [X]
         for E in steps:
             X = E @ (H @ X)
-            found.append(X)
-        return found
+            states.append(X)
+        return states
 
 
 def coordinates(stack: Stack, low: float, high: float) -> tuple[Matrix, bool]:
@@ -186,9 +184,10 @@ def approx_margin(stack: Stack, thetas: Matrix, R: Matrix) -> Matrix:
 
 
 def approx_vanishing(stack: Stack, thetas: Matrix, R: Matrix) -> Matrix:
-    """`approx_margin` in larger units: a block row's size, and its change in proportion to theta.
+    """Return `approx_margin` with each block row in units that include its change.
 
-    Continuous also where a block row passes through zero, and zero only where rank is lost.
+    The unit is the row's size, together with its change in proportion to theta. Continuous also
+    where a block row passes through zero, and zero only where rank is lost.
     """
     rows = _solved(stack.approx(thetas, stack.growth), R)
     changes = _solved(stack.approx_change(thetas, stack.growth), R)

@@ -21,9 +21,10 @@ from typing import Any
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.balls import ball, exact, middle
 from lmi.rank.normalised_stack import RAISED, NormalisedStack, magnitudes, norm_above
-from lmi.rank.stack import Matrix, Stack
+from lmi.rank.stack import Stack
 from lmi.rank.window_box import WindowBox, window_box
 
 # sums of a few floats of either sign are off by less, relative to the sum of their sizes
@@ -48,8 +49,10 @@ class Box:
 
 @dataclass(frozen=True)
 class BoxBounds:
-    """Proved on a box, where `proved`: the bounds of `prove_full_rank`. Always: the side to halve
-    (None: no side is left) and `centre`, the margin at the centre in floats (0 where unknown).
+    """Bounds on a box.
+
+    Where `proved`, those of `prove_full_rank`. Always: the side to halve (None: no side is left)
+    and `centre`, the margin at the centre in floats (0 where unknown).
     """
 
     proved: bool
@@ -150,17 +153,17 @@ def _variations(
     F, C = middle(family.F), middle(family.C)
     first = len(halves) - len(steps)
     change = F @ middle(states[0]) * (halves[0] if first else 0.0)
-    found = [C @ change]
+    variations = [C @ change]
     for P, X, h in zip(steps, states[1:], halves[first:], strict=True):
         change = middle(P) @ change + F @ middle(X) * h
-        found.append(C @ change)
-    return np.asarray(np.linalg.norm(np.vstack(found), axis=1))
+        variations.append(C @ change)
+    return np.asarray(np.linalg.norm(np.vstack(variations), axis=1))
 
 
 def _pair(rows: list[Any], variations: Matrix) -> tuple[Matrix, Matrix] | None:
-    """Floats Y, Z that make Y O(c) Z close to 1, from rows and columns of like size over the box.
+    """Floats Y, Z with Y O(c) Z close to 1, rows and columns of like size over the box.
 
-    A row that passes through zero counts by what it varies by: it tells little there.
+    A row that passes through zero counts by its variation over the box.
     """
     approx = np.vstack([middle(block) for block in rows])
     heights = np.maximum(np.linalg.norm(approx, axis=1), variations)
@@ -222,7 +225,7 @@ def _growths(family: NormalisedStack, box: Box, count: int) -> Any:
 def _recalled(
     family: NormalisedStack, window: WindowBox, rows: list[Any], Z: Any, growths: list[float]
 ) -> float:
-    """Above the norm of the rows that are seen times the inverse of the first part of the last."""
+    """Above the norm of the output rows times the inverse of the first part of the last."""
     size = Z.ncols()
     try:
         back = _first_rows(window.states[-1], size).inv()
@@ -232,11 +235,11 @@ def _recalled(
     if N is None:
         return math.inf
     C, off, back_size = magnitudes(family.C), N - np.eye(size), magnitudes(back)
-    seen = []
+    blocks = []
     for row, D, growth in zip(rows, window.varied, growths, strict=True):
         varied = (magnitudes(row * Z) @ off + C @ D @ N) @ back_size
-        seen.append((magnitudes(row * Z * back) + varied) * growth)
-    bound = norm_above(np.vstack(seen))
+        blocks.append((magnitudes(row * Z * back) + varied) * growth)
+    bound = norm_above(np.vstack(blocks))
     return bound if math.isfinite(bound) else math.inf
 
 

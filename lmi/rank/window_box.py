@@ -1,4 +1,4 @@
-"""The states of a stack over one box of thetas: a centre, slopes, and what they are off by at most.
+"""States of a stack over one box of thetas: centre, slopes and bounds of the error.
 
 With W_i = X_i Z at the centre c of the box, F and P_i = e^{F c_i} H, and s_i = theta_i - c_i,
 
@@ -21,9 +21,9 @@ from typing import Any
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.balls import ball, exact, identity, middle
 from lmi.rank.normalised_stack import RAISED, NormalisedStack, magnitudes
-from lmi.rank.stack import Matrix
 
 # from here on the series of e^x is bounded by its first term and e^x
 _LARGEST_EXPONENT = 30.0
@@ -52,13 +52,13 @@ class _Sweep:
     back: list[Any]
     halves: list[float]
     slopes: list[Any]
-    rest: Matrix
+    second_order: Matrix
     shares: list[Matrix]
 
     def varied(self) -> Matrix:
         """Above |D_i| for the state reached so far."""
         first = (magnitudes(B) * h for B, h in zip(self.slopes, self.halves, strict=False))
-        return sum(first, self.rest) * RAISED
+        return sum(first, self.second_order) * RAISED
 
 
 def window_box(
@@ -111,7 +111,7 @@ def _first_flow(sweep: _Sweep, W: Any) -> Matrix:
     V, second = sweep.back[0], magnitudes(twice)
     third = sweep.family.size @ second + second @ size
     sweep.slopes.append(G)
-    sweep.rest = grows @ second @ undone * (h * h / 2 * RAISED)
+    sweep.second_order = grows @ second @ undone * (h * h / 2 * RAISED)
     sweep.shares.append(
         (magnitudes(V * G) * h + magnitudes(V * twice) * (h * h / 2)
          + magnitudes(V) @ grows @ third @ undone * (h**3 / 6)) * RAISED
@@ -129,15 +129,15 @@ def _step(sweep: _Sweep, P: Any, W: Any, block: int, h: float) -> None:
     carried = [P * B for B in sweep.slopes]
     flows = [F * B for B in carried]
     pairs = list(zip(flows, halves, strict=False))
-    crossed = sum((magnitudes(B) * k for B, k in pairs), np.zeros(sweep.rest.shape))
-    rest = magnitudes(P) @ sweep.rest
+    crossed = sum((magnitudes(B) * k for B, k in pairs), np.zeros(sweep.second_order.shape))
+    inherited = magnitudes(P) @ sweep.second_order
     own = magnitudes(again)
     share = magnitudes(V * flow) * h + magnitudes(V * again) * (h * h / 2)
     for B, k in zip(carried, halves, strict=False):
         share = share + magnitudes(through * B) * (h * k)
-    remainder = own * (h**3 / 6) + crossed * (h * h / 2) + rest * h
+    remainder = own * (h**3 / 6) + crossed * (h * h / 2) + inherited * h
     sweep.shares.append((share + reach @ grows @ remainder) * RAISED)
-    sweep.rest = grows @ (rest + own * (h * h / 2) + crossed * h) * RAISED
+    sweep.second_order = grows @ (inherited + own * (h * h / 2) + crossed * h) * RAISED
     sweep.slopes = [*carried, flow]
 
 

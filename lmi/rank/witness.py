@@ -14,8 +14,9 @@ from typing import Any
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.balls import ball, exact, exp_times, fixed_vector, precision, rational, scalar
-from lmi.rank.stack import Matrix, Stack, coordinates, unit_blocks
+from lmi.rank.stack import Stack, coordinates, unit_blocks
 from lmi.verdict import Verdict, refuted, undecided
 
 MARGIN = 1e-10
@@ -24,10 +25,10 @@ _BITS = 256
 
 @np.errstate(all="ignore")
 def check_deficient(stack: Stack, low: float, high: float, witness: Mapping[str, Any]) -> Verdict:
-    """Is this a witness? {"thetas": (m,)} or, for a square stack, {"between": two of them}.
+    """Check a witness against full rank.
 
-    Refuted with thetas, null vector and ratio; otherwise undecided. Thetas outside [low, high]
-    are no witness.
+    witness: {"thetas": (m,)} or, for a square stack, {"between": two of them}. Refuted with thetas,
+    null vector and ratio; otherwise undecided. Thetas outside [low, high] are no witness.
     """
     if (plain := outright(stack)) is not None:
         return refuted(plain)
@@ -52,7 +53,7 @@ def _point(stack: Stack, values: Any, low: float, high: float) -> Matrix | None:
 
 
 def outright(stack: Stack) -> dict[str, Any] | None:
-    """What forbids full rank whatever the thetas are."""
+    """Witness against full rank for all thetas alike; None if there is none."""
     if stack.shape[0] < stack.shape[1]:
         return too_few(stack)
     if stack.flows_first or stack.blocks == 1:
@@ -109,10 +110,10 @@ def _check_vector(stack: Stack, thetas: Matrix, R: Matrix) -> Verdict:
     with precision(_BITS):
         vector = ball(exact(x[:, None]))
         columns = ball(exact(R))
-        seen = _seen(*_stacked(stack, thetas.tolist()), columns, vector)
+        output_square = _output_square(*_stacked(stack, thetas.tolist()), columns, vector)
         size = _square((columns * vector).tolist())
-        small = bool(seen < scalar(rational(MARGIN)) ** 2 * size)
-        ratio = float((seen / size).abs_upper()) ** 0.5
+        small = bool(output_square < scalar(rational(MARGIN)) ** 2 * size)
+        ratio = float((output_square / size).abs_upper()) ** 0.5
     at = ", ".join(f"{theta:.9g}" for theta in thetas)
     shown = ", ".join(f"{v:.6g}" for v in x)
     if not small:
@@ -125,7 +126,7 @@ def _check_vector(stack: Stack, thetas: Matrix, R: Matrix) -> Verdict:
     return refuted(witness)
 
 
-def _seen(rows: list[Any], changes: list[Any], R: Any, vector: Any) -> Any:
+def _output_square(rows: list[Any], changes: list[Any], R: Any, vector: Any) -> Any:
     """Square of |O x| with the block rows of O R^-1 in their units, where they are not zero."""
     back, total = R.inv(), scalar(0)
     for row, change in zip(rows, changes, strict=True):

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from lmi.arithmetic.balancing import Scaling
 from lmi.arithmetic.balls import (
@@ -23,8 +23,6 @@ from lmi.arithmetic.balls import (
     precision,
 )
 from lmi.verdict import Verdict, proved, undecided
-
-Matrix = NDArray[np.float64]
 
 
 def prove_no_common(
@@ -40,7 +38,7 @@ def prove_no_common(
         return undecided("one finite n x n multiplier is needed for each theta")
     if not np.array_equal(Z, np.swapaxes(Z, 1, 2)):
         return undecided("the multipliers are not symmetric")
-    scaling = Scaling.of(flow, jump, max(thetas))
+    scaling = Scaling.from_pair(flow, jump, max(thetas))
     flow, jump = scaling.map(flow), scaling.map(jump)
     weights = [scaling.dual(exact(X)) for X in Z]
     for bits in PRECISIONS:

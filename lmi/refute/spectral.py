@@ -20,8 +20,9 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.balancing import Scaling
 from lmi.arithmetic.balls import (
     PRECISIONS,
@@ -55,9 +56,9 @@ def invariant_form(F: Exact, H: Exact) -> Matrix | None:
     for sign in (1, -1):
         if not _possible(to_float(F), to_float(H), sign):
             continue
-        found = fixed_vector([_equations(F, H, sign)])
-        if found is not None:
-            entries = np.array(found, dtype=np.float64)
+        solution = fixed_vector([_equations(F, H, sign)])
+        if solution is not None:
+            entries = np.array(solution, dtype=np.float64)
             return _symmetric(entries / np.abs(entries).max(), len(F))
     return None
 
@@ -91,8 +92,6 @@ def _symmetric(entries: Matrix, n: int) -> Matrix:
     return Q + np.triu(Q, 1).T
 
 
-Matrix = NDArray[np.float64]
-
 _TRIED = 6
 # floats may put a spectral radius above 1 so far below it
 _ROUNDING = 1e-6
@@ -116,7 +115,7 @@ def refute_spectral(
         reason = f"at dwell time 0 the jump alone has spectral radius {radius:.9g} >= 1"
         return refuted({"theta": 0.0, "spectral_radius": radius, "reason": reason,
                         "method": "exact Schur test"})  # fmt: skip
-    scaling = Scaling.of(F_exact, H_exact, high)
+    scaling = Scaling.from_pair(F_exact, H_exact, high)
     flow, jump = scaling.map(F_exact), scaling.map(H_exact)
     candidates = _worst_thetas(to_float(flow), to_float(jump), low, high, seeds)
     for theta, radius in candidates:
@@ -150,7 +149,7 @@ def decide_constant(F: ArrayLike, H: ArrayLike, theta: float) -> Verdict:
     the radius is 1, or too close to it for the largest precision.
     """
     F_exact, H_exact = exact(F), exact(H)
-    scaling = Scaling.of(F_exact, H_exact, theta)
+    scaling = Scaling.from_pair(F_exact, H_exact, theta)
     flow, jump = scaling.map(F_exact), scaling.map(H_exact)
     inside, method, bits = _settled(flow, jump, theta)
     if inside:
@@ -185,10 +184,10 @@ def _worst_thetas(
         inner = np.flatnonzero((radii[1:-1] >= radii[:-2]) & (radii[1:-1] >= radii[2:])) + 1
         best = sorted(inner, key=lambda k: -radii[k])[:_TRIED]
         chosen = [low, last, *(theta for theta in seeds if low <= theta <= high)]
-        found = [(theta, float(spectral_radii(expm(F * theta) @ H))) for theta in chosen]
+        pairs = [(theta, float(spectral_radii(expm(F * theta) @ H))) for theta in chosen]
         for k in best:
-            found.append(_refined(F, H, float(thetas[k - 1]), float(thetas[k + 1])))
-    finite = [(theta, radius) for theta, radius in found if math.isfinite(radius)]
+            pairs.append(_refined(F, H, float(thetas[k - 1]), float(thetas[k + 1])))
+    finite = [(theta, radius) for theta, radius in pairs if math.isfinite(radius)]
     return sorted(finite, key=lambda entry: -entry[1])
 
 
@@ -216,7 +215,7 @@ def refute_word(F: ArrayLike, H: ArrayLike, thetas: Sequence[float]) -> Verdict:
     floats or exact rationals, thetas floats taken exactly.
     """
     F_exact, H_exact = exact(F), exact(H)
-    scaling = Scaling.of(F_exact, H_exact, max(thetas))
+    scaling = Scaling.from_pair(F_exact, H_exact, max(thetas))
     F_exact, H_exact = scaling.map(F_exact), scaling.map(H_exact)
     with np.errstate(all="ignore"):
         product = np.eye(len(F_exact))
@@ -234,7 +233,7 @@ def refute_word(F: ArrayLike, H: ArrayLike, thetas: Sequence[float]) -> Verdict:
 
 
 def steps_within(thetas: Sequence[float], jitter: float) -> bool:
-    """Is no step of the sequence, repeated without end, larger than `jitter`? In exact numbers."""
+    """Decide exactly whether no step of the repeated sequence is larger than `jitter`."""
     if math.isinf(jitter):
         return True
     numbers = [rational(theta) for theta in thetas]

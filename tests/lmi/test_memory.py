@@ -1,4 +1,4 @@
-"""The budget of memory: exact refusals, before anything is built, and estimates of real sizes."""
+"""Budget of memory: refusals before anything is built, and estimates of real sizes."""
 
 from __future__ import annotations
 

@@ -77,10 +77,10 @@ def test_evidence_names_the_budget_that_ended() -> None:
     with stretched(4.0):
         assert ended(deadline(NOTHING), 3.0) == {"ended_by": "time", "seconds": 12.0}
         with total_budget(NOTHING):
-            found = ended(deadline(100.0), 100.0)
-    assert found == {"ended_by": "time", "seconds": NOTHING}
-    assert ending(found) == "ended after 1e-09 s"
-    assert ended_part({"windows": 3, **found}) == found
+            evidence = ended(deadline(100.0), 100.0)
+    assert evidence == {"ended_by": "time", "seconds": NOTHING}
+    assert ending(evidence) == "ended after 1e-09 s"
+    assert ended_part({"windows": 3, **evidence}) == evidence
     assert ended_part({"seconds": 3.0}) == {}  # seconds of something else
 
 
@@ -121,10 +121,10 @@ def test_what_no_time_decides_is_not_said_to_end_by_time() -> None:
 def test_windows_are_counted_and_stretch() -> None:
     F, H = (exact(X) for X in SAMPLED)
     few, short = Budget(windows=3), Budget(seconds=NOTHING)
-    found = find_windows(F, H, 0.4, 1.87, budget=few).verdict
-    assert ended_part(found.evidence) == {"ended_by": "windows", "limit": 3}
-    found = find_windows(F, H, 0.4, 1.87, budget=short).verdict
-    assert ended_part(found.evidence) == {"ended_by": "time", "seconds": NOTHING}
+    verdict = find_windows(F, H, 0.4, 1.87, budget=few).verdict
+    assert ended_part(verdict.evidence) == {"ended_by": "windows", "limit": 3}
+    verdict = find_windows(F, H, 0.4, 1.87, budget=short).verdict
+    assert ended_part(verdict.evidence) == {"ended_by": "time", "seconds": NOTHING}
     with stretched(30.0):
         assert find_windows(F, H, 0.4, 1.87, budget=few).verdict.outcome == "proved"
 

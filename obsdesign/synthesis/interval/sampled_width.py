@@ -62,7 +62,7 @@ def propose_samples(
     proposal = sampled_tube(approx, gains.period, ends, gains.skips_jumps)
     if proposal is None:
         return maps
-    question = Interleaved.of(system, gains.period, *ends, gains.skips_jumps)
+    question = Interleaved.from_system(system, gains.period, *ends, gains.skips_jumps)
     verdict = prove_interleaved(question, exact(system.out), proposal.exact_bounds())
     return {**maps, **proposal.to_certificate()} if verdict.outcome == "proved" else maps
 
@@ -199,7 +199,7 @@ def propose_spacing(
     parts = slope_scheme(gains, exact, inverse)
     W = exact(system.W)
     jump = 0 * W if system.N is None else exact(system.N)
-    slope = Scaling.of(W, jump, min(high, 1e300)).map(to_float(parts[0] @ parts[1]))
+    slope = Scaling.from_pair(W, jump, min(high, 1e300)).map(to_float(parts[0] @ parts[1]))
     unit = 1.0 / max(float(np.abs(slope).sum(axis=1).max()), 1e-300)
     spacings = [period] if period is not None else []
     spacings += [unit * 2.0**-i for i in range(1, _HALVINGS)]

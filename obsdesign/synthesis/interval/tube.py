@@ -133,7 +133,7 @@ class Units:
             map_, added = system.K, system.k if system.h is None else np.maximum(system.k, system.h)
         elif system.N is not None and system.h is not None:
             map_, added = system.N, system.h
-        first = Scaling.of(exact(flow), exact(map_), last)
+        first = Scaling.from_pair(exact(flow), exact(map_), last)
         sizes, pushes = absolute_flow(
             first.map(map_), first.map(flow), first.rows(system.f), np.array([low, last])
         )

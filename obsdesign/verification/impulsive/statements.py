@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from lmi.arithmetic.balls import number
-from lmi.rank.decide import decide_full_rank, prove_again, seen_at
+from lmi.rank.decide import approx_evidence, decide_full_rank, prove_again
 from lmi.rank.stack import Stack
 from lmi.rank.witness import MARGIN, check_deficient
 from lmi.verdict import Verdict, proved, refuted, undecided
@@ -149,7 +149,7 @@ def full_rank(stack: Stack, low: float, high: float, certificate: Mapping[str, A
     if not isinstance(margin, float) or not 0 <= margin < math.inf:
         return decide_full_rank(stack, low, high)
     verdict = prove_again(stack, low, high, margin)
-    shown = {"asked": margin, **seen_at(stack, certificate.get("approx_worst"), low, high)}
+    shown = {"asked": margin, **approx_evidence(stack, certificate.get("approx_worst"), low, high)}
     return Verdict(verdict.outcome, {**shown, **verdict.evidence})
 
 

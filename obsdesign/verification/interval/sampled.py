@@ -81,7 +81,7 @@ def _refutation(system: WidthSystem, period: float) -> Verdict:
     refutation = refute_spectral(system.A, system.K, period, period)
     if refutation.outcome == "refuted":
         return refutation
-    sample = Interleaved.of(system, period, math.inf, math.inf).over_period()
+    sample = Interleaved.from_system(system, period, math.inf, math.inf).over_period()
     below = np.maximum(-upper_ends(-sample), 0.0)[:-1, :-1]
     if not np.isfinite(below).all():
         return undecided("the map from sample to sample overflows")
@@ -90,7 +90,7 @@ def _refutation(system: WidthSystem, period: float) -> Verdict:
 
 def _proof(system: WidthSystem, gains: IntervalGains, vectors: Mapping[str, Any]) -> Verdict:
     assert gains.period is not None
-    question = Interleaved.of(system, gains.period, *gains.dwell_ends, gains.skips_jumps)
+    question = Interleaved.from_system(system, gains.period, *gains.dwell_ends, gains.skips_jumps)
     bounds = Bounds(vectors["tube"], vectors["sampled"], vectors.get("jumped"), vectors["always"])
     return prove_interleaved(question, exact(system.out), bounds)
 

@@ -72,7 +72,7 @@ def test_scaling_is_exact_and_undone_exactly(n: int, seed: int, density: float) 
     rng = np.random.default_rng(seed)
     F, H = (rng.standard_normal((n, n)) * (rng.random((n, n)) <= density) for _ in range(2))
     numbers = [exact(X) for X in scaled((F, H), units(rng, n))]
-    scaling = Scaling.of(numbers[0], numbers[1], 1.0)
+    scaling = Scaling.from_pair(numbers[0], numbers[1], 1.0)
     assert (np.exp2(np.round(np.log2(scaling.sizes))) == scaling.sizes).all()
     for X in numbers:
         assert (scaling.undone.map(scaling.map(X)) == X).all()
@@ -87,7 +87,7 @@ def test_scaling_is_exact_and_undone_exactly(n: int, seed: int, density: float) 
 
 def test_ordinary_units_are_left_alone() -> None:
     for F, H in (PAPER_41, SAMPLED):
-        assert Scaling.of(exact(F), exact(H), 2.0).is_identity
+        assert Scaling.from_pair(exact(F), exact(H), 2.0).is_identity
 
 
 def test_a_ring_and_a_chain() -> None:

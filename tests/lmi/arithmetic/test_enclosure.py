@@ -127,16 +127,16 @@ def test_a_large_input_column_costs_nothing() -> None:
 
 def test_powers_hold_the_exact_ones_and_stay_narrow() -> None:
     X = np.array([[0.8, 0.6], [-0.6, 0.8]])  # |X| grows like 1.4^l, X^l does not
-    found = powers(Enclosure.exactly(X), 200)
+    result = powers(Enclosure.exactly(X), 200)
     exact_X = np.array([[Fraction(x) for x in row] for row in X])
     power = np.array([[Fraction(1), Fraction(0)], [Fraction(0), Fraction(1)]])
-    for mid, rad in zip(found.mid, found.rad, strict=True):
+    for mid, rad in zip(result.mid, result.rad, strict=True):
         off = np.abs(power - np.array([[Fraction(x) for x in row] for row in mid]))
         assert (off <= rad).all()
         power = power @ exact_X
-    assert found.rad.max() < 1e-11
+    assert result.rad.max() < 1e-11
     # the twin: one factor after the other
-    one = Enclosure.exactly(np.eye(2))
+    product = Enclosure.exactly(np.eye(2))
     for _ in range(199):
-        one = one @ Enclosure(X, np.full((2, 2), 1e-17))
-    assert one.rad.max() > 1.0
+        product = product @ Enclosure(X, np.full((2, 2), 1e-17))
+    assert product.rad.max() > 1.0

@@ -50,9 +50,9 @@ def test_a_stack_is_its_members() -> None:
     rng = np.random.default_rng(3)
     sizes = np.array([1e-3, 1.0, 30.0, 700.0])[:, None, None]
     stack = sizes * (rng.standard_normal((4, 3, 3)) - 3 * np.eye(3))
-    for one, whole in zip(stack, expm(stack), strict=True):
-        np.testing.assert_allclose(whole, expm(one), rtol=1e-9, atol=1e-300)
-        np.testing.assert_allclose(whole, scipy.linalg.expm(one), rtol=1e-9, atol=1e-12)
+    for matrix, whole in zip(stack, expm(stack), strict=True):
+        np.testing.assert_allclose(whole, expm(matrix), rtol=1e-9, atol=1e-300)
+        np.testing.assert_allclose(whole, scipy.linalg.expm(matrix), rtol=1e-9, atol=1e-12)
 
 
 @pytest.mark.filterwarnings("ignore:invalid value:RuntimeWarning")

@@ -1,4 +1,4 @@
-"""Windows of dwell times: published and computed limits, laws, and certificates that are false."""
+"""Windows of dwell times: published and computed limits, laws, false certificates."""
 
 from __future__ import annotations
 
@@ -142,12 +142,12 @@ def test_a_witness_respects_the_jitter() -> None:
 
 
 def test_memory_is_how_far_windows_look() -> None:
-    one = decide(*SAMPLED, 0.4, 1.87, memory=1)
-    assert one.outcome == "proved"
-    assert {key for w in one.evidence["windows"] for key in w["dwell"]} <= {"-1", "0"}
-    none = decide(*SAMPLED, 0.4, 1.87, memory=0)
-    assert none.outcome == "undecided"
-    assert none.evidence["reason"].endswith("which is not instability")
+    back = decide(*SAMPLED, 0.4, 1.87, memory=1)
+    assert back.outcome == "proved"
+    assert {key for w in back.evidence["windows"] for key in w["dwell"]} <= {"-1", "0"}
+    without_memory = decide(*SAMPLED, 0.4, 1.87, memory=0)
+    assert without_memory.outcome == "undecided"
+    assert without_memory.evidence["reason"].endswith("which is not instability")
 
 
 @pytest.mark.parametrize("method", ["bernstein", "march", "chords"])
@@ -194,10 +194,10 @@ def shift_border(body: dict[str, Any]) -> None:
 def widen_all_alike(body: dict[str, Any]) -> None:
     """A border moved wherever it stands in windows, but not in the edges."""
     border = next(w["dwell"]["-1"][1] for w in body["windows"] if w["dwell"]["-1"][1] < 1.87)
-    moved = math.nextafter(border, 2)
+    wider = math.nextafter(border, 2)
     for window in body["windows"]:
         for ends in window["dwell"].values():
-            ends[:] = [moved if end == border else end for end in ends]
+            ends[:] = [wider if end == border else end for end in ends]
 
 
 def overlap(body: dict[str, Any]) -> None:
@@ -329,9 +329,9 @@ def test_every_sequence_walks_along_edges(seed: int, cuts: int, jitter: float) -
                 return False
         return True
 
-    at = [[w for w in range(len(windows)) if inside(w, k)] for k in range(3, 36)]
-    assert all(len(found) == 1 for found in at)
-    for k, ((s,), (t,)) in enumerate(itertools.pairwise(at), start=3):
+    windows_at = [[w for w in range(len(windows)) if inside(w, k)] for k in range(3, 36)]
+    assert all(len(candidates) == 1 for candidates in windows_at)
+    for k, ((s,), (t,)) in enumerate(itertools.pairwise(windows_at), start=3):
         low, high = listed[s, t]
         assert low <= thetas[k] <= high
 
@@ -370,14 +370,16 @@ def test_rates_by_windows() -> None:
 def test_several_jump_maps_share_one_P() -> None:
     """Two (F, H) pairs, one node: the sequence may use either at every jump."""
     F = np.array([[-1.0, 2], [-2, -1]])
-    one, two = np.array([[1.2, 0], [0, 0.3]]), np.array([[0.3, 0], [0, 1.2]])
-    edges = [Edge(F, H, 0.3, 1.0) for H in (one, two)]
+    first, second = np.array([[1.2, 0], [0, 0.3]]), np.array([[0.3, 0], [0, 1.2]])
+    edges = [Edge(F, H, 0.3, 1.0) for H in (first, second)]
     proposal = propose_edges(edges, 1)
     assert proposal.P is not None
     from lmi.prove.common_matrix import prove_common
 
-    assert all(prove_common(F, H, proposal.P, 0.3, 1.0).outcome == "proved" for H in (one, two))
-    too_much = [Edge(F, 1.5 * H, 0.3, 1.0) for H in (one, two)]
+    assert all(
+        prove_common(F, H, proposal.P, 0.3, 1.0).outcome == "proved" for H in (first, second)
+    )
+    too_much = [Edge(F, 1.5 * H, 0.3, 1.0) for H in (first, second)]
     none = propose_edges(too_much, 1)
     assert none.P is None
     assert none.multipliers is not None
@@ -386,13 +388,13 @@ def test_several_jump_maps_share_one_P() -> None:
 
 def test_searches_go_beyond_a_common_P() -> None:
     F, H = SAMPLED
-    found = longest_dwell(F, H, 0.4, accuracy=1e-3)
-    assert found.common == pytest.approx(1.8276, abs=3e-3)
-    assert found.verdict == "refuted"
-    assert found.proved is not None
-    assert found.not_proved is not None
-    assert found.proved < found.not_proved <= found.proved * (1 + 1e-3)
-    again = prove_windows(F, H, found.certificate, 0.4, found.proved)
+    bracket = longest_dwell(F, H, 0.4, accuracy=1e-3)
+    assert bracket.common == pytest.approx(1.8276, abs=3e-3)
+    assert bracket.verdict == "refuted"
+    assert bracket.proved is not None
+    assert bracket.not_proved is not None
+    assert bracket.proved < bracket.not_proved <= bracket.proved * (1 + 1e-3)
+    again = prove_windows(F, H, bracket.certificate, 0.4, bracket.proved)
     assert again.outcome == "proved"
     slow = longest_dwell(F, H, 0.4, accuracy=1e-3, jitter=0.2)
     assert slow.proved is not None
@@ -404,8 +406,8 @@ def test_searches_go_beyond_a_common_P() -> None:
 
 def test_searches_reach_endless_ranges_by_windows() -> None:
     F, H = endless_pair()
-    found = longest_dwell(F, H, 0.2)
-    assert found.proved == math.inf
-    assert found.common is not None
-    assert math.isfinite(found.common)
-    assert prove_windows(F, H, found.certificate, 0.2, math.inf).outcome == "proved"
+    bracket = longest_dwell(F, H, 0.2)
+    assert bracket.proved == math.inf
+    assert bracket.common is not None
+    assert math.isfinite(bracket.common)
+    assert prove_windows(F, H, bracket.certificate, 0.2, math.inf).outcome == "proved"

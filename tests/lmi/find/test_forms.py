@@ -1,4 +1,4 @@
-"""The same engine for other families: after jumps instead of before, shifted flows, several jumps."""
+"""The same engine for other families: after jumps, shifted flows, several jumps."""
 
 from __future__ import annotations
 
@@ -63,9 +63,9 @@ def test_the_two_forms_ask_for_different_matrices() -> None:
 @pytest.mark.parametrize("alpha", [0.02, 0.05])
 def test_a_shifted_flow_asks_for_a_rate(alpha: float) -> None:
     shifted = F + alpha * np.eye(2)
-    found = propose(shifted, H, 0.75, 3.0)
-    assert found.P is not None
-    assert prove_common(shifted, H, found.P, 0.75, 3.0).outcome == "proved"
+    proposal = propose(shifted, H, 0.75, 3.0)
+    assert proposal.P is not None
+    assert prove_common(shifted, H, proposal.P, 0.75, 3.0).outcome == "proved"
     # the limit is (theta - ln 2) / theta at the shortest dwell time
     fastest = (0.75 - math.log(2)) / 0.75
     assert alpha < fastest
@@ -88,9 +88,9 @@ def test_two_jump_maps_that_are_stable_alone_and_not_together() -> None:
 def test_a_factor_per_jump_belongs_to_an_edge() -> None:
     radius = 2 * math.exp(-0.75)
     for gamma, there in ((1.01 * radius, True), (0.99 * radius, False)):
-        found = propose_edges([Edge(F, H, 0.75, 3.0, gamma=gamma)], 1)
-        assert (found.P is not None) == there
-        if found.P is not None:
-            assert prove_common(F, H, found.P, 0.75, 3.0, gamma=gamma).outcome == "proved"
-            smaller = prove_common(F, H, found.P, 0.75, 3.0, gamma=0.99 * radius)
+        proposal = propose_edges([Edge(F, H, 0.75, 3.0, gamma=gamma)], 1)
+        assert (proposal.P is not None) == there
+        if proposal.P is not None:
+            assert prove_common(F, H, proposal.P, 0.75, 3.0, gamma=gamma).outcome == "proved"
+            smaller = prove_common(F, H, proposal.P, 0.75, 3.0, gamma=0.99 * radius)
             assert smaller.outcome == "undecided"

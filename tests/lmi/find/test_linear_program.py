@@ -1,4 +1,4 @@
-"""HiGHS behind one door: the same optimum as another route to it, and no answer where none is."""
+"""Linear programs by HiGHS: the optimum of another solver, and none where none exists."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ def test_the_optimum_is_that_of_scipy(seed: int, n: int, m: int) -> None:
 
 
 def test_equations_are_rows_with_equal_sides() -> None:
-    one = np.ones(1)
-    x = minimise(np.array([1.0, 2.0]), np.ones((1, 2)), (3 * one, 3 * one),
+    unit = np.ones(1)
+    x = minimise(np.array([1.0, 2.0]), np.ones((1, 2)), (3 * unit, 3 * unit),
                  (np.zeros(2), np.full(2, np.inf)))  # fmt: skip
     assert x is not None
     assert np.allclose(x, [3.0, 0.0])

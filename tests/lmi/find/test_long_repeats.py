@@ -1,4 +1,4 @@
-"""Sequences that destabilise by many repeats of one dwell time: words, refuted ranges, twins."""
+"""Sequences that destabilise by many repeats of one dwell time, and their twins."""
 
 from __future__ import annotations
 

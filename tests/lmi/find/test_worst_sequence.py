@@ -1,4 +1,4 @@
-"""Words with long repeats: flows that swing, pumped by switching between two dwell times; twins."""
+"""Words with long repeats: oscillating flows, pumped by two alternating dwell times."""
 
 from __future__ import annotations
 
@@ -44,9 +44,9 @@ def test_a_long_word_keeps_its_shape_and_the_step_limit_where_it_is_polished() -
     word = Word((0.6,) * 20 + (1.4,) * 13, 0.0)
     free, bound = polished(edge, word), polished(edge, word, jitter=1.0)
     assert free.growth >= bound.growth > 0
-    for found, jitter in ((free, np.inf), (bound, 1.0)):
-        thetas = np.array(found.thetas)
-        assert len(set(found.thetas)) == 2
+    for refined, jitter in ((free, np.inf), (bound, 1.0)):
+        thetas = np.array(refined.thetas)
+        assert len(set(refined.thetas)) == 2
         assert np.abs(thetas - np.roll(thetas, 1)).max() <= jitter
 
 
@@ -58,3 +58,12 @@ def test_the_growth_of_a_word_is_that_of_its_product() -> None:
         product = M @ product
     rate = np.abs(np.linalg.eigvals(product)).max() ** (1 / len(word.thetas))
     assert word.growth == pytest.approx(rate, rel=1e-9)
+
+
+def test_products_beyond_floats_are_passed_over() -> None:
+    """Flows of such couplings have products that overflow; shorter ones count."""
+    for size in (1e84, 1e150):
+        F = np.array([[-size, 1.0], [0.0, 0.0]])
+        H = np.array([[1.0, size], [0.0, -0.8]])
+        word = worst_word(Edge(F, H, 0.0, 5.0), np.eye(2), (1.0,), np.random.default_rng(0))
+        assert np.isfinite(word.growth)

@@ -17,7 +17,7 @@ def prove(pair: tuple, P: np.ndarray, low: float, high: float, **options: object
     return prove_common(*pair, P, low, high, **options).outcome
 
 
-def found(pair: tuple, low: float, high: float) -> np.ndarray:
+def common_matrix(pair: tuple, low: float, high: float) -> np.ndarray:
     P = propose(*pair, low, high).P
     assert P is not None
     return P
@@ -33,7 +33,7 @@ def found(pair: tuple, low: float, high: float) -> np.ndarray:
     ],
 )
 def test_the_published_ranges(pair: tuple, low: float, too_low: float) -> None:
-    P = found(pair, low, math.inf)
+    P = common_matrix(pair, low, math.inf)
     assert prove(pair, P, low, math.inf) == "proved"
     # twins: a range beyond the threshold, P with a sign flipped, P visibly perturbed
     assert prove(pair, P, too_low, math.inf) == "undecided"
@@ -42,7 +42,7 @@ def test_the_published_ranges(pair: tuple, low: float, too_low: float) -> None:
 
 
 def test_a_bounded_range_needs_no_decay() -> None:
-    P = found(BALL, 0.0, 5.0)
+    P = common_matrix(BALL, 0.0, 5.0)
     assert prove(BALL, P, 0.0, 5.0) == "proved"
     # twin: without a longest dwell time the flow itself must decay
     verdict = prove_common(*BALL, P, 0.0, math.inf)

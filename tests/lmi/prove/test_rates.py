@@ -1,5 +1,7 @@
-"""Decay rates that are proved hold along every sequence; better ones than a constant dwell time
-allows are never proved."""
+"""Proved decay rates hold along every sequence.
+
+Better ones than a constant dwell time allows are never proved.
+"""
 
 from __future__ import annotations
 

@@ -40,7 +40,7 @@ def sampled_sigma(s: Stack, low: float, high: float, count: int = 4000) -> float
         rng.choice([low, high], (count, s.thetas)),
         rng.uniform(low, high, (count, s.thetas)),
     )
-    return min(float(np.linalg.svd(one, compute_uv=False)[-1]) for one in s.approx(thetas))
+    return min(float(np.linalg.svd(matrix, compute_uv=False)[-1]) for matrix in s.approx(thetas))
 
 
 @pytest.mark.parametrize(
@@ -86,10 +86,10 @@ def test_the_basis_of_the_state_does_not_matter() -> None:
     for seed in range(6):
         T = np.random.default_rng(seed).standard_normal((3, 3))
         back = np.linalg.inv(T)
-        moved = decide_full_rank(stack(T @ chain(3) @ back, 3, C=np.eye(3)[:1] @ back), 0.1, 0.8)
-        assert moved.outcome == "proved"
-        assert moved.evidence["boxes"] == plain.evidence["boxes"]
-        assert moved.evidence["margin"] == pytest.approx(plain.evidence["margin"], rel=1e-5)
+        turned = decide_full_rank(stack(T @ chain(3) @ back, 3, C=np.eye(3)[:1] @ back), 0.1, 0.8)
+        assert turned.outcome == "proved"
+        assert turned.evidence["boxes"] == plain.evidence["boxes"]
+        assert turned.evidence["margin"] == pytest.approx(plain.evidence["margin"], rel=1e-5)
 
 
 @pytest.mark.parametrize("exponent", [-30, 30])
@@ -216,8 +216,8 @@ def test_powers_of_two_as_units_change_nothing(seed: int, exponent: int) -> None
     F, C = rng.standard_normal((2, 2)), rng.standard_normal((1, 2))
     plain = decide_full_rank(stack(F, 2, C=C), 0.2, 0.9, limit=300)
     unit, states = 2.0**exponent, np.exp2(rng.integers(-20, 20, 2))
-    moved = stack(F * unit * states / states[:, None], 2, C=C * states)
-    verdict = decide_full_rank(moved, 0.2 / unit, 0.9 / unit, limit=300)
+    scaled = stack(F * unit * states / states[:, None], 2, C=C * states)
+    verdict = decide_full_rank(scaled, 0.2 / unit, 0.9 / unit, limit=300)
     assert verdict.outcome == plain.outcome
     if plain.outcome == "proved":
         assert verdict.evidence["boxes"] == plain.evidence["boxes"]
@@ -283,9 +283,9 @@ def test_block_rows_that_only_decay_do_not_vanish() -> None:
     """e^(-20 theta) and 1: by e^-60 over the range, and of full rank everywhere."""
     s = stack(np.diag([-20.0, 0.0]), 1, H=np.diag([1.0, 1]), right=E1, flows_first=True)
     tall = stack(np.diag([-20.0, 0.0]), 1, C=TWICE, right=E1, flows_first=True)
-    for one in (s, tall):
-        assert decide_full_rank(one, 0.0, 3.0).outcome == "proved"
-        assert check_deficient(one, 0.0, 3.0, {"thetas": [3.0]}).outcome == "undecided"
+    for each in (s, tall):
+        assert decide_full_rank(each, 0.0, 3.0).outcome == "proved"
+        assert check_deficient(each, 0.0, 3.0, {"thetas": [3.0]}).outcome == "undecided"
 
 
 @settings(max_examples=25, deadline=None)
@@ -359,5 +359,5 @@ def test_small_gains_are_told_from_large_ones(size: float, exists: bool) -> None
         if not exists:
             assert back is None
             return
-        found = np.array([[float(x) for x in row] for row in back])
-    np.testing.assert_allclose(found, np.linalg.inv(np.eye(2) - np.array(M)), rtol=1e-12)
+        inverse = np.array([[float(x) for x in row] for row in back])
+    np.testing.assert_allclose(inverse, np.linalg.inv(np.eye(2) - np.array(M)), rtol=1e-12)

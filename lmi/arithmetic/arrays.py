@@ -1,0 +1,14 @@
+"""Names of array types; no dependency but numpy."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Matrix = NDArray[np.float64]
+# floats or exact rationals where formulas run on both, and precisions that numpy's stubs leave open
+Array = NDArray[Any]
+# positions in an array
+Indices = NDArray[np.intp]
