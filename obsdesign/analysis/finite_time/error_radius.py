@@ -32,7 +32,10 @@ from obsdesign.equations.finite_time.rows import START
 # halvings around a change of sign: a crude bound applies to a 4^-12 part of one period
 _HALVINGS = 12
 # halvings per entry, shared by all entries: without any left the bound is crude
+# precisions in turn: those of long windows amplify what an earlier one rounds
+PRECISIONS = (160, 320, 640, 1280, 2560)
 _HALVINGS_AN_ENTRY = 512
+_MOST_HALVINGS = 100_000  # some seconds: where more are needed, more digits are
 # a piece below this part of the radius so far is not halved any more
 _NEGLIGIBLE = 2.0**-50
 
@@ -57,7 +60,8 @@ def error_radius(sampled: Sampled, gain: Any, noise: Any, disturbance: Any) -> l
     if not columns:
         return radius
     pieces = _pieces(sampled)
-    budget = _Budget(_HALVINGS_AN_ENTRY * len(terms) * n * len(columns))
+    halvings = min(_HALVINGS_AN_ENTRY * len(terms) * n * len(columns), _MOST_HALVINGS)
+    budget = _Budget(halvings)
     for weight in _weights(sampled, terms):
         least = np.array([x * rational(_NEGLIGIBLE) for x in radius])[:, None] / Delta
         sizes = _integrals(weight, pieces, columns, least, budget)

@@ -20,7 +20,12 @@ from obsdesign.analysis.finite_time.enclosed_gains import (
     exact_gain,
     half_period,
 )
-from obsdesign.analysis.finite_time.error_radius import bias, disturbance_bound, error_radius
+from obsdesign.analysis.finite_time.error_radius import (
+    PRECISIONS,
+    bias,
+    disturbance_bound,
+    error_radius,
+)
 from obsdesign.equations.finite_time.gains import CORRECTED, FiniteTimeGains
 from obsdesign.equations.finite_time.options import FREE
 from obsdesign.equations.finite_time.rows import (
@@ -34,6 +39,7 @@ from obsdesign.equations.finite_time.rows import (
     unbiased_gain,
 )
 from obsdesign.equations.gains import Array
+from obsdesign.errors import InputError
 from obsdesign.synthesis.finite_time.minimax import minimax_gain
 from obsdesign.synthesis.finite_time.window_task import WindowTask
 
@@ -178,9 +184,16 @@ def _formula(task: WindowTask) -> Array | None:
 def _radius(task: WindowTask, gain: Array, noise: Array) -> Array:
     """Largest errors (n,) under noise and disturbance inside their bounds, rounded upwards."""
     flow = task.plant.flow
-    with precision(_BITS[0]):
-        sizes = error_radius(task.sampled(), gain, noise, disturbance_bound(flow.lower, flow.upper))
-        return np.array([float_above(scalar(x)) if x > 0 else 0.0 for x in sizes])
+    Delta = disturbance_bound(flow.lower, flow.upper)
+    for bits in PRECISIONS:
+        with precision(bits):
+            sizes = error_radius(task.sampled(), gain, noise, Delta)
+            if all(x == 0 or x > 0 for x in sizes):
+                return np.array([float_above(scalar(x)) if x > 0 else 0.0 for x in sizes])
+    raise InputError(
+        f"observer.window = {task.samples * task.period!r} is too long for bounds: the errors of "
+        f"{task.samples} samples drown in rounding. Choose a shorter window."
+    )
 
 
 def _refined(task: WindowTask, gain: Array, cut: float = 0.0) -> _UnbiasedGain:

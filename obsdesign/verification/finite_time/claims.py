@@ -14,6 +14,7 @@ import numpy as np
 
 from lmi.arithmetic.balls import precision
 from obsdesign.analysis.finite_time.enclosed_gains import Sampled
+from obsdesign.analysis.finite_time.error_radius import PRECISIONS
 from obsdesign.document import Claim
 from obsdesign.equations.finite_time.gains import CORRECTED, PRINTED, FiniteTimeGains
 from obsdesign.equations.finite_time.options import (
@@ -50,8 +51,6 @@ _RESTS_ON: Mapping[str, tuple[str, ...]] = {
     "sampled_observable": ("window",),
     "window_long_enough": ("window",),
 }
-# precisions in turn, where the first leaves something open
-_BITS = (160, 320)
 
 
 def claims(
@@ -74,7 +73,7 @@ def claims(
         return (agreement,)
     S = _coordinates(certificates, problem.plant.n)
     hypotheses: list[Claim] = []
-    for bits in _BITS[1:] if paranoid else _BITS:
+    for bits in PRECISIONS[1:] if paranoid else PRECISIONS:
         with precision(bits):
             hypotheses = _hypotheses(gains, S)
         if all(claim.verdict != "undecided" for claim in hypotheses):

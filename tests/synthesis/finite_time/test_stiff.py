@@ -400,3 +400,15 @@ def test_a_slow_plant_in_short_units_of_time_is_designed(method: str, unit: floa
         "observer": {"kind": "finite_time", "method": method, "window": 1e5 * unit},
     }  # fmt: skip
     assert obsdesign.investigate(obsdesign.Problem.from_dict(body)).verdict == "proved"
+
+
+def test_bounds_of_a_long_window_take_the_digits_they_need() -> None:
+    """Backwards a damped oscillation grows: 160 bits are lost over 1500 samples."""
+    problem = obsdesign.Problem(
+        flow={"A": [[0.0, 1.0], [-1.0, -0.2]], "disturbance": {"lower": [0, -0.1], "upper": [0, 0.1]}},
+        output={"C": [[1.0, 0.0]], "noise_bound": [0.01], "measured": "periodic", "period": 0.1},
+        observer={"kind": "finite_time", "window": 150.0},
+    )  # fmt: skip
+    design = obsdesign.design(problem)
+    assert (design.gains["radius"] > 0.6).all()
+    assert obsdesign.verify(design).verdict == "proved"
