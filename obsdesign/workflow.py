@@ -215,7 +215,7 @@ def _result(problem: Problem, label: str, tried: list[_Tried]) -> dict[str, Any]
     """The form of the design, and what became of each."""
     forms = {one.candidate.label: _summary(one.verdict, one.claims) for one in tried}
     synthesis = layer("synthesis", problem.require_kind())
-    skipped = synthesis.untried(problem) if hasattr(synthesis, "untried") else {}
+    skipped = synthesis.untried(problem)
     forms |= {name: {"verdict": "undecided", "reasons": [why]} for name, why in skipped.items()}
     return {"form": label, "forms": forms}
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Generic, NamedTuple, Protocol, TypeVar
 
@@ -124,14 +124,6 @@ class Delayed(ABC, Generic[State]):
         """Rows that were not decided when the record ended."""
 
 
-def columns_read(gains: Gains | Mapping[str, Any]) -> dict[str, int | bool]:
-    """Numbers of y, u and w in a sample for these gains, and whether jumps are reported."""
-    if isinstance(gains, Gains):
-        return gains.columns
-    u, w = (gains[x].shape[1] if x in gains else 0 for x in ("B", "E"))
-    return {"y": len(gains["C"]), "u": u, "w": w, "jump": "G" in gains}
-
-
 @dataclass(frozen=True, slots=True)
 class DwellGuard:
     """Check that dwell times stay in the range of the design, and change no faster.
@@ -147,14 +139,10 @@ class DwellGuard:
     last_dwell: float | None = None
 
     @classmethod
-    def from_gains(cls, gains: PlantGains | Mapping[str, Any]) -> DwellGuard:
+    def from_gains(cls, gains: PlantGains) -> DwellGuard:
         """The guard of a design's gains; without jumps it accepts every time."""
-        if isinstance(gains, PlantGains):
-            jitter = math.inf if gains.dwell_jitter is None else gains.dwell_jitter
-            return cls(*gains.dwell_range, jitter=jitter)
-        shortest, longest = gains.get("dwell_time", [0.0, math.inf])
-        jitter = gains.get("dwell_jitter", math.inf)
-        return cls(float(shortest), float(longest), jitter=float(jitter))
+        jitter = math.inf if gains.dwell_jitter is None else gains.dwell_jitter
+        return cls(*gains.dwell_range, jitter=jitter)
 
     def after(self, t: float, jump: bool) -> tuple[DwellGuard, str | None]:
         """The guard after an instant, and why the instant is inadmissible (None: it is not)."""
@@ -172,34 +160,6 @@ class DwellGuard:
         if not jump:
             return self, violation
         return replace(self, last_jump=t, last_dwell=elapsed), violation
-
-
-def require_gains(gains: Mapping[str, Any], squares: Sequence[str], jumps: Sequence[str]) -> None:
-    """ValueError unless the matrices of an observer are there and fit each other.
-
-    squares: further n x n matrices; jumps: those of them that only a plant with jumps has.
-    """
-    n, p = np.shape(gains.get("A", ()))[:1], np.shape(gains.get("C", ()))[:1]
-    shapes = {"A": n + n, "C": p + n, "L": n + p, "M": n + p, "flow_lower": n, "flow_upper": n}
-    shapes |= dict.fromkeys(squares, n + n)
-    if "G" in gains:
-        shapes |= dict.fromkeys(("G", *jumps), n + n) | {"jump_lower": n, "jump_upper": n}
-        shapes |= {"dwell_time": (2,)}
-    require_shapes(gains, shapes)
-    for name in ("B", "E"):
-        if name in gains and (np.ndim(gains[name]) != 2 or len(gains[name]) != n[0]):
-            raise ValueError(f"gains.{name} must have {n[0]} rows.")
-    if gains.get("jump_measurement") not in ("before", "after", "none"):
-        raise ValueError("gains.jump_measurement must be before, after or none.")
-
-
-def require_shapes(gains: Mapping[str, Any], shapes: Mapping[str, tuple[int, ...]]) -> None:
-    """ValueError unless each of these entries is there, in its shape."""
-    for name, shape in shapes.items():
-        value = gains.get(name)
-        if not shape or not isinstance(value, np.ndarray | list) or np.shape(value) != shape:
-            arrived = "nothing" if value is None else f"shape {np.shape(value)}"
-            raise ValueError(f"gains.{name} must have shape {shape}; got {arrived}.")
 
 
 def later(sample_t: float, t: float, started: bool) -> float:
@@ -228,17 +188,14 @@ def optional_measurement(y: ArrayLike | None, size: int) -> Vector | None:
     return result if np.isfinite(result).all() else None
 
 
-def centred(y: Vector, gains: Gains | Mapping[str, Any]) -> Vector:
+def centred(y: Vector, gains: Gains) -> Vector:
     """Measurements less the middle of the noise's bounds, where a design has one; (..., p)."""
-    if isinstance(gains, Gains):
-        return y if gains.noise_centre is None else y - gains.noise_centre
-    return y - gains["noise_centre"] if "noise_centre" in gains else y
+    return y if gains.noise_centre is None else y - gains.noise_centre
 
 
-def centred_measurement(y: ArrayLike | None, gains: Gains | Mapping[str, Any]) -> Vector | None:
+def centred_measurement(y: ArrayLike | None, gains: Gains) -> Vector | None:
     """The measurement less the middle of the noise's bounds, or None when it is missing."""
-    size = gains.p if isinstance(gains, Gains) else len(gains["C"])
-    result = optional_measurement(y, size)
+    result = optional_measurement(y, gains.p)
     return None if result is None else centred(result, gains)
 
 

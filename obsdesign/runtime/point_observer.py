@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any, Generic
 
 import numpy as np
@@ -16,7 +16,6 @@ from obsdesign.runtime.base import (
     State,
     Stepped,
     collect,
-    columns_read,
     first_time,
     rows_of,
 )
@@ -25,13 +24,12 @@ from obsdesign.runtime.base import (
 class PointObserver(ABC, Generic[State]):
     """Frozen parameters `gains`; a kind defines `init` and how a state is updated."""
 
-    gains: Gains | Mapping[str, Any]
+    gains: Gains
 
     @property
     def n(self) -> int:
         """Number of states."""
-        gains = self.gains
-        return gains.n if isinstance(gains, Gains) else len(gains["A"])
+        return self.gains.n
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -41,7 +39,7 @@ class PointObserver(ABC, Generic[State]):
     @property
     def reads(self) -> dict[str, int | bool]:
         """Numbers of y, u and w in a sample, and whether jumps are reported."""
-        return columns_read(self.gains)
+        return self.gains.columns
 
     @property
     def event_names(self) -> tuple[str, ...]:

@@ -13,8 +13,8 @@ from obsdesign.equations.gains import Gains
 class Candidate:
     """One way to build the observer.
 
-    label: the form or method; gains: what a design stores; certificates: by claim
-    id, what the finder believes shows it (a matrix P, say). Verification trusts none of it.
+    label: the form or method; gains: what a design stores, None where floats hold none;
+    certificates: by claim id, evidence that verification checks and never trusts.
     searched: window, gains, coordinates or strategy were chosen by synthesis; their refutation
     does not refute other ones, unless its witness is marked (`verification.choices`).
     cost: value of the problem's objective, None where order decides. goes_on: the next
@@ -22,7 +22,7 @@ class Candidate:
     """
 
     label: str
-    gains: Gains | Mapping[str, Any]
+    gains: Gains | None
     certificates: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     searched: bool = False
     cost: float | None = None
@@ -30,5 +30,4 @@ class Candidate:
 
     def document(self) -> dict[str, Any]:
         """The gains as a design file states them, for verification."""
-        gains = self.gains
-        return gains.to_document() if isinstance(gains, Gains) else dict(gains)
+        return {} if self.gains is None else self.gains.to_document()

@@ -42,11 +42,11 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
     A, C = plant.flow.A, plant.output.C
     exists = shows_every_input(C, D).outcome == "proved"
     if not exists or zeros_decay(A, C, D).outcome != "proved":
-        yield Candidate("none exists", {})
+        yield Candidate("none exists", None)
         return
     computed = _finite_gains(problem, D)
     if computed is None:
-        yield Candidate("beyond binary64", {}, searched=True)
+        yield Candidate("beyond binary64", None, searched=True)
         return
     label, gains = computed
     if "differentiator" not in problem.options and gains.differentiator == "fixed_lag":
