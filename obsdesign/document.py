@@ -12,7 +12,7 @@ import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -33,6 +33,18 @@ _KEYS = ("format", "version", "name", "kind", "problem", "gains", "claims", "gua
 _SINCE_WARNINGS = ("warnings",)  # keys that files of the first release lack
 
 
+class Decision(Protocol):
+    """A verdict: proved, refuted or undecided, and its evidence (`lmi.verdict.Verdict`)."""
+
+    @property
+    def outcome(self) -> str:
+        """The word."""
+
+    @property
+    def evidence(self) -> Mapping[str, Any]:
+        """A certificate, a witness, or the worst place."""
+
+
 @dataclass(frozen=True)
 class Claim:
     """One hypothesis of the theorem behind a design.
@@ -46,6 +58,11 @@ class Claim:
     source: str
     verdict: str
     evidence: Mapping[str, Any]
+
+    @classmethod
+    def from_verdict(cls, name: str, statement: str, source: str, verdict: Decision) -> Claim:
+        """The claim that a verdict of `lmi` decides, with its evidence."""
+        return cls(name, statement, source, verdict.outcome, verdict.evidence)
 
     def to_dict(self) -> dict[str, Any]:
         """The claim as it stands in a file."""

@@ -42,12 +42,11 @@ def inconsistent(objection: str) -> Claim:
 
 
 def _claim(verdict: Verdict) -> Claim:
-    return Claim(
+    return Claim.from_verdict(
         "consistent",
         "the stored gains are those of the stored problem",
         "format of a design file",
-        verdict.outcome,
-        verdict.evidence,
+        verdict,
     )
 
 

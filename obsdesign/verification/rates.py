@@ -40,7 +40,7 @@ def rates_claim(
         f"e^(F T) H shrinks every vector by the factor per_jump in the norm of {norms[0]}, and by "
         f"e^(-in_time T) in that of {norms[1]}, for all dwell times T in the range"
     )
-    return (Claim("rates", statement, source, verdict.outcome, verdict.evidence),)
+    return (Claim.from_verdict("rates", statement, source, verdict),)
 
 
 def rates_sentence(claims: tuple[Claim, ...], what: str) -> list[tuple[str, list[str]]]:

@@ -27,7 +27,6 @@ from obsdesign.verification.finite_time.evidence import BiasEvidence
 from obsdesign.verification.finite_time.window import (
     PAPER,
     SINGULAR,
-    make_claim,
     sampled_index,
     with_reason,
 )
@@ -80,7 +79,7 @@ def invertible(sampled: Sampled, gains: FiniteTimeGains) -> Claim:
                 "another L or window might do, or method 'least_squares', which has none"
             )
         verdict = with_reason(verdict, why)
-    return make_claim(name, statement, source, verdict)
+    return Claim.from_verdict(name, statement, source, verdict)
 
 
 def _difference_rank(sampled: Sampled, L: Array) -> Verdict:
@@ -138,7 +137,7 @@ def method_gains_claim(sampled: Sampled, gains: FiniteTimeGains) -> Claim:
     verdict = undecided("the matrix of the method is not certainly invertible")
     if enclosed is not None:
         verdict = _agreement(exact(gains.window_gain), enclosed)
-    return make_claim("gains_of_the_method", statement, f"{PAPER}, {formula}", verdict)
+    return Claim.from_verdict("gains_of_the_method", statement, f"{PAPER}, {formula}", verdict)
 
 
 def _agreement(stored: Any, formula: Any) -> Verdict:
@@ -188,7 +187,7 @@ def unbiased(sampled: Sampled, gains: FiniteTimeGains) -> Claim:
             "the stored gains reproduce every state: sum_j G_j C A_d^(j-k) = I to within "
             f"{UNBIASED:g} (scaled), and |G O - I| <= state_error entry by entry"
         )
-    return make_claim("unbiased", statement, source, verdict)
+    return Claim.from_verdict("unbiased", statement, source, verdict)
 
 
 def _is_too_large(sampled: Sampled, state_error: Array) -> bool:
@@ -263,7 +262,7 @@ def error_radius_claim(sampled: Sampled, gains: FiniteTimeGains) -> Claim:
             )
             verdict = refuted({"state": r + 1, "reason": reason})
             break
-    return make_claim(
+    return Claim.from_verdict(
         "error_radius",
         "with noise and disturbance inside their bounds, no estimate of x_r is off by more than "
         f"radius_r, which is attained to within a factor of {_ATTAINED_FACTOR:g} (by noise and "

@@ -33,7 +33,7 @@ from obsdesign.equations.finite_time import condition_13 as equations
 from obsdesign.equations.finite_time.gains import PRINTED, FiniteTimeGains
 from obsdesign.equations.gains import Array
 from obsdesign.verification.finite_time.evidence import Interval, TheoremEvidence
-from obsdesign.verification.finite_time.window import PAPER, make_claim
+from obsdesign.verification.finite_time.window import PAPER
 
 # pieces of the error integral: more of them bring the bound closer to the factor
 _PIECES, _FEWEST = 1920, 2
@@ -41,7 +41,7 @@ _PIECES, _FEWEST = 1920, 2
 
 def identity_claim(factor: float) -> Claim:
     """Claim of a bound without (13), for a finite factor."""
-    return make_claim(
+    return Claim.from_verdict(
         "error_identity",
         "|xhat - x| <= factor times the largest |x| in the window, without disturbance and noise; "
         "for any period",
@@ -172,7 +172,7 @@ def bound_claims(
 
 def _numbers(norms: Norms, period: float) -> Claim:
     """The constants, as intervals of floats; a hypothesis of Theorem 1 alone."""
-    return make_claim(
+    return Claim.from_verdict(
         "theorem_1_numbers",
         "the constants of (10)-(13) lie in the stated intervals; (13) is true, false or open as "
         "stated",
@@ -183,7 +183,7 @@ def _numbers(norms: Norms, period: float) -> Claim:
 
 def _tighter(norms: Norms, period: float) -> Claim:
     """The same with a tighter Lemma 2, which is no part of the paper's (13)."""
-    return make_claim(
+    return Claim.from_verdict(
         "theorem_1_tighter",
         "with e^(|F| T) (e^(s T) - 1), s = |L C| (e^(|A| nu) - 1), in place of Sigma, the "
         "constants of (10)-(13) lie in the stated intervals; (13) is true, false or open as stated",
@@ -196,7 +196,7 @@ def _in_coordinates(norms: Norms, period: float, S: Any) -> Claim:
     """The same for S A S^-1, C S^-1, S L: Theorem 1 then bounds |S x|."""
     back: Any = solve_entries(_balls(exact(S)), entries(identity(len(S))))
     constants = replace(_constants(norms, period), S=S, norm_of_back=_interval(spectral_norm(back)))
-    return make_claim(
+    return Claim.from_verdict(
         "theorem_1_coordinates",
         "in the coordinates S x the constants of (10)-(13) lie in the stated intervals, |S^-1| in "
         "norm_of_back; (13) is true, false or open as stated",

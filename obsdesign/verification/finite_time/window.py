@@ -53,7 +53,10 @@ def observable(sampled: Sampled) -> Claim:
         state = ", ".join(f"{x:.6g}" for x in vector)
         reason = f"the state ({state}) and what becomes of it is never seen in y"
         verdict = refuted({"vector": vector, "reason": reason})
-    return make_claim("observable", "(A, C) is observable", f"{PAPER}, Assumption 1", verdict)
+    source = f"{PAPER}, Assumption 1"
+    return Claim.from_verdict(
+        "observable", "(A, C) is observable", f"{PAPER}, Assumption 1", verdict
+    )
 
 
 def unobserved_modes_decay(sampled: Sampled, gains: FiniteTimeGains) -> bool:
@@ -79,7 +82,8 @@ def _rank_or_decayed(verdict: Verdict, name: str, statement: str, decayed: bool)
             f"{_MOST_AMPLIFIED:g} (scaled)"
         )
         verdict = proved(died_out=True)
-    return make_claim(name, statement, _SOURCES[name], verdict)
+    source = f"{PAPER}, Assumption 1"
+    return Claim.from_verdict(name, statement, _SOURCES[name], verdict)
 
 
 def sampled_observable(sampled: Sampled, decayed: bool = False) -> Claim:
@@ -191,8 +195,3 @@ def with_reason(verdict: Verdict, reason: str) -> Verdict:
     evidence = dict(verdict.evidence)
     witness = evidence.pop("witness")
     return refuted({**witness, "reason": reason}, **evidence)
-
-
-def make_claim(name: str, statement: str, source: str, verdict: Verdict) -> Claim:
-    """Claim with the outcome and evidence of a verdict."""
-    return Claim(name, statement, source, verdict.outcome, verdict.evidence)

@@ -35,12 +35,11 @@ def bounded_spacing(high: float) -> Claim:
             "uniform convergence, need one; give a finite jump.dwell_time[1]"
         )
         verdict = refuted({"entry": "jump.dwell_time", "longest": "inf", "reason": reason})
-    return Claim(
+    return Claim.from_verdict(
         "bounded_spacing",
         "the time between impulses has an upper bound",
         f"{PAPER}, Assumption 2.1",
-        verdict.outcome,
-        verdict.evidence,
+        verdict,
     )
 
 
@@ -55,12 +54,11 @@ def nominal_plant(gains: ImpulsiveGains, verdict: Verdict) -> Claim:
     if gains.image is not None:
         name = "G" if gains.core_G is None else "core_G"
         parts.append(f"{name} equals image @ coimage: the error after an impulse is in the image")
-    return Claim(
+    return Claim.from_verdict(
         "invariant" if gains.strategy == "subspace" else "image",
         "; ".join(parts) + "; up to rounding that the proved convergence absorbs",
         f"{PAPER}, section IV, carried over to any plant",
-        verdict.outcome,
-        verdict.evidence,
+        verdict,
     )
 
 
@@ -101,12 +99,11 @@ def decay_claim(proved_rate: Rate | None, rate: float, high: float) -> Claim:
                 "at least e^(decay_rate * longest spacing)"
             )
         )
-    return Claim(
+    return Claim.from_verdict(
         "decay_rate",
         f"the error decays like e^(-{rate!r} t)",
         f"{PAPER}, Theorem 3.1",
-        verdict.outcome,
-        verdict.evidence,
+        verdict,
     )
 
 
@@ -127,14 +124,13 @@ def strongly_observable(
     verdict = _admissible(_in_image(verdict, core), problem)
     verdict = Verdict(verdict.outcome, {**verdict.evidence, "blocks": blocks})
     what = "states" if core.U is None else "states after an impulse"
-    return Claim(
+    return Claim.from_verdict(
         "strongly_observable",
         f"any {window} impulses in a row tell all {what} apart, for every sequence of spacings in "
         f"{Dwell(low, high)}: the window matrix has full column rank, its smallest singular "
         f"value above {MARGIN:g} in units of its rows and of usual spacings",
         f"{PAPER}, Definition 2.3, Lemma 2.6",
-        verdict.outcome,
-        verdict.evidence,
+        verdict,
     )
 
 

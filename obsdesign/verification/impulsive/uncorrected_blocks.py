@@ -66,14 +66,13 @@ def block_decay(
         verdict = _without_margin(verdict, F, H, dwell)
     verdict = Verdict(verdict.outcome, {**verdict.evidence, "factor": factor})
     what = "that no measurement sees" if name == "hidden" else "that nothing corrects"
-    return Claim(
+    return Claim.from_verdict(
         f"{name}_decays",
         f"the part of the error {what} ({len(F)} of the coordinates of basis) shrinks to "
         f"{factor:.9g} or less per impulse, in the norm of one P, for all spacings in "
         f"{dwell}",
         _SOURCES[name],
-        verdict.outcome,
-        verdict.evidence,
+        verdict,
     )
 
 
@@ -105,13 +104,13 @@ def quadratic_claims(
         verdict = undecided("no P was found for which a gain contracts at every spacing")
     else:
         verdict = _contracting(plant, gains, P, gamma, ends)
-    claims = [Claim(
+    claims = [Claim.from_verdict(
         "contracting",
         "in the norm of one P the error after an impulse is at most gamma of that after the "
         f"impulse before, for all spacings in {dwell}, with the gain of table for "
         "the cell that the spacing is in",
         "quadratic detectability: P and one gain for each cell of spacings",
-        verdict.outcome, verdict.evidence,
+        verdict,
     )]  # fmt: skip
     if verdict.outcome == "proved" and P is not None and gamma is not None:
         return claims, _bound(plant, gains, P, float(gamma), ends)
@@ -143,10 +142,10 @@ def _obstructions(
         verdict = dwell_stability(*pair, dwell, certificates.get("hidden_decays", {}), paranoid)
         if verdict.outcome == "refuted":
             verdict = _without_margin(verdict, *pair, dwell)
-        claims.append(Claim(
+        claims.append(Claim.from_verdict(
             "hidden_decays",
             f"what no measurement ever sees of the state (dimension {len(pair[0])}) decays",
-            _SOURCES["hidden"], verdict.outcome, verdict.evidence,
+            _SOURCES["hidden"], verdict,
         ))  # fmt: skip
     hiding = certificates.get("detectable", {}).get("witness", {}).get("thetas")
     if (
@@ -155,11 +154,11 @@ def _obstructions(
         and dwell.low <= float(hiding[0]) <= dwell.high
     ):
         verdict = check_hiding(plant.A, plant.G, plant.C, float(hiding[0]))
-        claims.append(Claim(
+        claims.append(Claim.from_verdict(
             "detectable",
             "at no constant spacing does C miss a mode of the impulses and the flow between them "
             f"that has modulus 1 or more (residuals below {MARGIN:g} of their terms)",
-            _SOURCES["hidden"], verdict.outcome, verdict.evidence,
+            _SOURCES["hidden"], verdict,
         ))  # fmt: skip
     return claims
 

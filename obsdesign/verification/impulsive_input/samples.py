@@ -60,20 +60,18 @@ def sampled_claims(gains: SamplesGains) -> tuple[Claim, ...]:
     rank = _rank(A, C, h, count, first=1)
     onset = _uniqueness(A, H, h)
     return (
-        Claim(
+        Claim.from_verdict(
             "rank",
             f"the {count} samples of a window determine the error of the state",
             SOURCE,
-            rank.outcome,
-            rank.evidence,
+            rank,
         ),
-        Claim(
+        Claim.from_verdict(
             "uniqueness",
             "without noise the samples of a window determine time and weight of an impulse in its "
             "first interval",
             SOURCE,
-            onset.outcome,
-            onset.evidence,
+            onset,
         ),
     )
 

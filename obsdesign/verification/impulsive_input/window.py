@@ -170,4 +170,4 @@ def shown(vector: Any) -> str:
 
 def claim_of(name: str, statement: str, source: str, verdict: Verdict) -> Claim:
     """A claim with the outcome and evidence of a verdict."""
-    return Claim(name, statement, source, verdict.outcome, verdict.evidence)
+    return Claim.from_verdict(name, statement, source, verdict)

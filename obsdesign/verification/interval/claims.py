@@ -237,12 +237,11 @@ def _is_wider(problem: Problem, dwell_time: Any) -> bool:
 
 def _hurwitz_claim(W: Any, why: str) -> Claim:
     verdict = prove_hurwitz(W)
-    return Claim(
+    return Claim.from_verdict(
         "hurwitz",
         f"the width between jumps decays by itself (W = D0 + D1 is Hurwitz), needed as {why}",
         f"{PAPER}, Corollary 4, with the hypothesis it needs when T_max is infinite",
-        verdict.outcome,
-        verdict.evidence,
+        verdict,
     )
 
 

@@ -105,7 +105,7 @@ def spacing_claim(
     limit = proposed.get("step_limit")
     if gains.step_limit is not None and limit != gains.step_limit:
         nothing = undecided("the step limit of the gains is not the one to be proved")
-        return (Claim("sampled_width", "the width", source, nothing.outcome, nothing.evidence),)
+        return (Claim.from_verdict("sampled_width", "the width", source, nothing),)
     if not isinstance(limit, float) or not 0 < limit < math.inf:
         return ()
     L, CA, A, C, b = slope_scheme(gains, exact, inverse)

@@ -70,9 +70,7 @@ def split_claim(part: SplitPart, form: str, name: str, matrix: SplitMatrix, sour
     if verdict.outcome == "proved":
         difference = matrix.plus - matrix.minus
         verdict = _same(matrix.X, difference, f"{plus} - {minus} misses the matrix it splits")
-    return Claim(
-        part.claim, statement, f"{source}, {assumption}", verdict.outcome, verdict.evidence
-    )
+    return Claim.from_verdict(part.claim, statement, f"{source}, {assumption}", verdict)
 
 
 def metzler_claim(R: Any, D0: Any, D1: Any, source: str) -> Claim:
@@ -91,9 +89,7 @@ def metzler_claim(R: Any, D0: Any, D1: Any, source: str) -> Claim:
     statement = (
         "R = S^-1 (A - L C) S is Metzler; it is stored as D0, and what rounding makes of it as D1"
     )
-    return Claim(
-        "flow_positive", statement, f"{source}, Assumption 4", verdict.outcome, verdict.evidence
-    )
+    return Claim.from_verdict("flow_positive", statement, f"{source}, Assumption 4", verdict)
 
 
 def nonnegative_claim(T: Any, H2: Any, source: str) -> Claim:
@@ -102,9 +98,7 @@ def nonnegative_claim(T: Any, H2: Any, source: str) -> Claim:
     if verdict.outcome == "proved":
         verdict = _same(H2, T, "T misses S2^-1 H S2")
     statement = "T equals S2^-1 H S2, H the jump matrix of the error, and is nonnegative"
-    return Claim(
-        "jump_positive", statement, f"{source}, Assumption 4", verdict.outcome, verdict.evidence
-    )
+    return Claim.from_verdict("jump_positive", statement, f"{source}, Assumption 4", verdict)
 
 
 def signs(X: Any, metzler: bool, failure: str) -> Verdict:

@@ -76,7 +76,7 @@ def width_claim(
         f"{Dwell(*ends)}: a tube that the width system w' = W w + f, w+ = N w + h does not "
         "leave and is drawn to"
     )
-    return (Claim("width", statement, f"{source}; tube", verdict.outcome, verdict.evidence),)
+    return (Claim.from_verdict("width", statement, f"{source}; tube", verdict),)
 
 
 def limit_claim(system: WidthSystem, proposed: Mapping[str, Any], source: str) -> tuple[Claim, ...]:
@@ -91,7 +91,7 @@ def limit_claim(system: WidthSystem, proposed: Mapping[str, Any], source: str) -
         stated = {name: to_float(bounds[name]).tolist() for name in ("tube", "always")}
         verdict = proved(**stated, exact=True)
     statement = "as time goes on, the width of the bounds comes to at most `always`: W v + f < 0"
-    return (Claim("width", statement, f"{source}; tube", verdict.outcome, verdict.evidence),)
+    return (Claim.from_verdict("width", statement, f"{source}; tube", verdict),)
 
 
 def width_sentence(claims: tuple[Claim, ...], measured: str) -> list[tuple[str, list[str]]]:

@@ -102,12 +102,11 @@ def _expected(problem: Problem) -> dict[str, Any]:
 def _hurwitz(F: Any, name: str, why: str, rate: float = 0.0) -> Claim:
     verdict = prove_hurwitz(F)
     shift = f" + {rate!r} I" if rate else ""
-    return Claim(
+    return Claim.from_verdict(
         name,
         f"the error between jumps decays by itself (A - L C{shift} is Hurwitz), needed as {why}",
         "Lyapunov's theorem",
-        verdict.outcome,
-        verdict.evidence,
+        verdict,
     )
 
 
@@ -115,13 +114,12 @@ def _stability(
     F: Any, H: Any, dwell: Dwell, certificates: Mapping[str, Any], paranoid: bool
 ) -> Claim:
     verdict = dwell_stability(F, H, dwell, certificates.get("dwell_stability", {}), paranoid)
-    return Claim(
+    return Claim.from_verdict(
         "dwell_stability",
         f"the error e -> e^(F T) H e, F = A - L C, H its matrix at jumps, is stable for every "
         f"sequence of dwell times T in {dwell}",
         source_of(verdict, PAPER),
-        verdict.outcome,
-        verdict.evidence,
+        verdict,
     )
 
 
@@ -145,7 +143,7 @@ def _scheduled(
             "the error, corrected at a jump by the gain for the dwell time that ends there, "
             f"{what} for every sequence of dwell times T in {dwell}"
         )
-        claims.append(Claim(name, statement, PAPER, verdict.outcome, verdict.evidence))
+        claims.append(Claim.from_verdict(name, statement, PAPER, verdict))
     return claims
 
 
@@ -162,10 +160,9 @@ def _decay(
     verdict = dwell_stability(shifted, H, dwell, certificates.get("decay_rate", {}), paranoid)
     if flow is not None and overall([flow.outcome, verdict.outcome]) == flow.outcome != "proved":
         verdict = flow
-    return Claim(
+    return Claim.from_verdict(
         "decay_rate",
         f"the error decays like e^(-{rate!r} t) for every sequence of dwell times in {dwell}",
         source_of(verdict, f"{PAPER}, for A - L C + {rate!r} I"),
-        verdict.outcome,
-        verdict.evidence,
+        verdict,
     )

@@ -108,23 +108,21 @@ def _existence(problem: Problem) -> tuple[Claim, Claim] | tuple[Claim]:
     C, D = problem.plant.output.C, problem.plant.flow.D
     assert D is not None
     rank = shows_every_input(C, D)
-    first = Claim(
+    first = Claim.from_verdict(
         "rank",
         f"y' shows every unknown input: |C D v| > {equations.RANK_MARGIN:g} |M| |v| for all v, "
         "where M = |C| |D| entry by entry and rows and columns are scaled to even sizes",
         EXISTENCE,
-        rank.outcome,
-        rank.evidence,
+        rank,
     )
     if rank.outcome != "proved":
         return (first,)
     zeros = zeros_decay(problem.plant.flow.A, C, D)
-    second = Claim(
+    second = Claim.from_verdict(
         "zeros",
         "every invariant zero of (A, D, C) has a negative real part",
         EXISTENCE,
-        zeros.outcome,
-        zeros.evidence,
+        zeros,
     )
     return first, second
 
@@ -147,13 +145,12 @@ def _equations(plant: PlantMatrices, matrices: ObserverMatrices) -> Claim:
             f"rounding would leave less than {ROUNDING:g}"
         )
         verdict = refuted({**worst, "reason": reason})
-    return Claim(
+    return Claim.from_verdict(
         "observer_equations",
         f"the stored matrices follow from the plant by the observer's formulas, up to {ROUNDING:g} "
         "of their terms, all signals scaled to unit size",
         f"{PAPER}, (21)-(33)",
-        verdict.outcome,
-        verdict.evidence,
+        verdict,
     )
 
 

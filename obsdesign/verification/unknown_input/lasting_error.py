@@ -51,14 +51,13 @@ def lasting_error(
     verdict = undecided("F is not proved to be Hurwitz")
     if is_hurwitz:
         verdict = _verdict(error_drives(plant, matrices), matrices, pace)
-    return Claim(
+    return Claim.from_verdict(
         "rounding",
         "what the rounding of the stored matrices leaves of the estimates for ever is at most "
         f"{LASTING_ERROR:g} of the signals, in units that balance the plant: states of "
         "unit size, and inputs that move them at the pace of the plant",
         f"{PAPER}, (27); peak gain of the error system",
-        verdict.outcome,
-        verdict.evidence,
+        verdict,
     )
 
 
