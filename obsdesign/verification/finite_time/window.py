@@ -54,9 +54,7 @@ def observable(sampled: Sampled) -> Claim:
         reason = f"the state ({state}) and what becomes of it is never seen in y"
         verdict = refuted({"vector": vector, "reason": reason})
     source = f"{PAPER}, Assumption 1"
-    return Claim.from_verdict(
-        "observable", "(A, C) is observable", f"{PAPER}, Assumption 1", verdict
-    )
+    return Claim.from_verdict("observable", "(A, C) is observable", source, verdict)
 
 
 def unobserved_modes_decay(sampled: Sampled, gains: FiniteTimeGains) -> bool:
@@ -82,7 +80,6 @@ def _rank_or_decayed(verdict: Verdict, name: str, statement: str, decayed: bool)
             f"{_MOST_AMPLIFIED:g} (scaled)"
         )
         verdict = proved(died_out=True)
-    source = f"{PAPER}, Assumption 1"
     return Claim.from_verdict(name, statement, _SOURCES[name], verdict)
 
 
