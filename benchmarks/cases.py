@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from lmi.cutting_plane import propose
+from lmi.find.cutting_plane import propose
 
 LOW, HIGH = 0.1, 2.1
 SHARE = 0.97

@@ -8,8 +8,8 @@ import numpy as np
 from scipy.linalg import expm
 
 from benchmarks.cases import HIGH, LOW, families, report, seconds
-from lmi.cutting_plane import propose
 from lmi.families import Edge, approx_holds
+from lmi.find.cutting_plane import propose
 
 POINTS = 1000
 FLOOR = 15.0

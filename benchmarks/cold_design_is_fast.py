@@ -34,7 +34,7 @@ for theta in np.linspace(LOW, HIGH, 200):
 cp.Problem(cp.Minimize(0), constraints).solve(solver=cp.CLARABEL)
 json.dump({"P": P.value.tolist()}, open(sys.argv[2], "w"))
 """
-OURS = "from obsdesign.cli import main; main()"
+OURS = "from obsdesign.cli.main import main; main()"
 
 
 def main() -> bool:

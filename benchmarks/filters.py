@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from lmi.exponential import expm
-from obsdesign.problem import Problem
+from lmi.arithmetic.exponential import expm
+from obsdesign.problem.problem import Problem
 from obsdesign.runtime import from_design
 from obsdesign.workflow import design
 

@@ -8,9 +8,9 @@ from __future__ import annotations
 import sys
 
 from benchmarks.cases import HIGH, LOW, cvxpy_script, families, report, seconds
-from lmi.cutting_plane import propose
 from lmi.families import Edge, slack
-from lmi.semidefinite import common_matrices
+from lmi.find.cutting_plane import propose
+from lmi.find.semidefinite import common_matrices
 
 FLOORS = {2: 300.0, 4: 60.0, 8: 30.0}
 POINTS = 200

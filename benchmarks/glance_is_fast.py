@@ -15,10 +15,10 @@ import numpy as np
 
 from benchmarks.cases import report
 from obsdesign import workflow
-from obsdesign.check import check_all
 from obsdesign.errors import InputError
-from obsdesign.kinds import KINDS
-from obsdesign.problem import Problem
+from obsdesign.problem.kinds import KINDS
+from obsdesign.problem.problem import Problem
+from obsdesign.studies.check.which_kinds import check_all
 
 TYPICAL, FLOOR, PLANTS = 0.5, 0.8, 24
 MEASURED = ("continuous", "at_jumps", "periodic")

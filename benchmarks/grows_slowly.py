@@ -6,7 +6,7 @@ import statistics
 import sys
 
 from benchmarks.cases import HIGH, LOW, families, seconds
-from lmi.cutting_plane import propose
+from lmi.find.cutting_plane import propose
 
 CEILING = 4.0
 

@@ -19,11 +19,11 @@ ROUNDS = 9
 EAGER = """
 import casadi, clarabel, click, cvxpy, flint, highspy, jinja2, jsonschema, matplotlib.figure, numpy
 import rich.console, rich.table, scipy.linalg, scipy.optimize, scipy.signal
-import obsdesign.workflow, obsdesign.search, obsdesign.simulation
-import obsdesign.report, obsdesign.comparison.compare
+import obsdesign.workflow, obsdesign.studies.search.dwell_time, obsdesign.data.simulation
+import obsdesign.pages.report, obsdesign.studies.comparison.compare
 """
 RUNTIME, NUMPY = "import obsdesign.runtime", "import numpy"
-HELP = "import sys; sys.argv = ['obsdesign', '--help']; from obsdesign.cli import main; main()"
+HELP = "import sys; sys.argv = ['obsdesign', '--help']; from obsdesign.cli.main import main; main()"
 
 
 def main() -> bool:

@@ -8,9 +8,9 @@ import sys
 import numpy as np
 
 from benchmarks.cases import report, seconds
-from obsdesign.equations.impulse_curve import ImpulseCurve
-from obsdesign.equations.impulse_fit import fit_impulse
-from obsdesign.equations.impulsive_input import filtered_system
+from obsdesign.equations.impulsive_input.curve import ImpulseCurve
+from obsdesign.equations.impulsive_input.features import filtered_system
+from obsdesign.equations.impulsive_input.fit import fit_impulse
 
 A = np.array([[-0.08, 0, 0], [2, -0.15, 0], [0, 0.5, -0.2]])
 H, C = np.array([[1.0], [0], [0]]), np.array([[0.0, 0, 1]])

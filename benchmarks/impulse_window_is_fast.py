@@ -13,7 +13,7 @@ import numpy as np
 
 import obsdesign
 from benchmarks.cases import report, seconds
-from lmi.exponential import expm
+from lmi.arithmetic.exponential import expm
 from obsdesign.runtime import from_design
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "luteinizing_hormone.toml"

@@ -8,7 +8,7 @@ import numpy as np
 
 from benchmarks.cases import report
 from benchmarks.filters import PERIOD, N, kalman_filter, observer, side_by_side
-from obsdesign.runtime.interval_fleet import Fleet
+from obsdesign.runtime.interval.fleet import Fleet
 
 FLOOR = 300.0
 PLANTS, STEPS, FILTERS = 10_000, 20, 500

@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 from benchmarks.cases import seconds
-from obsdesign.problem import Problem, load_problem
+from obsdesign.problem.problem import Problem, load_problem
 from obsdesign.workflow import investigate
 
 LIMIT = 1.0

@@ -15,7 +15,7 @@ SCRIPT = """
 import resource, sys
 import numpy as np
 from benchmarks.cases import HIGH, LOW, Family, cvxpy_script
-from lmi.cutting_plane import propose
+from lmi.find.cutting_plane import propose
 F, H = np.array(eval(sys.argv[2])), np.array(eval(sys.argv[3]))
 small = -np.eye(2), 0.5 * np.eye(2)
 def run(F, H, points):

@@ -14,9 +14,9 @@ import sys
 from typing import Any
 
 from benchmarks.cases import np, seconds
-from obsdesign.equations.finite_time_bounds import approx_log_longest_period
-from obsdesign.synthesis import period_nlp
-from obsdesign.synthesis.period_formulas import exponential_of, log_norm
+from obsdesign.equations.finite_time.condition_13 import approx_log_longest_period
+from obsdesign.synthesis.finite_time import period_program as period_nlp
+from obsdesign.synthesis.finite_time.folding_period_formulas import exponential_of, log_norm
 
 STARTS, NEAR, FLOOR, TIME_FLOOR = 20, 0.98, 1.5, 2.0
 _SLACK = 0.999

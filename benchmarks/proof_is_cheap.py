@@ -6,8 +6,8 @@ import statistics
 import sys
 
 from benchmarks.cases import HIGH, LOW, families, seconds
-from lmi.cutting_plane import propose
-from lmi.proof import prove_common
+from lmi.find.cutting_plane import propose
+from lmi.prove.common_matrix import prove_common
 
 SIZES = (4, 6, 8, 12, 16)
 MOST = 2.0

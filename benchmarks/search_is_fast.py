@@ -10,7 +10,7 @@ from __future__ import annotations
 import sys
 
 from benchmarks.cases import HIGH, LOW, cvxpy_script, families, report, seconds
-from lmi.dwell_search import longest_dwell, shortest_dwell
+from lmi.decide.dwell_search import longest_dwell, shortest_dwell
 
 FLOORS = {2: 100.0, 4: 40.0, 8: 15.0}
 STEPS, POINTS = 20, 200

@@ -15,7 +15,7 @@ import numpy as np
 
 import obsdesign
 from benchmarks.cases import report, seconds  # sets the number of threads before numpy loads
-from lmi.exponential import expm
+from lmi.arithmetic.exponential import expm
 from obsdesign.runtime import Sample, from_design
 
 FLOOR = 4.0

@@ -13,9 +13,9 @@ from benchmarks.cases import seconds  # isort: skip - it sets the number of thre
 
 import numpy as np
 
-from lmi.balls import exact
-from lmi.deficient import decide_full_rank
-from lmi.stack import Stack
+from lmi.arithmetic.balls import exact
+from lmi.rank.decide import decide_full_rank
+from lmi.rank.stack import Stack
 
 MOST = 0.5
 LOW, HIGH = 0.1, 0.8

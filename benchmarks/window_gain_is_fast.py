@@ -16,7 +16,7 @@ from benchmarks.cases import report  # isort: skip - it sets the number of threa
 import numpy as np
 from scipy.linalg import expm
 
-from obsdesign.runtime.impulsive import ImpulsiveObserver
+from obsdesign.runtime.impulsive.observer import ImpulsiveObserver
 
 N, ALPHA, IMPULSES = 4, 1.05, 400
 FLOOR = 5.0

@@ -10,10 +10,10 @@ import statistics
 import sys
 
 from benchmarks.cases import SAMPLED, report, seconds
-from lmi.cutting_plane import propose_edges
-from lmi.decide import decide
+from lmi.decide.stability import decide
 from lmi.families import Edge
-from lmi.windows import uniform
+from lmi.find.cutting_plane import propose_edges
+from lmi.find.windows import uniform
 
 LOW, HIGH = 0.4, 1.8885
 CEILING, FLOOR = 1.0, 10.0

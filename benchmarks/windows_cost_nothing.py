@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 
 from benchmarks.cases import HIGH, LOW, families, report, seconds
-from lmi.decide import decide
+from lmi.decide.stability import decide
 
 FLOOR = 0.9
 

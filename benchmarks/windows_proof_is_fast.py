@@ -10,8 +10,8 @@ import sys
 from typing import Any
 
 from benchmarks.cases import ALTERNATING, MIXED, SAMPLED, report, seconds
-from lmi.decide import decide
-from lmi.windows_proof import prove_windows
+from lmi.decide.stability import decide
+from lmi.prove.windows_proof import prove_windows
 
 FLOOR = 10.0
 TIGHT = tuple((SAMPLED, 1.0, 0.4, high) for high in (1.84, 1.85, 1.87, 1.875, 1.88))

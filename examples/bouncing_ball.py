@@ -17,8 +17,8 @@ from pathlib import Path
 import numpy as np
 
 import obsdesign
-from obsdesign.plotting.estimate import plot_estimate
-from obsdesign.records import table_text
+from obsdesign.data.records import table_text
+from obsdesign.pages.plotting.estimate import plot_estimate
 from obsdesign.runtime import from_design
 
 PROBLEM = Path(__file__).parent / "degue_4_2.toml"

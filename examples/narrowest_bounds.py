@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 
 import obsdesign
-from obsdesign.plotting.bounds import plot_bounds
+from obsdesign.data.simulation import simulate
+from obsdesign.pages.plotting.bounds import plot_bounds
 from obsdesign.runtime import from_design
-from obsdesign.simulation import simulate
 
 HERE = Path(__file__).parent
 

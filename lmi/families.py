@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lmi.exponential import expm, exponential_grid, times
+from lmi.arithmetic.exponential import expm, exponential_grid, times
 
 Matrix = NDArray[Any]
 

@@ -11,32 +11,32 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-__version__ = "0.1.0"
+from obsdesign.version import __version__ as __version__
 
 if TYPE_CHECKING:
+    from obsdesign.data.simulation import simulate
     from obsdesign.document import Claim, Design, load_design
     from obsdesign.errors import InputError
-    from obsdesign.plant import Flow, Jump, Output, Plant
-    from obsdesign.problem import Problem, load_problem
-    from obsdesign.simulation import simulate
+    from obsdesign.problem.plant import Flow, Jump, Output, Plant
+    from obsdesign.problem.problem import Problem, load_problem
     from obsdesign.workflow import NotProved, Outcome, design, investigate, verify
 
 _HOME = {
     "Claim": "document",
     "Design": "document",
-    "Flow": "plant",
+    "Flow": "problem.plant",
     "InputError": "errors",
-    "Jump": "plant",
+    "Jump": "problem.plant",
     "NotProved": "workflow",
     "Outcome": "workflow",
-    "Output": "plant",
-    "Plant": "plant",
-    "Problem": "problem",
+    "Output": "problem.plant",
+    "Plant": "problem.plant",
+    "Problem": "problem.problem",
     "design": "workflow",
     "investigate": "workflow",
     "load_design": "document",
-    "load_problem": "problem",
-    "simulate": "simulation",
+    "load_problem": "problem.problem",
+    "simulate": "data.simulation",
     "verify": "workflow",
 }
 

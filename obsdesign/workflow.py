@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from lmi.memory import OversizeError
-from lmi.patience import (
+from lmi.time_budget import (
     Remark,
     collect_remarks,
     ended,
@@ -26,13 +26,13 @@ from lmi.patience import (
     total_budget,
 )
 from lmi.verdict import overall
-from obsdesign import __version__
-from obsdesign.answers import as_answers, is_ended, reason, with_untried
 from obsdesign.document import Claim, Design
 from obsdesign.errors import InputError
-from obsdesign.kinds import KINDS
-from obsdesign.problem import Problem
-from obsdesign.told_truly import document_claim, guarantees_of
+from obsdesign.problem.kinds import KINDS
+from obsdesign.problem.problem import Problem
+from obsdesign.verification.answers import as_answers, is_ended, reason, with_untried
+from obsdesign.verification.document import document_claim, guarantees_of
+from obsdesign.version import __version__
 
 _Key = TypeVar("_Key", bound=Hashable)
 
@@ -53,14 +53,18 @@ class Outcome:
     guarantees: tuple[Mapping[str, Any], ...] = ()
 
 
+# the file of a kind that answers for it in a layer
+_ROLE = {"synthesis": "candidates", "verification": "claims"}
+
+
 def layer(name: str, kind: str) -> Any:
-    """The module of a kind in a layer: `equations`, `synthesis`, `verification`.
+    """The module of a kind in a layer: `synthesis` or `verification`.
 
     InputError for what is no kind: a design file may name anything.
     """
     if kind not in KINDS:
         raise InputError(f"kind must be one of {', '.join(KINDS)}; got {kind!r}.")
-    return importlib.import_module(f"obsdesign.{name}.{kind}")
+    return importlib.import_module(f"obsdesign.{name}.{kind}.{_ROLE[name]}")
 
 
 def investigate(problem: Problem, *, seconds: float | None = None) -> Outcome:
@@ -68,7 +72,7 @@ def investigate(problem: Problem, *, seconds: float | None = None) -> Outcome:
 
     seconds: of processor time that searches may take in all; None for their own budgets, which a
     larger total stretches (`investigate_each`). An undecided claim that a budget ended holds what
-    `lmi.patience.ended` has of it in its evidence. result["remarks"] holds sentences of searches
+    `lmi.time_budget.ended` has of it in its evidence. result["remarks"] holds sentences of searches
     that ended early or settled for less, if there are any.
 
     InputError when the problem cannot be read as asked (a block is missing, a form does not fit).

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import click
 
-from obsdesign.cli import cli
+from obsdesign.cli.commands import cli
 
 HEAD = """# Commands
 

@@ -18,13 +18,13 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
 
-from lmi.balls import exact
-from lmi.decide import find_and_prove
-from lmi.exponential import expm
+from lmi.arithmetic.balls import exact
+from lmi.arithmetic.exponential import expm
+from lmi.decide.stability import find_and_prove
 from lmi.families import Edge
-from lmi.products import worst_word
-from lmi.spectral import refute_word
-from lmi.window_search import find_windows
+from lmi.find.window_search import find_windows
+from lmi.find.worst_sequence import worst_word
+from lmi.refute.spectral import refute_word
 
 SYSTEMS = 60
 SIZES = (2, 3, 4, 5, 6)

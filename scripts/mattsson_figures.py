@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from benchmarks.pulses_in_noise import GUESS, ROWS, STEP, TRAIN, VARIANCE, A, C, H, observer, truth
-from lmi.exponential import expm, exponential_grid
-from obsdesign.equations.impulsive_input import filtered_system
-from obsdesign.plotting.style import BLACK, BLUE, GREEN, GREY, VERMILION, picture
+from lmi.arithmetic.exponential import expm, exponential_grid
+from obsdesign.equations.impulsive_input.features import filtered_system
+from obsdesign.pages.plotting.style import BLACK, BLUE, GREEN, GREY, VERMILION, picture
 from scripts.pulses_over_seeds import FAST
 
 SLOW = [-0.65, -0.70, -0.75, -0.80, -0.85, -0.90]

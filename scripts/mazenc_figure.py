@@ -14,7 +14,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import obsdesign
-from lmi.exponential import flow_integrals
+from lmi.arithmetic.exponential import flow_integrals
 from obsdesign.runtime import from_design
 
 EXAMPLE = Path(__file__).parent.parent / "examples" / "mazenc_4.toml"

@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 
 import obsdesign
-from lmi.exponential import expm
-from obsdesign.kalman import kalman_filter
+from lmi.arithmetic.exponential import expm
 from obsdesign.runtime import from_design
 from obsdesign.runtime.base import rows_of
+from obsdesign.studies.comparison.kalman import kalman_filter
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
 H, CELLS, SIGMA, FROM = 0.1, 100, 0.01, 3.0

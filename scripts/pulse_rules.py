@@ -13,8 +13,8 @@ import numpy as np
 from scipy.optimize import nnls
 
 import obsdesign
-from lmi.exponential import expm
-from obsdesign.records import read_columns
+from lmi.arithmetic.exponential import expm
+from obsdesign.data.records import read_columns
 from obsdesign.runtime import from_design
 from obsdesign.runtime.base import rows_of
 

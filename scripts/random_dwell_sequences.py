@@ -21,11 +21,11 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
 
-from lmi.balls import exact, rank_factors, to_float
-from lmi.decide import decide
-from lmi.exponential import expm
+from lmi.arithmetic.balls import exact, rank_factors, to_float
+from lmi.arithmetic.exponential import expm
+from lmi.decide.stability import decide
 from lmi.families import Edge
-from lmi.products import worst_word
+from lmi.find.worst_sequence import worst_word
 
 LENGTH = 40
 PER_SYSTEM = 500

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 import obsdesign
-from lmi.exponential import expm
+from lmi.arithmetic.exponential import expm
+from obsdesign.data.simulation import simulate
 from obsdesign.runtime import from_design
-from obsdesign.simulation import simulate
 
 FINE = 16  # pieces of a period on which the worst disturbance is constant
 

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 import obsdesign
-from lmi.exponential import expm
+from lmi.arithmetic.exponential import expm
 from obsdesign.runtime import from_design
 
 DWELL, PERIOD, ROWS, TOLERANCE = 6.0, 0.02, 1500, 1e-4

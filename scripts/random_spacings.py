@@ -19,8 +19,8 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parent.parent))
 
 import obsdesign
-from lmi.exponential import expm
-from obsdesign.equations.impulsive import core_of, window_gains, window_matrix
+from lmi.arithmetic.exponential import expm
+from obsdesign.equations.impulsive.gains import core_of, window_gains, window_matrix
 
 WINDOWS, SEQUENCES, IMPULSES = 2000, 40, 25
 # singular values and products in binary64, against proofs in exact arithmetic

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 import obsdesign
-from lmi.exponential import expm
+from lmi.arithmetic.exponential import expm
 from obsdesign.runtime import from_design
 from scripts.pulse_rules import EXAMPLE, Pulses, methods, observed
 

@@ -14,10 +14,10 @@ from pathlib import Path
 import numpy as np
 
 import obsdesign
-from lmi.exponential import expm
-from obsdesign.execution import execute
-from obsdesign.plotting.estimate import plot_estimate
-from obsdesign.records import table_text
+from lmi.arithmetic.exponential import expm
+from obsdesign.data.execution import execute
+from obsdesign.data.records import table_text
+from obsdesign.pages.plotting.estimate import plot_estimate
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
 Signal = Callable[[float], list[float]]

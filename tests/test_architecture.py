@@ -53,23 +53,27 @@ def test_packages_live_where_they_belong(path: Path) -> None:
     if name.startswith("lmi"):
         assert not uses(path, "obsdesign"), "lmi has never heard of a plant"
     only = {
-        "flint": ("lmi.balls",),
+        "flint": ("lmi.arithmetic.balls",),
         "matplotlib": ("obsdesign.plotting",),
         "casadi": ("obsdesign.synthesis",),
         "cvxpy": ("lmi", "obsdesign.synthesis"),
-        "click": ("obsdesign.cli", "obsdesign.commands", "obsdesign.demo"),
+        "click": ("obsdesign.cli.commands", "obsdesign.commands", "obsdesign.cli.demo"),
         "joblib": ("obsdesign.sweep",),
         "distributed": ("obsdesign.sweep",),
         "control": ("obsdesign.interop",),
         "pandas": ("obsdesign.interop",),
-        "jsonschema": ("obsdesign.problem", "obsdesign.structure_check", "obsdesign.cli"),
+        "jsonschema": (
+            "obsdesign.problem.problem",
+            "obsdesign.problem.schema_errors",
+            "obsdesign.cli.commands",
+        ),
     }
     for package, places in only.items():
         if uses(path, package):
             assert name.startswith(places), f"{package} is imported by {name}"
 
 
-LIGHT = ("numpy", "lmi.exponential", "lmi.enclosure", "lmi.memory")
+LIGHT = ("numpy", "lmi.arithmetic.exponential", "lmi.arithmetic.enclosure", "lmi.memory")
 
 
 @pytest.mark.parametrize(
@@ -178,7 +182,7 @@ assert outcome.verdict == "proved", outcome.claims
     done = run_blocked(SOLVERS, code.replace(str(academic_design), str(impulsive)))
     assert done.returncode == 0, done.stderr
     # the twin: the blocker really blocks, since finding P needs the solver
-    finding = run_blocked(SOLVERS, "import lmi.semidefinite as s; import clarabel")
+    finding = run_blocked(SOLVERS, "import lmi.find.semidefinite as s; import clarabel")
     assert "blocked: clarabel" in finding.stderr
 
 

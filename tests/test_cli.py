@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import obsdesign
-from obsdesign import cli
+from obsdesign.cli import commands as cli
 from obsdesign.document import digest
 
 ROOT = Path(__file__).parent.parent
@@ -25,7 +25,7 @@ def command(
     *arguments: object, cwd: Path, stdin: str | None = None
 ) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [sys.executable, "-c", "from obsdesign.cli import main; main()", *map(str, arguments)],
+        [sys.executable, "-c", "from obsdesign.cli.main import main; main()", *map(str, arguments)],
         cwd=cwd, input=stdin, capture_output=True, text=True, check=False, timeout=120,
     )  # fmt: skip
 
@@ -497,7 +497,7 @@ def test_output_that_cannot_be_written_is_no_verdict(desk: Path) -> None:
 
     if not os.path.exists("/dev/full"):
         pytest.skip("needs /dev/full")
-    code = "from obsdesign.cli import main; main()"
+    code = "from obsdesign.cli.main import main; main()"
     with open("/dev/full", "w") as full:
         done = subprocess.run(
             [sys.executable, "-c", code, "verify", "d.json", "--json"],

@@ -13,13 +13,13 @@ from click.testing import CliRunner
 
 import obsdesign
 from lmi.memory import OversizeError
-from obsdesign.cli import cli
-from obsdesign.comparison import compare as comparison
-from obsdesign.comparison.compare import compare
-from obsdesign.comparison.record import Record
-from obsdesign.comparison.row import REFERENCE
-from obsdesign.kinds import KINDS
+from obsdesign.cli.commands import cli
+from obsdesign.problem.kinds import KINDS
 from obsdesign.runtime import from_design
+from obsdesign.studies.comparison import compare as comparison
+from obsdesign.studies.comparison.compare import compare
+from obsdesign.studies.comparison.record import Record
+from obsdesign.studies.comparison.row import REFERENCE
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from obsdesign.cli import cli
-from obsdesign.kinds import KINDS, OPTIONS
+from obsdesign.cli.commands import cli
+from obsdesign.problem.kinds import KINDS, OPTIONS
 from obsdesign.runtime.load import OBSERVERS
 
 ROOT = Path(__file__).parent.parent

@@ -17,18 +17,19 @@ import pytest
 from flint import arb
 
 import obsdesign
-from lmi.balls import exact
-from lmi.norms import well_ranked
-from lmi.stack import Stack, state_basis
-from obsdesign import cli, workflow
+from lmi.arithmetic.balls import exact
+from lmi.arithmetic.norms import well_ranked
+from lmi.rank.stack import Stack, state_basis
+from obsdesign import workflow
+from obsdesign.cli import commands as cli
 from obsdesign.document import digest, load_design
-from obsdesign.equations.smoothing import smoothed
+from obsdesign.equations.unknown_input.smoothing import smoothed
 from obsdesign.errors import InputError
 from obsdesign.input_files import MOST_BYTES
-from obsdesign.kalman import kalman_filter
-from obsdesign.plant import Flow, Output, Plant
+from obsdesign.problem.plant import Flow, Output, Plant
 from obsdesign.runtime.base import Sample
 from obsdesign.runtime.step_cache import shared_length
+from obsdesign.studies.comparison.kalman import kalman_filter
 from tests.fuzz.cases import design_text
 from tests.fuzz.harness import Case, call
 from tests.fuzz.plants import PROBLEMS

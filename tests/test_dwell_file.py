@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from obsdesign.cli import cli
-from obsdesign.dwell_file import read_dwell_times
+from obsdesign.cli.commands import cli
+from obsdesign.data.dwell_file import read_dwell_times
 from obsdesign.errors import InputError
 
 # alternating dwell times destabilise it, no constant one does (Briat's sampled-data benchmark)

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import obsdesign
+from obsdesign.data.simulation import simulate
 from obsdesign.runtime import from_design
 from obsdesign.runtime.base import rows_of
-from obsdesign.simulation import simulate
 
 EXAMPLES = sorted((Path(__file__).parent.parent / "examples").glob("*.toml"))
 

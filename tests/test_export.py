@@ -12,10 +12,10 @@ from scipy.io import loadmat
 
 import obsdesign
 from obsdesign import InputError
+from obsdesign.data.records import read_columns
+from obsdesign.data.simulation import simulate
 from obsdesign.interop import control_estimator, save_mat, to_columns, to_frame
-from obsdesign.records import read_columns
 from obsdesign.runtime import Sample, from_design
-from obsdesign.simulation import simulate
 from tests.test_cli import ROOT, command
 
 EXAMPLES = ("degue_4_1", "ahn_2", "mattsson_medvedev", "mazenc_4", "medina_spline", "sampled_data")

@@ -11,12 +11,12 @@ import pytest
 from click.testing import CliRunner
 
 import obsdesign
-from obsdesign.cli import cli
-from obsdesign.curves import curve_of
+from obsdesign.cli.answers import show
+from obsdesign.cli.commands import cli
 from obsdesign.document import digest
-from obsdesign.presentation import show
-from obsdesign.problem import Problem
-from obsdesign.told_truly import guarantees_of
+from obsdesign.pages.curves import curve_of
+from obsdesign.problem.problem import Problem
+from obsdesign.verification.document import guarantees_of
 from obsdesign.workflow import layer
 from tests.test_cli import ROOT
 from tests.test_report import Page

@@ -10,10 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import obsdesign
-from lmi.exponential import expm
-from obsdesign.kalman import kalman_filter, tuned_walk
+from lmi.arithmetic.exponential import expm
+from obsdesign.data.simulation import simulate
 from obsdesign.runtime.base import Sample, rows_of
-from obsdesign.simulation import simulate
+from obsdesign.studies.comparison.kalman import kalman_filter, tuned_walk
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
 

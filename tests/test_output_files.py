@@ -20,7 +20,7 @@ import obsdesign
 from obsdesign.document import digest
 from obsdesign.interop import save_mat
 from obsdesign.output_files import replacing, temporary_folder, unwinding_signals, write_text
-from obsdesign.plotting.style import picture
+from obsdesign.pages.plotting.style import picture
 from tests.test_architecture import FILES, module
 from tests.test_cli import command
 
@@ -82,7 +82,7 @@ def test_a_run_that_is_ended_leaves_nothing(
 ) -> None:
     (tmp_path / "est.csv").write_text("old")
     arguments = ("run", str(academic_design), "--initial", "0,2,0,2", "-o", "est.csv")
-    code = "from obsdesign.cli import main; main()"
+    code = "from obsdesign.cli.main import main; main()"
     with subprocess.Popen(
         [sys.executable, "-c", code, *arguments], cwd=tmp_path, stdin=subprocess.PIPE,
         stderr=subprocess.PIPE, text=True,
@@ -124,7 +124,7 @@ def test_handlers_of_a_caller_are_kept() -> None:
 def test_there_is_one_writer() -> None:
     """A sweep grows line by line; every other file goes through `output_files`."""
     for path in FILES:
-        if module(path) in ("obsdesign.output_files", "obsdesign.sweep.record"):
+        if module(path) in ("obsdesign.output_files", "obsdesign.studies.sweep.record"):
             continue
         for node in ast.walk(ast.parse(path.read_text("utf-8"))):
             if not isinstance(node, ast.Call):

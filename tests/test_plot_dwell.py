@@ -11,7 +11,7 @@ import pytest
 from matplotlib.image import imread
 
 from obsdesign.errors import InputError
-from obsdesign.plotting.dwell import plot_dwell
+from obsdesign.pages.plotting.dwell import plot_dwell
 
 GREEN, BLUE, VERMILION = (0, 158, 115), (0, 114, 178), (213, 94, 0)
 WINDOWS = [{"dwell": {"-1": [0.4, 1.0]}, "P": [[1.0]]}, {"dwell": {"-1": [1.0, 1.9]}, "P": [[1.0]]}]

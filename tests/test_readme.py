@@ -30,7 +30,7 @@ def test_two_commands_do_all_set_up() -> None:
 
 def test_the_demo_makes_what_it_says(tmp_path: Path) -> None:
     done = subprocess.run(
-        [sys.executable, "-c", "from obsdesign.cli import main; main()", "demo"],
+        [sys.executable, "-c", "from obsdesign.cli.main import main; main()", "demo"],
         cwd=tmp_path, capture_output=True, text=True, check=False, timeout=300,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
@@ -49,7 +49,7 @@ def test_console_block(tmp_path: Path) -> None:
     (tmp_path / "examples").symlink_to(ROOT / "examples")
     for line in commands:
         done = subprocess.run(
-            [sys.executable, "-c", "from obsdesign.cli import main; main()", *shlex.split(line)],
+            [sys.executable, "-c", "from obsdesign.cli.main import main; main()", *shlex.split(line)],
             cwd=tmp_path, capture_output=True, text=True, check=False, timeout=300,
         )  # fmt: skip
         assert done.returncode == 0, (line, done.stderr)

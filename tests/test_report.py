@@ -15,10 +15,10 @@ import pytest
 from click.testing import CliRunner
 
 import obsdesign
-from obsdesign.cli import cli
-from obsdesign.curves import curve_of
+from obsdesign.cli.commands import cli
 from obsdesign.document import digest
-from obsdesign.report import write_report
+from obsdesign.pages.curves import curve_of
+from obsdesign.pages.report import write_report
 
 ROOT = Path(__file__).parent.parent
 CHROMIUM = next(

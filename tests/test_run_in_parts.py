@@ -12,10 +12,10 @@ from click.testing import CliRunner, Result
 
 import obsdesign
 from obsdesign import InputError
-from obsdesign.cli import cli
+from obsdesign.cli.commands import cli
+from obsdesign.data.simulation import simulate
 from obsdesign.document import digest
 from obsdesign.input_files import MOST_BYTES
-from obsdesign.simulation import simulate
 from tests.test_cli import ROOT, command
 
 START = ("--initial", "0,2,0,2")

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import obsdesign
-from obsdesign.search import search
+from obsdesign.studies.search.dwell_time import search
 from tests.test_cli import ROOT, command
 
 ACCURACY = 1e-6

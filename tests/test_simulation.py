@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from obsdesign.data.jump_times import jump_times
+from obsdesign.data.simulation import Record, simulate
 from obsdesign.errors import InputError
-from obsdesign.jump_times import jump_times
-from obsdesign.plant import Flow, Jump, Output, Plant
-from obsdesign.simulation import Record, simulate
+from obsdesign.problem.plant import Flow, Jump, Output, Plant
 
 ODE_TOLERANCE = 1e-8  # of the integrator that checks us; ours is exact to rounding
 
@@ -36,7 +36,7 @@ def test_the_flow_solves_the_differential_equation(disturbance: str) -> None:
                      rng=np.random.default_rng(7))  # fmt: skip
     assert record.t[-1] == again.t[-1] == 3.0
     u, x = record.block("u"), record.block("x")
-    from obsdesign.signals import signals
+    from obsdesign.data.signals import signals
 
     source = signals(still, disturbance, len(record.t), np.random.default_rng(7))
 
@@ -61,7 +61,7 @@ def test_everything_stays_inside_its_bounds(disturbance: str) -> None:
     spacing = np.diff(t[jump])
     assert spacing.min() > 0.5 - 1e-9
     assert spacing.max() < 1.5 + 1e-9
-    from lmi.exponential import flow_integrals
+    from lmi.arithmetic.exponential import flow_integrals
 
     for k in range(1, len(t)):
         Phi, Gamma = flow_integrals(subject.flow.A, t[k] - t[k - 1])
@@ -84,7 +84,7 @@ def test_a_jump_is_the_map_of_the_plant() -> None:
     record = simulate(subject, until=5.0, step=0.1, disturbance="zero", dwell=0.7)
     jumps = np.flatnonzero(record.columns["jump"])
     np.testing.assert_allclose(record.t[jumps], 0.7 * np.arange(1, 8), atol=1e-12)
-    from lmi.exponential import flow_integrals
+    from lmi.arithmetic.exponential import flow_integrals
 
     x, w, u = (record.block(letter) for letter in "xwu")
     middle = (subject.flow.lower + subject.flow.upper) / 2

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from obsdesign.cli import cli
+from obsdesign.cli.commands import cli
 
 ROOT = Path(__file__).parent.parent
 PAGES = sorted((ROOT / "docs").glob("*.md"))
@@ -22,7 +22,7 @@ WITH_CODE = [p for p in PAGES if re.search("^```(console|python)", p.read_text("
 SHELL = """
 set -u
 obsdesign() {
-    "$PYTHON" -c 'from obsdesign.cli import main; main()' "$@"
+    "$PYTHON" -c 'from obsdesign.cli.main import main; main()' "$@"
     case $? in 0|1|3) ;; *) exit 9 ;; esac
 }
 """

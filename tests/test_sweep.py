@@ -21,13 +21,13 @@ from matplotlib.image import imread
 import obsdesign
 from obsdesign import InputError
 from obsdesign.document import jsonable
-from obsdesign.plotting.sweep import plot_sweep
-from obsdesign.search import search
-from obsdesign.sweep import workers
-from obsdesign.sweep.axes import Axis, changed, entries, parse_axis, require_number
-from obsdesign.sweep.point import Plan, evaluate, plan_sweep
-from obsdesign.sweep.record import header, read_sweep
-from obsdesign.sweep.run import run_sweep
+from obsdesign.pages.plotting.sweep import plot_sweep
+from obsdesign.studies.search.dwell_time import search
+from obsdesign.studies.sweep import workers
+from obsdesign.studies.sweep.axes import Axis, changed, entries, parse_axis, require_number
+from obsdesign.studies.sweep.point import Plan, evaluate, plan_sweep
+from obsdesign.studies.sweep.record import header, read_sweep
+from obsdesign.studies.sweep.run import run_sweep
 from tests.test_cli import ROOT, command
 
 ACADEMIC = ROOT / "examples" / "degue_4_1.toml"
@@ -196,7 +196,7 @@ def test_errors_are_kept_and_the_sweep_goes_on(tmp_path: Path, monkeypatch: Any)
     )
     assert rows[1]["verdict"] == "proved"
     assert rows[2]["error"].endswith("got [0.15, 0.1]. Is it reversed?")
-    broken = "obsdesign.sweep.point.workflow.investigate"
+    broken = "obsdesign.studies.sweep.point.workflow.investigate"
     monkeypatch.setattr(broken, lambda problem, **_: [][1])  # a mistake of ours costs one point
     assert evaluate(asked, 1)["error"] == "IndexError: list index out of range"
 
@@ -364,7 +364,7 @@ def on_a_terminal(*arguments: object, cwd: Path, **environment: str) -> str:
     """What a command says on a terminal of 80 columns."""
     import pty
 
-    code = f"import sys; sys.argv[1:] = {list(map(str, arguments))!r}; from obsdesign.cli import main; main()"
+    code = f"import sys; sys.argv[1:] = {list(map(str, arguments))!r}; from obsdesign.cli.main import main; main()"
     ours, theirs = pty.openpty()
     told = {**os.environ, "COLUMNS": "80", "TERM": "xterm", **environment}
     with subprocess.Popen(
@@ -395,7 +395,7 @@ def test_a_killed_run_goes_on(tmp_path: Path, how: int) -> None:
     # a run in the background of a shell ignores SIGINT, and so would its children
     code = (
         "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler); "
-        f"sys.argv[1:] = {list(map(str, asked))!r}; from obsdesign.cli import main; main()"
+        f"sys.argv[1:] = {list(map(str, asked))!r}; from obsdesign.cli.main import main; main()"
     )
     with subprocess.Popen(
         [sys.executable, "-c", code], cwd=tmp_path, stderr=subprocess.PIPE
@@ -465,7 +465,7 @@ def test_points_without_a_number_have_their_colour(
 
 def test_a_sweep_that_is_ended_takes_its_processes_along(tmp_path: Path) -> None:
     """Workers that went on would hold the pipe open: its reader sees the end at once."""
-    code = "from obsdesign.cli import main; main()"
+    code = "from obsdesign.cli.main import main; main()"
     arguments = ("sweep", ACADEMIC, "--over", "jump.dwell_time[0]=0.5:1.5:2000", "--jobs", "2")
     with subprocess.Popen(
         [sys.executable, "-c", code, *map(str, arguments)], cwd=tmp_path,

@@ -13,9 +13,9 @@ from typing import Any
 import pytest
 
 from obsdesign import InputError
-from obsdesign.sweep.point import evaluate
-from obsdesign.sweep.record import read_sweep
-from obsdesign.sweep.run import run_sweep
+from obsdesign.studies.sweep.point import evaluate
+from obsdesign.studies.sweep.record import read_sweep
+from obsdesign.studies.sweep.run import run_sweep
 from tests.test_cli import command
 from tests.test_sweep import ACADEMIC, DIED, dies, plan
 
@@ -70,7 +70,7 @@ def test_a_point_that_kills_workers_is_told(tmp_path: Path, monkeypatch: Any) ->
     asked = plan("jump.dwell_time[1]=0.1:1:4", name="no/such/folder/flag")
     expected = [evaluate(asked, index) for index in range(len(asked))]
     expected[1] = {"point": 1, "at": [0.4], "error": DIED}
-    monkeypatch.setattr("obsdesign.sweep.workers.evaluate", dies)
+    monkeypatch.setattr("obsdesign.studies.sweep.workers.evaluate", dies)
     with (
         dask.config.set({"distributed.scheduler.allowed-failures": 0}),
         distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0") as few,
@@ -95,7 +95,7 @@ def test_a_scheduler_that_dies_is_one_line(tmp_path: Path) -> None:
     with subprocess.Popen([sys.executable, "-c", CLUSTER], text=True, **quiet) as cluster:
         address = cluster.stdout.readline().strip()
         asked = ("sweep", ACADEMIC, "--over", "jump.dwell_time[0]=0.6:1.4:60", "--scheduler")
-        code = "from obsdesign.cli import main; main()"
+        code = "from obsdesign.cli.main import main; main()"
         run = subprocess.Popen([sys.executable, "-c", code, *map(str, asked), address],
                                cwd=tmp_path, text=True, **pipes)  # fmt: skip
         while not path.exists() or path.read_bytes().count(b"\n") < 4:
@@ -111,7 +111,7 @@ def test_a_scheduler_that_dies_is_one_line(tmp_path: Path) -> None:
 
 
 def test_nobody_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("obsdesign.sweep.workers._ANSWER_SECONDS", 1)
+    monkeypatch.setattr("obsdesign.studies.sweep.workers._ANSWER_SECONDS", 1)
     for address in ("tcp://127.0.0.1:9", "nonsense", "nonsense://x:1", "inproc://x"):
         with pytest.raises(InputError, match="no Dask scheduler answers there"):
             run_sweep(plan("jump.dwell_time[1]=0.1:1:2"), str(tmp_path / "s.jsonl"),

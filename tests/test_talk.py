@@ -12,11 +12,11 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner, Result
 
-from obsdesign.cli import cli
+from obsdesign.cli.commands import cli
 
 ROOT = Path(__file__).parent.parent
 ACADEMIC = str(ROOT / "examples" / "degue_4_1.toml")
-MAIN = "from obsdesign.cli import main; main()"
+MAIN = "from obsdesign.cli.main import main; main()"
 
 
 def invoke(*arguments: object) -> Result:

@@ -11,18 +11,19 @@ import numpy as np
 import pytest
 
 import obsdesign
-from lmi import decide, dwell_gap
-from lmi.patience import ended_part
-from lmi.window_search import Budget, find_windows
-from obsdesign.answers import reason
-from obsdesign.check import check_all, check_kind
-from obsdesign.comparison.compare import compare
-from obsdesign.comparison.record import Record
-from obsdesign.presentation import show_bracket
-from obsdesign.search import search
-from obsdesign.sweep.axes import parse_axis
-from obsdesign.sweep.point import evaluate, plan_sweep
-from obsdesign.sweep.run import run_sweep
+from lmi.decide import dwell_gap
+from lmi.decide import stability as decide
+from lmi.find.window_search import Budget, find_windows
+from lmi.time_budget import ended_part
+from obsdesign.cli.answers import show_bracket
+from obsdesign.studies.check.which_kinds import check_all, check_kind
+from obsdesign.studies.comparison.compare import compare
+from obsdesign.studies.comparison.record import Record
+from obsdesign.studies.search.dwell_time import search
+from obsdesign.studies.sweep.axes import parse_axis
+from obsdesign.studies.sweep.point import evaluate, plan_sweep
+from obsdesign.studies.sweep.run import run_sweep
+from obsdesign.verification.answers import reason
 from tests.test_cli import ROOT, command
 
 SAMPLED = ROOT / "examples" / "sampled_data.toml"
@@ -196,7 +197,7 @@ def test_commands_take_it(tmp_path: Path) -> None:
 def test_a_time_is_positive_and_finite(arguments: tuple[str, ...], seconds: str) -> None:
     from click.testing import CliRunner
 
-    from obsdesign.cli import cli
+    from obsdesign.cli.commands import cli
 
     with pytest.raises(obsdesign.InputError, match="--time must be a positive finite number"):
         CliRunner().invoke(

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from obsdesign.errors import InputError
-from obsdesign.plant import Jump
-from obsdesign.problem import Problem
+from obsdesign.problem.plant import Jump
+from obsdesign.problem.problem import Problem
 
 
 def from_state_space(

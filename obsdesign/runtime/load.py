@@ -16,15 +16,15 @@ from obsdesign.runtime.base import Observer
 
 # kind -> module and class; modules are imported when they are asked for
 OBSERVERS = {
-    "interval": ("obsdesign.runtime.interval", "IntervalObserver"),
-    "luenberger": ("obsdesign.runtime.luenberger", "LuenbergerObserver"),
-    "impulsive": ("obsdesign.runtime.impulsive", "ImpulsiveObserver"),
-    "finite_time": ("obsdesign.runtime.finite_time", "FiniteTimeObserver"),
-    "unknown_input": ("obsdesign.runtime.unknown_input", "UnknownInputObserver"),
-    "impulsive_input": ("obsdesign.runtime.impulsive_input", "ImpulsiveInputObserver"),
+    "interval": ("obsdesign.runtime.interval.observer", "IntervalObserver"),
+    "luenberger": ("obsdesign.runtime.luenberger.observer", "LuenbergerObserver"),
+    "impulsive": ("obsdesign.runtime.impulsive.observer", "ImpulsiveObserver"),
+    "finite_time": ("obsdesign.runtime.finite_time.observer", "FiniteTimeObserver"),
+    "unknown_input": ("obsdesign.runtime.unknown_input.observer", "UnknownInputObserver"),
+    "impulsive_input": ("obsdesign.runtime.impulsive_input.observer", "ImpulsiveInputObserver"),
 }
 # rows come later, which takes a state of another shape
-_WITH_LAG = ("obsdesign.runtime.fixed_lag", "FixedLagObserver")
+_WITH_LAG = ("obsdesign.runtime.unknown_input.fixed_lag", "FixedLagObserver")
 
 
 def load(path: str | os.PathLike[str]) -> Observer:

@@ -21,7 +21,7 @@ from obsdesign.document import Design, digest
 from obsdesign.errors import InputError
 from obsdesign.input_files import keys_once, require_depth
 from obsdesign.runtime.base import Row
-from obsdesign.runtime.window_tape import Tape
+from obsdesign.runtime.finite_time.tape import Tape
 
 FORMAT = "obsdesign/state"
 VERSION = 1

@@ -7,20 +7,20 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
-from lmi.balls import exact, to_float
-from lmi.copositive import decide_copositive, looks_positive
-from lmi.decide import Memory, decide
-from lmi.largest_rates import largest_rates
-from lmi.patience import remaining
-from lmi.rates import propose_rates
-from obsdesign.problem import Problem
+from lmi.arithmetic.balls import exact, to_float
+from lmi.decide.stability import Memory, decide
+from lmi.find.copositive import decide_copositive, looks_positive
+from lmi.find.largest_rates import largest_rates
+from lmi.prove.rates import propose_rates
+from lmi.time_budget import remaining
+from obsdesign.problem.problem import Problem
 
 # from so many states on, linear programs come first: a matrix has n (n + 1) / 2 unknowns
 _LARGE = 16
 
 
 def question(problem: Problem) -> dict[str, Any]:
-    """What a problem asks of `lmi.decide` beside the range: memory and jitter."""
+    """What a problem asks of `lmi.decide.stability` beside the range: memory and jitter."""
     jump = problem.plant.jump
     jitter = math.inf if jump is None else jump.dwell_jitter
     return {"memory": problem.options.get("memory", "auto"), "jitter": jitter}
@@ -37,7 +37,7 @@ def dwell_certificates(
 ) -> dict[str, Any]:
     """Under the ids of the claims they are for: stability, and the rates its P allows.
 
-    memory, jitter: as in `lmi.decide`.
+    memory, jitter: as in `lmi.decide.stability`.
     """
     evidence = stability_certificate(F, H, low, high, memory=memory, jitter=jitter)
     found: dict[str, Any] = {"dwell_stability": evidence}
@@ -64,7 +64,7 @@ def stability_certificate(
     """Evidence that the pair is stable or is not, as far as any is found.
 
     For positive systems a copositive certificate is tried too: first where matrices are large, else
-    where one common P is not enough, before windows are. memory, jitter: as in `lmi.decide`.
+    where one common P is not enough, before windows are. memory, jitter: as in `lmi.decide.stability`.
     """
     positive = looks_positive(to_float(exact(F)), to_float(exact(H)))
     if positive and len(F) >= _LARGE:

@@ -8,7 +8,7 @@ import numpy as np
 
 from obsdesign.equations.estimation_error import idle_gains
 from obsdesign.errors import DoesNotApply, InputError
-from obsdesign.problem import Problem
+from obsdesign.problem.problem import Problem
 
 
 def refuse_unusable(problem: Problem) -> None:

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from obsdesign.analysis.hidden_modes import approx_unobservable_modes
+from obsdesign.analysis.units import own_units
 from obsdesign.errors import InputError
-from obsdesign.own_units import own_units
-from obsdesign.structure import approx_unobservable_modes
 
 Matrix = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 from obsdesign.document import Claim
-from obsdesign.problem import Problem
+from obsdesign.problem.problem import Problem
 
 
 def open_choices(problem: Problem, *names: str) -> set[str]:

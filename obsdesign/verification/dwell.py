@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from lmi.infeasible import prove_no_common
-from lmi.positive import FORMS, SIDES, prove_copositive
-from lmi.proof import prove_common
-from lmi.spectral import decide_constant, refute_spectral, refute_word, steps_within
+from lmi.prove.common_matrix import prove_common
+from lmi.prove.positive import FORMS, SIDES, prove_copositive
+from lmi.prove.windows_proof import prove_windows
+from lmi.refute.infeasible import prove_no_common
+from lmi.refute.spectral import decide_constant, refute_spectral, refute_word, steps_within
 from lmi.verdict import Verdict, undecided
-from lmi.windows_proof import prove_windows
-from obsdesign.problem import Problem
+from obsdesign.problem.problem import Problem
 
 
 def unusable(problem: Problem) -> str | None:
@@ -97,7 +97,7 @@ def dwell_stability(
 def source_of(verdict: Verdict, paper: str) -> str:
     """The paper, or what takes its place where windows of dwell times prove."""
     if verdict.outcome == "proved" and "windows" in verdict.evidence:
-        return f"{paper}, with a P for every window of dwell times (lmi/windows_proof.py)"
+        return f"{paper}, with a P for every window of dwell times (lmi/prove/windows_proof.py)"
     return paper
 
 

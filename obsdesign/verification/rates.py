@@ -7,7 +7,7 @@ from dataclasses import asdict
 from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal, localcontext
 from typing import Any
 
-from lmi.rates import Rates, prove_rates
+from lmi.prove.rates import Rates, prove_rates
 from obsdesign.document import Claim
 from obsdesign.verification.dwell import Dwell, matrix_of
 

@@ -12,11 +12,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import obsdesign
-from lmi.balls import precision
+from lmi.arithmetic.balls import precision
+from obsdesign.analysis.finite_time.enclosed_gains import Sampled
 from obsdesign.document import Design, digest, from_dict
 from obsdesign.errors import InputError
-from obsdesign.verification.finite_time import claims
-from obsdesign.window_gains import Sampled
+from obsdesign.verification.finite_time.claims import claims
 
 ROTATION = [[0, 0.15], [-0.15, 0]]
 L = [[0], [0.1]]
@@ -333,9 +333,9 @@ def test_claims_do_not_depend_on_coordinates_or_units(seed: int, n: int, p: int)
 def test_series_of_one_period_against_an_ode(seed: int) -> None:
     from scipy.integrate import solve_ivp
 
-    from lmi.exponential import expm
-    from lmi.norms import middles
-    from obsdesign.window_gains import injection
+    from lmi.arithmetic.exponential import expm
+    from lmi.arithmetic.norms import middles
+    from obsdesign.analysis.finite_time.enclosed_gains import injection
 
     rng = np.random.default_rng(seed)
     n, p = int(rng.integers(1, 4)), int(rng.integers(1, 3))

@@ -12,9 +12,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import obsdesign
+from obsdesign.data.simulation import simulate
 from obsdesign.errors import InputError
 from obsdesign.runtime import Sample, from_design
-from obsdesign.simulation import simulate
 from tests.finite_time.test_claims import ROTATION, L, problem
 from tests.test_architecture import SOLVERS, run_blocked
 from tests.test_cli import command
@@ -96,7 +96,7 @@ def test_bounds_hold_against_any_signal(seed: int, n: int, method: str) -> None:
 
 def test_bounds_are_attained_by_a_switching_disturbance() -> None:
     """b at its bounds with the signs of its weights, v too: within one per cent of the radius."""
-    from lmi.exponential import expm
+    from lmi.arithmetic.exponential import expm
 
     asked = problem(
         window=6, method="exact", gains={"L": L}, output={"noise_bound": [0.01]},

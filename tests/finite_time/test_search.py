@@ -14,16 +14,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import obsdesign
-from lmi.balls import precision
-from lmi.norms import float_below
-from lmi.patience import total_budget
+from lmi.arithmetic.balls import precision
+from lmi.arithmetic.norms import float_below
+from lmi.time_budget import total_budget
+from obsdesign.analysis.finite_time.enclosed_gains import Sampled
 from obsdesign.document import digest, from_dict
-from obsdesign.equations import finite_time as equations
-from obsdesign.equations.finite_time_bounds import approx_log_longest_period
-from obsdesign.search import search
-from obsdesign.synthesis.finite_time_injection import Open, best_injection
-from obsdesign.verification.finite_time_bounds import Sizes
-from obsdesign.window_gains import Sampled
+from obsdesign.equations.finite_time import gains as equations
+from obsdesign.equations.finite_time.condition_13 import approx_log_longest_period
+from obsdesign.studies.search.dwell_time import search
+from obsdesign.synthesis.finite_time.injection import Open, best_injection
+from obsdesign.verification.finite_time.theorem_1 import Sizes
 from tests.finite_time.test_claims import ROTATION, L, problem
 from tests.test_cli import ROOT, command
 
@@ -236,7 +236,7 @@ def test_freedom_never_hurts_and_units_do_not_matter() -> None:
 
 
 def test_the_program_against_true_norms() -> None:
-    from obsdesign.synthesis.period_nlp import PeriodProgram
+    from obsdesign.synthesis.finite_time.period_program import PeriodProgram
 
     program = PeriodProgram(A, C)
     reached = []
@@ -249,7 +249,7 @@ def test_the_program_against_true_norms() -> None:
 
 
 def test_coordinates_are_part_of_the_program() -> None:
-    from obsdesign.synthesis.period_nlp import PeriodProgram
+    from obsdesign.synthesis.finite_time.period_program import PeriodProgram
 
     chain, output = np.array([[0.0, 1], [0, 0]]), np.array([[1.0, 0]])
     program = PeriodProgram(chain, output, coordinates=True)

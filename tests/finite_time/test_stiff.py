@@ -12,15 +12,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import obsdesign
-from lmi.exponential import flow_integrals
-from obsdesign import window_gains
+from lmi.arithmetic.exponential import flow_integrals
+from obsdesign.analysis.finite_time import enclosed_gains as window_gains
+from obsdesign.analysis.finite_time.enclosed_gains import Sampled
+from obsdesign.data.simulation import simulate
 from obsdesign.document import from_dict
-from obsdesign.equations.finite_time import least_squares_gain
+from obsdesign.equations.finite_time.gains import least_squares_gain
 from obsdesign.runtime import Sample, from_design
-from obsdesign.simulation import simulate
-from obsdesign.synthesis import minimax
-from obsdesign.verification.finite_time_gains import _too_fast
-from obsdesign.window_gains import Sampled
+from obsdesign.synthesis.finite_time import minimax
+from obsdesign.verification.finite_time.gains import _too_fast
 from tests.finite_time.test_claims import problem
 
 BOTH = [[1.0, 1.0]]

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from unittest import mock
 
-from obsdesign.cli import main
+from obsdesign.cli.commands import main
 
 _MOST_ERROR_LINES = 2
 SECONDS = 20.0

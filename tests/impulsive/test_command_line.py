@@ -22,7 +22,7 @@ DOUBLE: dict[str, Any] = {
 
 def command(*args: Any, cwd: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [sys.executable, "-c", "from obsdesign.cli import main; main()", *map(str, args)],
+        [sys.executable, "-c", "from obsdesign.cli.main import main; main()", *map(str, args)],
         cwd=cwd, capture_output=True, text=True, check=False, timeout=120,
     )  # fmt: skip
 

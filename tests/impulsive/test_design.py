@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 import obsdesign
-from obsdesign.equations.impulsive import Core, core_of, window_gains
-from obsdesign.impulsive_estimate import simulated
-from obsdesign.verification.impulsive import claims
+from obsdesign.analysis.impulsive_noise import simulated
+from obsdesign.equations.impulsive.gains import Core, core_of, window_gains
+from obsdesign.verification.impulsive.claims import claims
 from tests.impulsive.systems import (
     DOUBLE,
     OSCILLATOR,
@@ -205,7 +205,7 @@ def test_brute_force_never_contradicts_the_rate(plant: Any, dwell: Any, options:
 
 def growths(design: Any, dwell: Any, seed: int) -> list[tuple[float, int]]:
     """(norm of the product of N error maps just before impulses, N), from the runtime's gains."""
-    from lmi.exponential import expm
+    from lmi.arithmetic.exponential import expm
     from obsdesign.runtime import Sample, from_design
 
     rng = np.random.default_rng(seed)
@@ -428,7 +428,7 @@ def test_a_measurement_after_the_impulse_sees_what_is_left() -> None:
 
 
 def test_the_gain_moves_with_the_basis() -> None:
-    from lmi.exponential import expm
+    from lmi.arithmetic.exponential import expm
 
     rng = np.random.default_rng(0)
     A, G, C = rng.standard_normal((3, 3)), rng.standard_normal((3, 3)), rng.standard_normal((1, 3))

@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 
 import obsdesign
-from obsdesign.equations.impulsive import core_of, window_gains
+from obsdesign.data.simulation import simulate
+from obsdesign.equations.impulsive.gains import core_of, window_gains
 from obsdesign.runtime import Sample, from_design
-from obsdesign.runtime.impulsive import ImpulsiveObserver
-from obsdesign.runtime.sliding_window import Element, SlidingWindow
-from obsdesign.simulation import simulate
+from obsdesign.runtime.impulsive.observer import ImpulsiveObserver
+from obsdesign.runtime.impulsive.window import Element, SlidingWindow
 from tests.impulsive.systems import DOUBLE, SPLINE, chain, first, problem
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 import obsdesign
-from lmi.exponential import expm
+from lmi.arithmetic.exponential import expm
 from obsdesign.runtime import Estimate, from_design
 from obsdesign.runtime.base import rows_of
 

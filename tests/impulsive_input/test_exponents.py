@@ -11,9 +11,13 @@ from scipy.linalg import expm
 
 import obsdesign
 from obsdesign.equations.estimation_error import flow_error_matrix
-from obsdesign.equations.impulsive_input import filtered_system
-from obsdesign.synthesis.exponent_nlp import peak_age, second_opinion, time_deviation
-from obsdesign.synthesis.impulse_exponents import slowest_exponent
+from obsdesign.equations.impulsive_input.features import filtered_system
+from obsdesign.synthesis.impulsive_input.exponent_program import (
+    peak_age,
+    second_opinion,
+    time_deviation,
+)
+from obsdesign.synthesis.impulsive_input.exponents import slowest_exponent
 from tests.impulsive_input.cases import CHAIN
 
 A, C = np.array(CHAIN["flow"]["A"]), np.array([[0.0, 0, 1]])

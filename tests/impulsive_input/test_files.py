@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import obsdesign
-from obsdesign.plotting.estimate import _moments
+from obsdesign.pages.plotting.estimate import _moments
 from tests.test_architecture import SOLVERS, run_blocked
 
 ROOT = Path(__file__).parents[2]
@@ -30,7 +30,7 @@ def designs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 
 
 def command(*words: object) -> subprocess.CompletedProcess[str]:
-    script = "from obsdesign.cli import main; main()"
+    script = "from obsdesign.cli.main import main; main()"
     return subprocess.run(
         [sys.executable, "-c", script, *map(str, words)],
         cwd=ROOT, capture_output=True, text=True, check=False,
@@ -67,7 +67,7 @@ def test_a_record_through_the_command_line(designs: list[Path], tmp_path: Path) 
     assert all(float(row["t_std"]) > 1 for row in found)
     # row by row on a pipe: the same answer
     piped = subprocess.run(
-        [sys.executable, "-c", "from obsdesign.cli import main; main()", "run", str(designs[0]), "--initial", "0,2.4"],
+        [sys.executable, "-c", "from obsdesign.cli.main import main; main()", "run", str(designs[0]), "--initial", "0,2.4"],
         cwd=ROOT, input=RECORD.read_text("utf-8"), capture_output=True, text=True, check=True,
     )  # fmt: skip
     assert piped.stdout == estimate.read_text("utf-8")
@@ -151,7 +151,7 @@ def test_every_event_file_can_be_drawn(A: str, H: str, C: str, noise: str, tmp_p
 
 
 def test_check_says_why_the_kind_does_not_fit(tmp_path: Path) -> None:
-    from obsdesign.check import check_kind
+    from obsdesign.studies.check.which_kinds import check_kind
 
     fits = check_kind(obsdesign.load_problem(EXAMPLE), "impulsive_input")
     assert fits.items() >= {"verdict": "proved", "reasons": []}.items()

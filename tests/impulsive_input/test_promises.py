@@ -10,10 +10,14 @@ import numpy as np
 import pytest
 
 import obsdesign
-from obsdesign.equations.impulse_rule import growth_objection
-from obsdesign.equations.impulsive_input import feature_scales, filtered_system, window_matrix
+from obsdesign.equations.impulsive_input.features import (
+    feature_scales,
+    filtered_system,
+    window_matrix,
+)
+from obsdesign.equations.impulsive_input.rule import growth_objection
 from obsdesign.runtime import from_design
-from obsdesign.verification import impulsive_input as verification
+from obsdesign.verification.impulsive_input import claims as verification
 from tests.impulsive_input.cases import CHAIN, observer_of, record
 
 TRAIN = ((20.0, 1.0), (50.0, 2.0), (80.0, -3.0), (120.0, 1.0))

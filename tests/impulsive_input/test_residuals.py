@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 import obsdesign
-from lmi.exponential import expm
+from lmi.arithmetic.exponential import expm
 from obsdesign.runtime import from_design
-from obsdesign.runtime.impulse_residuals import LARGER, Residuals, birge_ratio
-from obsdesign.runtime.impulse_whitening import chi_squared_limit
+from obsdesign.runtime.impulsive_input.residuals import LARGER, Residuals, birge_ratio
+from obsdesign.runtime.impulsive_input.whitening import chi_squared_limit
 from tests.impulsive_input.cases import CHAIN, observer_of, record
 
 TWO: dict[str, Any] = {

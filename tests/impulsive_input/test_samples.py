@@ -13,14 +13,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import obsdesign
-from lmi.balls import exact
-from lmi.exponential import expm
+from lmi.arithmetic.balls import exact
+from lmi.arithmetic.exponential import expm
 from obsdesign.runtime import from_design
 from obsdesign.runtime.base import rows_of
-from obsdesign.runtime.impulse_filter import Row, SampledPlant
-from obsdesign.synthesis import impulsive_input as synthesis
-from obsdesign.verification import impulsive_input as verification
-from obsdesign.verification.impulse_samples import sampled_claims
+from obsdesign.runtime.impulsive_input.samples.filter import Row, SampledPlant
+from obsdesign.synthesis.impulsive_input import candidates as synthesis
+from obsdesign.verification.impulsive_input import claims as verification
+from obsdesign.verification.impulsive_input.samples import sampled_claims
 from tests.impulsive_input.cases import events_of, record
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 import obsdesign
-from obsdesign.equations import impulsive_input as equations
+from obsdesign.equations.impulsive_input import features as equations
 from obsdesign.runtime import from_design
-from obsdesign.runtime.impulse_addition import short_dwell
+from obsdesign.runtime.impulsive_input.integral.addition import short_dwell
 from obsdesign.synthesis.placement import placed_gain
 from tests.impulsive_input.cases import CHAIN, record
 

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lmi.balls import ball, exact, precision
-from lmi.exponential import expm
-from obsdesign.equations.impulsive_input import filtered_system
-from obsdesign.verification import exponential_sign as signs
-from obsdesign.verification.uniqueness import decide_uniqueness
+from lmi.arithmetic.balls import ball, exact, precision
+from lmi.arithmetic.exponential import expm
+from lmi.prove import exponential_sign as signs
+from obsdesign.equations.impulsive_input.features import filtered_system
+from obsdesign.verification.impulsive_input.uniqueness import decide_uniqueness
 
 TWO_MODES = (np.diag([-0.5, -1.0]), np.array([[1.0, 1.0]]), np.array([[2.0], [-3.0]]))
 

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lmi.exponential import expm, flow_integrals
+from lmi.arithmetic.exponential import expm, flow_integrals
 from obsdesign.runtime.base import rows_of
-from obsdesign.runtime.impulse_filter import Filtered, Row
-from obsdesign.runtime.impulse_steady import STEADY, Steady
+from obsdesign.runtime.impulsive_input.samples.filter import Filtered, Row
+from obsdesign.runtime.impulsive_input.samples.steady_input import STEADY, Steady
 from tests.impulsive_input.cases import CHAIN, events_of, observer_of, record
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

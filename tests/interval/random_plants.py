@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 import obsdesign
+from obsdesign.data.simulation import Record, simulate
 from obsdesign.runtime import from_design
-from obsdesign.simulation import Record, simulate
 
 FORMS = ("cooperative", "split", "coordinates", "two_coordinates", "samples")
 

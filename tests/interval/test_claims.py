@@ -11,10 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import obsdesign
-from lmi.exponential import expm
-from obsdesign.equations.interval_width import periodic_width
-from obsdesign.synthesis.interval import synthesize
-from obsdesign.verification.interval import claims
+from lmi.arithmetic.exponential import expm
+from obsdesign.equations.interval.width import periodic_width
+from obsdesign.synthesis.interval.candidates import synthesize
+from obsdesign.verification.interval.claims import claims
 
 BASE: dict[str, Any] = {
     "flow": {"A": [[-1, 0], [1, -2]]},

@@ -13,11 +13,11 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 
 import obsdesign
-from lmi.proof import prove_common
-from obsdesign.equations.interval_width import width_system_of
+from lmi.prove.common_matrix import prove_common
+from obsdesign.equations.interval.width import width_system_of
 from obsdesign.runtime import Sample, from_design
-from obsdesign.runtime.interval import IntervalObserver
-from obsdesign.synthesis.interval_forms import formed
+from obsdesign.runtime.interval.observer import IntervalObserver
+from obsdesign.synthesis.interval.forms import formed
 
 DIGITS = 1e-3  # the thresholds are known to four digits
 
@@ -221,7 +221,7 @@ def test_coordinates_are_found_when_none_are_given() -> None:
 
 @pytest.mark.parametrize("seed", range(3))
 def test_the_state_stays_inside_in_other_coordinates(seed: int) -> None:
-    from obsdesign.simulation import simulate
+    from obsdesign.data.simulation import simulate
 
     design = obsdesign.design(problem(DEAD_BEAT, jump__dwell_time=[0.3, 1]))
     asked = obsdesign.Problem.from_dict(design.problem)
@@ -280,7 +280,7 @@ def test_gains_that_do_not_fit_the_form(gains: Any, form: str, message: str) -> 
 
 def test_a_design_with_singular_coordinates_is_refuted() -> None:
     design = obsdesign.design(problem(DEAD_BEAT))
-    from obsdesign.verification.interval import claims
+    from obsdesign.verification.interval.claims import claims
 
     gains = dict(design.gains) | {"S": np.array([[1.0, 1], [1, 1]])}
     asked = obsdesign.Problem.from_dict(

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import obsdesign
-from lmi.exponential import expm
+from lmi.arithmetic.exponential import expm
 from obsdesign.runtime import Sample, from_design
-from obsdesign.runtime.interval import IntervalObserver
+from obsdesign.runtime.interval.observer import IntervalObserver
 
 Matrix = np.ndarray[Any, np.dtype[np.float64]]
 

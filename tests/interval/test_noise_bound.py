@@ -12,11 +12,11 @@ import pytest
 
 import obsdesign
 from obsdesign import Flow, Output, Problem
-from obsdesign.check import check_kind
+from obsdesign.data.simulation import simulate
 from obsdesign.errors import DoesNotApply
-from obsdesign.plant import Plant
+from obsdesign.problem.plant import Plant
 from obsdesign.runtime import from_design
-from obsdesign.simulation import simulate
+from obsdesign.studies.check.which_kinds import check_kind
 from tests.test_cli import command
 
 ROOT = Path(__file__).parents[2]

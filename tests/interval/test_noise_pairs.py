@@ -13,11 +13,11 @@ from hypothesis import strategies as st
 
 import obsdesign
 from obsdesign import InputError, Problem
+from obsdesign.data.simulation import simulate
 from obsdesign.equations.estimation_error import noise_box
 from obsdesign.runtime import from_design
 from obsdesign.runtime.base import rows_of
-from obsdesign.runtime.interval_fleet import Fleet
-from obsdesign.simulation import simulate
+from obsdesign.runtime.interval.fleet import Fleet
 from tests.test_cli import ROOT
 
 PAIR, CENTRE, RADIUS = [-0.125, 0.375], 0.125, 0.25

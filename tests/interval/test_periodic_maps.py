@@ -11,14 +11,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import obsdesign
-from lmi.balls import exact, precision, rational
-from lmi.exponential import absolute_flow, expm
-from lmi.mean_value import Time
-from lmi.mean_value import absolute_flow as absolute_flow_in_balls
+from lmi.arithmetic.balls import exact, precision, rational
+from lmi.arithmetic.exponential import absolute_flow, expm
+from lmi.bounds.mean_value import Time
+from lmi.bounds.mean_value import absolute_flow as absolute_flow_in_balls
 from obsdesign.runtime import Sample, from_design
-from obsdesign.synthesis.interval import synthesize
-from obsdesign.synthesis.interval_periodic import SampledPlant
-from obsdesign.verification.interval import claims
+from obsdesign.synthesis.interval.candidates import synthesize
+from obsdesign.synthesis.interval.periodic import SampledPlant
+from obsdesign.verification.interval.claims import claims
 from tests.long.periodic_plants import random_problem
 
 ROUNDING = 1e-12

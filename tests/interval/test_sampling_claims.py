@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 import obsdesign
-from lmi.exponential import expm
+from lmi.arithmetic.exponential import expm
+from obsdesign.data.simulation import simulate
 from obsdesign.document import digest, from_dict
-from obsdesign.equations.interval_width import width_system_of
+from obsdesign.equations.interval.width import width_system_of
 from obsdesign.runtime import Sample, from_design
-from obsdesign.simulation import simulate
-from obsdesign.synthesis.interval import synthesize
-from obsdesign.verification.interval import claims
+from obsdesign.synthesis.interval.candidates import synthesize
+from obsdesign.verification.interval.claims import claims
 
 PERIODIC: dict[str, Any] = {
     "flow": {"A": [[-1, 0], [1, -2]], "disturbance": {"lower": [-0.1] * 2, "upper": [0.1] * 2}},

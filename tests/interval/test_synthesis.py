@@ -14,13 +14,13 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 
 import obsdesign
-from obsdesign.answers import reason
-from obsdesign.equations.interval_width import periodic_width, width_system_of
+from obsdesign.equations.interval.width import periodic_width, width_system_of
 from obsdesign.runtime import from_design
-from obsdesign.synthesis.interval_gains import best_gains
-from obsdesign.synthesis.interval_goals import growth, mean_width, shortest
-from obsdesign.synthesis.interval_program import clock_gains
-from obsdesign.synthesis.interval_task import task_of
+from obsdesign.synthesis.interval.descent import best_gains
+from obsdesign.synthesis.interval.goals import growth, mean_width, shortest
+from obsdesign.synthesis.interval.linear_program import clock_gains
+from obsdesign.synthesis.interval.task import task_of
+from obsdesign.verification.answers import reason
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -94,7 +94,7 @@ def test_a_range_that_is_narrower_than_asked_is_refuted_by_verify() -> None:
         "degue_4_1", dwell_time=[1, "inf"], objective="shortest_dwell", form="split"
     )
     design = obsdesign.design(asked)
-    from obsdesign.verification.interval import claims
+    from obsdesign.verification.interval.claims import claims
 
     gains = dict(design.gains) | {"dwell_time": [1.5, math.inf]}
     (claim,) = claims(asked, gains, {})
@@ -173,7 +173,7 @@ def test_the_task_measures_what_the_finished_gains_do(seed: int, n: int) -> None
     S = rng.standard_normal((n, n)) + 2 * np.eye(n)
     task = task_of(problem, False, S, {})
     L, M = rng.standard_normal((2, *task.limit_L.shape))
-    from obsdesign.synthesis.interval_forms import formed
+    from obsdesign.synthesis.interval.forms import formed
 
     system = width_system_of(formed(problem, "coordinates", *task.gains(L, M), {"S": S}))
     rough = task.system(L, M)
@@ -261,7 +261,7 @@ def test_an_obstruction_is_told_again_by_verify() -> None:
     design = obsdesign.design(problem)
     body = copy.deepcopy(dict(design.problem))
     body["jump"]["dwell_time"] = [0.5, "inf"]
-    from obsdesign.verification.interval import claims
+    from obsdesign.verification.interval.claims import claims
 
     gains = dict(design.gains) | {"dwell_time": [0.5, math.inf]}
     found = claims(obsdesign.Problem.from_dict(body), gains, {})
@@ -351,7 +351,7 @@ def test_a_hopeless_plant_is_refused_before_any_search(
         raise AssertionError("gains were looked for")
 
     for name in ("best_gains", "best_coordinates", "sampled_bases"):
-        monkeypatch.setattr(f"obsdesign.synthesis.interval.{name}", searched)
+        monkeypatch.setattr(f"obsdesign.synthesis.interval.candidates.{name}", searched)
     body = hidden_oscillation(np.eye(3))
     body["output"] |= {"measured": measured} | ({"period": 0.1} if measured != "continuous" else {})
     outcome = obsdesign.investigate(obsdesign.Problem.from_dict(body))

@@ -11,7 +11,7 @@ import pytest
 
 import obsdesign
 from obsdesign.document import digest, from_dict
-from obsdesign.verification.evidence import difference
+from obsdesign.verification.same_evidence import difference
 
 BASE: dict[str, Any] = {
     "flow": {"A": [[-1, 0], [1, -2]], "disturbance": {"lower": [-0.1] * 2, "upper": [0.1] * 2}},

@@ -12,14 +12,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import obsdesign
-from lmi.balls import exact
-from lmi.exponential import expm
-from lmi.periodic_limit import periodic_limit
-from lmi.tube import Affine, prove_below
-from obsdesign.equations.interval_width import periodic_width, width_system_of
-from obsdesign.synthesis.interval import synthesize
-from obsdesign.verification.interval import claims
-from obsdesign.verification.interval_width import raised_product
+from lmi.arithmetic.balls import exact
+from lmi.arithmetic.exponential import expm
+from lmi.bounds.folding_periodic_limit import periodic_limit
+from lmi.bounds.tube import Affine, prove_below
+from obsdesign.equations.interval.width import periodic_width, width_system_of
+from obsdesign.synthesis.interval.candidates import synthesize
+from obsdesign.verification.interval.claims import claims
+from obsdesign.verification.interval.width import raised_product
 
 TIGHT = 1e-4  # a proved bound is at most this much above the width that is reached
 
@@ -189,7 +189,7 @@ def test_a_limit_that_does_not_exist_is_not_certified() -> None:
 
 
 def test_the_float_and_the_exact_width_system_agree() -> None:
-    from lmi.balls import inverse, to_float
+    from lmi.arithmetic.balls import inverse, to_float
 
     W, N, f, h = random_system(np.random.default_rng(1), 3)
     design = obsdesign.design(obsdesign.Problem(**body_of(W, N, f, h, [0.2, 1.5])))

@@ -10,15 +10,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lmi.balancing import Scaling, balance
-from lmi.balls import exact
-from lmi.copositive import decide_copositive
-from lmi.decide import decide
-from lmi.dwell_search import shortest_dwell
-from lmi.largest_rates import largest_rates
-from lmi.positive import prove_copositive
-from lmi.proof import METHODS, prove_common
-from lmi.rates import Rates, prove_rates
+from lmi.arithmetic.balancing import Scaling, balance
+from lmi.arithmetic.balls import exact
+from lmi.decide.dwell_search import shortest_dwell
+from lmi.decide.stability import decide
+from lmi.find.copositive import decide_copositive
+from lmi.find.largest_rates import largest_rates
+from lmi.prove.common_matrix import METHODS, prove_common
+from lmi.prove.positive import prove_copositive
+from lmi.prove.rates import Rates, prove_rates
 from tests.lmi.systems import PAPER_41, SAMPLED, radius, random_pair
 
 Pair = tuple[np.ndarray, np.ndarray]

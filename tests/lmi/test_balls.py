@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lmi.balls import (
+from lmi.arithmetic.balls import (
     ball,
     certify_negative,
     certify_positive_definite,

@@ -7,10 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from lmi.balls import ball, exact, precision
-from lmi.decide import decide
-from lmi.hurwitz import schur
-from lmi.spectral import decide_constant
+from lmi.arithmetic.balls import ball, exact, precision
+from lmi.decide.stability import decide
+from lmi.prove.hurwitz import schur
+from lmi.refute.spectral import decide_constant
 from obsdesign.verification.dwell import Dwell, dwell_stability
 
 # M(1) = T B T^-1 with integer entries, F nilpotent: the spectral radius is known exactly

@@ -6,9 +6,9 @@ import cvxpy as cp
 import numpy as np
 import pytest
 
-from lmi.constrained import propose_constrained
-from lmi.decide import decide
-from lmi.proof import prove_common
+from lmi.decide.stability import decide
+from lmi.find.constrained import propose_constrained
+from lmi.prove.common_matrix import prove_common
 
 F = np.array([[-1.0, 0.0], [1.0, -3.0]])
 H = np.array([[2.0, 0.0], [1.0, 0.2]])

@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lmi.balls import exact
-from lmi.decide import decide
-from lmi.proof import prove_common
+from lmi.arithmetic.balls import exact
+from lmi.decide.stability import decide
+from lmi.prove.common_matrix import prove_common
 from tests.lmi.systems import (
     BALL,
     MINIMAL_43,
@@ -136,14 +136,14 @@ class Blocked:
         if name.split(".")[0] in {blocked!r}:
             raise ImportError("blocked: " + name)
 sys.meta_path.insert(0, Blocked())
-from lmi.proof import prove_common
-from lmi.hurwitz import prove_hurwitz
-from lmi.spectral import refute_spectral
+from lmi.prove.common_matrix import prove_common
+from lmi.prove.hurwitz import prove_hurwitz
+from lmi.refute.spectral import refute_spectral
 F, H = [[-1.0, 0], [1, -3]], [[2.0, 0], [1, 0.2]]
 print(prove_common(F, H, [[10, -0.6], [-0.6, 1.18]], 0.7, float("inf")).outcome)
 print(refute_spectral(F, H, 0.69, 1.0).outcome, prove_hurwitz(F).outcome)
 try:
-    import lmi.decide
+    import lmi.decide.stability
 except ImportError as error:
     print(error)
 """

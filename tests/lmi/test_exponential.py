@@ -6,8 +6,8 @@ import scipy.linalg
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lmi.balls import exact, exp_times, middle, precision
-from lmi.exponential import expm, exponential_grid, flow_integrals
+from lmi.arithmetic.balls import exact, exp_times, middle, precision
+from lmi.arithmetic.exponential import expm, exponential_grid, flow_integrals
 
 ROUNDING = 1e-14  # a few dozen units of 2**-53 on well-conditioned cases
 # scaling and squaring loses about ||A|| units of 2**-53, times a factor for the dimension

@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lmi.cutting_plane import propose, propose_edges
-from lmi.exponential import expm
+from lmi.arithmetic.exponential import expm
 from lmi.families import Edge
-from lmi.proof import prove_common
+from lmi.find.cutting_plane import propose, propose_edges
+from lmi.prove.common_matrix import prove_common
 
 F = np.array([[-1.0, 0.0], [1.0, -3.0]])
 H = np.array([[2.0, 0.0], [1.0, 0.2]])

@@ -7,15 +7,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lmi.balls import exact, precision, rational, scalar
-from lmi.deficient import decide_full_rank, prove_again
-from lmi.exponential import expm
-from lmi.full_rank import prove_full_rank
-from lmi.hidden_mode import check_hiding, propose_hiding
-from lmi.largest_norm import inverse_norm_over, norm_over
-from lmi.nonnegative import nonnegative_inverse
-from lmi.rank_witness import MARGIN, check_deficient
-from lmi.stack import Stack, approx_margin, coordinates
+from lmi.arithmetic.balls import exact, precision, rational, scalar
+from lmi.arithmetic.exponential import expm
+from lmi.arithmetic.folding_nonnegative import nonnegative_inverse
+from lmi.bounds.largest_norm import inverse_norm_over, norm_over
+from lmi.rank.decide import decide_full_rank, prove_again
+from lmi.rank.full_rank import prove_full_rank
+from lmi.rank.hidden_mode import check_hiding, propose_hiding
+from lmi.rank.stack import Stack, approx_margin, coordinates
+from lmi.rank.witness import MARGIN, check_deficient
 
 TURN = np.array([[0.0, 2 * np.pi], [-2 * np.pi, 0.0]])
 

@@ -11,9 +11,9 @@ import math
 import numpy as np
 import pytest
 
-from lmi.decide import decide
-from lmi.exponential import expm
-from lmi.proof import METHODS, prove_common
+from lmi.arithmetic.exponential import expm
+from lmi.decide.stability import decide
+from lmi.prove.common_matrix import METHODS, prove_common
 
 LOW, HIGH = 0.0, 1.0
 

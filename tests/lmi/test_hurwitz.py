@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lmi.balls import exact
-from lmi.hurwitz import exactly_schur, prove_hurwitz
+from lmi.arithmetic.balls import exact
+from lmi.prove.hurwitz import exactly_schur, prove_hurwitz
 
 # eigenvalues of random matrices closer than this to the boundary are left to the exact tests
 CLEAR = 1e-6

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import linprog
 
-from lmi.linear_program import minimise
+from lmi.find.linear_program import minimise
 
 
 @settings(max_examples=40, deadline=None)

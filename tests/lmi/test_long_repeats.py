@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from lmi.decide import decide
-from lmi.dwell_search import shortest_dwell
+from lmi.decide.dwell_search import shortest_dwell
+from lmi.decide.stability import decide
 from lmi.verdict import Verdict
 from tests.lmi.systems import SAMPLED
 

@@ -7,15 +7,15 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from lmi.affine import Unknown, best_margin
-from lmi.balls import ball, entries, exact, precision
-from lmi.exponential import exponential_grid
-from lmi.hurwitz import lyapunov_matrix
-from lmi.linear_program import minimise
+from lmi.arithmetic.balls import ball, entries, exact, precision
+from lmi.arithmetic.exponential import exponential_grid
+from lmi.arithmetic.norms import well_ranked
+from lmi.find.affine import Unknown, best_margin
+from lmi.find.linear_program import minimise
+from lmi.find.semidefinite import common_matrices
 from lmi.memory import BUDGET_BYTES, OversizeError, require_memory
-from lmi.norms import well_ranked
-from lmi.semidefinite import common_matrices
-from lmi.stack import Stack
+from lmi.prove.hurwitz import lyapunov_matrix
+from lmi.rank.stack import Stack
 
 
 def peak(build) -> int:  # type: ignore[no-untyped-def]

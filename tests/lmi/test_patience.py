@@ -9,11 +9,14 @@ import time
 import numpy as np
 import pytest
 
-from lmi.balls import exact
-from lmi.decide import decide
-from lmi.dwell_search import longest_dwell
-from lmi.full_rank import prove_full_rank
-from lmi.patience import (
+from lmi.arithmetic.balls import exact
+from lmi.decide.dwell_search import longest_dwell
+from lmi.decide.stability import decide
+from lmi.find.window_search import Budget, find_windows
+from lmi.prove.common_matrix import prove_common
+from lmi.rank.full_rank import prove_full_rank
+from lmi.rank.stack import Stack, coordinates
+from lmi.time_budget import (
     collect_remarks,
     deadline,
     ended,
@@ -28,9 +31,6 @@ from lmi.patience import (
     stretched,
     total_budget,
 )
-from lmi.proof import prove_common
-from lmi.stack import Stack, coordinates
-from lmi.window_search import Budget, find_windows
 from tests.lmi.systems import SAMPLED
 
 # less than any search takes: it is over when it is looked at

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lmi.copositive import decide_copositive, propose_vector
-from lmi.exponential import expm
-from lmi.positive import FORMS, SIDES, prove_copositive
+from lmi.arithmetic.exponential import expm
+from lmi.find.copositive import decide_copositive, propose_vector
+from lmi.prove.positive import FORMS, SIDES, prove_copositive
 
 W1, N1 = np.array([[-1.0, 0], [1, -3]]), np.array([[2.0, 0], [1, 0.2]])  # example 4.1
 W3, N3 = np.array([[-1.0, 0], [4, -1]]), np.array([[3.0, 1], [1, 3]])  # width pair of 4.3

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lmi.decide import decide
+from lmi.decide.stability import decide
 from lmi.families import Edge
-from lmi.products import Word, polished, worst_word
+from lmi.find.worst_sequence import Word, polished, worst_word
 from tests.lmi.systems import growth
 
 LOW, HIGH = 0.5, 2.0

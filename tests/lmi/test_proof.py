@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lmi.cutting_plane import propose
-from lmi.exponential import expm
-from lmi.proof import prove_common
+from lmi.arithmetic.exponential import expm
+from lmi.find.cutting_plane import propose
+from lmi.prove.common_matrix import prove_common
 from tests.lmi.systems import BALL, MINIMAL_43, PAPER_41, WIDTH_43, random_pair
 
 

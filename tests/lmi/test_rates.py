@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lmi.decide import decide
-from lmi.exponential import expm
-from lmi.largest_rates import largest_rates
-from lmi.rates import Rates, propose_rates, prove_rates
+from lmi.arithmetic.exponential import expm
+from lmi.decide.stability import decide
+from lmi.find.largest_rates import largest_rates
+from lmi.prove.rates import Rates, propose_rates, prove_rates
 
 ROUNDING = 1e-9  # floats against a proof in exact arithmetic
 

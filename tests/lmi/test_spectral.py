@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from lmi.spectral import refute_spectral
+from lmi.refute.spectral import refute_spectral
 from tests.lmi.systems import (
     LONGEST,
     LONGEST_END,

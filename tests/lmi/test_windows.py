@@ -14,15 +14,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lmi.balls import exact, rank_factors
-from lmi.cutting_plane import propose_edges
-from lmi.decide import decide
-from lmi.dwell_search import longest_dwell
+from lmi.arithmetic.balls import exact, rank_factors
+from lmi.decide.dwell_search import longest_dwell
+from lmi.decide.stability import decide
 from lmi.families import Edge
-from lmi.rates import Rates, propose_rates, prove_rates
-from lmi.window_search import certificate
-from lmi.windows import Cutting, Windows, uniform, whole
-from lmi.windows_proof import prove_windows
+from lmi.find.cutting_plane import propose_edges
+from lmi.find.window_search import certificate
+from lmi.find.windows import Cutting, Windows, uniform, whole
+from lmi.prove.rates import Rates, propose_rates, prove_rates
+from lmi.prove.windows_proof import prove_windows
 from tests.lmi.systems import (
     ALTERNATING,
     ALTERNATING_RANGE,
@@ -374,7 +374,7 @@ def test_several_jump_maps_share_one_P() -> None:
     edges = [Edge(F, H, 0.3, 1.0) for H in (one, two)]
     proposal = propose_edges(edges, 1)
     assert proposal.P is not None
-    from lmi.proof import prove_common
+    from lmi.prove.common_matrix import prove_common
 
     assert all(prove_common(F, H, proposal.P, 0.3, 1.0).outcome == "proved" for H in (one, two))
     too_much = [Edge(F, 1.5 * H, 0.3, 1.0) for H in (one, two)]

@@ -11,9 +11,9 @@ from pathlib import Path
 
 import obsdesign
 from benchmarks.glance_is_fast import plants
-from obsdesign.answers import verdict_of_refusal
-from obsdesign.check import check_all
-from obsdesign.kinds import KINDS
+from obsdesign.problem.kinds import KINDS
+from obsdesign.studies.check.which_kinds import check_all
+from obsdesign.verification.answers import verdict_of_refusal
 
 EXAMPLES = Path(__file__).parent.parent.parent / "examples"
 SECONDS = (0.01, 0.1, 1.0, 20.0)

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import obsdesign
-from lmi.exponential import expm
+from lmi.arithmetic.exponential import expm
 from obsdesign.runtime import Sample, from_design
 from tests.long.periodic_plants import random_problem
 

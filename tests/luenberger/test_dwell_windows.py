@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 
 import obsdesign
-from obsdesign.search import search
-from obsdesign.verification.luenberger import claims
+from obsdesign.studies.search.dwell_time import search
+from obsdesign.verification.luenberger.claims import claims
 from tests.luenberger.test_luenberger import sampled_data, sampled_data_problem
 
 

@@ -12,13 +12,13 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 import obsdesign
-from obsdesign.equations import luenberger as equations
-from obsdesign.plant import Flow, Jump, Output, Plant
+from obsdesign.analysis.hidden_modes import approx_unobservable_modes, hidden_growth, hidden_pair
+from obsdesign.data.simulation import simulate
+from obsdesign.equations.luenberger import error_system as equations
+from obsdesign.problem.plant import Flow, Jump, Output, Plant
 from obsdesign.runtime import Sample, from_design
-from obsdesign.simulation import simulate
-from obsdesign.structure import approx_unobservable_modes, hidden_growth, hidden_pair
 from obsdesign.synthesis.placement import placed_gain, riccati_gain
-from obsdesign.verification.luenberger import claims
+from obsdesign.verification.luenberger.claims import claims
 
 BASE: dict[str, Any] = {
     "flow": {"A": [[0, 1, 0], [-2, 0.1, 0.5], [0, 0, 0.2]]},

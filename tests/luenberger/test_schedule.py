@@ -13,13 +13,13 @@ import numpy as np
 import pytest
 
 import obsdesign
-from lmi.exponential import expm
+from lmi.arithmetic.exponential import expm
+from obsdesign.data.simulation import simulate
 from obsdesign.document import jsonable
-from obsdesign.equations.luenberger import schedule_cells, schedule_pairs
+from obsdesign.equations.luenberger.error_system import schedule_cells, schedule_pairs
 from obsdesign.runtime import Sample, from_design
-from obsdesign.search import search
-from obsdesign.simulation import simulate
-from obsdesign.verification.luenberger import claims
+from obsdesign.studies.search.dwell_time import search
+from obsdesign.verification.luenberger.claims import claims
 
 # one output, three states that grow between jumps: no single gain is found for this range
 BASE: dict[str, Any] = {

@@ -16,8 +16,8 @@ import numpy as np
 import pytest
 
 import obsdesign
-from obsdesign.equations import block_pulse
-from obsdesign.invariant_zeros import shows_every_input, zeros_decay
+from obsdesign.analysis.invariant_zeros import shows_every_input, zeros_decay
+from obsdesign.equations.unknown_input import block_pulse
 from obsdesign.runtime import from_design
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

@@ -13,13 +13,13 @@ import pytest
 from scipy.linalg import expm
 
 import obsdesign
-from lmi.decide import decide
-from lmi.hurwitz import prove_hurwitz
-from lmi.proof import prove_common
-from lmi.spectral import refute_spectral
-from obsdesign.equations import interval as equations
-from obsdesign.equations.interval_width import periodic_width, width_system_of
-from obsdesign.runtime.interval import IntervalObserver
+from lmi.decide.stability import decide
+from lmi.prove.common_matrix import prove_common
+from lmi.prove.hurwitz import prove_hurwitz
+from lmi.refute.spectral import refute_spectral
+from obsdesign.equations.interval import splits as equations
+from obsdesign.equations.interval.width import periodic_width, width_system_of
+from obsdesign.runtime.interval.observer import IntervalObserver
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

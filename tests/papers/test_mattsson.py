@@ -11,15 +11,15 @@ from scipy.integrate import quad
 from scipy.linalg import expm
 
 import obsdesign
-from lmi.balls import exact
-from obsdesign.equations import impulsive_input as eq
-from obsdesign.equations.impulse_curve import ImpulseCurve
-from obsdesign.equations.impulse_fit import fit_impulse
+from lmi.arithmetic.balls import exact
+from obsdesign.equations.impulsive_input import features as eq
+from obsdesign.equations.impulsive_input.curve import ImpulseCurve
+from obsdesign.equations.impulsive_input.fit import fit_impulse
 from obsdesign.runtime import from_design
-from obsdesign.synthesis.impulse_exponents import slowest_exponent
+from obsdesign.synthesis.impulsive_input.exponents import slowest_exponent
 from obsdesign.synthesis.placement import placed_gain
-from obsdesign.verification.impulse_rank import full_rank
-from obsdesign.verification.uniqueness import decide_uniqueness
+from obsdesign.verification.impulsive_input.rank import full_rank
+from obsdesign.verification.impulsive_input.uniqueness import decide_uniqueness
 from tests.impulsive_input.cases import events_of, record, rows_from
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

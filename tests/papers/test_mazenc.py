@@ -9,21 +9,21 @@ import pytest
 from scipy.linalg import expm
 
 import obsdesign
-from lmi.balls import entries, identity, precision, solve_entries
-from lmi.exponential import expm as expms
-from lmi.norms import float_above, float_below, middles
-from obsdesign.equations import finite_time as equations
-from obsdesign.equations import finite_time_bounds as bounds
-from obsdesign.runtime import from_design
-from obsdesign.synthesis.finite_time_injection import Open, best_injection
-from obsdesign.verification.finite_time_bounds import Sizes
-from obsdesign.window_gains import (
+from lmi.arithmetic.balls import entries, identity, precision, solve_entries
+from lmi.arithmetic.exponential import expm as expms
+from lmi.arithmetic.norms import float_above, float_below, middles
+from obsdesign.analysis.finite_time.enclosed_gains import (
     Sampled,
     approximate_gain,
     difference_matrix,
     gain_scale,
     injection,
 )
+from obsdesign.equations.finite_time import condition_13 as bounds
+from obsdesign.equations.finite_time import gains as equations
+from obsdesign.runtime import from_design
+from obsdesign.synthesis.finite_time.injection import Open, best_injection
+from obsdesign.verification.finite_time.theorem_1 import Sizes
 
 A = np.array([[0.0, 0.15], [-0.15, 0.0]])
 C = np.array([[0.3, 0.0]])

@@ -15,9 +15,9 @@ import pytest
 from scipy.linalg import expm
 
 import obsdesign
-from lmi.exponential import expm as flow_of
-from obsdesign.equations.impulsive import Core, window_gains, window_matrix
-from obsdesign.impulsive_estimate import simulated
+from lmi.arithmetic.exponential import expm as flow_of
+from obsdesign.analysis.impulsive_noise import simulated
+from obsdesign.equations.impulsive.gains import Core, window_gains, window_matrix
 from obsdesign.runtime import Sample, from_design
 from tests.impulsive.systems import DOUBLE, SPLINE, chain, claim, first, problem, rebased
 

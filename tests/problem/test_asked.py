@@ -18,15 +18,15 @@ from hypothesis import strategies as st
 
 import obsdesign
 from obsdesign import Flow, InputError, Jump, Output, Problem
-from obsdesign.kinds import GAINS, KINDS, OPTIONS
-from obsdesign.problem import load_for_kind
+from obsdesign.problem.kinds import GAINS, KINDS, OPTIONS
+from obsdesign.problem.problem import load_for_kind
 
 PLANT: dict[str, Any] = {
     "flow": {"A": [[-1, 0], [1, -2]], "D": [[1], [0]]},
     "jump": {"dwell_time": [0.7, "inf"]},
     "output": {"C": [[0, 1]]},
 }
-SCHEMA = json.loads(files("obsdesign").joinpath("schema/problem.schema.json").read_text("utf-8"))
+SCHEMA = json.loads(files("obsdesign").joinpath("problem/problem.schema.json").read_text("utf-8"))
 
 
 def asked(kind: str, plant: dict[str, Any] = PLANT, **observer: Any) -> Problem:

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from obsdesign.equations import interval as equations
+from obsdesign.data.simulation import Record, simulate
 from obsdesign.equations.estimation_error import flow_error_matrix, jump_error_matrix, plant_data
-from obsdesign.plant import Flow, Jump, Output, Plant
-from obsdesign.runtime.interval import IntervalObserver
-from obsdesign.simulation import Record, simulate
+from obsdesign.equations.interval import splits as equations
+from obsdesign.problem.plant import Flow, Jump, Output, Plant
+from obsdesign.runtime.interval.observer import IntervalObserver
 
 DISTURBANCES = ("extreme", "random", "sine")
 

@@ -20,12 +20,12 @@ from flint import arb, arb_mat, ctx, fmpq
 
 import obsdesign
 from obsdesign.equations.estimation_error import flow_error_matrix, plant_data
-from obsdesign.plant import Flow, Jump, Output, Plant
+from obsdesign.problem.plant import Flow, Jump, Output, Plant
 from obsdesign.runtime import Sample, from_design
-from obsdesign.runtime.interval import IntervalObserver
-from obsdesign.runtime.interval_bundle import IntervalBundle
-from obsdesign.runtime.interval_fleet import Fleet
-from obsdesign.runtime.luenberger import LuenbergerObserver
+from obsdesign.runtime.interval.bundle import IntervalBundle
+from obsdesign.runtime.interval.fleet import Fleet
+from obsdesign.runtime.interval.observer import IntervalObserver
+from obsdesign.runtime.luenberger.observer import LuenbergerObserver
 from tests.runtime.random_interval import observer_for
 from tests.runtime.test_interval_samples import sampled_observer
 

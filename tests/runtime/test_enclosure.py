@@ -1,4 +1,4 @@
-"""`lmi.enclosure` encloses: checked against 300-bit ball arithmetic."""
+"""`lmi.arithmetic.enclosure` encloses: checked against 300-bit ball arithmetic."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from flint import arb, arb_mat, ctx
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lmi.enclosure import Enclosure, expm, powers
+from lmi.arithmetic.enclosure import Enclosure, expm, powers
 
 PRECISION = 300  # bits: far more than any case here loses
 

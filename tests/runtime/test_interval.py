@@ -13,13 +13,13 @@ from flint import arb, arb_mat, ctx
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lmi.exponential import expm
-from obsdesign.plant import Flow, Jump, Output, Plant
+from lmi.arithmetic.exponential import expm
+from obsdesign.problem.plant import Flow, Jump, Output, Plant
 from obsdesign.runtime import Sample
-from obsdesign.runtime.interval import IntervalObserver
-from obsdesign.runtime.interval_kernel import Kernel
-from obsdesign.runtime.interval_kernels import StepKernels
-from obsdesign.runtime.interval_steps import BoxMap
+from obsdesign.runtime.interval.folding_interval_kernels import StepKernels
+from obsdesign.runtime.interval.kernel import Kernel
+from obsdesign.runtime.interval.maps import BoxMap
+from obsdesign.runtime.interval.observer import IntervalObserver
 from tests.runtime.random_interval import (
     SIMULATION_ROUNDING,
     observer_for,

@@ -13,15 +13,15 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 
 import obsdesign
-from obsdesign.equations import interval as equations
+from obsdesign.data.simulation import simulate
 from obsdesign.equations.estimation_error import plant_data
-from obsdesign.plant import Flow, Jump, Output, Plant
+from obsdesign.equations.interval import splits as equations
+from obsdesign.problem.plant import Flow, Jump, Output, Plant
 from obsdesign.runtime import Sample
-from obsdesign.runtime.interval import IntervalObserver
-from obsdesign.runtime.interval_bundle import IntervalBundle
-from obsdesign.runtime.interval_fleet import Fleet
-from obsdesign.runtime.interval_record import Columns
-from obsdesign.simulation import simulate
+from obsdesign.runtime.interval.batch import Columns
+from obsdesign.runtime.interval.bundle import IntervalBundle
+from obsdesign.runtime.interval.fleet import Fleet
+from obsdesign.runtime.interval.observer import IntervalObserver
 from tests.runtime.random_interval import (
     DISTURBANCES,
     SIMULATION_ROUNDING,

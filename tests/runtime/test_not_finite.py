@@ -9,8 +9,8 @@ import pytest
 
 import obsdesign
 from obsdesign.runtime import Sample, from_design
-from obsdesign.runtime.interval_bundle import IntervalBundle
-from obsdesign.runtime.interval_fleet import Fleet
+from obsdesign.runtime.interval.bundle import IntervalBundle
+from obsdesign.runtime.interval.fleet import Fleet
 from tests.runtime.random_time_stamps import MODES, random_case
 from tests.runtime.test_time_stamps import scaled
 

@@ -13,12 +13,12 @@ import numpy as np
 import pytest
 
 import obsdesign
+from obsdesign.data.simulation import simulate
+from obsdesign.data.stream import Stream
 from obsdesign.runtime import Sample, from_design
 from obsdesign.runtime.base import rows_of
 from obsdesign.runtime.step_cache import shared_step
 from obsdesign.runtime.stored_state import Progress, progress_from_text, state_text
-from obsdesign.simulation import simulate
-from obsdesign.stream import Stream
 
 SEED = 1
 EXAMPLES = Path(__file__).parents[2] / "examples"

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 import obsdesign
+from obsdesign.data.simulation import simulate
+from obsdesign.data.stream import estimates_of
 from obsdesign.runtime import Sample, from_design
 from obsdesign.runtime.base import rows_of
-from obsdesign.simulation import simulate
-from obsdesign.stream import estimates_of
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 NAMES = [

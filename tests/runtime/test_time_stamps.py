@@ -14,12 +14,12 @@ from hypothesis import strategies as st
 
 import obsdesign
 from obsdesign.equations.estimation_error import plant_data
-from obsdesign.plant import Flow, Jump, Output, Plant
+from obsdesign.problem.plant import Flow, Jump, Output, Plant
 from obsdesign.runtime import Sample, from_design
 from obsdesign.runtime.base import DwellGuard
-from obsdesign.runtime.impulsive import ImpulsiveObserver
-from obsdesign.runtime.interval_clock import SampleClock
-from obsdesign.runtime.luenberger import LuenbergerObserver
+from obsdesign.runtime.impulsive.observer import ImpulsiveObserver
+from obsdesign.runtime.interval.clock import SampleClock
+from obsdesign.runtime.luenberger.observer import LuenbergerObserver
 from obsdesign.runtime.step_cache import shared_length
 from obsdesign.runtime.time_stamps import time_tolerance, time_tolerances
 from tests.runtime.random_interval import observer_for

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from obsdesign.equations import block_pulse as bpf
-from obsdesign.equations.smoothing import WINDOW, allowance, roughness, smoothed
+from obsdesign.equations.unknown_input import block_pulse as bpf
+from obsdesign.equations.unknown_input.smoothing import WINDOW, allowance, roughness, smoothed
 
 M, H = 100, 0.1
 T = H * np.arange(M + 1)

@@ -12,7 +12,7 @@ import pytest
 import obsdesign
 from obsdesign.document import Design, load_design
 from obsdesign.runtime import from_design
-from obsdesign.verification.unknown_input import claims
+from obsdesign.verification.unknown_input.claims import claims
 from tests.test_architecture import SOLVERS, run_blocked
 from tests.unknown_input.plants import plant_with_zeros, problem, random_plant
 

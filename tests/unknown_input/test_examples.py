@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 import obsdesign
-from obsdesign.check import check_kind
+from obsdesign.data.simulation import simulate
 from obsdesign.runtime import from_design
-from obsdesign.simulation import simulate
+from obsdesign.studies.check.which_kinds import check_kind
 from scripts.unknown_input_figures import fault, record, road
 
 ROOT = Path(__file__).parents[2]
@@ -22,7 +22,7 @@ EXAMPLES = [ROOT / "examples" / f"{name}.toml" for name in ("ahn_1", "ahn_2", "q
 
 
 def cli(*arguments: str, data: str | None = None) -> subprocess.CompletedProcess[str]:
-    code = "from obsdesign.cli import main; main()"
+    code = "from obsdesign.cli.main import main; main()"
     return subprocess.run(
         [sys.executable, "-c", code, *arguments], input=data, cwd=ROOT, capture_output=True,
         text=True, check=False,

@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import obsdesign
-from lmi.balls import exact, surely_observable, to_float
-from obsdesign.invariant_zeros import shows_every_input, zero_flow, zeros_decay
-from obsdesign.structure import hidden_flow
+from lmi.arithmetic.balls import exact, surely_observable, to_float
+from obsdesign.analysis.hidden_modes import hidden_flow
+from obsdesign.analysis.invariant_zeros import shows_every_input, zero_flow, zeros_decay
 from scripts.random_unknown_inputs import draw, expected
 from tests.unknown_input.plants import (
     pencil_margin,

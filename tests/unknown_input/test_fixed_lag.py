@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import obsdesign
+from obsdesign.data.simulation import simulate
 from obsdesign.runtime import Sample, from_design
 from obsdesign.runtime.base import rows_of
-from obsdesign.simulation import simulate
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 PERIOD, SIGMA = 0.1, 0.01

@@ -10,11 +10,11 @@ from scipy.integrate import quad_vec
 from scipy.linalg import expm
 
 import obsdesign
-from lmi.balls import exact
-from lmi.peak_gain import peak_gains
-from obsdesign.equations import unknown_input as equations
+from lmi.arithmetic.balls import exact
+from lmi.bounds.peak_gain import peak_gains
+from obsdesign.equations.unknown_input import matrices as equations
 from obsdesign.runtime import from_design
-from obsdesign.verification.unknown_input import claims
+from obsdesign.verification.unknown_input.claims import claims
 from tests.unknown_input.plants import problem, random_plant
 
 

@@ -10,9 +10,9 @@ import pytest
 from scipy.linalg import expm
 
 import obsdesign
-from obsdesign.equations import block_pulse
+from obsdesign.data.simulation import simulate
+from obsdesign.equations.unknown_input import block_pulse
 from obsdesign.runtime import Sample, from_design
-from obsdesign.simulation import simulate
 from tests.unknown_input.plants import plant_with_zeros, problem, random_plant
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

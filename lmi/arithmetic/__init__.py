@@ -1,0 +1,1 @@
+"""Exact, ball and midpoint-radius matrices; exponentials and norms with error bounds."""

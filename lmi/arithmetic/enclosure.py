@@ -1,0 +1,203 @@
+"""Matrices known up to an error: midpoint-radius arithmetic and its exponential, numpy only.
+
+An `Enclosure` stands for every real matrix X with |X - mid| <= rad entrywise. Each operation
+returns an enclosure of all results, the rounding of its own floating point included, so that a
+bound computed from it is a bound for the exact matrix. It is the runtime's answer to "is this
+exponential right?" where ball arithmetic (`lmi.arithmetic.balls`) is not installed.
+
+Rounding model: a product of inner length k, summed in any order, errs by at most
+k u / (1 - k u) |A||B| (N. J. Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed.,
+section 3.5); midpoint-radius products as in S. M. Rump, Fast and parallel interval arithmetic,
+BIT 39 (1999).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Matrix = NDArray[np.float64]
+
+UNIT = 2.0**-53  # unit roundoff of binary64
+TINY = 2.0**-1000  # covers every underflow: far above it, far below anything that matters
+# Taylor remainder at ||X|| <= 1/2: 0.5**17 / 17! is below the unit roundoff by 2**-49.
+_TAYLOR_DEGREE = 16
+_SCALED_NORM = 0.5
+_BALANCING_SWEEPS, _BALANCING_STEP = 3, 60  # so that no scale leaves 2**+-180
+_MODERATE, _NEGLIGIBLE = 16.0, 2.0**-60
+_LARGEST_NORM = 2.0**46  # beyond, the squarings leave no digit that is certain
+
+
+def raised(values: Matrix, terms: int) -> Matrix:
+    """A bound that stays above `values` >= 0 although `terms` roundings went into them."""
+    return values * (1.0 + (2 * terms + 8) * UNIT) + TINY
+
+
+@dataclass(frozen=True)
+class Enclosure:
+    """All real arrays X with |X - mid| <= rad; `mid` and `rad` have the same shape."""
+
+    mid: Matrix
+    rad: Matrix
+
+    @staticmethod
+    def exactly(values: ArrayLike) -> Enclosure:
+        """The stored numbers themselves, without any error."""
+        mid = np.asarray(values, dtype=np.float64)
+        return Enclosure(mid, np.zeros_like(mid))
+
+    @property
+    def magnitude(self) -> Matrix:
+        """Upper bound of |X|."""
+        return raised(np.abs(self.mid) + self.rad, 1)
+
+    @property
+    def upper(self) -> Matrix:
+        """Upper bound of X."""
+        return np.nextafter(self.mid + self.rad, np.inf)
+
+    def __add__(self, other: Enclosure) -> Enclosure:
+        mid = self.mid + other.mid
+        return Enclosure(mid, raised(self.rad + other.rad + UNIT * np.abs(mid), 3))
+
+    def __neg__(self) -> Enclosure:
+        return Enclosure(-self.mid, self.rad)
+
+    def __sub__(self, other: Enclosure) -> Enclosure:
+        return self + (-other)
+
+    def __matmul__(self, other: Enclosure) -> Enclosure:
+        terms = self.mid.shape[-1]
+        size, other_size = np.abs(self.mid), np.abs(other.mid)
+        rounding = (terms + 2) * UNIT * (size @ other_size)
+        rad = size @ other.rad + self.rad @ (other_size + other.rad) + rounding
+        return Enclosure(self.mid @ other.mid, raised(rad, 2 * terms + 4))
+
+    def scaled(self, factor: float, error: float = 0.0) -> Enclosure:
+        """factor * X for every factor within `error` of the given one."""
+        mid, size = self.mid * factor, np.abs(self.mid)
+        rad = self.rad * (abs(factor) + error) + size * error + UNIT * np.abs(mid)
+        return Enclosure(mid, np.where(size + self.rad > 0, raised(rad, 5), 0.0))
+
+
+def stack(rows: list[list[Enclosure]]) -> Enclosure:
+    """Block matrix of enclosures, as `numpy.block`."""
+    return Enclosure(
+        np.block([[block.mid for block in row] for row in rows]),
+        np.block([[block.rad for block in row] for row in rows]),
+    )
+
+
+def powers(X: Enclosure, count: int) -> Enclosure:
+    """I, X, ..., X^(count-1), (count, n, n), by doubling: few factors keep the radii small."""
+    found = Enclosure.exactly(np.eye(len(X.mid))[None])
+    with np.errstate(over="ignore", invalid="ignore"):
+        while len(found.mid) < count:
+            more = found @ X
+            found = Enclosure(
+                np.concatenate([found.mid, more.mid]), np.concatenate([found.rad, more.rad])
+            )
+            X = X @ X
+    return Enclosure(found.mid[:count], found.rad[:count])
+
+
+def inverse(values: Matrix) -> Enclosure:
+    """Enclosure of the inverse of a square matrix, exactly as stored.
+
+    With an approximate inverse R and E = I - R X, X^-1 = (I - E)^-1 R, so that
+    |X^-1 - R| <= |E| |R| + |E|^2 (I - |E|)^-1 |R|. ValueError if X is singular, or nearly so.
+    """
+    n = len(values)
+    try:
+        R = Enclosure.exactly(np.linalg.inv(values))
+    except np.linalg.LinAlgError:
+        raise ValueError("a singular matrix has no inverse") from None
+    E = (Enclosure.exactly(np.eye(n)) - R @ Enclosure.exactly(values)).magnitude
+    norm = float(np.max(E.sum(axis=1), initial=0.0))
+    if not norm < 0.5:
+        raise ValueError("the matrix is too close to a singular one for its inverse to be certain")
+    size = np.abs(R.mid)
+    rest = 4.0 * norm * norm * np.max(size, axis=0, initial=0.0)  # sums of powers of norm <= 1/2
+    return Enclosure(R.mid, raised(E @ size + rest, 2 * n + 6))
+
+
+def expm(matrix: Enclosure) -> Enclosure:
+    """Enclosure of e^X for every X in a square enclosure; scaling, Taylor series, squaring.
+
+    Entries that vanish for every X of this sparsity stay exactly zero. Overflow gives infinite
+    or NaN radii, never a finite wrong answer.
+    """
+    with np.errstate(over="ignore", invalid="ignore"):
+        scales = _balance(np.abs(matrix.mid) + matrix.rad)
+        balanced = _similar(matrix, 1.0 / scales)
+        norm = float(np.max(np.sum(balanced.magnitude, axis=0), initial=0.0))
+        if not np.isfinite(norm) or norm > _LARGEST_NORM:
+            return Enclosure(np.zeros_like(matrix.mid), np.full_like(matrix.rad, np.inf))
+        squarings = max(0, int(np.ceil(np.log2(norm / _SCALED_NORM))) if norm > 0 else 0)
+        result = _taylor(balanced.scaled(2.0**-squarings))
+        for _ in range(squarings):
+            result = result @ result
+        result = _similar(result, scales)
+    pattern = _pattern(matrix)
+    return Enclosure(np.where(pattern, result.mid, 0.0), np.where(pattern, result.rad, 0.0))
+
+
+def _balance(size: Matrix) -> Matrix:
+    """Powers of two d for which entries size[i, j] d[j] / d[i] are as even as they can be.
+
+    Units of states and inputs should not cost squarings. A matrix of moderate norm is left alone,
+    and so are entries far below the largest: scaling them up would only scale up rounding.
+    """
+    scales = np.ones(len(size))
+    largest = float(size.max(initial=0.0))
+    if not (np.isfinite(largest) and largest > _MODERATE):
+        return scales
+    size = np.where(size < _NEGLIGIBLE * largest, 0.0, size)
+    for _ in range(_BALANCING_SWEEPS):
+        for i in range(len(size)):
+            row = float(np.delete(size[i] * scales, i).sum()) / scales[i]
+            column = float(np.delete(size[:, i] / scales, i).sum()) * scales[i]
+            scales[i] *= 2.0 ** _step(row, column)
+    return scales
+
+
+def _step(row: float, column: float) -> float:
+    """Exponent that evens out two sums; one that is zero leaves the other to be made small."""
+    if not (np.isfinite(row) and np.isfinite(column)) or row == column == 0.0:
+        return 0.0
+    if row == 0.0:
+        wanted = -np.ceil(max(np.log2(column), 0.0))
+    elif column == 0.0:
+        wanted = np.ceil(max(np.log2(row), 0.0))
+    else:
+        wanted = np.round(0.5 * (np.log2(row) - np.log2(column)))
+    return float(np.clip(wanted, -_BALANCING_STEP, _BALANCING_STEP))
+
+
+def _similar(matrix: Enclosure, scales: Matrix) -> Enclosure:
+    """D X D^-1 for D = diag(scales), powers of two: exact but for underflow."""
+    factors = scales[:, None] / scales[None, :]
+    rad = matrix.rad * factors
+    nonzero = (matrix.mid != 0) | (matrix.rad > 0)
+    return Enclosure(matrix.mid * factors, np.where(nonzero, rad + TINY, rad))
+
+
+def _taylor(matrix: Enclosure) -> Enclosure:
+    identity = Enclosure.exactly(np.eye(len(matrix.mid)))
+    result = identity
+    for k in range(_TAYLOR_DEGREE, 0, -1):
+        result = identity + (matrix @ result).scaled(1.0 / k, UNIT / k)
+    norm = float(np.max(np.sum(matrix.magnitude, axis=0), initial=0.0))
+    # the tail of the series is at most twice its first term, as norm <= 1/2
+    remainder = 2.0 * norm ** (_TAYLOR_DEGREE + 1) / float(np.prod(np.arange(1.0, 18.0)))
+    return Enclosure(result.mid, raised(result.rad + remainder, 4))
+
+
+def _pattern(matrix: Enclosure) -> NDArray[np.bool_]:
+    """Where any power of X can be nonzero: the entries joined by a path of nonzero entries."""
+    reach = (np.abs(matrix.mid) + matrix.rad > 0) | np.eye(len(matrix.mid), dtype=bool)
+    for _ in range(max(1, int(np.ceil(np.log2(max(len(matrix.mid), 2)))))):
+        reach = reach @ reach
+    return reach

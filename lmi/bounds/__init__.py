@@ -1,0 +1,1 @@
+"""Bounds of positive systems for all times, peak gains, and norms over ranges of θ."""

@@ -1,0 +1,187 @@
+"""Bounds of positive systems with inputs, proved for all times between two jumps.
+
+    u' = W u + f,  u(0) = start          W Metzler, f >= 0
+
+Question: X u(theta) <= bound for every theta in [low, high], X >= 0, high may be infinite. With
+X = N and bound = start - h it says that `start` is not exceeded after a jump N u + h: a tube, in
+which the system stays from jump to jump, and to which it comes from anywhere, since the inequality
+is strict. Ball arithmetic, mean value form on steps of adapted length; no solver.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from lmi.arithmetic.balancing import Scaling
+from lmi.arithmetic.balls import (
+    PRECISIONS,
+    Exact,
+    ball,
+    exact,
+    exp_around,
+    exp_times,
+    number,
+    precision,
+    to_float,
+)
+from lmi.verdict import Verdict, proved, undecided
+
+STEP_LIMIT = 1500
+_SHORTEST = 2.0**-40  # of the natural time unit: shorter steps mean that nothing is left to gain
+
+
+@dataclass(frozen=True)
+class Affine:
+    """u' = W u + f from start; exact (n, n), (n,), (n,)."""
+
+    W: Exact
+    f: Exact
+    start: Exact
+
+    @property
+    def generator(self) -> Exact:
+        """Of (u, 1)."""
+        n = len(self.f)
+        Z = np.full((n + 1, n + 1), self.f[0] * 0, dtype=object)
+        Z[:n, :n], Z[:n, n] = self.W, self.f
+        return Z
+
+
+@dataclass(frozen=True)
+class Tube:
+    """What u is compared with. v (n,): after a jump u+ = N u + h. before, always (q,): X u in
+    [low, high] and in [0, high]; after (q,): X v. Exact.
+    """
+
+    v: Exact
+    after: Exact
+    before: Exact
+    always: Exact
+
+
+def prove_tube(
+    W: Exact, f: Exact, N: Exact, h: Exact, X: Exact, tube: Tube, low: float, high: float
+) -> Verdict:
+    """The tube is not left, and drawn to, by u' = W u + f, u+ = N u + h with jumps in [low, high].
+
+    With v > 0 the strict inequality N e^{W theta} v < v shrinks whatever is outside. States and
+    rows of X are measured in powers of two like v and `always`.
+    """
+    if not all(x > 0 for x in tube.v):
+        return undecided("the tube is not positive")
+    if not all(a >= b for a, b in zip(tube.after, X @ tube.v, strict=True)):
+        return undecided("the bound after jumps is below the tube")
+    state, out = Scaling.like(to_float(tube.v)), Scaling.like(to_float(tube.always))
+    flow, steps = Affine(state.map(W), state.rows(f), state.rows(tube.v)), 0
+    X = out.rows(state.columns(X))
+    before, always = out.rows(tube.before), out.rows(tube.always)
+    for rows, bound, start in (
+        (state.map(N), state.rows(tube.v - h), low), (X, before, low), (X, always, 0.0),
+    ):  # fmt: skip
+        verdict = prove_below(flow, rows, bound, start, high)
+        if verdict.outcome != "proved":
+            return verdict
+        steps += verdict.evidence["steps"]
+    return proved(method="mean value form in balls", steps=steps)
+
+
+def prove_below(
+    system: Affine, X: Exact, bound: Exact, low: float, high: float, *, steps: int = STEP_LIMIT
+) -> Verdict:
+    """X u(theta) < bound, entry by entry, for all theta in [low, high]; undecided otherwise.
+
+    X (q, n) >= 0 and bound (q,), exact. Signs of W, f and X are checked here.
+    """
+    n = len(system.f)
+    off_diagonal = system.W[~np.eye(n, dtype=bool)]
+    if any(entry < 0 for entry in [*off_diagonal, *system.f, *system.start, *X.flat]):
+        return undecided("the system is not positive")
+    verdict = undecided("no attempt was made")
+    for bits in PRECISIONS[:2]:
+        with precision(bits), np.errstate(all="ignore"):
+            verdict = _march(system, X, bound, float(low), float(high), steps)
+        if verdict.outcome == "proved" or verdict.evidence.get("steps", 0) >= steps:
+            break
+    return verdict
+
+
+def _march(system: Affine, X: Exact, bound: Exact, low: float, high: float, limit: int) -> Verdict:
+    Z = system.generator
+    rows = ball(np.hstack([X, -bound[:, None]]))
+    rates = rows * ball(Z)
+    start = ball(np.append(system.start, exact([1.0]))[:, None])
+    unit = 1.0 / max(float(np.abs(to_float(system.W)).sum(axis=1).max()), 1e-300)
+    steady = _steady(system, X, bound) if math.isinf(high) else None
+    theta, step = low, min(unit, high - low)
+    for count in range(1, limit + 1):
+        here = exp_times(Z, theta) * start
+        if not _negative(rows * here):
+            reason = f"the bound fails, or nearly fails, at theta = {theta!r}"
+            return undecided(reason, theta=theta, steps=count)
+        if theta >= high:
+            return proved(steps=count)
+        if _falls_from_here(ball(Z), here) or _below(here, steady):
+            return proved(steps=count, tail_from=theta)
+        while True:
+            end = min(theta + step, high)
+            half = 0.5 * (end - theta)
+            middle = theta + half
+            if not middle > theta or step < _SHORTEST * unit:
+                reason = f"the bound fails, or nearly fails, after theta = {theta!r}"
+                return undecided(reason, theta=theta, steps=count)
+            reach = max(
+                math.nextafter(middle - theta, math.inf), math.nextafter(end - middle, math.inf)
+            )
+            if _step(rows, rates, Z, exp_times(Z, middle) * start, reach):
+                break
+            step *= 0.5
+        theta, step = end, step * 1.7
+    return undecided(f"{limit} steps did not reach the end", theta=theta, steps=limit)
+
+
+def _step(rows: Any, rates: Any, Z: Exact, middle: Any, reach: float) -> bool:
+    """Mean value form: value in the middle, plus the largest rate times the way to the ends."""
+    values = (rows * middle).entries()
+    slopes = (rates * (exp_around(Z, reach) * middle)).entries()
+    pairs = zip(values, slopes, strict=True)
+    return all(bool(value + abs(slope) * number(reach) < 0) for value, slope in pairs)
+
+
+def _negative(column: Any) -> bool:
+    return all(bool(x < 0) for x in column.entries())
+
+
+def _falls_from_here(Z: Any, here: Any) -> bool:
+    """u' <= 0 now, hence for ever: u' is a solution of the positive system y' = W y."""
+    return all(bool(x <= 0) for x in (Z * here).entries())
+
+
+def _steady(system: Affine, X: Exact, bound: Exact) -> Exact | None:
+    """z with W z + f < 0 and X z < bound: whatever is below it stays below, and below the bound."""
+    W, f = to_float(system.W), to_float(system.f)
+    try:
+        push = np.linalg.solve(-W, np.ones(len(W)))
+        rest = np.linalg.solve(-W, f)
+    except np.linalg.LinAlgError:
+        return None
+    if not (np.isfinite(push).all() and np.isfinite(rest).all()):
+        return None
+    scale = max(float(np.abs(rest).max()), 1e-300) / max(float(np.abs(push).max()), 1e-300)
+    for share in (1e-2, 1e-4, 1e-6, 1e-8):
+        z = exact(rest + share * scale * push)
+        inside = all(x < b for x, b in zip(X @ z, bound, strict=True))
+        if inside and all(x < 0 for x in system.W @ z + system.f):
+            return z
+    return None
+
+
+def _below(here: Any, steady: Exact | None) -> bool:
+    if steady is None:
+        return False
+    return all(bool(x <= number_of) for x, number_of in zip(
+        here.entries(), ball(steady[:, None]).entries(), strict=False
+    ))  # fmt: skip

@@ -1,0 +1,189 @@
+"""Find, prove, refute: is x -> e^{F theta} H x stable for every sequence of theta in a range?
+
+The parts are separate programs; this file only lets them take turns.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from lmi.arithmetic.balancing import Scaling
+from lmi.arithmetic.balls import Exact, exact, to_float
+from lmi.families import Edge
+from lmi.find.cutting_plane import Proposal, propose
+from lmi.find.dissipative import is_stiff, propose_dissipative
+from lmi.find.splitting import Limits
+from lmi.find.window_search import find_windows
+from lmi.find.worst_sequence import worst_word
+from lmi.prove.common_matrix import prove_common
+from lmi.prove.hurwitz import prove_hurwitz
+from lmi.refute.infeasible import prove_no_common
+from lmi.refute.spectral import decide_constant, refute_spectral, refute_word, steps_within
+from lmi.time_budget import ended, ended_part
+from lmi.verdict import Verdict, undecided
+
+Matrix = NDArray[np.float64]
+Memory = int | Literal["auto"]
+
+_TURNS = 8
+_BOXES = 6000  # a proof that needs more is not worth the wait
+# so many dwell times of failed windows join the search for a destabilising sequence
+_HINTS = 12
+_SEED = 20161  # the search for destabilising sequences repeats itself exactly
+
+
+def decide(
+    F: ArrayLike,
+    H: ArrayLike,
+    low: float,
+    high: float,
+    *,
+    memory: Memory = "auto",
+    jitter: float = math.inf,
+) -> Verdict:
+    """Proved by one P or by windows, refuted by a mode or by dwell times, or undecided.
+
+    F, H: (n, n) floats or exact rationals; 0 <= low <= high <= infinity. With high infinite, F must
+    be Hurwitz (otherwise refuted with the mode). jitter: only sequences whose dwell times change by
+    at most so much from one to the next. memory: 0 for a common P only, a number for windows that
+    look at most so many dwell times back and ahead, "auto" for as many as it takes.
+    Evidence: "P", or "windows" and "edges" (`lmi.prove.windows_proof`), or "witness"; one dwell time
+    (low = high) may be proved without any. Undecided evidence holds the largest growth seen,
+    "no_common_P" when a checked certificate excludes a common P, which is not instability, and
+    where a budget ended a search what `lmi.time_budget.ended` has of it.
+    """
+    if not 0 <= low <= high or math.isinf(low):
+        raise ValueError(f"0 <= low <= high, low finite, is required; got [{low}, {high}]")
+    if not (jitter >= 0 and (memory == "auto" or memory >= 0)):
+        raise ValueError(f"jitter and memory must be >= 0; got {jitter} and {memory}")
+    F_exact, H_exact = exact(F), exact(H)
+    if math.isinf(high):
+        flow = prove_hurwitz(F_exact)
+        if flow.outcome != "proved":
+            return flow
+    scaling = Scaling.of(F_exact, H_exact, high)
+    flow_map, jump = scaling.map(F_exact), scaling.map(H_exact)
+    verdict = _balanced(flow_map, jump, low, high, memory, jitter)
+    return Verdict(verdict.outcome, scaling.restored(verdict.evidence, H_exact))
+
+
+def _balanced(
+    F: Exact, H: Exact, low: float, high: float, memory: Memory, jitter: float
+) -> Verdict:
+    """`decide` for a balanced pair, with a flow that decays where `high` is infinite."""
+    attempt, proposal = find_and_prove(F, H, low, high)
+    if attempt.outcome == "proved":
+        return attempt
+    counter = refute_spectral(F, H, low, high, proposal.thetas)
+    if counter.outcome == "refuted":
+        return counter
+    if low == high:
+        return decide_constant(F, H, low)
+    attempt = refute_sequences(F, H, low, high, proposal, attempt, jitter)
+    if attempt.outcome == "refuted":
+        return attempt
+    if memory == 0:
+        return Verdict("undecided", {**attempt.evidence, **ended()})
+    return _by_windows(F, H, low, high, memory, jitter, proposal, attempt)
+
+
+def _by_windows(
+    F: Exact,
+    H: Exact,
+    low: float,
+    high: float,
+    memory: Memory,
+    jitter: float,
+    proposal: Proposal,
+    attempt: Verdict,
+) -> Verdict:
+    """Windows; where they fail, the dwell times that stood in their way may be a witness."""
+    limits = Limits() if memory == "auto" else Limits(memory, memory)
+    found = find_windows(F, H, low, high, jitter=jitter, limits=limits)
+    if found.verdict.outcome == "proved":
+        return found.verdict
+    hints = tuple(dict.fromkeys([*found.thetas[:_HINTS], *proposal.thetas]))
+    again = refute_sequences(F, H, low, high, replace(proposal, thetas=hints), attempt, jitter)
+    if again.outcome == "refuted":
+        return again
+    without = {key: value for key, value in again.evidence.items() if key != "reason"}
+    without |= ended() or ended_part(found.verdict.evidence)
+    return undecided(f"{attempt.evidence['reason']}; {found.verdict.evidence['reason']}", **without)
+
+
+def find_and_prove(
+    F: Exact, H: Exact, low: float, high: float, start: Matrix | None = None
+) -> tuple[Verdict, Proposal]:
+    """Propose P, prove it, give the theta where a proof failed back to the search; repeat."""
+    F_float, H_float = to_float(F), to_float(H)
+    seeds: list[float] = []
+    attempt = undecided("no matrix P was tried")
+    if is_stiff(F_float, Edge(F_float, H_float, low, high).last - low):
+        P = propose_dissipative(F_float, H_float, low)
+        quick = attempt if P is None else prove_common(F, H, P, low, high, steps=1)
+        if P is not None and quick.outcome == "proved":
+            return Verdict("proved", {"P": P.tolist(), **quick.evidence}), Proposal(
+                P[None], (low,), math.nan, low, coordinates=np.linalg.cholesky(P)[None]
+            )
+    for _ in range(_TURNS):
+        proposal = propose(F_float, H_float, low, high, seeds, start)
+        if proposal.P is None:
+            return _without(F, H, proposal), proposal
+        attempt = prove_common(F, H, proposal.P, low, high, steps=_BOXES)
+        if attempt.outcome == "proved":
+            found: dict[str, Any] = {"P": proposal.P.tolist(), "thetas_used": len(proposal.thetas)}
+            if math.isfinite(proposal.margin):
+                found["approx_margin"] = proposal.margin
+            return Verdict("proved", {**found, **attempt.evidence}), proposal
+        theta = attempt.evidence.get("theta")
+        if theta is None or theta in seeds or attempt.evidence.get("boxes", 0) >= _BOXES:
+            break
+        seeds = [*seeds, float(theta)]
+    return attempt, proposal
+
+
+def _without(F: Exact, H: Exact, proposal: Proposal) -> Verdict:
+    """Undecided, since no P was found; with a checked certificate when there is none."""
+    where: dict[str, Any] = {"theta": proposal.worst_theta, "thetas": list(proposal.thetas)}
+    if proposal.multipliers is not None:
+        nothing = prove_no_common(F, H, proposal.thetas, proposal.multipliers)
+        if nothing.outcome == "proved":
+            reason = (
+                f"no common P exists for these {len(proposal.thetas)} dwell times (checked dual "
+                "certificate), which is not instability"
+            )
+            return undecided(reason, **where, no_common_P=dict(nothing.evidence))
+    return undecided("no common P was found, which is not instability", **where)
+
+
+def refute_sequences(
+    F: Exact,
+    H: Exact,
+    low: float,
+    high: float,
+    proposal: Proposal,
+    attempt: Verdict,
+    jitter: float = math.inf,
+) -> Verdict:
+    """Refuted by a sequence of dwell times if one is found, else the attempt with what was seen."""
+    edge = Edge(to_float(F), to_float(H), low, high)
+    L = np.eye(len(edge.F)) if proposal.L is None else proposal.L
+    try:
+        with np.errstate(all="ignore"):
+            rng = np.random.default_rng(_SEED)
+            word = worst_word(edge, L, proposal.thetas, rng, jitter=jitter)
+    except (np.linalg.LinAlgError, ValueError):  # overflow: nothing to be learned from floats
+        return attempt
+    if word.growth >= 1 and steps_within(word.thetas, jitter):
+        counter = refute_word(F, H, word.thetas)
+        if counter.outcome == "refuted":
+            return counter
+    seen: dict[str, Sequence[float] | float]
+    seen = {"growth_per_jump": word.growth, "worst_sequence": list(word.thetas)}
+    return Verdict("undecided", {**attempt.evidence, **seen})

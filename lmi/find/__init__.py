@@ -1,0 +1,1 @@
+"""Everything that calls a solver or proposes a certificate; nothing here is believed."""

@@ -1,0 +1,1 @@
+"""Provers: certificates checked for all θ in ball arithmetic, without any solver."""

@@ -1,0 +1,167 @@
+"""How fast a proved system decays: per jump and in time, in the norm of its certificate P.
+
+    per jump   |M(theta) x|_P <= gamma |x|_P                          for all theta in the range
+    in time    |M(theta) x|_P <= e^{-alpha theta} |x|_P               (the same for F + alpha I)
+
+With windows of dwell times the norm is that of the P of the window, before and after. Rates that a
+certificate of stability allows are read off a grid, relaxed a little, and proved with it;
+`lmi.find.largest_rates` looks for better matrices.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from lmi.arithmetic.balancing import Scaling
+from lmi.arithmetic.balls import exact, rank_factors, to_float
+from lmi.families import Edge, slack
+from lmi.prove.common_matrix import STEP_LIMIT, prove_common
+from lmi.prove.windows_proof import prove_windows
+from lmi.verdict import Verdict, proved, undecided
+
+Matrix = NDArray[np.float64]
+
+SMALLEST = 1e-6  # a map that vanishes (H = 0) still has to be given some rate
+WORTH = 300  # boxes that a rate, which nothing hangs on, is worth (for stiff flows it takes more)
+# estimates are relaxed by these shares in turn, until one is proved
+_RELAXATIONS = (1e-4, 1e-2, 0.1, 0.5)
+
+
+@dataclass(frozen=True)
+class Rates:
+    """per_jump: gamma in (0, 1); in_time: alpha >= 0, 1 / time unit."""
+
+    per_jump: float
+    in_time: float
+
+
+def propose_rates(
+    F: ArrayLike,
+    H: ArrayLike,
+    certificate: Mapping[str, Any],
+    low: float,
+    high: float,
+    jitter: float = math.inf,
+) -> Rates | None:
+    """The largest rates that the certificate of a proved range is seen to allow, proved with it.
+
+    certificate: {"P": n x n}, or windows as `lmi.prove.windows_proof` reads them. jitter: largest change
+    from one dwell time to the next. An infinite range cannot decay faster in time than the flow.
+    None when nothing can be proved.
+    """
+    seen = approx_rates(F, H, certificate, low, high)
+    if seen is None:
+        return None
+    for share in _RELAXATIONS:
+        rates = Rates(seen.per_jump ** (1 - share), seen.in_time * (1 - share))
+        done = prove_rates(F, H, certificate, low, high, rates, jitter, steps=WORTH)
+        if done.outcome == "proved":
+            return rates
+    return None
+
+
+def approx_rates(
+    F: ArrayLike, H: ArrayLike, certificate: Mapping[str, Any], low: float, high: float
+) -> Rates | None:
+    """The rates that a certificate allows on a grid; None where floats overflow."""
+    flow, jump = exact(F), exact(H)
+    scaling = Scaling.of(flow, jump, high)
+    F_float, H_float = to_float(scaling.map(flow)), to_float(scaling.map(jump))
+    certificate = scaling.undone.restored(certificate, jump)
+    with np.errstate(all="ignore"):
+        try:
+            seen = [_seen(*each) for each in _edges(F_float, H_float, certificate, low, high)]
+        except np.linalg.LinAlgError:
+            return None
+    if any(np.isnan(pair).any() for pair in seen):
+        return None
+    gamma, in_time = max(pair[0] for pair in seen), min(pair[1] for pair in seen)
+    if math.isinf(high):
+        in_time = min(in_time, -float(np.linalg.eigvals(F_float).real.max()))
+    return Rates(gamma, in_time if math.isfinite(in_time) and in_time > 0 else 0.0)
+
+
+def _edges(
+    F: Matrix, H: Matrix, certificate: Mapping[str, Any], low: float, high: float
+) -> Iterator[tuple[Edge, Matrix, Matrix]]:
+    """Each family with the P of its source and of its target; floats."""
+    if "windows" not in certificate:
+        P = np.asarray(certificate["P"], dtype=np.float64)
+        yield Edge(F, H, low, high), P, P
+        return
+    all_P = [np.asarray(window["P"], dtype=np.float64) for window in certificate["windows"]]
+    left, right = (None, H)
+    if len(all_P[0]) < len(H):
+        U, V = rank_factors(exact(H))
+        left, right = to_float(V).T, to_float(U)
+    for source, target, start, end in certificate["edges"]:
+        edge = Edge(F, right, float(start), float(end), left)
+        yield edge, all_P[source], all_P[target]
+
+
+def _seen(edge: Edge, P_source: Matrix, P_target: Matrix) -> tuple[float, float]:
+    """Largest norm on a grid, and the slowest decay in time; NaN where floats overflow."""
+    thetas, maps = edge.grid()
+    norms = np.sqrt(np.clip(1.0 - slack(P_source, maps, P_target), SMALLEST**2, None))
+    if not np.isfinite(norms).all():
+        return math.nan, math.nan
+    later = thetas > 0
+    in_time = np.min(-np.log(norms[later]) / thetas[later], initial=math.inf)
+    return float(norms.max()), float(in_time)
+
+
+def prove_rates(
+    F: ArrayLike,
+    H: ArrayLike,
+    certificate: Mapping[str, Any],
+    low: float,
+    high: float,
+    rates: Rates,
+    jitter: float = math.inf,
+    own: Mapping[str, Any] | None = None,
+    steps: int = STEP_LIMIT,
+) -> Verdict:
+    """Both rates for all theta in [low, high], in balls; proved or undecided.
+
+    own: other matrices P for single rates, {"per_jump": n x n, "in_time": n x n}.
+    """
+    if not (0 < rates.per_jump < 1 and 0 <= rates.in_time < math.inf):
+        return undecided("a rate per jump lies in (0, 1), a rate in time is >= 0")
+    own, evidence = own or {}, {"per_jump": rates.per_jump, "in_time": rates.in_time}
+    for name in ("per_jump", "in_time"):
+        using = {"P": own[name]} if name in own else certificate
+        verdict = prove_rate(F, H, using, low, high, rates, jitter, name, steps)
+        if verdict.outcome != "proved":
+            word = name.replace("_", " ")
+            return undecided(f"the rate {word} is not proved: {verdict.evidence['reason']}")
+    return proved(**evidence, **{f"P_{name}": P for name, P in own.items()})
+
+
+def prove_rate(
+    F: ArrayLike,
+    H: ArrayLike,
+    certificate: Mapping[str, Any],
+    low: float,
+    high: float,
+    rates: Rates,
+    jitter: float,
+    name: str,
+    steps: int = STEP_LIMIT,
+) -> Verdict:
+    """The rate `name` ("per_jump" or "in_time") alone, with a P or with windows."""
+    flow, gamma = exact(F), 1.0
+    if name == "per_jump":
+        gamma = rates.per_jump
+    else:
+        flow = flow + exact(rates.in_time * np.eye(len(flow)))
+    if "windows" in certificate:
+        return prove_windows(
+            flow, H, certificate, low, high, jitter=jitter, gamma=gamma, steps=steps
+        )
+    return prove_common(flow, H, certificate["P"], low, high, gamma=gamma, steps=steps)

@@ -1,0 +1,166 @@
+"""Proof that matrices P, one for every window of dwell times, decrease along all sequences.
+
+    M(theta)' P_w' M(theta) < gamma^2 P_w     for every window w, every w' that can follow it, and
+                                              every theta that both of them allow
+
+A window gives some offsets (-1: the dwell time just passed, 0: the next one, ...) an interval; the
+windows of a certificate divide all sequences of dwell times, so that V_k = x_k' P_w x_k, w the
+window that the sequence is in at the k-th jump, falls at every jump. The search that found the
+windows is not consulted: `lmi.prove.window_partition` works out again that they divide all sequences,
+which can follow each other, and the ranges of theta.
+
+With a singular H = U V' (exactly, full rank), V' e^{F theta} U has the same products as
+e^{F theta} H, and smaller P prove the same: x-> V'x is what counts of the state before a jump.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from lmi.arithmetic.balls import (
+    PRECISIONS,
+    Exact,
+    ball,
+    certify_positive_definite,
+    exact,
+    precision,
+    rank_factors,
+    to_float,
+)
+from lmi.arithmetic.exponential import expm
+from lmi.prove.common_matrix import STEP_LIMIT, prove
+from lmi.prove.condition import Condition
+from lmi.prove.window_partition import Certificate, Edge, Unreadable, read_certificate
+from lmi.verdict import Verdict, proved, undecided
+
+Matrix = NDArray[np.float64]
+
+_LOOKED = 33  # points at which floats look for room
+
+
+def prove_windows(
+    F: ArrayLike,
+    H: ArrayLike,
+    certificate: Mapping[str, Any],
+    low: float,
+    high: float,
+    *,
+    jitter: float = math.inf,
+    gamma: float = 1.0,
+    method: str = "bernstein",
+    steps: int = STEP_LIMIT,
+) -> Verdict:
+    """All sequences of theta in [low, high], high possibly infinite, with steps at most `jitter`.
+
+    F, H: (n, n) floats or exact rationals, M(theta) = e^{F theta} H. certificate: {"windows":
+    [{"dwell": {"-1": [0.4, 1.2], ...}, "P": m x m}, ...], "edges": [[w, w', low, high], ...]}, what
+    `lmi.find.window_search` writes. Proved or undecided; then evidence["edge"] and ["theta"] tell where
+    an inequality could not be shown.
+    """
+    if not 0 <= low <= high:
+        raise ValueError(f"0 <= low <= high is required; got [{low}, {high}]")
+    flow, jump = exact(F), exact(H)
+    try:
+        found = read_certificate(certificate, len(flow), (low, high), jitter)
+        left, right = _factors(jump, found)
+    except Unreadable as error:
+        return undecided(str(error))
+    for w, P in enumerate(found.P):
+        if not _positive(P):
+            return undecided(f"P of window {w + 1} is not certainly positive definite")
+    counts = {"window_count": len(found.boxes), "edge_count": len(found.edges)}
+    family = Condition(flow, right, found.P[0], found.P[0], low, high, left, gamma)
+    verdict = _prove_edges(family, found, method, steps)
+    return verdict if verdict.outcome != "proved" else proved(**counts, **verdict.evidence)
+
+
+def _prove_edges(family: Condition, found: Certificate, method: str, steps: int) -> Verdict:
+    """The inequalities of all edges; the family gives all but their windows and ranges."""
+    work: dict[str, Any] = {}
+    for (target, *ends), sources in _groups(found.edges, together=method == "bernstein"):
+        first, *others = (found.P[s] for s in sources)
+        condition = replace(family, P_source=first, P_target=found.P[target], low=ends[0],
+                            high=ends[1], others=tuple(others))  # fmt: skip
+        if method == "march":
+            condition = _unreduced(condition.balanced())
+        verdict = prove(condition, method=method, steps=steps)
+        if verdict.outcome != "proved":
+            source = sources[verdict.evidence.get("which", 0)]
+            edge = [source, target, ends[0], _word(ends[1])]
+            return Verdict("undecided", {**verdict.evidence, "edge": edge})
+        _account(work, verdict.evidence)
+    return proved(**work)
+
+
+def _account(work: dict[str, Any], evidence: Mapping[str, Any]) -> None:
+    """Sums of boxes and steps, the smallest box, the last tail: over all edges."""
+    for key, value in evidence.items():
+        if key in ("boxes", "steps"):
+            work[key] = work.get(key, 0) + value
+        elif key in ("smallest_box", "least_margin"):
+            work[key] = min(work.get(key, math.inf), value)
+        elif key in ("tail_from", "bits"):
+            work[key] = max(work.get(key, 0), value)
+        else:
+            work[key] = value
+
+
+def _groups(
+    edges: Sequence[Edge], together: bool
+) -> list[tuple[tuple[int, float, float], list[int]]]:
+    """Edges with the same target and range, by their sources: one polynomial serves them all."""
+    groups = defaultdict(list)
+    for source, target, low, high in edges:
+        groups[target, low, high].append(source)
+    if together:
+        return list(groups.items())
+    return [(group, [source]) for group, sources in groups.items() for source in sources]
+
+
+def _unreduced(condition: Condition) -> Condition:
+    """The same claim for V P V' + e I in place of a reduced target P, which implies it.
+
+    e takes half of the room that floats see.
+    """
+    if condition.left is None:
+        return condition
+    V, n = condition.left.T, len(condition.F)
+    end = condition.high if math.isfinite(condition.high) else condition.low
+    moved = expm(to_float(condition.F) * np.linspace(condition.low, end, _LOOKED)[:, None, None])
+    moved = moved @ to_float(condition.right)
+    seen = to_float(condition.left) @ moved
+    room = condition.gamma**2 * condition.P_source - seen.swapaxes(1, 2) @ condition.P_target @ seen
+    gram = moved.swapaxes(1, 2) @ moved
+    shares = np.linalg.eigvals(np.linalg.solve(gram + 1e-300 * np.eye(len(room[0])), room)).real
+    e = max(0.5 * float(shares.min()), 1e-12 * float(np.abs(condition.P_target).max()))
+    whole = V @ exact(condition.P_target) @ V.T + exact(e * np.eye(n))
+    return replace(condition, left=None, P_target=whole)
+
+
+def _word(end: float) -> float | str:
+    return "inf" if math.isinf(end) else end
+
+
+def _factors(jump: Exact, found: Certificate) -> tuple[Exact | None, Exact]:
+    """(left, right) of the family left e^{F theta} right: (None, H), or (V', U) of H = U V'."""
+    if not found.reduced:
+        return None, jump
+    U, V = rank_factors(jump)
+    if U.shape[1] != found.P.shape[1]:
+        raise Unreadable(f"H has rank {U.shape[1]}; the P have size {found.P.shape[1]}")
+    return V.T, U
+
+
+def _positive(P: Matrix) -> bool:
+    for bits in PRECISIONS:
+        with precision(bits):
+            if certify_positive_definite(ball(exact(P))):
+                return True
+    return False

@@ -1,0 +1,1 @@
+"""Full column rank of stacks of flows and jumps over a box of spacings."""

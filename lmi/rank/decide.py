@@ -1,0 +1,157 @@
+"""Does a stack of products lose rank somewhere in a box of thetas? Looked for in floats, decided.
+
+Rank is decided relative to size: in coordinates that make the stack at the centre of the box
+orthonormal (`lmi.rank.stack`), and with block rows scaled to norm 1, its smallest singular value must
+stay above MARGIN. Refuted by a witness (`lmi.rank.witness`), proved by boxes (`lmi.rank.full_rank`).
+"""
+
+from __future__ import annotations
+
+import functools
+import itertools
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from lmi.rank.full_rank import BOX_LIMIT, prove_full_rank
+from lmi.rank.stack import Matrix, Stack, approx_margin, approx_vanishing, coordinates, unit_blocks
+from lmi.rank.witness import MARGIN, check_deficient, outright, too_few
+from lmi.verdict import Verdict, refuted, undecided
+
+_GRID, _RANDOM = 201, 300
+_SEED = 20091  # the search repeats itself exactly
+_POLISHED, _STEPS, _SHRINK = 3, 120, 0.5
+# the margin that is proved should reach this part of the least one in floats: bounds of convergence
+# rest on it
+_SHARE = 0.75
+
+
+@np.errstate(all="ignore")
+def decide_full_rank(stack: Stack, low: float, high: float, limit: int = BOX_LIMIT) -> Verdict:
+    """Full column rank with MARGIN for all thetas in [low, high]^m: search, refute or prove.
+
+    0 <= low <= high, both finite. Proved evidence as `prove_full_rank`, with "approx_sigma_min"
+    and "approx_worst", the least singular value of O where it is least in its coordinates, and
+    "asked", the margin to be proved; refuted evidence holds the witness.
+    """
+    if (witness := outright(stack)) is not None:
+        return refuted(witness)
+    R, full = coordinates(stack, low, high)
+    points = _candidates(stack, low, high)
+    margins = approx_margin(stack, points, R)
+    if len(points) > 1 and (pair := _sign_change(stack, points, R)) is not None:
+        return check_deficient(stack, low, high, {"between": pair})
+    in_units = functools.partial(approx_margin, stack, R=R)
+    worst, margin = _polished(in_units, points, margins, low, high)
+    if not full or not margin >= MARGIN:
+        place = points[0] * 0 + (low + high) / 2 if not full else worst
+        verdict = check_deficient(stack, low, high, {"thetas": place.tolist()})
+        if verdict.outcome == "refuted" or not full:
+            return verdict
+    asked = max(_SHARE * margin, MARGIN)
+    verdict = prove_full_rank(stack, low, high, R, margin=asked, limit=min(BOX_LIMIT // 10, limit))
+    if verdict.outcome != "proved":
+        counter = _vanishing(stack, points, R, low, high)
+        if counter.outcome == "refuted":
+            return counter
+        asked = MARGIN
+        verdict = prove_full_rank(stack, low, high, R, margin=asked, limit=limit)
+    if "thetas" in verdict.evidence:  # the proof may have been led to a place the search missed
+        place = np.array([verdict.evidence["thetas"]])
+        worst, margin = _polished(in_units, place, in_units(place), low, high)
+        if margin < MARGIN:
+            counter = check_deficient(stack, low, high, {"thetas": worst.tolist()})
+            verdict = counter if counter.outcome == "refuted" else verdict
+    told = {"asked": asked, **seen_at(stack, worst.tolist(), low, high)}
+    return Verdict(verdict.outcome, {**verdict.evidence, **told})
+
+
+def seen_at(stack: Stack, thetas: Any, low: float, high: float) -> dict[str, Any]:
+    """{"approx_sigma_min", "approx_worst"}: O at thetas (m,) in floats; {} for no such thetas."""
+    numbers = isinstance(thetas, list) and all(isinstance(x, int | float) for x in thetas)
+    if not numbers or len(thetas) != stack.thetas:
+        return {}
+    place = np.array([thetas], dtype=np.float64)
+    if not ((place >= low) & (place <= high)).all():
+        return {}
+    rows = stack.approx(place)[0]
+    value = float(np.linalg.svd(rows, compute_uv=False)[-1]) if np.isfinite(rows).all() else 0.0
+    return {"approx_sigma_min": value, "approx_worst": place[0].tolist()}
+
+
+@np.errstate(all="ignore")
+def prove_again(stack: Stack, low: float, high: float, asked: float) -> Verdict:
+    """The proof of `decide_full_rank` without its search: asked is the evidence's."""
+    if stack.shape[0] < stack.shape[1]:
+        return refuted(too_few(stack))
+    R, full = coordinates(stack, low, high)
+    if not full:
+        return undecided("the stack has no full rank anywhere in the box")
+    return prove_full_rank(stack, low, high, R, margin=max(asked, MARGIN))
+
+
+def _candidates(stack: Stack, low: float, high: float) -> Matrix:
+    """Constant thetas on a grid, and random ones; corners are where they often are worst."""
+    m = stack.thetas
+    if m == 0 or low == high:
+        return np.full((1, m), low)
+    rng = np.random.default_rng(_SEED)
+    constant = np.repeat(np.linspace(low, high, _GRID)[:, None], m, axis=1)
+    free = low + (high - low) * rng.random((_RANDOM, m))
+    corners = np.where(rng.random((_RANDOM // 3, m)) < 0.5, low, high)
+    return np.vstack([constant, free, corners])
+
+
+def _sign_change(stack: Stack, points: Matrix, R: Matrix) -> list[list[float]] | None:
+    """Two neighbours on the constant grid, else any two points, with determinants of other sign."""
+    if stack.shape[0] != stack.shape[1]:
+        return None
+    windows = stack.approx(points, stack.growth)
+    if not np.isfinite(windows).all():
+        return None
+    scaled = np.swapaxes(np.linalg.solve(R.T, np.swapaxes(windows, -1, -2)), -1, -2)
+    signs, relative = np.linalg.slogdet(unit_blocks(scaled, stack.blocks))
+    usable = np.isfinite(relative) & (relative > np.log(MARGIN))
+    places = np.flatnonzero(usable[:_GRID])
+    for a, b in itertools.pairwise(places):
+        if signs[a] * signs[b] < 0:
+            return [points[a].tolist(), points[b].tolist()]
+    plus, minus = (np.flatnonzero(usable & (signs == s)) for s in (1, -1))
+    if len(plus) and len(minus):
+        return [points[plus[0]].tolist(), points[minus[0]].tolist()]
+    return None
+
+
+def _vanishing(stack: Stack, points: Matrix, R: Matrix, low: float, high: float) -> Verdict:
+    """Whether rank is lost where block rows pass through zero, next to the place with the least."""
+    least = functools.partial(approx_vanishing, stack, R=R)
+    place, _ = _polished(least, points, least(points), low, high)
+    return check_deficient(stack, low, high, {"thetas": place.tolist()})
+
+
+def _polished(
+    margin_at: Callable[[Matrix], Matrix], points: Matrix, margins: Matrix, low: float, high: float
+) -> tuple[Matrix, float]:
+    """The least margin after a compass search from the lowest points, and where."""
+    order = np.argsort(np.nan_to_num(margins, nan=np.inf))[:_POLISHED]
+    best, value = points[order[0]], float(margins[order[0]])
+    m = points.shape[1]
+    if m == 0 or low == high:
+        return best, value
+    directions = np.vstack([np.eye(m), -np.eye(m), np.ones((1, m)), -np.ones((1, m))])
+    for start in order:
+        here, least, step = points[start], float(margins[start]), (high - low) / 20
+        for _ in range(_STEPS):
+            tried = np.clip(here + step * directions, low, high)
+            found = np.nan_to_num(margin_at(tried), nan=np.inf)
+            k = int(np.argmin(found))
+            if found[k] < least:
+                here, least = tried[k], float(found[k])
+            else:
+                step *= _SHRINK
+            if least < 1e-3 * MARGIN or step < 1e-15 * high:
+                break
+        if least < value:
+            best, value = here, least
+    return best, value

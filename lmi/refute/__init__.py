@@ -1,0 +1,1 @@
+"""Witnesses against stability and against common certificates, checked."""

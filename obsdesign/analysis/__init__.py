@@ -1,0 +1,1 @@
+"""Exact facts about a plant that synthesis and verification share."""

@@ -1,0 +1,1 @@
+"""Enclosures of finite-time gains and the errors they leave."""

@@ -1,0 +1,109 @@
+"""What arguments of the command line mean: plants, numbers, dwell times, answers."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+from obsdesign.errors import InputError
+from obsdesign.problem.kinds import KINDS
+
+if TYPE_CHECKING:
+    from obsdesign.problem.problem import Problem
+
+_Command = TypeVar("_Command", bound=Callable[..., Any])
+
+
+def one_of(*words: str) -> Any:
+    """Completion of an option by these words."""
+    return lambda context, option, begun: [word for word in words if word.startswith(begun)]
+
+
+KIND = click.option(
+    "--kind", shell_complete=one_of(*KINDS),
+    help="Observer kind; options of another kind in the file are dropped.",
+)  # fmt: skip
+
+
+def _seconds(context: click.Context, option: click.Parameter, value: float | None) -> float | None:
+    if value is not None and not 0 < value < math.inf:
+        raise InputError(f"--time must be a positive finite number of seconds; got {value!r}.")
+    return value
+
+
+def time_option(more: str = "in all") -> Callable[[_Command], _Command]:
+    """--time SECONDS as `seconds`; more: what the seconds are for."""
+    return click.option(
+        "--time", "seconds", type=float, metavar="SECONDS", callback=_seconds,
+        help=f"Processor seconds that searches may take {more}.  [default: each its own budget]",
+    )  # fmt: skip
+
+
+def problem_of(path: str, kind: str | None) -> tuple[Problem, list[str]]:
+    """The problem in a file, for its own kind or another, and what had to be dropped for that."""
+    from obsdesign.problem.problem import load_for_kind, load_problem
+
+    return load_for_kind(path, kind) if kind else (load_problem(path), [])
+
+
+def source_of(source: str) -> Problem:
+    """The problem in a problem file, or inside a design file."""
+    from obsdesign.document import FORMAT, load_design
+    from obsdesign.input_files import read_text
+    from obsdesign.problem.problem import Problem, load_problem
+
+    if source.endswith(".json") and f'"{FORMAT}"' in read_text(source):
+        return Problem.from_dict(load_design(source).problem)
+    return load_problem(source)
+
+
+def dwell_times(text: str) -> float | list[float]:
+    """A dwell time, or a file of them."""
+    try:
+        return float(text)
+    except ValueError:
+        from obsdesign.data.dwell_file import read_dwell_times
+
+        if Path(text).is_file():
+            return read_dwell_times(text)
+        raise InputError(
+            f"--dwell must be shortest, random, a number or a file; got {text!r}."
+        ) from None
+
+
+def numbers(text: str, option: str) -> list[float]:
+    """x1,x2,... as an option has them."""
+    from obsdesign.entries import LARGEST
+
+    try:
+        values = [float(part) for part in text.split(",")]
+    except ValueError:
+        raise InputError(f"{option} must be numbers separated by commas; got {text!r}.") from None
+    for value in values:
+        if LARGEST < abs(value) < math.inf:
+            raise InputError(f"{option} must be at most {LARGEST:g} in size; got {value!r}.")
+    return values
+
+
+def answer_of(path: str) -> dict[str, Any]:
+    """What a command printed with --json, or a design file: that one must be as it was signed."""
+    from obsdesign.document import load_design
+    from obsdesign.input_files import read_text, require_depth
+
+    try:
+        body = json.loads(read_text(path))
+    except InputError:
+        raise
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{path}: cannot be read as JSON: {error}.") from None
+    require_depth(body, path)
+    if not isinstance(body, dict):
+        raise InputError(f"{path}: one JSON object is required; got {type(body).__name__}.")
+    if "command" not in body:
+        load_design(path)
+    return body

@@ -1,0 +1,168 @@
+"""`simulate`, `run`, `plot`, `export`: records, estimates, gains for other programs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from obsdesign.cli.arguments import answer_of, dwell_times, numbers, one_of, source_of
+from obsdesign.cli.talk import is_quiet, say, warn
+from obsdesign.errors import InputError
+
+
+@click.command()
+@click.argument("source", metavar="PROBLEM_OR_DESIGN", type=click.Path())
+@click.option(
+    "--until", type=float,
+    help="End time.  [default: ten dwell times, 200 samples, or what the slowest mode takes]",
+)  # fmt: skip
+@click.option(
+    "--step", type=float, help="Time between rows.  [default: the period, or about until/500]"
+)
+@click.option("--initial", help="True initial state x1,...,xn.  [default: ones]")
+@click.option("--dwell", default="random", show_default=True,
+              shell_complete=one_of("shortest", "random"),
+              help="shortest, random, a number, or a file of dwell times.")  # fmt: skip
+@click.option("--disturbance", default="random", show_default=True,
+              shell_complete=one_of("zero", "extreme", "random", "sine"),
+              help="zero, extreme, random or sine.")  # fmt: skip
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True)
+@click.option("--events", type=click.Path(), help="Write the true unknown impulses to this file.")
+@click.option(
+    "-o", "--output", type=click.Path(), default="data.csv", show_default=True, help="Data file."
+)
+def simulate(source: str, output: str, events: str | None, seed: int, **options: Any) -> int:
+    """Simulate the plant of a problem or design exactly, with its true state."""
+    import numpy as np
+
+    from obsdesign.data.records import table_text
+    from obsdesign.data.simulation import simulate as run_simulation
+    from obsdesign.output_files import refuse_overwriting, write_text
+
+    refuse_overwriting(output, source)
+    refuse_overwriting(events, source)
+    if events is not None and events == output:
+        raise InputError(f"--events: {events} is the data file; give another name.")
+    problem = source_of(source)
+    if options["initial"] is not None:
+        options["initial"] = numbers(options["initial"], "--initial")
+    if options["dwell"] not in ("shortest", "random"):
+        options["dwell"] = dwell_times(options["dwell"])
+    # impulses of unknown weight are announced to the kinds that cannot find them
+    announced = problem.kind not in (None, "impulsive_input")
+    rng = np.random.default_rng(seed)
+    record = run_simulation(problem.plant, rng=rng, announced=announced, **options)
+    write_text(output, table_text(record.columns))
+    if events:
+        width = max(record.events.shape[1] - 1, 1)
+        names = ["t", *(["weight"] if width == 1 else [f"weight{i + 1}" for i in range(width)])]
+        columns = record.events.reshape(-1, width + 1).T
+        write_text(events, table_text(dict(zip(names, columns, strict=True))))
+    say(f"written: {output}, {len(record.t)} rows until t = {record.t[-1]:g}"
+               if len(record.t) else f"written: {output}, no rows")  # fmt: skip
+    return 0
+
+
+@click.command()
+@click.argument("design_file", metavar="DESIGN", type=click.Path())
+@click.argument("data", required=False, type=click.Path())
+@click.option(
+    "-o", "--output", type=click.Path(), help="Estimate file.  [default: standard output]"
+)
+@click.option("--initial", help="x1,...,xn; for bounds x1_lo,x1_hi,... (required).")
+@click.option(
+    "--events", type=click.Path(), help="Write found impulses, or a log of events, to this file."
+)
+@click.option(
+    "--state", type=click.Path(),
+    help="Go on from this file if it exists, and save the observer in it for the next data.",
+)  # fmt: skip
+@click.option("--skip-bad", is_flag=True, help="Report malformed lines and leave them out.")
+@click.option("--strict", is_flag=True, help="Exit code 4 if the status of a row is not ok.")
+def run(
+    design_file: str, data: str | None, output: str | None, initial: str | None, events: str | None,
+    state: str | None, skip_bad: bool, strict: bool,
+) -> int:  # fmt: skip
+    """Execute DESIGN on DATA.csv, or row by row on standard input.
+
+    Exit code 0 whatever the statuses of the rows, unless --strict is given; with --state, rows that
+    an observer with a delay has not decided wait for the next data.
+    """
+    from obsdesign.data.execution import execute
+
+    start = None if initial is None else numbers(initial, "--initial")
+    counts = execute(
+        design_file, data, output, start, events, state=state, skip_bad=skip_bad, remark=warn
+    )
+    total = counts.pop("rows", 0)
+    statuses = ", ".join(f"{number} {status}" for status, number in counts.most_common())
+    if not is_quiet():
+        click.echo(f"{total} rows{': ' if statuses else ''}{statuses}", err=True)
+    return 4 if strict and counts["ok"] < total else 0
+
+
+@click.command()
+@click.argument("estimate", type=click.Path())
+@click.argument("data", required=False, type=click.Path())
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(),
+    default="estimate.png",
+    show_default=True,
+    help="PNG or SVG file.",
+)
+@click.option(
+    "--events", type=click.Path(), help="Draw the impulses of this file too, with the measurements."
+)
+def plot(estimate: str, data: str | None, output: str, events: str | None) -> int:
+    """Picture an estimate file, against the true state where DATA.csv has it.
+
+    ESTIMATE may also be the answer of `search --json` or a design: the dwell times that are proved;
+    or the JSON lines of `sweep`: a curve or a map.
+    """
+    from obsdesign.output_files import refuse_overwriting
+
+    refuse_overwriting(output, estimate, data, events)
+    suffix = Path(estimate).suffix.lower()
+    if suffix in (".json", ".jsonl"):
+        what = "an answer" if suffix == ".json" else "a sweep"
+        for other in (data, events):
+            if other is not None:
+                raise InputError(f"{other}: belongs to an estimate file; {estimate} is {what}.")
+    if suffix == ".jsonl":
+        from obsdesign.pages.plotting.sweep import plot_sweep
+
+        plot_sweep(estimate, output)
+    elif suffix == ".json":
+        from obsdesign.pages.plotting.dwell import plot_dwell
+
+        plot_dwell(answer_of(estimate), output, estimate)
+    else:
+        from obsdesign.pages.plotting.estimate import plot_estimate
+
+        plot_estimate(estimate, data, output, events)
+    say(f"written: {output}")
+    return 0
+
+
+@click.command()
+@click.argument("design_file", metavar="DESIGN", type=click.Path())
+@click.option(
+    "-o", "--output", type=click.Path(), default="gains.mat", show_default=True, help="MATLAB file."
+)
+def export(design_file: str, output: str) -> int:
+    """Write the gains and the plant of DESIGN to a MATLAB file."""
+    if Path(output).suffix.lower() != ".mat":
+        raise InputError(f"{output}: gains are exported to a file that ends in .mat.")
+    from obsdesign.document import load_design
+    from obsdesign.interop.export import save_mat
+    from obsdesign.output_files import refuse_overwriting
+
+    refuse_overwriting(output, design_file)
+    design = load_design(design_file)
+    save_mat(design, output)
+    say(f"written: {output}, {len(design.gains)} gains of kind {design.kind}")
+    return 0

@@ -1,0 +1,123 @@
+"""`compare`, `report`, `demo`, `schema`, `completion`: what is read."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from obsdesign.cli.arguments import numbers, time_option
+from obsdesign.cli.talk import is_quiet, say
+from obsdesign.errors import InputError
+
+# the environment variable in which a shell asks for completions
+COMPLETE = "_OBSDESIGN_COMPLETE"
+
+
+@click.command()
+@click.argument("problem", type=click.Path())
+@click.option("--data", type=click.Path(), help="Measurements to run on.  [default: a simulation]")
+@click.option("--simulate", "simulated", is_flag=True, help="Simulate the plant, the default.")
+@click.option("--until", type=float, help="End of the simulation.")
+@click.option("--step", type=float, help="Time between its rows.")
+@click.option("--seed", type=click.IntRange(min=0), help="Of the simulation.  [default: 0]")
+@click.option("--initial", help="x1_lo,x1_hi,...; point observers begin in the middle.")
+@time_option()
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object on stdout.")
+def compare(
+    problem: str, data: str | None, simulated: bool, seed: int | None, initial: str | None,
+    seconds: float | None, as_json: bool, **options: Any,
+) -> int:  # fmt: skip
+    """Run every observer that PROBLEM admits on the same record, beside a Kalman filter."""
+    import numpy as np
+
+    from obsdesign.cli.answers import compare_answer, show_comparison
+    from obsdesign.problem.problem import load_problem
+    from obsdesign.studies.comparison.compare import compare as compare_all
+    from obsdesign.studies.comparison.record import Record
+
+    made = (seed, *options.values())
+    if data is not None and (simulated or any(value is not None for value in made)):
+        raise InputError(
+            "--data takes no --simulate, --until, --step or --seed: the record is the file's."
+        )
+    loaded = load_problem(problem)
+    start = None if initial is None else numbers(initial, "--initial")
+    if data is not None:
+        record = Record.read(data, loaded.plant)
+    else:
+        rng = np.random.default_rng(seed or 0)
+        record = Record.simulated(loaded.plant, rng=rng, **options)
+    rows = list(compare_all(loaded, record, start, seconds=seconds))
+    if as_json:
+        click.echo(compare_answer(rows))
+    elif not is_quiet():
+        show_comparison(rows)
+    return 0
+
+
+@click.command()
+@click.argument("design_file", metavar="DESIGN", type=click.Path())
+@click.option(
+    "--data",
+    type=click.Path(),
+    help="Run the observer on DATA.csv.  [default: a simulation of its plant]",
+)
+@click.option("--initial", help="Where it starts, as `run` takes it.")
+@click.option(
+    "-o", "--output", type=click.Path(), default="report.html", show_default=True, help="HTML file."
+)
+def report(design_file: str, data: str | None, initial: str | None, output: str) -> int:
+    """Prove DESIGN again and tell it on one page: guarantees, claims, gains, an estimate."""
+    from obsdesign.cli.answers import EXIT_CODES
+    from obsdesign.output_files import refuse_overwriting
+    from obsdesign.pages.report import write_report
+    from obsdesign.verification.answers import reason
+
+    refuse_overwriting(output, design_file, data)
+    start = None if initial is None else numbers(initial, "--initial")
+    outcome = write_report(design_file, output, data, start)
+    if outcome.verdict == "refuted":
+        failed = [claim for claim in outcome.claims if claim.verdict == "refuted"]
+        say("refuted: " + "; ".join(f"{c.id}: {reason(c)}" for c in failed))
+        say("nothing written")
+    else:
+        say(f"written: {output}")
+    return EXIT_CODES[outcome.verdict]
+
+
+@click.command()
+@click.argument("folder", default="obsdesign-demo", type=click.Path())
+def demo(folder: str) -> int:
+    """Design, prove, simulate, run and plot a shipped example into FOLDER."""
+    from obsdesign.cli.demo import run_demo
+
+    return run_demo(Path(folder))
+
+
+@click.command()
+@click.argument("which", type=click.Choice(["problem", "design"]), default="problem")
+def schema(which: str) -> int:
+    """Print the JSON Schema of problem files or of design files."""
+    from importlib.resources import files
+
+    click.echo(
+        files("obsdesign").joinpath(f"problem/{which}.schema.json").read_text("utf-8").rstrip()
+    )
+    return 0
+
+
+@click.command()
+@click.argument("shell", type=click.Choice(["bash", "zsh", "fish"]))
+def completion(shell: str) -> int:
+    """Print the completion script of SHELL: eval "$(obsdesign completion bash)"."""
+    from click.shell_completion import get_completion_class
+
+    made = get_completion_class(shell)
+    assert made is not None
+    root = click.get_current_context().find_root().command
+    # not made.source(): it asks the shell for its version first
+    script = made(root, {}, "obsdesign", COMPLETE)
+    click.echo(script.source_template % script.source_vars())
+    return 0

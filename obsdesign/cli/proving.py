@@ -1,0 +1,136 @@
+"""`check`, `design`, `verify`, `search`: what ends in a verdict."""
+
+from __future__ import annotations
+
+import click
+
+from obsdesign.cli.arguments import KIND, one_of, problem_of, time_option
+from obsdesign.cli.talk import is_quiet, is_verbose, progress_bar, progress_message, say, warn
+from obsdesign.errors import InputError
+from obsdesign.problem.kinds import SEARCHES
+
+
+@click.command()
+@click.argument("problem", type=click.Path())
+@time_option()
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object on stdout.")
+def check(problem: str, seconds: float | None, as_json: bool) -> int:
+    """For each observer kind: can it be built for the plant in PROBLEM, and if not, why."""
+    from obsdesign.cli.answers import EXIT_CODES, check_answer, show_check
+    from obsdesign.problem.problem import load_problem
+    from obsdesign.studies.check.which_kinds import check_all
+
+    loaded = load_problem(problem)
+    with progress_bar("check") as progress:
+        verdict, found = check_all(loaded, seconds=seconds, progress=progress)
+    for entry in found.values():
+        entry["next"] = entry["next"].replace("PROBLEM", problem)
+    if as_json:
+        click.echo(check_answer(verdict, found))
+    elif not is_quiet():
+        show_check(found)
+    return EXIT_CODES[verdict]
+
+
+@click.command()
+@click.argument("problem", type=click.Path())
+@KIND
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(),
+    default="design.json",
+    show_default=True,
+    help="Design file.",
+)
+@click.option("--allow-undecided", is_flag=True, help="Write a design with undecided claims too.")
+@time_option()
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object on stdout.")
+def design(
+    problem: str, kind: str | None, output: str, allow_undecided: bool, seconds: float | None,
+    as_json: bool,
+) -> int:  # fmt: skip
+    """Synthesise what PROBLEM leaves open, prove it, and write a design file."""
+    from obsdesign import workflow
+    from obsdesign.cli.answers import EXIT_CODES, answer, show
+    from obsdesign.output_files import refuse_overwriting
+
+    loaded, dropped = problem_of(problem, kind)
+    refuse_overwriting(output, problem)
+    try:
+        with progress_message("designing"):
+            outcome = workflow.investigate(loaded, seconds=seconds)
+    except InputError as error:
+        raise InputError(f"{problem}: {error}") from None
+    if dropped:
+        warn(f"dropped for kind {kind}: {', '.join(dropped)}")
+    for remark in outcome.result.get("remarks", ()):
+        warn(remark)
+    keep = outcome.verdict == "proved" or (outcome.verdict == "undecided" and allow_undecided)
+    written = output if keep and outcome.design else None
+    if outcome.design and written:
+        outcome.design.save(written)
+    if as_json:
+        gains = outcome.design.gains if outcome.design else {}
+        click.echo(answer("design", outcome, {**outcome.result, "file": written, "gains": gains}))
+    elif not is_quiet():
+        show(outcome, numbers=is_verbose())
+        say(f"written: {written}" if written else "nothing written")
+    return EXIT_CODES[outcome.verdict]
+
+
+@click.command()
+@click.argument("design_file", metavar="DESIGN", type=click.Path())
+@click.option("--paranoid", is_flag=True, help="Prove a second time by an independent method.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object on stdout.")
+def verify(design_file: str, paranoid: bool, as_json: bool) -> int:
+    """Prove everything in DESIGN again, from the file alone and without a solver."""
+    from obsdesign import workflow
+    from obsdesign.cli.answers import EXIT_CODES, answer, show
+    from obsdesign.document import load_design
+
+    design = load_design(design_file)
+    try:
+        with progress_message("verifying"):
+            outcome = workflow.verify(design, paranoid=paranoid)
+    except InputError as error:
+        raise InputError(f"{design_file}: {error}") from None
+    if as_json:
+        click.echo(answer("verify", outcome, outcome.result))
+    elif not is_quiet():
+        show(outcome, numbers=is_verbose())
+    return EXIT_CODES[outcome.verdict]
+
+
+@click.command()
+@click.argument("problem", type=click.Path())
+@click.option("--for", "what", required=True, metavar="WHAT",
+              shell_complete=one_of(*SEARCHES),
+              help=", ".join(SEARCHES) + ".")  # fmt: skip
+@KIND
+@click.option("--accuracy", type=float, default=1e-6, show_default=True, help="Relative width.")
+@time_option()
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object on stdout.")
+def search(
+    problem: str, what: str, kind: str | None, accuracy: float, seconds: float | None,
+    as_json: bool,
+) -> int:  # fmt: skip
+    """Find the limit of WHAT for PROBLEM: a bracket, proved on one side."""
+    from obsdesign.cli.answers import EXIT_CODES, answer, show_bracket
+    from obsdesign.studies.search import dwell_time as searching
+
+    loaded, dropped = problem_of(problem, kind)
+    try:
+        with progress_message("searching"):
+            outcome = searching.search(loaded, what, accuracy, seconds=seconds)
+    except InputError as error:
+        raise InputError(f"{problem}: {error}") from None
+    if dropped:
+        warn(f"dropped for kind {kind}: {', '.join(dropped)}")
+    for remark in outcome.result.get("remarks", ()):
+        warn(remark)
+    if as_json:
+        click.echo(answer("search", outcome, outcome.result))
+    elif not is_quiet():
+        show_bracket(what, outcome)
+    return EXIT_CODES[outcome.verdict]

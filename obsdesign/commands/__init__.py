@@ -1,1 +1,0 @@
-"""The commands, by what they are about; `obsdesign.cli` puts them into one group."""

@@ -1,0 +1,1 @@
+"""Records of data: read, written, simulated, and run through an observer."""

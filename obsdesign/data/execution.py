@@ -1,0 +1,192 @@
+"""Run a design over a data file or a pipe, in constant memory."""
+
+from __future__ import annotations
+
+import io
+import math
+import re
+import sys
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from functools import partial
+from itertools import chain
+from pathlib import Path
+from typing import Any, TextIO
+
+from obsdesign.data.records import (
+    Layout,
+    Remark,
+    discard,
+    estimate_header,
+    estimate_line,
+    event_line,
+    read_samples,
+)
+from obsdesign.data.stream import Stream, estimates_of, starting_progress, stored_progress
+from obsdesign.document import Design, load_design
+from obsdesign.errors import InputError
+from obsdesign.output_files import refuse_overwriting, replacing, write_text
+from obsdesign.runtime import from_design
+from obsdesign.runtime.base import Estimate
+from obsdesign.runtime.stored_state import state_text
+
+# "dwell time 0.5 below 0.7" is counted as "dwell time below 0.7"
+_NUMBER = re.compile(r"(?<=time )[-+.\de]+ ")
+
+_MOSTLY_VOID = 0.5  # of the rows, from which the data is hardly of this plant
+
+
+def execute(
+    design: str,
+    data: str | None,
+    output: str | None,
+    initial: Sequence[float] | None,
+    events: str | None,
+    *,
+    state: str | None = None,
+    skip_bad: bool = False,
+    remark: Remark = discard,
+) -> Counter[str]:
+    """Estimates of a design for DATA (None: standard input) into `output` (None: standard output).
+
+    state: the file with the observer's progress; a run continues from it if it exists, and writes
+    it at the end. skip_bad: a malformed line is a remark, not an error. remark: called with
+    these, and at the end with claims of the design that are not proved and signs that the data are
+    of another plant.
+
+    Returns how many rows there were ("rows") and how many had which status. A data file is checked
+    whole before anything is written; a pipe is answered row by row. InputError names what is wrong
+    with which file.
+    """
+    signed = load_design(design)
+    observer: Any = from_design(signed, design)
+    _refuse_targets((design, data), output, events, state)
+    if events is not None and not observer.finds_events:
+        raise InputError(f"--events: kind {observer.kind!r} has none to write.")
+    stored = None if state is None else stored_progress(state, signed, observer, initial)
+    name, remarks = data or "standard input", list[str]()
+    after = -math.inf if stored is None else stored.t
+    read = partial(read_samples, layout=Layout(**observer.reads), name=name, after=after)
+    if data is not None:
+        with _opened(data) as stream:
+            samples = read(stream, skip=discard if skip_bad else None)
+            # refuse before anything is written
+            starting_progress(observer, stored, next(samples), initial)
+            for _ in samples:
+                pass
+    with _source(data) as stream, _writer(output) as out, _log(events, observer) as log:
+        samples = read(stream, skip=remark if skip_bad else None, remark=remarks.append)
+        first = next(samples)  # there is one, or this is an InputError
+        begin, live = starting_progress(observer, stored, first, initial), data is None
+        parts = Stream(observer, begin)
+        rows = chain([first], samples)
+        whole = partial(estimates_of, observer, begin.state)
+        estimates = (whole if state is None else parts.estimates)(rows, live=live)
+        counts = _write(observer, estimates, out, log, live=live)
+    if state is not None:
+        write_text(state, state_text(signed, parts.progress))
+    for text in [*_unproved(design, signed), *remarks, *_void(name, counts)]:
+        remark(text)
+    return counts
+
+
+def _write(
+    observer: Any, estimates: Iterator[Estimate], out: TextIO, log: TextIO | None, *, live: bool
+) -> Counter[str]:
+    """Every estimate as a line, and how many there are of which status."""
+    counts: Counter[str] = Counter()
+    out.write(estimate_header(observer.names) + "\n")
+    for estimate in estimates:
+        out.write(estimate_line(estimate) + "\n")
+        if log is not None:
+            log.writelines(event_line(event) + "\n" for event in estimate.events)
+        if live:
+            out.flush()
+        counts["rows"] += 1
+        counts.update(_NUMBER.sub("", reason) for reason in estimate.status.split("; "))
+    return counts
+
+
+def _unproved(path: str, design: Design) -> list[str]:
+    """A remark if a claim of the design is not proved: what rests on it may not hold."""
+    claims = [claim.id for claim in design.claims if claim.verdict != "proved"]
+    if not claims:
+        return []
+    names = ", ".join(claims)
+    return [f"{path}: {names} not proved: rows with status ok may be wrong."]
+
+
+def _void(name: str, counts: Counter[str]) -> list[str]:
+    """A remark if the data refute the bounds on most of the rows."""
+    void = sum(number for status, number in counts.items() if status.startswith("void "))
+    if not void > _MOSTLY_VOID * counts["rows"]:
+        return []
+    return [
+        f"{name}: the bounds are void on {void} of {counts['rows']} rows. Is it the data of "
+        "another plant?"
+    ]
+
+
+def _refuse_targets(
+    read: tuple[str | None, ...], output: str | None, events: str | None, state: str | None
+) -> None:
+    """InputError if a file to be written is one that is read, or is written twice."""
+    for target in (output, events, state):
+        refuse_overwriting(target, *read)
+    if _same_file(events, output):
+        raise InputError(f"--events: {events} is the estimate file; give another name.")
+    if _same_file(state, output) or _same_file(state, events):
+        raise InputError(f"--state: {state} is another file of this run; give another name.")
+
+
+def _same_file(one: str | None, other: str | None) -> bool:
+    """Two names of one file; a device may be written twice."""
+    if one is None or other is None:
+        return False
+    path = Path(one).resolve()
+    return path == Path(other).resolve() and (path.is_file() or not path.exists())
+
+
+@contextmanager
+def _log(path: str | None, observer: Any) -> Iterator[TextIO | None]:
+    """The file of events, with its header, or nothing."""
+    if path is None:
+        yield None
+        return
+    with replacing(path) as file:
+        file.write(",".join(observer.event_names) + "\n")
+        yield file
+
+
+@contextmanager
+def _source(path: str | None) -> Iterator[TextIO]:
+    """A data file, or standard input."""
+    if path is not None:
+        with _opened(path) as stream:
+            yield stream
+        return
+    if isinstance(sys.stdin, io.TextIOWrapper):
+        sys.stdin.reconfigure(errors="surrogateescape")
+    yield sys.stdin
+
+
+@contextmanager
+def _opened(path: str) -> Iterator[TextIO]:
+    """A file whose bytes are handed on as they are: noise on a line is wrong there alone."""
+    try:
+        stream = open(path, encoding="utf-8", newline="", errors="surrogateescape")  # noqa: SIM115
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}.") from None
+    with stream:
+        yield stream
+
+
+@contextmanager
+def _writer(path: str | None) -> Iterator[TextIO]:
+    """Standard output, or a file that appears only when all of it is written."""
+    if path is None:
+        yield sys.stdout
+        return
+    with replacing(path) as file:
+        yield file

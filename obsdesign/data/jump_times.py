@@ -1,0 +1,101 @@
+"""When a simulated plant jumps: at dwell times that are given, the shortest, or drawn at random."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterable, Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from obsdesign.entries import positive
+from obsdesign.errors import InputError
+from obsdesign.problem.plant import Plant
+
+Vector = NDArray[np.float64]
+
+_MOST_JUMPS = 1e5
+
+
+def jump_times(
+    plant: Plant, dwell: str | float | Sequence[float], until: float, rng: np.random.Generator
+) -> Vector:
+    """Jump instants in (0, until]; the first one a dwell time after 0."""
+    if plant.jump is None:
+        return np.zeros(0)
+    spacing = _spacings(plant, dwell, until, rng)
+    times, t = [], 0.0
+    for theta in spacing:
+        t += theta
+        if t > until * (1 + 1e-12):
+            break
+        times.append(t)
+    return np.array(times)
+
+
+def _spacings(
+    plant: Plant, dwell: str | float | Sequence[float], until: float, rng: np.random.Generator
+) -> Iterable[float]:
+    if plant.jump is None or plant.jump.dwell_time is None:
+        if isinstance(dwell, str):
+            raise InputError(
+                "jump.dwell_time is required to simulate jumps; it is missing. Write it, or give "
+                "the times: simulate --dwell T."
+            )
+        low, high, jitter = 0.0, math.inf, math.inf
+    else:
+        (low, high), jitter = plant.jump.dwell_time, plant.jump.dwell_jitter
+    if dwell == "random":
+        return _random_spacings(low, high, jitter, until, rng)
+    if dwell == "shortest":
+        if low == 0.0:
+            raise InputError(
+                "dwell = shortest needs jump.dwell_time[0] > 0; it is 0. Give a number."
+            )
+        return _repeat(low, until)
+    if isinstance(dwell, str):
+        raise InputError(f"dwell must be shortest, random or a positive number; got {dwell!r}.")
+    if isinstance(dwell, int | float):
+        return _repeat(positive(float(dwell), "dwell"), until)
+    return _cycle([positive(float(theta), "dwell") for theta in dwell], until)
+
+
+def _repeat(theta: float, until: float) -> Iterable[float]:
+    if until / theta > _MOST_JUMPS:
+        raise InputError(
+            f"dwell = {theta:g} makes {until / theta:.4g} jumps until {until:g}; "
+            f"{_MOST_JUMPS:g} is the limit."
+        )
+    count = int(until / theta) + 2
+    return np.diff(np.round(theta * np.arange(count), 12))
+
+
+def _cycle(thetas: list[float], until: float) -> Iterable[float]:
+    """The sequence, repeated in turn."""
+    if not thetas or until * len(thetas) / sum(thetas) > _MOST_JUMPS:
+        raise InputError(
+            f"dwell: the sequence of {len(thetas)} dwell times must make at least one jump, and "
+            f"at most {_MOST_JUMPS:g} until {until:g}."
+        )
+    return itertools.cycle(thetas)
+
+
+def _random_spacings(
+    low: float, high: float, jitter: float, until: float, rng: np.random.Generator
+) -> Iterator[float]:
+    """Uniform in the range; a mean of two shortest dwell times where it has no end."""
+    top = high if math.isfinite(high) else (3 * low if low > 0 else until / 5)
+    floor = max(low, 1e-3 * min(top, until))  # a range that starts at 0 must not pile up jumps
+    if until / ((floor + top) / 2) > _MOST_JUMPS:
+        raise InputError(f"until = {until:g} makes more than {_MOST_JUMPS:g} jumps; shorten it.")
+    theta, elapsed = None, 0.0
+    while elapsed <= until:
+        near = (
+            (floor, top)
+            if theta is None
+            else (max(floor, theta - jitter), min(top, theta + jitter))
+        )
+        theta = float(np.clip(rng.uniform(*near), low, high))
+        elapsed += theta
+        yield theta

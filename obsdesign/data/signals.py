@@ -1,0 +1,163 @@
+"""What drives a simulated plant: disturbances inside their bounds, inputs, noise.
+
+Every signal is constant between rows, or a sine, so that the flow is an exponential of one
+matrix: x' = A x + c + sum of columns times sines, c' = 0, and an oscillator for each sine.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from obsdesign.problem.plant import Plant
+
+Array = NDArray[np.float64]
+
+DISTURBANCES = ("zero", "extreme", "random", "sine")
+_INPUT_CHANGES = 20  # a known input takes this many values over a record
+
+
+@dataclass(frozen=True)
+class Bounded:
+    """A signal lower <= s(t) <= upper, held between rows or a sine; shapes (rows, k) or (k,)."""
+
+    held: Array
+    amplitude: Array
+    omega: Array
+    phase: Array
+
+    def at(self, k: int, t: float) -> Array:
+        """Value at time t of row k."""
+        value: Array = self.held[k] + self.amplitude * np.sin(self.omega * t + self.phase)
+        return value
+
+
+@dataclass(frozen=True)
+class Signals:
+    """Signals of one run; rows are those of the record."""
+
+    plant: Plant
+    generator: Array
+    flow: Bounded
+    unknown_input: Bounded
+    jump_disturbance: Bounded
+    noise: Bounded
+    gaussian: Array
+    u: Array
+    w: Array
+    weights: Array
+
+    def extended(self, x: Array, k: int, t: float) -> Array:
+        """State of plant, constants and oscillators at the start (time t) of the step to row k."""
+        flow = self.plant.flow
+        constant = self.flow.held[k].copy()
+        if flow.B is not None:
+            constant += flow.B @ self.u[max(k - 1, 0)]
+        if flow.D is not None:
+            constant += flow.D @ self.unknown_input.held[k]
+        angles = np.concatenate([s.omega * t + s.phase for s in (self.flow, self.unknown_input)])
+        return np.concatenate([x, constant, np.sin(angles), np.cos(angles)])
+
+    def jump(self, k: int) -> Array:
+        """E w + H g + c at row k."""
+        jump = self.plant.jump
+        assert jump is not None
+        total: Array = self.jump_disturbance.held[k].copy()
+        if jump.E is not None:
+            total += jump.E @ self.w[k]
+        if jump.H is not None:
+            total += jump.H @ self.weights[k]
+        return total
+
+    def measurement(self, clean: Array, k: int, t: float, measured: bool) -> Array:
+        """y at row k, NaN where there is none. A bound of the noise holds for all of it."""
+        if not measured:
+            return np.full_like(clean, np.nan)
+        spread = np.hypot(self.plant.output.noise_std, self.plant.output.noise_cv * clean)
+        lower, upper = noise_ends(self.plant)
+        noise = self.noise.at(k, t) + spread * self.gaussian[k]
+        if self.plant.output.noise_bound is not None:
+            noise = np.clip(noise, lower, upper)
+        value: Array = clean + noise
+        return value
+
+    def unknown(self, times: Array) -> Array:
+        """Truth of the unknown input, (rows, q)."""
+        return np.array(
+            [self.unknown_input.at(k, t) for k, t in enumerate(times.tolist())]
+        ).reshape(len(times), -1)
+
+
+def signals(plant: Plant, kind: str, rows: int, rng: np.random.Generator) -> Signals:
+    """Draw the signals of a run of that many rows; `kind` is one of DISTURBANCES."""
+    flow, jump, output = plant.flow, plant.jump, plant.output
+    n, p = len(flow.A), len(output.C)
+    inputs, unknowns = _columns(flow.B), _columns(flow.D)
+    jump_low, jump_high = (jump.lower, jump.upper) if jump else (np.zeros(n), np.zeros(n))
+    b = _bounded(flow.lower, flow.upper, kind, rows, rng)
+    d = _bounded(-np.ones(unknowns), np.ones(unknowns), kind, rows, rng)
+    # a jump has no duration: a sine is sampled there
+    c = _bounded(jump_low, jump_high, "random" if kind == "sine" else kind, rows, rng)
+    v = _bounded(*noise_ends(plant), kind, rows, rng)
+    changes = np.minimum(np.arange(rows) * _INPUT_CHANGES // max(rows, 1), _INPUT_CHANGES - 1)
+    return Signals(
+        plant,
+        _generator(flow, b, d),
+        b,
+        d,
+        c,
+        v,
+        rng.standard_normal((rows, p)) * (kind != "zero"),
+        rng.uniform(-1, 1, (_INPUT_CHANGES, inputs))[changes],
+        rng.uniform(-1, 1, (rows, _columns(jump.E if jump else None))),
+        rng.uniform(0.5, 1.5, (rows, _columns(jump.H if jump else None))),
+    )
+
+
+def noise_ends(plant: Plant) -> tuple[Array, Array]:
+    """Lower and upper bounds of the noise, (p,); zeros where they are not known."""
+    bound = plant.output.noise_bound
+    if bound is None:
+        return np.zeros(plant.p), np.zeros(plant.p)
+    return (-bound, bound) if bound.ndim == 1 else (bound[:, 0], bound[:, 1])
+
+
+def _columns(matrix: Array | None) -> int:
+    return 0 if matrix is None else matrix.shape[1]
+
+
+def _bounded(lower: Array, upper: Array, kind: str, rows: int, rng: np.random.Generator) -> Bounded:
+    size, middle, radius = len(lower), (lower + upper) / 2, (upper - lower) / 2
+    still = np.zeros(size)
+    if kind == "sine":
+        held = np.tile(middle, (rows, 1))
+        return Bounded(held, radius, rng.uniform(0.5, 3.0, size), rng.uniform(0, 2 * np.pi, size))
+    if kind == "zero":
+        held = np.tile(middle, (rows, 1))
+    elif kind == "extreme":
+        held = np.tile(np.where(rng.random(size) < 0.5, lower, upper), (rows, 1))
+    else:
+        held = rng.uniform(0, 1, (rows, size)) * (upper - lower) + lower
+    return Bounded(np.clip(held, lower, upper), still, still, still)
+
+
+def _generator(flow: Any, b: Bounded, d: Bounded) -> Array:
+    """d/dt [x; c; sin; cos] for the sines that have an amplitude."""
+    n = len(flow.A)
+    through = np.hstack(
+        [np.diag(b.amplitude), (flow.D if flow.D is not None else np.zeros((n, 0))) * d.amplitude]
+    )
+    omega = np.diag(np.concatenate([b.omega, d.omega]))
+    k = len(omega)
+    zero = np.zeros
+    return np.block(
+        [
+            [flow.A, np.eye(n), through, zero((n, k))],
+            [zero((n, 2 * n + 2 * k))],
+            [zero((k, 2 * n)), zero((k, k)), omega],
+            [zero((k, 2 * n)), -omega, zero((k, k))],
+        ]
+    )

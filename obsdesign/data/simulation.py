@@ -1,0 +1,251 @@
+"""Exact trajectories of a plant with jumps, inputs, disturbances and noise.
+
+Nothing is integrated by steps: between two instants the state moves by a block exponential of
+plant, held inputs and signal generators, so that the record is the solution to rounding.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from lmi.arithmetic.exponential import expm
+from obsdesign.data.jump_times import jump_times
+from obsdesign.data.signals import DISTURBANCES, Signals, signals
+from obsdesign.entries import positive
+from obsdesign.errors import InputError
+from obsdesign.problem.plant import Plant
+
+Vector = NDArray[np.float64]
+
+# exponent by which an unstable mode may grow in a default simulation
+_GROWN = 6.0
+_MOST_ROWS = 1e7
+_SAME_INSTANT = 1e-9  # time stamps closer than this part of a step are one instant
+
+
+@dataclass(frozen=True)
+class Record:
+    """A simulated run, one row per instant; x is the state after the row's jump.
+
+    columns: t, y1.., u1.., w1.., jump, then the truth x1.., d1.. (ignored by observers).
+    events: times and weights of unknown impulses, (t, weight1, ...).
+    """
+
+    columns: dict[str, NDArray[Any]]
+    events: NDArray[np.float64]
+
+    @property
+    def t(self) -> Vector:
+        """Time stamps, (rows,)."""
+        return self.columns["t"]
+
+    def block(self, letter: str) -> NDArray[np.float64]:
+        """Columns y, u, w, x or d as one array (rows, number)."""
+        names = [name for name in self.columns if name[0] == letter and name[1:].isdigit()]
+        return np.column_stack(
+            [self.columns[name] for name in names] or [np.zeros((len(self.t), 0))]
+        )
+
+
+def simulate(
+    plant: Plant,
+    *,
+    until: float | None = None,
+    step: float | None = None,
+    initial: ArrayLike | None = None,
+    dwell: str | float | Sequence[float] = "random",
+    disturbance: str = "random",
+    rng: np.random.Generator | None = None,
+    announced: bool = False,
+) -> Record:
+    """Simulate a plant from t = 0.
+
+    until, step: end and spacing of the rows, in the plant's time unit (default: some ten dwell
+    times; the sampling period, else a round number near until/500). initial: x(0), default ones.
+    dwell: `shortest`, `random` (admissible), one dwell time, or a sequence of them, repeated in
+    turn. disturbance: `zero` (the middle of every bound, no noise), `extreme` (a corner, held),
+    `random` or `sine`. rng: a numpy Generator (default: seed 0). announced: the record tells when
+    impulses of unknown weight come too, as every kind but `impulsive_input` has to know. Raises
+    InputError otherwise.
+    """
+    if disturbance not in DISTURBANCES:
+        raise InputError(
+            f"disturbance must be one of {', '.join(DISTURBANCES)}; got {disturbance!r}."
+        )
+    rng = np.random.default_rng(0) if rng is None else rng
+    x = _initial(plant.n, initial)
+    until = default_until(plant, dwell) if until is None else positive(until, "until")
+    jumps = jump_times(plant, dwell, until, rng)
+    # what is measured at jumps only has rows between them only if they are asked for
+    between = step is not None or plant.output.measured != "at_jumps"
+    step = _default_step(plant, until) if step is None else positive(step, "step")
+    instants = _instants(plant, jumps, until, step, between)
+    if not (np.diff(instants[0]) > 0).all():
+        raise InputError(
+            f"until = {until:g} and step = {step:g} leave rows closer than 1e-12 apart; choose a "
+            "smaller unit of time."
+        )
+    source = signals(plant, disturbance, len(instants[0]), rng)
+    with np.errstate(over="ignore", invalid="ignore"):
+        record = _trajectory(plant, x, *instants, source, announced)
+    finite = np.isfinite(record.block("x")).all(axis=1)
+    if not finite.all():
+        raise InputError(
+            f"the state overflows at t = {record.t[np.argmin(finite)]:g}: the plant is unstable "
+            "for these jumps; give a smaller --until."
+        )
+    return record
+
+
+def _initial(n: int, initial: ArrayLike | None) -> Vector:
+    x = np.ones(n) if initial is None else np.asarray(initial, dtype=np.float64)
+    if x.shape != (n,) or not np.isfinite(x).all():
+        raise InputError(f"initial must have {n} finite entries, one per state; got {x.tolist()}.")
+    return x
+
+
+def default_until(plant: Plant, dwell: Any) -> float:
+    """Ten dwell times where there are jumps, else 200 samples or what the slowest mode takes."""
+    if isinstance(dwell, int | float) and plant.jump is not None:
+        return 10.0 * float(dwell)
+    if plant.jump is None or plant.jump.dwell_time is None:
+        return _settled(plant)
+    low, high = plant.jump.dwell_time
+    typical = low if dwell == "shortest" else (low + high) / 2 if math.isfinite(high) else 2 * low
+    return 10.0 * (typical or 1.0)
+
+
+def _settled(plant: Plant) -> float:
+    """200 sampling periods, or ten times the slowest mode's; less where x would grow far."""
+    modes = np.linalg.eigvals(plant.flow.A)
+    fastest, period = float(np.abs(modes).max()), plant.output.period or 0.0
+    if fastest == 0 or not math.isfinite(fastest):
+        return 200 * period or 10.0
+    slowest = float(np.abs(modes[np.abs(modes) > 1e-6 * fastest]).min())
+    until = 200 * period or min(10 / slowest, 1000 / fastest)
+    growth = float(modes.real.max())
+    if growth * until > _GROWN:
+        until = max(_GROWN / growth, 50 * period)
+    return float(f"{until:.2g}")
+
+
+def _default_step(plant: Plant, until: float) -> float:
+    if plant.output.measured == "periodic" and plant.output.period:
+        return float(plant.output.period)
+    wanted = until / 500
+    scale = 10.0 ** math.floor(math.log10(wanted))
+    return float(
+        scale * min((1.0, 2.0, 5.0, 10.0), key=lambda nice: abs(math.log(nice * scale / wanted)))
+    )
+
+
+def _instants(
+    plant: Plant, jumps: Vector, until: float, step: float, between: bool
+) -> tuple[Vector, NDArray[np.bool_], NDArray[np.bool_]]:
+    """(times, is a jump, has a measurement) of all rows."""
+    grid = _grid(step, until) if between else np.zeros(0)
+    if plant.output.measured == "periodic" and plant.output.period:
+        samples = _grid(float(plant.output.period), until)
+        grid = np.sort(np.concatenate([_away(grid, samples, _SAME_INSTANT * step), samples]))
+    # a jump instant takes the place of the grid row that it coincides with
+    grid = _away(grid, jumps, _SAME_INSTANT * step)
+    times = np.concatenate([grid, jumps])
+    order = np.argsort(times)
+    is_jump = np.concatenate([np.zeros(len(grid), bool), np.ones(len(jumps), bool)])[order]
+    times = times[order]
+    return times, is_jump, _measured(plant, times, is_jump)
+
+
+def _grid(step: float, until: float) -> Vector:
+    if until / step > _MOST_ROWS:
+        raise InputError(
+            f"step = {step:g} makes {until / step:.4g} rows until {until:g}; "
+            f"{_MOST_ROWS:g} is the limit."
+        )
+    rows = int(until / step * (1 + 1e-12)) + 1
+    return np.asarray(np.round(step * np.arange(rows), 12), dtype=np.float64)
+
+
+def _away(grid: Vector, instants: Vector, least: float) -> Vector:
+    """What of a grid is not at one of these instants, in order."""
+    ends = np.concatenate([[-math.inf], instants, [math.inf]])
+    places = np.searchsorted(ends, grid)
+    distance = np.minimum(np.abs(grid - ends[places - 1]), np.abs(ends[places] - grid))
+    kept: Vector = grid[distance > least]
+    return kept
+
+
+def _measured(plant: Plant, times: Vector, is_jump: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    if plant.output.measured == "at_jumps":
+        return is_jump
+    seen = np.ones(len(times), bool)
+    if plant.output.measured == "periodic" and plant.output.period:
+        count = times / plant.output.period
+        seen = np.abs(count - np.round(count)) < 1e-6
+    return seen & ~(is_jump & (plant.output.jump_measurement == "none"))
+
+
+def _trajectory(
+    plant: Plant,
+    x: Vector,
+    times: Vector,
+    is_jump: NDArray[np.bool_],
+    measured: NDArray[np.bool_],
+    source: Signals,
+    announced: bool,
+) -> Record:
+    """Step from row to row; matrices are shared between equal steps."""
+    C, n = plant.output.C, len(x)
+    truth, seen, events = [], [], []
+    cache: dict[float, NDArray[np.float64]] = {}
+    now = 0.0
+    for k, t in enumerate(times.tolist()):
+        h = t - now
+        if h > 0:
+            if h not in cache:
+                cache[h] = expm(source.generator * h)[:n]
+            x = cache[h] @ source.extended(x, k, now)
+        before = x
+        if is_jump[k]:
+            assert plant.jump is not None
+            x = plant.jump.G @ x + source.jump(k)
+            if plant.jump.H is not None:
+                events.append([t, *source.weights[k]])
+        after = plant.output.jump_measurement == "after"
+        seen.append(source.measurement(C @ (x if after else before), k, t, bool(measured[k])))
+        truth.append(x)
+        now = t
+    seen_rows = np.array(seen).reshape(len(times), len(C))
+    states = np.array(truth).reshape(-1, n)
+    told = is_jump if _tells_jumps(plant, announced) else None
+    table = _columns(times, is_jump, told, seen_rows, states, source)
+    return Record(table, np.array(events).reshape(len(events), 1 + source.weights.shape[1]))
+
+
+def _tells_jumps(plant: Plant, announced: bool) -> bool:
+    """Jumps are told, those that are nothing but an impulse of unknown weight only if announced."""
+    jump = plant.jump
+    if jump is None:
+        return False
+    return announced or jump.H is None or not np.array_equal(jump.G, np.eye(plant.n))
+
+
+def _columns(
+    times: Vector, is_jump: Any, told: Any, seen: Vector, truth: Vector, source: Signals
+) -> dict[str, NDArray[Any]]:
+    columns: dict[str, NDArray[Any]] = {"t": times}
+    w = np.where(is_jump[:, None], source.w, np.nan)
+    d = source.unknown(times)
+    for letter, values in (("y", seen), ("u", source.u), ("w", w)):
+        columns |= {f"{letter}{i + 1}": values[:, i] for i in range(values.shape[1])}
+    if told is not None:
+        columns["jump"] = told.astype(np.int64)
+    for letter, values in (("x", truth), ("d", d)):
+        columns |= {f"{letter}{i + 1}": values[:, i] for i in range(values.shape[1])}
+    return columns

@@ -1,0 +1,1 @@
+"""Formulas of finite-time estimation (Mazenc, Ahmed)."""

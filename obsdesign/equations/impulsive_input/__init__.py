@@ -1,0 +1,1 @@
+"""Formulas for impulses of unknown time and weight (Mattsson, Medvedev)."""

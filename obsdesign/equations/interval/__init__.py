@@ -1,0 +1,1 @@
+"""Formulas of interval observers (Degue, Efimov, Richard)."""

@@ -1,0 +1,1 @@
+"""Formulas of the point observer with jump gains."""

@@ -1,0 +1,1 @@
+"""Formulas of the unknown-input observer (Ahn) and its differentiators."""

@@ -1,0 +1,284 @@
+"""The curve that tells most about a design, as numbers: floats to look at, not to rely on.
+
+Kinds with jumps: how much the error grows from jump to jump, over the dwell time. Without jumps:
+how it dies out. Windows: how independent what they hold is, or the weight of each sample.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lmi.arithmetic.balls import exact
+from lmi.arithmetic.exponential import absolute_flow, expm
+from lmi.rank.stack import Stack, approx_margin, coordinates
+from obsdesign.document import Design
+from obsdesign.equations.estimation_error import (
+    flow_error_matrix,
+    jump_error_matrix,
+    seen_before_jump,
+)
+from obsdesign.equations.impulsive import gains as impulsive
+from obsdesign.equations.impulsive_input import features as impulsive_input
+from obsdesign.equations.interval.width import WidthSystem, width_system_of
+
+Array = NDArray[np.float64]
+
+_POINTS = 400
+# beyond a range of dwell times so much of it is shown, and of an endless one so many shortest ones
+_BEYOND, _ENDLESS = 0.15, 4.0
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Named series (points,) over x, a level they must stay below or above, and the proved range.
+
+    steps: values hold from one x to the next. caption: what is seen, in one sentence.
+    """
+
+    title: str
+    x_label: str
+    y_label: str
+    x: Array
+    series: Mapping[str, Array]
+    caption: str
+    level: float | None = None
+    proved: tuple[float, float] | None = None
+    steps: bool = False
+
+
+@np.errstate(all="ignore")
+def curve_of(design: Design) -> Curve | None:
+    """The curve of a design's kind; None where floats have nothing to show.
+
+    What its caption calls proved rests on the verdicts of `design.claims`.
+    """
+    found = {
+        "interval": _interval,
+        "luenberger": _luenberger,
+        "impulsive": _impulsive,
+        "finite_time": _finite_time,
+        "impulsive_input": _impulsive_input,
+        "unknown_input": _unknown_input,
+    }[design.kind](design.gains, {c.id: c.evidence for c in design.claims if c.verdict == "proved"})
+    if found is None or not all(np.isfinite(y).any() for y in found.series.values()):
+        return None
+    return found
+
+
+def _interval(gains: Mapping[str, Any], evidence: Mapping[str, Any]) -> Curve | None:
+    system = width_system_of(gains)
+    if system.K is not None:
+        return _growth_from_sample_to_sample(system, float(gains["period"]))
+    if system.N is None:
+        return _decay(system.W)
+    return _growth(system.W, [system.N], gains["dwell_time"], evidence, "width of the bounds")
+
+
+def _growth_from_sample_to_sample(system: WidthSystem, period: float) -> Curve:
+    """Spectral radius of |K e^(A s)| over the time s between samples, if constant."""
+    assert system.A is not None
+    theta = _around(period, period)
+    maps, _ = absolute_flow(system.at_samples[0], system.A, system.f, theta)
+    return Curve(
+        "Growth of the width of the bounds from sample to sample",
+        "time between samples",
+        "factor per sample",
+        theta,
+        {"constant time between samples": _spectral_radii(maps)},
+        "Below 1 it shrinks from each sample to the next; the design is for the marked one.",
+        1.0,
+        (period, period),
+    )
+
+
+def _unknown_input(gains: Mapping[str, Any], evidence: Mapping[str, Any]) -> Curve | None:
+    return _decay(gains["F"])
+
+
+def _luenberger(gains: Mapping[str, Any], evidence: Mapping[str, Any]) -> Curve | None:
+    F = flow_error_matrix(gains["A"], gains["L"], gains["C"])
+    if "G" not in gains:
+        return _decay(F)
+    all_M = np.asarray(gains["M"])
+    H = [
+        jump_error_matrix(gains["G"], M, gains["C"], gains["jump_measurement"])
+        for M in (all_M if all_M.ndim == 3 else all_M[None])
+    ]
+    return _growth(F, H, gains["dwell_time"], evidence, "estimation error")
+
+
+def _growth(
+    F: Array,
+    all_H: list[Array],
+    span: Sequence[float],
+    evidence: Mapping[str, Any],
+    what: str,
+) -> Curve:
+    """Growth from jump to jump over the time between them, if constant, and in the norm of P."""
+    low, high = (float(end) for end in span)
+    theta = _around(low, high)
+    flows = expm(F * theta[:, None, None])
+    series = {}
+    for k, H in enumerate(all_H):
+        name = "constant dwell time" + (f", gain {k + 1}" if len(all_H) > 1 else "")
+        series[name] = _spectral_radii(flows @ H)
+    P = evidence.get("dwell_stability", {}).get("P")
+    if P is not None and len(all_H) == 1:
+        root = np.linalg.cholesky(np.asarray(P)).T
+        moved = np.linalg.solve(root.T, np.swapaxes(root @ flows @ all_H[0], -1, -2))
+        series["worst direction, norm of P"] = np.linalg.norm(
+            np.nan_to_num(moved), ord=2, axis=(1, 2)
+        )
+    marked = "the shaded range is proved, for every order in which dwell times may come"
+    marked = marked if "dwell_stability" in evidence else "the design is for the shaded range"
+    return Curve(
+        f"Growth of the {what} from jump to jump",
+        "dwell time",
+        "factor per jump",
+        theta,
+        series,
+        f"Below 1 it shrinks from each jump to the next; {marked}.",
+        1.0,
+        (low, min(high, float(theta[-1]))),
+    )
+
+
+def _spectral_radii(maps: Array) -> Array:
+    """Of each matrix of a stack."""
+    radii: Array = np.abs(np.linalg.eigvals(np.nan_to_num(maps))).max(axis=1)
+    return radii
+
+
+def _around(low: float, high: float) -> Array:
+    """Dwell times in a range and a little beyond it."""
+    if math.isinf(high):
+        top = _ENDLESS * low if low > 0 else 10.0
+        return np.linspace(0.4 * low, top, _POINTS)
+    beyond = _BEYOND * (high - low) or 0.5 * high or 1.0
+    return np.linspace(max(low - beyond, 0.0), high + beyond, _POINTS)
+
+
+def _decay(F: Array) -> Curve | None:
+    """What is left of the worst unit error, over time."""
+    if not len(F):
+        return None
+    slowest = -float(np.linalg.eigvals(F).real.max())
+    end = 6 / slowest if slowest > 0 else 1.0
+    t = np.linspace(0.0, end, _POINTS)
+    norms = np.linalg.norm(np.nan_to_num(expm(F * t[:, None, None])), ord=2, axis=(1, 2))
+    return Curve(
+        "What is left of the estimation error",
+        "time",
+        "of the worst unit error",
+        t,
+        {"norm of e^(F t)": norms},
+        "An error of length 1 at time 0, in its worst direction, without disturbance and noise.",
+    )
+
+
+def _impulsive(gains: Mapping[str, Any], evidence: Mapping[str, Any]) -> Curve | None:
+    if "table" in gains:
+        return _quadratic(gains, evidence)
+    proof = evidence.get("strongly_observable", {})
+    low, high = (float(end) for end in gains["dwell_time"])
+    core = impulsive.core_of(
+        {k: exact(v) if getattr(v, "ndim", 0) == 2 else v for k, v in gains.items()}
+    )
+    stack = Stack(*core.stack(int(proof.get("blocks", gains["window"]))))
+    theta = _around(low, high)
+    R, full = coordinates(stack, low, high)
+    if not full or not stack.thetas:
+        return None
+    margin = approx_margin(stack, np.repeat(theta[:, None], stack.thetas, axis=1), R)
+    return Curve(
+        "How well the impulses of one window determine the state",
+        "constant spacing of impulses",
+        "smallest singular value",
+        theta,
+        {"of the scaled window matrix": np.asarray(margin)},
+        "At 0 a state would stay hidden. Shaded: the spacings "
+        + (
+            "for which it is proved to stay above the dashed level, in every order."
+            if proof
+            else "of the design."
+        ),
+        proof.get("margin"),
+        (low, min(high, float(theta[-1]))),
+    )
+
+
+def _quadratic(gains: Mapping[str, Any], evidence: Mapping[str, Any]) -> Curve | None:
+    proof = evidence.get("contracting", {})
+    if "P" not in proof:
+        return None
+    G, root = gains["G"], np.linalg.cholesky(np.asarray(proof["P"], float)).T
+    C = seen_before_jump(G, gains["C"], gains["jump_measurement"])
+    cells, table = np.asarray(gains["cells"]), np.asarray(gains["table"])
+    low, high = (float(end) for end in gains["dwell_time"])
+    theta: Array = np.linspace(low, high, _POINTS)
+    cell = np.clip(np.searchsorted(cells, theta, side="right") - 1, 0, len(table) - 1)
+    maps = root @ (G + table[cell] @ C) @ expm(gains["A"] * theta[:, None, None])
+    moved = np.linalg.solve(root.T, np.swapaxes(maps, 1, 2))
+    return Curve(
+        "What is left of the error after an impulse",
+        "spacing of impulses",
+        "factor, in the norm of P",
+        theta,
+        {"worst error": np.linalg.norm(moved, 2, axis=(1, 2))},
+        "With the gain of the cell that the last spacing is in. Shaded: the spacings for which it "
+        "is proved to stay below the dashed level.",
+        float(proof["gamma"]),
+        (low, high),
+    )
+
+
+def _finite_time(gains: Mapping[str, Any], evidence: Mapping[str, Any]) -> Curve:
+    gain, p = np.asarray(gains["window_gain"]), len(gains["C"])
+    weights = gain.reshape(len(gain), -1, p)
+    age: Array = np.float64(gains["period"]) * np.arange(weights.shape[1])[::-1]
+    series = {
+        f"x{i + 1}" + (f" from y{j + 1}" if p > 1 else ""): weights[i, :, j]
+        for i in range(len(gain))
+        for j in range(p)
+    }
+    return Curve(
+        "Weight of each sample of the window",
+        "age of the sample",
+        "weight",
+        age,
+        series,
+        "The estimate is this weighted sum of the samples, plus what the known inputs contribute.",
+        0.0,
+    )
+
+
+def _impulsive_input(gains: Mapping[str, Any], evidence: Mapping[str, Any]) -> Curve | None:
+    tau, A, C, H = (np.asarray(gains[name]) for name in ("window", "A", "C", "H"))
+    step = float(tau) / (_POINTS - 1)
+    ages: Array = np.float64(step) * np.arange(_POINTS)
+    if "exponents" in gains and "K" in gains:
+        D = flow_error_matrix(A, gains["K"], C)
+        F = impulsive_input.filtered_system(D, C, np.asarray(gains["exponents"], float))
+        seen = impulsive_input.impulse_responses(F, H, step, _POINTS)[:, len(A) :]
+        what = "features of the window"
+    else:
+        seen = C @ expm(A * ages[:, None, None]) @ H
+        what = "measurements"
+    sizes = np.linalg.norm(seen, axis=1)
+    return Curve(
+        f"What one unit impulse leaves in the {what}",
+        "age of the impulse",
+        "size",
+        ages,
+        {
+            f"impulse {k + 1}" if H.shape[1] > 1 else "unit impulse": s
+            for k, s in enumerate(sizes.T)
+        },
+        "Its time and its weight are read from this response.",
+    )

@@ -1,0 +1,209 @@
+"""One self-contained page for a design: what is guaranteed, by which claims, and an estimate.
+
+Everything is proved again before a word of it is written.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import jinja2
+import numpy as np
+
+from obsdesign import workflow
+from obsdesign.data.execution import execute
+from obsdesign.data.records import table_text
+from obsdesign.data.simulation import simulate
+from obsdesign.document import Design, jsonable, load_design
+from obsdesign.errors import InputError
+from obsdesign.output_files import temporary_folder, write_text
+from obsdesign.pages.curves import curve_of
+from obsdesign.pages.key_numbers import numbers_of
+from obsdesign.problem.problem import Problem
+from obsdesign.studies.comparison.compare import MOST_ROWS, compare_with_kalman
+from obsdesign.studies.comparison.record import Record
+from obsdesign.studies.comparison.row import table
+from obsdesign.verification.answers import reason
+
+_KINDS = {
+    "interval": "Interval observer",
+    "luenberger": "Luenberger observer for a system with jumps",
+    "impulsive": "Observer from impulsive measurements",
+    "finite_time": "Finite-time observer from sampled measurements",
+    "impulsive_input": "Observer of unknown impulses",
+    "unknown_input": "Unknown-input observer",
+}
+_VERDICTS = {
+    "proved": "Every claim was proved again from the numbers in the design file, in {:.2g} s.",
+    "undecided": "Not every claim could be proved: the marked ones are open, and nothing may be "
+    "built on them.",
+}
+# gains with more entries than this are named, not shown
+_MOST_ENTRIES = 64
+
+
+def write_report(
+    path: str, output: str, data: str | None = None, initial: Sequence[float] | None = None
+) -> workflow.Outcome:
+    """Prove the design in a file again and write its page; nothing is written if it is refuted.
+
+    data: a CSV file to run the observer on, from `initial` as `run` takes it; without it the plant
+    is simulated. InputError when a file cannot be read or run as asked.
+    """
+    design = load_design(path)
+    started = time.perf_counter()
+    outcome = workflow.verify(design)
+    seconds = time.perf_counter() - started
+    if outcome.verdict != "refuted":
+        estimate = _estimate(design, path, data, initial)
+        write_text(output, page(design, outcome, seconds, estimate))
+    return outcome
+
+
+def page(
+    design: Design,
+    outcome: workflow.Outcome,
+    seconds: float,
+    estimate: Mapping[str, Any] | None = None,
+) -> str:
+    """The page as HTML text. estimate: {"title", "image", "caption", "beside": a table}."""
+    environment = jinja2.Environment(
+        autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True
+    )
+    template = environment.from_string(
+        files("obsdesign").joinpath("pages/report.html").read_text("utf-8")
+    )
+    guarantees = [(bool(g["given"]), str(g["statement"])) for g in outcome.guarantees]
+    shown = {name: value for name, value in design.gains.items() if _is_matrix(value)}
+    return template.render(
+        design=design,
+        kind_words=_KINDS[design.kind],
+        form=str(design.gains.get("form", "")).replace("_", " "),
+        plant=_plant_words(Problem.from_dict(design.problem)),
+        verdict=outcome.verdict,
+        verdict_words=_VERDICTS[outcome.verdict].format(seconds),
+        given=[statement for given, statement in guarantees if given],
+        withheld=[statement for given, statement in guarantees if not given],
+        estimate=estimate,
+        most_rows=MOST_ROWS,
+        curve=_curve(replace(design, claims=outcome.claims)),
+        claims=[_claim(claim) for claim in outcome.claims],
+        gains=[{"name": name, "rows": _rows(value)} for name, value in shown.items()
+               if np.size(value) <= _MOST_ENTRIES],
+        unshown=", ".join(f"{name} ({' × '.join(map(str, np.shape(value)))})"
+                          for name, value in shown.items() if np.size(value) > _MOST_ENTRIES),
+        origin=_origin(design),
+        problem=json.dumps(jsonable(design.problem), ensure_ascii=False),
+    )  # fmt: skip
+
+
+def _is_matrix(value: Any) -> bool:
+    return isinstance(value, np.ndarray) and value.ndim in (1, 2) and value.size > 0
+
+
+def _rows(value: Any) -> list[list[str]]:
+    """A vector is a column."""
+    return [[f"{x:.6g}" for x in row] for row in np.reshape(value, (len(value), -1)).tolist()]
+
+
+def _plant_words(problem: Problem) -> str:
+    plant = problem.plant
+    words = [f"{plant.n} states", f"{plant.p} output{'s' * (plant.p > 1)}"]
+    if plant.jump is not None and plant.jump.dwell_time is not None:
+        low, high = plant.jump.dwell_time
+        words.append(f"dwell times [{low:g}, {high:g}]".replace("inf]", "inf)"))
+    if plant.output.period is not None:
+        words.append(f"a sample every {plant.output.period:g}")
+    return ", ".join(words).replace("1 states", "1 state")
+
+
+def _claim(claim: Any) -> dict[str, Any]:
+    return {
+        "name": claim.id.replace("_", " "),
+        "verdict": claim.verdict,
+        "statement": claim.statement,
+        "source": claim.source,
+        "why": "" if claim.verdict == "proved" else reason(claim),
+        "numbers": list(numbers_of(claim.evidence)),
+    }
+
+
+def _origin(design: Design) -> list[tuple[str, str]]:
+    provenance = dict(design.provenance)
+    versions = provenance.get("versions", {})
+    solver = provenance.get("solver", {})
+    found = [(str(name), str(version)) for name, version in versions.items()]
+    if solver:
+        found.append(("gains found with", f"{solver.get('name')} {solver.get('version')}"))
+    return [("kind", design.kind), *found, ("digest", design.to_dict()["digest"])]
+
+
+def _curve(design: Design) -> dict[str, str] | None:
+    from obsdesign.pages.plotting.curve import curve_svg
+
+    curve = curve_of(design)
+    if curve is None:
+        return None
+    return {"title": curve.title, "caption": curve.caption, "image": _inline(curve_svg(curve))}
+
+
+def _inline(svg: str) -> str:
+    return "data:image/svg+xml;base64," + base64.b64encode(svg.encode("utf-8")).decode("ascii")
+
+
+def _estimate(
+    design: Design, path: str, data: str | None, initial: Sequence[float] | None
+) -> dict[str, Any] | None:
+    """The observer on data, or on a simulation of its plant, as a picture."""
+    from obsdesign.pages.plotting.estimate import plot_estimate
+
+    with temporary_folder() as folder:
+        title = "On data"
+        source = data or str(Path(folder, "simulated.csv"))
+        if data is None:
+            title = "On a simulation"
+            try:
+                plant = Problem.from_dict(design.problem).plant
+                record = simulate(plant, announced=design.kind != "impulsive_input")
+            except InputError:  # an unstable plant, or no dwell time to simulate with
+                return None
+            write_text(source, table_text(record.columns))
+            if initial is None and design.kind == "interval":
+                x = record.block("x")[0]
+                # not around the truth: nobody knows it so well
+                initial = np.column_stack([x - 0.5, x + 1.5]).reshape(-1).tolist()
+        estimates, picture = str(Path(folder, "estimate.csv")), str(Path(folder, "estimate.svg"))
+        try:
+            counts = execute(path, source, estimates, initial, None)
+        except InputError:
+            if data is None:  # impulses at unknown times, which this kind has to be told
+                return None
+            raise
+        plot_estimate(estimates, source, picture)
+        svg = Path(picture).read_text("utf-8")
+        rows = _rows_with_kalman(design, source, initial)
+    total = counts.pop("rows")
+    told = ", ".join(f"{number} {status}" for status, number in counts.most_common())
+    origin = f"of {Path(data).name}" if data else "simulated with random admissible disturbances"
+    caption = f"{total} rows {origin}: {told}."
+    return {"title": title, "image": _inline(svg), "caption": caption, "beside": rows}
+
+
+def _rows_with_kalman(
+    design: Design, source: str, initial: Sequence[float] | None
+) -> tuple[list[str], list[list[str]]] | None:
+    """The design and a Kalman filter, where the record has the true state."""
+    record = Record.read(source, Problem.from_dict(design.problem).plant)
+    if record.x is None:
+        return None
+    if initial is not None and design.kind != "interval":
+        x = np.asarray(initial, dtype=np.float64)
+        initial = np.column_stack([x - 1, x + 1]).reshape(-1).tolist()
+    return table(compare_with_kalman(design, record, initial))

@@ -1,1 +1,0 @@
-"""Pictures; the only package that imports matplotlib."""

@@ -1,0 +1,1 @@
+"""The plant, what is required of its observer, and the file that states both."""

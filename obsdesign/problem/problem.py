@@ -1,0 +1,244 @@
+"""`Problem`, a plant and what is asked of it, to and from what a problem file holds.
+
+Structure is checked by the published JSON Schema, meaning by the plant's own checks; both speak in
+one line (`obsdesign.errors.InputError`).
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from obsdesign.document import jsonable
+from obsdesign.errors import DoesNotApply, InputError
+from obsdesign.problem import observer_options as asked_of
+from obsdesign.problem.file import read_problem_file
+from obsdesign.problem.kinds import KINDS
+from obsdesign.problem.plant import Flow, Jump, Output, Plant
+from obsdesign.problem.schema_errors import check_structure
+
+Blocks = Mapping[str, Any]
+
+_KEYS = ("name", "flow", "jump", "output", "observer")
+
+
+class Problem:
+    """A plant, an observer kind (None: not chosen), gains that are kept, options. Read-only.
+
+    Blocks are dataclasses of `obsdesign.problem.plant` or dicts with the keys of a problem file; arrays
+    may be numpy arrays. InputError for anything a problem file may not hold.
+    """
+
+    __slots__ = ("gains", "kind", "name", "options", "plant")
+    name: str
+    plant: Plant
+    kind: str | None
+    gains: Mapping[str, Any]
+    options: Mapping[str, Any]
+
+    def __init__(
+        self,
+        flow: Flow | Blocks,
+        output: Output | Blocks,
+        jump: Jump | Blocks | None = None,
+        observer: Blocks | None = None,
+        name: str = "plant",
+    ) -> None:
+        plain: dict[str, Any] = {"name": name, "flow": flow, "output": output}
+        plain |= {} if jump is None else {"jump": jump}
+        plain |= {} if observer is None else {"observer": observer}
+        body: dict[str, Any] = {key: _as_block(value) for key, value in plain.items()}
+        check_structure(body)
+        _check_name(body["name"])
+        plant = Plant(_flow(body["flow"]), _jump(body.get("jump")), Output(**body["output"]))
+        asked = dict(body.get("observer", {}))
+        kind = asked.pop("kind", None)
+        gains = asked_of.gains(asked.pop("gains", {}), kind, plant)
+        options = asked_of.options(asked, kind, plant)
+        values = (name, plant, kind, MappingProxyType(gains), MappingProxyType(options))
+        for slot, value in zip(("name", "plant", "kind", "gains", "options"), values, strict=True):
+            object.__setattr__(self, slot, value)
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        raise AttributeError("a Problem is read-only; build a new one")
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Problem.from_dict, (self.to_dict(),)  # a copy is read-only too
+
+    def __repr__(self) -> str:
+        return f"Problem({self.name!r}, kind={self.kind!r}, n={self.plant.n}, p={self.plant.p})"
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Problem) and self.to_dict() == other.to_dict()
+
+    @staticmethod
+    def from_dict(body: Any) -> Problem:
+        """A problem from parsed TOML or JSON."""
+        body = _as_block(body)
+        if not isinstance(body, dict) or not {"flow", "output"} <= set(body) <= set(_KEYS):
+            check_structure(body)  # says what is wrong with the top level
+        return Problem(**body)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The normalised problem, JSON-ready: defaults filled in, infinity as "inf".
+
+        A noise bound that is absent stays absent: no kind may take it for zero.
+        """
+        flow, jump, output = self.plant.flow, self.plant.jump, self.plant.output
+        body: dict[str, Any] = {"name": self.name, "flow": _present(flow, ("A", "B", "D"))}
+        body["flow"]["disturbance"] = {"lower": flow.lower, "upper": flow.upper}
+        if jump is not None:
+            body["jump"] = _present(jump, ("G", "E", "H", "dwell_time", "dwell_jitter"))
+            body["jump"]["disturbance"] = {"lower": jump.lower, "upper": jump.upper}
+        names = ("C", "noise_bound", "noise_std", "noise_cv", "measured", "period")
+        body["output"] = _present(output, (*names, "jump_measurement"))
+        asked = {} if self.kind is None else {"kind": self.kind}
+        if asked or self.gains or self.options:
+            body["observer"] = asked | {"gains": dict(self.gains)} | dict(self.options)
+        result: dict[str, Any] = jsonable(body)
+        return result
+
+    def require_kind(self) -> str:
+        """The observer kind, or InputError that tells how to choose one."""
+        if self.kind is None:
+            raise InputError(
+                f"observer.kind is required; it is missing. It is one of {', '.join(KINDS)}; "
+                "`obsdesign check` tells which of them fit this plant."
+            )
+        return self.kind
+
+    def require_dwell_time(self) -> tuple[float, float]:
+        """(shortest, longest) dwell time, or DoesNotApply; for kinds that cannot do without."""
+        jump = self.plant.jump
+        if jump is None or jump.dwell_time is None:
+            raise DoesNotApply(
+                f"jump.dwell_time = [shortest, longest] is required by kind {self.kind!r}; "
+                f"{'[jump]' if jump is None else 'it'} is missing.",
+                "jump.dwell_time",
+            )
+        low, high = jump.dwell_time
+        return low, high
+
+    def require(self, entry: str) -> Any:
+        """Value of an optional entry ("flow.D", "jump.H", "output.period"), or DoesNotApply."""
+        value: Any = self.plant
+        for name in entry.split("."):
+            value = getattr(value, name)
+            if value is None:
+                absent = "[jump]" if name == "jump" and name != entry else "it"
+                raise DoesNotApply(
+                    f"{entry} is required by kind {self.kind!r}; {absent} is missing.", entry
+                )
+        return value
+
+    def require_noise_bound(self, needed_by: str) -> NDArray[np.float64]:
+        """Half-widths of the bounds of the noise, (p,), or DoesNotApply where it has none."""
+        bound = self.plant.output.noise_radius
+        if bound is None:
+            zeros = ", ".join(["0.0"] * self.plant.p)
+            raise DoesNotApply(
+                f"output.noise_bound is required by {needed_by}, which promises bounds; it is "
+                f"missing. If y is free of noise, write noise_bound = [{zeros}]."
+            )
+        return bound
+
+    def require_measured(self, *fitting: str) -> str:
+        """How y is measured, one of `fitting`, or DoesNotApply."""
+        measured = self.plant.output.measured
+        if measured not in fitting:
+            raise DoesNotApply(
+                f"output.measured must be {' or '.join(fitting)} for kind {self.kind!r}; "
+                f"got {measured!r}.",
+                "output.measured",
+            )
+        return measured
+
+    def with_dwell_time(self, low: float, high: float) -> Problem:
+        """The same problem for another range of dwell times."""
+        body = self.to_dict()
+        body["jump"]["dwell_time"] = jsonable([low, high])
+        return Problem.from_dict(body)
+
+    def for_kind(self, kind: str) -> tuple[Problem, list[str]]:
+        """The same plant for another kind, and the gains and options that were dropped."""
+        asked, dropped = asked_of.for_kind(self.to_dict().get("observer", {}), kind)
+        return Problem.from_dict(self.to_dict() | {"observer": asked}), dropped
+
+
+def load_problem(path: str | os.PathLike[str]) -> Problem:
+    """Read a problem file: JSON by its suffix .json, else TOML. InputError names file and line."""
+    return load_for_kind(path, None)[0]
+
+
+def load_for_kind(path: str | os.PathLike[str], kind: str | None) -> tuple[Problem, list[str]]:
+    """Read a problem file for a kind, whatever kind it names, and what had to be dropped.
+
+    Unlike `load_problem` then `for_kind`, this reads files that hold entries of several kinds.
+    """
+    body = read_problem_file(path)
+    dropped: list[str] = []
+    if kind is not None and isinstance(body, dict) and isinstance(body.get("observer", {}), dict):
+        asked, dropped = asked_of.for_kind(body.get("observer", {}), kind)
+        body |= {"observer": asked}
+    try:
+        return Problem.from_dict(body), dropped
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+
+
+def _as_block(value: Any) -> Any:
+    """Dataclasses and arrays as the plain dicts and lists of a file."""
+    if isinstance(value, Flow | Jump | Output):
+        names = [name for name in value.__dataclass_fields__ if getattr(value, name) is not None]
+        block = {name: _as_block(getattr(value, name)) for name in names}
+        ends = {name: block.pop(name) for name in ("lower", "upper") if name in block}
+        return block | ({"disturbance": ends} if ends else {})
+    if isinstance(value, Mapping):
+        return {key: _as_block(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        return _as_block(value.tolist())
+    if isinstance(value, complex):
+        return [value.real, value.imag]  # a pole
+    if isinstance(value, list | tuple):
+        return [_as_block(item) for item in value]
+    return value
+
+
+def _flow(block: Blocks) -> Flow:
+    rest = dict(block)
+    bounds = rest.pop("disturbance", {})
+    return Flow(**rest, **bounds)
+
+
+def _jump(block: Blocks | None) -> Jump | None:
+    if block is None:
+        return None
+    rest = dict(block)
+    bounds = rest.pop("disturbance", {})
+    for name in ("dwell_time", "dwell_jitter"):
+        if name in rest:
+            rest[name] = _infinite(rest[name])
+    return Jump(**rest, **bounds)
+
+
+def _infinite(value: Any) -> Any:
+    if isinstance(value, list):
+        return [_infinite(item) for item in value]
+    return math.inf if value == "inf" else value
+
+
+def _check_name(name: str) -> None:
+    try:
+        name.encode("utf-8")
+    except UnicodeEncodeError:
+        raise InputError(f"name must be text that UTF-8 can hold; got {name!r}.") from None
+
+
+def _present(block: Any, names: tuple[str, ...]) -> dict[str, Any]:
+    return {name: getattr(block, name) for name in names if getattr(block, name) is not None}

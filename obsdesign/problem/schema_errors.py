@@ -1,0 +1,148 @@
+"""Structure of a problem by its JSON Schema, with errors for people."""
+
+from __future__ import annotations
+
+import difflib
+import json
+from collections.abc import Sequence
+from importlib.resources import files
+from typing import Any
+
+from obsdesign.entries import shown
+from obsdesign.errors import InputError
+from obsdesign.problem.kinds import GAINS, OPTIONS, owners
+
+# which complaint to make first when a file earns several: names before values
+_FIRST = ("propertyNames", "additionalProperties", "required")
+
+
+def check_structure(body: Any) -> None:
+    """InputError for the most telling place where parsed TOML or JSON breaks the schema."""
+    import jsonschema
+
+    if not isinstance(body, dict):
+        raise InputError(f"a problem must be a table with [flow] and [output]; got {shown(body)}.")
+    text = files("obsdesign").joinpath("problem/problem.schema.json").read_text("utf-8")
+    schema = json.loads(text)
+    try:
+        errors = list(jsonschema.Draft202012Validator(schema).iter_errors(_abridged(body)))
+    except ValueError:  # it puts values into text, and Python refuses such integers
+        raise InputError("numbers must fit binary64; an integer has thousands of digits.") from None
+    if errors:
+        raise InputError(_sentence(min(errors, key=_rank), body, schema))
+
+
+def _abridged(value: Any) -> Any:
+    """The same body, of every matrix that holds only numbers just a corner: jsonschema is slow."""
+    if isinstance(value, dict):
+        return {key: _abridged(item) for key, item in value.items()}
+    if isinstance(value, list) and value and all(isinstance(row, list) and row for row in value):
+        kinds = {type(item) for row in value for item in row}
+        return [[value[0][0]]] if kinds <= {int, float} and len(value[0]) > 2 else value
+    return value
+
+
+def _rank(error: Any) -> tuple[int, int, list[str]]:
+    place = _FIRST.index(error.validator) if error.validator in _FIRST else len(_FIRST)
+    return place, len(error.absolute_path), [str(part) for part in error.absolute_path]
+
+
+def _sentence(error: Any, body: Any, schema: Any) -> str:
+    path = list(error.absolute_path)
+    if error.validator in ("propertyNames", "enum") and _inside(error, "propertyNames"):
+        return _unknown(error.instance, path, list(_names()), body, schema)
+    if error.validator == "propertyNames":
+        return _unknown(error.instance, path, _names(), body, schema)
+    if error.validator == "additionalProperties":
+        known = list(error.schema.get("properties", {}))
+        name = next(key for key in error.instance if key not in known)
+        return _unknown(name, path, known, body, schema)
+    if error.validator == "required":
+        name = next(key for key in error.validator_value if key not in error.instance)
+        return f"{_entry([*path, name])} is required; it is missing."
+    return _value(error, path, body)
+
+
+def _inside(error: Any, keyword: str) -> bool:
+    return keyword in error.absolute_schema_path
+
+
+def _names() -> list[str]:
+    return ["kind", "gains", *sorted({name for names in OPTIONS.values() for name in names})]
+
+
+def _unknown(key: Any, path: list[Any], known: list[str], body: Any, schema: Any) -> str:
+    """An unknown key: of another kind, or misspelt."""
+    name = str(key)  # a dict in Python may have any key
+    where = f" in [{'.'.join(map(str, path))}]" if path else ""
+    kind = body.get("observer", {}).get("kind") if isinstance(body.get("observer"), dict) else None
+    if path == ["observer"] and (kinds := owners(name)):
+        return (
+            f"observer.{name} is an option of kind {' and '.join(map(repr, kinds))}, not of "
+            f"{kind!r}; drop it, or choose that kind with --kind."
+        )
+    if path == ["observer", "gains"]:
+        kinds = [other for other, gains in GAINS.items() if name in gains and other != kind]
+        if kind is not None and kinds:
+            return (
+                f"observer.gains.{name} is a gain of kind {' and '.join(map(repr, kinds))}, "
+                f"not of {kind!r}."
+            )
+    if home := _home(name, schema):
+        return f"unknown key {name!r}{where}: it belongs in [{home}]."
+    near = _nearest(name, known)
+    if near:
+        return f"unknown key {name!r}{where}: did you mean {' or '.join(map(repr, near))}?"
+    return f"unknown key {name!r}{where}: this kind has none here."
+
+
+def _home(name: str, schema: Any) -> str | None:
+    """The one block that knows exactly this name, if it is one that stands elsewhere."""
+    blocks = {
+        title: list(block.get("properties", {})) for title, block in schema["properties"].items()
+    }
+    observer = schema["properties"]["observer"]["properties"]
+    blocks |= {"observer": _names(), "observer.gains": list(observer["gains"]["properties"])}
+    homes = [title for title, names in blocks.items() if name in names]
+    return homes[0] if len(homes) == 1 else None
+
+
+def _nearest(name: str, known: list[str]) -> list[str]:
+    """Known names that start so, else the one most like it."""
+    small = name.lower()
+    if len(small) > 2 and (longer := [k for k in known if k.lower().startswith(small)]):
+        return longer
+    near = difflib.get_close_matches(small, [k.lower() for k in known], 1, 0.0)
+    return [k for k in known if k.lower() in near][:1]
+
+
+def _value(error: Any, path: list[Any], body: Any) -> str:
+    wanted = error.schema.get("title")
+    if wanted is None and error.parent is not None:
+        wanted = error.parent.schema.get("title")
+    if "dwell_time" in path:
+        wanted = "a pair [shortest, longest] of numbers; the longest may be inf"
+        return f"jump.dwell_time must be {wanted}; got {shown(body['jump']['dwell_time'])}."
+    if error.validator == "enum":
+        wanted = f"one of {', '.join(map(str, error.validator_value))}"
+    told = f"{_entry(path)} must be {wanted}; got {shown(error.instance)}."
+    if error.validator == "enum" and isinstance(error.instance, str):
+        near = difflib.get_close_matches(error.instance, error.validator_value, 1, 0.6)
+        told += f" Did you mean {near[0]!r}?" if near else ""
+    if str(error.instance).lower().lstrip("+-") in ("inf", "infinity", "nan"):
+        return told + " Infinity is allowed only as the longest dwell time and as dwell_jitter."
+    if isinstance(error.instance, str) and wanted and "number" in wanted:
+        told += " Numbers are written without quotes."
+    if str(wanted).startswith("a row") and not isinstance(error.instance, list):
+        told += " One row is written [[1, 2]], one column [[1], [2]]."
+    return told
+
+
+def _entry(path: Sequence[Any]) -> str:
+    """flow.A, row 1, column 2."""
+    names = [str(part) for part in path if not isinstance(part, int)]
+    places = [part + 1 for part in path if isinstance(part, int)]
+    words = ("row", "column") if len(places) == 2 else ("entry",)
+    if names and names[-1] in "ABCDEGHLMKST" and len(places) == 1:
+        words = ("row",)
+    return ", ".join([".".join(names), *(f"{w} {k}" for w, k in zip(words, places, strict=False))])

@@ -1,0 +1,1 @@
+"""Finite-time observers at run time: a window of samples."""

@@ -1,0 +1,86 @@
+"""One step of a plant, enclosed: its matrices, their rounding, and the comparison system."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from lmi.arithmetic.enclosure import UNIT, Enclosure, expm, powers, raised
+from obsdesign.runtime.base import Vector
+
+# parts of a step, by the norm of A times their length
+_PART, _MOST_PARTS = 0.25, 2.0**14
+
+
+@dataclass(frozen=True)
+class FlowMaps:
+    """One step: e^{A h}, int e^{A s} ds, their errors; how a radius grows, and what Delta adds."""
+
+    flow: Vector
+    once: Vector
+    flow_error: Vector
+    once_error: Vector
+    growth: Vector
+    inflow: Vector
+
+    def error(self, x: Vector, forced: Vector) -> Vector:
+        """Bound of the rounding in flow @ x + once @ forced, matrices included."""
+        terms = 2 * len(x) + 4
+        size, push = np.abs(x), np.abs(forced)
+        rounding = np.abs(self.flow) @ size + np.abs(self.once) @ push
+        total = self.flow_error @ size + self.once_error @ push + terms * UNIT * rounding
+        return raised(total, terms)
+
+    def spread(self, radius: Vector) -> Vector:
+        """Radius after the step: |e^{A h}| rho + int |e^{A s}| ds Delta, or what is above."""
+        if not np.isfinite(radius).all():
+            return np.full_like(radius, np.inf)
+        with np.errstate(over="ignore"):  # beyond any number there is no bound
+            return raised(self.growth @ radius + self.inflow, 2 * len(radius))
+
+
+def flow_maps(gains: Mapping[str, Any], h: float, error: float) -> FlowMaps:
+    """Matrices of a step of length h, known to `error`."""
+    A = np.asarray(gains["A"])
+    n = len(A)
+    Delta = raised((gains["flow_upper"] - gains["flow_lower"]) / 2, 1)
+    whole = _enclosed(A, np.eye(n), h, error)
+    growth, inflow = _compared(A, Delta, h, error)
+    # the comparison system forgets signs, and with them how fast coupled modes decay
+    growth = np.fmin(growth, whole.magnitude[:n, :n])
+    return FlowMaps(
+        whole.mid[:n, :n], whole.mid[:n, n:], whole.rad[:n, :n], whole.rad[:n, n:],
+        growth, np.fmin(inflow, _reach(A, Delta, h, error)),
+    )  # fmt: skip
+
+
+def _compared(A: Vector, Delta: Vector, h: float, error: float) -> tuple[Vector, Vector]:
+    """Above |e^{A h}| and int_0^h |e^{A s}| ds Delta: e^{Mz(A) h}, and the same integral of it."""
+    n = len(A)
+    metzler = np.where(np.eye(n, dtype=bool), A, np.abs(A))
+    top = _enclosed(metzler, Delta[:, None], h, error).magnitude[:n]
+    return top[:, :n], top[:, n]
+
+
+def _reach(A: Vector, Delta: Vector, h: float, error: float) -> Vector:
+    """Above int_0^h |e^{A s}| ds Delta: the comparison system over parts of the step alone."""
+    size = float(np.abs(A).sum(axis=1).max(initial=0.0)) * h
+    if not (np.any(Delta) and size < _MOST_PARTS):
+        return np.full(len(A), np.inf) if np.any(Delta) else Delta
+    parts = 1 << max(0, math.ceil(math.log2(max(size / _PART, 1.0))))
+    step = expm(Enclosure.exactly(A).scaled(h / parts, error / parts))
+    inflow = _compared(A, Delta, h / parts, error / parts)[1]
+    with np.errstate(over="ignore", invalid="ignore"):
+        total = powers(step, parts).magnitude.sum(axis=0) @ inflow
+    return raised(np.where(np.isnan(total), np.inf, total), parts + len(A))
+
+
+def _enclosed(A: Vector, inflow: Vector, h: float, error: float) -> Enclosure:
+    n, m = len(A), inflow.shape[1]
+    block = np.zeros((n + m, n + m))
+    block[:n, :n], block[:n, n:] = A, inflow
+    return expm(Enclosure.exactly(block).scaled(h, error))

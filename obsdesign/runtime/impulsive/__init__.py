@@ -1,0 +1,1 @@
+"""The impulsive observer at run time: a window of impulses."""

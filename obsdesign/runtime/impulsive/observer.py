@@ -1,0 +1,264 @@
+"""Impulsive observer at run time: exact steps between impulses, a windowed gain at each.
+
+    xhat' = A xhat + B u + b_mid                                            between impulses
+    xhat+ = G xhat- + E w + c_mid + L[k] (C xhat- - y[k])                   at impulse k
+
+L[k] is gain (12) of Medina and Lawrence in the form of `equations.impulsive`, from a window that
+slides (`sliding_window`), or, for the strategy `quadratic`, a table over the last spacing. Before
+the first impulse the window is filled with a virtual past whose spacings are admissible: the error
+knows only the gains, so that the theorem holds from the first impulse on.
+
+An impulse without measurement leaves the estimate uncorrected; the window then reaches over it to
+an older measurement.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from lmi.arithmetic.exponential import expm, flow_integrals
+from obsdesign.equations.impulsive.gains import Core, core_of
+from obsdesign.runtime.base import (
+    DwellGuard,
+    Estimate,
+    Sample,
+    Vector,
+    centred_measurement,
+    later,
+    status_of,
+    vector,
+)
+from obsdesign.runtime.impulsive.gains import require_impulsive_gains
+from obsdesign.runtime.impulsive.window import Element, Matrix, SlidingWindow
+from obsdesign.runtime.point_observer import SteppedObserver
+from obsdesign.runtime.step_cache import cached_step
+
+# condition numbers, columns scaled to their usual sizes: digits are lost; nothing is left
+_ILL_CONDITIONED, _SINGULAR = 1e8, 1e14
+
+
+@dataclass(frozen=True, slots=True)
+class ImpulsiveState:
+    """Everything the next step needs: the estimate x just after time t, and the window.
+
+    carry: what an impulse without measurement did (compressed windows); skipped: the last impulse
+    had none; doubts: impulses until the window holds certified spacings only.
+    """
+
+    t: float
+    x: Vector
+    u: Vector
+    window: SlidingWindow
+    spacing: float | None
+    guard: DwellGuard
+    carry: Matrix | None = None
+    skipped: bool = False
+    doubts: int = 0
+    started: bool = False
+
+
+@dataclass(frozen=True)
+class ImpulsiveObserver(SteppedObserver[ImpulsiveState]):
+    """Executes a design of kind `impulsive`."""
+
+    gains: Mapping[str, Any]
+    kind: ClassVar[str] = "impulsive"
+    finds_events: ClassVar[bool] = False
+    _steps: OrderedDict[float, Any] = field(default_factory=OrderedDict, repr=False, compare=False)
+    _flows: OrderedDict[float, Any] = field(default_factory=OrderedDict, repr=False, compare=False)
+
+    @classmethod
+    def from_gains(cls, gains: Mapping[str, Any]) -> ImpulsiveObserver:
+        """The observer of a design's `gains`; ValueError if they do not fit each other."""
+        require_impulsive_gains(gains)
+        return cls(gains)
+
+    def init(self, t: float = 0.0, *, x: ArrayLike | None = None) -> ImpulsiveState:
+        """State at time t from a guess of x(t), before the first sample and its impulse."""
+        guess = vector(np.zeros(self.n) if x is None else x, self.n, "x")
+        inputs = np.zeros(int(self.reads["u"]))
+        return ImpulsiveState(
+            float(t), guess, inputs, self._virtual_past, None, DwellGuard.of(self.gains)
+        )
+
+    def step(self, state: ImpulsiveState, sample: Sample) -> tuple[ImpulsiveState, Estimate]:
+        """Move to the time of the sample; at an impulse, correct and jump.
+
+        ValueError if time does not increase (the first sample may share the initial time).
+        """
+        t = later(sample.t, state.t, state.started)
+        y = centred_measurement(sample.y, self.gains)
+        with np.errstate(over="ignore", invalid="ignore"):  # the status names what is not finite
+            return self._step(state, t, y, sample)
+
+    def _step(
+        self, state: ImpulsiveState, t: float, y: Vector | None, sample: Sample
+    ) -> tuple[ImpulsiveState, Estimate]:
+        x = self._flow(state, t)
+        guard, late = state.guard.after(t, sample.jump)
+        objections = [late] if late else []
+        moved = state
+        if sample.jump:
+            if state.guard.last_jump is not None:
+                moved = self._slide(state, t - state.guard.last_jump)
+            if state.doubts:
+                objections.append("window spans what is not certified")
+            if y is None:
+                objections.append("missing sample")
+            L, trouble = self._gain(moved)
+            objections += [trouble] if trouble and y is not None else []
+            x = self._jump(x, y, sample.w, L)
+            doubts = self._length if late or y is None else max(state.doubts - 1, 0)
+            moved = replace(moved, doubts=doubts, skipped=y is None)
+        u = state.u if sample.u is None else vector(sample.u, len(state.u), "u")
+        following = replace(moved, t=t, x=x, u=u, guard=guard, started=True)
+        return following, Estimate(t, x=x, status=status_of(objections, x))
+
+    @cached_property
+    def _core(self) -> Core:
+        return core_of(self.gains)
+
+    @property
+    def _length(self) -> int:
+        """Impulses that one spacing stays in the window for."""
+        return int(self.gains.get("window", 1))
+
+    @cached_property
+    def _typical(self) -> float:
+        return float(np.mean(self.gains["dwell_time"]))
+
+    @cached_property
+    def _virtual_past(self) -> SlidingWindow:
+        if "window" not in self.gains:
+            return SlidingWindow.of([], 1.0)
+        element = self._element(self._typical, None)
+        past = [element] * (self._length - 1)
+        return SlidingWindow.of(past, float(self.gains["alpha"]))
+
+    def _core_flow(self, spacing: float) -> Any:
+        if self._core.A is self.gains["A"] and not self._forced:  # the step to here is this flow
+            return cached_step(self._steps, spacing, self._flow_maps)[0]
+        return cached_step(self._flows, spacing, lambda h: expm(self._core.A * h))
+
+    def _element(self, spacing: float, carry: Any) -> Element:
+        """Full: measured, then moved by a spacing. Compressed: moved, measured at its end."""
+        core, flow = self._core, self._core_flow(spacing)
+        if core.U is None or core.S is None:
+            return Element(flow @ core.J, core.C)
+        moved = flow @ core.U if carry is None else flow @ (core.U @ carry)
+        return Element(core.S @ moved, core.C @ moved)
+
+    def _slide(self, state: ImpulsiveState, spacing: float) -> ImpulsiveState:
+        """The window after another spacing."""
+        if "window" not in self.gains:
+            return replace(state, spacing=spacing)
+        if self._core.U is None:
+            element = self._element(spacing, None)
+            if state.skipped:
+                return replace(state, window=state.window.stretched(element.move))
+            return replace(state, window=_shifted(state.window, element), spacing=spacing)
+        past = self._element(state.spacing or self._typical, state.carry)
+        if state.skipped:
+            return replace(state, carry=past.move, spacing=spacing)
+        return replace(state, window=_shifted(state.window, past), spacing=spacing, carry=None)
+
+    def _gain(self, state: ImpulsiveState) -> tuple[Any, str | None]:
+        """(L, complaint); L is None where the window determines nothing."""
+        core, spacing = self._core, state.spacing or self._typical
+        if "window" not in self.gains:
+            borders = self.gains["cells"]
+            cell = np.clip(np.searchsorted(borders, spacing, side="right") - 1, 0, len(borders) - 2)
+            return self.gains["table"][cell], None
+        seen, left = core.C, core.J
+        if core.U is not None:
+            flow = self._core_flow(spacing)
+            moved = flow @ (core.U if state.carry is None else core.U @ state.carry)
+            seen, left = core.C @ moved, core.J @ moved
+        past = state.window.product
+        rows = self._rows(past, seen)
+        if past is not None:
+            left = left @ past.move
+        correction, condition = _newest_share(rows, len(seen), self._usual_sizes)
+        if correction is None:
+            return None, "singular window: no correction"
+        L = -left @ correction
+        warning = "ill-conditioned window" if condition > _ILL_CONDITIONED else None
+        return (L if core.lift is None else core.lift @ L), warning
+
+    def _rows(self, past: Element | None, seen: Any) -> Any:
+        """The window matrix, its older part already triangular."""
+        if past is None:
+            return seen
+        return np.concatenate((past.factor / self.gains["alpha"], seen @ past.move))
+
+    @cached_property
+    def _usual_sizes(self) -> Any:
+        """Sizes of the columns of the window matrix at the spacing of the virtual past."""
+        core, seen = self._core, self._core.C
+        if core.U is not None:
+            seen = core.C @ self._core_flow(self._typical) @ core.U
+        sizes = np.linalg.norm(self._rows(self._virtual_past.product, seen), axis=0)
+        return np.where(sizes > 0, sizes, 1.0)
+
+    def _flow(self, state: ImpulsiveState, t: float) -> Vector:
+        if t == state.t:
+            return state.x
+        flow, once = cached_step(self._steps, t - state.t, self._flow_maps)
+        if once is None:
+            return np.asarray(flow @ state.x)
+        forced = self._drift
+        if len(state.u):
+            forced = forced + self.gains["B"] @ state.u
+        return np.asarray(flow @ state.x + once @ forced)
+
+    def _flow_maps(self, h: float) -> tuple[Any, Any]:
+        """(e^{Ah}, its integral); without the integral where nothing drives the flow."""
+        A = self.gains["A"]
+        return flow_integrals(A, h) if self._forced else (expm(A * h), None)
+
+    @cached_property
+    def _drift(self) -> Any:
+        return (self.gains["flow_lower"] + self.gains["flow_upper"]) / 2
+
+    @cached_property
+    def _forced(self) -> bool:
+        return "B" in self.gains or bool(np.any(self._drift))
+
+    def _jump(self, x: Vector, y: Vector | None, w: ArrayLike | None, L: Any) -> Vector:
+        gains = self.gains
+        after = gains["G"] @ x + (gains["jump_lower"] + gains["jump_upper"]) / 2
+        if "E" in gains:
+            inputs = int(self.reads["w"])
+            after = after + gains["E"] @ (np.zeros(inputs) if w is None else vector(w, inputs, "w"))
+        if y is None or L is None:
+            return np.asarray(after)
+        expected = gains["C"] @ (after if gains["jump_measurement"] == "after" else x)
+        return np.asarray(after + L @ (expected - y))
+
+
+def _shifted(window: SlidingWindow, element: Element) -> SlidingWindow:
+    """The newest element in, the oldest out; a window of one impulse holds none."""
+    return window if window.empty else window.push(element).pop()
+
+
+def _newest_share(rows: Any, outputs: int, sizes: Any) -> tuple[Any, float]:
+    """(R^-1 (last rows of Q)', condition number), or (None, inf); columns in their usual sizes."""
+    if len(rows) < rows.shape[1]:
+        return None, np.inf
+    Q, scaled = np.linalg.qr(rows / sizes)
+    with np.errstate(all="ignore"):
+        try:
+            back = np.linalg.inv(scaled)
+        except np.linalg.LinAlgError:
+            return None, np.inf
+        condition = float(np.linalg.norm(scaled) * np.linalg.norm(back))
+        if not condition < _SINGULAR:
+            return None, np.inf
+        return (back / sizes[:, None]) @ Q[-outputs:].T, condition

@@ -1,0 +1,1 @@
+"""The operator by integrals: free runs, features, evaluation of a window."""

@@ -1,0 +1,161 @@
+"""Step 1 of Mattsson and Medvedev: at which t_o an impulse is to be evaluated.
+
+The peak rule of their Section IV, made safe in noise: the maximum is that of a moving average of
+|R| (the raw maximum selects noise that makes R large), it counts after a rise, and it is final
+after a drop. An impulse that is already past its peak when a search begins leaves no interior
+maximum; then the first instant is offered, to be taken only if the fit is good (`at_start`).
+Where |b(age)| has no peak inside the ages that are searched, the oldest position is waited for: an
+impulse is evaluated once the age that explains the features best is most of the window
+(`Position`). With a threshold, the rule of their Section III-C: the first t_o with |R| above it.
+
+    rise = share max(N, floor) + sigma      drop = share N_max + sigma
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from obsdesign.equations.impulsive_input.features import OLD
+from obsdesign.runtime.time_stamps import time_tolerance
+
+Array = NDArray[Any]
+
+_SHARE = 0.5  # of the features that it must explain
+
+
+@dataclass(frozen=True, slots=True)
+class Search:
+    """Where a search stands: next row to look at, lowest and highest value, row of the highest.
+
+    armed: a rise was seen, a maximum counts; at_start: what is armed is the first instant.
+    """
+
+    position: int = 0
+    armed: bool = False
+    at_start: bool = False
+    lowest: float = math.inf
+    highest: float = -math.inf
+    top: int = 0
+
+    @property
+    def front(self) -> int:
+        """First row whose estimate an impulse may still change."""
+        return self.top if self.armed else self.position
+
+    def moved(self, rows: int) -> Search:
+        """The same search after `rows` rows were dropped in front."""
+        return replace(self, position=self.position - rows, top=self.top - rows)
+
+    def given_up(self, value: float) -> Search:
+        """The search after its maximum was turned down."""
+        return replace(self, armed=False, at_start=False, lowest=value, highest=-math.inf)
+
+
+@dataclass(frozen=True, slots=True)
+class Rule:
+    """floor: |R| that stands out from noise; sigma: its deviation; share: of the hysteresis.
+
+    threshold: fire when it is exceeded, instead of at a maximum; None for the peak rule.
+    """
+
+    floor: float
+    sigma: float
+    share: float
+    threshold: float | None = None
+
+    def advance(
+        self, search: Search, values: list[float], offset: int, times: Array, tau: float
+    ) -> tuple[Search, bool]:
+        """(search, fired) after the values of rows offset, offset + 1, ...; stops when it fires.
+
+        A fired search points with `top` at t_o. times: of all rows. A maximum that no drop followed
+        within tau is final: what made it has left the window by then, or was no impulse.
+        """
+        if self.threshold is not None:
+            return self._exceeded(search, values, offset)
+        lowest, highest, top = search.lowest, search.highest, search.top
+        armed, at_start = search.armed, search.at_start
+        for j in range(search.position, offset + len(values)):
+            value = values[j - offset]
+            if lowest == math.inf and not armed:  # the search begins: is it past a peak?
+                lowest = value
+                armed, at_start, highest, top = value > self.floor, True, value, j
+                continue
+            if not armed:
+                lowest = min(lowest, value)
+                if value > lowest + self.share * max(value, self.floor) + self.sigma:
+                    armed, at_start, highest, top = True, False, value, j
+                continue
+            if value > highest:
+                at_start &= value < lowest + self.share * max(value, self.floor) + self.sigma
+                highest, top = value, top if at_start else j
+            elif value < highest - self.share * highest - self.sigma or times[j] - times[top] > tau:
+                if highest > self.floor:
+                    return Search(j + 1, True, at_start, lowest, highest, top), True
+                armed, at_start, lowest, highest = False, False, value, -math.inf
+        return Search(offset + len(values), armed, at_start, lowest, highest, top), False
+
+    def _exceeded(self, search: Search, values: list[float], offset: int) -> tuple[Search, bool]:
+        for j in range(search.position, offset + len(values)):
+            if values[j - offset] > (self.threshold or 0.0):
+                return Search(j + 1, True, False, 0.0, values[j - offset], j), True
+        return Search(offset + len(values)), False
+
+
+@dataclass(frozen=True)
+class Position:
+    """How much of the features one impulse explains, and whether it is old enough to be evaluated.
+
+    whitening (r, mp) makes the noise of features uncorrelated; bases (G, r, q) span the whitened b
+    at G ages.
+    """
+
+    whitening: Array
+    bases: Array
+    old: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, whitening: Array, ages: Array, b: Array, oldest: float) -> Position:
+        """From b (G, mp, q) at increasing ages above zero; `oldest`: ages searched end here."""
+        ages, b = ages[ages <= oldest], b[ages <= oldest]
+        bases = np.linalg.qr(whitening @ b)[0]
+        return cls(whitening, bases, ages >= OLD * oldest)
+
+    def values(self, R: Array) -> Array:
+        """Square root of what the best age explains of |R|^2, (k,) for R (k, mp); else zero.
+
+        Zero where that age is young, or where it leaves half of the features unexplained.
+        """
+        weighted = R @ self.whitening.T
+        G, r, q = self.bases.shape
+        onto = weighted @ self.bases.transpose(1, 0, 2).reshape(r, G * q)
+        explained = (onto.reshape(len(R), G, q) ** 2).sum(axis=2)
+        best = np.argmax(explained, axis=1)
+        most = explained[np.arange(len(R)), best]
+        whole = (weighted * weighted).sum(axis=1)
+        return np.where(self.old[best] & (most >= _SHARE * whole), np.sqrt(most), 0.0)
+
+
+def smoothed(times: Array, values: Array, first: int, half: float) -> Array:
+    """Moving average of `values` over times within `half` of each row from `first` on.
+
+    Only rows whose neighbourhood is complete to the right; it is cut short to the left.
+    """
+    if half <= 0:
+        return values[first:]
+    slack = time_tolerance(half, float(times[-1]))
+    rows = int(
+        np.searchsorted(times[: len(values)], times[len(values) - 1] - half + slack, "right")
+    )
+    centres = times[first:rows]
+    if len(centres) == 0:
+        return values[:0]
+    sums = np.concatenate([[0.0], np.cumsum(values)])
+    low = np.searchsorted(times, centres - half - slack, "left")
+    high = np.searchsorted(times, centres + half + slack, "right")
+    return np.asarray((sums[high] - sums[low]) / (high - low))

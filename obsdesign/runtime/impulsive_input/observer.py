@@ -1,0 +1,186 @@
+"""Observer for impulses of unknown times and weights at run time: delayed rows, events, a tail.
+
+Rows are given out once no later impulse can change them: with the window (tau) and what it takes to
+see that |R| has passed its maximum. A record's last rows stay `unresolved`. `step` answers at the
+sample's own time with the prediction so far; the rows that it settled are in `state.decided`, and
+`finish` gives the tail. `run` and `run_batch` put these together, one row per sample.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from obsdesign.runtime.base import (
+    Batch,
+    Estimate,
+    Sample,
+    Vector,
+    centred,
+    collect,
+    later,
+    optional_measurement,
+    vector,
+)
+from obsdesign.runtime.impulsive_input.gains import check_gains, check_resolution, check_size
+from obsdesign.runtime.impulsive_input.integral.engine import Engine, IntegralEngine
+from obsdesign.runtime.impulsive_input.integral.rows import IntegralLive
+from obsdesign.runtime.impulsive_input.samples.engine import SampledLive, SamplesEngine
+from obsdesign.runtime.point_observer import PointObserver
+
+_BLOCK = 1024  # rows that a batch hands over at once, at least a window of them
+
+
+@dataclass(frozen=True, slots=True)
+class ImpulsiveInputState:
+    """Everything the next step needs; decided: rows that the last step settled, oldest first."""
+
+    t: float
+    u: Vector
+    started: bool
+    live: IntegralLive | SampledLive
+    decided: tuple[Estimate, ...] = ()
+
+
+@dataclass(frozen=True)
+class ImpulsiveInputObserver(PointObserver[ImpulsiveInputState]):
+    """Executes a design of kind `impulsive_input`."""
+
+    gains: Mapping[str, Any]
+    engine: Engine
+    kind: ClassVar[str] = "impulsive_input"
+    finds_events: ClassVar[bool] = True
+
+    @classmethod
+    def from_gains(cls, gains: Mapping[str, Any]) -> ImpulsiveInputObserver:
+        """The observer of a design's `gains`; ValueError if they do not fit each other."""
+        check_gains(gains)
+        engines: dict[str, Any] = {"integral": IntegralEngine, "samples": SamplesEngine}
+        return cls(gains, engines[gains["operator"]].from_gains(gains))
+
+    @property
+    def reads(self) -> dict[str, int | bool]:
+        """How many y and u a sample has; impulses are not reported."""
+        u = self.gains["B"].shape[1] if "B" in self.gains else 0
+        return {"y": len(self.gains["C"]), "u": u, "w": 0, "jump": False}
+
+    @property
+    def event_names(self) -> tuple[str, ...]:
+        """Columns of an event file; weights are numbered where H has several columns."""
+        q = int(self.gains["H"].shape[1])
+        ends = [""] if q == 1 else [str(i + 1) for i in range(q)]
+        weights, spread = (tuple(f"weight{i}{tail}" for i in ends) for tail in ("", "_std"))
+        return ("t", *weights, "t_std", *spread, "status")
+
+    @property
+    def latency(self) -> float:
+        """Time by which rows are late at least: the window; confirming a maximum adds to it."""
+        return float(self.gains["window"])
+
+    def init(
+        self, t: float = 0.0, *, x: ArrayLike | None = None, covariance: ArrayLike | None = None
+    ) -> ImpulsiveInputState:
+        """State at time t from a guess of x(t), before the first sample.
+
+        covariance: (n, n) of that guess, used by `gls`; by default that of `initial_std` of the
+        design, and without it taken from the data of the first window, as an impulse that would
+        explain their range.
+        """
+        guess = vector(np.zeros(self.n) if x is None else x, self.n, "x")
+        if not np.isfinite(guess).all():
+            raise ValueError("x must be finite.")
+        check_size("x", guess[None], np.array([t]))
+        P = None if covariance is None else np.asarray(covariance, dtype=np.float64)
+        if P is not None and P.shape != (self.n, self.n):
+            raise ValueError(f"covariance must be {self.n}x{self.n}; got shape {P.shape}.")
+        if P is not None and not (np.isfinite(P).all() and (np.diag(P) >= 0).all()):
+            raise ValueError("covariance must be finite, its diagonal not negative.")
+        if P is None and "initial_std" in self.gains:
+            P = np.diag(np.asarray(self.gains["initial_std"], dtype=np.float64) ** 2)
+        inputs = np.zeros(int(self.reads["u"]))
+        return ImpulsiveInputState(float(t), inputs, False, self.engine.begin(float(t), guess, P))
+
+    def step(
+        self, state: ImpulsiveInputState, sample: Sample
+    ) -> tuple[ImpulsiveInputState, Estimate]:
+        """Take a sample; the estimate is the prediction at its time, and new events.
+
+        ValueError if time does not increase (the first sample may share the initial time).
+        """
+        later(sample.t, state.t, state.started)
+        state = self.block(state, [sample])
+        events = tuple(event for row in state.decided for event in row.events)
+        x = self.engine.prediction(state.live)
+        return state, Estimate(state.t, x=x, events=events, status="unresolved")
+
+    def finish(self, state: ImpulsiveInputState) -> tuple[Estimate, ...]:
+        """Rows that were not decided when the record ended, as far as they are known."""
+        return self.engine.tail(state.live)
+
+    def run(self, state: ImpulsiveInputState, samples: Iterable[Sample]) -> Iterator[Estimate]:
+        """One row per sample, each as soon as it is decided; the tail at the end."""
+        for sample in samples:
+            state, _ = self.step(state, sample)
+            yield from state.decided
+        yield from self.finish(state)
+
+    def run_batch(
+        self,
+        t: ArrayLike,
+        y: ArrayLike | None = None,
+        u: ArrayLike | None = None,
+        *,
+        x: ArrayLike | None = None,
+        covariance: ArrayLike | None = None,
+    ) -> Batch:
+        """The whole record at once, in blocks; what `run` gives, faster."""
+        times = np.asarray(t, dtype=np.float64)
+        rows, m = len(times), int(self.reads["u"])
+        if rows == 0:
+            raise ValueError("at least one row is required; got none.")
+        if not (np.isfinite(times).all() and (np.diff(times) > 0).all()):
+            raise ValueError("times must be finite and increase.")
+        p = len(self.gains["C"])
+        ys = np.full((rows, p), np.nan) if y is None else np.asarray(y, dtype=np.float64)
+        us = np.zeros((rows, m)) if u is None else np.asarray(u, dtype=np.float64)
+        for values, width in ((ys, p), (us, m)):
+            if values.size != rows * width:
+                raise ValueError(f"every array must have {rows} rows, as t has; got {len(values)}.")
+        ys, us = ys.reshape(rows, p), us.reshape(rows, m)
+        check_size("y", ys, times)
+        ys = centred(ys, self.gains)
+        check_size("u", us, times)
+        check_resolution(times, self.latency)
+        live, found = self.init(float(times[0]), x=x, covariance=covariance).live, []
+        for k in range(0, rows, _BLOCK):
+            cut = slice(k, k + _BLOCK)
+            live, decided = self.engine.extended(live, times[cut], ys[cut], us[cut])
+            found += decided
+        return collect([*found, *self.engine.tail(live)])
+
+    def block(self, state: ImpulsiveInputState, samples: Sequence[Sample]) -> ImpulsiveInputState:
+        """The state after several samples at once; `decided` holds the rows they settled.
+
+        Times are the caller's to check: they must increase.
+        """
+        p, m = len(self.gains["C"]), int(self.reads["u"])
+        y, u, held = np.full((len(samples), p), np.nan), np.zeros((len(samples), m)), state.u
+        for k, sample in enumerate(samples):
+            measured = optional_measurement(sample.y, p)
+            if measured is not None:
+                y[k] = measured
+            held = held if sample.u is None else vector(sample.u, m, "u")
+            u[k] = held
+        t = np.array([float(sample.t) for sample in samples])
+        check_size("y", y, t)
+        y = centred(y, self.gains)
+        check_size("u", u, t)
+        check_resolution(t, self.latency)
+        live, decided = self.engine.extended(state.live, t, y, u)
+        return replace(
+            state, t=float(t[-1]), u=held, started=True, live=live, decided=tuple(decided)
+        )

@@ -1,0 +1,1 @@
+"""The operator by samples: a filter, onsets, steady inputs."""

@@ -1,0 +1,245 @@
+"""An impulse somewhere in a window of few samples: likelihood of onsets, and what follows from it.
+
+The exact relation of samples, onset and weight that `runtime.impulse_samples` states; everything
+here is about one window, and nothing about when to look. An impulse in the cell that ends at row c
+moves the state there by v = e^{A (t_c - onset)} H g, and the scaled innovations after it by linear
+functions of v. So two sums for each cell hold all that samples say of it,
+
+    score s_c = sum_k Psi_kc' surprise_k,      information I_c = sum_k Psi_kc' Psi_kc,
+
+and the likelihood ratio of an onset is (v's)^2 / v'I v, v for weight 1: no covariance of a whole
+window is formed, and another row costs the same however many there are.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import OrderedDict
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lmi.arithmetic.exponential import expm
+from obsdesign.runtime.base import Vector
+from obsdesign.runtime.impulsive_input.samples.filter import (
+    Filtered,
+    Row,
+    SampledPlant,
+    triangular,
+)
+from obsdesign.runtime.step_cache import cached_step
+
+Array = NDArray[Any]
+
+ONSETS = 40  # per period of the samples
+_REFINEMENTS = 12  # of the grid of onsets, tenfold each
+_CROWDED = 0.95  # probability of three neighbours from which a grid is too coarse
+_LEAST_SPREAD = 1e-9  # smallest variance kept, relative to the mean one
+_SAME = 1e-12  # times closer than this are one
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Onsets (G,), the cell of each (G,), and e^{A (t_c - onset)} H (G, n), t_c the cell's end."""
+
+    onsets: Array
+    cell: Array
+    states: Array
+
+    @classmethod
+    def empty(cls, n: int) -> Grid:
+        """No onsets."""
+        return cls(np.zeros(0), np.zeros(0, dtype=int), np.zeros((0, n)))
+
+    def joined(self, onsets: Array, cell: int, states: Array) -> Grid:
+        """With the onsets of one more cell."""
+        return Grid(
+            np.concatenate([self.onsets, onsets]),
+            np.concatenate([self.cell, np.full(len(onsets), cell)]),
+            np.concatenate([self.states, states]),
+        )
+
+    def without_first(self) -> Grid:
+        """Without those of the first cell."""
+        k = int(np.searchsorted(self.cell, 1))
+        return Grid(self.onsets[k:], self.cell[k:] - 1, self.states[k:])
+
+    def before(self, t: float) -> Grid:
+        """Those that lie before a time; one at least."""
+        k = max(int(np.searchsorted(self.onsets, t - _SAME)), 1)
+        return Grid(self.onsets[:k], self.cell[:k], self.states[:k])
+
+
+@dataclass(frozen=True)
+class Cells:
+    """What the samples of a window say of an impulse in each cell between two rows, N cells.
+
+    ends (N,): times of rows; moved (n, N, n): what is left in the filter now (first axis) of unit
+    errors at a cell's end (last); information (N, n, n), score (N, n); costs: squares of all scaled
+    innovations, one for each row; grid: onsets that are looked at whenever the window moves.
+    """
+
+    ends: Array
+    moved: Array
+    information: Array
+    score: Array
+    costs: Array
+    grid: Grid
+
+    @classmethod
+    def empty(cls, n: int) -> Cells:
+        """A window that begins at a row, before the next one."""
+        none = np.zeros(0)
+        return cls(none, np.zeros((n, 0, n)), np.zeros((0, n, n)), np.zeros((0, n)), none,
+                   Grid.empty(n))  # fmt: skip
+
+    def after(self, at: Filtered, opens: bool = True) -> Cells:
+        """With one more row; `opens`: an onset in the cell before it is looked for."""
+        n, moved = len(at.x), at.flow @ self.moved.reshape(len(at.x), -1)
+        information, score, ends = self.information, self.score, self.ends
+        if opens:
+            moved = np.hstack([moved, np.eye(n)])
+            information = np.concatenate([information, np.zeros((1, n, n))])
+            score = np.concatenate([score, np.zeros((1, n))])
+            ends = np.append(ends, at.row.t)
+        seen = (at.shown @ moved).reshape(-1, len(ends), n)
+        pairs = (seen[:, :, :, None] * seen[:, :, None, :]).sum(axis=0)
+        return replace(
+            self, ends=ends, moved=(at.kept @ moved).reshape(n, -1, n),
+            information=information + pairs, score=score + np.tensordot(at.surprise, seen, 1),
+            costs=np.append(self.costs, at.cost),
+        )  # fmt: skip
+
+    def without_first(self) -> Cells:
+        """The window that begins one row later."""
+        return Cells(
+            self.ends[1:], self.moved[:, 1:], self.information[1:], self.score[1:],
+            self.costs[1:], self.grid.without_first(),
+        )  # fmt: skip
+
+    def of(self, onsets: Array) -> Array:
+        """Index of the cell of each onset; one at a row belongs to the cell that ends there."""
+        return np.minimum(np.searchsorted(self.ends, onsets - _SAME), len(self.ends) - 1)
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A posterior over onsets: probabilities, weights, their precision, likelihood ratios, (G,).
+
+    cost: what the best of them leaves, to be compared with chi-squared.
+    """
+
+    grid: Grid
+    probability: Array
+    weights: Array
+    precision: Array
+    ratio: Array
+    cost: float
+
+
+@dataclass(frozen=True)
+class OnsetModel:
+    """How likely onsets are; weight_std: prior deviation of weights, inf for none."""
+
+    plant: SampledPlant
+    nonnegative: bool
+    weight_std: float = math.inf
+    _grids: OrderedDict[float, tuple[Array, Array]] = field(
+        default_factory=OrderedDict, repr=False, compare=False
+    )
+
+    def window(self, first: Filtered, rows: list[Row], until: float) -> Cells:
+        """Cells of a window from `first` on; onsets are looked for up to a time."""
+        cells, at = Cells.empty(len(first.x)), first
+        for row in rows:
+            opens = at.row.t < until
+            at = self.plant.after(at, row)
+            cells = cells.after(at, opens)
+        return cells
+
+    def gridded(self, cells: Cells, since: float, period: float) -> Cells:
+        """The cells with a grid of onsets in the last one, which begins at `since`."""
+        until, cell = float(cells.ends[-1]), len(cells.ends) - 1
+
+        def build(width: float) -> tuple[Array, Array]:
+            count = min(max(round(ONSETS * width / period), 1), ONSETS)
+            late = width / count * np.arange(count)
+            return late, self.states(width - late)
+
+        late, states = cached_step(self._grids, until - since, build)
+        return replace(cells, grid=cells.grid.joined(since + late, cell, states))
+
+    def states(self, ages: Array) -> Array:
+        """e^{A age} H, (G, n)."""
+        return np.asarray((expm(self.plant.A * ages[:, None, None]) @ self.plant.H)[..., 0])
+
+    def at(self, cells: Cells, onsets: Array) -> Grid:
+        """Any onsets within the cells."""
+        cell = cells.of(onsets)
+        return Grid(onsets, cell, self.states(np.maximum(cells.ends[cell] - onsets, 0.0)))
+
+    def posterior(self, cells: Cells, grid: Grid) -> Fit:
+        """Likelihood ratios, and the posterior for onsets that are evenly spaced.
+
+        The likelihood of (onset, g) with eps_o ~ (0, P) part of the noise; g ~ (0, weight_std).
+        """
+        cell, states = grid.cell, grid.states
+        num = (cells.score[cell] * states).sum(axis=1)
+        den = np.einsum("gij,gi,gj->g", cells.information[cell], states, states)
+        if self.nonnegative:
+            num = np.maximum(num, 0.0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = np.where(den > 0, num**2 / den, 0.0)
+            d = den + self.weight_std**-2
+            log_p = np.where((den > 0) & ((num > 0) | (not self.nonnegative)),
+                             0.5 * num**2 / d - 0.5 * np.log(d), -math.inf)  # fmt: skip
+        p = np.exp(log_p - log_p.max()) if np.isfinite(log_p).any() else np.ones_like(log_p)
+        weights = np.where(den > 0, num / np.where(d > 0, d, 1.0), 0.0)
+        cost = float(cells.costs.sum() - ratio.max())
+        return Fit(grid, p / p.sum(), weights, d, ratio, cost)
+
+    def refined(self, cells: Cells, fit: Fit) -> Fit:
+        """The posterior on finer and finer grids, while a few onsets hold all of it."""
+        for _ in range(_REFINEMENTS):
+            top = int(np.argmax(fit.probability))
+            if fit.probability[max(top - 1, 0) : top + 2].sum() < _CROWDED:
+                break
+            onsets = fit.grid.onsets
+            low, high = onsets[max(top - 2, 0)], onsets[min(top + 2, len(onsets) - 1)]
+            fit = self.posterior(cells, self.at(cells, np.linspace(low, high, ONSETS + 1)))
+        return fit
+
+    def collapsed(
+        self, fit: Fit, cells: Cells, first: Filtered, rows: list[Row]
+    ) -> tuple[list[Vector], Filtered]:
+        """(means at `first` and the rows after it, the filter at the last), over the posterior.
+
+        The filter is affine in what impulses do: it runs once more with their mean.
+        """
+        n, mean = len(first.x), fit.probability * fit.weights
+        jumps = np.zeros((len(rows), n))
+        np.add.at(jumps, fit.grid.cell, mean[:, None] * fit.grid.states)
+        run, at, reach, score = [], first, np.eye(n), np.zeros(n)
+        for row, jump in zip(rows, jumps, strict=True):
+            at = self.plant.after(at, row, jump)
+            seen = at.flow @ reach
+            score = score + (at.shown @ seen).T @ at.surprise
+            reach = at.kept @ seen
+            run.append(at)
+        x, since = first.x + first.P @ score, first.row
+        means = [x]
+        for there, jump in zip(run, jumps, strict=True):  # smoothed by all samples of the window
+            x = self.plant.free(since.t, x, since.u, there.row.t) + jump
+            since = there.row
+            means.append(x)
+        onto = (cells.moved[:, fit.grid.cell] * fit.grid.states).sum(axis=2)  # (n, G): d x / d g
+        away = onto * fit.weights - (onto @ mean)[:, None]
+        likely = np.sqrt(fit.probability)
+        spread = np.hstack([onto * likely / np.sqrt(fit.precision), away * likely])
+        factor = triangular(np.hstack([at.factor, spread]))
+        # rounding must not leave it singular
+        floor = math.sqrt(_LEAST_SPREAD / n) * float(np.linalg.norm(factor))
+        factor = triangular(np.hstack([factor, floor * np.eye(n)]))
+        return [*means[:-1], at.x], Filtered.given(at.row, at.x, factor)

@@ -1,0 +1,92 @@
+"""Noise of the samples in the features of a window: made white, bounded, tested.
+
+With taps Psi and noise deviations s_k of the samples, the singular vectors U of diag(s) Psi give
+features U'(e / s) with unit covariance, of which b and V are the same linear map T; no Gramian is
+formed or inverted.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from obsdesign.equations.impulsive_input.fit import Impulse, left_inverse
+from obsdesign.runtime.base import Vector
+
+Array = NDArray[Any]
+
+# proportional noise is no smaller than at this part of the largest output
+_FAINT = 1e-3
+# singular values below this part of the largest carry more rounding than signal
+_RANK = 1e-11
+# |r|^2 of a fit that noise alone explains is below this, once in a thousand windows: chi-squared
+# quantiles by Wilson and Hilferty, z = 3.0902
+Z_SCORE = 3.090232306167813
+
+
+def whitened(taps: Array, error: Array, spread: Array) -> tuple[Array, Array]:
+    """(features (r,), T (r, p m)): what unit noise covariance makes of R, and of b and V."""
+    features, maps, m = [], [], taps.shape[1]
+    for j in range(error.shape[1]):
+        U, sizes, right = np.linalg.svd(taps * spread[:, j, None], full_matrices=False)
+        kept = sizes > _RANK * sizes[0]
+        features.append(U[:, kept].T @ (error[:, j] / spread[:, j]))
+        block = np.zeros((int(kept.sum()), m * error.shape[1]))
+        block[:, j * m : (j + 1) * m] = right[kept] / sizes[kept, None]
+        maps.append(block)
+    return np.concatenate(features), np.vstack(maps)
+
+
+def feature_deviation(taps: Array, spread: Array) -> float:
+    """sigma_R: the largest deviation of R in any direction, from the noise of the samples."""
+    sizes = [np.linalg.norm(taps * column[:, None], 2) for column in spread.T]
+    return float(max(sizes))
+
+
+def noise_deviation(std: Vector, cv: Vector, y: Array, level: Array) -> Array:
+    """Deviation of the noise of outputs y whose largest so far is `level`: y = 0 is not exact."""
+    size = np.where(std > 0, np.abs(y), np.maximum(np.abs(y), _FAINT * level))
+    return np.asarray(np.hypot(std, np.where(size > 0, cv * size, cv)))
+
+
+def chi_squared_limit(freedom: int) -> float:
+    """0.999 quantile of chi-squared (Wilson, Hilferty 1931); infinite without freedom."""
+    if freedom < 1:
+        return math.inf
+    ninth = 2.0 / (9.0 * freedom)
+    return float(freedom * (1 - ninth + Z_SCORE * math.sqrt(ninth)) ** 3)
+
+
+def noise_covariance(taps: Array, spread: Array) -> Array:
+    """N, (p m, p m): covariance of R from noise of deviations `spread` (rows, p)."""
+    p, m = spread.shape[1], taps.shape[1]
+    N = np.zeros((p * m, p * m))
+    for j in range(p):
+        weighted = taps * spread[:, j, None]
+        N[j * m : (j + 1) * m, j * m : (j + 1) * m] = weighted.T @ weighted
+    return N
+
+
+def plain_deviations(found: Impulse, taps: Array, spread: Array) -> tuple[float, Vector]:
+    """Deviations of age and weights under the plain norm: J^+ N J^+', N the covariance of R."""
+    J = np.column_stack([found.b_dot @ found.weights, found.b])
+    back = left_inverse(J)
+    C = back @ noise_covariance(taps, spread) @ back.T
+    deviations = np.sqrt(np.diag(C))
+    return float(deviations[0]), deviations[1:]
+
+
+def root_of_sum(V: Array, P: Array) -> Array:
+    """Lower triangular root of I + V P V', by QR: the sum, which may not show I, is not formed."""
+    sizes, directions = np.linalg.eigh(P)
+    spread = V @ (directions * np.sqrt(np.maximum(sizes, 0.0)))
+    return np.asarray(np.linalg.qr(np.vstack([np.eye(len(V)), spread.T]), mode="r")).T
+
+
+def covariance_of(J: Array) -> Array:
+    """(J'J)^-1 by QR; no Gramian is inverted."""
+    back = left_inverse(np.linalg.qr(J)[1])
+    return np.asarray(back @ back.T)

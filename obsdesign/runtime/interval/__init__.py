@@ -1,0 +1,1 @@
+"""Interval observers at run time: enclosed maps, one product per step."""

@@ -1,0 +1,115 @@
+"""The plant of an interval observer in the observer's coordinates, enclosed.
+
+x = S z: every matrix is known up to the error that S^-1 and the products leave. Without S nothing
+is changed and nothing is lost.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from lmi.arithmetic.enclosure import Enclosure, Matrix, inverse, raised
+
+exactly = Enclosure.exactly
+
+
+@dataclass(frozen=True)
+class Model:
+    """Matrices in z. inputs: [B, middle of b]; known: [E, middle of c], both with n rows.
+
+    b_rad, c_rad: radii of the disturbances, of c as it enters x; V, y_mid: radius and middle of the
+    noise; width: upper bound of W = D0 + D1;
+    S, S_inverse: None where z is x.
+    """
+
+    A: Enclosure
+    C: Enclosure
+    L: Enclosure
+    inputs: Enclosure
+    b_rad: Matrix
+    V: Matrix
+    y_mid: Matrix
+    width: Matrix
+    S: Enclosure | None
+    S_inverse: Enclosure | None
+
+    def inward(self, X: Enclosure) -> Enclosure:
+        """S^-1 X."""
+        return X if self.S_inverse is None else self.S_inverse @ X
+
+    def similar(self, X: Enclosure) -> Enclosure:
+        """S^-1 X S."""
+        return X if self.S is None else self.inward(X) @ self.S
+
+    def from_plant(self, centre: Matrix, radius: Matrix) -> Matrix:
+        """[r; m], (2n,), of a box in z that contains a box of x."""
+        if self.S is None or self.S_inverse is None:
+            return np.concatenate([radius, centre])
+        z = self.S_inverse.mid @ centre
+        # z_true - z = S^-1 (x - S z), and x - S z = (x - centre) + (centre - S z)
+        off = (exactly(centre) - self.S @ exactly(z)).magnitude
+        return np.concatenate([self.spread(raised(radius + off, 1)), z])
+
+    def less_middle(self, known: Enclosure, *gains: Enclosure | None) -> Enclosure:
+        """The columns for known inputs, the last for 1, where `gains` act on y - y_mid."""
+        if not self.y_mid.any():
+            return known
+        column = Enclosure(known.mid[:, -1:], known.rad[:, -1:])
+        for K in gains:
+            column = column if K is None else column - K @ exactly(self.y_mid[:, None])
+        ends = ((known.mid, column.mid), (known.rad, column.rad))
+        return Enclosure(*(np.hstack([whole[:, :-1], last]) for whole, last in ends))
+
+    def spread(self, radius: Matrix) -> Matrix:
+        """Radius in z of a box of this radius in x."""
+        if self.S_inverse is None:
+            return radius
+        return raised(size(self.S_inverse) @ radius, 2 * len(radius))
+
+
+def midpoint(lower: Matrix, upper: Matrix) -> tuple[Matrix, Matrix]:
+    """Centre and radius of a box; the radius is rounded up so that the box is contained."""
+    centre = lower + (0.5 * upper - 0.5 * lower)
+    radius = np.maximum(upper - centre, centre - lower)
+    return centre, np.where(lower == upper, 0.0, np.nextafter(radius, np.inf))
+
+
+def model(gains: Mapping[str, Any]) -> Model:
+    """The model of a design's `gains`; ValueError if S cannot be inverted with certainty."""
+    S = exactly(gains["S"]) if "S" in gains else None
+    S_inverse = None if S is None else inverse(gains["S"])
+    A, C, L = (exactly(gains[name]) for name in ("A", "C", "L"))
+    b_mid, b_rad = midpoint(gains["flow_lower"], gains["flow_upper"])
+    inputs = exactly(np.column_stack([gains.get("B", np.zeros((len(b_mid), 0))), b_mid]))
+    V, y_mid = gains["noise_bound"], gains.get("noise_centre", np.zeros(len(C.mid)))
+    draft = Model(A, C, L, inputs, b_rad, V, y_mid, A.mid, S, S_inverse)
+    A, L = draft.similar(A), draft.inward(L)
+    C = C if S is None else C @ S
+    F = A if "period" in gains else A - L @ C
+    width = completed(F, gains["D0"], gains["D1"])
+    inputs, b_rad = draft.inward(inputs), draft.spread(b_rad)
+    return Model(A, C, L, inputs, b_rad, V, y_mid, width, S, S_inverse)
+
+
+def completed(X: Enclosure, plus: Matrix, minus: Matrix) -> Matrix:
+    """Upper bound of plus + minus + |plus - minus - X|: `equations.completed_split`, summed."""
+    remainder = (exactly(plus) - exactly(minus) - X).magnitude
+    # the remainder of numbers that agree is zero, not TINY: zeros of W and N are worth keeping
+    remainder = np.where((plus - minus == X.mid) & (X.rad == 0), 0.0, remainder)
+    total = (exactly(plus) + exactly(minus)).upper + remainder
+    return np.where((plus == 0) & (minus == 0) & (remainder == 0), 0.0, np.nextafter(total, np.inf))
+
+
+def size(X: Enclosure) -> Matrix:
+    """Upper bound of |X|, zero where X is."""
+    return np.where((X.mid == 0) & (X.rad == 0), 0.0, X.magnitude)
+
+
+def metzler_bound(X: Enclosure) -> Matrix:
+    """Upper bound of Mz(X): the diagonal, and absolute values elsewhere."""
+    on_diagonal = np.eye(len(X.mid), dtype=bool)
+    return np.where(on_diagonal, np.where(X.rad == 0, X.mid, X.upper), size(X))

@@ -1,0 +1,1 @@
+"""The point observer with jump gains at run time."""

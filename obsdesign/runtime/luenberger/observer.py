@@ -1,0 +1,164 @@
+"""Point observer with jumps at run time: exact steps, linear interpolation between samples.
+
+    xhat' = F xhat + L y(t) + B u + b_mid,   F = A - L C        between jumps
+    xhat+ = G xhat- + M (y- - C xhat-) + E w + c_mid            at jumps
+
+M may depend on the dwell time that ends at the jump (a schedule). Between two samples y is
+interpolated linearly; a measurement taken before a jump says nothing about the time after it, and
+then the next sample stands alone. Without any, the plant alone predicts.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from lmi.arithmetic.exponential import expm
+from obsdesign.equations.estimation_error import flow_error_matrix
+from obsdesign.runtime.base import (
+    DwellGuard,
+    Estimate,
+    Sample,
+    Vector,
+    centred_measurement,
+    later,
+    require_gains,
+    status_of,
+    vector,
+)
+from obsdesign.runtime.point_observer import SteppedObserver
+from obsdesign.runtime.step_cache import cached_step
+
+Maps = tuple[Any, Any, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class LuenbergerState:
+    """Everything the next step needs: the estimate x just after time t."""
+
+    t: float
+    x: Vector
+    u: Vector
+    y: Vector | None
+    guard: DwellGuard
+    started: bool
+
+
+@dataclass(frozen=True)
+class LuenbergerObserver(SteppedObserver[LuenbergerState]):
+    """Executes a design of kind `luenberger`."""
+
+    gains: Mapping[str, Any]
+    kind: ClassVar[str] = "luenberger"
+    finds_events: ClassVar[bool] = False
+    _steps: OrderedDict[float, dict[bool, Maps]] = field(
+        default_factory=OrderedDict, repr=False, compare=False
+    )
+
+    @classmethod
+    def from_gains(cls, gains: Mapping[str, Any]) -> LuenbergerObserver:
+        """The observer of a design's `gains`; ValueError if they do not fit each other."""
+        require_gains(gains, (), ())
+        if "M_cells" in gains:
+            cells = len(np.atleast_1d(gains.get("dwell_borders", ()))) + 1
+            if np.shape(gains["M_cells"]) != (cells, *np.shape(gains["M"])):
+                raise ValueError(f"gains.M_cells must hold {cells} matrices of the shape of M.")
+        return cls(gains)
+
+    def init(self, t: float = 0.0, *, x: ArrayLike | None = None) -> LuenbergerState:
+        """State at time t from a guess of x(t), before the first sample and its jump."""
+        guess = vector(np.zeros(self.n) if x is None else x, self.n, "x")
+        guard = DwellGuard.of(self.gains)
+        inputs = np.zeros(int(self.reads["u"]))
+        return LuenbergerState(float(t), guess, inputs, None, guard, started=False)
+
+    def step(self, state: LuenbergerState, sample: Sample) -> tuple[LuenbergerState, Estimate]:
+        """Move to the time of the sample, use it, and jump if it says so.
+
+        ValueError if time does not increase (the first sample may share the initial time).
+        """
+        t = later(sample.t, state.t, state.started)
+        y = centred_measurement(sample.y, self.gains)
+        with np.errstate(over="ignore", invalid="ignore"):  # the status names what is not finite
+            return self._step(state, t, y, sample)
+
+    def _step(
+        self, state: LuenbergerState, t: float, y: Vector | None, sample: Sample
+    ) -> tuple[LuenbergerState, Estimate]:
+        when = self.gains["jump_measurement"]
+        x = self._flow(state, t, y if not sample.jump or when == "before" else None)
+        guard, late = state.guard.after(t, sample.jump)
+        objections = [late] if late else []
+        expected = not (sample.jump and when == "none") and (sample.jump or not self._only_jumps)
+        if y is None and expected:
+            objections.append("missing sample")
+        usable = y
+        if sample.jump:
+            x = self._jump(x, y, sample.w, self._jump_correction(state.guard.last_jump, t))
+            usable = y if when == "after" else None
+        u = state.u if sample.u is None else vector(sample.u, len(state.u), "u")
+        following = replace(state, t=t, x=x, u=u, y=usable, guard=guard, started=True)
+        return following, Estimate(t, x=x, status=status_of(objections, x))
+
+    @property
+    def _only_jumps(self) -> bool:
+        """Without L, samples between jumps are of no use and none is missed."""
+        return not np.any(self.gains["L"])
+
+    def _flow(self, state: LuenbergerState, t: float, y_end: Vector | None) -> Vector:
+        if t == state.t:
+            return state.x
+        start = state.y if state.y is not None else y_end
+        end = y_end if y_end is not None else start
+        maps = cached_step(self._steps, t - state.t, self._maps)
+        flow, once, ramp = maps[start is not None]
+        forced = self._drift + (self.gains["B"] @ state.u if len(state.u) else 0.0)
+        if start is None or end is None:
+            return np.asarray(flow @ state.x + once @ forced)
+        L = self.gains["L"]
+        return np.asarray(flow @ state.x + once @ (L @ start + forced) + ramp @ (L @ (end - start)))
+
+    def _maps(self, h: float) -> dict[bool, Maps]:
+        """(e^{Xh}, its integral, the response to a unit ramp over the step), X = A or A - L C."""
+        A, L, C = self.gains["A"], self.gains["L"], self.gains["C"]
+        return {False: responses(A, h), True: responses(flow_error_matrix(A, L, C), h)}
+
+    @property
+    def _drift(self) -> Vector:
+        return np.asarray((self.gains["flow_lower"] + self.gains["flow_upper"]) / 2)
+
+    def _jump_correction(self, last_jump: float | None, t: float) -> Vector:
+        """M, or where gains follow a schedule, the one for the dwell time that ends at t."""
+        gains = self.gains
+        if last_jump is None or "M_cells" not in gains:
+            return np.asarray(gains["M"])
+        cell = np.searchsorted(gains["dwell_borders"], t - last_jump, side="right")
+        return np.asarray(gains["M_cells"][cell])
+
+    def _jump(self, x: Vector, y: Vector | None, w: ArrayLike | None, M: Vector) -> Vector:
+        gains = self.gains
+        if "G" not in gains:
+            raise ValueError("this plant has no jumps ([jump] is absent), but a sample says jump.")
+        after = gains["G"] @ x + (gains["jump_lower"] + gains["jump_upper"]) / 2
+        if "E" in gains:
+            inputs = int(self.reads["w"])
+            after = after + gains["E"] @ (np.zeros(inputs) if w is None else vector(w, inputs, "w"))
+        when = gains["jump_measurement"]
+        if y is None or when == "none":
+            return np.asarray(after)
+        expected = gains["C"] @ (after if when == "after" else x)
+        return np.asarray(after + M @ (y - expected))
+
+
+def responses(X: Any, h: float) -> Maps:
+    """Blocks of one exponential: e^{Xh}, int e^{Xs} ds, int e^{X(h-s)} (s/h) ds."""
+    n = len(X)
+    unit, zero = np.eye(n), np.zeros((n, n))
+    block = np.block([[X * h, unit * h, zero], [zero, zero, unit], [zero, zero, zero]])
+    flow, once, ramp = np.hsplit(expm(block)[:n], 3)
+    return flow, once, ramp

@@ -1,0 +1,1 @@
+"""The unknown-input observer at run time, and its differentiators."""

@@ -1,0 +1,170 @@
+"""Unknown-input observer with a fixed lag: each sample is smoothed with those that follow it.
+
+A sample is decided when `lag` further measurements have come. It and the one before are then
+replaced by their values in the window of smoothing (`equations.smoothing`) that reaches from
+2 lag measurements before it to lag measurements after it, and the observer of
+`runtime.unknown_input` takes its step between the two: both ends of the difference quotient come
+from one window, so that what windows disagree about does not enter y'. Delay: lag samples.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from obsdesign.equations.unknown_input.smoothing import smoothed_window
+from obsdesign.runtime.base import (
+    Batch,
+    Estimate,
+    Row,
+    Sample,
+    Vector,
+    centred,
+    collect,
+    first_time,
+    rows_of,
+)
+from obsdesign.runtime.point_observer import PointObserver
+from obsdesign.runtime.unknown_input.folding_unknown_input_steps import UnknownInputState, usable
+from obsdesign.runtime.unknown_input.observer import UnknownInputObserver
+
+
+@dataclass(frozen=True, slots=True)
+class FixedLagState:
+    """Everything the next step needs.
+
+    present: state of the observer that takes samples as they come, for predictions; past: its state
+    at the last decided row; measured: (t, y) of the measurements of a window, decided ones first;
+    done: how many of them are decided; waiting: (t, y, u) of rows that are not; decided: rows that
+    the last step settled, oldest first.
+    """
+
+    present: UnknownInputState
+    past: UnknownInputState
+    measured: tuple[tuple[float, Vector], ...] = ()
+    done: int = 0
+    waiting: tuple[Row, ...] = ()
+    decided: tuple[Estimate, ...] = ()
+
+    @property
+    def t(self) -> float:
+        """Time of the last row."""
+        return self.present.t
+
+
+@dataclass(frozen=True)
+class FixedLagObserver(PointObserver[FixedLagState]):
+    """Executes a design of kind `unknown_input` with `differentiator = "fixed_lag"`."""
+
+    gains: Mapping[str, Any]
+    inner: UnknownInputObserver
+    kind: ClassVar[str] = "unknown_input"
+    finds_events: ClassVar[bool] = False
+
+    @classmethod
+    def from_gains(cls, gains: Mapping[str, Any]) -> FixedLagObserver:
+        """The observer of a design's `gains`; ValueError if they do not fit each other."""
+        lag = gains.get("lag")
+        if type(lag) is not int or lag < 1:
+            raise ValueError(f"gains.lag must be a whole number >= 1; got {lag!r}.")
+        return cls(gains, UnknownInputObserver.from_gains(gains))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Columns of the estimate after t."""
+        return self.inner.names
+
+    @property
+    def reads(self) -> dict[str, int | bool]:
+        """How many y, u, w a sample has, and whether jumps are reported."""
+        return self.inner.reads
+
+    @cached_property
+    def _lag(self) -> int:
+        return int(self.gains["lag"])
+
+    def init(self, t: float = 0.0, *, x: ArrayLike | None = None) -> FixedLagState:
+        """State at time t, before the first sample; x as for `UnknownInputObserver.init`."""
+        state = self.inner.init(t, x=x)
+        return FixedLagState(state, state)
+
+    def step(self, state: FixedLagState, sample: Sample) -> tuple[FixedLagState, Estimate]:
+        """Take a sample; the estimate is what it shows without smoothing, at its own time.
+
+        Rows that it settles are in `decided` of the state. ValueError as for the inner observer.
+        """
+        present, prediction = self.inner.step(state.present, sample)
+        # copies: the sample's own arrays are the caller's
+        y, u = (None if value is None else np.array(value, float) for value in (sample.y, sample.u))
+        row = (float(sample.t), y, u)
+        measurement, _ = usable(y, len(self.gains["C"]))
+        measured = state.measured
+        if measurement is not None:
+            measured = (*measured, (row[0], measurement))
+        state = FixedLagState(present, state.past, measured, state.done, (*state.waiting, row))
+        return self._decided(state, self._lag), prediction
+
+    def block(self, state: FixedLagState, samples: Sequence[Sample]) -> FixedLagState:
+        """Take several samples: `decided` holds the rows that all of them settled."""
+        rows: list[Estimate] = []
+        for sample in samples:
+            state, _ = self.step(state, sample)
+            rows += state.decided
+        return replace(state, decided=tuple(rows))
+
+    def finish(self, state: FixedLagState) -> tuple[Estimate, ...]:
+        """Rows that were waiting when the record ended, smoothed with what there is after them."""
+        return self._decided(state, 0).decided
+
+    def run(self, state: FixedLagState, samples: Iterable[Sample]) -> Iterator[Estimate]:
+        """One row per sample, each as soon as it is decided; the tail at the end."""
+        for sample in samples:
+            state, _ = self.step(state, sample)
+            yield from state.decided
+        yield from self.finish(state)
+
+    def run_batch(
+        self,
+        t: ArrayLike,
+        y: ArrayLike | None = None,
+        u: ArrayLike | None = None,
+        *,
+        x: ArrayLike | None = None,
+    ) -> Batch:
+        """The whole record at once: a loop over `step`, from a guess of x or the first sample."""
+        times = np.asarray(t, dtype=np.float64)
+        return collect(self.run(self.init(first_time(times), x=x), rows_of(times, y, u)))
+
+    def _decided(self, state: FixedLagState, lag: int) -> FixedLagState:
+        """Settle the waiting rows that `lag` measurements follow."""
+        past, measured, done, rows = state.past, state.measured, state.done, []
+        waiting = list(state.waiting)
+        while waiting:
+            usable_row = done < len(measured) and waiting[0][0] == measured[done][0]
+            if len(measured) - done - usable_row < lag:
+                break
+            sample = Sample(*waiting.pop(0))
+            if usable_row:
+                before, sample = self._smoothed(measured, done, sample)
+                past = past if before is None else past._replace(y=before)
+                done += 1
+                surplus = max(0, done - 2 * self._lag)
+                measured, done = measured[surplus:], done - surplus
+            past, estimate = self.inner.step(past, sample)
+            rows.append(estimate)
+        return FixedLagState(state.present, past, measured, done, tuple(waiting), tuple(rows))
+
+    def _smoothed(
+        self, measured: tuple[tuple[float, Vector], ...], k: int, sample: Sample
+    ) -> tuple[Vector | None, Sample]:
+        """(the measurement before the k-th, the k-th sample), both smoothed in one window."""
+        window = measured[: k + self._lag + 1]
+        t = np.array([time for time, _ in window])
+        y = smoothed_window(t, np.array([row for _, row in window]), self.gains["noise_std"])
+        # the inner observer keeps measurements less the middle of the noise
+        return (centred(y[k - 1], self.gains) if k else None), sample._replace(y=y[k])

@@ -1,0 +1,1 @@
+"""Questions about a problem beyond one design: check, search, comparison, sweep."""

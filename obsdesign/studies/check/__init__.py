@@ -1,0 +1,1 @@
+"""Which observer kinds a plant admits, and what to try next."""

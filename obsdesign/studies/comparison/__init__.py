@@ -1,0 +1,1 @@
+"""All kinds on one record, and a Kalman filter with them."""

@@ -1,0 +1,184 @@
+"""A Kalman filter for the plants of this package: the usual alternative, and nothing proved.
+
+    x[k+1] = e^{Ah} x[k] + (int e^{As} ds) (B u[k] + b[k] + D d[k]),   d[k+1] = d[k] + noise
+    x+     = G x- + E w + c (+ H g)                                     at jumps
+    y      = C x + v
+
+Bounded b and c are taken as independent from row to row and uniform in their bounds, unknown inputs
+d as random walks, impulses at unknown times as white noise. How fast the last two move has to be
+told: told right, the filter is better than an observer that assumes nothing, told wrong, worse.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from lmi.arithmetic.exponential import expm
+from obsdesign.problem.plant import Plant
+from obsdesign.runtime.base import Sample
+
+Array = NDArray[np.float64]
+
+# without any noise of y, so much of its size: a filter needs some
+_LEAST_NOISE = 1e-6
+_ROUNDING = 2.0**-50
+# logarithms of the variances that are tried, and on how many rows at most
+_TRIED, _MOST_ROWS = np.arange(-6.0, 7.0), 1500
+
+
+@dataclass(frozen=True)
+class Filtered:
+    """Estimates at each row after its measurement and jump: t (rows,), x (rows, n), d (rows, q)."""
+
+    t: Array
+    x: Array
+    d: Array
+    log_likelihood: float
+
+
+@dataclass(frozen=True)
+class _Moments:
+    """Of [x; d]: mean and covariance."""
+
+    z: Array
+    P: Array
+
+
+def kalman_filter(
+    plant: Plant,
+    samples: Iterable[Sample],
+    *,
+    walk: float = 0.0,
+    initial: ArrayLike | None = None,
+    initial_variance: ArrayLike = 25.0,
+) -> Filtered:
+    """Filter a record.
+
+    walk: variance that unknown inputs d gain per unit of time, and that impulses add to H g;
+    initial: x at the first row, 0 by default, d being 0; initial_variance: of x, (n,) or one
+    number, and the largest of them of each of d. Of a measurement what is there is used.
+    The noise of y is output.noise_std, and uniform in output.noise_bound.
+    """
+    rows = list(samples)
+    n, q = plant.n, 0 if plant.flow.D is None else plant.flow.D.shape[1]
+    variance = np.broadcast_to(np.asarray(initial_variance, dtype=np.float64), n)
+    now = _Moments(np.zeros(n + q), np.diag([*variance, *np.full(q, variance.max())]))
+    if initial is not None:
+        now.z[:n] = initial
+    steps = _Steps(plant, walk)
+    R, found, log_likelihood = _noise(plant, rows), [], 0.0
+    u = np.zeros(0 if plant.flow.B is None else plant.flow.B.shape[1])
+    after = plant.output.jump_measurement == "after"
+    centre = 0.0 if plant.output.noise_centre is None else plant.output.noise_centre
+    for k, row in enumerate(rows):
+        if k:
+            now = steps.flow(now, row.t - rows[k - 1].t, u)
+        if row.jump and after:
+            now = steps.jump(now, row)
+        y = np.full(plant.p, np.nan) if row.y is None else np.asarray(row.y, dtype=np.float64)
+        y = y - centre
+        if (there := np.isfinite(y)).any():
+            now, gained = _update(now, y[there], plant.output.C[there], R[np.ix_(there, there)])
+            log_likelihood += gained
+        if row.jump and not after:
+            now = steps.jump(now, row)
+        u = u if row.u is None else np.asarray(row.u, dtype=np.float64)
+        found.append(now.z)
+    states = np.array(found).reshape(len(rows), n + q)
+    return Filtered(np.array([row.t for row in rows]), states[:, :n], states[:, n:], log_likelihood)
+
+
+def tuned_walk(plant: Plant, samples: Sequence[Sample], **start: Any) -> float:
+    """The walk, a power of ten, that makes a record most likely; 0 where nothing needs it."""
+    unknown_impulses = plant.jump is not None and plant.jump.H is not None
+    if plant.flow.D is None and not unknown_impulses:
+        return 0.0
+    rows = samples[:_MOST_ROWS]
+    tried = [
+        (kalman_filter(plant, rows, walk=walk, **start).log_likelihood, walk)
+        for walk in np.power(10.0, _TRIED).tolist()
+    ]
+    return float(max(tried)[1])
+
+
+def _noise(plant: Plant, rows: Sequence[Sample]) -> Array:
+    output = plant.output
+    y = np.array([row.y for row in rows if row.y is not None], dtype=np.float64)
+    size = np.nan_to_num(np.sqrt(np.nanmean(y**2, axis=0))) if y.size else np.ones(plant.p)
+    bound = 0.0 if output.noise_radius is None else output.noise_radius
+    variance = output.noise_std**2 + bound**2 / 3 + (output.noise_cv * size) ** 2
+    least = (_LEAST_NOISE * np.where(size > 0, size, 1.0)) ** 2
+    return np.diag(np.maximum(variance, least))
+
+
+def _update(now: _Moments, y: Array, C: Array, R: Array) -> tuple[_Moments, float]:
+    """After a measurement, and the logarithm of how likely it was."""
+    seen = np.hstack([C, np.zeros((len(C), len(now.z) - C.shape[1]))])
+    S = seen @ now.P @ seen.T + R
+    S += _ROUNDING * float(S.diagonal().max()) * np.eye(len(y))  # or rounding makes it singular
+    missed = y - seen @ now.z
+    gain = np.linalg.solve(S, seen @ now.P).T
+    kept = np.eye(len(now.z)) - gain @ seen
+    P = kept @ now.P @ kept.T + gain @ R @ gain.T  # symmetric and positive, whatever the rounding
+    size = np.linalg.slogdet(S)[1] + len(y) * np.log(2 * np.pi)
+    log_likelihood = -0.5 * float(missed @ np.linalg.solve(S, missed) + size)
+    return _Moments(now.z + gain @ missed, P), log_likelihood
+
+
+class _Steps:
+    """What moves the moments; matrices of equal steps are made once."""
+
+    def __init__(self, plant: Plant, walk: float) -> None:
+        flow, n = plant.flow, plant.n
+        self.plant, self.walk, self.n = plant, walk, n
+        self.D = np.zeros((n, 0)) if flow.D is None else flow.D
+        self.B = np.zeros((n, 0)) if flow.B is None else flow.B
+        self.middle = (flow.lower + flow.upper) / 2
+        self.variance = (flow.upper - flow.lower) ** 2 / 12
+        self.cache: dict[float, tuple[Array, Array, Array, Array]] = {}
+
+    def flow(self, now: _Moments, h: float, u: Array) -> _Moments:
+        """Over h units of time with u held."""
+        key = round(h, 12)
+        if key not in self.cache:
+            self.cache[key] = self._matrices(h)
+        move, known, drift, Q = self.cache[key]
+        return _Moments(move @ now.z + known @ u + drift, move @ now.P @ move.T + Q)
+
+    def _matrices(self, h: float) -> tuple[Array, Array, Array, Array]:
+        n, q = self.D.shape
+        inputs = np.hstack([self.D, self.B, np.eye(n)])
+        block = np.zeros((n + inputs.shape[1],) * 2)
+        block[:n] = np.hstack([self.plant.flow.A, inputs]) * h
+        whole = expm(block)[:n, n:]
+        move = np.eye(n + q)
+        move[:n] = np.hstack([expm(self.plant.flow.A * h), whole[:, :q]])
+        forced = np.zeros((n + q, whole.shape[1] - q))
+        forced[:n] = whole[:, q:]
+        known, held = np.split(forced, [self.B.shape[1]], axis=1)
+        Q = held @ np.diag(self.variance) @ held.T
+        Q[n:, n:] += h * self.walk * np.eye(q)
+        jump = self.plant.jump
+        if jump is not None and jump.H is not None:
+            Q[:n, :n] += h * self.walk * jump.H @ jump.H.T
+        return move, known, held @ self.middle, Q
+
+    def jump(self, now: _Moments, row: Sample) -> _Moments:
+        """Through a jump."""
+        jump, n = self.plant.jump, self.n
+        if jump is None:
+            return now
+        G = np.eye(len(now.z))
+        G[:n, :n] = jump.G
+        z = G @ now.z
+        z[:n] += (jump.lower + jump.upper) / 2
+        if jump.E is not None and row.w is not None:
+            z[:n] += jump.E @ np.asarray(row.w, dtype=np.float64)
+        P = G @ now.P @ G.T
+        P[:n, :n] += np.diag((jump.upper - jump.lower) ** 2 / 12)
+        return _Moments(z, P)

@@ -1,0 +1,67 @@
+"""What every observer of a comparison sees, and the truth where it is known."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from obsdesign.data.records import Layout, read_columns, read_samples
+from obsdesign.data.simulation import default_until, simulate
+from obsdesign.errors import InputError
+from obsdesign.problem.plant import Plant
+from obsdesign.runtime import Sample
+from obsdesign.runtime.base import rows_of
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Record:
+    """What every observer sees, and the truth where it is known: x (rows, n), d (rows, q)."""
+
+    samples: tuple[Sample, ...]
+    x: Array | None = None
+    d: Array | None = None
+
+    @staticmethod
+    def simulated(plant: Plant, **options: Any) -> Record:
+        """A simulation of the plant; options: those of `simulation.simulate`.
+
+        What is measured at jumps only is simulated for five times as long: a row is a jump.
+        """
+        if options.get("until") is None and plant.output.measured == "at_jumps":
+            options["until"] = 5 * default_until(plant, "random")
+        made = simulate(plant, announced=True, **options)
+        given = {letter: made.block(letter) for letter in "uw" if made.block(letter).size}
+        samples = rows_of(made.t, made.block("y"), **given, jump=made.columns.get("jump"))
+        d = made.block("d")
+        return Record(tuple(samples), made.block("x"), d if d.size else None)
+
+    @staticmethod
+    def read(path: str, plant: Plant) -> Record:
+        """A data file, with its truth where it has all of x1, ..., xn (and d1, ...)."""
+        flow, jump = plant.flow, plant.jump
+        u, w = (0 if X is None else X.shape[1] for X in (flow.B, None if jump is None else jump.E))
+        columns = read_columns(path)
+        # impulses of unknown weight may come unannounced
+        announced = jump is not None and (jump.H is None or "jump" in columns)
+        layout = Layout(plant.p, u, w, announced)
+        with open(path, encoding="utf-8", newline="") as stream:
+            samples = tuple(read_samples(stream, layout, path))
+        q = 0 if flow.D is None else flow.D.shape[1]
+        return Record(samples, _truth(columns, "x", plant.n, path), _truth(columns, "d", q, path))
+
+
+def _truth(columns: dict[str, list[str]], letter: str, count: int, path: str) -> Array | None:
+    names = [f"{letter}{i + 1}" for i in range(count)]
+    if not names or any(name not in columns for name in names):
+        return None
+    try:
+        cells = [[float(cell) if cell else math.nan for cell in columns[name]] for name in names]
+    except ValueError as error:
+        raise InputError(f"{path}: columns {names[0]}, ... must hold numbers: {error}.") from None
+    return np.array(cells).T

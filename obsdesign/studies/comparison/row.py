@@ -1,0 +1,143 @@
+"""One observer on one record, in numbers; and rows as a table."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from obsdesign.data.stream import estimates_of
+from obsdesign.document import Design
+from obsdesign.problem.plant import Plant
+from obsdesign.runtime import from_design
+from obsdesign.studies.comparison.kalman import kalman_filter, tuned_walk
+from obsdesign.studies.comparison.record import Record
+
+Array = NDArray[np.float64]
+
+REFERENCE = "Kalman filter"
+# errors are taken over this last part of the record, when transients have gone
+_LATE = 0.5
+
+
+@dataclass(frozen=True)
+class Row:
+    """One observer. Errors and widths are root mean squares over the last half of the record.
+
+    Rows whose guarantee does not hold are counted (`without`) and left out of them. reason: why
+    there is no observer, or where one was not proved. error, worst: of the estimate, or of the
+    middle of the bounds; input_error: of the unknown input; seconds: per row, in processor time;
+    ended: the budget that ended the search for a design, as `lmi.time_budget.ended` has it.
+    """
+
+    kind: str
+    variant: str
+    verdict: str
+    guarantee: str = ""
+    error: float | None = None
+    worst: float | None = None
+    width: float | None = None
+    input_error: float | None = None
+    without: int | None = None
+    seconds: float | None = None
+    reason: str = ""
+    ended: Mapping[str, Any] = field(default_factory=dict)
+
+
+def run(design: Design, record: Record, start: Array) -> dict[str, Any]:
+    """Errors, widths and times of a design, started in the bounds (n, 2) or their middle."""
+    observer: Any = from_design(design)
+    begin = start if design.kind == "interval" else start.mean(axis=1)
+    state = observer.start(record.samples[0].t, begin.reshape(-1).tolist())
+    samples = record.samples
+    if not observer.reads["jump"]:  # it has to find for itself what others are told
+        samples = tuple(sample._replace(jump=False) for sample in samples)
+    clock = time.process_time()
+    estimates = list(estimates_of(observer, state, iter(samples)))
+    seconds = (time.process_time() - clock) / len(estimates)
+    found: dict[str, Any] = {
+        "seconds": seconds,
+        "without": sum(estimate.status != "ok" for estimate in estimates),
+    }
+    good = np.array([estimate.status == "ok" for estimate in estimates])
+    good[: int(_LATE * len(good))] = False
+    if estimates[0].lower is not None:
+        low, high = (np.array([getattr(e, end) for e in estimates]) for end in ("lower", "upper"))
+        found["width"] = _size((high - low)[good])
+    if estimates[0].x is not None:
+        x = np.array([estimate.x for estimate in estimates])
+    else:
+        with np.errstate(invalid="ignore"):  # where both ends are infinite there is no middle
+            x = (low + high) / 2
+    d = None if estimates[-1].d is None else np.array([estimate.d for estimate in estimates])
+    return found | _errors(record, x, d, good)
+
+
+def _errors(
+    record: Record, x: Array, d: Array | None, counted: NDArray[np.bool_]
+) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    if record.x is not None and len(record.x) == len(x):
+        missed = np.abs(x - record.x)[counted]
+        found["error"] = _size(missed)
+        found["worst"] = float(np.nanmax(missed)) if np.isfinite(missed).any() else None
+    if record.d is not None and d is not None and len(record.d) == len(d):
+        # what is known at a row is the mean of d over the interval before it
+        found["input_error"] = _size((d - record.d)[counted])
+    return found
+
+
+def _size(values: Array) -> float | None:
+    finite = values[np.isfinite(values)]
+    if not finite.size:
+        return None
+    size = float(np.sqrt(np.mean(finite**2)))
+    return size if math.isfinite(size) else None
+
+
+def filtered(plant: Plant, record: Record, start: Array) -> Row:
+    """The filter; the time of its tuning is not counted."""
+    begin = {
+        "initial": start.mean(axis=1),
+        "initial_variance": (start[:, 1] - start[:, 0]) ** 2 / 12,
+    }
+    walk = tuned_walk(plant, record.samples, **begin)
+    clock = time.process_time()
+    found = kalman_filter(plant, record.samples, walk=walk, **begin)
+    seconds = (time.process_time() - clock) / len(record.samples)
+    late = np.arange(len(found.t)) >= int(_LATE * len(found.t))
+    told = f"walk {walk:g}" if walk else ""
+    errors = _errors(record, found.x, found.d if found.d.size else None, late)
+    return Row(REFERENCE, told, "", "none", seconds=seconds, **errors)
+
+
+def table(rows: Sequence[Row]) -> tuple[list[str], list[list[str]]]:
+    """Titles and cells of the rows that ran, with the columns that one of them has."""
+    columns: dict[str, Callable[[Row], float | None]] = {
+        "error": lambda row: row.error,
+        "worst": lambda row: row.worst,
+        "width": lambda row: row.width,
+        "error of d": lambda row: row.input_error,
+        "not ok": lambda row: row.without,
+        "µs/row": lambda row: None if row.seconds is None else 1e6 * row.seconds,
+    }
+    ran = [row for row in rows if row.seconds is not None]
+    shown = {name: of for name, of in columns.items() if any(of(row) is not None for row in ran)}
+    cells = [[name_of(row), *(_cell(of(row)) for of in shown.values())] for row in ran]
+    return ["observer", *shown], cells
+
+
+def name_of(row: Row) -> str:
+    """Kind and variant, for people."""
+    return ", ".join(word.replace("_", " ") for word in (row.kind, row.variant) if word)
+
+
+def _cell(value: float | None) -> str:
+    if value is None:
+        return "–"
+    return str(value) if isinstance(value, int) else f"{value:.3g}"

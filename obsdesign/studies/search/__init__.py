@@ -1,0 +1,1 @@
+"""Brackets of dwell times, periods and windows."""

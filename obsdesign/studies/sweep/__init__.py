@@ -1,0 +1,1 @@
+"""Maps over one or two entries of a problem."""

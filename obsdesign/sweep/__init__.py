@@ -1,1 +1,0 @@
-"""Sweeps: the answer of a search or a design over one or two entries of a problem file."""

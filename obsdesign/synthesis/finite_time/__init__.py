@@ -1,0 +1,1 @@
+"""Candidates for finite-time estimation: injections, windows, periods."""

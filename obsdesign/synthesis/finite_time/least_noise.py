@@ -1,0 +1,112 @@
+"""Objective `least_noise` of finite-time estimation: a quiet L, and a window that is long enough.
+
+Longer windows average more noise and collect more disturbance. The window is judged by the gains
+of least squares, which under noise alone no unbiased gains beat; L by the gains it leads to. Both
+end after some processor time with the best they have seen. Floats only.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lmi.arithmetic.exponential import expm, exponential_grid, flow_integrals
+from lmi.time_budget import deadline, ended, remark_end
+from obsdesign.equations.finite_time import gains as equations
+from obsdesign.problem.plant import Plant
+
+Array = NDArray[np.float64]
+
+_SECONDS = 0.6
+# a window may be that much worse than the best, and is the shortest such one
+_NEARLY = 1.1
+
+
+def quiet_samples(plant: Plant, counts: list[int]) -> int:
+    """The first of these windows for which no state's error is much above the least of all."""
+    errors = np.array([_errors(plant, k) for k in counts])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        least = np.nanmin(np.where(errors > 0, errors, np.nan), axis=0)
+        worst = np.nanmax(np.where(errors > 0, errors / least, 1.0), axis=1)
+    good = worst <= _NEARLY * worst.min()
+    return counts[int(np.argmax(good))]
+
+
+def _errors(plant: Plant, k: int) -> Array:
+    """(n,): what noise and disturbance of the plant's sizes do to each state, least squares."""
+    A, C, period = plant.flow.A, plant.output.C, float(plant.output.period or 1.0)
+    deviations = equations.relative_deviations(plant.output)
+    rows = equations.sample_rows(A, C, period, k).reshape(-1, len(A))
+    if not np.isfinite(rows).all():
+        return np.full(len(A), np.inf)
+    gain = equations.least_squares_gain(rows, np.tile(deviations, k))
+    noise = plant.output.noise_radius
+    Delta = (plant.flow.upper - plant.flow.lower) / 2
+    noise = np.zeros(len(C)) if noise is None else noise
+    if not np.any(noise) and not np.any(Delta):
+        return np.asarray(np.linalg.norm(gain * np.tile(deviations, k), axis=1))
+    error = np.abs(gain) @ np.tile(noise, k)
+    back, half = expm(-A * period), expm(-A * period / 2)
+    R = np.zeros_like(A)
+    for term in gain.reshape(len(A), k, len(C)).transpose(1, 0, 2):
+        R = R @ back + term @ C
+        error = error + np.abs(R @ half) @ Delta * period
+    return np.asarray(error)
+
+
+def quiet_injection(A: Array, C: Array, L: Array, period: float, k: int, method: str) -> Array:
+    """L with the least Frobenius norm of the gains, from a first guess and larger ones."""
+    from scipy.optimize import minimize
+
+    gain = _exact_gain if method == "exact" else _approximate_gain
+    best, least, end = L, math.inf, deadline(_SECONDS)
+
+    def cost(x: Array) -> float:
+        nonlocal best, least
+        if time.process_time() > end:
+            raise _Over
+        with np.errstate(all="ignore"):
+            try:
+                size = float(np.linalg.norm(gain(A, C, x.reshape(L.shape), period, k)))
+            except np.linalg.LinAlgError:
+                return 1e300
+        if size < least:
+            best, least = x.reshape(L.shape).copy(), size
+        return size if math.isfinite(size) else 1e300
+
+    reach = float(np.linalg.norm(A, 2)) / float(np.linalg.norm(C, 2))
+    unit = L / np.linalg.norm(L)
+    try:
+        guesses = [L, *(unit * reach * factor for factor in (0.1, -0.1, 1.0, -1.0))]
+        for x in sorted(guesses, key=lambda x: cost(x.reshape(-1))):
+            minimize(cost, x.reshape(-1), method="Nelder-Mead")
+    except _Over:
+        remark_end("a quiet L", ended(end, _SECONDS))
+    return best
+
+
+class _Over(Exception):
+    """The time of a search has ended."""
+
+
+def _exact_gain(A: Array, C: Array, L: Array, period: float, k: int) -> Array:
+    m = equations.series_steps(A, C, L, period)
+    backs = exponential_grid(-A, 0.0, period / m, m)
+    steps = [(back, 0.0) for back in backs]
+    forward = expm(A * period)
+    K_d = forward @ equations.discrete_injection(A, C, L, period / m, steps)
+    terms = equations.exact_terms(forward + K_d @ C, K_d, k)
+    W = equations.side_by_side(terms)
+    rows = equations.sample_rows(A, C, period, k).reshape(-1, len(A))
+    return np.asarray(np.linalg.solve(W @ rows, W))
+
+
+def _approximate_gain(A: Array, C: Array, L: Array, period: float, k: int) -> Array:
+    n = len(A)
+    back, once = flow_integrals(-(A + L @ C), period)
+    whole = expm(equations.difference_block(A, L @ C) * (k * period))
+    terms = equations.approximate_terms(back, once @ L, k)
+    return np.asarray(np.linalg.solve(whole[:n, n:], equations.side_by_side(terms)))

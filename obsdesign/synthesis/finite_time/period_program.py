@@ -1,0 +1,147 @@
+"""The longest period of condition (13) as a smooth program, for CasADi and IPOPT.
+
+    maximise  log nu = log log(1 + u / (g |L C|)) - log |A|
+    over      L = e^lambda l, |l| = 1;  log T;  w = log u;  coordinates S = upper triangular
+    such that w + e^w = log Sigma* - f T
+
+(13) eliminates nu by Lambert's function, and w + e^w = ... says u e^u = Sigma* e^{-f T} without
+overflow. Spectral norms are replaced by (tr (X'X)^p)^(1/2p), which is above them by at most
+n^(1/2p) and smooth; since all terms of (13) grow with each norm, a feasible point of the program
+is one of (13). e^X is a scaled Taylor polynomial: the wheel's own expm lacks its plugin. Whatever
+comes out is looked at again with true norms, and proved elsewhere.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from obsdesign.equations.finite_time.condition_13 import log_lambert
+from obsdesign.equations.finite_time.gains import SMALLEST_GAIN
+from obsdesign.synthesis.finite_time.folding_period_coordinates import (
+    normal_coordinates,
+    triangular,
+)
+from obsdesign.synthesis.finite_time.folding_period_formulas import casadi_package, condition_13
+
+Array = NDArray[np.float64]
+
+_SCALAR_STATES = 3
+_LARGEST_GAIN = 1e3  # |L C| relative to |A|
+
+
+@dataclass(frozen=True)
+class Start:
+    """Where IPOPT starts: direction of L (n p,), its size, T, and S as `triangular` takes it."""
+
+    direction: Array
+    size: float
+    window: float
+    triangle: Array | None = None
+
+
+@dataclass(frozen=True)
+class Found:
+    """A point of the program; period and status are the solver's word, not to be believed."""
+
+    L: Array
+    window: float
+    period: float
+    S: Array
+    status: str
+
+
+class PeriodProgram:
+    """The program of one plant, built once and solved from several starts.
+
+    A (n, n), C (p, n); window, L: T and L where they are given, else None; coordinates: is S
+    free as well? tighter: with `tighter_sigma` in place of Sigma, where u is
+    log(1 + Sigma* e^{-f T}) and T stands for g; seconds: of processor time, for a run.
+    """
+
+    def __init__(
+        self,
+        A: Array,
+        C: Array,
+        window: float | None = None,
+        *,
+        L: Array | None = None,
+        coordinates: bool = False,
+        tighter: bool = False,
+        seconds: float = math.inf,
+    ) -> None:
+        ca = casadi_package()
+
+        self._n, self._p = len(A), len(C)
+        self._window, self._L, self._coordinates = window, L, coordinates
+        # scalar expressions are faster, but grow like n^3 in their length: matrices beyond
+        small = len(A) <= _SCALAR_STATES
+        x, log_nu, equality, conditions = condition_13(A, C, ca.SX if small else ca.MX, tighter)
+        self._A = A
+        self._size_A = float(np.linalg.norm(A, 2)) or 1.0
+        self._size_C = float(np.linalg.norm(C, 2))
+        ipopt = {"print_level": 0, "sb": "yes", "max_iter": 300}
+        ipopt |= {"max_cpu_time": seconds} if seconds < math.inf else {}
+        ipopt |= {} if small else {"hessian_approximation": "limited-memory"}
+        self._equality = ca.Function("equality", [x], [equality])
+        self._solver = ca.nlpsol(
+            "period", "ipopt",
+            {"x": x, "f": -log_nu, "g": ca.vertcat(equality, *conditions)},
+            {"print_time": False, "show_eval_warnings": False, "ipopt": ipopt},
+        )  # fmt: skip
+
+    def solve(self, start: Start) -> Found:
+        """One run of IPOPT."""
+        n, p = self._n, self._p
+        triangle = np.zeros(n * (n + 1) // 2) if start.triangle is None else start.triangle
+        free = math.inf if self._coordinates else 0.0
+        log_T = math.log(start.window if self._window is None else self._window)
+        ends = (-math.inf, math.inf) if self._window is None else (log_T, log_T)
+        direction, size = start.direction, start.size
+        if self._L is not None:
+            size = float(np.linalg.norm(self._L))
+            direction = self._L.T.reshape(-1) / size
+        x0 = np.concatenate([direction, [math.log(size), log_T, 0.0], triangle])
+        missing = float(self._equality(x0))  # at w = 0, where the left-hand side is 1
+        x0[n * p + 2] = log_lambert(1.0 - missing) if math.isfinite(missing) else -10.0
+        fixed = np.full(len(triangle), free)
+        inner = np.full(n * p + 1, math.inf)
+        low, high = -inner, inner
+        least = math.log(SMALLEST_GAIN * self._size_A)
+        most = math.log(_LARGEST_GAIN * self._size_A)
+        if self._L is not None:
+            low = high = x0[: n * p + 1]
+            least, most = -math.inf, math.inf
+        result = self._solver(
+            x0=x0,
+            lbx=np.concatenate([low, [ends[0], -math.inf], -fixed]),
+            ubx=np.concatenate([high, [ends[1], math.inf], fixed]),
+            lbg=[0, 0, least], ubg=[0, 0, most],
+        )  # fmt: skip
+        x = np.asarray(result["x"]).reshape(-1)
+        L = math.exp(min(x[n * p], 700.0)) * x[: n * p].reshape(p, n).T
+        S = triangular(x[n * p + 3 :], n)
+        status = str(self._solver.stats()["return_status"])
+        period = math.exp(min(-float(result["f"]), 700.0)) if result["f"].is_regular() else 0.0
+        return Found(L, math.exp(min(x[n * p + 1], 700.0)), period, S, status)
+
+    def starts(self, count: int) -> Sequence[Start]:
+        """Random directions, L C below and about the size of A, T below and about 1 / |A|.
+
+        Every second one starts in coordinates in which A is (nearly) normal.
+        """
+        rng = np.random.default_rng(0)  # fixed: the same problem has the same starts
+        normal = normal_coordinates(self._A) if self._coordinates else None
+        found = []
+        for i in range(count):
+            direction = rng.standard_normal(self._n * self._p)
+            direction /= np.linalg.norm(direction)
+            # from far below |A| there is no gradient back: most starts are near it
+            size = self._size_A / self._size_C * 10.0 ** rng.uniform(-2, 0.5)
+            window = 10.0 ** rng.uniform(-1, 0.3) / self._size_A
+            found.append(Start(direction, size, window, normal if i % 2 == 0 else None))
+        return found

@@ -1,0 +1,1 @@
+"""Candidates for the impulsive observer: windows and strategies."""

@@ -1,0 +1,142 @@
+"""The quadratic strategy: one P for all spacings, and a gain for each cell of the last spacing.
+
+With S = G e^{A delta}, H = C e^{A delta} some gain L(delta) makes the error after an impulse at
+most gamma times that after the one before, in the norm of P, if and only if
+
+    N' (gamma^2 P - S' P S) N > 0,   N a basis of ker H,
+
+which is linear in P. The best gain is L = -S W H' (H W H')^-1, W = P^-1. It is kept constant on
+cells of spacings, which are halved until the proof for each of them succeeds.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from lmi.arithmetic.balancing import balance
+from lmi.arithmetic.balls import exact
+from lmi.arithmetic.exponential import expm
+from lmi.find.affine import Unknown, best_margin
+from lmi.prove.common_matrix import prove_common
+from lmi.rank.hidden_mode import propose_hiding
+from lmi.rank.stack import Stack
+from lmi.time_budget import ended, remaining, remark_end
+from obsdesign.analysis.impulsive_noise import estimate
+from obsdesign.equations.estimation_error import plant_data, seen_before_jump
+from obsdesign.problem.problem import Problem
+from obsdesign.synthesis.candidate import Candidate
+
+_GRID, _CONDITION = 25, 1e8
+_CELLS = 128
+# factors per impulse that are tried, the fastest first; between the last failure and the first
+# success there is nothing to gain that a user would notice
+_FACTORS = (0.5, 0.7, 0.8, 0.9, 0.95, 0.98, 0.995)
+
+
+@np.errstate(all="ignore")
+def quadratic_candidate(problem: Problem) -> Candidate:
+    """The table of gains with the smallest factor that is proved; zeros where none is."""
+    plant = problem.plant
+    assert plant.jump is not None
+    low, high = problem.require_dwell_time()
+    A, G = plant.flow.A, plant.jump.G
+    C = seen_before_jump(G, plant.output.C, plant.output.jump_measurement)
+    gains = plant_data(plant) | {"strategy": "quadratic"}
+    rate = float(problem.options.get("decay_rate", 0.0))
+    limit = math.exp(-rate * high) * (1 - 1e-9)
+    factors = {*(f for f in _FACTORS if f < limit), *([limit] if limit < 1 else [])}
+    for gamma in sorted(factors):
+        P = common_matrix(A, G, C, low, high, gamma)
+        if P is None:
+            continue
+        # a little room between the search and the proof
+        looser = min(1.01 * gamma, (1 + gamma) / 2)
+        looser = min(looser, limit) if rate > 0 else looser
+        found = _table(A, G, C, P, (low, high), looser)
+        if found is not None:
+            gains |= {"cells": found[0], "table": found[1]}
+            certificates = {
+                "contracting": {"P": P.tolist(), "gamma": looser},
+                "rate": {"estimated": estimate(problem, gains)},
+            }
+            return Candidate("quadratic", gains, certificates, searched=True)
+    none = {"cells": np.array([low, high]), "table": np.zeros((1, plant.n, plant.p))}
+    forever = Stack(exact(A), exact(G), exact(C), exact(np.eye(plant.n)), plant.n + 1)
+    theta = propose_hiding(forever, low, high)
+    hiding = {} if theta is None else {"detectable": {"witness": {"thetas": [theta]}}}
+    return Candidate("quadratic", gains | none, hiding)
+
+
+def common_matrix(A: Any, G: Any, C: Any, low: float, high: float, gamma: float) -> Any:
+    """P of the inequality on a grid of spacings, or None; floats, in balanced coordinates."""
+    flows = expm(A * np.linspace(low, high, _GRID)[:, None, None])
+    if not np.isfinite(flows).all():
+        return None
+    units = balance(np.abs(G @ flows) + np.abs(flows))
+    S = units[:, None] * (G @ flows) / units
+    H = C @ flows / units
+    size = min(np.linalg.matrix_rank(h) for h in H)
+    kernels = np.stack([np.linalg.svd(h)[2][size:].T for h in H])
+    if kernels.shape[2] == 0:
+        return np.diag(units**2)
+    turned = np.swapaxes(kernels, 1, 2)
+
+    def inequality(P: Any) -> Any:
+        inside = gamma**2 * P - np.swapaxes(S, 1, 2) @ P @ S
+        return turned @ inside @ kernels
+
+    found = best_margin([Unknown(len(A), len(A), symmetric=True)], inequality, _CONDITION)
+    if found is None or found[1] <= 0:
+        return None
+    P = units[:, None] * found[0][0] * units
+    return (P + P.T) / 2
+
+
+def best_gain(A: Any, G: Any, C: Any, P: Any, spacing: float) -> Any:
+    """L = -S W H' (H W H')^-1 at one spacing, by a least-squares problem instead of inverses."""
+    flow = expm(A * spacing)
+    # W = Z Z', Z = L^-T of P = L L': rows of (H Z)' weigh the measurements
+    Z = np.linalg.inv(np.linalg.cholesky(P)).T
+    return -(G @ flow @ Z) @ np.linalg.pinv(C @ flow @ Z)
+
+
+def _table(
+    A: Any, G: Any, C: Any, P: Any, ends: tuple[float, float], gamma: float
+) -> tuple[Any, Any] | None:
+    """Cells and gains for which the contraction is proved; None if there would be too many."""
+    A_exact, G_exact, C_exact = exact(A), exact(G), exact(C)
+    todo, borders, gains = [ends], [ends[0]], []
+    while todo and remaining() > 0:
+        start, end = todo.pop()
+        try:
+            L = best_gain(A, G, C, P, (start + end) / 2)
+            hopeful = _shrinks(A, G + L @ C, P, (start, end), gamma)
+        except np.linalg.LinAlgError:
+            return None
+        H = G_exact + exact(L) @ C_exact
+        if hopeful and _proved(A_exact, H, P, (start, end), gamma):
+            borders.append(end)
+            gains.append(L)
+        elif len(todo) + len(gains) >= _CELLS or end - start < 1e-3 * (ends[1] - ends[0]):
+            return None
+        else:
+            middle = (start + end) / 2
+            todo += [(middle, end), (start, middle)]
+    remark_end("cells of spacings", ended() if todo else {}, matters=False)
+    return None if todo else (np.array(borders), np.array(gains))
+
+
+def _shrinks(A: Any, H: Any, P: Any, ends: tuple[float, float], gamma: float) -> bool:
+    """Does |H e^{A theta}| in the norm of P look like at most gamma at both ends of a cell?"""
+    root = np.linalg.cholesky(P).T
+    maps = root @ H @ expm(A * np.array(ends)[:, None, None])
+    turned = np.linalg.solve(root.T, np.swapaxes(maps, 1, 2))
+    return bool(np.linalg.norm(turned, 2, axis=(1, 2)).max() <= gamma)
+
+
+def _proved(A: Any, H: Any, P: Any, ends: tuple[float, float], gamma: float) -> bool:
+    verdict = prove_common(A, H, P, *ends, form="after_jump", gamma=gamma)
+    return verdict.outcome == "proved"

@@ -1,0 +1,1 @@
+"""Candidates for impulsive inputs: exponents, operator, window."""

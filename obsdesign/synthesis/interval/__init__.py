@@ -1,0 +1,1 @@
+"""Candidates for interval observers: gains, coordinates, forms."""

@@ -1,0 +1,205 @@
+"""Coordinates for interval observers: bases in which flow and jump have little of the wrong sign.
+
+Candidates are eigenvectors of the flow A - L C for a few L, and bases of the same kind adapted to
+the kernel of the jump. The gains are then found in each (`interval_gains`), and the best bases are
+improved by a simplex search over the entries of S with the gains inside, of bounded effort.
+Source: Degue, Efimov, Richard, NOLCOS 2016, the remark after Theorem 8; S is proved like any gain.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+import time
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lmi.time_budget import deadline, ended, ended_by_count, remark_end, scaled
+from obsdesign.equations.interval.splits import flow_and_jump
+from obsdesign.problem.plant import Plant
+from obsdesign.problem.problem import Problem
+from obsdesign.synthesis.interval.descent import best_gains, quick_gains
+from obsdesign.synthesis.interval.task import task_of
+from obsdesign.synthesis.placement import riccati_gain
+
+Matrix = NDArray[np.float64]
+
+# a basis closer to a singular one than this costs more digits in its inverse than it can gain
+_WORST_CONDITION = 1e6
+_EVALUATIONS, _LARGE = 60, 4  # with more states than that, a third of them
+_MOST_BASES = 8
+_SECONDS = 3.0  # of processor time, for the bases and the search; the gains of the best come after
+_SETTLED = 0.9  # the largest growth from jump to jump that is good enough
+
+
+@dataclass(frozen=True)
+class Found:
+    """Coordinates with their gains in the plant's coordinates; value as `interval_gains` has it."""
+
+    value: float
+    S: Matrix
+    L: Matrix
+    M: Matrix
+
+
+def best_coordinates(
+    problem: Problem, given: Mapping[str, Any], objective: str, search: bool
+) -> Found | None:
+    """The best of the candidate bases, improved if `search`; None if there is no basis at all."""
+    found: list[Found] = []
+    end = deadline(_SECONDS)
+    for S in itertools.islice(_bases(problem.plant, given), _MOST_BASES):
+        if found and time.process_time() > end:
+            break
+        found.append(_quickly(problem, given, objective, S, end))
+        if _settled(found[-1], objective):
+            return found[-1]
+    if not found:
+        return None
+    best = min(found, key=lambda one: one.value)
+    if search:
+        best = _searched(problem, given, objective, best, end)
+    if not _settled(best, objective):
+        remark_end("coordinates", ended(end, _SECONDS), matters=objective != "feasible")
+    thorough = _with_gains(problem, given, objective, best.S)
+    return min(best, thorough, key=lambda one: one.value)
+
+
+def _quickly(
+    problem: Problem, given: Mapping[str, Any], objective: str, S: Matrix, end: float
+) -> Found:
+    task = task_of(problem, False, S, given)
+    value, L, M = quick_gains(task, objective, end)
+    return Found(value, S, *task.gains(L, M))
+
+
+def _settled(found: Found, objective: str) -> bool:
+    """Nothing more to gain."""
+    if objective == "narrowest":
+        return False
+    return found.value <= (_SETTLED if objective == "feasible" else _SETTLED - 1.0)
+
+
+def _with_gains(problem: Problem, given: Mapping[str, Any], objective: str, S: Matrix) -> Found:
+    task = task_of(problem, False, S, given)
+    value, L, M = best_gains(task, objective)
+    return Found(value, S, *task.gains(L, M))
+
+
+def _searched(
+    problem: Problem, given: Mapping[str, Any], objective: str, start: Found, end: float
+) -> Found:
+    """Nelder-Mead over the entries of S, gains from a small program for each."""
+    n = problem.plant.n
+    best = [start]
+
+    def value(entries: Matrix) -> float:
+        if _settled(best[0], objective) or time.process_time() > end:
+            return best[0].value
+        S = scaled_columns(entries.reshape(n, n))
+        if S is None:
+            return math.inf
+        found = _quickly(problem, given, objective, S, end)
+        best[0] = min(best[0], found, key=lambda one: one.value)
+        return min(found.value, 1e30)
+
+    from scipy.optimize import minimize  # slow to import, and rarely needed
+
+    effort = scaled(_EVALUATIONS if n <= _LARGE else _EVALUATIONS // 3)
+    with np.errstate(all="ignore"):
+        result = minimize(
+            value, start.S.ravel(), method="Nelder-Mead",
+            options={"maxfev": effort, "initial_simplex": _simplex(start.S)},
+        )  # fmt: skip
+    if result.nfev >= effort and not _settled(best[0], objective):
+        evidence = ended_by_count("evaluations", effort)
+        remark_end("coordinates", evidence, matters=objective != "feasible")
+    return best[0]
+
+
+def _simplex(S: Matrix) -> Matrix:
+    corners = np.tile(S.ravel(), (S.size + 1, 1))
+    corners[1:] += 0.15 * np.eye(S.size)
+    return corners
+
+
+def _bases(plant: Plant, given: Mapping[str, Any]) -> Iterator[Matrix]:
+    """Candidates for S, without repetition."""
+    seen: list[Matrix] = []
+    for L in _flow_gains(plant, given):
+        M = given.get("M", np.zeros((plant.n, plant.p)))
+        for S in bases(plant, L, M):
+            if not any(np.allclose(S, other) for other in seen):
+                seen.append(S)
+                yield S
+
+
+def _flow_gains(plant: Plant, given: Mapping[str, Any]) -> Iterator[Matrix]:
+    """L as given; else a few of growing speed, and none."""
+    if "L" in given:
+        yield given["L"]
+        return
+    yield np.zeros((plant.n, plant.p))
+    speed = float(np.abs(np.linalg.eigvals(plant.flow.A)).max())
+    for factor in (0.0, 1.0, 4.0):
+        try:
+            yield riccati_gain(plant.flow.A, plant.output.C, None, factor * speed)
+        except np.linalg.LinAlgError:  # no finite solution in floats: not this one
+            continue
+
+
+def bases(plant: Plant, L: Any, M: Any) -> list[Matrix]:
+    """Eigenvectors of the flow, of the jump, and a mixture with the kernel of the jump."""
+    numbers = {"A": plant.flow.A, "C": plant.output.C, "L": L, "M": M}
+    if plant.jump is not None:
+        numbers["G"] = plant.jump.G
+    periodic = plant.output.measured == "periodic"
+    F, H = flow_and_jump(numbers, plant.output.jump_measurement, periodic)
+    found = [eigenbasis(F)]
+    if H is not None:
+        found += [eigenbasis(H), adapted_basis(F, H)]
+    return [S for S in found if S is not None]
+
+
+def eigenbasis(X: Matrix) -> Matrix | None:
+    """Real basis of eigenvectors of X, largest entries 1; None if it is nearly singular.
+
+    Real eigenvectors make S^-1 X S diagonal; a complex pair gives its real and imaginary part.
+    """
+    values, vectors = np.linalg.eig(X)
+    columns = []
+    for value, vector in zip(values, vectors.T, strict=True):
+        if value.imag > 0:
+            columns += [vector.real, vector.imag]
+        elif value.imag == 0:
+            columns.append(vector.real)
+    return scaled_columns(np.column_stack(columns))
+
+
+def adapted_basis(F: Matrix, H: Matrix) -> Matrix | None:
+    """Kernel of H first, then eigenvectors of F that are independent of it."""
+    _, sizes, rows = np.linalg.svd(H)
+    kernel = rows[sizes <= 1e-10 * max(float(sizes[0]), 1e-300)].T
+    if not kernel.shape[1]:
+        return None
+    full = eigenbasis(F)
+    columns = list(kernel.T)
+    for column in () if full is None else full.T:
+        trial = np.column_stack([*columns, column])
+        if len(columns) < len(F) and np.linalg.svd(trial, compute_uv=False)[-1] > 1e-3:
+            columns.append(column)
+    return scaled_columns(np.column_stack(columns)) if len(columns) == len(F) else None
+
+
+def scaled_columns(S: Matrix) -> Matrix | None:
+    """Columns divided by their largest entry, digits beyond 2**-40 dropped; None if singular."""
+    with np.errstate(all="ignore"):
+        scaled = S / np.abs(S).max(axis=0)
+        short: Matrix = np.round(scaled * 2.0**40) / 2.0**40
+    if not np.isfinite(short).all() or np.linalg.cond(short) > _WORST_CONDITION:
+        return None
+    return short

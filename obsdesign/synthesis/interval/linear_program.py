@@ -1,0 +1,240 @@
+"""Gains and a copositive function of the clock in one linear program (HiGHS).
+
+V = zeta(tau)' w, tau the time since the last jump, falls along the width system if
+
+    zeta' + 1'Y + q <= 0,    Y = X A - U C + 2 Delta,    X A - U C + Delta >= 0 off the diagonal
+    1'N <= (1 - eps) zeta(theta)',    N = X(0) G - Z C_J + 2 Theta >= Theta
+
+with X = diag zeta > 0, U = X L, Z = X(0) M. (Delta = Theta = 0 for the form `cooperative`.) With
+zeta, U, Delta linear on segments all of it is affine there, so that both ends of every segment
+decide. The gain U / zeta depends on the clock; constant gains are read off it, to be improved and
+analysed exactly afterwards.
+Source: clock-dependent conditions for positive systems after C. Briat, Automatica 49 (2013).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lmi.find.linear_program import minimise
+from lmi.time_budget import remaining
+from obsdesign.synthesis.interval.task import Task
+
+Matrix = NDArray[np.float64]
+
+_SECONDS = 5.0  # by the clock on the wall: the solver knows no other
+_MARGIN = 1e-3  # of contraction, where nothing else makes the inequalities strict
+
+
+@dataclass
+class _Program:
+    """Rows a'x <= b in sparse triplets."""
+
+    size: int = 0
+    values: list[float] = field(default_factory=list)
+    columns: list[int] = field(default_factory=list)
+    rows: list[int] = field(default_factory=list)
+    limits: list[float] = field(default_factory=list)
+
+    def block(self, *shape: int) -> NDArray[np.int_]:
+        """New variables."""
+        count = math.prod(shape)
+        found = np.arange(self.size, self.size + count).reshape(shape)
+        self.size += count
+        return found
+
+    def below(self, terms: list[tuple[NDArray[np.int_], Matrix]], limit: float) -> None:
+        """Sum of coefficients times variables <= limit."""
+        row = len(self.limits)
+        for columns, values in terms:
+            self.columns += np.ravel(columns).tolist()
+            self.values += np.ravel(np.broadcast_to(values, np.shape(columns))).tolist()
+            self.rows += [row] * np.size(columns)
+        self.limits.append(limit)
+
+    def solve(self, cost: Matrix, bounds: list[tuple[float | None, float | None]]) -> Matrix | None:
+        """Minimiser, or None."""
+        entries = (np.array(self.rows), np.array(self.columns), np.array(self.values))
+        sides = np.full(len(self.limits), -np.inf), np.array(self.limits)
+        low = np.array([-np.inf if end is None else end for end, _ in bounds])
+        high = np.array([np.inf if end is None else end for _, end in bounds])
+        return minimise(cost, entries, sides, (low, high), seconds=remaining(_SECONDS))
+
+
+def clock_gains(
+    task: Task, low: float, nodes: int, narrow: bool
+) -> list[tuple[Matrix, Matrix]] | None:
+    """Constant gains (L, M), in z, to try, for dwell times from `low` on; None if infeasible.
+
+    narrow: minimise the bound on the weighted time average of the width (on the pre-jump width, if
+    the task says so and jumps never stay away for ever); otherwise small gains.
+    """
+    n, p = task.A.shape[0], task.C.shape[0]
+    clock = _clock(task, low, nodes)
+    k = len(clock)
+    program = _Program()
+    zeta = program.block(k, n)
+    U = program.block(2, k, n, p)
+    Z = program.block(2, n, p)
+    Delta, Theta = program.block(k, n, n), program.block(n, n)
+    gamma = int(program.block(1)[0])
+    _flow_rows(program, task, clock, zeta, U, Delta, narrow)
+    if task.G is not None:
+        _jump_rows(program, task, clock, low, zeta, Z, Theta, 0.0 if narrow else _MARGIN)
+    if narrow:
+        _cost_rows(program, task, clock, low, zeta, U, Z, gamma)
+    bounds = _bounds(program, task, zeta, U, Z, Delta, Theta, narrow)
+    cost = np.zeros(program.size)
+    cost[gamma] = 1.0 if narrow else 0.0
+    small = 1e-9 if narrow else 1.0
+    cost[U.ravel()], cost[Z.ravel()], cost[zeta.ravel()] = small / k, small, small / k
+    x = program.solve(cost, bounds)
+    return None if x is None else list(_constant(x, zeta, U, Z))
+
+
+def _clock(task: Task, low: float, nodes: int) -> Matrix:
+    """Times since the jump: the shortest dwell time among them, and a while beyond it."""
+    if task.G is None:
+        return np.array([0.0])
+    if math.isfinite(task.high):
+        end = task.high
+    else:
+        end = low + 1.0 / max(float(np.abs(np.diag(task.A)).max()), 1e-12)
+    share = np.linspace(0.0, 1.0, nodes) ** 1.5
+    first = low * share if low > 0 else np.zeros(1)
+    later = low + (end - low) * np.linspace(0.0, 1.0, max(nodes // 3, 3)) if end > low else first
+    return np.unique(np.concatenate([first, later]))
+
+
+def _column_sum(
+    task: Task, j: int, zeta: NDArray[np.int_], U: NDArray[np.int_], Delta: NDArray[np.int_]
+) -> list[tuple[NDArray[np.int_], Matrix]]:
+    """1'Y, column j, at one node."""
+    C = np.broadcast_to(task.C[:, j], U.shape[1:])
+    return [(zeta, task.A[:, j]), (U[0], -C), (U[1], C), (Delta[:, j], np.array(2.0))]
+
+
+def _flow_rows(
+    program: _Program, task: Task, clock: Matrix, zeta: NDArray[np.int_], U: NDArray[np.int_],
+    Delta: NDArray[np.int_], narrow: bool,
+) -> None:  # fmt: skip
+    n = len(task.A)
+    q = task.weights if narrow and not _at_jumps(task) else np.zeros(n)
+    for k in range(len(clock)):
+        for i in range(n):
+            for j in range(n):
+                if i != j:
+                    C = task.C[:, j]
+                    program.below(
+                        [(zeta[k, i], np.array(-task.A[i, j])), (U[0, k, i], C),
+                         (U[1, k, i], -C), (Delta[k, i, j], np.array(-1.0))], 0.0,
+                    )  # fmt: skip
+    for k in range(len(clock) - 1):
+        slope = 1.0 / (clock[k + 1] - clock[k])
+        for end in (k, k + 1):
+            for j in range(n):
+                change = [(zeta[k + 1, j], np.array(slope)), (zeta[k, j], np.array(-slope))]
+                terms = _column_sum(task, j, zeta[end], U[:, end], Delta[end])
+                program.below([*change, *terms], -q[j])
+    if task.G is None or math.isinf(task.high):  # from the last node on zeta and U stand still
+        margin = 0.0 if narrow else _MARGIN
+        for j in range(n):
+            terms = _column_sum(task, j, zeta[-1], U[:, -1], Delta[-1])
+            rest = float(np.abs(task.A).max()) * margin
+            program.below([*terms, (zeta[-1, j], np.array(rest))], -q[j])
+
+
+def _jump_rows(
+    program: _Program, task: Task, clock: Matrix, low: float, zeta: NDArray[np.int_],
+    Z: NDArray[np.int_], Theta: NDArray[np.int_], margin: float,
+) -> None:  # fmt: skip
+    assert task.G is not None
+    n = len(task.A)
+    q = task.weights if margin == 0 and _at_jumps(task) else np.zeros(n)
+    for i in range(n):
+        for j in range(n):
+            C = task.C_jump[:, j]
+            program.below(
+                [(zeta[0, i], np.array(-task.G[i, j])), (Z[0, i], C), (Z[1, i], -C),
+                 (Theta[i, j], np.array(-1.0))], 0.0,
+            )  # fmt: skip
+    for k in np.flatnonzero(clock >= low):
+        for j in range(n):
+            C = np.broadcast_to(task.C_jump[:, j], Z.shape[1:])
+            program.below(
+                [(zeta[0], task.G[:, j]), (Z[0], -C), (Z[1], C), (Theta[:, j], np.array(2.0)),
+                 (zeta[k, j], np.array(margin - 1.0))], -q[j],
+            )  # fmt: skip
+
+
+def _at_jumps(task: Task) -> bool:
+    """Is it the pre-jump width that counts? Where jumps may stay away, its average stands in."""
+    return task.pre_jump and math.isfinite(task.high)
+
+
+def _cost_rows(
+    program: _Program, task: Task, clock: Matrix, low: float, zeta: NDArray[np.int_],
+    U: NDArray[np.int_], Z: NDArray[np.int_], gamma: int,
+) -> None:  # fmt: skip
+    """What enters V from jump to jump is at most gamma times the time between them."""
+    k = len(clock)
+    noise = np.broadcast_to(2 * task.V, U.shape[2:])
+    steps = np.diff(clock)
+    kick = [(zeta[0], task.h0), (Z[0], noise), (Z[1], noise)] if task.G is not None else []
+    for last in range(k):
+        if clock[last] < low or clock[last] == 0:
+            continue
+        share = np.zeros(k)
+        share[:last] += steps[:last] / 2
+        share[1 : last + 1] += steps[:last] / 2
+        flow = [(zeta[i], share[i] * task.f0) for i in range(last + 1)] + [
+            (U[s, i], share[i] * noise) for i in range(last + 1) for s in (0, 1)
+        ]
+        per = 1.0 if _at_jumps(task) else clock[last]
+        program.below([*flow, *kick, (np.array(gamma), np.array(-per))], 0.0)
+    if task.G is None or math.isinf(task.high):
+        rest = [(zeta[-1], task.f0), (U[0, -1], noise), (U[1, -1], noise)]
+        program.below([*rest, (np.array(gamma), np.array(-1.0))], 0.0)
+
+
+def _bounds(
+    program: _Program, task: Task, zeta: NDArray[np.int_], U: NDArray[np.int_],
+    Z: NDArray[np.int_], Delta: NDArray[np.int_], Theta: NDArray[np.int_], narrow: bool,
+) -> list[tuple[float | None, float | None]]:  # fmt: skip
+    """Signs, gains that are not open, caps: |U| <= limit times zeta."""
+    top = np.full(program.size, np.inf)
+    least = np.zeros(program.size)
+    least[zeta.ravel()] = 0.0 if narrow else 1.0
+    for block, is_open in ((U, task.open_L), (Z, task.open_M)):
+        if not is_open:
+            top[block.ravel()] = 0.0
+    if task.positive:
+        top[Delta.ravel()] = top[Theta.ravel()] = 0.0
+    for index in np.ndindex(*U.shape[1:]):
+        limit = task.limit_L[index[1], index[2]]
+        if task.open_L and math.isfinite(limit):
+            u = U[(slice(None), *index)]
+            program.below([(u, np.ones(2)), (zeta[index[0], index[1]], np.array(-limit))], 0.0)
+    for index in np.ndindex(*Z.shape[1:]):
+        limit = task.limit_M[index]
+        if task.open_M and math.isfinite(limit):
+            z = Z[(slice(None), *index)]
+            program.below([(z, np.ones(2)), (zeta[0, index[0]], np.array(-limit))], 0.0)
+    return [(a, None if math.isinf(b) else b) for a, b in zip(least, top, strict=True)]
+
+
+def _constant(
+    x: Matrix, zeta: NDArray[np.int_], U: NDArray[np.int_], Z: NDArray[np.int_]
+) -> Iterator[tuple[Matrix, Matrix]]:
+    """Gains that do not depend on the clock: on average, at its end, at its start."""
+    scale = np.maximum(x[zeta], 1e-12)
+    flow, jump = x[U[0]] - x[U[1]], x[Z[0]] - x[Z[1]]
+    M = jump / scale[0][:, None]
+    yield flow.mean(axis=0) / scale.mean(axis=0)[:, None], M
+    yield flow[-1] / scale[-1][:, None], M
+    yield flow[0] / scale[0][:, None], M

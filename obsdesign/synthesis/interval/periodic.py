@@ -1,0 +1,240 @@
+"""Gains for samples as events: in given coordinates the narrowest ones, by one linear program.
+
+From sample to sample w+ = P w + d + k with P = |(I - L C) e^(A h)| and k = 2 |L| V, so that the
+width after samples tends to (I - P)^-1 (d + k), and with weights q >= 0
+
+    q' (I - P)^-1 (d + k) = min zeta' (d + k)    over    zeta >= 0,  zeta' P + q' <= zeta'.
+
+Row i of P, d and k depends on row i of L alone, and convexly. With U = diag(zeta) L all of it is
+linear in (zeta, U): zeta_i |X_i - l_i C X| <= T is -T <= zeta_i X_i - u_i C X <= T. So the program
+finds the gains of least weighted width, not only a local minimum. With P / gamma in place of P the
+gains contract by gamma at least: jumps that widen may need more contraction than samples do.
+Coordinates: eigenvectors of (I - L C) e^(A h) with real poles, in which P is diagonal.
+Source: the dual of positive systems, as in C. Briat, Automatica 49 (2013).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lmi.arithmetic.exponential import FLOW_PIECES, absolute_flow, expm, exponential_grid
+from lmi.find.linear_program import minimise
+from lmi.time_budget import remaining
+from obsdesign.equations.interval.splits import absolute_metzler
+from obsdesign.equations.interval.width import WidthSystem
+from obsdesign.errors import InputError
+from obsdesign.problem.plant import Plant
+from obsdesign.problem.problem import Problem
+from obsdesign.synthesis.interval.coordinates import bases, eigenbasis
+from obsdesign.synthesis.interval.task import sampling_limit, width_weights
+from obsdesign.synthesis.placement import placed_gain
+
+Matrix = NDArray[np.float64]
+
+# contraction from sample to sample: none but what the least width needs, then ever more
+CONTRACTIONS = (1.0, 0.9, 0.75, 0.6, 0.45, 0.3, 0.2, 0.1)
+_SECONDS = 5.0  # by the clock on the wall: the solver knows no other
+# where neither disturbance nor noise enters, gains that forget fast; else of no weight
+_FORGETTING = 1e-6
+_POINTS = 9  # of a period, for the time average
+_MOST_PERIODS = 2000  # from jump to jump
+_LEAST_WEIGHT = 1e-6  # so that every row of L counts for something
+# radii of the poles that coordinates are made for, from sample to sample
+_RADII = (0.9, 0.6, 0.3)
+
+
+class SampledPlant:
+    """A plant in coordinates S (None: its own), with samples every h as events."""
+
+    def __init__(self, problem: Problem, S: Matrix | None) -> None:
+        plant = problem.plant
+        self.S = np.eye(plant.n) if S is None else S
+        self.inward = np.linalg.inv(self.S)
+        self.h = float(problem.require("output.period"))
+        self.A, self.C = self.inward @ plant.flow.A @ self.S, plant.output.C @ self.S
+        self.V = problem.require_noise_bound("kind 'interval'")
+        self.f = np.abs(self.inward) @ (plant.flow.upper - plant.flow.lower)
+        self.G: Matrix | None = None
+        self.j = np.zeros(plant.n)
+        self.dwell = (math.inf, math.inf)
+        if plant.jump is not None:
+            self.G = self.inward @ plant.jump.G @ self.S
+            self.j = np.abs(self.inward) @ (plant.jump.upper - plant.jump.lower)
+            self.dwell = problem.require_dwell_time()
+        self.limit = sampling_limit(problem, self.S)
+        self.q, self.mean = self._average(width_weights(problem))
+
+    def _average(self, weights: Matrix) -> tuple[Matrix, float]:
+        """(q, c): the time average of the weighted width of x over a period is q'w + c, w the width
+        in z after the sample that begins it.
+        """
+        grid = np.linspace(0.0, self.h, _POINTS)
+        sizes, added = absolute_flow(np.eye(len(self.A)), self.A, self.f, grid)
+        share = np.full(_POINTS, 1.0 / (_POINTS - 1))
+        share[[0, -1]] /= 2
+        row = weights @ np.abs(self.S)
+        return share @ (row @ sizes), float(share @ (added @ row))
+
+    def system(self, L: Matrix) -> WidthSystem:
+        """The width system of a gain in z."""
+        K = np.eye(len(self.A)) - L @ self.C
+        W, k = absolute_metzler(self.A), 2 * np.abs(L) @ self.V
+        N, j = (None, None) if self.G is None else (np.abs(self.G), self.j)
+        return WidthSystem(W, self.f, N, j, K, k, np.abs(self.S), self.A, self.G)
+
+    def width(self, L: Matrix) -> float:
+        """Time average of the weighted width, at the worse end of the range; inf if it grows.
+
+        Constant dwell times in whole periods, jumps just after samples.
+        """
+        system = self.system(L)
+        with np.errstate(all="ignore"):
+            K, k = system.at_samples
+            sizes, added = absolute_flow(K, self.A, self.f, np.array([self.h]))
+            P, c = sizes[0], added[0] + k
+            if not np.isfinite(P).all() or max(abs(np.linalg.eigvals(P))) >= 1:
+                return math.inf
+            widths = [float(self.q @ np.linalg.solve(np.eye(len(P)) - P, c))]
+            for theta in {*self.dwell} - {math.inf}:
+                periods = min(max(round(theta / self.h), 1), _MOST_PERIODS)
+                widths.append(self._between_jumps(P, c, periods))
+        return float(max(widths)) + self.mean if np.isfinite(widths).all() else math.inf
+
+    def _between_jumps(self, P: Matrix, c: Matrix, periods: int) -> float:
+        """Average of q'w over the periods from jump to jump."""
+        n = len(P)
+        power, offset = np.eye(n), np.zeros(n)
+        total, passed = np.zeros((n, n)), np.zeros(n)
+        for _ in range(periods):
+            total, passed = total + power, passed + offset
+            power, offset = P @ power, P @ offset + c
+        assert self.G is not None
+        N = np.abs(self.G)
+        if max(abs(np.linalg.eigvals(N @ power))) >= 1:
+            return math.inf
+        first = np.linalg.solve(np.eye(n) - N @ power, N @ offset + self.j)
+        return float(self.q @ (total @ first + passed)) / periods
+
+    def gain(self, contraction: float) -> Matrix | None:
+        """L in z, of least average without jumps among those that contract so; None without one."""
+        n, p = len(self.A), len(self.C)
+        flows = exponential_grid(self.A, 0.0, self.h / FLOW_PIECES, FLOW_PIECES + 1)
+        if not np.isfinite(flows).all():
+            return None
+        pushed = absolute_flow(np.eye(n), self.A, self.f, np.array([self.h / FLOW_PIECES]))[1][0]
+        size = max(float(pushed.max(initial=0.0)), float(self.V.max(initial=0.0))) or 1.0
+        weights = np.vstack([np.tile(pushed, (FLOW_PIECES, 1)) / size, np.full(n, _FORGETTING)])
+        q = np.maximum(self.q / self.q.max(), _LEAST_WEIGHT)
+        program = _Program(n, p, flows, weights)
+        return program.solve(self.C, self.limit, q, 2 * self.V / size, contraction)
+
+    def gains(self) -> Iterator[tuple[float, Matrix]]:
+        """(contraction, L in z): the narrowest ones first, then those that contract ever faster."""
+        for contraction in CONTRACTIONS:
+            L = self.gain(contraction)
+            if L is None:
+                return
+            yield contraction, L
+
+    def outward(self, L: Matrix) -> Matrix:
+        """L in the plant's coordinates, in few digits where they cost nothing."""
+        width, whole = self.width(L), self.S @ L
+        for digits in (3, 6, 9):
+            text = [float(f"{x:.{digits}g}") for x in whole.ravel()]
+            short = np.array(text).reshape(whole.shape)
+            inner = self.inward @ short
+            if np.all(np.abs(inner) <= self.limit) and self.width(inner) <= width * (1 + 1e-6):
+                return short
+        return whole
+
+
+class _Program:
+    """Unknowns zeta (n,), U+ and U- (n, p), T_j (n, n) >= zeta_i |X_ji - l_i C X_j| for each j.
+
+    flows: X_j, (k, n, n), the last one over the whole period; weights (k, n): of T_j in the cost.
+    """
+
+    def __init__(self, n: int, p: int, flows: Matrix, weights: Matrix) -> None:
+        self.n, self.p, self.flows, self.weights = n, p, flows, weights
+        starts = np.cumsum([0, n, n * p, n * p])
+        self.U = [starts[1] + np.arange(n * p).reshape(n, p) + sign * n * p for sign in (0, 1)]
+        self.T = starts[3] + np.arange(len(flows) * n * n).reshape(len(flows), n, n)
+        self.size = int(starts[3]) + self.T.size
+        self.entries: list[tuple[Any, Any, Any]] = []
+        self.limits: list[float] = []
+
+    def below(self, columns: Any, values: Any, limits: Any) -> None:
+        """Rows a'x <= limit: columns, values (rows, terms)."""
+        first = len(self.limits)
+        rows = np.repeat(first + np.arange(len(columns)), columns.shape[1])
+        self.entries.append((rows, columns.ravel(), np.broadcast_to(values, columns.shape).ravel()))
+        self.limits += np.broadcast_to(limits, len(columns)).tolist()
+
+    def solve(
+        self, C: Matrix, limit: Matrix, q: Matrix, noise: Matrix, contraction: float
+    ) -> Matrix | None:
+        """L; q, noise: (n,), (p,); None without a solution."""
+        n, p = self.n, self.p
+        for j, X in enumerate(self.flows):
+            self._absolute(j, X, C @ X)
+        last = self.T[-1]
+        for k in range(n):  # zeta' P + q' <= zeta', column k
+            columns = np.concatenate([last[:, k], [k]])[None]
+            self.below(columns, np.append(np.ones(n) / contraction, -1.0)[None], -q[k])
+        for i, m in np.ndindex(n, p):
+            if math.isfinite(limit[i, m]):
+                self.below(np.array([[self.U[0][i, m], self.U[1][i, m], i]]),
+                           np.array([[1.0, 1.0, -limit[i, m]]]), 0.0)  # fmt: skip
+        cost = np.zeros(self.size)
+        for u in self.U:
+            cost[u] = noise + 1e-9
+        cost[self.T] = self.weights[:, None, :]
+        rows, columns, values = (np.concatenate(part) for part in zip(*self.entries, strict=True))
+        sides = np.full(len(self.limits), -np.inf), np.array(self.limits)
+        ends = np.zeros(self.size), np.full(self.size, np.inf)
+        x = minimise(cost, (rows, columns, values), sides, ends, seconds=remaining(_SECONDS))
+        if x is None or not (x[:n] > 0).all():
+            return None
+        found: Matrix = (x[self.U[0]] - x[self.U[1]]) / x[:n, None]
+        return np.clip(found, -limit, limit)
+
+    def _absolute(self, j: int, X: Matrix, CX: Matrix) -> None:
+        n = self.n
+        for i in range(n):
+            terms = np.concatenate([[i], self.U[0][i], self.U[1][i]])
+            columns = np.column_stack([np.tile(terms, (n, 1)), self.T[j, i]])
+            signed = np.column_stack([X[i], -CX.T, CX.T])
+            for sign in (1.0, -1.0):
+                self.below(columns, np.column_stack([sign * signed, -np.ones(n)]), 0.0)
+
+
+def sampled_bases(problem: Problem, given: Mapping[str, Any]) -> Iterator[Matrix]:
+    """Coordinates to try: those of flow and jump, then of the step with its sample."""
+    plant = problem.plant
+    yield from bases(plant, 0, 0)
+    h = float(problem.require("output.period"))
+    flow = expm(plant.flow.A * h)
+    if not np.isfinite(flow).all():
+        return
+    gains = [given["L"]] if "L" in given else _placed(plant, flow)
+    for L in gains:
+        S = eigenbasis(flow - L @ plant.output.C @ flow)
+        if S is not None:
+            yield S
+
+
+def _placed(plant: Plant, flow: Matrix) -> Iterator[Matrix]:
+    """Gains with real poles from sample to sample, apart from each other: of one sign, of both."""
+    n = plant.n
+    for radius in _RADII:
+        for lowest in (0.3, -1.0) if n > 1 else (1.0,):
+            poles = radius * np.linspace(1.0, lowest, n)
+            try:
+                yield placed_gain(flow, plant.output.C @ flow, poles.tolist())
+            except (InputError, np.linalg.LinAlgError):
+                return

@@ -1,0 +1,175 @@
+"""The synthesis of gains in given coordinates: what is open, and how the width depends on it.
+
+In z, x = S z, the width system of gains (L, M) is
+
+    W = Mz(A - L C),  N = |G - M C_J|,  f = f0 + 2 |L| V,  h = h0 + 2 |M| V
+
+with every matrix in z; C_J is what the measurement at a jump sees of the state before it. A gain
+that is given is part of A and f0 (of G and h0), and nothing is open there.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from obsdesign.equations.estimation_error import idle_gains, seen_before_jump
+from obsdesign.equations.interval.splits import absolute_metzler
+from obsdesign.equations.interval.width import WidthSystem
+from obsdesign.problem.problem import Problem
+
+Matrix = NDArray[np.float64]
+
+# caps of the gains where none is given, in multiples of the plant's own size: the width goes on
+# shrinking, ever more slowly, as gains grow, and a limit may be approached only by endless gains
+_DEFAULT_LIMIT = {"narrowest": 20.0, "shortest_dwell": 100.0, "feasible": 1000.0}
+# negative entries below this share of the largest are rounding of a zero that was aimed at
+ROUNDING = 1e-12
+
+
+@dataclass(frozen=True)
+class Task:
+    """Everything in z. open_L, open_M: is the gain free; limit_L, limit_M: (n, p), may be inf.
+
+    positive: form `cooperative`, A - L C Metzler and G - M C_J >= 0; weights (n,): of the width;
+    pre_jump: of the width just before jumps, instead of its time average.
+    low, high: dwell times (inf, inf without jumps). S: (n, n); L0, M0: given gains, in z.
+    """
+
+    A: Matrix
+    G: Matrix | None
+    C: Matrix
+    C_jump: Matrix
+    f0: Matrix
+    h0: Matrix
+    V: Matrix
+    low: float
+    high: float
+    open_L: bool
+    open_M: bool
+    limit_L: Matrix
+    limit_M: Matrix
+    positive: bool
+    weights: Matrix
+    pre_jump: bool
+    S: Matrix
+    L0: Matrix
+    M0: Matrix
+
+    def plain(self) -> Task:
+        """The same for the time average of all widths alike; itself, if it is that."""
+        weights = np.abs(self.S).sum(axis=0)
+        if not self.pre_jump and np.allclose(weights, self.weights, rtol=1e-12, atol=0.0):
+            return self
+        return replace(self, weights=weights, pre_jump=False)
+
+    def gains(self, L: Matrix, M: Matrix) -> tuple[Matrix, Matrix]:
+        """(L, M) in the plant's coordinates, for those found in z."""
+        return self.S @ (self.L0 + L), self.S @ (self.M0 + M)
+
+    def system(self, L: Matrix, M: Matrix) -> WidthSystem:
+        """The width system of gains in z."""
+        W = absolute_metzler(self.A - L @ self.C)
+        N = None if self.G is None else np.abs(self.G - M @ self.C_jump)
+        f, h = self.f0 + 2 * np.abs(L) @ self.V, self.h0 + 2 * np.abs(M) @ self.V
+        return WidthSystem(W, f, N, None if N is None else h, None, None, np.abs(self.S))
+
+    def admissible(self, L: Matrix, M: Matrix) -> bool:
+        """Signs (form `cooperative`) and limits."""
+        if np.any(np.abs(L) > self.limit_L * (1 + ROUNDING)):
+            return False
+        if np.any(np.abs(M) > self.limit_M * (1 + ROUNDING)):
+            return False
+        if not self.positive:
+            return True
+        F = self.A - L @ self.C
+        off = F[~np.eye(len(F), dtype=bool)]
+        if off.size and off.min() < -ROUNDING * np.abs(F).max():
+            return False
+        if self.G is None:
+            return True
+        H = self.G - M @ self.C_jump
+        return bool(H.min() >= -ROUNDING * np.abs(self.G).max())
+
+
+def task_of(problem: Problem, positive: bool, S: Matrix | None, given: Mapping[str, Any]) -> Task:
+    """The task in coordinates S (None: the plant's own); `given` holds L, M as far as fixed."""
+    plant = problem.plant
+    n, p = plant.n, plant.p
+    basis = np.eye(n) if S is None else S
+    inward = np.linalg.inv(basis)
+    C, V = plant.output.C, problem.require_noise_bound("kind 'interval'")
+    idle = idle_gains(plant)
+    L, M = (np.asarray(given.get(name, np.zeros((n, p)))) for name in ("L", "M"))
+    G, low, high = None, math.inf, math.inf
+    C_jump, h0 = C, np.zeros(n)
+    if plant.jump is not None:
+        low, high = problem.require_dwell_time()
+        C_jump = seen_before_jump(plant.jump.G, C, plant.output.jump_measurement)
+        G = inward @ (plant.jump.G - M @ C_jump) @ basis
+        h0 = np.abs(inward) @ (plant.jump.upper - plant.jump.lower) + 2 * np.abs(inward @ M) @ V
+    f0 = np.abs(inward) @ (plant.flow.upper - plant.flow.lower) + 2 * np.abs(inward @ L) @ V
+    limit_L, limit_M = _limits(problem, basis)
+    return Task(
+        A=inward @ (plant.flow.A - L @ C) @ basis, G=G, C=C @ basis, C_jump=C_jump @ basis,
+        f0=f0, h0=h0, V=V, low=low, high=high,
+        open_L="L" not in given and "L" not in idle, open_M="M" not in given and "M" not in idle,
+        limit_L=limit_L, limit_M=limit_M, positive=positive,
+        weights=width_weights(problem) @ np.abs(basis),
+        pre_jump=problem.options.get("width") == "pre_jump", S=basis, L0=inward @ L, M0=inward @ M,
+    )  # fmt: skip
+
+
+def width_weights(problem: Problem) -> Matrix:
+    """Of the widths of the states, (n,), one on average."""
+    n = problem.plant.n
+    asked = np.array(problem.options.get("width_weights", np.ones(n)), dtype=np.float64)
+    found: Matrix = asked / asked.max()
+    return found * (n / float(found.sum()))
+
+
+def sampling_limit(problem: Problem, basis: Matrix) -> Matrix:
+    """Cap of the gain at samples in z, (n, p): the one asked for, or what no plant should need."""
+    cap = _asked_limit(problem, basis)
+    factor = _DEFAULT_LIMIT["feasible"]
+    return np.full(
+        (len(basis), problem.plant.p), factor / _size(problem, basis) if cap is None else cap
+    )
+
+
+def _asked_limit(problem: Problem, basis: Matrix) -> float | None:
+    asked = problem.options.get("gain_limit")
+    if asked is None:
+        return None
+    cap = float(asked) / float(np.abs(basis).sum(axis=1).max())
+    return (
+        cap if np.array_equal(basis, np.eye(len(basis))) else cap * (1 - ROUNDING)
+    )  # S L is rounded
+
+
+def _size(problem: Problem, basis: Matrix) -> float:
+    """Of the outputs and of the coordinates: gains are large against one over it."""
+    return max(float(np.abs(problem.plant.output.C).max()), 1e-300) * float(
+        np.abs(basis).sum(axis=1).max()
+    )
+
+
+def _limits(problem: Problem, basis: Matrix) -> tuple[Matrix, Matrix]:
+    """Caps of L and M in z so that |S L|, |S M| stay below the one asked for."""
+    plant = problem.plant
+    shape = (plant.n, plant.p)
+    cap = _asked_limit(problem, basis)
+    if cap is not None:
+        return np.full(shape, cap), np.full(shape, cap)
+    factor = _DEFAULT_LIMIT[str(problem.options.get("objective", "feasible"))]
+    size = _size(problem, basis)
+    jump = 1.0 if plant.jump is None else float(np.abs(plant.jump.G).max())
+    return (
+        np.full(shape, factor * float(np.abs(plant.flow.A).max()) / size),
+        np.full(shape, factor * max(jump, 1.0) / size),
+    )

@@ -1,0 +1,1 @@
+"""Candidates for the point observer: placement, jump gains, schedules."""

@@ -1,0 +1,127 @@
+"""Point observers with jumps: gains L and M where they are left open.
+
+L: poles (`poles`) or a steady-state Kalman gain (`weights`), for A + decay_rate I. M: the largest
+margin of the inequality of `equations.luenberger`, affine in (P, P M), over the whole range of
+dwell times by cutting planes. Since the choice of L limits what M can do, slower and faster ones
+are tried in turn.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from lmi.arithmetic.balls import exact
+from lmi.decide.stability import decide
+from lmi.prove.hurwitz import prove_hurwitz
+from lmi.refute.spectral import refute_spectral
+from obsdesign.analysis.hidden_modes import hidden_growth, hidden_pair
+from obsdesign.equations.estimation_error import (
+    flow_error_matrix,
+    jump_error_matrix,
+    plant_data,
+)
+from obsdesign.errors import InputError
+from obsdesign.problem.problem import Problem
+from obsdesign.synthesis.candidate import Candidate
+from obsdesign.synthesis.dwell import dwell_certificates, question
+from obsdesign.synthesis.given_gains import given_gain, refuse_unusable
+from obsdesign.synthesis.luenberger.jump_gains import jump_gains
+from obsdesign.synthesis.luenberger.schedule import check_schedule, scheduled_candidate
+from obsdesign.synthesis.placement import placed_gain, riccati_gain
+
+
+def synthesize(problem: Problem) -> Iterator[Candidate]:
+    """Candidates in order of preference; InputError for what cannot be built at all."""
+    refuse_unusable(problem)
+    check_schedule(problem)
+    plant = problem.plant
+    rate = float(problem.options.get("decay_rate", 0.0))
+    chosen = given_gain(problem, "L") is None and "poles" not in problem.options
+    for label, L in _flow_gains(problem, rate):
+        F = flow_error_matrix(plant.flow.A, L, plant.output.C)
+        if "schedule" in problem.options:
+            yield scheduled_candidate(problem, label, L, F + rate * np.eye(plant.n))
+            continue
+        M = given_gain(problem, "M")
+        if M is None:
+            M = _jump_gain(problem, F + rate * np.eye(plant.n))
+        gains = plant_data(plant) | {"L": L, "M": M}
+        # several outputs leave more than one L with the poles of the file
+        placed = given_gain(problem, "L") is None and plant.p > 1
+        open_gain = chosen or placed or given_gain(problem, "M") is None
+        yield Candidate(
+            label,
+            gains,
+            _certificates(problem, F, M, rate),
+            searched=open_gain and not _doomed(problem, F, chosen, rate),
+        )
+
+
+def _doomed(problem: Problem, F: Any, chosen: bool, rate: float) -> bool:
+    """Does what refutes these gains refute all? Exactly: a mode or a pair that no gain reaches."""
+    plant = problem.plant
+    A, C = plant.flow.A, plant.output.C
+    endless = plant.jump is None or math.isinf(problem.require_dwell_time()[1])
+    if endless and (hidden_growth(A, C, rate) if chosen else _grows(F, rate)):
+        return True
+    pair = None if plant.jump is None else hidden_pair(A, plant.jump.G, C)
+    if pair is None:
+        return False
+    shifted = pair[0] + exact(rate * np.eye(len(pair[0])))
+    return refute_spectral(shifted, pair[1], *problem.require_dwell_time()).outcome == "refuted"
+
+
+def _grows(F: Any, rate: float) -> bool:
+    return prove_hurwitz(F + rate * np.eye(len(F))).outcome == "refuted"
+
+
+def _flow_gains(problem: Problem, rate: float) -> Iterator[tuple[str, Any]]:
+    """L as given, as the poles say, or by Riccati equations of growing speed; at last none."""
+    A, C = problem.plant.flow.A, problem.plant.output.C
+    given = given_gain(problem, "L")
+    for name in ("poles", "weights"):
+        if given is not None and name in problem.options:
+            text = "chooses L, but L is given or must be zero; drop one."
+            raise InputError(f"observer.{name} {text}")
+    if "poles" in problem.options and "weights" in problem.options:
+        raise InputError("observer.poles and observer.weights both choose L; drop one.")
+    if given is not None:
+        yield "L as given" if "L" in problem.gains else "L = 0", given
+        return
+    if "poles" in problem.options:
+        yield "placed L", placed_gain(A, C, problem.options["poles"])
+        return
+    weights = problem.options.get("weights")
+    speed = float(np.abs(np.linalg.eigvals(A)).max())
+    for factor in (0.0, 1.0, 4.0):
+        try:
+            L = riccati_gain(A, C, weights, rate + factor * speed)
+        except np.linalg.LinAlgError:  # no finite solution in floats: not this one
+            continue
+        yield "Riccati L" + (f", {factor:g} x faster" if factor else ""), L
+    yield "L = 0", np.zeros((problem.plant.n, problem.plant.p))
+
+
+def _jump_gain(problem: Problem, F: Any) -> Any:
+    """M with the largest margin over all dwell times for a flow F; zeros if there is none."""
+    found = jump_gains(problem, F, [problem.require_dwell_time()], [(0, 0)])
+    return np.zeros((problem.plant.n, problem.plant.p)) if found is None else found.M[0]
+
+
+def _certificates(problem: Problem, F: Any, M: Any, rate: float) -> dict[str, Any]:
+    """What shows stability; with a decay rate, the P of F + rate I serve both claims."""
+    plant = problem.plant
+    if plant.jump is None:
+        return {}
+    ends = problem.require_dwell_time()
+    H = jump_error_matrix(plant.jump.G, M, plant.output.C, plant.output.jump_measurement)
+    if rate == 0:
+        return dwell_certificates(F, H, *ends, **question(problem))
+    asked = decide(F + rate * np.eye(plant.n), H, *ends, **question(problem)).evidence
+    if not {"P", "windows"} & set(asked):
+        return dwell_certificates(F, H, *ends, **question(problem)) | {"decay_rate": asked}
+    return {"dwell_stability": asked, "decay_rate": asked}

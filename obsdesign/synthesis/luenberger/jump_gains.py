@@ -1,0 +1,117 @@
+"""Gains at jumps for a flow that is fixed: one for all dwell times, or one per cell of them.
+
+The inequality of `equations.luenberger` is affine in (P_w, P_w M_w) for all cells w at once, P_w
+the matrix after a jump whose dwell time lay in w. Its margin is made as large as possible over the
+whole range of dwell times by cutting planes. With one cell this is the common P.
+Source: C. Briat, Automatica 49 (2013), Theorem 3; with cells, its P depends on the last dwell time.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from lmi.families import Edge, worst
+from lmi.find.affine import Unknown, best_margin
+from lmi.time_budget import ended, remark_end
+from obsdesign.equations.estimation_error import seen_before_jump
+from obsdesign.equations.luenberger import error_system as equations
+from obsdesign.problem.problem import Problem
+
+Array = Any
+
+_CONDITION = 1e4
+_ROUNDS = 20
+_ADDED = 4
+_EACH_POINTS = 24
+
+
+@dataclass(frozen=True)
+class JumpGains:
+    """M and P (cells, ...), the margin that was reached; positive where every inequality held."""
+
+    M: Array
+    P: Array
+    margin: float
+
+
+def jump_gains(
+    problem: Problem,
+    F: Array,
+    cells: Sequence[tuple[float, float]],
+    pairs: Sequence[tuple[int, int]],
+) -> JumpGains | None:
+    """Gains for a flow F (n, n) and cells of dwell times; None when the solver gives nothing.
+
+    pairs: (earlier, later) cells that may follow each other.
+    """
+    plant = problem.plant
+    assert plant.jump is not None
+    n, p, G = plant.n, plant.p, plant.jump.G
+    seen = seen_before_jump(G, plant.output.C, plant.output.jump_measurement)
+    with np.errstate(all="ignore"):
+        grids = [Edge(F, np.eye(n), *ends).grid(_EACH_POINTS) for ends in cells]
+    if not all(np.isfinite(flows).all() for _, flows in grids):
+        return None
+    unknowns = [Unknown(n, n, symmetric=True)] * len(cells) + [Unknown(n, p)] * len(cells)
+    active = {(i, j, k) for i, j in pairs for k in (0, len(grids[j][0]) - 1)}
+    best: JumpGains | None = None
+    for _ in range(_ROUNDS):
+        if out_of_time := ended():
+            remark_end("gains at jumps", out_of_time, matters=False)
+            break
+        rows = sorted(active)
+        earlier, later, _ = np.array(rows).T
+        flows = np.array([grids[j][1][k] for _, j, k in rows])
+
+        def inequality(*values: Array, at: Any = (earlier, later, flows)) -> Array:
+            P, Z = np.array(values[: len(cells)]), np.array(values[len(cells) :])
+            return equations.post_jump_inequality(P[at[1]], Z[at[1]], G, seen, at[2], P[at[0]])
+
+        found = best_margin(unknowns, inequality, _CONDITION)
+        if found is None:
+            return best
+        values, margin = found
+        P, Z = np.array(values[: len(cells)]), np.array(values[len(cells) :])
+        try:
+            best = JumpGains(np.linalg.solve(P, Z), P, margin)
+        except np.linalg.LinAlgError:  # the solver stopped before P was positive definite
+            return best
+        more = set() if margin <= 0 else _violated(P, Z, grids, pairs, G, seen) - active
+        if not more:
+            return best
+        active |= more
+    return best
+
+
+def _violated(
+    P: Array,
+    Z: Array,
+    grids: Sequence[tuple[Array, Array]],
+    pairs: Sequence[tuple[int, int]],
+    G: Array,
+    seen: Array,
+) -> set[tuple[int, int, int]]:
+    """(earlier, later, number of theta) where the inequality fails most."""
+    found = set()
+    for i, j in pairs:
+        flows = grids[j][1]
+        held = equations.post_jump_inequality(P[j], Z[j], G, seen, flows, P[i])
+        slacks = np.linalg.eigvalsh(held)[:, 0]
+        found |= {(i, j, k) for k in worst(slacks, 0.0)[:_ADDED]}
+    return found
+
+
+def equal_cells(F: Array, low: float, high: float, count: int) -> list[float]:
+    """Borders of `count` cells: equally long, or with an infinite end equally far decayed."""
+    shares = [k / count for k in range(1, count)]
+    if math.isfinite(high):
+        return [low + share * (high - low) for share in shares]
+    rate = -float(np.linalg.eigvals(F).real.max())
+    if not rate > 0:
+        return [low + share * (Edge(F, F, low, high).last - low) for share in shares]
+    return [low - math.log1p(-share) / rate for share in shares]

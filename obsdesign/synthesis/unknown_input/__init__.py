@@ -1,0 +1,1 @@
+"""Candidates for the unknown-input observer."""

@@ -1,0 +1,1 @@
+"""Claims and guarantees of finite-time estimation, proved."""

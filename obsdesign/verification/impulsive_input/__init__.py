@@ -1,0 +1,1 @@
+"""Claims and guarantees about impulsive inputs, proved."""

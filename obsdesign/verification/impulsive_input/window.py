@@ -1,0 +1,171 @@
+"""Claims about the window and the features of an observer for impulsive inputs, one by one."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from lmi.arithmetic.balls import (
+    PRECISIONS,
+    ball,
+    ball_column,
+    characteristic_polynomial,
+    exact,
+    exp_times,
+    fixed_vector,
+    number,
+    precision,
+    rational,
+)
+from lmi.prove import exponential_sign as signs
+from lmi.prove.hurwitz import prove_hurwitz
+from lmi.verdict import Verdict, proved, refuted, undecided
+from obsdesign.document import Claim
+
+PAPER = "Mattsson, Medvedev, ECC 2013"
+
+
+def observable(A: Any, C: Any) -> Claim:
+    """(A, C) is observable, exactly; the witness is a direction that no output ever sees."""
+    rows = [C]
+    for _ in range(len(A) - 1):
+        rows.append(rows[-1] @ A)
+    hidden = fixed_vector(rows)
+    verdict = proved(method="rank of [C; C A; ...], exact")
+    if hidden is not None:
+        reason = f"the output never sees the direction {shown(hidden)} of the state"
+        verdict = refuted({"vector": hidden, "reason": reason})
+    return claim_of("observable", "the output sees every direction of the state",
+                  f"{PAPER}, Section II", verdict)  # fmt: skip
+
+
+def dwell(window: float, shortest: float) -> Claim:
+    """The window is shorter than the shortest dwell time: it holds one impulse at most."""
+    if window < shortest:
+        verdict = proved(window=window, shortest=shortest)
+    else:
+        reason = (
+            f"the window {window!r} is not below the shortest dwell time {shortest!r}: impulses at "
+            f"t = 0 and t = {shortest!r} would share one window"
+        )
+        verdict = refuted({"times": [0.0, shortest], "window": window, "reason": reason})
+    return claim_of("window", f"a window of length {window!r} holds one impulse at most",
+                  f"{PAPER}, Section III", verdict)  # fmt: skip
+
+
+def hurwitz(D: Any) -> Claim:
+    """The error decays between impulses."""
+    return claim_of("hurwitz", "the error between impulses decays: A - K C is Hurwitz",
+                  f"{PAPER}, Section III", prove_hurwitz(D))  # fmt: skip
+
+
+def enough_exponents(D: Any, C: Any, exponents: list[float]) -> Claim:
+    """(12): m p >= n, and no exponent is an eigenvalue of D; both exactly."""
+    n, count = len(D), len(exponents) * len(C)
+    statement = (
+        "there are as many features as states or more, and no exponent is an eigenvalue of A - K C"
+    )
+    verdict = proved(features=count, states=n)
+    if count < n:
+        reason = f"{count} features (exponents times outputs) cannot show {n} states"
+        verdict = refuted({"features": count, "states": n, "reason": reason})
+    else:
+        polynomial = characteristic_polynomial(D)
+        for lam in exponents:
+            at = rational(lam)
+            value = 0 * at
+            for coefficient in reversed(polynomial):
+                value = value * at + coefficient
+            if value == 0:
+                reason = f"the exponent {lam!r} is an eigenvalue of A - K C"
+                verdict = refuted({"exponent": lam, "reason": reason})
+                break
+    return claim_of("exponents", statement, f"{PAPER}, (12)", verdict)
+
+
+def ratio(
+    D: Any, C: Any, H: Any, exponents: list[float], window: float, margin: float, asked: float
+) -> Claim:
+    """|E_i| <= ratio |b_i| for every feature, direction and age in [margin, window] (Prop. 3.2).
+
+    f = ratio b_i +- E_i is one entry of [z; f]' = [D z; lambda f + C z] by the age s, with
+    z = ratio e^{D s} H -+ e^{lambda tau} e^{D (s - tau)} H; it must keep the sign of b_i.
+    """
+    statement = (
+        f"what (15) neglects of an impulse is at most {asked!r} of its feature, for every feature "
+        f"and every age in [{margin!r}, {window!r}]"
+    )
+    verdict = proved(ratio=asked)
+    try:
+        for j in range(len(C)):
+            for k in range(H.shape[1]):
+                for lam in exponents:
+                    found = _ratio(D, C[j : j + 1], H[:, k : k + 1], lam, window, margin, asked)
+                    if found is not None:
+                        verdict = found
+                        raise StopIteration
+    except StopIteration:
+        pass
+    except ValueError as error:
+        verdict = undecided(str(error))
+    return claim_of("ratio", statement, f"{PAPER}, Proposition 3.2", verdict)
+
+
+def _ratio(
+    D: Any, c: Any, h: Any, lam: float, window: float, margin: float, asked: float
+) -> Verdict | None:
+    """None: proved for one feature; else why not."""
+    n = len(D)
+    F = np.vstack([np.hstack([D, exact(np.zeros((n, 1)))]), np.hstack([c, exact([[lam]])])])
+    rest = np.vstack([h, exact([[0.0]])])
+    with precision(PRECISIONS[-1]):
+        at_margin = exp_times(F, margin) * ball(rest)  # [e^{D eps} h; b(eps)]
+        far = exp_times(D, margin - window) * ball(h)  # e^{D (eps - tau)} h
+        growth = (number(lam) * number(window)).exp()
+        left = _inner(D, c, h, lam, window - margin)
+        # E(eps) = e^{lam eps} c int_0^{tau - eps} e^{(lam - D) u} du h
+        E = left * (number(lam) * number(margin)).exp()
+        b = at_margin.tolist()[n][0]
+        if not (b > 0 or b < 0):
+            return undecided(f"the sign of a feature at age {margin!r} is not certain")
+        sign = 1 if b > 0 else -1
+        state = [row[0] for row in at_margin.tolist()[:n]]
+        back = [row[0] for row in far.tolist()]
+        for side in (1, -1):
+            z = [number(asked) * x - side * growth * y for x, y in zip(state, back, strict=True)]
+            f = number(asked) * b + side * E
+            cover = signs.boxes(F, ball_column([*z, f]), 0.0, window - margin, [n])
+            found, place = signs.one_sign(cover, lambda box: box.rows[0], sign)
+            if found is True:
+                continue
+            age = margin + place
+            if found is False:
+                reason = (
+                    f"exponent {lam!r}: near age {age:.6g} the neglected part exceeds {asked!r} "
+                    "of the feature (where the impulse response changes sign a feature has a zero)"
+                )
+                return refuted({"age": age, "exponent": lam, "reason": reason})
+            return undecided(f"exponent {lam!r}, near age {age:.6g}", age=age)
+    return None
+
+
+def _inner(D: Any, c: Any, h: Any, lam: float, length: float) -> Any:
+    """Ball of c int_0^length e^{(lam - D) u} du h."""
+    n = len(D)
+    shifted = exact(lam * np.eye(n)) - D
+    inner = np.block([[shifted, exact(np.eye(n))], [exact(np.zeros((n, 2 * n)))]])
+    pick = ball(np.hstack([c, exact(np.zeros((1, n)))])) * exp_times(inner, length)
+    tail, column = pick.tolist()[0][n:], [x[0] for x in ball(h).tolist()]
+    return sum((a * b for a, b in zip(tail, column, strict=True)), number(0.0))
+
+
+def shown(vector: Any) -> str:
+    """A direction as people read it, its largest entry 1."""
+    largest = max((abs(x) for x in vector), default=1.0) or 1.0
+    return "[" + ", ".join(f"{x / largest:.4g}" for x in vector) + "]"
+
+
+def claim_of(name: str, statement: str, source: str, verdict: Verdict) -> Claim:
+    """A claim with the outcome and evidence of a verdict."""
+    return Claim(name, statement, source, verdict.outcome, verdict.evidence)

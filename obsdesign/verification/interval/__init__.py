@@ -1,0 +1,1 @@
+"""Claims and guarantees of interval observers, proved."""
