@@ -16,7 +16,7 @@ from typing import Any
 from benchmarks.cases import np, seconds
 from obsdesign.equations.finite_time.condition_13 import approx_log_longest_period
 from obsdesign.synthesis.finite_time import period_program as period_nlp
-from obsdesign.synthesis.finite_time.folding_period_formulas import exponential_of, log_norm
+from obsdesign.synthesis.finite_time.period_program import exponential_of, log_norm
 
 STARTS, NEAR, FLOOR, TIME_FLOOR = 20, 0.98, 1.5, 2.0
 _SLACK = 0.999

@@ -6,6 +6,8 @@ Question: X u(theta) <= bound for every theta in [low, high], X >= 0, high may b
 X = N and bound = start - h it says that `start` is not exceeded after a jump N u + h: a tube, in
 which the system stays from jump to jump, and to which it comes from anywhere, since the inequality
 is strict. Ball arithmetic, mean value form on steps of adapted length; no solver.
+
+What a positive system with inputs tends to under one constant dwell time, from above.
 """
 
 from __future__ import annotations
@@ -24,11 +26,42 @@ from lmi.arithmetic.balls import (
     exact,
     exp_around,
     exp_times,
+    identity,
     number,
     precision,
+    solve,
     to_float,
+    upper_ends,
 )
 from lmi.verdict import Verdict, proved, undecided
+
+
+def periodic_limit(
+    W: Exact, N: Exact, f: Exact, h: Exact, theta: float
+) -> tuple[Any, Any, Any] | None:
+    """Upper ends of what u' = W u + f, u+ = N u + h tends to under a constant theta > 0.
+
+    (before a jump, after it, on average), (n,) floats that exceed the exact limits by less than an
+    ulp or two; None when no limit can be certified. The system must be stable: not checked here.
+    """
+    n = len(f)
+    zero, unit = np.full((n, n), f[0] * 0, dtype=object), exact(np.eye(n))
+    Z = np.block([[W, unit, zero], [zero, zero, unit], [zero, zero, zero]])
+    with precision(PRECISIONS[1]):
+        whole = exp_times(Z, theta).tolist()
+        flow, once, twice = (
+            type(ball(unit))([row[k * n : (k + 1) * n] for row in whole[:n]]) for k in range(3)
+        )
+        push, kick = ball(f[:, None]), ball(h[:, None])
+        before = solve(identity(n) - flow * ball(N), flow * kick + once * push)
+        if before is None:
+            return None
+        after = ball(N) * before + kick
+        total = once * after + twice * push
+        mean = total * (1 / number(theta))
+        ends = [upper_ends(x).reshape(-1) for x in (before, after, mean)]
+    return (ends[0], ends[1], ends[2]) if np.isfinite(ends).all() else None
+
 
 STEP_LIMIT = 1500
 _SHORTEST = 2.0**-40  # of the natural time unit: shorter steps mean that nothing is left to gain

@@ -14,8 +14,7 @@ from hypothesis import strategies as st
 import obsdesign
 from lmi.arithmetic.balls import exact
 from lmi.arithmetic.exponential import expm
-from lmi.bounds.folding_periodic_limit import periodic_limit
-from lmi.bounds.tube import Affine, prove_below
+from lmi.bounds.tube import Affine, periodic_limit, prove_below
 from obsdesign.equations.interval.width import periodic_width, width_system_of
 from obsdesign.synthesis.interval.candidates import synthesize
 from obsdesign.verification.interval.claims import claims

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from lmi.arithmetic.balls import exact, precision, rational, scalar
 from lmi.arithmetic.exponential import expm
-from lmi.arithmetic.folding_nonnegative import nonnegative_inverse
+from lmi.arithmetic.norms import nonnegative_inverse
 from lmi.bounds.largest_norm import inverse_norm_over, norm_over
 from lmi.rank.decide import decide_full_rank, prove_again
 from lmi.rank.full_rank import prove_full_rank

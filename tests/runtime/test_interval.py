@@ -16,8 +16,7 @@ from hypothesis import strategies as st
 from lmi.arithmetic.exponential import expm
 from obsdesign.problem.plant import Flow, Jump, Output, Plant
 from obsdesign.runtime import Sample
-from obsdesign.runtime.interval.folding_interval_kernels import StepKernels
-from obsdesign.runtime.interval.kernel import Kernel
+from obsdesign.runtime.interval.kernel import Kernel, StepKernels
 from obsdesign.runtime.interval.maps import BoxMap
 from obsdesign.runtime.interval.observer import IntervalObserver
 from tests.runtime.random_interval import (

@@ -14,6 +14,8 @@ map, of which the absolute value is taken (`lmi.arithmetic.exponential.absolute_
 Source: Degue, Efimov, Richard, NOLCOS 2016, Theorems 5, 7, 8; the pair (W, N) is what (10) comes to
 after adding and subtracting the two error vectors. Theorem 7 needs |S^-1 S2| T |S2^-1 S| for N: the
 printed condition (8) has T alone, which bounds nothing (docs/papers.md).
+
+Samples of an interval observer: the absolute values that its slope scheme is bounded by.
 """
 
 from __future__ import annotations
@@ -28,6 +30,7 @@ from lmi.arithmetic.exponential import expm
 from obsdesign.equations.estimation_error import jump_disturbance_matrix
 from obsdesign.equations.interval.splits import (
     Array,
+    absolute_metzler,
     completed_split,
     flow_and_jump,
     in_coordinates,
@@ -188,3 +191,21 @@ def periodic_width(
     before = np.linalg.solve(identity - cycle, flow @ h + once @ f)
     after = N @ before + h
     return before, after, (once @ after + twice @ f) / dwell
+
+
+def slope_scheme(
+    gains: Mapping[str, Any], lift: Callable[[Any], Array], inverse: Callable[[Any], Any]
+) -> tuple[Array, Array, Array, Array, Array]:
+    """(|L|, |C A|, Mz(A), |C|, Delta b) in the observer's coordinates: see `runtime.interval`.
+
+    Between two samples sig' = |C A| rho + |C| Delta b and rho' = Mz(A) rho + Delta b, and the width
+    grows by |L| sig.
+    """
+    numbers = {name: lift(gains[name]) for name in ("A", "C", "L", "S") if name in gains}
+    frame = Coordinates.of(numbers, inverse)
+    A = in_coordinates(numbers["A"], frame.S, frame.S_inverse)
+    C = numbers["C"] if frame.S is None else numbers["C"] @ frame.S
+    size = lift(gains["flow_upper"]) - lift(gains["flow_lower"])
+    inward = np.abs(frame.inward(np.eye(len(A), dtype=np.int64)))
+    L = np.abs(frame.inward(numbers["L"]))
+    return L, np.abs(C @ A), absolute_metzler(A), np.abs(C), inward @ size

@@ -18,7 +18,7 @@ import numpy as np
 from lmi.arithmetic.enclosure import raised
 from obsdesign.runtime.base import Vector
 from obsdesign.runtime.interval.clock import SampleClock
-from obsdesign.runtime.interval.folding_interval_kernels import StepKernels
+from obsdesign.runtime.interval.kernel import StepKernels
 from obsdesign.runtime.interval.state import Course, IntervalState
 
 

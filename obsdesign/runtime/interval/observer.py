@@ -64,8 +64,7 @@ from obsdesign.runtime.bound_observer import BoundObserver
 from obsdesign.runtime.interval.batch import Columns, Stretch, alike_until, stretch
 from obsdesign.runtime.interval.clock import SampleClock, refuting
 from obsdesign.runtime.interval.course import besides
-from obsdesign.runtime.interval.folding_interval_kernels import StepKernels
-from obsdesign.runtime.interval.kernel import Kernel
+from obsdesign.runtime.interval.kernel import Kernel, StepKernels
 from obsdesign.runtime.interval.state import IntervalState, first_box
 
 _ONE_OUTPUT = (1,)

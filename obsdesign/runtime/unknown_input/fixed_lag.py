@@ -30,8 +30,7 @@ from obsdesign.runtime.base import (
     rows_of,
 )
 from obsdesign.runtime.point_observer import PointObserver
-from obsdesign.runtime.unknown_input.folding_unknown_input_steps import UnknownInputState, usable
-from obsdesign.runtime.unknown_input.observer import UnknownInputObserver
+from obsdesign.runtime.unknown_input.observer import UnknownInputObserver, UnknownInputState, usable
 
 
 @dataclass(frozen=True, slots=True)

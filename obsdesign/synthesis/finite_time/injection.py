@@ -20,14 +20,14 @@ from numpy.typing import NDArray
 from lmi.time_budget import deadline, ended, remark_end
 from obsdesign.equations.finite_time import gains as equations
 from obsdesign.equations.finite_time.condition_13 import approx_log_longest_period
-from obsdesign.synthesis.finite_time.folding_period_coordinates import (
-    normal_coordinates,
-    triangular,
-)
 from obsdesign.synthesis.finite_time.period_descent import polished
 from obsdesign.synthesis.finite_time.period_program import PeriodProgram, Start
 from obsdesign.synthesis.finite_time.period_question import Injection as Injection
 from obsdesign.synthesis.finite_time.period_question import Open as Open
+from obsdesign.synthesis.finite_time.period_question import (
+    normal_coordinates,
+    triangular,
+)
 
 Array = NDArray[np.float64]
 

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from lmi.time_budget import ended, remark_end
 from obsdesign.equations.finite_time import gains as equations
-from obsdesign.synthesis.finite_time.folding_period_coordinates import triangle_of, triangular
-from obsdesign.synthesis.finite_time.period_question import Injection, Open
+from obsdesign.synthesis.finite_time.period_question import Injection, Open, triangle_of, triangular
 
 Array = NDArray[np.float64]
 

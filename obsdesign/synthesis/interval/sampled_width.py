@@ -13,11 +13,9 @@ from numpy.typing import NDArray
 from lmi.arithmetic.balancing import Scaling
 from lmi.arithmetic.balls import exact, inverse, to_float
 from lmi.arithmetic.exponential import absolute_flow
-from lmi.bounds.folding_sampled_flow import sampled_flow
-from lmi.bounds.interleaved import Bounds, Interleaved, prove_interleaved
+from lmi.bounds.interleaved import Bounds, Interleaved, prove_interleaved, sampled_flow
 from lmi.prove.hurwitz import rightmost
-from obsdesign.equations.interval.folding_interval_sampling import slope_scheme
-from obsdesign.equations.interval.width import SAMPLED_MAPS, WidthSystem
+from obsdesign.equations.interval.width import SAMPLED_MAPS, WidthSystem, slope_scheme
 from obsdesign.synthesis.interval.tube import ROOM, Units, least, proved_width
 
 Matrix = NDArray[np.float64]

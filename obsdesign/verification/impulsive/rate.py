@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from lmi.arithmetic.balls import Exact, inverse, number, precision, rational, scalar
-from lmi.arithmetic.folding_nonnegative import nonnegative_inverse
+from lmi.arithmetic.norms import nonnegative_inverse
 from lmi.bounds.largest_norm import identity_like, inverse_norm_over, norm_of, norm_over
 from lmi.verdict import Verdict, proved, undecided
 from obsdesign.equations.impulsive.gains import Core

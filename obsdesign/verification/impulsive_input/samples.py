@@ -16,8 +16,7 @@ from typing import Any
 import numpy as np
 
 from lmi.arithmetic.balls import ball, exact, exp_times, rational, to_float
-from lmi.prove.folding_real_spectrum import real_spectrum
-from lmi.prove.hurwitz import exactly_schur, prove_hurwitz
+from lmi.prove.hurwitz import exactly_schur, prove_hurwitz, real_spectrum
 from lmi.verdict import Verdict, proved, refuted, undecided
 from obsdesign.document import Claim
 from obsdesign.equations.estimation_error import flow_error_matrix

@@ -25,7 +25,7 @@ import numpy as np
 from lmi.arithmetic.balls import ball, exact, fixed_vector, precision, to_float
 from lmi.arithmetic.exponential import exponential_grid
 from lmi.prove import exponential_sign as signs
-from lmi.prove.folding_real_spectrum import real_spectrum
+from lmi.prove.hurwitz import real_spectrum
 from lmi.verdict import Verdict, proved, refuted, undecided
 from obsdesign.equations.impulsive_input.features import filtered_system
 from obsdesign.verification.impulsive_input.second_solution import second_solution

@@ -10,14 +10,12 @@ from typing import Any
 import numpy as np
 
 from lmi.arithmetic.balls import exact, inverse, to_float, upper_ends
-from lmi.bounds.folding_sampled_flow import sampled_flow
-from lmi.bounds.interleaved import Bounds, Interleaved, prove_interleaved
+from lmi.bounds.interleaved import Bounds, Interleaved, prove_interleaved, sampled_flow
 from lmi.prove.hurwitz import prove_hurwitz
 from lmi.refute.spectral import refute_spectral
 from lmi.verdict import Verdict, undecided
 from obsdesign.document import Claim
-from obsdesign.equations.interval.folding_interval_sampling import slope_scheme
-from obsdesign.equations.interval.width import SAMPLED_MAPS, WidthSystem
+from obsdesign.equations.interval.width import SAMPLED_MAPS, WidthSystem, slope_scheme
 from obsdesign.verification.dwell import Dwell
 from obsdesign.verification.interval.width import (
     limit_claim,

@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 
 from lmi.arithmetic.balls import exact, to_float
-from lmi.bounds.folding_periodic_limit import periodic_limit
-from lmi.bounds.tube import Tube, prove_tube
+from lmi.bounds.tube import Tube, periodic_limit, prove_tube
 from lmi.verdict import Verdict, proved, undecided
 from obsdesign.document import Claim
 from obsdesign.equations.interval.width import WidthSystem

@@ -6,6 +6,8 @@
 Since no impulse is added during a search, the residual is one signal, and R follows from its
 running integrals I(t): R = I(t_o + tau) - e^{lambda tau} I(t_o). They decay for lambda < 0; for
 lambda >= 0 the same is done backwards in time, where they decay too. Steps may differ.
+
+Recursions over the rows of a record by doubling, and running integrals against kernels.
 """
 
 from __future__ import annotations
@@ -21,17 +23,75 @@ from numpy.typing import NDArray
 
 from lmi.arithmetic.exponential import expm
 from obsdesign.equations.estimation_error import flow_error_matrix
+from obsdesign.equations.impulsive_input.features import kernel_weights
 from obsdesign.runtime.base import Vector
-from obsdesign.runtime.impulsive_input.integral.folding_impulse_integrals import (
-    Run,
-    accumulated,
-    doubled,
-    integrals_at,
-    running_integrals,
-)
 from obsdesign.runtime.luenberger.observer import responses
 from obsdesign.runtime.step_cache import cached_step
 from obsdesign.runtime.time_stamps import time_tolerance, time_tolerances
+
+# (a, b, h): the cells between rows a, a + 1, ..., b all have the length h
+Run = tuple[int, int, float]
+
+
+def accumulated(flow: Rows, forced: Rows, start: Rows) -> Rows:
+    """x_j = flow x_{j-1} + forced_j, all j by doubling: x = sum of flow^i forced_{j-i}."""
+    x = forced.copy()
+    x[0] += flow @ start
+    return doubled(flow, x)
+
+
+def doubled(flow: Rows, x: Rows) -> Rows:
+    """x_j + flow x_{j-1} + flow^2 x_{j-2} + ..., in place; x (L, n), or (L, k, n) of rows."""
+    power, reach = flow, 1
+    while reach < len(x):
+        x[reach:] = x[reach:] + x[:-reach] @ power.T
+        power, reach = power @ power, 2 * reach
+    return x
+
+
+def running_integrals(times: Rows, runs: list[Run], error: Rows, lams: Vector, start: Rows) -> Rows:
+    """Running integrals at times[1:], (L, p, k), from `start` at times[0]; all lams decay."""
+    sums = np.empty((len(times) - 1, error.shape[1], len(lams)))
+    at = start
+    for a, b, h in runs:
+        newer, older = kernel_weights(lams, h)
+        pieces = error[a + 1 : b + 1, :, None] * newer + error[a:b, :, None] * older
+        factor, reach = np.exp(lams * h), 1
+        pieces[0] += factor * at
+        while reach < len(pieces):
+            pieces[reach:] = pieces[reach:] + factor * pieces[:-reach]
+            factor, reach = factor * factor, 2 * reach
+        sums[a:b] = pieces
+        at = pieces[-1]
+    return sums
+
+
+def integrals_at(t: Rows, error: Rows, integrals: Rows, lams: Vector, times: Rows) -> Rows:
+    """Running integrals at any times of a track, the residual linear between its rows."""
+    last = len(t) - 1
+    cell = np.clip(np.searchsorted(t, times, side="right") - 1, 0, max(last - 1, 0))
+    width = t[np.minimum(cell + 1, last)] - t[cell]
+    share = (times - t[cell]) / np.where(width > 0, width, 1.0)
+    # a window may end on a row: time stamps are decimal
+    share = np.where(np.abs(share) < 1e-6, 0.0, np.where(np.abs(share - 1) < 1e-6, 1.0, share))
+    cell, share = (
+        np.where(share == 1, np.minimum(cell + 1, last), cell),
+        np.where(share == 1, 0.0, share),
+    )
+    found = integrals[cell]
+    between = np.flatnonzero(share)
+    if len(between):
+        at, v = cell[between], (share * width)[between]
+        newer, older = kernel_weights(lams, v)
+        part = share[between][:, None]
+        there = error[at] + part * (error[at + 1] - error[at])
+        found[between] = (
+            np.exp(lams * v[:, None])[:, None, :] * integrals[at]
+            + newer[:, None, :] * there[:, :, None]
+            + older[:, None, :] * error[at][:, :, None]
+        )
+    return found
+
 
 Rows = NDArray[np.float64]
 
