@@ -10,9 +10,10 @@ from pathlib import Path
 import pytest
 
 import obsdesign
+from obsdesign.problem.kinds import KINDS
 
 ROOT = Path(__file__).parent.parent
-SOLVERS = ("cvxpy", "clarabel", "casadi", "highspy", "scipy.optimize")
+SOLVERS = ("cvxpy", "clarabel", "casadi", "highspy", "scipy.optimize", "scipy.signal")
 FILES = sorted([*(ROOT / "lmi").rglob("*.py"), *(ROOT / "obsdesign").rglob("*.py")])
 
 
@@ -54,19 +55,16 @@ def test_packages_live_where_they_belong(path: Path) -> None:
         assert not uses(path, "obsdesign"), "lmi has never heard of a plant"
     only = {
         "flint": ("lmi.arithmetic.balls",),
-        "matplotlib": ("obsdesign.plotting",),
+        "highspy": ("lmi.find.linear_program",),
+        "matplotlib": ("obsdesign.pages.plotting",),
         "casadi": ("obsdesign.synthesis",),
-        "cvxpy": ("lmi", "obsdesign.synthesis"),
-        "click": ("obsdesign.cli.commands", "obsdesign.commands", "obsdesign.cli.demo"),
-        "joblib": ("obsdesign.sweep",),
-        "distributed": ("obsdesign.sweep",),
+        "cvxpy": ("lmi.find", "obsdesign.synthesis"),
+        "click": ("obsdesign.cli",),
+        "joblib": ("obsdesign.studies.sweep",),
+        "distributed": ("obsdesign.studies.sweep",),
         "control": ("obsdesign.interop",),
         "pandas": ("obsdesign.interop",),
-        "jsonschema": (
-            "obsdesign.problem.problem",
-            "obsdesign.problem.schema_errors",
-            "obsdesign.cli.commands",
-        ),
+        "jsonschema": ("obsdesign.problem", "obsdesign.cli"),
     }
     for package, places in only.items():
         if uses(path, package):
@@ -103,43 +101,60 @@ def test_light_layers_import_nothing_heavy(prefix: str, allowed: tuple[str, ...]
         assert not outside(path, allowed), module(path)
 
 
-@pytest.mark.parametrize("layer", ["synthesis", "verification", "runtime"])
-def test_layers_do_not_look_sideways(layer: str) -> None:
-    others = {"synthesis", "verification", "runtime"} - {layer}
-    for path in (ROOT / "obsdesign" / layer).rglob("*.py"):
-        for other in others:
-            assert not uses(path, f"obsdesign.{other}"), module(path)
+# from the top down; rooms on one line do not import each other
+LEVELS = (
+    ("__main__",),
+    ("cli",),
+    ("pages",),
+    ("studies",),
+    ("workflow",),
+    ("synthesis", "verification"),
+    ("analysis", "data", "interop"),
+    ("runtime", "problem"),
+    ("document",),
+    ("input_files", "output_files", "entries", "equations"),
+    ("errors", "version"),
+)
+LEVEL = {room: level for level, rooms in enumerate(LEVELS) for room in rooms}
 
 
-PROVERS = (
-    "proof", "balls", "verdict", "enclosure", "bernstein", "march", "chords", "condition", "rates",
-    "hurwitz", "windows_proof", "window_partition",
-)  # fmt: skip
+def room(name: str) -> str:
+    """The folder, or the loose module, of a name inside of obsdesign."""
+    return name.split(".")[1]
 
 
-def test_windows_are_proved_without_their_finder() -> None:
-    """Directly or through what it imports, down to flint."""
-    finders = (
-        "windows", "window_search", "splitting", "cutting_plane", "edge_grid", "semidefinite",
-        "decide",
-    )  # fmt: skip
-    seen, todo = set(), ["windows_proof"]
-    while todo:
-        name = todo.pop()
-        seen.add(name)
-        names = imported(ROOT / "lmi" / f"{name}.py")
-        found = {n.split(".")[1] for n in names if n.startswith("lmi.")}
-        todo += [n for n in found - seen if (ROOT / "lmi" / f"{n}.py").exists()]
-    assert {"balls", "bernstein"} <= seen
-    assert not seen & set(finders)
+@pytest.mark.parametrize(
+    "path", [path for path in FILES if module(path).startswith("obsdesign.")], ids=module
+)
+def test_rooms_look_down_only(path: Path) -> None:
+    here = room(module(path))
+    for name in imported(path):
+        if name.startswith("obsdesign.") and room(name) in LEVEL and room(name) != here:
+            assert LEVEL[room(name)] > LEVEL[here], f"{module(path)} imports {name}"
 
 
-def test_provers_import_no_solver() -> None:
-    files = [*(ROOT / "obsdesign" / "verification").rglob("*.py")]
-    files += [ROOT / "lmi" / f"{name}.py" for name in PROVERS]
-    for path in files:
-        for solver in SOLVERS:
-            assert not uses(path, solver), f"{module(path)} imports {solver}"
+def test_every_room_has_a_level() -> None:
+    names = {module(path) for path in FILES if module(path).startswith("obsdesign.")}
+    assert {room(name) for name in names} == set(LEVEL)
+
+
+@pytest.mark.parametrize("layer", ["equations", "synthesis", "verification", "runtime"])
+def test_no_kind_imports_another(layer: str) -> None:
+    for kind in KINDS:
+        for path in (ROOT / "obsdesign" / layer / kind).rglob("*.py"):
+            for other in set(KINDS) - {kind}:
+                assert not uses(path, f"obsdesign.{layer}.{other}"), module(path)
+
+
+PROVING = ("arithmetic", "prove", "refute", "rank", "bounds")
+
+
+def test_provers_import_no_finder_and_no_solver() -> None:
+    files = [path for folder in PROVING for path in (ROOT / "lmi" / folder).rglob("*.py")]
+    rooms = [ROOT / "obsdesign" / name for name in ("verification", "analysis")]
+    for path in (*files, *(path for folder in rooms for path in folder.rglob("*.py"))):
+        for name in (*SOLVERS, "lmi.find", "lmi.decide"):
+            assert not uses(path, name), f"{module(path)} imports {name}"
 
 
 def test_package_roots_are_light() -> None:

@@ -13,7 +13,7 @@ import pytest
 
 import obsdesign
 from obsdesign.document import digest, from_dict
-from tests.test_cli import ROOT
+from tests.cli.test_commands import ROOT
 
 # every kind, and a search for gains, for a form and for windows among them
 EXAMPLES = (

@@ -58,7 +58,7 @@ def test_every_snippet_of_a_page_runs_in_turn(
 
 
 def test_commands_are_documented_as_they_are(monkeypatch: pytest.MonkeyPatch) -> None:
-    from scripts.command_reference import page
+    from docs.command_reference import page
 
     monkeypatch.setenv("COLUMNS", "80")
     assert (ROOT / "docs" / "commands.md").read_text("utf-8") == page()

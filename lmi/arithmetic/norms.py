@@ -1,7 +1,7 @@
 """Norms and ranks of ball matrices: enclosed, or decided against a threshold.
 
-Matrices are object arrays of balls (`lmi.arithmetic.balls.entries`). Floats only steer: singular vectors are
-computed in floats, and what they suggest is checked in balls.
+Matrices are object arrays of balls (`lmi.arithmetic.balls.entries`). Floats only steer: singular
+vectors are computed in floats, and what they suggest is checked in balls.
 
 Inverses of I - M for nonnegative M, where they are nonnegative: small gains, in balls.
 """

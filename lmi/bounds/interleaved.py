@@ -5,10 +5,10 @@
     r+ = |G e^{A s}| r + e(s) + j        over a time s that ends with a jump, with times between
                                          jumps in [low, high]
 
-A, K, G of any sign; c, d, e bound what b >= 0 adds on the way (`lmi.arithmetic.exponential.absolute_flow`).
-Boxes of a state x' = A x + u with |u| <= b obey this, and the product with K or G is taken before
-the absolute value, not after it. A positive system w' = W w + b, w+ = K w + k, w+ = G w + j is the
-case of a Metzler A and K, G >= 0.
+A, K, G of any sign; c, d, e bound what b >= 0 adds on the way
+(`lmi.arithmetic.exponential.absolute_flow`). Boxes of a state x' = A x + u with |u| <= b obey this,
+and the product with K or G is taken before the absolute value, not after it. A positive system w' =
+W w + b, w+ = K w + k, w+ = G w + j is the case of a Metzler A and K, G >= 0.
 
 From just after a sample, m periods without a jump and then one with a jump at the offset s lead to
 

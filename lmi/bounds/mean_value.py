@@ -84,7 +84,7 @@ def exponential(A: Exact, time: Time) -> Path:
 
 
 def absolute_flow(left: Exact, A: Exact, b: Exact, time: Time) -> tuple[Path, Path]:
-    """(|X e^(A t)|, bound of int_0^t |X e^(A s)| ds b), X = left: `lmi.arithmetic.exponential.absolute_flow`.
+    """(|X e^(A t)|, bound of int_0^t |X e^(A s)| ds b), X = left: see `absolute_flow`.
 
     A (n, n), b (n,) >= 0, exact; in the same pieces as there.
     """

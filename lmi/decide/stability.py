@@ -52,11 +52,11 @@ def decide(
     F, H: (n, n) floats or exact rationals; 0 <= low <= high <= infinity. With high infinite, F must
     be Hurwitz (otherwise refuted with the mode). jitter: only sequences whose dwell times change by
     at most so much from one to the next. memory: 0 for a common P only, a number for windows that
-    look at most so many dwell times back and ahead, "auto" for as many as it takes.
-    Evidence: "P", or "windows" and "edges" (`lmi.prove.windows_proof`), or "witness"; one dwell time
-    (low = high) may be proved without any. Undecided evidence holds the largest growth seen,
-    "no_common_P" when a checked certificate excludes a common P, which is not instability, and
-    where a budget ended a search what `lmi.time_budget.ended` has of it.
+    look at most so many dwell times back and ahead, "auto" for as many as it takes. Evidence: "P",
+    or "windows" and "edges" (`lmi.prove.windows_proof`), or "witness"; one dwell time (low = high)
+    may be proved without any. Undecided evidence holds the largest growth seen, "no_common_P" when
+    a checked certificate excludes a common P, which is not instability, and where a budget ended a
+    search what `lmi.time_budget.ended` has of it.
     """
     if not 0 <= low <= high or math.isinf(low):
         raise ValueError(f"0 <= low <= high, low finite, is required; got [{low}, {high}]")

@@ -3,8 +3,9 @@
     minimise f(P)   subject to   (1 - slack) P - M(theta)' P M(theta) >= 0   for all theta,
                                  P >= floor I,   constraints(P)
 
-The same cutting planes as in `lmi.find.cutting_plane`, with a modelling layer that takes anything convex
-and is some hundred times slower. What comes out is a proposal; `lmi.prove.common_matrix` decides.
+The same cutting planes as in `lmi.find.cutting_plane`, with a modelling layer that takes anything
+convex and is some hundred times slower. What comes out is a proposal; `lmi.prove.common_matrix`
+decides.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Find matrices for windows of dwell times: solve over all edges, cut windows, solve again.
 
 Starts from the one window that is a common P. When no P fits, the multipliers tell which windows to
-cut (`lmi.find.splitting`); when P fit, `lmi.prove.windows_proof` tries to prove them, and a theta where it
-fails goes back into the search.
+cut (`lmi.find.splitting`); when P fit, `lmi.prove.windows_proof` tries to prove them, and a theta
+where it fails goes back into the search.
 """
 
 from __future__ import annotations

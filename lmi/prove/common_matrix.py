@@ -1,11 +1,11 @@
 """Proofs for all dwell times: matrices P for a whole range of theta, in ball arithmetic.
 
 Question: M(theta)' P M(theta) < P for every theta in [low, high], M(theta) = e^{F theta} H, with P
-given. Independent methods: Taylor-Bernstein boxes (`lmi.prove.bernstein`, the default), log-norm steps
-(`lmi.prove.march`) and chords (`lmi.prove.chords`). High = infinity is closed by a Lyapunov matrix Q >= P of
-the flow: M' Q M decreases with theta, so Q in place of P at one theta* settles all later ones; Q
-also proves that the flow is Hurwitz, which the stability of bounded inputs needs there
-(docs/papers.md).
+given. Independent methods: Taylor-Bernstein boxes (`lmi.prove.bernstein`, the default), log-norm
+steps (`lmi.prove.march`) and chords (`lmi.prove.chords`). High = infinity is closed by a Lyapunov
+matrix Q >= P of the flow: M' Q M decreases with theta, so Q in place of P at one theta* settles all
+later ones; Q also proves that the flow is Hurwitz, which the stability of bounded inputs needs
+there (docs/papers.md).
 
 Floats only steer; every comparison is made in balls, on the rational numbers that the stored floats
 are. No optimisation solver is imported here.

@@ -36,8 +36,8 @@ class Box:
 class Effort:
     """Boxes and halvings that a proof may still take: it ends by their number, not by the clock.
 
-    So that the same file is decided alike everywhere; a total budget (`lmi.time_budget`) ends it too,
-    with its evidence in `ended`.
+    So that the same file is decided alike everywhere; a total budget (`lmi.time_budget`) ends it
+    too, with its evidence in `ended`.
     """
 
     left: int

@@ -1,8 +1,8 @@
 """Proof for all dwell times by steps: the logarithmic norm carries an inequality forward.
 
 With m the logarithmic norm of F in the norm of the target P (F'P + PF <= 2 m P), an inequality
-M(theta)' P M(theta) <= q P_source, certified at one theta, holds on [theta, theta + s] with
-q e^{2 m s} in place of q. It shares neither coordinates nor polynomials with `lmi.prove.bernstein`: the
+M(theta)' P M(theta) <= q P_source, certified at one theta, holds on [theta, theta + s] with q e^{2
+m s} in place of q. It shares neither coordinates nor polynomials with `lmi.prove.bernstein`: the
 second opinion.
 """
 

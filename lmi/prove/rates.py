@@ -51,9 +51,9 @@ def propose_rates(
 ) -> Rates | None:
     """The largest rates that the certificate of a proved range is seen to allow, proved with it.
 
-    certificate: {"P": n x n}, or windows as `lmi.prove.windows_proof` reads them. jitter: largest change
-    from one dwell time to the next. An infinite range cannot decay faster in time than the flow.
-    None when nothing can be proved.
+    certificate: {"P": n x n}, or windows as `lmi.prove.windows_proof` reads them. jitter: largest
+    change from one dwell time to the next. An infinite range cannot decay faster in time than the
+    flow. None when nothing can be proved.
     """
     seen = approx_rates(F, H, certificate, low, high)
     if seen is None:

@@ -6,8 +6,8 @@
 A window gives some offsets (-1: the dwell time just passed, 0: the next one, ...) an interval; the
 windows of a certificate divide all sequences of dwell times, so that V_k = x_k' P_w x_k, w the
 window that the sequence is in at the k-th jump, falls at every jump. The search that found the
-windows is not consulted: `lmi.prove.window_partition` works out again that they divide all sequences,
-which can follow each other, and the ranges of theta.
+windows is not consulted: `lmi.prove.window_partition` works out again that they divide all
+sequences, which can follow each other, and the ranges of theta.
 
 With a singular H = U V' (exactly, full rank), V' e^{F theta} U has the same products as
 e^{F theta} H, and smaller P prove the same: x-> V'x is what counts of the state before a jump.
@@ -61,8 +61,8 @@ def prove_windows(
 
     F, H: (n, n) floats or exact rationals, M(theta) = e^{F theta} H. certificate: {"windows":
     [{"dwell": {"-1": [0.4, 1.2], ...}, "P": m x m}, ...], "edges": [[w, w', low, high], ...]}, what
-    `lmi.find.window_search` writes. Proved or undecided; then evidence["edge"] and ["theta"] tell where
-    an inequality could not be shown.
+    `lmi.find.window_search` writes. Proved or undecided; then evidence["edge"] and ["theta"] tell
+    where an inequality could not be shown.
     """
     if not 0 <= low <= high:
         raise ValueError(f"0 <= low <= high is required; got [{low}, {high}]")

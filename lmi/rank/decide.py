@@ -1,8 +1,9 @@
 """Does a stack of products lose rank somewhere in a box of thetas? Looked for in floats, decided.
 
 Rank is decided relative to size: in coordinates that make the stack at the centre of the box
-orthonormal (`lmi.rank.stack`), and with block rows scaled to norm 1, its smallest singular value must
-stay above MARGIN. Refuted by a witness (`lmi.rank.witness`), proved by boxes (`lmi.rank.full_rank`).
+orthonormal (`lmi.rank.stack`), and with block rows scaled to norm 1, its smallest singular value
+must stay above MARGIN. Refuted by a witness (`lmi.rank.witness`), proved by boxes
+(`lmi.rank.full_rank`).
 """
 
 from __future__ import annotations

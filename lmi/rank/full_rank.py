@@ -1,8 +1,8 @@
 """Full column rank of a stack of products for all thetas of a box: branch and bound in balls.
 
-A box on which `lmi.rank.stack_box` cannot show it is halved where its bound is widest, and the box with
-the least margin at its centre comes next: where the rank is lost the search ends early, and where
-it ends undecided the worst place is known. Coordinates that make the stack at the centre
+A box on which `lmi.rank.stack_box` cannot show it is halved where its bound is widest, and the box
+with the least margin at its centre comes next: where the rank is lost the search ends early, and
+where it ends undecided the worst place is known. Coordinates that make the stack at the centre
 orthonormal (`lmi.rank.stack`) take the units and the basis of the state out of the question.
 """
 

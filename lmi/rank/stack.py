@@ -3,8 +3,8 @@
     O(theta_1, ..., theta_m) = rows C X_0, C X_1, ..., C X_(k-1),
     X_i = e^{F theta} H X_(i-1),   X_0 = right, or e^{F theta_1} right if the stack flows first.
 
-`lmi.rank.full_rank` proves that O has full column rank for all thetas of a box. What outputs grow by
-with theta scales the block rows and does not matter to that: wherever ranks are decided relative
+`lmi.rank.full_rank` proves that O has full column rank for all thetas of a box. What outputs grow
+by with theta scales the block rows and does not matter to that: wherever ranks are decided relative
 to size, a block row is measured in units of its own size at the same thetas.
 """
 

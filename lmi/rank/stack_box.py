@@ -1,8 +1,8 @@
 """One box of thetas: lower bounds of the singular values of a stack of products, in balls.
 
 On a box with centre c, with Y O(c) Z close to 1 (Y, Z floats from a QR of O(c) with rows and
-columns of like size), and E the bounds of |1 - Y O(theta) Z| of `lmi.rank.window_box`: if 1 - E has a
-nonnegative inverse N, O has full column rank on the box, and with e the error at one theta
+columns of like size), and E the bounds of |1 - Y O(theta) Z| of `lmi.rank.window_box`: if 1 - E has
+a nonnegative inverse N, O has full column rank on the box, and with e the error at one theta
 
     x = Z (1 - e)^-1 Y O x,     |(1 - e)^-1| <= N, entry by entry.
 

@@ -49,8 +49,8 @@ def jump_disturbance_matrix(M: Array, C: Array, n: int, jump_measurement: str) -
 def plant_data(plant: Any) -> dict[str, Any]:
     """The plant's numbers that the runtime needs, under the names of a design's `gains`.
 
-    `plant` has the attributes of `obsdesign.problem.plant.Plant`. What it does not state is left out: the
-    entries of the jump where there is none, and a dwell time that may be any.
+    `plant` has the attributes of `obsdesign.problem.plant.Plant`. What it does not state is left
+    out: the entries of the jump where there is none, and a dwell time that may be any.
     """
     flow, jump, output = plant.flow, plant.jump, plant.output
     data: dict[str, Any] = {"A": flow.A, "C": output.C}

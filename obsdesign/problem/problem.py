@@ -31,8 +31,8 @@ _KEYS = ("name", "flow", "jump", "output", "observer")
 class Problem:
     """A plant, an observer kind (None: not chosen), gains that are kept, options. Read-only.
 
-    Blocks are dataclasses of `obsdesign.problem.plant` or dicts with the keys of a problem file; arrays
-    may be numpy arrays. InputError for anything a problem file may not hold.
+    Blocks are dataclasses of `obsdesign.problem.plant` or dicts with the keys of a problem file;
+    arrays may be numpy arrays. InputError for anything a problem file may not hold.
     """
 
     __slots__ = ("gains", "kind", "name", "options", "plant")

@@ -64,7 +64,8 @@ def stability_certificate(
     """Evidence that the pair is stable or is not, as far as any is found.
 
     For positive systems a copositive certificate is tried too: first where matrices are large, else
-    where one common P is not enough, before windows are. memory, jitter: as in `lmi.decide.stability`.
+    where one common P is not enough, before windows are. memory, jitter: as in
+    `lmi.decide.stability`.
     """
     positive = looks_positive(to_float(exact(F)), to_float(exact(H)))
     if positive and len(F) >= _LARGE:

@@ -66,7 +66,7 @@ def reason(claim: Claim) -> str:
 
 
 def more_time(evidence: Mapping[str, Any], gain: str = "decide it") -> str:
-    """What ended a search, and what more time might do; evidence as `lmi.time_budget.ended` has it."""
+    """What ended a search, and what more time might do; evidence as of `time_budget.ended`."""
     return f"the search {ending(evidence)}; a longer --time may {gain}"
 
 

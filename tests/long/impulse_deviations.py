@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 import obsdesign
-from tests.impulsive_input.test_residuals import TWO, scores
+from tests.runtime.impulsive_input.test_residuals import TWO, scores
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "luteinizing_hormone.toml"
 

@@ -2,7 +2,7 @@
 
     python -m tests.long.time_stamps [ROWS]
 
-Random plants, gains, disturbances, jumps and missing samples (`tests.runtime.random_time_stamps`):
+Random plants, gains, disturbances, jumps and missing samples (`tests.systems.time_stamps`):
 interval observers in every mode as stream, batch, bundle and fleet; bounds of finite-time
 observers; the recursion of the point observer. Seeds are fixed. Prints rows, rows with status ok
 and violations; exits with 1 if there are any.
@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import sys
 
-from tests.runtime.random_time_stamps import (
+from tests.systems.time_stamps import (
     ORIGINS,
     Tally,
     bounds_run,

@@ -20,7 +20,7 @@ from obsdesign.synthesis.impulsive_input.exponents import slowest_exponent
 from obsdesign.synthesis.placement import placed_gain
 from obsdesign.verification.impulsive_input.rank import full_rank
 from obsdesign.verification.impulsive_input.uniqueness import decide_uniqueness
-from tests.impulsive_input.cases import events_of, record, rows_from
+from tests.systems.impulsive_input import events_of, record, rows_from
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 A = np.array([[-0.08, 0, 0], [2, -0.15, 0], [0, 0.5, -0.2]])

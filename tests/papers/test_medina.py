@@ -1,6 +1,6 @@
 """Medina, Lawrence, State Estimation for Linear Impulsive Systems: what is printed, what is true.
 
-Section IV simulates a spline whose points are not printed; `scripts/spline_data.py` holds points
+Section IV simulates a spline whose points are not printed; `docs/figures/spline_data.py` holds points
 that give all printed numbers.
 """
 
@@ -19,7 +19,7 @@ from lmi.arithmetic.exponential import expm as flow_of
 from obsdesign.analysis.impulsive_noise import simulated
 from obsdesign.equations.impulsive.gains import Core, window_gains, window_matrix
 from obsdesign.runtime import Sample, from_design
-from tests.impulsive.systems import DOUBLE, SPLINE, chain, claim, first, problem, rebased
+from tests.systems.impulsive import DOUBLE, SPLINE, chain, claim, first, problem, rebased
 
 ROOT = Path(__file__).parent.parent.parent
 KNOTS = [0.1, 0.5, 0.9, 1.0, 1.1, 1.2, 2.0, 2.8, 2.9, 3.0, 3.1, 3.5, 3.9]
@@ -55,7 +55,7 @@ def gain(A: Any, G: Any, C: Any, spacings: Any, alpha: float) -> Any:
 
 
 def data() -> Any:
-    path = ROOT / "scripts" / "spline_data.py"
+    path = ROOT / "docs" / "figures" / "spline_data.py"
     spec = importlib.util.spec_from_file_location("spline_data", path)
     assert spec is not None
     assert spec.loader is not None

@@ -11,7 +11,7 @@ import pytest
 
 import obsdesign
 from obsdesign.errors import InputError
-from tests.test_cli import command
+from tests.cli.test_commands import command
 
 GOOD: dict[str, Any] = {
     "name": "good",

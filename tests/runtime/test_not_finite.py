@@ -11,8 +11,8 @@ import obsdesign
 from obsdesign.runtime import Sample, from_design
 from obsdesign.runtime.interval.bundle import IntervalBundle
 from obsdesign.runtime.interval.fleet import Fleet
-from tests.runtime.random_time_stamps import MODES, random_case
 from tests.runtime.test_time_stamps import scaled
+from tests.systems.time_stamps import MODES, random_case
 
 # pytest turns every warning into an error (pyproject.toml)
 SIZES = (1e99, 1e154, 1e300, 1.7e308)

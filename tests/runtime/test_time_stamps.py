@@ -22,8 +22,9 @@ from obsdesign.runtime.interval.clock import SampleClock
 from obsdesign.runtime.luenberger.observer import LuenbergerObserver
 from obsdesign.runtime.step_cache import shared_length
 from obsdesign.runtime.time_stamps import time_tolerance, time_tolerances
-from tests.runtime.random_interval import observer_for
-from tests.runtime.random_time_stamps import (
+from tests.runtime.interval.test_samples import sampled_observer
+from tests.systems.interval_runs import observer_for
+from tests.systems.time_stamps import (
     MODES,
     ORIGINS,
     Tally,
@@ -32,7 +33,6 @@ from tests.runtime.random_time_stamps import (
     finite_time_run,
     luenberger_run,
 )
-from tests.runtime.test_interval_samples import sampled_observer
 
 EPOCH = 1.7e18  # nanoseconds since 1970: one ulp is 256
 

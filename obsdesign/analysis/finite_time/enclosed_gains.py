@@ -2,7 +2,8 @@
 
 Used by synthesis, which rounds the enclosures to what a design stores, and by verification, which
 compares. Inputs are the stored binary64 numbers, exactly; T is k nu. Results are object arrays of
-balls at the current precision (`lmi.arithmetic.balls.precision`). Formulas: `equations.finite_time`.
+balls at the current precision (`lmi.arithmetic.balls.precision`). Formulas:
+`equations.finite_time`.
 """
 
 from __future__ import annotations

@@ -24,9 +24,9 @@ Step and sample are one map, of which the absolute value is taken, K = I - L C:
 
     r+ = |K e^{A h}| r + (bound of int_0^h |K e^{A s}| ds b_rad) + |L| V
 
-(`lmi.arithmetic.exponential.absolute_flow`); what is reported is also cut with |C x - y| <= V and the
-prediction. What is claimed of the width is about samples a period apart: for rows between them see
-`interval_course`.
+(`lmi.arithmetic.exponential.absolute_flow`); what is reported is also cut with |C x - y| <= V and
+the prediction. What is claimed of the width is about samples a period apart: for rows between them
+see `interval_course`.
 
 All of it is linear in (m, y, u, 1) and (r, 1): one matrix per step size, cached
 (`interval_steps`, `interval_kernel`). Matrices are enclosed; what they may be off by, and the

@@ -18,7 +18,6 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lmi.arithmetic.exponential import expm
 from obsdesign.equations.estimation_error import flow_error_matrix
 from obsdesign.runtime.base import (
     DwellGuard,
@@ -31,10 +30,9 @@ from obsdesign.runtime.base import (
     status_of,
     vector,
 )
+from obsdesign.runtime.flow_response import Maps, responses
 from obsdesign.runtime.point_observer import SteppedObserver
 from obsdesign.runtime.step_cache import cached_step
-
-Maps = tuple[Any, Any, Any]
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,12 +151,3 @@ class LuenbergerObserver(SteppedObserver[LuenbergerState]):
             return np.asarray(after)
         expected = gains["C"] @ (after if when == "after" else x)
         return np.asarray(after + M @ (y - expected))
-
-
-def responses(X: Any, h: float) -> Maps:
-    """Blocks of one exponential: e^{Xh}, int e^{Xs} ds, int e^{X(h-s)} (s/h) ds."""
-    n = len(X)
-    unit, zero = np.eye(n), np.zeros((n, n))
-    block = np.block([[X * h, unit * h, zero], [zero, zero, unit], [zero, zero, zero]])
-    flow, once, ramp = np.hsplit(expm(block)[:n], 3)
-    return flow, once, ramp

@@ -1,7 +1,7 @@
 """Who works on the points of a sweep: this process, joblib's processes, or a Dask cluster.
 
-All three call `obsdesign.studies.sweep.point.evaluate` and yield its lines in the order they are ready. A
-worker that dies takes no finished point with it, and its own point is tried again.
+All three call `obsdesign.studies.sweep.point.evaluate` and yield its lines in the order they are
+ready. A worker that dies takes no finished point with it, and its own point is tried again.
 """
 
 from __future__ import annotations

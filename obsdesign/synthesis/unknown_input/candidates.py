@@ -1,7 +1,7 @@
 """Unknown-input observers: coordinates, left inverse, annihilator and gain by QR and Riccati.
 
-Where it does not exist (`obsdesign.analysis.invariant_zeros`) there is nothing to choose. The gain L itself
-is chosen in `synthesis.reduced_gain`.
+Where it does not exist (`obsdesign.analysis.invariant_zeros`) there is nothing to choose. The gain
+L itself is chosen in `synthesis.reduced_gain`.
 """
 
 from __future__ import annotations

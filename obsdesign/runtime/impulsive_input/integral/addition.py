@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -10,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from obsdesign.runtime.base import Estimate
+from obsdesign.runtime.impulsive_input.event import MISFIT, Event, short_dwell
 from obsdesign.runtime.impulsive_input.integral.covariance import added_by_noise
-from obsdesign.runtime.impulsive_input.integral.evaluate import MISFIT, Decision, Event
+from obsdesign.runtime.impulsive_input.integral.evaluate import Decision
 from obsdesign.runtime.impulsive_input.integral.free_run import FreeRun
 from obsdesign.runtime.impulsive_input.integral.rows import IntegralLive, Rows
 from obsdesign.runtime.impulsive_input.integral.search import Search
@@ -22,17 +22,6 @@ from obsdesign.runtime.time_stamps import time_tolerance
 Array = NDArray[Any]
 
 _MISFIT = 0.05  # of the residual: what an impulse may leave of it where there is no noise
-
-
-_CERTAIN = 3.0  # deviations by which a dwell time must be too short
-
-
-def short_dwell(last: float, t: float, dwell: float, *deviations: float) -> str:
-    """Status of an impulse that comes too soon, beyond the deviations of both times; or ""."""
-    gap = t - last
-    if gap >= dwell - time_tolerance(dwell, t) - _CERTAIN * math.hypot(*deviations):
-        return ""
-    return f"dwell time {gap:.9g} below {dwell:.9g}"
 
 
 def widened(event: Event, decision: Decision, residuals: Residuals) -> Event:

@@ -22,6 +22,7 @@ from obsdesign.equations.impulsive_input.curve import ImpulseCurve
 from obsdesign.equations.impulsive_input.features import feature_scales, window_taps
 from obsdesign.equations.impulsive_input.fit import Impulse, explained, fit_impulse, peaks
 from obsdesign.runtime.base import Vector
+from obsdesign.runtime.impulsive_input.event import MISFIT, Event
 from obsdesign.runtime.impulsive_input.whitening import (
     Z_SCORE,
     chi_squared_limit,
@@ -34,38 +35,10 @@ from obsdesign.runtime.impulsive_input.whitening import (
 
 Array = NDArray[Any]
 
-MISFIT = "does not fit one impulse in the window"
 # gls: likelihood ratio of an impulse against none
 _LEAST_GAIN = 36.0
 # plain, without noise: part of R that a fit may leave at the start of a search
 _GOOD_FIT = 1e-3
-
-
-@dataclass(frozen=True, slots=True)
-class Event:
-    """An impulse that was decided: time, weights (q,), standard deviations, status.
-
-    The deviations are None where the problem states no noise; status: "ok", or what is doubtful.
-    """
-
-    t: float
-    weights: Vector
-    t_std: float | None
-    weights_std: Vector | None
-    status: str = "ok"
-
-    def row(self) -> tuple[float | str, ...]:
-        """The cells of an event file: t, weights, t_std, deviations of the weights, status."""
-        unknown = np.full(len(self.weights), np.nan)
-        spread = unknown if self.weights_std is None else self.weights_std
-        t_std = np.nan if self.t_std is None else self.t_std
-        return (
-            float(self.t),
-            *map(float, self.weights),
-            float(t_std),
-            *map(float, spread),
-            self.status,
-        )
 
 
 @dataclass(frozen=True, slots=True)

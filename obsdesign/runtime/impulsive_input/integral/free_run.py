@@ -25,7 +25,7 @@ from lmi.arithmetic.exponential import expm
 from obsdesign.equations.estimation_error import flow_error_matrix
 from obsdesign.equations.impulsive_input.features import kernel_weights
 from obsdesign.runtime.base import Vector
-from obsdesign.runtime.luenberger.observer import responses
+from obsdesign.runtime.flow_response import responses
 from obsdesign.runtime.step_cache import cached_step
 from obsdesign.runtime.time_stamps import time_tolerance, time_tolerances
 

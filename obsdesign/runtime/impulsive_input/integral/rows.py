@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 from lmi.arithmetic.exponential import expm
 from obsdesign.equations.impulsive_input.features import LARGEST
 from obsdesign.runtime.base import Estimate, Vector
-from obsdesign.runtime.impulsive_input.integral.evaluate import Event
+from obsdesign.runtime.flow_response import responses
+from obsdesign.runtime.impulsive_input.event import Event
 from obsdesign.runtime.impulsive_input.integral.free_run import FreeRun, Track
 from obsdesign.runtime.impulsive_input.integral.search import Position, Rule, Search
 from obsdesign.runtime.impulsive_input.residuals import Residuals
-from obsdesign.runtime.luenberger.observer import responses
 from obsdesign.runtime.time_stamps import time_tolerance
 
 Array = NDArray[Any]

@@ -24,8 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from obsdesign.runtime.base import Estimate, Vector, status_of
-from obsdesign.runtime.impulsive_input.integral.addition import short_dwell
-from obsdesign.runtime.impulsive_input.integral.evaluate import MISFIT, Event
+from obsdesign.runtime.impulsive_input.event import MISFIT, Event, short_dwell
 from obsdesign.runtime.impulsive_input.residuals import LARGER, Residuals, birge_ratio
 from obsdesign.runtime.impulsive_input.samples.filter import (
     Filtered,

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from obsdesign.runtime.base import Vector
-from obsdesign.runtime.luenberger.observer import responses
+from obsdesign.runtime.flow_response import responses
 from obsdesign.runtime.step_cache import cached_step
 
 Array = NDArray[Any]

@@ -1,0 +1,211 @@
+"""Few samples: the discrete operator, and the hormone record of the examples."""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import obsdesign
+from lmi.arithmetic.balls import exact
+from lmi.arithmetic.exponential import expm
+from obsdesign.runtime import from_design
+from obsdesign.runtime.base import rows_of
+from obsdesign.runtime.impulsive_input.samples.filter import Row, SampledPlant
+from obsdesign.synthesis.impulsive_input import candidates as synthesis
+from obsdesign.verification.impulsive_input import claims as verification
+from obsdesign.verification.impulsive_input.samples import sampled_claims
+from tests.systems.impulsive_input import events_of, record
+
+EXAMPLES = Path(__file__).parents[3] / "examples"
+DATA = np.loadtxt(EXAMPLES / "luteinizing_hormone.csv", delimiter=",", skiprows=1)
+SIX = [
+    (54.34, 2.87, 0.952, 0.162), (131.48, 1.95, 1.995, 0.216), (212.04, 2.16, 1.190, 0.165),
+    (263.34, 2.39, 1.441, 0.196), (379.08, 1.56, 2.622, 0.241), (442.66, 2.16, 1.339, 0.232),
+]  # fmt: skip
+PRIOR = {"x": [0, 2.4], "covariance": np.diag([0.25, 1.0])}
+
+
+def found_in(observer: Any, t: Any, y: Any, **initial: Any) -> list[Any]:
+    return events_of(list(observer.run(observer.init(float(t[0]), **initial), rows_of(t, y))))
+
+
+def test_six_impulses_in_the_hormone_record(observer: Any) -> None:
+    # with a prior deviation of 3 for weights, to every digit; by default there is none
+    for width, tolerance in ((3.0, (0.02, 0.01, 0.002, 0.001)), (np.inf, (0.1, 0.05, 0.02, 0.01))):
+        engine = replace(observer.engine, model=replace(observer.engine.model, weight_std=width))
+        found = found_in(replace(observer, engine=engine), DATA[:, 0], DATA[:, 1:], **PRIOR)
+        for event, numbers in zip(found, SIX, strict=True):
+            told = (event.t, event.t_std, event.weights[0], event.weights_std[0])
+            for one, other, allowed in zip(told, numbers, tolerance, strict=True):
+                assert one == pytest.approx(other, abs=allowed)
+        assert [event.status for event in found[:5]] == ["ok"] * 5
+        assert found[5].status == "provisional: the record ends inside its window"
+
+
+@pytest.mark.parametrize("size", [1e30, 1e60, 1e99])
+@pytest.mark.parametrize("row", [0, 1, 40])
+def test_an_outlier_at_any_row_leaves_all_rows_finite(observer: Any, size: float, row: int) -> None:
+    y = DATA[:, 1:].copy()
+    y[row] = size
+    rows = list(observer.run(observer.init(0.0), rows_of(DATA[:, 0], y)))
+    assert len(rows) == len(y)
+    assert all(np.isfinite(one.x).all() for one in rows)
+    for event in events_of(rows):
+        assert np.isfinite([event.t, event.t_std, *event.weights, *event.weights_std]).all()
+
+
+@given(st.integers(0, 10**6), st.sampled_from([0, 30, 60, 90]))
+@settings(max_examples=25, deadline=None)
+def test_the_filter_of_a_covariance_however_large_is_that_of_least_squares(
+    seed: int, decades: int
+) -> None:
+    """With P so large that nothing is known before, n samples determine the state."""
+    rng = np.random.default_rng(seed)
+    plant = SampledPlant(
+        rng.standard_normal((2, 2)), np.zeros((2, 0)), rng.standard_normal((1, 2)),
+        np.ones((2, 1)), np.zeros(2),
+    )  # fmt: skip
+    if np.linalg.cond(np.vstack([plant.C, plant.C @ plant.A])) > 50:
+        return
+    t, y, std = np.arange(8) * 0.5, 10.0**decades * rng.uniform(1, 2, (8, 1)), np.full(1, 0.1)
+    rows = [Row(float(a), b, np.zeros(0), 10.0**decades * std) for a, b in zip(t, y, strict=True)]
+    first = plant.start(0.0, np.zeros(2), 1e8 * 10.0**decades * np.eye(2), np.zeros(0), rows[0])
+    last = plant.along(first, rows[1:])[-1]
+    seen = np.vstack([plant.C @ expm(plant.A * (a - t[-1])) for a in t])
+    best = np.linalg.lstsq(seen, y[:, 0], rcond=None)[0]
+    np.testing.assert_allclose(last.x, best, rtol=1e-5, atol=1e-5 * np.abs(best).max())
+    wanted = (10.0**decades * 0.1) ** 2 * np.linalg.inv(seen.T @ seen)
+    np.testing.assert_allclose(last.P, wanted, rtol=1e-4, atol=1e-4 * np.abs(wanted).max())
+
+
+@pytest.mark.parametrize("covariance", [np.full((2, 2), np.nan), np.diag([1.0, -1.0])])
+def test_a_covariance_that_is_none_is_refused(observer: Any, covariance: Any) -> None:
+    with pytest.raises(ValueError, match="covariance must be finite, its diagonal"):
+        observer.init(0.0, covariance=covariance)
+
+
+def test_the_first_covariance_hardly_matters(observer: Any) -> None:
+    found = found_in(observer, DATA[:, 0], DATA[:, 1:])
+    for event, numbers in zip(found, SIX, strict=True):
+        assert event.t == pytest.approx(numbers[0], abs=0.7)
+        assert event.weights[0] == pytest.approx(numbers[2], abs=0.05)
+
+
+def test_rows_come_once_and_the_tail_is_unresolved(observer: Any) -> None:
+    rows = list(observer.run(observer.init(0.0, **PRIOR), rows_of(DATA[:, 0], DATA[:, 1:])))
+    np.testing.assert_array_equal([row.t for row in rows], DATA[:, 0])
+    assert [row.status for row in rows[:40]] == ["ok"] * 40
+    assert all("unresolved" in row.status for row in rows[-2:])
+    batch = observer.run_batch(DATA[:, 0], DATA[:, 1:], **PRIOR)
+    np.testing.assert_allclose(batch.x, [row.x for row in rows], rtol=1e-12)
+
+
+@pytest.mark.parametrize("onset", [100.5, 103.7, 109.1])
+def test_an_onset_between_samples_is_exact_without_noise(
+    body: dict[str, Any], onset: float
+) -> None:
+    quiet = copy.deepcopy(body)
+    quiet["output"] |= {"noise_std": [1e-4], "noise_cv": [0.0]}
+    observer = from_design(obsdesign.design(obsdesign.Problem.from_dict(quiet)))
+    t = 10.0 * np.arange(30)
+    drift = np.array(quiet["flow"]["disturbance"]["lower"])
+    x = record(quiet["flow"]["A"], quiet["jump"]["H"], [(onset, 1.8)], t, [0.1, 1.5], drift)
+    (event,) = found_in(observer, t, x[:, 1:], x=[0.1, 1.5], covariance=1e-8 * np.eye(2))
+    assert event.t == pytest.approx(onset, abs=5 * event.t_std + 1e-6)
+    assert event.t_std < 0.02
+    assert event.weights[0] == pytest.approx(1.8, rel=0.01)
+
+
+def test_unit_vectors_of_the_response(body: dict[str, Any]) -> None:
+    A = np.array(body["flow"]["A"])
+    h = [(expm(A * v) @ [1.0, 0])[1] for v in (2, 10, 20, 30, 40)]
+    np.testing.assert_allclose(
+        h, [0.32485192, 0.78997196, 0.79462162, 0.70622714, 0.61676458], atol=1e-8
+    )
+
+
+def test_a_missing_sample_costs_little(observer: Any) -> None:
+    y = DATA[:, 1:].copy()
+    y[20] = np.nan
+    found = found_in(observer, DATA[:, 0], y, **PRIOR)
+    assert len(found) == 6
+    rows = list(observer.run(observer.init(0.0, **PRIOR), rows_of(DATA[:, 0], y)))
+    assert rows[20].status == "missing sample"
+
+
+def test_the_operator_is_chosen_by_the_sampling(body: dict[str, Any]) -> None:
+    open_body = copy.deepcopy(body)
+    for name in ("operator", "window"):
+        del open_body["observer"][name]
+    outcome = obsdesign.investigate(obsdesign.Problem.from_dict(open_body))
+    assert outcome.result["form"].startswith(
+        "samples: the fastest mode of A - K C times the period is 2.5"
+    )
+    assert outcome.design.gains["window"] == 40.0
+    open_body["output"]["period"] = 0.1
+    outcome = obsdesign.investigate(obsdesign.Problem.from_dict(open_body))
+    assert outcome.design.gains["operator"] == "integral"
+
+
+def test_one_compartment_cannot_tell_the_onset(body: dict[str, Any]) -> None:
+    one = {
+        "flow": {"A": [[-0.0139]]}, "jump": {"H": [[1]], "dwell_time": [45, "inf"]},
+        "output": {"C": [[1]], "measured": "periodic", "period": 10, "noise_cv": [0.05]},
+        "observer": {"kind": "impulsive_input", "operator": "samples"},
+    }  # fmt: skip
+    outcome = obsdesign.investigate(obsdesign.Problem.from_dict(one))
+    refuted = [c for c in outcome.claims if c.verdict == "refuted"]
+    assert [c.id for c in refuted] == ["uniqueness"]
+    assert refuted[0].evidence["witness"]["reason"].startswith("jump.H is an eigenvector of flow.A")
+
+
+@pytest.mark.parametrize(
+    ("changes", "line"),
+    [
+        ({"observer": {"window": 35}}, "observer.window must be a multiple of output.period = 10.0 for operator 'samples'; got 35.0."),
+        ({"observer": {"weighting": "plain"}}, "observer.weighting must be 'gls' for operator 'samples'; got 'plain'."),
+        ({"output": {"noise_std": [0], "noise_cv": [0]}}, "output.noise_std must be > 0 for operator 'samples' (asked for); got 0 for output 1."),
+    ],
+)  # fmt: skip
+def test_bad_input_has_its_line(body: dict[str, Any], changes: Any, line: str) -> None:
+    wrong = copy.deepcopy(body)
+    for block, entries in changes.items():
+        wrong[block] |= entries
+    with pytest.raises(obsdesign.InputError) as error:
+        obsdesign.investigate(obsdesign.Problem.from_dict(wrong))
+    assert str(error.value) == line
+
+
+def test_an_output_of_zero_with_proportional_noise_is_not_exact(body: dict[str, Any]) -> None:
+    still = copy.deepcopy(body)
+    still["output"] |= {"noise_std": [0.0], "noise_cv": [0.1]}
+    del still["flow"]["disturbance"]
+    observer = from_design(obsdesign.design(obsdesign.Problem.from_dict(still)))
+    t = 10.0 * np.arange(30)
+    assert not observer.run_batch(t, np.zeros((30, 1))).events
+    x = record(still["flow"]["A"], still["jump"]["H"], [(104.0, 2.0)], t, [0.0, 0.0])
+    (event,) = observer.run_batch(t, x[:, 1:]).events
+    assert event.t == pytest.approx(104, abs=4)
+
+
+def test_a_window_of_very_many_samples_is_looked_at_in_some(body: dict[str, Any]) -> None:
+    fine = copy.deepcopy(body)
+    fine["output"]["period"] = 1e-5
+    fine["observer"]["window"] = 40.0
+    problem = obsdesign.Problem.from_dict(fine)
+    gains = {**next(synthesis.synthesize(problem)).gains}
+    verdicts = {c.id: c.verdict for c in verification.claims(problem, gains, {})}
+    assert set(verdicts.values()) == {"proved"}
+    # the twin: what a few samples cannot show at all is not called impossible for all of them
+    A, C = np.array([[0.0, np.pi], [-np.pi, 0.0]]), np.array([[1.0, 1.0]])
+    H = np.array([[1.0], [2.0]])
+    for window, words in ((64.0, "refuted"), (128.0, "undecided")):
+        every = sampled_claims(exact(A), exact(C), exact(H), {"period": 1.0, "window": window})
+        assert next(c for c in every if c.id == "rank").verdict == words

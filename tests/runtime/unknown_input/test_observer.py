@@ -1,0 +1,329 @@
+"""The streaming form: laws, missing samples, irregular periods, known inputs, random plants."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+import obsdesign
+from obsdesign.data.simulation import simulate
+from obsdesign.equations.unknown_input import block_pulse
+from obsdesign.runtime import Sample, from_design
+from tests.systems.unknown_input import plant_with_zeros, problem, random_plant
+
+EXAMPLES = Path(__file__).parents[3] / "examples"
+
+
+def plant(seed: int = 0, n: int = 5, p: int = 3, q: int = 2) -> obsdesign.Problem:
+    rng = np.random.default_rng(seed)
+    A, C, D = random_plant(rng, n, p, q)
+    return problem(A - np.eye(n), C, D, rng.standard_normal((n, 2)))
+
+
+def truth(asked: obsdesign.Problem, t: np.ndarray, refine: int = 8) -> tuple[np.ndarray, ...]:
+    """(x, u, mean of d over each interval) for a smooth d and a u that is held between rows."""
+    flow = asked.plant.flow
+    n, q = flow.D.shape
+    B = np.zeros((n, 0)) if flow.B is None else flow.B
+    m = B.shape[1]
+
+    def d(s: Any) -> np.ndarray:
+        s = np.asarray(s)[..., None]
+        return np.sin((1 + np.arange(q)) * s + np.arange(q)) + 0.5
+
+    u = np.sin(np.outer(np.round(t, 1), 1 + np.arange(m)))
+    x, means = [np.linspace(1, 2, n)], []
+    moves: dict[float, np.ndarray] = {}
+    # Gauss-Legendre averages of d on each part: held there, the error is far below the test's
+    points = np.arange(refine)[:, None] + np.array([0.5 - 3**-0.5 / 2, 0.5 + 3**-0.5 / 2])
+    for k in range(1, len(t)):
+        h = (t[k] - t[k - 1]) / refine
+        key = round(h, 12)
+        if key not in moves:
+            block = np.zeros((n + q + m,) * 2)
+            block[:n] = np.hstack([flow.A, flow.D, B]) * h
+            moves[key] = expm(block)[:n]
+        now, parts = x[-1], d(t[k - 1] + points * h).mean(axis=1)
+        for mean in parts:
+            now = moves[key] @ np.concatenate([now, mean, u[k - 1]])
+        x.append(now)
+        means.append(parts.mean(axis=0))
+    return np.array(x), u, np.array(means)
+
+
+def test_one_step_is_the_formulas_of_the_paper() -> None:
+    asked = plant()
+    g = obsdesign.design(asked).gains
+    observer = from_design(obsdesign.design(asked))
+    rng = np.random.default_rng(1)
+    t, y, u = 0.1 * np.arange(20), rng.standard_normal((20, 3)), rng.standard_normal((20, 2))
+    batch = observer.run_batch(t, y, u, x=np.ones(5))
+    h, F, eye = 0.1, g["F"], np.eye(3)
+    U = np.column_stack([u[:-1], np.ones(19)])  # u is held: its mean is its value
+    Y, slopes = (
+        block_pulse.coefficients(y),
+        block_pulse.derivative(block_pulse.coefficients(y), y[0], h),
+    )
+    # (29), (30) as printed, for the averages W
+    inverse = np.linalg.inv(eye - h / 2 * F)
+    drive = h / 2 * (U @ g["Gu"].T + Y @ g["H"].T)
+    W = [inverse @ (g["T"] @ np.ones(5) + drive[0])]
+    for i in range(1, 19):
+        W.append(inverse @ ((eye + h / 2 * F) @ W[-1] + drive[i] + drive[i - 1]))
+    expected = np.array(W) @ g["Q"].T + Y @ g["R"].T + U @ g["S"].T + slopes @ g["N"].T
+    np.testing.assert_allclose(batch.d[1:], expected, atol=1e-9)
+    cells = np.array(W) @ g["X"].T + Y @ g["Xy"].T  # (31)
+    np.testing.assert_allclose(block_pulse.coefficients(batch.x), cells, atol=1e-10)
+
+
+@pytest.mark.parametrize("differentiator", ["cell", "damped"])
+def test_a_stream_is_a_batch_and_a_state_can_be_kept(differentiator: str) -> None:
+    body = plant().to_dict()
+    body["observer"]["differentiator"] = differentiator
+    observer = from_design(obsdesign.design(obsdesign.Problem.from_dict(body)))
+    rng = np.random.default_rng(2)
+    t = np.cumsum(rng.uniform(0.05, 0.2, 30))
+    y, u = rng.standard_normal((30, 3)), rng.standard_normal((30, 2))
+    y[[7, 8, 20]] = np.nan
+    batch = observer.run_batch(t, y, u)
+    state, rows = observer.init(float(t[0])), []
+    kept = None
+    for k in range(30):
+        state, estimate = observer.step(state, Sample(t[k], y[k], u[k]))
+        rows.append(estimate)
+        kept = state if k == 14 else kept
+    np.testing.assert_array_equal(batch.x, [row.x for row in rows])
+    np.testing.assert_array_equal(batch.d, [row.d for row in rows])
+    assert batch.status == tuple(row.status for row in rows)
+    for k in range(15, 30):  # states are values: an old one goes on as if nothing had happened
+        kept, estimate = observer.step(kept, Sample(t[k], y[k], u[k]))
+    np.testing.assert_array_equal(estimate.x, rows[-1].x)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_random_plants_are_recovered_at_the_rate_of_their_zeros(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    q = int(rng.integers(1, 4))
+    n, p = int(rng.integers(q + 2, 9)), q + int(rng.integers(0, 3))
+    if seed % 2 and n > q + 2 and p > q:
+        A, C, D = plant_with_zeros(rng, n, p, q, np.array([[-0.8]]))
+    elif p == q:  # all n - q poles are zeros: choose them
+        A, C, D = plant_with_zeros(rng, n, p, q, -np.diag(rng.uniform(0.7, 3, n - q)))
+    else:
+        A, C, D = random_plant(rng, n, p, q)
+    asked = problem(A, C, D)
+    design = obsdesign.design(asked)
+    slowest = -np.linalg.eigvals(design.gains["F"]).real.max()
+    h = min(0.04, 0.3 / np.abs(np.linalg.eigvals(design.gains["F"])).max())
+    t = h * np.arange(int(12 / slowest / h))
+    x, _, means = truth(asked, t, refine=2)
+    batch = from_design(design).run_batch(t, x @ C.T, x=np.zeros(n))
+    off, d_off = np.abs(batch.x - x).max(axis=1), np.abs(batch.d[1:] - means).max(axis=1)
+    size, reach = np.abs(x).max(), np.abs(batch.x).max() + 1
+    assert off[0] > 1e-3  # it has something to do
+    third = len(t) // 3
+    assert off[-third:].max() < 5e-3 * size
+    assert d_off[-third:].max() < 2e-2 * (1 + np.abs(design.gains["Q"]).max()) * reach
+
+
+def test_second_order_in_the_period() -> None:
+    asked = plant(3)
+    design, errors = obsdesign.design(asked), []
+    for h in (0.08, 0.04, 0.02):
+        t = h * np.arange(int(12 / h))
+        x, u, means = truth(asked, t)
+        batch = from_design(design).run_batch(t, x @ asked.plant.output.C.T, u)
+        late = t[1:] > 9
+        errors.append(
+            [np.abs((batch.x - x)[1:][late]).max(), np.abs((batch.d[1:] - means)[late]).max()]
+        )
+    ratios = np.array(errors[:-1]) / errors[1:]
+    assert np.all(ratios > 3.4)
+
+
+def test_missing_samples_and_irregular_periods() -> None:
+    asked = plant(4)
+    design = obsdesign.design(asked)
+    rng = np.random.default_rng(0)
+    t = np.cumsum(rng.choice([0.005, 0.01, 0.02], 1500))
+    x, u, means = truth(asked, t, refine=2)
+    y = x @ asked.plant.output.C.T
+    missing = rng.random(1500) < 0.1
+    y[missing] = np.nan
+    batch = from_design(design).run_batch(t, y, u)
+    assert [s == "missing sample" for s in batch.status] == missing.tolist()
+    assert np.isnan(batch.d[missing]).all()
+    late = np.arange(1500) > 1000
+    there = late & ~missing
+    assert np.abs(batch.x - x)[there].max() < 2e-3 * np.abs(x).max()
+    # held outputs are off by at most what y moves in the gap
+    assert np.abs(batch.x - x)[late].max() < 0.3 * np.abs(x).max()
+    # d is the mean since the last sample: weigh the intervals of the gap
+    before, gaps = 0, 0
+    for k in range(1, 1500):
+        if missing[k]:
+            continue
+        steps = np.diff(t)[before:k]
+        mean = steps @ means[before:k] / steps.sum()
+        if k > 1000:
+            np.testing.assert_allclose(batch.d[k], mean, atol=0.02)
+            gaps += k - before > 1
+        before = k
+    assert gaps > 20
+
+
+def test_a_known_input_that_changes_within_a_gap_counts_by_its_mean() -> None:
+    asked = plant(5)
+    design = obsdesign.design(asked)
+    t = 0.02 * np.arange(800)
+    x, u, _ = truth(asked, t, refine=2)
+    y = x @ asked.plant.output.C.T
+    y[1::2] = np.nan
+    batch = from_design(design).run_batch(t, y, u)
+    frozen = np.repeat(u[::2], 2, axis=0)  # as if the changes in the gaps were not seen
+    other = from_design(design).run_batch(t, y, frozen)
+    right = np.abs(batch.x - x)[600::2].max()
+    assert right < np.abs(other.x - x)[600::2].max() / 5
+
+
+def test_the_first_sample_sets_what_it_shows() -> None:
+    asked = plant(1)
+    observer = from_design(obsdesign.design(asked))
+    x = np.random.default_rng(0).standard_normal(5)
+    g, y = observer.gains, asked.plant.output.C @ x
+    _, first = observer.step(observer.init(), Sample(0.0, y))
+    np.testing.assert_allclose(asked.plant.output.C @ first.x, y, atol=1e-9)
+    w = g["first"] @ y
+    np.testing.assert_allclose(g["Z"] @ asked.plant.output.C @ g["X"] @ w, g["Z"] @ y, atol=1e-9)
+    _, told = observer.step(observer.init(x=x), Sample(0.0, y))
+    np.testing.assert_allclose(told.x, x, atol=1e-9)  # a guess that is right stays right
+    assert np.isnan(first.d).all()
+
+
+def test_missing_from_the_start_and_one_sample() -> None:
+    observer = from_design(obsdesign.design(plant(1)))
+    state, nothing = observer.step(observer.init(x=np.ones(5)), Sample(0.0))
+    assert nothing.status == "missing sample"
+    np.testing.assert_array_equal(nothing.x, 1.0)
+    state, first = observer.step(state, Sample(0.1, [1.0, 2, 3]))
+    assert first.status == "ok"
+    assert np.isnan(first.d).all()
+    _, second = observer.step(state, Sample(0.2, [1.0, 2, 3]))
+    assert np.isfinite(second.d).all()
+    single = observer.run_batch([0.0], [[1.0, 2, 3]])
+    assert single.x.shape == (1, 5)
+
+
+def test_what_a_sample_may_not_be() -> None:
+    observer = from_design(obsdesign.design(plant(1)))
+    state, _ = observer.step(observer.init(), Sample(0.0, [1.0, 2, 3]))
+    for wrong, text in (
+        (Sample(0.0, [1.0, 2, 3]), "time must increase"),
+        (Sample(1.0, [1.0, 2]), "y must have 3"),
+        (Sample(1.0, [1.0, 2, 3], u=[1.0]), "u must have 2"),
+        (Sample(1.0, [1.0, 2, 3], jump=True), "has no jumps"),
+        (Sample(float("nan"), [1.0, 2, 3]), "time must be finite"),
+    ):
+        with pytest.raises(ValueError, match=text):
+            observer.step(state, wrong)
+    with pytest.raises(obsdesign.InputError, match=r"--initial must be the 5 finite numbers"):
+        observer.start(0.0, [1.0])
+    for name in ("F", "Q", "D", "differentiator", "first"):
+        gains = {key: value for key, value in observer.gains.items() if key != name}
+        with pytest.raises(ValueError, match=f"gains.{name}"):
+            type(observer).from_gains(gains)
+
+
+def test_steps_that_ring_say_so() -> None:
+    body = plant(1).to_dict()
+    body["observer"]["poles"] = [-1, -2, -40]
+    observer = from_design(obsdesign.design(obsdesign.Problem.from_dict(body)))
+    t = np.array([0.0, 0.04, 0.08, 0.2])
+    batch = observer.run_batch(t, np.zeros((4, 3)))
+    assert batch.status == ("ok", "ok", "ok", "sampling time 0.12 above 0.05 = 2/|f|")
+
+
+def test_the_middle_of_the_bounds_of_b_is_used() -> None:
+    body = plant(2).to_dict()
+    body["flow"]["disturbance"] = {"lower": [1.0] * 5, "upper": [3.0] * 5}
+    asked = obsdesign.Problem.from_dict(body)
+    record = simulate(asked.plant, until=20.0, step=0.01, disturbance="zero")
+    design = obsdesign.design(asked)
+    batch = from_design(design).run_batch(record.t, record.block("y"), record.block("u"))
+    assert np.abs(record.block("x")[-1]).max() > 2
+    np.testing.assert_allclose(batch.x[-1], record.block("x")[-1], atol=1e-3)
+    np.testing.assert_allclose(batch.d[-1], 0.0, atol=1e-3)
+
+
+# --- noise, and the filter ------------------------------------------------------------------------
+
+
+def test_noise_table() -> None:
+    from tests.long.noise_of_unknown_inputs import error
+
+    for name, paper, limits in (
+        ("ahn_1", 0.143, (0.035, 0.065, 0.22)),
+        ("ahn_2", 0.151, (0.065, 0.065, 0.22)),
+    ):
+        for shape, limit in zip(("const", "sin", "step"), limits, strict=True):
+            assert error(name, shape, "cell", 4) == pytest.approx(paper, rel=0.06)
+            assert error(name, shape, "batch", 2) <= limit
+        assert error(name, "const", "damped", 4) < 0.9 * paper
+
+
+def test_neither_the_filter_nor_the_observer_wins_always() -> None:
+    from tests.long.noise_of_unknown_inputs import error
+
+    ours = error("ahn_1", "sin", "cell", 3)
+    assert error("ahn_1", "sin", 1.0, 3) < ours  # told the right rate
+    assert error("ahn_1", "sin", 0.01, 3) > 3 * ours  # told a wrong one
+    assert error("ahn_1", "const", 0.01, 3) < ours / 3
+
+
+@pytest.mark.parametrize("differentiator", ["cell", "damped"])
+def test_irregular_periods_need_no_matrix_of_their_own(differentiator: str) -> None:
+    """A step that is solved agrees with one by its matrix, and what ran before changes nothing."""
+    body = plant().to_dict()
+    body["observer"]["differentiator"] = differentiator
+    observer = from_design(obsdesign.design(obsdesign.Problem.from_dict(body)))
+    rng = np.random.default_rng(5)
+    y, u = rng.standard_normal((60, 3)), rng.standard_normal((60, 2))
+    t = np.cumsum(rng.uniform(0.05, 0.15, 60))
+    first = observer.run_batch(t, y, u)
+    assert not observer._steps
+    observer.run_batch(0.1 * np.arange(60), y, u)
+    assert len(observer._steps) == 1
+    np.testing.assert_array_equal(observer.run_batch(t, y, u).d, first.d)
+    # regular samples, where the first step is solved and the others are products
+    mixed = observer.run_batch(0.1 * np.arange(60), y, u)
+    jittered = observer.run_batch(0.1 * np.arange(60) + 1e-13 * rng.random(60), y, u)
+    np.testing.assert_allclose(jittered.x, mixed.x, atol=1e-9)
+    np.testing.assert_allclose(jittered.d[1:], mixed.d[1:], atol=1e-8)
+
+
+def test_time_stamps_too_coarse_for_the_step_are_told() -> None:
+    observer = from_design(obsdesign.design(obsdesign.load_problem(EXAMPLES / "ahn_1.toml")))
+    y = np.random.default_rng(0).standard_normal((20, 2))
+    for step, told in ((5e-7, True), (1e-3, False)):
+        batch = observer.run_batch(1.7e9 + step * np.arange(20), y)
+        assert np.isfinite(batch.d[1:]).all()
+        assert batch.status[5].startswith("time stamps resolve 4.8e-07") == told
+        assert (batch.status[5] == "ok") != told
+
+
+@pytest.mark.parametrize("size", [1e308, -1e200])
+def test_measurements_beyond_arithmetic_are_not_used(size: float) -> None:
+    observer = from_design(obsdesign.design(obsdesign.load_problem(EXAMPLES / "ahn_1.toml")))
+    y = np.ones((10, 2))
+    y[4, 1] = size
+    batch = observer.run_batch(0.1 * np.arange(10), y)
+    assert batch.status[4] == "measurement beyond 1e+150"
+    assert [row for k, row in enumerate(batch.status) if k != 4] == ["ok"] * 9
+    y[4] = np.nan
+    missing = observer.run_batch(0.1 * np.arange(10), y)
+    np.testing.assert_array_equal(batch.x, missing.x)
+    np.testing.assert_array_equal(batch.d, missing.d)

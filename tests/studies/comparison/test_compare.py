@@ -1,0 +1,172 @@
+"""All observers of a plant on one record: the same as each alone, and honest about what is missing."""
+
+from __future__ import annotations
+
+import json
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import obsdesign
+from lmi.memory import OversizeError
+from obsdesign.cli.commands import cli
+from obsdesign.problem.kinds import KINDS
+from obsdesign.runtime import from_design
+from obsdesign.studies.comparison import compare as comparison
+from obsdesign.studies.comparison.compare import compare
+from obsdesign.studies.comparison.record import Record
+from obsdesign.studies.comparison.row import REFERENCE
+
+EXAMPLES = Path(__file__).parents[3] / "examples"
+
+
+def load(name: str) -> obsdesign.Problem:
+    return obsdesign.load_problem(EXAMPLES / f"{name}.toml")
+
+
+def test_every_kind_is_answered_and_the_filter_comes_last() -> None:
+    problem = load("degue_4_1")
+    record = Record.simulated(problem.plant, until=12.0, rng=np.random.default_rng(3))
+    rows = list(compare(problem, record))
+    assert {row.kind for row in rows} == {*KINDS, REFERENCE}
+    assert rows[-1].kind == REFERENCE
+    for row in rows[:-1]:
+        ran = row.seconds is not None
+        assert ran == (row.verdict == "proved")
+        assert ran or row.reason
+    forms = {row.variant for row in rows if row.kind == "interval" and row.seconds is not None}
+    assert {"cooperative", "split"} <= forms
+    # a proved bound is a bound: the middle is never farther from the state than half the width
+    assert record.x is not None
+    for row in rows:
+        if row.width is not None:
+            assert row.error is not None
+            assert row.error <= row.width / 2 * (1 + 1e-9)
+
+
+def test_numbers_are_those_of_the_observer_alone() -> None:
+    problem = load("degue_4_1")
+    record = Record.simulated(problem.plant, until=12.0, rng=np.random.default_rng(3))
+    row = next(row for row in compare(problem, record, [-3, 3, -3, 3]) if row.kind == "interval")
+    observer: Any = from_design(obsdesign.design(problem))
+    state = observer.init(t=0.0, lower=[-3, -3], upper=[3, 3])
+    estimates = list(observer.run(state, record.samples))
+    half = len(estimates) // 2
+    widths = np.array([e.upper - e.lower for e in estimates])[half:]
+    assert row.width == pytest.approx(float(np.sqrt(np.mean(widths**2))), rel=1e-12)
+    assert row.without == sum(e.status != "ok" for e in estimates)
+
+
+def test_a_kind_that_is_too_large_is_one_row(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = load("degue_4_1")
+    record = Record.simulated(problem.plant, until=3.0, rng=np.random.default_rng(3))
+    text = "65 exponentials of 1100 states needs 600 MiB of memory, and the budget is 512 MiB: ..."
+    own = comparison.run
+
+    def run(design: obsdesign.Design, *given: Any) -> dict[str, Any]:
+        if design.kind == "luenberger":
+            raise OversizeError(text)
+        return own(design, *given)
+
+    monkeypatch.setattr(comparison, "run", run)
+    rows = list(compare(problem, record))
+    large = [row for row in rows if row.kind == "luenberger"]
+    assert [(row.reason, row.seconds) for row in large] == [(text, None)]
+    assert any(row.kind == "interval" and row.seconds is not None for row in rows)
+    assert rows[-1].kind == REFERENCE
+
+
+def test_a_wider_start_never_narrows_the_bounds() -> None:
+    problem = load("degue_4_1")
+    record = Record.simulated(problem.plant, until=3.0, rng=np.random.default_rng(3))
+    narrow, wide = (
+        {row.variant: row.width for row in compare(problem, record, initial) if row.width}
+        for initial in ([0, 2, 0, 2], [-5, 5, -5, 5])
+    )
+    assert narrow.keys() == wide.keys()
+    assert all(narrow[form] <= wide[form] for form in narrow)
+
+
+def test_infinite_bounds_leave_an_estimate() -> None:
+    """What no sample shows has no bound: the estimate is what is compared, and nothing warns."""
+    problem = obsdesign.Problem(
+        flow={"A": np.diag([-1000.0, -900.0, -1.0])},
+        output={"C": [[1, 1, 1]], "measured": "periodic", "period": 0.1, "noise_bound": [0.1]},
+        observer={"kind": "finite_time", "window": 0.9},
+    )
+    record = Record.simulated(problem.plant, until=6.0, rng=np.random.default_rng(3))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", RuntimeWarning)
+        rows = [row for row in compare(problem, record) if row.kind == "finite_time"]
+    ran = [row for row in rows if row.seconds is not None]
+    assert ran
+    assert all(row.width is None for row in ran)
+    assert all(row.error is not None and row.error < 0.2 for row in ran)
+
+
+def test_unknown_inputs_and_methods_are_compared() -> None:
+    body = load("ahn_1").to_dict()
+    body["output"]["noise_std"] = [0.01, 0.01]
+    problem = obsdesign.Problem.from_dict(body)
+    record = Record.simulated(problem.plant, until=6.0, rng=np.random.default_rng(0))
+    rows = {(row.kind, row.variant): row for row in compare(problem, record)}
+    mine = {variant for kind, variant in rows if kind == "unknown_input"}
+    assert mine == {"cell", "damped", "batch", "fixed_lag"}
+    assert all(rows["unknown_input", variant].input_error is not None for variant in mine)
+    reference = next(row for (kind, _), row in rows.items() if kind == REFERENCE)
+    assert reference.input_error is not None
+    assert reference.variant.startswith("walk ")
+
+
+def test_a_file_gives_what_its_simulation_gave(tmp_path: Path) -> None:
+    runner, data = CliRunner(), tmp_path / "data.csv"
+    source = str(EXAMPLES / "degue_4_1.toml")
+    base = ["simulate", source, "--until", "8", "--seed", "5", "-o", str(data)]
+    assert runner.invoke(cli, base, standalone_mode=False).return_value == 0
+    answers = []
+    for how in (["--data", str(data)], ["--simulate", "--until", "8", "--seed", "5"]):
+        done = runner.invoke(cli, ["compare", source, "--json", *how], standalone_mode=False)
+        assert done.return_value == 0, done.exception
+        answers.append(json.loads(done.stdout))
+    for one, other in zip(*(answer["result"]["rows"] for answer in answers), strict=True):
+        assert one | {"seconds": 0} == other | {"seconds": 0}
+    assert answers[0]["verdict"] == "proved"
+    # without the truth nothing is said of errors
+    text = "\n".join(line.rsplit(",", 2)[0] for line in data.read_text().splitlines())
+    assert text.startswith("t,y1,jump\n")
+    data.write_text(text + "\n")
+    done = runner.invoke(cli, ["compare", source, "--json", "--data", str(data)])
+    rows = json.loads(done.stdout)["result"]["rows"]
+    assert all(row["error"] is None for row in rows)
+    assert any(row["width"] is not None for row in rows)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        (["--initial", "0,1"], "--initial must be 4 numbers"),
+        (["--initial", "1,0,0,1"], "lo <= hi"),
+        (["--data", "none.csv"], "none.csv: cannot be read"),
+        (["--data", "x.csv", "--until", "3"], "--data takes no"),
+    ],
+)
+def test_bad_requests(arguments: list[str], line: str) -> None:
+    done = CliRunner().invoke(
+        cli, ["compare", str(EXAMPLES / "degue_4_1.toml"), *arguments], standalone_mode=False
+    )
+    assert line in str(done.exception)
+
+
+def test_the_table_names_what_runs_and_why_the_rest_does_not() -> None:
+    done = CliRunner().invoke(
+        cli, ["compare", str(EXAMPLES / "degue_4_1.toml"), "--until", "4"], standalone_mode=False
+    )
+    assert done.return_value == 0
+    told = " ".join(done.output.split())
+    assert "interval, cooperative" in told
+    assert "Kalman filter" in told
+    assert "impulsive input: jump.H is required" in told

@@ -1,0 +1,112 @@
+"""A sentence is guaranteed where every claim it rests on was proved in this very run, or nowhere."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import CliRunner
+
+import obsdesign
+from obsdesign.cli.answers import show
+from obsdesign.cli.commands import cli
+from obsdesign.document import digest
+from obsdesign.pages.curves import curve_of
+from obsdesign.problem.problem import Problem
+from obsdesign.verification.document import guarantees_of
+from obsdesign.workflow import layer
+from tests.cli.test_commands import ROOT
+from tests.pages.test_report import Page
+
+# one design of each kind, and the kinds whose sentences name no claim of their own
+EXAMPLES = (
+    "degue_4_1", "sampled_data", "medina_spline", "mazenc_4", "mattsson_medvedev", "ahn_1",
+)  # fmt: skip
+
+
+def unconfirmed(source: Path, target: Path) -> None:
+    """A signed design whose certificate shows nothing: a claim stays open when it is verified."""
+    body = json.loads(source.read_text("utf-8"))
+    claim = next(c for c in body["claims"] if c["id"] == "dwell_stability")
+    claim["evidence"]["P"] = [[1.0, 0.0], [0.0, 1.0]]
+    target.write_text(json.dumps(body | {"digest": digest(body)}))
+
+
+def ran(*arguments: object) -> Any:
+    return CliRunner().invoke(cli, [*map(str, arguments)], standalone_mode=False)
+
+
+def test_what_verify_could_not_confirm_is_not_called_guaranteed(
+    academic_design: Path, tmp_path: Path
+) -> None:
+    unconfirmed(academic_design, tmp_path / "d.json")
+    done = ran("verify", tmp_path / "d.json")
+    assert done.return_value == 3
+    assert "guaranteed:" not in done.output
+    assert "dwell_stability could not be confirmed" in " ".join(done.output.split())
+    # the twin: the same file as it was written
+    done = ran("verify", academic_design)
+    assert done.return_value == 0
+    assert done.output.count("\nguaranteed:") == 7
+
+
+def test_what_a_report_could_not_confirm_is_not_on_it(
+    academic_design: Path, tmp_path: Path
+) -> None:
+    unconfirmed(academic_design, tmp_path / "d.json")
+    sentence = json.loads(academic_design.read_text("utf-8"))["guarantees"][0]["statement"]
+    pages = []
+    for source, code in ((tmp_path / "d.json", 3), (academic_design, 0)):
+        assert ran("report", source, "-o", tmp_path / "r.html").return_value == code
+        pages.append(Page((tmp_path / "r.html").read_text("utf-8")).text)
+    assert [sentence in page for page in pages] == [False, True]
+    assert ["Nothing beyond what is proved below." in page for page in pages] == [True, False]
+    assert ["the shaded range is proved" in page for page in pages] == [False, True]
+
+
+@pytest.mark.parametrize("example", EXAMPLES)
+def test_every_sentence_falls_with_any_claim_it_rests_on(
+    example: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    outcome = obsdesign.investigate(obsdesign.load_problem(ROOT / "examples" / f"{example}.toml"))
+    assert outcome.design is not None
+    problem = Problem.from_dict(outcome.design.problem)
+    verification = layer("verification", outcome.kind)
+    assert any(entry["given"] for entry in outcome.guarantees)
+    for k, claim in enumerate(outcome.claims):
+        claims = list(outcome.claims)
+        claims[k] = replace(claim, verdict="undecided")
+        left = guarantees_of(problem, tuple(claims), verification)
+        named = [entry for entry in left if claim.id in entry["claims"]]
+        assert not any(entry["given"] for entry in (left if k == 0 else named)), claim.id
+        opened = replace(outcome, verdict="undecided", claims=tuple(claims), guarantees=left)
+        show(opened)
+        printed = " ".join(capsys.readouterr().out.split())
+        for entry in left:
+            text = " ".join(str(entry["statement"]).split())
+            assert (f" guaranteed: {text}" in printed.replace("not guaranteed", "withheld")) is (
+                entry["given"]
+            )
+
+
+def test_a_curve_calls_proved_what_is(academic_design: Path) -> None:
+    design = obsdesign.load_design(academic_design)
+    claims = tuple(
+        replace(claim, verdict="undecided") if claim.id == "dwell_stability" else claim
+        for claim in design.claims
+    )
+    told = [curve_of(one) for one in (design, replace(design, claims=claims))]
+    assert ["is proved" in curve.caption for curve in told if curve] == [True, False]
+
+
+def test_a_sentence_may_name_fewer_of_its_claims_and_promises_no_more_by_it() -> None:
+    """Older designs rest some sentences on no claim; what they promise is compared all the same."""
+    design = obsdesign.design(obsdesign.load_problem(ROOT / "examples" / "ahn_1.toml"))
+    older = tuple({**entry, "claims": []} for entry in design.guarantees)
+    assert obsdesign.verify(replace(design, guarantees=older)).verdict == "proved"
+    false = tuple({**entry, "given": not entry["given"]} for entry in design.guarantees)
+    outcome = obsdesign.verify(replace(design, guarantees=false))
+    assert (outcome.verdict, outcome.guarantees) == ("refuted", ())
