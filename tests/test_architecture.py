@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import functools
 import subprocess
 import sys
 from pathlib import Path
@@ -17,6 +18,7 @@ SOLVERS = ("cvxpy", "clarabel", "casadi", "highspy", "scipy.optimize", "scipy.si
 FILES = sorted([*(ROOT / "lmi").rglob("*.py"), *(ROOT / "obsdesign").rglob("*.py")])
 
 
+@functools.cache
 def imported(path: Path) -> set[str]:
     """Absolute names imported anywhere in a file, inside functions too."""
     names: set[str] = set()
