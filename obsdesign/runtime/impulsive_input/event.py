@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from obsdesign.runtime.base import Vector
+from obsdesign.runtime.time_stamps import time_tolerance
 
 MISFIT = "does not fit one impulse in the window"
 _CERTAIN = 3.0  # deviations by which a dwell time must be too short
