@@ -12,6 +12,7 @@ from obsdesign.verification.same_evidence import (
     OLDER_WORDING,
     ROUNDED_WIDTHS,
     Difference,
+    current_source,
     difference,
     is_older_wording,
 )
@@ -99,7 +100,7 @@ def _claims_of_older_wording(stored: Mapping[str, Claim], found: Sequence[Claim]
         for claim in found
         if claim.id in stored
         and claim.verdict == stored[claim.id].verdict == "proved"
-        and claim.source == stored[claim.id].source
+        and claim.source == current_source(stored[claim.id].source)
         and is_older_wording(claim.id, stored[claim.id].statement, claim.statement)
     ]
 
@@ -138,7 +139,7 @@ def _evidence_gap(stored: Mapping[str, Claim], proved: tuple[Claim, ...]) -> Dif
 def _difference(stored: tuple[Claim, ...], proved: tuple[Claim, ...]) -> str | None:
     """The id of a claim in which the two differ, evidence apart."""
     old, new = (
-        sorted((c.id, c.statement, c.source, c.verdict) for c in group)
+        sorted((c.id, c.statement, current_source(c.source), c.verdict) for c in group)
         for group in (stored, proved)
     )
     wrong = sorted({entry[0] for entry in set(old) ^ set(new)})

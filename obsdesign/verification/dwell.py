@@ -97,7 +97,7 @@ def dwell_stability(
 def source_of(verdict: Verdict, paper: str) -> str:
     """The paper, or what takes its place where windows of dwell times prove."""
     if verdict.outcome == "proved" and "windows" in verdict.evidence:
-        return f"{paper}, with a P for every window of dwell times (lmi/prove/windows_proof.py)"
+        return f"{paper}, with a P for every window of dwell times (docs/windows.md)"
     return paper
 
 

@@ -49,6 +49,17 @@ OLDER_WORDING = {
 }
 
 
+# where earlier releases found what a source now names
+_OLDER_SOURCES = {"(lmi/windows_proof.py)": "(docs/windows.md)"}
+
+
+def current_source(source: str) -> str:
+    """A source as it is named today."""
+    for before, now in _OLDER_SOURCES.items():
+        source = source.replace(before, now)
+    return source
+
+
 def is_older_wording(claim: str, stored: str, statement: str) -> bool:
     """Whether a stored statement is that of an earlier release for the same claim."""
     now, before = OLDER_WORDING.get(claim, ("", ""))

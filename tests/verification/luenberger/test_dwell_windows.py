@@ -51,6 +51,19 @@ def test_a_design_with_false_windows_is_not_verified() -> None:
     )
 
 
+@pytest.mark.parametrize(
+    ("place", "verdict"), [("lmi/windows_proof.py", "proved"), ("lmi/chords.py", "refuted")]
+)
+def test_a_source_as_an_earlier_release_names_it(place: str, verdict: str) -> None:
+    design = obsdesign.design(sampled_data_problem(1.87))
+    older = tuple(
+        replace(claim, source=claim.source.replace("docs/windows.md", place))
+        for claim in design.claims
+    )
+    assert older != design.claims
+    assert obsdesign.verify(replace(design, claims=older)).verdict == verdict
+
+
 def test_limited_jitter_is_part_of_the_claim() -> None:
     design = obsdesign.design(sampled_data_problem(2.0, 0.2))
     claim = next(c for c in design.claims if c.id == "dwell_stability")
