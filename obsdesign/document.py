@@ -1,7 +1,8 @@
 """The only file that knows the JSON of a design: what it holds, how it is signed and read.
 
 Numpy and the standard library only, so that the runtime can read designs anywhere. Format,
-version and digest are checked by hand here; the published JSON Schema is schema/design.schema.json.
+version and digest are checked by hand here; the published JSON Schema is
+`problem/design.schema.json`.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""The story in one place: problem, synthesise, verify, design. No mathematics.
-
-(The plan called this file design.py; the name is taken by the function `obsdesign.design`.)
-"""
+"""Problem, synthesise, verify, design: the steps in one place, without mathematics."""
 
 from __future__ import annotations
 

@@ -12,8 +12,6 @@ ROOT = Path(__file__).parents[1]
 # participles that name no thing: what is it that was found?
 BANNED = frozenset({"found", "told", "asked", "seen", "moved"})
 LONGEST_FIRST_LINE = 90
-# folders that are not converted yet
-PENDING: tuple[str, ...] = ()
 
 FOLDERS = sorted(
     {
@@ -53,7 +51,7 @@ def trees(folder: str) -> Iterator[tuple[str, ast.AST]]:
         yield path.name, ast.parse(path.read_text("utf-8"))
 
 
-@pytest.mark.parametrize("folder", [folder for folder in FOLDERS if folder not in PENDING])
+@pytest.mark.parametrize("folder", FOLDERS)
 def test_names_are_nouns_of_the_field(folder: str) -> None:
     wrong = [
         f"{file}:{line} {name}"
@@ -64,7 +62,7 @@ def test_names_are_nouns_of_the_field(folder: str) -> None:
     assert wrong == []
 
 
-@pytest.mark.parametrize("folder", [folder for folder in FOLDERS if folder not in PENDING])
+@pytest.mark.parametrize("folder", FOLDERS)
 def test_docstrings_begin_with_one_short_line(folder: str) -> None:
     wrong = [
         f"{file} {name}: {line}"
@@ -73,7 +71,3 @@ def test_docstrings_begin_with_one_short_line(folder: str) -> None:
         if len(line) > LONGEST_FIRST_LINE
     ]
     assert wrong == []
-
-
-def test_pending_folders_exist() -> None:
-    assert set(PENDING) <= set(FOLDERS)

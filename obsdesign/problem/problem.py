@@ -152,7 +152,8 @@ class Problem:
             zeros = ", ".join(["0.0"] * self.plant.p)
             raise DoesNotApply(
                 f"output.noise_bound is required by {needed_by}, which promises bounds; it is "
-                f"missing. If y is free of noise, write noise_bound = [{zeros}]."
+                f"missing. If y is free of noise, write noise_bound = [{zeros}].",
+                "output.noise_bound",
             )
         return bound
 

@@ -159,7 +159,10 @@ def _dwell_times(witness: Any, low: float, high: float) -> list[float]:
 def _no_common(F: Any, H: Any, low: float, high: float, certificate: Any) -> Verdict | None:
     """Undecided, a common P being proved not to exist; None if the certificate shows nothing."""
     thetas = _dwell_times(certificate, low, high)
-    if not thetas or prove_no_common(F, H, thetas, certificate["multipliers"]).outcome != "proved":
+    multipliers = _numbers(certificate.get("multipliers")) if thetas else None
+    if multipliers is None or multipliers.dtype != np.float64:
+        return None
+    if prove_no_common(F, H, thetas, multipliers).outcome != "proved":
         return None
     return undecided(
         f"no common P exists for {len(thetas)} of the dwell times (checked dual certificate), "

@@ -109,3 +109,17 @@ def test_a_sentence_promises_no_more_than_was_proved() -> None:
     rate = float(re.search(r"e\^\(-(\S+) t\)", sentence)[1])
     assert rates["per_jump"] <= factor < rates["per_jump"] * (1 + 2e-5)
     assert rates["in_time"] * (1 - 2e-5) < rate <= rates["in_time"]
+
+
+@pytest.mark.parametrize(
+    "certificate",
+    [{"thetas": [0.5]}, {"thetas": [0.5], "multipliers": "no"}, {"thetas": [0.5], "multipliers": [[[None]]]},
+     {"thetas": [0.5], "multipliers": []}, {"multipliers": [[[1.0]]]}, [], None],
+)  # fmt: skip
+def test_a_dual_certificate_that_is_none_shows_nothing(certificate: Any) -> None:
+    problem = sampled_data_problem(1.87)
+    gains = obsdesign.design(problem).gains
+    results = claims(problem, gains, {"dwell_stability": {"no_common_P": certificate}})
+    stability = next(claim for claim in results if claim.id == "dwell_stability")
+    assert stability.verdict == "undecided"
+    assert "dual certificate" not in str(stability.evidence)
