@@ -133,10 +133,8 @@ class FreeStep:
         return w, estimate
 
 
-def _input_integral(state: UnknownInputState, t: float, y: Vector | None) -> Vector | None:
-    """Integral of [u; 1] since the last measurement; None where u was held all the time."""
-    if y is not None and state.u_integral is None:
-        return None
+def _input_integral(state: UnknownInputState, t: float) -> Vector:
+    """Integral of [u; 1] since the last measurement."""
     return state.u * (t - state.t) + (0.0 if state.u_integral is None else state.u_integral)
 
 
@@ -266,11 +264,11 @@ class UnknownInputObserver(PointObserver[UnknownInputState], Stepped[UnknownInpu
         if state.y is None or state.w is None:
             return self._first(state, t, y, u, why)
         h = t - state.t_measured
-        interval, u_integral = self._interval(state, h, t), _input_integral(state, t, y)
+        interval, u_integral = self._interval(state, h, t), None
+        if y is None or state.u_integral is not None:
+            u_integral = _input_integral(state, t)
         mean = state.u if u_integral is None else u_integral / h
-        # a copy: the sample's own array is the caller's
-        end = state.y if y is None else y.copy()
-        known = np.concatenate((state.w, state.y, end, mean))
+        known = np.concatenate((state.w, state.y, state.y if y is None else y, mean))
         w, x, d = self._estimates(interval, h, known)
         if y is None:
             estimate = Estimate(t, x=x, d=d * np.nan, status=why)
@@ -285,16 +283,18 @@ class UnknownInputObserver(PointObserver[UnknownInputState], Stepped[UnknownInpu
             status = status_of([status] if status != "ok" else [], x, d)
         if u is not state.u or not state.moderate:
             small &= math.hypot(*u.tolist()) < MODERATE
-        following = UnknownInputState(
-            t=t, t_measured=t, x=x, w=w, y=end, u=u, slope=slope, interval=interval, moderate=small
-        )
+        # y from `known`: the sample's own array is the caller's
+        start = len(w) + len(y)
+        y = known[start : start + len(y)]
+        # in the order of the fields: names would cost a tenth of the step
+        following = UnknownInputState(t, t, x, w, y, u, None, slope, interval, True, small)
         return following, Estimate(t, x=x, d=d, status=status)
 
     def _estimates(
         self, interval: Interval, h: float, known: Vector
     ) -> tuple[Vector, Vector, Vector]:
         """(w+, x, d) from [w; y_prev; y; U]; with `damped`, d without N Y'."""
-        k, q = self.gains.k, self.gains.q
+        k, q = self._sizes
         if interval.step is None:
             w, estimate = self._free.estimates(h, known)
         else:
@@ -357,6 +357,10 @@ class UnknownInputObserver(PointObserver[UnknownInputState], Stepped[UnknownInpu
     def _stacked(self, h: float) -> Vector:
         """The matrix of a step of length h."""
         return stacked(self.gains, h, self._damped)
+
+    @cached_property
+    def _sizes(self) -> tuple[int, int]:
+        return self.gains.k, self.gains.q
 
     @cached_property
     def _free(self) -> FreeStep:
