@@ -409,3 +409,11 @@ def test_gains_that_do_not_fit_each_other_are_refuted() -> None:
     assert (claim.id, claim.verdict) == ("consistent", "refuted")
     with pytest.raises(InputError, match=r"gains\.exponents times gains\.window must be below 300"):
         from_design(design)
+
+
+@pytest.mark.parametrize(("kind", "gain"), [("unknown_input", "F"), ("impulsive_input", "K")])
+def test_infinite_gains_do_not_run(kind: str, gain: str, tmp_path: Path) -> None:
+    body = json.loads(design_text(kind))
+    body["gains"][gain] = [["inf" for _ in row] for row in body["gains"][gain]]
+    with pytest.raises(InputError, match=rf"gains\.{gain} must be finite"):
+        obsdesign.runtime.load(signed(body, tmp_path))

@@ -215,6 +215,8 @@ def _sized(name: str, shape: _Shape, value: Any, sizes: dict[str, int]) -> Any:
         raise ValueError(f"{name} must have shape {expected} ({shape}); got shape {array.shape}.")
     if not shape.axes:
         return float(array)
+    if name != "gains.dwell_time" and not np.isfinite(array).all():
+        raise ValueError(f"{name} must be finite.")
     array.setflags(write=False)
     return array
 

@@ -24,7 +24,7 @@ def objections(guard: DwellGuard, instants: list[float]) -> list[str | None]:
 
 
 def test_a_change_beyond_the_jitter_is_said_and_the_next_one_is_judged_anew() -> None:
-    guard = DwellGuard.from_gains({"dwell_time": [0.5, 2.0], "dwell_jitter": 0.2})
+    guard = DwellGuard(0.5, 2.0, jitter=0.2)
     # dwell times 1, 1.2, 1.5, 1.4: only the third changes by more than 0.2
     assert objections(guard, [0.3, 1.3, 2.5, 4.0, 5.4]) == [
         None, None, None, "dwell time changed by 0.3, more than 0.2", None,
@@ -32,7 +32,7 @@ def test_a_change_beyond_the_jitter_is_said_and_the_next_one_is_judged_anew() ->
 
 
 def test_decimal_time_stamps_at_the_very_limit_are_no_objection() -> None:
-    guard = DwellGuard.from_gains({"dwell_time": [0.1, 0.4], "dwell_jitter": 0.1})
+    guard = DwellGuard(0.1, 0.4, jitter=0.1)
     instants, t = [], 0.0
     for k in range(200):
         t += 0.1 if k % 2 else 0.2
@@ -41,7 +41,7 @@ def test_decimal_time_stamps_at_the_very_limit_are_no_objection() -> None:
 
 
 def test_without_a_limit_any_change_inside_the_range_is_fine() -> None:
-    guard = DwellGuard.from_gains({"dwell_time": [0.5, 2.0]})
+    guard = DwellGuard(0.5, 2.0)
     assert objections(guard, [0.0, 0.5, 2.5, 3.0]) == [None] * 4
     assert objections(guard, [0.0, 0.4]) == [None, "dwell time 0.4 below 0.5"]
 

@@ -121,7 +121,7 @@ def test_no_positive_step_is_rounded_to_zero(part: float, size: float) -> None:
 
 
 def test_the_guard_is_as_sharp_as_stamps() -> None:
-    guard = DwellGuard.from_gains({"dwell_time": [4096.0, 8192.0]})
+    guard = DwellGuard(4096.0, 8192.0)
     guard, _ = guard.after(EPOCH, True)
     # two halves of an ulp, 256, are all that may be missing
     assert guard.after(EPOCH + 3840, True)[1] is None
@@ -133,7 +133,7 @@ def test_the_guard_is_as_sharp_as_stamps() -> None:
 def test_decimal_dwell_times_and_periods_are_no_objection_at_any_origin() -> None:
     for origin, step in ((1.7e18, 5000), (1.7e9, 1e-4), (0.0, 0.1)):
         assert time_tolerance(step, origin + step) < 0.2 * step
-        guard = DwellGuard.from_gains({"dwell_time": [step, step], "dwell_jitter": 0.0})
+        guard = DwellGuard(step, step, jitter=0.0)
         for k in range(300):
             guard, objection = guard.after(origin + k * step, True)
             assert objection is None

@@ -149,6 +149,9 @@ def empty_image(**more: Any) -> Body:
 def test_no_state_after_a_jump_is_no_witness(more: Body) -> None:
     assert verdict(empty_image()) == "proved"
     assert verdict(empty_image(**more)) == "undecided"
+    if "strategy" not in more:
+        single = {"flow__A": [[-1.3]], "jump__G": [[0]], "output__C": [[-0.3]]}
+        assert verdict(changed(empty_image(**more), **single)) == "undecided"
     # the twin: a jump that leaves one direction, and outputs that do not show it
     hidden = {"jump__G": [[1, 0], [0, 0]], "flow__A": [[1, 0], [0, 1]], "output__C": [[0, 1]]}
     assert verdict(changed(empty_image(**more), **hidden)) == "refuted"

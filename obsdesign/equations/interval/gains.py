@@ -41,6 +41,8 @@ class IntervalGains(PlantGains):
         needed = {"two_coordinates": ("S", "S2", "T"), "coordinates": ("S",)}.get(self.form, ())
         if self.G is not None and self.form != "two_coordinates":
             needed = (*needed, "Gp", "Gn")
+        if self.S2 is not None:
+            needed = (*needed, "T")
         for name in needed:
             if getattr(self, name) is None:
                 raise ValueError(f"gains.{name} is required by form {self.form!r}; it is missing.")

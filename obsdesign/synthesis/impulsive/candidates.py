@@ -10,6 +10,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
 
 from lmi.rank.full_rank import BOX_LIMIT
 from obsdesign.equations.impulsive.gains import STRATEGIES
@@ -43,6 +46,8 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
     for strategy in order:
         if strategy == "full":
             first = _full(problem, BOX_LIMIT if len(order) == 1 else _FEW_BOXES)
+            if chosen == "auto" and _leaves_no_state(problem):  # nothing to tell apart after it
+                first = replace(first, searched=True)
             yield first
         if strategy == "compressed":
             yield from _compressed(problem, chosen == "auto")
@@ -52,6 +57,11 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
             yield quadratic_candidate(problem)
     if len(order) > 1 and _ran_out_of_boxes(first):  # nothing weaker could be proved
         yield _full(problem, BOX_LIMIT)
+
+
+def _leaves_no_state(problem: Problem) -> bool:
+    assert problem.plant.jump is not None
+    return not np.any(problem.plant.jump.G)
 
 
 def _full(problem: Problem, limit: int) -> Candidate:

@@ -55,6 +55,7 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
             gains,
             _certificates(problem, F, M, rate),
             searched=open_gain and not _refuted_for_all_gains(problem, F, chosen, rate),
+            has_chosen_gains=open_gain,
         )
 
 

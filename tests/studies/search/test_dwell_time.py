@@ -239,3 +239,22 @@ def test_a_plant_at_rest_has_dwell_times_too(kind: str, what: str) -> None:
     given = {"kind": kind, "gains": {"L": [[0]], "M": [[0]]}}
     unmoved = obsdesign.Problem.from_dict({**resting, "observer": given})
     assert search(unmoved, what).result["proved"] != answer.result["proved"]
+
+
+def test_gains_refuted_for_an_endless_range_are_open_for_others() -> None:
+    """No M serves an endless range of a growing flow, and M = 1 serves every finite one."""
+    body: dict[str, Any] = {
+        "flow": {"A": [[0.5]]},
+        "jump": {"dwell_time": [0.1, "inf"]},
+        "output": {"C": [[1]]},
+        "observer": {"kind": "luenberger", "gains": {"L": [[0.2]]}},
+    }
+    answer = search(obsdesign.Problem.from_dict(body), "longest_dwell", 1e-3)
+    assert answer.result["not_proved_verdict"] != "refuted"
+    body["jump"] = {"dwell_time": [0.1, 2 * answer.result["proved"]]}
+    assert obsdesign.investigate(obsdesign.Problem.from_dict(body)).verdict == "proved"
+    # the twin: M of the file
+    body["jump"] = {"dwell_time": [0.1, "inf"]}
+    body["observer"]["gains"]["M"] = [[0.9]]
+    answer = search(obsdesign.Problem.from_dict(body), "longest_dwell", 1e-3)
+    assert answer.result["not_proved_verdict"] == "refuted"
