@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib
 import platform
-import sys
 import time
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass
@@ -29,7 +28,7 @@ from obsdesign.problem.kinds import KINDS
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.answers import as_answers, is_ended, reason, with_untried
 from obsdesign.verification.document import document_claim, sentences_from
-from obsdesign.version import __version__
+from obsdesign.version import __version__, version_of
 
 _Key = TypeVar("_Key", bound=Hashable)
 
@@ -238,30 +237,12 @@ def _document(problem: Problem, candidate: Any, claims: tuple[Claim, ...]) -> De
         warnings=sentences.warnings,
         provenance={
             "versions": {"obsdesign": __version__}
-            | {name: version(name) for name in ("numpy", "python-flint")}
+            | {name: version_of(name) for name in ("numpy", "python-flint")}
             | {"python": platform.python_version()},
-            "solver": {"name": "clarabel", "version": version("clarabel")},
+            "solver": {"name": "clarabel", "version": version_of("clarabel")},
             "options": {"label": candidate.label},
         },
     )
-
-
-# distribution -> the module that states its version; asking the module is faster than the installer
-_MODULES = {"numpy": "numpy", "python-flint": "flint", "clarabel": "clarabel"}
-
-
-def version(distribution: str) -> str:
-    """Version of a distribution as it runs here, or "not installed"."""
-    module = sys.modules.get(_MODULES.get(distribution, ""))
-    stated = getattr(module, "__version__", None)
-    if isinstance(stated, str):
-        return stated
-    from importlib import metadata  # slow to import
-
-    try:
-        return metadata.version(distribution)
-    except metadata.PackageNotFoundError:
-        return "not installed"
 
 
 def design(

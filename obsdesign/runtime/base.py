@@ -108,20 +108,38 @@ class Stepped(ABC, Generic[State]):
             yield estimate
 
 
-class Delayed(ABC, Generic[State]):
+class Deciding(Protocol):
+    """A state with the rows that the last sample, or block of samples, settled."""
+
+    @property
+    def decided(self) -> tuple[Estimate, ...]:
+        """These rows."""
+
+
+DecidingState = TypeVar("DecidingState", bound=Deciding)
+
+
+class Delayed(ABC, Generic[DecidingState]):
     """An observer whose rows are decided some samples later; a state holds them as `decided`."""
 
     @abstractmethod
-    def step(self, state: State, sample: Sample) -> tuple[State, Estimate]:
+    def step(self, state: DecidingState, sample: Sample) -> tuple[DecidingState, Estimate]:
         """The state after one sample, and a prediction at its time."""
 
     @abstractmethod
-    def block(self, state: State, samples: Sequence[Sample]) -> State:
+    def block(self, state: DecidingState, samples: Sequence[Sample]) -> DecidingState:
         """The state after several samples; its `decided` holds the rows they settled."""
 
     @abstractmethod
-    def finish(self, state: State) -> tuple[Estimate, ...]:
+    def finish(self, state: DecidingState) -> tuple[Estimate, ...]:
         """Rows that were not decided when the record ended."""
+
+    def run(self, state: DecidingState, samples: Iterable[Sample]) -> Iterator[Estimate]:
+        """One row per sample, each as soon as it is decided; the tail at the end."""
+        for sample in samples:
+            state, _ = self.step(state, sample)
+            yield from state.decided
+        yield from self.finish(state)
 
 
 @dataclass(frozen=True, slots=True)
@@ -197,6 +215,13 @@ def centred_measurement(y: ArrayLike | None, gains: Gains) -> Vector | None:
     """The measurement less the middle of the noise's bounds, or None when it is missing."""
     result = optional_measurement(y, gains.p)
     return None if result is None else centred(result, gains)
+
+
+def jump_input(gains: PlantGains, w: ArrayLike | None) -> Vector:
+    """E w (n,), zero without E or w; ValueError where w has another size than E has columns."""
+    if gains.E is None or w is None:
+        return np.zeros(gains.n)
+    return np.asarray(gains.E @ vector(w, gains.E.shape[1], "w"))
 
 
 def status_of(reasons: Sequence[str], *values: Vector) -> str:

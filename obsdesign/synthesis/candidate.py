@@ -19,7 +19,6 @@ class Candidate:
     does not refute other ones, unless its witness is marked (`verification.choices`).
     cost: value of the problem's objective, None where order decides. goes_on: the next
     candidate is tried even if this one, or one before it, is proved.
-    has_chosen_gains: synthesis chose gains, even if the range of the file refutes all of them.
     """
 
     label: str
@@ -28,7 +27,6 @@ class Candidate:
     searched: bool = False
     cost: float | None = None
     goes_on: bool = False
-    has_chosen_gains: bool = False
 
     def document(self) -> dict[str, Any]:
         """The gains as a design file states them, for verification."""

@@ -217,7 +217,7 @@ def test_exact_at_any_period(period: float, window: float, approximate: float | 
 def test_the_bias_is_half_a_sample() -> None:
     with precision(160):
         sampled = Sampled.from_plant(A, C, PERIOD, K)
-        E = middles(approximate_gain(sampled, L) @ sampled.rows()) - np.eye(2)
+        E = middles(approximate_gain(sampled, L) @ sampled.rows) - np.eye(2)
     expected = [[-1.78252347e-5, -3.77640625e-3], [3.72333851e-3, -5.96138451e-5]]
     assert np.abs(E - expected).max() < 1e-11
     assert np.linalg.norm(E, 2) == pytest.approx(0.00378384532, rel=RELATIVE)
@@ -234,7 +234,7 @@ def test_the_bias_is_half_a_sample() -> None:
 def test_bias_against_the_period(period: float, size: str) -> None:
     with precision(160):
         sampled = Sampled.from_plant(A, C, period, round(T / period))
-        E = middles(approximate_gain(sampled, L) @ sampled.rows()) - np.eye(2)
+        E = middles(approximate_gain(sampled, L) @ sampled.rows) - np.eye(2)
     mantissa, _, exponent = size.partition("e")
     unit = 10.0 ** (int(exponent or 0) - len(mantissa.partition(".")[2]))
     assert np.linalg.norm(E, 2) == pytest.approx(float(size), abs=0.51 * unit)

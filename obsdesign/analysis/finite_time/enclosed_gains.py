@@ -74,16 +74,9 @@ class Sampled:
         """A_d^-1."""
         return entries(exp_times(-self.A, self.period))
 
+    @cached_property
     def rows(self) -> Exact:
         """C A_d^(j-k), or C A_d^j, j = 0..k-1, (k p, n)."""
-        return self._rows
-
-    def last(self) -> Exact:
-        """x(t_i) as a function of the reference: I, or A_d^k."""
-        return self._last
-
-    @cached_property
-    def _rows(self) -> Exact:
         if self.reference == START:
             unit = entries(identity(len(self.A)))
             stack = stacked_rows(self.C @ unit, self.forward, self.k)
@@ -92,7 +85,8 @@ class Sampled:
         return stack.reshape(-1, len(self.A))
 
     @cached_property
-    def _last(self) -> Exact:
+    def last(self) -> Exact:
+        """x(t_i) as a function of the reference: I, or A_d^k."""
         if self.reference == START:
             return exponential(self.A, self.period, self.k)
         return entries(identity(len(self.A)))
@@ -145,14 +139,14 @@ def exact_matrix(sampled: Sampled, L: Any) -> tuple[Exact, Exact] | None:
     K_d = sampled.forward @ K
     P = sampled.forward + K_d @ sampled.C
     W = window_matrix(exact_terms(P, K_d / gain_scale(sampled, L), sampled.k))
-    return (W @ sampled.rows()).reshape(n, n), W
+    return (W @ sampled.rows).reshape(n, n), W
 
 
 def exact_gain(sampled: Sampled, L: Any) -> Exact | None:
     """Gains (n, k p) of (9) with (16); None if N may be singular, or is not known."""
     pair = exact_matrix(sampled, L)
     gain = None if pair is None else solve_entries(*pair)
-    return None if gain is None else sampled.last() @ gain
+    return None if gain is None else sampled.last @ gain
 
 
 def half_period(sampled: Sampled) -> Any:

@@ -42,7 +42,7 @@ _NEGLIGIBLE = 2.0**-50
 
 def bias(sampled: Sampled, gain: Any) -> tuple[Exact, Any]:
     """(n, n) G O - I, or G O - A_d^k, enclosed, and a ball of its size in `units`."""
-    error = exact(gain) @ sampled.rows() - sampled.last()
+    error = exact(gain) @ sampled.rows - sampled.last
     units = sampled.units()
     relative: list[Any] = list(((error * units) / units[:, None]).flat)
     return error, scalar(sum(x * x for x in relative)).sqrt()

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from obsdesign.equations.finite_time.rows import approx_determinacy, least_squares_gain
-from obsdesign.runtime.base import Vector, vector
+from obsdesign.runtime.base import Vector, jump_input
 from obsdesign.runtime.finite_time.constants import WindowConstants
 from obsdesign.runtime.finite_time.error_radius import window_length
 from obsdesign.runtime.finite_time.known_inputs import KnownInput
@@ -207,11 +207,7 @@ def jumped(
     gains = constants.gains
     if gains.G is None:
         raise ValueError("this plant has no jumps ([jump] is absent), but a sample says jump.")
-    forced = gains.jump_drift
-    if gains.E is not None:
-        inputs = gains.E.shape[1]
-        forced = forced + gains.E @ (np.zeros(inputs) if w is None else vector(w, inputs, "w"))
-    x = gains.G @ state.x + forced
+    x = gains.G @ state.x + (gains.jump_drift + jump_input(gains, w))
     return emptied(constants, state)._replace(x=x, bounds=_unbounded(constants.n, x))
 
 

@@ -32,6 +32,7 @@ from obsdesign.runtime.base import (
     Sample,
     Vector,
     centred_measurement,
+    jump_input,
     later,
     status_of,
     vector,
@@ -232,10 +233,7 @@ class ImpulsiveObserver(SteppedObserver[ImpulsiveState]):
 
     def _jump(self, x: Vector, y: Vector | None, w: ArrayLike | None, L: Any) -> Vector:
         gains = self.gains
-        after = gains.jump_matrix @ x + gains.jump_drift
-        if gains.E is not None:
-            inputs = gains.E.shape[1]
-            after = after + gains.E @ (np.zeros(inputs) if w is None else vector(w, inputs, "w"))
+        after = gains.jump_matrix @ x + gains.jump_drift + jump_input(gains, w)
         if y is None or L is None:
             return np.asarray(after)
         expected = gains.C @ (after if gains.jump_measurement == "after" else x)

@@ -8,7 +8,7 @@ sample's own time with the prediction so far; the rows that it settled are in `s
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
@@ -133,13 +133,6 @@ class ImpulsiveInputObserver(PointObserver[ImpulsiveInputState], Delayed[Impulsi
     def finish(self, state: ImpulsiveInputState) -> tuple[Estimate, ...]:
         """Rows that were not decided when the record ended, as far as they are known."""
         return self.engine.tail(state.live)
-
-    def run(self, state: ImpulsiveInputState, samples: Iterable[Sample]) -> Iterator[Estimate]:
-        """One row per sample, each as soon as it is decided; the tail at the end."""
-        for sample in samples:
-            state, _ = self.step(state, sample)
-            yield from state.decided
-        yield from self.finish(state)
 
     def run_batch(
         self,

@@ -26,6 +26,7 @@ from obsdesign.runtime.base import (
     Sample,
     Vector,
     centred_measurement,
+    jump_input,
     later,
     status_of,
     vector,
@@ -137,10 +138,7 @@ class LuenbergerObserver(SteppedObserver[LuenbergerState]):
         gains = self.gains
         if gains.G is None:
             raise ValueError("this plant has no jumps ([jump] is absent), but a sample says jump.")
-        after = gains.G @ x + gains.jump_drift
-        if gains.E is not None:
-            inputs = int(self.reads["w"])
-            after = after + gains.E @ (np.zeros(inputs) if w is None else vector(w, inputs, "w"))
+        after = gains.G @ x + gains.jump_drift + jump_input(gains, w)
         when = gains.jump_measurement
         if y is None or when == "none":
             return np.asarray(after)

@@ -9,7 +9,7 @@ differences between windows do not enter y'. Delay: lag samples.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, ClassVar
@@ -121,13 +121,6 @@ class FixedLagObserver(PointObserver[FixedLagState], Delayed[FixedLagState]):
     def finish(self, state: FixedLagState) -> tuple[Estimate, ...]:
         """Rows that were waiting when the record ended, smoothed with what there is after them."""
         return self._decided(state, 0).decided
-
-    def run(self, state: FixedLagState, samples: Iterable[Sample]) -> Iterator[Estimate]:
-        """One row per sample, each as soon as it is decided; the tail at the end."""
-        for sample in samples:
-            state, _ = self.step(state, sample)
-            yield from state.decided
-        yield from self.finish(state)
 
     def run_batch(
         self,

@@ -80,8 +80,6 @@ def attempts(problem: Problem, remarks: Sequence[Remark]) -> list[Attempt]:
     synthesis = workflow.layer("synthesis", problem.require_kind())
     tried = list[Attempt]()
     for candidate in synthesis.synthesize(problem):
-        # a witness against all gains is one for the range of the file, and others are searched
-        candidate = replace(candidate, searched=candidate.searched or candidate.has_chosen_gains)
         tried.append(_attempt(problem, candidate, remarks))
         if not candidate.goes_on and any(one.proves_range for one in tried):
             break

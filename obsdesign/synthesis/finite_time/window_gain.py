@@ -159,7 +159,7 @@ def _rows(task: WindowTask) -> tuple[Array, Array]:
     if task.is_relative_to_start:
         with precision(_BITS[1]):
             sampled = task.sampled()
-            return middles(sampled.rows()), middles(sampled.last())
+            return middles(sampled.rows), middles(sampled.last)
     rows = sample_rows(task.A, task.C, task.period, task.samples)
     wanted = last_state(task.A, task.samples * task.period, END)
     return rows.reshape(-1, len(task.A)), wanted

@@ -8,17 +8,12 @@ are tried in turn.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.balls import exact
 from lmi.decide.stability import decide
-from lmi.prove.hurwitz import prove_hurwitz
-from lmi.refute.spectral import refute_spectral
-from obsdesign.analysis.hidden_modes import hidden_growth, hidden_pair
 from obsdesign.equations.estimation_error import flow_error_matrix, jump_error_matrix
 from obsdesign.equations.luenberger.gains import LuenbergerGains
 from obsdesign.errors import InputError
@@ -54,27 +49,8 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
             label,
             gains,
             _certificates(problem, F, M, rate),
-            searched=open_gain and not _refuted_for_all_gains(problem, F, chosen, rate),
-            has_chosen_gains=open_gain,
+            searched=open_gain,
         )
-
-
-def _refuted_for_all_gains(problem: Problem, F: Any, chosen: bool, rate: float) -> bool:
-    """Whether a mode or a pair that no gain reaches refutes all gains; exactly."""
-    plant = problem.plant
-    A, C = plant.flow.A, plant.output.C
-    endless = plant.jump is None or math.isinf(problem.require_dwell_time()[1])
-    if endless and (hidden_growth(A, C, rate) if chosen else _grows(F, rate)):
-        return True
-    pair = None if plant.jump is None else hidden_pair(A, plant.jump.G, C)
-    if pair is None:
-        return False
-    shifted = pair[0] + exact(rate * np.eye(len(pair[0])))
-    return refute_spectral(shifted, pair[1], *problem.require_dwell_time()).outcome == "refuted"
-
-
-def _grows(F: Any, rate: float) -> bool:
-    return prove_hurwitz(F + rate * np.eye(len(F))).outcome == "refuted"
 
 
 def _flow_gains(problem: Problem, rate: float) -> Iterator[tuple[str, Any]]:

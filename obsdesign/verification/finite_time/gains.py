@@ -159,7 +159,7 @@ def _agreement(stored: Any, formula: Any) -> Verdict:
 def unbiased(sampled: Sampled, gains: FiniteTimeGains) -> Claim:
     """Claim that G O = I, or A_d^k, up to rounding, by exact numbers; with the amplification."""
     error, size = bias(sampled, gains.window_gain)
-    amplified = np.abs(exact(gains.window_gain)) @ np.abs(sampled.rows())
+    amplified = np.abs(exact(gains.window_gain)) @ np.abs(sampled.rows)
     amplification = float_above(max(sum(row) for row in amplified))
     limit = scalar(exact(UNBIASED).item())
     evidence = BiasEvidence(amplification, float_above(size), sampled.reference).to_evidence()

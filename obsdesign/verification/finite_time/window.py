@@ -65,7 +65,7 @@ def unobserved_modes_decay(sampled: Sampled, gains: FiniteTimeGains) -> bool:
         return False
     # large gains could recover a state from the rounding of its samples
     units = sampled.units()
-    amplification = np.abs(exact(gains.window_gain)) @ np.abs(sampled.rows())
+    amplification = np.abs(exact(gains.window_gain)) @ np.abs(sampled.rows)
     amplified: list[Any] = list((amplification * units / units[:, None]).flat)
     return all(bool(x <= scalar(exact(_MOST_AMPLIFIED).item())) for x in amplified)
 
@@ -169,7 +169,7 @@ def _row_rank(sampled: Sampled, k: int) -> Verdict:
     first: Verdict | None = None
     for reference in REFERENCES:
         window = replace(sampled, k=k, reference=reference)
-        scaled = window.rows() * window.units()
+        scaled = window.rows * window.units()
         units = [_power_of_two(sum(x * x for x in row)) for row in scaled]
         verdict = well_ranked(scaled * np.array(units, dtype=object)[:, None], SINGULAR)
         if verdict.outcome == "proved":

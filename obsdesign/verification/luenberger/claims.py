@@ -14,12 +14,15 @@ import numpy as np
 
 from lmi.arithmetic.balls import exact
 from lmi.prove.hurwitz import prove_hurwitz
+from lmi.refute.spectral import refute_spectral
 from lmi.verdict import overall
+from obsdesign.analysis.hidden_modes import hidden_growth, hidden_pair
 from obsdesign.document import Claim
 from obsdesign.equations.estimation_error import flow_error_matrix, idle_gains, jump_error_matrix
 from obsdesign.equations.gains import plant_data
 from obsdesign.equations.luenberger.gains import LuenbergerGains
 from obsdesign.problem.problem import Problem
+from obsdesign.verification.choices import mark_witness
 from obsdesign.verification.consistency import consistent_gains
 from obsdesign.verification.dwell import (
     Dwell,
@@ -58,7 +61,7 @@ def claims(
         claims.append(_hurwitz(F, "hurwitz", "there are no jumps"))
         if rate > 0:
             claims.append(_hurwitz(shifted, "decay_rate", f"the rate {rate!r} was asked for", rate))
-        return tuple(claims)
+        return _with_marked_witnesses(problem, shifted, claims)
     dwell = Dwell.from_problem(problem)
     if math.isinf(dwell.high):
         claims.append(_hurwitz(F, "hurwitz", "there is no longest dwell time"))
@@ -69,7 +72,33 @@ def claims(
     claims += rates_claim(F, H, dwell, certificates, PAPER)
     if rate > 0:
         claims.append(_decay(shifted, H, dwell, certificates, rate=rate, paranoid=paranoid))
-    return tuple(claims)
+    return _with_marked_witnesses(problem, shifted, claims)
+
+
+def _with_marked_witnesses(
+    problem: Problem, shifted: Any, claims: list[Claim]
+) -> tuple[Claim, ...]:
+    """The claims, their witnesses marked where a mode or a pair that no gain reaches refutes."""
+    is_refuted = any(claim.verdict == "refuted" for claim in claims)
+    if not (is_refuted and _is_refuted_for_all_gains(problem, shifted)):
+        return tuple(claims)
+    return tuple(mark_witness(claim) for claim in claims)
+
+
+def _is_refuted_for_all_gains(problem: Problem, shifted: Any) -> bool:
+    """Decide it exactly; shifted: A - L C + rate I for the L of the design."""
+    plant, options = problem.plant, problem.options
+    A, C, rate = plant.flow.A, plant.output.C, float(options.get("decay_rate", 0.0))
+    if plant.jump is None or math.isinf(problem.require_dwell_time()[1]):
+        given = {"L", "poles"} & {*problem.gains, *idle_gains(plant), *options}
+        grows = prove_hurwitz(shifted).outcome == "refuted" if given else hidden_growth(A, C, rate)
+        if grows:
+            return True
+    pair = None if plant.jump is None else hidden_pair(A, plant.jump.G, C)
+    if pair is None:
+        return False
+    flow = pair[0] + exact(rate * np.eye(len(pair[0])))
+    return refute_spectral(flow, pair[1], *problem.require_dwell_time()).outcome == "refuted"
 
 
 def dwell_pair(stored: Mapping[str, Any]) -> tuple[Any, Any]:
