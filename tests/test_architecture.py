@@ -74,7 +74,7 @@ def test_packages_live_where_they_belong(path: Path) -> None:
 
 
 LIGHT = (
-    "numpy", "lmi.arithmetic.exponential", "lmi.arithmetic.enclosure", "lmi.arithmetic.units",
+    "numpy", "lmi.arithmetic.exponential", "lmi.arithmetic.enclosure", "lmi.arithmetic.units", "lmi.arithmetic.arrays",
     "lmi.memory",
 )  # fmt: skip
 

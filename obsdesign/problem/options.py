@@ -1,6 +1,6 @@
 """Options of the [observer] block: one frozen dataclass per kind.
 
-None stands where the file has none.
+A field's default stands where the file has no such entry; None where the kind chooses.
 
 A field declares the JSON Schema of its entry. Values are those of `observer_options.options`:
 finite numbers, lists as tuples, read-only tables.
@@ -45,19 +45,22 @@ _WEIGHTS = (
 class IntervalOptions(Options):
     """Options of kind interval."""
 
-    form: str | None = option(
+    form: str = option(
         one_of("cooperative", "split", "coordinates", "two_coordinates", "auto"),
         "How positivity is reached; default auto: all in this order.",
+        default="auto",
     )
-    objective: str | None = option(
+    objective: str = option(
         one_of("feasible", "shortest_dwell", "narrowest"),
         "What missing gains are chosen for; default feasible.",
+        default="feasible",
     )
     gain_limit: float | None = option(POSITIVE, "Largest absolute entry of L and M.")
-    width: str | None = option(
+    width: str = option(
         one_of("mean", "pre_jump"),
         "Which width objective narrowest makes small: its time average (default), or the one just "
         "before jumps.",
+        default="mean",
     )
     width_weights: tuple[float, ...] | None = option(
         list_of(
@@ -66,7 +69,7 @@ class IntervalOptions(Options):
         "Weight of each state's width in objective narrowest; default all alike. Only their ratios "
         "matter.",
     )
-    memory: Memory | None = option(ref("memory"), _MEMORY, whole=True)
+    memory: Memory = option(ref("memory"), _MEMORY, whole=True, default="auto")
 
     def check(self, plant: Plant) -> None:
         """InputError unless there is a width weight per state, and one of them is not zero."""
@@ -80,11 +83,13 @@ class LuenbergerOptions(Options):
     """Options of kind luenberger."""
 
     poles: tuple[Pole, ...] | None = option(ref("poles"), _POLES)
-    decay_rate: float | None = option(
-        at_least(0, "a number >= 0"), "Exponential decay that is asked for, per unit of time."
+    decay_rate: float = option(
+        at_least(0, "a number >= 0"),
+        "Exponential decay that is asked for, per unit of time.",
+        default=0.0,
     )
     weights: Mapping[str, tuple[float, ...]] | None = option(ref("weights"), _WEIGHTS)
-    memory: Memory | None = option(ref("memory"), _MEMORY, whole=True)
+    memory: Memory = option(ref("memory"), _MEMORY, whole=True, default="auto")
     schedule: int | tuple[float, ...] | None = option(
         {
             "anyOf": [
@@ -121,13 +126,15 @@ class ImpulsiveOptions(Options):
         {"type": "number", "exclusiveMinimum": 1, "title": "a number > 1"},
         "Weight of the past; the error is guaranteed to shrink by 1/alpha per impulse.",
     )
-    strategy: str | None = option(
+    strategy: str = option(
         one_of("full", "compressed", "subspace", "quadratic", "auto"),
         "Which condition the gain rests on; default auto: all in this order.",
+        default="auto",
     )
-    decay_rate: float | None = option(
+    decay_rate: float = option(
         at_least(0, "a number >= 0"),
         "Exponential decay that is asked for, per unit of time; chooses alpha.",
+        default=0.0,
     )
     noise_target: tuple[float, ...] | None = option(
         POSITIVE_LIST,
@@ -147,16 +154,17 @@ class FiniteTimeOptions(Options):
     window: float | None = option(
         POSITIVE, "T: time after which the state is known; a multiple of output.period."
     )
-    method: str | None = option(
+    method: str = option(
         one_of("approximate", "exact", "least_squares", "minimax"),
         "How the state is computed from the window; default least_squares.",
+        default="least_squares",
     )
     objective: str | None = option(
         one_of("longest_period", "shortest_window", "least_noise"),
         "What is searched for among period, window and gains.",
     )
-    half_sample_correction: bool | None = option(
-        FLAG, "Method approximate: take off the half-sample delay of (14)."
+    half_sample_correction: bool = option(
+        FLAG, "Method approximate: take off the half-sample delay of (14).", default=False
     )
 
 
@@ -185,8 +193,10 @@ class ImpulsiveInputOptions(Options):
     operator: str | None = option(
         one_of("integral", "samples"), "Kernels as integrals, or as exact sums over few samples."
     )
-    check_exponents: bool | None = option(
-        FLAG, "Ask IPOPT whether other exponents of the same ratio are less sensitive to noise."
+    check_exponents: bool = option(
+        FLAG,
+        "Ask IPOPT whether other exponents of the same ratio are less sensitive to noise.",
+        default=False,
     )
     state_correction: bool | None = option(
         FLAG, "gls: correct the state with each impulse; default true."
@@ -195,7 +205,7 @@ class ImpulsiveInputOptions(Options):
         list_of(at_least(0, "a number >= 0"), "a list of numbers >= 0"),
         "gls: standard deviation of the initial state, one per state; default from the data.",
     )
-    nonnegative: bool | None = option(FLAG, "Weights of impulses are not negative.")
+    nonnegative: bool = option(FLAG, "Weights of impulses are not negative.", default=False)
     threshold: float | None = option(
         POSITIVE,
         "eta: an impulse is evaluated when the norm of the features exceeds it, instead of at a "
@@ -228,7 +238,7 @@ class UnknownInputOptions(Options):
         "How the output is differentiated. Default: fixed_lag where every output has a noise_std, "
         "else cell.",
     )
-    lag: int | None = option(
+    lag: int = option(
         {
             "type": "integer",
             "minimum": 1,
@@ -237,6 +247,7 @@ class UnknownInputOptions(Options):
         },
         "Delay of fixed_lag, in samples; default 10.",
         whole=True,
+        default=10,
     )
 
     def check(self, plant: Plant) -> None:
@@ -256,9 +267,7 @@ OPTIONS_OF: Mapping[str, type[Options]] = {
 
 def memory_of(options: Options) -> Memory:
     """Dwell times a certificate may look at; "auto" where the problem or its kind has none."""
-    if not isinstance(options, IntervalOptions | LuenbergerOptions) or options.memory is None:
-        return "auto"
-    return options.memory
+    return options.memory if isinstance(options, IntervalOptions | LuenbergerOptions) else "auto"
 
 
 def is_whole(kind: str | None, name: str) -> bool:

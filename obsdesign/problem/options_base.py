@@ -12,9 +12,11 @@ if TYPE_CHECKING:
     from obsdesign.problem.plant import Plant
 
 
-def option(fragment: Fragment, description: str, *, whole: bool = False) -> Any:
-    """Declare an option; whole: it counts something."""
-    return file_entry(fragment, description, default=None, whole=whole)
+def option(
+    fragment: Fragment, description: str, *, default: Any = None, whole: bool = False
+) -> Any:
+    """Declare an option; default: where the file has none; whole: it counts something."""
+    return file_entry(fragment, description, default=default, whole=whole)
 
 
 class Options(Mapping[str, Any]):
@@ -23,9 +25,9 @@ class Options(Mapping[str, Any]):
     _stated: tuple[str, ...]
 
     def __post_init__(self) -> None:
-        names = (declared.name for declared in fields(self))  # type: ignore[arg-type]
-        given = tuple(name for name in names if getattr(self, name) is not None)
-        object.__setattr__(self, "_stated", given)
+        declared = fields(self)  # type: ignore[arg-type]
+        stated = tuple(one.name for one in declared if getattr(self, one.name) != one.default)
+        object.__setattr__(self, "_stated", stated)
 
     @classmethod
     def from_entries(cls, entries: Mapping[str, Any]) -> Self:
@@ -33,6 +35,10 @@ class Options(Mapping[str, Any]):
         options = cls(**entries)
         object.__setattr__(options, "_stated", tuple(entries))
         return options
+
+    def is_stated(self, name: str) -> bool:
+        """Does the problem itself state this option?"""
+        return name in self._stated
 
     def check(self, plant: Plant) -> None:
         """InputError for options that do not fit the plant or each other."""

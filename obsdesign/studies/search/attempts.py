@@ -120,7 +120,7 @@ def _bracket(problem: Problem, attempt: Attempt, shortest: bool, accuracy: float
     F, H = workflow.layer("verification", problem.require_kind()).dwell_pair(attempt.gains)
     # a required decay rate has to hold over the whole range
     options = problem.options
-    rate = (options.decay_rate or 0.0) if isinstance(options, LuenbergerOptions) else 0.0
+    rate = options.decay_rate if isinstance(options, LuenbergerOptions) else 0.0
     F = F + exact(rate * np.eye(problem.plant.n))
     jump = problem.plant.jump
     find, kept = (shortest_dwell, high) if shortest else (longest_dwell, low)
