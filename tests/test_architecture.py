@@ -75,7 +75,7 @@ def test_packages_live_where_they_belong(path: Path) -> None:
 
 LIGHT = (
     "numpy", "lmi.arithmetic.exponential", "lmi.arithmetic.enclosure", "lmi.arithmetic.units", "lmi.arithmetic.arrays",
-    "lmi.memory",
+    "lmi.arithmetic.spectrum", "lmi.memory",
 )  # fmt: skip
 
 

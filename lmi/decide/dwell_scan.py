@@ -12,9 +12,9 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.balls import Exact, to_float
+from lmi.arithmetic.spectrum import spectral_radii
 from lmi.families import Edge, horizon
 from lmi.prove.hurwitz import prove_hurwitz
-from lmi.refute.spectral import spectral_radii
 
 _SUBDIVISIONS, _REFINEMENTS = 33, 9
 # a flow that does not decay may allow every finite dwell time: the look ends after this many

@@ -17,6 +17,7 @@ import numpy as np
 from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.balls import Exact, to_float
 from lmi.arithmetic.exponential import expm
+from lmi.arithmetic.spectrum import spectral_radii
 from lmi.memory import require_memory
 
 # columns of a stack at the centre that are this close to dependent give no coordinates
@@ -135,8 +136,7 @@ def _long_run(stack: Stack, places: Matrix) -> Matrix:
     """Powers of two like rho^j for the rows of block j, rho the spectral radius of one step."""
     F = to_float(stack.F) - stack.growth * np.eye(len(stack.F))
     steps = expm(F * places[:, None, None]) @ to_float(stack.H)
-    usable = np.where(np.isfinite(steps).all(axis=(1, 2), keepdims=True), steps, 0.0)
-    radii = np.abs(np.linalg.eigvals(usable)).max(axis=-1)
+    radii = spectral_radii(steps)
     exponents = np.round(np.log2(np.where(radii > _NO_STEP, radii, 1.0)))
     blocks = np.repeat(np.arange(stack.blocks), len(stack.C))
     sizes: Matrix = np.exp2(exponents[:, None, None] * blocks[:, None])

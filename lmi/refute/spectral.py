@@ -38,6 +38,7 @@ from lmi.arithmetic.balls import (
     to_float,
 )
 from lmi.arithmetic.exponential import expm
+from lmi.arithmetic.spectrum import spectral_radii, spectral_radius
 from lmi.families import Edge
 from lmi.prove.hurwitz import exactly_schur, schur
 from lmi.verdict import Verdict, proved, refuted, undecided
@@ -111,7 +112,7 @@ def refute_spectral(
         return refuted({"theta": float(low), "spectral_radius": 1.0, **fixed,
                         "reason": reason, "method": "exact invariant vector"})  # fmt: skip
     if low == 0 and not exactly_schur(H_exact):
-        radius = max(1.0, float(spectral_radii(to_float(H_exact))))  # floats that overflow give 1
+        radius = max(1.0, spectral_radius(to_float(H_exact)))  # floats that overflow give 1
         reason = f"at dwell time 0 the jump alone has spectral radius {radius:.9g} >= 1"
         return refuted({"theta": 0.0, "spectral_radius": radius, "reason": reason,
                         "method": "exact Schur test"})  # fmt: skip
@@ -184,18 +185,11 @@ def _worst_thetas(
         inner = np.flatnonzero((radii[1:-1] >= radii[:-2]) & (radii[1:-1] >= radii[2:])) + 1
         best = sorted(inner, key=lambda k: -radii[k])[:_TRIED]
         chosen = [low, last, *(theta for theta in seeds if low <= theta <= high)]
-        pairs = [(theta, float(spectral_radii(expm(F * theta) @ H))) for theta in chosen]
+        pairs = [(theta, spectral_radius(expm(F * theta) @ H)) for theta in chosen]
         for k in best:
             pairs.append(_refined(F, H, float(thetas[k - 1]), float(thetas[k + 1])))
     finite = [(theta, radius) for theta, radius in pairs if math.isfinite(radius)]
     return sorted(finite, key=lambda entry: -entry[1])
-
-
-def spectral_radii(M: Matrix) -> Matrix:
-    """Of each M of (..., n, n), in floats; NaN where it is not finite."""
-    finite = np.asarray(np.isfinite(M).all(axis=(-2, -1), keepdims=True))
-    radii = np.abs(np.linalg.eigvals(np.where(finite, M, 0.0))).max(axis=-1, initial=0.0)
-    return np.where(finite[..., 0, 0], radii, np.nan)
 
 
 def _refined(F: Matrix, H: Matrix, left: float, right: float) -> tuple[float, float]:
@@ -221,7 +215,7 @@ def refute_word(F: ArrayLike, H: ArrayLike, thetas: Sequence[float]) -> Verdict:
         product = np.eye(len(F_exact))
         for M in Edge(to_float(F_exact), to_float(H_exact), 0.0, 0.0).maps(thetas):
             product = M @ product
-        radius = float(spectral_radii(product))
+        radius = spectral_radius(product)
     inside, method, _ = _settled(F_exact, H_exact, *thetas)
     if inside is False:
         radius = max(radius, 1.0)

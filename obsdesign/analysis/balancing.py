@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Matrix = NDArray[np.float64]
+from lmi.arithmetic.arrays import Matrix
 
 # rounds of least squares in which entries far from all others lose weight
 _REWEIGHTED = 8

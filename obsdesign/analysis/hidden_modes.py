@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lmi.arithmetic.balls import exact, row_echelon, surely_observable
+from lmi.arithmetic.arrays import Array, Matrix
+from lmi.arithmetic.balls import Exact, exact, row_echelon, surely_observable
 from lmi.prove.hurwitz import prove_hurwitz
 from lmi.refute.spectral import refute_spectral
-
-Matrix = NDArray[np.float64]
 
 # A mode counts as unobservable when [A - s I; C] is this close to losing rank, relative to its size
 RANK_TOLERANCE = 1e-10
@@ -49,37 +47,45 @@ def hidden_growth(A: Matrix, C: Matrix, rate: float = 0.0) -> bool:
     In rational arithmetic: the unobservable subspace of (A, C), and Routh's test on A + rate I
     restricted to it. No gain L moves such a mode of A - L C.
     """
-    hidden = hidden_flow(A, C)
+    hidden = hidden_part([A], C)
     if hidden is None:
         return False
-    return prove_hurwitz(hidden + exact(rate * np.eye(len(hidden)))).outcome == "refuted"
+    flow = hidden.maps[0]
+    return prove_hurwitz(flow + exact(rate * np.eye(len(flow)))).outcome == "refuted"
 
 
-def hidden_pair(A: Any, G: Any, C: Any) -> tuple[Any, Any] | None:
-    """(A, G) restricted to the unobservable subspace along flow and jumps; exact.
+@dataclass(frozen=True)
+class HiddenPart:
+    """The unobservable subspace of some maps, and the maps restricted to it.
 
-    No gain L or M reaches the error there, so that its stability is the plant's own. None if the
-    subspace is zero.
+    basis (n, h); maps (h, h). No gain reaches the error there, so that its stability is the plant's own.
     """
-    maps = [exact(A), exact(G)]
-    rows = exact(C)
-    if surely_observable(maps[0], rows):
+
+    basis: Exact
+    maps: tuple[Exact, ...]
+
+
+def hidden_part(maps: Sequence[Array], C: Array) -> HiddenPart | None:
+    """The largest subspace in the null space of C that all maps leave invariant; None if zero.
+
+    Exact; maps (n, n), C (p, n): floats or exact rationals.
+    """
+    exact_maps, rows = [exact(X) for X in maps], exact(C)
+    if surely_observable(exact_maps[0], rows):
         return None
-    hidden, free = nullspace(rows)
+    basis, free = nullspace(rows)
     while free:
-        further = [rows @ X for X in maps]
-        stacked = np.vstack([rows, *further])
-        smaller, fewer = nullspace(stacked)
-        if len(fewer) == len(free):
-            flow, jump = ((X @ hidden)[free] for X in maps)
-            return flow, jump
-        rows, hidden, free = stacked, smaller, fewer
+        images = [X @ basis for X in exact_maps]
+        inside, inner = nullspace(np.vstack([X - basis @ X[free] for X in images]))
+        if len(inner) == len(free):
+            return HiddenPart(basis, tuple(X[free] for X in images))
+        basis, free = basis @ inside, [free[i] for i in inner]
     return None
 
 
 def not_detectable(
-    A: Any, G: Any | None, C: Any, ends: tuple[float, float]
-) -> dict[str, Any] | None:
+    A: Matrix, G: Matrix | None, C: Matrix, ends: tuple[float, float]
+) -> dict[str, object] | None:
     """Witness that (A, G, C) is not detectable over the dwell times; None if detectable.
 
     G: None without jumps; ends: shortest and longest dwell time. The reason, and its witness.
@@ -88,14 +94,15 @@ def not_detectable(
         ending = "there are no jumps" if G is None else "there is no longest dwell time"
         reason = f"no observer exists: an unobservable mode of flow.A does not decay, and {ending}"
         return {"reason": reason}
-    pair = None if G is None else hidden_pair(A, G, C)
-    if pair is None:
+    hidden = None if G is None else hidden_part([A, G], C)
+    if hidden is None:
         return None
-    verdict = refute_spectral(*pair, *ends)
+    flow, jump = hidden.maps
+    verdict = refute_spectral(flow, jump, *ends)
     if verdict.outcome != "refuted":
         return None
     witness = dict(verdict.evidence["witness"])
-    part = "a direction" if len(pair[0]) == 1 else f"a {len(pair[0])}-dimensional part"
+    part = "a direction" if len(flow) == 1 else f"a {len(flow)}-dimensional part"
     reason = (
         f"no observer exists: {part} of the state that no output ever sees, along flow and "
         f"jumps, does not shrink: {witness['reason']}"
@@ -127,31 +134,7 @@ def nearly_undetectable(A: Matrix, C: Matrix) -> str | None:
     )
 
 
-def hidden_flow(A: Any, C: Any) -> Any | None:
-    """A restricted to the unobservable subspace; exact. None if that is zero.
-
-    A, C: floats or exact rationals. Its modes are the unobservable ones.
-    """
-    hidden = hidden_subspace(A, C)
-    return None if hidden is None else hidden[0]
-
-
-def hidden_subspace(A: Any, C: Any) -> tuple[Any, Any] | None:
-    """(`hidden_flow`, basis (n, h) of the subspace in whose coordinates it stands); exact."""
-    flow, rows = exact(A), exact(C)
-    if surely_observable(flow, rows):
-        return None
-    hidden, free = nullspace(rows)
-    while free:
-        image = flow @ hidden
-        inside, inner = nullspace(image - hidden @ image[free])
-        if len(inner) == len(free):
-            return image[free], hidden
-        hidden, free = hidden @ inside, [free[i] for i in inner]
-    return None
-
-
-def nullspace(rows: Any) -> tuple[Any, list[int]]:
+def nullspace(rows: Exact) -> tuple[Exact, list[int]]:
     """Basis of {v: rows v = 0} as columns, the identity at the free columns; exact rationals."""
     table, rank = row_echelon(rows)
     leading = [int(np.flatnonzero(table[i] != 0)[0]) for i in range(rank)]

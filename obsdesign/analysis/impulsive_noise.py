@@ -9,18 +9,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.exponential import expm
 from obsdesign.equations.estimation_error import seen_before_jump
 from obsdesign.equations.impulsive.formulas import Core, window_gains
 from obsdesign.equations.impulsive.gains import ImpulsiveGains
 from obsdesign.problem.problem import Problem
-
-Matrix = NDArray[np.float64]
 
 _SEQUENCES, _IMPULSES, _SEED = 48, 80, 20092
 
@@ -93,7 +90,7 @@ def noise_of(problem: Problem) -> Matrix:
     return np.array(given) if np.any(given) else np.ones(problem.plant.p)
 
 
-def estimate(problem: Problem, gains: ImpulsiveGains) -> dict[str, Any]:
+def estimate(problem: Problem, gains: ImpulsiveGains) -> dict[str, object]:
     """The estimate as evidence of a design: convergence per impulse, and errors from noise."""
     noise = noise_of(problem)
     estimated = simulated(gains, noise)
@@ -105,7 +102,7 @@ def estimate(problem: Problem, gains: ImpulsiveGains) -> dict[str, Any]:
     }
 
 
-def missed_target(problem: Problem, gains: ImpulsiveGains) -> dict[str, Any]:
+def missed_target(problem: Problem, gains: ImpulsiveGains) -> dict[str, object]:
     """Evidence that a design misses its noise target: the reason, and the numbers."""
     reached = simulated(gains, noise_of(problem)).std
     shown = ", ".join(f"{value:.4g}" for value in reached)

@@ -14,13 +14,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.balls import Exact, ball, certify_positive_definite, exact, precision, to_float
 from lmi.prove.hurwitz import prove_hurwitz
 from lmi.verdict import Verdict, proved, refuted, undecided
-from obsdesign.analysis.hidden_modes import approx_unobservable_modes, hidden_subspace, nullspace
+from obsdesign.analysis.hidden_modes import (
+    HiddenPart,
+    approx_unobservable_modes,
+    hidden_part,
+    nullspace,
+)
 from obsdesign.equations.unknown_input import formulas as equations
-
-Matrix = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -39,7 +43,7 @@ class NearZero:
         """That of the evidence of `zeros_decay`, if there is one."""
         return cls(**evidence["nearly"]) if "nearly" in evidence else None
 
-    def to_evidence(self) -> dict[str, Any]:
+    def to_evidence(self) -> dict[str, object]:
         """As it stands in the evidence of `zeros_decay`."""
         return {"nearly": asdict(self)}
 
@@ -85,11 +89,10 @@ def _even_sizes(terms: Exact) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     table = np.zeros((p * q, p + q))
     table[np.arange(p * q), np.repeat(np.arange(p), q)] = 1.0
     table[np.arange(p * q), p + np.tile(np.arange(q), p)] = 1.0
-    values: list[Any] = list(terms.flat)
-    positive = [k for k, value in enumerate(values) if value != 0]
-    if not positive:
+    positive = np.flatnonzero(terms != 0)
+    if not len(positive):
         return np.zeros(p, np.int64), np.zeros(q, np.int64)
-    bits = [int(v.p).bit_length() - int(v.q).bit_length() for v in values if v != 0]
+    bits = [int(v.p).bit_length() - int(v.q).bit_length() for v in terms.ravel().tolist() if v]
     logarithms = np.linalg.lstsq(table[positive], np.array(bits, dtype=np.float64), rcond=None)[0]
     sizes = np.round(logarithms).astype(np.int64)
     return sizes[:p], sizes[p:]
@@ -104,7 +107,7 @@ def _powers(exponents: NDArray[np.int64]) -> Exact:
     return values
 
 
-def _hidden_input(C: Matrix, D: Matrix, v: Matrix, rank: int, left: float) -> dict[str, Any]:
+def _hidden_input(C: Matrix, D: Matrix, v: Matrix, rank: int, left: float) -> dict[str, object]:
     """Witness: d = v changes y' by no more than rounding, and the reason.
 
     left: the largest part of |C| |D| that C D leaves of any input.
@@ -127,40 +130,32 @@ def _hidden_input(C: Matrix, D: Matrix, v: Matrix, rank: int, left: float) -> di
     return {"input": v.tolist(), "rank": rank, "reason": reason}
 
 
-def zero_flow(A: Matrix, C: Matrix, D: Matrix) -> Exact | None:
-    """Exact matrix whose eigenvalues are the invariant zeros; None if there are none.
+def zero_part(A: Matrix, C: Matrix, D: Matrix) -> HiddenPart | None:
+    """States that d keeps out of the output, and their flow; exact, None if there are none.
 
-    C D must have full column rank: then they are the unobservable modes of the flow that keeps
-    y' = 0.
+    C D must have full column rank: then the invariant zeros are the modes of this flow.
     """
-    hidden = _hidden(A, C, D)
-    return None if hidden is None else hidden[0]
-
-
-def hidden_states(A: Matrix, C: Matrix, D: Matrix) -> Matrix:
-    """Basis (n, h), rounded, of the states of the h zeros: d keeps them out of the output."""
-    hidden = _hidden(A, C, D)
-    return np.zeros((len(A), 0)) if hidden is None else to_float(hidden[1])
-
-
-def _hidden(A: Matrix, C: Matrix, D: Matrix) -> tuple[Exact, Exact] | None:
-    numbers = exact(A), exact(C), exact(D)
-    CD = numbers[1] @ numbers[2]
+    flow, rows, inputs = exact(A), exact(C), exact(D)
+    CD = rows @ inputs
     # N = (CD' CD)^-1 CD': solutions of [CD' CD, -CD'] [N; I] = 0
     solutions, _ = nullspace(np.hstack([CD.T @ CD, -CD.T]))
-    flow = equations.zero_dynamics(*numbers, solutions[: D.shape[1]])
-    hidden: tuple[Exact, Exact] | None = hidden_subspace(flow, numbers[1])
-    return hidden
+    return hidden_part([equations.zero_dynamics(flow, rows, inputs, solutions[: D.shape[1]])], rows)
+
+
+def zero_states(A: Matrix, C: Matrix, D: Matrix) -> Matrix:
+    """Basis (n, h), rounded, of the states of the h zeros: d keeps them out of the output."""
+    hidden = zero_part(A, C, D)
+    return np.zeros((len(A), 0)) if hidden is None else to_float(hidden.basis)
 
 
 def zeros_decay(A: Matrix, C: Matrix, D: Matrix) -> Verdict:
     """Decide whether all invariant zeros have negative real parts; C D must have full rank."""
-    restricted = zero_flow(A, C, D)
-    if restricted is None:
+    hidden = zero_part(A, C, D)
+    if hidden is None:
         return proved(zeros=[], **_nearly(A, C, D))
-    approx = _eigenvalues(to_float(restricted))
+    approx = _eigenvalues(to_float(hidden.maps[0]))
     zeros = [[z.real, abs(z.imag)] for z in sorted(approx, key=lambda z: -z.real) if z.imag >= 0]
-    verdict = prove_hurwitz(restricted)
+    verdict = prove_hurwitz(hidden.maps[0])
     if verdict.outcome == "proved":
         return proved(zeros=zeros, method=verdict.evidence["method"], **_nearly(A, C, D))
     mode = verdict.evidence["witness"]["eigenvalue"]
@@ -172,7 +167,7 @@ def zeros_decay(A: Matrix, C: Matrix, D: Matrix) -> Verdict:
     return refuted({"zero": mode, "zeros": zeros, "reason": reason})
 
 
-def _nearly(A: Matrix, C: Matrix, D: Matrix) -> dict[str, Any]:
+def _nearly(A: Matrix, C: Matrix, D: Matrix) -> dict[str, object]:
     """A mode with Re s >= 0 that is a zero up to rounding, though not exactly; {} if none."""
     from scipy.linalg import matrix_balance
 

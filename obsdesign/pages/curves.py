@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from lmi.arithmetic.balls import exact
 from lmi.arithmetic.exponential import absolute_flow, expm
+from lmi.arithmetic.spectrum import spectral_radii
 from lmi.rank.stack import Stack, approx_margin, coordinates
 from obsdesign.document import Design
 from obsdesign.equations.estimation_error import (
@@ -92,7 +93,7 @@ def _growth_from_sample_to_sample(system: WidthSystem, period: float) -> Curve:
         "time between samples",
         "factor per sample",
         theta,
-        {"constant time between samples": _spectral_radii(maps)},
+        {"constant time between samples": spectral_radii(np.nan_to_num(maps))},
         "Below 1 it shrinks from each sample to the next; the design is for the marked one.",
         1.0,
         (period, period),
@@ -129,7 +130,7 @@ def _growth(
     series = {}
     for k, H in enumerate(all_H):
         name = "constant dwell time" + (f", gain {k + 1}" if len(all_H) > 1 else "")
-        series[name] = _spectral_radii(flows @ H)
+        series[name] = spectral_radii(np.nan_to_num(flows @ H))
     P = evidence.get("dwell_stability", {}).get("P")
     if P is not None and len(all_H) == 1:
         root = np.linalg.cholesky(np.asarray(P)).T
@@ -149,12 +150,6 @@ def _growth(
         1.0,
         (low, min(high, float(theta[-1]))),
     )
-
-
-def _spectral_radii(maps: Array) -> Array:
-    """Of each matrix of a stack."""
-    radii: Array = np.abs(np.linalg.eigvals(np.nan_to_num(maps))).max(axis=1)
-    return radii
 
 
 def _around(low: float, high: float) -> Array:

@@ -17,8 +17,8 @@ import pytest
 
 import obsdesign
 from obsdesign.analysis.invariant_zeros import shows_every_input, zeros_decay
-from obsdesign.equations.unknown_input import block_pulse
 from obsdesign.runtime import from_design
+from tests.papers import block_pulse
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 H, M = 0.1, 100

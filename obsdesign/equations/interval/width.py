@@ -27,6 +27,7 @@ from typing import Any
 import numpy as np
 
 from lmi.arithmetic.exponential import expm
+from lmi.arithmetic.spectrum import spectral_radius
 from obsdesign.equations.estimation_error import jump_disturbance_matrix
 from obsdesign.equations.gains import Array
 from obsdesign.equations.interval.gains import IntervalGains
@@ -193,7 +194,7 @@ def periodic_width(
     blocks = np.block([[W, identity, zero], [zero, zero, identity], [zero, zero, zero]])
     flow, once, twice = np.hsplit(expm(blocks * dwell)[:n], 3)
     cycle = flow @ N
-    if max(abs(np.linalg.eigvals(cycle))) >= 1:
+    if not spectral_radius(cycle) < 1:
         raise ValueError(f"the width does not settle at dwell time {dwell:g}")
     before = np.linalg.solve(identity - cycle, flow @ h + once @ f)
     after = N @ before + h

@@ -24,7 +24,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from obsdesign.equations.gains import Array
+from lmi.arithmetic.arrays import Array
 
 # relative room at the borders of a schedule; the runtime allows itself less
 BORDER = 4e-9
@@ -44,6 +44,11 @@ def post_jump_inequality(
     same = np.broadcast_to(P, flows.shape)
     earlier = same if before is None else np.broadcast_to(before, flows.shape)
     return np.block([[earlier, np.swapaxes(image, -1, -2)], [image, same]])
+
+
+def cell_count(schedule: int | Sequence[float]) -> int:
+    """Number of cells of a schedule, which is that number or the borders between cells."""
+    return schedule if isinstance(schedule, int) else len(schedule) + 1
 
 
 def schedule_cells(

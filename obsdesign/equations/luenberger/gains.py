@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from obsdesign.equations.gains import Array, PlantGains, matrix
+from lmi.arithmetic.arrays import Array
+from obsdesign.equations.gains import PlantGains, matrix
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -2,7 +2,7 @@
 
     zeta' = F zeta + Gu [u; 1] + H y                        reduced state, zeta -> T x     (28)
     xhat  = X zeta + Xy y                                                                 (31)
-    dhat  = Q zeta + R y + S [u; 1] + N y'                  y': `equations.block_pulse`    (33)
+    dhat  = Q zeta + R y + S [u; 1] + N y'                  y' is approximated      (32), (33)
 
 Source: P. Ahn, Unknown inputs observer design via block pulse functions, Trans. Control,
 Automation and Systems Engineering 4 (2002), (16)-(33); existence corrected (docs/papers.md). With
@@ -34,7 +34,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from obsdesign.equations.gains import Array
+from lmi.arithmetic.arrays import Array
 
 # C D counts as rank deficient if it shortens a direction below this part of |C| |D|
 RANK_MARGIN = 1e-9

@@ -10,7 +10,8 @@ from typing import Any, Self
 
 import numpy as np
 
-from obsdesign.equations.gains import Array, Gains, count, matrix, word
+from lmi.arithmetic.arrays import Array
+from obsdesign.equations.gains import Gains, count, matrix, word
 
 DIFFERENTIATORS = ("cell", "damped", "batch", "fixed_lag")
 # they smooth to the noise, so that its deviation is required

@@ -1,4 +1,4 @@
-"""Options of the unknown-input observer that synthesis and verification read the same way."""
+"""Choices of the unknown-input observer that synthesis and verification make the same way."""
 
 from __future__ import annotations
 
@@ -6,35 +6,30 @@ from typing import Any
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Matrix
 from obsdesign.equations.unknown_input.gains import SMOOTHING
 
-# samples that `fixed_lag` waits for: with windows of three lags about as good as `batch`
-LAG = 10
+# why the observer cannot serve a plant with jumps
+REASON_AGAINST_JUMPS = (
+    "[jump] must be absent for kind 'unknown_input': its equations hold between jumps "
+    "only. Drop [jump], or choose kind luenberger and bound d as flow.disturbance."
+)
 
 
-def reason_against_plant(plant: Any) -> str | None:
-    """Return why the observer cannot serve a plant at all, or None; one sentence."""
-    if plant.jump is not None:
-        return (
-            "[jump] must be absent for kind 'unknown_input': its equations hold between jumps "
-            "only. Drop [jump], or choose kind luenberger and bound d as flow.disturbance."
-        )
-    return None
+def differentiator(stated: str | None, noise_std: Matrix) -> str:
+    """Return the stated differentiator, else `fixed_lag` where all outputs have noise or `cell`."""
+    return stated or ("fixed_lag" if np.all(noise_std > 0) else "cell")
 
 
-def differentiator(problem: Any) -> str:
-    """Return the differentiator: `fixed_lag` where all outputs have noise, else `cell`."""
-    noisy = bool(np.all(problem.plant.output.noise_std > 0))
-    return str(problem.options.get("differentiator", "fixed_lag" if noisy else "cell"))
-
-
-def differentiation(problem: Any, differentiator: str) -> dict[str, Any]:
+def differentiation(
+    name: str, noise_std: Matrix, noise_centre: Matrix | None, lag: int
+) -> dict[str, Any]:
     """A differentiator as a design stores it: its name, its entries about the noise, its lag."""
-    stored: dict[str, Any] = {"differentiator": differentiator}
-    if differentiator in SMOOTHING:
-        stored["noise_std"] = problem.plant.output.noise_std
-    if problem.plant.output.noise_centre is not None:
-        stored["noise_centre"] = problem.plant.output.noise_centre
-    if differentiator == "fixed_lag":
-        stored["lag"] = problem.options.get("lag", LAG)
+    stored: dict[str, Any] = {"differentiator": name}
+    if name in SMOOTHING:
+        stored["noise_std"] = noise_std
+    if noise_centre is not None:
+        stored["noise_centre"] = noise_centre
+    if name == "fixed_lag":
+        stored["lag"] = lag
     return stored

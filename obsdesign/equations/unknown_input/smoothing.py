@@ -3,7 +3,7 @@
     minimise  |third derivative of f|^2   subject to   sum_i (f_i - y_i)^2 <= allowance(N) s^2
 
 which is min |D2 g|^2 under the same bound on |P g + f(0) - y| for the averages g of f' over equal
-cells (`equations.block_pulse`), with f(0) free. The only number it needs is the standard deviation
+cells, with f(0) free. The only number it needs is the standard deviation
 s of the noise. Its minimiser is f = (I + lam A'A)^-1 y for the lam >= 0 that makes the constraint
 an equality (Morozov's principle), so that one SVD and a scalar equation solve it.
 """
@@ -11,9 +11,8 @@ an equality (Morozov's principle), so that one SVD and a scalar equation solve i
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from lmi.arithmetic.arrays import Matrix
 
 # records are smoothed in windows of this many nodes, half overlapping, which fade into each other
 WINDOW = 200
@@ -24,7 +23,7 @@ _NOISIER = 1.1
 _BISECTIONS = 100
 
 
-def smoothed(t: Array, y: Array, deviation: Array) -> Array:
+def smoothed(t: Matrix, y: Matrix, deviation: Matrix) -> Matrix:
     """Smooth each column of y, (rows, p), to its noise of standard deviation (p,).
 
     t, (rows,), may be irregular. Where a record has more samples than a window has nodes, a node is
@@ -42,12 +41,12 @@ def smoothed(t: Array, y: Array, deviation: Array) -> Array:
     return _in_windows(t, y, deviation)[0]
 
 
-def _from_means(t: Array, y: Array, deviation: Array, nodes: int) -> tuple[Array, float]:
+def _from_means(t: Matrix, y: Matrix, deviation: Matrix, nodes: int) -> tuple[Matrix, float]:
     """(smoothed y, bends) from means of about rows/nodes samples each."""
     starts = np.arange(nodes) * len(t) // nodes
     counts = np.diff(starts, append=len(t))
 
-    def mean(values: Array) -> Array:
+    def mean(values: Matrix) -> Matrix:
         return np.asarray((np.add.reduceat(values, starts, axis=0).T / counts).T)
 
     origin = t[0]
@@ -64,7 +63,7 @@ def _from_means(t: Array, y: Array, deviation: Array, nodes: int) -> tuple[Array
     return _between(centres, smooth, t - origin), bends
 
 
-def _lost_noise_alone(y: Array, smooth: Array, deviation: Array) -> bool:
+def _lost_noise_alone(y: Matrix, smooth: Matrix, deviation: Matrix) -> bool:
     """Whether residuals are no larger than the given noise, or than that of third differences.
 
     Third differences of white noise have 20 times its variance; those of a signal that means of
@@ -76,7 +75,7 @@ def _lost_noise_alone(y: Array, smooth: Array, deviation: Array) -> bool:
     return bool(np.all(residual <= np.maximum(given, _NOISIER * local)))
 
 
-def _between(nodes: Array, values: Array, t: Array) -> Array:
+def _between(nodes: Matrix, values: Matrix, t: Matrix) -> Matrix:
     """Cubic through the four nodes around each t; through the last four beyond them."""
     first = np.clip(np.searchsorted(nodes, t) - 2, 0, len(nodes) - 4)
     near = [nodes[first + i] for i in range(4)]
@@ -89,12 +88,12 @@ def _between(nodes: Array, values: Array, t: Array) -> Array:
     return result
 
 
-def smoothed_window(t: Array, y: Array, deviation: Array) -> Array:
+def smoothed_window(t: Matrix, y: Matrix, deviation: Matrix) -> Matrix:
     """Smooth each column of y, (rows, p), to its noise, (p,), as one window without means."""
     return _window(t, y, deviation)[0]
 
 
-def _in_windows(t: Array, y: Array, deviation: Array) -> tuple[Array, float]:
+def _in_windows(t: Matrix, y: Matrix, deviation: Matrix) -> tuple[Matrix, float]:
     """(smoothed y, the most ways in which a window bends)."""
     rows, half = len(t), WINDOW // 2
     if rows <= WINDOW:
@@ -115,7 +114,7 @@ def allowance(rows: int) -> float:
     return float(rows + 2 * np.sqrt(2 * rows))
 
 
-def roughness(t: Array) -> Array:
+def roughness(t: Matrix) -> Matrix:
     """A, (rows - 3, rows): |A f|^2 approximates the integral of f'''^2, by divided differences."""
     operator, nodes = np.eye(len(t)), t
     for order in (1, 2, 3):
@@ -127,7 +126,7 @@ def roughness(t: Array) -> Array:
     return np.asarray(operator)
 
 
-def _window(t: Array, y: Array, deviation: Array) -> tuple[Array, float]:
+def _window(t: Matrix, y: Matrix, deviation: Matrix) -> tuple[Matrix, float]:
     """(smoothed y, trace of y -> smoothed y: in how many ways it bends, 3 for a parabola)."""
     rows = len(t)
     if rows < 4:  # a parabola goes through them
@@ -149,7 +148,7 @@ def _window(t: Array, y: Array, deviation: Array) -> tuple[Array, float]:
     return np.column_stack(columns), bends
 
 
-def _weight(squares: Array, energy: Array, room: float) -> float:
+def _weight(squares: Matrix, energy: Matrix, room: float) -> float:
     """lam with sum (lam s^2/(1 + lam s^2))^2 energy = room, by bisection of log lam."""
 
     def misfit(lam: float) -> float:

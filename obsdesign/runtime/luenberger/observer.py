@@ -18,13 +18,13 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from lmi.arithmetic.arrays import Matrix
 from obsdesign.equations.estimation_error import flow_error_matrix
 from obsdesign.equations.luenberger.gains import LuenbergerGains
 from obsdesign.runtime.base import (
     DwellGuard,
     Estimate,
     Sample,
-    Vector,
     centred_measurement,
     jump_input,
     later,
@@ -41,9 +41,9 @@ class LuenbergerState:
     """Everything the next step needs: the estimate x just after time t."""
 
     t: float
-    x: Vector
-    u: Vector
-    y: Vector | None
+    x: Matrix
+    u: Matrix
+    y: Matrix | None
     guard: DwellGuard
     started: bool
 
@@ -82,7 +82,7 @@ class LuenbergerObserver(SteppedObserver[LuenbergerState]):
             return self._step(state, t, y, sample)
 
     def _step(
-        self, state: LuenbergerState, t: float, y: Vector | None, sample: Sample
+        self, state: LuenbergerState, t: float, y: Matrix | None, sample: Sample
     ) -> tuple[LuenbergerState, Estimate]:
         when = self.gains.jump_measurement
         x = self._flow(state, t, y if not sample.jump or when == "before" else None)
@@ -104,7 +104,7 @@ class LuenbergerObserver(SteppedObserver[LuenbergerState]):
         """Without L, samples between jumps are of no use and none is missed."""
         return not np.any(self.gains.L)
 
-    def _flow(self, state: LuenbergerState, t: float, y_end: Vector | None) -> Vector:
+    def _flow(self, state: LuenbergerState, t: float, y_end: Matrix | None) -> Matrix:
         if t == state.t:
             return state.x
         start = state.y if state.y is not None else y_end
@@ -123,10 +123,10 @@ class LuenbergerObserver(SteppedObserver[LuenbergerState]):
         return {False: responses(A, h), True: responses(flow_error_matrix(A, L, C), h)}
 
     @property
-    def _drift(self) -> Vector:
+    def _drift(self) -> Matrix:
         return self.gains.flow_drift
 
-    def _jump_correction(self, last_jump: float | None, t: float) -> Vector:
+    def _jump_correction(self, last_jump: float | None, t: float) -> Matrix:
         """M, or where gains follow a schedule, the one for the dwell time that ends at t."""
         gains = self.gains
         if last_jump is None or gains.M_cells is None or gains.dwell_borders is None:
@@ -134,7 +134,7 @@ class LuenbergerObserver(SteppedObserver[LuenbergerState]):
         cell = np.searchsorted(gains.dwell_borders, t - last_jump, side="right")
         return np.asarray(gains.M_cells[cell])
 
-    def _jump(self, x: Vector, y: Vector | None, w: ArrayLike | None, M: Vector) -> Vector:
+    def _jump(self, x: Matrix, y: Matrix | None, w: ArrayLike | None, M: Matrix) -> Matrix:
         gains = self.gains
         if gains.G is None:
             raise ValueError("this plant has no jumps ([jump] is absent), but a sample says jump.")

@@ -17,6 +17,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from lmi.arithmetic.arrays import Matrix
 from obsdesign.equations.unknown_input.gains import UnknownInputGains
 from obsdesign.equations.unknown_input.smoothing import smoothed_window
 from obsdesign.runtime.base import (
@@ -25,14 +26,14 @@ from obsdesign.runtime.base import (
     Estimate,
     Row,
     Sample,
-    Vector,
     centred,
     collect,
     first_time,
     rows_of,
 )
 from obsdesign.runtime.point_observer import PointObserver
-from obsdesign.runtime.unknown_input.observer import UnknownInputObserver, UnknownInputState, usable
+from obsdesign.runtime.unknown_input.measurements import usable
+from obsdesign.runtime.unknown_input.observer import UnknownInputObserver, UnknownInputState
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +48,7 @@ class FixedLagState:
 
     present: UnknownInputState
     past: UnknownInputState
-    measured: tuple[tuple[float, Vector], ...] = ()
+    measured: tuple[tuple[float, Matrix], ...] = ()
     done: int = 0
     waiting: tuple[Row, ...] = ()
     decided: tuple[Estimate, ...] = ()
@@ -161,8 +162,8 @@ class FixedLagObserver(PointObserver[FixedLagState], Delayed[FixedLagState]):
         )
 
     def _smoothed(
-        self, measured: tuple[tuple[float, Vector], ...], k: int, sample: Sample
-    ) -> tuple[Vector | None, Sample]:
+        self, measured: tuple[tuple[float, Matrix], ...], k: int, sample: Sample
+    ) -> tuple[Matrix | None, Sample]:
         """(the measurement before the k-th, the k-th sample), both smoothed in one window."""
         window = measured[: k + self._lag + 1]
         t = np.array([time for time, _ in window])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from lmi.arithmetic.spectrum import spectral_radius
 from obsdesign.equations.impulsive_input import features as equations
 from obsdesign.equations.impulsive_input import rule as impulse_rule
 from obsdesign.errors import InputError
@@ -37,7 +38,7 @@ def reason_against_integrals(problem: Problem, D: Matrix, window: float) -> str 
     period = float(problem.plant.output.period or 0.0)
     longest = equations.longest_period(D, None, window)
     if period > longest:
-        fastest = float(np.abs(np.linalg.eigvals(D)).max()) * period
+        fastest = spectral_radius(D) * period
         limit = fastest * longest / period
         return f"the fastest mode of A - K C times the period is {fastest:.3g}, above {limit:.3g}"
     if window < _LEAST_WINDOW_SAMPLES * period:

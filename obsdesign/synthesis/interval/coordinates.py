@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lmi.arithmetic.spectrum import spectral_radius
 from lmi.time_budget import deadline, ended, ended_by_count, remark_end, scaled
 from obsdesign.equations.interval.splits import flow_and_jump
 from obsdesign.problem.plant import Plant
@@ -147,7 +148,7 @@ def _flow_gains(plant: Plant, given: Mapping[str, Any]) -> Iterator[Matrix]:
         yield given["L"]
         return
     yield np.zeros((plant.n, plant.p))
-    speed = float(np.abs(np.linalg.eigvals(plant.flow.A)).max())
+    speed = spectral_radius(plant.flow.A)
     for factor in (0.0, 1.0, 4.0):
         try:
             yield riccati_gain(plant.flow.A, plant.output.C, None, factor * speed)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lmi.arithmetic.exponential import expm
+from lmi.arithmetic.spectrum import spectral_radii
 from lmi.families import Edge
 from obsdesign.equations.interval.width import WidthSystem, periodic_width
 from obsdesign.synthesis.interval.task import Task
@@ -32,10 +33,8 @@ def _radii(task: Task, system: WidthSystem, low: float) -> tuple[Matrix, Matrix]
     """(dwell times, spectral radius of e^{W theta} N at each)."""
     thetas = _thetas(task, system.W, low)
     maps = expm(system.W * thetas[:, None, None]) @ system.at_jumps[0]
-    good = np.isfinite(maps).all(axis=(1, 2))
-    radii = np.full(len(thetas), np.inf)
-    radii[good] = np.abs(np.linalg.eigvals(maps[good])).max(axis=1)
-    return thetas, radii
+    radii = spectral_radii(maps)
+    return thetas, np.where(np.isnan(radii), np.inf, radii)
 
 
 def growth(task: Task, L: Matrix, M: Matrix) -> float:
@@ -101,7 +100,7 @@ def shortest(task: Task, L: Matrix, M: Matrix) -> float:
             maps = expm(system.W * finer[1:-1, None, None]) @ system.at_jumps[0]
             if not np.isfinite(maps).all():
                 return math.inf
-            bad = np.flatnonzero(np.abs(np.linalg.eigvals(maps)).max(axis=1) >= 1)
+            bad = np.flatnonzero(spectral_radii(maps) >= 1)
             k = int(bad[-1]) + 1 if bad.size else 0
             left, right = finer[k], finer[k + 1]
     return float(right)

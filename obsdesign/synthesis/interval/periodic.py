@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lmi.arithmetic.exponential import FLOW_PIECES, absolute_flow, expm, exponential_grid
+from lmi.arithmetic.spectrum import spectral_radius
 from lmi.find.linear_program import minimise
 from lmi.time_budget import remaining
 from obsdesign.equations.interval.splits import absolute_metzler
@@ -100,7 +101,7 @@ class SampledPlant:
             K, k = system.at_samples
             sizes, added = absolute_flow(K, self.A, self.f, np.array([self.h]))
             P, c = sizes[0], added[0] + k
-            if not np.isfinite(P).all() or max(abs(np.linalg.eigvals(P))) >= 1:
+            if not spectral_radius(P) < 1:
                 return math.inf
             widths = [float(self.q @ np.linalg.solve(np.eye(len(P)) - P, c))]
             for theta in {*self.dwell} - {math.inf}:
@@ -118,7 +119,7 @@ class SampledPlant:
             power, offset = P @ power, P @ offset + c
         assert self.G is not None
         N = np.abs(self.G)
-        if max(abs(np.linalg.eigvals(N @ power))) >= 1:
+        if not spectral_radius(N @ power) < 1:
             return math.inf
         first = np.linalg.solve(np.eye(n) - N @ power, N @ offset + self.j)
         return float(self.q @ (power_sum @ first + offset_sum)) / periods

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from lmi.arithmetic.balancing import Scaling
 from lmi.arithmetic.balls import exact, inverse, to_float
 from lmi.arithmetic.exponential import absolute_flow
+from lmi.arithmetic.spectrum import spectral_radius
 from lmi.bounds.interleaved import Bounds, Interleaved, prove_interleaved, sampled_flow
 from lmi.prove.hurwitz import rightmost
 from obsdesign.equations.interval.gains import IntervalGains
@@ -144,7 +145,7 @@ def _cycle_tube(
     low, high = ends
     assert steps.jumped is not None
     (sizes, kicks), (late, late_added), (P, c) = steps.jumped, steps.late, steps.period
-    if low < h or (math.isinf(high) and max(abs(np.linalg.eigvals(P))) >= 1):
+    if low < h or (math.isinf(high) and not spectral_radius(P) < 1):
         return None
     fewest = max(1, math.floor(low / h * (1 - 1e-12))) - 1
     if skips_jumps:  # not too few: more only asks for more

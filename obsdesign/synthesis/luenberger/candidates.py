@@ -13,10 +13,13 @@ from typing import Any
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.spectrum import spectral_radius
 from lmi.decide.stability import decide
 from obsdesign.equations.estimation_error import flow_error_matrix, jump_error_matrix
 from obsdesign.equations.luenberger.gains import LuenbergerGains
 from obsdesign.errors import InputError
+from obsdesign.problem.options import LuenbergerOptions
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
 from obsdesign.synthesis.dwell import dwell_certificates, stability_options
@@ -30,77 +33,66 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
     """Yield candidates in order of preference; InputError for what cannot be built at all."""
     refuse_unusable(problem)
     check_schedule(problem)
-    plant = problem.plant
-    rate = float(problem.options.get("decay_rate", 0.0))
-    chosen = given_gain(problem, "L") is None and "poles" not in problem.options
+    plant, options = problem.plant, problem.options_as(LuenbergerOptions)
+    rate = options.decay_rate
+    # with several outputs more than one L has the poles of the file
+    is_L_open = given_gain(problem, "L") is None and (options.poles is None or plant.p > 1)
     for label, L in _flow_gains(problem, rate):
         F = flow_error_matrix(plant.flow.A, L, plant.output.C)
-        if "schedule" in problem.options:
-            yield scheduled_candidate(problem, label, L, F + rate * np.eye(plant.n))
+        shifted = F + rate * np.eye(plant.n)
+        if options.schedule is not None:
+            yield scheduled_candidate(problem, label, L, shifted)
             continue
         M = given_gain(problem, "M")
+        is_open = is_L_open or M is None
         if M is None:
-            M = _jump_gain(problem, F + rate * np.eye(plant.n))
+            # the largest margin over all dwell times
+            solution = jump_gains(problem, shifted, [problem.require_dwell_time()], [(0, 0)])
+            M = np.zeros((plant.n, plant.p)) if solution is None else solution.M[0]
         gains = LuenbergerGains.from_plant(plant, L=L, M=M)
-        # with several outputs more than one L has the poles of the file
-        placed = given_gain(problem, "L") is None and plant.p > 1
-        open_gain = chosen or placed or given_gain(problem, "M") is None
-        yield Candidate(
-            label,
-            gains,
-            _certificates(problem, F, M, rate),
-            searched=open_gain,
-        )
+        yield Candidate(label, gains, _certificates(problem, F, M, rate), searched=is_open)
 
 
-def _flow_gains(problem: Problem, rate: float) -> Iterator[tuple[str, Any]]:
+def _flow_gains(problem: Problem, rate: float) -> Iterator[tuple[str, Matrix]]:
     """Yield L: given, placed, or by Riccati equations of growing speed; at last 0."""
     A, C = problem.plant.flow.A, problem.plant.output.C
-    given = given_gain(problem, "L")
+    given, options = given_gain(problem, "L"), problem.options_as(LuenbergerOptions)
     for name in ("poles", "weights"):
-        if given is not None and name in problem.options:
+        if given is not None and options.is_stated(name):
             text = "chooses L, but L is given or must be zero; drop one."
             raise InputError(f"observer.{name} {text}")
-    if "poles" in problem.options and "weights" in problem.options:
+    if options.poles is not None and options.weights is not None:
         raise InputError("observer.poles and observer.weights both choose L; drop one.")
     if given is not None:
         yield "L as given" if "L" in problem.gains else "L = 0", given
         return
-    if "poles" in problem.options:
-        yield "placed L", placed_gain(A, C, problem.options["poles"])
+    if options.poles is not None:
+        yield "placed L", placed_gain(A, C, options.poles)
         return
-    weights = problem.options.get("weights")
-    speed = float(np.abs(np.linalg.eigvals(A)).max())
+    speed = spectral_radius(A)
     for factor in (0.0, 1.0, 4.0):
         try:
-            L = riccati_gain(A, C, weights, rate + factor * speed)
+            L = riccati_gain(A, C, options.weights, rate + factor * speed)
         except np.linalg.LinAlgError:  # no finite solution in floats: not this one
             continue
         yield "Riccati L" + (f", {factor:g} x faster" if factor else ""), L
     yield "L = 0", np.zeros((problem.plant.n, problem.plant.p))
 
 
-def _jump_gain(problem: Problem, F: Any) -> Any:
-    """M with the largest margin over all dwell times for a flow F; zeros if there is none."""
-    solution = jump_gains(problem, F, [problem.require_dwell_time()], [(0, 0)])
-    return np.zeros((problem.plant.n, problem.plant.p)) if solution is None else solution.M[0]
-
-
-def _certificates(problem: Problem, F: Any, M: Any, rate: float) -> dict[str, Any]:
+def _certificates(problem: Problem, F: Matrix, M: Matrix, rate: float) -> dict[str, Any]:
     """Certificates of stability; with a decay rate, the P of F + rate I serves both claims."""
     plant = problem.plant
     if plant.jump is None:
         return {}
-    ends = problem.require_dwell_time()
+    ends, options = problem.require_dwell_time(), stability_options(problem)
     H = jump_error_matrix(plant.jump.G, M, plant.output.C, plant.output.jump_measurement)
     if rate == 0:
-        return dwell_certificates(F, H, *ends, **stability_options(problem))
-    evidence = decide(F + rate * np.eye(plant.n), H, *ends, **stability_options(problem)).evidence
+        return dwell_certificates(F, H, *ends, **options)
+    evidence = decide(F + rate * np.eye(plant.n), H, *ends, **options).evidence
+    shared = {"dwell_stability": evidence}
     if not {"P", "windows"} & set(evidence):
-        return dwell_certificates(F, H, *ends, **stability_options(problem)) | {
-            "decay_rate": evidence
-        }
-    return {"dwell_stability": evidence, "decay_rate": evidence}
+        shared = dwell_certificates(F, H, *ends, **options)
+    return shared | {"decay_rate": evidence}
 
 
 def untried(problem: Problem) -> dict[str, str]:

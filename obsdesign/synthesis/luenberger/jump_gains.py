@@ -14,11 +14,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Array
 from lmi.families import Edge, worst
 from lmi.find.affine import Unknown, best_margin
 from lmi.time_budget import ended, remark_end
 from obsdesign.equations.estimation_error import seen_before_jump
-from obsdesign.equations.gains import Array
 from obsdesign.equations.luenberger import error_system as equations
 from obsdesign.problem.problem import Problem
 

@@ -11,10 +11,12 @@ from typing import Any
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Matrix
 from obsdesign.equations.estimation_error import idle_gains
 from obsdesign.equations.luenberger import error_system as equations
 from obsdesign.equations.luenberger.gains import LuenbergerGains
 from obsdesign.errors import InputError
+from obsdesign.problem.options import LuenbergerOptions
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
 from obsdesign.synthesis.luenberger.jump_gains import equal_cells, jump_gains
@@ -24,7 +26,8 @@ _MOST_CELLS = 16
 
 def check_schedule(problem: Problem) -> None:
     """Raise InputError for a schedule of gains at jumps that is impossible."""
-    if "schedule" not in problem.options:
+    schedule = problem.options_as(LuenbergerOptions).schedule
+    if schedule is None:
         return
     if "M" in problem.gains:
         raise InputError("observer.schedule chooses M, but M is given; drop one.")
@@ -36,8 +39,7 @@ def check_schedule(problem: Problem) -> None:
             "observer.schedule needs a range of dwell times; jump.dwell_time holds one, "
             f"{low!r}. Drop schedule."
         )
-    schedule = problem.options["schedule"]
-    cells = schedule if isinstance(schedule, int) else len(schedule) + 1
+    cells = equations.cell_count(schedule)
     if cells > _MOST_CELLS:
         raise InputError(
             f"observer.schedule must make at most {_MOST_CELLS} cells, each pair of which is an "
@@ -51,15 +53,16 @@ def check_schedule(problem: Problem) -> None:
             )
 
 
-def scheduled_candidate(problem: Problem, label: str, L: Any, F: Any) -> Candidate:
+def scheduled_candidate(problem: Problem, label: str, L: Matrix, F: Matrix) -> Candidate:
     """Gains M per cell of dwell times, for the flow F of the error plus the decay rate.
 
     `M` is for a jump before which the dwell time is not known, the first one: any will do.
     """
     plant = problem.plant
+    schedule = problem.options_as(LuenbergerOptions).schedule
     assert plant.jump is not None
+    assert schedule is not None
     low, high = problem.require_dwell_time()
-    schedule = problem.options["schedule"]
     borders = equal_cells(F, low, high, schedule) if isinstance(schedule, int) else list(schedule)
     cells = equations.schedule_cells(low, high, borders)
     pairs = equations.schedule_pairs(cells, plant.jump.dwell_jitter)

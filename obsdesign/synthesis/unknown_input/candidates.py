@@ -6,22 +6,23 @@ itself is chosen in `reduced_gain.py`.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmi.arithmetic.arrays import Matrix
 from lmi.time_budget import remark
 from obsdesign.analysis.balancing import balancing_units
-from obsdesign.analysis.invariant_zeros import hidden_states, shows_every_input, zeros_decay
+from obsdesign.analysis.invariant_zeros import shows_every_input, zero_states, zeros_decay
 from obsdesign.equations.unknown_input import formulas as equations
 from obsdesign.equations.unknown_input.gains import SMOOTHING, UnknownInputGains
 from obsdesign.equations.unknown_input.options import (
+    REASON_AGAINST_JUMPS,
     differentiation,
     differentiator,
-    reason_against_plant,
 )
 from obsdesign.errors import DoesNotApply, InputError
+from obsdesign.problem.options import Pole, UnknownInputOptions
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
 from obsdesign.synthesis.unknown_input.reduced_gain import reduced_gain
@@ -31,8 +32,6 @@ from obsdesign.synthesis.unknown_input.reduced_system import (
     left_inverse,
     output_variances,
 )
-
-Matrix = NDArray[np.float64]
 
 
 def synthesize(problem: Problem) -> Iterator[Candidate]:
@@ -49,31 +48,32 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
         yield Candidate("beyond binary64", None, searched=True)
         return
     label, gains = computed
-    if "differentiator" not in problem.options and gains.differentiator == "fixed_lag":
+    options = problem.options_as(UnknownInputOptions)
+    if options.differentiator is None and gains.differentiator == "fixed_lag":
         remark(_choice_of_differentiator(problem, gains))
-    given = "L" in problem.gains or _has_growing_poles(problem)
+    given = "L" in problem.gains or _has_growing_poles(options.poles or ())
     yield Candidate(label, gains, searched=not given)
 
 
 def _refuse_unusable(problem: Problem) -> None:
     """DoesNotApply or InputError for what this kind cannot serve, or options that contradict."""
-    if text := reason_against_plant(problem.plant):
-        raise DoesNotApply(text)
+    if problem.plant.jump is not None:
+        raise DoesNotApply(REASON_AGAINST_JUMPS)
     problem.require("flow.D")
     problem.require_measured("continuous", "periodic")
+    options, noise = problem.options_as(UnknownInputOptions), problem.plant.output.noise_std
     for name in ("poles", "weights"):
-        if name in problem.options and "L" in problem.gains:
+        if options.is_stated(name) and "L" in problem.gains:
             raise InputError(f"observer.{name} chooses L, but L is given; drop one.")
-    if "poles" in problem.options and "weights" in problem.options:
+    if options.poles is not None and options.weights is not None:
         raise InputError("observer.poles and observer.weights both choose L; drop one.")
-    noise = problem.plant.output.noise_std
-    chosen = differentiator(problem)
+    chosen = differentiator(options.differentiator, noise)
     if chosen in SMOOTHING and not np.all(noise > 0):
         raise InputError(
             f"output.noise_std is required by differentiator = {chosen!r}, positive for every "
             f"output; got {noise.tolist()}."
         )
-    if "lag" in problem.options and chosen != "fixed_lag":
+    if options.is_stated("lag") and chosen != "fixed_lag":
         raise InputError(
             f"observer.lag is the delay of differentiator = 'fixed_lag'; got {chosen!r}. Drop one."
         )
@@ -107,20 +107,24 @@ def _choice_of_differentiator(problem: Problem, gains: UnknownInputGains) -> str
     )
 
 
-def _has_growing_poles(problem: Problem) -> bool:
+def _has_growing_poles(poles: Sequence[Pole]) -> bool:
     """Whether the poles of the problem themselves refute it, whatever gain gives them."""
-    real = [np.ravel(pole)[0] for pole in problem.options.get("poles", [])]
-    return any(value >= 0 for value in real)
+    return any(np.ravel(pole)[0] >= 0 for pole in poles)
 
 
 def _gains(problem: Problem, D: Matrix) -> tuple[str, UnknownInputGains]:
-    flow, C, n = problem.plant.flow, problem.plant.output.C, len(D)
+    flow, output, options = (
+        problem.plant.flow,
+        problem.plant.output,
+        problem.options_as(UnknownInputOptions),
+    )
+    C, n = output.C, len(D)
     sizes = balancing_units(flow.A, C, D)[0]
     T1, T = _coordinates(problem, D, sizes)
     N, root = left_inverse(C @ D, output_variances(problem))
     Z = annihilator(C @ D, equations.lengths(C * sizes))
     balanced = flow.A * sizes / sizes[:, None], C * sizes, D / sizes[:, None]
-    hidden = T @ hidden_states(flow.A, C, D)
+    hidden = T @ zero_states(flow.A, C, D)
     Ta = T1[:, : n - D.shape[1]]
     reduced = Reduced.from_plant(
         balanced, Ta=Ta / sizes[:, None], T=T * sizes, N=N, Z=Z, hidden=hidden
@@ -129,6 +133,7 @@ def _gains(problem: Problem, D: Matrix) -> tuple[str, UnknownInputGains]:
     B = equations.known_inputs(flow.B, flow.lower, flow.upper)
     plant = equations.PlantMatrices(flow.A, B, C, D)
     matrices = equations.observer_matrices(plant, T1, T, N=N, Z=Z, L=L)
+    chosen = differentiator(options.differentiator, output.noise_std)
     return label, UnknownInputGains(
         A=flow.A,
         C=C,
@@ -136,7 +141,7 @@ def _gains(problem: Problem, D: Matrix) -> tuple[str, UnknownInputGains]:
         B=flow.B,
         **vars(matrices),
         first=reduced.first_state(),
-        **differentiation(problem, differentiator(problem)),
+        **differentiation(chosen, output.noise_std, output.noise_centre, options.lag),
     )
 
 

@@ -6,18 +6,17 @@ places or optimises the others.
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmi.arithmetic.arrays import Matrix
 from obsdesign.analysis.balancing import balancing_units
 from obsdesign.errors import InputError
+from obsdesign.problem.options import Pole, UnknownInputOptions
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.placement import complex_text, placed_gain, with_conjugates
 from obsdesign.synthesis.unknown_input.reduced_system import Reduced, output_variances
-
-Matrix = NDArray[np.float64]
 
 
 def reduced_gain(problem: Problem, system: Reduced, root: Matrix) -> tuple[str, Matrix]:
@@ -27,8 +26,9 @@ def reduced_gain(problem: Problem, system: Reduced, root: Matrix) -> tuple[str, 
     """
     if "L" in problem.gains:
         return "given L", problem.gains["L"]
-    if "poles" in problem.options:
-        return "placed L", _placed(problem.options["poles"], system)
+    poles = problem.options_as(UnknownInputOptions).poles
+    if poles is not None:
+        return "placed L", _placed(poles, system)
     for reduced in (system, system.with_nearly_hidden()):
         if not reduced.visible.shape[1]:
             return "no L: every pole is an invariant zero", np.zeros(system.C.T.shape)
@@ -44,7 +44,7 @@ def reduced_gain(problem: Problem, system: Reduced, root: Matrix) -> tuple[str, 
 def _riccati(problem: Problem, system: Reduced, root: Matrix) -> Matrix:
     flow, visible = problem.plant.flow, system.visible
     assert flow.D is not None
-    weights = problem.options.get("weights", {})
+    weights = problem.options_as(UnknownInputOptions).weights or {}
     sizes, pace = balancing_units(flow.A, problem.plant.output.C, flow.D)
     state = np.asarray(weights["state"]) / sizes**2 if "state" in weights else np.ones(len(sizes))
     pace = 1.0 if "state" in weights else pace  # without a weight the plant's own unit of time
@@ -55,7 +55,7 @@ def _riccati(problem: Problem, system: Reduced, root: Matrix) -> Matrix:
     return pace * visible @ _kalman(inner / pace, output, visible.T @ W @ visible, noise)
 
 
-def _placed(poles: Any, system: Reduced) -> Matrix:
+def _placed(poles: Sequence[Pole], system: Reduced) -> Matrix:
     """L for the poles it can move: those besides the zeros, or besides what is nearly one."""
     try:
         reduced, movable = system, _free_poles(poles, system)
@@ -84,7 +84,7 @@ def _kalman(A: Matrix, C: Matrix, W: Matrix, noise: Matrix) -> Matrix:
     return np.asarray(np.linalg.solve(R, white @ S).T)
 
 
-def _free_poles(poles: Any, system: Reduced) -> list[Any]:
+def _free_poles(poles: Sequence[Pole], system: Reduced) -> list[Pole]:
     """The poles that L can move: all k with the zeros among them, or those besides the zeros."""
     k, hidden = len(system.A), system.hidden
     zeros = np.linalg.eigvals(hidden.T @ system.A @ hidden)
@@ -103,4 +103,4 @@ def _free_poles(poles: Any, system: Reduced) -> list[Any]:
             f"observer.poles must give {free} poles{stay} (n - q = {k}; a pair [re, im] counts "
             f"with its conjugate); got {len(given)}.{'' if free else ' Leave poles out.'}"
         )
-    return [[v.real, v.imag] if v.imag else v.real for v in movable.tolist()]
+    return [(v.real, v.imag) if v.imag else v.real for v in movable.tolist()]

@@ -10,13 +10,12 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmi.arithmetic.arrays import Matrix
 from obsdesign.analysis.balancing import balancing_units
 from obsdesign.equations.unknown_input import formulas as equations
+from obsdesign.problem.options import UnknownInputOptions
 from obsdesign.problem.problem import Problem
-
-Matrix = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -90,7 +89,7 @@ def output_variances(problem: Problem) -> Matrix:
     Without either, each output counts by the length of its row of C in `balancing_units`, so that
     units drop out.
     """
-    given = problem.options.get("weights", {}).get("output")
+    given = (problem.options_as(UnknownInputOptions).weights or {}).get("output")
     if given is not None:
         return np.asarray(given, dtype=np.float64)
     flow, output = problem.plant.flow, problem.plant.output

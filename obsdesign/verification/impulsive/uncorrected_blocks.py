@@ -16,7 +16,7 @@ from lmi.prove.common_matrix import prove_common
 from lmi.rank.hidden_mode import check_hiding
 from lmi.rank.witness import MARGIN
 from lmi.verdict import Verdict, proved, refuted, undecided
-from obsdesign.analysis.hidden_modes import hidden_pair
+from obsdesign.analysis.hidden_modes import hidden_part
 from obsdesign.document import Claim
 from obsdesign.equations.estimation_error import seen_before_jump
 from obsdesign.equations.impulsive.formulas import uncorrected_factor
@@ -137,8 +137,9 @@ def _obstructions(
 ) -> list[Claim]:
     """Claims whose refutation refutes every observer: undetectable modes."""
     claims = []
-    pair = hidden_pair(plant.A, plant.G, plant.C)
-    if pair is not None:
+    hidden = hidden_part([plant.A, plant.G], plant.C)
+    if hidden is not None:
+        pair = hidden.maps[0], hidden.maps[1]
         verdict = dwell_stability(*pair, dwell, certificates.get("hidden_decays", {}), paranoid)
         if verdict.outcome == "refuted":
             verdict = _without_margin(verdict, *pair, dwell)

@@ -12,15 +12,17 @@ from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.balls import exact
+from lmi.arithmetic.balls import Exact, exact
 from lmi.prove.hurwitz import prove_hurwitz
 from lmi.refute.spectral import refute_spectral
 from lmi.verdict import overall
-from obsdesign.analysis.hidden_modes import hidden_growth, hidden_pair
+from obsdesign.analysis.hidden_modes import hidden_growth, hidden_part
 from obsdesign.document import Claim
 from obsdesign.equations.estimation_error import flow_error_matrix, idle_gains, jump_error_matrix
 from obsdesign.equations.gains import plant_data
+from obsdesign.equations.luenberger.error_system import cell_count
 from obsdesign.equations.luenberger.gains import LuenbergerGains
+from obsdesign.problem.options import LuenbergerOptions
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.choices import mark_witness
 from obsdesign.verification.consistency import consistent_gains
@@ -48,13 +50,14 @@ def claims(
     stored: gains as a design file states them; certificates: {"dwell_stability": {"P": n x n},
     "decay_rate": {"P": n x n}} or windows in place of P; all are checked.
     """
+    objection = reason_against_problem(problem) or reason_against_borders(problem, stored)
     agreement, gains = consistent_gains(
-        _objection(problem, stored), stored, _expected(problem), LuenbergerGains.from_document
+        objection, stored, _expected(problem), LuenbergerGains.from_document
     )
     if gains is None:
         return (agreement,)
-    F = flow_error_matrix(exact(gains.A), exact(gains.L), exact(gains.C))
-    rate = float(problem.options.get("decay_rate", 0.0))
+    F, options = _flow_error(gains), problem.options_as(LuenbergerOptions)
+    rate = options.decay_rate
     shifted = F + exact(rate * np.eye(problem.plant.n))
     claims = [agreement]
     if problem.plant.jump is None:
@@ -65,7 +68,7 @@ def claims(
     dwell = Dwell.from_problem(problem)
     if math.isinf(dwell.high):
         claims.append(_hurwitz(F, "hurwitz", "there is no longest dwell time"))
-    if "schedule" in problem.options:
+    if options.schedule is not None:
         return (*claims, *_scheduled(problem, gains, F, certificates, paranoid))
     H = _jump_error(gains)
     claims.append(_stability(F, H, dwell, certificates, paranoid))
@@ -76,7 +79,7 @@ def claims(
 
 
 def _with_marked_witnesses(
-    problem: Problem, shifted: Any, claims: list[Claim]
+    problem: Problem, shifted: Exact, claims: list[Claim]
 ) -> tuple[Claim, ...]:
     """The claims, their witnesses marked where a mode or a pair that no gain reaches refutes."""
     is_refuted = any(claim.verdict == "refuted" for claim in claims)
@@ -85,50 +88,53 @@ def _with_marked_witnesses(
     return tuple(mark_witness(claim) for claim in claims)
 
 
-def _is_refuted_for_all_gains(problem: Problem, shifted: Any) -> bool:
+def _is_refuted_for_all_gains(problem: Problem, shifted: Exact) -> bool:
     """Decide it exactly; shifted: A - L C + rate I for the L of the design."""
-    plant, options = problem.plant, problem.options
-    A, C, rate = plant.flow.A, plant.output.C, float(options.get("decay_rate", 0.0))
+    plant, options = problem.plant, problem.options_as(LuenbergerOptions)
+    A, C, rate = plant.flow.A, plant.output.C, options.decay_rate
     if plant.jump is None or math.isinf(problem.require_dwell_time()[1]):
-        given = {"L", "poles"} & {*problem.gains, *idle_gains(plant), *options}
-        grows = prove_hurwitz(shifted).outcome == "refuted" if given else hidden_growth(A, C, rate)
+        is_given = options.poles is not None or "L" in {*problem.gains, *idle_gains(plant)}
+        grows = (
+            prove_hurwitz(shifted).outcome == "refuted" if is_given else hidden_growth(A, C, rate)
+        )
         if grows:
             return True
-    pair = None if plant.jump is None else hidden_pair(A, plant.jump.G, C)
-    if pair is None:
+    hidden = None if plant.jump is None else hidden_part([A, plant.jump.G], C)
+    if hidden is None:
         return False
-    flow = pair[0] + exact(rate * np.eye(len(pair[0])))
-    return refute_spectral(flow, pair[1], *problem.require_dwell_time()).outcome == "refuted"
+    flow, jump = hidden.maps
+    slower = flow + exact(rate * np.eye(len(flow)))
+    return refute_spectral(slower, jump, *problem.require_dwell_time()).outcome == "refuted"
 
 
-def dwell_pair(stored: Mapping[str, Any]) -> tuple[Any, Any]:
+def dwell_pair(stored: Mapping[str, Any]) -> tuple[Exact, Exact]:
     """(F, H), exact: the pair whose stability over a range of dwell times is claimed."""
     gains = LuenbergerGains.from_document(stored)
-    return flow_error_matrix(exact(gains.A), exact(gains.L), exact(gains.C)), _jump_error(gains)
+    return _flow_error(gains), _jump_error(gains)
 
 
-def _jump_error(gains: LuenbergerGains) -> Any:
+def _flow_error(gains: LuenbergerGains) -> Exact:
+    return flow_error_matrix(exact(gains.A), exact(gains.L), exact(gains.C))
+
+
+def _jump_error(gains: LuenbergerGains) -> Exact:
     G, M, C = (exact(matrix) for matrix in (gains.jump_matrix, gains.M, gains.C))
     return jump_error_matrix(G, M, C, gains.jump_measurement)
-
-
-def _objection(problem: Problem, stored: Mapping[str, Any]) -> str | None:
-    return reason_against_problem(problem) or reason_against_borders(problem, stored)
 
 
 def _expected(problem: Problem) -> dict[str, Any]:
     n, p = problem.plant.n, problem.plant.p
     zeros = {name: np.zeros((n, p)) for name in idle_gains(problem.plant)}
     expected = plant_data(problem.plant) | {"L": (n, p), "M": (n, p)} | dict(problem.gains) | zeros
-    schedule = problem.options.get("schedule")
+    schedule = problem.options_as(LuenbergerOptions).schedule
     if schedule is not None:
-        cells = schedule if isinstance(schedule, int) else len(schedule) + 1
+        cells = cell_count(schedule)
         borders = (cells - 1,) if isinstance(schedule, int) else np.array(schedule)
         expected |= {"M_cells": (cells, n, p), "dwell_borders": borders}
     return expected
 
 
-def _hurwitz(F: Any, name: str, why: str, rate: float = 0.0) -> Claim:
+def _hurwitz(F: Exact, name: str, why: str, rate: float = 0.0) -> Claim:
     verdict = prove_hurwitz(F)
     shift = f" + {rate!r} I" if rate else ""
     return Claim.from_verdict(
@@ -140,7 +146,7 @@ def _hurwitz(F: Any, name: str, why: str, rate: float = 0.0) -> Claim:
 
 
 def _stability(
-    F: Any, H: Any, dwell: Dwell, certificates: Mapping[str, Any], paranoid: bool
+    F: Exact, H: Exact, dwell: Dwell, certificates: Mapping[str, Any], paranoid: bool
 ) -> Claim:
     verdict = dwell_stability(F, H, dwell, certificates.get("dwell_stability", {}), paranoid)
     return Claim.from_verdict(
@@ -155,13 +161,13 @@ def _stability(
 def _scheduled(
     problem: Problem,
     gains: LuenbergerGains,
-    F: Any,
+    F: Exact,
     certificates: Mapping[str, Any],
     paranoid: bool,
 ) -> list[Claim]:
     """Claim stability, and the decay rate, with gains by cells of the last dwell time."""
     dwell, claims = Dwell.from_problem(problem), []
-    rate = float(problem.options.get("decay_rate", 0.0))
+    rate = problem.options_as(LuenbergerOptions).decay_rate
     goals = [("dwell_stability", 0.0, "is stable")]
     goals += [("decay_rate", rate, f"decays like e^(-{rate!r} t)")] if rate > 0 else []
     for name, shift, what in goals:
@@ -177,8 +183,8 @@ def _scheduled(
 
 
 def _decay(
-    shifted: Any,
-    H: Any,
+    shifted: Exact,
+    H: Exact,
     dwell: Dwell,
     certificates: Mapping[str, Any],
     *,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from obsdesign.document import Claim, Guarantee
+from obsdesign.problem.options import LuenbergerOptions
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.dwell import Dwell
 from obsdesign.verification.rates import rates_sentence
@@ -26,7 +27,7 @@ def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Guarantee, 
         (f"{measured}, bounded {free} leave the estimation error bounded{when}.", needed),
     ]
     if "decay_rate" in verdicts:
-        rate = float(problem.options["decay_rate"])
+        rate = problem.options_as(LuenbergerOptions).decay_rate
         sentences.append((f"The error decays like e^(-{rate!r} t){when}.", [*needed, "decay_rate"]))
     sentences += [(f"{measured}: {text}", ids) for text, ids in rates_sentence(claims, "the error")]
     result = [Guarantee.from_verdicts(text, ids, verdicts) for text, ids in sentences]

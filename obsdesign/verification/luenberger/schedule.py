@@ -17,7 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.balls import exact
+from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.balls import Exact, exact
 from lmi.prove.common_matrix import prove
 from lmi.prove.condition import Condition
 from lmi.refute.spectral import refute_spectral
@@ -25,13 +26,14 @@ from lmi.verdict import Verdict, proved, undecided
 from obsdesign.equations.estimation_error import jump_error_matrix
 from obsdesign.equations.luenberger import error_system as equations
 from obsdesign.equations.luenberger.gains import LuenbergerGains
+from obsdesign.problem.options import LuenbergerOptions
 from obsdesign.problem.problem import Problem
 
 
 def scheduled_stability(
     problem: Problem,
     gains: LuenbergerGains,
-    F: Any,
+    F: Exact,
     certificate: Mapping[str, Any],
     paranoid: bool,
 ) -> Verdict:
@@ -68,7 +70,7 @@ def scheduled_stability(
 
 def reason_against_borders(problem: Problem, stored: Mapping[str, Any]) -> str | None:
     """Return why the borders of the cells cannot be those of a schedule, or None."""
-    if "schedule" not in problem.options:
+    if problem.options_as(LuenbergerOptions).schedule is None:
         return None
     low, high = problem.require_dwell_time()
     inner = stored.get("dwell_borders")
@@ -80,16 +82,16 @@ def reason_against_borders(problem: Problem, stored: Mapping[str, Any]) -> str |
     return "gains.dwell_borders must increase inside problem.jump.dwell_time."
 
 
-def _error(gains: LuenbergerGains, M: Any) -> Any:
+def _error(gains: LuenbergerGains, M: Matrix) -> Exact:
     return jump_error_matrix(
         exact(gains.jump_matrix), exact(M), exact(gains.C), gains.jump_measurement
     )
 
 
 def _proof(
-    F: Any,
-    errors: list[Any],
-    matrices: Any,
+    F: Exact,
+    errors: list[Exact],
+    matrices: Matrix,
     cells: tuple[tuple[float, float], ...],
     pairs: tuple[tuple[int, int], ...],
     *,
@@ -111,7 +113,7 @@ def _proof(
     return proved(cells=[list(ends) for ends in cells], pairs=len(pairs), boxes=boxes)
 
 
-def _matrices(values: Any, count: int, n: int) -> Any:
+def _matrices(values: Any, count: int, n: int) -> Matrix | None:
     try:
         matrices = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):

@@ -13,7 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.balls import exact, to_float
+from lmi.arithmetic.arrays import Array, Matrix
+from lmi.arithmetic.balls import Exact, exact, to_float
+from lmi.arithmetic.spectrum import spectral_radius
 from lmi.prove.hurwitz import prove_hurwitz
 from lmi.verdict import proved, refuted
 from obsdesign.analysis.balancing import balancing_units
@@ -27,7 +29,8 @@ from obsdesign.equations.unknown_input.gains import (
     shapes,
     without_empty,
 )
-from obsdesign.equations.unknown_input.options import differentiation, reason_against_plant
+from obsdesign.equations.unknown_input.options import REASON_AGAINST_JUMPS, differentiation
+from obsdesign.problem.options import UnknownInputOptions
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.consistency import consistent_gains, inconsistent
 from obsdesign.verification.unknown_input.lasting_error import lasting_error
@@ -53,11 +56,10 @@ def claims(
     stored: gains as a design file states them.
     """
     del certificates, paranoid  # nothing is searched for: every claim is decided exactly
-    text = reason_against_plant(problem.plant)
-    if text is None and problem.plant.flow.D is None:
-        text = "flow.D is required by kind 'unknown_input'; it is missing."
-    if text is not None:
-        return (inconsistent(text),)
+    if problem.plant.jump is not None:
+        return (inconsistent(REASON_AGAINST_JUMPS),)
+    if problem.plant.flow.D is None:
+        return (inconsistent("flow.D is required by kind 'unknown_input'; it is missing."),)
     existence = _existence(problem)
     if any(claim.verdict != "proved" for claim in existence):
         return existence  # no gains to speak of
@@ -70,23 +72,25 @@ def claims(
     if text := _reason_against_first_state(gains):
         agreement = inconsistent(text)
     plant, matrices, pace = _in_balancing_units(problem, gains)
-    stable = _stable(exact(gains.F), NearZero.from_evidence(existence[-1].evidence))
+    stable = _stable(gains.F, NearZero.from_evidence(existence[-1].evidence))
     lasting = lasting_error(plant, matrices, pace, stable.verdict == "proved")
     return agreement, *existence, _equations(plant, matrices), stable, lasting
 
 
 def _expected(problem: Problem, stored: Mapping[str, Any]) -> dict[str, Any]:
-    flow, C = problem.plant.flow, problem.plant.output.C
+    flow, output = problem.plant.flow, problem.plant.output
     assert flow.D is not None
     m = 0 if flow.B is None else flow.B.shape[1]
-    plant = {"A": flow.A, "C": C, "D": flow.D} | ({} if flow.B is None else {"B": flow.B})
-    (n, q), p = flow.D.shape, len(C)
+    plant = {"A": flow.A, "C": output.C, "D": flow.D} | ({} if flow.B is None else {"B": flow.B})
+    (n, q), p = flow.D.shape, len(output.C)
     computed = {name: shape for name, shape in shapes(n, p, q, m).items() if 0 not in shape}
     given = without_empty(problem.gains)
-    chosen = problem.options.get("differentiator", stored.get("differentiator"))
+    options = problem.options_as(UnknownInputOptions)
+    chosen = options.differentiator or stored.get("differentiator")
     if chosen not in DIFFERENTIATORS:  # any will do where the problem names none
         return plant | computed | given | {"differentiator": set(DIFFERENTIATORS)}
-    return plant | computed | given | differentiation(problem, chosen)
+    choice = differentiation(chosen, output.noise_std, output.noise_centre, options.lag)
+    return plant | computed | given | choice
 
 
 def _reason_against_first_state(gains: UnknownInputGains) -> str | None:
@@ -129,19 +133,19 @@ def _existence(problem: Problem) -> tuple[Claim, Claim] | tuple[Claim]:
 
 def _equations(plant: PlantMatrices, matrices: ObserverMatrices) -> Claim:
     """Every condition of `equations.conditions` in exact arithmetic, up to the stored rounding."""
-    worst: dict[str, Any] = {"condition": "", "relative": 0.0, "scaled": 0.0}
+    condition, relative, scaled = "", 0.0, 0.0
     for name, (residual, sizes) in equations.conditions(plant, matrices).items():
         if not residual.size:
             continue
         off, room = max(abs(residual).flat), max(sizes.flat)
-        relative = float(to_float(np.array([off / room]))[0]) if off != 0 else 0.0
-        if relative >= worst["relative"]:
-            scaled = float(to_float(np.array([off], dtype=object))[0])
-            worst = {"condition": name, "relative": relative, "scaled": scaled}
+        part, whole = to_float(np.array([off / room if off else off, off], object)).tolist()
+        if part >= relative:
+            condition, relative, scaled = name, part, whole
+    worst = {"condition": condition, "relative": relative, "scaled": scaled}
     verdict = proved(largest_residual=worst)
-    if worst["relative"] > ROUNDING:
+    if relative > ROUNDING:
         reason = (
-            f"{worst['condition']} fails by {worst['relative']:.3g} of its terms; "
+            f"{condition} fails by {relative:.3g} of its terms; "
             f"rounding would leave less than {ROUNDING:g}"
         )
         verdict = refuted({**worst, "reason": reason})
@@ -166,9 +170,9 @@ def _in_balancing_units(
     units = equations.units(plant, sizes, gains.T, gains.Z)
     exact_units = {signal: exact(values) for signal, values in units.items()}
 
-    def scaled(name: str, matrix: Any) -> Any:
+    def scaled(name: str, matrix: Array) -> Exact:
         rows, columns = (exact_units[signal] for signal in equations.UNITS[name])
-        return exact(matrix) * columns / rows[:, None]
+        return np.asarray(exact(matrix) * columns / rows[:, None])
 
     names = [entry.name for entry in dataclasses.fields(ObserverMatrices)]
     matrices = {name: scaled(name, getattr(gains, name)) for name in names}
@@ -176,9 +180,10 @@ def _in_balancing_units(
     return PlantMatrices(**scaled_plant), ObserverMatrices(**matrices), pace
 
 
-def _stable(F: Any, near: NearZero | None) -> Claim:
+def _stable(F: Matrix, near: NearZero | None) -> Claim:
+    verdict = proved(method="nothing is left to be observed")
     if F.size:
-        verdict = prove_hurwitz(F)
+        verdict = prove_hurwitz(exact(F))
         if verdict.outcome == "refuted" and near is not None:
             witness = verdict.evidence["witness"]
             why = (
@@ -186,17 +191,11 @@ def _stable(F: Any, near: NearZero | None) -> Claim:
                 "being an invariant zero, so that hardly any gain reaches it"
             )
             verdict = refuted({**witness, "reason": why})
-        approx = to_float(F)
-        fastest = (
-            float(np.abs(np.linalg.eigvals(approx)).max()) if np.isfinite(approx).all() else 0.0
-        )
-    else:
-        verdict, fastest = proved(method="nothing is left to be observed"), 0.0
     return Claim(
         "hurwitz",
         "the error of the reduced state decays (F is Hurwitz), and so it does in steps of any "
         "lengths between two positive bounds",
         f"{PAPER}, (27); Lyapunov's theorem",
         verdict.outcome,
-        {**verdict.evidence, "approx_fastest": fastest},
+        {**verdict.evidence, "approx_fastest": spectral_radius(F)},
     )

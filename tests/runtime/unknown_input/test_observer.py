@@ -11,8 +11,8 @@ from scipy.linalg import expm
 
 import obsdesign
 from obsdesign.data.simulation import simulate
-from obsdesign.equations.unknown_input import block_pulse
 from obsdesign.runtime import Sample, from_design
+from tests.papers import block_pulse
 from tests.systems.unknown_input import plant_with_zeros, random_plant, unknown_input_problem
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
@@ -295,9 +295,9 @@ def test_irregular_periods_need_no_matrix_of_their_own(differentiator: str) -> N
     y, u = rng.standard_normal((60, 3)), rng.standard_normal((60, 2))
     t = np.cumsum(rng.uniform(0.05, 0.15, 60))
     first = observer.run_batch(t, y, u)
-    assert not observer._steps
+    assert not observer._steps.cache
     observer.run_batch(0.1 * np.arange(60), y, u)
-    assert len(observer._steps) == 1
+    assert len(observer._steps.cache) == 1
     np.testing.assert_array_equal(observer.run_batch(t, y, u).d, first.d)
     # regular samples, where the first step is solved and the others are products
     mixed = observer.run_batch(0.1 * np.arange(60), y, u)

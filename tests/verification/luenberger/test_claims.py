@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 import obsdesign
-from obsdesign.analysis.hidden_modes import approx_unobservable_modes, hidden_growth, hidden_pair
+from obsdesign.analysis.hidden_modes import approx_unobservable_modes, hidden_growth, hidden_part
 from obsdesign.data.simulation import simulate
 from obsdesign.equations.luenberger import error_system as equations
 from obsdesign.problem.plant import Flow, Jump, Output, Plant
@@ -107,8 +107,8 @@ def test_what_no_gain_reaches_refutes_every_gain() -> None:
         assert obsdesign.investigate(problem(**hidden)).verdict == verdict
     # a jump that lets C see the state makes it a matter of gains again
     A, C = np.diag([-1.0, 1.0]), np.array([[1.0, 0.0]])
-    assert hidden_pair(A, np.eye(2), C) is not None
-    assert hidden_pair(A, np.array([[1.0, 0.5], [0, 1]]), C) is None
+    assert hidden_part([A, np.eye(2)], C) is not None
+    assert hidden_part([A, np.array([[1.0, 0.5], [0, 1]])], C) is None
     # without L a flow that is not Hurwitz refutes an endless range, whatever M is
     endless = {"output__measured": "at_jumps", "jump__dwell_time": [0.3, "inf"]}
     assert obsdesign.investigate(problem(**endless)).verdict == "refuted"

@@ -1,0 +1,160 @@
+"""Steps of the unknown-input observer: formulas (30), (31), (33), and their matrices.
+
+Of two equal steps in a row the second is one product with a shared matrix, any other is a solution
+of (30). Source: P. Ahn (2002), (14), (29)-(34).
+"""
+
+from __future__ import annotations
+
+import math
+from collections import OrderedDict
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.spectrum import spectral_radius
+from obsdesign.equations.unknown_input.formulas import DAMPING, STEP_LIMIT
+from obsdesign.equations.unknown_input.gains import UnknownInputGains
+from obsdesign.runtime.step_cache import cached_step
+
+# time stamps must resolve a step to this part of its length
+_RESOLVED = 0.01
+# gains, and lengths of a step and their inverses, with which moderate numbers cannot overflow
+USUAL = 1e30
+
+
+class Interval(NamedTuple):
+    """The last interval between measurements.
+
+    length: its time; step: the matrix of such steps, None until a second one follows; status: "ok",
+    or why steps of this length are no good; is_resolved: time stamps are fine enough for it, so
+    that its matrix is worth keeping.
+    """
+
+    length: float
+    step: Matrix | None
+    status: str
+    is_resolved: bool
+
+
+# derivative of the measurement over an interval: length, mean of y, y'
+Slope = tuple[float, Matrix, Matrix]
+
+
+def damped_slope(before: Slope | None, h: float, y_before: Matrix, y: Matrix) -> Slope:
+    """y' of (14) with the pole at -DAMPING instead of -1; intervals of any length."""
+    mean = (y + y_before) / 2
+    if before is None:
+        return h, mean, (y - y_before) / h
+    h_before, mean_before, slope = before
+    r = DAMPING
+    return h, mean, (1 + r) * (mean - mean_before) / ((h + h_before) / 2) - r * slope
+
+
+class Steps:
+    """Steps [w; y_prev; y; U] -> [w+; x; d] of an observer; with `damped`, d without N Y'.
+
+    U is the mean of [u; 1] over the step.
+    """
+
+    def __init__(self, gains: UnknownInputGains) -> None:
+        g, k, p = gains, gains.k, gains.p
+        self.gains, self.is_damped = gains, gains.differentiator == "damped"
+        self.cache: OrderedDict[float, Matrix] = OrderedDict()
+        numbers = [np.abs(X).max() for X in vars(g).values() if np.ndim(X) and np.size(X)]
+        self.has_usual_gains = bool(max(numbers) < USUAL)
+        self._fastest = spectral_radius(g.F)
+        self._size = k + 2 * p + g.m + 1
+        self._w, self._before, self.y = slice(k), slice(k, k + p), slice(k + p, k + 2 * p)
+        self._u = slice(k + 2 * p, self._size)
+
+    def known(self, w: Matrix, y_before: Matrix, y: Matrix, u: Matrix) -> Matrix:
+        """[w; y_prev; y; U]: faster than a concatenation."""
+        result = np.empty(self._size)
+        result[self._w] = w
+        result[self._before] = y_before
+        result[self.y] = y
+        result[self._u] = u
+        return result
+
+    def estimates(self, interval: Interval, h: float, known: Matrix) -> Matrix:
+        """[w+; x; d] after a step of length h."""
+        if interval.step is None:
+            return self._free.estimates(h, known)
+        result: Matrix = interval.step.dot(known)
+        return result
+
+    def interval(self, before: Interval | None, h: float, size: float) -> Interval:
+        """The interval of length h at times of the given size: usually the one before once more.
+
+        Decided by the state alone, so that a stream gives the same numbers whatever ran before.
+        """
+        if before is None or abs(h - before.length) > 2 * math.ulp(size):
+            return self._first_interval(h, size)
+        if before.step is not None:
+            return before
+        step = cached_step(self.cache, h, self.matrix) if before.is_resolved else None
+        return before._replace(length=h, step=step)
+
+    def _first_interval(self, h: float, size: float) -> Interval:
+        reasons = []
+        is_resolved = 4 * math.ulp(size) <= _RESOLVED * h
+        if not is_resolved:
+            reasons.append(
+                f"time stamps resolve {2 * math.ulp(size):.2g} for sampling time {h:.9g}"
+            )
+        if h * self._fastest > STEP_LIMIT:
+            limit = STEP_LIMIT / self._fastest
+            reasons.append(f"sampling time {h:.9g} above {limit:.6g} = 2/|f|")
+        return Interval(h, None, "; ".join(reasons) or "ok", is_resolved)
+
+    def matrix(self, h: float) -> Matrix:
+        """The matrix of a step of length h."""
+        g = self.gains
+        F, k, p = g.F, g.k, g.p
+        eye, half = np.eye(k), h / 2 * F
+        driven = np.hstack([eye + half, h / 2 * g.H, h / 2 * g.H, h * g.Gu])
+        w = np.linalg.solve(eye - half, driven)  # (30)
+        x = g.X @ w  # (31)
+        x[:, k + p : k + 2 * p] += g.Xy  # (31)
+        w_mean = w / 2
+        w_mean[:, :k] += eye / 2
+        slope = np.zeros_like(g.N) if self.is_damped else g.N / h  # (34)
+        d = g.Q @ w_mean  # (33)
+        d += np.hstack([np.zeros(g.Q.shape), g.R / 2 - slope, g.R / 2 + slope, g.S])  # (33)
+        return np.vstack([w, x, d])
+
+    @cached_property
+    def _free(self) -> _FreeStep:
+        return _FreeStep(self.gains, self.is_damped)
+
+
+class _FreeStep:
+    """A step of any length without its matrix: one solution of (I - hF/2) w+ = ..., no cache."""
+
+    def __init__(self, g: UnknownInputGains, damped: bool) -> None:
+        n, k, p, q, v = g.n, g.k, g.p, g.q, g.m + 1
+        self.k, self.q, self.eye, self.half = k, q, np.eye(k), g.F / 2
+        slope = np.zeros_like(g.N) if damped else g.N
+        # [w; y_prev; y; U] -> the driven part of w', that of [x; d] beside w+, and N (y - y_prev)
+        self.driven = np.block(
+            [
+                [g.F / 2, g.H / 2, g.H / 2, g.Gu],  # (30)
+                [np.zeros((n, k)), np.zeros((n, p)), g.Xy, np.zeros((n, v))],  # (31)
+                [g.Q / 2, g.R / 2, g.R / 2, g.S],  # (33)
+                [np.zeros((q, k)), -slope, slope, np.zeros((q, v))],  # (34)
+            ]
+        )
+        self.end = np.vstack([g.X, g.Q / 2])  # (31), (33)
+
+    def estimates(self, h: float, known: Matrix) -> Matrix:
+        """[w+; x; d] as `Steps.matrix` gives them."""
+        k, q, driven = self.k, self.q, self.driven.dot(known)
+        w = known[:k] + h * driven[:k]
+        if k:
+            w = np.linalg.solve(self.eye - h * self.half, w)
+        estimate = driven[k:-q] + self.end.dot(w)
+        estimate[-q:] += driven[-q:] / h
+        return np.concatenate((w, estimate))
