@@ -58,7 +58,7 @@ def hidden_growth(A: Matrix, C: Matrix, rate: float = 0.0) -> bool:
 class HiddenPart:
     """The unobservable subspace of some maps, and the maps restricted to it.
 
-    basis (n, h); maps (h, h). No gain reaches the error there, so that its stability is the plant's own.
+    basis (n, h); maps (h, h). No gain reaches the error there: its stability is the plant's own.
     """
 
     basis: Exact

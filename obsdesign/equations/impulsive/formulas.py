@@ -31,12 +31,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Array
 from obsdesign.equations.estimation_error import seen_before_jump
-from obsdesign.equations.gains import Array
 from obsdesign.equations.impulsive.gains import ImpulsiveGains
 
 # uncorrected blocks must shrink by this factor per impulse, in the norm of their P: a margin, so
@@ -146,16 +145,3 @@ def window_gains(core: Core, flows: Array, alpha: float) -> Array:
     Q, R = np.linalg.qr(weighted(rows, p, alpha))
     newest = np.swapaxes(Q[..., -p:, :], -1, -2)
     return -left @ np.linalg.solve(R, newest)
-
-
-def reason_against_plant(plant: Any) -> str | None:
-    """Return why this observer cannot serve a plant, or None; one sentence."""
-    if plant.output.measured != "at_jumps":
-        return (
-            f"output.measured must be at_jumps for kind 'impulsive'; got {plant.output.measured!r}."
-        )
-    if plant.jump is None or plant.jump.dwell_time is None:
-        return (
-            "jump.dwell_time = [shortest, longest] is required by kind 'impulsive'; it is missing."
-        )
-    return None

@@ -8,7 +8,8 @@ from functools import cached_property
 
 import numpy as np
 
-from obsdesign.equations.gains import Array, PlantGains, count, matrix, number, word
+from lmi.arithmetic.arrays import Array
+from obsdesign.equations.gains import PlantGains, count, matrix, number, word
 
 LONGEST_WINDOW = 4096  # impulses
 STRATEGIES = ("full", "compressed", "subspace", "quadratic")

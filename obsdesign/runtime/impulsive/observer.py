@@ -23,6 +23,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.exponential import expm, flow_integrals
 from obsdesign.equations.impulsive.formulas import Core
 from obsdesign.equations.impulsive.gains import ImpulsiveGains
@@ -30,14 +31,13 @@ from obsdesign.runtime.base import (
     DwellGuard,
     Estimate,
     Sample,
-    Vector,
     centred_measurement,
     jump_input,
     later,
     status_of,
     vector,
 )
-from obsdesign.runtime.impulsive.window import Element, Matrix, SlidingWindow
+from obsdesign.runtime.impulsive.window import Element, SlidingWindow
 from obsdesign.runtime.point_observer import SteppedObserver
 from obsdesign.runtime.step_cache import cached_step
 
@@ -54,8 +54,8 @@ class ImpulsiveState:
     """
 
     t: float
-    x: Vector
-    u: Vector
+    x: Matrix
+    u: Matrix
     window: SlidingWindow
     spacing: float | None
     guard: DwellGuard
@@ -72,8 +72,12 @@ class ImpulsiveObserver(SteppedObserver[ImpulsiveState]):
     gains: ImpulsiveGains
     kind: ClassVar[str] = "impulsive"
     finds_events: ClassVar[bool] = False
-    _steps: OrderedDict[float, Any] = field(default_factory=OrderedDict, repr=False, compare=False)
-    _flows: OrderedDict[float, Any] = field(default_factory=OrderedDict, repr=False, compare=False)
+    _steps: OrderedDict[float, tuple[Matrix, Matrix | None]] = field(
+        default_factory=OrderedDict, repr=False, compare=False
+    )
+    _flows: OrderedDict[float, Matrix] = field(
+        default_factory=OrderedDict, repr=False, compare=False
+    )
 
     @classmethod
     def from_gains(cls, gains: Mapping[str, Any]) -> ImpulsiveObserver:
@@ -104,7 +108,7 @@ class ImpulsiveObserver(SteppedObserver[ImpulsiveState]):
             return self._step(state, t, y, sample)
 
     def _step(
-        self, state: ImpulsiveState, t: float, y: Vector | None, sample: Sample
+        self, state: ImpulsiveState, t: float, y: Matrix | None, sample: Sample
     ) -> tuple[ImpulsiveState, Estimate]:
         x = self._flow(state, t)
         guard, late = state.guard.after(t, sample.jump)
@@ -144,12 +148,12 @@ class ImpulsiveObserver(SteppedObserver[ImpulsiveState]):
         past = [element] * (gains.window_length - 1)
         return SlidingWindow.from_elements(past, gains.window_weight)
 
-    def _core_flow(self, spacing: float) -> Any:
+    def _core_flow(self, spacing: float) -> Matrix:
         if self._core.A is self.gains.A and not self._forced:  # the step to here is this flow
             return cached_step(self._steps, spacing, self._flow_maps)[0]
         return cached_step(self._flows, spacing, lambda h: expm(self._core.A * h))
 
-    def _element(self, spacing: float, carry: Any) -> Element:
+    def _element(self, spacing: float, carry: Matrix | None) -> Element:
         """Full: measured, then moved by a spacing. Compressed: moved, measured at its end."""
         core, flow = self._core, self._core_flow(spacing)
         if core.U is None or core.S is None:
@@ -171,7 +175,7 @@ class ImpulsiveObserver(SteppedObserver[ImpulsiveState]):
             return replace(state, carry=past.move, spacing=spacing)
         return replace(state, window=_shifted(state.window, past), spacing=spacing, carry=None)
 
-    def _gain(self, state: ImpulsiveState) -> tuple[Any, str | None]:
+    def _gain(self, state: ImpulsiveState) -> tuple[Matrix | None, str | None]:
         """(L, warning or None); L is None where the window determines nothing."""
         core, spacing = self._core, state.spacing or self._typical
         if not self.gains.has_window:
@@ -192,14 +196,14 @@ class ImpulsiveObserver(SteppedObserver[ImpulsiveState]):
         warning = "ill-conditioned window" if condition > _ILL_CONDITIONED else None
         return (L if core.lift is None else core.lift @ L), warning
 
-    def _rows(self, past: Element | None, outputs: Any) -> Any:
+    def _rows(self, past: Element | None, outputs: Matrix) -> Matrix:
         """The window matrix, its older part already triangular."""
         if past is None:
             return outputs
         return np.concatenate((past.factor / self.gains.window_weight, outputs @ past.move))
 
     @cached_property
-    def _usual_sizes(self) -> Any:
+    def _usual_sizes(self) -> Matrix:
         """Sizes of the columns of the window matrix at the spacing of the virtual past."""
         core, outputs = self._core, self._core.C
         if core.U is not None:
@@ -207,7 +211,7 @@ class ImpulsiveObserver(SteppedObserver[ImpulsiveState]):
         sizes = np.linalg.norm(self._rows(self._virtual_past.product, outputs), axis=0)
         return np.where(sizes > 0, sizes, 1.0)
 
-    def _flow(self, state: ImpulsiveState, t: float) -> Vector:
+    def _flow(self, state: ImpulsiveState, t: float) -> Matrix:
         if t == state.t:
             return state.x
         flow, once = cached_step(self._steps, t - state.t, self._flow_maps)
@@ -218,20 +222,20 @@ class ImpulsiveObserver(SteppedObserver[ImpulsiveState]):
             forced = forced + self.gains.B @ state.u
         return np.asarray(flow @ state.x + once @ forced)
 
-    def _flow_maps(self, h: float) -> tuple[Any, Any]:
+    def _flow_maps(self, h: float) -> tuple[Matrix, Matrix | None]:
         """(e^{Ah}, its integral); without the integral where nothing drives the flow."""
         A = self.gains.A
         return flow_integrals(A, h) if self._forced else (expm(A * h), None)
 
     @cached_property
-    def _drift(self) -> Any:
+    def _drift(self) -> Matrix:
         return self.gains.flow_drift
 
     @cached_property
     def _forced(self) -> bool:
         return self.gains.B is not None or bool(np.any(self._drift))
 
-    def _jump(self, x: Vector, y: Vector | None, w: ArrayLike | None, L: Any) -> Vector:
+    def _jump(self, x: Matrix, y: Matrix | None, w: ArrayLike | None, L: Matrix | None) -> Matrix:
         gains = self.gains
         after = gains.jump_matrix @ x + gains.jump_drift + jump_input(gains, w)
         if y is None or L is None:
@@ -245,7 +249,7 @@ def _shifted(window: SlidingWindow, element: Element) -> SlidingWindow:
     return window if window.is_empty else window.push(element).pop()
 
 
-def _newest_share(rows: Any, outputs: int, sizes: Any) -> tuple[Any, float]:
+def _newest_share(rows: Matrix, outputs: int, sizes: Matrix) -> tuple[Matrix | None, float]:
     """(R^-1 (last rows of Q)', condition number), or (None, inf); columns in their usual sizes."""
     if len(rows) < rows.shape[1]:
         return None, np.inf

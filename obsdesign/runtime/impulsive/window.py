@@ -15,9 +15,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Matrix = NDArray[np.float64]
+from lmi.arithmetic.arrays import Matrix
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,10 +15,10 @@ Source: P. Ahn (2002), (29)-(34).
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from math import hypot
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -42,7 +42,14 @@ from obsdesign.runtime.base import (
 )
 from obsdesign.runtime.point_observer import PointObserver
 from obsdesign.runtime.unknown_input.measurements import smoothed_record, usable
-from obsdesign.runtime.unknown_input.steps import USUAL, Interval, Slope, Steps, damped_slope
+from obsdesign.runtime.unknown_input.steps import (
+    LONGEST,
+    SHORTEST,
+    Interval,
+    Slope,
+    Steps,
+    damped_slope,
+)
 
 
 class UnknownInputState(NamedTuple):
@@ -123,7 +130,7 @@ class UnknownInputObserver(PointObserver[UnknownInputState], Stepped[UnknownInpu
             raise ValueError("this plant has no jumps ([jump] is absent), but a sample says jump.")
         t = later(sample.t, state.t, state.started)
         y = self._moderate(sample.y)
-        if y is not None and state.moderate and 1.0 / USUAL < t - state.t_measured < USUAL:
+        if y is not None and state.moderate and SHORTEST < t - state.t_measured < LONGEST:
             return self._step(state, t, y, sample)  # no overflow: `errstate` takes its time
         with np.errstate(over="ignore", invalid="ignore"):  # the status names what is not finite
             return self._step(state, t, y, sample)
@@ -131,7 +138,7 @@ class UnknownInputObserver(PointObserver[UnknownInputState], Stepped[UnknownInpu
     def _moderate(self, y: ArrayLike | None) -> Matrix | None:
         """The array itself if its length alone shows that every entry is usable."""
         if type(y) is np.ndarray and y.dtype.char == "d" and y.shape == (self.gains.p,):
-            return y if math.hypot(*y.tolist()) < MODERATE else None
+            return y if hypot(*y.tolist()) < MODERATE else None
         return None
 
     def _step(
@@ -140,52 +147,62 @@ class UnknownInputObserver(PointObserver[UnknownInputState], Stepped[UnknownInpu
         u, why = state.u, ""
         if y is None:
             y, why = usable(sample.y, self.gains.p)
-        if y is not None:
+        if y is not None and self.gains.noise_centre is not None:
             y = centred(y, self.gains)
         if sample.u is not None and len(u) > 1:
             u = np.append(vector(sample.u, len(u) - 1, "u"), 1.0)
         if state.y is None or state.w is None:
             return self._first(state, t, y, u, why)
-        steps, h, u_integral = self._steps, t - state.t_measured, None
+        steps, h, integral = self._steps, t - state.t_measured, None
         interval = steps.interval(state.interval, h, max(abs(t), abs(state.t)))
         if y is None or state.u_integral is not None:
-            u_integral = state.input_integral(t)
-        mean = state.u if u_integral is None else u_integral / h
-        known = steps.known(state.w, state.y, state.y if y is None else y, mean)
-        estimates = steps.estimates(interval, h, known)
+            integral = state.input_integral(t)
+        mean = state.u if integral is None else integral / h
+        known = np.concatenate((state.w, state.y, state.y if y is None else y, mean))
+        if interval.step is None:
+            estimates = steps.free.estimates(h, known)
+        else:
+            estimates = interval.step.dot(known)
         if y is None:
-            _, x, d = self._parts(estimates)
-            following = state._replace(t=t, x=x, u=u, u_integral=u_integral)
-            return following, Estimate(t, x=x, d=d * np.nan, status=why)
-        slope = None
+            nothing, x = np.full(self.gains.q, np.nan), estimates[steps.x]
+            following = state._replace(t=t, x=x, u=u, u_integral=integral)
+            return following, Estimate(t, x=x, d=nothing, status=why)
+        # the sample's own array is the caller's
+        return self._corrected(state, t, (known[steps.y], u), interval, estimates)
+
+    def _corrected(
+        self,
+        state: UnknownInputState,
+        t: float,
+        inputs: tuple[Matrix, Matrix],
+        interval: Interval,
+        estimates: Matrix,
+    ) -> tuple[UnknownInputState, Estimate]:
+        """The state from [w+; x; d]; inputs: the measurement, and [u; 1] from it on."""
+        steps, (y, u), slope = self._steps, inputs, None
         if steps.is_damped:
-            slope = damped_slope(state.slope, h, state.y, y)
-            estimates[-self.gains.q :] += self.gains.N @ slope[2]
-        w, x, d = self._parts(estimates)
+            assert state.y is not None
+            slope = damped_slope(state.slope, t - state.t_measured, state.y, y)
+            estimates[steps.d] += self.gains.N @ slope[2]
+        w, x, d = estimates[steps.w], estimates[steps.x], estimates[steps.d]
         status, moderate = interval.status, steps.has_usual_gains
-        moderate = moderate and math.hypot(*estimates.tolist()) < MODERATE
+        moderate = moderate and hypot(*estimates.tolist()) < MODERATE
         if not moderate:
             status = status_of([status] if status != "ok" else [], x, d)
         elif u is not state.u or not state.moderate:
-            moderate = math.hypot(*u.tolist()) < MODERATE
-        # y from `known`: the sample's own array is the caller's
+            moderate = hypot(*u.tolist()) < MODERATE
         following = UnknownInputState(
             t=t,
             t_measured=t,
             x=x,
             w=w,
-            y=known[steps.y],
+            y=y,
             u=u,
             slope=slope,
             interval=interval,
             moderate=moderate,
         )
         return following, Estimate(t, x=x, d=d, status=status)
-
-    def _parts(self, estimates: Matrix) -> tuple[Matrix, Matrix, Matrix]:
-        """(w, x, d)."""
-        k, q = self.gains.k, self.gains.q
-        return estimates[:k], estimates[k:-q], estimates[-q:]
 
     def run(self, state: UnknownInputState, samples: Iterable[Sample]) -> Iterator[Estimate]:
         """Estimates for a stream of samples; with `batch`, of the record smoothed as a whole."""

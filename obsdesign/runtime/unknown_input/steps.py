@@ -21,8 +21,8 @@ from obsdesign.runtime.step_cache import cached_step
 
 # time stamps must resolve a step to this part of its length
 _RESOLVED = 0.01
-# gains, and lengths of a step and their inverses, with which moderate numbers cannot overflow
-USUAL = 1e30
+# gains and lengths of a step with which moderate numbers cannot overflow
+_LARGEST_GAIN, SHORTEST, LONGEST = 1e30, 1e-30, 1e30
 
 
 class Interval(NamedTuple):
@@ -64,27 +64,11 @@ class Steps:
         self.gains, self.is_damped = gains, gains.differentiator == "damped"
         self.cache: OrderedDict[float, Matrix] = OrderedDict()
         numbers = [np.abs(X).max() for X in vars(g).values() if np.ndim(X) and np.size(X)]
-        self.has_usual_gains = bool(max(numbers) < USUAL)
+        self.has_usual_gains = bool(max(numbers) < _LARGEST_GAIN)
         self._fastest = spectral_radius(g.F)
-        self._size = k + 2 * p + g.m + 1
-        self._w, self._before, self.y = slice(k), slice(k, k + p), slice(k + p, k + 2 * p)
-        self._u = slice(k + 2 * p, self._size)
-
-    def known(self, w: Matrix, y_before: Matrix, y: Matrix, u: Matrix) -> Matrix:
-        """[w; y_prev; y; U]: faster than a concatenation."""
-        result = np.empty(self._size)
-        result[self._w] = w
-        result[self._before] = y_before
-        result[self.y] = y
-        result[self._u] = u
-        return result
-
-    def estimates(self, interval: Interval, h: float, known: Matrix) -> Matrix:
-        """[w+; x; d] after a step of length h."""
-        if interval.step is None:
-            return self._free.estimates(h, known)
-        result: Matrix = interval.step.dot(known)
-        return result
+        # places of y in what is known before a step, and of what it gives
+        self.y = slice(k + p, k + 2 * p)
+        self.w, self.x, self.d = slice(k), slice(k, k + g.n), slice(k + g.n, k + g.n + g.q)
 
     def interval(self, before: Interval | None, h: float, size: float) -> Interval:
         """The interval of length h at times of the given size: usually the one before once more.
@@ -127,11 +111,12 @@ class Steps:
         return np.vstack([w, x, d])
 
     @cached_property
-    def _free(self) -> _FreeStep:
-        return _FreeStep(self.gains, self.is_damped)
+    def free(self) -> FreeStep:
+        """Steps of lengths that come once."""
+        return FreeStep(self.gains, self.is_damped)
 
 
-class _FreeStep:
+class FreeStep:
     """A step of any length without its matrix: one solution of (I - hF/2) w+ = ..., no cache."""
 
     def __init__(self, g: UnknownInputGains, damped: bool) -> None:

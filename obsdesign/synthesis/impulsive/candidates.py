@@ -12,11 +12,11 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 
-import numpy as np
-
+from lmi.arithmetic.arrays import Matrix
 from lmi.rank.full_rank import BOX_LIMIT
 from obsdesign.equations.impulsive.gains import STRATEGIES
 from obsdesign.errors import InputError
+from obsdesign.problem.options import ImpulsiveOptions
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
 from obsdesign.synthesis.impulsive.corrected_part import part_candidates
@@ -30,38 +30,39 @@ _FEW_BOXES = 2000
 def synthesize(problem: Problem) -> Iterator[Candidate]:
     """Yield candidates in order of preference; InputError for what cannot be built at all."""
     problem.require_measured("at_jumps")
-    problem.require_dwell_time()
-    chosen = problem.options.get("strategy", "auto")
-    order: tuple[str, ...] = STRATEGIES if chosen == "auto" else (chosen,)
+    options, high = problem.options_as(ImpulsiveOptions), problem.require_dwell_time()[1]
+    is_open = options.strategy == "auto"
+    order: tuple[str, ...] = STRATEGIES if is_open else (options.strategy,)
     for name in ("window", "alpha", "noise_target"):
-        if name in problem.options and chosen == "quadratic":
+        if options.is_stated(name) and options.strategy == "quadratic":
             raise InputError(
                 f"observer.{name} means nothing to strategy 'quadratic', which has no window; "
                 "drop one of the two."
             )
-        if name in problem.options:
+        if options.is_stated(name):
             order = tuple(strategy for strategy in order if strategy != "quadratic")
-    if math.isinf(problem.require_dwell_time()[1]):
+    if math.isinf(high):
         order = order[:1]
     for strategy in order:
         if strategy == "full":
             first = _full(problem, BOX_LIMIT if len(order) == 1 else _FEW_BOXES)
-            if chosen == "auto" and _leaves_no_state(problem):  # nothing to tell apart after it
+            if is_open and not _jump(problem).any():
+                # G = 0 leaves nothing to estimate: a full window that misses it refutes no observer
                 first = replace(first, searched=True)
             yield first
         if strategy == "compressed":
-            yield from _compressed(problem, chosen == "auto")
+            yield from _compressed(problem, is_open)
         if strategy == "subspace":
-            yield from part_candidates(problem, chosen == "auto")
+            yield from part_candidates(problem, is_open)
         if strategy == "quadratic":
             yield quadratic_candidate(problem)
     if len(order) > 1 and _ran_out_of_boxes(first):  # nothing weaker could be proved
         yield _full(problem, BOX_LIMIT)
 
 
-def _leaves_no_state(problem: Problem) -> bool:
+def _jump(problem: Problem) -> Matrix:
     assert problem.plant.jump is not None
-    return not np.any(problem.plant.jump.G)
+    return problem.plant.jump.G
 
 
 def _full(problem: Problem, limit: int) -> Candidate:
@@ -75,8 +76,7 @@ def _ran_out_of_boxes(candidate: Candidate) -> bool:
 
 
 def _compressed(problem: Problem, only_if_singular: bool) -> Iterator[Candidate]:
-    assert problem.plant.jump is not None
-    U, S = factors_of(problem.plant.jump.G)
+    U, S = factors_of(_jump(problem))
     if only_if_singular and U.shape[1] == problem.plant.n:
         return  # G is regular: nothing is gained
     gains = window_gains(problem, "compressed", image=U, coimage=S)

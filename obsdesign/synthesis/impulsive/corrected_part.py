@@ -8,9 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.balls import exact, inverse, to_float
 from obsdesign.equations.estimation_error import seen_before_jump
 from obsdesign.equations.impulsive.formulas import CASCADE_MARGIN, uncorrected_factor
+from obsdesign.problem.options import ImpulsiveOptions
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
 from obsdesign.synthesis.dwell import stability_certificate
@@ -24,16 +26,16 @@ def part_candidates(problem: Problem, only_if_smaller: bool) -> Iterator[Candida
     assert plant.jump is not None
     low, high = problem.require_dwell_time()
     C = seen_before_jump(plant.jump.G, plant.output.C, plant.output.jump_measurement)
-    rate = float(problem.options.get("decay_rate", 0.0))
-    factor = uncorrected_factor(rate, high)
-    parts = corrected_part((plant.flow.A, plant.jump.G, C), (low, high), factor)
+    factor = uncorrected_factor(problem.options_as(ImpulsiveOptions).decay_rate, high)
+    matrices = plant.flow.A, plant.jump.G, C
+    parts = corrected_part(matrices, (low, high), factor)
     if only_if_smaller and parts.size in (0, plant.n):
         return  # nothing to correct, or all of it
     if parts.size == 0:
         parts = Parts(np.eye(plant.n), 0, plant.n)
     # in a cascade no block may be as slow as all of it
     alpha = weight(problem, CASCADE_MARGIN)
-    certificates, core = _blocks((plant.flow.A, plant.jump.G, C), parts, (low, high), factor, alpha)
+    certificates, core = _blocks(matrices, parts, (low, high), factor, alpha)
     place = np.array([parts.first, parts.size], dtype=np.float64)
     basis = {"basis": parts.basis, "core_place": place}
     gains = replace(window_gains(problem, "subspace", **basis, **core), alpha=alpha)
@@ -47,12 +49,12 @@ def part_candidates(problem: Problem, only_if_smaller: bool) -> Iterator[Candida
 
 
 def _blocks(
-    plant: tuple[Any, Any, Any],
+    plant: tuple[Matrix, Matrix, Matrix],
     parts: Parts,
     ends: tuple[float, float],
     factor: float,
     alpha: float,
-) -> tuple[dict[str, Any], dict[str, Any]]:
+) -> tuple[dict[str, dict[str, Any]], dict[str, Matrix]]:
     """(certificates that hidden and rest decay, the core's matrices) for a plant (A, G, C)."""
     A, G, C = plant
     T = exact(parts.basis)
@@ -73,7 +75,7 @@ def _blocks(
 
 
 def _decay_certificate(
-    F: Any, H: Any, ends: tuple[float, float], factor: float, alpha: float
+    F: Matrix, H: Matrix, ends: tuple[float, float], factor: float, alpha: float
 ) -> dict[str, Any]:
     """P for the decay of a block: as fast as the core's if it can be, else at the factor."""
     for goal in sorted({min(factor, 0.9 / alpha), factor}):

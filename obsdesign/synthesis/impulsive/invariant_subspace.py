@@ -16,12 +16,10 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.exponential import expm
 from lmi.arithmetic.units import balance
-
-Matrix = NDArray[np.float64]
 
 _RANK = 1e-8
 _SPACINGS, _WORDS = 5, 3

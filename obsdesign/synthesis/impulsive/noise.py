@@ -7,13 +7,12 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmi.arithmetic.arrays import Matrix
 from obsdesign.analysis.impulsive_noise import missed_target, noise_of, simulated
 from obsdesign.equations.impulsive.gains import ImpulsiveGains
+from obsdesign.problem.options import ImpulsiveOptions
 from obsdesign.problem.problem import Problem
-
-Matrix = NDArray[np.float64]
 
 # windows up to so many times the shortest, alpha from nearly 1 to hardly a memory
 _LONGEST, _SLOWEST, _FASTEST, _HALVINGS = 16, 1.02, 8.0, 12
@@ -25,11 +24,12 @@ def quiet_enough(problem: Problem, gains: ImpulsiveGains) -> tuple[ImpulsiveGain
     Window and alpha are kept where they are given, alpha also where a decay rate fixes it. Returns
     the gains and, where the target is missed, the evidence of it.
     """
-    target = np.array(problem.options["noise_target"])
-    noise, fixed = noise_of(problem), {"alpha", "decay_rate"} & set(problem.options)
+    options, noise = problem.options_as(ImpulsiveOptions), noise_of(problem)
+    target = np.array(options.noise_target)
+    fixed = options.is_stated("alpha") or options.is_stated("decay_rate")
     slow = gains.window_weight if fixed else _SLOWEST
     shortest = gains.window_length
-    longest = shortest if "window" in problem.options else _LONGEST * shortest
+    longest = _LONGEST * shortest if options.window is None else shortest
 
     def std(window: int, alpha: float) -> Matrix:
         return simulated(replace(gains, window=window, alpha=alpha), noise).std

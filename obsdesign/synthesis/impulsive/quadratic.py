@@ -12,11 +12,11 @@ cells of spacings, which are halved until the proof for each of them succeeds.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.balls import exact
+from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.balls import Exact, exact
 from lmi.arithmetic.exponential import expm
 from lmi.arithmetic.units import balance
 from lmi.find.affine import Unknown, best_margin
@@ -27,6 +27,7 @@ from lmi.time_budget import ended, remaining, remark_end
 from obsdesign.analysis.impulsive_noise import estimate
 from obsdesign.equations.estimation_error import seen_before_jump
 from obsdesign.equations.impulsive.gains import ImpulsiveGains
+from obsdesign.problem.options import ImpulsiveOptions
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
 
@@ -45,7 +46,7 @@ def quadratic_candidate(problem: Problem) -> Candidate:
     low, high = problem.require_dwell_time()
     A, G = plant.flow.A, plant.jump.G
     C = seen_before_jump(G, plant.output.C, plant.output.jump_measurement)
-    rate = float(problem.options.get("decay_rate", 0.0))
+    rate = problem.options_as(ImpulsiveOptions).decay_rate
     limit = math.exp(-rate * high) * (1 - 1e-9)
     factors = {*(f for f in _FACTORS if f < limit), *([limit] if limit < 1 else [])}
     for gamma in sorted(factors):
@@ -70,12 +71,14 @@ def quadratic_candidate(problem: Problem) -> Candidate:
     return Candidate("quadratic", zeros, hiding)
 
 
-def _gains(problem: Problem, cells: Any, table: Any) -> ImpulsiveGains:
+def _gains(problem: Problem, cells: Matrix, table: Matrix) -> ImpulsiveGains:
     plant = problem.plant
     return ImpulsiveGains.from_plant(plant, strategy="quadratic", cells=cells, table=table)
 
 
-def common_matrix(plant: tuple[Any, Any, Any], ends: tuple[float, float], gamma: float) -> Any:
+def common_matrix(
+    plant: tuple[Matrix, Matrix, Matrix], ends: tuple[float, float], gamma: float
+) -> Matrix | None:
     """P of the inequality on a grid of spacings, or None; floats, in balanced coordinates."""
     A, G, C = plant
     flows = expm(A * np.linspace(*ends, _GRID)[:, None, None])
@@ -90,9 +93,9 @@ def common_matrix(plant: tuple[Any, Any, Any], ends: tuple[float, float], gamma:
         return np.diag(units**2)
     turned = np.swapaxes(kernels, 1, 2)
 
-    def inequality(P: Any) -> Any:
+    def inequality(P: Matrix) -> Matrix:
         inside = gamma**2 * P - np.swapaxes(S, 1, 2) @ P @ S
-        return turned @ inside @ kernels
+        return np.asarray(turned @ inside @ kernels)
 
     solution = best_margin([Unknown(len(A), len(A), symmetric=True)], inequality, _CONDITION)
     if solution is None or solution[1] <= 0:
@@ -101,7 +104,7 @@ def common_matrix(plant: tuple[Any, Any, Any], ends: tuple[float, float], gamma:
     return (P + P.T) / 2
 
 
-def best_gain(A: Any, G: Any, C: Any, P: Any, spacing: float) -> Any:
+def best_gain(A: Matrix, G: Matrix, C: Matrix, P: Matrix, spacing: float) -> Matrix:
     """L = -S W H' (H W H')^-1 at one spacing, by a least-squares problem instead of inverses."""
     flow = expm(A * spacing)
     # W = Z Z', Z = L^-T of P = L L': rows of (H Z)' weigh the measurements
@@ -110,11 +113,11 @@ def best_gain(A: Any, G: Any, C: Any, P: Any, spacing: float) -> Any:
 
 
 def _table(
-    plant: tuple[Any, Any, Any], P: Any, ends: tuple[float, float], gamma: float
-) -> tuple[Any, Any] | None:
+    plant: tuple[Matrix, Matrix, Matrix], P: Matrix, ends: tuple[float, float], gamma: float
+) -> tuple[Matrix, Matrix] | None:
     """Cells and gains for which the contraction is proved; None if there would be too many."""
     A, G, C = plant
-    A_exact, G_exact, C_exact = exact(A), exact(G), exact(C)
+    exact_A, exact_G, exact_C = exact(A), exact(G), exact(C)
     todo, borders, gains = [ends], [ends[0]], []
     while todo and remaining() > 0:
         start, end = todo.pop()
@@ -123,8 +126,8 @@ def _table(
             is_likely = _is_likely(A, G + L @ C, P, (start, end), gamma)
         except np.linalg.LinAlgError:
             return None
-        H = G_exact + exact(L) @ C_exact
-        if is_likely and _is_proved(A_exact, H, P, (start, end), gamma):
+        H = exact_G + exact(L) @ exact_C
+        if is_likely and _is_proved(exact_A, H, P, (start, end), gamma):
             borders.append(end)
             gains.append(L)
         elif len(todo) + len(gains) >= _CELLS or end - start < 1e-3 * (ends[1] - ends[0]):
@@ -136,7 +139,7 @@ def _table(
     return None if todo else (np.array(borders), np.array(gains))
 
 
-def _is_likely(A: Any, H: Any, P: Any, ends: tuple[float, float], gamma: float) -> bool:
+def _is_likely(A: Matrix, H: Matrix, P: Matrix, ends: tuple[float, float], gamma: float) -> bool:
     """Whether |H e^{A theta}|, in the norm of P, is at most gamma at both ends, in floats."""
     root = np.linalg.cholesky(P).T
     maps = root @ H @ expm(A * np.array(ends)[:, None, None])
@@ -144,6 +147,6 @@ def _is_likely(A: Any, H: Any, P: Any, ends: tuple[float, float], gamma: float) 
     return bool(np.linalg.norm(turned, 2, axis=(1, 2)).max() <= gamma)
 
 
-def _is_proved(A: Any, H: Any, P: Any, ends: tuple[float, float], gamma: float) -> bool:
+def _is_proved(A: Exact, H: Exact, P: Matrix, ends: tuple[float, float], gamma: float) -> bool:
     verdict = prove_common(A, H, P, *ends, form="after_jump", gamma=gamma)
     return verdict.outcome == "proved"

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.balls import exact, inverse, to_float
 from lmi.rank.decide import decide_full_rank
 from lmi.rank.full_rank import BOX_LIMIT
@@ -20,6 +21,7 @@ from obsdesign.analysis.impulsive_noise import estimate
 from obsdesign.equations.impulsive.formulas import Core, most_blocks
 from obsdesign.equations.impulsive.gains import LONGEST_WINDOW, ImpulsiveGains
 from obsdesign.errors import InputError
+from obsdesign.problem.options import ImpulsiveOptions
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
 from obsdesign.synthesis.impulsive.noise import quiet_enough
@@ -44,20 +46,21 @@ def window_gains(problem: Problem, strategy: str, **entries: Any) -> ImpulsiveGa
 
 def weight(problem: Problem, margin: float = 1.0) -> float:
     """Return alpha: the problem's own, or the one that its decay rate needs, or the default."""
-    if "alpha" in problem.options:
-        return float(problem.options["alpha"])
-    rate = margin * float(problem.options.get("decay_rate", 0.0))
+    options, high = problem.options_as(ImpulsiveOptions), problem.require_dwell_time()[1]
+    if options.alpha is not None:
+        return options.alpha
+    rate = margin * options.decay_rate
     if rate == 0:
         return ALPHA
-    if rate * problem.require_dwell_time()[1] > _LARGEST_LOG_ALPHA:
+    if rate * high > _LARGEST_LOG_ALPHA:
         raise InputError(
             f"observer.decay_rate must be at most {_LARGEST_LOG_ALPHA:g} / jump.dwell_time[1] "
-            f"here; got {problem.options['decay_rate']!r}. Is it in the plant's unit of time?"
+            f"here; got {options.decay_rate!r}. Is it in the plant's unit of time?"
         )
-    return max(math.exp(rate * problem.require_dwell_time()[1]) * (1 + 1e-6), 1 + 1e-6)
+    return max(math.exp(rate * high) * (1 + 1e-6), 1 + 1e-6)
 
 
-def factors_of(G: Any) -> tuple[Any, Any]:
+def factors_of(G: Matrix) -> tuple[Matrix, Matrix]:
     """(U, S) with G = U S up to rounding: U independent columns of G, S the coefficients of all.
 
     For G = 0 one column, its coefficients zero.
@@ -79,7 +82,7 @@ def factors_of(G: Any) -> tuple[Any, Any]:
         exactly = to_float(back @ exact(G[rows]))
         if not np.any(exact(U) @ exact(exactly) != exact(G)):
             return U, exactly
-    S = np.linalg.lstsq(U, G, rcond=None)[0]
+    S = np.asarray(np.linalg.lstsq(U, G, rcond=None)[0], dtype=np.float64)
     S[:, chosen] = np.eye(rank)
     return U, S
 
@@ -96,33 +99,33 @@ def windowed(
 
     A shorter window that is proved proves every longer one. limit: boxes of a proof that is tried.
     """
-    ends = problem.require_dwell_time()
+    ends, options = problem.require_dwell_time(), problem.options_as(ImpulsiveOptions)
     others = dict(certificates or {})
     core = Core.from_gains(gains, exact)
     shortest = math.ceil(core.size / problem.plant.p)
-    given = problem.options.get("window")
+    given = options.window
     if given is not None and given > LONGEST_WINDOW:
         raise InputError(f"observer.window must be at most {LONGEST_WINDOW} impulses; got {given}.")
     if math.isinf(ends[1]):
-        return Candidate(label, replace(gains, window=int(given or shortest)), others)
+        return Candidate(label, replace(gains, window=given or shortest), others)
     blocks, verdict, searched = _provable(core, shortest, given, ends, limit)
     others["strongly_observable"] = {**verdict.evidence, "blocks": blocks}
-    gains = replace(gains, window=int(given or blocks))
-    _refuse_lost_digits(problem, gains.window_weight, blocks)
-    if verdict.outcome == "proved" and "noise_target" in problem.options:
+    gains = replace(gains, window=given or blocks)
+    _refuse_lost_digits(options, gains.window_weight, blocks)
+    if verdict.outcome == "proved" and options.noise_target is not None:
         gains, others["noise_target"] = quiet_enough(problem, gains)
     if verdict.outcome == "proved" and remaining() > 0:
         others["rate"] = {"estimated": estimate(problem, gains)}
     return Candidate(label, gains, others, searched=searched)
 
 
-def _refuse_lost_digits(problem: Problem, alpha: float, blocks: int) -> None:
+def _refuse_lost_digits(options: ImpulsiveOptions, alpha: float, blocks: int) -> None:
     """InputError where the oldest of the impulses that are needed would weigh next to nothing."""
     if (blocks - 1) * math.log(alpha) <= math.log(_LARGEST_WEIGHT_RATIO):
         return
     name, value = "alpha", alpha
-    if "alpha" not in problem.options:
-        name, value = "decay_rate", float(problem.options["decay_rate"])
+    if options.alpha is None:
+        name, value = "decay_rate", options.decay_rate
     raise InputError(
         f"observer.{name} = {value!r} weighs the oldest of {blocks} impulses by "
         f"alpha^{1 - blocks} with alpha = {alpha:.4g}: fewer digits than binary64 has; at most "

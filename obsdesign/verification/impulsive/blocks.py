@@ -13,11 +13,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.balls import Exact, exact, inverse, number, rational, scalar
+from lmi.arithmetic.balls import Ball, Exact, exact, inverse, number, rational, scalar
 from lmi.bounds.largest_norm import norm_of, norm_over
 from lmi.rank.stack import Stack, coordinates, state_basis
 from obsdesign.equations.estimation_error import seen_before_jump
@@ -120,7 +119,7 @@ class Whole:
     """The bound of the stored plant, in the coordinates of T, and the perturbation per step."""
 
     bound: Bound
-    change: Any
+    change: Ball
 
 
 def whole_bound(
@@ -131,7 +130,7 @@ def whole_bound(
     decaying: by "hidden" and "rest", for the blocks that exist; rate: decay per unit of time to be
     reached.
     """
-    change, _, nominal = flow_change(blocks.A, blocks.A0, high)
+    change, nominal = flow_change(blocks.A, blocks.A0, high)
     perturbation = nominal * (
         norm_of(blocks.G - blocks.G0) + reach.gain * norm_of(blocks.C - blocks.C0)
     ) + change * (norm_of(blocks.G) + reach.gain * norm_of(blocks.C))
@@ -162,7 +161,7 @@ def whole_bound(
 
 def _influences(
     blocks: Blocks, reach: Reach, high: float, places: list[slice], core: int
-) -> list[list[Any]]:
+) -> list[list[Ball]]:
     """Norms of the coupling from block j to block i in one step; balls.
 
     Nominal: above the diagonal, the cascade. Everywhere: the difference of the stored plant, block
@@ -171,16 +170,16 @@ def _influences(
     unit = exact(np.eye(len(blocks.A)))
     count = range(len(places))
 
-    def cut(X: Exact) -> list[list[Any]]:
+    def cut(X: Exact) -> list[list[Ball]]:
         return [[norm_of(X[a, b]) for b in places] for a in places]
 
-    def flows(X: Exact) -> list[list[Any]]:
+    def flows(X: Exact) -> list[list[Ball]]:
         return [[norm_over(unit[a], X, unit[:, b], 0.0, high) for b in places] for a in places]
 
-    def product(X: list[list[Any]], Y: list[list[Any]]) -> list[list[Any]]:
+    def product(X: list[list[Ball]], Y: list[list[Ball]]) -> list[list[Ball]]:
         return [[sum((X[i][k] * Y[k][j] for k in count), scalar(0)) for j in count] for i in count]
 
-    def closed(G: Exact, C: Exact) -> list[list[Any]]:
+    def closed(G: Exact, C: Exact) -> list[list[Ball]]:
         """Norms of G + L C, L acting on the core alone."""
         norms = cut(G)
         for j in count:

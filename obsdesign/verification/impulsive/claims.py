@@ -19,8 +19,9 @@ from obsdesign.analysis.impulsive_noise import estimate, missed_target
 from obsdesign.document import Claim
 from obsdesign.equations.estimation_error import seen_before_jump
 from obsdesign.equations.gains import plant_data
-from obsdesign.equations.impulsive.formulas import Core, reason_against_plant
+from obsdesign.equations.impulsive.formulas import Core
 from obsdesign.equations.impulsive.gains import STRATEGIES, ImpulsiveGains
+from obsdesign.problem.options import ImpulsiveOptions
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.choices import mark_witness
 from obsdesign.verification.consistency import consistent_gains
@@ -70,7 +71,7 @@ def claims(
     stored: gains as a design file states them; certificates: {"strongly_observable": {"asked"} or
     {"witness"}} and those of the strategies.
     """
-    objection = reason_against_plant(problem.plant) or _reason_against_gains(stored)
+    objection = _reason_against_problem(problem) or _reason_against_gains(stored)
     expected = {} if objection else expected_gains(problem, stored)
     agreement, gains = consistent_gains(objection, stored, expected, ImpulsiveGains.from_document)
     if gains is None:
@@ -96,7 +97,7 @@ def _rate_claims(
     problem: Problem, gains: ImpulsiveGains, bound: Bound | None, certificates: Mapping[str, Any]
 ) -> list[Claim]:
     """Claims of the rate that follows from a proved bound, and of the problem's decay rate."""
-    high, goal = problem.require_dwell_time()[1], float(problem.options.get("decay_rate", 0.0))
+    high, goal = problem.require_dwell_time()[1], problem.options_as(ImpulsiveOptions).decay_rate
     claims, rate, certificate = list[Claim](), None, certificates.get("rate", {})
     if bound is not None:
         with in_balls():
@@ -110,7 +111,7 @@ def _rate_claims(
 
 
 def _windowed(
-    problem: Problem, gains: ImpulsiveGains, certificates: Any, paranoid: bool
+    problem: Problem, gains: ImpulsiveGains, certificates: Mapping[str, Any], paranoid: bool
 ) -> tuple[list[Claim], Bound | None]:
     """Claims of a window on the plant or on a part of it, and the bound that follows."""
     low, high = problem.require_dwell_time()
@@ -123,7 +124,7 @@ def _windowed(
         reason = "gains.basis is singular"
         claims.append(nominal_plant(gains, refuted({"entry": "gains.basis", "reason": reason})))
         return claims, None
-    rate = float(problem.options.get("decay_rate", 0.0))
+    rate = problem.options_as(ImpulsiveOptions).decay_rate
     uncorrected, decaying = _uncorrected(problem, blocks, certificates, paranoid)
     claims += uncorrected
     whole = None
@@ -145,7 +146,7 @@ def _uncorrected(
 ) -> tuple[list[Claim], dict[str, Bound]]:
     """Claims that the blocks without correction decay, and their bounds by name."""
     claims, bounds = list[Claim](), dict[str, Bound]()
-    rate = float(problem.options.get("decay_rate", 0.0))
+    rate = problem.options_as(ImpulsiveOptions).decay_rate
     for name, pair in (("hidden", blocks.hidden_pair), ("rest", blocks.rest_pair)):
         if pair is None:
             continue
@@ -183,8 +184,8 @@ def _is_undetectable(problem: Problem) -> bool:
 def expected_gains(problem: Problem, stored: Mapping[str, Any]) -> dict[str, Any]:
     """The value, or the shape, that the problem requires of each entry of `gains`."""
     n, p = problem.plant.n, problem.plant.p
-    chosen = problem.options.get("strategy", "auto")
-    words = set(STRATEGIES) if chosen == "auto" else {chosen}
+    options = problem.options_as(ImpulsiveOptions)
+    words = set(STRATEGIES) if options.strategy == "auto" else {options.strategy}
     expected: dict[str, Any] = plant_data(problem.plant) | {"strategy": words}
     strategy, d = stored["strategy"], n
     if strategy == "quadratic":
@@ -197,9 +198,21 @@ def expected_gains(problem: Problem, stored: Mapping[str, Any]) -> dict[str, Any
     if strategy == "compressed" or "image" in stored:
         r = np.shape(stored["image"])[-1]
         expected |= {"image": (d, r), "coimage": (r, d)}
-    for name in ("window", "alpha"):
-        expected[name] = problem.options.get(name, stored[name])
+    expected["window"] = stored["window"] if options.window is None else options.window
+    expected["alpha"] = stored["alpha"] if options.alpha is None else options.alpha
     return expected
+
+
+def _reason_against_problem(problem: Problem) -> str | None:
+    """Return why this observer cannot serve a plant, or None; one sentence."""
+    measured, jump = problem.plant.output.measured, problem.plant.jump
+    if measured != "at_jumps":
+        return f"output.measured must be at_jumps for kind 'impulsive'; got {measured!r}."
+    if jump is None or jump.dwell_time is None:
+        return (
+            "jump.dwell_time = [shortest, longest] is required by kind 'impulsive'; it is missing."
+        )
+    return None
 
 
 def _reason_against_gains(stored: Mapping[str, Any]) -> str | None:

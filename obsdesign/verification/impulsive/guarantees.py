@@ -5,6 +5,7 @@ from __future__ import annotations
 from decimal import ROUND_CEILING, ROUND_FLOOR
 
 from obsdesign.document import Claim, Guarantee
+from obsdesign.problem.options import ImpulsiveOptions
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.dwell import Dwell
 from obsdesign.verification.impulsive.rate import Rate
@@ -13,7 +14,7 @@ from obsdesign.verification.rates import six_digits
 
 def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Guarantee, ...]:
     """The sentences a user may rely on, and those of the problem that are not proved."""
-    plant = problem.plant
+    plant, options = problem.plant, problem.options_as(ImpulsiveOptions)
     verdicts = {claim.id: claim.verdict for claim in claims}
     needed = [name for name in verdicts if name not in ("decay_rate", "rate")]
     when = f"for every sequence of spacings in {Dwell.from_problem(problem)}"
@@ -31,12 +32,11 @@ def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Guarantee, 
             rate = Rate.from_evidence(claim.evidence)
             sentences.append((_rate_sentence(rate, free), [*needed, "rate"]))
     if "decay_rate" in verdicts:
-        goal = float(problem.options["decay_rate"])
-        text = f"The error decays like e^(-{goal!r} t) {when}."
+        text = f"The error decays like e^(-{options.decay_rate!r} t) {when}."
         sentences.append((text, [*needed, "decay_rate"]))
     result = [Guarantee.from_verdicts(text, ids, verdicts) for text, ids in sentences]
-    if "noise_target" in problem.options:
-        target = ", ".join(repr(float(value)) for value in problem.options["noise_target"])
+    if options.noise_target is not None:
+        target = ", ".join(map(repr, options.noise_target))
         text = (
             f"Noise leaves the states errors with standard deviations of at most {target}: "
             "estimated by simulation, not proved."

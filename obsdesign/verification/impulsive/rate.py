@@ -16,12 +16,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.balls import Exact, inverse, number, precision, rational, scalar
+from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.balls import Ball, Exact, inverse, number, precision, rational, scalar
 from lmi.arithmetic.norms import nonnegative_inverse
 from lmi.bounds.largest_norm import identity_like, inverse_norm_over, norm_of, norm_over
 from lmi.verdict import Verdict, proved, undecided
@@ -38,19 +40,19 @@ _CASCADE = 0.875
 class Bound:
     """constant and factor of exponential convergence per impulse; balls."""
 
-    constant: Any
-    factor: Any
+    constant: Ball
+    factor: Ball
 
-    def perturbed(self, size: Any) -> Bound:
+    def perturbed(self, size: Ball) -> Bound:
         """The bound when each step is off by a matrix of at most this norm."""
         return Bound(self.constant, self.factor + self.constant * size)
 
-    def scaled(self, by: Any) -> Bound:
+    def scaled(self, by: Ball) -> Bound:
         """The same with the constant multiplied."""
         return Bound(self.constant * by, self.factor)
 
 
-def coupled_bound(parts: Sequence[Bound], weights: list[list[Any]], goal: Any) -> Bound:
+def coupled_bound(parts: Sequence[Bound], weights: list[list[Ball]], goal: Ball | None) -> Bound:
     """Convergence bound of coupled blocks, weights[i][j] the norm of the coupling from j to i.
 
     x_i <= k_i f_i^N x_i(0) + sum of k_i f_i^(N-1-n) w_ij x_j(n), so that X_i = sup x_i(n)/L^n obeys
@@ -78,7 +80,7 @@ class Reach:
     """Bounds over all spacings that a window's convergence is made of; balls."""
 
     bound: Bound
-    gain: Any
+    gain: Ball
 
 
 @dataclass(frozen=True)
@@ -141,7 +143,7 @@ def window_reach(
     return Reach(Bound(constant, 1 / a), norm_of(core.J) * present)
 
 
-def _undone(core: Core, low: float, high: float) -> Any:
+def _undone(core: Core, low: float, high: float) -> Ball | None:
     """Ball above the inverse of one spacing's move in the window; None if it may be singular."""
     if core.U is None or core.S is None:
         back = inverse(core.J)
@@ -149,18 +151,18 @@ def _undone(core: Core, low: float, high: float) -> Any:
     return inverse_norm_over(core.S, core.A, core.U, low, high)
 
 
-def quadratic_bound(P: Any, factor: float) -> Bound:
+def quadratic_bound(P: Matrix, factor: float) -> Bound:
     """From x'Px that falls by factor^2 per impulse; P symmetric positive definite floats."""
     values = np.linalg.eigvalsh(P)
     spread = float(values[-1] / values[0]) if values[0] > 0 else math.inf
     return Bound(number(1.0 + 1e-9) * number(spread).sqrt(), number(factor))
 
 
-def flow_change(A: Exact, nominal: Exact, high: float) -> tuple[Any, Any, Any]:
-    """(sup of e^{A t} - e^{nominal t}, sup of e^{A t}, of e^{nominal t}) over [0, high]."""
+def flow_change(A: Exact, nominal: Exact, high: float) -> tuple[Ball, Ball]:
+    """(sup of e^{A t} - e^{nominal t}, sup of e^{nominal t}) over [0, high]."""
     unit = identity_like(A)
     actual, other = (norm_over(unit, X, unit, 0.0, high) for X in (A, nominal))
-    return norm_of(A - nominal) * number(high) * actual * other, actual, other
+    return norm_of(A - nominal) * number(high) * actual * other, other
 
 
 @dataclass(frozen=True)
@@ -213,7 +215,7 @@ def _rounded_up(value: float) -> float:
     return math.ceil(value / unit) * unit
 
 
-def robust_to_rounding(bound: Bound, size: Any) -> Verdict:
+def robust_to_rounding(bound: Bound, size: Ball) -> Verdict:
     """Decide whether the bound, with a perturbation of this size per step, still contracts."""
     evidence = {"largest_change": float(size.abs_upper()), "exact": False}
     if bound.factor < 1:
@@ -225,6 +227,6 @@ def robust_to_rounding(bound: Bound, size: Any) -> Verdict:
     return undecided(reason, **evidence)
 
 
-def in_balls() -> Any:
+def in_balls() -> AbstractContextManager[None]:
     """The precision of all bounds here: a context."""
     return precision(_BITS)

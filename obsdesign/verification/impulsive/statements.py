@@ -73,7 +73,7 @@ def noise_target(evidence: Mapping[str, Any]) -> Claim:
     )
 
 
-def rate_claim(rate: Rate, estimated: Any) -> Claim:
+def rate_claim(rate: Rate, estimated: Mapping[str, object] | None) -> Claim:
     """Claim of the proved rate of convergence; an estimate beside it proves nothing."""
     return Claim(
         "rate",

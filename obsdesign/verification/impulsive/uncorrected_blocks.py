@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import itertools
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.balls import Exact, exact, number, rational
+from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.balls import Exact, exact, number, rational, to_float
 from lmi.bounds.largest_norm import identity_like, norm_of, norm_over
 from lmi.prove.common_matrix import prove_common
 from lmi.rank.hidden_mode import check_hiding
@@ -22,7 +22,7 @@ from obsdesign.equations.estimation_error import seen_before_jump
 from obsdesign.equations.impulsive.formulas import uncorrected_factor
 from obsdesign.equations.impulsive.gains import ImpulsiveGains
 from obsdesign.problem.problem import Problem
-from obsdesign.verification.dwell import Dwell, dwell_stability
+from obsdesign.verification.dwell import Dwell, dwell_stability, matrix_of
 from obsdesign.verification.impulsive.rate import Bound, in_balls, quadratic_bound
 
 _SOURCES = {
@@ -35,7 +35,7 @@ _SOURCES = {
 class BlockDecay:
     """V = x'P x of a block falls by factor^2 per impulse."""
 
-    P: Any
+    P: Matrix
     factor: float
 
     @classmethod
@@ -81,25 +81,21 @@ def _without_margin(verdict: Verdict, F: Exact, H: Exact, dwell: Dwell) -> Verdi
     plain = dwell_stability(F, H, dwell, {}, False)
     if plain.outcome == "refuted":
         witness = dict(plain.evidence.get("witness", {}))
-        modes = np.linalg.eigvals(_float(F))
+        modes = np.linalg.eigvals(to_float(F))
         worst = modes[np.argmax(modes.real)]
         text = f"{witness.get('reason', '')}; its flow has the mode {worst:.6g}"
         return refuted({**witness, "reason": f"it does not decay by itself: {text}"})
     return undecided("it decays too slowly, if at all", **verdict.evidence)
 
 
-def _float(X: Exact) -> Any:
-    return np.array([[float(int(v.p) / int(v.q)) for v in row] for row in X])
-
-
 def quadratic_claims(
-    problem: Problem, gains: ImpulsiveGains, certificates: Any, paranoid: bool
+    problem: Problem, gains: ImpulsiveGains, certificates: Mapping[str, Any], paranoid: bool
 ) -> tuple[list[Claim], Bound | None]:
     """Claims of one P for all spacings, gains by cells of the last one; and their bound."""
     dwell, ends = Dwell.from_problem(problem), problem.require_dwell_time()
     plant = _ExactPlant.from_gains(gains)
     certificate = certificates.get("contracting", {})
-    P, gamma = _matrix(certificate.get("P"), problem.plant.n), certificate.get("gamma")
+    P, gamma = _symmetric(certificate.get("P"), problem.plant.n), certificate.get("gamma")
     if P is None or not isinstance(gamma, float) or not 0 < gamma < 1:
         verdict = undecided("no P was found for which a gain contracts at every spacing")
     else:
@@ -133,28 +129,28 @@ class _ExactPlant:
 
 
 def _obstructions(
-    plant: _ExactPlant, dwell: Dwell, certificates: Any, paranoid: bool
+    plant: _ExactPlant, dwell: Dwell, certificates: Mapping[str, Any], paranoid: bool
 ) -> list[Claim]:
     """Claims whose refutation refutes every observer: undetectable modes."""
     claims = []
     hidden = hidden_part([plant.A, plant.G], plant.C)
     if hidden is not None:
-        pair = hidden.maps[0], hidden.maps[1]
-        verdict = dwell_stability(*pair, dwell, certificates.get("hidden_decays", {}), paranoid)
+        flow, jump = hidden.maps
+        certificate = certificates.get("hidden_decays", {})
+        verdict = dwell_stability(flow, jump, dwell, certificate, paranoid)
         if verdict.outcome == "refuted":
-            verdict = _without_margin(verdict, *pair, dwell)
+            verdict = _without_margin(verdict, flow, jump, dwell)
         claims.append(Claim.from_verdict(
             "hidden_decays",
-            f"what no measurement ever sees of the state (dimension {len(pair[0])}) decays",
+            f"what no measurement ever sees of the state (dimension {len(flow)}) decays",
             _SOURCES["hidden"], verdict,
         ))  # fmt: skip
     hiding = certificates.get("detectable", {}).get("witness", {}).get("thetas")
-    if (
-        isinstance(hiding, list)
-        and len(hiding) == 1
-        and dwell.low <= float(hiding[0]) <= dwell.high
-    ):
-        verdict = check_hiding(plant.A, plant.G, plant.C, float(hiding[0]))
+    if not isinstance(hiding, list) or len(hiding) != 1:
+        return claims
+    theta = float(hiding[0])
+    if dwell.low <= theta <= dwell.high:
+        verdict = check_hiding(plant.A, plant.G, plant.C, theta)
         claims.append(Claim.from_verdict(
             "detectable",
             "at no constant spacing does C miss a mode of the impulses and the flow between them "
@@ -165,7 +161,7 @@ def _obstructions(
 
 
 def _contracting(
-    plant: _ExactPlant, gains: ImpulsiveGains, P: Any, gamma: float, ends: tuple[float, float]
+    plant: _ExactPlant, gains: ImpulsiveGains, P: Matrix, gamma: float, ends: tuple[float, float]
 ) -> Verdict:
     cells, table = gains.gain_cells, gains.gain_table
     is_single = len(cells) == 2 and cells[0] == cells[1] == ends[0] == ends[1]
@@ -184,7 +180,7 @@ def _contracting(
 
 
 def _bound(
-    plant: _ExactPlant, gains: ImpulsiveGains, P: Any, gamma: float, ends: tuple[float, float]
+    plant: _ExactPlant, gains: ImpulsiveGains, P: Matrix, gamma: float, ends: tuple[float, float]
 ) -> Bound:
     """From the error after an impulse to the error before the next, and back."""
     unit = identity_like(plant.A)
@@ -197,10 +193,7 @@ def _bound(
         return Bound(bound.constant.max(number(1.0)), bound.factor)
 
 
-def _matrix(values: Any, n: int) -> Any:
-    try:
-        P = np.asarray(values, dtype=np.float64)
-    except (TypeError, ValueError):
-        return None
-    is_valid = P.shape == (n, n) and bool(np.isfinite(P).all()) and np.array_equal(P, P.T)
-    return P if is_valid and not math.isinf(float(np.abs(P).max())) else None
+def _symmetric(values: object, n: int) -> Matrix | None:
+    """A symmetric matrix of a certificate, (n, n); None if it is not one."""
+    P = matrix_of(values, n)
+    return P if P is not None and np.isfinite(P).all() and np.array_equal(P, P.T) else None
