@@ -224,6 +224,20 @@ def jump_input(gains: PlantGains, w: ArrayLike | None) -> Vector:
     return np.asarray(gains.E @ vector(w, gains.E.shape[1], "w"))
 
 
+def corrected_jump(
+    gains: PlantGains, x: Vector, w: ArrayLike | None, y: Vector | None, M: Vector | None
+) -> Vector:
+    """x after a jump with the correction M (y - C x), x before or after it as y is measured.
+
+    Without correction where y or M is missing.
+    """
+    after = gains.jump_matrix @ x + gains.jump_drift + jump_input(gains, w)
+    if y is None or M is None or gains.jump_measurement == "none":
+        return np.asarray(after)
+    expected = gains.C @ (after if gains.jump_measurement == "after" else x)
+    return np.asarray(after + M @ (y - expected))
+
+
 def status_of(reasons: Sequence[str], *values: Vector) -> str:
     """`ok`, or the reasons why not; an estimate that is not finite is one."""
     if not all(np.isfinite(value).all() for value in values):

@@ -32,7 +32,7 @@ from obsdesign.runtime.base import (
     Estimate,
     Sample,
     centred_measurement,
-    jump_input,
+    corrected_jump,
     later,
     status_of,
     vector,
@@ -123,7 +123,7 @@ class ImpulsiveObserver(SteppedObserver[ImpulsiveState]):
                 objections.append("missing sample")
             L, warning = self._gain(following)
             objections += [warning] if warning and y is not None else []
-            x = self._jump(x, y, sample.w, L)
+            x = corrected_jump(self.gains, x, sample.w, y, None if L is None else -L)
             length = self.gains.window_length
             uncertified = length if late or y is None else max(state.uncertified - 1, 0)
             following = replace(following, uncertified=uncertified, skipped=y is None)
@@ -234,14 +234,6 @@ class ImpulsiveObserver(SteppedObserver[ImpulsiveState]):
     @cached_property
     def _forced(self) -> bool:
         return self.gains.B is not None or bool(np.any(self._drift))
-
-    def _jump(self, x: Matrix, y: Matrix | None, w: ArrayLike | None, L: Matrix | None) -> Matrix:
-        gains = self.gains
-        after = gains.jump_matrix @ x + gains.jump_drift + jump_input(gains, w)
-        if y is None or L is None:
-            return np.asarray(after)
-        expected = gains.C @ (after if gains.jump_measurement == "after" else x)
-        return np.asarray(after + L @ (expected - y))
 
 
 def _shifted(window: SlidingWindow, element: Element) -> SlidingWindow:

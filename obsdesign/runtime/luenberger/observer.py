@@ -26,7 +26,7 @@ from obsdesign.runtime.base import (
     Estimate,
     Sample,
     centred_measurement,
-    jump_input,
+    corrected_jump,
     later,
     status_of,
     vector,
@@ -88,21 +88,22 @@ class LuenbergerObserver(SteppedObserver[LuenbergerState]):
         x = self._flow(state, t, y if not sample.jump or when == "before" else None)
         guard, late = state.guard.after(t, sample.jump)
         objections = [late] if late else []
-        expected = not (sample.jump and when == "none") and (sample.jump or not self._only_jumps)
-        if y is None and expected:
+        # without L, samples between jumps are of no use and none is missed
+        is_expected = when != "none" if sample.jump else np.any(self.gains.L)
+        if y is None and is_expected:
             objections.append("missing sample")
         usable = y
         if sample.jump:
-            x = self._jump(x, y, sample.w, self._jump_correction(state.guard.last_jump, t))
+            if self.gains.G is None:
+                raise ValueError(
+                    "this plant has no jumps ([jump] is absent), but a sample says jump."
+                )
+            M = self._jump_gain(state.guard.last_jump, t)
+            x = corrected_jump(self.gains, x, sample.w, y, M)
             usable = y if when == "after" else None
         u = state.u if sample.u is None else vector(sample.u, len(state.u), "u")
         following = replace(state, t=t, x=x, u=u, y=usable, guard=guard, started=True)
         return following, Estimate(t, x=x, status=status_of(objections, x))
-
-    @property
-    def _only_jumps(self) -> bool:
-        """Without L, samples between jumps are of no use and none is missed."""
-        return not np.any(self.gains.L)
 
     def _flow(self, state: LuenbergerState, t: float, y_end: Matrix | None) -> Matrix:
         if t == state.t:
@@ -111,7 +112,7 @@ class LuenbergerObserver(SteppedObserver[LuenbergerState]):
         end = y_end if y_end is not None else start
         maps = cached_step(self._steps, t - state.t, self._maps)
         flow, once, ramp = maps[start is not None]
-        forced = self._drift + (0.0 if self.gains.B is None else self.gains.B @ state.u)
+        forced = self.gains.flow_drift + (0.0 if self.gains.B is None else self.gains.B @ state.u)
         if start is None or end is None:
             return np.asarray(flow @ state.x + once @ forced)
         L = self.gains.L
@@ -122,25 +123,10 @@ class LuenbergerObserver(SteppedObserver[LuenbergerState]):
         A, L, C = self.gains.A, self.gains.L, self.gains.C
         return {False: responses(A, h), True: responses(flow_error_matrix(A, L, C), h)}
 
-    @property
-    def _drift(self) -> Matrix:
-        return self.gains.flow_drift
-
-    def _jump_correction(self, last_jump: float | None, t: float) -> Matrix:
+    def _jump_gain(self, last_jump: float | None, t: float) -> Matrix:
         """M, or where gains follow a schedule, the one for the dwell time that ends at t."""
         gains = self.gains
         if last_jump is None or gains.M_cells is None or gains.dwell_borders is None:
             return gains.M
         cell = np.searchsorted(gains.dwell_borders, t - last_jump, side="right")
         return np.asarray(gains.M_cells[cell])
-
-    def _jump(self, x: Matrix, y: Matrix | None, w: ArrayLike | None, M: Matrix) -> Matrix:
-        gains = self.gains
-        if gains.G is None:
-            raise ValueError("this plant has no jumps ([jump] is absent), but a sample says jump.")
-        after = gains.G @ x + gains.jump_drift + jump_input(gains, w)
-        when = gains.jump_measurement
-        if y is None or when == "none":
-            return np.asarray(after)
-        expected = gains.C @ (after if when == "after" else x)
-        return np.asarray(after + M @ (y - expected))

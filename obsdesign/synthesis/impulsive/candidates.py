@@ -12,7 +12,6 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 
-from lmi.arithmetic.arrays import Matrix
 from lmi.rank.full_rank import BOX_LIMIT
 from obsdesign.equations.impulsive.gains import STRATEGIES
 from obsdesign.errors import InputError
@@ -43,26 +42,26 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
             order = tuple(strategy for strategy in order if strategy != "quadratic")
     if math.isinf(high):
         order = order[:1]
+    assert problem.plant.jump is not None
+    G = problem.plant.jump.G
     for strategy in order:
         if strategy == "full":
             first = _full(problem, BOX_LIMIT if len(order) == 1 else _FEW_BOXES)
-            if is_open and not _jump(problem).any():
+            if is_open and not G.any():
                 # G = 0 leaves nothing to estimate: a full window that misses it refutes no observer
                 first = replace(first, searched=True)
             yield first
         if strategy == "compressed":
-            yield from _compressed(problem, is_open)
+            U, S = factors_of(G)
+            if not is_open or U.shape[1] < len(G):  # with a regular G nothing is gained
+                gains = window_gains(problem, "compressed", image=U, coimage=S)
+                yield windowed(problem, gains, "compressed")
         if strategy == "subspace":
             yield from part_candidates(problem, is_open)
         if strategy == "quadratic":
             yield quadratic_candidate(problem)
     if len(order) > 1 and _ran_out_of_boxes(first):  # nothing weaker could be proved
         yield _full(problem, BOX_LIMIT)
-
-
-def _jump(problem: Problem) -> Matrix:
-    assert problem.plant.jump is not None
-    return problem.plant.jump.G
 
 
 def _full(problem: Problem, limit: int) -> Candidate:
@@ -73,14 +72,6 @@ def _ran_out_of_boxes(candidate: Candidate) -> bool:
     """Whether its proof ended for want of boxes."""
     boxes = candidate.certificates.get("strongly_observable", {}).get("boxes", 0)
     return bool(boxes > _FEW_BOXES // 2)
-
-
-def _compressed(problem: Problem, only_if_singular: bool) -> Iterator[Candidate]:
-    U, S = factors_of(_jump(problem))
-    if only_if_singular and U.shape[1] == problem.plant.n:
-        return  # G is regular: nothing is gained
-    gains = window_gains(problem, "compressed", image=U, coimage=S)
-    yield windowed(problem, gains, "compressed")
 
 
 def untried(problem: Problem) -> dict[str, str]:

@@ -16,7 +16,7 @@ import math
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
-from lmi.arithmetic.balls import Exact, exact
+from lmi.arithmetic.balls import exact
 from lmi.arithmetic.exponential import expm
 from lmi.arithmetic.units import balance
 from lmi.find.affine import Unknown, best_margin
@@ -119,6 +119,12 @@ def _table(
     A, G, C = plant
     exact_A, exact_G, exact_C = exact(A), exact(G), exact(C)
     todo, borders, gains = [ends], [ends[0]], []
+
+    def is_proved(L: Matrix, start: float, end: float) -> bool:
+        H = exact_G + exact(L) @ exact_C
+        verdict = prove_common(exact_A, H, P, start, end, form="after_jump", gamma=gamma)
+        return verdict.outcome == "proved"
+
     while todo and remaining() > 0:
         start, end = todo.pop()
         try:
@@ -126,8 +132,7 @@ def _table(
             is_likely = _is_likely(A, G + L @ C, P, (start, end), gamma)
         except np.linalg.LinAlgError:
             return None
-        H = exact_G + exact(L) @ exact_C
-        if is_likely and _is_proved(exact_A, H, P, (start, end), gamma):
+        if is_likely and is_proved(L, start, end):
             borders.append(end)
             gains.append(L)
         elif len(todo) + len(gains) >= _CELLS or end - start < 1e-3 * (ends[1] - ends[0]):
@@ -145,8 +150,3 @@ def _is_likely(A: Matrix, H: Matrix, P: Matrix, ends: tuple[float, float], gamma
     maps = root @ H @ expm(A * np.array(ends)[:, None, None])
     turned = np.linalg.solve(root.T, np.swapaxes(maps, 1, 2))
     return bool(np.linalg.norm(turned, 2, axis=(1, 2)).max() <= gamma)
-
-
-def _is_proved(A: Exact, H: Exact, P: Matrix, ends: tuple[float, float], gamma: float) -> bool:
-    verdict = prove_common(A, H, P, *ends, form="after_jump", gamma=gamma)
-    return verdict.outcome == "proved"

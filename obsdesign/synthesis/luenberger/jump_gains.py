@@ -30,11 +30,10 @@ _EACH_POINTS = 24
 
 @dataclass(frozen=True)
 class JumpGains:
-    """M and P (cells, ...), the margin that was reached; positive where every inequality held."""
+    """M (cells, n, p) and P (cells, n, n)."""
 
     M: Array
     P: Array
-    margin: float
 
 
 def jump_gains(
@@ -66,7 +65,7 @@ def jump_gains(
             return best
         P, Z, margin = solution
         try:
-            best = JumpGains(np.linalg.solve(P, Z), P, margin)
+            best = JumpGains(np.linalg.solve(P, Z), P)
         except np.linalg.LinAlgError:  # the solver stopped before P was positive definite
             return best
         more = set() if margin <= 0 else _violated((P, Z), grids, pairs, G, output) - active

@@ -7,6 +7,7 @@ from decimal import ROUND_CEILING, ROUND_FLOOR
 from obsdesign.document import Claim, Guarantee
 from obsdesign.problem.options import ImpulsiveOptions
 from obsdesign.problem.problem import Problem
+from obsdesign.verification.absent_signals import absent_signals
 from obsdesign.verification.dwell import Dwell
 from obsdesign.verification.impulsive.rate import Rate
 from obsdesign.verification.rates import six_digits
@@ -18,10 +19,7 @@ def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Guarantee, 
     verdicts = {claim.id: claim.verdict for claim in claims}
     needed = [name for name in verdicts if name not in ("decay_rate", "rate")]
     when = f"for every sequence of spacings in {Dwell.from_problem(problem)}"
-    without = ["disturbance", "noise"]
-    without += ["unknown input d"] if plant.flow.D is not None else []
-    without += ["unknown impulses"] if plant.jump is not None and plant.jump.H is not None else []
-    free = f"{', '.join(without[:-1])} and {without[-1]}"
+    free = absent_signals(plant)
     sentences = [
         (f"Without {free}, the estimation error tends to zero exponentially, uniformly {when}, "
          "if every impulse is reported and measured.", needed),

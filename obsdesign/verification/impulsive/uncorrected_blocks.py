@@ -18,8 +18,7 @@ from lmi.rank.witness import MARGIN
 from lmi.verdict import Verdict, proved, refuted, undecided
 from obsdesign.analysis.hidden_modes import hidden_part
 from obsdesign.document import Claim
-from obsdesign.equations.estimation_error import seen_before_jump
-from obsdesign.equations.impulsive.formulas import uncorrected_factor
+from obsdesign.equations.impulsive.formulas import Core, uncorrected_factor
 from obsdesign.equations.impulsive.gains import ImpulsiveGains
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.dwell import Dwell, dwell_stability, matrix_of
@@ -93,7 +92,7 @@ def quadratic_claims(
 ) -> tuple[list[Claim], Bound | None]:
     """Claims of one P for all spacings, gains by cells of the last one; and their bound."""
     dwell, ends = Dwell.from_problem(problem), problem.require_dwell_time()
-    plant = _ExactPlant.from_gains(gains)
+    plant = Core.from_gains(gains, exact)
     certificate = certificates.get("contracting", {})
     P, gamma = _symmetric(certificate.get("P"), problem.plant.n), certificate.get("gamma")
     if P is None or not isinstance(gamma, float) or not 0 < gamma < 1:
@@ -114,26 +113,12 @@ def quadratic_claims(
     return [*_obstructions(plant, dwell, certificates, paranoid), *claims], None
 
 
-@dataclass(frozen=True)
-class _ExactPlant:
-    """A, G and the output just before a jump, exactly."""
-
-    A: Exact
-    G: Exact
-    C: Exact
-
-    @classmethod
-    def from_gains(cls, gains: ImpulsiveGains) -> _ExactPlant:
-        A, G, C = exact(gains.A), exact(gains.jump_matrix), exact(gains.C)
-        return cls(A, G, seen_before_jump(G, C, gains.jump_measurement))
-
-
 def _obstructions(
-    plant: _ExactPlant, dwell: Dwell, certificates: Mapping[str, Any], paranoid: bool
+    plant: Core, dwell: Dwell, certificates: Mapping[str, Any], paranoid: bool
 ) -> list[Claim]:
     """Claims whose refutation refutes every observer: undetectable modes."""
     claims = []
-    hidden = hidden_part([plant.A, plant.G], plant.C)
+    hidden = hidden_part([plant.A, plant.J], plant.C)
     if hidden is not None:
         flow, jump = hidden.maps
         certificate = certificates.get("hidden_decays", {})
@@ -150,7 +135,7 @@ def _obstructions(
         return claims
     theta = float(hiding[0])
     if dwell.low <= theta <= dwell.high:
-        verdict = check_hiding(plant.A, plant.G, plant.C, theta)
+        verdict = check_hiding(plant.A, plant.J, plant.C, theta)
         claims.append(Claim.from_verdict(
             "detectable",
             "at no constant spacing does C miss a mode of the impulses and the flow between them "
@@ -161,7 +146,7 @@ def _obstructions(
 
 
 def _contracting(
-    plant: _ExactPlant, gains: ImpulsiveGains, P: Matrix, gamma: float, ends: tuple[float, float]
+    plant: Core, gains: ImpulsiveGains, P: Matrix, gamma: float, ends: tuple[float, float]
 ) -> Verdict:
     cells, table = gains.gain_cells, gains.gain_table
     is_single = len(cells) == 2 and cells[0] == cells[1] == ends[0] == ends[1]
@@ -170,7 +155,7 @@ def _contracting(
         return refuted({"entry": "gains.cells", "reason": "the cells do not cover the range"})
     boxes = 0
     for (start, end), L in zip(itertools.pairwise(cells.tolist()), table, strict=True):
-        H = plant.G + exact(L) @ plant.C
+        H = plant.J + exact(L) @ plant.C
         sides = max(start, ends[0]), min(end, ends[1])
         verdict = prove_common(plant.A, H, P, *sides, form="after_jump", gamma=gamma)
         if verdict.outcome != "proved":
@@ -180,15 +165,15 @@ def _contracting(
 
 
 def _bound(
-    plant: _ExactPlant, gains: ImpulsiveGains, P: Matrix, gamma: float, ends: tuple[float, float]
+    plant: Core, gains: ImpulsiveGains, P: Matrix, gamma: float, ends: tuple[float, float]
 ) -> Bound:
     """From the error after an impulse to the error before the next, and back."""
     unit = identity_like(plant.A)
     with in_balls():
         flow = norm_over(unit, plant.A, unit, *ends)
-        gain = norm_of(plant.G)
+        gain = norm_of(plant.J)
         for L in gains.gain_table:
-            gain = gain.max(norm_of(plant.G + exact(L) @ plant.C))
+            gain = gain.max(norm_of(plant.J + exact(L) @ plant.C))
         bound = quadratic_bound(P, gamma).scaled(flow * gain / number(gamma))
         return Bound(bound.constant.max(number(1.0)), bound.factor)
 

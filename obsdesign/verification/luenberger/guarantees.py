@@ -5,6 +5,7 @@ from __future__ import annotations
 from obsdesign.document import Claim, Guarantee
 from obsdesign.problem.options import LuenbergerOptions
 from obsdesign.problem.problem import Problem
+from obsdesign.verification.absent_signals import absent_signals
 from obsdesign.verification.dwell import Dwell
 from obsdesign.verification.rates import rates_sentence
 
@@ -18,10 +19,7 @@ def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Guarantee, 
     when = f" for every sequence of dwell times in {ends}" if ends else ""
     at_jumps = plant.output.measured == "at_jumps"
     measured = "With y measured at every jump" if at_jumps else "With y measured continuously"
-    without = ["disturbance", "noise"]
-    without += ["unknown input d"] if plant.flow.D is not None else []
-    without += ["unknown impulses"] if plant.jump is not None and plant.jump.H is not None else []
-    free = f"{', '.join(without[:-1])} and {without[-1]}"
+    free = absent_signals(plant)
     sentences = [
         (f"{measured} and without {free}, the estimation error tends to zero{when}.", needed),
         (f"{measured}, bounded {free} leave the estimation error bounded{when}.", needed),
