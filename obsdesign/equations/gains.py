@@ -150,6 +150,11 @@ class PlantGains(Gains):
         """Gains with the numbers of a plant, which has the attributes of `obsdesign.Plant`."""
         return cls(**plant_data(plant), **gains)
 
+    @cached_property
+    def m(self) -> int:
+        """Number of known inputs."""
+        return 0 if self.B is None else int(self.B.shape[1])
+
     @property
     def jump_matrix(self) -> Array:
         """G (n, n); ValueError where the plant has no jumps."""
@@ -172,8 +177,8 @@ class PlantGains(Gains):
     @property
     def columns(self) -> dict[str, int | bool]:
         """Numbers of y, u and w in a sample, and whether jumps are reported."""
-        u, w = (0 if each is None else each.shape[1] for each in (self.B, self.E))
-        return {"y": self.p, "u": u, "w": w, "jump": self.G is not None}
+        w = 0 if self.E is None else self.E.shape[1]
+        return {"y": self.p, "u": self.m, "w": w, "jump": self.G is not None}
 
     @property
     def dwell_range(self) -> tuple[float, float]:

@@ -87,7 +87,7 @@ class ImpulsiveObserver(SteppedObserver[ImpulsiveState]):
     def init(self, t: float = 0.0, *, x: ArrayLike | None = None) -> ImpulsiveState:
         """State at time t from a guess of x(t), before the first sample and its impulse."""
         guess = vector(np.zeros(self.n) if x is None else x, self.n, "x")
-        inputs = np.zeros(int(self.reads["u"]))
+        inputs = np.zeros(self.gains.m)
         return ImpulsiveState(
             t=float(t),
             x=guess,

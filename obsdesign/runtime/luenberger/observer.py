@@ -68,7 +68,7 @@ class LuenbergerObserver(SteppedObserver[LuenbergerState]):
         """State at time t from a guess of x(t), before the first sample and its jump."""
         guess = vector(np.zeros(self.n) if x is None else x, self.n, "x")
         guard = DwellGuard.from_gains(self.gains)
-        inputs = np.zeros(int(self.reads["u"]))
+        inputs = np.zeros(self.gains.m)
         return LuenbergerState(float(t), guess, inputs, None, guard, started=False)
 
     def step(self, state: LuenbergerState, sample: Sample) -> tuple[LuenbergerState, Estimate]:

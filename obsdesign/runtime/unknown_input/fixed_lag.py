@@ -97,18 +97,12 @@ class FixedLagObserver(PointObserver[FixedLagState], Delayed[FixedLagState]):
         present, prediction = self.inner.step(state.present, sample)
         # copies: the sample's own arrays are the caller's
         y, u = (None if value is None else np.array(value, float) for value in (sample.y, sample.u))
-        row = (float(sample.t), y, u)
+        t, measured = float(sample.t), state.measured
         measurement, _ = usable(y, self.gains.p)
-        measured = state.measured
         if measurement is not None:
-            measured = (*measured, (row[0], measurement))
-        state = FixedLagState(
-            present=present,
-            past=state.past,
-            measured=measured,
-            done=state.done,
-            waiting=(*state.waiting, row),
-        )
+            measured = (*measured, (t, measurement))
+        waiting = (*state.waiting, (t, y, u))
+        state = replace(state, present=present, measured=measured, waiting=waiting)
         return self._decided(state, self._lag), prediction
 
     def block(self, state: FixedLagState, samples: Sequence[Sample]) -> FixedLagState:
@@ -152,8 +146,8 @@ class FixedLagObserver(PointObserver[FixedLagState], Delayed[FixedLagState]):
                 measured, done = measured[surplus:], done - surplus
             past, estimate = self.inner.step(past, sample)
             rows.append(estimate)
-        return FixedLagState(
-            present=state.present,
+        return replace(
+            state,
             past=past,
             measured=measured,
             done=done,

@@ -35,13 +35,21 @@ def part_candidates(problem: Problem, only_if_smaller: bool) -> Iterator[Candida
         parts = Parts(np.eye(plant.n), 0, plant.n)
     # in a cascade no block may be as slow as all of it
     alpha = weight(problem, CASCADE_MARGIN)
-    certificates, core = _blocks(matrices, parts, (low, high), factor, alpha)
+    certificates, (core_A, core_G, core_C) = _blocks(matrices, parts, (low, high), factor, alpha)
     place = np.array([parts.first, parts.size], dtype=np.float64)
-    basis = {"basis": parts.basis, "core_place": place}
-    gains = replace(window_gains(problem, "subspace", **basis, **core), alpha=alpha)
+    gains = window_gains(
+        problem,
+        "subspace",
+        basis=parts.basis,
+        core_place=place,
+        core_A=core_A,
+        core_G=core_G,
+        core_C=core_C,
+    )
+    gains = replace(gains, alpha=alpha)
     # other invariant subspaces, and other uncorrected blocks, may do
     yield replace(windowed(problem, gains, "subspace", certificates), searched=True)
-    U, S = factors_of(core["core_G"])
+    U, S = factors_of(core_G)
     if U.shape[1] < parts.size:
         inner = replace(gains, image=U, coimage=S)
         candidate = windowed(problem, inner, "subspace, compressed", certificates)
@@ -54,8 +62,8 @@ def _blocks(
     ends: tuple[float, float],
     factor: float,
     alpha: float,
-) -> tuple[dict[str, dict[str, Any]], dict[str, Matrix]]:
-    """(certificates that hidden and rest decay, the core's matrices) for a plant (A, G, C)."""
+) -> tuple[dict[str, dict[str, Any]], tuple[Matrix, Matrix, Matrix]]:
+    """(certificates that hidden and rest decay, the core) of plants (A, G, C)."""
     A, G, C = plant
     T = exact(parts.basis)
     back = inverse(T)
@@ -70,8 +78,7 @@ def _blocks(
             certificates[f"{name}_decays"] = _decay_certificate(F, H, ends, factor, alpha)
     middle = slice(first, end)
     output = to_float(exact(C) @ T)[:, middle]
-    core = {"core_A": flow[middle, middle], "core_G": jump[middle, middle], "core_C": output}
-    return certificates, core
+    return certificates, (flow[middle, middle], jump[middle, middle], output)
 
 
 def _decay_certificate(

@@ -144,7 +144,7 @@ def _provable(
         verdict = decide_full_rank(_stack(core, blocks), *ends, limit)
         if verdict.outcome == "proved":
             return blocks, verdict, False
-        if _no_window_exists(core, verdict, *ends):
+        if _no_window_exists(core, verdict, ends):
             return _for_window(core, verdict, blocks, given or blocks, ends)
         if verdict.evidence.get("boxes", 0) > _MOST_BOXES_BEFORE_SKIPPING:
             break
@@ -161,16 +161,20 @@ def _for_window(
     thetas = verdict.evidence["witness"].get("thetas", [])
     if window == blocks or not thetas:
         return window, verdict, False
-    longer = _stack(core, window)
-    same = {"thetas": [float(np.mean(thetas))] * longer.thetas}
-    return window, check_deficient(longer, *ends, same), False
+    return window, _at_one_spacing(_stack(core, window), thetas, ends), False
+
+
+def _at_one_spacing(stack: Stack, thetas: list[float], ends: tuple[float, float]) -> Verdict:
+    """Decide whether a stack is deficient where all spacings are the mean of a witness's."""
+    same = {"thetas": [float(np.mean(thetas))] * stack.thetas}
+    return check_deficient(stack, *ends, same)
 
 
 def _stack(core: Core, window: int) -> Stack:
     return Stack(*core.stack(window))
 
 
-def _no_window_exists(core: Core, verdict: Verdict, low: float, high: float) -> bool:
+def _no_window_exists(core: Core, verdict: Verdict, ends: tuple[float, float]) -> bool:
     """Whether the witness against this window refutes longer ones too: one spacing for all."""
     witness = verdict.evidence.get("witness", {})
     thetas = witness.get("thetas", [])
@@ -181,7 +185,5 @@ def _no_window_exists(core: Core, verdict: Verdict, low: float, high: float) -> 
     if not thetas or max(thetas) - min(thetas) > 1e-6 * max(thetas):
         return False
     longer = _stack(core, core.size + 1)
-    if not coordinates(longer, low, high)[1]:
-        return True
-    same = {"thetas": [float(np.mean(thetas))] * longer.thetas}
-    return check_deficient(longer, low, high, same).outcome == "refuted"
+    is_spanned = coordinates(longer, *ends)[1]
+    return not is_spanned or _at_one_spacing(longer, thetas, ends).outcome == "refuted"
