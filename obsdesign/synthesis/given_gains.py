@@ -6,25 +6,36 @@ from typing import Any
 
 import numpy as np
 
-from obsdesign.equations.estimation_error import idle_gains
+from obsdesign.equations.estimation_error import idle_gains, reason_against_sampling
 from obsdesign.errors import DoesNotApply, InputError
+from obsdesign.problem.options import LuenbergerOptions, UnknownInputOptions
 from obsdesign.problem.problem import Problem
 
 
 def refuse_unusable(problem: Problem) -> None:
     """DoesNotApply or InputError for problems that no observer with gains L, M can serve."""
-    plant, kind = problem.plant, problem.kind
+    plant = problem.plant
     if plant.jump is not None:
         problem.require_dwell_time()
-    if plant.output.measured == "periodic":
-        raise DoesNotApply(
-            f"output.measured = 'periodic' is not available for kind {kind!r} in this version; "
-            "it must be continuous or at_jumps.",
-            "output.measured",
-        )
+    if reason := reason_against_sampling(plant.output.measured, problem.kind):
+        raise DoesNotApply(reason, "output.measured")
     for name, why in idle_gains(plant).items():
         if np.any(problem.gains.get(name, 0)):
             raise InputError(f"observer.gains.{name} must be zero: {why}; got nonzero entries.")
+
+
+def refuse_second_choice(
+    options: LuenbergerOptions | UnknownInputOptions, given: str | None
+) -> None:
+    """InputError where more than one of poles, weights and a given L chooses L.
+
+    given: what else decides about L, in words; None where nothing does.
+    """
+    for name in ("poles", "weights"):
+        if given is not None and options.is_stated(name):
+            raise InputError(f"observer.{name} chooses L, but L {given}; drop one.")
+    if options.poles is not None and options.weights is not None:
+        raise InputError("observer.poles and observer.weights both choose L; drop one.")
 
 
 def given_gain(problem: Problem, name: str) -> Any:

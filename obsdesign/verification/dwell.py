@@ -15,6 +15,7 @@ from lmi.prove.windows_proof import prove_windows
 from lmi.refute.infeasible import prove_no_common
 from lmi.refute.spectral import decide_constant, refute_spectral, refute_word, steps_within
 from lmi.verdict import Verdict, undecided
+from obsdesign.equations.estimation_error import reason_against_sampling
 from obsdesign.problem.problem import Problem
 
 
@@ -23,12 +24,7 @@ def reason_against_problem(problem: Problem) -> str | None:
     plant = problem.plant
     if plant.jump is not None and plant.jump.dwell_time is None:
         return f"jump.dwell_time = [shortest, longest] is required by kind {problem.kind!r}."
-    if plant.output.measured == "periodic":
-        return (
-            f"output.measured = 'periodic' is not available for kind {problem.kind!r} in this "
-            "version; it must be continuous or at_jumps."
-        )
-    return None
+    return reason_against_sampling(plant.output.measured, problem.kind)
 
 
 @dataclass(frozen=True)

@@ -61,7 +61,7 @@ class ImpulsiveGains(PlantGains):
         self._check_core()
 
     def _check_table(self) -> None:
-        cells, table = len(self.gain_cells), len(self.gain_table)
+        cells, table = map(len, self.gain_table)
         if not cells == table + 1 > 1:
             raise ValueError(
                 "gains.cells must hold one border more than gains.table has gains, and 2 at least; "
@@ -111,21 +111,14 @@ class ImpulsiveGains(PlantGains):
         return slice(int(first), int(first + size))
 
     @property
-    def gain_cells(self) -> Array:
-        """Borders of the cells of spacings; ValueError without a table."""
-        if self.cells is None:
-            raise ValueError("gains.cells is missing: this strategy has no table.")
-        return self.cells
-
-    @property
-    def gain_table(self) -> Array:
-        """The gain of each cell of spacings; ValueError without a table."""
-        if self.table is None:
+    def gain_table(self) -> tuple[Array, Array]:
+        """(borders of the cells of spacings, gain of each cell); ValueError without a table."""
+        if self.cells is None or self.table is None:
             raise ValueError("gains.table is missing: this strategy has no table.")
-        return self.table
+        return self.cells, self.table
 
     def table_gain(self, spacing: Array | float) -> Array:
         """The gain, or gains, of the table for the cells that spacings are in."""
-        borders = self.gain_cells
+        borders, table = self.gain_table
         cell = np.searchsorted(borders, spacing, side="right") - 1
-        return np.asarray(self.gain_table[np.clip(cell, 0, len(borders) - 2)])
+        return np.asarray(table[np.clip(cell, 0, len(table) - 1)])

@@ -18,12 +18,11 @@ from lmi.arithmetic.spectrum import spectral_radius
 from lmi.decide.stability import decide
 from obsdesign.equations.estimation_error import flow_error_matrix, jump_error_matrix
 from obsdesign.equations.luenberger.gains import LuenbergerGains
-from obsdesign.errors import InputError
 from obsdesign.problem.options import LuenbergerOptions
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
 from obsdesign.synthesis.dwell import dwell_certificates, stability_options
-from obsdesign.synthesis.given_gains import given_gain, refuse_unusable
+from obsdesign.synthesis.given_gains import given_gain, refuse_second_choice, refuse_unusable
 from obsdesign.synthesis.luenberger.jump_gains import jump_gains
 from obsdesign.synthesis.luenberger.schedule import check_schedule, scheduled_candidate
 from obsdesign.synthesis.placement import placed_gain, riccati_gain
@@ -57,12 +56,7 @@ def _flow_gains(problem: Problem, rate: float) -> Iterator[tuple[str, Matrix]]:
     """Yield L: given, placed, or by Riccati equations of growing speed; at last 0."""
     A, C = problem.plant.flow.A, problem.plant.output.C
     given, options = given_gain(problem, "L"), problem.options_as(LuenbergerOptions)
-    for name in ("poles", "weights"):
-        if given is not None and options.is_stated(name):
-            text = "chooses L, but L is given or must be zero; drop one."
-            raise InputError(f"observer.{name} {text}")
-    if options.poles is not None and options.weights is not None:
-        raise InputError("observer.poles and observer.weights both choose L; drop one.")
+    refuse_second_choice(options, None if given is None else "is given or must be zero")
     if given is not None:
         yield "L as given" if "L" in problem.gains else "L = 0", given
         return

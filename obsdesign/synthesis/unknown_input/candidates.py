@@ -25,6 +25,7 @@ from obsdesign.errors import DoesNotApply, InputError
 from obsdesign.problem.options import Pole, UnknownInputOptions
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
+from obsdesign.synthesis.given_gains import refuse_second_choice
 from obsdesign.synthesis.unknown_input.reduced_gain import reduced_gain
 from obsdesign.synthesis.unknown_input.reduced_system import (
     Reduced,
@@ -62,11 +63,7 @@ def _refuse_unusable(problem: Problem) -> None:
     problem.require("flow.D")
     problem.require_measured("continuous", "periodic")
     options, noise = problem.options_as(UnknownInputOptions), problem.plant.output.noise_std
-    for name in ("poles", "weights"):
-        if options.is_stated(name) and "L" in problem.gains:
-            raise InputError(f"observer.{name} chooses L, but L is given; drop one.")
-    if options.poles is not None and options.weights is not None:
-        raise InputError("observer.poles and observer.weights both choose L; drop one.")
+    refuse_second_choice(options, "is given" if "L" in problem.gains else None)
     chosen = differentiator(options.differentiator, noise)
     if chosen in SMOOTHING and not np.all(noise > 0):
         raise InputError(

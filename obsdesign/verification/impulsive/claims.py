@@ -71,8 +71,12 @@ def claims(
     stored: gains as a design file states them; certificates: {"strongly_observable": {"asked"} or
     {"witness"}} and those of the strategies.
     """
-    objection = _reason_against_problem(problem) or _reason_against_gains(stored)
-    expected = {} if objection else expected_gains(problem, stored)
+    objection, expected = _reason_against_problem(problem), dict[str, Any]()
+    if objection is None:
+        try:
+            expected = _expected(problem, stored, ImpulsiveGains.from_document(stored))
+        except ValueError as error:
+            objection = str(error).removesuffix(".")
     agreement, gains = consistent_gains(objection, stored, expected, ImpulsiveGains.from_document)
     if gains is None:
         return (agreement,)
@@ -181,22 +185,23 @@ def _is_undetectable(problem: Problem) -> bool:
     return not_detectable(flow.A, jump.G, C, problem.require_dwell_time()) is not None
 
 
-def expected_gains(problem: Problem, stored: Mapping[str, Any]) -> dict[str, Any]:
-    """The value, or the shape, that the problem requires of each entry of `gains`."""
+def _expected(problem: Problem, stored: Mapping[str, Any], gains: ImpulsiveGains) -> dict[str, Any]:
+    """The value, or the shape, that the problem requires of each entry of `stored`."""
     n, p = problem.plant.n, problem.plant.p
     options = problem.options_as(ImpulsiveOptions)
     words = set(STRATEGIES) if options.strategy == "auto" else {options.strategy}
     expected: dict[str, Any] = plant_data(problem.plant) | {"strategy": words}
-    strategy, d = stored["strategy"], n
-    if strategy == "quadratic":
-        cells = len(stored["cells"])
-        return expected | {"cells": (cells,), "table": (cells - 1, n, p)}
-    if strategy == "subspace":
-        d = int(stored["core_place"][1])
+    if not gains.has_window:
+        cells = len(gains.gain_table[1])
+        return expected | {"cells": (cells + 1,), "table": (cells, n, p)}
+    d = n
+    if gains.strategy == "subspace":
+        columns = gains.core_columns
+        d = columns.stop - columns.start
         expected |= {"basis": (n, n), "core_place": (2,)}
         expected |= {"core_A": (d, d), "core_C": (p, d), "core_G": (d, d)}
-    if strategy == "compressed" or "image" in stored:
-        r = np.shape(stored["image"])[-1]
+    if gains.image is not None:
+        r = gains.image.shape[1]
         expected |= {"image": (d, r), "coimage": (r, d)}
     expected["window"] = stored["window"] if options.window is None else options.window
     expected["alpha"] = stored["alpha"] if options.alpha is None else options.alpha
@@ -212,13 +217,4 @@ def _reason_against_problem(problem: Problem) -> str | None:
         return (
             "jump.dwell_time = [shortest, longest] is required by kind 'impulsive'; it is missing."
         )
-    return None
-
-
-def _reason_against_gains(stored: Mapping[str, Any]) -> str | None:
-    """Return why stored gains fit no strategy, or None; one sentence."""
-    try:
-        ImpulsiveGains.from_document(stored)
-    except ValueError as error:
-        return str(error).removesuffix(".")
     return None

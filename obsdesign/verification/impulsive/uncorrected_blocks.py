@@ -148,7 +148,7 @@ def _obstructions(
 def _contracting(
     plant: Core, gains: ImpulsiveGains, P: Matrix, gamma: float, ends: tuple[float, float]
 ) -> Verdict:
-    cells, table = gains.gain_cells, gains.gain_table
+    cells, table = gains.gain_table
     is_single = len(cells) == 2 and cells[0] == cells[1] == ends[0] == ends[1]
     is_rising = bool(np.all(np.diff(cells) > 0))
     if not is_single and not (is_rising and cells[0] <= ends[0] and cells[-1] >= ends[1]):
@@ -172,7 +172,7 @@ def _bound(
     with in_balls():
         flow = norm_over(unit, plant.A, unit, *ends)
         gain = norm_of(plant.J)
-        for L in gains.gain_table:
+        for L in gains.gain_table[1]:
             gain = gain.max(norm_of(plant.J + exact(L) @ plant.C))
         bound = quadratic_bound(P, gamma).scaled(flow * gain / number(gamma))
         return Bound(bound.constant.max(number(1.0)), bound.factor)
