@@ -53,8 +53,10 @@ def corrected_part(
     observed = _hull(np.linalg.qr(C.T)[0] if C.any() else np.zeros((n, 0)), (A.T, G.T), C.T)
     hidden = _refined(_intersection(_complement(observed), V), (A, G), C)
     core = _beyond(hidden, V)
-    pieces = [_simple(hidden), _simple_beyond(core, hidden), _simple_complement(V)]
-    basis = np.hstack(pieces) / units[:, None]
+    whole = _simple(np.hstack([hidden, core]))
+    middle = _independent_of(hidden, whole, core.shape[1])
+    rest = _independent_of(V, np.eye(n), n - V.shape[1])
+    basis = np.hstack([_simple(hidden), middle, rest]) / units[:, None]
     return Parts(basis, hidden.shape[1], core.shape[1])
 
 
@@ -172,22 +174,6 @@ def _simple(V: Matrix) -> Matrix:
     W[rows] = np.eye(V.shape[1])
     nearest = np.round(W / _GRAIN) * _GRAIN
     return np.where(np.abs(W - nearest) < _CLOSE, nearest, W)
-
-
-def _simple_beyond(core: Matrix, hidden: Matrix) -> Matrix:
-    """Columns that span V together with hidden: simple ones of V that hidden does not have."""
-    if not hidden.shape[1] or not core.shape[1]:
-        return _simple(core)
-    whole = _simple(np.hstack([hidden, core]))
-    return _independent_of(hidden, whole, core.shape[1])
-
-
-def _simple_complement(V: Matrix) -> Matrix:
-    """Unit vectors that complete V to a basis."""
-    n, count = V.shape
-    if not count:
-        return np.eye(n)
-    return _independent_of(V, np.eye(n), n - count)
 
 
 def _independent_of(V: Matrix, columns: Matrix, count: int) -> Matrix:

@@ -95,22 +95,19 @@ def in_own_coordinates(core: Core, low: float, high: float, window: int) -> tupl
 
     The state in those of `lmi.rank.stack.state_basis`, the columns of the window in its R.
     """
-    stack = Stack(*core.stack(window))
+    stack, unchanged = Stack(*core.stack(window)), (core, exact(np.eye(len(core.A))))
     R = coordinates(stack, low, high)[0]
     try:
         into = exact(state_basis(stack, R))
     except np.linalg.LinAlgError:  # none that floats can hold
-        return core, exact(np.eye(len(core.A)))
-    back = inverse(into)
-    if back is None:
-        return core, exact(np.eye(len(core.A)))
+        return unchanged
+    columns = exact(R)
+    back, turned = inverse(into), inverse(columns)
+    if back is None or turned is None:
+        return unchanged
     A, J, C = back @ core.A @ into, back @ core.J @ into, core.C @ into
     if core.U is None or core.S is None:
         return Core(A, C, J), into
-    columns = exact(R)
-    turned = inverse(columns)
-    if turned is None:
-        return core, exact(np.eye(len(core.A)))
     return Core(A, C, J, back @ core.U @ turned, columns @ core.S @ into), into
 
 
