@@ -47,6 +47,18 @@ def impulsive_problem(
     )
 
 
+def investigate(plant: Any, dwell: Any, **more: Any) -> Outcome:
+    return obsdesign.investigate(impulsive_problem(plant, dwell, **more))
+
+
+def plant_gains(A: Any, G: Any, C: Any, **more: Any) -> dict[str, Any]:
+    zeros = np.zeros(len(A))
+    base = {"A": A, "G": G, "C": C, "flow_lower": zeros, "flow_upper": zeros, "jump_lower": zeros,
+            "jump_upper": zeros, "dwell_time": np.array([0.1, 0.8]), "jump_measurement": "before",
+            "strategy": "full", "alpha": 1.4}  # fmt: skip
+    return base | more
+
+
 def verdicts(outcome: Outcome) -> dict[str, str]:
     return {claim.id: claim.verdict for claim in outcome.claims}
 

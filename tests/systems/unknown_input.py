@@ -27,6 +27,13 @@ def random_plant(rng: np.random.Generator, n: int, p: int, q: int) -> tuple[Matr
     return A, rng.standard_normal((p, n)), rng.standard_normal((n, q))
 
 
+def random_problem(seed: int = 0, n: int = 5, p: int = 3, q: int = 2) -> obsdesign.Problem:
+    """A random plant with two known inputs, to be observed."""
+    rng = np.random.default_rng(seed)
+    A, C, D = random_plant(rng, n, p, q)
+    return unknown_input_problem(A - np.eye(n), C, D, rng.standard_normal((n, 2)))
+
+
 def plant_with_zeros(
     rng: np.random.Generator, n: int, p: int, q: int, zeros: Matrix
 ) -> tuple[Matrix, Matrix, Matrix]:

@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-import json
-import math
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
 import obsdesign
-from obsdesign.analysis.impulsive_noise import simulated
 from obsdesign.equations.impulsive.formulas import Core, window_gains
 from obsdesign.equations.impulsive.gains import ImpulsiveGains
-from obsdesign.verification.impulsive.claims import claims
 from tests.systems.impulsive import (
     DOUBLE,
     OSCILLATOR,
@@ -23,15 +18,12 @@ from tests.systems.impulsive import (
     claim,
     first,
     impulsive_problem,
+    investigate,
     verdicts,
 )
 
 EXPONENTIALS = (SPLINE, [0.1, 0.8])
 HIDDEN_MODE = (np.diag([0.0, 0.3]), np.eye(2), first(2))
-
-
-def investigate(plant: Any, dwell: Any, **more: Any) -> obsdesign.Outcome:
-    return obsdesign.investigate(impulsive_problem(plant, dwell, **more))
 
 
 # --- strategies ---------------------------------------------------------------------------------
@@ -154,262 +146,6 @@ def test_spacing_zero_is_an_ordinary_end_of_the_range() -> None:
     assert investigate(DOUBLE, [0.0, 1.0], strategy="full").verdict == "refuted"
     everything = (np.diag([-0.1, 0.2]), np.eye(2), np.eye(2))
     assert investigate(everything, [0.0, 1.0]).verdict == "proved"
-
-
-# --- window, alpha, rates, noise ----------------------------------------------------------------
-
-
-def test_windows_are_the_shortest_or_as_asked() -> None:
-    assert investigate(DOUBLE, [0.5, 1.5]).design.gains["window"] == 2
-    two = (chain(3) + np.diag([-0.1, 0.2, 0.3]), np.eye(3), np.eye(3)[[0, 2]])
-    assert investigate(two, [0.2, 1.0]).design.gains["window"] == 2
-    long = investigate(DOUBLE, [0.5, 1.5], window=64)
-    assert (long.verdict, long.design.gains["window"]) == ("proved", 64)
-    assert claim(long, "strongly_observable").evidence["blocks"] == 2
-
-
-@pytest.mark.parametrize("strategy", ["full", "compressed", "subspace", "quadratic"])
-def test_a_decay_rate_is_reached_and_claimed(strategy: str) -> None:
-    plant = DOUBLE if strategy == "full" else SPLINE
-    outcome = investigate(plant, [0.4, 0.5], strategy=strategy, decay_rate=0.6)
-    assert verdicts(outcome)["decay_rate"] == "proved"
-    rate = claim(outcome, "rate").evidence
-    assert rate["in_time"] >= 0.6 * (1 - 1e-6)
-    assert rate["per_impulse"] <= math.exp(-0.6 * 0.5) * (1 + 1e-9)
-    assert obsdesign.verify(outcome.design).verdict == "proved"
-
-
-def test_an_alpha_too_small_for_the_rate_is_said() -> None:
-    outcome = investigate(DOUBLE, [0.5, 1.5], decay_rate=1.0, alpha=1.2, strategy="full")
-    assert verdicts(outcome)["decay_rate"] == "undecided"
-    assert "alpha must be at least" in claim(outcome, "decay_rate").evidence["reason"]
-
-
-@pytest.mark.parametrize(
-    ("plant", "dwell", "options"),
-    [
-        (DOUBLE, [0.5, 1.5], {"window": 3}),
-        ((chain(3), np.eye(3), first(3)), [0.1, 0.8], {}),
-        (SPLINE, [0.1, 0.8], {}),
-        (SPLINE, [0.4, 0.5], {"strategy": "subspace"}),
-        (SPLINE, [0.4, 0.5], {"strategy": "quadratic"}),
-        (([[0, 0], [1, -1]], [[1, 0], [1, 1]], first(2)), [0.2, 1.0], {}),
-    ],
-)  # fmt: skip
-def test_brute_force_never_contradicts_the_rate(plant: Any, dwell: Any, options: Any) -> None:
-    design = obsdesign.design(impulsive_problem(plant, dwell, **options))
-    rate = next(c for c in design.claims if c.id == "rate").evidence
-    for seed in range(3):
-        for growth, steps in growths(design, dwell, seed):
-            assert growth <= rate["constant"] * rate["per_impulse"] ** steps * (1 + 1e-9)
-
-
-def growths(design: Any, dwell: Any, seed: int) -> list[tuple[float, int]]:
-    """(norm of the product of N error maps just before impulses, N), from the runtime's gains."""
-    from lmi.arithmetic.exponential import expm
-    from obsdesign.runtime import Sample, from_design
-
-    rng = np.random.default_rng(seed)
-    observer: Any = from_design(design)
-    A, G, C = (design.gains[name] for name in "AGC")
-    spacings = rng.choice([*dwell, sum(dwell) / 2], 12) if seed else rng.uniform(*dwell, 12)
-    state = observer.init(t=0.0)
-    product, growths, t = np.eye(len(A)), [], 0.1
-    for count, spacing in enumerate([*spacings, 0.0]):
-        state, _ = observer.step(state, Sample(t, y=np.zeros(len(C)), jump=True))
-        L, _ = observer._gain(state)
-        growths.append((float(np.linalg.norm(product, 2)), count))
-        product = expm(A * spacing) @ (G + L @ C) @ product
-        t += spacing
-    return growths
-
-
-def test_noise_targets_choose_window_and_alpha() -> None:
-    outcome = investigate(DOUBLE, [0.5, 1.5], noise_target=[0.9, 0.5])
-    gains = ImpulsiveGains.from_document(outcome.design.gains)
-    assert gains.window is not None
-    assert gains.alpha is not None
-    assert (simulated(gains, np.ones(1)).std <= [0.9, 0.5]).all()
-    # neither a shorter window nor a faster memory would do
-    shorter = replace(gains, window=gains.window - 1, alpha=1.02)
-    assert not (simulated(shorter, np.ones(1)).std <= [0.9, 0.5]).all()
-    faster = replace(gains, alpha=gains.alpha * 1.02)
-    assert not (simulated(faster, np.ones(1)).std <= [0.9, 0.5]).all()
-    halved = investigate(DOUBLE, [0.5, 1.5], noise_target=[0.45, 0.25], output={"noise_std": [0.5]})
-    assert halved.design.gains["alpha"] == pytest.approx(gains.alpha, rel=1e-3)
-
-
-def test_a_noise_target_out_of_reach_is_undecided() -> None:
-    outcome = investigate(DOUBLE, [0.5, 1.5], noise_target=[0.3, 0.1], window=3)
-    assert outcome.verdict == "undecided"
-    reason = claim(outcome, "noise_target").evidence["reason"]
-    assert reason.startswith("with a window of 3 and alpha 1.02 the estimated standard deviations")
-
-
-def test_the_estimate_is_that_of_simulated_noise() -> None:
-    from obsdesign.runtime import Sample, from_design
-
-    design = obsdesign.design(impulsive_problem(DOUBLE, [0.5, 1.5], window=4, alpha=1.3))
-    observer: Any = from_design(design)
-    rng = np.random.default_rng(8)
-    state, errors, t = observer.init(t=0.0), [], 0.0
-    for _ in range(3000):
-        t += rng.uniform(0.5, 1.5)
-        state, estimate = observer.step(state, Sample(t, y=rng.standard_normal(1), jump=True))
-        errors.append(estimate.x)
-    measured = np.std(errors[20:], axis=0)
-    gains = ImpulsiveGains.from_document(design.gains)
-    assert measured == pytest.approx(simulated(gains, np.ones(1)).std, rel=0.08)
-
-
-# --- forged and damaged designs -----------------------------------------------------------------
-
-
-def verified(design: Any, **changes: Any) -> dict[str, str]:
-    forged = replace(design, gains={**design.gains, **changes})
-    return verdicts(obsdesign.verify(forged))
-
-
-@pytest.fixture(scope="module")
-def compressed() -> Any:
-    return obsdesign.design(impulsive_problem(SPLINE, [0.1, 0.8]))
-
-
-def test_false_gains_are_not_believed(compressed: Any) -> None:
-    gains = compressed.gains
-    wrong = np.array(gains["image"])
-    wrong[0, 0] += 1e-3
-    assert verified(compressed, image=wrong)["image"] == "undecided"
-    assert verified(compressed, coimage=np.zeros((3, 4)))["image"] == "undecided"
-    assert verified(compressed, window=2)["strongly_observable"] == "refuted"
-    for name, value in (
-        ("window", 0),
-        ("window", 3.5),
-        ("alpha", 1.0),
-        ("alpha", "a"),
-        ("strategy", "none"),
-        ("image", 3),
-    ):
-        assert verified(compressed, **{name: value})["consistent"] == "refuted"
-    assert verified(compressed, A=gains["A"] + 1)["consistent"] == "refuted"
-
-
-def of_earlier_release(design: Any) -> Any:
-    """The design with its margin as an earlier release stated it, of rows that are not scaled."""
-
-    def older(claim: Any) -> Any:
-        if claim.id != "strongly_observable":
-            return claim
-        text = claim.statement.replace(
-            "in units of its rows and of usual spacings", "of that at usual spacings"
-        )
-        assert text != claim.statement
-        return replace(claim, statement=text, evidence={**claim.evidence, "margin": 0.0017})
-
-    return replace(design, claims=tuple(older(one) for one in design.claims))
-
-
-@pytest.mark.parametrize("plant", [SPLINE, (chain(3), np.eye(3), first(3))])
-def test_a_margin_in_older_words_is_unconfirmed_not_false(plant: Any) -> None:
-    design = obsdesign.design(impulsive_problem(plant, [0.1, 0.8]))
-    outcome = obsdesign.verify(of_earlier_release(design))
-    found = verdicts(outcome)
-    assert found.pop("document") == "undecided"
-    assert set(found.values()) == {"proved"}
-    reason = outcome.claims[-1].evidence["reason"]
-    assert "'strongly_observable' is stated as by an earlier release" in reason
-
-
-def test_older_words_are_no_cover(compressed: Any) -> None:
-    old = of_earlier_release(compressed)
-    image = np.array(old.gains["image"])
-    image[0, 0] += 1e-3
-    for gains in ({"window": 2}, {"A": old.gains["A"] + 1}):
-        assert "refuted" in verified(old, **gains).values()
-    assert verified(old, image=image)["image"] == "undecided"
-
-    def stated(**changes: Any) -> dict[str, str]:
-        told = [replace(c, **changes) if c.id == "rate" else c for c in old.claims]
-        return verdicts(obsdesign.verify(replace(old, claims=tuple(told))))
-
-    assert stated(statement="the error is zero")["document"] == "refuted"
-    wider = [replace(c, statement=c.statement.replace("0.8]", "9]")) for c in old.claims]
-    found = verdicts(obsdesign.verify(replace(old, claims=tuple(wider))))
-    assert found["document"] == "refuted"
-    # the sentence of today with numbers of then
-    new = [c if c.id != "strongly_observable" else next(
-        replace(n, evidence=c.evidence) for n in compressed.claims if n.id == c.id
-    ) for c in old.claims]  # fmt: skip
-    assert verdicts(obsdesign.verify(replace(old, claims=tuple(new))))["document"] == "undecided"
-
-
-@pytest.mark.parametrize(
-    ("claim", "change", "verdict"),
-    [
-        ("strongly_observable", {"sigma_min": 0.5}, "undecided"),
-        ("strongly_observable", {"largest": 1.0}, "undecided"),
-        ("rate", {"constant": 2.0}, "undecided"),
-        ("strongly_observable", {"sigma_max": 0.5}, "refuted"),
-        ("strongly_observable", {"asked": 1e-4}, "undecided"),
-        ("strongly_observable", {"blocks": 2}, "refuted"),
-        ("bounded_spacing", {"longest": 0.7}, "refuted"),
-    ],
-)
-def test_bounds_of_another_course_of_the_proof_are_unconfirmed(
-    compressed: Any, claim: str, change: dict[str, float], verdict: str
-) -> None:
-    """As sharp as their boxes, which another release cuts otherwise; all else is as it was."""
-    told = [replace(c, evidence={**c.evidence, **change}) if c.id == claim else c
-            for c in compressed.claims]  # fmt: skip
-    outcome = obsdesign.verify(replace(compressed, claims=tuple(told)))
-    assert verdicts(outcome)["document"] == verdict
-    assert not outcome.guarantees
-
-
-@pytest.mark.parametrize(
-    "evidence",
-    [{}, {"asked": "x"}, {"asked": -1.0}, {"blocks": 99}, {"witness": {"thetas": [0.4] * 3}}],
-)
-def test_evidence_is_checked_not_believed(compressed: Any, evidence: Any) -> None:
-    changed = [
-        replace(c, evidence=evidence) if c.id == "strongly_observable" else c
-        for c in compressed.claims
-    ]
-    again = obsdesign.verify(replace(compressed, claims=tuple(changed)))
-    assert verdicts(again)["strongly_observable"] == "proved"
-
-
-def test_a_promise_too_good_is_corrected(compressed: Any) -> None:
-    changed = [
-        replace(c, evidence={**c.evidence, "constant": 2.0}) if c.id == "rate" else c
-        for c in compressed.claims
-    ]
-    again = obsdesign.verify(replace(compressed, claims=tuple(changed)))
-    assert claim(again, "rate").evidence["constant"] > 1e6
-
-
-def test_quadratic_tables_are_checked() -> None:
-    design = obsdesign.design(impulsive_problem(SPLINE, [0.4, 0.5], strategy="quadratic"))
-    gains = design.gains
-    assert verified(design, table=0 * gains["table"])["contracting"] == "undecided"
-    assert verified(design, cells=gains["cells"] - 0.01)["contracting"] == "refuted"
-    body = design.to_dict()
-    again = obsdesign.document.from_dict(json.loads(json.dumps(body)))
-    assert obsdesign.verify(again).verdict == "proved"
-
-
-def test_claims_without_certificates_find_their_own() -> None:
-    problem = impulsive_problem((chain(3), np.eye(3), first(3)), [0.1, 0.8])
-    gains = obsdesign.design(problem).gains
-    assert {c.verdict for c in claims(problem, gains, {})} == {"proved"}
-
-
-def test_a_design_survives_its_file(compressed: Any, tmp_path: Any) -> None:
-    compressed.save(tmp_path / "d.json")
-    again = obsdesign.load_design(tmp_path / "d.json")
-    again.save(tmp_path / "e.json")
-    assert (tmp_path / "d.json").read_bytes() == (tmp_path / "e.json").read_bytes()
-    assert obsdesign.verify(again).verdict == "proved"
 
 
 # --- the gain -----------------------------------------------------------------------------------
