@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 
 from lmi.arithmetic.arrays import Array
 from lmi.arithmetic.balls import Exact, exact, pivot_columns, to_float
+from lmi.arithmetic.spectrum import spectral_radius
 from lmi.arithmetic.units import LARGEST_UNIT, units_in_bits
 
 # Couplings below this many bits need no other units: solvers do not mind
@@ -38,7 +39,7 @@ class Scaling:
         flow, jump = to_float(F), to_float(H)
         with np.errstate(all="ignore"):
             finite = np.isfinite(flow).all() and np.isfinite(jump).all()
-            fastest = float(np.abs(np.linalg.eigvals(flow)).max(initial=0.0)) if finite else 0.0
+            fastest = spectral_radius(flow) if finite else 0.0
             time = min(longest, 1 / fastest) if fastest > 0 else longest
             size = np.abs(jump) + np.abs(flow) * time
             coupling = size - np.diag(np.diag(size))

@@ -89,7 +89,7 @@ def _with_marked_witnesses(
 
 
 def _is_refuted_for_all_gains(problem: Problem, shifted: Exact) -> bool:
-    """Decide it exactly; shifted: A - L C + rate I for the L of the design."""
+    """Decide exactly whether no gain can serve; shifted: A - L C + rate I of the design."""
     plant, options = problem.plant, problem.options_as(LuenbergerOptions)
     A, C, rate = plant.flow.A, plant.output.C, options.decay_rate
     if plant.jump is None or math.isinf(problem.require_dwell_time()[1]):
