@@ -14,6 +14,7 @@ import obsdesign
 from lmi.arithmetic.balls import exact
 from obsdesign.equations.impulsive_input import features as eq
 from obsdesign.equations.impulsive_input.curve import ImpulseCurve
+from obsdesign.equations.impulsive_input.evaluation import has_peak
 from obsdesign.equations.impulsive_input.fit import fit_impulse
 from obsdesign.runtime import from_design
 from obsdesign.synthesis.impulsive_input.exponents import slowest_exponent
@@ -82,8 +83,8 @@ def test_the_peak_of_figure_2(K: Any, delta: float, top: float) -> None:
     size = [np.linalg.norm(expm(F * s)[3:, :3] @ H) for s in ages]
     assert 20 - ages[int(np.argmax(size))] == pytest.approx(delta, abs=1e-5)
     assert max(size) == pytest.approx(top, abs=1e-5)
-    assert eq.has_peak(F, H, 20.0, 5.0)
-    assert not eq.has_peak(F, H, 20.0, 15.0)
+    assert has_peak(F, H, 20.0, 5.0)
+    assert not has_peak(F, H, 20.0, 15.0)
 
 
 @pytest.mark.parametrize(

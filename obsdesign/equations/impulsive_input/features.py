@@ -24,23 +24,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from lmi.arithmetic.arrays import Array
 from lmi.arithmetic.exponential import exponential_grid, flow_integrals
 from lmi.arithmetic.units import balance
-from obsdesign.equations.gains import Array
-
-# |mu| h of the modes of A - K C, and |lambda| h, up to which integrals of samples show an impulse:
-# measured over random plants, where impulses were missed from 0.56 on in windows longer than
-# LONG_TIME_CONSTANTS of the slowest mode, from 1.28 on in others
-_MAX_MODE_PERIOD, _MAX_MODE_PERIOD_LONG = 0.7, 0.4
-LONG_TIME_CONSTANTS, MAX_EXPONENT_PERIOD = 7.0, 12.0
-# rule "position": age from which an impulse is evaluated, of the window
-EVALUATED_AGE_SHARE = 0.7
-# rule "peak": where the peak of |b| must lie, of the window, and how far |b| must fall to its end
-_MAX_PEAK_AGE_SHARE, _MAX_END_SHARE = 0.9, 0.98
 
 
 @dataclass(frozen=True)
@@ -115,24 +105,6 @@ def impulse_responses(F: Array, H: Array, step: float, count: int) -> Array:
     return feature_flows(F, len(H), 0.0, step, count) @ H
 
 
-def has_peak(F: Array, H: Array, tau: float, margin: float, count: int = 400) -> bool:
-    """Decide on a grid whether |b(age)| has one maximum in (margin, tau) and no other.
-
-    Then an impulse is evaluated at the maximum of |R|, whatever its weight (Section IV). It
-    must have come and gone before the impulse leaves the window, when |R| may rise again.
-    """
-    if H.shape[1] > 1:
-        return False  # where the maximum is depends on the weights
-    size = np.linalg.norm(impulse_responses(F, H, tau / count, count + 1)[:, len(H) :, 0], axis=1)
-    top = int(np.argmax(size))
-    rising, falling = np.diff(size[: top + 1]), np.diff(size[top:])
-    inside = (
-        margin < top * tau / count <= _MAX_PEAK_AGE_SHARE * tau
-        and size[-1] < _MAX_END_SHARE * size[top]
-    )
-    return bool(inside and (rising > 0).all() and (falling < 0).all())
-
-
 def operator_matrix(D: Array, C: Array, exponents: Array, tau: float) -> Array:
     """W(tau), (m p, n): row (j, i) is C_j p(lambda_i, tau, D).
 
@@ -191,7 +163,7 @@ def neglected_ratio(window: FeatureWindow, count: int = 200) -> tuple[float, flo
     return float(worst[k]), float(ages[k])
 
 
-def kernel_weights(exponents: Array, steps: Any) -> tuple[Array, Array]:
+def kernel_weights(exponents: Array, steps: ArrayLike) -> tuple[Array, Array]:
     """(newer, older): int_0^h e^{lambda (h - v)} e(v) dv for e linear from older to newer.
 
     steps: one h, or any array of them; each result has its shape, and (m,) behind it. With
@@ -220,43 +192,3 @@ def window_taps(exponents: Array, times: Array) -> Array:
     taps[1:] += newer * to_end
     taps[:-1] += older * to_end
     return taps
-
-
-def fastest_limit(long: bool) -> float:
-    """Bound on |mu| h, mu the fastest mode of A - K C and h the period, for operator `integral`.
-
-    long: the window is longer than LONG_TIME_CONSTANTS of its slowest mode.
-    """
-    return _MAX_MODE_PERIOD_LONG if long else _MAX_MODE_PERIOD
-
-
-def longest_period(D: Array, exponents: Array | None, window: float) -> float:
-    """The longest period at which integrals of samples show an impulse; floats.
-
-    Beyond it an impulse is not recognised at its age, and missed: what the residual does between
-    two samples differs too much from a line.
-    """
-    modes = np.linalg.eigvals(D)
-    long = float(-modes.real.max()) * window > LONG_TIME_CONSTANTS
-    fastest = float(np.abs(modes).max(initial=0.0))
-    longest = fastest_limit(long) / fastest if fastest > 0 else math.inf
-    steepest = 0.0 if exponents is None else float(np.abs(exponents).max())
-    return min(longest, MAX_EXPONENT_PERIOD / steepest) if steepest > 0 else longest
-
-
-def rounded_down(value: float) -> float:
-    """Three digits of a positive number, never more than it."""
-    digits = 10.0 ** (2 - math.floor(math.log10(value)))
-    return float(f"{math.floor(value * digits * (1 - 1e-12)) / digits:.3g}")
-
-
-def jump_share(A: Array, C: Array, H: Array, window: float, count: int = 200) -> float:
-    """Part of an impulse's largest output within a window that appears at once; floats.
-
-    The least over the directions, for the output that jumps most.
-    """
-    shown = np.abs(C @ exponential_grid(A, 0.0, window / count, count + 1) @ H)  # (k, p, q)
-    largest = shown.max(axis=0)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        share = np.where(largest > 0, shown[0] / largest, 0.0)
-    return float(share.max(axis=0).min())

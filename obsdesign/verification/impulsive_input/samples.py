@@ -21,8 +21,14 @@ from lmi.verdict import Verdict, proved, refuted, undecided
 from obsdesign.document import Claim
 from obsdesign.equations.estimation_error import flow_error_matrix
 from obsdesign.equations.gains import Array
-from obsdesign.equations.impulsive_input import features as equations
 from obsdesign.equations.impulsive_input.gains import IntegralGains, SamplesGains
+from obsdesign.equations.impulsive_input.sampling import (
+    LONG_TIME_CONSTANTS,
+    MAX_EXPONENT_PERIOD,
+    fastest_limit,
+    longest_period,
+    rounded_down,
+)
 from obsdesign.verification.impulsive_input.rank import rank_verdict
 from obsdesign.verification.impulsive_input.witnesses import TooFewSamples
 
@@ -82,7 +88,7 @@ def window_samples(gains: IntegralGains, period: float, shortest: float) -> Clai
     And two periods fit between the window and the shortest dwell time: the last sample of a window
     comes up to a period after its end, t_o is a sample too, and an impulse after that must still
     be before its peak when the next search begins. Modes of A - K C and exponents are slow enough
-    for the period (`equations.impulsive_input.features.longest_period`), exactly.
+    for the period (`equations.impulsive_input.sampling.longest_period`), exactly.
     """
     D = flow_error_matrix(exact(gains.A), exact(gains.K), exact(gains.C))
     statement = (
@@ -137,30 +143,24 @@ def _too_fast(D: Any, gains: IntegralGains, period: float) -> Verdict | None:
     """Undecided where integrals of samples cannot follow, with a period that would do; or None."""
     window, exponents = gains.window, gains.exponents
     # every mode decays by more than LONG time constants within the window
-    faster = D + exact(np.eye(len(D))) * (
-        rational(equations.LONG_TIME_CONSTANTS) / rational(window)
-    )
+    faster = D + exact(np.eye(len(D))) * (rational(LONG_TIME_CONSTANTS) / rational(window))
     long = prove_hurwitz(faster).outcome == "proved"
-    limit = equations.fastest_limit(long)
+    limit = fastest_limit(long)
     speeds, reasons = _speeds(D, exponents, period), []
     if not exactly_schur(D * (rational(period) / rational(limit))):
-        which = (
-            f" in a window of more than {equations.LONG_TIME_CONSTANTS:g} time constants"
-            if long
-            else ""
-        )
+        which = f" in a window of more than {LONG_TIME_CONSTANTS:g} time constants" if long else ""
         reasons.append(
             f"the fastest mode of A - K C times the period is "
             f"{speeds.mode:.3g}, not below {limit:g}{which}"
         )
-    if speeds.exponent > equations.MAX_EXPONENT_PERIOD:
+    if speeds.exponent > MAX_EXPONENT_PERIOD:
         reasons.append(
             f"the largest exponent times the period is {speeds.exponent:.3g}, above "
-            f"{equations.MAX_EXPONENT_PERIOD:g}"
+            f"{MAX_EXPONENT_PERIOD:g}"
         )
     if not reasons:
         return None
-    enough = equations.rounded_down(equations.longest_period(to_float(D), exponents, window))
+    enough = rounded_down(longest_period(to_float(D), exponents, window))
     return undecided(
         f"{'; '.join(reasons)}: integrals of samples may miss impulses. An output.period of at "
         f"most {enough:g} would do, or operator 'samples' (with output.noise_std)",
