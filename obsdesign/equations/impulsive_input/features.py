@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lmi.arithmetic.arrays import Array
-from lmi.arithmetic.exponential import exponential_grid, flow_integrals
+from lmi.arithmetic.exponential import exponential_grid
 from lmi.arithmetic.units import balance
 
 
@@ -105,18 +105,6 @@ def impulse_responses(F: Array, H: Array, step: float, count: int) -> Array:
     return feature_flows(F, len(H), 0.0, step, count) @ H
 
 
-def operator_matrix(D: Array, C: Array, exponents: Array, tau: float) -> Array:
-    """W(tau), (m p, n): row (j, i) is C_j p(lambda_i, tau, D).
-
-    p(lambda, tau, D) = int_0^tau e^{(lambda - D) u} du, after (11); finite for every lambda.
-    """
-    parts = [
-        C @ flow_integrals(lam * np.eye(len(D)) - D, tau)[1] for lam in np.asarray(exponents, float)
-    ]
-    stacked = np.stack(parts, axis=1)  # (p, m, n)
-    return stacked.reshape(-1, len(D))
-
-
 def window_matrix(
     D: Array, C: Array, exponents: Array, tau: float, scales: Array | None = None
 ) -> Array:
@@ -126,18 +114,11 @@ def window_matrix(
     return feature_flows(F, n, tau, 0.0, 1)[0, n:]
 
 
-def neglected_part(window: FeatureWindow, age: float) -> Array:
-    """E(tau - age) = (W(tau) - W(age)) e^{D age} H, (m p, q), without the difference (App. I).
-
-    Row i: e^{lambda_i age} C int_0^{tau - age} e^{(lambda_i - D) u} du H.
-    """
-    exponents = np.asarray(window.exponents, float)
-    inner = operator_matrix(window.D, window.C, exponents, window.tau - age) @ window.H
-    return np.exp(np.tile(exponents, len(window.C)) * age)[:, None] * inner
-
-
 def neglected_ratio(window: FeatureWindow, count: int = 200) -> tuple[float, float]:
     """(max |E_i| / |b_i|, age) over ages in [margin, tau], rows and directions, on a grid.
+
+    Row i of E(tau - age) = (W(tau) - W(age)) e^{D age} H, without the difference (App. I), is
+    e^{lambda_i age} C int_0^{tau - age} e^{(lambda_i - D) u} du H.
 
     Floats: a number to choose by (Prop. 3.2); infinite where some b_i has a zero.
     """

@@ -14,7 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.balls import around_zero, ball, exp_around, exp_times, number, to_float
+from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.balls import Exact, around_zero, ball, exp_around, exp_times, number, to_float
 from lmi.prove import exponential_sign as signs
 from lmi.verdict import Verdict, refuted
 from obsdesign.equations.impulsive_input.features import feature_flows
@@ -34,15 +35,15 @@ class FeatureCurve:
     weights of opposite sign are no second answer.
     """
 
-    F: Any
-    z: Any
+    F: Exact
+    z: Exact
     n: int
-    b: Any
+    b: Matrix
     margin: float
     tau: float
     nonnegative: bool = False
 
-    def value(self, age: float) -> Any:
+    def value(self, age: float) -> list[Any]:
         """Balls of b at an age, (r,)."""
         return signs.value(self.F, self.z, age)[self.n :]
 
@@ -159,7 +160,7 @@ def _meetings(curve: FeatureCurve) -> Iterator[tuple[float, float]]:
             yield float(pair.min()), float(pair.max())
 
 
-def _followed(F: Any, start: Any, n: int, age: float) -> tuple[Any, Any]:
+def _followed(F: Matrix, start: Matrix, n: int, age: float) -> tuple[Matrix, Matrix]:
     """b and its rate at an age, floats."""
     at = feature_flows(F, n, age, 0.0, 1)[0] @ start[:n]
     return at[n:], (F @ at)[n:]

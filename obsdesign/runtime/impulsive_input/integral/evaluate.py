@@ -60,7 +60,7 @@ class Decision:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Window:
-    """Rows from t_o on: times, y and residual (rows, p), taps Psi (rows, m), deviations of noise.
+    """Rows from t_o on: times, y, residual and deviations of noise (rows, p), taps (rows, m).
 
     The last row may lie beyond the end of the window.
     """
