@@ -38,7 +38,7 @@ D = A - PRINTED @ C
 
 
 def features(exponents: Any) -> eq.FeatureWindow:
-    return eq.FeatureWindow(D, C, H, exponents, 20.0, 5.0)
+    return eq.FeatureWindow(D, C, H, exponents=exponents, tau=20.0, margin=5.0)
 
 
 def observer(exponents: Any, K: Any = PRINTED, std: float = 0.0, **options: Any) -> Any:
@@ -250,7 +250,9 @@ def test_disjoint_spectra_do_not_make_the_norm_definite() -> None:
 
 def test_the_solution_of_17_is_not_unique_in_general() -> None:
     plant = (exact(np.diag([-0.5, -1.0])), exact([[1.0, 1.0]]), exact([[2.0], [-3.0]]))
-    verdict = decide_uniqueness(eq.FeatureWindow(*plant, [-2.0, -3.0], 5.0, 0.1))
+    verdict = decide_uniqueness(
+        eq.FeatureWindow(*plant, exponents=[-2.0, -3.0], tau=5.0, margin=0.1)
+    )
     assert verdict.outcome == "refuted"
     # the witness, evaluated independently
     (s1, (low, high)), (g1, g2) = (verdict.evidence["witness"][k] for k in ("ages", "weights"))
@@ -259,14 +261,16 @@ def test_the_solution_of_17_is_not_unique_in_general() -> None:
     np.testing.assert_allclose(g1 * first, g2 * second, atol=1e-9)
     assert abs(s1 - low) > 0.5
     # three exponents are no better here, four are, by the theorem
-    verdict = decide_uniqueness(eq.FeatureWindow(*plant, [-2.0, -3.0, -4.0], 5.0, 0.1))
+    verdict = decide_uniqueness(
+        eq.FeatureWindow(*plant, exponents=[-2.0, -3.0, -4.0], tau=5.0, margin=0.1)
+    )
     assert verdict.outcome == "refuted"
     ages, (first, second) = (verdict.evidence["witness"][k] for k in ("ages", "weights"))
     for (low, high), printed in zip(ages, (0.50665112821918, 2.15682324393891), strict=True):
         assert low < printed < high
         assert high - low < 1e-5
     assert (first, second) == (1.0, pytest.approx(-1.30137425456950, abs=1e-6))
-    four = eq.FeatureWindow(*plant, [-2.0, -3.0, -4.0, -5.0], 5.0, 0.1)
+    four = eq.FeatureWindow(*plant, exponents=[-2.0, -3.0, -4.0, -5.0], tau=5.0, margin=0.1)
     assert decide_uniqueness(four).outcome == "proved"
 
 

@@ -54,7 +54,7 @@ class ImpulseCurve:
             terms += 1
             term = math.exp(min(reach, 300.0) + terms * math.log(max(reach, 1e-300))
                             - math.lgamma(terms + 1))  # fmt: skip
-        return cls(F, len(H) if n is None else n, step, states, terms)
+        return cls(F=F, n=len(H) if n is None else n, step=step, states=states, terms=terms)
 
     @property
     def ages(self) -> Matrix:

@@ -57,7 +57,9 @@ class Expectations:
 
 def expectations(D: Matrix, gains: IntegralGains) -> Expectations:
     """Peak of |b|, ratio of (15), deviations of time and weight; D = A - K C."""
-    window = FeatureWindow(D, gains.C, gains.H, gains.exponents, gains.window, gains.margin)
+    window = FeatureWindow(
+        D, gains.C, gains.H, exponents=gains.exponents, tau=gains.window, margin=gains.margin
+    )
     tau, n = gains.window, gains.n
     scales = feature_scales(gains.exponents, tau)
     F = filtered_system(D, gains.C, gains.exponents, scales)

@@ -23,7 +23,7 @@ Notation
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -43,6 +43,7 @@ class FeatureWindow:
     D: Array
     C: Array
     H: Array
+    _: KW_ONLY
     exponents: Array
     tau: float
     margin: float

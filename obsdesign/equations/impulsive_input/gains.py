@@ -75,6 +75,11 @@ class ImpulsiveInputGains(PlantGains):
         return int(self.H.shape[1])
 
     @property
+    def inputs(self) -> int:
+        """Number of columns of B."""
+        return int(self.input_matrix.shape[1])
+
+    @property
     def shortest_dwell(self) -> float:
         """Shortest time between two impulses."""
         return self.dwell_range[0]

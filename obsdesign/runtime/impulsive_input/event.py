@@ -9,6 +9,7 @@ import numpy as np
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.runtime.base import Estimate
 
+MISSING, OPEN = "missing sample", "unresolved"  # of a row
 MISFIT = "does not fit one impulse in the window"
 
 

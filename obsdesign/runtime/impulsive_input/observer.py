@@ -32,7 +32,7 @@ from obsdesign.runtime.base import (
     optional_measurement,
     vector,
 )
-from obsdesign.runtime.impulsive_input.event import Event
+from obsdesign.runtime.impulsive_input.event import OPEN, Event
 from obsdesign.runtime.impulsive_input.initial import Initial
 from obsdesign.runtime.impulsive_input.integral.engine import IntegralEngine
 from obsdesign.runtime.impulsive_input.integral.live import IntegralLive
@@ -130,10 +130,10 @@ class ImpulsiveInputObserver(PointObserver[ImpulsiveInputState], Delayed[Impulsi
             raise ValueError("covariance must be finite, its diagonal not negative.")
         if P is None and self.gains.initial_std is not None:
             P = np.diag(self.gains.initial_std**2)
-        inputs = np.zeros(int(self.reads["u"]))
-        t = float(t)
-        live = Initial(t=t, x=guess, u=inputs, covariance=P, since=t)
-        return ImpulsiveInputState(t=t, u=inputs, started=False, live=live)
+        live = Initial(
+            t=float(t), x=guess, u=np.zeros(self.gains.inputs), covariance=P, since=float(t)
+        )
+        return ImpulsiveInputState(t=live.t, u=live.u, started=False, live=live)
 
     def step(
         self, state: ImpulsiveInputState, sample: Sample
@@ -146,7 +146,7 @@ class ImpulsiveInputObserver(PointObserver[ImpulsiveInputState], Delayed[Impulsi
         state = self.block(state, [sample])
         events = tuple(event for row in state.decided for event in row.events)
         x = self.engine.prediction(state.live)
-        return state, Estimate(state.t, x=x, events=events, status="unresolved")
+        return state, Estimate(state.t, x=x, events=events, status=OPEN)
 
     def finish(self, state: ImpulsiveInputState) -> tuple[Estimate, ...]:
         """Rows that were not decided when the record ended, as far as they are known."""
@@ -191,7 +191,7 @@ class ImpulsiveInputObserver(PointObserver[ImpulsiveInputState], Delayed[Impulsi
 
         Times are the caller's to check: they must increase.
         """
-        p, m = self.gains.p, int(self.reads["u"])
+        p, m = self.gains.p, self.gains.inputs
         y, u, held = np.full((len(samples), p), np.nan), np.zeros((len(samples), m)), state.u
         for k, sample in enumerate(samples):
             measured = optional_measurement(sample.y, p)

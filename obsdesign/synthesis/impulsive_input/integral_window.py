@@ -48,7 +48,9 @@ class IntegralWindow:
     def features(self, exponents: Matrix) -> FeatureWindow:
         """Return the features of a window with these exponents."""
         C = self.problem.plant.output.C
-        return FeatureWindow(self.D, C, self.H, exponents, self.window, self.margin)
+        return FeatureWindow(
+            self.D, C, self.H, exponents=exponents, tau=self.window, margin=self.margin
+        )
 
     def gains(self, exponents: Matrix, rule: str) -> IntegralGains:
         """Return the gains of a design with these exponents."""

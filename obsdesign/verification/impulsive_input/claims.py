@@ -81,7 +81,9 @@ def _integral_claims(problem: Problem, gains: IntegralGains) -> list[Claim]:
     """Claims about the features of operator `integral`."""
     A, C, H = exact(gains.A), exact(gains.C), exact(gains.H)
     D = flow_error_matrix(A, exact(gains.K), C)
-    window = FeatureWindow(D, C, H, gains.exponents, gains.window, gains.margin)
+    window = FeatureWindow(
+        D, C, H, exponents=gains.exponents, tau=gains.window, margin=gains.margin
+    )
     claims = [
         window_claims.hurwitz(D),
         window_claims.enough_exponents(D, C, gains.exponents.tolist()),
@@ -171,7 +173,9 @@ def _required_rule(plant: Plant, stored: Mapping[str, Any]) -> str:
         return fallback
     C, window, margin = plant.output.C, float(stored["window"]), float(stored["margin"])
     D = flow_error_matrix(plant.flow.A, K, C)
-    features = FeatureWindow(D, C, H, np.asarray(exponents, float), window, margin)
+    features = FeatureWindow(
+        D, C, H, exponents=np.asarray(exponents, float), tau=window, margin=margin
+    )
     try:
         rule, oldest = evaluation_rule(features)
     except ValueError:

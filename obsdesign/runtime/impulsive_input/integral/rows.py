@@ -17,11 +17,10 @@ from lmi.arithmetic.arrays import Array, Matrix
 from lmi.arithmetic.exponential import expm
 from obsdesign.equations.impulsive_input.gains import LARGEST
 from obsdesign.runtime.base import Estimate, status_of
-from obsdesign.runtime.impulsive_input.event import Event, with_event
+from obsdesign.runtime.impulsive_input.event import MISSING, OPEN, Event, with_event
 from obsdesign.runtime.impulsive_input.initial import Initial
 from obsdesign.runtime.impulsive_input.integral.free_run import FreeRun
 from obsdesign.runtime.impulsive_input.integral.live import AbsentRow, HeldInput, IntegralLive
-from obsdesign.runtime.impulsive_input.statuses import MISSING, OPEN
 from obsdesign.runtime.time_stamps import time_tolerance
 
 _BEYOND = "beyond what floats can follow: samples are too far apart for A - K C"

@@ -25,7 +25,7 @@ import numpy as np
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.equations.impulsive_input.gains import SamplesGains
 from obsdesign.runtime.base import Estimate, status_of
-from obsdesign.runtime.impulsive_input.event import MISFIT, Event, with_event
+from obsdesign.runtime.impulsive_input.event import MISFIT, MISSING, OPEN, Event, with_event
 from obsdesign.runtime.impulsive_input.initial import Initial
 from obsdesign.runtime.impulsive_input.residuals import birge_ratio
 from obsdesign.runtime.impulsive_input.samples.filter import (
@@ -37,7 +37,6 @@ from obsdesign.runtime.impulsive_input.samples.filter import (
 from obsdesign.runtime.impulsive_input.samples.live import SampledLive
 from obsdesign.runtime.impulsive_input.samples.onset import ONSETS, Cells, Fit, OnsetModel
 from obsdesign.runtime.impulsive_input.samples.steady_input import STEADY, Steady, SteadyInputs
-from obsdesign.runtime.impulsive_input.statuses import MISSING, OPEN
 from obsdesign.runtime.impulsive_input.whitening import noise_deviation
 from obsdesign.runtime.time_stamps import time_tolerance
 
