@@ -12,8 +12,10 @@ from scipy.linalg import expm
 
 import obsdesign
 from lmi.arithmetic.balls import exact
+from lmi.arithmetic.exponential import flow_integrals
 from obsdesign.equations.impulsive_input import features as eq
 from obsdesign.equations.impulsive_input.curve import ImpulseCurve
+from obsdesign.equations.impulsive_input.evaluation import has_peak
 from obsdesign.equations.impulsive_input.fit import fit_impulse
 from obsdesign.runtime import from_design
 from obsdesign.synthesis.impulsive_input.exponents import slowest_exponent
@@ -36,7 +38,7 @@ D = A - PRINTED @ C
 
 
 def features(exponents: Any) -> eq.FeatureWindow:
-    return eq.FeatureWindow(D, C, H, exponents, 20.0, 5.0)
+    return eq.FeatureWindow(D, C, H, exponents=exponents, tau=20.0, margin=5.0)
 
 
 def observer(exponents: Any, K: Any = PRINTED, std: float = 0.0, **options: Any) -> Any:
@@ -51,6 +53,28 @@ def observer(exponents: Any, K: Any = PRINTED, std: float = 0.0, **options: Any)
 def output() -> tuple[np.ndarray, np.ndarray]:
     t = np.round(STEP * np.arange(24001), 10)
     return t, record(A, H, TRAIN, t, START)
+
+
+def operator_matrix(D: Any, C: Any, exponents: Any, tau: float) -> Any:
+    """W(tau), (m p, n): row (j, i) is C_j p(lambda_i, tau, D).
+
+    p(lambda, tau, D) = int_0^tau e^{(lambda - D) u} du, after (11); finite for every lambda.
+    """
+    parts = [
+        C @ flow_integrals(lam * np.eye(len(D)) - D, tau)[1] for lam in np.asarray(exponents, float)
+    ]
+    stacked = np.stack(parts, axis=1)  # (p, m, n)
+    return stacked.reshape(-1, len(D))
+
+
+def neglected_part(window: eq.FeatureWindow, age: float) -> Any:
+    """E(tau - age) = (W(tau) - W(age)) e^{D age} H, (m p, q), without the difference (App. I).
+
+    Row i: e^{lambda_i age} C int_0^{tau - age} e^{(lambda_i - D) u} du H.
+    """
+    exponents = np.asarray(window.exponents, float)
+    inner = operator_matrix(window.D, window.C, exponents, window.tau - age) @ window.H
+    return np.exp(np.tile(exponents, len(window.C)) * age)[:, None] * inner
 
 
 # --- Section IV, without noise ------------------------------------------------------------------
@@ -82,8 +106,8 @@ def test_the_peak_of_figure_2(K: Any, delta: float, top: float) -> None:
     size = [np.linalg.norm(expm(F * s)[3:, :3] @ H) for s in ages]
     assert 20 - ages[int(np.argmax(size))] == pytest.approx(delta, abs=1e-5)
     assert max(size) == pytest.approx(top, abs=1e-5)
-    assert eq.has_peak(F, H, 20.0, 5.0)
-    assert not eq.has_peak(F, H, 20.0, 15.0)
+    assert has_peak(F, H, 20.0, 5.0)
+    assert not has_peak(F, H, 20.0, 15.0)
 
 
 @pytest.mark.parametrize(
@@ -187,15 +211,15 @@ def test_features_are_the_operator_of_10_and_proposition_3_1() -> None:
 
 
 def test_identity_14() -> None:
-    W = eq.operator_matrix(D, C, FIRST, 20.0)
+    W = operator_matrix(D, C, FIRST, 20.0)
     curve = ImpulseCurve.from_system(eq.filtered_system(D, C, FIRST), H, 20.0)
     start, g, t_k = np.array([1.0, -2, 3]), 5.0, 6.3
     end = expm(D * 20) @ start + g * expm(D * (20 - t_k)) @ H[:, 0]
     right = eq.window_matrix(D, C, FIRST, 20.0) @ start + g * (
-        curve.value(20 - t_k)[3:, 0] + eq.neglected_part(features(FIRST), 20 - t_k)[:, 0]
+        curve.value(20 - t_k)[3:, 0] + neglected_part(features(FIRST), 20 - t_k)[:, 0]
     )
     np.testing.assert_allclose(W @ end, right, rtol=1e-12)
-    neglected = eq.neglected_part(features(FIRST), 5.0)[:, 0]
+    neglected = neglected_part(features(FIRST), 5.0)[:, 0]
     np.testing.assert_allclose(neglected[[0, 5]], [1.12707478e-7, 2.42592e-8], rtol=1e-5)
 
 
@@ -226,7 +250,9 @@ def test_disjoint_spectra_do_not_make_the_norm_definite() -> None:
 
 def test_the_solution_of_17_is_not_unique_in_general() -> None:
     plant = (exact(np.diag([-0.5, -1.0])), exact([[1.0, 1.0]]), exact([[2.0], [-3.0]]))
-    verdict = decide_uniqueness(eq.FeatureWindow(*plant, [-2.0, -3.0], 5.0, 0.1))
+    verdict = decide_uniqueness(
+        eq.FeatureWindow(*plant, exponents=[-2.0, -3.0], tau=5.0, margin=0.1)
+    )
     assert verdict.outcome == "refuted"
     # the witness, evaluated independently
     (s1, (low, high)), (g1, g2) = (verdict.evidence["witness"][k] for k in ("ages", "weights"))
@@ -235,14 +261,16 @@ def test_the_solution_of_17_is_not_unique_in_general() -> None:
     np.testing.assert_allclose(g1 * first, g2 * second, atol=1e-9)
     assert abs(s1 - low) > 0.5
     # three exponents are no better here, four are, by the theorem
-    verdict = decide_uniqueness(eq.FeatureWindow(*plant, [-2.0, -3.0, -4.0], 5.0, 0.1))
+    verdict = decide_uniqueness(
+        eq.FeatureWindow(*plant, exponents=[-2.0, -3.0, -4.0], tau=5.0, margin=0.1)
+    )
     assert verdict.outcome == "refuted"
     ages, (first, second) = (verdict.evidence["witness"][k] for k in ("ages", "weights"))
     for (low, high), printed in zip(ages, (0.50665112821918, 2.15682324393891), strict=True):
         assert low < printed < high
         assert high - low < 1e-5
     assert (first, second) == (1.0, pytest.approx(-1.30137425456950, abs=1e-6))
-    four = eq.FeatureWindow(*plant, [-2.0, -3.0, -4.0, -5.0], 5.0, 0.1)
+    four = eq.FeatureWindow(*plant, exponents=[-2.0, -3.0, -4.0, -5.0], tau=5.0, margin=0.1)
     assert decide_uniqueness(four).outcome == "proved"
 
 

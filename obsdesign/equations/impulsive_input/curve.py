@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from obsdesign.equations.gains import Array
+from lmi.arithmetic.arrays import Matrix
 from obsdesign.equations.impulsive_input.features import feature_units, impulse_responses
 
 _POINTS = 160
@@ -24,15 +24,15 @@ class ImpulseCurve:
     F (n + mp, n + mp); states (G, n + mp, q); n states of the plant come first.
     """
 
-    F: Array
+    F: Matrix
     n: int
     step: float
-    states: Array
+    states: Matrix
     terms: int
 
     @classmethod
     def from_system(
-        cls, F: Array, H: Array, tau: float, points: int = _POINTS, n: int | None = None
+        cls, F: Matrix, H: Matrix, tau: float, points: int = _POINTS, n: int | None = None
     ) -> ImpulseCurve:
         """The curve for ages in [0, tau]; the grid has `points` cells, more where F is large.
 
@@ -54,12 +54,12 @@ class ImpulseCurve:
             terms += 1
             term = math.exp(min(reach, 300.0) + terms * math.log(max(reach, 1e-300))
                             - math.lgamma(terms + 1))  # fmt: skip
-        return cls(F, len(H) if n is None else n, step, states, terms)
+        return cls(F=F, n=len(H) if n is None else n, step=step, states=states, terms=terms)
 
     @property
-    def ages(self) -> Array:
+    def ages(self) -> Matrix:
         """Grid of ages, (G,)."""
-        return self.step * np.arange(len(self.states))
+        return self.step * np.arange(len(self.states), dtype=np.float64)
 
     @property
     def oldest(self) -> float:
@@ -71,7 +71,7 @@ class ImpulseCurve:
         left = (sizes >= _LEAST_SHARE_OF_PEAK * sizes.max(axis=0)).all(axis=1)
         return float(self.ages[np.flatnonzero(left)[-1]]) if left.any() else 0.0
 
-    def series(self, k: int) -> Array:
+    def series(self, k: int) -> Matrix:
         """Taylor coefficients of the curve about grid point k, (terms, n + mp, q)."""
         coefficients = np.empty((self.terms, *self.states.shape[1:]))
         coefficients[0] = self.states[k]
@@ -79,13 +79,13 @@ class ImpulseCurve:
             np.matmul(self.F, coefficients[j - 1] / j, out=coefficients[j])
         return coefficients
 
-    def value(self, age: float) -> Array:
+    def value(self, age: float) -> Matrix:
         """[e^{D s} H; b(s)] at one age."""
         k = min(max(round(age / self.step), 0), len(self.states) - 1)
         return power_sum(self.series(k), age - k * self.step)
 
 
-def balanced_size(F: Array) -> float:
+def balanced_size(F: Matrix) -> float:
     """Norm of F in units of its entries that make it small: units of the states do not matter.
 
     Units that tie states in one direction only could shrink for ever: they stop at the diagonal.
@@ -108,7 +108,7 @@ def balanced_size(F: Array) -> float:
     return smallest
 
 
-def power_sum(series: Array, v: float) -> Array:
+def power_sum(series: Matrix, v: float) -> Matrix:
     """sum_j v^j series_j; series (terms, ...)."""
     powers = v ** np.arange(len(series), dtype=np.float64)
     return (powers @ series.reshape(len(series), -1)).reshape(series.shape[1:])

@@ -12,11 +12,11 @@ from dataclasses import dataclass, field, fields
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.exponential import expm
-from obsdesign.equations.gains import Array
 from obsdesign.equations.impulsive_input.curve import ImpulseCurve
+from obsdesign.equations.impulsive_input.evaluation import EVALUATED_AGE_SHARE
 from obsdesign.equations.impulsive_input.features import (
-    EVALUATED_AGE_SHARE,
     FeatureWindow,
     feature_scales,
     filtered_system,
@@ -55,9 +55,11 @@ class Expectations:
         )
 
 
-def expectations(D: Array, gains: IntegralGains) -> Expectations:
+def expectations(D: Matrix, gains: IntegralGains) -> Expectations:
     """Peak of |b|, ratio of (15), deviations of time and weight; D = A - K C."""
-    window = FeatureWindow(D, gains.C, gains.H, gains.exponents, gains.window, gains.margin)
+    window = FeatureWindow(
+        D, gains.C, gains.H, exponents=gains.exponents, tau=gains.window, margin=gains.margin
+    )
     tau, n = gains.window, gains.n
     scales = feature_scales(gains.exponents, tau)
     F = filtered_system(D, gains.C, gains.exponents, scales)
@@ -117,7 +119,7 @@ def _deviations(window: FeatureWindow, gains: IntegralGains, age: float) -> dict
     }
 
 
-def _plain_deviations(J: Array, noise: list[Array]) -> Array:
+def _plain_deviations(J: Matrix, noise: list[Matrix]) -> Matrix:
     """Roots of the diagonal of J^+ N J^+', N given by its factors, one for each output."""
     back, m = left_inverse(J), noise[0].shape[1]
     blocks = [back[:, j * m : (j + 1) * m].T for j in range(len(noise))]

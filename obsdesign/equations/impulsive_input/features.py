@@ -23,24 +23,14 @@ Notation
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import KW_ONLY, dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from lmi.arithmetic.exponential import exponential_grid, flow_integrals
+from lmi.arithmetic.arrays import Array
+from lmi.arithmetic.exponential import exponential_grid
 from lmi.arithmetic.units import balance
-from obsdesign.equations.gains import Array
-
-# |mu| h of the modes of A - K C, and |lambda| h, up to which integrals of samples show an impulse:
-# measured over random plants, where impulses were missed from 0.56 on in windows longer than
-# LONG_TIME_CONSTANTS of the slowest mode, from 1.28 on in others
-_MAX_MODE_PERIOD, _MAX_MODE_PERIOD_LONG = 0.7, 0.4
-LONG_TIME_CONSTANTS, MAX_EXPONENT_PERIOD = 7.0, 12.0
-# rule "position": age from which an impulse is evaluated, of the window
-EVALUATED_AGE_SHARE = 0.7
-# rule "peak": where the peak of |b| must lie, of the window, and how far |b| must fall to its end
-_MAX_PEAK_AGE_SHARE, _MAX_END_SHARE = 0.9, 0.98
 
 
 @dataclass(frozen=True)
@@ -53,6 +43,7 @@ class FeatureWindow:
     D: Array
     C: Array
     H: Array
+    _: KW_ONLY
     exponents: Array
     tau: float
     margin: float
@@ -115,36 +106,6 @@ def impulse_responses(F: Array, H: Array, step: float, count: int) -> Array:
     return feature_flows(F, len(H), 0.0, step, count) @ H
 
 
-def has_peak(F: Array, H: Array, tau: float, margin: float, count: int = 400) -> bool:
-    """Decide on a grid whether |b(age)| has one maximum in (margin, tau) and no other.
-
-    Then an impulse is evaluated at the maximum of |R|, whatever its weight (Section IV). It
-    must have come and gone before the impulse leaves the window, when |R| may rise again.
-    """
-    if H.shape[1] > 1:
-        return False  # where the maximum is depends on the weights
-    size = np.linalg.norm(impulse_responses(F, H, tau / count, count + 1)[:, len(H) :, 0], axis=1)
-    top = int(np.argmax(size))
-    rising, falling = np.diff(size[: top + 1]), np.diff(size[top:])
-    inside = (
-        margin < top * tau / count <= _MAX_PEAK_AGE_SHARE * tau
-        and size[-1] < _MAX_END_SHARE * size[top]
-    )
-    return bool(inside and (rising > 0).all() and (falling < 0).all())
-
-
-def operator_matrix(D: Array, C: Array, exponents: Array, tau: float) -> Array:
-    """W(tau), (m p, n): row (j, i) is C_j p(lambda_i, tau, D).
-
-    p(lambda, tau, D) = int_0^tau e^{(lambda - D) u} du, after (11); finite for every lambda.
-    """
-    parts = [
-        C @ flow_integrals(lam * np.eye(len(D)) - D, tau)[1] for lam in np.asarray(exponents, float)
-    ]
-    stacked = np.stack(parts, axis=1)  # (p, m, n)
-    return stacked.reshape(-1, len(D))
-
-
 def window_matrix(
     D: Array, C: Array, exponents: Array, tau: float, scales: Array | None = None
 ) -> Array:
@@ -154,18 +115,11 @@ def window_matrix(
     return feature_flows(F, n, tau, 0.0, 1)[0, n:]
 
 
-def neglected_part(window: FeatureWindow, age: float) -> Array:
-    """E(tau - age) = (W(tau) - W(age)) e^{D age} H, (m p, q), without the difference (App. I).
-
-    Row i: e^{lambda_i age} C int_0^{tau - age} e^{(lambda_i - D) u} du H.
-    """
-    exponents = np.asarray(window.exponents, float)
-    inner = operator_matrix(window.D, window.C, exponents, window.tau - age) @ window.H
-    return np.exp(np.tile(exponents, len(window.C)) * age)[:, None] * inner
-
-
 def neglected_ratio(window: FeatureWindow, count: int = 200) -> tuple[float, float]:
     """(max |E_i| / |b_i|, age) over ages in [margin, tau], rows and directions, on a grid.
+
+    Row i of E(tau - age) = (W(tau) - W(age)) e^{D age} H, without the difference (App. I), is
+    e^{lambda_i age} C int_0^{tau - age} e^{(lambda_i - D) u} du H.
 
     Floats: a number to choose by (Prop. 3.2); infinite where some b_i has a zero.
     """
@@ -191,7 +145,7 @@ def neglected_ratio(window: FeatureWindow, count: int = 200) -> tuple[float, flo
     return float(worst[k]), float(ages[k])
 
 
-def kernel_weights(exponents: Array, steps: Any) -> tuple[Array, Array]:
+def kernel_weights(exponents: Array, steps: ArrayLike) -> tuple[Array, Array]:
     """(newer, older): int_0^h e^{lambda (h - v)} e(v) dv for e linear from older to newer.
 
     steps: one h, or any array of them; each result has its shape, and (m,) behind it. With
@@ -220,43 +174,3 @@ def window_taps(exponents: Array, times: Array) -> Array:
     taps[1:] += newer * to_end
     taps[:-1] += older * to_end
     return taps
-
-
-def fastest_limit(long: bool) -> float:
-    """Bound on |mu| h, mu the fastest mode of A - K C and h the period, for operator `integral`.
-
-    long: the window is longer than LONG_TIME_CONSTANTS of its slowest mode.
-    """
-    return _MAX_MODE_PERIOD_LONG if long else _MAX_MODE_PERIOD
-
-
-def longest_period(D: Array, exponents: Array | None, window: float) -> float:
-    """The longest period at which integrals of samples show an impulse; floats.
-
-    Beyond it an impulse is not recognised at its age, and missed: what the residual does between
-    two samples differs too much from a line.
-    """
-    modes = np.linalg.eigvals(D)
-    long = float(-modes.real.max()) * window > LONG_TIME_CONSTANTS
-    fastest = float(np.abs(modes).max(initial=0.0))
-    longest = fastest_limit(long) / fastest if fastest > 0 else math.inf
-    steepest = 0.0 if exponents is None else float(np.abs(exponents).max())
-    return min(longest, MAX_EXPONENT_PERIOD / steepest) if steepest > 0 else longest
-
-
-def rounded_down(value: float) -> float:
-    """Three digits of a positive number, never more than it."""
-    digits = 10.0 ** (2 - math.floor(math.log10(value)))
-    return float(f"{math.floor(value * digits * (1 - 1e-12)) / digits:.3g}")
-
-
-def jump_share(A: Array, C: Array, H: Array, window: float, count: int = 200) -> float:
-    """Part of an impulse's largest output within a window that appears at once; floats.
-
-    The least over the directions, for the output that jumps most.
-    """
-    shown = np.abs(C @ exponential_grid(A, 0.0, window / count, count + 1) @ H)  # (k, p, q)
-    largest = shown.max(axis=0)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        share = np.where(largest > 0, shown[0] / largest, 0.0)
-    return float(share.max(axis=0).min())

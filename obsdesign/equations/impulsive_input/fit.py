@@ -15,11 +15,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from obsdesign.equations.gains import Array
+from lmi.arithmetic.arrays import Matrix
 from obsdesign.equations.impulsive_input.curve import ImpulseCurve, power_sum
 
 _NEWTON_STEPS = 60
@@ -37,21 +36,21 @@ class Impulse:
     """
 
     age: float
-    weights: Array
+    weights: Matrix
     cost: float
     gain: float
-    b: Array
-    b_dot: Array
+    b: Matrix
+    b_dot: Matrix
     inside: bool
 
 
 def fit_impulse(
-    R: Array,
+    R: Matrix,
     curve: ImpulseCurve,
     low: float,
     high: float,
     *,
-    weighting: Array | None = None,
+    weighting: Matrix | None = None,
     nonnegative: bool = False,
 ) -> Impulse | None:
     """The impulse with age in [low, high] that explains the features R (r,) best, or None.
@@ -81,11 +80,11 @@ def fit_impulse(
     return best
 
 
-def _weighted(b: Array, weighting: Array | None) -> Array:
+def _weighted(b: Matrix, weighting: Matrix | None) -> Matrix:
     return b if weighting is None else weighting @ b
 
 
-def explained(b: Array, R: Array, nonnegative: bool) -> Array:
+def explained(b: Matrix, R: Matrix, nonnegative: bool) -> Matrix:
     """|R|^2 - min_g |R - b g|^2 for each b of a stack (G, r, q)."""
     if b.shape[2] == 1:
         column = b[:, :, 0]
@@ -98,7 +97,7 @@ def explained(b: Array, R: Array, nonnegative: bool) -> Array:
     return np.einsum("ij,ij->i", onto, onto)
 
 
-def peaks(gains: Array) -> list[int]:
+def peaks(gains: Matrix) -> list[int]:
     """The highest local maxima, highest first."""
     padded = np.concatenate([[-math.inf], gains, [-math.inf]])
     tops = np.flatnonzero((padded[1:-1] >= padded[:-2]) & (padded[1:-1] >= padded[2:]))
@@ -107,13 +106,13 @@ def peaks(gains: Array) -> list[int]:
 
 
 def _refine(
-    R: Array,
+    R: Matrix,
     curve: ImpulseCurve,
     k: int,
     *,
     bracket: tuple[float, float],
     limits: tuple[float, float],
-    weighting: Array | None,
+    weighting: Matrix | None,
 ) -> Impulse:
     """Newton on F inside the bracket around grid point k; bisection where it would leave it."""
     n, origin = curve.n, k * curve.step
@@ -121,7 +120,7 @@ def _refine(
     b_series = _weighted(series[:, n:], weighting)
     F_series = curve.F[n:]
 
-    def derivatives(age: float) -> tuple[Array, Array, Array]:
+    def derivatives(age: float) -> tuple[Matrix, Matrix, Matrix]:
         whole = power_sum(series, age - origin)
         first = F_series @ whole
         second = F_series @ (curve.F @ whole)
@@ -168,7 +167,7 @@ def _root(
     return age
 
 
-def _solve(R: Array, b: Array) -> tuple[Array, float]:
+def _solve(R: Matrix, b: Matrix) -> tuple[Matrix, float]:
     if b.shape[1] == 1:
         column = b[:, 0]
         size = float(column @ column)
@@ -179,16 +178,16 @@ def _solve(R: Array, b: Array) -> tuple[Array, float]:
     return g, float(residual @ residual)
 
 
-def _slope(R: Array, b: Array, b_dot: Array, b_ddot: Array) -> tuple[float, float]:
+def _slope(R: Matrix, b: Matrix, b_dot: Matrix, b_ddot: Matrix) -> tuple[float, float]:
     """(F, F'): half the derivative of the reduced cost by age, and its derivative."""
     if b.shape[1] == 1:  # the same in scalars, which is what most plants need
         b, b_dot, b_ddot = b[:, 0], b_dot[:, 0], b_ddot[:, 0]
         size = b @ b
-        g: Any = (b @ R) / size
-        residual, rate = R - b * g, b_dot * g
-        g_dot = (b_dot @ residual - b @ rate) / size
-        curvature = b_ddot * g + b_dot * g_dot
-        return -float(residual @ rate), float((rate + b * g_dot) @ rate - residual @ curvature)
+        weight = (b @ R) / size
+        residual, rate = R - b * weight, b_dot * weight
+        drift = (b_dot @ residual - b @ rate) / size
+        curvature = b_ddot * weight + b_dot * drift
+        return -float(residual @ rate), float((rate + b * drift) @ rate - residual @ curvature)
     g, _ = _solve(R, b)
     residual, rate = R - b @ g, b_dot @ g
     g_dot = np.linalg.solve(b.T @ b, b_dot.T @ residual - b.T @ rate)
@@ -196,7 +195,7 @@ def _slope(R: Array, b: Array, b_dot: Array, b_ddot: Array) -> tuple[float, floa
     return -float(residual @ rate), float((rate + b @ g_dot) @ rate - residual @ curvature)
 
 
-def left_inverse(J: Array) -> Array:
+def left_inverse(J: Matrix) -> Matrix:
     """J^+, its columns first in units of their own: an age and a weight may be of any two sizes."""
     sizes = np.linalg.norm(J, axis=0)
     sizes[sizes == 0] = 1.0

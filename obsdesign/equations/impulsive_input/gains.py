@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from obsdesign.equations.gains import Array, PlantGains, flag, matrix, number, word
-from obsdesign.equations.impulsive_input.requirements import (
-    RULES,
-    WEIGHTINGS,
-    are_exponents,
-    is_positive,
-    is_whole_multiple,
-)
+from lmi.arithmetic.arrays import Matrix
+from obsdesign.equations.gains import PlantGains, flag, matrix, number, word
+
+WEIGHTINGS = ("plain", "gls")
+RULES = ("peak", "position", "threshold")
+# what is measured and its noise are squared, and multiplied by gains
+LARGEST, SMALLEST = 1e100, 1e-100
 
 # of e^x in binary64, with room for products of a few such numbers
 MAX_GROWTH_EXPONENT = 300.0
@@ -31,13 +31,13 @@ class ImpulsiveInputGains(PlantGains):
     Designs without nonnegative or state_correction mean false.
     """
 
-    H: Array = matrix("n", "q")
+    H: Matrix = matrix("n", "q")
     window: float = number()
     margin: float = number()
     period: float | None = number(optional=True)
-    noise_std: Array = matrix("p")
-    noise_cv: Array = matrix("p")
-    initial_std: Array | None = matrix("n", optional=True)
+    noise_std: Matrix = matrix("p")
+    noise_cv: Matrix = matrix("p")
+    initial_std: Matrix | None = matrix("n", optional=True)
     weighting: str = word(*WEIGHTINGS)
     nonnegative: bool | None = flag(optional=True)
     state_correction: bool | None = flag(optional=True)
@@ -61,10 +61,23 @@ class ImpulsiveInputGains(PlantGains):
         places = {name: place for place, name in enumerate(self._FILE_ORDER)}
         return dict(sorted(entries.items(), key=lambda entry: places.get(entry[0], -1)))
 
+    @classmethod
+    def from_plant(cls, plant: Any, **gains: Any) -> Self:
+        """Gains with the numbers of a plant, its impulses and its noise."""
+        output = plant.output
+        return super().from_plant(
+            plant, H=plant.jump.H, noise_std=output.noise_std, noise_cv=output.noise_cv, **gains
+        )
+
     @property
     def directions(self) -> int:
         """Number of columns of H."""
         return int(self.H.shape[1])
+
+    @property
+    def inputs(self) -> int:
+        """Number of columns of B."""
+        return int(self.input_matrix.shape[1])
 
     @property
     def shortest_dwell(self) -> float:
@@ -72,7 +85,7 @@ class ImpulsiveInputGains(PlantGains):
         return self.dwell_range[0]
 
     @property
-    def input_matrix(self) -> Array:
+    def input_matrix(self) -> Matrix:
         """B (n, m), without columns where the plant has no known input."""
         return np.zeros((self.n, 0)) if self.B is None else self.B
 
@@ -85,8 +98,8 @@ class IntegralGains(ImpulsiveInputGains):
     """
 
     operator: str = word("integral")
-    K: Array = matrix("n", "p")
-    exponents: Array = matrix("kernels")
+    K: Matrix = matrix("n", "p")
+    exponents: Matrix = matrix("kernels")
     rule: str = word(*RULES)
     threshold: float | None = number(optional=True)
 
@@ -136,7 +149,7 @@ class SamplesGains(ImpulsiveInputGains):
         return round(self.window / self.sample_period)
 
 
-_OPERATORS: dict[str, type[IntegralGains] | type[SamplesGains]] = {
+OPERATORS: dict[str, type[IntegralGains] | type[SamplesGains]] = {
     "integral": IntegralGains,
     "samples": SamplesGains,
 }
@@ -145,6 +158,30 @@ _OPERATORS: dict[str, type[IntegralGains] | type[SamplesGains]] = {
 def gains_from_document(entries: Mapping[str, Any]) -> IntegralGains | SamplesGains:
     """The gains that a design file states, of the class of their operator; ValueError if unfit."""
     operator = entries.get("operator")
-    if operator not in _OPERATORS:
-        raise ValueError(f"gains.operator must be one of {', '.join(_OPERATORS)}.")
-    return _OPERATORS[operator].from_document(entries)
+    if operator not in OPERATORS:
+        raise ValueError(f"gains.operator must be one of {', '.join(OPERATORS)}.")
+    return OPERATORS[operator].from_document(entries)
+
+
+def is_positive(value: object) -> bool:
+    """A positive, finite number."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return False
+    return value > 0 and math.isfinite(value)
+
+
+def are_exponents(value: object) -> bool:
+    """A list of one or more distinct, finite numbers."""
+    try:
+        exponents = np.asarray(value)
+    except ValueError:
+        return False
+    if exponents.ndim != 1 or exponents.dtype.kind not in "fi" or len(exponents) == 0:
+        return False
+    return bool(np.isfinite(exponents).all()) and len(set(exponents.tolist())) == len(exponents)
+
+
+def is_whole_multiple(window: float, period: float) -> bool:
+    """Whether a window is a multiple of the period, at least one, up to rounding."""
+    count = float(window) / float(period)
+    return abs(count - round(count)) <= 1e-6 and round(count) >= 1

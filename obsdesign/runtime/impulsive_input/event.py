@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 
-from obsdesign.runtime.base import Vector
-from obsdesign.runtime.time_stamps import time_tolerance
+from lmi.arithmetic.arrays import Matrix
+from obsdesign.runtime.base import Estimate
 
+MISSING, OPEN = "missing sample", "unresolved"  # of a row
 MISFIT = "does not fit one impulse in the window"
-_DEVIATIONS = 3.0  # deviations by which a dwell time must be too short
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,9 +22,9 @@ class Event:
     """
 
     t: float
-    weights: Vector
+    weights: Matrix
     t_std: float | None
-    weights_std: Vector | None
+    weights_std: Matrix | None
     doubts: tuple[str, ...] = ()
 
     @property
@@ -47,22 +46,7 @@ class Event:
         )
 
 
-@dataclass(frozen=True, slots=True)
-class DoubtfulSpan:
-    """Times whose rows rest on an impulse with doubts; at first none."""
-
-    since: float = math.inf
-    until: float = -math.inf
-    doubts: tuple[str, ...] = ()
-
-    def doubts_at(self, t: float) -> tuple[str, ...]:
-        """Doubts of a row at time t."""
-        return self.doubts if self.since <= t <= self.until else ()
-
-
-def short_dwell(last: float, t: float, dwell: float, *deviations: float) -> str:
-    """Sentence about a dwell time below the range by more than both deviations allow, or empty."""
-    gap = t - last
-    if gap >= dwell - time_tolerance(dwell, t) - _DEVIATIONS * math.hypot(*deviations):
-        return ""
-    return f"dwell time {gap:.9g} below {dwell:.9g}"
+def with_event(rows: list[Estimate], event: Event) -> list[Estimate]:
+    """The rows; the first one after the event holds it, the last one where there is none after."""
+    k = next((k for k, row in enumerate(rows) if row.t >= event.t), len(rows) - 1)
+    return [*rows[:k], rows[k]._replace(events=(event,)), *rows[k + 1 :]]

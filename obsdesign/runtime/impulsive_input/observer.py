@@ -10,11 +10,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from lmi.arithmetic.arrays import Matrix
 from obsdesign.equations.impulsive_input.gains import (
     IntegralGains,
     SamplesGains,
@@ -25,16 +26,16 @@ from obsdesign.runtime.base import (
     Delayed,
     Estimate,
     Sample,
-    Vector,
     centred,
     collect,
     later,
     optional_measurement,
     vector,
 )
-from obsdesign.runtime.impulsive_input.event import Event
-from obsdesign.runtime.impulsive_input.integral.engine import Engine, IntegralEngine
-from obsdesign.runtime.impulsive_input.integral.rows import IntegralLive
+from obsdesign.runtime.impulsive_input.event import OPEN, Event
+from obsdesign.runtime.impulsive_input.initial import Initial
+from obsdesign.runtime.impulsive_input.integral.engine import IntegralEngine
+from obsdesign.runtime.impulsive_input.integral.live import IntegralLive
 from obsdesign.runtime.impulsive_input.record_checks import check_resolution, check_size
 from obsdesign.runtime.impulsive_input.samples.engine import SamplesEngine
 from obsdesign.runtime.impulsive_input.samples.live import SampledLive
@@ -43,14 +44,30 @@ from obsdesign.runtime.point_observer import PointObserver
 _BLOCK = 1024  # rows that a batch hands over at once, at least a window of them
 
 
+Live = TypeVar("Live")
+
+
+class Engine(Protocol[Live]):
+    """One way to find impulses along a record; rows come in blocks, y NaN where it is missing."""
+
+    def extended(self, live: Live, t: Matrix, y: Matrix, u: Matrix) -> tuple[Live, list[Estimate]]:
+        """The state after further rows, and the rows that are decided now."""
+
+    def prediction(self, live: Live) -> Matrix:
+        """The estimate at the last row, as far as it is known."""
+
+    def tail(self, live: Live) -> tuple[Estimate, ...]:
+        """Rows that are not decided."""
+
+
 @dataclass(frozen=True, slots=True)
 class ImpulsiveInputState:
     """Everything the next step needs; decided: rows that the last step settled, oldest first."""
 
     t: float
-    u: Vector
+    u: Matrix
     started: bool
-    live: IntegralLive | SampledLive
+    live: Initial | IntegralLive | SampledLive
     decided: tuple[Estimate, ...] = ()
 
 
@@ -59,7 +76,7 @@ class ImpulsiveInputObserver(PointObserver[ImpulsiveInputState], Delayed[Impulsi
     """Executes a design of kind `impulsive_input`."""
 
     gains: IntegralGains | SamplesGains
-    engine: Engine
+    engine: Engine[Any]  # a state goes back to the engine that it came from
     kind: ClassVar[str] = "impulsive_input"
     finds_events: ClassVar[bool] = True
 
@@ -113,9 +130,10 @@ class ImpulsiveInputObserver(PointObserver[ImpulsiveInputState], Delayed[Impulsi
             raise ValueError("covariance must be finite, its diagonal not negative.")
         if P is None and self.gains.initial_std is not None:
             P = np.diag(self.gains.initial_std**2)
-        inputs = np.zeros(int(self.reads["u"]))
-        live = self.engine.begin(float(t), guess, P)
-        return ImpulsiveInputState(t=float(t), u=inputs, started=False, live=live)
+        live = Initial(
+            t=float(t), x=guess, u=np.zeros(self.gains.inputs), covariance=P, since=float(t)
+        )
+        return ImpulsiveInputState(t=live.t, u=live.u, started=False, live=live)
 
     def step(
         self, state: ImpulsiveInputState, sample: Sample
@@ -128,7 +146,7 @@ class ImpulsiveInputObserver(PointObserver[ImpulsiveInputState], Delayed[Impulsi
         state = self.block(state, [sample])
         events = tuple(event for row in state.decided for event in row.events)
         x = self.engine.prediction(state.live)
-        return state, Estimate(state.t, x=x, events=events, status="unresolved")
+        return state, Estimate(state.t, x=x, events=events, status=OPEN)
 
     def finish(self, state: ImpulsiveInputState) -> tuple[Estimate, ...]:
         """Rows that were not decided when the record ended, as far as they are known."""
@@ -173,7 +191,7 @@ class ImpulsiveInputObserver(PointObserver[ImpulsiveInputState], Delayed[Impulsi
 
         Times are the caller's to check: they must increase.
         """
-        p, m = self.gains.p, int(self.reads["u"])
+        p, m = self.gains.p, self.gains.inputs
         y, u, held = np.full((len(samples), p), np.nan), np.zeros((len(samples), m)), state.u
         for k, sample in enumerate(samples):
             measured = optional_measurement(sample.y, p)

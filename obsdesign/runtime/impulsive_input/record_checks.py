@@ -5,16 +5,16 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-from obsdesign.equations.impulsive_input.requirements import LARGEST
+from lmi.arithmetic.arrays import Matrix
+from obsdesign.equations.impulsive_input.gains import LARGEST
 from obsdesign.errors import InputError
 
 # parts of a window that the last digit of a time stamp must resolve
 _LEAST_PARTS = 16
 
 
-def check_resolution(times: NDArray[np.float64], window: float) -> None:
+def check_resolution(times: Matrix, window: float) -> None:
     """InputError for a time stamp whose last digit is no small part of the window."""
     coarse = np.spacing(np.abs(times)) > window / _LEAST_PARTS
     if coarse.any():
@@ -25,7 +25,7 @@ def check_resolution(times: NDArray[np.float64], window: float) -> None:
         )
 
 
-def check_size(name: str, values: NDArray[np.float64], times: NDArray[np.float64]) -> None:
+def check_size(name: str, values: Matrix, times: Matrix) -> None:
     """InputError for a number, in rows (k, m) at times (k,), that floats cannot square."""
     large = np.abs(values) > LARGEST  # NaN, a missing sample, is not
     if large.any():

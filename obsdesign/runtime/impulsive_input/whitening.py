@@ -8,12 +8,13 @@ formed or inverted.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
-from obsdesign.equations.gains import Array
+from lmi.arithmetic.arrays import Matrix
 from obsdesign.equations.impulsive_input.fit import Impulse, left_inverse
-from obsdesign.runtime.base import Vector
+from obsdesign.equations.impulsive_input.gains import ImpulsiveInputGains
 
 # proportional noise is no smaller than at this part of the largest output
 _LEAST_LEVEL_SHARE = 1e-3
@@ -24,8 +25,15 @@ _RANK_TOLERANCE = 1e-11
 Z_SCORE = 3.090232306167813
 
 
-def whitened(taps: Array, error: Array, spread: Array) -> tuple[Array, Array]:
-    """(features (r,), T (r, p m)): what unit noise covariance makes of R, and of b and V."""
+class Weighted(NamedTuple):
+    """Features R (r,), and the map T (r, p m) that makes b and V features of the same kind."""
+
+    R: Matrix
+    T: Matrix
+
+
+def whitened(taps: Matrix, error: Matrix, spread: Matrix) -> Weighted:
+    """Features of unit covariance, from taps (rows, m) and the residual (rows, p)."""
     features, maps, m = [], [], taps.shape[1]
     for j in range(error.shape[1]):
         U, sizes, right = np.linalg.svd(taps * spread[:, j, None], full_matrices=False)
@@ -34,17 +42,18 @@ def whitened(taps: Array, error: Array, spread: Array) -> tuple[Array, Array]:
         block = np.zeros((int(kept.sum()), m * error.shape[1]))
         block[:, j * m : (j + 1) * m] = right[kept] / sizes[kept, None]
         maps.append(block)
-    return np.concatenate(features), np.vstack(maps)
+    return Weighted(np.concatenate(features), np.vstack(maps))
 
 
-def feature_deviation(taps: Array, spread: Array) -> float:
+def feature_deviation(taps: Matrix, spread: Matrix) -> float:
     """sigma_R: the largest deviation of R in any direction, from the noise of the samples."""
     sizes = [np.linalg.norm(taps * column[:, None], 2) for column in spread.T]
     return float(max(sizes))
 
 
-def noise_deviation(std: Vector, cv: Vector, y: Array, level: Array) -> Array:
+def noise_deviation(gains: ImpulsiveInputGains, y: Matrix, level: Matrix) -> Matrix:
     """Deviation of the noise of outputs y whose largest so far is `level`: y = 0 is not exact."""
+    std, cv = gains.noise_std, gains.noise_cv
     size = np.where(std > 0, np.abs(y), np.maximum(np.abs(y), _LEAST_LEVEL_SHARE * level))
     return np.asarray(np.hypot(std, np.where(size > 0, cv * size, cv)))
 
@@ -57,7 +66,7 @@ def chi_squared_limit(freedom: int) -> float:
     return float(freedom * (1 - ninth + Z_SCORE * math.sqrt(ninth)) ** 3)
 
 
-def noise_covariance(taps: Array, spread: Array) -> Array:
+def noise_covariance(taps: Matrix, spread: Matrix) -> Matrix:
     """N, (p m, p m): covariance of R from noise of deviations `spread` (rows, p)."""
     p, m = spread.shape[1], taps.shape[1]
     N = np.zeros((p * m, p * m))
@@ -67,7 +76,7 @@ def noise_covariance(taps: Array, spread: Array) -> Array:
     return N
 
 
-def plain_deviations(impulse: Impulse, taps: Array, spread: Array) -> tuple[float, Vector]:
+def plain_deviations(impulse: Impulse, taps: Matrix, spread: Matrix) -> tuple[float, Matrix]:
     """Deviations of age and weights under the plain norm: J^+ N J^+', N the covariance of R."""
     J = np.column_stack([impulse.b_dot @ impulse.weights, impulse.b])
     back = left_inverse(J)
@@ -76,14 +85,14 @@ def plain_deviations(impulse: Impulse, taps: Array, spread: Array) -> tuple[floa
     return float(deviations[0]), deviations[1:]
 
 
-def root_of_sum(V: Array, P: Array) -> Array:
+def root_of_sum(V: Matrix, P: Matrix) -> Matrix:
     """Lower triangular root of I + V P V', by QR: the sum, which may not show I, is not formed."""
     sizes, directions = np.linalg.eigh(P)
     spread = V @ (directions * np.sqrt(np.maximum(sizes, 0.0)))
     return np.asarray(np.linalg.qr(np.vstack([np.eye(len(V)), spread.T]), mode="r")).T
 
 
-def covariance_of(J: Array) -> Array:
+def covariance_of(J: Matrix) -> Matrix:
     """(J'J)^-1 by QR; no Gramian is inverted."""
     back = left_inverse(np.linalg.qr(J)[1])
     return np.asarray(back @ back.T)

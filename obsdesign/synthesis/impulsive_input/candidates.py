@@ -13,15 +13,19 @@ from collections.abc import Iterator
 from fractions import Fraction
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmi.arithmetic.arrays import Matrix
 from obsdesign.analysis.hidden_modes import approx_unobservable_modes
+from obsdesign.analysis.impulsive_input.requirements import (
+    reason_against_jumps,
+    reason_against_sizes,
+)
 from obsdesign.equations.estimation_error import flow_error_matrix
-from obsdesign.equations.impulsive_input import requirements
 from obsdesign.equations.impulsive_input.curve import balanced_size
-from obsdesign.equations.impulsive_input.features import longest_period
+from obsdesign.equations.impulsive_input.gains import LARGEST
+from obsdesign.equations.impulsive_input.sampling import longest_period
 from obsdesign.errors import DoesNotApply, InputError
-from obsdesign.problem.plant import Plant
+from obsdesign.problem.options import ImpulsiveInputOptions
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
 from obsdesign.synthesis.impulsive_input.exponents import exponent_choices, rule_for
@@ -33,34 +37,30 @@ from obsdesign.synthesis.impulsive_input.operator import (
     reason_for_samples,
     samples_within,
 )
-from obsdesign.synthesis.impulsive_input.samples import initial_std, sampled_candidates
+from obsdesign.synthesis.impulsive_input.samples import sampled_candidates
 from obsdesign.synthesis.placement import placed_gain
-
-Matrix = NDArray[np.float64]
 
 _WINDOW_SHARE = 0.8  # of the shortest dwell time
 _MARGIN_SHARE = 0.25  # of the window
 _LARGEST_SPEED_RATIO = 1e3  # size of A - K C against that of A
 _WINDOW_TIME_CONSTANTS = 6.0  # time constants of the slowest mode of A - K C that a window is worth
-_SPEED_RATIO, _POLE_RATIO = (
-    1.25,
-    1.2,
-)  # poles of the observer against those of the plant and each other
+# poles of the observer against those of the plant and each other
+_SPEED_RATIO, _POLE_RATIO = 1.25, 1.2
 
 
 def synthesize(problem: Problem) -> Iterator[Candidate]:
     """Candidates in order of preference; InputError for what cannot be built at all."""
-    plant = problem.plant
     problem.require("jump.H")
     low, _ = problem.require_dwell_time()
     problem.require_measured("continuous", "periodic")
-    _check_plant(plant)
-    _check_options(problem)
+    options = problem.options_as(ImpulsiveInputOptions)
+    _check_plant(problem)
+    _check_options(problem, options)
     weighting = _weighting(problem)
     if is_samples_requested(problem):
         yield from sampled_candidates(problem, low, "asked for")
         return
-    window = float(problem.options.get("window", _longest_window(problem, low)))
+    window = _longest_window(problem, low) if options.window is None else options.window
     K = problem.gains.get("K")
     K = _gain(problem, window) if K is None else K
     integral = _integral_window(problem, K, window, weighting)
@@ -74,28 +74,29 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
         count = samples_within(problem, window)
         yield from sampled_candidates(problem, low, reason, count=count)
     try:
-        yield from _integral_candidates(problem, integral)
+        yield from _integral_candidates(integral)
     except InputError:
         if not reason:
             raise  # otherwise the other operator has been proposed
 
 
-def _integral_candidates(problem: Problem, integral: IntegralWindow) -> Iterator[Candidate]:
+def _integral_candidates(integral: IntegralWindow) -> Iterator[Candidate]:
     """Operator `integral` with exponents as given, or as chosen."""
-    if "exponents" in problem.options:
-        given = np.array(problem.options["exponents"], dtype=np.float64)
+    if integral.options.exponents is not None:
+        given = np.array(integral.options.exponents, dtype=np.float64)
         rule = rule_for(integral, given)
         yield Candidate("given exponents", integral.gains(given, rule), searched=True)
         return
-    for choice in exponent_choices(problem, integral):
+    for choice in exponent_choices(integral):
         gains = integral.gains(choice.exponents, choice.rule)
         yield Candidate(choice.label, gains, searched=True)
 
 
-def _check_plant(plant: Plant) -> None:
-    if text := requirements.reason_against_jumps(plant):
+def _check_plant(problem: Problem) -> None:
+    plant = problem.plant
+    if plant.jump is not None and (text := reason_against_jumps(plant.jump, plant.n)):
         raise DoesNotApply(text)
-    if text := requirements.reason_against_plant(plant):
+    if text := reason_against_sizes(plant):
         raise InputError(text)
 
 
@@ -110,14 +111,12 @@ def _longest_window(problem: Problem, low: float) -> float:
     return min(_WINDOW_SHARE * low, left)
 
 
-def _shortened_window(problem: Problem, D: Matrix, window: float) -> float:
+def _shortened_window(D: Matrix, window: float, margin: float) -> float:
     """The window, cut to the time for which an impulse is left in the output."""
     slowest = float(-np.linalg.eigvals(D).real.max())
     if slowest <= 0:
         return window
-    return min(
-        window, max(_WINDOW_TIME_CONSTANTS / slowest, 4 * float(problem.options.get("margin", 0.0)))
-    )
+    return min(window, max(_WINDOW_TIME_CONSTANTS / slowest, 4 * margin))
 
 
 def _integral_window(problem: Problem, K: Matrix, window: float, weighting: str) -> IntegralWindow:
@@ -125,78 +124,71 @@ def _integral_window(problem: Problem, K: Matrix, window: float, weighting: str)
 
     window: the longest that the dwell times allow.
     """
-    plant, options = problem.plant, problem.options
-    if "window" not in options:
-        window = _shortened_window(
-            problem, flow_error_matrix(plant.flow.A, K, plant.output.C), window
-        )
-    margin = float(options.get("margin", _MARGIN_SHARE * window))
+    plant, options = problem.plant, problem.options_as(ImpulsiveInputOptions)
+    if options.window is None:
+        D = flow_error_matrix(plant.flow.A, K, plant.output.C)
+        window = _shortened_window(D, window, options.margin or 0.0)
+    margin = _MARGIN_SHARE * window if options.margin is None else options.margin
     if margin >= window:
         raise InputError(
             f"observer.margin must be less than the window, {window!r}; got {margin!r}."
         )
-    return IntegralWindow(
-        plant=plant,
-        H=problem.require("jump.H"),
-        K=K,
-        window=window,
-        margin=margin,
-        shortest_dwell=problem.require_dwell_time()[0],
-        weighting=weighting,
-        state_correction=bool(options.get("state_correction", weighting == "gls")),
-        nonnegative=bool(options.get("nonnegative", False)),
-        initial_std=initial_std(problem),
-        threshold=float(options["threshold"]) if "threshold" in options else None,
-    )
+    return IntegralWindow(problem=problem, K=K, window=window, margin=margin, weighting=weighting)
 
 
 def _weighting(problem: Problem) -> str:
     """plain or gls; gls by default where every output has noise. InputError if it has none."""
     output = problem.plant.output
     silent = np.flatnonzero((output.noise_std == 0) & (output.noise_cv == 0))
-    weighting = problem.options.get("weighting", "plain" if len(silent) else "gls")
+    weighting = problem.options_as(ImpulsiveInputOptions).weighting
+    weighting = weighting or ("plain" if len(silent) else "gls")
     if weighting == "gls" and len(silent):
         raise InputError(
             f"output.noise_std must be > 0 with observer.weighting = 'gls'; got 0 for output "
             f"{silent[0] + 1}."
         )
-    return str(weighting)
+    return weighting
 
 
-def _check_options(problem: Problem) -> None:
-    options, jump = problem.options, problem.plant.jump
-    directions = 0 if jump is None or jump.H is None else jump.H.shape[1]
-    if options.get("nonnegative") and directions > 1:
+def _check_options(problem: Problem, options: ImpulsiveInputOptions) -> None:
+    """InputError for options that do not fit the plant, or each other."""
+    directions = problem.require("jump.H").shape[1]
+    if options.nonnegative and directions > 1:
         raise InputError(
             f"observer.nonnegative takes one direction of impulses; jump.H has {directions}."
         )
-    if options.get("state_correction") and _weighting(problem) == "plain":
+    if options.state_correction and _weighting(problem) == "plain":
         raise InputError(
             "observer.state_correction needs observer.weighting = 'gls', and output.noise_std > 0: "
             "without noise there is nothing to weigh the state by."
         )
-    if "initial_std" in options and _weighting(problem) == "plain":
+    if options.initial_std is not None and _weighting(problem) == "plain":
         raise InputError(
             "observer.initial_std needs observer.weighting = 'gls', and output.noise_std > 0: the "
             "plain norm weighs no error of the state."
         )
-    if options.get("check_exponents"):
-        if "exponents" in options or options.get("operator") == "samples":
-            other = "exponents" if "exponents" in options else "operator = 'samples'"
-            raise InputError(
-                f"observer.check_exponents looks at exponents that are left open; observer.{other} "
-                "leaves none."
-            )
-        if _weighting(problem) == "gls":
-            raise InputError(
-                "observer.check_exponents is about observer.weighting = 'plain': whitened features "
-                "hardly depend on the exponents."
-            )
-        if directions > 1:
-            raise InputError(
-                f"observer.check_exponents takes one direction of impulses; jump.H has "
-                f"{directions}."
-            )
+    if (largest := max(options.initial_std or (0.0,))) > LARGEST:
+        raise InputError(
+            f"observer.initial_std must be at most {LARGEST:g}, since it is squared; got "
+            f"{largest:g}."
+        )
+    if not options.check_exponents:
+        return
+    if options.exponents is not None or options.operator == "samples":
+        other = "exponents" if options.exponents is not None else "operator = 'samples'"
+        raise InputError(
+            f"observer.check_exponents looks at exponents that are left open; observer.{other} "
+            "leaves none."
+        )
+    if _weighting(problem) == "gls":
+        raise InputError(
+            "observer.check_exponents is about observer.weighting = 'plain': whitened features "
+            "hardly depend on the exponents."
+        )
+    if directions > 1:
+        raise InputError(
+            f"observer.check_exponents takes one direction of impulses; jump.H has {directions}."
+        )
 
 
 def _gain(problem: Problem, window: float) -> Matrix:

@@ -17,8 +17,8 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.exponential import exponential_grid
 from lmi.time_budget import ended, remaining, remark_end
 from obsdesign.equations.impulsive_input.features import (
@@ -28,15 +28,13 @@ from obsdesign.equations.impulsive_input.features import (
     impulse_responses,
 )
 
-Array = NDArray[np.float64]
-
 _NODES = 96  # of Gauss's rule on [0, s]
 _KNOTS = 400  # of the spline through h
 _LARGEST_EXPONENT_RATIO = 6.0  # exponents may be this much faster than the slowest
 _SLACK = 1e-9
 
 
-def time_deviation(window: FeatureWindow, scale: Array, age: float) -> float:
+def time_deviation(window: FeatureWindow, scale: Matrix, age: float) -> float:
     """Deviation of the time of an impulse of weight 1 at an age, plain norm; exact responses.
 
     For white noise of intensity scale_j^2 at output j; infinite where J has rank one.
@@ -70,7 +68,7 @@ def peak_age(window: FeatureWindow) -> float:
     return float((k + np.clip(shift, -1, 1)) * tau / count)
 
 
-def optimal_exponents(window: FeatureWindow, scale: Array, age: float | None) -> list[Array]:
+def optimal_exponents(window: FeatureWindow, scale: Matrix, age: float | None) -> list[Matrix]:
     """Sets that IPOPT prefers to those of `window`, each decreasing.
 
     It starts from those exponents, and from spread ones. One direction H (n, 1). age: where
@@ -103,7 +101,7 @@ def optimal_exponents(window: FeatureWindow, scale: Array, age: float | None) ->
     return sets
 
 
-def _solver(window: FeatureWindow, scale: Array, at_peak: bool) -> Any:
+def _solver(window: FeatureWindow, scale: Matrix, at_peak: bool) -> Any:
     """IPOPT over (Lambda tau, s / tau): gaps between exponents, and b'b_dot = 0 at a peak."""
     import casadi as ca
 
@@ -151,11 +149,11 @@ def _splines(ca: Any, window: FeatureWindow) -> list[Any]:
 
 
 def refined_exponents(
-    window: FeatureWindow, scale: Array, age: float | None
-) -> tuple[Array | None, float]:
+    window: FeatureWindow, scale: Matrix, age: float | None
+) -> tuple[Matrix | None, float]:
     """(best set of IPOPT, its deviation of times relative to that of `window`); None without."""
 
-    def deviation(exponents: Array) -> float:
+    def deviation(exponents: Matrix) -> float:
         chosen = replace(window, exponents=exponents)
         return time_deviation(chosen, scale, peak_age(chosen) if age is None else age)
 

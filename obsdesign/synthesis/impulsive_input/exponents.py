@@ -13,17 +13,18 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from obsdesign.equations.impulsive_input import features as equations
-from obsdesign.equations.impulsive_input import rule as impulse_rule
-from obsdesign.equations.impulsive_input.features import FeatureWindow
+from lmi.arithmetic.arrays import Matrix
+from obsdesign.equations.impulsive_input.evaluation import (
+    EVALUATED_AGE_SHARE,
+    evaluation_rule,
+    reason_against_exponents,
+    reason_against_margin,
+)
+from obsdesign.equations.impulsive_input.features import FeatureWindow, neglected_ratio
 from obsdesign.errors import InputError
-from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.impulsive_input import exponent_program
 from obsdesign.synthesis.impulsive_input.integral_window import IntegralWindow
-
-Matrix = NDArray[np.float64]
 
 _RATIO = 0.05
 _SPACING = 1 / 13  # of exponents, relative to the largest
@@ -41,31 +42,26 @@ class ExponentChoice:
     rule: str
 
 
-def exponent_choices(problem: Problem, integral: IntegralWindow) -> Iterator[ExponentChoice]:
+def exponent_choices(integral: IntegralWindow) -> Iterator[ExponentChoice]:
     """Yield the corner and spread exponents, in order of preference.
 
     Spread ones first where |b| has no peak: impulses are then evaluated when they are old, which
     fast kernels weigh no more. They also differ most from each other: with many states neighbours
     are too much alike for the rank.
     """
-    n, window, margin = problem.plant.n, integral.window, integral.margin
-    exponents = np.asarray(
-        -np.geomspace(1.0 / window, _SPREAD_SPEED / margin, 2 * n), dtype=np.float64
-    )
+    n, options = integral.problem.plant.n, integral.options
+    exponents = -np.geomspace(1.0 / integral.window, _SPREAD_SPEED / integral.margin, 2 * n)
     label = f"{2 * n} spread exponents"
     spread = ExponentChoice(label, exponents, rule_for(integral, exponents))
-    corners = [
-        corner_exponents(integral, ratio=_ratio(problem), count=count)
-        for count in (2 * n, 2 * n + 2)
-    ]
-    needs_corner = any(x in problem.options for x in ("ratio", "check_exponents", "threshold"))
+    corners = [corner_exponents(integral, count) for count in (2 * n, 2 * n + 2)]
+    needs_corner = any(options.is_stated(x) for x in ("ratio", "check_exponents", "threshold"))
     spread_first = not needs_corner and _rule_or_none(integral, corners[0]) in (None, "position")
     if spread_first:
         yield spread
     for corner in corners:
         if _rule_or_none(integral, corner) is None:
             continue
-        for label, chosen in _refined_by_ipopt(problem, integral, corner):
+        for label, chosen in _refined_by_ipopt(integral, corner):
             yield ExponentChoice(label, chosen, rule_for(integral, chosen))
     if not spread_first:
         yield spread
@@ -79,16 +75,14 @@ def _rule_or_none(integral: IntegralWindow, exponents: Matrix) -> str | None:
         return None
 
 
-def _refined_by_ipopt(
-    problem: Problem, integral: IntegralWindow, corner: Matrix
-) -> Iterator[tuple[str, Matrix]]:
+def _refined_by_ipopt(integral: IntegralWindow, corner: Matrix) -> Iterator[tuple[str, Matrix]]:
     """Yield (label, exponents): what IPOPT finds better, with `check_exponents`; the corner."""
     label = f"{len(corner)} exponents"
-    if not problem.options.get("check_exponents"):
+    if not integral.options.check_exponents:
         yield label, corner
         return
-    tau, std = integral.window, problem.plant.output.noise_std
-    age = None if rule_for(integral, corner) == "peak" else equations.EVALUATED_AGE_SHARE * tau
+    tau, std = integral.window, integral.problem.plant.output.noise_std
+    age = None if rule_for(integral, corner) == "peak" else EVALUATED_AGE_SHARE * tau
     scale = std / std.max() if std.any() else np.ones(len(std))
     better, size = exponent_program.refined_exponents(integral.features(corner), scale, age)
     comparison = f"times {size:.3g} as uncertain as with {corner[0]:.4g} ... {corner[-1]:.4g}"
@@ -96,7 +90,7 @@ def _refined_by_ipopt(
         label += "; IPOPT did not converge"
     elif size > _IMPROVED_RATIO:
         label += ", confirmed by IPOPT"
-    elif equations.neglected_ratio(integral.features(better))[0] > _ratio(problem) * (1 + 1e-6):
+    elif neglected_ratio(integral.features(better))[0] > _ratio(integral) * (1 + 1e-6):
         label += f"; IPOPT finds {comparison}, but more is neglected than the ratio allows"
     else:
         yield f"{label} from IPOPT, {comparison}", better
@@ -105,25 +99,26 @@ def _refined_by_ipopt(
 
 def rule_for(integral: IntegralWindow, exponents: Matrix) -> str:
     """Return the rule of evaluation: a peak of |R| where every impulse makes one, else position."""
-    plant, window, margin = integral.plant, integral.window, integral.margin
-    if text := impulse_rule.reason_against_exponents(exponents, plant.n, plant.p, window):
+    plant, window = integral.problem.plant, integral.window
+    if text := reason_against_exponents(exponents, plant.n, plant.p, window):
         raise InputError(text)
     try:
-        rule, oldest = impulse_rule.evaluation_rule(integral.features(exponents))
+        rule, oldest = evaluation_rule(integral.features(exponents))
     except ValueError as error:
-        if window >= integral.shortest_dwell:
+        if window >= integral.problem.require_dwell_time()[0]:
             return "position"  # a claim refutes the window, whatever the rule
         raise InputError(
             f"{error}; are the units of flow.A and output.C what they should be?"
         ) from None
-    text = impulse_rule.reason_against_margin(oldest, window, margin)
+    text = reason_against_margin(oldest, window, integral.margin)
     if text and integral.H.any():
         raise InputError(text)
-    return rule if integral.threshold is None else "threshold"
+    return rule if integral.options.threshold is None else "threshold"
 
 
-def _ratio(problem: Problem) -> float:
-    return float(problem.options.get("ratio", _RATIO))
+def _ratio(integral: IntegralWindow) -> float:
+    ratio = integral.options.ratio
+    return _RATIO if ratio is None else ratio
 
 
 def slowest_exponent(window: FeatureWindow, ratio: float) -> float | None:
@@ -136,7 +131,7 @@ def slowest_exponent(window: FeatureWindow, ratio: float) -> float | None:
     tau = window.tau
 
     def holds(size: float) -> bool:
-        worst, _ = equations.neglected_ratio(replace(window, exponents=np.array([-size])), 60)
+        worst, _ = neglected_ratio(replace(window, exponents=np.array([-size])), 60)
         return worst <= ratio
 
     high = 1.0 / window.margin
@@ -155,16 +150,13 @@ def slowest_exponent(window: FeatureWindow, ratio: float) -> float | None:
     return -high
 
 
-def corner_exponents(integral: IntegralWindow, *, ratio: float, count: int) -> Matrix:
+def corner_exponents(integral: IntegralWindow, count: int) -> Matrix:
     """`count` exponents: the slowest one the ratio allows, and as many below it, evenly spaced.
 
     Where no ratio can be kept: from the length of the window to that of the margin, evenly in
     proportion.
     """
-    window, margin = integral.window, integral.margin
-    first = slowest_exponent(integral.features(np.zeros(0)), ratio)
+    first = slowest_exponent(integral.features(np.zeros(0)), _ratio(integral))
     if first is None:
-        return np.asarray(
-            -np.geomspace(1.0 / window, _CORNER_SPEED / margin, count), dtype=np.float64
-        )
-    return np.asarray(first * (1 + _SPACING * np.arange(count)), dtype=np.float64)
+        return -np.geomspace(1.0 / integral.window, _CORNER_SPEED / integral.margin, count)
+    return first * (1 + _SPACING * np.arange(count, dtype=np.float64))

@@ -3,70 +3,71 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmi.arithmetic.arrays import Matrix
 from obsdesign.equations.estimation_error import flow_error_matrix
 from obsdesign.equations.impulsive_input.features import FeatureWindow
 from obsdesign.equations.impulsive_input.gains import IntegralGains
-from obsdesign.problem.plant import Plant
-
-Matrix = NDArray[np.float64]
+from obsdesign.problem.options import ImpulsiveInputOptions
+from obsdesign.problem.problem import Problem
 
 
 @dataclass(frozen=True, kw_only=True)
 class IntegralWindow:
     """Every gain of operator `integral` but the exponents and the rule that follows from them.
 
-    H (n, q), K (n, p); initial_std (n,) or None; threshold: of |R|, None where no rule was chosen
-    by the problem; shortest_dwell: of the plant.
+    K (n, p).
     """
 
-    plant: Plant
-    H: Matrix
+    problem: Problem
     K: Matrix
     window: float
     margin: float
-    shortest_dwell: float
     weighting: str
-    state_correction: bool
-    nonnegative: bool
-    initial_std: Matrix | None
-    threshold: float | None
 
     @property
-    def C(self) -> Matrix:
-        """Output matrix (p, n)."""
-        return self.plant.output.C
+    def options(self) -> ImpulsiveInputOptions:
+        """Options of the problem."""
+        return self.problem.options_as(ImpulsiveInputOptions)
 
     @property
+    def H(self) -> Matrix:
+        """Directions of the impulses (n, q)."""
+        H: Matrix = self.problem.require("jump.H")
+        return H
+
+    @cached_property
     def D(self) -> Matrix:
         """A - K C (n, n)."""
-        return np.asarray(flow_error_matrix(self.plant.flow.A, self.K, self.C))
+        plant = self.problem.plant
+        return np.asarray(flow_error_matrix(plant.flow.A, self.K, plant.output.C))
 
     def features(self, exponents: Matrix) -> FeatureWindow:
         """Return the features of a window with these exponents."""
-        return FeatureWindow(self.D, self.C, self.H, exponents, self.window, self.margin)
+        C = self.problem.plant.output.C
+        return FeatureWindow(
+            self.D, C, self.H, exponents=exponents, tau=self.window, margin=self.margin
+        )
 
     def gains(self, exponents: Matrix, rule: str) -> IntegralGains:
         """Return the gains of a design with these exponents."""
-        output = self.plant.output
+        output, options = self.problem.plant.output, self.options
+        corrects = options.state_correction
         return IntegralGains.from_plant(
-            self.plant,
-            H=self.H,
+            self.problem.plant,
+            operator="integral",
+            K=self.K,
             window=self.window,
             margin=self.margin,
-            noise_std=output.noise_std,
-            noise_cv=output.noise_cv,
-            nonnegative=self.nonnegative,
-            initial_std=self.initial_std,
             period=float(output.period or 0.0) if output.measured == "periodic" else None,
-            threshold=self.threshold,
-            K=self.K,
             weighting=self.weighting,
-            operator="integral",
-            state_correction=self.state_correction,
+            state_correction=self.weighting == "gls" if corrects is None else corrects,
+            nonnegative=options.nonnegative,
+            initial_std=options.initial_std,
             exponents=exponents,
             rule=rule,
+            threshold=options.threshold,
         )

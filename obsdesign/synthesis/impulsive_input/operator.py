@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.exponential import exponential_grid
 from lmi.arithmetic.spectrum import spectral_radius
-from obsdesign.equations.impulsive_input import features as equations
-from obsdesign.equations.impulsive_input import rule as impulse_rule
+from obsdesign.analysis.impulsive_input.requirements import integral_entries, operator_is_open
+from obsdesign.equations.impulsive_input.sampling import longest_period, rounded_down
 from obsdesign.errors import InputError
+from obsdesign.problem.options import ImpulsiveInputOptions
 from obsdesign.problem.problem import Problem
-
-Matrix = NDArray[np.float64]
 
 _LEAST_WINDOW_SAMPLES = 12  # samples of a window
 _MOST_WINDOW_SAMPLES = 32  # samples of a window of operator `samples`: more only take time
@@ -22,8 +22,8 @@ _LEAST_JUMP_SHARE = (
 
 def is_samples_requested(problem: Problem) -> bool:
     """Whether the problem names operator `samples`; InputError beside options of `integral`."""
-    requested = problem.options.get("operator") == "samples"
-    if requested and (own := impulse_rule.integral_entries(problem.options, problem.gains)):
+    requested = problem.options_as(ImpulsiveInputOptions).operator == "samples"
+    if requested and (own := integral_entries(problem)):
         raise InputError(
             f"observer.{own[0]} belongs to operator 'integral'; with 'samples' all samples of "
             "the window are used as they are."
@@ -33,10 +33,10 @@ def is_samples_requested(problem: Problem) -> bool:
 
 def reason_against_integrals(problem: Problem, D: Matrix, window: float) -> str | None:
     """Return why samples are too few for operator `integral` where it is open, or None."""
-    if not impulse_rule.operator_is_open(problem):
+    if not operator_is_open(problem):
         return None
     period = float(problem.plant.output.period or 0.0)
-    longest = equations.longest_period(D, None, window)
+    longest = longest_period(D, None, window)
     if period > longest:
         fastest = spectral_radius(D) * period
         limit = fastest * longest / period
@@ -51,18 +51,18 @@ def reason_for_samples(problem: Problem, window: float, weighting: str) -> str |
 
     None also where `samples` cannot work, since the problem leaves the operator open.
     """
-    plant, options = problem.plant, problem.options
-    if not impulse_rule.operator_is_open(problem):
+    plant, options = problem.plant, problem.options_as(ImpulsiveInputOptions)
+    if not operator_is_open(problem):
         return None
     A, H = plant.flow.A, problem.require("jump.H")
-    refused = weighting == "plain" or "margin" in options or H.shape[1] > 1
-    refused |= options.get("state_correction") is False
-    samples = float(options.get("window", 0.0)) / float(plant.output.period or 1.0)
+    refused = weighting == "plain" or options.margin is not None or H.shape[1] > 1
+    refused |= options.state_correction is False
+    samples = (options.window or 0.0) / float(plant.output.period or 1.0)
     if refused or not H.any() or abs(samples - round(samples)) > 1e-6:
         return None
     along = np.hstack([H, A @ H])
     hidden = np.linalg.matrix_rank(along / np.linalg.norm(along, axis=0).clip(1e-300)) < 2
-    share = equations.jump_share(A, plant.output.C, H, window)
+    share = jump_share(A, plant.output.C, H, window)
     if hidden or share < _LEAST_JUMP_SHARE:
         return None
     return (
@@ -80,5 +80,17 @@ def samples_within(problem: Problem, window: float) -> int:
 
 def period_for_integrals(D: Matrix, window: float) -> float:
     """Longest period for which operator `integral` suffices; three digits, rounded down."""
-    longest = min(equations.longest_period(D, None, window), window / _LEAST_WINDOW_SAMPLES)
-    return equations.rounded_down(longest)
+    longest = min(longest_period(D, None, window), window / _LEAST_WINDOW_SAMPLES)
+    return rounded_down(longest)
+
+
+def jump_share(A: Matrix, C: Matrix, H: Matrix, window: float, count: int = 200) -> float:
+    """Part of an impulse's largest output within a window that appears at once; floats.
+
+    The least over the directions, for the output that jumps most.
+    """
+    shown = np.abs(C @ exponential_grid(A, 0.0, window / count, count + 1) @ H)  # (k, p, q)
+    largest = shown.max(axis=0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = np.where(largest > 0, shown[0] / largest, 0.0)
+    return float(share.max(axis=0).min())

@@ -7,10 +7,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from obsdesign.equations.gains import Array
-from obsdesign.equations.impulsive_input.gains import SamplesGains
-from obsdesign.equations.impulsive_input.requirements import LARGEST, is_whole_multiple
+from obsdesign.equations.impulsive_input.gains import SamplesGains, is_whole_multiple
 from obsdesign.errors import InputError
+from obsdesign.problem.options import ImpulsiveInputOptions
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
 
@@ -27,57 +26,41 @@ def sampled_candidates(
     count: samples of a window that is left open. Windows of twice as many follow, since a few
     samples need not determine the state.
     """
-    plant = problem.plant
-    _check(problem, reason, longest)
+    options = problem.options_as(ImpulsiveInputOptions)
+    _check(problem, options, reason, longest)
     period = float(problem.require("output.period"))
-    for k, window in enumerate(_windows(problem, low, period, count)):
+    for k, window in enumerate(_windows(options.window, low, period, count)):
         gains = SamplesGains.from_plant(
-            plant,
-            H=problem.require("jump.H"),
-            noise_std=plant.output.noise_std,
-            noise_cv=plant.output.noise_cv,
-            period=period,
-            margin=period,
-            weighting="gls",
+            problem.plant,
             operator="samples",
-            state_correction=True,
-            nonnegative=bool(problem.options.get("nonnegative", False)),
-            initial_std=initial_std(problem),
             window=window,
+            margin=period,
+            period=period,
+            weighting="gls",
+            state_correction=True,
+            nonnegative=options.nonnegative,
+            initial_std=options.initial_std,
         )
         longer = f"; {gains.window_samples} samples in a window" if k else ""
         yield Candidate(f"samples: {reason}{longer}", gains, searched=True)
 
 
-def initial_std(problem: Problem) -> Array | None:
-    """Deviations of the initial state (n,), None where the problem does not give them.
-
-    InputError for one that floats cannot square.
-    """
-    if "initial_std" not in problem.options:
-        return None
-    given = np.array(problem.options["initial_std"], dtype=np.float64)
-    if given.max() > LARGEST:
-        raise InputError(
-            f"observer.initial_std must be at most {LARGEST:g}, since it is squared; got "
-            f"{given.max():g}."
-        )
-    return np.asarray(given)
-
-
-def _check(problem: Problem, reason: str, longest: float | None) -> None:
+def _check(
+    problem: Problem, options: ImpulsiveInputOptions, reason: str, longest: float | None
+) -> None:
+    """InputError where the operator cannot work."""
     plant = problem.plant
     if plant.output.measured != "periodic":
         raise InputError(
             "output.measured must be 'periodic', with a period, for operator 'samples'; got "
             f"{plant.output.measured!r}."
         )
-    if "margin" in problem.options:
+    if options.margin is not None:
         raise InputError(
             f"observer.margin belongs to operator 'integral'; 'samples' ({reason}) has no use for "
-            f"it. Leave it out; got {problem.options['margin']!r}."
+            f"it. Leave it out; got {options.margin!r}."
         )
-    if problem.options.get("state_correction") is False:
+    if options.state_correction is False:
         raise InputError(
             "observer.state_correction = false belongs to operator 'integral': 'samples' "
             f"({reason}) always corrects the state. Leave it out."
@@ -89,19 +72,18 @@ def _check(problem: Problem, reason: str, longest: float | None) -> None:
         )
     other = " Or sample faster: operator 'integral' needs an output.period of at most"
     other = "" if longest is None else f"{other} {longest:g}."
-    for i in range(plant.p):
-        if plant.output.noise_std[i] == 0 and plant.output.noise_cv[i] == 0:
-            raise InputError(
-                f"output.noise_std must be > 0 for operator 'samples' ({reason}); got 0 for "
-                f"output {i + 1}.{other}"
-            )
-    if problem.options.get("weighting") == "plain":
+    silent = np.flatnonzero((plant.output.noise_std == 0) & (plant.output.noise_cv == 0))
+    if len(silent):
+        raise InputError(
+            f"output.noise_std must be > 0 for operator 'samples' ({reason}); got 0 for "
+            f"output {silent[0] + 1}.{other}"
+        )
+    if options.weighting == "plain":
         raise InputError("observer.weighting must be 'gls' for operator 'samples'; got 'plain'.")
 
 
-def _windows(problem: Problem, low: float, period: float, count: int) -> list[float]:
+def _windows(window: float | None, low: float, period: float, count: int) -> list[float]:
     """The window of the file, else of so many samples and more, as the dwell time allows."""
-    window = problem.options.get("window")
     if window is None:
         most = max(math.ceil(low / period * (1 - 1e-9)) - 1, 1)
         counts = [min(count, most)]

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from obsdesign.analysis.impulsive_input.requirements import operator_is_open
 from obsdesign.document import Claim
-from obsdesign.equations.impulsive_input.rule import operator_is_open
+from obsdesign.problem.options import ImpulsiveInputOptions
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.choices import mark_witness, open_choices
 from obsdesign.verification.impulsive_input.witnesses import (
@@ -58,7 +59,8 @@ def _is_inevitable(problem: Problem, claim: Claim) -> bool:
     if claim.id == "samples":  # a window below the dwell time holds less than two periods
         periods = 1 if operator_is_open(problem) else 2
         return TooFewSamples.from_evidence(evidence) is not None and low <= periods * period
-    count = len(problem.options.get("exponents", ())) * problem.plant.p
+    exponents = problem.options_as(ImpulsiveInputOptions).exponents
+    count = len(exponents or ()) * problem.plant.p
     if claim.id == "exponents":
         return count > 0 and TooFewFeatures.from_evidence(evidence) is not None
     if claim.id == "uniqueness":

@@ -13,18 +13,33 @@ from typing import Any
 import numpy as np
 
 from lmi.arithmetic.balls import exact, to_float
+from obsdesign.analysis.impulsive_input.requirements import (
+    reason_against_jumps,
+    reason_against_sizes,
+)
 from obsdesign.document import Claim
 from obsdesign.equations.estimation_error import flow_error_matrix
 from obsdesign.equations.gains import plant_data
-from obsdesign.equations.impulsive_input import requirements
-from obsdesign.equations.impulsive_input import rule as impulse_rule
+from obsdesign.equations.impulsive_input.evaluation import (
+    evaluation_rule,
+    reason_against_exponents,
+    reason_against_margin,
+)
 from obsdesign.equations.impulsive_input.expectations import expectations
 from obsdesign.equations.impulsive_input.features import FeatureWindow
 from obsdesign.equations.impulsive_input.gains import (
+    OPERATORS,
+    RULES,
+    WEIGHTINGS,
     IntegralGains,
     SamplesGains,
+    are_exponents,
     gains_from_document,
+    is_positive,
+    is_whole_multiple,
 )
+from obsdesign.problem.options import ImpulsiveInputOptions
+from obsdesign.problem.plant import Plant
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.consistency import consistent_gains
 from obsdesign.verification.impulsive_input import window as window_claims
@@ -32,8 +47,6 @@ from obsdesign.verification.impulsive_input.choices import mark_inevitable
 from obsdesign.verification.impulsive_input.rank import full_rank
 from obsdesign.verification.impulsive_input.samples import sampled_claims, window_samples
 from obsdesign.verification.impulsive_input.uniqueness import SOURCE, decide_uniqueness
-
-PAPER = "Mattsson, Medvedev, ECC 2013"
 
 
 def claims(
@@ -68,15 +81,16 @@ def _integral_claims(problem: Problem, gains: IntegralGains) -> list[Claim]:
     """Claims about the features of operator `integral`."""
     A, C, H = exact(gains.A), exact(gains.C), exact(gains.H)
     D = flow_error_matrix(A, exact(gains.K), C)
-    exponents: Any = gains.exponents.tolist()
-    window = FeatureWindow(D, C, H, exponents, gains.window, gains.margin)
+    window = FeatureWindow(
+        D, C, H, exponents=gains.exponents, tau=gains.window, margin=gains.margin
+    )
     claims = [
         window_claims.hurwitz(D),
-        window_claims.enough_exponents(D, C, exponents),
-        full_rank(D, C, exponents, gains.window),
+        window_claims.enough_exponents(D, C, gains.exponents.tolist()),
+        full_rank(D, C, gains.exponents.tolist(), gains.window),
     ]
-    if "ratio" in problem.options:
-        bound = float(problem.options["ratio"])
+    bound = problem.options_as(ImpulsiveInputOptions).ratio
+    if bound is not None:
         claims.append(window_claims.ratio(window, bound))
     nonnegative = bool(gains.nonnegative)
     verdict = decide_uniqueness(window, nonnegative)
@@ -99,13 +113,14 @@ def _integral_claims(problem: Problem, gains: IntegralGains) -> list[Claim]:
 
 
 def _reason_against(problem: Problem, stored: Mapping[str, Any]) -> str | None:
+    """Return why the kind cannot serve the problem, or the stored gains are none; or None."""
     plant = problem.plant
     if plant.jump is None or plant.jump.H is None or plant.jump.dwell_time is None:
         return "jump.H and jump.dwell_time are required by kind 'impulsive_input'"
-    if text := requirements.reason_against_plant(plant):
+    if text := reason_against_jumps(plant.jump, plant.n) or reason_against_sizes(plant):
         return text
     for name in ("window", "margin"):
-        if not requirements.is_positive(stored.get(name)):
+        if not is_positive(stored.get(name)):
             return f"gains.{name} must be a positive number"
     for name in ("state_correction", "nonnegative"):
         if not isinstance(stored.get(name), bool):
@@ -114,7 +129,7 @@ def _reason_against(problem: Problem, stored: Mapping[str, Any]) -> str | None:
     if stored.get("operator") == "integral":
         text = _reason_against_integral(plant, stored)
     elif stored.get("operator") == "samples":
-        text = requirements.reason_against_samples(plant, stored["window"], stored.get("weighting"))
+        text = _reason_against_samples(plant, stored)
     if text is not None:
         return text
     noisy = (plant.output.noise_std > 0) | (plant.output.noise_cv > 0)
@@ -123,72 +138,84 @@ def _reason_against(problem: Problem, stored: Mapping[str, Any]) -> str | None:
     return None
 
 
-def _reason_against_integral(plant: Any, stored: Mapping[str, Any]) -> str | None:
+def _reason_against_integral(plant: Plant, stored: Mapping[str, Any]) -> str | None:
     window = float(stored["window"])
     if not float(stored["margin"]) < window:
         return "gains.margin must be less than gains.window"
-    if not requirements.are_exponents(stored.get("exponents")):
+    if not are_exponents(stored.get("exponents")):
         return "gains.exponents must be distinct, finite numbers, one or more"
-    return impulse_rule.reason_against_exponents(
-        np.asarray(stored["exponents"]), plant.n, plant.p, window
-    )
+    return reason_against_exponents(np.asarray(stored["exponents"]), plant.n, plant.p, window)
 
 
-def _required_rule(problem: Problem, stored: Mapping[str, Any]) -> str:
-    """Return the rule that the stored exponents need; any where `_reason_against` refutes them."""
-    rule = stored.get("rule")
-    fallback = rule if isinstance(rule, str) and rule in requirements.RULES[:2] else "peak"
-    K, plant = stored.get("K"), problem.plant
+def _reason_against_samples(plant: Plant, stored: Mapping[str, Any]) -> str | None:
+    period, window = plant.output.period, stored["window"]
     H = None if plant.jump is None else plant.jump.H
-    readable = requirements.is_positive(stored.get("window")) and requirements.is_positive(
-        stored.get("margin")
-    )
-    if H is None or not readable or not requirements.are_exponents(stored.get("exponents")):
+    if plant.output.measured != "periodic" or period is None or not is_positive(period):
+        return "output.measured must be 'periodic' for operator 'samples'"
+    if not is_whole_multiple(window, period):
+        return f"gains.window must be a multiple of output.period = {period!r}; got {window!r}"
+    if stored.get("weighting") != "gls":
+        return "gains.weighting must be 'gls' for operator 'samples'"
+    if H is None or H.shape[1] != 1:
+        return "jump.H must have one column for operator 'samples'"
+    return None
+
+
+def _required_rule(plant: Plant, stored: Mapping[str, Any]) -> str:
+    """Return the rule that the stored exponents need; any where `_reason_against` refutes them."""
+    rule, K, exponents = (stored.get(name) for name in ("rule", "K", "exponents"))
+    fallback = rule if isinstance(rule, str) and rule in RULES[:2] else "peak"
+    positive = is_positive(stored.get("window")) and is_positive(stored.get("margin"))
+    H = None if plant.jump is None else plant.jump.H
+    if H is None or not positive or not are_exponents(exponents):
         return fallback
     if not isinstance(K, np.ndarray) or K.shape != (plant.n, plant.p) or not np.isfinite(K).all():
         return fallback
-    D = flow_error_matrix(plant.flow.A, K, plant.output.C)
-    window, margin = float(stored["window"]), float(stored["margin"])
-    exponents = np.asarray(stored["exponents"], float)
-    features = FeatureWindow(D, plant.output.C, H, exponents, window, margin)
+    C, window, margin = plant.output.C, float(stored["window"]), float(stored["margin"])
+    D = flow_error_matrix(plant.flow.A, K, C)
+    features = FeatureWindow(
+        D, C, H, exponents=np.asarray(exponents, float), tau=window, margin=margin
+    )
     try:
-        rule, oldest = impulse_rule.evaluation_rule(features)
+        rule, oldest = evaluation_rule(features)
     except ValueError:
         return fallback
-    refused = H.any() and impulse_rule.reason_against_margin(oldest, window, margin) is not None
+    refused = H.any() and reason_against_margin(oldest, window, margin) is not None
     return "" if refused else rule  # no rule can work with ages that leave nothing
 
 
 def _expected(problem: Problem, stored: Mapping[str, Any]) -> dict[str, Any]:
-    plant, options = problem.plant, problem.options
-    n, p = plant.n, plant.p
+    """Entries that the problem requires, for `consistent_gains`."""
+    plant, options = problem.plant, problem.options_as(ImpulsiveInputOptions)
+    samples = stored.get("operator") == "samples"
+    # those that the problem leaves open are checked in `_reason_against`
     expected = plant_data(plant) | {
         "H": None if plant.jump is None else plant.jump.H,
-        "noise_std": plant.output.noise_std, "noise_cv": plant.output.noise_cv,
-        "operator": set(requirements.OPERATORS), "weighting": set(requirements.WEIGHTINGS),
-    }  # fmt: skip
-    # numbers that the problem leaves open are checked in `_reason_against`
-    expected |= {name: stored.get(name) for name in ("window", "margin")}
-    # off unless the problem sets them: nonnegative weights would make the guarantee false
-    samples = stored.get("operator") == "samples"
-    expected |= {"nonnegative": False, "state_correction": samples}
+        "noise_std": plant.output.noise_std,
+        "noise_cv": plant.output.noise_cv,
+        "operator": set(OPERATORS) if options.operator is None else options.operator,
+        "weighting": set(WEIGHTINGS) if options.weighting is None else options.weighting,
+        "window": stored.get("window") if options.window is None else options.window,
+        "margin": plant.output.period if samples else stored.get("margin"),
+        # negative weights that are looked for would make the guarantee false
+        "nonnegative": options.nonnegative,
+        "state_correction": samples,
+    }
+    if options.margin is not None:
+        expected["margin"] = options.margin
     if not samples and stored.get("weighting") == "gls":  # the guarantee holds for both
         expected["state_correction"] = stored.get("state_correction")
-    if "initial_std" in options:
-        expected["initial_std"] = np.array(options["initial_std"])
+    if not samples and options.state_correction is not None:
+        expected["state_correction"] = options.state_correction
+    if options.initial_std is not None:
+        expected["initial_std"] = np.array(options.initial_std)
     if plant.output.measured == "periodic":
         expected["period"] = plant.output.period
     if stored.get("operator") == "integral":
-        expected |= {"K": problem.gains.get("K", (n, p))}
-        given = options.get("exponents")
+        given = options.exponents
+        expected["K"] = problem.gains.get("K", (plant.n, plant.p))
         expected["exponents"] = stored.get("exponents") if given is None else np.array(given)
-        expected["rule"] = _required_rule(problem, stored)
-        if "threshold" in options:
-            expected |= {"threshold": options["threshold"], "rule": "threshold"}
-    if samples:
-        expected["margin"] = plant.output.period
-    named = ("window", "margin", "nonnegative", "operator", "weighting")
-    for name in (*named, *(() if samples else ("state_correction",))):
-        if name in options:
-            expected[name] = options[name]
+        expected["rule"] = _required_rule(plant, stored)
+        if options.threshold is not None:
+            expected |= {"threshold": options.threshold, "rule": "threshold"}
     return expected

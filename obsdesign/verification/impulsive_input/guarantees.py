@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from lmi.arithmetic.balls import exact, fixed_vector
 from obsdesign.document import Claim, Guarantee
+from obsdesign.problem.options import ImpulsiveInputOptions
+from obsdesign.problem.plant import Plant
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.impulsive_input.samples import SpeedsPerPeriod
 
@@ -47,11 +47,10 @@ def warnings(problem: Problem, claims: tuple[Claim, ...]) -> tuple[str, ...]:
 
 def _main_sentence(problem: Problem, low: str, absent: str, between: str) -> str:
     """Sentence for exact records, for the weighting, rule and weights of the problem."""
-    options, output = problem.options, problem.plant.output
-    positive = bool(options.get("nonnegative"))
+    options, output = problem.options_as(ImpulsiveInputOptions), problem.plant.output
     noisy = bool(((output.noise_std > 0) | (output.noise_cv > 0)).all())
-    if options.get("weighting", "gls" if noisy else "plain") == "gls":
-        signs = "Negative weights are not looked for. " if positive else ""
+    if (options.weighting or ("gls" if noisy else "plain")) == "gls":
+        signs = "Negative weights are not looked for. " if options.nonnegative else ""
         return (
             f"Without noise and {absent}, and up to what is left of the initial error, the record "
             f"of a window that holds one impulse determines its time and weight{between}. "
@@ -59,12 +58,12 @@ def _main_sentence(problem: Problem, low: str, absent: str, between: str) -> str
             "deviation: without noise too it is not exact, and an impulse that noise could explain "
             "is not reported."
         )
-    sign = " of nonnegative weight" if positive else ""
+    sign = " of nonnegative weight" if options.nonnegative else ""
     threshold = ""
-    if "threshold" in options:
+    if options.threshold is not None:
         threshold = (
             f", each with features that first exceed the threshold "
-            f"{float(options['threshold'])!r} at an age within the margin and the window (smaller "
+            f"{options.threshold!r} at an age within the margin and the window (smaller "
             "ones are missed, larger ones evaluated too early: the evidence of `uniqueness` tells "
             "the weights)"
         )
@@ -89,9 +88,9 @@ def _sampling_sentences(problem: Problem, claims: tuple[Claim, ...]) -> list[str
     ]
 
 
-def _between_samples(plant: Any) -> str:
+def _between_samples(plant: Plant) -> str:
     """Clause on onsets between two samples, which are lost where e^{A v} H g stays in H."""
-    if plant.output.measured != "periodic":
+    if plant.output.measured != "periodic" or plant.jump is None or plant.jump.H is None:
         return ""
     H, A = exact(plant.jump.H), exact(plant.flow.A)
     if fixed_vector([np.hstack([H, A @ H])]) is None:

@@ -8,8 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.balls import (
     PRECISIONS,
+    Exact,
     ball,
     certify_pivots,
     exact,
@@ -21,13 +23,15 @@ from lmi.arithmetic.balls import (
 from lmi.arithmetic.exponential import exponential_grid
 from lmi.verdict import Verdict, proved, refuted, undecided
 from obsdesign.document import Claim
-from obsdesign.verification.impulsive_input.window import PAPER, claim_of, shown
+from obsdesign.verification.impulsive_input.window import PAPER, shown
 
 # rank is decided relative to size: smallest singular value of W, rows and columns scaled to one
 RANK_TOLERANCE = 1e-10
+# makes a table of balls at the precision in force
+Rows = Callable[[], list[list[Any]]]
 
 
-def full_rank(D: Any, C: Any, exponents: list[float], window: float) -> Claim:
+def full_rank(D: Exact, C: Exact, exponents: list[float], window: float) -> Claim:
     """W(tau) has rank n; (12) is not enough for this where the spectrum of D is complex."""
     statement = (
         "the features of a window determine the error of the state: W(tau) has rank n, its "
@@ -35,10 +39,10 @@ def full_rank(D: Any, C: Any, exponents: list[float], window: float) -> Claim:
     )
     rows = _operator_ball(D, C, exponents, window)
     verdict = rank_verdict(rows, _row_sizes(D, C, exponents, window), len(D), "the features")
-    return claim_of("rank", statement, f"{PAPER}, Section III-B", verdict)
+    return Claim.from_verdict("rank", statement, f"{PAPER}, Section III-B", verdict)
 
 
-def _operator_ball(D: Any, C: Any, exponents: list[float], window: float) -> Any:
+def _operator_ball(D: Exact, C: Exact, exponents: list[float], window: float) -> Rows:
     """Function of no arguments: rows of W(tau) as balls at the precision in force."""
 
     def rows() -> list[list[Any]]:
@@ -56,7 +60,7 @@ def _operator_ball(D: Any, C: Any, exponents: list[float], window: float) -> Any
     return rows
 
 
-def _row_sizes(D: Any, C: Any, exponents: list[float], window: float) -> Any:
+def _row_sizes(D: Exact, C: Exact, exponents: list[float], window: float) -> Matrix:
     """Size of each row of W if nothing in its integral cancelled; floats, to scale by."""
     D_float, C_float, count = to_float(D), to_float(C), 64
     sizes = []
@@ -66,7 +70,7 @@ def _row_sizes(D: Any, C: Any, exponents: list[float], window: float) -> Any:
     return np.array(sizes).T.reshape(-1)  # output by output
 
 
-def rank_verdict(rows: Callable[[], list[list[Any]]], row_sizes: Any, n: int, what: str) -> Verdict:
+def rank_verdict(rows: Rows, row_sizes: Matrix, n: int, what: str) -> Verdict:
     """n columns of balls are independent, relative to RANK_TOLERANCE; refuted with a vector.
 
     row_sizes: natural size of each row; rows are divided by them, columns by their own size.
@@ -81,7 +85,7 @@ def rank_verdict(rows: Callable[[], list[list[Any]]], row_sizes: Any, n: int, wh
             if all(x == 0 for row in table for x in row):
                 reason = f"{what} are zero: they show nothing of the state"
                 return refuted({"vector": [1.0] + [0.0] * (n - 1), "reason": reason})
-            row_scale = _powers(np.asarray(row_sizes))
+            row_scale = _powers(row_sizes)
             scaled = W / row_scale[:, None]
             column_scale = _powers(np.linalg.norm(scaled, axis=0))
             scaled = scaled / column_scale
@@ -128,10 +132,10 @@ def _certain(rows: list[list[Any]], n: int) -> bool | None:
     return False if image_size < number(RANK_TOLERANCE) ** 2 * (total / n) * size else None
 
 
-def _powers(sizes: Any) -> Any:
+def _powers(sizes: Matrix) -> Matrix:
     with np.errstate(divide="ignore"):
         exponents = np.where(sizes > 0, np.round(np.log2(np.where(sizes > 0, sizes, 1.0))), 0.0)
-    return np.ldexp(1.0, exponents.astype(int))
+    return np.asarray(np.ldexp(1.0, exponents.astype(int)))
 
 
 def _dot(rows: list[list[Any]], i: int, j: int) -> Any:

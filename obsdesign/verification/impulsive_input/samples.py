@@ -9,21 +9,27 @@ eigenvector of A: otherwise every v explains the samples equally well.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.balls import ball, exact, exp_times, rational, to_float
+from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.balls import Exact, ball, exact, exp_times, rational, to_float
 from lmi.prove.hurwitz import exactly_schur, prove_hurwitz, real_spectrum
 from lmi.verdict import Verdict, proved, refuted, undecided
 from obsdesign.document import Claim
 from obsdesign.equations.estimation_error import flow_error_matrix
-from obsdesign.equations.gains import Array
-from obsdesign.equations.impulsive_input import features as equations
 from obsdesign.equations.impulsive_input.gains import IntegralGains, SamplesGains
-from obsdesign.verification.impulsive_input.rank import rank_verdict
+from obsdesign.equations.impulsive_input.sampling import (
+    LONG_TIME_CONSTANTS,
+    MAX_EXPONENT_PERIOD,
+    fastest_limit,
+    longest_period,
+    rounded_down,
+)
+from obsdesign.verification.impulsive_input.rank import Rows, rank_verdict
 from obsdesign.verification.impulsive_input.witnesses import TooFewSamples
 
 _FEWEST_CELLS = 3  # of a window: two samples after an onset that is most of the window old
@@ -82,7 +88,7 @@ def window_samples(gains: IntegralGains, period: float, shortest: float) -> Clai
     And two periods fit between the window and the shortest dwell time: the last sample of a window
     comes up to a period after its end, t_o is a sample too, and an impulse after that must still
     be before its peak when the next search begins. Modes of A - K C and exponents are slow enough
-    for the period (`equations.impulsive_input.features.longest_period`), exactly.
+    for the period (`equations.impulsive_input.sampling.longest_period`), exactly.
     """
     D = flow_error_matrix(exact(gains.A), exact(gains.K), exact(gains.C))
     statement = (
@@ -95,7 +101,7 @@ def window_samples(gains: IntegralGains, period: float, shortest: float) -> Clai
     return Claim("samples", statement, SOURCE, verdict.outcome, evidence)
 
 
-def _window_verdict(gains: IntegralGains, D: Any, period: float, shortest: float) -> Verdict:
+def _window_verdict(gains: IntegralGains, D: Exact, period: float, shortest: float) -> Verdict:
     """Verdict on the number, the end and the spacing of the samples of a window; D exact."""
     window = gains.window
     cells = math.floor(window / period * (1 + 1e-9))
@@ -125,7 +131,7 @@ def _window_verdict(gains: IntegralGains, D: Any, period: float, shortest: float
     return _rank(exact(gains.A), exact(gains.C), period, cells) if fast is None else fast
 
 
-def _speeds(D: Any, exponents: Array, period: float) -> SpeedsPerPeriod:
+def _speeds(D: Exact, exponents: Matrix, period: float) -> SpeedsPerPeriod:
     modes = np.linalg.eigvals(to_float(D))
     return SpeedsPerPeriod(
         mode=float(np.abs(modes).max()) * period,
@@ -133,34 +139,28 @@ def _speeds(D: Any, exponents: Array, period: float) -> SpeedsPerPeriod:
     )
 
 
-def _too_fast(D: Any, gains: IntegralGains, period: float) -> Verdict | None:
+def _too_fast(D: Exact, gains: IntegralGains, period: float) -> Verdict | None:
     """Undecided where integrals of samples cannot follow, with a period that would do; or None."""
     window, exponents = gains.window, gains.exponents
     # every mode decays by more than LONG time constants within the window
-    faster = D + exact(np.eye(len(D))) * (
-        rational(equations.LONG_TIME_CONSTANTS) / rational(window)
-    )
+    faster = D + exact(np.eye(len(D))) * (rational(LONG_TIME_CONSTANTS) / rational(window))
     long = prove_hurwitz(faster).outcome == "proved"
-    limit = equations.fastest_limit(long)
+    limit = fastest_limit(long)
     speeds, reasons = _speeds(D, exponents, period), []
     if not exactly_schur(D * (rational(period) / rational(limit))):
-        which = (
-            f" in a window of more than {equations.LONG_TIME_CONSTANTS:g} time constants"
-            if long
-            else ""
-        )
+        which = f" in a window of more than {LONG_TIME_CONSTANTS:g} time constants" if long else ""
         reasons.append(
             f"the fastest mode of A - K C times the period is "
             f"{speeds.mode:.3g}, not below {limit:g}{which}"
         )
-    if speeds.exponent > equations.MAX_EXPONENT_PERIOD:
+    if speeds.exponent > MAX_EXPONENT_PERIOD:
         reasons.append(
             f"the largest exponent times the period is {speeds.exponent:.3g}, above "
-            f"{equations.MAX_EXPONENT_PERIOD:g}"
+            f"{MAX_EXPONENT_PERIOD:g}"
         )
     if not reasons:
         return None
-    enough = equations.rounded_down(equations.longest_period(to_float(D), exponents, window))
+    enough = rounded_down(longest_period(to_float(D), exponents, window))
     return undecided(
         f"{'; '.join(reasons)}: integrals of samples may miss impulses. An output.period of at "
         f"most {enough:g} would do, or operator 'samples' (with output.noise_std)",
@@ -168,7 +168,7 @@ def _too_fast(D: Any, gains: IntegralGains, period: float) -> Verdict | None:
     )
 
 
-def _rank(A: Any, C: Any, period: float, cells: int, first: int = 0) -> Verdict:
+def _rank(A: Exact, C: Exact, period: float, cells: int, first: int = 0) -> Verdict:
     """Of many samples some, evenly spaced, are enough: more do not lower a rank.
 
     Samples `first` .. `cells` of a window; where some do not do, nothing follows for all.
@@ -190,16 +190,14 @@ def _rank(A: Any, C: Any, period: float, cells: int, first: int = 0) -> Verdict:
     return verdict
 
 
-def _rank_of(A: Any, C: Any, step: float, first: int, count: int) -> Verdict:
+def _rank_of(A: Exact, C: Exact, step: float, first: int, count: int) -> Verdict:
     """Rank of samples first .. count, `step` apart."""
     rows = _sampled_rows(A, C, step, first, count)
     sizes = np.tile(np.linalg.norm(to_float(C), axis=1), count + 1 - first)
     return rank_verdict(rows, sizes, len(A), "the samples of a window")
 
 
-def _sampled_rows(
-    A: Any, C: Any, step: float, first: int, count: int
-) -> Callable[[], list[list[Any]]]:
+def _sampled_rows(A: Exact, C: Exact, step: float, first: int, count: int) -> Rows:
     """Function of no arguments: rows C e^{A k step}, k = first .. count, as balls."""
 
     def rows() -> list[list[Any]]:
@@ -215,7 +213,7 @@ def _sampled_rows(
     return rows
 
 
-def _uniqueness(A: Any, H: Any, h: float) -> Verdict:
+def _uniqueness(A: Exact, H: Exact, h: float) -> Verdict:
     along = A @ H
     k = next((i for i in range(len(H)) if H[i, 0] != 0), None)
     if k is None:

@@ -14,7 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.balls import around_zero, ball, exp_around, exp_times, number, to_float
+from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.balls import Exact, around_zero, ball, exp_around, exp_times, number, to_float
 from lmi.prove import exponential_sign as signs
 from lmi.verdict import Verdict, refuted
 from obsdesign.equations.impulsive_input.features import feature_flows
@@ -34,15 +35,15 @@ class FeatureCurve:
     weights of opposite sign are no second answer.
     """
 
-    F: Any
-    z: Any
+    F: Exact
+    z: Exact
     n: int
-    b: Any
+    b: Matrix
     margin: float
     tau: float
     nonnegative: bool = False
 
-    def value(self, age: float) -> Any:
+    def value(self, age: float) -> list[Any]:
         """Balls of b at an age, (r,)."""
         return signs.value(self.F, self.z, age)[self.n :]
 
@@ -111,14 +112,9 @@ def _crossing(curve: FeatureCurve, s1: float, low: float, high: float) -> Verdic
     slope = number(high - low)
     if not (there[index] > slope or there[index] < -slope):
         return None
-    if curve.nonnegative and not first[index] / there[index] > 0:
-        return None
-    weight = float((first[index] / there[index]).mid())
-    reason = (
-        f"an impulse of age {s1:.9g} and weight 1 and one of age {high:.9g} and weight "
-        f"{weight:.9g} leave the same two features; give more exponents"
+    return _same_features(
+        curve, (first[index], there[index]), (s1, high), brackets=[s1, [low, high]]
     )
-    return refuted(EqualFeatures([s1, [low, high]], [1.0, weight], reason).to_dict())
 
 
 # --- three features -------------------------------------------------------------------------------
@@ -159,7 +155,7 @@ def _meetings(curve: FeatureCurve) -> Iterator[tuple[float, float]]:
             yield float(pair.min()), float(pair.max())
 
 
-def _followed(F: Any, start: Any, n: int, age: float) -> tuple[Any, Any]:
+def _followed(F: Matrix, start: Matrix, n: int, age: float) -> tuple[Matrix, Matrix]:
     """b and its rate at an age, floats."""
     at = feature_flows(F, n, age, 0.0, 1)[0] @ start[:n]
     return at[n:], (F @ at)[n:]
@@ -199,7 +195,7 @@ def _certain_meeting(curve: FeatureCurve, ages: tuple[float, float]) -> Verdict 
             continue
         spread = _minors(*boxes)[1]
         if all(_stays(back[i], values, spread, i, radius) for i in range(2)):
-            return _witness(boxes, ages, radius, curve.nonnegative)
+            return _witness(curve, (boxes[0][0], boxes[1][0]), ages, radius)
     return None
 
 
@@ -215,20 +211,30 @@ def _stays(row: Any, values: Any, slopes: Any, i: int, radius: float) -> bool:
 
 
 def _witness(
-    boxes: Any, ages: tuple[float, float], radius: float, nonnegative: bool
+    curve: FeatureCurve, b: tuple[list[Any], list[Any]], ages: tuple[float, float], radius: float
 ) -> Verdict | None:
-    b1, b2 = boxes[0][0], boxes[1][0]
-    k = _largest(b1)
-    if not (b1[k] > 0 or b1[k] < 0) or not (b2[k] > 0 or b2[k] < 0):
+    k = _largest(b[0])
+    if not all(each[k] > 0 or each[k] < 0 for each in b):
         return None
-    if nonnegative and not b1[k] / b2[k] > 0:
+    brackets = [[age - radius, age + radius] for age in ages]
+    return _same_features(curve, (b[0][k], b[1][k]), ages, brackets)
+
+
+def _same_features(
+    curve: FeatureCurve, entries: tuple[Any, Any], ages: tuple[float, float], brackets: list[Any]
+) -> Verdict | None:
+    """Refuted by impulses of these ages; None where the second weight is not allowed.
+
+    entries: one of the parallel features of both, not zero.
+    """
+    ratio = entries[0] / entries[1]
+    if curve.nonnegative and not ratio > 0:
         return None
-    weight = float((b1[k] / b2[k]).mid())
+    weight, count = float(ratio.mid()), "two" if curve.b.shape[1] == 2 else "three"
     reason = (
         f"an impulse of age {ages[0]:.9g} and weight 1 and one of age {ages[1]:.9g} and weight "
-        f"{weight:.9g} leave the same three features; give more exponents"
+        f"{weight:.9g} leave the same {count} features; give more exponents"
     )
-    brackets = [[age - radius, age + radius] for age in ages]
     return refuted(EqualFeatures(brackets, [1.0, weight], reason).to_dict())
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.balls import ball, exact
+from lmi.arithmetic.balls import Exact, ball, exact
 from lmi.prove import exponential_sign as signs
 from obsdesign.verification.impulsive_input.second_solution import FeatureCurve
 
@@ -72,7 +72,7 @@ class PlaneCurve:
         return 0, place
 
     def _has_sign(
-        self, entries: Callable[[signs.Box], Any], sign: int, low: float, high: float
+        self, entries: Callable[[signs.Box], signs.Polynomial], sign: int, low: float, high: float
     ) -> tuple[bool, float]:
         holds, place = signs.one_sign(self._boxes(low, high), entries, sign, self.effort)
         return holds is True, place
@@ -83,22 +83,22 @@ class PlaneCurve:
         whole, state = _with_derivatives(self.curve.F, self.curve.z, rows)
         return signs.boxes(whole, ball(state), low, high, list(range(4)), self.effort)
 
-    def _beside_start(self, box: signs.Box) -> Any:
+    def _beside_start(self, box: signs.Box) -> signs.Polynomial:
         return signs.combined((self.start[0], box.rows[1]), (-self.start[1], box.rows[0]))
 
-    def _behind_start(self, box: signs.Box) -> Any:
+    def _behind_start(self, box: signs.Box) -> signs.Polynomial:
         return signs.combined((-self.start[0], box.rows[0]), (-self.start[1], box.rows[1]))
 
-    def _leaving(self, box: signs.Box) -> Any:
+    def _leaving(self, box: signs.Box) -> signs.Polynomial:
         return signs.combined((self.start[0], box.rows[3]), (-self.start[1], box.rows[2]))
 
 
-def _turn(box: signs.Box) -> Any:
+def _turn(box: signs.Box) -> signs.Polynomial:
     p, q, dp, dq = box.rows
     return signs.combined((1, signs.times(p, dq)), (-1, signs.times(q, dp)))
 
 
-def _with_derivatives(F: Any, z: Any, rows: list[int]) -> tuple[Any, Any]:
+def _with_derivatives(F: Exact, z: Exact, rows: list[int]) -> tuple[Exact, Exact]:
     """A system whose first four entries are b_i, b_j and their derivatives, then the old one."""
     N = len(F)
     picked = np.vstack([F[rows[0] : rows[0] + 1], F[rows[1] : rows[1] + 1]])

@@ -16,11 +16,11 @@ The paper calls uniqueness likely; it is false in general. What decides here, fo
 from __future__ import annotations
 
 import itertools
-from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.balls import ball, exact, fixed_vector, precision, to_float
+from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.balls import Exact, ball, exact, fixed_vector, precision, to_float
 from lmi.prove import exponential_sign as signs
 from lmi.prove.hurwitz import real_spectrum
 from lmi.verdict import Verdict, proved, refuted, undecided
@@ -40,7 +40,7 @@ _GRID = 200
 _EFFORT = 6000  # boxes and halvings, a few seconds
 
 
-def markov_parameters(D: Any, c: Any, H: Any) -> list[Any]:
+def markov_parameters(D: Exact, c: Exact, H: Exact) -> list[Exact]:
     """c D^k H for k = 0..n-1, exact, each (q,)."""
     parameters, row = [], c
     for _ in range(len(D)):
@@ -101,7 +101,7 @@ def _by_theorem(window: FeatureWindow) -> Verdict | None:
     return None
 
 
-def _no_zero(D: Any, c: Any, H: Any, moments: list[Any], window: float) -> bool:
+def _no_zero(D: Exact, c: Exact, H: Exact, moments: list[Exact], window: float) -> bool:
     """h(s) = c e^{D s} H has no zero on (0, window]; h ~ s^k at 0, k its relative degree."""
     n = len(D)
     k = next(i for i, entry in enumerate(moments) if entry[0] != 0)
@@ -178,7 +178,7 @@ def _by_turning(window: FeatureWindow, nonnegative: bool) -> Verdict:
     )
 
 
-def _opposite(b: Any, i: int, j: int, margin: float, step: float) -> float | None:
+def _opposite(b: Matrix, i: int, j: int, margin: float, step: float) -> float | None:
     """Age at which (b_i, b_j) is opposite to what it is at the margin, or None; floats."""
     cross = b[0, i] * b[:, j] - b[0, j] * b[:, i]
     along = b[0, i] * b[:, i] + b[0, j] * b[:, j]
@@ -186,7 +186,7 @@ def _opposite(b: Any, i: int, j: int, margin: float, step: float) -> float | Non
     return None if len(back) == 0 else margin + step * (float(back[0]) + 1.5)
 
 
-def _least_turn(b: Any, i: int, j: int) -> float:
+def _least_turn(b: Matrix, i: int, j: int) -> float:
     """Least turning speed of (b_i, b_j) along the grid, signed by the majority; floats."""
     size = np.hypot(b[:, i], b[:, j])
     size = np.where(size > 0, size, 1.0)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from lmi.arithmetic.balls import (
     PRECISIONS,
+    Exact,
     ball,
     ball_column,
     characteristic_polynomial,
@@ -30,7 +31,7 @@ from obsdesign.verification.impulsive_input.witnesses import TooFewFeatures
 PAPER = "Mattsson, Medvedev, ECC 2013"
 
 
-def observable(A: Any, C: Any) -> Claim:
+def observable(A: Exact, C: Exact) -> Claim:
     """(A, C) is observable, exactly; the witness is an unobservable direction."""
     rows = [C]
     for _ in range(len(A) - 1):
@@ -40,7 +41,7 @@ def observable(A: Any, C: Any) -> Claim:
     if hidden is not None:
         reason = f"the output never sees the direction {shown(hidden)} of the state"
         verdict = refuted({"vector": hidden, "reason": reason})
-    return claim_of("observable", "the output sees every direction of the state",
+    return Claim.from_verdict("observable", "the output sees every direction of the state",
                   f"{PAPER}, Section II", verdict)  # fmt: skip
 
 
@@ -54,17 +55,17 @@ def dwell(window: float, shortest: float) -> Claim:
             f"t = 0 and t = {shortest!r} would share one window"
         )
         verdict = refuted({"times": [0.0, shortest], "window": window, "reason": reason})
-    return claim_of("window", f"a window of length {window!r} holds one impulse at most",
+    return Claim.from_verdict("window", f"a window of length {window!r} holds one impulse at most",
                   f"{PAPER}, Section III", verdict)  # fmt: skip
 
 
-def hurwitz(D: Any) -> Claim:
+def hurwitz(D: Exact) -> Claim:
     """The error decays between impulses."""
-    return claim_of("hurwitz", "the error between impulses decays: A - K C is Hurwitz",
+    return Claim.from_verdict("hurwitz", "the error between impulses decays: A - K C is Hurwitz",
                   f"{PAPER}, Section III", prove_hurwitz(D))  # fmt: skip
 
 
-def enough_exponents(D: Any, C: Any, exponents: list[float]) -> Claim:
+def enough_exponents(D: Exact, C: Exact, exponents: list[float]) -> Claim:
     """(12): m p >= n, and no exponent is an eigenvalue of D; both exactly."""
     n, count = len(D), len(exponents) * len(C)
     statement = (
@@ -85,7 +86,7 @@ def enough_exponents(D: Any, C: Any, exponents: list[float]) -> Claim:
                 reason = f"the exponent {lam!r} is an eigenvalue of A - K C"
                 verdict = refuted({"exponent": lam, "reason": reason})
                 break
-    return claim_of("exponents", statement, f"{PAPER}, (12)", verdict)
+    return Claim.from_verdict("exponents", statement, f"{PAPER}, (12)", verdict)
 
 
 def ratio(window: FeatureWindow, bound: float) -> Claim:
@@ -105,7 +106,7 @@ def ratio(window: FeatureWindow, bound: float) -> Claim:
         verdict = next((each for each in obstacles if each is not None), proved(ratio=bound))
     except ValueError as error:
         verdict = undecided(str(error))
-    return claim_of("ratio", statement, f"{PAPER}, Proposition 3.2", verdict)
+    return Claim.from_verdict("ratio", statement, f"{PAPER}, Proposition 3.2", verdict)
 
 
 def _parts(window: FeatureWindow) -> Iterator[FeatureWindow]:
@@ -152,7 +153,7 @@ def _obstacle(part: FeatureWindow, lam: float, bound: float) -> Verdict | None:
     return None
 
 
-def _inner(D: Any, c: Any, h: Any, lam: float, length: float) -> Any:
+def _inner(D: Exact, c: Exact, h: Exact, lam: float, length: float) -> Any:
     """Ball of c int_0^length e^{(lam - D) u} du h."""
     n = len(D)
     shifted = exact(lam * np.eye(n)) - D
@@ -162,12 +163,7 @@ def _inner(D: Any, c: Any, h: Any, lam: float, length: float) -> Any:
     return sum((a * b for a, b in zip(tail, column, strict=True)), number(0.0))
 
 
-def shown(vector: Any) -> str:
+def shown(vector: Sequence[float]) -> str:
     """A direction as people read it, its largest entry 1."""
     largest = max((abs(x) for x in vector), default=1.0) or 1.0
     return "[" + ", ".join(f"{x / largest:.4g}" for x in vector) + "]"
-
-
-def claim_of(name: str, statement: str, source: str, verdict: Verdict) -> Claim:
-    """A claim with the outcome and evidence of a verdict."""
-    return Claim.from_verdict(name, statement, source, verdict)

@@ -68,8 +68,8 @@ def test_the_filter_of_a_covariance_however_large_is_that_of_least_squares(
     """With P so large that nothing is known before, n samples determine the state."""
     rng = np.random.default_rng(seed)
     plant = SampledPlant(
-        rng.standard_normal((2, 2)), np.zeros((2, 0)), rng.standard_normal((1, 2)),
-        np.ones((2, 1)), np.zeros(2),
+        A=rng.standard_normal((2, 2)), B=np.zeros((2, 0)), C=rng.standard_normal((1, 2)),
+        H=np.ones((2, 1)), drift=np.zeros(2),
     )  # fmt: skip
     if np.linalg.cond(np.vstack([plant.C, plant.C @ plant.A])) > 50:
         return

@@ -33,7 +33,7 @@ def window_of(observer: Any, seed: int, gap: bool) -> tuple[Any, Filtered, list[
     if gap:
         rows[2] = Row(rows[2].t, None, np.zeros(0), rows[2].spread)
     M = rng.standard_normal((2, 2))
-    first = Filtered.from_posterior(
+    first = Filtered.without_sample(
         Row(7.0, None, np.zeros(0), np.ones(1)), rng.uniform(0, 2, 2), M
     )
     return observer.engine.model, first, rows

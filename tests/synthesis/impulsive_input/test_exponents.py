@@ -39,7 +39,7 @@ def investigated(**changes: Any) -> Any:
 
 
 def features(exponents: Any) -> FeatureWindow:
-    return FeatureWindow(D, C, H, exponents, TAU, MARGIN)
+    return FeatureWindow(D, C, H, exponents=exponents, tau=TAU, margin=MARGIN)
 
 
 def deviation(exponents: Any, scale: float = 1.0) -> float:

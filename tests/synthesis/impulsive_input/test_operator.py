@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 
 import obsdesign
-from obsdesign.equations.impulsive_input import features as equations
+from obsdesign.equations.impulsive_input import sampling as equations
 from obsdesign.runtime import from_design
-from obsdesign.runtime.impulsive_input.integral.addition import short_dwell
+from obsdesign.runtime.impulsive_input.history import short_dwell
+from obsdesign.synthesis.impulsive_input.operator import jump_share
 from obsdesign.synthesis.placement import placed_gain
 from tests.systems.impulsive_input import CHAIN, record
 
@@ -221,13 +222,11 @@ def test_integrals_are_kept_where_nothing_jumps_or_samples_cannot_do(
 def test_how_much_an_output_jumps_does_not_depend_on_units() -> None:
     A, C, H = np.array([[0, 1], [-6.29, -0.4]]), np.array([[1.0, 0.2]]), np.array([[0.1], [1.0]])
     S = np.diag([1e-4, 1e3])
-    share = equations.jump_share(A, C, H, 2.0)
+    share = jump_share(A, C, H, 2.0)
     assert 0.05 < share < 1
     back = np.linalg.inv(S)
-    assert equations.jump_share(S @ A @ back, 7 * C @ back, S @ H * 0.3, 2.0) == pytest.approx(
-        share
-    )
-    assert equations.jump_share(A, np.array([[1.0, 0.0]]), np.array([[0.0], [1.0]]), 2.0) == 0
+    assert jump_share(S @ A @ back, 7 * C @ back, S @ H * 0.3, 2.0) == pytest.approx(share)
+    assert jump_share(A, np.array([[1.0, 0.0]]), np.array([[0.0], [1.0]]), 2.0) == 0
 
 
 # --- dwell times, and small impulses --------------------------------------------------------------

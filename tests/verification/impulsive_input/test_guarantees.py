@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 import obsdesign
+from obsdesign.equations.impulsive_input.evaluation import reason_against_exponents
 from obsdesign.equations.impulsive_input.features import (
     feature_scales,
     filtered_system,
     window_matrix,
 )
-from obsdesign.equations.impulsive_input.rule import reason_against_exponents
 from obsdesign.runtime import from_design
 from obsdesign.verification.impulsive_input import claims as verification
 from tests.systems.impulsive_input import CHAIN, observer_of, record

@@ -27,7 +27,9 @@ def decided(
     D: Any, C: Any, H: Any, exponents: Any, window: float, margin: float, nonnegative: bool = False
 ) -> Any:
     plant = exact(D), exact(C), exact(H)
-    return decide_uniqueness(FeatureWindow(*plant, list(exponents), window, margin), nonnegative)
+    return decide_uniqueness(
+        FeatureWindow(*plant, exponents=list(exponents), tau=window, margin=margin), nonnegative
+    )
 
 
 def middle(age: Any) -> float:

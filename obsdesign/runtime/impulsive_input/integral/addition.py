@@ -2,98 +2,71 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from obsdesign.equations.gains import Array
+from lmi.arithmetic.arrays import Matrix
 from obsdesign.runtime.base import Estimate
-from obsdesign.runtime.impulsive_input.event import MISFIT, DoubtfulSpan, Event, short_dwell
+from obsdesign.runtime.impulsive_input.event import MISFIT, Event
 from obsdesign.runtime.impulsive_input.integral.covariance import added_by_noise
-from obsdesign.runtime.impulsive_input.integral.evaluate import Decision
-from obsdesign.runtime.impulsive_input.integral.free_run import FreeRun
-from obsdesign.runtime.impulsive_input.integral.rows import IntegralLive, Rows
-from obsdesign.runtime.impulsive_input.integral.search import Search
-from obsdesign.runtime.impulsive_input.residuals import LARGER, Residuals, birge_ratio
+from obsdesign.runtime.impulsive_input.integral.evaluate import Decision, Window
+from obsdesign.runtime.impulsive_input.integral.free_run import FreeRun, Track
+from obsdesign.runtime.impulsive_input.integral.live import IntegralLive
+from obsdesign.runtime.impulsive_input.integral.rows import Rows
+from obsdesign.runtime.impulsive_input.integral.search import Scan
 from obsdesign.runtime.impulsive_input.whitening import chi_squared_limit
 from obsdesign.runtime.time_stamps import time_tolerance
 
 _MAX_MISFIT_SHARE = 0.05  # of the residual: what an impulse may leave of it where there is no noise
 
 
-def widened(event: Event, decision: Decision, residuals: Residuals) -> Event:
-    """The event with deviations for the residuals of its window, and of the record so far."""
-    own, whole = birge_ratio(decision.cost, decision.freedom), residuals.ratio
-    ratio = max(own, whole)
-    if ratio == 1 or event.t_std is None or event.weights_std is None:
-        return event
-    return replace(
-        event,
-        t_std=ratio * event.t_std,
-        weights_std=ratio * event.weights_std,
-        doubts=(*event.doubts, LARGER) if whole > 1 else event.doubts,
+def compared(run: FreeRun, event: Event, window: Window) -> Event:
+    """The event, doubted where the output of the impulse misses the residual; plain norm.
+
+    Features hardly show it. Two impulses in a window, a steady input, or an error of the state
+    at its start leave a difference.
+    """
+    gains, error, spread = run.gains, window.error, window.spread
+    shown = run.impulse_error(window.t, event.t, gains.H @ event.weights)
+    remainder = error - shown @ gains.C.T
+    size = float(np.abs(spread).max()) or 1.0
+    noise = size**2 * chi_squared_limit(remainder.size) if spread.any() else 0.0
+    if (remainder**2).sum() > noise + (_MAX_MISFIT_SHARE * np.linalg.norm(error)) ** 2:
+        return replace(event, doubts=(MISFIT,))
+    return event
+
+
+def with_impulse(
+    rows: Rows, live: IntegralLive, decision: Decision, window: Window
+) -> tuple[IntegralLive, list[Estimate]]:
+    """The state after the impulse was added, and the rows up to the end of its window."""
+    run, track, scan = rows.run, live.track, live.scan
+    tau, top = run.tau, scan.search.top
+    t_o = float(track.t[top])
+    restart = int(np.searchsorted(track.t, t_o + tau - time_tolerance(tau, t_o + tau), "left"))
+    restart = min(restart, len(track.t) - 1)
+    residuals = live.history.residuals.joined(decision.cost, decision.freedom)
+    history = replace(live.history, residuals=residuals)
+    event = history.judged(
+        decision.event, run.gains.shortest_dwell, cost=decision.cost, freedom=decision.freedom
     )
+    history = history.after(event, t_o, float(track.t[restart]))
+    x = _corrected(run, track, slice(top, restart + 1), decision)
+    live = replace(live, track=replace(track, x=x), history=history)
+    decided = rows.decided_rows(live, restart, event=event)
+    P = decision.covariance
+    if P is not None:
+        P = P + added_by_noise(run, tau, window.t, window.spread)
+    largest = max(live.largest, float(scan.values[top : scan.search.position].max(initial=0.0)))
+    live = replace(live, covariance=P, since=t_o + tau, largest=largest)
+    return live.with_track(run.restarted(track, restart, x[restart]), Scan()), decided
 
 
-@dataclass(frozen=True)
-class Addition:
-    """The free run, its rows, jump.H (n, q), and the shortest time between impulses."""
-
-    run: FreeRun
-    rows: Rows
-    H: Array
-    dwell: float
-
-    def compared(self, decision: Decision, times: Array, error: Array, spread: Array) -> Decision:
-        """The decision, doubted where the output of the impulse misses the residual; plain norm.
-
-        Features hardly show it. Two impulses in a window, a steady input, or an error of the state
-        at its start leave a difference.
-        """
-        event = decision.event
-        assert event is not None
-        shown = self.run.impulse_error(times, event.t, self.H @ event.weights)
-        remainder = error - shown @ self.run.C.T
-        size = float(np.abs(spread).max()) or 1.0
-        noise = size**2 * chi_squared_limit(remainder.size) if spread.any() else 0.0
-        if (remainder**2).sum() > noise + (_MAX_MISFIT_SHARE * np.linalg.norm(error)) ** 2:
-            event = replace(event, doubts=(MISFIT,))
-        return replace(decision, event=event)
-
-    def added(
-        self, live: IntegralLive, top: int, decision: Decision, spread: Array
-    ) -> tuple[IntegralLive, list[Estimate]]:
-        """The state after the impulse was added, and the rows up to the end of its window."""
-        track, event, tau = live.track, decision.event, self.run.tau
-        assert track is not None
-        assert event is not None
-        t_o = float(track.t[top])
-        restart = int(np.searchsorted(track.t, t_o + tau - time_tolerance(tau, t_o + tau), "left"))
-        restart = min(restart, len(track.t) - 1)
-        x = track.x.copy()
-        window = np.arange(top, restart + 1)
-        jump = self.H @ event.weights
-        residuals = live.residuals.joined(decision.cost, decision.freedom)
-        event = widened(event, decision, residuals)
-        x[window] += self.run.impulse_error(track.t[window], event.t, jump)
-        if decision.correction.any():
-            x[window] += self.run.coasting(track.t[window], t_o, decision.correction)
-        gap = short_dwell(live.last_event, event.t, self.dwell, live.last_std, event.t_std or 0.0)
-        if gap:
-            event = replace(event, doubts=(*event.doubts, gap))
-        doubt = live.doubt
-        if event.doubts:
-            doubt = DoubtfulSpan(t_o, float(track.t[restart]), event.doubts)
-        whole = replace(live, track=replace(track, x=x), doubt=doubt)
-        rows = self.rows.decided_rows(whole, restart, event=event, jump=jump)
-        P, at = decision.covariance, t_o + tau
-        if P is not None:
-            P = P + added_by_noise(self.run, track.t[top : top + len(spread)], spread, tau)
-        largest = max(live.largest, float(live.norms[top : live.search.position].max(initial=0.0)))
-        fresh = self.run.restarted(track, restart, x[restart])
-        return replace(
-            live, track=fresh, norms=np.zeros(0), search=Search(), rule=None, covariance=P,
-            since=at, last_event=event.t, last_std=event.t_std or 0.0, doubt=doubt, largest=largest,
-            residuals=residuals,
-            absent=self.rows.absent_from(live, float(track.t[restart])),
-        ), rows  # fmt: skip
+def _corrected(run: FreeRun, track: Track, window: slice, decision: Decision) -> Matrix:
+    """Estimates at all rows, with the impulse and the correction at t_o in those of the window."""
+    x, times, event = track.x.copy(), track.t[window], decision.event
+    x[window] += run.impulse_error(times, event.t, run.gains.H @ event.weights)
+    if decision.correction.any():
+        x[window] += run.coasting(times, float(times[0]), decision.correction)
+    return x

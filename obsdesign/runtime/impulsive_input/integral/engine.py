@@ -8,18 +8,19 @@ and a new search begins there: no sample is used twice.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
 
 import numpy as np
 
-from obsdesign.equations.gains import Array
+from lmi.arithmetic.arrays import Matrix
 from obsdesign.equations.impulsive_input.gains import IntegralGains
-from obsdesign.runtime.base import Estimate, Vector, status_of
-from obsdesign.runtime.impulsive_input.integral.addition import Addition
-from obsdesign.runtime.impulsive_input.integral.covariance import covariance_at, first_covariance
-from obsdesign.runtime.impulsive_input.integral.evaluate import Evaluator, Window
-from obsdesign.runtime.impulsive_input.integral.free_run import FreeRun
-from obsdesign.runtime.impulsive_input.integral.rows import MISSING, IntegralLive, Rows
+from obsdesign.runtime.base import Estimate
+from obsdesign.runtime.impulsive_input.initial import Initial
+from obsdesign.runtime.impulsive_input.integral.addition import compared, with_impulse
+from obsdesign.runtime.impulsive_input.integral.covariance import first_covariance, propagated
+from obsdesign.runtime.impulsive_input.integral.evaluate import Decision, Evaluator, Window
+from obsdesign.runtime.impulsive_input.integral.free_run import FreeRun, Track
+from obsdesign.runtime.impulsive_input.integral.live import IntegralLive
+from obsdesign.runtime.impulsive_input.integral.rows import Rows
 from obsdesign.runtime.impulsive_input.integral.search import Position, Rule, smoothed
 from obsdesign.runtime.impulsive_input.whitening import (
     feature_deviation,
@@ -39,232 +40,168 @@ _SMOOTHING = 0.05  # half width of the moving average, of the window
 _NOISY_SHARE, _EXACT_SHARE = 0.05, 1e-3
 
 
-class Engine(Protocol):
-    """One way to find impulses along a record; rows come in blocks, y NaN where it is missing."""
-
-    def begin(self, t: float, x: Vector, covariance: Array | None) -> Any:
-        """State before the first row, with the guess x at t."""
-
-    def extended(self, live: Any, t: Array, y: Array, u: Array) -> tuple[Any, list[Estimate]]:
-        """After further rows, and the rows that are decided now."""
-
-    def prediction(self, live: Any) -> Vector:
-        """The estimate at the last row, as far as it is known."""
-
-    def tail(self, live: Any) -> tuple[Estimate, ...]:
-        """Rows that are not decided."""
-
-
 @dataclass(frozen=True)
 class IntegralEngine:
-    """Parameters: the free run, the evaluation of a window, noise, how an impulse is added."""
+    """Parameters: the free run, its rows, and the evaluation of a window."""
 
     run: FreeRun
     rows: Rows
     evaluator: Evaluator
-    noise: tuple[Vector, Vector]
-    addition: Addition
-    threshold: float | None
-    positional: bool
 
     @classmethod
     def from_gains(cls, gains: IntegralGains) -> IntegralEngine:
         """The engine of a design's gains."""
-        run = FreeRun(
-            A=gains.A,
-            K=gains.K,
-            C=gains.C,
-            B=gains.input_matrix,
-            drift=gains.flow_drift,
-            exponents=gains.exponents,
-            tau=gains.window,
-            period=gains.period,
-        )
-        rows = Rows(run, gains.period)
-        return cls(
-            run=run,
-            rows=rows,
-            evaluator=Evaluator.from_gains(gains),
-            noise=(gains.noise_std, gains.noise_cv),
-            addition=Addition(run, rows, gains.H, gains.shortest_dwell),
-            threshold=gains.threshold,
-            positional=gains.rule == "position",
-        )
+        run = FreeRun.from_gains(gains)
+        return cls(run, Rows(run), Evaluator.from_run(run))
 
-    # --- rows in ------------------------------------------------------------------------------
+    # --- rows in, rows out --------------------------------------------------------------------
 
-    def begin(self, t: float, x: Vector, covariance: Array | None) -> IntegralLive:
-        """State before the first row."""
-        inputs = np.zeros(self.run.B.shape[1])
-        return IntegralLive(t=t, x=x, u=inputs, covariance=covariance, since=t)
-
+    @np.errstate(over="ignore", invalid="ignore")  # the status of a row names what is not finite
     def extended(
-        self, live: IntegralLive, t: Array, y: Array, u: Array
-    ) -> tuple[IntegralLive, list[Estimate]]:
+        self, live: Initial | IntegralLive, t: Matrix, y: Matrix, u: Matrix
+    ) -> tuple[Initial | IntegralLive, list[Estimate]]:
         """Rows before the first measurement are predicted; then rows wait for their window."""
-        with np.errstate(
-            over="ignore", invalid="ignore"
-        ):  # the status of a row names what is not finite
-            return self._extended(live, t, y, u)
-
-    def _extended(
-        self, live: IntegralLive, t: Array, y: Array, u: Array
-    ) -> tuple[IntegralLive, list[Estimate]]:
         decided: list[Estimate] = []
-        measured: Any = np.isfinite(y).all(axis=1)
+        measured = np.asarray(np.isfinite(y).all(axis=1))
         start = 0
-        if live.first is None:
-            live = replace(live, first=float(t[0]))
-        if live.track is None:
+        if isinstance(live, Initial):
             start = int(np.argmax(measured)) if measured.any() else len(t)
-            for k in range(min(start + 1, len(t))):
-                x = self.rows.predicted(live.t, live.x, live.u, float(t[k]))
-                live = replace(live, t=float(t[k]), x=x, u=u[k])
-                if k < start:
-                    missing = [MISSING] if self.rows.is_missing(live, live.t) else []
-                    status = status_of(missing, x)
-                    decided.append(Estimate(live.t, x=x, status=status))
+            live, decided = self.rows.unmeasured(live, t[:start], u[:start])
             if start == len(t):
                 return live, decided
-            track = self.run.begin(live.t, y[start], self.rows.forcing(u[start]), live.x)
-            P = live.covariance
-            if P is not None and live.t > live.since:  # no measurement corrects it until here
-                flow = self.run.plant_step(live.since, live.t)[0]
-                P = flow @ P @ flow.T
-            live = replace(live, track=track, since=live.t, covariance=P)
+            live = self.rows.begun(live, float(t[start]), y[start], u[start])
             start += 1
         live = self.rows.appended(live, t[start:], y[start:], u[start:], measured[start:])
-        return self._searched(live, decided)
+        live, fired = self._searched(live)
+        while fired:
+            live, rows = self._evaluated(live)
+            decided += rows
+            live, fired = self._searched(live)
+        live, rows = self._dropped(live)
+        return live, decided + rows
+
+    def prediction(self, live: Initial | IntegralLive) -> Matrix:
+        """The estimate at the last row, as far as it is known."""
+        if isinstance(live, Initial):
+            return live.x
+        return list(self.rows.predictions(live))[-1][1]
+
+    def tail(self, live: Initial | IntegralLive) -> tuple[Estimate, ...]:
+        """Rows that are not decided."""
+        return () if isinstance(live, Initial) else self.rows.tail(live)
 
     def _dropped(self, live: IntegralLive) -> tuple[IntegralLive, list[Estimate]]:
         """Give out rows in front that no impulse can change any more."""
-        assert live.track is not None
-        front = live.search.front
-        half = self._half(live)
+        track, front, half = live.track, live.scan.search.front, self._half(live)
         if half > 0 and front > 0:  # the moving average still looks back
-            front = int(np.searchsorted(live.track.t, live.track.t[front] - 1.01 * half))
+            front = int(np.searchsorted(track.t, track.t[front] - 1.01 * half))
         if front <= 0:
             return live, []
         rows = self.rows.decided_rows(live, front)
-        return replace(
-            live, track=live.track.from_row(front), norms=live.norms[front:],
-            search=live.search.shifted(front),
-            absent=self.rows.absent_from(live, float(live.track.t[front])),
-        ), rows  # fmt: skip
-
-    def prediction(self, live: IntegralLive) -> Vector:
-        """The estimate at the last row, as far as it is known."""
-        return self.rows.prediction(live)
-
-    def tail(self, live: IntegralLive) -> tuple[Estimate, ...]:
-        """Rows that are not decided."""
-        return self.rows.tail(live)
+        return live.with_track(track.from_row(front), live.scan.from_row(front)), rows
 
     # --- search -------------------------------------------------------------------------------
 
-    def _searched(
-        self, live: IntegralLive, decided: list[Estimate]
-    ) -> tuple[IntegralLive, list[Estimate]]:
-        while True:
-            live = self._with_norms(live)
-            if live.rule is None:
-                break
-            assert live.track is not None
-            values = live.norms
-            half = self._half(live)
-            first = live.search.position
-            if first >= len(values):
-                break
-            means = smoothed(live.track.t, values, first, half)
-            times, tau = live.track.t, self.run.tau
-            search, fired = live.rule.advance(live.search, means.tolist(), first, times, tau)
-            live = replace(live, search=search)
-            if not fired:
-                break
-            live, rows = self._fired(live)
-            decided += rows
-        if live.track is not None:
-            live, rows = self._dropped(live)
-            decided += rows
-        return live, decided
+    def _searched(self, live: IntegralLive) -> tuple[IntegralLive, bool]:
+        """The state after the search went on as far as windows are complete, and if it fired."""
+        live = self._with_values(live)
+        scan, times = live.scan, live.track.t
+        first = scan.search.position
+        if scan.rule is None or first >= len(scan.values):
+            return live, False
+        means = smoothed(times, scan.values, first, self._half(live))
+        search, fired = scan.rule.advance(scan.search, means.tolist(), first, times, self.run.tau)
+        return replace(live, scan=replace(scan, search=search)), fired
 
-    def _with_norms(self, live: IntegralLive) -> IntegralLive:
-        """|R| for every window that is complete; the rule, when the first one is."""
-        track = live.track
-        assert track is not None
-        tau, last = self.run.tau, float(track.t[-1])
+    def _with_values(self, live: IntegralLive) -> IntegralLive:
+        """A value for every window that is complete; the rule, when the first one is."""
+        track, tau = live.track, self.run.tau
+        last = float(track.t[-1])
         latest = last - tau + time_tolerance(tau, last)
         ready = int(np.searchsorted(track.t, latest, side="right"))
-        done = len(live.norms)
+        done = len(live.scan.values)
         if ready <= done:
             return live
         R = self.run.features(track, done, ready)
-        if live.rule is None:
+        if live.scan.rule is None:
             live = self._prepared(live)
-        new = np.linalg.norm(R, axis=1) if live.position is None else live.position.values(R)
-        return replace(live, norms=np.concatenate([live.norms, new]))
+        scan = live.scan
+        new = np.linalg.norm(R, axis=1) if scan.position is None else scan.position.values(R)
+        return replace(live, scan=replace(scan, values=np.concatenate([scan.values, new])))
 
     def _prepared(self, live: IntegralLive) -> IntegralLive:
         """Rule and covariance for a search that begins, from its first window."""
-        track = live.track
-        assert track is not None
-        taps, spread, stop = self._window(live, 0)
-        sigma = feature_deviation(taps, spread) if spread.any() else 0.0
-        size = float(np.linalg.norm(taps.T @ track.y[:stop]))
-        before = 0.0 if sigma > 0 else _AFTER_FLOOR * live.largest
-        floor = max(_FLOOR * sigma, _EXACT_FLOOR * size, before)
-        P = live.covariance
-        if self.evaluator.gls and P is None:
-            P = first_covariance(self.run, self.evaluator.H, track, stop)
-        if self.positional:
-            unit = spread if sigma > 0 else np.ones_like(spread)
-            T = whitened(taps, track.y[:stop], unit)[1]
-            curve = self.evaluator.curve
-            b = curve.states[1:, curve.n :]
-            position = Position.from_curve(T, curve.ages[1:], b, self.evaluator.oldest)
-            own = T @ (taps.T @ track.y[:stop]).T.reshape(-1)
-            exact = _EXACT_FLOOR * float(np.linalg.norm(own))
-            rule = Rule(0.0, 0.0, 0.0, max(_LEAST if sigma > 0 else 0.0, exact, before))
-            return replace(live, rule=rule, position=position, covariance=P)
-        share = _NOISY_SHARE if sigma > 0 else _EXACT_SHARE
-        rule = Rule(floor, sigma, share, self.threshold)
-        return replace(live, rule=rule, covariance=P)
+        window, gains = self._window(live.track, 0), self.run.gains
+        sigma = feature_deviation(window.taps, window.spread) if window.spread.any() else 0.0
+        noisy = sigma > 0
+        size = float(np.linalg.norm(window.taps.T @ window.y))
+        before = 0.0 if noisy else _AFTER_FLOOR * live.largest
+        if self.evaluator.gls and live.covariance is None:
+            P = first_covariance(self.run, window.y, live.track.x[0])
+            live = replace(live, covariance=P)
+        position = None
+        if gains.rule == "position":
+            position, size = self._position(window, noisy)
+            least = max(_LEAST if noisy else 0.0, _EXACT_FLOOR * size, before)
+            rule = Rule(floor=0.0, sigma=0.0, share=0.0, threshold=least)
+        else:
+            floor = max(_FLOOR * sigma, _EXACT_FLOOR * size, before)
+            share = _NOISY_SHARE if noisy else _EXACT_SHARE
+            rule = Rule(floor=floor, sigma=sigma, share=share, threshold=gains.threshold)
+        return replace(live, scan=replace(live.scan, rule=rule, position=position))
 
-    def _window(self, live: IntegralLive, row: int) -> tuple[Array, Array, int]:
-        """(taps, spread of the noise at their rows, one past their last row)."""
-        track = live.track
-        assert track is not None
+    def _position(self, window: Window, noisy: bool) -> tuple[Position, float]:
+        """The values by which position is judged, and what the output itself leaves in them."""
+        unit = window.spread if noisy else np.ones_like(window.spread)
+        T = whitened(window.taps, window.y, unit).T
+        curve = self.evaluator.curve
+        b = curve.states[1:, curve.n :]
+        own = T @ (window.taps.T @ window.y).T.reshape(-1)
+        position = Position.from_curve(T, curve.ages[1:], b, self.evaluator.oldest)
+        return position, float(np.linalg.norm(own))
+
+    def _window(self, track: Track, row: int) -> Window:
+        """The window that begins at a row."""
         end = float(track.t[row]) + self.run.tau
         stop = min(int(np.searchsorted(track.t, end, "left")) + 1, len(track.t))
         # time stamps are decimal: a row that all but ends the window is its last one
         if stop - row > 2 and end - track.t[stop - 2] < 1e-6 * (track.t[stop - 1] - end):
             stop -= 1
-        std, cv = self.noise
-        y = track.y[row:stop]
-        spread = noise_deviation(std, cv, y, np.abs(y).max(axis=0))
-        return self.evaluator.taps(track.t[row:stop]), spread, stop
+        times, y = track.t[row:stop], track.y[row:stop]
+        return Window(
+            t=times,
+            y=y,
+            error=self.run.residual(track, row, stop),
+            taps=self.evaluator.taps(times),
+            spread=noise_deviation(self.run.gains, y, np.abs(y).max(axis=0)),
+        )
 
     def _half(self, live: IntegralLive) -> float:
-        noisy = live.rule is not None and live.rule.sigma > 0
-        return _SMOOTHING * self.run.tau if noisy else 0.0
+        """Half width of the moving average; zero without noise."""
+        rule = live.scan.rule
+        return _SMOOTHING * self.run.tau if rule is not None and rule.sigma > 0 else 0.0
 
     # --- an impulse ---------------------------------------------------------------------------
 
-    def _fired(self, live: IntegralLive) -> tuple[IntegralLive, list[Estimate]]:
-        track, search = live.track, live.search
-        assert track is not None
-        top = search.top
-        taps, spread, stop = self._window(live, top)
-        error = track.y[top:stop] - track.x[top:stop] @ self.run.C.T
-        R = self.run.features(track, top, top + 1)[0]
-        times = track.t[top:stop]
-        P = covariance_at(self.run, live, times, spread)
-        onsets = self.run.onset_features(times, taps)
-        window = Window(times, taps, error, spread, onsets)
-        decision = self.evaluator.decide(R, window, P, search.at_start)
-        if decision is None or decision.event is None:
-            value = float(live.norms[min(search.position, len(live.norms)) - 1])
-            return replace(live, search=search.given_up(value)), []
-        if not self.evaluator.gls:
-            decision = self.addition.compared(decision, times, error, spread)
-        return self.addition.added(live, top, decision, spread)
+    def _evaluated(self, live: IntegralLive) -> tuple[IntegralLive, list[Estimate]]:
+        """The state after the window that fired, with its impulse or without one."""
+        search, values = live.scan.search, live.scan.values
+        window = self._window(live.track, search.top)
+        decision = self._decision(live, window)
+        if decision is not None:
+            return with_impulse(self.rows, live, decision, window)
+        search = search.given_up(float(values[min(search.position, len(values)) - 1]))
+        return replace(live, scan=replace(live.scan, search=search)), []
+
+    def _decision(self, live: IntegralLive, window: Window) -> Decision | None:
+        """The impulse of a window, None where nothing counts."""
+        search, P = live.scan.search, live.covariance
+        if self.evaluator.gls and P is not None:
+            elapsed = max(float(window.t[0]) - live.since, 0.0)
+            P = propagated(self.run, P, elapsed, window.t, window.spread)
+            return self.evaluator.weighted(window, P, search.at_start)
+        R = self.run.features(live.track, search.top, search.top + 1)[0]
+        decision = self.evaluator.plain(R, window, search.at_start)
+        if decision is None:
+            return None
+        return replace(decision, event=compared(self.run, decision.event, window))

@@ -1,23 +1,20 @@
 """Step 2 at run time: an impulse from one window, with its deviations.
 
-plain: the paper's (18). gls: the features are whitened. With taps Psi and noise deviations s_k of
-the samples, the singular vectors U of diag(s) Psi give features U'(e / s) with unit covariance, of
-which b and V are the same linear map T; no Gramian is formed or inverted. The error e(t_o), of
+plain: the paper's (18). gls: the features are whitened (`whitening`), and the error e(t_o), of
 covariance P, is part of the noise: R = V e(t_o) + b g + v has covariance I + V P V'. Both go
 beyond the paper.
 """
 
 from __future__ import annotations
 
-import functools
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.exponential import expm
-from obsdesign.equations.estimation_error import flow_error_matrix
-from obsdesign.equations.gains import Array
 from obsdesign.equations.impulsive_input.curve import ImpulseCurve
 from obsdesign.equations.impulsive_input.features import (
     feature_scales,
@@ -27,10 +24,11 @@ from obsdesign.equations.impulsive_input.features import (
 )
 from obsdesign.equations.impulsive_input.fit import Impulse, explained, fit_impulse, peaks
 from obsdesign.equations.impulsive_input.gains import IntegralGains
-from obsdesign.runtime.base import Vector
 from obsdesign.runtime.impulsive_input.event import MISFIT, Event
+from obsdesign.runtime.impulsive_input.integral.free_run import FreeRun
 from obsdesign.runtime.impulsive_input.whitening import (
     Z_SCORE,
+    Weighted,
     chi_squared_limit,
     covariance_of,
     noise_covariance,
@@ -45,96 +43,79 @@ _LEAST_GAIN = 36.0
 _MAX_MISFIT_SHARE = 1e-3
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Decision:
-    """Result of a window: an event (None: no impulse), the correction at t_o, P after.
+    """Result of a window: an event, the correction at t_o (n,), P after.
 
     covariance: of the error at the end of the window, None without tracking. cost, freedom: what
     the fit leaves of whitened features, chi-squared of so many degrees of freedom; 0 without.
     """
 
-    event: Event | None
-    age: float
-    correction: Vector
-    covariance: Array | None
+    event: Event
+    correction: Matrix
+    covariance: Matrix | None = None
     cost: float = 0.0
     freedom: int = 0
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Window:
-    """Rows from t_o on: times, taps Psi (rows, m), residual (rows, p), deviations of its noise.
+    """Rows from t_o on: times, y, residual and deviations of noise (rows, p), taps (rows, m).
 
-    onsets (rows, p m, n): features of unit states that appear at a row.
+    The last row may lie beyond the end of the window.
     """
 
-    t: Array
-    taps: Array
-    error: Array
-    spread: Array
-    onsets: Array
-
-
-@dataclass(frozen=True, slots=True)
-class _Whitened:
-    """Features R (r,) of unit covariance, V (r, n) of the error at t_o, its covariance P."""
-
-    R: Array
-    V: Array
-    P: Array
+    t: Matrix
+    y: Matrix
+    error: Matrix
+    taps: Matrix
+    spread: Matrix
 
 
 @dataclass(frozen=True)
 class Evaluator:
-    """Parameters of step 2; A, D (n, n), C (p, n), H (n, q); V = V(tau), (p m, n)."""
+    """A free run, V = V(tau) (p m, n), and what impulses of all ages leave in the features."""
 
-    A: Array
-    D: Array
-    C: Array
-    H: Array
-    exponents: Vector
-    tau: float
-    margin: float
-    V: Array
+    run: FreeRun
+    V: Matrix
     curve: ImpulseCurve
-    gls: bool
-    state_correction: bool
-    nonnegative: bool
 
     @classmethod
-    def from_gains(cls, gains: IntegralGains) -> Evaluator:
-        """The evaluation of windows for a design's gains."""
-        C, H, exponents, tau = gains.C, gains.H, gains.exponents, gains.window
-        D = flow_error_matrix(gains.A, gains.K, C)
+    def from_run(cls, run: FreeRun) -> Evaluator:
+        """The evaluation of windows along a free run."""
+        C, exponents, tau = run.gains.C, run.gains.exponents, run.tau
         scales = feature_scales(exponents, tau)
-        F = filtered_system(D, C, exponents, scales)
-        return cls(
-            A=gains.A,
-            D=D,
-            C=C,
-            H=H,
-            exponents=exponents,
-            tau=tau,
-            margin=gains.margin,
-            V=window_matrix(D, C, exponents, tau, scales),
-            curve=ImpulseCurve.from_system(F, H, tau),
-            gls=gains.weighting == "gls",
-            state_correction=bool(gains.state_correction),
-            nonnegative=bool(gains.nonnegative),
-        )
+        F = filtered_system(run.D, C, exponents, scales)
+        V = window_matrix(run.D, C, exponents, tau, scales)
+        return cls(run, V, ImpulseCurve.from_system(F, run.gains.H, tau))
 
-    @functools.cached_property
+    @property
+    def gains(self) -> IntegralGains:
+        """Gains of the design."""
+        return self.run.gains
+
+    @property
+    def gls(self) -> bool:
+        """Whether features are whitened."""
+        return self.gains.weighting == "gls"
+
+    @property
+    def nonnegative(self) -> bool:
+        """Whether weights are not negative."""
+        return bool(self.gains.nonnegative)
+
+    @cached_property
     def oldest(self) -> float:
         """Ages that are searched end here; the end of the window if that leaves none."""
         oldest = self.curve.oldest
-        return oldest if oldest > self.margin else self.tau
+        return oldest if oldest > self.gains.margin else self.run.tau
 
-    def taps(self, times: Array) -> Array:
+    def taps(self, times: Matrix) -> Matrix:
         """Psi (rows, m) of the window from times[0] on; the last row may lie beyond its end.
 
         Then the residual at the end of the window is interpolated.
         """
-        end = times[0] + self.tau
+        end = times[0] + self.run.tau
         before, after = times[-2], times[-1]
         share = (end - before) / (after - before)
         if share > 1 - 1e-6:
@@ -145,19 +126,18 @@ class Evaluator:
         taps[-2] += (1 - share) * last
         return taps
 
-    def _scaled_taps(self, times: Array) -> Array:
-        return window_taps(self.exponents, times) * feature_scales(self.exponents, self.tau)
+    def _scaled_taps(self, times: Matrix) -> Matrix:
+        exponents = self.gains.exponents
+        return window_taps(exponents, times) * feature_scales(exponents, self.run.tau)
 
-    def decide(self, R: Vector, window: Window, P: Array | None, at_start: bool) -> Decision | None:
-        """Evaluate a window; None: nothing there that counts.
+    def plain(self, R: Matrix, window: Window, at_start: bool) -> Decision | None:
+        """Evaluate features R (p m,) of a window by the plain norm; None: nothing that counts.
 
-        R (p m,) features; P covariance of the error at t_o (gls); at_start: only a good fit counts.
+        at_start: only a good fit counts.
         """
-        if self.gls and P is not None:
-            return self._weighted(window, P, at_start)
         unit = window.spread if window.spread.all() else np.ones_like(window.spread)
         alike = whitened(window.taps, window.error, unit)
-        impulse = self._fitted(R, window, np.eye(len(R)), alike)
+        impulse = self._fitted(window, Weighted(R, np.eye(len(R))), alike)
         if impulse is None:
             return None
         noisy = bool(window.spread.any())
@@ -171,41 +151,73 @@ class Evaluator:
         stds = plain_deviations(impulse, window.taps, window.spread) if noisy else (None, None)
         t = self._time(window, impulse)
         event = Event(t=t, weights=impulse.weights, t_std=stds[0], weights_std=stds[1])
-        return Decision(
-            event=event, age=impulse.age, correction=np.zeros(len(self.D)), covariance=None
+        return Decision(event=event, correction=np.zeros(self.gains.n))
+
+    def weighted(self, window: Window, P: Matrix, at_start: bool) -> Decision | None:
+        """Evaluate whitened features of a window; P (n, n): covariance of the error at t_o."""
+        R, T = whitened(window.taps, window.error, window.spread)
+        V = T @ self.V
+        half = root_of_sum(V, P)
+        R, T, V = (np.asarray(np.linalg.solve(half, part)) for part in (R, T, V))
+        impulse = self._fitted(window, Weighted(R, T))
+        if impulse is None or impulse.gain <= _LEAST_GAIN:
+            return None
+        freedom = len(R) - 1 - len(impulse.weights)
+        limit = chi_squared_limit(freedom)
+        if at_start and (impulse.cost > limit or not impulse.inside):
+            return None
+        J = np.column_stack([impulse.b_dot @ impulse.weights, impulse.b])  # d(b g)/d(age, g)
+        spread = covariance_of(J)  # of age and weights
+        event = Event(
+            t=self._time(window, impulse),
+            weights=impulse.weights,
+            t_std=math.sqrt(spread[0, 0]),
+            weights_std=np.sqrt(np.diag(spread)[1:]),
+            doubts=() if impulse.cost <= limit else (MISFIT,),
         )
+        D, flow = self.run.D, expm(self.run.D * self.run.tau)
+        state = self.curve.value(impulse.age)[: self.gains.n]  # e^{D age} H
+        moves = np.column_stack([D @ state @ impulse.weights, state])
+        correction = np.zeros(self.gains.n)
+        if self.gains.state_correction:
+            gain = P @ V.T
+            correction = gain @ (R - impulse.b @ impulse.weights)
+            P = P - gain @ gain.T
+            moves = moves - flow @ gain @ J
+        after = flow @ P @ flow.T + moves @ spread @ moves.T
+        return Decision(
+            event=event, correction=correction, covariance=(after + after.T) / 2,
+            cost=impulse.cost, freedom=freedom,
+        )  # fmt: skip
 
     def _time(self, window: Window, impulse: Impulse) -> float:
-        return float(window.t[0]) + self.tau - impulse.age
+        return float(window.t[0]) + self.run.tau - impulse.age
 
     def _fitted(
-        self,
-        R: Array,
-        window: Window,
-        T: Array,
-        whitened_features: tuple[Array, Array] | None = None,
+        self, window: Window, features: Weighted, alike: Weighted | None = None
     ) -> Impulse | None:
-        """The best impulse for weighted features R, with b weighted by T.
+        """The best impulse for the features.
 
         Samples of an impulse response, joined linearly, leave other features than the response
         itself, which matters where the output jumps with the impulse. So all onsets are fitted
         again as samples show them. Features under the plain norm are nearly dependent; where to
-        look is clearer in `whitened_features`, features and T without that.
+        look is clearer in those that are `alike`, without that.
         """
         impulse = fit_impulse(
-            R, self.curve, self.margin, self.oldest, weighting=T, nonnegative=self.nonnegative
-        )
+            features.R, self.curve, self.gains.margin, self.oldest,
+            weighting=features.T, nonnegative=self.nonnegative,
+        )  # fmt: skip
         if impulse is None:
             return None
+        onsets = self.run.onset_features(window.t, window.taps)
         likely = {int(np.searchsorted(window.t, self._time(window, impulse), "left"))}
-        pairs = [(R, T)] if whitened_features is None else [(R, T), whitened_features]
-        for features, weighting in pairs:
-            likely |= self._likely_cells(window, features, weighting)
+        for each in (features,) if alike is None else (features, alike):
+            likely |= self._likely_cells(window, each, onsets)
         fits: dict[int, Impulse] = {}
 
         def cost_in(cell: int) -> float:
             if cell not in fits and 1 <= cell < len(window.t):
-                there = self._in_cell(R, window, T, cell)
+                there = self._in_cell(features, window, onsets[cell], cell)
                 if there is not None:
                     fits[cell] = there
             return fits[cell].cost if cell in fits else math.inf
@@ -217,76 +229,35 @@ class Evaluator:
                 cost = fits[cell].cost
         return replace(fits[cell], inside=impulse.inside) if cell in fits else impulse
 
-    def _likely_cells(self, window: Window, features: Array, weighting: Array) -> set[int]:
+    def _likely_cells(self, window: Window, features: Weighted, onsets: Matrix) -> set[int]:
         """Cells where an onset at the ends or in the middle explains the features best."""
-        ages = window.t[0] + self.tau - window.t
-        searched = (ages >= self.margin) & (ages <= self.oldest)
+        ages = window.t[0] + self.run.tau - window.t
+        searched = (ages >= self.gains.margin) & (ages <= self.oldest)
         cells = np.flatnonzero(searched & (np.arange(len(ages)) > 0))
         width = float(np.median(np.diff(window.t)))
-        inside = expm(self.A * (width * np.array([0.0, 0.5, 1.0]))[:, None, None]) @ self.H
+        A, H = self.gains.A, self.gains.H
+        inside = expm(A * (width * np.array([0.0, 0.5, 1.0]))[:, None, None]) @ H
         likely: set[int] = set()
         for jump in inside:
-            shown = weighting @ (window.onsets[cells] @ jump)
-            gains = explained(shown, features, self.nonnegative)
-            likely |= {int(cells[k]) for k in peaks(gains)}
+            shown = features.T @ (onsets[cells] @ jump)
+            likely |= {int(cells[k]) for k in peaks(explained(shown, features.R, self.nonnegative))}
         return likely
 
-    def _in_cell(self, R: Array, window: Window, T: Array, cell: int) -> Impulse | None:
-        """The best impulse with its onset between rows cell - 1 and cell."""
+    def _in_cell(
+        self, features: Weighted, window: Window, onset: Matrix, cell: int
+    ) -> Impulse | None:
+        """The best impulse with its onset between rows cell - 1 and cell.
+
+        onset (p m, n): features of unit states that appear at row `cell`.
+        """
         t_c = float(window.t[cell])
         width = t_c - float(window.t[cell - 1])
-        curve = ImpulseCurve.from_system(self.A, self.H, width, points=4, n=0)
-        M = T @ window.onsets[cell]
+        curve = ImpulseCurve.from_system(self.gains.A, self.gains.H, width, points=4, n=0)
         # an onset at the row before would be one that this row shows already
         impulse = fit_impulse(
-            R, curve, 0.0, width * (1 - 1e-6), weighting=M, nonnegative=self.nonnegative
-        )
+            features.R, curve, 0.0, width * (1 - 1e-6),
+            weighting=features.T @ onset, nonnegative=self.nonnegative,
+        )  # fmt: skip
         if impulse is None:
             return None
-        return replace(impulse, age=float(window.t[0]) + self.tau - t_c + impulse.age)
-
-    def _weighted(self, window: Window, P: Array, at_start: bool) -> Decision | None:
-        R, T = whitened(window.taps, window.error, window.spread)
-        V = T @ self.V
-        half = root_of_sum(V, P)
-        R, T, V = (np.linalg.solve(half, part) for part in (R, T, V))
-        impulse = self._fitted(R, window, T)
-        if impulse is None or impulse.gain <= _LEAST_GAIN:
-            return None
-        freedom = len(R) - 1 - len(impulse.weights)
-        limit = chi_squared_limit(freedom)
-        if at_start and (impulse.cost > limit or not impulse.inside):
-            return None
-        J = np.column_stack([impulse.b_dot @ impulse.weights, impulse.b])  # d(b g)/d(age, g)
-        spread_of = covariance_of(J)
-        event = Event(
-            t=self._time(window, impulse),
-            weights=impulse.weights,
-            t_std=math.sqrt(spread_of[0, 0]),
-            weights_std=np.sqrt(np.diag(spread_of)[1:]),
-            doubts=() if impulse.cost <= limit else (MISFIT,),
-        )
-        white = _Whitened(R, V, P)
-        decision = self._decision(event, impulse, white, J, spread_of)
-        return replace(decision, cost=impulse.cost, freedom=freedom)
-
-    def _decision(
-        self, event: Event, impulse: Impulse, white: _Whitened, J: Array, spread_of: Array
-    ) -> Decision:
-        """The covariance at the end of the window; with `state_correction` the state at t_o.
-
-        J: derivatives of b g by age and g; spread_of: covariance of both.
-        """
-        P = white.P
-        flow = expm(self.D * self.tau)
-        state = self.curve.value(impulse.age)[: len(self.D)]  # e^{D age} H
-        moves = np.column_stack([self.D @ state @ impulse.weights, state])
-        correction = np.zeros(len(self.D))
-        if self.state_correction:
-            gain = P @ white.V.T
-            correction = gain @ (white.R - impulse.b @ impulse.weights)
-            P = P - gain @ gain.T
-            moves = moves - flow @ gain @ J
-        covariance = flow @ P @ flow.T + moves @ spread_of @ moves.T
-        covariance = (covariance + covariance.T) / 2
-        return Decision(event=event, age=impulse.age, correction=correction, covariance=covariance)
+        return replace(impulse, age=float(window.t[0]) + self.run.tau - t_c + impulse.age)

@@ -6,8 +6,6 @@
 Since no impulse is added during a search, the residual is one signal, and R follows from its
 running integrals I(t): R = I(t_o + tau) - e^{lambda tau} I(t_o). They decay for lambda < 0; for
 lambda >= 0 the same is done backwards in time, where they decay too. Steps may differ.
-
-Recursions over the rows of a record by doubling, and running integrals against kernels.
 """
 
 from __future__ import annotations
@@ -16,84 +14,23 @@ import itertools
 from collections import OrderedDict
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmi.arithmetic.arrays import Array, Matrix
 from lmi.arithmetic.exponential import expm
 from obsdesign.equations.estimation_error import flow_error_matrix
-from obsdesign.equations.gains import Array
-from obsdesign.equations.impulsive_input.features import kernel_weights
-from obsdesign.runtime.base import Vector
-from obsdesign.runtime.flow_response import responses
+from obsdesign.equations.impulsive_input.gains import IntegralGains
+from obsdesign.runtime.impulsive_input.integral.recursions import (
+    Run,
+    accumulated,
+    doubled,
+    integrals_at,
+    running_integrals,
+)
+from obsdesign.runtime.impulsive_input.plant import HeldPlant
 from obsdesign.runtime.step_cache import cached_step
 from obsdesign.runtime.time_stamps import time_tolerance, time_tolerances
-
-# (a, b, h): the cells between rows a, a + 1, ..., b all have the length h
-Run = tuple[int, int, float]
-
-
-def accumulated(flow: Array, forced: Array, start: Array) -> Array:
-    """x_j = flow x_{j-1} + forced_j, all j by doubling: x = sum of flow^i forced_{j-i}."""
-    x = forced.copy()
-    x[0] += flow @ start
-    return doubled(flow, x)
-
-
-def doubled(flow: Array, x: Array) -> Array:
-    """x_j + flow x_{j-1} + flow^2 x_{j-2} + ..., in place; x (L, n), or (L, k, n) of rows."""
-    power, reach = flow, 1
-    while reach < len(x):
-        x[reach:] = x[reach:] + x[:-reach] @ power.T
-        power, reach = power @ power, 2 * reach
-    return x
-
-
-def running_integrals(
-    times: Array, runs: list[Run], error: Array, lams: Vector, start: Array
-) -> Array:
-    """Running integrals at times[1:], (L, p, k), from `start` at times[0]; all lams decay."""
-    sums = np.empty((len(times) - 1, error.shape[1], len(lams)))
-    at = start
-    for a, b, h in runs:
-        newer, older = kernel_weights(lams, h)
-        pieces = error[a + 1 : b + 1, :, None] * newer + error[a:b, :, None] * older
-        factor, reach = np.exp(lams * h), 1
-        pieces[0] += factor * at
-        while reach < len(pieces):
-            pieces[reach:] = pieces[reach:] + factor * pieces[:-reach]
-            factor, reach = factor * factor, 2 * reach
-        sums[a:b] = pieces
-        at = pieces[-1]
-    return sums
-
-
-def integrals_at(t: Array, error: Array, integrals: Array, lams: Vector, times: Array) -> Array:
-    """Running integrals at any times of a track, the residual linear between its rows."""
-    last = len(t) - 1
-    cell = np.clip(np.searchsorted(t, times, side="right") - 1, 0, max(last - 1, 0))
-    width = t[np.minimum(cell + 1, last)] - t[cell]
-    share = (times - t[cell]) / np.where(width > 0, width, 1.0)
-    # a window may end on a row: time stamps are decimal
-    share = np.where(np.abs(share) < 1e-6, 0.0, np.where(np.abs(share - 1) < 1e-6, 1.0, share))
-    cell, share = (
-        np.where(share == 1, np.minimum(cell + 1, last), cell),
-        np.where(share == 1, 0.0, share),
-    )
-    integrals_there = integrals[cell]
-    between = np.flatnonzero(share)
-    if len(between):
-        at, v = cell[between], (share * width)[between]
-        newer, older = kernel_weights(lams, v)
-        part = share[between][:, None]
-        there = error[at] + part * (error[at + 1] - error[at])
-        integrals_there[between] = (
-            np.exp(lams * v[:, None])[:, None, :] * integrals[at]
-            + newer[:, None, :] * there[:, :, None]
-            + older[:, None, :] * error[at][:, :, None]
-        )
-    return integrals_there
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,148 +41,171 @@ class Track:
     integrals (L, p, k): running integrals I of the residual for the k exponents below zero.
     """
 
-    t: Array
-    y: Array
-    forcing: Array
-    x: Array
-    integrals: Array
+    t: Matrix
+    y: Matrix
+    forcing: Matrix
+    x: Matrix
+    integrals: Matrix
 
-    def from_row(self, rows: int) -> Track:
-        """The track from row `rows` on."""
-        return Track(*(getattr(self, name)[rows:] for name in self.__slots__))
+    def from_row(self, row: int) -> Track:
+        """The track from a row on."""
+        return Track(
+            t=self.t[row:],
+            y=self.y[row:],
+            forcing=self.forcing[row:],
+            x=self.x[row:],
+            integrals=self.integrals[row:],
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StepMaps:
+    """xhat+ = flow xhat + older y + newer y+ + held (B u + b_mid) over a step.
+
+    error (n, n): what the step makes of x - xhat.
+    """
+
+    flow: Matrix
+    older: Matrix
+    newer: Matrix
+    held: Matrix
+    error: Matrix
 
 
 @dataclass(frozen=True)
 class FreeRun:
-    """The parameters of a free run; steps of equal length share their matrices."""
+    """The observer between impulses; steps of equal length share their matrices."""
 
-    A: Array
-    K: Array
-    C: Array
-    B: Array
-    drift: Vector
-    exponents: Vector
-    tau: float
-    period: float | None = None
-    _steps: OrderedDict[float, tuple[Any, ...]] = field(
+    gains: IntegralGains
+    plant: HeldPlant
+    _steps: OrderedDict[float, StepMaps] = field(
         default_factory=OrderedDict, repr=False, compare=False
     )
 
+    @classmethod
+    def from_gains(cls, gains: IntegralGains) -> FreeRun:
+        """The free run of a design."""
+        return cls(gains, HeldPlant.from_gains(gains))
+
     @cached_property
-    def D(self) -> Array:
+    def D(self) -> Matrix:
         """A - K C: the error between impulses."""
-        return np.asarray(flow_error_matrix(self.A, self.K, self.C))
+        return np.asarray(flow_error_matrix(self.gains.A, self.gains.K, self.gains.C))
 
     @property
-    def _falling(self) -> NDArray[np.bool_]:
-        return np.asarray(self.exponents < 0)
+    def tau(self) -> float:
+        """Length of a window."""
+        return self.gains.window
 
-    def begin(self, t: float, y: Array, forcing: Array, x: Array) -> Track:
+    @cached_property
+    def _falling(self) -> Array:
+        return np.asarray(self.gains.exponents < 0)
+
+    def begin(self, t: float, y: Matrix, forcing: Matrix, x: Matrix) -> Track:
         """A track of one row, where the estimate is x."""
-        zeros = np.zeros((1, len(self.C), int(self._falling.sum())))
-        return Track(np.array([t]), y[None], forcing[None], x[None], zeros)
+        zeros = np.zeros((1, self.gains.p, int(self._falling.sum())))
+        return Track(t=np.array([t]), y=y[None], forcing=forcing[None], x=x[None], integrals=zeros)
 
-    def restarted(self, track: Track, row: int, x: Array) -> Track:
+    def restarted(self, track: Track, row: int, x: Matrix) -> Track:
         """The track from `row` on, run again with the estimate x there."""
         first = self.begin(float(track.t[row]), track.y[row], track.forcing[row], x)
         following = track.from_row(row + 1)
         return self.extended(first, following.t, following.y, following.forcing)
 
-    def extended(self, track: Track, t: Array, y: Array, forcing: Array) -> Track:
+    def extended(self, track: Track, t: Matrix, y: Matrix, forcing: Matrix) -> Track:
         """The track with further rows."""
         if len(t) == 0:
             return track
         times = np.concatenate([track.t[-1:], t])
         ys = np.concatenate([track.y[-1:], y])
         forced = np.concatenate([track.forcing[-1:], forcing])
-        ends = self._runs(times)
-        x = self._estimates(times, ends, ys, forced, track.x[-1])
-        error = ys - np.concatenate([track.x[-1:], x]) @ self.C.T
-        lams = self.exponents[self._falling]
-        sums = running_integrals(times, ends, error, lams, track.integrals[-1])
-        parts = zip(
-            (track.t, track.y, track.forcing, track.x, track.integrals),
-            (t, y, forcing, x, sums),
-            strict=True,
+        runs = self._runs(times)
+        x = self._estimates(runs, ys, forced, track.x[-1])
+        error = ys - np.concatenate([track.x[-1:], x]) @ self.gains.C.T
+        lams = self.gains.exponents[self._falling]
+        sums = running_integrals(runs, error, lams, track.integrals[-1])
+        return Track(
+            t=np.concatenate([track.t, t]),
+            y=np.concatenate([track.y, y]),
+            forcing=np.concatenate([track.forcing, forcing]),
+            x=np.concatenate([track.x, x]),
+            integrals=np.concatenate([track.integrals, sums]),
         )
-        return Track(*(np.concatenate(pair) for pair in parts))
 
-    def features(self, track: Track, first: int, last: int) -> Array:
+    def residual(self, track: Track, first: int = 0, stop: int | None = None) -> Matrix:
+        """y - C xhat at rows first .. stop - 1, (k, p)."""
+        return track.y[first:stop] - track.x[first:stop] @ self.gains.C.T
+
+    def features(self, track: Track, first: int, last: int) -> Matrix:
         """R for the windows that start at rows first..last - 1, (last - first, p m)."""
-        starts = track.t[first:last]
-        error = track.y - track.x @ self.C.T
-        falling, lams = self._falling, self.exponents
-        R = np.empty((len(starts), len(self.C), len(lams)))
+        starts, tau = track.t[first:last], self.tau
+        error = self.residual(track)
+        falling, lams = self._falling, self.gains.exponents
+        R = np.empty((len(starts), self.gains.p, len(lams)))
         if falling.any():
             down = lams[falling]
-            ending = integrals_at(track.t, error, track.integrals, down, starts + self.tau)
-            R[:, :, falling] = ending - np.exp(down * self.tau) * track.integrals[first:last]
+            ending = integrals_at(track.t, error, track.integrals, down, starts + tau)
+            R[:, :, falling] = ending - np.exp(down * tau) * track.integrals[first:last]
         if not falling.all():
             up = lams[~falling]
-            stop = min(int(np.searchsorted(track.t, starts[-1] + self.tau)) + 2, len(track.t))
+            stop = min(int(np.searchsorted(track.t, starts[-1] + tau)) + 2, len(track.t))
             times, back = -track.t[first:stop][::-1], error[first:stop][::-1]
-            zeros = np.zeros((len(self.C), len(up)))
-            sums = running_integrals(times, self._runs(times), back, -up, zeros)
+            zeros = np.zeros((self.gains.p, len(up)))
+            sums = running_integrals(self._runs(times), back, -up, zeros)
             sums = np.concatenate([zeros[None], sums])
             near = integrals_at(times, back, sums, -up, -starts)
-            far = integrals_at(times, back, sums, -up, -(starts + self.tau))
-            R[:, :, ~falling] = near - np.exp(-up * self.tau) * far  # scaled by e^{-lambda tau}
+            far = integrals_at(times, back, sums, -up, -(starts + tau))
+            R[:, :, ~falling] = near - np.exp(-up * tau) * far  # scaled by e^{-lambda tau}
         return R.reshape(len(starts), -1)
 
-    def _estimates(
-        self, times: Array, ends: list[Run], y: Array, forced: Array, at: Vector
-    ) -> Array:
-        """xhat at times[1:] from `at` at times[0], with outputs y and other inputs `forced`."""
-        x = np.empty((len(times) - 1, len(self.A)))
-        for a, b, h in ends:
+    def _estimates(self, runs: list[Run], y: Matrix, forced: Matrix, at: Matrix) -> Matrix:
+        """xhat at all rows but the first, from `at` there, with outputs y and inputs `forced`."""
+        x = np.empty((len(y) - 1, self.gains.n))
+        for a, b, h in runs:
             maps = self._maps(h)
-            flow, older, newer, held = maps[:4]
-            driven = y[a:b] @ older.T + y[a + 1 : b + 1] @ newer.T + forced[a:b] @ held.T
-            x[a:b] = accumulated(flow, driven, at)
+            driven = (
+                y[a:b] @ maps.older.T + y[a + 1 : b + 1] @ maps.newer.T + forced[a:b] @ maps.held.T
+            )
+            x[a:b] = accumulated(maps.flow, driven, at)
             at = x[b - 1]
         return x
 
-    def coasting(self, times: Array, since: float, x: Vector) -> Array:
+    def coasting(self, times: Matrix, since: float, x: Matrix) -> Matrix:
         """e^{D (t - since)} x at increasing times t, (k, n)."""
         return self._coasted(self.D, times, since, x)
 
-    def impulse_error(self, times: Array, since: float, x: Vector) -> Array:
+    def impulse_error(self, times: Matrix, since: float, x: Matrix) -> Matrix:
         """x - xhat at the rows of a window after an impulse that moves the plant by x, (k, n).
 
         As this observer makes it from samples; close to e^{D (t - since)} x.
         """
-        error = np.zeros((len(times), len(self.A)))
+        error = np.zeros((len(times), self.gains.n))
         after = times >= since - time_tolerance(self.tau, since)
         if after.any():
-            error[after] = self._coasted(self.A, times[after], since, x)
-        y, nothing = error @ self.C.T, np.zeros_like(error)
-        error[1:] -= self._estimates(times, self._runs(times), y, nothing, nothing[0])
+            error[after] = self._coasted(self.gains.A, times[after], since, x)
+        y, nothing = error @ self.gains.C.T, np.zeros_like(error)
+        error[1:] -= self._estimates(self._runs(times), y, nothing, nothing[0])
         return error
 
-    def onset_features(self, times: Array, taps: Array) -> Array:
+    def onset_features(self, times: Matrix, taps: Matrix) -> Matrix:
         """M, (rows, p m, n): features of unit states that appear at a row, as samples show them.
 
         An impulse v before row c leaves M_c e^{A v} H g; before it, and in the cell that ends at c,
         the samples do not show it. taps (rows, m) make features of the residual.
         """
-        n, p, m = len(self.A), len(self.C), taps.shape[1]
-        shown = (self.C[None, :, None, :] * taps[:, None, :, None]).reshape(len(times), p * m, n)
+        C, n, m = self.gains.C, self.gains.n, taps.shape[1]
+        shown = (C[None, :, None, :] * taps[:, None, :, None]).reshape(len(times), len(C) * m, n)
         features, kicks = np.empty_like(shown), np.empty((len(times), n, n))
         features[-1], kicks[0] = shown[-1], np.eye(n)
         for a, b, h in reversed(self._runs(times)):
             maps = self._maps(h)
             backwards = shown[a:b][::-1].copy()
-            backwards[0] += features[b] @ maps[4]
-            features[a:b] = doubled(maps[4].T, backwards)[::-1]
-            kicks[a + 1 : b + 1] = np.eye(n) - maps[2] @ self.C
-        return np.asarray(features @ kicks)
+            backwards[0] += features[b] @ maps.error
+            features[a:b] = doubled(maps.error.T, backwards)[::-1]
+            kicks[a + 1 : b + 1] = np.eye(n) - maps.newer @ C
+        return features @ kicks
 
-    def plant_step(self, since: float, until: float) -> tuple[Array, Array]:
-        """(e^{A h}, its integral over h) for h = until - since."""
-        maps = self._maps(until - since)
-        return maps[5], maps[6]
-
-    def _coasted(self, X: Array, times: Array, since: float, x: Vector) -> Array:
+    def _coasted(self, X: Matrix, times: Matrix, since: float, x: Matrix) -> Matrix:
         states = np.empty((len(times), len(x)))
         states[0] = expm(X * float(times[0] - since)) @ x
         for a, b, h in self._runs(times):
@@ -253,7 +213,7 @@ class FreeRun:
             states[a + 1 : b + 1] = accumulated(flow, np.zeros((b - a, len(x))), states[a])
         return states
 
-    def _runs(self, times: Array) -> list[Run]:
+    def _runs(self, times: Matrix) -> list[Run]:
         """Runs of cells of the same length, up to the resolution of time stamps."""
         if len(times) < 2:
             return []
@@ -263,33 +223,32 @@ class FreeRun:
         ends = itertools.pairwise([0, *cuts.tolist(), len(steps)])
         return [(a, b, self._length(times, a, b)) for a, b in ends]
 
-    def _length(self, times: Array, first: int, last: int) -> float:
+    def _length(self, times: Matrix, first: int, last: int) -> float:
         """The period where stamps agree with it, else the mean: they round it once, not each cell.
 
         The period, since it is the same for every part of a record.
         """
-        mean = float(times[last] - times[first]) / (last - first)
-        if self.period is None:
+        mean, period = float(times[last] - times[first]) / (last - first), self.gains.period
+        if period is None:
             return mean
-        slack = time_tolerance(self.period, float(np.abs(times[[first, last]]).max()))
-        return self.period if abs(mean - self.period) <= slack else mean
+        slack = time_tolerance(period, float(np.abs(times[[first, last]]).max()))
+        return period if abs(mean - period) <= slack else mean
 
-    def _maps(self, h: float) -> tuple[Any, ...]:
+    def _maps(self, h: float) -> StepMaps:
         return cached_step(self._steps, h, self._step)
 
-    def _step(self, h: float) -> tuple[Any, ...]:
-        """xhat+ = flow xhat + older y + newer y+ + held (B u + b_mid) over a step h.
+    def _step(self, h: float) -> StepMaps:
+        """The residual r = y - C xhat is linear over a step h; r+ depends on xhat+.
 
-        The residual r = y - C xhat is linear over the step; r+ depends on xhat+:
         (I + R K C) xhat+ = (e^{A h} - (S - R) K C) xhat + (S - R) K y + R K y+ + S (B u + b_mid),
         S and R the responses to a unit step and a unit ramp.
         """
-        flow, once, ramp = responses(self.A, h)
-        older, newer = (once - ramp) @ self.K, ramp @ self.K
-        whole = np.hstack([flow - older @ self.C, older, newer, once])
-        solved = np.linalg.solve(np.eye(len(flow)) + newer @ self.C, whole)
-        n, p = self.K.shape
-        cuts = np.cumsum([n, p, p])
-        parts = np.split(solved, cuts, axis=1)
-        error = flow - parts[1] @ self.C - parts[2] @ self.C @ flow  # x - xhat over the step
-        return parts[0], parts[1], parts[2], parts[3], error, flow, once
+        flow, once, ramp = self.plant.step(h)
+        K, C = self.gains.K, self.gains.C
+        older, newer = (once - ramp) @ K, ramp @ K
+        whole = np.hstack([flow - older @ C, older, newer, once])
+        solved = np.linalg.solve(np.eye(len(flow)) + newer @ C, whole)
+        n, p = K.shape
+        step, older, newer, held = np.split(solved, np.cumsum([n, p, p]), axis=1)
+        error = flow - older @ C - newer @ C @ flow  # x - xhat over the step
+        return StepMaps(flow=step, older=older, newer=newer, held=held, error=error)

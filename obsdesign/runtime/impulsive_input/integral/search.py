@@ -14,13 +14,12 @@ impulse is evaluated once the age that explains the features best is most of the
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from obsdesign.equations.gains import Array
-from obsdesign.equations.impulsive_input.features import EVALUATED_AGE_SHARE
+from lmi.arithmetic.arrays import Array, Matrix
+from obsdesign.equations.impulsive_input.evaluation import EVALUATED_AGE_SHARE
 from obsdesign.runtime.time_stamps import time_tolerance
 
 _SHARE = 0.5  # of the features that it must explain
@@ -56,8 +55,9 @@ class Search:
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """floor: |R| that stands out from noise; sigma: its deviation; share: of the hysteresis.
+    """When an impulse is evaluated.
 
+    floor: |R| that stands out from noise; sigma: its deviation; share: of the hysteresis.
     threshold: fire when it is exceeded, instead of at a maximum; None for the peak rule.
     """
 
@@ -67,7 +67,7 @@ class Rule:
     threshold: float | None = None
 
     def advance(
-        self, search: Search, values: list[float], offset: int, times: Array, tau: float
+        self, search: Search, values: list[float], offset: int, times: Matrix, tau: float
     ) -> tuple[Search, bool]:
         """(search, fired) after the values of rows offset, offset + 1, ...; stops when it fires.
 
@@ -120,18 +120,18 @@ class Position:
     at G ages.
     """
 
-    whitening: Array
-    bases: Array
-    old: NDArray[np.bool_]
+    whitening: Matrix
+    bases: Matrix
+    old: Array
 
     @classmethod
-    def from_curve(cls, whitening: Array, ages: Array, b: Array, oldest: float) -> Position:
+    def from_curve(cls, whitening: Matrix, ages: Matrix, b: Matrix, oldest: float) -> Position:
         """From b (G, mp, q) at increasing ages above zero; `oldest`: ages searched end here."""
         ages, b = ages[ages <= oldest], b[ages <= oldest]
         bases = np.linalg.qr(whitening @ b)[0]
         return cls(whitening, bases, ages >= EVALUATED_AGE_SHARE * oldest)
 
-    def values(self, R: Array) -> Array:
+    def values(self, R: Matrix) -> Matrix:
         """Square root of what the best age explains of |R|^2, (k,) for R (k, mp); else zero.
 
         Zero where that age is young, or where it leaves half of the features unexplained.
@@ -146,7 +146,25 @@ class Position:
         return np.where(self.old[best] & (most >= _SHARE * whole), np.sqrt(most), 0.0)
 
 
-def smoothed(times: Array, values: Array, first: int, half: float) -> Array:
+@dataclass(frozen=True, slots=True)
+class Scan:
+    """A search along the rows of a track.
+
+    values: |R|, or as `position` has it, of the first rows, whose windows are complete. rule: None
+    until there is one.
+    """
+
+    values: Matrix = field(default_factory=lambda: np.zeros(0))
+    search: Search = field(default_factory=Search)
+    rule: Rule | None = None
+    position: Position | None = None
+
+    def from_row(self, row: int) -> Scan:
+        """The scan after the rows in front of a row were dropped."""
+        return replace(self, values=self.values[row:], search=self.search.shifted(row))
+
+
+def smoothed(times: Matrix, values: Matrix, first: int, half: float) -> Matrix:
     """Moving average of `values` over times within `half` of each row from `first` on.
 
     Only rows whose neighbourhood is complete to the right; it is cut short to the left.

@@ -22,15 +22,21 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from obsdesign.equations.gains import Array
+from lmi.arithmetic.arrays import Matrix
 from obsdesign.equations.impulsive_input.gains import SamplesGains
-from obsdesign.runtime.base import Estimate, Vector, status_of
-from obsdesign.runtime.impulsive_input.event import MISFIT, DoubtfulSpan, Event, short_dwell
-from obsdesign.runtime.impulsive_input.residuals import LARGER, birge_ratio
-from obsdesign.runtime.impulsive_input.samples.filter import Row, SampledPlant, square_root
+from obsdesign.runtime.base import Estimate, status_of
+from obsdesign.runtime.impulsive_input.event import MISFIT, MISSING, OPEN, Event, with_event
+from obsdesign.runtime.impulsive_input.initial import Initial
+from obsdesign.runtime.impulsive_input.residuals import birge_ratio
+from obsdesign.runtime.impulsive_input.samples.filter import (
+    Filtered,
+    Row,
+    SampledPlant,
+    square_root,
+)
 from obsdesign.runtime.impulsive_input.samples.live import SampledLive
 from obsdesign.runtime.impulsive_input.samples.onset import ONSETS, Cells, Fit, OnsetModel
-from obsdesign.runtime.impulsive_input.samples.steady_input import STEADY, Steady
+from obsdesign.runtime.impulsive_input.samples.steady_input import STEADY, Steady, SteadyInputs
 from obsdesign.runtime.impulsive_input.whitening import noise_deviation
 from obsdesign.runtime.time_stamps import time_tolerance
 
@@ -46,61 +52,41 @@ _LEAST_TAIL_SAMPLES = 2  # samples of an incomplete window at the end of a recor
 
 @dataclass(frozen=True)
 class SamplesEngine:
-    """Parameters of the discrete operator: the model of a window, noise, window and dwell time."""
+    """Parameters of the discrete operator: gains, and the model of a window."""
 
+    gains: SamplesGains
     model: OnsetModel
-    noise: tuple[Vector, Vector]
-    window: float
-    dwell: float
-    period: float
-
-    @property
-    def least_ratio(self) -> float:
-        """Least likelihood ratio of an impulse: larger where there are more onsets to choose."""
-        return _LEAST_RATIO + 2 * math.log(max(self.window / self.period / _REFERENCE_SAMPLES, 1.0))
 
     @classmethod
     def from_gains(cls, gains: SamplesGains) -> SamplesEngine:
         """The engine of a design's gains."""
-        plant = SampledPlant(
-            A=gains.A, B=gains.input_matrix, C=gains.C, H=gains.H, drift=gains.flow_drift
-        )
-        return cls(
-            model=OnsetModel(plant, bool(gains.nonnegative)),
-            noise=(gains.noise_std, gains.noise_cv),
-            window=gains.window,
-            dwell=gains.shortest_dwell,
-            period=gains.sample_period,
-        )
+        return cls(gains, OnsetModel(SampledPlant.from_gains(gains), bool(gains.nonnegative)))
+
+    @property
+    def least_ratio(self) -> float:
+        """Least likelihood ratio of an impulse: larger where there are more onsets to choose."""
+        samples = self.gains.window / self.gains.sample_period
+        return _LEAST_RATIO + 2 * math.log(max(samples / _REFERENCE_SAMPLES, 1.0))
 
     # --- rows in, rows out ----------------------------------------------------------------------
 
-    def begin(self, t: float, x: Vector, covariance: Array | None) -> SampledLive:
-        """State before the first row."""
-        inputs = np.zeros(self.model.plant.B.shape[1])
-        return SampledLive(t=t, x=x, P=covariance, u=inputs, cells=Cells.empty(len(x)))
-
+    @np.errstate(all="ignore")  # rows that are not finite have a status
     def extended(
-        self, live: SampledLive, t: Array, y: Array, u: Array
-    ) -> tuple[SampledLive, list[Estimate]]:
+        self, live: Initial | SampledLive, t: Matrix, y: Matrix, u: Matrix
+    ) -> tuple[Initial | SampledLive, list[Estimate]]:
         """After further rows; a window is evaluated once it is complete."""
-        with np.errstate(all="ignore"):  # rows that are not finite have a status
-            return self._extended(live, t, y, u)
-
-    def _extended(
-        self, live: SampledLive, t: Array, y: Array, u: Array
-    ) -> tuple[SampledLive, list[Estimate]]:
         decided: list[Estimate] = []
         for k in range(len(t)):
+            level = np.zeros(()) if isinstance(live, Initial) else live.level
             measured = bool(np.isfinite(y[k]).all())
-            std, cv = self.noise
-            level = np.maximum(live.level, np.abs(y[k])) if measured else live.level
-            live = replace(live, level=level)
-            spread = noise_deviation(std, cv, y[k], level) if measured else std
+            if measured:
+                level = np.maximum(level, np.abs(y[k]))
+            spread = noise_deviation(self.gains, y[k], level) if measured else self.gains.noise_std
             row = Row(float(t[k]), y[k] if measured else None, u[k], spread)
-            if not live.rows:
-                live = self._first(live, row)
+            if isinstance(live, Initial):
+                live = self._begun(live, row, level)
                 continue
+            live = replace(live, level=level)
             while len(live.rows) > 1 and row.t > self._end(live, row.t):
                 live, rows = self._evaluated(live)
                 decided += rows
@@ -110,16 +96,15 @@ class SamplesEngine:
                 decided += rows
         return live, decided
 
-    def prediction(self, live: SampledLive) -> Vector:
+    def prediction(self, live: Initial | SampledLive) -> Matrix:
         """The filter over all rows that are open, without further impulses."""
-        return live.rows[-1].x if live.rows else live.x
+        return live.x if isinstance(live, Initial) else live.rows[-1].x
 
-    def tail(self, live: SampledLive) -> tuple[Estimate, ...]:
+    @np.errstate(all="ignore")
+    def tail(self, live: Initial | SampledLive) -> tuple[Estimate, ...]:
         """Rows that are open; impulses that an incomplete window shows are provisional."""
-        with np.errstate(all="ignore"):
-            return self._tail(live)
-
-    def _tail(self, live: SampledLive) -> tuple[Estimate, ...]:
+        if isinstance(live, Initial):
+            return ()
         estimates: list[Estimate] = []
         while len(live.rows) > _LEAST_TAIL_SAMPLES:
             live, rows = self._evaluated(live, provisional=True)
@@ -127,17 +112,20 @@ class SamplesEngine:
         estimates += [self._estimate(live, at.row, at.x, is_open=True) for at in live.rows]
         return tuple(estimates)
 
-    def _first(self, live: SampledLive, row: Row) -> SampledLive:
-        plant = self.model.plant
-        x = plant.free(live.t, live.x, live.u, row.t)
-        factor = np.diag(self._guess(x, row)) if live.P is None else square_root(live.P)
-        at = plant.start(live.t, live.x, factor, live.u, row)
-        return replace(live, rows=(at,), steady=(Steady.begin(at),) * 2)
+    def _begun(self, initial: Initial, row: Row, level: Matrix) -> SampledLive:
+        """The state at the first row."""
+        plant, P = self.model.plant, initial.covariance
+        x = plant.free(initial.t, initial.x, plant.forcing(initial.u), row.t)
+        factor = np.diag(self._guess(x, row)) if P is None else square_root(P)
+        at = plant.start(initial.t, initial.x, factor, initial.u, row)
+        return SampledLive(
+            rows=(at,), cells=Cells.empty(len(x)), steady=SteadyInputs.begin(at), level=level
+        )
 
-    def _guess(self, x: Vector, row: Row) -> Vector:
+    def _guess(self, x: Matrix, row: Row) -> Matrix:
         """Deviations of a first guess: an impulse as large as the first measurement."""
-        count, C = 64, self.model.plant.C
-        states = self.model.states(np.linspace(0.0, self.window, count + 1))  # (k, n)
+        count, C = 64, self.gains.C
+        states = self.model.states(np.linspace(0.0, self.gains.window, count + 1))  # (k, n)
         shown = float(np.abs(states @ C.T).max()) or 1.0
         level = float(np.abs(row.y).max()) if row.y is not None else 1.0
         miss = float(np.abs(row.y - C @ x).max()) if row.y is not None else 0.0
@@ -148,7 +136,7 @@ class SamplesEngine:
         """One more row in the window."""
         last = live.rows[-1]
         at = self.model.plant.after(last, row)
-        cells = self.model.gridded(live.cells.after(at), last.row.t, self.period)
+        cells = self.model.gridded(live.cells.after(at), last.row.t, self.gains.sample_period)
         return replace(live, rows=(*live.rows, at), cells=cells)
 
     def _end(self, live: SampledLive, t: float, sign: float = 1.0) -> float:
@@ -157,23 +145,16 @@ class SamplesEngine:
         After a gap in the rows it reaches as far behind it as it would.
         """
         first, second = live.rows[0].row.t, live.rows[1].row.t
-        tolerance = time_tolerance(self.window, t)
-        return max(first, second - self.period) + self.window + sign * tolerance
+        window = self.gains.window
+        begin = max(first, second - self.gains.sample_period)
+        return begin + window + sign * time_tolerance(window, t)
 
-    def _estimate(
-        self,
-        live: SampledLive,
-        row: Row,
-        x: Vector,
-        *,
-        events: tuple[Event, ...] = (),
-        is_open: bool = False,
-    ) -> Estimate:
+    def _estimate(self, live: SampledLive, row: Row, x: Matrix, *, is_open: bool) -> Estimate:
         """The estimate of a row; is_open: a further sample could have changed it."""
-        reasons = [] if row.y is not None else ["missing sample"]
-        reasons += live.doubt.doubts_at(row.t)
-        reasons += ["unresolved"] if is_open else []
-        return Estimate(row.t, x=x, events=events, status=status_of(reasons, x))
+        reasons = [] if row.y is not None else [MISSING]
+        reasons += live.history.doubt.doubts_at(row.t)
+        reasons += [OPEN] if is_open else []
+        return Estimate(row.t, x=x, status=status_of(reasons, x))
 
     # --- windows --------------------------------------------------------------------------------
 
@@ -182,7 +163,8 @@ class SamplesEngine:
     ) -> tuple[SampledLive, list[Estimate]]:
         """Fire, or go on by one row."""
         first, second = live.rows[:2]
-        interval = max(second.row.t - first.row.t, self.period)
+        period = self.gains.sample_period
+        interval = max(second.row.t - first.row.t, period)
         before, last = live.rows[-2].row.t, live.rows[-1].row.t
         fit = self.model.posterior(
             live.cells, live.cells.grid.before(last - _CLOSED_INTERVALS * (last - before))
@@ -192,13 +174,18 @@ class SamplesEngine:
         oldest -= time_tolerance(interval, oldest)
         if fit.ratio[top] > self.least_ratio and fit.grid.onsets[top] < oldest:
             return self._fired(live, interval, provisional)
-        since = second.row.t - self.period - time_tolerance(self.period, second.row.t)
+        since = second.row.t - period - time_tolerance(period, second.row.t)
         cut = bisect_left(live.before, since, key=lambda at: at.row.t)
+        residuals = live.residuals_with(live.before[:cut])
+        rows = [self._estimate(live, first.row, first.x, is_open=provisional)]
         return replace(
-            live, rows=live.rows[1:], cells=live.cells.without_first(),
-            before=(*live.before[cut:], first), residuals=live.residuals_with(live.before[:cut]),
-            steady=self._followed(live.steady, second.row, second.cost),
-        ), [self._estimate(live, first.row, first.x, is_open=provisional)]  # fmt: skip
+            live,
+            rows=live.rows[1:],
+            cells=live.cells.without_first(),
+            before=(*live.before[cut:], first),
+            history=replace(live.history, residuals=residuals),
+            steady=live.steady.after(self.model.plant, second.row, second.cost),
+        ), rows
 
     # --- an impulse -------------------------------------------------------------------------------
 
@@ -208,78 +195,70 @@ class SamplesEngine:
         """The impulse of this window, its rows, and a window that begins at its end."""
         known = (*live.before, *live.rows)
         start, rows = known[0], [at.row for at in known[1:]]
-        third = live.rows[min(2, len(live.rows) - 1)].row.t
-        end = min(max(third, live.rows[0].row.t + 2 * interval), rows[-1].t)
-        cells = self.model.window(start, rows, end)
-        step = max(interval / ONSETS, (end - start.row.t) / _MOST_ONSETS)  # after a gap: coarser
-        count = max(round((end - start.row.t) / step) - 1, 2)
-        grid = self.model.grid_at(cells, start.row.t + step * np.arange(count))
-        fit = self.model.refined(cells, self.model.posterior(cells, grid))
-        steady, ahead = self._ahead(live, fit.cost)
-        freedom = sum(row.y is not None for row in rows) * len(self.model.plant.C) - 2
+        cells, fit = self._refit(live, start, rows, interval)
+        steady = self._followed(live, fit.cost)
+        rival = steady.long.cost(self.model.nonnegative) - steady.long.rival
+        is_ahead = rival >= _LEAST_ADVANTAGE
+        freedom = sum(row.y is not None for row in rows) * self.gains.p - 2
         residuals = live.residuals_with((start,)).joined(fit.cost, freedom)
-        live = replace(live, residuals=residuals)
-        event = self._event(live, fit, freedom, ahead >= _LEAST_ADVANTAGE, provisional)
-        doubt = live.doubt
-        if event.doubts:
-            doubt = DoubtfulSpan(live.rows[0].row.t, rows[-1].t, event.doubts)
-        live = replace(live, doubt=doubt)
+        history = replace(live.history, residuals=residuals)
+        event = history.judged(
+            _event(fit, freedom), self.gains.shortest_dwell, cost=fit.cost, freedom=freedom
+        )
+        doubts = [] if is_ahead else [STEADY]
+        doubts += ["provisional: the record ends inside its window"] if provisional else []
+        event = replace(event, doubts=(*event.doubts, *doubts))
+        history = history.after(event, live.rows[0].row.t, rows[-1].t)
+        live = replace(live, history=history)
         means, last = self.model.collapsed(fit, cells, start, rows)
-        decided, given = [], False
-        for at, mean in list(zip(known, means, strict=True))[len(live.before) : -1]:
-            events = (event,) if not given and (at.row.t >= event.t or at is known[-2]) else ()
-            given = given or bool(events)
-            decided.append(self._estimate(live, at.row, mean, events=events, is_open=provisional))
+        decided = [
+            self._estimate(live, at.row, mean, is_open=provisional)
+            for at, mean in list(zip(known, means, strict=True))[len(live.before) : -1]
+        ]
+        long = steady.short if is_ahead else steady.long
         return replace(
-            live, rows=(last,), cells=Cells.empty(len(last.x)), before=(),
-            steady=(steady[ahead >= _LEAST_ADVANTAGE], Steady.begin(last)), last_event=event.t,
-            last_std=event.t_std or 0.0,
-        ), decided  # fmt: skip
+            live,
+            rows=(last,),
+            cells=Cells.empty(len(last.x)),
+            before=(),
+            steady=SteadyInputs(long, Steady.begin(last)),
+        ), with_event(decided, event)
 
-    def _ahead(self, live: SampledLive, cost: float) -> tuple[tuple[Steady, ...], float]:
-        """(the steady input up to the end of the window, what it leaves more than the impulses do).
+    def _followed(self, live: SampledLive, cost: float) -> SteadyInputs:
+        """The steady inputs up to the end of the window.
 
         cost: what the impulse leaves of the samples after the first row that is known.
         """
         again = sum(at.cost for at in (*live.before, live.rows[0])[1:])  # now explained by the fit
         steady, share = live.steady, (cost - again) / (len(live.rows) - 1)
         for at in live.rows[1:]:
-            steady = self._followed(steady, at.row, share)
-        ahead = steady[0].cost(self.model.nonnegative) - steady[0].rival
-        return steady, ahead
+            steady = steady.after(self.model.plant, at.row, share)
+        return steady
 
-    def _followed(self, steady: tuple[Steady, ...], row: Row, rival: float) -> tuple[Steady, ...]:
-        return tuple(hypothesis.after(self.model.plant, row, rival) for hypothesis in steady)
+    def _refit(
+        self, live: SampledLive, start: Filtered, rows: list[Row], interval: float
+    ) -> tuple[Cells, Fit]:
+        """The posterior over onsets in a window that begins one sample earlier."""
+        third = live.rows[min(2, len(live.rows) - 1)].row.t
+        end = min(max(third, live.rows[0].row.t + 2 * interval), rows[-1].t)
+        cells = self.model.window(start, rows, end)
+        step = max(interval / ONSETS, (end - start.row.t) / _MOST_ONSETS)  # after a gap: coarser
+        count = max(round((end - start.row.t) / step) - 1, 2)
+        grid = self.model.grid_at(cells, start.row.t + step * np.arange(count, dtype=np.float64))
+        return cells, self.model.refined(cells, self.model.posterior(cells, grid))
 
-    def _event(
-        self, live: SampledLive, fit: Fit, freedom: int, is_ahead: bool, provisional: bool
-    ) -> Event:
-        """The event of a fit; is_ahead: it explains the samples clearly better than a steady input.
 
-        freedom: degrees of freedom of what the fit leaves of the window's samples.
-        """
-        p, onsets = fit.probability, fit.grid.onsets
-        step = float(onsets[1] - onsets[0])
-        t = float(p @ onsets)
-        weight = float(p @ fit.weights)
-        own, whole = birge_ratio(fit.cost, freedom), live.residuals.ratio
-        larger = max(own, whole)
-        t_std = larger * math.sqrt(float(p @ (onsets - t) ** 2) + step**2 / 12)
-        spread = float(p @ (fit.weights**2 + 1 / fit.precision)) - weight**2
-        doubts = [MISFIT] if own > 1 else []
-        if whole > 1:
-            doubts.append(LARGER)
-        if gap := short_dwell(live.last_event, t, self.dwell, live.last_std, t_std):
-            doubts.append(gap)
-        if not is_ahead:
-            doubts.append(STEADY)
-        if provisional:
-            doubts.append("provisional: the record ends inside its window")
-        weight_std = larger * math.sqrt(max(spread, 0.0))
-        return Event(
-            t=t,
-            weights=np.array([weight]),
-            t_std=t_std,
-            weights_std=np.array([weight_std]),
-            doubts=tuple(doubts),
-        )
+def _event(fit: Fit, freedom: int) -> Event:
+    """The event of a fit; freedom: degrees of freedom of what it leaves of the samples."""
+    p, onsets = fit.probability, fit.grid.onsets
+    step = float(onsets[1] - onsets[0])
+    t = float(p @ onsets)
+    weight = float(p @ fit.weights)
+    variance = float(p @ (fit.weights**2 + 1 / fit.precision)) - weight**2
+    return Event(
+        t=t,
+        weights=np.array([weight]),
+        t_std=math.sqrt(float(p @ (onsets - t) ** 2) + step**2 / 12),
+        weights_std=np.array([math.sqrt(max(variance, 0.0))]),
+        doubts=(MISFIT,) if birge_ratio(fit.cost, freedom) > 1 else (),
+    )

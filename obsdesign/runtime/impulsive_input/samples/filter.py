@@ -7,15 +7,12 @@ follow from them, in time proportional to its samples.
 
 from __future__ import annotations
 
-from collections import OrderedDict
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
-from obsdesign.equations.gains import Array
-from obsdesign.runtime.base import Vector
-from obsdesign.runtime.flow_response import responses
-from obsdesign.runtime.step_cache import cached_step
+from lmi.arithmetic.arrays import Matrix
+from obsdesign.runtime.impulsive_input.plant import HeldPlant
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,9 +20,9 @@ class Row:
     """One row: time, measurement (None: missing), known input from then on, deviations (p,)."""
 
     t: float
-    y: Vector | None
-    u: Vector
-    spread: Vector
+    y: Matrix | None
+    u: Matrix
+    spread: Matrix
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,15 +35,15 @@ class Filtered:
     """
 
     row: Row
-    x: Vector
-    factor: Array
-    flow: Array
-    kept: Array
-    shown: Array
-    innovation: Vector
+    x: Matrix
+    factor: Matrix
+    flow: Matrix
+    kept: Matrix
+    shown: Matrix
+    innovation: Matrix
 
     @property
-    def P(self) -> Array:
+    def P(self) -> Matrix:
         """Covariance of x."""
         return np.asarray(self.factor @ self.factor.T)
 
@@ -56,87 +53,70 @@ class Filtered:
         return float(self.innovation @ self.innovation)
 
     @classmethod
-    def from_posterior(cls, row: Row, x: Vector, factor: Array) -> Filtered:
-        """A filter that begins at a row whose sample was used already."""
-        unit = np.eye(len(x))
+    def without_sample(
+        cls, row: Row, x: Matrix, factor: Matrix, flow: Matrix | None = None
+    ) -> Filtered:
+        """The filter at a row that has no sample, or whose sample was used already."""
+        n = len(x)
         return cls(
-            row=row, x=x, factor=factor, flow=unit, kept=unit,
-            shown=np.zeros((0, len(x))), innovation=np.zeros(0),
-        )  # fmt: skip
+            row=row,
+            x=x,
+            factor=factor,
+            flow=np.eye(n) if flow is None else flow,
+            kept=np.eye(n),
+            shown=np.zeros((0, n)),
+            innovation=np.zeros(0),
+        )
 
 
-@dataclass(frozen=True)
-class SampledPlant:
-    """The plant of the filter; steps of equal length share their matrices."""
+@dataclass(frozen=True, kw_only=True)
+class SampledPlant(HeldPlant):
+    """The plant of the filter."""
 
-    A: Array
-    B: Array
-    C: Array
-    H: Array
-    drift: Vector
-    _steps: OrderedDict[float, tuple[Array, Array]] = field(
-        default_factory=OrderedDict, repr=False, compare=False
-    )
-
-    def step(self, since: float, until: float) -> tuple[Array, Array]:
-        """(e^{A h}, its integral over h) for h = until - since."""
-        return cached_step(self._steps, until - since, lambda h: responses(self.A, h)[:2])
-
-    def free(self, t: float, x: Vector, u: Vector, until: float) -> Vector:
-        """The state at `until` from x at t, input u held, no impulse."""
-        if until <= t:
-            return x
-        flow, once = self.step(t, until)
-        return np.asarray(flow @ x + once @ (self.B @ u + self.drift))
-
-    def start(self, t: float, x: Vector, factor: Array, u: Vector, row: Row) -> Filtered:
+    def start(self, t: float, x: Matrix, factor: Matrix, u: Matrix, row: Row) -> Filtered:
         """The filter at its first row, from a guess x of covariance factor factor' at time t."""
-        flow = self.step(t, row.t)[0] if row.t > t else np.eye(len(x))
-        return self._used(row, self.free(t, x, u, row.t), flow @ factor, flow)
+        flow = self.step(row.t - t)[0] if row.t > t else np.eye(len(x))
+        return self._used(row, self.free(t, x, self.forcing(u), row.t), flow @ factor, flow)
 
-    def after(self, before: Filtered, row: Row, jump: Vector | None = None) -> Filtered:
+    def after(self, before: Filtered, row: Row, jump: Matrix | None = None) -> Filtered:
         """The filter at the next row; `jump` is added to the state just before that row."""
         since = before.row
-        flow, once = self.step(since.t, row.t)
-        x = flow @ before.x + once @ (self.B @ since.u + self.drift)
+        flow = self.step(row.t - since.t)[0]
+        x = self.free(since.t, before.x, self.forcing(since.u), row.t)
         x = x if jump is None else x + jump
         return self._used(row, x, flow @ before.factor, flow)
 
-    def _used(self, row: Row, x: Vector, factor: Array, flow: Array) -> Filtered:
+    def _used(self, row: Row, x: Matrix, factor: Matrix, flow: Matrix) -> Filtered:
         """After the sample of a row: the array form of the filter, an orthogonal transformation.
 
         Kailath, Sayed, Hassibi, Linear Estimation, section 12.3: no difference of covariances.
         """
         n, p = len(x), len(self.C)
-        unit = np.eye(n)
         if row.y is None:
-            return Filtered(
-                row=row, x=x, factor=factor, flow=flow, kept=unit,
-                shown=np.zeros((0, n)), innovation=np.zeros(0),
-            )  # fmt: skip
+            return Filtered.without_sample(row, x, factor, flow)
         array = np.block([[np.diag(row.spread), self.C @ factor], [np.zeros((n, p)), factor]])
         lower = triangular(array)
         S, gain = lower[:p, :p], lower[p:, :p]
         residual = row.y - self.C @ x
-        white = np.linalg.solve(S, np.column_stack([self.C, residual]))
+        white = np.asarray(np.linalg.solve(S, np.column_stack([self.C, residual])))
         return Filtered(
             row=row,
             x=x + gain @ white[:, -1],
             factor=lower[p:, p:],
             flow=flow,
-            kept=unit - gain @ white[:, :-1],
+            kept=np.eye(n) - gain @ white[:, :-1],
             shown=white[:, :-1],
             innovation=white[:, -1],
         )
 
 
-def triangular(columns: Array) -> Array:
+def triangular(columns: Matrix) -> Matrix:
     """Lower triangular L (n, n) with L L' = M M' for M (n, m), its diagonal not negative."""
     L = np.asarray(np.linalg.qr(columns.T, mode="r")).T
     return np.asarray(L * np.where(np.diag(L) < 0, -1.0, 1.0))
 
 
-def square_root(P: Array) -> Array:
+def square_root(P: Matrix) -> Matrix:
     """F (n, n) with F F' = P for a covariance P, of units as different as they may be."""
     sizes = np.sqrt(np.diag(P))
     sizes = np.where(sizes > 0, sizes, 1.0)

@@ -18,9 +18,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Indices, Matrix
 from lmi.arithmetic.exponential import expm
-from obsdesign.equations.gains import Array
-from obsdesign.runtime.base import Vector
 from obsdesign.runtime.impulsive_input.samples.filter import (
     Filtered,
     Row,
@@ -40,16 +39,16 @@ _EQUAL_TIMES = 1e-12  # times closer than this are one
 class Grid:
     """Onsets (G,), the cell of each (G,), and e^{A (t_c - onset)} H (G, n), t_c the cell's end."""
 
-    onsets: Array
-    cell: Array
-    states: Array
+    onsets: Matrix
+    cell: Indices
+    states: Matrix
 
     @classmethod
     def empty(cls, n: int) -> Grid:
         """No onsets."""
         return cls(np.zeros(0), np.zeros(0, dtype=int), np.zeros((0, n)))
 
-    def joined(self, onsets: Array, cell: int, states: Array) -> Grid:
+    def joined(self, onsets: Matrix, cell: int, states: Matrix) -> Grid:
         """With the onsets of one more cell."""
         return Grid(
             np.concatenate([self.onsets, onsets]),
@@ -77,11 +76,11 @@ class Cells:
     innovations, one for each row; grid: onsets that are weighed at every step of the window.
     """
 
-    ends: Array
-    propagated: Array
-    information: Array
-    score: Array
-    costs: Array
+    ends: Matrix
+    propagated: Matrix
+    information: Matrix
+    score: Matrix
+    costs: Matrix
     grid: Grid
 
     @classmethod
@@ -124,7 +123,7 @@ class Cells:
             grid=self.grid.without_first(),
         )
 
-    def cell_of(self, onsets: Array) -> Array:
+    def cell_of(self, onsets: Matrix) -> Indices:
         """Index of the cell of each onset; one at a row belongs to the cell that ends there."""
         return np.minimum(np.searchsorted(self.ends, onsets - _EQUAL_TIMES), len(self.ends) - 1)
 
@@ -137,10 +136,10 @@ class Fit:
     """
 
     grid: Grid
-    probability: Array
-    weights: Array
-    precision: Array
-    ratio: Array
+    probability: Matrix
+    weights: Matrix
+    precision: Matrix
+    ratio: Matrix
     cost: float
 
 
@@ -151,7 +150,7 @@ class OnsetModel:
     plant: SampledPlant
     nonnegative: bool
     weight_std: float = math.inf
-    _grids: OrderedDict[float, tuple[Array, Array]] = field(
+    _grids: OrderedDict[float, tuple[Matrix, Matrix]] = field(
         default_factory=OrderedDict, repr=False, compare=False
     )
 
@@ -168,19 +167,19 @@ class OnsetModel:
         """The cells with a grid of onsets in the last one, which begins at `since`."""
         until, cell = float(cells.ends[-1]), len(cells.ends) - 1
 
-        def build(width: float) -> tuple[Array, Array]:
+        def build(width: float) -> tuple[Matrix, Matrix]:
             count = min(max(round(ONSETS * width / period), 1), ONSETS)
-            late = width / count * np.arange(count)
+            late = width / count * np.arange(count, dtype=np.float64)
             return late, self.states(width - late)
 
         late, states = cached_step(self._grids, until - since, build)
         return replace(cells, grid=cells.grid.joined(since + late, cell, states))
 
-    def states(self, ages: Array) -> Array:
+    def states(self, ages: Matrix) -> Matrix:
         """e^{A age} H, (G, n)."""
         return np.asarray((expm(self.plant.A * ages[:, None, None]) @ self.plant.H)[..., 0])
 
-    def grid_at(self, cells: Cells, onsets: Array) -> Grid:
+    def grid_at(self, cells: Cells, onsets: Matrix) -> Grid:
         """Any onsets within the cells."""
         cell = cells.cell_of(onsets)
         return Grid(onsets, cell, self.states(np.maximum(cells.ends[cell] - onsets, 0.0)))
@@ -220,7 +219,7 @@ class OnsetModel:
 
     def collapsed(
         self, fit: Fit, cells: Cells, first: Filtered, rows: list[Row]
-    ) -> tuple[list[Vector], Filtered]:
+    ) -> tuple[list[Matrix], Filtered]:
         """(means at `first` and the rows after it, the filter at the last), over the posterior.
 
         The filter is affine in what impulses do: it runs once more with their mean.
@@ -238,7 +237,8 @@ class OnsetModel:
         x, since = first.x + first.P @ score, first.row
         means = [x]
         for there, jump in zip(run, jumps, strict=True):  # smoothed by all samples of the window
-            x = self.plant.free(since.t, x, since.u, there.row.t) + jump
+            forcing = self.plant.forcing(since.u)
+            x = self.plant.free(since.t, x, forcing, there.row.t) + jump
             since = there.row
             means.append(x)
         onto = (cells.propagated[:, fit.grid.cell] * fit.grid.states).sum(
@@ -251,4 +251,4 @@ class OnsetModel:
         # rounding must not leave it singular
         floor = math.sqrt(_LEAST_SPREAD / n) * float(np.linalg.norm(factor))
         factor = triangular(np.hstack([factor, floor * np.eye(n)]))
-        return [*means[:-1], at.x], Filtered.from_posterior(at.row, at.x, factor)
+        return [*means[:-1], at.x], Filtered.without_sample(at.row, at.x, factor)

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from obsdesign.runtime.base import Vector
+from lmi.arithmetic.arrays import Matrix
 from obsdesign.runtime.impulsive_input.samples.filter import Filtered, Row, SampledPlant
 
 STEADY = "a steady input explains the record about as well"
@@ -25,13 +25,15 @@ STEADY = "a steady input explains the record about as well"
 class Steady:
     """A filter without impulses, at a row; sensitivity (n,): d x / d w.
 
-    sums: of squares of scaled innovations, of products with their slopes in w, of slopes' squares.
-    rival: what the impulses leave of the same samples.
+    Of the scaled innovations so far: the sum of their squares, of their products with their slopes
+    in w, and of the squares of these. rival: what the impulses leave of the same samples.
     """
 
     at: Filtered
-    sensitivity: Vector
-    sums: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    sensitivity: Matrix
+    squares: float = 0.0
+    products: float = 0.0
+    slopes: float = 0.0
     rival: float = 0.0
 
     @classmethod
@@ -41,21 +43,38 @@ class Steady:
 
     def cost(self, nonnegative: bool) -> float:
         """Chi-squared of the best steady input."""
-        whole, product, size = self.sums
-        if size <= 0 or (nonnegative and product <= 0):
-            return whole
-        return whole - product**2 / size
+        if self.slopes <= 0 or (nonnegative and self.products <= 0):
+            return self.squares
+        return self.squares - self.products**2 / self.slopes
 
     def after(self, plant: SampledPlant, row: Row, rival: float) -> Steady:
         """At the next row, of which the impulses leave `rival`."""
         at = plant.after(self.at, row)
-        once = plant.step(self.at.row.t, row.t)[1]
+        once = plant.step(row.t - self.at.row.t)[1]
         sensitivity = at.flow @ self.sensitivity + once @ plant.H[:, 0]
         slope = at.shown @ sensitivity  # the scaled innovation is `innovation` - slope w
-        whole, product, size = self.sums
-        sums = (
-            whole + at.cost,
-            product + float(slope @ at.innovation),
-            size + float(slope @ slope),
+        return Steady(
+            at=at,
+            sensitivity=at.kept @ sensitivity,
+            squares=self.squares + at.cost,
+            products=self.products + float(slope @ at.innovation),
+            slopes=self.slopes + float(slope @ slope),
+            rival=self.rival + rival,
         )
-        return Steady(at, at.kept @ sensitivity, sums, self.rival + rival)
+
+
+@dataclass(frozen=True, slots=True)
+class SteadyInputs:
+    """Steady inputs since the last impulse that stands for itself, and since the last one."""
+
+    long: Steady
+    short: Steady
+
+    @classmethod
+    def begin(cls, at: Filtered) -> SteadyInputs:
+        """Both begin at this row."""
+        return cls(Steady.begin(at), Steady.begin(at))
+
+    def after(self, plant: SampledPlant, row: Row, rival: float) -> SteadyInputs:
+        """Both at the next row, of which the impulses leave `rival`."""
+        return SteadyInputs(self.long.after(plant, row, rival), self.short.after(plant, row, rival))

@@ -1,49 +1,53 @@
-"""Rules of evaluation of Mattsson and Medvedev; exponents and margins that cannot work."""
+"""When an impulse can be evaluated: rules, and exponents and margins that leave nothing."""
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-from obsdesign.equations.gains import Array
+from lmi.arithmetic.arrays import Array
 from obsdesign.equations.impulsive_input.curve import ImpulseCurve
 from obsdesign.equations.impulsive_input.features import (
     FeatureWindow,
     feature_scales,
     filtered_system,
-    has_peak,
+    impulse_responses,
 )
+from obsdesign.equations.impulsive_input.gains import MAX_GROWTH_EXPONENT
 
+# rule "position": age from which an impulse is evaluated, of the window
+EVALUATED_AGE_SHARE = 0.7
+# rule "peak": where the peak of |b| must lie, of the window, and how far |b| must fall to its end
+_MAX_PEAK_AGE_SHARE, _MAX_END_SHARE = 0.9, 0.98
 # kernels of growing exponents weigh the beginning of a window alone: beyond this lambda tau an
 # impulse in the rest of it leaves less in a feature than rounding makes of what was there before
 _MAX_WINDOW_GROWTH = 6.0
-_MAX_GROWTH_EXPONENT = 300.0  # e to it still fits binary64 with room
 
 
-def integral_entries(options: Any, gains: Any) -> list[str]:
-    """Names of the entries of a problem that only operator `integral` uses."""
-    names = ("exponents", "ratio", "threshold", "check_exponents")
-    return [name for name in names if name in options] + (["gains.K"] if "K" in gains else [])
+def has_peak(F: Array, H: Array, tau: float, margin: float, count: int = 400) -> bool:
+    """Decide on a grid whether |b(age)| has one maximum in (margin, tau) and no other.
 
-
-def operator_is_open(problem: Any) -> bool:
-    """Whether the problem leaves the operator open and both are possible.
-
-    `problem` has the attributes of `obsdesign.problem.problem.Problem`.
+    Then an impulse is evaluated at the maximum of |R|, whatever its weight (Section IV). It
+    must have come and gone before the impulse leaves the window, when |R| may rise again.
     """
-    periodic = problem.plant.output.measured == "periodic"
-    own = integral_entries(problem.options, problem.gains)
-    return periodic and "operator" not in problem.options and not own
+    if H.shape[1] > 1:
+        return False  # where the maximum is depends on the weights
+    size = np.linalg.norm(impulse_responses(F, H, tau / count, count + 1)[:, len(H) :, 0], axis=1)
+    top = int(np.argmax(size))
+    rising, falling = np.diff(size[: top + 1]), np.diff(size[top:])
+    inside = (
+        margin < top * tau / count <= _MAX_PEAK_AGE_SHARE * tau
+        and size[-1] < _MAX_END_SHARE * size[top]
+    )
+    return bool(inside and (rising > 0).all() and (falling < 0).all())
 
 
 def reason_against_exponents(exponents: Array, n: int, p: int, window: float) -> str | None:
     """Return why these exponents cannot be executed in binary64, one sentence, or None."""
     growth = np.asarray(exponents, float) * window
     largest = float(growth.max(initial=0.0))
-    if largest > _MAX_GROWTH_EXPONENT:
+    if largest > MAX_GROWTH_EXPONENT:
         return (
-            f"observer.exponents times the window must be at most {_MAX_GROWTH_EXPONENT:g}; "
+            f"observer.exponents times the window must be at most {MAX_GROWTH_EXPONENT:g}; "
             f"got {largest:.6g}."
         )
     enough = int((growth <= _MAX_WINDOW_GROWTH).sum())

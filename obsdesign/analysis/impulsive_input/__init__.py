@@ -1,0 +1,1 @@
+"""Exact facts about problems with unknown impulses."""

@@ -1,0 +1,22 @@
+"""A record before its first row that counts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from lmi.arithmetic.arrays import Matrix
+
+
+@dataclass(frozen=True, slots=True)
+class Initial:
+    """The estimate x at t, and the input u from then on; first: time of the first row, if any.
+
+    covariance: of the estimate at time `since`, None where the design has none.
+    """
+
+    t: float
+    x: Matrix
+    u: Matrix
+    covariance: Matrix | None
+    since: float
+    first: float | None = None
