@@ -66,6 +66,12 @@ class SampleClock:
             return False
         return not self.is_in_time(state, t) and not self._is_late(state, t)
 
+    def is_ordinary(self, state: IntervalState) -> bool:
+        """Did the last row bring a sample in time, and nothing that later rows depend on?"""
+        if not state.started or state.y is None or state.refutation or state.course is not None:
+            return False
+        return state.sampled == state.t and (self.period is None or state.phase == state.t)
+
     def can_begin_stretch(self, state: IntervalState, t: float) -> bool:
         """May rows begin at t that are done together: an ordinary sample, in time?"""
         h = t - state.t

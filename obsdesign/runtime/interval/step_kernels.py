@@ -79,6 +79,11 @@ class StepKernels:
                     self.usual[key] = (chosen.rows, chosen.blank, *chosen.parts())
         return kernels
 
+    def with_sample(self, h: float, size: float, has_start: bool) -> Kernel:
+        """The kernel of a step with a sample at its end; has_start: and one at its start."""
+        mode = "sampled" if self.is_periodic else "start" if has_start else "end"
+        return self.for_step(h, size)[mode]
+
     @cached_property
     def still(self) -> Mapping[str, Kernel]:
         """Kernels of a step of length zero."""

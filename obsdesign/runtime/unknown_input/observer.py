@@ -31,17 +31,13 @@ from obsdesign.equations.unknown_input.gains import UnknownInputGains
 from obsdesign.equations.unknown_input.smoothing import smoothed
 from obsdesign.runtime.base import (
     MODERATE,
-    Batch,
     Estimate,
     Sample,
     Stepped,
     Vector,
     centred,
-    collect,
-    first_time,
     later,
     optional_measurement,
-    rows_of,
     status_of,
     vector,
 )
@@ -307,19 +303,6 @@ class UnknownInputObserver(PointObserver[UnknownInputState], Stepped[UnknownInpu
         if self.takes_whole_records:
             samples = smoothed_record([copied(row) for row in samples], self._noise_std)
         return super().run(state, samples)
-
-    def run_batch(
-        self,
-        t: ArrayLike,
-        y: ArrayLike | None = None,
-        u: ArrayLike | None = None,
-        *,
-        x: ArrayLike | None = None,
-    ) -> Batch:
-        """The whole record at once: a loop over `step`, from a guess of x or the first sample."""
-        times = np.asarray(t, dtype=np.float64)
-        state = self.init(first_time(times), x=x)
-        return collect(self.run(state, rows_of(times, y, u)))
 
     def _first(
         self, state: UnknownInputState, t: float, y: Vector | None, u: Vector, why: str
