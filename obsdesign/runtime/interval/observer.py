@@ -117,7 +117,7 @@ class IntervalObserver(Stepped[IntervalState]):
         if self._short and state.moderate and (usual := self._usual(state, sample)) is not None:
             return usual
         t = later(sample.t, state.t, state.started)
-        y = optional_measurement(sample.y, self._p)
+        y = optional_measurement(sample.y, self.gains.p)
         off = y is not None and self.clock.is_off_period(state, t)
         with np.errstate(over="ignore", invalid="ignore"):
             chosen, out, contradictions, course = self._propagated(state, sample, t, y, off)
@@ -137,10 +137,10 @@ class IntervalObserver(Stepped[IntervalState]):
         following = IntervalState(
             t=t, box=box,
             u=state.u if sample.u is None else vector(sample.u, len(state.u), "u"),
-            y=y if not sample.jump or self._measured_after_jumps else None,
+            y=y if not sample.jump or self.gains.jump_measurement == "after" else None,
             guard=guard, started=True, sampled=state.sampled if y is None else t,
             refutation=refutation, phase=state.phase if y is None or off else t,
-            moderate=bool(out[2 * self.n + 2 * self._p] < MODERATE), course=course,
+            moderate=bool(out[2 * self.n + 2 * self.gains.p] < MODERATE), course=course,
         )  # fmt: skip
         status = "; ".join(objections) if objections else "ok"
         events = tuple((t, text) for text in ([JUMP] if sample.jump else []) + objections)
@@ -150,7 +150,7 @@ class IntervalObserver(Stepped[IntervalState]):
         self, state: IntervalState, sample: Sample, t: float, y: Matrix | None, off: bool
     ) -> tuple[Kernel, Matrix, list[str], Course | None]:
         """Kernel and result of the step to t and its jump, contradictions of y, and the course."""
-        before_jump = y if not sample.jump or self._measured_before_jumps else None
+        before_jump = y if not sample.jump or self.gains.jump_measurement == "before" else None
         kernels = self.kernels.for_step(t - state.t, max(abs(t), abs(state.t)))
         chosen = kernels[self._mode(state, before_jump, t)]
         out = chosen.rows.dot(chosen.vector(state.box, state.y, before_jump, state.u))
@@ -174,7 +174,7 @@ class IntervalObserver(Stepped[IntervalState]):
         ends = y is not None and not off
         if ends and state.course is None:
             return [], None
-        latest = self._latest + 4 * math.ulp(t)
+        latest = self.clock.latest + 4 * math.ulp(t)
         course, box = advanced(
             self.kernels, course_of(state, t, latest), state, t, y if ends else None
         )
@@ -195,11 +195,13 @@ class IntervalObserver(Stepped[IntervalState]):
             return None
         if state.course is not None:
             return None
-        kernel = self._quick.get((t - state.t, frexp(t)[1]))
+        kernel = self.kernels.usual.get((t - state.t, frexp(t)[1]))
         if kernel is None or not t > state.t >= 0.0 or not -MODERATE < y.item() < MODERATE:
             return None
         apart = t - state.phase
-        if not self._earliest <= apart <= self._latest and not self.clock.is_in_time(state, t):
+        if not self.clock.earliest <= apart <= self.clock.latest and not self.clock.is_in_time(
+            state, t
+        ):
             return None
         rows, blank, box, y_end, known, sizes, checks, first, second = kernel
         v = blank.copy()
@@ -233,38 +235,14 @@ class IntervalObserver(Stepped[IntervalState]):
         return StepKernels(self.gains)
 
     @cached_property
-    def _quick(self) -> dict[tuple[float, int], tuple[Any, ...]]:
-        return self.kernels.usual
-
-    @cached_property
     def clock(self) -> SampleClock:
         """Sampling times that the design is for."""
         return SampleClock.from_gains(self.gains)
 
     @cached_property
-    def _p(self) -> int:
-        return self.gains.p
-
-    @cached_property
-    def _measured_before_jumps(self) -> bool:
-        return self.gains.jump_measurement == "before"
-
-    @cached_property
-    def _measured_after_jumps(self) -> bool:
-        return self.gains.jump_measurement == "after"
-
-    @cached_property
-    def _latest(self) -> float:
-        return self.clock.latest
-
-    @cached_property
-    def _earliest(self) -> float:
-        return self.clock.earliest
-
-    @cached_property
     def _short(self) -> bool:
         """Can `_usual` do most of the steps?"""
-        return self.clock.period is not None and self._p == 1 and not self.reads["u"]
+        return self.clock.period is not None and self.gains.p == 1 and not self.reads["u"]
 
     def _mode(self, state: IntervalState, y: Matrix | None, t: float) -> str:
         if self.clock.period is not None:
@@ -280,7 +258,7 @@ class IntervalObserver(Stepped[IntervalState]):
     ) -> tuple[Matrix, tuple[Matrix, Matrix], BoundsFault | None]:
         """Box, bounds and their fault. Overflow leaves the only sound bounds: infinite ones."""
         n = self.n
-        if not math.isfinite(out[2 * n + 2 * self._p]):
+        if not math.isfinite(out[2 * n + 2 * self.gains.p]):
             nothing = np.full(n, np.inf)
             box = np.concatenate([nothing, np.zeros(n)])
             return box, (-nothing, nothing), BoundsFault.OVERFLOWED

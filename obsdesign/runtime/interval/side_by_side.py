@@ -39,9 +39,10 @@ class Boxes(NamedTuple):
 
 
 class BoxesStep(NamedTuple):
-    """After a step: centre, radius; bounds of x (n, plants); plausible (plants,), False where void.
+    """Boxes after a step, and bounds of x (n, plants).
 
-    They are void where no state inside them can give the sample, or where they overflowed.
+    plausible: (plants,), False where no state inside the bounds can give the sample, or where they
+    overflowed.
     """
 
     centre: Matrix

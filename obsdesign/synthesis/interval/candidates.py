@@ -15,15 +15,21 @@ from typing import Any
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Array
 from lmi.arithmetic.balls import exact, inverse
 from lmi.decide.dwell_search import shortest_dwell
 from lmi.time_budget import deadline, remaining
 from obsdesign.analysis.hidden_modes import not_detectable
+from obsdesign.analysis.interval.requirements import (
+    open_forms,
+    reason_against,
+    reason_against_plant,
+)
 from obsdesign.equations.estimation_error import idle_gains
-from obsdesign.equations.interval import splits as equations
 from obsdesign.equations.interval.gains import IntervalGains
 from obsdesign.equations.interval.width import WidthSystem
 from obsdesign.errors import DoesNotApply, InputError
+from obsdesign.problem.options import IntervalOptions
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
 from obsdesign.synthesis.dwell import dwell_certificates, stability_options
@@ -50,9 +56,9 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
 
     InputError where the given gains cannot be completed.
     """
-    if reason := equations.reason_against_plant(problem.plant):
+    if reason := reason_against_plant(problem.plant):
         raise DoesNotApply(reason)
-    if reason := equations.reason_against(problem.plant, problem.gains, problem.options):
+    if reason := reason_against(problem):
         raise InputError(reason)
     problem.require_noise_bound("kind 'interval'")
     _refuse_unexecutable(problem)
@@ -62,7 +68,7 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
     if _no_observer_exists(problem):
         yield from _without_search(problem, given, own)
         return
-    for form in equations.open_forms(problem.gains, problem.options):
+    for form in open_forms(problem):
         if form == "coordinates" and "S" not in own:
             yield from _in_open_coordinates(problem, given)
         elif problem.plant.output.measured == "periodic":
@@ -84,10 +90,10 @@ def _no_observer_exists(problem: Problem) -> bool:
 
 
 def _without_search(
-    problem: Problem, given: Mapping[str, Any], own: Mapping[str, Any]
+    problem: Problem, given: Mapping[str, Array], own: Mapping[str, Array]
 ) -> Iterator[Candidate]:
     """Yield the forms with zero gains: what refutes them holds for all gains."""
-    for form in equations.open_forms(problem.gains, problem.options):
+    for form in open_forms(problem):
         yield _with_zero_gains(problem, form, given, {**_plain_frame(problem, form), **own})
 
 
@@ -98,7 +104,7 @@ def _refuse_unexecutable(problem: Problem) -> None:
         return
     if problem.plant.jump is not None:
         problem.require_dwell_time()
-    if problem.options.get("objective") == "shortest_dwell":
+    if _objective(problem) == "shortest_dwell":
         raise InputError(
             "observer.objective = 'shortest_dwell' is not available with measured = 'periodic'; "
             "it must be feasible or narrowest."
@@ -107,7 +113,7 @@ def _refuse_unexecutable(problem: Problem) -> None:
 
 def untried(problem: Problem) -> dict[str, str]:
     """Return the forms that `auto` passes over, with the reason."""
-    if problem.options.get("form", "auto") != "auto" or "S2" in problem.gains:
+    if problem.options_as(IntervalOptions).form != "auto" or "S2" in problem.gains:
         return {}
     why = (
         "not tried: gains.S and gains.S2 are required, and form coordinates with the same S is "
@@ -117,11 +123,11 @@ def untried(problem: Problem) -> dict[str, str]:
 
 
 def _objective(problem: Problem) -> str:
-    return str(problem.options.get("objective", "feasible"))
+    return problem.options_as(IntervalOptions).objective
 
 
 def _in_known_coordinates(
-    problem: Problem, form: str, given: Mapping[str, Any], own: Mapping[str, Any]
+    problem: Problem, form: str, given: Mapping[str, Array], own: Mapping[str, Array]
 ) -> Candidate:
     """Return one candidate with L and M for the given coordinates (or the plant's own)."""
     if {"L", "M"} <= set(given):
@@ -133,7 +139,7 @@ def _in_known_coordinates(
 
 
 def _with_samples(
-    problem: Problem, form: str, given: Mapping[str, Any], frames: Iterable[Mapping[str, Any]]
+    problem: Problem, form: str, given: Mapping[str, Array], frames: Iterable[Mapping[str, Array]]
 ) -> Iterator[Candidate]:
     """Yield one candidate with samples as events: gain and coordinates that are proved, if any.
 
@@ -162,13 +168,13 @@ def _with_samples(
     yield last or _with_zero_gains(problem, form, given, frame)
 
 
-def _plain_frame(problem: Problem, form: str) -> Mapping[str, Any]:
+def _plain_frame(problem: Problem, form: str) -> Mapping[str, Array]:
     """Return the plant's own coordinates, for a form that needs some."""
     return {"S": np.eye(problem.plant.n)} if form == "coordinates" else {}
 
 
 def _with_zero_gains(
-    problem: Problem, form: str, given: Mapping[str, Any], frame: Mapping[str, Any]
+    problem: Problem, form: str, given: Mapping[str, Array], frame: Mapping[str, Array]
 ) -> Candidate:
     zero = np.zeros((problem.plant.n, problem.plant.p))
     gains = gains_of_form(problem, form, given.get("L", zero), given.get("M", zero), frame)
@@ -180,16 +186,18 @@ class _SampledTrial:
     """L in the plant's coordinates for coordinates S (S2, T); cost: inf if floats have no tube."""
 
     cost: float
-    L: Any
-    frame: Mapping[str, Any]
+    L: Array
+    frame: Mapping[str, Array]
 
 
 def _sampled_trials(
-    problem: Problem, frame: Mapping[str, Any], given: Mapping[str, Any]
+    problem: Problem, frame: Mapping[str, Array], given: Mapping[str, Array]
 ) -> Iterator[_SampledTrial]:
     plant = SampledPlant(problem, frame.get("S"))
     skips_jumps = problem.plant.output.jump_measurement == "none" and plant.G is not None
-    gains = [plant.inward @ given["L"]] if "L" in given else (L for _, L in plant.gains())
+    gains: Iterable[Array] = (L for _, L in plant.gains())
+    if "L" in given:
+        gains = [plant.inward @ given["L"]]
     for L in gains:
         tube = sampled_tube(plant.system(L), plant.h, plant.dwell, skips_jumps)
         cost = math.inf if tube is None else plant.width(L)
@@ -197,7 +205,7 @@ def _sampled_trials(
 
 
 def _sampled_candidate(
-    problem: Problem, form: str, given: Mapping[str, Any], trial: _SampledTrial
+    problem: Problem, form: str, given: Mapping[str, Array], trial: _SampledTrial
 ) -> Candidate:
     searched = "L" not in given or ("S" in trial.frame and "S" not in problem.gains)
     gains = gains_of_form(problem, form, trial.L, given.get("M", 0 * trial.L), trial.frame)
@@ -211,13 +219,13 @@ def _is_proved(candidate: Candidate) -> bool:
     return "tube" in candidate.certificates["sampled_stability"]
 
 
-def _in_open_coordinates(problem: Problem, given: Mapping[str, Any]) -> Iterator[Candidate]:
+def _in_open_coordinates(problem: Problem, given: Mapping[str, Array]) -> Iterator[Candidate]:
     """Yield from candidate bases; only if that is not enough from a search over bases."""
     if problem.plant.output.measured == "periodic":
         frames = ({"S": S} for S in sampled_bases(problem, given))
         yield from _with_samples(problem, "coordinates", given, frames)
         return
-    auto = problem.options.get("form", "auto") == "auto"
+    auto = problem.options_as(IntervalOptions).form == "auto"
     for search in (False, True) if auto else (True,):
         best = best_coordinates(problem, given, _objective(problem), search)
         L, M = given.get("L", best.L), given.get("M", best.M)
@@ -225,7 +233,7 @@ def _in_open_coordinates(problem: Problem, given: Mapping[str, Any]) -> Iterator
 
 
 def _candidate(
-    problem: Problem, form: str, L: Any, M: Any, own: Mapping[str, Any], *, searched: bool,
+    problem: Problem, form: str, L: Array, M: Array, own: Mapping[str, Array], *, searched: bool,
     goes_on: bool = True,
 ) -> Candidate:  # fmt: skip
     gains = gains_of_form(problem, form, L, M, own)
