@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from obsdesign.errors import InputError
-from obsdesign.runtime.base import Estimate, collect
-from obsdesign.runtime.columns import Batch
+from obsdesign.runtime.base import Estimate
+from obsdesign.runtime.columns import Batch, collect
 
 
 def to_columns(estimates: Batch | Iterable[Estimate]) -> dict[str, NDArray[Any]]:

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.equations.gains import Gains, PlantGains
-from obsdesign.runtime.columns import Batch, Columns
+from obsdesign.runtime.columns import Batch, Columns, collect
 from obsdesign.runtime.time_stamps import time_tolerance
 
 Vector = Matrix
@@ -262,21 +262,6 @@ def status_of(reasons: Sequence[str], *values: Vector) -> str:
     if not all(np.isfinite(value).all() for value in values):
         reasons = [*reasons, "estimate is not finite"]
     return "; ".join(reasons) or "ok"
-
-
-def collect(estimates: Iterable[Estimate]) -> Batch:
-    """Stack estimates row by row."""
-    rows = list(estimates)
-
-    def stacked(name: str) -> Matrix | None:
-        values = [getattr(row, name) for row in rows]
-        return None if not values or values[0] is None else np.array(values)
-
-    columns = {name: stacked(name) for name in ("x", "lower", "upper", "d")}
-    return Batch(
-        np.array([row.t for row in rows]), **columns, status=tuple(r.status for r in rows),
-        events=tuple(event for row in rows for event in row.events),
-    )  # fmt: skip
 
 
 def rows_of(

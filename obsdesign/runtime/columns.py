@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Any
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lmi.arithmetic.arrays import Matrix
+
+if TYPE_CHECKING:
+    from obsdesign.runtime.base import Estimate
 
 
 @dataclass(frozen=True)
@@ -51,8 +55,23 @@ class Batch:
     lower: Matrix | None
     upper: Matrix | None
     d: Matrix | None
-    status: tuple[str, ...] = field(default=())
-    events: tuple[Any, ...] = field(default=())  # of all rows, in order
+    status: tuple[str, ...] = ()
+    events: tuple[Any, ...] = ()  # of all rows, in order
+
+
+def collect(estimates: Iterable[Estimate]) -> Batch:
+    """Stack estimates row by row."""
+    rows = list(estimates)
+
+    def stacked(name: str) -> Matrix | None:
+        values = [getattr(row, name) for row in rows]
+        return None if not values or values[0] is None else np.array(values)
+
+    columns = {name: stacked(name) for name in ("x", "lower", "upper", "d")}
+    return Batch(
+        np.array([row.t for row in rows]), **columns, status=tuple(r.status for r in rows),
+        events=tuple(event for row in rows for event in row.events),
+    )  # fmt: skip
 
 
 def _table(values: ArrayLike | None, times: Matrix) -> Matrix | None:

@@ -26,12 +26,11 @@ from obsdesign.runtime.base import (
     Sample,
     Vector,
     centred,
-    collect,
     later,
     optional_measurement,
     vector,
 )
-from obsdesign.runtime.columns import Batch, Columns
+from obsdesign.runtime.columns import Batch, Columns, collect
 from obsdesign.runtime.impulsive_input.event import Event
 from obsdesign.runtime.impulsive_input.integral.engine import Engine, IntegralEngine
 from obsdesign.runtime.impulsive_input.integral.rows import IntegralLive

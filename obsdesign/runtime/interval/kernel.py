@@ -115,10 +115,9 @@ class KernelParts(NamedTuple):
 
 def path_kernel(step: BoxMap, p: int) -> Kernel:
     """The box alone, p outputs, no disturbance, no noise: the effect of rounding on a centre."""
-    with np.errstate(over="ignore", invalid="ignore"):
-        n, columns = len(step.g), step.X.mid.shape[1]
-        rows = np.vstack([_radius_rows(replace(step, g=np.zeros(n))), _centre_rows(step)])
-        return Kernel(rows, n, p, 0, _blank(n, columns), n + columns)
+    n, columns = len(step.g), step.X.mid.shape[1]
+    rows = np.vstack([_radius_rows(replace(step, g=np.zeros(n))), _centre_rows(step)])
+    return Kernel(rows, n, p, 0, _blank(n, columns), n + columns)
 
 
 def kernel(model: Model, step: BoxMap, predicted: BoxMap, C: Matrix, *, strips: bool) -> Kernel:
@@ -126,11 +125,6 @@ def kernel(model: Model, step: BoxMap, predicted: BoxMap, C: Matrix, *, strips: 
 
     C: in the coordinates of the plant. strips: intersect with |C x - y1| <= V and the prediction.
     """
-    with np.errstate(over="ignore", invalid="ignore"):
-        return _kernel(model, step, predicted, C, strips)
-
-
-def _kernel(model: Model, step: BoxMap, predicted: BoxMap, C: Matrix, strips: bool) -> Kernel:
     n, p = len(step.g), len(C)
     columns = step.X.mid.shape[1]
     y_end = np.zeros((p, columns))

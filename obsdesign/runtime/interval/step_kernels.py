@@ -94,11 +94,10 @@ class StepKernels:
     def jumps(self) -> dict[bool, Kernel]:
         """Kernels of a jump: with the correction M (y - C x), and without."""
         with np.errstate(over="ignore", invalid="ignore"):
-            maps = jump_maps(self.model, self.gains)
-        return {
-            corrected: kernel(self.model, step, step, self.gains.C, strips=False)
-            for corrected, step in maps.items()
-        }
+            return {
+                corrected: kernel(self.model, step, step, self.gains.C, strips=False)
+                for corrected, step in jump_maps(self.model, self.gains).items()
+            }
 
     def after_jump(
         self, step: Mapping[str, Kernel], out: Matrix, state: IntervalState, jump: JumpSample,
@@ -152,11 +151,13 @@ class StepKernels:
         return np.concatenate([raised(reach + path[:n], 1), path[n:]])
 
     def _flow_and_jump(self, h: float, h_error: float) -> tuple[Matrix, Matrix]:
-        return flow_and_jump_spread(self.model, self.gains, h, h_error)
+        with np.errstate(over="ignore", invalid="ignore"):
+            return flow_and_jump_spread(self.model, self.gains, h, h_error)
 
     @cached_property
     def _jump_path(self) -> Kernel:
-        return path_kernel(jump_maps(self.model, self.gains)[False], self.gains.p)
+        with np.errstate(over="ignore", invalid="ignore"):
+            return path_kernel(jump_maps(self.model, self.gains)[False], self.gains.p)
 
     def shared(
         self, chosen: Kernel, used: Matrix, boxes: Sequence[Matrix], u: Matrix
@@ -188,11 +189,10 @@ class StepKernels:
                 maps = flow_maps(plant, h, h_error)
             if self.is_periodic:
                 maps["sampled"] = sampled(plant, maps["none"], h, h_error)
-        built = {name: self._kernel(name, maps) for name in maps}
-        if self.is_periodic:
-            p = self.gains.p
-            built["path"] = path_kernel(maps["none"], p)
-            built["sampled path"] = path_kernel(maps["sampled"], p)
+            built = {name: self._kernel(name, maps) for name in maps}
+            if self.is_periodic:
+                built["path"] = path_kernel(maps["none"], self.gains.p)
+                built["sampled path"] = path_kernel(maps["sampled"], self.gains.p)
         return built
 
     def _kernel(self, name: str, maps: Mapping[str, BoxMap]) -> Kernel:

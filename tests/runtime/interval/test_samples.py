@@ -18,7 +18,8 @@ from obsdesign.equations.gains import plant_data
 from obsdesign.equations.interval import splits as equations
 from obsdesign.problem.plant import Flow, Jump, Output, Plant
 from obsdesign.runtime import Sample
-from obsdesign.runtime.base import collect, rows_of
+from obsdesign.runtime.base import rows_of
+from obsdesign.runtime.columns import collect
 from obsdesign.runtime.interval.fleet import Fleet
 from obsdesign.runtime.interval.observer import IntervalObserver
 from tests.systems.interval_runs import (
