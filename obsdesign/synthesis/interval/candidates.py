@@ -90,7 +90,7 @@ def _no_observer_exists(problem: Problem) -> bool:
 
 
 def _without_search(
-    problem: Problem, given: Mapping[str, Array], own: Mapping[str, Array]
+    problem: Problem, given: Mapping[str, Any], own: Mapping[str, Any]
 ) -> Iterator[Candidate]:
     """Yield the forms with zero gains: what refutes them holds for all gains."""
     for form in open_forms(problem):
@@ -127,7 +127,7 @@ def _objective(problem: Problem) -> str:
 
 
 def _in_known_coordinates(
-    problem: Problem, form: str, given: Mapping[str, Array], own: Mapping[str, Array]
+    problem: Problem, form: str, given: Mapping[str, Any], own: Mapping[str, Any]
 ) -> Candidate:
     """Return one candidate with L and M for the given coordinates (or the plant's own)."""
     if {"L", "M"} <= set(given):
@@ -139,7 +139,7 @@ def _in_known_coordinates(
 
 
 def _with_samples(
-    problem: Problem, form: str, given: Mapping[str, Array], frames: Iterable[Mapping[str, Array]]
+    problem: Problem, form: str, given: Mapping[str, Any], frames: Iterable[Mapping[str, Any]]
 ) -> Iterator[Candidate]:
     """Yield one candidate with samples as events: gain and coordinates that are proved, if any.
 
@@ -168,13 +168,13 @@ def _with_samples(
     yield last or _with_zero_gains(problem, form, given, frame)
 
 
-def _plain_frame(problem: Problem, form: str) -> Mapping[str, Array]:
+def _plain_frame(problem: Problem, form: str) -> Mapping[str, Any]:
     """Return the plant's own coordinates, for a form that needs some."""
     return {"S": np.eye(problem.plant.n)} if form == "coordinates" else {}
 
 
 def _with_zero_gains(
-    problem: Problem, form: str, given: Mapping[str, Array], frame: Mapping[str, Array]
+    problem: Problem, form: str, given: Mapping[str, Any], frame: Mapping[str, Any]
 ) -> Candidate:
     zero = np.zeros((problem.plant.n, problem.plant.p))
     gains = gains_of_form(problem, form, given.get("L", zero), given.get("M", zero), frame)
@@ -187,11 +187,11 @@ class _SampledTrial:
 
     cost: float
     L: Array
-    frame: Mapping[str, Array]
+    frame: Mapping[str, Any]
 
 
 def _sampled_trials(
-    problem: Problem, frame: Mapping[str, Array], given: Mapping[str, Array]
+    problem: Problem, frame: Mapping[str, Any], given: Mapping[str, Any]
 ) -> Iterator[_SampledTrial]:
     plant = SampledPlant(problem, frame.get("S"))
     skips_jumps = problem.plant.output.jump_measurement == "none" and plant.G is not None
@@ -205,7 +205,7 @@ def _sampled_trials(
 
 
 def _sampled_candidate(
-    problem: Problem, form: str, given: Mapping[str, Array], trial: _SampledTrial
+    problem: Problem, form: str, given: Mapping[str, Any], trial: _SampledTrial
 ) -> Candidate:
     searched = "L" not in given or ("S" in trial.frame and "S" not in problem.gains)
     gains = gains_of_form(problem, form, trial.L, given.get("M", 0 * trial.L), trial.frame)
@@ -219,7 +219,7 @@ def _is_proved(candidate: Candidate) -> bool:
     return "tube" in candidate.certificates["sampled_stability"]
 
 
-def _in_open_coordinates(problem: Problem, given: Mapping[str, Array]) -> Iterator[Candidate]:
+def _in_open_coordinates(problem: Problem, given: Mapping[str, Any]) -> Iterator[Candidate]:
     """Yield from candidate bases; only if that is not enough from a search over bases."""
     if problem.plant.output.measured == "periodic":
         frames = ({"S": S} for S in sampled_bases(problem, given))
@@ -233,7 +233,7 @@ def _in_open_coordinates(problem: Problem, given: Mapping[str, Array]) -> Iterat
 
 
 def _candidate(
-    problem: Problem, form: str, L: Array, M: Array, own: Mapping[str, Array], *, searched: bool,
+    problem: Problem, form: str, L: Any, M: Any, own: Mapping[str, Any], *, searched: bool,
     goes_on: bool = True,
 ) -> Candidate:  # fmt: skip
     gains = gains_of_form(problem, form, L, M, own)

@@ -13,10 +13,11 @@ import math
 import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from lmi.arithmetic.arrays import Array, Matrix
 from lmi.time_budget import deadline, ended, ended_by_count, remark_end, scaled
 from obsdesign.equations.interval.splits import flow_and_jump
 from obsdesign.problem.plant import Plant
@@ -24,6 +25,8 @@ from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.interval.descent import best_gains, quick_gains
 from obsdesign.synthesis.interval.task import Task
 from obsdesign.synthesis.placement import riccati_gain
+
+Matrix = NDArray[np.float64]
 
 # a basis closer to a singular one than this costs more digits in its inverse than it can gain
 _WORST_CONDITION = 1e6
@@ -44,7 +47,7 @@ class CoordinateChoice:
 
 
 def best_coordinates(
-    problem: Problem, given: Mapping[str, Array], objective: str, search: bool
+    problem: Problem, given: Mapping[str, Any], objective: str, search: bool
 ) -> CoordinateChoice:
     """Return the best of the bases, improved if `search`."""
     choices: list[CoordinateChoice] = []
@@ -65,7 +68,7 @@ def best_coordinates(
 
 
 def _with_quick_gains(
-    problem: Problem, given: Mapping[str, Array], objective: str, S: Matrix, end: float
+    problem: Problem, given: Mapping[str, Any], objective: str, S: Matrix, end: float
 ) -> CoordinateChoice:
     task = Task.from_problem(problem, False, S, given)
     value, L, M = quick_gains(task, objective, end)
@@ -81,7 +84,7 @@ def _is_sufficient(choice: CoordinateChoice, objective: str) -> bool:
 
 
 def _with_best_gains(
-    problem: Problem, given: Mapping[str, Array], objective: str, S: Matrix
+    problem: Problem, given: Mapping[str, Any], objective: str, S: Matrix
 ) -> CoordinateChoice:
     task = Task.from_problem(problem, False, S, given)
     value, L, M = best_gains(task, objective)
@@ -89,11 +92,7 @@ def _with_best_gains(
 
 
 def _improved(
-    problem: Problem,
-    given: Mapping[str, Array],
-    objective: str,
-    start: CoordinateChoice,
-    end: float,
+    problem: Problem, given: Mapping[str, Any], objective: str, start: CoordinateChoice, end: float
 ) -> CoordinateChoice:
     """Return the best of a Nelder-Mead search over S, gains from a small program for each."""
     n = problem.plant.n
@@ -129,7 +128,7 @@ def _simplex(S: Matrix) -> Matrix:
     return corners
 
 
-def _bases(plant: Plant, given: Mapping[str, Array]) -> Iterator[Matrix]:
+def _bases(plant: Plant, given: Mapping[str, Any]) -> Iterator[Matrix]:
     """Yield candidates for S, without repetition; the plant's own coordinates if there are none."""
     yielded: list[Matrix] = []
     for L in _flow_gains(plant, given):
@@ -142,7 +141,7 @@ def _bases(plant: Plant, given: Mapping[str, Array]) -> Iterator[Matrix]:
         yield np.eye(plant.n)
 
 
-def _flow_gains(plant: Plant, given: Mapping[str, Array]) -> Iterator[Matrix]:
+def _flow_gains(plant: Plant, given: Mapping[str, Any]) -> Iterator[Matrix]:
     """Yield L as given; else zero and a few of growing speed."""
     if "L" in given:
         yield given["L"]
@@ -156,7 +155,7 @@ def _flow_gains(plant: Plant, given: Mapping[str, Array]) -> Iterator[Matrix]:
             continue
 
 
-def bases(plant: Plant, L: Array, M: Array) -> list[Matrix]:
+def bases(plant: Plant, L: Any, M: Any) -> list[Matrix]:
     """Return eigenvectors of the flow, of the jump, and a mixture with the kernel of the jump."""
     F, H = flow_and_jump(
         plant.flow.A, plant.output.C, None if plant.jump is None else plant.jump.G, L=L, M=M,

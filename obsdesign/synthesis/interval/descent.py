@@ -12,13 +12,14 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
-from lmi.arithmetic.arrays import Matrix
 from lmi.time_budget import deadline, ended, ended_by_count, remark_end, scaled
 from obsdesign.synthesis.interval.goals import growth, mean_width, shortest
 from obsdesign.synthesis.interval.linear_program import clock_gains
 from obsdesign.synthesis.interval.task import Task
 
+Matrix = NDArray[np.float64]
 Goal = Callable[[Task, Matrix, Matrix], float]
 
 OBJECTIVES: dict[str, Goal] = {

@@ -19,11 +19,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
-from lmi.arithmetic.arrays import Indices, Matrix
 from lmi.find.linear_program import minimise
 from lmi.time_budget import remaining
 from obsdesign.synthesis.interval.task import Task
+
+Matrix = NDArray[np.float64]
+Indices = NDArray[np.int_]
 
 _SECONDS = 5.0  # by the clock on the wall: the solver knows no other
 _MARGIN = 1e-3  # of contraction, where nothing else makes the inequalities strict
