@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from obsdesign.errors import InputError
-from obsdesign.runtime.base import Batch, Estimate, collect
+from obsdesign.runtime.base import Estimate
+from obsdesign.runtime.columns import Batch, collect
 
 
 def to_columns(estimates: Batch | Iterable[Estimate]) -> dict[str, NDArray[Any]]:

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from lmi.arithmetic.arrays import Matrix
 from obsdesign.equations.gains import Gains, PlantGains
+from obsdesign.runtime.columns import Batch, Columns, collect
 from obsdesign.runtime.time_stamps import time_tolerance
 
-Vector = NDArray[np.float64]
+Vector = Matrix
 State = TypeVar("State")
 # (t, y, u): a sample as a state keeps it
 Row = tuple[float, Vector | None, Vector | None]
@@ -89,7 +91,38 @@ class Observer(Protocol):
         """Estimates of a record, one per sample."""
 
 
-class Stepped(ABC, Generic[State]):
+class RecordRunner(ABC, Generic[State]):
+    """Estimates of whole records, from how an observer takes one sample after another."""
+
+    # the state at a time, before the first sample; arguments as the kind declares them
+    init: Callable[..., State]
+
+    @abstractmethod
+    def run(self, state: State, samples: Iterable[Sample]) -> Iterator[Estimate]:
+        """Estimates for a stream of samples, one each."""
+
+    def run_batch(
+        self,
+        t: ArrayLike,
+        y: ArrayLike | None = None,
+        u: ArrayLike | None = None,
+        w: ArrayLike | None = None,
+        jump: ArrayLike | None = None,
+        **initial: ArrayLike | None,
+    ) -> Batch:
+        """Estimates of a whole record at once.
+
+        initial: arguments of `init` for the time of the first row.
+        """
+        record = Columns.from_arrays(t, y, u, w, jump)
+        return self.batch(self.init(float(record.t[0]), **initial), record)
+
+    def batch(self, state: State, record: Columns) -> Batch:
+        """Estimates of the rows of a record from a state at its first row."""
+        return collect(self.run(state, samples_of(record)))
+
+
+class Stepped(RecordRunner[State]):
     """An observer with one estimate for every sample: a stream of them is a loop over `step`."""
 
     @property
@@ -119,7 +152,7 @@ class Deciding(Protocol):
 DecidingState = TypeVar("DecidingState", bound=Deciding)
 
 
-class Delayed(ABC, Generic[DecidingState]):
+class Delayed(RecordRunner[DecidingState]):
     """An observer whose rows are decided some samples later; a state holds them as `decided`."""
 
     @abstractmethod
@@ -245,61 +278,20 @@ def status_of(reasons: Sequence[str], *values: Vector) -> str:
     return "; ".join(reasons) or "ok"
 
 
-@dataclass(frozen=True)
-class Batch:
-    """Estimates of a whole record as arrays of shape (rows,) and (rows, n)."""
-
-    t: Vector
-    x: NDArray[np.float64] | None
-    lower: NDArray[np.float64] | None
-    upper: NDArray[np.float64] | None
-    d: NDArray[np.float64] | None
-    status: tuple[str, ...] = field(default=())
-    events: tuple[Any, ...] = field(default=())  # of all rows, in order
-
-
-def first_time(times: Vector) -> float:
-    """Time of the first row of a record; ValueError if it has none."""
-    if not len(times):
-        raise ValueError("at least one row is required; got none.")
-    return float(times[0])
-
-
-def collect(estimates: Iterable[Estimate]) -> Batch:
-    """Stack estimates row by row."""
-    rows = list(estimates)
-
-    def stacked(name: str) -> NDArray[np.float64] | None:
-        values = [getattr(row, name) for row in rows]
-        return None if not values or values[0] is None else np.array(values)
-
-    columns = {name: stacked(name) for name in ("x", "lower", "upper", "d")}
-    return Batch(
-        np.array([row.t for row in rows]), **columns, status=tuple(r.status for r in rows),
-        events=tuple(event for row in rows for event in row.events),
-    )  # fmt: skip
-
-
 def rows_of(
     t: ArrayLike,
     y: ArrayLike | None = None,
     u: ArrayLike | None = None,
     w: ArrayLike | None = None,
-    jump: Sequence[bool] | ArrayLike | None = None,
+    jump: ArrayLike | None = None,
 ) -> Iterator[Sample]:
     """Samples from arrays with one row per time; NaN in y marks a missing sample."""
-    times = np.asarray(t, dtype=np.float64)
+    return samples_of(Columns.from_arrays(t, y, u, w, jump))
 
-    def column(values: ArrayLike | None) -> Any:
-        if values is None:
-            return [None] * len(times)
-        array = np.asarray(values, dtype=np.float64)
-        if len(array) != len(times):
-            raise ValueError(
-                f"every array must have {len(times)} rows, as t has; got {len(array)}."
-            )
-        return array.reshape(len(times), -1)
 
-    jumps = np.zeros(len(times), bool) if jump is None else np.asarray(jump, dtype=bool)
-    for row in zip(times, column(y), column(u), column(w), jumps, strict=True):
-        yield Sample(float(row[0]), row[1], row[2], row[3], bool(row[4]))
+def samples_of(record: Columns) -> Iterator[Sample]:
+    """Rows of a record as samples."""
+    absent = [None] * len(record.t)
+    y, u, w = (absent if block is None else block for block in (record.y, record.u, record.w))
+    for row in zip(record.t.tolist(), y, u, w, record.jump.tolist(), strict=True):
+        yield Sample(*row)

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
+from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.exponential import expm
 
-Maps = tuple[Any, Any, Any]
+Maps = tuple[Matrix, Matrix, Matrix]
 
 
-def responses(X: Any, h: float) -> Maps:
+def responses(X: Matrix, h: float) -> Maps:
     """Blocks of one exponential: e^{Xh}, int e^{Xs} ds, int e^{X(h-s)} (s/h) ds."""
     n = len(X)
     unit, zero = np.eye(n), np.zeros((n, n))

@@ -1,4 +1,4 @@
-"""Common part of observers with a point estimate: columns, initial states, whole records."""
+"""Common part of observers with a point estimate: columns and initial states."""
 
 from __future__ import annotations
 
@@ -11,14 +11,7 @@ from numpy.typing import ArrayLike
 
 from obsdesign.equations.gains import Gains
 from obsdesign.errors import InputError
-from obsdesign.runtime.base import (
-    Batch,
-    State,
-    Stepped,
-    collect,
-    first_time,
-    rows_of,
-)
+from obsdesign.runtime.base import State, Stepped
 
 
 class PointObserver(ABC, Generic[State]):
@@ -66,19 +59,4 @@ class PointObserver(ABC, Generic[State]):
 
 
 class SteppedObserver(PointObserver[State], Stepped[State]):
-    """One estimate for every sample, and a record is a loop over `step`."""
-
-    def run_batch(
-        self,
-        t: ArrayLike,
-        y: ArrayLike | None = None,
-        u: ArrayLike | None = None,
-        w: ArrayLike | None = None,
-        jump: ArrayLike | None = None,
-        *,
-        x: ArrayLike | None = None,
-    ) -> Batch:
-        """The whole record at once: a loop over `step` from a guess of x at its first row."""
-        times = np.asarray(t, dtype=np.float64)
-        state = self.init(first_time(times), x=x)
-        return collect(self.run(state, rows_of(times, y, u, w, jump)))
+    """One estimate for every sample."""

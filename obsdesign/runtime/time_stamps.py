@@ -20,7 +20,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
+
+from lmi.arithmetic.arrays import Matrix
 
 # Decimal periods and dwell times that agree to this part of their length are equal.
 RELATIVE_TIME_TOLERANCE = 1e-9
@@ -36,9 +37,7 @@ def time_tolerance(length: float, t: float) -> float:
     return RELATIVE_TIME_TOLERANCE * length + math.ulp(max(abs(t), abs(t - length)))
 
 
-def time_tolerances(
-    lengths: NDArray[np.float64], times: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def time_tolerances(lengths: Matrix, times: Matrix) -> Matrix:
     """`time_tolerance` of each of the lengths (k,), which end at stamps (k,)."""
     sizes = np.maximum(np.abs(times), np.abs(times - lengths))  # the spacing of -1 is negative
     return np.asarray(RELATIVE_TIME_TOLERANCE * lengths + np.spacing(sizes))

@@ -9,7 +9,6 @@ import pytest
 
 import obsdesign
 from obsdesign.runtime import Sample, from_design
-from obsdesign.runtime.interval.bundle import IntervalBundle
 from obsdesign.runtime.interval.fleet import Fleet
 from tests.runtime.test_time_stamps import scaled
 from tests.systems.time_stamps import MODES, random_case
@@ -80,24 +79,26 @@ def test_bounds_that_overflow(mode: str, size: float) -> None:
     rng = np.random.default_rng(2)
     for _ in range(6):
         plant, observers = random_case(rng, mode, 1.0)
-        observer, bundle = observers[0], IntervalBundle(tuple(observers))
+        observer, pair = observers[0], Fleet(tuple(observers))
         y = large_rows(rng, plant.p, size)
         jump, t = rng.random(ROWS) < rng.choice([0.0, 0.2]), np.arange(float(ROWS))
         high = np.full(plant.n, min(size, 1e308) if rng.random() < 0.5 else 1.0)
         box = {"lower": -high, "upper": high}
-        for one in (observer, bundle):
-            state = one.init(0.0, **box)
-            for row in zip(t.tolist(), y, jump.tolist(), strict=True):
-                state, estimate = one.step(state, Sample(row[0], row[1], jump=row[2]))
-                assert finite(estimate.lower, estimate.upper) or estimate.status != "ok"
+        state, states = observer.init(0.0, **box), pair.init(0.0, **box)
+        for row in zip(t.tolist(), y, jump.tolist(), strict=True):
+            state, estimate = observer.step(state, Sample(row[0], row[1], jump=row[2]))
+            states, both = pair.step(states, row[0], row[1], jump=row[2])
+            for each in (estimate, pair.intersection(both)):
+                assert finite(each.lower, each.upper) or each.status != "ok"
         batch = observer.run_batch(t, y, jump=jump, **box)
         for k in range(ROWS):
             assert finite(batch.lower[k], batch.upper[k]) or batch.status[k] != "ok"
-        fleet = Fleet(observer)
-        state = fleet.init(0.0, lower=-high[:, None], upper=high[:, None])
+        fleet = Fleet((observer,) * 9)
+        state = fleet.init(0.0, **box)
         for k in range(1, ROWS):
-            state, many = fleet.step(state, t[k], y[k][:, None])
-            assert finite(many.lower, many.upper) or not many.plausible[0]
+            state, many = fleet.step(state, t[k], y[k])
+            for each in map(many.plant, range(9)):
+                assert finite(each.lower, each.upper) or each.status != "ok"
 
 
 def test_bounds_between_numbers_near_the_largest_are_not_ok() -> None:

@@ -6,7 +6,8 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from obsdesign.equations.gains import Array, PlantGains, matrix, number, word
+from lmi.arithmetic.arrays import Array
+from obsdesign.equations.gains import PlantGains, matrix, number, word
 
 FORMS = ("cooperative", "split", "coordinates", "two_coordinates")
 

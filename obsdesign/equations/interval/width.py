@@ -26,10 +26,10 @@ from typing import Any
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Array
 from lmi.arithmetic.exponential import expm
 from lmi.arithmetic.spectrum import spectral_radius
 from obsdesign.equations.estimation_error import jump_disturbance_matrix
-from obsdesign.equations.gains import Array
 from obsdesign.equations.interval.gains import IntervalGains
 from obsdesign.equations.interval.splits import (
     absolute_metzler,

@@ -22,16 +22,15 @@ from obsdesign.equations.impulsive_input.gains import (
     gains_from_document,
 )
 from obsdesign.runtime.base import (
-    Batch,
     Delayed,
     Estimate,
     Sample,
     centred,
-    collect,
     later,
     optional_measurement,
     vector,
 )
+from obsdesign.runtime.columns import Batch, Columns, collect
 from obsdesign.runtime.impulsive_input.event import OPEN, Event
 from obsdesign.runtime.impulsive_input.initial import Initial
 from obsdesign.runtime.impulsive_input.integral.engine import IntegralEngine
@@ -152,37 +151,23 @@ class ImpulsiveInputObserver(PointObserver[ImpulsiveInputState], Delayed[Impulsi
         """Rows that were not decided when the record ended, as far as they are known."""
         return self.engine.tail(state.live)
 
-    def run_batch(
-        self,
-        t: ArrayLike,
-        y: ArrayLike | None = None,
-        u: ArrayLike | None = None,
-        *,
-        x: ArrayLike | None = None,
-        covariance: ArrayLike | None = None,
-    ) -> Batch:
-        """The whole record at once, in blocks; what `run` gives, faster."""
-        times = np.asarray(t, dtype=np.float64)
-        rows, m = len(times), int(self.reads["u"])
-        if rows == 0:
-            raise ValueError("at least one row is required; got none.")
-        if not (np.isfinite(times).all() and (np.diff(times) > 0).all()):
+    def batch(self, state: ImpulsiveInputState, record: Columns) -> Batch:
+        """The whole record in blocks: what `run` gives, faster."""
+        t, rows, p, m = record.t, len(record.t), self.gains.p, int(self.reads["u"])
+        if not (np.isfinite(t).all() and (np.diff(t) > 0).all()):
             raise ValueError("times must be finite and increase.")
-        p = self.gains.p
-        ys = np.full((rows, p), np.nan) if y is None else np.asarray(y, dtype=np.float64)
-        us = np.zeros((rows, m)) if u is None else np.asarray(u, dtype=np.float64)
-        for values, width in ((ys, p), (us, m)):
-            if values.size != rows * width:
-                raise ValueError(f"every array must have {rows} rows, as t has; got {len(values)}.")
-        ys, us = ys.reshape(rows, p), us.reshape(rows, m)
-        check_size("y", ys, times)
-        ys = centred(ys, self.gains)
-        check_size("u", us, times)
-        check_resolution(times, self.latency)
-        live, estimates = self.init(float(times[0]), x=x, covariance=covariance).live, []
+        y = np.full((rows, p), np.nan) if record.y is None else record.y
+        u = np.zeros((rows, m)) if record.u is None else record.u
+        for name, values, width in (("y", y, p), ("u", u, m)):
+            if values.shape[1] != width:
+                raise ValueError(f"{name} must have {width} entries; got {values.shape[1]}.")
+            check_size(name, values, t)
+        y = centred(y, self.gains)
+        check_resolution(t, self.latency)
+        live, estimates = state.live, []
         for k in range(0, rows, _BLOCK):
             cut = slice(k, k + _BLOCK)
-            live, decided = self.engine.extended(live, times[cut], ys[cut], us[cut])
+            live, decided = self.engine.extended(live, t[cut], y[cut], u[cut])
             estimates += decided
         return collect([*estimates, *self.engine.tail(live)])
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lmi.arithmetic.arrays import Matrix
 from obsdesign.equations.interval.gains import IntervalGains
-from obsdesign.runtime.base import Sample, Vector
+from obsdesign.runtime.base import Sample
 from obsdesign.runtime.interval.state import IntervalState
 from obsdesign.runtime.time_stamps import RELATIVE_TIME_TOLERANCE, time_tolerance, time_tolerances
 
@@ -41,12 +43,12 @@ class SampleClock:
             corrects=bool(np.any(gains.L)),
         )
 
-    @property
+    @cached_property
     def latest(self) -> float:
         """Time after a sample up to which the next one is certainly in time."""
         return (self.period or 0.0) * (1 + RELATIVE_TIME_TOLERANCE)
 
-    @property
+    @cached_property
     def earliest(self) -> float:
         """Time after a sample from which the next one is certainly a period later."""
         return (self.period or 0.0) * (1 - RELATIVE_TIME_TOLERANCE)
@@ -66,6 +68,12 @@ class SampleClock:
             return False
         return not self.is_in_time(state, t) and not self._is_late(state, t)
 
+    def is_ordinary(self, state: IntervalState) -> bool:
+        """Did the last row bring a sample in time, and nothing that later rows depend on?"""
+        if not state.started or state.y is None or state.refutation or state.course is not None:
+            return False
+        return state.sampled == state.t and (self.period is None or state.phase == state.t)
+
     def can_begin_stretch(self, state: IntervalState, t: float) -> bool:
         """May rows begin at t that are done together: an ordinary sample, in time?"""
         h = t - state.t
@@ -74,7 +82,7 @@ class SampleClock:
             return not step > self.limit + time_tolerance(step, t)
         return abs(h - self.period) <= time_tolerance(h, t) and self.is_in_time(state, t)
 
-    def regular_steps(self, steps: Vector, times: Vector) -> NDArray[np.bool_]:
+    def regular_steps(self, steps: Matrix, times: Matrix) -> NDArray[np.bool_]:
         """Which of the steps that end at `times` are one period, or within the step limit."""
         tolerance = time_tolerances(steps, times)
         if self.period is None:
@@ -82,7 +90,7 @@ class SampleClock:
         return np.asarray(np.abs(steps - self.period) <= tolerance)
 
     def objections(
-        self, state: IntervalState, sample: Sample, y: Vector | None, t: float
+        self, state: IntervalState, sample: Sample, y: Matrix | None, t: float
     ) -> list[str]:
         """Sentences on what the time of a sample, or its absence, takes from the guarantee."""
         if self.period is None:
@@ -97,7 +105,7 @@ class SampleClock:
             return [f"time {apart:.9g} since the last sample, above {self.period:.9g}"]
         return self._second_jump(state, sample, y)
 
-    def _second_jump(self, state: IntervalState, sample: Sample, y: Vector | None) -> list[str]:
+    def _second_jump(self, state: IntervalState, sample: Sample, y: Matrix | None) -> list[str]:
         """Whether two jumps follow one sample, as dwell times of a period allow but for tolerance.
 
         The widths that are claimed are those of one jump at most between samples.
@@ -111,7 +119,7 @@ class SampleClock:
         return [f"second jump since the sample at {since:.9g}: no width is guaranteed"]
 
     def _continuous(
-        self, state: IntervalState, sample: Sample, y: Vector | None, t: float
+        self, state: IntervalState, sample: Sample, y: Matrix | None, t: float
     ) -> list[str]:
         needed = y is None and not (sample.jump and self.skips_jumps)
         sentences = ["missing sample"] if needed else []

@@ -13,8 +13,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.enclosure import raised
-from obsdesign.runtime.base import Vector
 from obsdesign.runtime.interval.state import Course, IntervalState
 from obsdesign.runtime.interval.step_kernels import StepKernels
 
@@ -32,8 +32,8 @@ def course_of(state: IntervalState, t: float, latest: float) -> Course:
 
 
 def advanced(
-    kernels: StepKernels, course: Course, state: IntervalState, t: float, y: Vector | None
-) -> tuple[Course, Vector]:
+    kernels: StepKernels, course: Course, state: IntervalState, t: float, y: Matrix | None
+) -> tuple[Course, Matrix]:
     """The course and its box at time t; y: a measurement there that ends it, used by the box."""
     size = max(abs(t), abs(state.t))
     path_kernel = kernels.for_step(t - state.t, size)["path" if y is None else "sampled path"]

@@ -16,14 +16,14 @@ of a bound, covers it, the error of the enclosed maps, and its own rounding.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
-from lmi.arithmetic.enclosure import TINY, UNIT, Enclosure, Matrix, raised
+from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.enclosure import TINY, UNIT, Enclosure, raised
 from obsdesign.runtime.base import MODERATE
-from obsdesign.runtime.interval.maps import (
-    BoxMap,
-)
+from obsdesign.runtime.interval.maps import BoxMap
 from obsdesign.runtime.interval.model import Model, exactly, size
 
 
@@ -52,15 +52,12 @@ class Kernel:
         """Length of v."""
         return int(self.rows.shape[1])
 
-    def parts(self) -> tuple[slice, ...]:
-        """Slices of v and of a result.
-
-        Of v: the box, y1, the entries that also enter by absolute value, and those values; of a
-        result: the checks, the first and the second candidate for the bounds.
-        """
+    def in_parts(self) -> KernelParts:
+        """The matrix, and where its parts are."""
         n, p, middle = self.n, self.p, self.middle
         first = 2 * n + 2 * p + 1
-        return (
+        return KernelParts(
+            self.rows, self.blank,
             slice(2 * n), slice(2 * n + p, 2 * n + 2 * p), slice(n, middle), slice(middle, None),
             slice(2 * n, first), slice(first, first + 2 * n), slice(first + 2 * n, first + 4 * n),
         )  # fmt: skip
@@ -98,12 +95,29 @@ class Kernel:
         return [f"y{i + 1} outside its bounds" for i in range(p) if min(room[i], room[p + i]) < 0]
 
 
+class KernelParts(NamedTuple):
+    """A kernel with slices of v and of a result.
+
+    box, y_end, known, sizes: of v, the entries that also enter by absolute value and these values;
+    checks, first, second: of a result, the last two the candidates for the bounds.
+    """
+
+    rows: Matrix
+    blank: Matrix
+    box: slice
+    y_end: slice
+    known: slice
+    sizes: slice
+    checks: slice
+    first: slice
+    second: slice
+
+
 def path_kernel(step: BoxMap, p: int) -> Kernel:
     """The box alone, p outputs, no disturbance, no noise: the effect of rounding on a centre."""
-    with np.errstate(over="ignore", invalid="ignore"):
-        n, columns = len(step.g), step.X.mid.shape[1]
-        rows = np.vstack([_radius_rows(replace(step, g=np.zeros(n))), _centre_rows(step)])
-        return Kernel(rows, n, p, 0, _blank(n, columns), n + columns)
+    n, columns = len(step.g), step.X.mid.shape[1]
+    rows = np.vstack([_radius_rows(replace(step, g=np.zeros(n))), _centre_rows(step)])
+    return Kernel(rows, n, p, 0, _blank(n, columns), n + columns)
 
 
 def kernel(model: Model, step: BoxMap, predicted: BoxMap, C: Matrix, *, strips: bool) -> Kernel:
@@ -111,11 +125,6 @@ def kernel(model: Model, step: BoxMap, predicted: BoxMap, C: Matrix, *, strips: 
 
     C: in the coordinates of the plant. strips: intersect with |C x - y1| <= V and the prediction.
     """
-    with np.errstate(over="ignore", invalid="ignore"):
-        return _kernel(model, step, predicted, C, strips)
-
-
-def _kernel(model: Model, step: BoxMap, predicted: BoxMap, C: Matrix, strips: bool) -> Kernel:
     n, p = len(step.g), len(C)
     columns = step.X.mid.shape[1]
     y_end = np.zeros((p, columns))

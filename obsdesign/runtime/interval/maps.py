@@ -45,7 +45,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lmi.arithmetic.enclosure import Enclosure, Matrix, expm, inverse, powers, raised, stack
+from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.enclosure import Enclosure, expm, inverse, powers, raised, stack
 from lmi.arithmetic.exponential import FLOW_PIECES
 from obsdesign.equations.interval.gains import IntervalGains
 from obsdesign.runtime.interval.model import (
@@ -78,33 +79,28 @@ def box_map(
 
 
 def flow_maps(model: Model, h: float, h_error: float) -> dict[str, BoxMap]:
-    """Return the maps of a step of length h +- h_error: y at its start, at its end, or none.
-
-    Overflow shows as infinite radii, not as warnings.
-    """
-    with np.errstate(over="ignore", invalid="ignore"):
-        F = model.A - model.L @ model.C
-        n, p = model.L.mid.shape
-        free = free_map(model, h, h_error)
-        Phi, forced = _columns(free.X, slice(n)), _columns(free.X, slice(n + 2 * p, None))
-        K = _driven(F, model.L, h, h_error)[1]
-        outer = exactly(np.eye(n)) - K @ model.C
-        spread = _spread(model, h, h_error)
-        start, end = Phi - K @ model.C, outer @ Phi
-        (start_R, start_g), (end_R, end_g) = spread["start"], spread["end"]
-        return {
-            "start": box_map(model, start, K, None, known=forced, R=start_R, g=start_g),
-            "end": box_map(model, end, None, K, known=outer @ forced, R=end_R, g=end_g),
-            "none": free,
-        }
+    """Return the maps of a step of length h +- h_error: y at its start, at its end, or none."""
+    F = model.A - model.L @ model.C
+    n, p = model.L.mid.shape
+    free = free_map(model, h, h_error)
+    Phi, forced = _columns(free.X, slice(n)), _columns(free.X, slice(n + 2 * p, None))
+    K = _driven(F, model.L, h, h_error)[1]
+    outer = exactly(np.eye(n)) - K @ model.C
+    spread = _spread(model, h, h_error)
+    start, end = Phi - K @ model.C, outer @ Phi
+    (start_R, start_g), (end_R, end_g) = spread["start"], spread["end"]
+    return {
+        "start": box_map(model, start, K, None, known=forced, R=start_R, g=start_g),
+        "end": box_map(model, end, None, K, known=outer @ forced, R=end_R, g=end_g),
+        "none": free,
+    }
 
 
 def free_map(model: Model, h: float, h_error: float) -> BoxMap:
     """Return the map of a step of length h +- h_error without any measurement."""
-    with np.errstate(over="ignore", invalid="ignore"):
-        Phi, forced = _driven(model.A, model.inputs, h, h_error)
-        g = _on_the_way(model, exactly(np.eye(len(model.b_rad))), h, h_error)
-        return box_map(model, Phi, None, None, known=forced, R=size(Phi), g=g)
+    Phi, forced = _driven(model.A, model.inputs, h, h_error)
+    g = _on_the_way(model, exactly(np.eye(len(model.b_rad))), h, h_error)
+    return box_map(model, Phi, None, None, known=forced, R=size(Phi), g=g)
 
 
 def _on_the_way(model: Model, left: Enclosure, h: float, h_error: float) -> Matrix:
@@ -132,15 +128,14 @@ def sampled(model: Model, before: BoxMap, h: float, h_error: float) -> BoxMap:
     before: the same step without it.
     """
     n, p = model.L.mid.shape
-    with np.errstate(over="ignore", invalid="ignore"):
-        K = exactly(np.eye(n)) - model.L @ model.C
-        X = K @ before.X
-        R = size(_columns(X, slice(n)))
-        y_end = slice(n + p, n + 2 * p)  # the step before it does not use this measurement
-        X.mid[:, y_end], X.rad[:, y_end] = model.L.mid, model.L.rad
-        X = model.less_middle(X, model.L)
-        g = _on_the_way(model, K, h, h_error) if h > 0 else np.zeros(n)
-        return BoxMap(X, R, raised(g + size(model.L) @ model.V, 2 * (p + 1)))
+    K = exactly(np.eye(n)) - model.L @ model.C
+    X = K @ before.X
+    R = size(_columns(X, slice(n)))
+    y_end = slice(n + p, n + 2 * p)  # the step before it does not use this measurement
+    X.mid[:, y_end], X.rad[:, y_end] = model.L.mid, model.L.rad
+    X = model.less_middle(X, model.L)
+    g = _on_the_way(model, K, h, h_error) if h > 0 else np.zeros(n)
+    return BoxMap(X, R, raised(g + size(model.L) @ model.V, 2 * (p + 1)))
 
 
 def jump_maps(model: Model, gains: IntervalGains) -> dict[bool, BoxMap]:
@@ -178,14 +173,13 @@ def flow_and_jump_spread(
     model: Model, gains: IntervalGains, h: float, h_error: float
 ) -> tuple[Matrix, Matrix]:
     """(R, g) of a step of length h +- h_error and an uncorrected jump at its end, as one map."""
-    with np.errstate(over="ignore", invalid="ignore"):
-        G = model.similar(exactly(gains.jump_matrix))
-        Phi = expm(model.A.scaled(h, h_error))
-        c_rad = midpoint(*gains.jump_bounds)[1]
-        added = model.spread(c_rad)
-        if h > 0:
-            added = raised(added + _on_the_way(model, G, h, h_error), 1)
-        return size(G @ Phi), added
+    G = model.similar(exactly(gains.jump_matrix))
+    Phi = expm(model.A.scaled(h, h_error))
+    c_rad = midpoint(*gains.jump_bounds)[1]
+    added = model.spread(c_rad)
+    if h > 0:
+        added = raised(added + _on_the_way(model, G, h, h_error), 1)
+    return size(G @ Phi), added
 
 
 def _jump_width(model: Model, H: Enclosure, gains: IntervalGains | None) -> Matrix:

@@ -10,7 +10,7 @@ itself go into the radius.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import frexp
@@ -20,35 +20,36 @@ import numpy as np
 from numpy import absolute, maximum, ndarray
 from numpy.typing import ArrayLike
 
+from lmi.arithmetic.arrays import Matrix
 from obsdesign.equations.interval.gains import IntervalGains
+from obsdesign.errors import InputError
 from obsdesign.runtime.base import (
     MODERATE,
-    Batch,
     DwellGuard,
     Estimate,
     Sample,
-    Vector,
-    first_time,
+    Stepped,
     later,
     optional_measurement,
     vector,
 )
-from obsdesign.runtime.bound_observer import BoundObserver
-from obsdesign.runtime.interval.batch import Columns, next_stretch
+from obsdesign.runtime.columns import Batch, Columns
 from obsdesign.runtime.interval.clock import SampleClock
 from obsdesign.runtime.interval.course import advanced, course_of
 from obsdesign.runtime.interval.kernel import Kernel
 from obsdesign.runtime.interval.state import JUMP, BoundsFault, Course, IntervalState, first_box
 from obsdesign.runtime.interval.step_kernels import JumpSample, StepKernels
+from obsdesign.runtime.interval.stretches import Stretches
 
 _ONE_OUTPUT = (1,)
 
 
 @dataclass(frozen=True)
-class IntervalObserver(BoundObserver[IntervalState]):
+class IntervalObserver(Stepped[IntervalState]):
     """Executes a design of kind `interval`."""
 
     gains: IntervalGains
+    kind: ClassVar[str] = "interval"
     finds_events: ClassVar[bool] = True
     event_names: ClassVar[tuple[str, ...]] = ("t", "event")
 
@@ -67,25 +68,45 @@ class IntervalObserver(BoundObserver[IntervalState]):
         """How many y, u, w a sample has, and whether jumps are reported."""
         return self.gains.columns
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Columns of the estimate after t: x1_lo, x1_hi, ..."""
+        return tuple(f"x{i + 1}_{end}" for i in range(self.n) for end in ("lo", "hi"))
+
+    def event_cells(self, event: tuple[float | str, ...]) -> Sequence[float | str]:
+        """Cells of an event in an event file."""
+        return event
+
     def init(self, t: float = 0.0, *, lower: ArrayLike, upper: ArrayLike) -> IntervalState:
         """State at time t from bounds of x(t), before the first sample and its jump.
 
         ValueError if a lower bound exceeds its upper one or a bound is not finite.
         """
-        guard, inputs, now = (
-            DwellGuard.from_gains(self.gains),
-            np.zeros(int(self.reads["u"])),
-            float(t),
-        )
-        box = first_box(self._kernels.model, self.n, lower, upper)
-        return IntervalState(now, box, inputs, None, guard, False, now)
+        return self.from_box(float(t), first_box(self.kernels.model, self.n, lower, upper))
+
+    def from_box(self, t: float, box: Matrix) -> IntervalState:
+        """State at time t from a box in the observer's coordinates, before the first sample."""
+        guard, inputs = DwellGuard.from_gains(self.gains), np.zeros(int(self.reads["u"]))
+        return IntervalState(t, box, inputs, None, guard, False, t)
+
+    def start(self, t: float, initial: Sequence[float] | None) -> IntervalState:
+        """State from x1_lo, x1_hi, x2_lo, ...; InputError if they are not bounds."""
+        if initial is None or len(initial) != 2 * self.n:
+            arrived = "nothing" if initial is None else f"{len(initial)} numbers"
+            raise InputError(
+                f"--initial must be the {2 * self.n} numbers {','.join(self.names)}; got {arrived}."
+            )
+        try:
+            return self.init(t, lower=initial[0::2], upper=initial[1::2])
+        except ValueError as error:
+            raise InputError(f"--initial: {error}") from None
 
     def reset(self, state: IntervalState, *, lower: ArrayLike, upper: ArrayLike) -> IntervalState:
         """The same instant with new bounds of x(t): ends the refutation of a state.
 
         Inputs and the time of the last jump are kept. ValueError as for `init`.
         """
-        box = first_box(self._kernels.model, self.n, lower, upper)
+        box = first_box(self.kernels.model, self.n, lower, upper)
         return state._replace(box=box, refutation="", course=None)
 
     def step(self, state: IntervalState, sample: Sample) -> tuple[IntervalState, Estimate]:
@@ -96,13 +117,13 @@ class IntervalObserver(BoundObserver[IntervalState]):
         if self._short and state.moderate and (usual := self._usual(state, sample)) is not None:
             return usual
         t = later(sample.t, state.t, state.started)
-        y = optional_measurement(sample.y, self._p)
-        off = y is not None and self._clock.is_off_period(state, t)
+        y = optional_measurement(sample.y, self.gains.p)
+        off = y is not None and self.clock.is_off_period(state, t)
         with np.errstate(over="ignore", invalid="ignore"):
             chosen, out, contradictions, course = self._propagated(state, sample, t, y, off)
         guard, late = state.guard.after(t, sample.jump)
         objections = [*contradictions, late] if late else contradictions.copy()
-        objections += self._clock.objections(state, sample, y, t)
+        objections += self.clock.objections(state, sample, y, t)
         box, bounds, fault = self._results(chosen, out)
         if fault is not None:
             objections.append(fault.value)
@@ -116,46 +137,46 @@ class IntervalObserver(BoundObserver[IntervalState]):
         following = IntervalState(
             t=t, box=box,
             u=state.u if sample.u is None else vector(sample.u, len(state.u), "u"),
-            y=y if not sample.jump or self._measured_after_jumps else None,
+            y=y if not sample.jump or self.gains.jump_measurement == "after" else None,
             guard=guard, started=True, sampled=state.sampled if y is None else t,
             refutation=refutation, phase=state.phase if y is None or off else t,
-            moderate=bool(out[2 * self.n + 2 * self._p] < MODERATE), course=course,
+            moderate=bool(out[2 * self.n + 2 * self.gains.p] < MODERATE), course=course,
         )  # fmt: skip
         status = "; ".join(objections) if objections else "ok"
         events = tuple((t, text) for text in ([JUMP] if sample.jump else []) + objections)
         return following, Estimate(t, None, *bounds, events=events, status=status)
 
     def _propagated(
-        self, state: IntervalState, sample: Sample, t: float, y: Vector | None, off: bool
-    ) -> tuple[Kernel, Vector, list[str], Course | None]:
+        self, state: IntervalState, sample: Sample, t: float, y: Matrix | None, off: bool
+    ) -> tuple[Kernel, Matrix, list[str], Course | None]:
         """Kernel and result of the step to t and its jump, contradictions of y, and the course."""
-        before_jump = y if not sample.jump or self._measured_before_jumps else None
-        kernels = self._kernels.for_step(t - state.t, max(abs(t), abs(state.t)))
+        before_jump = y if not sample.jump or self.gains.jump_measurement == "before" else None
+        kernels = self.kernels.for_step(t - state.t, max(abs(t), abs(state.t)))
         chosen = kernels[self._mode(state, before_jump, t)]
         out = chosen.rows.dot(chosen.vector(state.box, state.y, before_jump, state.u))
         contradictions = [] if before_jump is None else chosen.implausible(out)
         boxes, course = self._further_boxes(kernels, state, t, before_jump, off)
         if boxes:
-            chosen, out = self._kernels.shared(chosen, out, boxes, state.u)
+            chosen, out = self.kernels.shared(chosen, out, boxes, state.u)
         if sample.jump:
             jump = JumpSample(y, sample.w, off)
-            chosen, out = self._kernels.after_jump(kernels, out, state, jump, course)
+            chosen, out = self.kernels.after_jump(kernels, out, state, jump, course)
             course = None
         return chosen, out, contradictions, course
 
     def _further_boxes(
-        self, kernels: Mapping[str, Kernel], state: IntervalState, t: float, y: Vector | None,
+        self, kernels: Mapping[str, Kernel], state: IntervalState, t: float, y: Matrix | None,
         off: bool,
-    ) -> tuple[list[Vector], Course | None]:  # fmt: skip
+    ) -> tuple[list[Matrix], Course | None]:  # fmt: skip
         """Further boxes at t, the first that of the course, and the course itself."""
-        if self._clock.period is None:
+        if self.clock.period is None:
             return [], None
         ends = y is not None and not off
         if ends and state.course is None:
             return [], None
-        latest = self._latest + 4 * math.ulp(t)
+        latest = self.clock.latest + 4 * math.ulp(t)
         course, box = advanced(
-            self._kernels, course_of(state, t, latest), state, t, y if ends else None
+            self.kernels, course_of(state, t, latest), state, t, y if ends else None
         )
         boxes = [box]
         if off and y is not None:
@@ -174,11 +195,13 @@ class IntervalObserver(BoundObserver[IntervalState]):
             return None
         if state.course is not None:
             return None
-        kernel = self._quick.get((t - state.t, frexp(t)[1]))
+        kernel = self.kernels.usual.get((t - state.t, frexp(t)[1]))
         if kernel is None or not t > state.t >= 0.0 or not -MODERATE < y.item() < MODERATE:
             return None
         apart = t - state.phase
-        if not self._earliest <= apart <= self._latest and not self._clock.is_in_time(state, t):
+        if not self.clock.earliest <= apart <= self.clock.latest and not self.clock.is_in_time(
+            state, t
+        ):
             return None
         rows, blank, box, y_end, known, sizes, checks, first, second = kernel
         v = blank.copy()
@@ -196,86 +219,33 @@ class IntervalObserver(BoundObserver[IntervalState]):
         following = IntervalState(t, out[box], state.u, v[y_end], guard, True, t, "", t, True)
         return following, Estimate(t, None, ends[:n], -ends[n:])
 
-    def run_batch(
-        self,
-        t: ArrayLike,
-        y: ArrayLike | None = None,
-        u: ArrayLike | None = None,
-        w: ArrayLike | None = None,
-        jump: ArrayLike | None = None,
-        *,
-        lower: ArrayLike,
-        upper: ArrayLike,
-    ) -> Batch:
-        """Estimates of a whole record at once, from bounds of x at its first row.
+    def batch(self, state: IntervalState, record: Columns) -> Batch:
+        """Estimates of the rows of a record from a state at its first row.
 
         Stretches of equal steps are done together, all other rows by `step`: the bounds agree with
         those of `step` up to rounding, and hold as well.
         """
-        state = self.init(first_time(np.ravel(t)), lower=lower, upper=upper)
-        record = Columns.from_record(t, y, u, w, jump)
-        times = record.t
-        lows, highs = np.empty((len(times), self.n)), np.empty((len(times), self.n))
-        status = ["ok"] * len(times)
-        ends, row = record.stretches(), 0
-        while row < len(times):
-            span = range(row, int(ends[row]))
-            state, rows = next_stretch(self._kernels, self._clock, state, record, span)
-            if rows is not None:
-                done = slice(row, row + len(rows.lower))
-                lows[done], highs[done] = rows.lower, rows.upper
-                row = done.stop
-            if row < len(times):
-                state, estimate = self.step(state, record.sample(row))
-                lows[row], highs[row] = estimate.lower, estimate.upper
-                status[row] = estimate.status
-                row += 1
-        return Batch(times, None, lows, highs, None, tuple(status))
-
-    def fleet_kernel(self, h: float, size: float, has_sample: bool) -> Kernel:
-        """The kernel of a step with a measurement at its end, for a fleet."""
-        mode = "sampled" if self._clock.period is not None else "start" if has_sample else "end"
-        return self._kernels.for_step(h, size)[mode]
+        if record.y is None:
+            return super().batch(state, record)
+        return Stretches(self.kernels, self.clock, record, record.y).batch(state, self.step)
 
     @cached_property
-    def _kernels(self) -> StepKernels:
+    def kernels(self) -> StepKernels:
+        """Matrices of steps, made when they are first needed."""
         return StepKernels(self.gains)
 
     @cached_property
-    def _quick(self) -> dict[tuple[float, int], tuple[Any, ...]]:
-        return self._kernels.usual
-
-    @cached_property
-    def _clock(self) -> SampleClock:
+    def clock(self) -> SampleClock:
+        """Sampling times that the design is for."""
         return SampleClock.from_gains(self.gains)
-
-    @cached_property
-    def _p(self) -> int:
-        return self.gains.p
-
-    @cached_property
-    def _measured_before_jumps(self) -> bool:
-        return self.gains.jump_measurement == "before"
-
-    @cached_property
-    def _measured_after_jumps(self) -> bool:
-        return self.gains.jump_measurement == "after"
-
-    @cached_property
-    def _latest(self) -> float:
-        return self._clock.latest
-
-    @cached_property
-    def _earliest(self) -> float:
-        return self._clock.earliest
 
     @cached_property
     def _short(self) -> bool:
         """Can `_usual` do most of the steps?"""
-        return self._clock.period is not None and self._p == 1 and not self.reads["u"]
+        return self.clock.period is not None and self.gains.p == 1 and not self.reads["u"]
 
-    def _mode(self, state: IntervalState, y: Vector | None, t: float) -> str:
-        if self._clock.period is not None:
+    def _mode(self, state: IntervalState, y: Matrix | None, t: float) -> str:
+        if self.clock.period is not None:
             return "none" if y is None else "sampled"
         if t == state.t:
             return "none"
@@ -284,11 +254,11 @@ class IntervalObserver(BoundObserver[IntervalState]):
         return "none" if y is None else "end"
 
     def _results(
-        self, chosen: Kernel, out: Vector
-    ) -> tuple[Vector, tuple[Vector, Vector], BoundsFault | None]:
+        self, chosen: Kernel, out: Matrix
+    ) -> tuple[Matrix, tuple[Matrix, Matrix], BoundsFault | None]:
         """Box, bounds and their fault. Overflow leaves the only sound bounds: infinite ones."""
         n = self.n
-        if not math.isfinite(out[2 * n + 2 * self._p]):
+        if not math.isfinite(out[2 * n + 2 * self.gains.p]):
             nothing = np.full(n, np.inf)
             box = np.concatenate([nothing, np.zeros(n)])
             return box, (-nothing, nothing), BoundsFault.OVERFLOWED

@@ -9,7 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from obsdesign.runtime.base import DwellGuard, Vector, vector
+from lmi.arithmetic.arrays import Matrix
+from obsdesign.runtime.base import DwellGuard, vector
 from obsdesign.runtime.interval.model import Model, midpoint
 
 # the event of a jump, beside those of objections
@@ -32,8 +33,8 @@ class Course(NamedTuple):
 
     since: float
     now: float
-    radius: Vector
-    path: Vector
+    radius: Matrix
+    path: Matrix
 
 
 class IntervalState(NamedTuple):
@@ -48,9 +49,9 @@ class IntervalState(NamedTuple):
     """
 
     t: float
-    box: Vector
-    u: Vector
-    y: Vector | None
+    box: Matrix
+    u: Matrix
+    y: Matrix | None
     guard: DwellGuard
     started: bool
     sampled: float
@@ -60,7 +61,7 @@ class IntervalState(NamedTuple):
     course: Course | None = None
 
 
-def first_box(model: Model, n: int, lower: ArrayLike, upper: ArrayLike) -> Vector:
+def first_box(model: Model, n: int, lower: ArrayLike, upper: ArrayLike) -> Matrix:
     """[r; m] in the observer's coordinates from bounds of x; ValueError if they are none."""
     low, high = vector(lower, n, "lower"), vector(upper, n, "upper")
     for i in np.flatnonzero(~(np.isfinite(low) & np.isfinite(high))):
@@ -73,7 +74,7 @@ def first_box(model: Model, n: int, lower: ArrayLike, upper: ArrayLike) -> Vecto
         return model.from_plant(*midpoint(low, high))
 
 
-def shared_box(first: Vector, second: Vector, n: int) -> Vector:
+def shared_box(first: Matrix, second: Matrix, n: int) -> Matrix:
     """A box around the intersection of two boxes [r; m], the first if that is empty."""
     with np.errstate(invalid="ignore"):
         lower = np.maximum(first[n:] - first[:n], second[n:] - second[:n])

@@ -6,15 +6,16 @@ import math
 from collections import OrderedDict
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lmi.arithmetic.enclosure import Matrix, raised
+from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.enclosure import raised
 from obsdesign.equations.interval.gains import IntervalGains
-from obsdesign.runtime.base import Vector, vector
-from obsdesign.runtime.interval.kernel import Kernel, kernel, path_kernel
+from obsdesign.runtime.base import vector
+from obsdesign.runtime.interval.kernel import Kernel, KernelParts, kernel, path_kernel
 from obsdesign.runtime.interval.maps import (
     BoxMap,
     flow_and_jump_spread,
@@ -35,7 +36,7 @@ _RECENT = 1024
 class JumpSample(NamedTuple):
     """A sample at a jump; is_off_period: it is early, so that no claim counts it."""
 
-    y: Vector | None
+    y: Matrix | None
     w: ArrayLike | None
     is_off_period: bool
 
@@ -55,7 +56,7 @@ class StepKernels:
         self._jump_spreads: OrderedDict[tuple[float, int], tuple[Matrix, Matrix]] = OrderedDict()
         self._recent: dict[tuple[float, int], dict[str, Kernel]] = {}
         # (length as it comes, exponent of the later time) -> the kernel of a sample there, in parts
-        self.usual: dict[tuple[float, int], tuple[Any, ...]] = {}
+        self.usual: dict[tuple[float, int], KernelParts] = {}
 
     @cached_property
     def model(self) -> Model:
@@ -76,8 +77,13 @@ class StepKernels:
             if self.is_periodic:
                 chosen = kernels["sampled"]
                 if chosen.moderate:
-                    self.usual[key] = (chosen.rows, chosen.blank, *chosen.parts())
+                    self.usual[key] = chosen.in_parts()
         return kernels
+
+    def with_sample(self, h: float, size: float, has_start: bool) -> Kernel:
+        """The kernel of a step with a sample at its end; has_start: and one at its start."""
+        mode = "sampled" if self.is_periodic else "start" if has_start else "end"
+        return self.for_step(h, size)[mode]
 
     @cached_property
     def still(self) -> Mapping[str, Kernel]:
@@ -88,16 +94,15 @@ class StepKernels:
     def jumps(self) -> dict[bool, Kernel]:
         """Kernels of a jump: with the correction M (y - C x), and without."""
         with np.errstate(over="ignore", invalid="ignore"):
-            maps = jump_maps(self.model, self.gains)
-        return {
-            corrected: kernel(self.model, step, step, self.gains.C, strips=False)
-            for corrected, step in maps.items()
-        }
+            return {
+                corrected: kernel(self.model, step, step, self.gains.C, strips=False)
+                for corrected, step in jump_maps(self.model, self.gains).items()
+            }
 
     def after_jump(
-        self, step: Mapping[str, Kernel], out: Vector, state: IntervalState, jump: JumpSample,
+        self, step: Mapping[str, Kernel], out: Matrix, state: IntervalState, jump: JumpSample,
         course: Course | None,
-    ) -> tuple[Kernel, Vector]:  # fmt: skip
+    ) -> tuple[Kernel, Matrix]:  # fmt: skip
         """The result after a jump, from `out` just before it; `step`: the kernels that led there.
 
         With samples as events: the sample and the jump, one after the other, then cut with the
@@ -131,12 +136,12 @@ class StepKernels:
             after = k.rows.dot(k.vector(box, None, None, state.u))
         return k, after
 
-    def _jumped(self, box: Vector, known: Vector, y: Vector | None) -> tuple[Kernel, Vector]:
+    def _jumped(self, box: Matrix, known: Matrix, y: Matrix | None) -> tuple[Kernel, Matrix]:
         """The result of a jump from a box just before it, corrected by M if y is there."""
         k = self.jumps[y is not None]
         return k, k.rows.dot(k.vector(box, None, y, known))
 
-    def _after_course(self, course: Course, known: Vector) -> Vector:
+    def _after_course(self, course: Course, known: Matrix) -> Matrix:
         """The box after a jump that ends a course."""
         path = self._jump_path.rows.dot(self._jump_path.vector(course.path, None, None, known))
         n, t = len(course.radius), course.now
@@ -146,15 +151,17 @@ class StepKernels:
         return np.concatenate([raised(reach + path[:n], 1), path[n:]])
 
     def _flow_and_jump(self, h: float, h_error: float) -> tuple[Matrix, Matrix]:
-        return flow_and_jump_spread(self.model, self.gains, h, h_error)
+        with np.errstate(over="ignore", invalid="ignore"):
+            return flow_and_jump_spread(self.model, self.gains, h, h_error)
 
     @cached_property
     def _jump_path(self) -> Kernel:
-        return path_kernel(jump_maps(self.model, self.gains)[False], self.gains.p)
+        with np.errstate(over="ignore", invalid="ignore"):
+            return path_kernel(jump_maps(self.model, self.gains)[False], self.gains.p)
 
     def shared(
-        self, chosen: Kernel, used: Vector, boxes: Sequence[Vector], u: Vector
-    ) -> tuple[Kernel, Vector]:
+        self, chosen: Kernel, used: Matrix, boxes: Sequence[Matrix], u: Matrix
+    ) -> tuple[Kernel, Matrix]:
         """The result of the intersection of `used` with further boxes, inside the first of them.
 
         Reported bounds are cut with those of `used`, unless the intersection is empty.
@@ -164,7 +171,7 @@ class StepKernels:
         box = boxes[0]
         for other in (*boxes[1:], used[: 2 * n]):
             box = shared_box(box, other, n)
-        out: Vector = k.rows.dot(k.vector(box, None, None, np.zeros_like(u)))
+        out: Matrix = k.rows.dot(k.vector(box, None, None, np.zeros_like(u)))
         lower, upper = chosen.bounds(used)
         ends = np.maximum(out[-2 * n :], np.concatenate([lower, -upper]))
         if (ends[:n] <= -ends[n:]).all():
@@ -182,11 +189,10 @@ class StepKernels:
                 maps = flow_maps(plant, h, h_error)
             if self.is_periodic:
                 maps["sampled"] = sampled(plant, maps["none"], h, h_error)
-        built = {name: self._kernel(name, maps) for name in maps}
-        if self.is_periodic:
-            p = self.gains.p
-            built["path"] = path_kernel(maps["none"], p)
-            built["sampled path"] = path_kernel(maps["sampled"], p)
+            built = {name: self._kernel(name, maps) for name in maps}
+            if self.is_periodic:
+                built["path"] = path_kernel(maps["none"], self.gains.p)
+                built["sampled path"] = path_kernel(maps["sampled"], self.gains.p)
         return built
 
     def _kernel(self, name: str, maps: Mapping[str, BoxMap]) -> Kernel:

@@ -21,15 +21,11 @@ from lmi.arithmetic.arrays import Matrix
 from obsdesign.equations.unknown_input.gains import UnknownInputGains
 from obsdesign.equations.unknown_input.smoothing import smoothed_window
 from obsdesign.runtime.base import (
-    Batch,
     Delayed,
     Estimate,
     Row,
     Sample,
     centred,
-    collect,
-    first_time,
-    rows_of,
 )
 from obsdesign.runtime.point_observer import PointObserver
 from obsdesign.runtime.unknown_input.measurements import usable
@@ -116,18 +112,6 @@ class FixedLagObserver(PointObserver[FixedLagState], Delayed[FixedLagState]):
     def finish(self, state: FixedLagState) -> tuple[Estimate, ...]:
         """Rows that were waiting when the record ended, smoothed with what there is after them."""
         return self._decided(state, 0).decided
-
-    def run_batch(
-        self,
-        t: ArrayLike,
-        y: ArrayLike | None = None,
-        u: ArrayLike | None = None,
-        *,
-        x: ArrayLike | None = None,
-    ) -> Batch:
-        """The whole record at once: a loop over `step`, from a guess of x or the first sample."""
-        times = np.asarray(t, dtype=np.float64)
-        return collect(self.run(self.init(first_time(times), x=x), rows_of(times, y, u)))
 
     def _decided(self, state: FixedLagState, lag: int) -> FixedLagState:
         """Settle the waiting rows that `lag` measurements follow."""

@@ -28,15 +28,11 @@ from lmi.arithmetic.arrays import Matrix
 from obsdesign.equations.unknown_input.gains import UnknownInputGains
 from obsdesign.runtime.base import (
     MODERATE,
-    Batch,
     Estimate,
     Sample,
     Stepped,
     centred,
-    collect,
-    first_time,
     later,
-    rows_of,
     status_of,
     vector,
 )
@@ -210,19 +206,6 @@ class UnknownInputObserver(PointObserver[UnknownInputState], Stepped[UnknownInpu
             assert self.gains.noise_std is not None
             samples = smoothed_record([_copied(row) for row in samples], self.gains.noise_std)
         return super().run(state, samples)
-
-    def run_batch(
-        self,
-        t: ArrayLike,
-        y: ArrayLike | None = None,
-        u: ArrayLike | None = None,
-        *,
-        x: ArrayLike | None = None,
-    ) -> Batch:
-        """The whole record at once: a loop over `step`, from a guess of x or the first sample."""
-        times = np.asarray(t, dtype=np.float64)
-        state = self.init(first_time(times), x=x)
-        return collect(self.run(state, rows_of(times, y, u)))
 
     def _first(
         self, state: UnknownInputState, t: float, y: Matrix | None, u: Matrix, why: str

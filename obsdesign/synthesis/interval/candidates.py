@@ -15,15 +15,21 @@ from typing import Any
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Array
 from lmi.arithmetic.balls import exact, inverse
 from lmi.decide.dwell_search import shortest_dwell
 from lmi.time_budget import deadline, remaining
 from obsdesign.analysis.hidden_modes import not_detectable
+from obsdesign.analysis.interval.requirements import (
+    open_forms,
+    reason_against,
+    reason_against_plant,
+)
 from obsdesign.equations.estimation_error import idle_gains
-from obsdesign.equations.interval import splits as equations
 from obsdesign.equations.interval.gains import IntervalGains
 from obsdesign.equations.interval.width import WidthSystem
 from obsdesign.errors import DoesNotApply, InputError
+from obsdesign.problem.options import IntervalOptions
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
 from obsdesign.synthesis.dwell import dwell_certificates, stability_options
@@ -50,9 +56,9 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
 
     InputError where the given gains cannot be completed.
     """
-    if reason := equations.reason_against_plant(problem.plant):
+    if reason := reason_against_plant(problem.plant):
         raise DoesNotApply(reason)
-    if reason := equations.reason_against(problem.plant, problem.gains, problem.options):
+    if reason := reason_against(problem):
         raise InputError(reason)
     problem.require_noise_bound("kind 'interval'")
     _refuse_unexecutable(problem)
@@ -62,7 +68,7 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
     if _no_observer_exists(problem):
         yield from _without_search(problem, given, own)
         return
-    for form in equations.open_forms(problem.gains, problem.options):
+    for form in open_forms(problem):
         if form == "coordinates" and "S" not in own:
             yield from _in_open_coordinates(problem, given)
         elif problem.plant.output.measured == "periodic":
@@ -87,7 +93,7 @@ def _without_search(
     problem: Problem, given: Mapping[str, Any], own: Mapping[str, Any]
 ) -> Iterator[Candidate]:
     """Yield the forms with zero gains: what refutes them holds for all gains."""
-    for form in equations.open_forms(problem.gains, problem.options):
+    for form in open_forms(problem):
         yield _with_zero_gains(problem, form, given, {**_plain_frame(problem, form), **own})
 
 
@@ -98,7 +104,7 @@ def _refuse_unexecutable(problem: Problem) -> None:
         return
     if problem.plant.jump is not None:
         problem.require_dwell_time()
-    if problem.options.get("objective") == "shortest_dwell":
+    if _objective(problem) == "shortest_dwell":
         raise InputError(
             "observer.objective = 'shortest_dwell' is not available with measured = 'periodic'; "
             "it must be feasible or narrowest."
@@ -107,7 +113,7 @@ def _refuse_unexecutable(problem: Problem) -> None:
 
 def untried(problem: Problem) -> dict[str, str]:
     """Return the forms that `auto` passes over, with the reason."""
-    if problem.options.get("form", "auto") != "auto" or "S2" in problem.gains:
+    if problem.options_as(IntervalOptions).form != "auto" or "S2" in problem.gains:
         return {}
     why = (
         "not tried: gains.S and gains.S2 are required, and form coordinates with the same S is "
@@ -117,7 +123,7 @@ def untried(problem: Problem) -> dict[str, str]:
 
 
 def _objective(problem: Problem) -> str:
-    return str(problem.options.get("objective", "feasible"))
+    return problem.options_as(IntervalOptions).objective
 
 
 def _in_known_coordinates(
@@ -180,7 +186,7 @@ class _SampledTrial:
     """L in the plant's coordinates for coordinates S (S2, T); cost: inf if floats have no tube."""
 
     cost: float
-    L: Any
+    L: Array
     frame: Mapping[str, Any]
 
 
@@ -189,7 +195,9 @@ def _sampled_trials(
 ) -> Iterator[_SampledTrial]:
     plant = SampledPlant(problem, frame.get("S"))
     skips_jumps = problem.plant.output.jump_measurement == "none" and plant.G is not None
-    gains = [plant.inward @ given["L"]] if "L" in given else (L for _, L in plant.gains())
+    gains: Iterable[Array] = (L for _, L in plant.gains())
+    if "L" in given:
+        gains = [plant.inward @ given["L"]]
     for L in gains:
         tube = sampled_tube(plant.system(L), plant.h, plant.dwell, skips_jumps)
         cost = math.inf if tube is None else plant.width(L)
@@ -217,7 +225,7 @@ def _in_open_coordinates(problem: Problem, given: Mapping[str, Any]) -> Iterator
         frames = ({"S": S} for S in sampled_bases(problem, given))
         yield from _with_samples(problem, "coordinates", given, frames)
         return
-    auto = problem.options.get("form", "auto") == "auto"
+    auto = problem.options_as(IntervalOptions).form == "auto"
     for search in (False, True) if auto else (True,):
         best = best_coordinates(problem, given, _objective(problem), search)
         L, M = given.get("L", best.L), given.get("M", best.M)

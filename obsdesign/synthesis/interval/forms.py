@@ -6,11 +6,12 @@ then rounded once, so that they are within an ulp of the matrices that they spli
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Callable, Mapping
 
 import numpy as np
+from numpy.typing import NDArray
 
+from lmi.arithmetic.arrays import Array
 from lmi.arithmetic.balls import exact, inverse, to_float
 from obsdesign.equations.interval import splits as equations
 from obsdesign.equations.interval.gains import IntervalGains
@@ -18,9 +19,12 @@ from obsdesign.equations.interval.width import Coordinates
 from obsdesign.errors import InputError
 from obsdesign.problem.problem import Problem
 
+# a matrix as the difference of two with required signs
+Split = Callable[[Array], tuple[Array, Array]]
+
 
 def gains_of_form(
-    problem: Problem, form: str, L: Any, M: Any, coordinates: Mapping[str, Any]
+    problem: Problem, form: str, L: Array, M: Array, coordinates: Mapping[str, Array]
 ) -> IntervalGains:
     """Return the gains of a design in a form.
 
@@ -46,7 +50,9 @@ def gains_of_form(
     )
 
 
-def _splits(problem: Problem, form: str, F: Any, H: Any, frame: Coordinates) -> dict[str, Any]:
+def _splits(
+    problem: Problem, form: str, F: Array, H: Array | None, frame: Coordinates
+) -> dict[str, Array]:
     """Return D0, D1 and, with jumps, Gp, Gn, or T of Theorem 7.
 
     F, H: exact, in the plant's coordinates; H is None without jumps.
@@ -58,14 +64,14 @@ def _splits(problem: Problem, form: str, F: Any, H: Any, frame: Coordinates) -> 
         flow = {"D0": to_float(F_z), "D1": np.zeros(F.shape)}
         return flow if H is None else flow | {"Gp": to_float(H), "Gn": np.zeros(H.shape)}
     given = problem.gains
-    flow = _given_split(given, "D0", "D1", F_z, equations.metzler_split)
+    flow = _given_split(given, ("D0", "D1"), F_z, equations.metzler_split)
     if H is None:
         return flow
     H_z = frame.similar(H)
-    return flow | _given_split(given, "Gp", "Gn", H_z, equations.nonnegative_split)
+    return flow | _given_split(given, ("Gp", "Gn"), H_z, equations.nonnegative_split)
 
 
-def _exact_coordinates(coordinates: Mapping[str, Any]) -> Coordinates:
+def _exact_coordinates(coordinates: Mapping[str, Array]) -> Coordinates:
     """S and S2 in exact numbers; InputError if one is singular."""
     frame = Coordinates.from_matrices(coordinates.get("S"), coordinates.get("S2"), inverse, exact)
     if name := frame.singular_matrix():
@@ -73,21 +79,25 @@ def _exact_coordinates(coordinates: Mapping[str, Any]) -> Coordinates:
     return frame
 
 
-def _given_split(given: Any, plus: str, minus: str, X: Any, minimal: Any) -> dict[str, Any]:
+def _given_split(
+    given: Mapping[str, Array], names: tuple[str, str], X: Array, minimal: Split
+) -> dict[str, Array]:
     """The user's split; one half given determines the other; none given: the minimal one."""
+    plus, minus = names
     if plus in given and minus in given:
         return {plus: given[plus], minus: given[minus]}
     if plus in given:
         return {plus: given[plus], minus: to_float(exact(given[plus]) - X)}
     if minus in given:
         return {plus: to_float(X + exact(given[minus])), minus: given[minus]}
-    return {name: to_float(half) for name, half in zip((plus, minus), minimal(X), strict=True)}
+    return {name: to_float(half) for name, half in zip(names, minimal(X), strict=True)}
 
 
-def _theorem_7(R: Any, H: Any, frame: Coordinates) -> dict[str, Any]:
+def _theorem_7(R: Array, H: Array | None, frame: Coordinates) -> dict[str, Array]:
     """R and T of Theorem 7; entries of R that only rounding made negative are carried as D1."""
     rounded = to_float(R)
     noise = _rounding_noise(rounded) & ~np.eye(len(rounded), dtype=bool)
+    assert H is not None
     T = to_float(frame.S2_inverse @ H @ frame.S2)
     return {
         "D0": np.where(noise, 0.0, rounded),
@@ -96,6 +106,6 @@ def _theorem_7(R: Any, H: Any, frame: Coordinates) -> dict[str, Any]:
     }
 
 
-def _rounding_noise(X: Any) -> Any:
+def _rounding_noise(X: Array) -> NDArray[np.bool_]:
     """Entries that would be zero in decimals, and are negative by rounding."""
-    return (X < 0) & (-(2.0**-46) * np.abs(X).max(initial=0.0) < X)
+    return np.asarray((X < 0) & (-(2.0**-46) * np.abs(X).max(initial=0.0) < X))

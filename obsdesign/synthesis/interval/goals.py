@@ -8,15 +8,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.exponential import expm
 from lmi.arithmetic.spectrum import spectral_radii
 from lmi.families import Edge
 from obsdesign.equations.interval.width import WidthSystem, periodic_width
 from obsdesign.synthesis.interval.task import Task
-
-Matrix = NDArray[np.float64]
 
 _POINTS = 16
 _ZOOMS = 8  # 17^8: to the last digits

@@ -17,11 +17,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmi.arithmetic.arrays import Array, Indices, Matrix
 from lmi.arithmetic.exponential import FLOW_PIECES, absolute_flow, expm, exponential_grid
 from lmi.arithmetic.spectrum import spectral_radius
 from lmi.find.linear_program import minimise
@@ -34,8 +33,6 @@ from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.interval.coordinates import bases, eigenbasis
 from obsdesign.synthesis.interval.task import sampling_limit, width_weights
 from obsdesign.synthesis.placement import placed_gain
-
-Matrix = NDArray[np.float64]
 
 # contraction from sample to sample: none but what the least width needs, then ever more
 CONTRACTIONS = (1.0, 0.9, 0.75, 0.6, 0.45, 0.3, 0.2, 0.1)
@@ -169,10 +166,10 @@ class _Program:
         self.U = [starts[1] + np.arange(n * p).reshape(n, p) + sign * n * p for sign in (0, 1)]
         self.T = starts[3] + np.arange(len(flows) * n * n).reshape(len(flows), n, n)
         self.size = int(starts[3]) + self.T.size
-        self.entries: list[tuple[Any, Any, Any]] = []
+        self.entries: list[tuple[Indices, Indices, Matrix]] = []
         self.limits: list[float] = []
 
-    def below(self, columns: Any, values: Any, limits: Any) -> None:
+    def below(self, columns: Indices, values: Matrix, limits: float | Matrix) -> None:
         """Rows a'x <= limit: columns, values (rows, terms)."""
         first = len(self.limits)
         rows = np.repeat(first + np.arange(len(columns)), columns.shape[1])
@@ -217,10 +214,11 @@ class _Program:
                 self.below(columns, np.column_stack([sign * signed, -np.ones(n)]), 0.0)
 
 
-def sampled_bases(problem: Problem, given: Mapping[str, Any]) -> Iterator[Matrix]:
+def sampled_bases(problem: Problem, given: Mapping[str, Array]) -> Iterator[Matrix]:
     """Coordinates to try: those of flow and jump, then of the step with its sample."""
     plant = problem.plant
-    yield from bases(plant, 0, 0)
+    zero = np.zeros((plant.n, plant.p))
+    yield from bases(plant, zero, zero)
     h = float(problem.require("output.period"))
     flow = expm(plant.flow.A * h)
     if not np.isfinite(flow).all():

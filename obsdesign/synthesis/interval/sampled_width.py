@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmi.arithmetic.arrays import Array, Matrix
 from lmi.arithmetic.balancing import Scaling
 from lmi.arithmetic.balls import exact, inverse, to_float
 from lmi.arithmetic.exponential import absolute_flow
@@ -18,8 +18,6 @@ from lmi.prove.hurwitz import rightmost
 from obsdesign.equations.interval.gains import IntervalGains
 from obsdesign.equations.interval.width import SAMPLED_MAPS, WidthSystem, slope_scheme
 from obsdesign.synthesis.interval.tube import ROOM, Units, least, proved_width
-
-Matrix = NDArray[np.float64]
 
 _OFFSETS, _FINE, _MOST_PERIODS = 24, 400, 400
 _HALVINGS = 14
@@ -38,7 +36,7 @@ class SampledTube:
     jumped: Matrix | None
     always: Matrix
 
-    def to_certificate(self) -> dict[str, Any]:
+    def to_certificate(self) -> dict[str, list[float]]:
         """Return the entries that verification checks."""
         vectors = {"tube": self.tube, "sampled": self.sampled, "always": self.always}
         vectors |= {} if self.jumped is None else {"jumped": self.jumped}
@@ -212,7 +210,7 @@ def propose_spacing(
 
 
 def spaced_tube(
-    parts: Any, system: WidthSystem, spacing: float, low: float, high: float
+    parts: tuple[Array, ...], system: WidthSystem, spacing: float, low: float, high: float
 ) -> dict[str, Any] | None:
     """Return the proved tube of the width system for samples at most `spacing` apart, or None."""
     L, CA, A, C, b = parts

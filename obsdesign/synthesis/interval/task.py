@@ -13,17 +13,15 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmi.arithmetic.arrays import Array, Matrix
 from obsdesign.equations.estimation_error import idle_gains, seen_before_jump
 from obsdesign.equations.interval.splits import absolute_metzler
 from obsdesign.equations.interval.width import WidthSystem
+from obsdesign.problem.options import IntervalOptions
 from obsdesign.problem.problem import Problem
-
-Matrix = NDArray[np.float64]
 
 # caps of the gains where none is given, in multiples of the plant's own size: the width goes on
 # shrinking, ever more slowly, as gains grow, and a limit may be approached only by endless gains
@@ -63,7 +61,7 @@ class Task:
 
     @classmethod
     def from_problem(
-        cls, problem: Problem, positive: bool, S: Matrix | None, given: Mapping[str, Any]
+        cls, problem: Problem, positive: bool, S: Matrix | None, given: Mapping[str, Array]
     ) -> Task:
         """The task in coordinates S (None: the plant's own); `given` holds L, M as far as fixed."""
         plant = problem.plant
@@ -90,7 +88,7 @@ class Task:
             open_M="M" not in given and "M" not in idle,
             limit_L=limit_L, limit_M=limit_M, positive=positive,
             weights=width_weights(problem) @ np.abs(basis),
-            pre_jump=problem.options.get("width") == "pre_jump",
+            pre_jump=problem.options_as(IntervalOptions).width == "pre_jump",
             S=basis, L0=inward @ L, M0=inward @ M,
         )  # fmt: skip
 
@@ -134,7 +132,8 @@ class Task:
 def width_weights(problem: Problem) -> Matrix:
     """Weights (n,) of the widths of the states, one on average."""
     n = problem.plant.n
-    given = np.array(problem.options.get("width_weights", np.ones(n)), dtype=np.float64)
+    stated = problem.options_as(IntervalOptions).width_weights
+    given = np.ones(n) if stated is None else np.array(stated)
     weights: Matrix = given / given.max()
     return weights * (n / float(weights.sum()))
 
@@ -149,10 +148,10 @@ def sampling_limit(problem: Problem, basis: Matrix) -> Matrix:
 
 
 def _given_limit(problem: Problem, basis: Matrix) -> float | None:
-    limit = problem.options.get("gain_limit")
+    limit = problem.options_as(IntervalOptions).gain_limit
     if limit is None:
         return None
-    cap = float(limit) / float(np.abs(basis).sum(axis=1).max())
+    cap = limit / float(np.abs(basis).sum(axis=1).max())
     return (
         cap if np.array_equal(basis, np.eye(len(basis))) else cap * (1 - ROUNDING)
     )  # S L is rounded
@@ -185,7 +184,7 @@ def _limits(problem: Problem, basis: Matrix) -> tuple[Matrix, Matrix]:
     cap = _given_limit(problem, basis)
     if cap is not None:
         return np.full(shape, cap), np.full(shape, cap)
-    factor = _DEFAULT_LIMIT[str(problem.options.get("objective", "feasible"))]
+    factor = _DEFAULT_LIMIT[problem.options_as(IntervalOptions).objective]
     size = _size(problem, basis)
     jump = 1.0 if plant.jump is None else float(np.abs(plant.jump.G).max())
     return (

@@ -9,11 +9,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.balancing import Scaling
 from lmi.arithmetic.balls import exact
 from lmi.arithmetic.exponential import absolute_flow, expm
@@ -22,8 +21,6 @@ from lmi.families import Edge
 from lmi.find.linear_program import minimise
 from lmi.prove.hurwitz import rightmost
 from obsdesign.equations.interval.width import WidthSystem
-
-Matrix = NDArray[np.float64]
 
 # room for a strict proof, relative to what enters the width from jump to jump
 ROOM = 1e-6
@@ -34,7 +31,7 @@ _ROUNDS, _FINE = 12, 800
 
 def proved_width(
     system: WidthSystem, approx: WidthSystem, low: float, high: float, vanishing: bool = False
-) -> dict[str, Any] | None:
+) -> dict[str, list[float]] | None:
     """Return the proposal of `propose_width` for the float twin of a system, if it is proved.
 
     vanishing: also where nothing enters and the width tends to zero, to show just that.
@@ -55,7 +52,7 @@ def proved_width(
 
 def propose_width(
     system: WidthSystem, low: float, high: float, vanishing: bool = False, share: float = ROOM
-) -> dict[str, Any] | None:
+) -> dict[str, list[float]] | None:
     """{"tube": (n,) in z, "after_jump", "before_jump", "always": (n,) in x}; None without one.
 
     system: floats, with jumps; share: room for a strict proof, relative.
@@ -100,7 +97,7 @@ def _least_tube(
     }
 
 
-def propose_limit(system: WidthSystem, vanishing: bool = False) -> dict[str, Any] | None:
+def propose_limit(system: WidthSystem, vanishing: bool = False) -> dict[str, list[float]] | None:
     """{"tube": (n,) in z, "always": (n,) in x} of a plant without jumps; None without a limit."""
     units = Units.from_system(system, 1.0, 1.0)
     own = units.rescaled(system)
@@ -145,7 +142,7 @@ class Units:
 
     def rescaled(self, system: WidthSystem) -> WidthSystem:
         """The same system in these units."""
-        arrays: dict[str, Any] = dict(vars(system))
+        arrays = dict(vars(system))
         for name in ("W", "N", "K", "A", "G"):
             arrays[name] = None if arrays[name] is None else self.z.map(arrays[name])
         for name in ("f", "h", "k"):
@@ -153,7 +150,7 @@ class Units:
         arrays["out"] = self.x.rows(self.z.columns(system.out))
         return WidthSystem(**arrays)
 
-    def restated(self, widths: dict[str, Matrix]) -> dict[str, Any]:
+    def restated(self, widths: dict[str, Matrix]) -> dict[str, list[float]]:
         """Widths in the units of the plant, and of its observer's coordinates, as lists."""
         of_z = ("tube", "sampled", "jumped")
         return {

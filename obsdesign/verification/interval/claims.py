@@ -14,15 +14,18 @@ from typing import Any
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Array
 from lmi.arithmetic.balls import exact, inverse
 from lmi.prove.hurwitz import prove_hurwitz
+from obsdesign.analysis.interval.requirements import large_gain, open_forms, reason_against
 from obsdesign.document import Claim
 from obsdesign.entries import is_number
 from obsdesign.equations.estimation_error import idle_gains
 from obsdesign.equations.gains import plant_data
-from obsdesign.equations.interval import splits as equations
 from obsdesign.equations.interval.gains import IntervalGains
+from obsdesign.equations.interval.splits import in_coordinates
 from obsdesign.equations.interval.width import Coordinates, WidthSystem, error_matrices
+from obsdesign.problem.options import IntervalOptions
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.consistency import consistent_gains
 from obsdesign.verification.dwell import (
@@ -132,7 +135,7 @@ def _spacing(
     return spacing_claim(system, gains, certificates.get("sampled_width", {}), source)
 
 
-def dwell_pair(stored: Mapping[str, Any]) -> tuple[Any, Any]:
+def dwell_pair(stored: Mapping[str, Any]) -> tuple[Array, Array | None]:
     """(W, N), exact: the pair whose stability over a range of dwell times is claimed."""
     system = WidthSystem.from_gains(IntervalGains.from_document(stored), exact, inverse)
     return system.W, system.N
@@ -140,7 +143,7 @@ def dwell_pair(stored: Mapping[str, Any]) -> tuple[Any, Any]:
 
 def _within_limit(problem: Problem, gains: IntervalGains, agreement: Claim) -> Claim:
     """The claim of consistency, refuted if a gain exceeds the limit of the problem."""
-    large = equations.large_gain(gains.L, gains.M, problem.options.get("gain_limit"))
+    large = large_gain(gains.L, gains.M, problem.options_as(IntervalOptions).gain_limit)
     if large is None:
         return agreement
     return _refuted(agreement, large.entry("gains"), large.reason("gains"))
@@ -171,7 +174,7 @@ def _sign_claims(gains: IntervalGains) -> list[Claim]:
     flow, jump = "A" if gains.is_periodic else "A - L C", "the jump matrix of the error, H,"
     D0, D1 = exact(gains.D0), exact(gains.D1)
     if H is not None and gains.T is not None:
-        H2 = equations.in_coordinates(H, frame.S2, frame.S2_inverse)
+        H2 = in_coordinates(H, frame.S2, frame.S2_inverse)
         return [metzler_claim(F, D0, D1, source), nonnegative_claim(exact(gains.T), H2, source)]
     if form == "coordinates":
         flow, jump = f"S^-1 ({flow}) S", "S^-1 H S, H the jump matrix of the error,"
@@ -185,7 +188,7 @@ def _sign_claims(gains: IntervalGains) -> list[Claim]:
 
 def _reason_against(problem: Problem) -> str | None:
     """Reason against an interval observer for the problem, or None."""
-    reason = equations.reason_against(problem.plant, problem.gains, problem.options)
+    reason = reason_against(problem)
     is_periodic = problem.plant.output.measured == "periodic"
     reason = reason or (None if is_periodic else reason_against_problem(problem))
     if reason is None and problem.plant.output.noise_bound is None:
@@ -200,7 +203,7 @@ def expected_gains(problem: Problem, stored: Mapping[str, Any]) -> dict[str, Any
     """
     plant, form = problem.plant, stored.get("form")
     n, p = plant.n, plant.p
-    forms = set(equations.open_forms(problem.gains, problem.options))
+    forms = set(open_forms(problem))
     expected: dict[str, Any] = {"form": forms} | plant_data(plant)
     if plant.output.measured == "periodic":
         expected |= {"period": plant.output.period}
@@ -229,13 +232,15 @@ def _has_step_limit(problem: Problem, stored: Mapping[str, Any]) -> bool:
 
 def _is_wider(problem: Problem, dwell_time: Any) -> bool:
     """Does the range of a search for the shortest dwell time hold the one of the problem?"""
-    if problem.options.get("objective") != "shortest_dwell" or np.shape(dwell_time) != (2,):
+    if problem.options_as(IntervalOptions).objective != "shortest_dwell" or np.shape(
+        dwell_time
+    ) != (2,):
         return False
     low, high = problem.require_dwell_time()
     return bool(0.0 <= dwell_time[0] <= low and dwell_time[1] == high)
 
 
-def _hurwitz_claim(W: Any, why: str) -> Claim:
+def _hurwitz_claim(W: Array, why: str) -> Claim:
     verdict = prove_hurwitz(W)
     return Claim.from_verdict(
         "hurwitz",

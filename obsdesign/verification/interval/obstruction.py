@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Array
 from lmi.arithmetic.balls import exact, inverse, to_float
 from lmi.prove.hurwitz import prove_hurwitz
 from lmi.refute.spectral import refute_spectral
@@ -69,7 +70,7 @@ def _undetectable(problem: Problem) -> dict[str, Any] | None:
     return not_detectable(A, G, C, ends)
 
 
-def _plant(problem: Problem) -> tuple[Any, Any, Any, tuple[float, float]]:
+def _plant(problem: Problem) -> tuple[Array, Array | None, Array, tuple[float, float]]:
     """A, G (None without jumps), C, and the range of dwell times."""
     plant = problem.plant
     if plant.jump is None:
@@ -161,7 +162,9 @@ def _in_these_coordinates(
     return _unreached(problem, F, H, C_flow, C_jump)
 
 
-def _unreached(problem: Problem, F: Any, H: Any, C_flow: Any, C_jump: Any) -> dict[str, Any] | None:
+def _unreached(
+    problem: Problem, F: Array, H: Array | None, C_flow: Array, C_jump: Array
+) -> dict[str, Any] | None:
     """Columns that no gain reaches keep their part of W and N, and it does not contract.
 
     C_flow, C_jump: factors of the open gains, zero where none is open.
@@ -185,7 +188,7 @@ def _unreached(problem: Problem, F: Any, H: Any, C_flow: Any, C_jump: Any) -> di
     return witness
 
 
-def _wrong_sign(X: Any, C: Any, name: str, metzler: bool) -> dict[str, Any] | None:
+def _wrong_sign(X: Array, C: Array, name: str, metzler: bool) -> dict[str, Any] | None:
     """A row that no gain makes nonnegative: y >= 0 with C y = 0 and (row) y < 0 (Farkas)."""
     n = len(X)
     for i in range(n):
@@ -197,7 +200,7 @@ def _wrong_sign(X: Any, C: Any, name: str, metzler: bool) -> dict[str, Any] | No
     return None
 
 
-def _entry(X: Any, i: int, support: tuple[int, ...], y: Any, name: str) -> dict[str, Any]:
+def _entry(X: Array, i: int, support: tuple[int, ...], y: Array, name: str) -> dict[str, Any]:
     values = [float(v) for v in to_float(np.array([X[i, j] for j in support], dtype=object))]
     if len(support) == 1:
         j = support[0]
@@ -212,7 +215,7 @@ def _entry(X: Any, i: int, support: tuple[int, ...], y: Any, name: str) -> dict[
     return {"row": i + 1, "columns": [j + 1 for j in support], "weights": weights, "reason": reason}
 
 
-def _kernel_vectors(C: Any, columns: list[int]) -> Iterator[tuple[tuple[int, ...], Any]]:
+def _kernel_vectors(C: Array, columns: list[int]) -> Iterator[tuple[tuple[int, ...], Array]]:
     """Yield (support, y): y > 0 on a few columns with C y = 0, of least support."""
     supports = itertools.chain.from_iterable(
         itertools.combinations(columns, size) for size in range(1, len(C) + 2)

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Array
 from lmi.arithmetic.balls import exact, inverse, to_float, upper_ends
 from lmi.bounds.interleaved import Bounds, Interleaved, prove_interleaved, sampled_flow
 from lmi.prove.hurwitz import prove_hurwitz
@@ -88,7 +89,7 @@ def _refutation(system: WidthSystem, period: float) -> Verdict:
     return refute_spectral(0 * below, below, period, period)
 
 
-def _proof(system: WidthSystem, gains: IntervalGains, vectors: Mapping[str, Any]) -> Verdict:
+def _proof(system: WidthSystem, gains: IntervalGains, vectors: Mapping[str, Array]) -> Verdict:
     assert gains.period is not None
     question = Interleaved.from_system(system, gains.period, *gains.dwell_ends, gains.skips_jumps)
     bounds = Bounds(vectors["tube"], vectors["sampled"], vectors.get("jumped"), vectors["always"])
@@ -171,11 +172,12 @@ class SampledWidth:
     def sentence(self, skips: bool) -> str:
         """Guarantee of the width; skips: no sample is taken at the time of a jump."""
         always = shown(self.always)
-        if self.step_limit is None:
+        if self.after_sample is not None:
             return (
                 f"{in_every_period(skips)}, the width comes to at most "
                 f"{shown(self.after_sample)} after samples and {always} at any time."
             )
+        assert self.step_limit is not None
         apart = f"at most {self.step_limit:.6g} apart, at jumps and irregular ones too,"
         if skips:
             apart = (

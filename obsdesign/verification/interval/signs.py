@@ -7,10 +7,10 @@ its matrix by rounding alone; the observer carries the difference.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Array
 from lmi.arithmetic.balls import exact, to_float
 from lmi.verdict import Verdict, proved, refuted
 from obsdesign.document import Claim
@@ -38,9 +38,9 @@ JUMP = SplitPart("jump_positive", ("Gp", "Gn"), False, "Assumption 2.iii")
 class SplitMatrix:
     """X in the observer's coordinates and its stored split X = plus - minus, exact."""
 
-    X: Any
-    plus: Any
-    minus: Any
+    X: Array
+    plus: Array
+    minus: Array
 
 
 def split_claim(part: SplitPart, form: str, name: str, matrix: SplitMatrix, source: str) -> Claim:
@@ -73,7 +73,7 @@ def split_claim(part: SplitPart, form: str, name: str, matrix: SplitMatrix, sour
     return Claim.from_verdict(part.claim, statement, f"{source}, {assumption}", verdict)
 
 
-def metzler_claim(R: Any, D0: Any, D1: Any, source: str) -> Claim:
+def metzler_claim(R: Array, D0: Array, D1: Array, source: str) -> Claim:
     """Claim that R = S^-1 (A - L C) S of Theorem 7 is Metzler, up to rounding, stored as D1."""
     limit = exact(SPLIT_ROUNDING).item() * np.max(np.abs(R))
     off_diagonal = ~np.eye(len(R), dtype=bool)
@@ -92,7 +92,7 @@ def metzler_claim(R: Any, D0: Any, D1: Any, source: str) -> Claim:
     return Claim.from_verdict("flow_positive", statement, f"{source}, Assumption 4", verdict)
 
 
-def nonnegative_claim(T: Any, H2: Any, source: str) -> Claim:
+def nonnegative_claim(T: Array, H2: Array, source: str) -> Claim:
     """Claim that T >= 0 is S2^-1 H S2, up to rounding."""
     verdict = signs(T, False, "T is not nonnegative")
     if verdict.outcome == "proved":
@@ -101,7 +101,7 @@ def nonnegative_claim(T: Any, H2: Any, source: str) -> Claim:
     return Claim.from_verdict("jump_positive", statement, f"{source}, Assumption 4", verdict)
 
 
-def signs(X: Any, metzler: bool, failure: str) -> Verdict:
+def signs(X: Array, metzler: bool, failure: str) -> Verdict:
     """Decide whether every entry (off the diagonal, for Metzler) is >= 0, exactly."""
     for (i, j), value in np.ndenumerate(X):
         if value < 0 and not (metzler and i == j):
@@ -112,7 +112,7 @@ def signs(X: Any, metzler: bool, failure: str) -> Verdict:
     return proved(exact=True)
 
 
-def _same(X: Any, stored: Any, failure: str) -> Verdict:
+def _same(X: Array, stored: Array, failure: str) -> Verdict:
     """Decide whether stored = X up to the rounding of stored decimals."""
     # a split that is many times larger than X itself would lose X in its own rounding
     limit = np.max(np.abs(X)) * exact(SPLIT_ROUNDING).item()
@@ -126,5 +126,5 @@ def _same(X: Any, stored: Any, failure: str) -> Verdict:
     return proved(exact=largest == 0.0, largest_remainder=largest)
 
 
-def _number(value: Any) -> float:
+def _number(value: object) -> float:
     return float(to_float(np.array([value], dtype=object))[0])

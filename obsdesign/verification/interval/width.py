@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Array
 from lmi.arithmetic.balls import exact, to_float
 from lmi.bounds.tube import Tube, periodic_limit, prove_tube
 from lmi.verdict import Verdict, proved, undecided
@@ -101,7 +102,7 @@ def width_sentence(claims: tuple[Claim, ...], measured: str) -> list[tuple[str, 
         return []
     width = AsymptoticWidth.from_evidence(evidence[0])
     always = shown(width.always)
-    if width.after_jump is None:
+    if width.after_jump is None or width.before_jump is None:
         return [(f"{measured}, the width comes to at most {always}.", ["width"])]
     sentence = (
         f"{measured}, the width comes, as jumps go on, to at most "
@@ -120,12 +121,12 @@ def _constant_dwell_sentence(row: ConstantDwell, measured: str) -> str:
     )
 
 
-def shown(values: Any) -> str:
+def shown(values: Sequence[float] | Array) -> str:
     """Text of a vector of upper bounds: six digits, rounded up."""
     return "(" + ", ".join(six_digits(float(value), ROUND_CEILING) for value in values) + ")"
 
 
-def vectors(proposed: Mapping[str, Any], names: tuple[str, ...], n: int) -> Any:
+def vectors(proposed: Mapping[str, Any], names: tuple[str, ...], n: int) -> dict[str, Array] | None:
     """The proposed vectors, exact; None if one is missing, or not a finite vector."""
     result = {}
     for name in names:
@@ -139,7 +140,7 @@ def vectors(proposed: Mapping[str, Any], names: tuple[str, ...], n: int) -> Any:
     return result
 
 
-def _proof(system: WidthSystem, ends: tuple[float, float], bounds: Mapping[str, Any]) -> Verdict:
+def _proof(system: WidthSystem, ends: tuple[float, float], bounds: Mapping[str, Array]) -> Verdict:
     W, f, N, h, out = (exact(X) for X in (system.W, system.f, *system.at_jumps, system.out))
     names = ("tube", "after_jump", "before_jump", "always")
     return prove_tube(W, f, N, h, out, Tube(*(bounds[name] for name in names)), *ends)
@@ -158,7 +159,7 @@ def _constant_dwell(system: WidthSystem, ends: tuple[float, float]) -> list[Cons
     return rows
 
 
-def raised_product(out: Any, x: Any) -> list[float]:
+def raised_product(out: Array, x: Array) -> list[float]:
     """|S| x, rounded up; x: floats, or exact numbers that are floats."""
     if np.array_equal(to_float(exact(out)), np.eye(len(out))):
         return [float(value) for value in to_float(exact(x))]

@@ -111,7 +111,7 @@ class KernelsWithoutMargin(StepKernels):
 
 class WithoutMargin(IntervalObserver):
     @cached_property
-    def _kernels(self) -> StepKernels:
+    def kernels(self) -> StepKernels:
         return KernelsWithoutMargin(self.gains)
 
 

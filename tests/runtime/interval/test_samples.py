@@ -1,4 +1,4 @@
-"""Samples as events, stretches, bundles, fleets, guards: the enclosure holds, whatever happens."""
+"""Samples as events, stretches, fleets, guards: the enclosure holds, whatever happens."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from obsdesign.equations.gains import plant_data
 from obsdesign.equations.interval import splits as equations
 from obsdesign.problem.plant import Flow, Jump, Output, Plant
 from obsdesign.runtime import Sample
-from obsdesign.runtime.interval.batch import Columns
-from obsdesign.runtime.interval.bundle import IntervalBundle
+from obsdesign.runtime.base import rows_of
+from obsdesign.runtime.columns import collect
 from obsdesign.runtime.interval.fleet import Fleet
 from obsdesign.runtime.interval.observer import IntervalObserver
 from tests.systems.interval_runs import (
@@ -182,10 +182,9 @@ def test_a_record_at_once_agrees_with_the_stream(seed: int) -> None:
     )
     box = {"lower": x - 1, "upper": x + 1}
     batch = observer.run_batch(*data, **box)
-    rows = Columns.from_record(*data)
     state = observer.init(0.0, **box)
-    for k in range(len(record.t)):
-        state, estimate = observer.step(state, rows.sample(k))
+    for k, sample in enumerate(rows_of(*data)):
+        state, estimate = observer.step(state, sample)
         assert estimate.status == batch.status[k]
         size = 1 + np.abs(estimate.lower) + np.abs(estimate.upper)
         assert np.all(np.abs(estimate.lower - batch.lower[k]) <= SUMMATION * size)
@@ -230,8 +229,8 @@ def test_a_fleet_is_its_plants(measured: str, with_S: bool) -> None:
                 "observer": {"kind": "interval", "gains": {"L": [[0], [0.5]], "S": [[0, 2], [1, 1]]}}}  # fmt: skip
         design = obsdesign.design(obsdesign.Problem.from_dict(body))
         observer = IntervalObserver.from_gains(design.gains)
-    fleet, rng = Fleet(observer), np.random.default_rng(3)
-    centre = rng.standard_normal((2, 7))
+    plants, rng = 9, np.random.default_rng(3)
+    fleet, centre = Fleet((observer,) * plants), rng.standard_normal((2, plants))
     state = fleet.init(0.0, lower=centre - 0.5, upper=centre + 0.5)
     single = [observer.init(0.0, lower=c - 0.5, upper=c + 0.5) for c in centre.T]
     x = centre.copy()
@@ -240,23 +239,120 @@ def test_a_fleet_is_its_plants(measured: str, with_S: bool) -> None:
         x = expm(A * 0.1) @ x
         y = C @ x
         state, together = fleet.step(state, t, y)
-        assert together.plausible.all()
-        for i in range(7):
+        assert not together.single
+        for i in range(plants):
             single[i], alone = observer.step(single[i], Sample(t, y=y[:, i]))
             # no narrower than by rounding, and wider only by what cutting with the strip would gain
             assert np.all(together.lower[:, i] <= alone.lower + 1e-12)
             assert np.all(alone.upper <= together.upper[:, i] + 1e-12)
             assert np.all(together.lower[:, i] <= x[:, i])
             assert np.all(x[:, i] <= together.upper[:, i])
-    _, far = fleet.step(state, 3.1, y + 50)
-    assert not far.plausible.any()
+    _, far = fleet.step(state, 3.0, y + 50)
+    assert all("y1 outside its bounds" in far.plant(i).status for i in range(plants))
     with pytest.raises(ValueError, match="time must increase"):
         fleet.step(state, 1.0, y)
 
 
-def test_a_bundle_is_the_intersection() -> None:
+def own_rows(plants: int, rng: np.random.Generator) -> tuple[np.ndarray, ...]:
+    """(t, y, jump): times of their own, rows and samples that are missing, and jumps."""
+    offset = np.where(np.arange(plants) % 3 == 0, 0.013, 0.0)
+    t = np.round(0.1 * np.arange(1, 80)[:, None] + offset, 3)
+    t[rng.random(t.shape) < 0.02] = np.nan
+    y = rng.uniform(-0.02, 0.02, t.shape)
+    y[rng.random(t.shape) < 0.03] = np.nan
+    return t, y, rng.random(t.shape) < 0.02
+
+
+@pytest.mark.parametrize("measured", ["periodic", "continuous"])
+def test_plants_of_a_fleet_have_their_own_designs_times_jumps_and_gaps(measured: str) -> None:
+    one = academic(measured, 0.1, dwell=(0.01, 50.0))
+    other = IntervalObserver.from_gains(one.gains.to_document() | {"L": 0.8 * one.gains.L})
+    plants, ordinary = 30, 0
+    observers = (one, other, one) * 10
+    fleet = Fleet(observers)
+    box = {"lower": [-3, -3], "upper": [3, 3]}
+    state, single = fleet.init(0.0, **box), [each.init(0.0, **box) for each in observers]
+    for t, y, jump in zip(*own_rows(plants, np.random.default_rng(7)), strict=True):
+        state, together = fleet.step(state, t, y[None], jump=jump)
+        ordinary += plants - len(together.single)
+        for i in np.flatnonzero(~np.isnan(t)):
+            sample = Sample(t[i], y[i : i + 1], jump=bool(jump[i]))
+            single[i], alone = observers[i].step(single[i], sample)
+            estimate, room = (
+                together.plant(i),
+                1e-9 * (1 + np.abs(alone.upper) + np.abs(alone.lower)),
+            )
+            assert (estimate.t, estimate.status, estimate.events) == alone[:1] + alone[5:][::-1]
+            assert np.all(estimate.lower <= alone.lower + room)
+            assert np.all(alone.upper <= estimate.upper + room)
+        assert np.isnan(together.lower[:, np.isnan(t)]).all()
+    assert ordinary > 0.5 * plants * 79
+
+
+def test_steps_of_their_own_are_those_of_the_observer_bit_for_bit() -> None:
+    observers = (academic("continuous", 0.1), academic("periodic", 0.1))
+    fleet, box = Fleet(observers), {"lower": [-3, -3], "upper": [3, 3]}
+    state, single = fleet.init(0.0, **box), [each.init(0.0, **box) for each in observers]
+    for t, y, jump in zip(*own_rows(2, np.random.default_rng(1)), strict=True):
+        state, together = fleet.step(state, t, y[None], jump=jump)
+        for i in np.flatnonzero(~np.isnan(t)):
+            sample = Sample(t[i], y[i : i + 1], jump=bool(jump[i]))
+            single[i], alone = observers[i].step(single[i], sample)
+            np.testing.assert_equal(tuple(together.plant(i)), tuple(alone))
+
+
+def test_a_refuted_plant_of_a_fleet_is_reset_alone() -> None:
+    observer = academic("periodic", 0.1)
+    fleet = Fleet((observer,) * 9)
+    state = fleet.init(0.0, lower=[0, 0], upper=[1, 1])
+    state, _ = fleet.step(state, 0.0, [0.5])
+    y = np.full((1, 9), 0.5)
+    y[0, 4] = 50.0
+    state, bad = fleet.step(state, 0.1, y)
+    assert {i: each.status for i, each in bad.single.items()} == {4: "y1 outside its bounds"}
+    state, after = fleet.step(state, 0.2, [0.4])
+    assert "void since time 0.1" in after.plant(4).status
+    state = fleet.reset(state, 4, lower=[0, 0], upper=[1, 1])
+    state, fresh = fleet.step(state, 0.3, [0.4])
+    assert [fresh.plant(i).status for i in range(9)] == ["ok"] * 9
+    assert list(fresh.single) == [4]
+    assert not fleet.step(state, 0.4, [0.4])[1].single
+
+
+def test_known_inputs_of_a_fleet() -> None:
+    plant = Plant(
+        Flow(A, B=np.array([[1.0], [0.5]])), None,
+        Output(C, noise_bound=[V], measured="periodic", period=0.1),
+    )  # fmt: skip
+    observer = sampled_observer(plant, np.array([[0.0], [0.5]]), np.zeros((2, 1)))
+    fleet, rng = Fleet((observer,) * 9), np.random.default_rng(2)
+    box = {"lower": [-3, -3], "upper": [3, 3]}
+    state, single = fleet.init(0.0, **box), [observer.init(0.0, **box) for _ in range(9)]
+    for k in range(1, 20):
+        y, u = rng.uniform(-0.01, 0.01, (2, 1, 9))
+        state, together = fleet.step(state, round(0.1 * k, 1), y, u=u if k % 3 else None)
+        assert not together.single
+        for i in range(9):
+            sample = Sample(round(0.1 * k, 1), y[:, i], u[:, i] if k % 3 else None)
+            single[i], alone = observer.step(single[i], sample)
+            assert np.all(together.lower[:, i] <= alone.lower + 1e-12)
+            assert np.all(alone.upper <= together.upper[:, i] + 1e-12)
+
+
+def test_fleets_that_make_no_sense_are_refused() -> None:
+    with pytest.raises(ValueError, match="at least one observer"):
+        Fleet(())
+    plant = Plant(Flow(-np.eye(1)), None, Output(np.eye(1), noise_bound=[0.1]))
+    other = observer_for(plant, np.zeros((1, 1)), np.zeros((1, 1)))
+    with pytest.raises(ValueError, match="same numbers of states"):
+        Fleet((other, academic("continuous", 0.1)))
+    fleet = Fleet((other,) * 3)
+    with pytest.raises(ValueError, match=r"must have shape \(1,\) or \(1, 3\); got \(2,\)"):
+        fleet.init(0.0, lower=[1, 2], upper=[1, 2])
+
+
+def test_two_designs_for_one_plant_share_the_intersection() -> None:
     one, two = academic("continuous", 0.1), academic("periodic", 0.1)
-    bundle = IntervalBundle((one, replace(two)))
     record = simulate(
         Plant(Flow(A, lower=[-BETA] * 2, upper=[BETA] * 2),
               Jump(np.array([[2.0, 1], [1, 3]]), lower=[-0.3] * 2, upper=[0.3] * 2, dwell_time=(5, 5)),
@@ -265,22 +361,29 @@ def test_a_bundle_is_the_intersection() -> None:
     )  # fmt: skip
     data = (record.t, record.block("y"), None, None, record.columns["jump"])
     box = {"lower": [0, 0], "upper": [2, 2]}
-    both = bundle.run_batch(*data, **box)
+    fleet = Fleet((one, two))
+    state, both = fleet.init(0.0, **box), []
+    for sample in rows_of(*data):
+        state, bounds = fleet.step(state, sample.t, sample.y, jump=sample.jump)
+        both.append(fleet.intersection(bounds))
+    batch = collect(both)
     singles = [one.run_batch(*data, **box), two.run_batch(*data, **box)]
-    np.testing.assert_allclose(both.lower, np.maximum(*(s.lower for s in singles)), atol=1e-12)
-    np.testing.assert_allclose(both.upper, np.minimum(*(s.upper for s in singles)), atol=1e-12)
+    np.testing.assert_allclose(batch.lower, np.maximum(*(s.lower for s in singles)), atol=1e-12)
+    np.testing.assert_allclose(batch.upper, np.minimum(*(s.upper for s in singles)), atol=1e-12)
     x = record.block("x")
-    assert np.all(both.lower <= x)
-    assert np.all(x <= both.upper)
-    assert set(both.status) == {"ok"}
+    assert np.all(batch.lower <= x)
+    assert np.all(x <= batch.upper)
+    assert set(batch.status) == {"ok"}
 
 
-def test_a_bundle_is_for_one_plant() -> None:
+def test_an_intersection_is_for_one_plant() -> None:
     other = academic("continuous", 0.1)
     gains = other.gains.to_document() | {"noise_bound": np.array([0.5])}
+    fleet = Fleet((other, IntervalObserver.from_gains(gains)))
+    _, bounds = fleet.step(fleet.init(0.0, lower=[0, 0], upper=[1, 1]), 0.0, [0.5])
     with pytest.raises(ValueError, match="for one plant") as error:
-        IntervalBundle((other, IntervalObserver.from_gains(gains)))
-    assert str(error.value) == "observers of a bundle must be for one plant; noise_bound differs."
+        fleet.intersection(bounds)
+    assert str(error.value) == "observers must be for one plant; noise_bound differs."
 
 
 # --- guard, reset, events -----------------------------------------------------------------------

@@ -1,0 +1,1 @@
+"""Facts about interval observers that synthesis and verification share."""

@@ -1,0 +1,137 @@
+"""Problems that have an interval observer, and the forms that they leave open."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from lmi.arithmetic.arrays import Array
+from obsdesign.problem.options import IntervalOptions
+from obsdesign.problem.plant import Plant
+from obsdesign.problem.problem import Problem
+
+_SPLITS = ("D0", "D1", "Gp", "Gn")
+
+
+def reason_against(problem: Problem) -> str | None:
+    """Reason against an interval observer for a problem, one sentence, or None.
+
+    Unbounded inputs are refused, and options without effect.
+    """
+    plant, gains = problem.plant, problem.gains
+    options = problem.options_as(IntervalOptions)
+    if reason := reason_against_plant(plant):
+        return reason
+    if large := large_gain(gains.get("L"), gains.get("M"), options.gain_limit):
+        return large.reason("observer.gains")
+    if reason := _reason_against_width(plant, options):
+        return reason
+    return _reason_against_form(plant, gains, options.form)
+
+
+def reason_against_plant(plant: Plant) -> str | None:
+    """Reason against a plant with unbounded inputs, one sentence, or None."""
+    if plant.flow.D is not None:
+        return (
+            "flow.D is refused by kind 'interval': an unknown input without bounds leaves no "
+            "bounds on the state. Give bounds as flow.disturbance."
+        )
+    if plant.jump is not None and plant.jump.H is not None:
+        return (
+            "jump.H is refused by kind 'interval': impulses of unknown weight leave no bounds "
+            "on the state. Give bounds as jump.disturbance."
+        )
+    return None
+
+
+def _reason_against_width(plant: Plant, options: IntervalOptions) -> str | None:
+    """Reason against options of the width, or None."""
+    for name in ("width", "width_weights"):
+        if options.is_stated(name) and options.objective != "narrowest":
+            return f"observer.{name} needs observer.objective = 'narrowest'; it is not asked for."
+    if options.width == "pre_jump":
+        if plant.jump is None:
+            return "[jump] is required by observer.width = 'pre_jump'; it is missing."
+        if plant.output.measured == "periodic":
+            return (
+                "observer.width = 'pre_jump' is not available with measured = 'periodic'; "
+                "it must be mean."
+            )
+    return None
+
+
+@dataclass(frozen=True)
+class LargeGain:
+    """An entry of L or M beyond `gain_limit`; row and column from 1."""
+
+    name: str
+    row: int
+    column: int
+    value: float
+    limit: float
+
+    def entry(self, owner: str) -> str:
+        """Name of the gain; owner: prefix of the gains."""
+        return f"{owner}.{self.name}, row {self.row}"
+
+    def reason(self, owner: str) -> str:
+        """Reason against the gain, one sentence."""
+        return (
+            f"{owner}.{self.name}, row {self.row}, column {self.column} must not exceed "
+            f"observer.gain_limit = {self.limit:g}; got {self.value!r}."
+        )
+
+
+def large_gain(L: Array | None, M: Array | None, limit: float | None) -> LargeGain | None:
+    """The first entry of L or M, as far as they are given, beyond the limit; exact."""
+    for name, gain in (("L", L), ("M", M)):
+        if limit is None or gain is None:
+            continue
+        for (i, k), value in np.ndenumerate(gain):
+            if abs(value) > limit:
+                return LargeGain(name, i + 1, k + 1, float(value), limit)
+    return None
+
+
+def _reason_against_form(plant: Plant, gains: Mapping[str, Array], form: str) -> str | None:
+    """Reason against a form for the given gains, or None."""
+    if form in ("cooperative", "split"):
+        for name in ("S", "S2", "T"):
+            if name in gains:
+                return (
+                    f"observer.gains.{name} belongs to the forms coordinates and two_coordinates; "
+                    f"got it with form {form!r}."
+                )
+    splits = [name for name in _SPLITS if name in gains]
+    if splits and form in ("cooperative", "two_coordinates"):
+        return (
+            f"observer.gains.{splits[0]} belongs to the forms split and coordinates; "
+            f"got it with form {form!r}."
+        )
+    if splits and "S2" in gains:
+        return f"observer.gains.{splits[0]} is a split; with S2 and T there is none."
+    if form == "coordinates" and "S2" in gains:
+        return "observer.gains.S2 belongs to form 'two_coordinates'; got it with 'coordinates'."
+    needed = ("S", "S2") if form == "two_coordinates" or {"S2", "T"} & set(gains) else ()
+    for name in needed:
+        if name not in gains:
+            return f"observer.gains.{name} is required by form 'two_coordinates'; it is missing."
+    if form == "two_coordinates" and plant.jump is None:
+        return "[jump] is required by form 'two_coordinates'; it is missing."
+    return None
+
+
+def open_forms(problem: Problem) -> tuple[str, ...]:
+    """Return the forms that a problem leaves open, in order of preference."""
+    form, gains = problem.options_as(IntervalOptions).form, problem.gains
+    if form != "auto":
+        return (form,)
+    if "S2" in gains:
+        return ("two_coordinates",)
+    if "S" in gains:
+        return ("coordinates",)
+    if any(name in gains for name in _SPLITS):
+        return ("split",)
+    return ("cooperative", "split", "coordinates")

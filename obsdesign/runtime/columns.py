@@ -1,0 +1,87 @@
+"""A record, and the estimates of it, as arrays with one row per time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from lmi.arithmetic.arrays import Matrix
+
+if TYPE_CHECKING:
+    from obsdesign.runtime.base import Estimate
+
+
+@dataclass(frozen=True)
+class Columns:
+    """t (rows,); y, u, w (rows, ...), None where a record has none; jump (rows,).
+
+    NaN in y marks a missing sample.
+    """
+
+    t: Matrix
+    y: Matrix | None
+    u: Matrix | None
+    w: Matrix | None
+    jump: NDArray[np.bool_]
+
+    @staticmethod
+    def from_arrays(
+        t: ArrayLike,
+        y: ArrayLike | None = None,
+        u: ArrayLike | None = None,
+        w: ArrayLike | None = None,
+        jump: ArrayLike | None = None,
+    ) -> Columns:
+        """A record; ValueError without any row, and for arrays of other lengths than t."""
+        times = np.asarray(t, dtype=np.float64)
+        if not len(times):
+            raise ValueError("at least one row is required; got none.")
+        jumps = np.zeros(len(times), bool) if jump is None else np.asarray(jump, dtype=bool)
+        _check_rows(jumps, times)
+        y, u, w = (_table(values, times) for values in (y, u, w))
+        return Columns(times, y, u, w, jumps)
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Estimates of a whole record as arrays of shape (rows,) and (rows, n)."""
+
+    t: Matrix
+    x: Matrix | None
+    lower: Matrix | None
+    upper: Matrix | None
+    d: Matrix | None
+    status: tuple[str, ...] = ()
+    events: tuple[Any, ...] = ()  # of all rows, in order
+
+
+def collect(estimates: Iterable[Estimate]) -> Batch:
+    """Stack estimates row by row."""
+    rows = list(estimates)
+
+    def stacked(name: str) -> Matrix | None:
+        values = [getattr(row, name) for row in rows]
+        return None if not values or values[0] is None else np.array(values)
+
+    columns = {name: stacked(name) for name in ("x", "lower", "upper", "d")}
+    return Batch(
+        np.array([row.t for row in rows]), **columns, status=tuple(r.status for r in rows),
+        events=tuple(event for row in rows for event in row.events),
+    )  # fmt: skip
+
+
+def _table(values: ArrayLike | None, times: Matrix) -> Matrix | None:
+    if values is None:
+        return None
+    array = np.asarray(values, dtype=np.float64)
+    _check_rows(array, times)
+    return array.reshape(len(times), -1)
+
+
+def _check_rows(array: Matrix | NDArray[np.bool_], times: Matrix) -> None:
+    if len(array) != len(times):
+        raise ValueError(f"every array must have {len(times)} rows, as t has; got {len(array)}.")
