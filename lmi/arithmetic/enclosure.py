@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lmi.arithmetic.arrays import Matrix as Matrix  # the runtime imports it from here
+from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.units import balance, reachable
 
 UNIT = 2.0**-53  # unit roundoff of binary64

@@ -19,7 +19,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lmi.arithmetic.enclosure import TINY, UNIT, Enclosure, Matrix, raised
+from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.enclosure import TINY, UNIT, Enclosure, raised
 from obsdesign.runtime.base import MODERATE
 from obsdesign.runtime.interval.maps import (
     BoxMap,

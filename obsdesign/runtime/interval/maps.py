@@ -45,7 +45,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lmi.arithmetic.enclosure import Enclosure, Matrix, expm, inverse, powers, raised, stack
+from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.enclosure import Enclosure, expm, inverse, powers, raised, stack
 from lmi.arithmetic.exponential import FLOW_PIECES
 from obsdesign.equations.interval.gains import IntervalGains
 from obsdesign.runtime.interval.model import (

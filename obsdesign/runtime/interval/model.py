@@ -10,7 +10,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lmi.arithmetic.enclosure import Enclosure, Matrix, inverse, raised
+from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.enclosure import Enclosure, inverse, raised
 from obsdesign.equations.interval.gains import IntervalGains
 
 exactly = Enclosure.exactly

@@ -11,7 +11,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lmi.arithmetic.enclosure import Matrix, raised
+from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.enclosure import raised
 from obsdesign.equations.interval.gains import IntervalGains
 from obsdesign.runtime.base import Vector, vector
 from obsdesign.runtime.interval.kernel import Kernel, kernel, path_kernel

@@ -150,7 +150,7 @@ def test_memory_is_how_far_windows_look() -> None:
     assert without_memory.evidence["reason"].endswith("which is not instability")
 
 
-@pytest.mark.parametrize("method", ["bernstein", "march", "chords"])
+@pytest.mark.parametrize("method", ["bernstein", "chords"])
 def test_endless_dwell_times(method: str) -> None:
     F, H = endless_pair()
     verdict = decide(F, H, 0.2, math.inf)
@@ -267,14 +267,13 @@ def test_a_proof_for_one_range_is_none_for_another() -> None:
     assert prove_windows(F, H, CASE, 0.4, 1.87, gamma=0.99).outcome == "undecided"
 
 
-@pytest.mark.parametrize(("method", "name"), [("march", "log-norm march"), ("chords", "chords")])
-def test_other_methods_confirm(method: str, name: str) -> None:
-    verdict = prove_windows(*SAMPLED, CASE, 0.4, 1.87, method=method)
+def test_chords_confirm() -> None:
+    verdict = prove_windows(*SAMPLED, CASE, 0.4, 1.87, method="chords")
     assert verdict.outcome == "proved"
-    assert verdict.evidence["method"] == name
+    assert verdict.evidence["method"] == "chords"
     spoilt = json.loads(json.dumps(CASE))
     swap(spoilt)
-    assert prove_windows(*SAMPLED, spoilt, 0.4, 1.87, method=method).outcome == "undecided"
+    assert prove_windows(*SAMPLED, spoilt, 0.4, 1.87, method="chords").outcome == "undecided"
 
 
 def random_windows(rng: np.random.Generator, low: float, high: float, cuts: int) -> Windows:
