@@ -34,9 +34,12 @@ from typing import Any
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.balancing import Scaling
 from lmi.arithmetic.balls import (
+    Balls,
     Exact,
+    Rational,
     ball,
     exact,
     exp_times,
@@ -142,7 +145,7 @@ class Interleaved:
         """A period."""
         return Time(rational(self.period), 0.0, rational(0.0))
 
-    def over_period(self) -> Any:
+    def over_period(self) -> Balls:
         """Balls of the map from sample to sample on (r, 1)."""
         return _augmented(*self.sampled(self.whole))
 
@@ -164,7 +167,7 @@ class Bounds:
 def prove_interleaved(system: Interleaved, X: Exact, bounds: Bounds) -> Verdict:
     """p is a tube and the other bounds hold in it, for every sequence of jumps; or undecided."""
     parts = [system.b, system.k, X] + ([] if system.j is None else [system.j])
-    entries: list[Any] = [x for part in parts for x in part.flat]
+    entries: list[Rational] = [x for part in parts for x in part.ravel().tolist()]
     if any(x < 0 for x in entries) or not all(x > 0 for x in bounds.p):
         return undecided("the system, or the tube, is not positive")
     system, X, bounds = _scaled(system, X, bounds)
@@ -231,11 +234,11 @@ def _cycles(system: Interleaved, X: Exact, bounds: Bounds) -> Verdict:
 
 
 def _uppermost_before_jumps(
-    system: Interleaved, bounds: Bounds, sample: Any
+    system: Interleaved, bounds: Bounds, sample: Balls
 ) -> tuple[Exact, int] | str:
     """Above p_m for every m that allows a jump, and the last m looked at; or why there is none."""
     fewest, most = system.periods
-    widest: Any = None
+    widest: Matrix | None = None
     p = _column(bounds.p)
     for m in range(MOST_PERIODS + 1):
         if not _below(p, bounds.sampled, strictly=False):
@@ -251,7 +254,7 @@ def _uppermost_before_jumps(
     return f"the width still grows {MOST_PERIODS} periods after a jump"
 
 
-def _not_raised(sample: Any, p: Any, limit: Exact) -> Any:
+def _not_raised(sample: Balls, p: Balls, limit: Exact) -> Matrix | None:
     """q >= p, q <= limit, that one more period does not raise: it bounds all that follows p."""
     top = upper_ends(p).reshape(-1)[:-1]
     candidates = [top]
@@ -314,7 +317,7 @@ def _holds(path: Path, bound: Exact, reach: float) -> bool:
     return all(bool(x < b) for x, b in pairs)
 
 
-def _augmented(sizes: Path, added: Path) -> Any:
+def _augmented(sizes: Path, added: Path) -> Balls:
     """Balls of r -> sizes r + added on (r, 1), in the middle."""
     pairs = zip(sizes.middle.tolist(), added.middle.tolist(), strict=True)
     rows = [[*row, *more] for row, more in pairs]
@@ -322,14 +325,14 @@ def _augmented(sizes: Path, added: Path) -> Any:
     return type(sizes.middle)([*rows, list(last)])
 
 
-def _column(p: Exact) -> Any:
+def _column(p: Exact) -> Balls:
     return ball(np.append(p, exact([1.0]))[:, None])
 
 
-def _below(column: Any, bound: Exact, strictly: bool = True) -> bool:
+def _below(column: Balls, bound: Exact, strictly: bool = True) -> bool:
     pairs = zip(column.entries(), ball(bound[:, None]).entries(), strict=False)
     return all(bool(x < b) if strictly else bool(x <= b) for x, b in pairs)
 
 
-def _uppermost(values: Any, so_far: Any) -> Any:
+def _uppermost(values: Matrix, so_far: Matrix | None) -> Matrix:
     return values if so_far is None else np.maximum(values, so_far)

@@ -14,13 +14,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.balancing import Scaling
 from lmi.arithmetic.balls import (
     PRECISIONS,
+    Balls,
     Exact,
     ball,
     exact,
@@ -38,7 +39,7 @@ from lmi.verdict import Verdict, proved, undecided
 
 def periodic_limit(
     W: Exact, N: Exact, f: Exact, h: Exact, theta: float
-) -> tuple[Any, Any, Any] | None:
+) -> tuple[Matrix, Matrix, Matrix] | None:
     """Upper ends of what u' = W u + f, u+ = N u + h tends to under a constant theta > 0.
 
     (before a jump, after it, on average), (n,) floats that exceed the exact limits by less than an
@@ -179,7 +180,7 @@ def _march(system: Affine, X: Exact, bound: Exact, low: float, high: float, limi
     return undecided(f"{limit} steps did not reach the end", theta=theta, steps=limit)
 
 
-def _step(rows: Any, rates: Any, Z: Exact, middle: Any, reach: float) -> bool:
+def _step(rows: Balls, rates: Balls, Z: Exact, middle: Balls, reach: float) -> bool:
     """Mean value form: value in the middle, plus the largest rate times the way to the ends."""
     values = (rows * middle).entries()
     slopes = (rates * (exp_around(Z, reach) * middle)).entries()
@@ -187,11 +188,11 @@ def _step(rows: Any, rates: Any, Z: Exact, middle: Any, reach: float) -> bool:
     return all(bool(value + abs(slope) * number(reach) < 0) for value, slope in pairs)
 
 
-def _negative(column: Any) -> bool:
+def _negative(column: Balls) -> bool:
     return all(bool(x < 0) for x in column.entries())
 
 
-def _is_decreasing(Z: Any, state: Any) -> bool:
+def _is_decreasing(Z: Balls, state: Balls) -> bool:
     """u' <= 0 now, hence for ever: u' is a solution of the positive system y' = W y."""
     return all(bool(x <= 0) for x in (Z * state).entries())
 
@@ -215,7 +216,7 @@ def _steady(system: Affine, X: Exact, bound: Exact) -> Exact | None:
     return None
 
 
-def _is_below(state: Any, steady: Exact | None) -> bool:
+def _is_below(state: Balls, steady: Exact | None) -> bool:
     if steady is None:
         return False
     return all(bool(x <= number_of) for x, number_of in zip(

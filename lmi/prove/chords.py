@@ -227,8 +227,7 @@ def _forms(F: Balls, left: Balls, length: float) -> tuple[_Form, ...]:
 def _root(S: Matrix, regular: bool) -> Matrix:
     """Upper triangular T with T' T = S, or near S where S is singular; floats."""
     lift = 0.0 if regular else 1e-3 * float(np.trace(S)) / len(S)
-    root: Matrix = np.linalg.cholesky(S + lift * np.eye(len(S))).T
-    return root
+    return np.asarray(np.linalg.cholesky(S + lift * np.eye(len(S))).T, dtype=np.float64)
 
 
 def _log_norm(F: Matrix) -> float:

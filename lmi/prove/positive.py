@@ -16,17 +16,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.balancing import Scaling
 from lmi.arithmetic.balls import (
     PRECISIONS,
+    Ball,
+    Balls,
     Exact,
+    Rational,
     ball,
-    certify_negative,
     exact,
     exp_times,
     number,
@@ -81,7 +83,7 @@ def prove_copositive(
     flow, jump, vector = exact(F), exact(H), np.asarray(v, dtype=np.float64)
     if vector.shape != (len(flow),) or not np.isfinite(vector).all() or not (vector > 0).all():
         return undecided("the vector is not positive")
-    entries: list[Any] = [*flow[~np.eye(len(flow), dtype=bool)], *jump.flat]
+    entries: list[Rational] = [*flow[~np.eye(len(flow), dtype=bool)], *jump.flat]
     if any(entry < 0 for entry in entries):
         return undecided("the flow is not Metzler, or the jump not nonnegative")
     scaling = Scaling.from_pair(flow, jump, float(high))
@@ -99,9 +101,7 @@ def prove_copositive(
     return verdict
 
 
-def _march(
-    question: RowFlow, v: NDArray[np.float64], low: float, high: float, limit: int
-) -> Verdict:
+def _march(question: RowFlow, v: Matrix, low: float, high: float, limit: int) -> Verdict:
     start, B = ball(question.start[None, :]), ball(question.B)
     K, bound = ball(question.K), [number(float(x)) for x in v]
     lift = [number(float(x) * _LIFT) for x in v]
@@ -119,7 +119,7 @@ def _march(
             return proved(**done, **({"tail_from": theta} if mu <= 0 else {}))
         following = math.nextafter(theta - math.log(q) / mu * (1 - 1e-6), -math.inf)
         grown = ((number(following) - number(theta)) * number(mu)).exp() * number(q)
-        if not following > theta or not certify_negative(grown - 1):
+        if not following > theta or not grown < 1:
             return undecided(f"no further step is possible at theta = {theta!r}", theta=theta)
         if following >= high:
             return proved(**done)
@@ -127,13 +127,13 @@ def _march(
     return undecided(f"{limit} steps did not reach the end", theta=theta, steps=limit)
 
 
-def _lifted(row: Any, lift: list[Any]) -> Any:
+def _lifted(row: Balls, lift: list[Ball]) -> Balls:
     """The row plus a little of v: an upper bound without zeros."""
     entries = [x + more for x, more in zip(row.entries(), lift, strict=True)]
     return type(row)(1, len(entries), entries)
 
 
-def _largest(values: list[Any]) -> float | None:
+def _largest(values: list[Ball]) -> float | None:
     """A float that is certainly at least as large as every ball; None if there is none."""
     largest = -math.inf
     for value in values:

@@ -28,7 +28,6 @@ from lmi.arithmetic.balls import (
     PRECISIONS,
     Exact,
     ball,
-    certify_negative,
     exact,
     exp_times,
     fixed_vector,
@@ -262,9 +261,9 @@ def _settled(F: Exact, H: Exact, *thetas: float) -> tuple[bool | None, str, int]
             M = maps[thetas[0]]
             for theta in thetas[1:]:
                 M = maps[theta] * M
-            if certify_negative((unit - M).det()):
+            if (unit - M).det() < 0:
                 return False, "det(I - M) < 0: a real eigenvalue above 1", bits
-            if certify_negative((unit + M).det()):
+            if (unit + M).det() < 0:
                 return False, "det(I + M) < 0: a real eigenvalue below -1", bits
             inside = schur(M)
         if inside is not None:
