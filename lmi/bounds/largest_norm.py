@@ -31,7 +31,7 @@ def norm_over(left: Exact, F: Exact, right: Exact, low: float, high: float) -> B
     left (a, n), F (n, n), right (n, b): exact. At the current precision.
     """
     largest = scalar(0)
-    for centre, around in _cells(left, F, right, low, high, _REACH):
+    for centre, around in _cells(left, F, right, low, high, reach=_REACH):
         largest = largest.max(norm_bound(centre * around))
     return largest
 
@@ -42,7 +42,7 @@ def inverse_norm_over(left: Exact, F: Exact, right: Exact, low: float, high: flo
     None where the inverse is not certain to exist everywhere.
     """
     largest = scalar(0)
-    for centre, around in _cells(left, F, right, low, high, _FINE):
+    for centre, around in _cells(left, F, right, low, high, reach=_FINE):
         try:
             Z = ball(exact(np.linalg.inv(middle(centre * around))))
         except (np.linalg.LinAlgError, ValueError):  # singular, or not finite
@@ -55,7 +55,7 @@ def inverse_norm_over(left: Exact, F: Exact, right: Exact, low: float, high: flo
 
 
 def _cells(
-    left: Exact, F: Exact, right: Exact, low: float, high: float, reach: float
+    left: Exact, F: Exact, right: Exact, low: float, high: float, *, reach: float
 ) -> Iterator[tuple[Balls, Balls]]:
     """Pairs whose products enclose left e^{F theta} right on cells that cover the range."""
     size = float(np.abs(to_float(F)).sum(axis=0).max(initial=0.0))

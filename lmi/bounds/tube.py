@@ -100,7 +100,7 @@ class Tube:
 
 
 def prove_tube(
-    W: Exact, f: Exact, N: Exact, h: Exact, X: Exact, tube: Tube, low: float, high: float
+    W: Exact, f: Exact, N: Exact, h: Exact, X: Exact, *, tube: Tube, low: float, high: float
 ) -> Verdict:
     """Prove that a tube is invariant and attracts: u' = W u + f, u+ = N u + h.
 
@@ -140,13 +140,15 @@ def prove_below(
     verdict = undecided("no attempt was made")
     for bits in PRECISIONS[:2]:
         with precision(bits), np.errstate(all="ignore"):
-            verdict = _march(system, X, bound, float(low), float(high), steps)
+            verdict = _stepped(system, X, bound, float(low), float(high), limit=steps)
         if verdict.outcome == "proved" or verdict.evidence.get("steps", 0) >= steps:
             break
     return verdict
 
 
-def _march(system: Affine, X: Exact, bound: Exact, low: float, high: float, limit: int) -> Verdict:
+def _stepped(
+    system: Affine, X: Exact, bound: Exact, low: float, high: float, *, limit: int
+) -> Verdict:
     Z = system.generator
     rows = ball(np.hstack([X, -bound[:, None]]))
     rates = rows * ball(Z)

@@ -57,7 +57,7 @@ def prove_common(
     inequality could not be shown. For high = infinity F must be Hurwitz. ValueError unless 0 <= low
     <= high.
     """
-    condition = common(F, H, P, low, high, form, gamma)
+    condition = common(F, H, P, low, high, form=form, gamma=gamma)
     if isinstance(condition, str):
         return undecided(condition)
     return prove(condition, method=method, steps=steps)

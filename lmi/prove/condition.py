@@ -59,7 +59,7 @@ class Condition:
 
 
 def common(
-    F: ArrayLike, H: ArrayLike, P: ArrayLike, low: float, high: float, form: str, gamma: float
+    F: ArrayLike, H: ArrayLike, P: ArrayLike, low: float, high: float, *, form: str, gamma: float
 ) -> Condition | str:
     """The condition that one P is decreased, or the reason why P cannot even be tried.
 

@@ -54,7 +54,7 @@ class Effort:
 
 
 def boxes(
-    F: Exact, z: Balls, start: float, end: float, rows: list[int], effort: Effort | None = None
+    F: Exact, z: Balls, start: float, end: float, rows: list[int], *, effort: Effort | None = None
 ) -> Iterator[Box]:
     """Boxes that cover [start, end] for entries `rows` of e^{F s} z; F exact, z a ball column.
 

@@ -93,7 +93,7 @@ def prove_copositive(
     verdict = undecided("no attempt was made")
     for bits in PRECISIONS:
         with precision(bits), np.errstate(all="ignore"):
-            verdict = _march(question, vector, float(low), float(high), steps)
+            verdict = _stepped(question, vector, float(low), float(high), steps)
         if verdict.outcome == "proved":
             return Verdict("proved", {"side": side, "form": form, **verdict.evidence})
         if verdict.evidence.get("steps", 0) >= steps:
@@ -101,7 +101,7 @@ def prove_copositive(
     return verdict
 
 
-def _march(question: RowFlow, v: Matrix, low: float, high: float, limit: int) -> Verdict:
+def _stepped(question: RowFlow, v: Matrix, low: float, high: float, limit: int) -> Verdict:
     start, B = ball(question.start[None, :]), ball(question.B)
     K, bound = ball(question.K), [number(float(x)) for x in v]
     lift = [number(float(x) * _LIFT) for x in v]

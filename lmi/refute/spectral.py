@@ -17,7 +17,6 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -105,10 +104,8 @@ def refute_spectral(
     radius (float, for reading) and the method of proof. seeds: theta to look at besides the scan's.
     """
     F_exact, H_exact = exact(F), exact(H)
-    if (fixed := _fixed(F_exact, H_exact)) is not None:
-        reason = "M(theta) has an eigenvalue 1 or -1 for every theta: a state that never decays"
-        return refuted({"theta": float(low), "spectral_radius": 1.0, **fixed,
-                        "reason": reason, "method": "exact invariant vector"})  # fmt: skip
+    if (fixed := _fixed(F_exact, H_exact, float(low))) is not None:
+        return fixed
     if low == 0 and not exactly_schur(H_exact):
         radius = max(1.0, float(spectral_radii(to_float(H_exact))))  # floats that overflow give 1
         reason = f"at dwell time 0 the jump alone has spectral radius {radius:.9g} >= 1"
@@ -159,15 +156,17 @@ def decide_constant(F: ArrayLike, H: ArrayLike, theta: float) -> Verdict:
     return undecided(f"{reason} with {PRECISIONS[-1]} bits", theta=theta)
 
 
-def _fixed(F: Exact, H: Exact) -> dict[str, Any] | None:
-    """v ("right") with F v = 0 and H v = v or -v, or such a row vector ("left"), exactly."""
+def _fixed(F: Exact, H: Exact, theta: float) -> Verdict | None:
+    """Refuted by v ("right") with F v = 0 and H v = v or -v, or such a row vector ("left")."""
     unit = exact(np.eye(len(H)))
     pairs = (("right", F, H - unit), ("left", F.T, H.T - unit),
              ("right", F, H + unit), ("left", F.T, H.T + unit))  # fmt: skip
     for side, flow, jump in pairs:
         vector = fixed_vector([flow, jump])
         if vector is not None:
-            return {"vector": vector, "side": side}
+            reason = "M(theta) has an eigenvalue 1 or -1 for every theta: a state that never decays"
+            return refuted({"theta": theta, "spectral_radius": 1.0, "vector": vector, "side": side,
+                            "reason": reason, "method": "exact invariant vector"})  # fmt: skip
     return None
 
 

@@ -363,7 +363,7 @@ def test_rates_by_windows() -> None:
     assert rates.per_jump < 1
     assert rates.in_time > 0
     for better in (Rates(rates.per_jump - 5e-3, 0.0), Rates(rates.per_jump, rates.in_time + 0.01)):
-        assert prove_rates(*SAMPLED, CASE, 0.4, 1.87, better).outcome == "undecided"
+        assert prove_rates(*SAMPLED, CASE, 0.4, 1.87, rates=better).outcome == "undecided"
 
 
 def test_several_jump_maps_share_one_P() -> None:
