@@ -126,9 +126,7 @@ def prove_tube(
     return proved(method="mean value form in balls", steps=steps)
 
 
-def prove_below(
-    system: Affine, X: Exact, bound: Exact, low: float, high: float, *, steps: int = STEP_LIMIT
-) -> Verdict:
+def prove_below(system: Affine, X: Exact, bound: Exact, low: float, high: float) -> Verdict:
     """X u(theta) < bound, entry by entry, for all theta in [low, high]; undecided otherwise.
 
     X (q, n) >= 0 and bound (q,), exact. Signs of W, f and X are checked here.
@@ -140,15 +138,13 @@ def prove_below(
     verdict = undecided("no attempt was made")
     for bits in PRECISIONS[:2]:
         with precision(bits), np.errstate(all="ignore"):
-            verdict = _stepped(system, X, bound, float(low), float(high), limit=steps)
-        if verdict.outcome == "proved" or verdict.evidence.get("steps", 0) >= steps:
+            verdict = _stepped(system, X, bound, float(low), float(high))
+        if verdict.outcome == "proved" or verdict.evidence.get("steps", 0) >= STEP_LIMIT:
             break
     return verdict
 
 
-def _stepped(
-    system: Affine, X: Exact, bound: Exact, low: float, high: float, *, limit: int
-) -> Verdict:
+def _stepped(system: Affine, X: Exact, bound: Exact, low: float, high: float) -> Verdict:
     Z = system.generator
     rows = ball(np.hstack([X, -bound[:, None]]))
     rates = rows * ball(Z)
@@ -156,7 +152,7 @@ def _stepped(
     unit = 1.0 / max(float(np.abs(to_float(system.W)).sum(axis=1).max()), 1e-300)
     steady = _steady(system, X, bound) if math.isinf(high) else None
     theta, step = low, min(unit, high - low)
-    for count in range(1, limit + 1):
+    for count in range(1, STEP_LIMIT + 1):
         state = exp_times(Z, theta) * start
         if not _negative(rows * state):
             reason = f"the bound fails, or nearly fails, at theta = {theta!r}"
@@ -179,7 +175,7 @@ def _stepped(
                 break
             step *= 0.5
         theta, step = end, step * 1.7
-    return undecided(f"{limit} steps did not reach the end", theta=theta, steps=limit)
+    return undecided(f"{STEP_LIMIT} steps did not reach the end", theta=theta, steps=STEP_LIMIT)
 
 
 def _step(rows: Balls, rates: Balls, Z: Exact, middle: Balls, reach: float) -> bool:

@@ -29,7 +29,7 @@ from lmi.arithmetic.balls import (
 )
 from lmi.prove.bernstein import Boxes, Normalised, prove_range
 from lmi.prove.chords import chords
-from lmi.prove.condition import Condition, common
+from lmi.prove.condition import Condition
 from lmi.prove.tails import falling_forms
 from lmi.verdict import Verdict, proved, undecided
 
@@ -57,9 +57,15 @@ def prove_common(
     inequality could not be shown. For high = infinity F must be Hurwitz. ValueError unless 0 <= low
     <= high.
     """
-    condition = common(F, H, P, low, high, form=form, gamma=gamma)
-    if isinstance(condition, str):
-        return undecided(condition)
+    if not 0 <= low <= high:
+        raise ValueError(f"0 <= low <= high is required; got [{low}, {high}]")
+    if form not in ("before_jump", "after_jump"):
+        raise ValueError(f"form must be before_jump or after_jump; got {form!r}")
+    flow, jump, P = exact(F), exact(H), np.asarray(P, dtype=np.float64)
+    if P.shape != flow.shape or not np.isfinite(P).all() or not np.array_equal(P, P.T):
+        return undecided("P is not a finite symmetric matrix")
+    right, left = (jump, None) if form == "before_jump" else (exact(np.eye(len(P))), jump)
+    condition = Condition(flow, right, P, P, float(low), float(high), left, gamma)
     return prove(condition, method=method, steps=steps)
 
 

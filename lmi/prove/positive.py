@@ -71,7 +71,6 @@ def prove_copositive(
     *,
     side: str = "left",
     form: str = "before_jump",
-    steps: int = STEP_LIMIT,
 ) -> Verdict:
     """Prove the copositive inequality for all theta in [low, high]; high may be infinite.
 
@@ -93,20 +92,20 @@ def prove_copositive(
     verdict = undecided("no attempt was made")
     for bits in PRECISIONS:
         with precision(bits), np.errstate(all="ignore"):
-            verdict = _stepped(question, vector, float(low), float(high), steps)
+            verdict = _stepped(question, vector, float(low), float(high))
         if verdict.outcome == "proved":
             return Verdict("proved", {"side": side, "form": form, **verdict.evidence})
-        if verdict.evidence.get("steps", 0) >= steps:
+        if verdict.evidence.get("steps", 0) >= STEP_LIMIT:
             break  # more bits do not make fewer steps
     return verdict
 
 
-def _stepped(question: RowFlow, v: Matrix, low: float, high: float, limit: int) -> Verdict:
+def _stepped(question: RowFlow, v: Matrix, low: float, high: float) -> Verdict:
     start, B = ball(question.start[None, :]), ball(question.B)
     K, bound = ball(question.K), [number(float(x)) for x in v]
     lift = [number(float(x) * _LIFT) for x in v]
     theta = low
-    for step in range(1, limit + 1):
+    for step in range(1, STEP_LIMIT + 1):
         row = start * exp_times(question.K, theta)
         row = _lifted(row, lift)
         q = _largest([x / b for x, b in zip((row * B).entries(), bound, strict=True)])
@@ -124,7 +123,7 @@ def _stepped(question: RowFlow, v: Matrix, low: float, high: float, limit: int) 
         if following >= high:
             return proved(**done)
         theta = following
-    return undecided(f"{limit} steps did not reach the end", theta=theta, steps=limit)
+    return undecided(f"{STEP_LIMIT} steps did not reach the end", theta=theta, steps=STEP_LIMIT)
 
 
 def _lifted(row: Balls, lift: list[Ball]) -> Balls:
