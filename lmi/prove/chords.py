@@ -49,6 +49,8 @@ from lmi.verdict import Verdict, proved, undecided
 # a step leaves this share of the margin to what lies between its ends
 _SHARE = 0.5
 _HALVINGS = 30
+# a chord may lose so much of its length to the width of balls
+_COARSEST = 1e-3
 # room given to a growth rate in floats before it is certified
 _PAD = 1e-9
 
@@ -103,7 +105,7 @@ class _Form:
 
     def chord(self, Y: Balls, gap: float) -> float:
         """Length of a chord for which rho in (2) takes its share of the gap, in floats."""
-        width = math.sqrt(8 * _SHARE * gap / (math.sqrt(_norm(self.value(Y))) + 1e-300))
+        width = _chord_length(gap, math.sqrt(_norm(self.value(Y))))
         return min(width, 1 / self.rate) if self.rate else width
 
 
@@ -172,13 +174,15 @@ class _Line:
             h = number(following) - number(theta)
             if self.is_below(carrier.value(flow) * carrier.growth(2 * h)):  # (1)
                 return following, self.flow(following)
-        return self._chord(theta, flow, chord, min(width, most))
+        bend = norm_bound(chord.value(Y)).sqrt()
+        if _chord_length(gap, float(bend)) < _COARSEST * min(width, self.condition.high - theta):
+            return None  # the balls are too wide at this precision
+        return self._chord(theta, flow, chord, bend, min(width, most))
 
     def _chord(
-        self, theta: float, flow: Balls, form: _Form, width: float
+        self, theta: float, flow: Balls, form: _Form, bend: Ball, width: float
     ) -> tuple[float, Balls] | None:
         """The end of a chord from theta that is proved, and its flow."""
-        bend = norm_bound(form.value(self.F * self.F * flow)).sqrt()
         for _ in range(_HALVINGS):
             following = self._end(theta, width)
             if not following > theta:
@@ -222,6 +226,11 @@ def _forms(F: Balls, left: Balls, length: float) -> tuple[_Form, ...]:
             shifted = turned - number(rate) * identity(n)
             forms += [_Form(T.transpose() * Q * T, rate) for Q in falling_forms(shifted, bound)]
     return tuple(forms)
+
+
+def _chord_length(gap: float, bend: float) -> float:
+    """Length of a chord for which rho in (2) takes its share of the gap, but for e^{rh}."""
+    return math.sqrt(8 * _SHARE * gap / (bend + 1e-300))
 
 
 def _root(S: Matrix, regular: bool) -> Matrix:
