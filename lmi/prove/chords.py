@@ -14,8 +14,8 @@ e^{rs} |Y'QY|^(1/2), so that N stays within rho of its chord, and the norm along
 that of its larger end: h grows with the root of the margin, and fast modes that have decayed do not
 shorten it.
 
-Coordinates and polynomials are not those of `lmi.prove.bernstein`. Everything that decides is ball
-arithmetic; floats choose steps only.
+With `lmi.prove.bernstein` it shares ball arithmetic and the search for falling forms, which are
+certified here again; neither coordinates nor polynomials. Floats choose steps and forms only.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Quadratic forms that bound what a flow makes of a state, now and for all later times.
 
-    Q > left' left,  F'Q + QF < 2 r Q    give    |left e^{Fs} y|^2 <= e^{2rs} y'Qy    for all s >= 0
+    Q >= left' left, F'Q + QF <= 2 r Q   give    |left e^{Fs} y|^2 <= e^{2rs} y'Qy    for all s >= 0
 
 since y'Qy grows at most with the rate 2r along the flow. With r = 0 it falls: a tail, which settles
 all later times at once.
@@ -19,7 +19,7 @@ from lmi.prove.hurwitz import lyapunov_matrix, modal_matrix
 def falling_forms(F: Balls, bound: Balls) -> list[Balls]:
     """Certified Q >= bound with F'Q + QF < 0, for ball matrices; bound >= 0.
 
-    Any such Q > 0, and F is Hurwitz. Modal coordinates do not mind slow modes, a Lyapunov equation
+    Any such Q is positive definite and shows that F is Hurwitz. Modal coordinates do not mind slow modes, a Lyapunov equation
     does not mind multiple ones.
     """
     if _falling(F, bound):

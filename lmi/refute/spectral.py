@@ -120,10 +120,8 @@ def refute_spectral(
         inside, method, _ = _settled(flow, jump, theta)
         if inside is False:
             radius = max(radius, 1.0)  # floats may have put it a little below
-            reason = (
-                f"at dwell time {theta!r} a jump and the flow after it have spectral radius "
-                f"{radius:.9g} >= 1"
-            )
+            reason = f"at dwell time {theta!r} a jump and the flow after it have spectral radius "
+            reason += f"{radius:.9g} >= 1"
             return refuted({"theta": theta, "spectral_radius": radius, "method": method,
                             "reason": reason})  # fmt: skip
     if (form := invariant_form(F_exact, H_exact)) is not None:
