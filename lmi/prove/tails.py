@@ -19,8 +19,8 @@ from lmi.prove.hurwitz import lyapunov_matrix, modal_matrix
 def falling_forms(F: Balls, bound: Balls) -> list[Balls]:
     """Certified Q >= bound with F'Q + QF < 0, for ball matrices; bound >= 0.
 
-    Any such Q is positive definite and shows that F is Hurwitz. Modal coordinates do not mind slow modes, a Lyapunov equation
-    does not mind multiple ones.
+    Any such Q is positive definite and shows that F is Hurwitz. Modal coordinates do not mind slow
+    modes, a Lyapunov equation does not mind multiple ones.
     """
     if _falling(F, bound):
         return [bound]
