@@ -120,16 +120,6 @@ def slack(P_source: Array, maps: Array, P_target: Array | None = None) -> Array:
     return slack_in(L, maps, L if P_target is None else np.linalg.cholesky(P_target))
 
 
-def approx_holds(P: Array, maps: Array) -> bool:
-    """M' P M < P for every M of (k, n, n), in floats; the fastest look there is."""
-    products = times(np.ascontiguousarray(np.swapaxes(maps, 1, 2)), P) @ maps
-    try:
-        np.linalg.cholesky(P - products)
-    except np.linalg.LinAlgError:
-        return False
-    return bool(np.isfinite(products).all())
-
-
 def slack_in(L: Array, maps: Array, L_target: Array) -> Array:
     """`slack` for P_source = L L', P_target = L_target L_target'."""
     return slack_of(transformed(L, maps, L_target))

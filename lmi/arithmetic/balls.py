@@ -9,16 +9,19 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import TypeAlias
 
 import numpy as np
-from flint import arb, arb_mat, ctx, fmpq, fmpq_mat, nmod_mat
+from flint import arb, arb_mat, ctx, fmpq, fmpq_mat, nmod, nmod_mat
 from numpy.typing import ArrayLike, NDArray
 
+from lmi.arithmetic.arrays import Matrix
+
 Exact = NDArray[np.object_]
-Rational = fmpq
-Ball = arb  # a number with a proved error bound
-Balls = arb_mat  # a matrix of them
+Rational: TypeAlias = fmpq
+Ball: TypeAlias = arb  # a number with a proved error bound
+Balls: TypeAlias = arb_mat  # a matrix of them
+Number: TypeAlias = fmpq | arb  # what formulas that run on both take
 _PRIME = 2**61 - 1
 PRECISIONS = (80, 160, 320)  # bits: raised in turn before a proof gives up
 
@@ -26,12 +29,11 @@ PRECISIONS = (80, 160, 320)  # bits: raised in turn before a proof gives up
 def exact(values: ArrayLike | Exact) -> Exact:
     """The rational numbers that floats (or exact entries) are; ValueError if not finite."""
     array = np.asarray(values)
-    result = np.empty(array.size, dtype=object)
-    result[:] = [rational(value) for value in array.ravel().tolist()]
-    return result.reshape(array.shape)
+    numbers = [rational(value) for value in array.ravel().tolist()]
+    return np.array(numbers, dtype=object).reshape(array.shape)
 
 
-def rational(value: Any) -> Any:
+def rational(value: Number | float) -> Rational:
     """One exact number."""
     if isinstance(value, fmpq):
         return value
@@ -41,13 +43,14 @@ def rational(value: Any) -> Any:
     return fmpq(*number.as_integer_ratio())
 
 
-def to_float(values: Exact) -> NDArray[np.float64]:
+def to_float(values: Exact) -> Matrix:
     """Nearest binary64 numbers; infinite where the exact number is too large for one."""
-    nearest = [_nearest(v) for v in values.flat]
+    nearest = [nearest_float(v) for v in values.ravel().tolist()]
     return np.array(nearest, dtype=np.float64).reshape(values.shape)
 
 
-def _nearest(value: Any) -> float:
+def nearest_float(value: Rational) -> float:
+    """The nearest binary64 number; infinite where there is none."""
     try:
         return int(value.p) / int(value.q)
     except OverflowError:
@@ -70,22 +73,21 @@ def working_bits() -> int:
     return int(ctx.prec)
 
 
-def ball(values: Exact) -> Any:
+def ball(values: Exact) -> Balls:
     """Ball matrix of an exact one, at the current precision."""
     return arb_mat(_rational_matrix(values))
 
 
-def _rational_matrix(values: Exact) -> Any:
-    rows, columns = values.shape
-    return fmpq_mat(rows, columns, list(values.flat))
+def _rational_matrix(values: Exact) -> fmpq_mat:
+    return fmpq_mat(len(values), values.shape[1], values.ravel().tolist())
 
 
-def exp_times(F: Exact, theta: float) -> Any:
+def exp_times(F: Exact, theta: float | Rational) -> Balls:
     """Ball matrix e^{F theta} for an exact F and the exact number a float theta is."""
     return arb_mat(_rational_matrix(F) * rational(theta)).exp()
 
 
-def certify_positive_definite(S: Any) -> bool:
+def certify_positive_definite(S: Balls) -> bool:
     """Certify that the symmetric ball matrix S is positive definite for every choice inside.
 
     False proves nothing. Every pivot of L D L' must be certainly positive.
@@ -93,17 +95,12 @@ def certify_positive_definite(S: Any) -> bool:
     return certify_pivots([list(row) for row in S.tolist()])
 
 
-def certify_negative(x: Any) -> bool:
-    """Certify that the ball contains nothing but negative numbers."""
-    return bool(x < 0)
-
-
-def number(value: float) -> Any:
+def number(value: float) -> Ball:
     """Ball of a float, exactly."""
     return arb(rational(value))
 
 
-def identity(n: int) -> Any:
+def identity(n: int) -> Balls:
     """Ball identity matrix."""
     return arb_mat(fmpq_mat(n, n, [fmpq(int(i == j)) for i in range(n) for j in range(n)]))
 
@@ -114,17 +111,15 @@ def inverse(values: Exact) -> Exact | None:
         entries = _rational_matrix(values).inv().entries()
     except ZeroDivisionError:
         return None
-    result = np.empty(len(entries), dtype=object)
-    result[:] = entries
-    return result.reshape(values.shape)
+    return np.array(entries, dtype=object).reshape(values.shape)
 
 
-def characteristic_polynomial(F: Exact) -> list[Any]:
+def characteristic_polynomial(F: Exact) -> list[Rational]:
     """Exact coefficients, constant term first, of det(s I - F)."""
     return list(_rational_matrix(F).charpoly().coeffs())
 
 
-def middle(S: Any) -> NDArray[np.float64]:
+def middle(S: Balls) -> Matrix:
     """Float midpoints of a ball matrix: to steer by, never to compare."""
     return np.array([[float(x) for x in row] for row in S.tolist()])
 
@@ -132,9 +127,7 @@ def middle(S: Any) -> NDArray[np.float64]:
 def row_echelon(values: Exact) -> tuple[Exact, int]:
     """Reduced row echelon form of an exact matrix, and its rank."""
     reduced, rank = _rational_matrix(values).rref()
-    result = np.empty(values.shape, dtype=object)
-    result.flat[:] = [x for row in reduced.tolist() for x in row]
-    return result, int(rank)
+    return np.array(reduced.entries(), dtype=object).reshape(values.shape), int(rank)
 
 
 def surely_observable(A: Exact, C: Exact) -> bool:
@@ -143,11 +136,11 @@ def surely_observable(A: Exact, C: Exact) -> bool:
     Modulo a prime the rank can only fall, and numbers stay short. False proves nothing.
     """
     try:
-        flow, rows = (nmod_mat(*X.shape, [_residue(x) for x in X.flat], _PRIME) for X in (A, C))
+        flow, rows = (_modulo_prime(X) for X in (A, C))
     except ZeroDivisionError:
         return False
     n, p = len(A), len(C)
-    entries: list[Any] = []
+    entries: list[nmod] = []
     for power in range(1, n + 1):
         entries += list(rows.entries())
         if p * power >= n and nmod_mat(p * power, n, entries, _PRIME).rank() == n:
@@ -156,7 +149,11 @@ def surely_observable(A: Exact, C: Exact) -> bool:
     return False
 
 
-def _residue(value: Any) -> int:
+def _modulo_prime(X: Exact) -> nmod_mat:
+    return nmod_mat(len(X), X.shape[1], [_residue(x) for x in X.ravel().tolist()], _PRIME)
+
+
+def _residue(value: Rational) -> int:
     top, bottom = int(value.p) % _PRIME, int(value.q) % _PRIME
     if bottom == 0:
         raise ZeroDivisionError
@@ -176,7 +173,7 @@ def fixed_vector(blocks: list[Exact]) -> list[float] | None:
     vector[free] = fmpq(1)
     for i, j in enumerate(leading):
         vector[j] = -reduced[i, free]
-    return [_nearest(v) for v in vector]
+    return [nearest_float(v) for v in vector]
 
 
 def rank_factors(H: Exact) -> tuple[Exact, Exact]:
@@ -198,7 +195,7 @@ def _leading(reduced: Exact, rank: int) -> list[int]:
     return [int(np.flatnonzero(row != 0)[0]) for row in reduced[:rank]]
 
 
-def cholesky(S: Any) -> Any:
+def cholesky(S: Balls) -> Balls | None:
     """Ball matrix L, lower triangular, that contains the L of S = L L'.
 
     None if S is not certainly positive definite.
@@ -222,7 +219,7 @@ def cholesky(S: Any) -> Any:
     return arb_mat(lower)
 
 
-def norm_bound(X: Any) -> Any:
+def norm_bound(X: Balls) -> Ball:
     """Ball above the spectral norm of a ball matrix: (tr (X'X)^4)^(1/8), at most n^(1/8) of it."""
     gram = X.transpose() * X
     square = gram * gram
@@ -230,24 +227,24 @@ def norm_bound(X: Any) -> Any:
     return power.root(8) if power > 0 else power
 
 
-def scalar(value: Any) -> Any:
+def scalar(value: Number | int) -> Ball:
     """Ball of an exact number."""
     return arb(value)
 
 
-def lower_entries(S: Any) -> list[Any]:
+def lower_entries(S: Balls) -> list[Ball]:
     """Entries of the lower triangle of a square ball matrix, row by row."""
     return [x for i, row in enumerate(S.tolist()) for x in row[: i + 1]]
 
 
-def combinations(weights: Any, matrices: list[Any]) -> list[list[Any]]:
+def combinations(weights: Balls, matrices: list[Balls]) -> list[list[Ball]]:
     """sum_j w_ij S_j for each row i of the weights; symmetric matrices, as lower_entries."""
     entries = [x for S in matrices for x in lower_entries(S)]
     stacked = arb_mat(len(matrices), len(entries) // len(matrices), entries)
     return [list(row) for row in (weights * stacked).tolist()]
 
 
-def certify_pivots(rows: list[list[Any]]) -> bool:
+def certify_pivots(rows: list[list[Ball]]) -> bool:
     """`certify_positive_definite` for rows of the lower triangle, which it consumes."""
     n = len(rows)
     for k in range(n):
@@ -262,12 +259,12 @@ def certify_pivots(rows: list[list[Any]]) -> bool:
     return True
 
 
-def exp_around(F: Exact, radius: float) -> Any:
+def exp_around(F: Exact, radius: float) -> Balls:
     """Ball matrix that contains e^{F s} for every |s| <= radius."""
     return (arb_mat(_rational_matrix(F)) * arb(0, radius)).exp()
 
 
-def solve(A: Any, b: Any) -> Any | None:
+def solve(A: Balls, b: Balls) -> Balls | None:
     """Ball solution of A x = b; None if A is not certainly invertible."""
     try:
         return A.solve(b)
@@ -275,14 +272,14 @@ def solve(A: Any, b: Any) -> Any | None:
         return None
 
 
-def upper_ends(X: Any) -> NDArray[np.float64]:
+def upper_ends(X: Balls) -> Matrix:
     """Floats that are certainly at least the entries of a ball matrix, in its shape."""
     tops = [[x.upper() for x in row] for row in X.tolist()]
     rows = [[0.0 if x == 0 else math.nextafter(float(x), math.inf) for x in row] for row in tops]
     return np.array(rows, dtype=np.float64)
 
 
-def entries(S: Any) -> Exact:
+def entries(S: Balls) -> Exact:
     """A ball matrix as an object array, so that formulas with `+ - @ .T` run on it."""
     return np.array(S.tolist(), dtype=object)
 
@@ -293,11 +290,11 @@ def solve_entries(A: Exact, B: Exact) -> Exact | None:
     return None if solution is None else entries(solution)
 
 
-def around_zero(radius: Any) -> Any:
+def around_zero(radius: Ball) -> Ball:
     """Ball [-r, r] for the largest r in a ball."""
     return arb(0, radius.abs_upper())
 
 
-def ball_column(entries: list[Any]) -> Any:
+def ball_column(entries: list[Number]) -> Balls:
     """Ball matrix of one column from balls or exact numbers."""
     return arb_mat(len(entries), 1, entries)

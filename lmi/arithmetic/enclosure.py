@@ -15,12 +15,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lmi.arithmetic.arrays import Matrix as Matrix  # the runtime imports it from here
+from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.units import balance, reachable
 
 UNIT = 2.0**-53  # unit roundoff of binary64
@@ -179,7 +178,7 @@ def _taylor(matrix: Enclosure, pattern: NDArray[np.bool_], even: bool) -> Enclos
     size = matrix.magnitude
     norm = float(np.max(np.sum(size, axis=0), initial=0.0))
     # the tail of the series is at most twice its first term, as norm <= 1/2
-    remainder: Any = 2.0 * norm ** (_TAYLOR_DEGREE + 1) / _FACTORIAL
+    remainder: float | Matrix = 2.0 * norm ** (_TAYLOR_DEGREE + 1) / _FACTORIAL
     if not even or (remainder > _NEGLIGIBLE * np.abs(result.mid))[pattern].any():
         remainder = np.where(pattern, _tail(size, norm), 0.0)
     return Enclosure(result.mid, raised(result.rad + remainder, 4))

@@ -9,7 +9,6 @@ matrix exponential, ibid. 31 (2009), 970-989: large off-diagonal entries cost no
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -110,15 +109,14 @@ def _pade(X: Matrix, degree: int) -> Matrix:
     powers = [np.eye(X.shape[-1]), X2]
     while len(powers) <= min(degree // 2, 3):
         powers.append(powers[-1] @ X2)
-    even: Any = sum((b[2 * k] * powers[k] for k in range(1, len(powers))), b[0] * powers[0])
-    odd: Any = sum((b[2 * k + 1] * powers[k] for k in range(1, len(powers))), b[1] * powers[0])
+    even: Matrix = sum((b[2 * k] * powers[k] for k in range(1, len(powers))), b[0] * powers[0])
+    odd: Matrix = sum((b[2 * k + 1] * powers[k] for k in range(1, len(powers))), b[1] * powers[0])
     if degree > 7:  # the rest in powers of X^6 times lower ones (Higham, (2.16))
         orders = range(4, degree // 2 + 1)
         even = even + powers[3] @ sum(b[2 * k] * powers[k - 3] for k in orders)
         odd = odd + powers[3] @ sum(b[2 * k + 1] * powers[k - 3] for k in orders)
     odd = X @ odd
-    result: Matrix = np.linalg.solve(even - odd, even + odd)
-    return result
+    return np.asarray(np.linalg.solve(even - odd, even + odd))
 
 
 def exponential_grid(F: ArrayLike, start: float, step: float, count: int) -> Matrix:

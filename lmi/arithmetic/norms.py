@@ -8,11 +8,11 @@ Inverses of I - M for nonnegative M, where they are nonnegative: small gains, in
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
+from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.balls import (
+    Ball,
     Exact,
     ball,
     certify_positive_definite,
@@ -24,7 +24,7 @@ from lmi.arithmetic.balls import (
 from lmi.verdict import Verdict, proved, refuted, undecided
 
 
-def nonnegative_inverse(M: list[list[Any]]) -> list[list[Any]] | None:
+def nonnegative_inverse(M: list[list[Ball]]) -> list[list[Ball]] | None:
     """Bound (I - X)^-1 in balls for every X with entries in [0, M_ij].
 
     M: nonnegative balls. None unless some v > 0 has (I - M) v > 0, certainly: then the spectral
@@ -52,7 +52,7 @@ def nonnegative_inverse(M: list[list[Any]]) -> list[list[Any]] | None:
 _ROOM = (2.0**-44, 2.0**-36, 2.0**-24, 2.0**-8)
 
 
-def spectral_norm(X: Exact) -> Any:
+def spectral_norm(X: Exact) -> Ball:
     """Ball that contains the largest singular value of every matrix in X.
 
     From below by |X v| / |v| for one v, from above by t^2 I - X'X > 0.
@@ -103,12 +103,12 @@ def well_ranked(X: Exact, threshold: float) -> Verdict:
     return undecided("too close to the threshold", approx_ratio=ratio, threshold=threshold)
 
 
-def _scaled_middle(X: Exact) -> tuple[Any, Any]:
+def _scaled_middle(X: Exact) -> tuple[Matrix, Ball | None]:
     """Midpoints over the largest of them, and that one; entries may be beyond binary64.
 
     NaN where a ball is infinite; zeros and None for the zero matrix.
     """
-    values: list[Any] = list(X.flat)
+    values: list[Ball] = X.ravel().tolist()
     if not all(x.is_finite() for x in values):
         return np.full(X.shape, np.nan), scalar(1)
     middles = [abs(x.mid()) for x in values]
@@ -119,30 +119,30 @@ def _scaled_middle(X: Exact) -> tuple[Any, Any]:
     return np.array(scaled).reshape(X.shape), largest
 
 
-def _frobenius(X: Exact) -> Any:
-    values: list[Any] = list(X.flat)
+def _frobenius(X: Exact) -> Ball:
+    values: list[Ball] = X.ravel().tolist()
     return _root(scalar(sum(x * x for x in values)))
 
 
-def _root(square: Any) -> Any:
+def _root(square: Ball) -> Ball:
     """Square root of a ball of a number that is not negative, whatever its ball says."""
     return square.abs_upper().sqrt().union(square.abs_lower().sqrt())
 
 
-def float_above(x: Any) -> float:
+def float_above(x: Ball) -> float:
     """A float that is not below any number in the ball; infinite where there is none."""
     return float(np.nextafter(_as_float(x.upper()), np.inf))
 
 
-def float_below(x: Any) -> float:
+def float_below(x: Ball) -> float:
     """A float that is not above any number in the ball."""
     return float(np.nextafter(_as_float(x.lower()), -np.inf))
 
 
-def middles(X: Exact) -> Any:
+def middles(X: Exact) -> Matrix:
     """Nearest floats to the midpoints of an object array of balls, (m, n)."""
     return np.array([[_as_float(x) for x in row] for row in X])
 
 
-def _as_float(x: Any) -> float:
+def _as_float(x: Ball) -> float:
     return float(x.mid())

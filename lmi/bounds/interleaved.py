@@ -21,8 +21,6 @@ vector above some p_m that P(h) does not raise bounds all later ones. Ball arith
 
 lost: a sample at the time of a jump is not taken. Then P(h) J(h) p_m < p has to hold as well, two
 periods between samples, and low > h: else there might be no samples at all.
-
-What an output that is known at samples only does to a positive system between them, bounded.
 """
 
 from __future__ import annotations
@@ -34,12 +32,14 @@ from typing import Any
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.balancing import Scaling
 from lmi.arithmetic.balls import (
+    Balls,
     Exact,
+    Rational,
     ball,
     exact,
-    exp_times,
     middle,
     precision,
     rational,
@@ -48,37 +48,6 @@ from lmi.arithmetic.balls import (
 )
 from lmi.bounds.mean_value import Path, Time, absolute_flow, constant
 from lmi.verdict import Verdict, proved, undecided
-
-
-def sampled_flow(
-    W: Exact, L: Exact, CA: Exact, A: Exact, C: Exact, b: Exact, h: float
-) -> tuple[Exact, Exact] | None:
-    """(W_h, f_h) >= 0, added to W and f where an output is sampled at most h apart.
-
-    What the output does between samples enters like |L| sig with sig' = CA rho + C b,
-    rho' = A rho + b, rho(0) the width at the sample, which is at most e^{-W_ii s} times the one s
-    later. L, CA, C: nonnegative; A Metzler (absolute values of the plant's); rounded up. None
-    if they overflow.
-    """
-    n, p = len(A), len(CA)
-    zero = exact(np.zeros((n + p + 2, n + p + 2)))
-    rho, sig = slice(n), slice(n, n + p)
-    # [rho; sig; 1] for the part that rho(0) drives, and the same with b
-    zero[rho, rho], zero[sig, rho] = A, CA
-    zero[rho, -1], zero[sig, -1] = b, C @ b
-    with precision(_BITS):
-        whole = upper_ends(exp_times(zero, h))
-        fastest = np.minimum(to_float(np.diag(W)), 0.0) * 1.000001
-        if not np.isfinite(fastest).all():
-            return None
-        back = upper_ends(exp_times(-exact(np.diag(fastest)), h))
-    if not (np.isfinite(whole).all() and np.isfinite(back).all()):
-        return None
-    gain = exact(np.maximum(whole[sig, rho], 0.0))
-    drift = exact(np.maximum(whole[sig, -1], 0.0))
-    slowed = exact(np.maximum(back, 0.0) * np.eye(n))
-    return L @ gain @ slowed, L @ drift
-
 
 _BITS = 128
 _STEPS = 1500
@@ -142,7 +111,7 @@ class Interleaved:
         """A period."""
         return Time(rational(self.period), 0.0, rational(0.0))
 
-    def over_period(self) -> Any:
+    def over_period(self) -> Balls:
         """Balls of the map from sample to sample on (r, 1)."""
         return _augmented(*self.sampled(self.whole))
 
@@ -164,7 +133,7 @@ class Bounds:
 def prove_interleaved(system: Interleaved, X: Exact, bounds: Bounds) -> Verdict:
     """p is a tube and the other bounds hold in it, for every sequence of jumps; or undecided."""
     parts = [system.b, system.k, X] + ([] if system.j is None else [system.j])
-    entries: list[Any] = [x for part in parts for x in part.flat]
+    entries: list[Rational] = [x for part in parts for x in part.ravel().tolist()]
     if any(x < 0 for x in entries) or not all(x > 0 for x in bounds.p):
         return undecided("the system, or the tube, is not positive")
     system, X, bounds = _scaled(system, X, bounds)
@@ -231,27 +200,27 @@ def _cycles(system: Interleaved, X: Exact, bounds: Bounds) -> Verdict:
 
 
 def _uppermost_before_jumps(
-    system: Interleaved, bounds: Bounds, sample: Any
+    system: Interleaved, bounds: Bounds, sample: Balls
 ) -> tuple[Exact, int] | str:
     """Above p_m for every m that allows a jump, and the last m looked at; or why there is none."""
     fewest, most = system.periods
-    widest: Any = None
+    widest = np.full(len(system.b), -math.inf)
     p = _column(bounds.p)
     for m in range(MOST_PERIODS + 1):
         if not _below(p, bounds.sampled, strictly=False):
             return f"the bound after samples fails {m} periods after a jump"
         if m >= fewest:
-            widest = _uppermost(upper_ends(p).reshape(-1)[:-1], widest)
+            widest = np.maximum(upper_ends(p).reshape(-1)[:-1], widest)
             if m >= most:
                 return exact(widest), m
             above = _not_raised(sample, p, bounds.sampled)
             if above is not None:
-                return exact(_uppermost(above, widest)), m
+                return exact(np.maximum(above, widest)), m
         p = sample * p
     return f"the width still grows {MOST_PERIODS} periods after a jump"
 
 
-def _not_raised(sample: Any, p: Any, limit: Exact) -> Any:
+def _not_raised(sample: Balls, p: Balls, limit: Exact) -> Matrix | None:
     """q >= p, q <= limit, that one more period does not raise: it bounds all that follows p."""
     top = upper_ends(p).reshape(-1)[:-1]
     candidates = [top]
@@ -314,7 +283,7 @@ def _holds(path: Path, bound: Exact, reach: float) -> bool:
     return all(bool(x < b) for x, b in pairs)
 
 
-def _augmented(sizes: Path, added: Path) -> Any:
+def _augmented(sizes: Path, added: Path) -> Balls:
     """Balls of r -> sizes r + added on (r, 1), in the middle."""
     pairs = zip(sizes.middle.tolist(), added.middle.tolist(), strict=True)
     rows = [[*row, *more] for row, more in pairs]
@@ -322,14 +291,10 @@ def _augmented(sizes: Path, added: Path) -> Any:
     return type(sizes.middle)([*rows, list(last)])
 
 
-def _column(p: Exact) -> Any:
+def _column(p: Exact) -> Balls:
     return ball(np.append(p, exact([1.0]))[:, None])
 
 
-def _below(column: Any, bound: Exact, strictly: bool = True) -> bool:
+def _below(column: Balls, bound: Exact, strictly: bool = True) -> bool:
     pairs = zip(column.entries(), ball(bound[:, None]).entries(), strict=False)
     return all(bool(x < b) if strictly else bool(x <= b) for x, b in pairs)
-
-
-def _uppermost(values: Any, so_far: Any) -> Any:
-    return values if so_far is None else np.maximum(values, so_far)

@@ -11,11 +11,21 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.balls import Exact, around_zero, ball, exact, exp_around, exp_times, number
+from lmi.arithmetic.balls import (
+    Ball,
+    Balls,
+    Exact,
+    Rational,
+    around_zero,
+    ball,
+    exact,
+    exp_around,
+    exp_times,
+    number,
+)
 from lmi.arithmetic.exponential import FLOW_PIECES
 
 
@@ -23,9 +33,9 @@ from lmi.arithmetic.exponential import FLOW_PIECES
 class Time:
     """A time that is affine in s: its exact middle, its largest distance from there, its rate."""
 
-    middle: Any
+    middle: Rational
     reach: float
-    rate: Any
+    rate: Rational
 
     def over(self, pieces: int) -> Time:
         """A share of it; pieces: a power of two."""
@@ -36,9 +46,9 @@ class Time:
 class Path:
     """Ball matrices: the value in the middle, the values, and the derivatives on the range."""
 
-    middle: Any
-    values: Any
-    slopes: Any
+    middle: Balls
+    values: Balls
+    slopes: Balls
 
     def __add__(self, other: Path) -> Path:
         return Path(
@@ -64,7 +74,7 @@ class Path:
             _each(self.middle, abs), _each(self.values, abs), type(self.middle)(*shape, signed)
         )
 
-    def upper(self, reach: float) -> list[Any]:
+    def upper(self, reach: float) -> list[Ball]:
         """Balls whose upper ends are above every entry on the range; reach: its half length."""
         pairs = zip(self.middle.entries(), self.slopes.entries(), strict=True)
         return [x + around_zero(slope) * number(reach) for x, slope in pairs]
@@ -103,5 +113,5 @@ def absolute_flow(left: Exact, A: Exact, b: Exact, time: Time) -> tuple[Path, Pa
     return (flow * step).absolute(), total
 
 
-def _each(X: Any, function: Callable[[Any], Any]) -> Any:
+def _each(X: Balls, function: Callable[[Ball], Ball]) -> Balls:
     return type(X)(X.nrows(), X.ncols(), [function(x) for x in X.entries()])

@@ -10,10 +10,10 @@ integral is at least |c F^-1 b|, what a constant input leaves.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.balls import (
     Exact,
     ball,
@@ -32,7 +32,7 @@ _SHARES = (0.5, 0.1, 0.01)
 _BITS = 256
 
 
-def peak_gains(F: Exact, B: Exact, C: Exact) -> tuple[Any, Any] | None:
+def peak_gains(F: Exact, B: Exact, C: Exact) -> tuple[Matrix, Matrix] | None:
     """(lower, upper) float bounds of the integrals, each (rows of C, columns of B).
 
     F (k, k) Hurwitz, all exact. None where no a could be proved.
@@ -49,7 +49,7 @@ def peak_gains(F: Exact, B: Exact, C: Exact) -> tuple[Any, Any] | None:
     return None
 
 
-def _above(F: Exact, B: Exact, C: Exact, rate: float) -> Any | None:
+def _above(F: Exact, B: Exact, C: Exact, rate: float) -> Matrix | None:
     """sqrt(b' P b / (2 rate)) for every c and b; None unless F + rate I is proved Hurwitz."""
     if not (np.isfinite(rate) and rate > 0):
         return None
@@ -73,7 +73,7 @@ def _above(F: Exact, B: Exact, C: Exact, rate: float) -> Any | None:
     return result
 
 
-def _below(F: Exact, B: Exact, C: Exact) -> Any:
+def _below(F: Exact, B: Exact, C: Exact) -> Matrix:
     """|C F^-1 B|."""
     solution = solve_entries(entries(ball(F)), entries(ball(B)))
     if solution is None:

@@ -14,13 +14,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.balancing import Scaling
 from lmi.arithmetic.balls import (
     PRECISIONS,
+    Balls,
     Exact,
     ball,
     exact,
@@ -38,7 +39,7 @@ from lmi.verdict import Verdict, proved, undecided
 
 def periodic_limit(
     W: Exact, N: Exact, f: Exact, h: Exact, theta: float
-) -> tuple[Any, Any, Any] | None:
+) -> tuple[Matrix, Matrix, Matrix] | None:
     """Upper ends of what u' = W u + f, u+ = N u + h tends to under a constant theta > 0.
 
     (before a jump, after it, on average), (n,) floats that exceed the exact limits by less than an
@@ -99,7 +100,7 @@ class Tube:
 
 
 def prove_tube(
-    W: Exact, f: Exact, N: Exact, h: Exact, X: Exact, tube: Tube, low: float, high: float
+    W: Exact, f: Exact, N: Exact, h: Exact, X: Exact, *, tube: Tube, low: float, high: float
 ) -> Verdict:
     """Prove that a tube is invariant and attracts: u' = W u + f, u+ = N u + h.
 
@@ -125,9 +126,7 @@ def prove_tube(
     return proved(method="mean value form in balls", steps=steps)
 
 
-def prove_below(
-    system: Affine, X: Exact, bound: Exact, low: float, high: float, *, steps: int = STEP_LIMIT
-) -> Verdict:
+def prove_below(system: Affine, X: Exact, bound: Exact, low: float, high: float) -> Verdict:
     """X u(theta) < bound, entry by entry, for all theta in [low, high]; undecided otherwise.
 
     X (q, n) >= 0 and bound (q,), exact. Signs of W, f and X are checked here.
@@ -139,13 +138,13 @@ def prove_below(
     verdict = undecided("no attempt was made")
     for bits in PRECISIONS[:2]:
         with precision(bits), np.errstate(all="ignore"):
-            verdict = _march(system, X, bound, float(low), float(high), steps)
-        if verdict.outcome == "proved" or verdict.evidence.get("steps", 0) >= steps:
+            verdict = _stepped(system, X, bound, float(low), float(high))
+        if verdict.outcome == "proved" or verdict.evidence.get("steps", 0) >= STEP_LIMIT:
             break
     return verdict
 
 
-def _march(system: Affine, X: Exact, bound: Exact, low: float, high: float, limit: int) -> Verdict:
+def _stepped(system: Affine, X: Exact, bound: Exact, low: float, high: float) -> Verdict:
     Z = system.generator
     rows = ball(np.hstack([X, -bound[:, None]]))
     rates = rows * ball(Z)
@@ -153,7 +152,7 @@ def _march(system: Affine, X: Exact, bound: Exact, low: float, high: float, limi
     unit = 1.0 / max(float(np.abs(to_float(system.W)).sum(axis=1).max()), 1e-300)
     steady = _steady(system, X, bound) if math.isinf(high) else None
     theta, step = low, min(unit, high - low)
-    for count in range(1, limit + 1):
+    for count in range(1, STEP_LIMIT + 1):
         state = exp_times(Z, theta) * start
         if not _negative(rows * state):
             reason = f"the bound fails, or nearly fails, at theta = {theta!r}"
@@ -176,10 +175,10 @@ def _march(system: Affine, X: Exact, bound: Exact, low: float, high: float, limi
                 break
             step *= 0.5
         theta, step = end, step * 1.7
-    return undecided(f"{limit} steps did not reach the end", theta=theta, steps=limit)
+    return undecided(f"{STEP_LIMIT} steps did not reach the end", theta=theta, steps=STEP_LIMIT)
 
 
-def _step(rows: Any, rates: Any, Z: Exact, middle: Any, reach: float) -> bool:
+def _step(rows: Balls, rates: Balls, Z: Exact, middle: Balls, reach: float) -> bool:
     """Mean value form: value in the middle, plus the largest rate times the way to the ends."""
     values = (rows * middle).entries()
     slopes = (rates * (exp_around(Z, reach) * middle)).entries()
@@ -187,11 +186,11 @@ def _step(rows: Any, rates: Any, Z: Exact, middle: Any, reach: float) -> bool:
     return all(bool(value + abs(slope) * number(reach) < 0) for value, slope in pairs)
 
 
-def _negative(column: Any) -> bool:
+def _negative(column: Balls) -> bool:
     return all(bool(x < 0) for x in column.entries())
 
 
-def _is_decreasing(Z: Any, state: Any) -> bool:
+def _is_decreasing(Z: Balls, state: Balls) -> bool:
     """u' <= 0 now, hence for ever: u' is a solution of the positive system y' = W y."""
     return all(bool(x <= 0) for x in (Z * state).entries())
 
@@ -215,7 +214,7 @@ def _steady(system: Affine, X: Exact, bound: Exact) -> Exact | None:
     return None
 
 
-def _is_below(state: Any, steady: Exact | None) -> bool:
+def _is_below(state: Balls, steady: Exact | None) -> bool:
     if steady is None:
         return False
     return all(bool(x <= number_of) for x, number_of in zip(

@@ -68,7 +68,7 @@ def _largest(F: Exact, H: Exact, given: Matrix, low: float, high: float) -> dict
         for value, better in _towards(family, span, edge, given, first, _FINE[name]):
             rates = Rates(value, 0.0) if name == "per_jump" else Rates(0.5, value)
             certificate = {"P": better.tolist()}
-            done = prove_rate(F, H, certificate, low, high, rates, math.inf, name, WORTH)
+            done = prove_rate(F, H, certificate, low, high, rates=rates, name=name, steps=WORTH)
             if done.outcome == "proved":
                 result |= {name: value, f"P_{name}": certificate["P"]}
                 break

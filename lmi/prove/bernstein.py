@@ -13,19 +13,22 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+
+import numpy as np
 
 from lmi.arithmetic.balls import (
+    Ball,
+    Balls,
     Exact,
+    Rational,
     ball,
     certify_pivots,
     combinations,
-    exact,
     lower_entries,
+    nearest_float,
     norm_bound,
     rational,
     scalar,
-    to_float,
 )
 
 DEGREE = 8
@@ -47,11 +50,11 @@ class Normalised:
     others: further bounds S, N'N < gamma^2 S, to be proved along with N'N < gamma^2 I.
     """
 
-    F: Any
-    left: Any
-    right: Any
+    F: Balls
+    left: Balls
+    right: Balls
     gamma: float
-    others: tuple[Any, ...] = ()
+    others: tuple[Balls, ...] = ()
 
     @property
     def size(self) -> int:
@@ -77,10 +80,10 @@ class Boxes:
 class _Series:
     """Powers left F^k / k! and what bounds the rest of the series."""
 
-    powers: list[Any]
-    norms: list[Any]
-    growth: Any
-    to_bernstein: Any
+    powers: list[Balls]
+    norms: list[Ball]
+    growth: Ball
+    to_bernstein: Balls
 
     @staticmethod
     def from_family(family: Normalised) -> _Series:
@@ -96,7 +99,7 @@ class _Series:
         growth = norm_bound(whole)
         return _Series(powers[: DEGREE + 1], norms, growth, _to_bernstein())
 
-    def remainder(self, flow_norm: Any, h: Any) -> Any:
+    def remainder(self, flow_norm: Ball, h: Ball) -> Ball | None:
         """Bound of the terms of N'N of degree above 8 in u, all orders of the series included.
 
         w_k bounds the norm of the k-th term of N. Terms beyond the stored norms shrink by
@@ -107,11 +110,11 @@ class _Series:
             return None
         w = [norm * flow_norm * h**k for k, norm in enumerate(self.norms)]
         beyond = sum(w[-DEGREE - 1 :]) * ratio / (1 - ratio)
-        total = sum(w) + beyond
+        total: Ball = sum(w) + beyond
         kept = sum(w[i] * w[j] for i in range(DEGREE + 1) for j in range(DEGREE + 1 - i))
         return total * total - kept
 
-    def fitting(self, flow_norm: Any, width: float, wanted: float) -> float:
+    def fitting(self, flow_norm: Ball, width: float, wanted: float) -> float:
         """A width, at most twice the given one, whose remainder is near `wanted`; floats."""
         sizes = [float(norm) * float(flow_norm) for norm in self.norms]
         orders = range(DEGREE + 1)
@@ -130,7 +133,9 @@ class _Series:
         return width
 
 
-def prove_range(family: Normalised, low: float, high: float, limit: int, tails: list[Any]) -> Boxes:
+def prove_range(
+    family: Normalised, low: float, high: float, limit: int, tails: list[Balls]
+) -> Boxes:
     """Boxes over [low, high], or from low until one of the tails takes over (high infinite).
 
     tails: ball matrices Q in the coordinates of the flow such that right' e^{F't} Q e^{Ft} right
@@ -142,7 +147,7 @@ def prove_range(family: Normalised, low: float, high: float, limit: int, tails: 
     smallest, halvings, E = math.inf, 0, flow(family, theta)
     for count in range(1, limit + 1):
         if not halvings and any(certify(family, E.transpose() * Q * E) for Q in tails):
-            return Boxes(count - 1, smallest, tail_from=_nearest(theta))
+            return Boxes(count - 1, smallest, tail_from=nearest_float(theta))
         size = norm_bound(E)
         width = series.fitting(size, width, share * family.gamma**2)
         following = theta + rational(width)
@@ -158,22 +163,22 @@ def prove_range(family: Normalised, low: float, high: float, limit: int, tails: 
         settled = halvings < _HALVINGS and following > theta
         which = _unmet(family, [lower_entries(N.transpose() * N)], scalar(0))
         if not settled or which is not None:
-            return Boxes(count, smallest, _nearest((theta + following) / 2), which=which or 0)
-        width, share, halvings = _nearest(following - theta) / 2, share / 30, halvings + 1
-    return Boxes(limit, smallest, failed=_nearest(theta))
+            return Boxes(count, smallest, nearest_float((theta + following) / 2), which=which or 0)
+        width, share, halvings = nearest_float(following - theta) / 2, share / 30, halvings + 1
+    return Boxes(limit, smallest, failed=nearest_float(theta))
 
 
-def flow(family: Normalised, theta: Any) -> Any:
+def flow(family: Normalised, theta: Rational) -> Balls:
     """e^{F theta} right, for a rational theta."""
     return (family.F * scalar(theta)).exp() * family.right
 
 
-def certify(family: Normalised, S: Any) -> bool:
+def certify(family: Normalised, S: Balls) -> bool:
     """Certify S < gamma^2 I, and the same for all other bounds."""
     return _unmet(family, [lower_entries(S)], scalar(0)) is None
 
 
-def _unmet(family: Normalised, matrices: list[list[Any]], remainder: Any) -> int | None:
+def _unmet(family: Normalised, matrices: list[list[Ball]], remainder: Ball) -> int | None:
     """First bound that matrices (by their lower entries) plus remainder I may exceed, or None."""
     square = scalar(rational(family.gamma)) ** 2
     for which, S in enumerate((None, *family.others)):
@@ -183,7 +188,7 @@ def _unmet(family: Normalised, matrices: list[list[Any]], remainder: Any) -> int
     return None
 
 
-def _bound(n: int, square: Any, S: Any, remainder: Any) -> list[list[Any]]:
+def _bound(n: int, square: Ball, S: Balls | None, remainder: Ball) -> list[list[Ball]]:
     """Rows of the lower triangle of square S - remainder I; S None: the identity."""
     zero, whole = scalar(0), lower_entries(S) if S is not None else []
     rows = []
@@ -195,13 +200,13 @@ def _bound(n: int, square: Any, S: Any, remainder: Any) -> list[list[Any]]:
     return rows
 
 
-def _below(bound: list[list[Any]], entries: list[Any]) -> bool:
+def _below(bound: list[list[Ball]], entries: list[Ball]) -> bool:
     """Certify bound - entries > 0, both by lower entries."""
     at = iter(entries)
     return certify_pivots([[b - next(at) for b in row] for row in bound])
 
 
-def _box(family: Normalised, series: _Series, E: Any, size: Any, width: Any) -> bool:
+def _box(family: Normalised, series: _Series, E: Balls, size: Ball, width: Rational) -> bool:
     """Certify N'N < gamma^2 I on the whole box of this width from where E was taken."""
     h = scalar(width)
     remainder = series.remainder(size, h)
@@ -212,21 +217,20 @@ def _box(family: Normalised, series: _Series, E: Any, size: Any, width: Any) -> 
     return _unmet(family, entries, remainder) is None
 
 
-def _coefficients(C: list[Any]) -> list[Any]:
+def _coefficients(C: list[Balls]) -> list[Balls]:
     """G_k of (sum C_i u^i)' (sum C_j u^j) = sum G_k u^k, k up to the degree; each symmetric."""
     turned = [X.transpose() for X in C]
     G = []
     for k in range(len(C)):
-        total = turned[k // 2] * C[k // 2] if k % 2 == 0 else None
+        terms = [turned[k // 2] * C[k // 2]] if k % 2 == 0 else []
         for i in range((k + 1) // 2):
             half = turned[i] * C[k - i]
-            both = half + half.transpose()
-            total = both if total is None else total + both
-        G.append(total)
+            terms.append(half + half.transpose())
+        G.append(sum(terms[1:], terms[0]))
     return G
 
 
-def _to_bernstein() -> Any:
+def _to_bernstein() -> Balls:
     """B_i = sum_j C(i, j) / C(d, j) G_j on [0, 1], exactly: see the module's text."""
     return ball(_weights())
 
@@ -236,7 +240,7 @@ def _weights() -> Exact:
     d = DEGREE
     weights = [[rational(math.comb(i, j)) / math.comb(d, j) for j in range(d + 1)]
                for i in range(d + 1)]  # fmt: skip
-    table = exact(weights)
+    table = np.array(weights, dtype=object)
     table.setflags(write=False)
     return table
 
@@ -245,7 +249,3 @@ def _first_width(series: _Series, length: float) -> float:
     """Box width to begin with: a fixed reach against the ninth root of ||F^9||."""
     rate = float(series.growth) ** (1 / (DEGREE + 1))
     return min(length, _REACH / rate) if rate > 0 and math.isfinite(rate) else min(length, 1.0)
-
-
-def _nearest(value: Any) -> float:
-    return float(to_float(exact([value]))[0])

@@ -1,11 +1,11 @@
 """Proofs for all dwell times: matrices P for a whole range of theta, in ball arithmetic.
 
 Question: M(theta)' P M(theta) < P for every theta in [low, high], M(theta) = e^{F theta} H, with P
-given. Independent methods: Taylor-Bernstein boxes (`lmi.prove.bernstein`, the default), log-norm
-steps (`lmi.prove.march`) and chords (`lmi.prove.chords`). High = infinity is closed by a Lyapunov
-matrix Q >= P of the flow: M' Q M decreases with theta, so Q in place of P at one theta* settles all
-later ones; Q also proves that the flow is Hurwitz, which the stability of bounded inputs needs
-there (docs/papers.md).
+given. Independent methods: Taylor-Bernstein boxes (`lmi.prove.bernstein`, the default) and chords
+(`lmi.prove.chords`). High = infinity is closed by a Lyapunov matrix Q >= P of the flow
+(`lmi.prove.tails`): M' Q M decreases with theta, so Q in place of P at one theta* settles all later
+ones; Q also proves that the flow is Hurwitz, which the stability of bounded inputs needs there
+(docs/papers.md).
 
 Floats only steer; every comparison is made in balls, on the rational numbers that the stored floats
 are. No optimisation solver is imported here.
@@ -22,21 +22,18 @@ from numpy.typing import ArrayLike
 from lmi.arithmetic.balls import (
     PRECISIONS,
     ball,
-    certify_positive_definite,
     cholesky,
     exact,
     identity,
-    middle,
     precision,
 )
 from lmi.prove.bernstein import Boxes, Normalised, prove_range
 from lmi.prove.chords import chords
-from lmi.prove.condition import Condition, common
-from lmi.prove.hurwitz import lyapunov_matrix, modal_matrix, prove_hurwitz
-from lmi.prove.march import march
+from lmi.prove.condition import Condition
+from lmi.prove.tails import falling_forms
 from lmi.verdict import Verdict, proved, undecided
 
-METHODS = ("bernstein", "march", "chords")
+METHODS = ("bernstein", "chords")
 STEP_LIMIT = 20_000
 
 
@@ -60,9 +57,15 @@ def prove_common(
     inequality could not be shown. For high = infinity F must be Hurwitz. ValueError unless 0 <= low
     <= high.
     """
-    condition = common(F, H, P, low, high, form, gamma)
-    if isinstance(condition, str):
-        return undecided(condition)
+    if not 0 <= low <= high:
+        raise ValueError(f"0 <= low <= high is required; got [{low}, {high}]")
+    if form not in ("before_jump", "after_jump"):
+        raise ValueError(f"form must be before_jump or after_jump; got {form!r}")
+    flow, jump, P = exact(F), exact(H), np.asarray(P, dtype=np.float64)
+    if P.shape != flow.shape or not np.isfinite(P).all() or not np.array_equal(P, P.T):
+        return undecided("P is not a finite symmetric matrix")
+    right, left = (jump, None) if form == "before_jump" else (exact(np.eye(len(P))), jump)
+    condition = Condition(flow, right, P, P, float(low), float(high), left, gamma)
     return prove(condition, method=method, steps=steps)
 
 
@@ -71,19 +74,10 @@ def prove(condition: Condition, *, method: str = "bernstein", steps: int = STEP_
     if method not in METHODS:
         raise ValueError(f"method must be one of {', '.join(METHODS)}; got {method!r}")
     condition = condition.balanced()
-    if method == "march" and math.isinf(condition.high):
-        flow = prove_hurwitz(condition.F)
-        if flow.outcome != "proved":
-            return undecided("the flow is not proved to be Hurwitz", flow=dict(flow.evidence))
     verdict = undecided("no attempt was made")
     for bits in PRECISIONS:
         with precision(bits), np.errstate(all="ignore"):
-            if method == "march":
-                verdict = march(condition, steps, bits)
-            elif method == "chords":
-                verdict = chords(condition, steps)
-            else:
-                verdict = _boxes(condition, steps)
+            verdict = (chords if method == "chords" else _boxes)(condition, steps)
         if verdict.outcome == "proved":
             return Verdict("proved", {**verdict.evidence, "bits": bits})
         if max(verdict.evidence.get(key, 0) for key in ("boxes", "steps")) >= steps:
@@ -95,7 +89,7 @@ def _boxes(condition: Condition, limit: int) -> Verdict:
     family = _normalised(condition)
     if family is None:
         return undecided("P is not certainly positive definite")
-    tails = _tails(family)
+    tails = falling_forms(family.F, family.left.transpose() * family.left)
     if not tails and math.isinf(condition.high):
         return undecided("the flow is not proved to be Hurwitz")
     boxes = prove_range(family, condition.low, condition.high, limit, tails)
@@ -140,37 +134,3 @@ def _normalised(condition: Condition) -> Normalised | None:
         return Normalised(*turned, condition.gamma, others)
     except ZeroDivisionError:  # the balls are too wide to invert at this precision
         return None
-
-
-def _tails(family: Normalised) -> list[Any]:
-    """Certified Q >= left' left with F'Q + QF < 0 in the flow's coordinates.
-
-    For each, right' e^{F't} Q e^{Ft} right falls with t and bounds N'N. Modal coordinates do not
-    mind slow modes, a Lyapunov equation does not mind multiple ones.
-    """
-    bound = family.left.transpose() * family.left
-    if _falling(family.F, bound):
-        return [bound]
-    approx, weight = middle(family.F), middle(bound)
-    if not (np.isfinite(approx).all() and np.isfinite(weight).all()):
-        return []
-    unit = np.eye(len(approx))
-    weight = weight + (1e-3 * np.trace(weight) / len(weight) + 1e-300) * unit
-    tails = []
-    for Q in (modal_matrix(approx), lyapunov_matrix(approx, weight)):
-        if Q is None:
-            continue
-        try:
-            scale = float(np.linalg.eigvals(np.linalg.solve(Q, weight)).real.max())
-        except np.linalg.LinAlgError:
-            continue
-        if not 0 < scale < math.inf:
-            continue
-        Q_ball = ball(exact(Q * scale * (1 + 1e-6)))
-        if certify_positive_definite(Q_ball - bound) and _falling(family.F, Q_ball):
-            tails.append(Q_ball)
-    return tails
-
-
-def _falling(F: Any, Q: Any) -> bool:
-    return certify_positive_definite(-(F.transpose() * Q + Q * F))

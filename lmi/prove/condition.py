@@ -4,9 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-import numpy as np
-from numpy.typing import ArrayLike
-
 from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.balancing import Scaling
 from lmi.arithmetic.balls import Exact, exact
@@ -56,23 +53,3 @@ class Condition:
             self, F=scaling.map(self.F), right=right, left=left, P_source=sources[0],
             P_target=target, others=sources[1:],
         )  # fmt: skip
-
-
-def common(
-    F: ArrayLike, H: ArrayLike, P: ArrayLike, low: float, high: float, form: str, gamma: float
-) -> Condition | str:
-    """The condition that one P is decreased, or the reason why P cannot even be tried.
-
-    form "before_jump": M = e^{F theta} H, state before jumps; "after_jump": M = H e^{F theta}.
-    """
-    if not 0 <= low <= high:
-        raise ValueError(f"0 <= low <= high is required; got [{low}, {high}]")
-    if form not in ("before_jump", "after_jump"):
-        raise ValueError(f"form must be before_jump or after_jump; got {form!r}")
-    flow, jump, P = exact(F), exact(H), np.asarray(P, dtype=np.float64)
-    if P.shape != flow.shape or not np.isfinite(P).all() or not np.array_equal(P, P.T):
-        return "P is not a finite symmetric matrix"
-    ends = float(low), float(high)
-    if form == "before_jump":
-        return Condition(flow, jump, P, P, *ends, gamma=gamma)
-    return Condition(flow, exact(np.eye(len(P))), P, P, *ends, left=jump, gamma=gamma)

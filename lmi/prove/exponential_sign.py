@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
-from lmi.arithmetic.balls import ball, exp_times, number, to_float
+from lmi.arithmetic.balls import Ball, Balls, Exact, ball, exp_times, number, to_float
 from lmi.time_budget import ended
 
 _TERMS = 24
@@ -20,7 +20,7 @@ _BITS_PER_UNIT = 1.0  # boxes per unit of |F| length
 _MOST_BOXES = 20_000
 _DEPTH = 14
 
-Polynomial = list[Any]
+Polynomial = list[Ball]
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class Effort:
 
 
 def boxes(
-    F: Any, z: Any, start: float, end: float, rows: list[int], effort: Effort | None = None
+    F: Exact, z: Balls, start: float, end: float, rows: list[int], *, effort: Effort | None = None
 ) -> Iterator[Box]:
     """Boxes that cover [start, end] for entries `rows` of e^{F s} z; F exact, z a ball column.
 
@@ -77,9 +77,11 @@ def boxes(
         at = step * at
 
 
-def _taylor(F: Any, at: Any, norm: Any, width: float, rows: list[int]) -> tuple[Polynomial, ...]:
+def _taylor(
+    F: Balls, at: Balls, norm: Ball, width: float, rows: list[int]
+) -> tuple[Polynomial, ...]:
     h = number(width)
-    coefficients: list[Any] = [at]
+    coefficients: list[Balls] = [at]
     for j in range(1, _TERMS):
         coefficients.append(F * coefficients[-1] * (h / j))
     largest = max((abs(entry[0]).upper() for entry in at.tolist()), key=float)
@@ -99,7 +101,7 @@ def times(p: Polynomial, q: Polynomial) -> Polynomial:
     return result
 
 
-def combined(*terms: tuple[Any, Polynomial]) -> Polynomial:
+def combined(*terms: tuple[Ball | int, Polynomial]) -> Polynomial:
     """Sum of factor times polynomial."""
     length = max(len(p) for _, p in terms)
     result = [0 * terms[0][1][0] for _ in range(length)]
@@ -160,6 +162,6 @@ def one_sign(
     return True, place
 
 
-def value(F: Any, z: Any, s: float) -> list[Any]:
+def value(F: Exact, z: Exact, s: float) -> list[Ball]:
     """Balls of all entries of e^{F s} z."""
     return [row[0] for row in (exp_times(F, s) * ball(z)).tolist()]

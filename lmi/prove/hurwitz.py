@@ -8,14 +8,17 @@ from __future__ import annotations
 
 import itertools
 import math
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.balls import (
+    Balls,
     Exact,
+    Number,
+    Rational,
     ball,
     certify_positive_definite,
     characteristic_polynomial,
@@ -27,7 +30,7 @@ from lmi.memory import require_memory
 from lmi.verdict import Verdict, proved, refuted
 
 
-def real_spectrum(F: Any) -> bool:
+def real_spectrum(F: Exact) -> bool:
     """Decide by Sturm's sequence whether all eigenvalues of the exact matrix F are real."""
     chain = [characteristic_polynomial(F)]
     chain.append([k * c for k, c in enumerate(chain[0])][1:])
@@ -44,7 +47,7 @@ def real_spectrum(F: Any) -> bool:
     return bool(at_ends[0] - at_ends[1] == distinct)
 
 
-def _remainder(p: list[Any], q: list[Any]) -> list[Any]:
+def _remainder(p: list[Rational], q: list[Rational]) -> list[Rational]:
     remainder = list(p)
     while len(remainder) >= len(q):
         factor, shift = remainder[-1] / q[-1], len(remainder) - len(q)
@@ -96,7 +99,7 @@ def exactly_schur(H: Exact) -> bool:
     return bool(_schur(characteristic_polynomial(H)))
 
 
-def schur(M: Any) -> bool | None:
+def schur(M: Balls) -> bool | None:
     """Every eigenvalue of a ball matrix lies strictly inside the unit circle.
 
     None where the balls are too wide to tell: at a higher precision for every matrix that has no
@@ -105,7 +108,7 @@ def schur(M: Any) -> bool | None:
     return _schur(list(M.charpoly().coeffs()))
 
 
-def _schur(p: list[Any]) -> bool | None:
+def _schur(p: Sequence[Number]) -> bool | None:
     """All roots of a monic polynomial, constant term first, are inside the unit circle.
 
     s = (z - 1)/(z + 1) carries the unit disc to the left half-plane, p(z) to
@@ -179,7 +182,7 @@ def modal_matrix(F: Matrix) -> Matrix | None:
     return (Q + Q.T) / 2 if np.isfinite(Q).all() else None
 
 
-def _routh(coefficients: list[Any]) -> bool | None:
+def _routh(coefficients: Sequence[Number]) -> bool | None:
     """Decide whether all roots are in the open left half-plane.
 
     coefficients: exact rationals or balls, constant term first. All entries of the first column are
@@ -194,7 +197,7 @@ def _routh(coefficients: list[Any]) -> bool | None:
         if not lower[0] > 0:
             return None
         ratio = upper[0] / lower[0]
-        padded = lower + [0] * (len(upper) - len(lower))
+        padded = [*lower, *[0] * (len(upper) - len(lower))]
         following = [u - ratio * v for u, v in zip(upper[1:], padded[1:], strict=False)]
         upper, lower = lower, following
     return True

@@ -16,17 +16,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.balancing import Scaling
 from lmi.arithmetic.balls import (
     PRECISIONS,
+    Ball,
+    Balls,
     Exact,
+    Rational,
     ball,
-    certify_negative,
     exact,
     exp_times,
     number,
@@ -69,7 +71,6 @@ def prove_copositive(
     *,
     side: str = "left",
     form: str = "before_jump",
-    steps: int = STEP_LIMIT,
 ) -> Verdict:
     """Prove the copositive inequality for all theta in [low, high]; high may be infinite.
 
@@ -81,7 +82,7 @@ def prove_copositive(
     flow, jump, vector = exact(F), exact(H), np.asarray(v, dtype=np.float64)
     if vector.shape != (len(flow),) or not np.isfinite(vector).all() or not (vector > 0).all():
         return undecided("the vector is not positive")
-    entries: list[Any] = [*flow[~np.eye(len(flow), dtype=bool)], *jump.flat]
+    entries: list[Rational] = [*flow[~np.eye(len(flow), dtype=bool)], *jump.flat]
     if any(entry < 0 for entry in entries):
         return undecided("the flow is not Metzler, or the jump not nonnegative")
     scaling = Scaling.from_pair(flow, jump, float(high))
@@ -91,22 +92,20 @@ def prove_copositive(
     verdict = undecided("no attempt was made")
     for bits in PRECISIONS:
         with precision(bits), np.errstate(all="ignore"):
-            verdict = _march(question, vector, float(low), float(high), steps)
+            verdict = _stepped(question, vector, float(low), float(high))
         if verdict.outcome == "proved":
             return Verdict("proved", {"side": side, "form": form, **verdict.evidence})
-        if verdict.evidence.get("steps", 0) >= steps:
+        if verdict.evidence.get("steps", 0) >= STEP_LIMIT:
             break  # more bits do not make fewer steps
     return verdict
 
 
-def _march(
-    question: RowFlow, v: NDArray[np.float64], low: float, high: float, limit: int
-) -> Verdict:
+def _stepped(question: RowFlow, v: Matrix, low: float, high: float) -> Verdict:
     start, B = ball(question.start[None, :]), ball(question.B)
     K, bound = ball(question.K), [number(float(x)) for x in v]
     lift = [number(float(x) * _LIFT) for x in v]
     theta = low
-    for step in range(1, limit + 1):
+    for step in range(1, STEP_LIMIT + 1):
         row = start * exp_times(question.K, theta)
         row = _lifted(row, lift)
         q = _largest([x / b for x, b in zip((row * B).entries(), bound, strict=True)])
@@ -119,21 +118,21 @@ def _march(
             return proved(**done, **({"tail_from": theta} if mu <= 0 else {}))
         following = math.nextafter(theta - math.log(q) / mu * (1 - 1e-6), -math.inf)
         grown = ((number(following) - number(theta)) * number(mu)).exp() * number(q)
-        if not following > theta or not certify_negative(grown - 1):
+        if not following > theta or not grown < 1:
             return undecided(f"no further step is possible at theta = {theta!r}", theta=theta)
         if following >= high:
             return proved(**done)
         theta = following
-    return undecided(f"{limit} steps did not reach the end", theta=theta, steps=limit)
+    return undecided(f"{STEP_LIMIT} steps did not reach the end", theta=theta, steps=STEP_LIMIT)
 
 
-def _lifted(row: Any, lift: list[Any]) -> Any:
+def _lifted(row: Balls, lift: list[Ball]) -> Balls:
     """The row plus a little of v: an upper bound without zeros."""
     entries = [x + more for x, more in zip(row.entries(), lift, strict=True)]
     return type(row)(1, len(entries), entries)
 
 
-def _largest(values: list[Any]) -> float | None:
+def _largest(values: list[Ball]) -> float | None:
     """A float that is certainly at least as large as every ball; None if there is none."""
     largest = -math.inf
     for value in values:

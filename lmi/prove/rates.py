@@ -46,6 +46,7 @@ def propose_rates(
     certificate: Mapping[str, Any],
     low: float,
     high: float,
+    *,
     jitter: float = math.inf,
 ) -> Rates | None:
     """The largest rates that the certificate of a proved range is seen to allow, proved with it.
@@ -59,7 +60,7 @@ def propose_rates(
         return None
     for share in _RELAXATIONS:
         rates = Rates(approx.per_jump ** (1 - share), approx.in_time * (1 - share))
-        done = prove_rates(F, H, certificate, low, high, rates, jitter, steps=WORTH)
+        done = prove_rates(F, H, certificate, low, high, rates=rates, jitter=jitter, steps=WORTH)
         if done.outcome == "proved":
             return rates
     return None
@@ -123,6 +124,7 @@ def prove_rates(
     certificate: Mapping[str, Any],
     low: float,
     high: float,
+    *,
     rates: Rates,
     jitter: float = math.inf,
     own: Mapping[str, Any] | None = None,
@@ -137,7 +139,9 @@ def prove_rates(
     own, evidence = own or {}, {"per_jump": rates.per_jump, "in_time": rates.in_time}
     for name in ("per_jump", "in_time"):
         using = {"P": own[name]} if name in own else certificate
-        verdict = prove_rate(F, H, using, low, high, rates, jitter, name, steps)
+        verdict = prove_rate(
+            F, H, using, low, high, rates=rates, name=name, jitter=jitter, steps=steps
+        )
         if verdict.outcome != "proved":
             word = name.replace("_", " ")
             return undecided(f"the rate {word} is not proved: {verdict.evidence['reason']}")
@@ -150,9 +154,10 @@ def prove_rate(
     certificate: Mapping[str, Any],
     low: float,
     high: float,
+    *,
     rates: Rates,
-    jitter: float,
     name: str,
+    jitter: float = math.inf,
     steps: int = STEP_LIMIT,
 ) -> Verdict:
     """The rate `name` ("per_jump" or "in_time") alone, with a P or with windows."""

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
-from lmi.arithmetic.balls import rational
+from lmi.arithmetic.balls import Rational, rational
 
 Interval = tuple[float, float]
 Box = Mapping[int, Interval]  # offset -> interval; the whole range where an offset is missing
@@ -92,7 +92,7 @@ def _box(dwell: Mapping[str, Any], ends: Interval) -> Box:
     return box
 
 
-def _end(value: Any) -> float:
+def _end(value: object) -> float:
     if value == "inf":
         return math.inf
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
@@ -100,7 +100,7 @@ def _end(value: Any) -> float:
     return float(value)
 
 
-def _index(value: Any) -> int:
+def _index(value: object) -> int:
     if type(value) is not int:
         raise ValueError
     return value
@@ -180,7 +180,7 @@ def _reachable(box: Box, ends: Interval, jitter: float) -> bool:
     return True
 
 
-def _numbers(interval: Interval) -> tuple[Any, Any]:
+def _numbers(interval: Interval) -> tuple[Rational, Rational | None]:
     """Exact ends; None for infinity."""
     low, high = interval
     return rational(low), None if math.isinf(high) else rational(high)

@@ -21,7 +21,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from lmi.arithmetic.arrays import Matrix
@@ -33,15 +32,11 @@ from lmi.arithmetic.balls import (
     exact,
     precision,
     rank_factors,
-    to_float,
 )
-from lmi.arithmetic.exponential import expm
 from lmi.prove.common_matrix import STEP_LIMIT, prove
 from lmi.prove.condition import Condition
 from lmi.prove.window_partition import Certificate, Edge, Unreadable, read_certificate
 from lmi.verdict import Verdict, proved, undecided
-
-_LOOKED = 33  # points at which floats look for room
 
 
 def prove_windows(
@@ -87,8 +82,6 @@ def _prove_edges(family: Condition, partition: Certificate, method: str, steps: 
         first, *others = (partition.P[s] for s in sources)
         condition = replace(family, P_source=first, P_target=partition.P[target], low=ends[0],
                             high=ends[1], others=tuple(others))  # fmt: skip
-        if method == "march":
-            condition = _unreduced(condition.balanced())
         verdict = prove(condition, method=method, steps=steps)
         if verdict.outcome != "proved":
             source = sources[verdict.evidence.get("which", 0)]
@@ -121,29 +114,6 @@ def _groups(
     if merge_sources:
         return list(groups.items())
     return [(group, [source]) for group, sources in groups.items() for source in sources]
-
-
-def _unreduced(condition: Condition) -> Condition:
-    """The same claim for V P V' + e I in place of a reduced target P, which implies it.
-
-    e takes half of the room that floats see.
-    """
-    if condition.left is None:
-        return condition
-    V, n = condition.left.T, len(condition.F)
-    end = condition.high if math.isfinite(condition.high) else condition.low
-    maps = expm(to_float(condition.F) * np.linspace(condition.low, end, _LOOKED)[:, None, None])
-    maps = maps @ to_float(condition.right)
-    reduced = to_float(condition.left) @ maps
-    room = (
-        condition.gamma**2 * condition.P_source
-        - reduced.swapaxes(1, 2) @ condition.P_target @ reduced
-    )
-    gram = maps.swapaxes(1, 2) @ maps
-    shares = np.linalg.eigvals(np.linalg.solve(gram + 1e-300 * np.eye(len(room[0])), room)).real
-    e = max(0.5 * float(shares.min()), 1e-12 * float(np.abs(condition.P_target).max()))
-    whole = V @ exact(condition.P_target) @ V.T + exact(e * np.eye(n))
-    return replace(condition, left=None, P_target=whole)
 
 
 def _word(end: float) -> float | str:

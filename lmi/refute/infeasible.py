@@ -49,12 +49,11 @@ def prove_no_common(
 
 
 def _certified(flow: Exact, jump: Exact, thetas: Sequence[float], Z: list[Exact]) -> bool:
-    total = None
+    total = ball(0 * Z[0])
     for theta, weight in zip(thetas, Z, strict=True):
         weighted = ball(weight)
         if not certify_positive_definite(weighted):
             return False
         M = exp_times(flow, theta) * ball(jump)
-        change = M * weighted * M.transpose() - weighted
-        total = change if total is None else total + change
+        total = total + M * weighted * M.transpose() - weighted
     return certify_positive_definite(total)

@@ -17,7 +17,6 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -28,7 +27,6 @@ from lmi.arithmetic.balls import (
     PRECISIONS,
     Exact,
     ball,
-    certify_negative,
     exact,
     exp_times,
     fixed_vector,
@@ -107,10 +105,8 @@ def refute_spectral(
     radius (float, for reading) and the method of proof. seeds: theta to look at besides the scan's.
     """
     F_exact, H_exact = exact(F), exact(H)
-    if (fixed := _fixed(F_exact, H_exact)) is not None:
-        reason = "M(theta) has an eigenvalue 1 or -1 for every theta: a state that never decays"
-        return refuted({"theta": float(low), "spectral_radius": 1.0, **fixed,
-                        "reason": reason, "method": "exact invariant vector"})  # fmt: skip
+    if (fixed := _fixed(F_exact, H_exact, float(low))) is not None:
+        return fixed
     if low == 0 and not exactly_schur(H_exact):
         radius = max(1.0, spectral_radius(to_float(H_exact)))  # floats that overflow give 1
         reason = f"at dwell time 0 the jump alone has spectral radius {radius:.9g} >= 1"
@@ -125,10 +121,8 @@ def refute_spectral(
         inside, method, _ = _settled(flow, jump, theta)
         if inside is False:
             radius = max(radius, 1.0)  # floats may have put it a little below
-            reason = (
-                f"at dwell time {theta!r} a jump and the flow after it have spectral radius "
-                f"{radius:.9g} >= 1"
-            )
+            reason = f"at dwell time {theta!r} a jump and the flow after it have spectral radius "
+            reason += f"{radius:.9g} >= 1"
             return refuted({"theta": theta, "spectral_radius": radius, "method": method,
                             "reason": reason})  # fmt: skip
     if (form := invariant_form(F_exact, H_exact)) is not None:
@@ -161,15 +155,17 @@ def decide_constant(F: ArrayLike, H: ArrayLike, theta: float) -> Verdict:
     return undecided(f"{reason} with {PRECISIONS[-1]} bits", theta=theta)
 
 
-def _fixed(F: Exact, H: Exact) -> dict[str, Any] | None:
-    """v ("right") with F v = 0 and H v = v or -v, or such a row vector ("left"), exactly."""
+def _fixed(F: Exact, H: Exact, theta: float) -> Verdict | None:
+    """Refuted by v ("right") with F v = 0 and H v = v or -v, or such a row vector ("left")."""
     unit = exact(np.eye(len(H)))
     pairs = (("right", F, H - unit), ("left", F.T, H.T - unit),
              ("right", F, H + unit), ("left", F.T, H.T + unit))  # fmt: skip
     for side, flow, jump in pairs:
         vector = fixed_vector([flow, jump])
         if vector is not None:
-            return {"vector": vector, "side": side}
+            reason = "M(theta) has an eigenvalue 1 or -1 for every theta: a state that never decays"
+            return refuted({"theta": theta, "spectral_radius": 1.0, "vector": vector, "side": side,
+                            "reason": reason, "method": "exact invariant vector"})  # fmt: skip
     return None
 
 
@@ -256,9 +252,9 @@ def _settled(F: Exact, H: Exact, *thetas: float) -> tuple[bool | None, str, int]
             M = maps[thetas[0]]
             for theta in thetas[1:]:
                 M = maps[theta] * M
-            if certify_negative((unit - M).det()):
+            if (unit - M).det() < 0:
                 return False, "det(I - M) < 0: a real eigenvalue above 1", bits
-            if certify_negative((unit + M).det()):
+            if (unit + M).det() < 0:
                 return False, "det(I + M) < 0: a real eigenvalue below -1", bits
             inside = schur(M)
         if inside is not None:

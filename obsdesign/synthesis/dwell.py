@@ -48,7 +48,7 @@ def dwell_certificates(
     if "P" in evidence:
         rates = largest_rates(F, H, evidence["P"], low, high)
     elif "windows" in evidence:
-        proposed = propose_rates(F, H, evidence, low, high, jitter)
+        proposed = propose_rates(F, H, evidence, low, high, jitter=jitter)
         rates = None if proposed is None else asdict(proposed)
     return certificates if rates is None else certificates | {"rates": rates}
 

@@ -104,8 +104,7 @@ def _twice(
     verdict: Verdict = prover(F, H, dwell, certificate, "bernstein")
     if verdict.outcome != "proved" or not paranoid:
         return verdict
-    # many windows leave narrow margins, over which log-norm steps would take too long
-    second = prover(F, H, dwell, certificate, "march" if prover is _common else "chords")
+    second = prover(F, H, dwell, certificate, "chords")
     if second.outcome != "proved":
         why = second.evidence.get("reason", "")
         return undecided(f"the second method does not confirm the proof: {why}")

@@ -31,7 +31,9 @@ def rates_claim(
     own = {name: proposed[f"P_{name}"] for name in asdict(rates) if f"P_{name}" in proposed}
     if any(matrix_of(P, len(F)) is None for P in own.values()):
         return ()
-    verdict = prove_rates(F, H, certificate, dwell.low, dwell.high, rates, dwell.jitter, own)
+    verdict = prove_rates(
+        F, H, certificate, dwell.low, dwell.high, rates=rates, jitter=dwell.jitter, own=own
+    )
     usual = "the P of dwell_stability"
     if "P" not in certificate:
         usual += " of the window that the dwell times are in"

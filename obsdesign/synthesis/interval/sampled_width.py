@@ -13,7 +13,8 @@ from lmi.arithmetic.balancing import Scaling
 from lmi.arithmetic.balls import exact, inverse, to_float
 from lmi.arithmetic.exponential import absolute_flow
 from lmi.arithmetic.spectrum import spectral_radius
-from lmi.bounds.interleaved import Bounds, Interleaved, prove_interleaved, sampled_flow
+from lmi.bounds.interleaved import Bounds, Interleaved, prove_interleaved
+from lmi.bounds.sampled_flow import sampled_flow
 from lmi.prove.hurwitz import rightmost
 from obsdesign.equations.interval.gains import IntervalGains
 from obsdesign.equations.interval.width import SAMPLED_MAPS, WidthSystem, slope_scheme
@@ -214,7 +215,7 @@ def spaced_tube(
 ) -> dict[str, Any] | None:
     """Return the proved tube of the width system for samples at most `spacing` apart, or None."""
     L, CA, A, C, b = parts
-    added = sampled_flow(exact(system.W), L, CA, A, C, b, spacing)
+    added = sampled_flow(exact(system.W), L, CA=CA, A=A, C=C, b=b, h=spacing)
     if added is None:
         return None
     more, drift = added

@@ -45,7 +45,7 @@ def proved_width(
         if certificate is None:
             return None
         tube = Tube(*(exact(certificate[name]) for name in names))
-        if prove_tube(W, f, N, h, out, tube, low, high).outcome == "proved":
+        if prove_tube(W, f, N, h, out, tube=tube, low=low, high=high).outcome == "proved":
             return certificate
     return None
 

@@ -81,7 +81,7 @@ class PlaneCurve:
         """Boxes of ages with (b_i, b_j, b_i', b_j'); used up by one look."""
         rows = [self.curve.n + index for index in self.pair]
         whole, state = _with_derivatives(self.curve.F, self.curve.z, rows)
-        return signs.boxes(whole, ball(state), low, high, list(range(4)), self.effort)
+        return signs.boxes(whole, ball(state), low, high, list(range(4)), effort=self.effort)
 
     def _beside_start(self, box: signs.Box) -> signs.Polynomial:
         return signs.combined((self.start[0], box.rows[1]), (-self.start[1], box.rows[0]))

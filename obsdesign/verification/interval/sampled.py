@@ -11,7 +11,8 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Array
 from lmi.arithmetic.balls import exact, inverse, to_float, upper_ends
-from lmi.bounds.interleaved import Bounds, Interleaved, prove_interleaved, sampled_flow
+from lmi.bounds.interleaved import Bounds, Interleaved, prove_interleaved
+from lmi.bounds.sampled_flow import sampled_flow
 from lmi.prove.hurwitz import prove_hurwitz
 from lmi.refute.spectral import refute_spectral
 from lmi.verdict import Verdict, undecided
@@ -110,7 +111,7 @@ def spacing_claim(
     if not isinstance(limit, float) or not 0 < limit < math.inf:
         return ()
     L, CA, A, C, b = slope_scheme(gains, exact, inverse)
-    added = sampled_flow(exact(system.W), L, CA, A, C, b, limit)
+    added = sampled_flow(exact(system.W), L, CA=CA, A=A, C=C, b=b, h=limit)
     if added is None:
         return ()
     spaced = replace(system, W=system.W + added[0], f=system.f + added[1])

@@ -143,7 +143,8 @@ def vectors(proposed: Mapping[str, Any], names: tuple[str, ...], n: int) -> dict
 def _proof(system: WidthSystem, ends: tuple[float, float], bounds: Mapping[str, Array]) -> Verdict:
     W, f, N, h, out = (exact(X) for X in (system.W, system.f, *system.at_jumps, system.out))
     names = ("tube", "after_jump", "before_jump", "always")
-    return prove_tube(W, f, N, h, out, Tube(*(bounds[name] for name in names)), *ends)
+    tube = Tube(*(bounds[name] for name in names))
+    return prove_tube(W, f, N, h, out, tube=tube, low=ends[0], high=ends[1])
 
 
 def _constant_dwell(system: WidthSystem, ends: tuple[float, float]) -> list[ConstantDwell]:

@@ -181,6 +181,8 @@ def test_brackets_and_rates_in_any_units() -> None:
         assert best[name] == pytest.approx(plain[name], rel=0.02)
     own = {name: best[f"P_{name}"] for name in ("per_jump", "in_time")}
     rates = Rates(best["per_jump"], best["in_time"])
-    assert prove_rates(*pair, {"P": P}, 1.0, math.inf, rates, own=own).outcome == "proved"
+    assert prove_rates(*pair, {"P": P}, 1.0, math.inf, rates=rates, own=own).outcome == "proved"
     quicker = Rates(0.9 * best["per_jump"], best["in_time"])
-    assert prove_rates(*pair, {"P": P}, 1.0, math.inf, quicker, own=own).outcome == "undecided"
+    assert (
+        prove_rates(*pair, {"P": P}, 1.0, math.inf, rates=quicker, own=own).outcome == "undecided"
+    )

@@ -49,18 +49,20 @@ def test_proved_rates_hold_and_better_ones_are_not_proved(seed: int, n: int, end
     assert np.all(norms <= np.exp(-rates.in_time * thetas) * (1 + ROUNDING))
     radii = np.abs(np.linalg.eigvals(maps)).max(axis=1)
     faster = Rates(max(float(radii.max()) * 0.999, 1e-9), rates.in_time)
-    assert prove_rates(F, H, certificate, 0.2, high, faster).outcome == "undecided"
+    assert prove_rates(F, H, certificate, 0.2, high, rates=faster).outcome == "undecided"
     sooner = Rates(rates.per_jump, float(np.min(-np.log(radii) / thetas)) * 1.001 + 1e-9)
-    assert prove_rates(F, H, certificate, 0.2, high, sooner).outcome == "undecided"
+    assert prove_rates(F, H, certificate, 0.2, high, rates=sooner).outcome == "undecided"
 
 
 @pytest.mark.parametrize(
     "rates", [Rates(1.0, 0.0), Rates(0.0, 0.0), Rates(0.5, -1.0), Rates(0.5, math.inf)]
 )
 def test_rates_that_are_none(rates: Rates) -> None:
-    assert prove_rates([[-1.0]], [[0.1]], {"P": [[1.0]]}, 1.0, 2.0, rates).outcome == "undecided"
     assert (
-        prove_rates([[-1.0]], [[0.1]], {"P": [[1.0]]}, 1.0, 2.0, Rates(0.5, 0.1)).outcome
+        prove_rates([[-1.0]], [[0.1]], {"P": [[1.0]]}, 1.0, 2.0, rates=rates).outcome == "undecided"
+    )
+    assert (
+        prove_rates([[-1.0]], [[0.1]], {"P": [[1.0]]}, 1.0, 2.0, rates=Rates(0.5, 0.1)).outcome
         == "proved"
     )
 
@@ -85,10 +87,10 @@ def test_the_largest_rates_are_proved_and_lie_between(seed: int, n: int, endless
     assert best["in_time"] <= np.min(-np.log(radii) / thetas) * (1 + ROUNDING)
     own = {name: best[f"P_{name}"] for name in ("per_jump", "in_time") if f"P_{name}" in best}
     rates = Rates(best["per_jump"], best["in_time"])
-    assert prove_rates(F, H, verdict.evidence, 0.2, high, rates, own=own).outcome == "proved"
+    assert prove_rates(F, H, verdict.evidence, 0.2, high, rates=rates, own=own).outcome == "proved"
     swapped = {name: (-np.array(P)).tolist() for name, P in own.items()}
     if own:
-        false = prove_rates(F, H, verdict.evidence, 0.2, high, rates, own=swapped)
+        false = prove_rates(F, H, verdict.evidence, 0.2, high, rates=rates, own=swapped)
         assert false.outcome == "undecided"
 
 

@@ -163,13 +163,13 @@ def test_an_effort_ends_a_proof_and_nothing_else() -> None:
     with precision(160):
         for end, sign in ((1.0, True), (1.7, False)):  # cos has its zero between
             enough, little = signs.Effort(100), signs.Effort(1)
-            cover = signs.boxes(F, ball(z), 0.0, end, [0], enough)
+            cover = signs.boxes(F, ball(z), 0.0, end, [0], effort=enough)
             assert signs.one_sign(cover, lambda box: box.rows[0], 1, enough)[0] in (
                 (True,) if sign else (False, None)
             )
             assert enough.left < 100
             with pytest.raises(ValueError, match="too much to cover"):
-                next(iter(signs.boxes(F, ball(z), 0.0, 2 * end, [0], little)))
+                next(iter(signs.boxes(F, ball(z), 0.0, 2 * end, [0], effort=little)))
 
 
 def test_bernstein_coefficients_are_those_of_the_polynomial() -> None:
