@@ -63,7 +63,7 @@ def main(cases: int, first: int) -> None:
         if outcome.verdict != "proved" or outcome.design is None:
             refused += 1
             continue
-        window, period = float(task.options["window"]), float(task.plant.output.period or 1.0)
+        window, period = float(task.options["window"]), task.plant.output.sample_period
         kind = str(rng.choice(["extreme", "random", "sine"])) if bounded else "zero"
         record = simulate(
             task.plant, until=3 * window, step=period / 2, disturbance=kind, rng=rng

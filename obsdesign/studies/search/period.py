@@ -102,7 +102,7 @@ def search_period(problem: Problem, what: str) -> Outcome:
     if what not in PERIOD_SEARCHES:
         raise InputError(f"--for {what} is not available for kind 'finite_time'.")
     problem.require_measured("periodic")
-    period = float(problem.plant.output.period or 1.0)
+    period = problem.plant.output.sample_period
     options = {} if what == "shortest_window" else _options_without_window(problem)
     if reason := reason_against_problem(problem.plant, options):
         raise InputError(reason)

@@ -82,7 +82,7 @@ def _with_injection(problem: Problem, samples: int) -> Iterator[Candidate]:
 
 def _is_undetermined(problem: Problem, k: int) -> bool:
     """Do k samples leave a state undetermined, in floats?"""
-    plant, period = problem.plant, float(problem.plant.output.period or 1.0)
+    plant, period = problem.plant, problem.plant.output.sample_period
     return approx_window_determinacy(plant.flow.A, plant.output.C, period, k) < SINGULAR
 
 
@@ -93,7 +93,7 @@ def _injection(problem: Problem, k: int, units: Array | None = None) -> Injectio
     those of states in these.
     """
     A, C, L = problem.plant.flow.A, problem.plant.output.C, problem.gains.get("L")
-    window = k * float(problem.plant.output.period or 1.0)
+    window = k * problem.plant.output.sample_period
     by_condition_13 = problem.options.get("objective") in CONDITION_13_OBJECTIVES
     is_undetermined = _is_undetermined(problem, k)
     if L is not None and (is_undetermined or not by_condition_13 or not np.any(L @ C)):
@@ -112,7 +112,7 @@ def _injection(problem: Problem, k: int, units: Array | None = None) -> Injectio
 def _searched_injection(problem: Problem, k: int, window: float) -> Injection:
     """L for the objective, and S where (13) holds in these coordinates alone."""
     A, C, L = problem.plant.flow.A, problem.plant.output.C, problem.gains.get("L")
-    period, objective = float(problem.plant.output.period or 1.0), problem.options.get("objective")
+    period, objective = problem.plant.output.sample_period, problem.options.get("objective")
     fixed = PeriodProblem(A, C, window, L)
     plain = fixed.rated(L, window) if L is not None else best_injection(fixed)
     if objective == "least_noise":

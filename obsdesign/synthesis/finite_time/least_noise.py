@@ -44,7 +44,7 @@ def low_noise_samples(plant: Plant, counts: list[int]) -> int:
 
 def _errors(plant: Plant, k: int) -> Array:
     """Errors (n,) of least squares under noise and disturbance of the plant's sizes."""
-    A, C, period = plant.flow.A, plant.output.C, float(plant.output.period or 1.0)
+    A, C, period = plant.flow.A, plant.output.C, plant.output.sample_period
     deviations = relative_deviations(plant.output)
     rows = sample_rows(A, C, period, k).reshape(-1, len(A))
     if not np.isfinite(rows).all():

@@ -26,7 +26,7 @@ CONDITION_13_OBJECTIVES = ("longest_period", "shortest_window")
 
 def chosen_samples(problem: Problem) -> int:
     """Number of samples, given, or chosen by the objective or the determinacy of the window."""
-    plant, period = problem.plant, float(problem.plant.output.period or 1.0)
+    plant, period = problem.plant, problem.plant.output.sample_period
     if "window" in problem.options:
         return window_samples(problem.options["window"], period)
     A, C, objective = plant.flow.A, plant.output.C, problem.options.get("objective")

@@ -52,7 +52,7 @@ class WindowTask:
     @property
     def period(self) -> float:
         """Time from one sample to the next."""
-        return float(self.plant.output.period or 1.0)
+        return self.plant.output.sample_period
 
     @property
     def is_relative_to_start(self) -> bool:

@@ -56,7 +56,7 @@ def reason_for_samples(problem: Problem, window: float, weighting: str) -> str |
     A, H = plant.flow.A, problem.require("jump.H")
     refused = weighting == "plain" or "margin" in options or H.shape[1] > 1
     refused |= options.get("state_correction") is False
-    samples = float(options.get("window", 0.0)) / float(plant.output.period or 1.0)
+    samples = float(options.get("window", 0.0)) / plant.output.sample_period
     if refused or not H.any() or abs(samples - round(samples)) > 1e-6:
         return None
     along = np.hstack([H, A @ H])
@@ -73,7 +73,7 @@ def reason_for_samples(problem: Problem, window: float, weighting: str) -> str |
 def samples_within(problem: Problem, window: float) -> int:
     """Samples of a window of operator `samples` that could be as long as this one."""
     return min(
-        int(window / float(problem.plant.output.period or 1.0) * (1 + 1e-9)), _MOST_WINDOW_SAMPLES
+        int(window / problem.plant.output.sample_period * (1 + 1e-9)), _MOST_WINDOW_SAMPLES
     )
 
 

@@ -111,7 +111,7 @@ def expected_gains(problem: Problem, stored: Mapping[str, Any]) -> dict[str, Any
     samples: Any = stored.get("samples")
     k = int(samples) if _is_count(samples) else 0
     if "window" in options and reason_against_problem(plant, options) is None:
-        k = window_samples(options["window"], plant.output.period or 1.0)
+        k = window_samples(options["window"], plant.output.sample_period)
     expected = stored_plant(plant) | {"method": method, "samples": float(k)}
     expected |= {"window_gain": (plant.n, k * plant.p)}
     if method in NEED_L:

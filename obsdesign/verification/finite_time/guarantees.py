@@ -156,7 +156,7 @@ def warnings(problem: Problem, claims: tuple[Claim, ...]) -> tuple[str, ...]:
     if "L" in problem.gains and method not in NEED_L:
         sentences.append(f"observer.gains.L is not used: method {method!r} has no L.")
     if "sampled_observable" in evidence.verdicts:
-        for first, second, turns in pathological_pairs(plant.flow.A, plant.output.period or 1.0):
+        for first, second, turns in pathological_pairs(plant.flow.A, plant.output.sample_period):
             sentences.append(
                 f"The period is near pathological sampling: the eigenvalues {first:.6g} and "
                 f"{second:.6g} differ by {turns:.6g} x 2 pi i / period, and only several outputs "
