@@ -16,6 +16,9 @@ from flint import arb, arb_mat, ctx, fmpq, fmpq_mat, nmod_mat
 from numpy.typing import ArrayLike, NDArray
 
 Exact = NDArray[np.object_]
+Rational = fmpq
+Ball = arb  # a number with a proved error bound
+Balls = arb_mat  # a matrix of them
 _PRIME = 2**61 - 1
 PRECISIONS = (80, 160, 320)  # bits: raised in turn before a proof gives up
 

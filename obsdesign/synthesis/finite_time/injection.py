@@ -16,10 +16,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Matrix
 from lmi.time_budget import deadline, ended, remark_end
 from obsdesign.equations.finite_time.condition_13 import approx_log_longest_period
-from obsdesign.equations.finite_time.options import MOST_SAMPLES
-from obsdesign.equations.gains import Array
+from obsdesign.equations.finite_time.gains import MOST_SAMPLES
 from obsdesign.synthesis.finite_time.period_descent import polished
 from obsdesign.synthesis.finite_time.period_problem import (
     Injection,
@@ -171,7 +171,7 @@ def _for_window(problem: PeriodProblem, window: float, near: Injection, target: 
 
 
 def _scanned(
-    problem: PeriodProblem, L: Array, period: float, least: int
+    problem: PeriodProblem, L: Matrix, period: float, least: int
 ) -> tuple[int | None, Injection]:
     # beyond some ten time constants M_T is rounding
     most = math.ceil(60.0 / (np.linalg.norm(problem.A, 2) * period))

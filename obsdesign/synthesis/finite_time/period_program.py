@@ -22,9 +22,9 @@ from typing import Any
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Matrix
 from obsdesign.equations.finite_time.condition_13 import log_lambert
 from obsdesign.equations.finite_time.formulas import SMALLEST_GAIN
-from obsdesign.equations.gains import Array
 from obsdesign.synthesis.finite_time.period_problem import (
     normal_coordinates,
     triangular,
@@ -139,20 +139,20 @@ _LARGEST_GAIN = 1e3  # |L C| relative to |A|
 class Start:
     """Initial point: direction of L (n p,), its size, T, and S as entries of `triangular`."""
 
-    direction: Array
+    direction: Matrix
     size: float
     window: float
-    triangle: Array | None = None
+    triangle: Matrix | None = None
 
 
 @dataclass(frozen=True)
 class Solution:
     """A point of the program; period and status are unchecked results of the solver."""
 
-    L: Array
+    L: Matrix
     window: float
     period: float
-    S: Array
+    S: Matrix
     status: str
 
 
@@ -166,11 +166,11 @@ class PeriodProgram:
 
     def __init__(
         self,
-        A: Array,
-        C: Array,
+        A: Matrix,
+        C: Matrix,
         window: float | None = None,
         *,
-        L: Array | None = None,
+        L: Matrix | None = None,
         coordinates: bool = False,
         tighter: bool = False,
         seconds: float = math.inf,

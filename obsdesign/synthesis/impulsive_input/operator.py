@@ -72,9 +72,7 @@ def reason_for_samples(problem: Problem, window: float, weighting: str) -> str |
 
 def samples_within(problem: Problem, window: float) -> int:
     """Samples of a window of operator `samples` that could be as long as this one."""
-    return min(
-        int(window / problem.plant.output.sample_period * (1 + 1e-9)), _MOST_WINDOW_SAMPLES
-    )
+    return min(int(window / problem.plant.output.sample_period * (1 + 1e-9)), _MOST_WINDOW_SAMPLES)
 
 
 def period_for_integrals(D: Matrix, window: float) -> float:
