@@ -40,6 +40,7 @@ from obsdesign.equations.finite_time.formulas import (
     series_steps,
     window_matrix,
 )
+from obsdesign.equations.finite_time.gains import CORRECTED
 from obsdesign.equations.finite_time.rows import END, START, stacked_rows, state_scales
 
 # eighths of a term of the series per bit: each is about a quarter of the one before
@@ -158,9 +159,19 @@ def exact_gain(sampled: Sampled, L: Array) -> Exact | None:
     return None if gain is None else sampled.last @ gain
 
 
-def half_period(sampled: Sampled) -> Exact:
-    """e^{A nu / 2}, enclosed."""
-    return entries(exp_times(sampled.A * rational(0.5), sampled.period))
+def method_gain(sampled: Sampled, L: Array, half_sample: str | None) -> Exact | None:
+    """Gains (n, k p) of (14), with its half-sample delay taken off where CORRECTED; else of (9).
+
+    half_sample: that of the design, None for (9) with (16). None where no matrix is invertible.
+    """
+    if half_sample is None:
+        return exact_gain(sampled, L)
+    gain = approximate_gain(sampled, L)
+    if gain is None or half_sample != CORRECTED:
+        return gain
+    half_period: Exact = entries(exp_times(sampled.A * rational(0.5), sampled.period))
+    corrected: Exact = half_period @ gain
+    return corrected
 
 
 def injection(sampled: Sampled, L: Array) -> Exact | None:

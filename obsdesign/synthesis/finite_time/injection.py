@@ -83,10 +83,7 @@ def _program_solutions(problem: PeriodProblem, starts: int, end: float) -> list[
     seconds = end - time.process_time()
     if seconds <= 0:
         return []
-    program = PeriodProgram(
-        problem.A, problem.C, problem.window, L=problem.L, coordinates=problem.coordinates,
-        tighter=problem.tighter, seconds=max(seconds / 2, 0.05),
-    )  # fmt: skip
+    program = PeriodProgram(problem, max(seconds / 2, 0.05))
 
     def rating(start: Start) -> float:
         n, p = len(problem.A), len(problem.C)

@@ -26,6 +26,7 @@ from lmi.arithmetic.arrays import Matrix
 from obsdesign.equations.finite_time.condition_13 import log_lambert
 from obsdesign.equations.finite_time.formulas import SMALLEST_GAIN
 from obsdesign.synthesis.finite_time.period_problem import (
+    PeriodProblem,
     normal_coordinates,
     triangular,
 )
@@ -97,14 +98,14 @@ def softplus(x: Any) -> Any:
     return ca.fmax(x, 0) + ca.log1p(ca.exp(-ca.fabs(x)))
 
 
-def condition_13(A: Any, C: Any, kind: Any, tighter: bool) -> tuple[Any, Any, Any, Any]:
+def condition_13(problem: PeriodProblem, kind: Any) -> tuple[Any, Any, Any, Any]:
     """(unknowns, log nu, equality that vanishes, (|l|^2 - 1, log |L C|)); kind: SX or MX.
 
     unknowns: l (n p,), log of the size of L, log T, w = log u, the triangle of S.
     """
     ca = casadi_package()
 
-    n, p = len(A), len(C)
+    A, C, n, p = problem.A, problem.C, len(problem.A), len(problem.C)
     direction, size = kind.sym("l", n * p), kind.sym("size")
     log_T, w = kind.sym("T"), kind.sym("w")
     triangle = kind.sym("S", n * (n + 1) // 2)
@@ -120,7 +121,7 @@ def condition_13(A: Any, C: Any, kind: Any, tighter: bool) -> tuple[Any, Any, An
     log_f, log_LC = log_norm(F), log_norm(unit) + size
     f = ca.exp(log_f)
     log_sigma = -log_a - softplus(log_m + log_a)
-    if tighter:  # e^u - 1 = Sigma* e^{-f T}, which does not underflow
+    if problem.tighter:  # e^u - 1 = Sigma* e^{-f T}, which does not underflow
         u, log_g = ca.exp(w), log_T
         equality = u + ca.log(-ca.expm1(-u)) - log_sigma + f * T
     else:
@@ -159,32 +160,20 @@ class Solution:
 class PeriodProgram:
     """The program of one plant, built once and solved from several starts.
 
-    A (n, n), C (p, n); window, L: T and L where they are given, else None; coordinates: is S
-    free as well? tighter: with `tighter_sigma` in place of Sigma, where u is
-    log(1 + Sigma* e^{-f T}) and T stands for g; seconds: of processor time, for a run.
+    With `tighter_sigma` u is log(1 + Sigma* e^{-f T}) and T stands for g. seconds: of processor
+    time, for a run.
     """
 
-    def __init__(
-        self,
-        A: Matrix,
-        C: Matrix,
-        window: float | None = None,
-        *,
-        L: Matrix | None = None,
-        coordinates: bool = False,
-        tighter: bool = False,
-        seconds: float = math.inf,
-    ) -> None:
+    def __init__(self, problem: PeriodProblem, seconds: float = math.inf) -> None:
         ca = casadi_package()
 
-        self._n, self._p = len(A), len(C)
-        self._window, self._L, self._coordinates = window, L, coordinates
+        self._problem = problem
+        self._n, self._p = len(problem.A), len(problem.C)
         # scalar expressions are faster, but grow like n^3 in their length: matrices beyond
-        small = len(A) <= _SCALAR_STATES
-        x, log_nu, equality, conditions = condition_13(A, C, ca.SX if small else ca.MX, tighter)
-        self._A = A
-        self._size_A = float(np.linalg.norm(A, 2)) or 1.0
-        self._size_C = float(np.linalg.norm(C, 2))
+        small = self._n <= _SCALAR_STATES
+        x, log_nu, equality, conditions = condition_13(problem, ca.SX if small else ca.MX)
+        self._size_A = float(np.linalg.norm(problem.A, 2)) or 1.0
+        self._size_C = float(np.linalg.norm(problem.C, 2))
         ipopt = {"print_level": 0, "sb": "yes", "max_iter": 300}
         ipopt |= {"max_cpu_time": seconds} if seconds < math.inf else {}
         ipopt |= {} if small else {"hessian_approximation": "limited-memory"}
@@ -197,15 +186,15 @@ class PeriodProgram:
 
     def solve(self, start: Start) -> Solution:
         """Return the solution of one run of IPOPT."""
-        n, p = self._n, self._p
+        n, p, problem = self._n, self._p, self._problem
         triangle = np.zeros(n * (n + 1) // 2) if start.triangle is None else start.triangle
-        free = math.inf if self._coordinates else 0.0
-        log_T = math.log(start.window if self._window is None else self._window)
-        ends = (-math.inf, math.inf) if self._window is None else (log_T, log_T)
+        free = math.inf if problem.coordinates else 0.0
+        log_T = math.log(start.window if problem.window is None else problem.window)
+        ends = (-math.inf, math.inf) if problem.window is None else (log_T, log_T)
         direction, size = start.direction, start.size
-        if self._L is not None:
-            size = float(np.linalg.norm(self._L))
-            direction = self._L.T.reshape(-1) / size
+        if problem.L is not None:
+            size = float(np.linalg.norm(problem.L))
+            direction = problem.L.T.reshape(-1) / size
         x0 = np.concatenate([direction, [math.log(size), log_T, 0.0], triangle])
         missing = float(self._equality(x0))  # at w = 0, where the left-hand side is 1
         x0[n * p + 2] = log_lambert(1.0 - missing) if math.isfinite(missing) else -10.0
@@ -214,7 +203,7 @@ class PeriodProgram:
         low, high = -inner, inner
         least = math.log(SMALLEST_GAIN * self._size_A)
         most = math.log(_LARGEST_GAIN * self._size_A)
-        if self._L is not None:
+        if problem.L is not None:
             low = high = x0[: n * p + 1]
             least, most = -math.inf, math.inf
         result = self._solver(
@@ -236,7 +225,7 @@ class PeriodProgram:
         Every second one starts in coordinates in which A is (nearly) normal.
         """
         rng = np.random.default_rng(0)  # fixed: the same problem has the same starts
-        normal = normal_coordinates(self._A) if self._coordinates else None
+        normal = normal_coordinates(self._problem.A) if self._problem.coordinates else None
         starts = []
         for i in range(count):
             direction = rng.standard_normal(self._n * self._p)

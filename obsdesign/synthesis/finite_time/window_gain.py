@@ -15,11 +15,7 @@ from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.balls import Exact, precision, scalar
 from lmi.arithmetic.norms import float_above, middles
 from lmi.time_budget import remark
-from obsdesign.analysis.finite_time.enclosed_gains import (
-    approximate_gain,
-    exact_gain,
-    half_period,
-)
+from obsdesign.analysis.finite_time.enclosed_gains import method_gain
 from obsdesign.analysis.finite_time.error_radius import (
     PRECISIONS,
     bias,
@@ -27,7 +23,7 @@ from obsdesign.analysis.finite_time.error_radius import (
     error_radius,
 )
 from obsdesign.analysis.finite_time.requirements import stored_plant
-from obsdesign.equations.finite_time.gains import CORRECTED, FREE, FiniteTimeGains
+from obsdesign.equations.finite_time.gains import FREE, FiniteTimeGains
 from obsdesign.equations.finite_time.rows import (
     DECAYED,
     END,
@@ -168,13 +164,7 @@ def _formula(task: WindowTask, L: Matrix) -> Matrix | None:
     """(14), or (9) with (16), rounded from an enclosure that is tight enough."""
     for bits in _BITS:
         with precision(bits):
-            sampled = task.sampled()
-            if task.method == "exact":
-                enclosed = exact_gain(sampled, L)
-            else:
-                enclosed = approximate_gain(sampled, L)
-                if enclosed is not None and task.half_sample == CORRECTED:
-                    enclosed = half_period(sampled) @ enclosed
+            enclosed = method_gain(task.sampled(), L, task.half_sample)
             if enclosed is not None:
                 return np.asarray(middles(enclosed))
     return None

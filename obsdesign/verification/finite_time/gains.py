@@ -13,11 +13,9 @@ from lmi.arithmetic.norms import float_above, well_ranked
 from lmi.verdict import Verdict, proved, refuted, undecided
 from obsdesign.analysis.finite_time.enclosed_gains import (
     Sampled,
-    approximate_gain,
     difference_matrix,
-    exact_gain,
     exact_matrix,
-    half_period,
+    method_gain,
 )
 from obsdesign.analysis.finite_time.error_radius import bias, disturbance_bound, error_radius
 from obsdesign.document import Claim
@@ -120,16 +118,10 @@ def _reason_against_inverse(sampled: Sampled) -> str | None:
 
 def method_gains_claim(sampled: Sampled, gains: FiniteTimeGains) -> Claim:
     """Claim that the stored gains are those of the formula, to rounding."""
-    approximate = not gains.is_unbiased
-    if approximate:
-        enclosed = approximate_gain(sampled, gains.injection)
-        if enclosed is not None and gains.half_sample == CORRECTED:
-            enclosed = half_period(sampled) @ enclosed
-    else:
-        enclosed = exact_gain(sampled, gains.injection)
-    formula = "(14)" if approximate else "(9) with (16)"
+    enclosed = method_gain(sampled, gains.injection, gains.half_sample)
+    formula = "(9) with (16)" if gains.half_sample is None else "(14)"
     statement = f"the stored gains are those of {formula} for the stored L, to rounding"
-    if approximate and gains.half_sample == CORRECTED:
+    if gains.half_sample == CORRECTED:
         statement = (
             "the stored gains are those of (14) for the stored L times e^(A nu / 2), which takes "
             "the half-sample delay off, to rounding"

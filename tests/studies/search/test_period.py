@@ -241,7 +241,7 @@ def test_freedom_never_hurts_and_units_do_not_matter() -> None:
 def test_the_program_against_true_norms() -> None:
     from obsdesign.synthesis.finite_time.period_program import PeriodProgram
 
-    program = PeriodProgram(A, C)
+    program = PeriodProgram(PeriodProblem(A, C))
     reached = []
     for start in program.starts(4):
         point = program.solve(start)
@@ -255,7 +255,7 @@ def test_coordinates_are_part_of_the_program() -> None:
     from obsdesign.synthesis.finite_time.period_program import PeriodProgram
 
     chain, output = np.array([[0.0, 1], [0, 0]]), np.array([[1.0, 0]])
-    program = PeriodProgram(chain, output, coordinates=True)
+    program = PeriodProgram(PeriodProblem(chain, output, coordinates=True))
     plain = best_injection(PeriodProblem(chain, output)).log_period
     best = -math.inf
     for start in program.starts(6):
