@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lmi.arithmetic.arrays import Matrix
-from obsdesign.equations.finite_time.rows import approx_determinacy, least_squares_gain
+from obsdesign.equations.finite_time.rows import SINGULAR, approx_determinacy, least_squares_gain
 from obsdesign.runtime.base import jump_input
 from obsdesign.runtime.finite_time.constants import WindowConstants
 from obsdesign.runtime.finite_time.error_radius import window_length
@@ -20,8 +20,6 @@ from obsdesign.runtime.finite_time.tape import Tape
 
 # rounding of y - C w, as a part of w
 OUTPUT_ROUNDING = 2.0**-48
-# the scaled rows of an incomplete window must be that far from losing rank
-_DETERMINED = 1e-11
 # with bounds w is replaced when it is that much larger than the estimate
 _LARGEST_RATIO = 2.0
 
@@ -242,7 +240,7 @@ def _incomplete_estimate(constants: WindowConstants, state: FiniteTimeState) -> 
         return None
     is_there = np.isfinite(state.window)
     rows = constants.rows[is_there]
-    if approx_determinacy(rows, constants.scales) < _DETERMINED:
+    if approx_determinacy(rows, constants.scales) < SINGULAR:
         return None
     deviations = np.tile(constants.gains.deviations, constants.k)[is_there]
     gain = least_squares_gain(rows, deviations)

@@ -89,17 +89,14 @@ def _program_solutions(problem: PeriodProblem, starts: int, end: float) -> list[
         n, p = len(problem.A), len(problem.C)
         L = start.size * start.direction.reshape(p, n).T if problem.L is None else problem.L
         S = None if start.triangle is None else triangular(start.triangle, n)
-        return problem.rated(L, problem.window or start.window, S).log_period
+        return problem.rated(L, start.window, S).log_period
 
     ranked = sorted(program.starts(_SCREENED * starts), key=rating, reverse=True)
     solutions = []
     for start in ranked[:starts]:
         point = program.solve(start)
-        L = point.L if problem.L is None else problem.L
-        S = point.S if problem.coordinates else None
-        is_finite = np.isfinite(point.L).all() and np.isfinite(point.S).all()
-        if is_finite and 0 < point.window < math.inf:
-            solutions.append(problem.rated(L, point.window, S))
+        if point.is_finite:
+            solutions.append(problem.rated(point.L, point.window, point.S))
         if time.process_time() > end:
             break
     return solutions

@@ -14,9 +14,9 @@ from __future__ import annotations
 
 import contextlib
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
@@ -24,11 +24,14 @@ from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.exponential import expm
 from obsdesign.synthesis.finite_time.window_task import WindowTask
 
+if TYPE_CHECKING:
+    import cvxpy as cp
+
 # weight of a sample without noise relative to the others, which keeps its gains small
 _LEAST_WEIGHT = 1e-9
 # the second one, slower with long windows, where the first one is not sure
 _TIGHT = 1e-10
-_SOLVERS: dict[str, dict[str, Any]] = {
+_SOLVERS: Mapping[str, Mapping[str, object]] = {
     "CLARABEL": {"tol_gap_abs": _TIGHT, "tol_gap_rel": _TIGHT, "tol_feas": _TIGHT},
     "HIGHS": {"highs_options": {"time_limit": 5.0, "threads": 1}},
 }
@@ -139,7 +142,7 @@ def _solutions(program: _RowProgram, g: Matrix, unit: Matrix) -> list[Matrix]:
     return solutions
 
 
-def _recursion(program: _RowProgram, q: Any, push: Any) -> list[Any]:
+def _recursion(program: _RowProgram, q: cp.Variable, push: cp.Expression) -> list[cp.Constraint]:
     """Conditions on q_l, (k, n) variables, driven by z_l C = push."""
     if program.from_start:
         conditions = [q[-1] == 0, q[0] @ program.step == push[0]]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import time
-from typing import Any
 
 import numpy as np
 
@@ -18,7 +17,7 @@ from obsdesign.synthesis.finite_time.period_problem import (
     triangular,
 )
 
-_NELDER_MEAD: Any = {"xatol": 1e-7, "fatol": 1e-11, "maxiter": 2000, "maxfev": 2000}
+_NELDER_MEAD = {"xatol": 1e-7, "fatol": 1e-11, "maxiter": 2000, "maxfev": 2000}
 # beyond, a simplex only creeps
 _MOST_UNKNOWNS = 12
 

@@ -31,6 +31,7 @@ from obsdesign.synthesis.finite_time.period_problem import (
     triangular,
 )
 
+Expression = Any  # SX or MX of CasADi
 _TAYLOR_DEGREE, _SQUARINGS = 16, 6
 _NORM_DOUBLINGS = 6  # p = 64
 
@@ -42,7 +43,7 @@ def casadi_package() -> Any:
     return casadi
 
 
-def triangular_of(entries: Any, n: int) -> tuple[Any, Any]:
+def triangular_of(entries: Expression, n: int) -> tuple[Expression, Expression]:
     """S upper triangular with exponentials on its diagonal, and its inverse."""
     ca = casadi_package()
 
@@ -54,7 +55,7 @@ def triangular_of(entries: Any, n: int) -> tuple[Any, Any]:
     return S, inverse_of(S, n)
 
 
-def inverse_of(X: Any, n: int) -> Any:
+def inverse_of(X: Expression, n: int) -> Expression:
     """X^-1 for X (n, n)."""
     ca = casadi_package()
 
@@ -62,7 +63,7 @@ def inverse_of(X: Any, n: int) -> Any:
     return ca.solve(X, unit) if isinstance(X, ca.SX) else ca.solve(X, unit, "lapackqr")
 
 
-def exponential_of(X: Any) -> Any:
+def exponential_of(X: Expression) -> Expression:
     """e^X by a Taylor polynomial and squarings."""
     ca = casadi_package()
 
@@ -76,7 +77,7 @@ def exponential_of(X: Any) -> Any:
     return result
 
 
-def log_norm(X: Any) -> Any:
+def log_norm(X: Expression) -> Expression:
     """log (tr (X'X)^p)^(1/2p), p = 2^doublings, each power scaled by its trace."""
     ca = casadi_package()
 
@@ -91,14 +92,16 @@ def log_norm(X: Any) -> Any:
     return (total + weight * ca.log(ca.trace(power))) / 2
 
 
-def softplus(x: Any) -> Any:
+def softplus(x: Expression) -> Expression:
     """log(1 + e^x), without overflow."""
     ca = casadi_package()
 
     return ca.fmax(x, 0) + ca.log1p(ca.exp(-ca.fabs(x)))
 
 
-def condition_13(problem: PeriodProblem, kind: Any) -> tuple[Any, Any, Any, Any]:
+def condition_13(
+    problem: PeriodProblem, kind: Any
+) -> tuple[Expression, Expression, Expression, Expression]:
     """(unknowns, log nu, equality that vanishes, (|l|^2 - 1, log |L C|)); kind: SX or MX.
 
     unknowns: l (n p,), log of the size of L, log T, w = log u, the triangle of S.
@@ -138,7 +141,10 @@ _LARGEST_GAIN = 1e3  # |L C| relative to |A|
 
 @dataclass(frozen=True)
 class Start:
-    """Initial point: direction of L (n p,), its size, T, and S as entries of `triangular`."""
+    """Initial point: direction of L (n p,), its size, T, and S as entries of `triangular`.
+
+    L and T are those of the problem where it fixes them.
+    """
 
     direction: Matrix
     size: float
@@ -153,8 +159,16 @@ class Solution:
     L: Matrix
     window: float
     period: float
-    S: Matrix
+    S: Matrix | None
     status: str
+
+    @property
+    def is_finite(self) -> bool:
+        """Are all variables finite, with T > 0?"""
+        S = 0.0 if self.S is None else self.S
+        return bool(
+            np.isfinite(self.L).all() and np.isfinite(S).all() and 0 < self.window < math.inf
+        )
 
 
 class PeriodProgram:
@@ -189,13 +203,9 @@ class PeriodProgram:
         n, p, problem = self._n, self._p, self._problem
         triangle = np.zeros(n * (n + 1) // 2) if start.triangle is None else start.triangle
         free = math.inf if problem.coordinates else 0.0
-        log_T = math.log(start.window if problem.window is None else problem.window)
+        log_T = math.log(start.window)
         ends = (-math.inf, math.inf) if problem.window is None else (log_T, log_T)
-        direction, size = start.direction, start.size
-        if problem.L is not None:
-            size = float(np.linalg.norm(problem.L))
-            direction = problem.L.T.reshape(-1) / size
-        x0 = np.concatenate([direction, [math.log(size), log_T, 0.0], triangle])
+        x0 = np.concatenate([start.direction, [math.log(start.size), log_T, 0.0], triangle])
         missing = float(self._equality(x0))  # at w = 0, where the left-hand side is 1
         x0[n * p + 2] = log_lambert(1.0 - missing) if math.isfinite(missing) else -10.0
         fixed = np.full(len(triangle), free)
@@ -213,8 +223,10 @@ class PeriodProgram:
             lbg=[0, 0, least], ubg=[0, 0, most],
         )  # fmt: skip
         x = np.asarray(result["x"]).reshape(-1)
-        L = math.exp(min(x[n * p], 700.0)) * x[: n * p].reshape(p, n).T
-        S = triangular(x[n * p + 3 :], n)
+        L = problem.L
+        if L is None:
+            L = math.exp(min(x[n * p], 700.0)) * x[: n * p].reshape(p, n).T
+        S = triangular(x[n * p + 3 :], n) if problem.coordinates else None
         status = str(self._solver.stats()["return_status"])
         period = math.exp(min(-float(result["f"]), 700.0)) if result["f"].is_regular() else 0.0
         return Solution(L, math.exp(min(x[n * p + 1], 700.0)), period, S, status)
@@ -224,8 +236,9 @@ class PeriodProgram:
 
         Every second one starts in coordinates in which A is (nearly) normal.
         """
+        problem = self._problem
         rng = np.random.default_rng(0)  # fixed: the same problem has the same starts
-        normal = normal_coordinates(self._problem.A) if self._problem.coordinates else None
+        normal = normal_coordinates(problem.A) if problem.coordinates else None
         starts = []
         for i in range(count):
             direction = rng.standard_normal(self._n * self._p)
@@ -233,5 +246,10 @@ class PeriodProgram:
             # from far below |A| there is no gradient back: most starts are near it
             size = self._size_A / self._size_C * 10.0 ** rng.uniform(-2, 0.5)
             window = 10.0 ** rng.uniform(-1, 0.3) / self._size_A
+            if problem.L is not None:
+                size = float(np.linalg.norm(problem.L))
+                direction = problem.L.T.reshape(-1) / size
+            if problem.window is not None:
+                window = problem.window
             starts.append(Start(direction, size, window, normal if i % 2 == 0 else None))
         return starts

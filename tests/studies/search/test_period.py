@@ -260,6 +260,7 @@ def test_coordinates_are_part_of_the_program() -> None:
     best = -math.inf
     for start in program.starts(6):
         point = program.solve(start)
+        assert point.S is not None
         S, back = point.S, np.linalg.inv(point.S)
         value = approx_log_longest_period(
             S @ chain @ back, output @ back, S @ point.L, point.window
