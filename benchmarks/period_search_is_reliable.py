@@ -16,6 +16,7 @@ from typing import Any
 from benchmarks.cases import np, seconds
 from obsdesign.equations.finite_time.condition_13 import approx_log_longest_period
 from obsdesign.synthesis.finite_time import period_program as period_nlp
+from obsdesign.synthesis.finite_time.period_problem import PeriodProblem
 from obsdesign.synthesis.finite_time.period_program import exponential_of, log_norm
 
 STARTS, NEAR, FLOOR, TIME_FLOOR = 20, 0.98, 1.5, 2.0
@@ -74,7 +75,7 @@ def obvious(A: Any, C: Any) -> Any:
 def main() -> bool:
     totals, clock = {"ours": 0, "theirs": 0}, {"ours": 0.0, "theirs": 0.0}
     for name, A, C in plants():
-        program, naive = period_nlp.PeriodProgram(A, C), obvious(A, C)
+        program, naive = period_nlp.PeriodProgram(PeriodProblem(A, C)), obvious(A, C)
         starts = program.starts(STARTS)
 
         def ours(start: Any, program: Any = program) -> tuple[Any, float, float, str]:

@@ -187,6 +187,11 @@ class Output:
         """Half the width of the bounds of v, (p,), rounded up; None where they are not known."""
         return None if self.noise_bound is None else noise_box(self.noise_bound)[1]
 
+    @property
+    def sample_period(self) -> float:
+        """Time between samples; 1 where y is not periodic."""
+        return 1.0 if self.period is None else self.period
+
     def _check_period(self) -> None:
         if self.period is None:
             if self.measured == "periodic":

@@ -13,6 +13,7 @@ import numpy as np
 import obsdesign
 from lmi.arithmetic.exponential import expm
 from obsdesign.data.simulation import simulate
+from obsdesign.problem.options import FiniteTimeOptions
 from obsdesign.runtime import from_design
 
 FINE = 16  # pieces of a period on which the worst disturbance is constant
@@ -63,7 +64,8 @@ def main(cases: int, first: int) -> None:
         if outcome.verdict != "proved" or outcome.design is None:
             refused += 1
             continue
-        window, period = float(task.options["window"]), float(task.plant.output.period or 1.0)
+        window, period = task.options_as(FiniteTimeOptions).window, task.plant.output.sample_period
+        assert window is not None
         kind = str(rng.choice(["extreme", "random", "sine"])) if bounded else "zero"
         record = simulate(
             task.plant, until=3 * window, step=period / 2, disturbance=kind, rng=rng

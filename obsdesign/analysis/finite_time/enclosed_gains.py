@@ -10,12 +10,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Array
 from lmi.arithmetic.balls import (
+    Ball,
     Exact,
+    Rational,
     around_zero,
     entries,
     exact,
@@ -37,6 +40,7 @@ from obsdesign.equations.finite_time.formulas import (
     series_steps,
     window_matrix,
 )
+from obsdesign.equations.finite_time.gains import CORRECTED
 from obsdesign.equations.finite_time.rows import END, START, stacked_rows, state_scales
 
 # eighths of a term of the series per bit: each is about a quarter of the one before
@@ -60,7 +64,7 @@ class Sampled:
     reference: str = END
 
     @classmethod
-    def from_plant(cls, A: Any, C: Any, period: float, k: int, reference: str = END) -> Sampled:
+    def from_plant(cls, A: Array, C: Array, period: float, k: int, reference: str = END) -> Sampled:
         """The samples of a plant's output, k of them."""
         return cls(exact(A), exact(C), period, k, reference)
 
@@ -91,10 +95,16 @@ class Sampled:
             return exponential(self.A, self.period, self.k)
         return entries(identity(len(self.A)))
 
+    @cached_property
     def units(self) -> Exact:
         """Units of the states for this window, exact powers of two (`state_scales`)."""
         A, C = to_float(self.A), to_float(self.C)
         return exact(state_scales(A, C, self.k * self.period))
+
+    def in_units(self, X: Exact) -> Exact:
+        """A map of the states, (n, n), in these units."""
+        scaled: Exact = X * self.units / self.units[:, None]
+        return scaled
 
 
 def exponential(A: Exact, period: float, k: int = 1) -> Exact:
@@ -102,7 +112,7 @@ def exponential(A: Exact, period: float, k: int = 1) -> Exact:
     return entries(exp_times(A * rational(float(k)), period))
 
 
-def difference_matrix(sampled: Sampled, L: Any) -> tuple[Exact, Exact]:
+def difference_matrix(sampled: Sampled, L: Array) -> tuple[Exact, Exact]:
     """(M_T / scale, e^{-F T}), enclosed; the scale is `gain_scale`."""
     n = len(sampled.A)
     LC = exact(L) @ sampled.C
@@ -112,7 +122,7 @@ def difference_matrix(sampled: Sampled, L: Any) -> tuple[Exact, Exact]:
     return whole[:n, n:], whole[:n, :n]
 
 
-def approximate_gain(sampled: Sampled, L: Any) -> Exact | None:
+def approximate_gain(sampled: Sampled, L: Array) -> Exact | None:
     """Gains (n, k p) of (14) for samples of a plant without known inputs; None if M_T may be 0."""
     n = len(sampled.A)
     L_exact = exact(L)
@@ -126,7 +136,7 @@ def approximate_gain(sampled: Sampled, L: Any) -> Exact | None:
     return solve_entries(M, window_matrix(terms))
 
 
-def exact_matrix(sampled: Sampled, L: Any) -> tuple[Exact, Exact] | None:
+def exact_matrix(sampled: Sampled, L: Array) -> tuple[Exact, Exact] | None:
     """(N, W) with N xhat = W y, of (9) with (16): see `exact_terms`.
 
     N is P^k - A_d^k, times A_d^-k where the reference is the window's end, both over the size of
@@ -142,25 +152,35 @@ def exact_matrix(sampled: Sampled, L: Any) -> tuple[Exact, Exact] | None:
     return (W @ sampled.rows).reshape(n, n), W
 
 
-def exact_gain(sampled: Sampled, L: Any) -> Exact | None:
+def exact_gain(sampled: Sampled, L: Array) -> Exact | None:
     """Gains (n, k p) of (9) with (16); None if N may be singular, or is not known."""
     pair = exact_matrix(sampled, L)
     gain = None if pair is None else solve_entries(*pair)
     return None if gain is None else sampled.last @ gain
 
 
-def half_period(sampled: Sampled) -> Any:
-    """e^{A nu / 2}, enclosed."""
-    return entries(exp_times(sampled.A * rational(0.5), sampled.period))
+def method_gain(sampled: Sampled, L: Array, half_sample: str | None) -> Exact | None:
+    """Gains (n, k p) of (14), with its half-sample delay taken off where CORRECTED; else of (9).
+
+    half_sample: that of the design, None for (9) with (16). None where no matrix is invertible.
+    """
+    if half_sample is None:
+        return exact_gain(sampled, L)
+    gain = approximate_gain(sampled, L)
+    if gain is None or half_sample != CORRECTED:
+        return gain
+    half_period: Exact = entries(exp_times(sampled.A * rational(0.5), sampled.period))
+    corrected: Exact = half_period @ gain
+    return corrected
 
 
-def injection(sampled: Sampled, L: Any) -> Exact | None:
+def injection(sampled: Sampled, L: Array) -> Exact | None:
     """K of one period with the remainder of its series; None beyond `_MOST_WORK`.
 
     In units in which all states are about equally observable: its steps depend on norms.
     """
-    units = sampled.units()
-    A, C = sampled.A * units / units[:, None], sampled.C * units
+    units = sampled.units
+    A, C = sampled.in_units(sampled.A), sampled.C * units
     K = _injection(
         *(_Key(X.shape, tuple(X.flat)) for X in (A, C, exact(L) / units[:, None])),
         sampled.period, working_bits(),
@@ -172,7 +192,7 @@ class _Key(NamedTuple):
     """An exact matrix as a key of the cache."""
 
     shape: tuple[int, ...]
-    values: tuple[Any, ...]
+    values: tuple[Rational, ...]
 
     def matrix(self) -> Exact:
         flat = np.empty(len(self.values), dtype=object)
@@ -193,20 +213,20 @@ def _injection(A_key: _Key, C_key: _Key, L_key: _Key, period: float, bits: int) 
     backs = [entries(identity(len(A)))]
     for _ in range(m - 1):
         backs.append(backs[-1] @ step)
-    sizes = (_size(A_exact), _size(L_exact))
-    sizes_C = [_size(C_exact @ back) for back in backs]
+    sizes = (frobenius(A_exact), frobenius(L_exact))
+    sizes_C = [frobenius(C_exact @ back) for back in backs]
     remainders = [series_remainder(*sizes, size_C, scalar(h), count) for size_C in sizes_C]
     steps = [(back, around_zero(x)) for back, x in zip(backs, remainders, strict=True)]
     return discrete_injection(A_exact, C_exact, L_exact, scalar(h), steps, count=count)
 
 
-def _size(X: Exact) -> Any:
+def frobenius(X: Exact) -> Ball:
     """Ball of the Frobenius norm, which is above the spectral one."""
-    values: list[Any] = list(X.flat)
+    values: list[Ball] = list(X.flat)
     return scalar(sum(x * x for x in values)).sqrt()
 
 
-def gain_scale(sampled: Sampled, L: Any) -> Any:
+def gain_scale(sampled: Sampled, L: Array) -> Rational:
     """A power of two, exactly, about as large as L C; 1 if it is zero.
 
     Without it the entries of a small L C would be below the radius of a ball.

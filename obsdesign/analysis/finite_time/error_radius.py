@@ -21,12 +21,21 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.balls import Exact, entries, exact, exp_times, identity, rational, scalar
-from obsdesign.analysis.finite_time.enclosed_gains import Sampled
+from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.balls import (
+    Ball,
+    Exact,
+    entries,
+    exact,
+    exp_times,
+    identity,
+    rational,
+    scalar,
+)
+from obsdesign.analysis.finite_time.enclosed_gains import Sampled, frobenius
 from obsdesign.equations.finite_time.rows import START
 
 # halvings around a change of sign: a crude bound applies to a 4^-12 part of one period
@@ -40,18 +49,16 @@ _MOST_HALVINGS = 100_000  # some seconds: where more are needed, more digits are
 _NEGLIGIBLE = 2.0**-50
 
 
-def bias(sampled: Sampled, gain: Any) -> tuple[Exact, Any]:
+def bias(sampled: Sampled, gain: Matrix) -> tuple[Exact, Ball]:
     """(n, n) G O - I, or G O - A_d^k, enclosed, and a ball of its size in `units`."""
     error = exact(gain) @ sampled.rows - sampled.last
-    units = sampled.units()
-    relative: list[Any] = list(((error * units) / units[:, None]).flat)
-    return error, scalar(sum(x * x for x in relative)).sqrt()
+    return error, frobenius(sampled.in_units(error))
 
 
-def error_radius(sampled: Sampled, gain: Any, noise: Any, disturbance: Any) -> list[Any]:
+def error_radius(sampled: Sampled, gain: Matrix, noise: Matrix, disturbance: Exact) -> list[Ball]:
     """For each state a ball around the largest error; noise (p,) = V, disturbance (n,) = Delta."""
     G, V = exact(gain), exact(noise)
-    Delta: Any = exact(disturbance)
+    Delta = exact(disturbance)
     n, p = len(sampled.A), len(sampled.C)
     terms = G.reshape(n, sampled.k, p).transpose(1, 0, 2)
     radius = [scalar(sum(abs(x) * V[c % p] for c, x in enumerate(row))) for row in G]
@@ -84,9 +91,9 @@ def _weights(sampled: Sampled, terms: Exact) -> Iterator[Exact]:
         yield R
 
 
-def disturbance_bound(lower: Any, upper: Any) -> Any:
+def disturbance_bound(lower: Matrix, upper: Matrix) -> Exact:
     """Delta: half the width of the bounds of b, exactly."""
-    half: Any = (exact(upper) - exact(lower)) / 2
+    half: Exact = (exact(upper) - exact(lower)) / 2
     return half
 
 
@@ -101,7 +108,7 @@ class _Budget:
 class _Piece:
     """A piece of length h: e^{-A h}, its integral W, A, |e^{-A s}| <= grown for s in [0, h]."""
 
-    h: Any
+    h: Ball
     over: Exact
     integral: Exact
     A: Exact
@@ -137,8 +144,8 @@ _most = np.frompyfunc(lambda x, y: x.max(y), 2, 1)
 
 
 def _integrals(
-    start: Exact, pieces: list[_Piece], columns: list[int], least: Any, budget: _Budget
-) -> Any:
+    start: Exact, pieces: list[_Piece], columns: list[int], least: Exact, budget: _Budget
+) -> Exact:
     """int_0^h |(start e^{-A s})[r, c]| ds for the rows of `start`, enclosed, on a piece.
 
     pieces: this one, its half, its quarter, ...; least: sizes that need no better bound, of the
@@ -148,7 +155,7 @@ def _integrals(
     end, total = start @ piece.over, start @ piece.integral
     slopes = np.abs(start @ piece.A) @ piece.grown
     sizes = np.abs(start) @ piece.grown * piece.h
-    result: Any = 0 * total
+    result: Exact = 0 * total
     starts = None
     for r in range(len(start)):
         for c in columns:

@@ -15,48 +15,47 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Array, Number
 from lmi.arithmetic.exponential import expm
 from obsdesign.equations.finite_time.formulas import difference_block
-from obsdesign.equations.gains import Array
 
 
 @dataclass(frozen=True)
 class Constants:
     """Sigma, Gbar of (10), alpha, beta (11), gamma (12), and the two numbers of (13)."""
 
-    sigma: Any
-    gbar: Any
-    alpha: Any
-    beta: Any
-    gamma: Any
-    first: Any
-    second: Any
+    sigma: Number
+    gbar: Number
+    alpha: Number
+    beta: Number
+    gamma: Number
+    first: Number
+    second: Number
 
 
-def flow_growth(f: Any, T: Any) -> Any:
+def flow_growth(f: Number, T: Number) -> Number:
     """(e^{2 f T} - 1) / (2 f): the integral in Lemma 2; T, its limit, where F = 0."""
     if f == 0:
         return T
     return np.expm1(2 * f * T) / (2 * f)
 
 
-def sigma(T: Any, f: Any, s: Any) -> Any:
+def sigma(T: Number, f: Number, s: Number) -> Number:
     """Sigma(T, nu) = G(T, s) of (10)."""
     g = flow_growth(f, T)
     return s * np.exp(T * f) * g * np.exp(s * g)
 
 
-def log_sigma(T: Any, f: Any, s: Any) -> Any:
+def log_sigma(T: Number, f: Number, s: Number) -> Number:
     """log Sigma, which is finite where Sigma overflows. s > 0."""
     g = flow_growth(f, T)
     return np.log(s) + T * f + np.log(g) + s * g
 
 
-def tighter_sigma(T: Any, f: Any, s: Any) -> Any:
+def tighter_sigma(T: Number, f: Number, s: Number) -> Number:
     """Bound |phi - e^{F t}| for t <= T by e^{f T} (e^{s T} - 1), never above Sigma.
 
     The Dyson series bounds it directly; Lemma 2 bounds its square by Gronwall's inequality.
@@ -64,12 +63,12 @@ def tighter_sigma(T: Any, f: Any, s: Any) -> Any:
     return np.exp(f * T) * np.expm1(s * T)
 
 
-def log_tighter_sigma(T: Any, f: Any, s: Any) -> Any:
+def log_tighter_sigma(T: Number, f: Number, s: Number) -> Number:
     """Logarithm of `tighter_sigma`. s > 0."""
     return f * T + np.log(np.expm1(s * T))
 
 
-def constants(a: Any, m: Any, sigma_value: Any) -> Constants:
+def constants(a: Number, m: Number, sigma_value: Number) -> Constants:
     """Constants of (10)-(12), defined where both numbers of (13) are below one."""
     first = a * sigma_value  # (13)
     gbar = a * first / (1 - first)  # (10)
@@ -80,7 +79,7 @@ def constants(a: Any, m: Any, sigma_value: Any) -> Constants:
     return Constants(sigma_value, gbar, alpha, beta, gamma, first, second)
 
 
-def largest_sigma(a: Any, m: Any) -> Any:
+def largest_sigma(a: Number, m: Number) -> Number:
     """Bound of Sigma below which both parts of (13) hold, and only there."""
     return 1 / (a * (1 + m * a))
 
@@ -151,13 +150,17 @@ def log_lambert(log_z: float) -> float:
     return w
 
 
-def enclosed_longest_period(a: Any, m: Any, f: Any, sizes: tuple[Any, Any], T: Any) -> Any:
+def enclosed_longest_period(
+    a: Number, m: Number, f: Number, sizes: tuple[Number, Number], T: Number
+) -> Number:
     """Longest period of (13) in balls, which do not overflow; sizes: (|A|, |L C|), positive."""
     u = (largest_sigma(a, m) * np.exp(-(f * T))).lambertw()
     return np.log1p(u / (flow_growth(f, T) * sizes[1])) / sizes[0]
 
 
-def enclosed_tighter_period(a: Any, m: Any, f: Any, sizes: tuple[Any, Any], T: Any) -> Any:
+def enclosed_tighter_period(
+    a: Number, m: Number, f: Number, sizes: tuple[Number, Number], T: Number
+) -> Number:
     """Longest period with `tighter_sigma`: log(1 + log(1 + Sigma* e^{-f T}) / (T |L C|)) / |A|."""
     inner = np.log1p(largest_sigma(a, m) * np.exp(-(f * T)))
     return np.log1p(inner / (T * sizes[1])) / sizes[0]

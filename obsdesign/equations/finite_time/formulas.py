@@ -22,12 +22,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Array, Number
 from lmi.arithmetic.exponential import exponential_grid
-from obsdesign.equations.gains import Array
 
 # the norm of the generator times a step of the series below, and the terms it is summed to
 _SERIES_STEP, SERIES_TERMS = 0.5, 36
@@ -43,8 +42,8 @@ def discrete_injection(
     A: Array,
     C: Array,
     L: Array,
-    h: Any,
-    steps: Sequence[tuple[Array, Any]],
+    h: Number,
+    steps: Sequence[tuple[Array, Number]],
     *,
     count: int = SERIES_TERMS,
 ) -> Array:
@@ -86,7 +85,9 @@ def series_steps(A: Array, C: Array, L: Array, period: float) -> int:
     return max(1, math.ceil(size / _SERIES_STEP))
 
 
-def series_remainder(size_A: Any, size_L: Any, size_C: Any, h: Any, count: int) -> Any:
+def series_remainder(
+    size_A: Number, size_L: Number, size_C: Number, h: Number, count: int
+) -> Number:
     """Bound the remainder of the series of one step.
 
     size_A, size_L: norms; size_C: bound of |C e^{-A s}|.

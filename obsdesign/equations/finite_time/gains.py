@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Self
 
-from obsdesign.equations.finite_time.options import METHODS, stored_plant
+from lmi.arithmetic.arrays import Matrix
 from obsdesign.equations.finite_time.rows import END, START
-from obsdesign.equations.gains import Array, PlantGains, matrix, number, word
+from obsdesign.equations.gains import PlantGains, matrix, number, word
 
+METHODS = ("least_squares", "exact", "approximate", "minimax")
+NEED_L = ("exact", "approximate")
+FREE = ("least_squares", "minimax")
+# more samples than this make a design file too large to handle
+MOST_SAMPLES = 20_000
 PRINTED, CORRECTED = "printed", "corrected"
 
 
@@ -28,12 +32,12 @@ class FiniteTimeGains(PlantGains):
     method: str = word(*METHODS)
     samples: int = number()
     half_sample: str | None = word(PRINTED, CORRECTED, optional=True)
-    deviations: Array | None = matrix("p", optional=True)
-    L: Array | None = matrix("n", "p", optional=True)
+    deviations: Matrix | None = matrix("p", optional=True)
+    L: Matrix | None = matrix("n", "p", optional=True)
     reference: str | None = word(START, optional=True)
-    window_gain: Array = matrix("n", "window")
-    state_error: Array | None = matrix("n", "n", optional=True)
-    radius: Array | None = matrix("n", optional=True)
+    window_gain: Matrix = matrix("n", "window")
+    state_error: Matrix | None = matrix("n", "n", optional=True)
+    radius: Matrix | None = matrix("n", optional=True)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -60,11 +64,6 @@ class FiniteTimeGains(PlantGains):
         )
         return needed if self.radius is None else (*needed, "noise_bound")
 
-    @classmethod
-    def from_plant(cls, plant: Any, **gains: Any) -> Self:
-        """Gains with the numbers of a plant, without jumps that no data announce."""
-        return cls(**stored_plant(plant), **gains)
-
     @property
     def is_unbiased(self) -> bool:
         """Does the window give the state itself? Only `approximate` has a bias by design."""
@@ -86,27 +85,27 @@ class FiniteTimeGains(PlantGains):
         return self.samples * self.period
 
     @property
-    def injection(self) -> Array:
+    def injection(self) -> Matrix:
         """L (n, p); ValueError for a method that has none."""
         return _stored(self.L, "L")
 
     @property
-    def bias_bound(self) -> Array:
+    def bias_bound(self) -> Matrix:
         """state_error (n, n); ValueError for `approximate`, whose bias is not bounded by it."""
         return _stored(self.state_error, "state_error")
 
     @property
-    def error_bound(self) -> Array:
+    def error_bound(self) -> Matrix:
         """radius (n,); ValueError where the design has no noise bound."""
         return _stored(self.radius, "radius")
 
     @property
-    def noise(self) -> Array:
+    def noise(self) -> Matrix:
         """noise_bound (p,); ValueError where the plant has none."""
         return _stored(self.noise_bound, "noise_bound")
 
 
-def _stored(value: Array | None, name: str) -> Array:
+def _stored(value: Matrix | None, name: str) -> Matrix:
     if value is None:
         raise ValueError(f"gains.{name} is missing.")
     return value

@@ -10,8 +10,8 @@ import math
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Array, Matrix
 from lmi.arithmetic.exponential import expm, exponential_grid
-from obsdesign.equations.gains import Array
 
 # reference state of biases and rows: x(t_i) or x(t_i - T)
 END, START = "end", "start"
@@ -21,10 +21,12 @@ REFERENCES = (END, START)
 UNBIASED = 1e-8
 # unobserved modes decay below this part of their size at the window's start
 DECAYED = 1e-11
+# a smallest singular value of scaled rows below this part of their norm counts as zero
+SINGULAR = 1e-11
 _ROUNDING = 1e-15
 
 
-def sample_rows(A: Array, C: Array, period: float, k: int, reference: str = END) -> Array:
+def sample_rows(A: Matrix, C: Matrix, period: float, k: int, reference: str = END) -> Matrix:
     """C A_d^(j-k), j = 0..k-1, (k, p, n): the samples as functions of x(t_i).
 
     With START C A_d^j: of x(t_i - T). Fast stable modes are large in the one, unstable ones in
@@ -44,7 +46,7 @@ def stacked_rows(C: Array, power: Array, k: int) -> Array:
     return np.array(rows)
 
 
-def state_scales(A: Array, C: Array, window: float) -> Array:
+def state_scales(A: Matrix, C: Matrix, window: float) -> Matrix:
     """Powers of two (n,): units in which all states are about equally observable.
 
     1 / the column norms of C (A T)^j / j!, j < n, the Taylor terms of the output over the window.
@@ -60,11 +62,11 @@ def state_scales(A: Array, C: Array, window: float) -> Array:
         # squares would underflow
         sizes = largest * np.linalg.norm(stack / np.where(largest > 0, largest, 1.0), axis=0)
     usable = np.isfinite(sizes) & (sizes > 0)
-    scales: Array = np.exp2(-np.round(np.log2(np.where(usable, sizes, 1.0))))
+    scales: Matrix = np.exp2(-np.round(np.log2(np.where(usable, sizes, 1.0))))
     return scales
 
 
-def approx_determinacy(rows: Array, scales: Array) -> float:
+def approx_determinacy(rows: Matrix, scales: Matrix) -> float:
     """Least singular value of scaled rows at unit length, relative to their Frobenius norm.
 
     rows: (m, n); in floats; 0 where they are fewer than n or not finite.
@@ -81,14 +83,22 @@ def approx_determinacy(rows: Array, scales: Array) -> float:
     return float(values[-1] / math.sqrt(float((values**2).sum()) or 1.0))
 
 
-def approx_window_determinacy(A: Array, C: Array, period: float, k: int) -> float:
+def approx_window_determinacy(A: Matrix, C: Matrix, period: float, k: int) -> float:
     """Larger `approx_determinacy` of k samples for the state at the window's end or start."""
     scales = state_scales(A, C, k * period)
     stacks = (sample_rows(A, C, period, k, reference) for reference in REFERENCES)
     return max(approx_determinacy(rows.reshape(-1, len(A)), scales) for rows in stacks)
 
 
-def pathological_pairs(A: Array, period: float) -> list[tuple[complex, complex, float]]:
+def approx_observability_index(A: Matrix, C: Matrix, period: float) -> int | None:
+    """Fewest samples that determine the state in floats; None: n do not, and more add no rank."""
+    for k in range(1, len(A) + 1):
+        if approx_window_determinacy(A, C, period, k) >= SINGULAR:
+            return k
+    return None
+
+
+def pathological_pairs(A: Matrix, period: float) -> list[tuple[complex, complex, float]]:
     """Eigenvalues of A that (almost) coincide after sampling: (first, second, turns).
 
     Kalman, Ho, Narendra: equal real parts and imaginary parts that differ by a multiple of
@@ -106,7 +116,7 @@ def pathological_pairs(A: Array, period: float) -> list[tuple[complex, complex, 
     return pairs
 
 
-def least_squares_gain(rows: Array, deviations: Array, cut: float = 0.0) -> Array:
+def least_squares_gain(rows: Matrix, deviations: Matrix, cut: float = 0.0) -> Matrix:
     """Gains (n, m) of the weighted least-squares estimate of the reference state, by QR.
 
     rows: (m, n), of `sample_rows`; deviations: (m,) relative sizes of the samples' errors; cut: of
@@ -125,7 +135,7 @@ def least_squares_gain(rows: Array, deviations: Array, cut: float = 0.0) -> Arra
     return scales[:, None] * np.linalg.pinv(flat * scales, rcond=cut) * weights
 
 
-def unbiased_gain(gain: Array, rows: Array, unbiased: Array, wanted: Array) -> Array:
+def unbiased_gain(gain: Matrix, rows: Matrix, unbiased: Matrix, wanted: Matrix) -> Matrix:
     """The gain made unbiased, G + (X - G O) G_0, by a G_0 that is: G_0 O = I. rows: O, (m, n).
 
     wanted: X = G O, x(t_i) as a function of the reference state (`last_state`).
@@ -133,6 +143,6 @@ def unbiased_gain(gain: Array, rows: Array, unbiased: Array, wanted: Array) -> A
     return gain + (wanted - gain @ rows) @ unbiased
 
 
-def last_state(A: Array, window: float, reference: str) -> Array:
+def last_state(A: Matrix, window: float, reference: str) -> Matrix:
     """x(t_i) as a function of the reference state, (n, n): I, or A_d^k for START."""
     return np.asarray(expm(A * window)) if reference == START else np.eye(len(A))

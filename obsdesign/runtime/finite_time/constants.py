@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Matrix
 from obsdesign.equations.finite_time.gains import PRINTED, FiniteTimeGains
 from obsdesign.equations.finite_time.rows import (
     last_state,
@@ -15,7 +16,7 @@ from obsdesign.equations.finite_time.rows import (
     sample_rows,
     state_scales,
 )
-from obsdesign.runtime.base import MODERATE, Vector
+from obsdesign.runtime.base import MODERATE
 from obsdesign.runtime.finite_time.error_radius import WindowError
 from obsdesign.runtime.finite_time.flow_maps import FlowMaps, flow_maps
 from obsdesign.runtime.finite_time.known_inputs import ApproximateInputs
@@ -61,7 +62,7 @@ class WindowConstants:
         return max(self.k, _LEAST_PERIODS_COUNTED)
 
     @cached_property
-    def gain(self) -> Vector:
+    def gain(self) -> Matrix:
         """G_0, ..., G_{k-1} side by side, (n, k p)."""
         return np.ascontiguousarray(self.gains.window_gain)
 
@@ -88,16 +89,16 @@ class WindowConstants:
     # --- the plant ------------------------------------------------------------------------------
 
     @cached_property
-    def drift(self) -> Vector:
+    def drift(self) -> Matrix:
         """Middle of the bounds of b (n,)."""
         return self.gains.flow_drift
 
-    def forced(self, u: Vector) -> Vector:
+    def forced(self, u: Matrix) -> Matrix:
         """B u + b_mid; `drift` itself without inputs."""
         B = self.gains.B
         return self.drift if B is None or not len(u) else self.drift + B.dot(u)
 
-    def driven(self, u: Vector) -> Vector:
+    def driven(self, u: Matrix) -> Matrix:
         """Contribution of the input u to (w, C w) in a period, or to (d, c) of `inputs`."""
         return np.asarray(self._once_and_output.dot(self.forced(u)))
 
@@ -111,13 +112,13 @@ class WindowConstants:
         return flow_maps(self.gains, self.period, 0.0)
 
     @cached_property
-    def flow_and_output(self) -> Vector:
+    def flow_and_output(self) -> Matrix:
         """(A_d, C A_d), (n + p, n)."""
         flow = self.period_maps.flow
         return np.vstack([flow, self.gains.C @ flow])
 
     @cached_property
-    def _once_and_output(self) -> Vector:
+    def _once_and_output(self) -> Matrix:
         if self.inputs is not None:  # (14) as printed integrates inputs by itself, without w
             return self.inputs.per_period
         once = self.period_maps.once
@@ -126,26 +127,26 @@ class WindowConstants:
     # --- the window -----------------------------------------------------------------------------
 
     @cached_property
-    def rows(self) -> Vector:
+    def rows(self) -> Matrix:
         """C A_d^(j-k), or relative to the start C A_d^j, (k p, n)."""
         gains = self.gains
         rows = sample_rows(gains.A, gains.C, self.period, self.k, gains.window_reference)
         return rows.reshape(-1, self.n)
 
     @cached_property
-    def scales(self) -> Vector:
+    def scales(self) -> Matrix:
         """Units of the states for this window (n,), see `state_scales`."""
         return np.asarray(state_scales(self.gains.A, self.gains.C, self.gains.window))
 
     @cached_property
-    def last(self) -> Vector:
+    def last(self) -> Matrix:
         """x(t_i) as a function of the state that `rows` speak of, (n, n)."""
         if self.has_bounds and self.error.start is not None:
             return self.error.start.last.mid
         return last_state(self.gains.A, self.gains.window, self.gains.window_reference)
 
     @cached_property
-    def start_gain(self) -> Vector | None:
+    def start_gain(self) -> Matrix | None:
         """Gain (n, k p) from the residuals to x(t_i - T) - w; None where rows speak of x(t_i).
 
         It leaves unobserved states where they are.
@@ -155,7 +156,7 @@ class WindowConstants:
         return least_squares_gain(self.rows, np.ones(len(self.rows)), _UNOBSERVED)
 
     @cached_property
-    def reproduced_state(self) -> Vector:
+    def reproduced_state(self) -> Matrix:
         """sum_j G_j C A_d^(j-k): the identity, but for (14) with its delay taken off."""
         if self.gains.is_unbiased:
             return np.eye(self.n)

@@ -13,11 +13,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.enclosure import UNIT, Enclosure, expm, powers, raised
 from lmi.arithmetic.exponential import expm as plain_expm
 from obsdesign.equations.finite_time.gains import FiniteTimeGains
 from obsdesign.equations.finite_time.rows import least_squares_gain, state_scales
-from obsdesign.runtime.base import Vector
 from obsdesign.runtime.finite_time.flow_maps import flow_maps
 
 
@@ -29,10 +29,10 @@ class StartError:
     per_length |window| + noise_level + per_w_rounding @ w_rounding.
     """
 
-    bias_per_level: Vector
+    bias_per_level: Matrix
     per_length: float
     noise_level: float
-    per_w_rounding: Vector
+    per_w_rounding: Matrix
     last: Enclosure  # e^{A T}
 
     @classmethod
@@ -66,7 +66,7 @@ class StartError:
             last=expm(Enclosure.exactly(A).scaled(gains.window, 0.0)),
         )
 
-    def radius(self, length: float, w_rounding: Vector) -> Vector:
+    def radius(self, length: float, w_rounding: Matrix) -> Matrix:
         """Bound of the bias for a window of this length."""
         level = self.per_length * length + self.noise_level
         level += float(self.per_w_rounding @ w_rounding)
@@ -79,12 +79,12 @@ class StartError:
 class WindowError:
     """Constants that turn the residuals of a window into a radius."""
 
-    proved: Vector
-    state_error: Vector
-    gain_length: Vector
-    kicks: Vector
+    proved: Matrix
+    state_error: Matrix
+    gain_length: Matrix
+    kicks: Matrix
     bias_factor: float
-    gain: Vector
+    gain: Matrix
     rows: Enclosure
     start: StartError | None
     outputs: int
@@ -110,7 +110,7 @@ class WindowError:
             outputs=gains.p,
         )
 
-    def shifted(self, window: Vector, change: Vector, w: Vector) -> tuple[Vector, Vector]:
+    def shifted(self, window: Matrix, change: Matrix, w: Matrix) -> tuple[Matrix, Matrix]:
         """Residuals for another w, and what their rounding may do while they are in the window.
 
         change: of w, at the window's end or at its start; w: the new one.
@@ -129,8 +129,8 @@ class WindowError:
         return fresh, raised(shift_rounding, len(error) + 2 * terms)
 
     def radius(
-        self, length: float, w: Vector, x: Vector, w_rounding: Vector, distance: Vector
-    ) -> Vector:
+        self, length: float, w: Matrix, x: Matrix, w_rounding: Matrix, distance: Matrix
+    ) -> Matrix:
         """Bound of |x - state| at a sample.
 
         length: of the window; |w|, |x|, |x - w|: at most w, x, distance.
@@ -144,13 +144,13 @@ class WindowError:
         return raised(inner + self.state_error @ (distance + inner) * self.bias_factor, terms)
 
 
-def window_length(window: Vector) -> float:
+def window_length(window: Matrix) -> float:
     """Bound the Euclidean length from above: squares may underflow or overflow."""
     size = math.sqrt(window.dot(window) + len(window) * 1e-307)
     return size if size < math.inf else float(np.abs(window).sum())
 
 
-def _row_lengths(gain: Vector) -> Vector:
+def _row_lengths(gain: Matrix) -> Matrix:
     """Bounds (n,) of the Euclidean lengths of the rows of a gain."""
     # sums of squares lose nothing that the factor does not cover
     bound = 1.001 * np.abs(gain).max(axis=1) * np.sqrt(gain.shape[1])
@@ -170,7 +170,7 @@ def _rows(gains: FiniteTimeGains) -> Enclosure:
     )
 
 
-def _kicks(gains: FiniteTimeGains) -> Vector:
+def _kicks(gains: FiniteTimeGains) -> Matrix:
     """sum_l |R_l| + |G_l| |C|, or of |Q_l|, (n, n): see `analysis.finite_time.error_radius`."""
     G, C, n, p = gains.window_gain, gains.C, gains.n, gains.p
     terms = [G[:, j * p : (j + 1) * p] for j in range(gains.samples)]
@@ -188,7 +188,7 @@ def _kicks(gains: FiniteTimeGains) -> Vector:
     return kicks
 
 
-def _largest_while_inside(gain: Vector, error: Vector, p: int) -> Vector:
+def _largest_while_inside(gain: Matrix, error: Matrix, p: int) -> Matrix:
     """Largest effect (n,) of errors of a window's residuals until newer ones replace them."""
     n, k = len(gain), len(error) // p
     weights, errors = gain.reshape(n, k, p), error.reshape(k, p)

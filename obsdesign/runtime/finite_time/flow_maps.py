@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.enclosure import UNIT, Enclosure, expm, powers, raised
 from obsdesign.equations.finite_time.gains import FiniteTimeGains
-from obsdesign.runtime.base import Vector
 
 # parts of a step, by the norm of A times their length
 _PART, _MOST_PARTS = 0.25, 2.0**14
@@ -19,14 +19,14 @@ _PART, _MOST_PARTS = 0.25, 2.0**14
 class FlowMaps:
     """One step: e^{A h}, int e^{A s} ds, their errors; how a radius grows, and what Delta adds."""
 
-    flow: Vector
-    once: Vector
-    flow_error: Vector
-    once_error: Vector
-    growth: Vector
-    inflow: Vector
+    flow: Matrix
+    once: Matrix
+    flow_error: Matrix
+    once_error: Matrix
+    growth: Matrix
+    inflow: Matrix
 
-    def error(self, x: Vector, forced: Vector) -> Vector:
+    def error(self, x: Matrix, forced: Matrix) -> Matrix:
         """Bound of the rounding in flow @ x + once @ forced, matrices included."""
         terms = 2 * len(x) + 4
         size, push = np.abs(x), np.abs(forced)
@@ -34,7 +34,7 @@ class FlowMaps:
         total = self.flow_error @ size + self.once_error @ push + terms * UNIT * rounding
         return raised(total, terms)
 
-    def spread(self, radius: Vector) -> Vector:
+    def spread(self, radius: Matrix) -> Matrix:
         """Bound of |e^{A h}| rho + int |e^{A s}| ds Delta, the radius after the step."""
         if not np.isfinite(radius).all():
             return np.full_like(radius, np.inf)
@@ -57,7 +57,7 @@ def flow_maps(gains: FiniteTimeGains, h: float, error: float) -> FlowMaps:
     )  # fmt: skip
 
 
-def _compared(A: Vector, Delta: Vector, h: float, error: float) -> tuple[Vector, Vector]:
+def _compared(A: Matrix, Delta: Matrix, h: float, error: float) -> tuple[Matrix, Matrix]:
     """Bound |e^{A h}| and int_0^h |e^{A s}| ds Delta by e^{Mz(A) h} and its integral."""
     n = len(A)
     metzler = np.where(np.eye(n, dtype=bool), A, np.abs(A))
@@ -65,7 +65,7 @@ def _compared(A: Vector, Delta: Vector, h: float, error: float) -> tuple[Vector,
     return top[:, :n], top[:, n]
 
 
-def _reach(A: Vector, Delta: Vector, h: float, error: float) -> Vector:
+def _reach(A: Matrix, Delta: Matrix, h: float, error: float) -> Matrix:
     """Bound int_0^h |e^{A s}| ds Delta by the comparison system over parts of the step."""
     size = float(np.abs(A).sum(axis=1).max(initial=0.0)) * h
     if not (np.any(Delta) and size < _MOST_PARTS):
@@ -78,7 +78,7 @@ def _reach(A: Vector, Delta: Vector, h: float, error: float) -> Vector:
     return raised(np.where(np.isnan(total), np.inf, total), parts + len(A))
 
 
-def _enclosed(A: Vector, inflow: Vector, h: float, error: float) -> Enclosure:
+def _enclosed(A: Matrix, inflow: Matrix, h: float, error: float) -> Enclosure:
     n, m = len(A), inflow.shape[1]
     block = np.zeros((n + m, n + m))
     block[:n, :n], block[:n, n:] = A, inflow

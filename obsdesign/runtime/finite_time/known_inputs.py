@@ -18,10 +18,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.exponential import expm, flow_integrals
 from obsdesign.equations.finite_time.formulas import difference_block
 from obsdesign.equations.finite_time.gains import FiniteTimeGains
-from obsdesign.runtime.base import Vector
 from obsdesign.runtime.finite_time.flow_maps import FlowMaps
 from obsdesign.runtime.finite_time.tape import Tape, extend
 from obsdesign.runtime.step_cache import cached_step
@@ -34,11 +34,11 @@ class KnownInput:
     tape, end: where the closed periods may grow.
     """
 
-    d: Vector
-    c: Vector
-    q: Vector
+    d: Matrix
+    c: Matrix
+    q: Matrix
     age: float
-    closed: Vector
+    closed: Matrix
     tape: Tape | None = None
     end: int = 0
 
@@ -61,11 +61,11 @@ class ApproximateInputs:
     per_period (2 n, n): (d, c) of a period in which the input does not change.
     """
 
-    weights: Vector
-    per_period: Vector
-    A: Vector
-    generator: Vector
-    _steps: OrderedDict[float, Vector] = field(
+    weights: Matrix
+    per_period: Matrix
+    A: Matrix
+    generator: Matrix
+    _steps: OrderedDict[float, Matrix] = field(
         default_factory=OrderedDict, repr=False, compare=False
     )
 
@@ -84,7 +84,7 @@ class ApproximateInputs:
         per_period = np.vstack([once, over[:n, 2 * n : 3 * n] + over[:n, 3 * n :]])
         return cls(np.ascontiguousarray(_weights(gains, LC)), per_period, A, generator)
 
-    def advanced(self, known: KnownInput, forced: Vector, h: float, maps: FlowMaps) -> KnownInput:
+    def advanced(self, known: KnownInput, forced: Matrix, h: float, maps: FlowMaps) -> KnownInput:
         """The open period, h later, with the known input `forced` held."""
         if not (np.any(forced) or np.any(known.d) or np.any(known.c) or np.any(known.q)):
             return replace(known, age=known.age + h)
@@ -101,17 +101,17 @@ class ApproximateInputs:
         closed = np.concatenate([known.closed[2 * n :], known.d, known.c])
         return replace(known, closed=closed, tape=None)
 
-    def advanced_by_period(self, known: KnownInput, driven: Vector) -> KnownInput:
+    def advanced_by_period(self, known: KnownInput, driven: Matrix) -> KnownInput:
         """From one instant to the next; driven: (d, c) of the whole period (`per_period`)."""
         closed, tape, end = extend(known.tape, known.end, known.closed, driven)
         return KnownInput(known.d, known.c, known.q, 0.0, closed, tape, end)
 
-    def known_part(self, known: KnownInput) -> Vector:
+    def known_part(self, known: KnownInput) -> Matrix:
         """M_T^{-1} (e^{-A T} D - e^{-F T} sum_j e^{F (k-1-j) nu} c_j)."""
         return np.asarray(self.weights @ known.closed)
 
 
-def _weights(gains: FiniteTimeGains, LC: Vector) -> Vector:
+def _weights(gains: FiniteTimeGains, LC: Matrix) -> Matrix:
     """M_T^{-1} times (e^{-A (j+1) nu}, -e^{-F (j+1) nu}), j = 0..k-1, (n, 2 n k)."""
     A, n, period = gains.A, gains.n, gains.period
     scale = max(float(np.abs(LC).max()), 1e-300)

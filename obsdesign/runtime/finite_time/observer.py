@@ -21,12 +21,12 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from lmi.arithmetic.arrays import Matrix
 from obsdesign.equations.finite_time.gains import FiniteTimeGains
 from obsdesign.runtime.base import (
     MODERATE,
     Estimate,
     Sample,
-    Vector,
     centred_measurement,
     later,
     status_of,
@@ -131,5 +131,5 @@ class FiniteTimeObserver(SteppedObserver[FiniteTimeState]):
         return Estimate(state.t, state.x, low, high, status=status_of(reasons, *checked))
 
 
-def _is_moderate(*values: Vector) -> bool:
+def _is_moderate(*values: Matrix) -> bool:
     return bool(np.abs(np.concatenate(values)).max() < MODERATE)

@@ -10,7 +10,8 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from obsdesign.runtime.base import MODERATE, Estimate, Sample, Vector, centred, vector
+from lmi.arithmetic.arrays import Matrix
+from obsdesign.runtime.base import MODERATE, Estimate, Sample, centred, vector
 from obsdesign.runtime.finite_time.clock import is_next_instant
 from obsdesign.runtime.finite_time.constants import WindowConstants
 from obsdesign.runtime.finite_time.error_radius import window_length
@@ -25,7 +26,7 @@ from obsdesign.runtime.finite_time.window import (
 )
 
 # estimate, w, residual, known inputs, radius
-_Response = tuple[Vector, Vector, Vector, KnownInput | None, CachedRadius | None]
+_Response = tuple[Matrix, Matrix, Matrix, KnownInput | None, CachedRadius | None]
 
 
 def steady_step(
@@ -75,18 +76,18 @@ def _held(constants: WindowConstants, held: HeldInput, u: ArrayLike) -> HeldInpu
     return HeldInput(u, held.drive if (u == held.u).all() else constants.driven(u))
 
 
-def outward_ends(centre: Vector, radius: Vector) -> tuple[Vector, Vector]:
+def outward_ends(centre: Matrix, radius: Matrix) -> tuple[Matrix, Matrix]:
     """Lower and upper bound, rounded outwards."""
     low, high = centre - radius, centre + radius
     return np.nextafter(low, -np.inf), np.nextafter(high, np.inf)
 
 
-def _is_moderate(values: Vector) -> bool:
+def _is_moderate(values: Matrix) -> bool:
     """Can no product with these numbers overflow?"""
     return (abs(values.item()) if len(values) == 1 else math.hypot(*values.tolist())) < MODERATE
 
 
-def _response(constants: WindowConstants, state: FiniteTimeState, y: Vector) -> _Response | None:
+def _response(constants: WindowConstants, state: FiniteTimeState, y: Matrix) -> _Response | None:
     """Estimate and residual with the known response and the radius; None for an unusual step."""
     # dot, as its overhead is half that of @
     x = constants.gain.dot(state.window)
@@ -127,7 +128,7 @@ def _bounded(
 
 
 def _is_valid(
-    cached: CachedRadius, constants: WindowConstants, state: FiniteTimeState, x: Vector, w: Vector
+    cached: CachedRadius, constants: WindowConstants, state: FiniteTimeState, x: Matrix, w: Matrix
 ) -> bool:
     """Does the cached radius cover x, with the rounding of w up to now?"""
     forced = constants.forced(state.held.u)
@@ -141,7 +142,7 @@ def _is_valid(
 
 
 def _new_radius(
-    constants: WindowConstants, state: FiniteTimeState, x: Vector, w: Vector
+    constants: WindowConstants, state: FiniteTimeState, x: Matrix, w: Matrix
 ) -> CachedRadius:
     """The radius for twice the sizes it depends on: all it adds to `proved` is rounding."""
     most_x, most_w = 2 * np.abs(x), 2 * np.maximum(np.abs(w), np.abs(state.w))

@@ -10,7 +10,7 @@ from itertools import count
 
 import numpy as np
 
-from obsdesign.runtime.base import Vector
+from lmi.arithmetic.arrays import Matrix
 
 _LEAST_ROOM = 512  # entries to write before the window is copied again
 
@@ -20,13 +20,13 @@ class Tape:
 
     __slots__ = ("_claims", "_data")
 
-    def __init__(self, window: Vector, step: int) -> None:
+    def __init__(self, window: Matrix, step: int) -> None:
         """Copy the window's entries to the beginning; further ones come `step` at a time."""
         self._data = np.empty(2 * len(window) + max(_LEAST_ROOM, step))
         self._data[: len(window)] = window
         self._claims = count(len(window), step)
 
-    def extended(self, end: int, fresh: Vector, size: int) -> Vector | None:
+    def extended(self, end: int, fresh: Matrix, size: int) -> Matrix | None:
         """The last `size` entries with `fresh` at `end`; None where that slot is not free.
 
         Counting is atomic, also among threads. None also where there is no room.
@@ -40,7 +40,7 @@ class Tape:
         return data[new - size : new]
 
 
-def extend(tape: Tape | None, end: int, window: Vector, fresh: Vector) -> tuple[Vector, Tape, int]:
+def extend(tape: Tape | None, end: int, window: Matrix, fresh: Matrix) -> tuple[Matrix, Tape, int]:
     """(the window moved on by `fresh`, its tape, where it ends there)."""
     size = len(window)
     following = None if tape is None else tape.extended(end, fresh, size)

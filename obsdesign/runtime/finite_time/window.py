@@ -10,8 +10,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from obsdesign.equations.finite_time.rows import approx_determinacy, least_squares_gain
-from obsdesign.runtime.base import Vector, jump_input
+from lmi.arithmetic.arrays import Matrix
+from obsdesign.equations.finite_time.rows import SINGULAR, approx_determinacy, least_squares_gain
+from obsdesign.runtime.base import jump_input
 from obsdesign.runtime.finite_time.constants import WindowConstants
 from obsdesign.runtime.finite_time.error_radius import window_length
 from obsdesign.runtime.finite_time.known_inputs import KnownInput
@@ -19,8 +20,6 @@ from obsdesign.runtime.finite_time.tape import Tape
 
 # rounding of y - C w, as a part of w
 OUTPUT_ROUNDING = 2.0**-48
-# the scaled rows of an incomplete window must be that far from losing rank
-_DETERMINED = 1e-11
 # with bounds w is replaced when it is that much larger than the estimate
 _LARGEST_RATIO = 2.0
 
@@ -32,20 +31,20 @@ class CachedRadius(NamedTuple):
     itself; w_rounding: the one that enters the radius.
     """
 
-    w: Vector
-    x: Vector
-    forced: Vector
+    w: Matrix
+    x: Matrix
+    forced: Matrix
     square: float
-    shift_rounding: Vector
-    w_rounding: Vector
-    radius: Vector
+    shift_rounding: Matrix
+    w_rounding: Matrix
+    radius: Matrix
 
 
 class HeldInput(NamedTuple):
     """Known input u until the next one; drive: its contribution to (w, C w) in a period."""
 
-    u: Vector
-    drive: Vector
+    u: Matrix
+    drive: Matrix
 
 
 class Filling(NamedTuple):
@@ -68,10 +67,10 @@ class StateBounds(NamedTuple):
     cached_radius: the last one.
     """
 
-    centre: Vector
-    radius: Vector
-    w_rounding: Vector
-    shift_rounding: Vector
+    centre: Matrix
+    radius: Matrix
+    w_rounding: Matrix
+    shift_rounding: Matrix
     cached_radius: CachedRadius | None
 
 
@@ -85,10 +84,10 @@ class FiniteTimeState(NamedTuple):  # a frozen dataclass of this size costs more
     """
 
     t: float
-    x: Vector
-    w: Vector
+    x: Matrix
+    w: Matrix
     held: HeldInput
-    window: Vector
+    window: Matrix
     known: KnownInput | None
     filling: Filling
     bounds: StateBounds
@@ -105,7 +104,7 @@ _EMPTY = Filling(instants=0, missing=0, full=None, moderate=False)
 
 
 def initial_state(
-    constants: WindowConstants, t: float, guess: Vector, u: Vector
+    constants: WindowConstants, t: float, guess: Matrix, u: Matrix
 ) -> FiniteTimeState:
     """State at time t with an empty window, whose estimate is a guess."""
     n = constants.n
@@ -126,7 +125,7 @@ def initial_state(
     )
 
 
-def _unbounded(n: int, centre: Vector) -> StateBounds:
+def _unbounded(n: int, centre: Matrix) -> StateBounds:
     return StateBounds(centre, np.full(n, np.inf), np.zeros(n), np.zeros(n), None)
 
 
@@ -155,7 +154,7 @@ def flowed(constants: WindowConstants, state: FiniteTimeState, t: float) -> Fini
 
 
 def sampled(
-    constants: WindowConstants, state: FiniteTimeState, y: Vector | None
+    constants: WindowConstants, state: FiniteTimeState, y: Matrix | None
 ) -> FiniteTimeState:
     """The state after a sampling instant: estimate from the window, then take in the sample."""
     if state.known is not None and constants.inputs is not None and state.filling.instants:
@@ -165,7 +164,7 @@ def sampled(
     return pushed(constants, state, y)
 
 
-def pushed(constants: WindowConstants, state: FiniteTimeState, y: Vector | None) -> FiniteTimeState:
+def pushed(constants: WindowConstants, state: FiniteTimeState, y: Matrix | None) -> FiniteTimeState:
     """The state with a sample, or the lack of one, as the newest entry of its window."""
     p, C = constants.p, constants.gains.C
     # (14) as printed works on the measurements themselves
@@ -235,13 +234,13 @@ def _estimated(constants: WindowConstants, state: FiniteTimeState) -> FiniteTime
     return _shifted(constants, state._replace(x=x, since_shift=state.since_shift + 1))
 
 
-def _incomplete_estimate(constants: WindowConstants, state: FiniteTimeState) -> Vector | None:
+def _incomplete_estimate(constants: WindowConstants, state: FiniteTimeState) -> Matrix | None:
     """Least squares on the samples that are there; None if they do not determine the state."""
     if constants.gains.deviations is None:
         return None
     is_there = np.isfinite(state.window)
     rows = constants.rows[is_there]
-    if approx_determinacy(rows, constants.scales) < _DETERMINED:
+    if approx_determinacy(rows, constants.scales) < SINGULAR:
         return None
     deviations = np.tile(constants.gains.deviations, constants.k)[is_there]
     gain = least_squares_gain(rows, deviations)

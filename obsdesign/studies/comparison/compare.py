@@ -11,7 +11,7 @@ from lmi.memory import OversizeError
 from lmi.time_budget import ended_part, total_budget
 from obsdesign import workflow
 from obsdesign.document import Design
-from obsdesign.equations.finite_time.options import METHODS
+from obsdesign.equations.finite_time.gains import METHODS
 from obsdesign.equations.impulsive import gains as impulsive
 from obsdesign.equations.interval import gains as interval
 from obsdesign.errors import InputError

@@ -15,15 +15,18 @@ from typing import Any
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.balls import precision
 from lmi.arithmetic.norms import float_above, float_below
 from lmi.time_budget import collect_remarks, remark, sentences
 from obsdesign.analysis.finite_time.enclosed_gains import Sampled
+from obsdesign.analysis.finite_time.requirements import reason_against_correction
 from obsdesign.document import Claim
-from obsdesign.equations.finite_time.options import MOST_SAMPLES, reason_against_problem
-from obsdesign.equations.gains import Array
+from obsdesign.equations.finite_time.gains import MOST_SAMPLES
+from obsdesign.equations.finite_time.rows import approx_observability_index
 from obsdesign.errors import InputError
 from obsdesign.problem.kinds import PERIOD_SEARCHES
+from obsdesign.problem.options import FiniteTimeOptions
 from obsdesign.problem.problem import Problem
 from obsdesign.studies.search.period_extensions import (
     LONG_SECONDS,
@@ -35,8 +38,13 @@ from obsdesign.synthesis.finite_time.injection import best_injection, fewest_sam
 from obsdesign.synthesis.finite_time.period_problem import Injection, PeriodProblem
 from obsdesign.synthesis.finite_time.whole_windows import whole_windows
 from obsdesign.verification.answers import with_end
-from obsdesign.verification.finite_time.theorem_1 import Norms
-from obsdesign.verification.finite_time.window import observable, sampled_index
+from obsdesign.verification.finite_time.theorem_1 import (
+    Norms,
+    condition_claim,
+    no_period_claim,
+    shorter_windows_claim,
+)
+from obsdesign.verification.finite_time.window import observable
 from obsdesign.workflow import Outcome
 
 _BITS = 160
@@ -46,7 +54,6 @@ _TOO_MANY = (
 )
 # windows with fewer samples than the shortest one are all shown to fail, up to that many
 _MOST_SHOWN = 2000
-_SOURCE = "Mazenc, Ahmed, MICNON 2018, Theorem 1, (13)"
 
 
 @dataclass(frozen=True)
@@ -58,7 +65,7 @@ class _Bracket:
 
     window: float
     samples: int
-    L: Array
+    L: Matrix
     claims: tuple[Claim, ...]
     reason: str
     proved: float | None = None
@@ -66,27 +73,31 @@ class _Bracket:
     whole_period: float | None = None
 
     @classmethod
-    def empty(cls, window: float, L: Array, reason: str) -> _Bracket:
+    def empty(cls, window: float, L: Matrix, reason: str) -> _Bracket:
         """No period or window is known to satisfy (13)."""
-        statement = "(13) holds for some period"
-        claim = Claim("condition_13", statement, _SOURCE, "undecided", {"reason": reason})
-        return cls(window, 0, L, (claim,), reason)
+        return cls(window, 0, L, (no_period_claim(reason),), reason)
 
     def to_result(self, is_searched: bool) -> dict[str, Any]:
         """Entries of a search result; is_searched: are L or the window not those of the file?"""
-        result: dict[str, Any] = {"proved": None, "not_proved": None, "not_proved_verdict": None}
-        result |= {"window": self.window, "gains": {"L": self.L}, "reason": self.reason}
+        far_end = "undecided" if is_searched else "refuted"
+        result: dict[str, Any] = {
+            "proved": self.proved,
+            "not_proved": self.not_proved,
+            "not_proved_verdict": None if self.not_proved is None else far_end,
+            "window": self.window,
+            "gains": {"L": self.L},
+            "reason": self.reason,
+        }
         if self.proved is None:
             return result
-        result |= {"proved": self.proved, "not_proved": self.not_proved, "samples": self.samples}
-        if self.whole_period is None:
-            result |= {"admissible": self.window / self.samples, "admissible_window": self.window}
-        else:
-            window = self.samples * self.whole_period
-            result |= {"admissible": self.whole_period, "admissible_window": window}
-        if self.not_proved is not None:
-            result["not_proved_verdict"] = "undecided" if is_searched else "refuted"
-        return result
+        admissible, window = self.window / self.samples, self.window
+        if self.whole_period is not None:
+            admissible, window = self.whole_period, self.samples * self.whole_period
+        return result | {
+            "samples": self.samples,
+            "admissible": admissible,
+            "admissible_window": window,
+        }
 
 
 def search_period(problem: Problem, what: str) -> Outcome:
@@ -102,22 +113,22 @@ def search_period(problem: Problem, what: str) -> Outcome:
     if what not in PERIOD_SEARCHES:
         raise InputError(f"--for {what} is not available for kind 'finite_time'.")
     problem.require_measured("periodic")
-    period = float(problem.plant.output.period or 1.0)
-    options = {} if what == "shortest_window" else _options_without_window(problem)
-    if reason := reason_against_problem(problem.plant, options):
+    period, options = problem.plant.output.sample_period, problem.options_as(FiniteTimeOptions)
+    is_period = what == "longest_period"
+    # the window of the file need not be a multiple of its period
+    if is_period and (reason := reason_against_correction(options)):
         raise InputError(reason)
+    printed = PeriodProblem.from_problem(problem, options.window if is_period else None)
     with collect_remarks() as remarks, precision(_BITS):
-        plant = problem.plant
-        first = observable(Sampled.from_plant(plant.flow.A, plant.output.C, period, 1))
+        first = observable(Sampled.from_plant(printed.A, printed.C, period, 1))
         if first.verdict != "proved":
             result = {"proved": None, "not_proved": None, "not_proved_verdict": None}
             return Outcome("refuted", "finite_time", (first,), result, None)
-        is_period = what == "longest_period"
-        bracket = (_longest_period if is_period else _shortest_window)(problem, period)
+        bracket = (_longest_period if is_period else _shortest_window)(printed, period)
         if bracket.samples > MOST_SAMPLES:
             remark(_TOO_MANY.format(bracket.samples))
-        extensions = _extensions(problem, bracket, None if is_period else period)
-    is_searched = "L" not in problem.gains or (is_period and "window" not in problem.options)
+        extensions = _extensions(printed, bracket, None if is_period else period)
+    is_searched = printed.L is None or (is_period and printed.window is None)
     if remarks:
         extensions["remarks"] = sentences(remarks)
     end = next((entry.evidence for entry in reversed(remarks) if entry.evidence), {})
@@ -128,36 +139,29 @@ def search_period(problem: Problem, what: str) -> Outcome:
     return Outcome(verdict, "finite_time", claims, result, None)
 
 
-def _extensions(problem: Problem, bracket: _Bracket, period: float | None) -> dict[str, Any]:
+def _extensions(printed: PeriodProblem, bracket: _Bracket, period: float | None) -> dict[str, Any]:
     """Longer periods, or shorter windows at this one, than those of (13) as printed."""
     if period is not None:
-        return shorter_windows(problem, None if bracket.proved is None else bracket.samples, period)
+        samples = None if bracket.proved is None else bracket.samples
+        return shorter_windows(printed, samples, period)
     if bracket.proved is None or not 0 < bracket.proved < math.inf:
-        return longer_periods(problem, None)
-    return longer_periods(problem, Injection(bracket.L, bracket.window, math.log(bracket.proved)))
+        return longer_periods(printed, None)
+    return longer_periods(printed, Injection(bracket.L, bracket.window, math.log(bracket.proved)))
 
 
-def _options_without_window(problem: Problem) -> dict[str, Any]:
-    """Options but for the window, which need not be a multiple of the period of the file."""
-    return {name: value for name, value in problem.options.items() if name != "window"}
-
-
-def _longest_period(problem: Problem, period: float) -> _Bracket:
-    A, C = problem.plant.flow.A, problem.plant.output.C
-    given, L = problem.options.get("window"), problem.gains.get("L")
+def _longest_period(problem: PeriodProblem, period: float) -> _Bracket:
+    A, C, window, L = problem.A, problem.C, problem.window, problem.L
     if not np.any(A):  # (13) holds for any period: the window is the only limit
-        window, L = given or 2 * period, C.T if L is None else L
-    elif given is None or L is None:
-        best = best_injection(PeriodProblem(A, C, given, L), seconds=LONG_SECONDS)
-        window, L = best.window, best.L
-    else:
-        window = given
-    bracket = _period_bracket(A, C, L, window)
-    is_open = given is None and bool(np.any(A)) and bracket.not_proved is not None
+        return _period_bracket(A, C, C.T if L is None else L, window or 2 * period)
+    if window is not None and L is not None:
+        return _period_bracket(A, C, L, window)
+    best = best_injection(problem, seconds=LONG_SECONDS)
+    bracket = _period_bracket(A, C, best.L, best.window)
+    is_open = window is None and bracket.not_proved is not None
     return _in_whole_samples(A, C, bracket) if is_open else bracket
 
 
-def _period_bracket(A: Array, C: Array, L: Array, window: float) -> _Bracket:
+def _period_bracket(A: Matrix, C: Matrix, L: Matrix, window: float) -> _Bracket:
     """Ends of (13) in the period, for a fixed L and window."""
     norms = Norms.from_sampled(Sampled.from_plant(A, C, window, 1), L)
     if norms is None:
@@ -173,21 +177,24 @@ def _period_bracket(A: Array, C: Array, L: Array, window: float) -> _Bracket:
     if low * least > window:
         reason = f"the window {window!r} has to hold {least} samples; (13) would allow more"
         period = window / least
-        claims = (_condition_claim(norms, period, True),)
+        claims = (condition_claim(norms, period, "condition_13", "proved"),)
         return _Bracket(window, least, L, claims, reason, proved=period)
     k = math.floor(window / low) + (window / math.floor(window / low) > low)
     return _Bracket(
         window=window,
         samples=max(k, least),
         L=L,
-        claims=(_condition_claim(norms, low, True), _condition_claim(norms, high, False)),
+        claims=(
+            condition_claim(norms, low, "condition_13", "proved"),
+            condition_claim(norms, high, "condition_13_ends", "refuted"),
+        ),
         reason=f"at T = {window!r}, (13) fails beyond",
         proved=low,
         not_proved=high,
     )
 
 
-def _in_whole_samples(A: Array, C: Array, bracket: _Bracket) -> _Bracket:
+def _in_whole_samples(A: Matrix, C: Matrix, bracket: _Bracket) -> _Bracket:
     """The bracket with a window nearby, where that allows a longer period T/k."""
     L, window = bracket.L, bracket.window
     best = Injection(L, window, math.log(bracket.proved or math.inf))
@@ -195,68 +202,33 @@ def _in_whole_samples(A: Array, C: Array, bracket: _Bracket) -> _Bracket:
     for period, k in whole_windows(PeriodProblem(A, C, None, L), best, least):
         if period <= window / bracket.samples:
             break
-        sampled = Sampled.from_plant(A, C, period, k)
-        norms = Norms.from_sampled(sampled, L) if sampled_index(sampled) <= k else None
-        if norms is not None and norms.condition(period) is True:
-            claim = replace(_condition_claim(norms, period, True), id="condition_13_admissible")
+        if (approx_observability_index(A, C, period) or len(A)) > k:
+            continue
+        norms = Norms.from_sampled(Sampled.from_plant(A, C, period, k), L)
+        if norms is not None and norms.condition(period) == "proved":
+            claim = condition_claim(norms, period, "condition_13_admissible", "proved")
             claims = (*bracket.claims, claim)
             return replace(bracket, samples=k, claims=claims, whole_period=period)
     return bracket
 
 
-def _shortest_window(problem: Problem, period: float) -> _Bracket:
-    A, C = problem.plant.flow.A, problem.plant.output.C
-    least = sampled_index(Sampled.from_plant(A, C, period, len(A)))
-    k, best = fewest_samples(PeriodProblem(A, C, None, problem.gains.get("L")), period, least)
+def _shortest_window(problem: PeriodProblem, period: float) -> _Bracket:
+    A, C = problem.A, problem.C
+    least = approx_observability_index(A, C, period) or len(A)
+    k, best = fewest_samples(problem, period, least)
     L = best.L
     if k is None:
         reason = f"(13) holds for no window with period {period!r}"
         return _Bracket.empty(least * period, L, reason)
     window = k * period
     norms = Norms.from_sampled(Sampled.from_plant(A, C, period, k), L)
-    if norms is None or norms.condition(period) is not True:
+    if norms is None or norms.condition(period) != "proved":
         return _Bracket.empty(window, L, f"(13) is not certain at T = {window:.9g}")
-    claims = (_condition_claim(norms, period, True),)
+    claims = (condition_claim(norms, period, "condition_13", "proved"),)
     below = (k - 1) * period
     if k == least:
         reason = f"{least} samples are needed to determine the state"
         return _Bracket(window, k, L, claims, reason, window, below if k > 1 else None)
-    shorter = _shorter_windows_claim((A, C, L), period, range(max(least, k - _MOST_SHOWN), k))
+    shorter = shorter_windows_claim(A, C, L, period, range(max(least, k - _MOST_SHOWN), k))
     reason = f"(13) is false for all windows of {least} to {k - 1} samples"
     return _Bracket(window, k, L, (*claims, shorter), reason, window, below)
-
-
-def _shorter_windows_claim(
-    plant: tuple[Array, Array, Array], period: float, counts: range
-) -> Claim:
-    """Claim that (13) is false for every one of these windows; plant: A, C, L."""
-    A, C, L = plant
-    held = []
-    for k in counts:
-        norms = Norms.from_sampled(Sampled.from_plant(A, C, period, k), L)
-        if norms is not None and norms.condition(period) is not False:
-            held.append(k)
-    evidence: dict[str, Any] = {"samples": [counts.start, counts.stop - 1]}
-    if held:
-        evidence["reason"] = f"(13) may hold with {held[0]} samples"
-    return Claim(
-        "shorter_windows",
-        f"(13) is false at period {period!r} for windows of {counts.start} to {counts.stop - 1} "
-        "samples and this L",
-        _SOURCE,
-        "undecided" if held else "proved",
-        evidence,
-    )
-
-
-def _condition_claim(norms: Norms, period: float, wanted: bool) -> Claim:
-    """Claim that (13) holds, or fails, at a period."""
-    is_as_wanted = norms.condition(period) is wanted
-    word = "holds" if wanted else "fails"
-    return Claim(
-        "condition_13" if wanted else "condition_13_ends",
-        f"(13) {word} at period {period!r}, T = {float_below(norms.T):.9g}",
-        _SOURCE,
-        "proved" if is_as_wanted else "undecided",
-        {} if is_as_wanted else {"reason": f"at {period!r} it is too close to call"},
-    )

@@ -11,13 +11,13 @@ from typing import Any
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.norms import float_below
 from obsdesign.analysis.finite_time.enclosed_gains import Sampled
-from obsdesign.problem.problem import Problem
+from obsdesign.equations.finite_time.rows import approx_observability_index
 from obsdesign.synthesis.finite_time.injection import SECONDS, best_injection, fewest_samples
 from obsdesign.synthesis.finite_time.period_problem import Injection, PeriodProblem
 from obsdesign.verification.finite_time.theorem_1 import Norms
-from obsdesign.verification.finite_time.window import sampled_index
 
 # extensions of (13) are reported where they gain more than rounding
 _LEAST_RATIO = 1 + 1e-6
@@ -25,16 +25,14 @@ _LEAST_RATIO = 1 + 1e-6
 LONG_SECONDS = 2.0
 
 
-def longer_periods(problem: Problem, plain: Injection | None) -> dict[str, Any]:
+def longer_periods(printed: PeriodProblem, plain: Injection | None) -> dict[str, Any]:
     """{"coordinates": {"S", "L", "window", "proved"}, "tighter": the same}, where they gain.
 
     proved: a period for which the condition is proved; plain: the solution for (13) as printed,
     log_period that of the proved one, if any. S is [] where it is I.
     """
-    if not _is_condition_13_open(problem):
+    if not np.any(printed.A) or printed.has_zero_gain:
         return {}
-    A, C, L = problem.plant.flow.A, problem.plant.output.C, problem.gains.get("L")
-    printed = PeriodProblem(A, C, problem.options.get("window"), L)
     first = () if plain is None else (plain,)
     least = 0.0 if plain is None else math.exp(plain.log_period)
     extensions = {}
@@ -54,31 +52,26 @@ def longer_periods(problem: Problem, plain: Injection | None) -> dict[str, Any]:
     return extensions
 
 
-def shorter_windows(problem: Problem, plain: int | None, period: float) -> dict[str, Any]:
+def shorter_windows(printed: PeriodProblem, plain: int | None, period: float) -> dict[str, Any]:
     """The same with "samples", and the window as "proved"; plain: the fewest samples of (13)."""
-    if not _is_condition_13_open(problem):
+    A, C = printed.A, printed.C
+    if not np.any(A) or printed.has_zero_gain:
         return {}
-    A, C, L = problem.plant.flow.A, problem.plant.output.C, problem.gains.get("L")
     extensions = {}
-    least = sampled_index(Sampled.from_plant(A, C, period, len(A)))
-    for name in ("coordinates", "tighter"):
-        extended = PeriodProblem(A, C, None, L, **{name: True})
+    least = approx_observability_index(A, C, period) or len(A)
+    for name, extended in (
+        ("coordinates", replace(printed, coordinates=True)),
+        ("tighter", replace(printed, tighter=True)),
+    ):
         k, injection = fewest_samples(extended, period, least)
         if k is None or (plain is not None and k >= plain):
             continue
         norms = Norms.from_sampled(Sampled.from_plant(A, C, period, k), injection.L, injection.S)
-        if norms is not None and norms.condition(period, extended.tighter) is True:
+        if norms is not None and norms.condition(period, extended.tighter) == "proved":
             window = k * period
             extension = _extension(replace(injection, window=window), window)
             extensions[name] = extension | {"samples": k}
     return extensions
-
-
-def _is_condition_13_open(problem: Problem) -> bool:
-    """Does (13) depend on the period, with an L that can satisfy it?"""
-    L = problem.gains.get("L")
-    is_zero = L is not None and not np.any(L @ problem.plant.output.C)
-    return bool(np.any(problem.plant.flow.A)) and not is_zero
 
 
 def _proved_period(problem: PeriodProblem, injection: Injection) -> float:
@@ -89,7 +82,7 @@ def _proved_period(problem: PeriodProblem, injection: Injection) -> float:
     if norms is None or longest is None:
         return 0.0
     period = min(float_below(longest), window / needed_samples(A, C, window))
-    return period if norms.condition(period, problem.tighter) is True else 0.0
+    return period if norms.condition(period, problem.tighter) == "proved" else 0.0
 
 
 def _extension(injection: Injection, proved: float) -> dict[str, Any]:
@@ -97,9 +90,9 @@ def _extension(injection: Injection, proved: float) -> dict[str, Any]:
     return {"S": S, "L": injection.L, "window": injection.window, "proved": proved}
 
 
-def needed_samples(A: Any, C: Any, window: float) -> int:
+def needed_samples(A: Matrix, C: Matrix, window: float) -> int:
     """The least k for which k samples, window/k apart, determine the state."""
     for k in range(1, len(A) + 1):
-        if sampled_index(Sampled.from_plant(A, C, window / k, k)) <= k:
+        if (approx_observability_index(A, C, window / k) or len(A)) <= k:
             return k
     return len(A)

@@ -8,29 +8,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
-from obsdesign.equations.finite_time.options import (
-    MOST_SAMPLES,
-    NEED_L,
-    reason_against_objective,
-    reason_against_problem,
-)
-from obsdesign.equations.finite_time.rows import approx_window_determinacy
-from obsdesign.equations.gains import Array
+from lmi.arithmetic.arrays import Matrix
+from obsdesign.analysis.finite_time.requirements import reason_against
+from obsdesign.equations.finite_time.gains import MOST_SAMPLES, NEED_L
+from obsdesign.equations.finite_time.rows import SINGULAR, approx_window_determinacy
 from obsdesign.errors import InputError
+from obsdesign.problem.options import FiniteTimeOptions
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
 from obsdesign.synthesis.finite_time.injection import best_injection
 from obsdesign.synthesis.finite_time.least_noise import low_noise_injection
 from obsdesign.synthesis.finite_time.period_problem import Injection, PeriodProblem
 from obsdesign.synthesis.finite_time.window_gain import completed_gains
-from obsdesign.synthesis.finite_time.window_length import (
-    CONDITION_13_OBJECTIVES,
-    SINGULAR,
-    chosen_samples,
-)
+from obsdesign.synthesis.finite_time.window_length import CONDITION_13_OBJECTIVES, chosen_samples
 from obsdesign.synthesis.finite_time.window_task import WindowTask
 
 # windows that are tried in turn, in terms of the first
@@ -40,38 +34,43 @@ _LONGER = (1, 4, 16)
 def synthesize(problem: Problem) -> Iterator[Candidate]:
     """Yield candidates in order of preference; InputError for a problem that has none."""
     problem.require_measured("periodic")
-    reason = reason_against_problem(problem.plant, problem.options)
-    reason = reason or reason_against_objective(problem.options, "L" in problem.gains)
-    if reason is not None:
+    if reason := reason_against(problem):
         raise InputError(reason)
-    method = problem.options.get("method", "least_squares")
-    if method == "minimax":
-        problem.require_noise_bound("observer.method = 'minimax'")
-        if not _is_disturbed(problem):
-            raise InputError(
-                "observer.method = 'minimax' needs a nonzero output.noise_bound or "
-                "flow.disturbance: it makes the largest error small, and without either there is "
-                "none."
-            )
+    options = problem.options_as(FiniteTimeOptions)
+    if options.method == "minimax":
+        _require_errors(problem)
     samples = chosen_samples(problem)
-    if method in NEED_L:
-        yield from _with_injection(problem, samples)
+    if options.method in NEED_L:
+        yield from _with_injection(problem, options, samples)
     else:
         gains = completed_gains(WindowTask.from_problem(problem, samples))
-        yield Candidate(method, gains, searched="window" not in problem.options)
+        yield Candidate(options.method, gains, searched=options.window is None)
 
 
-def _with_injection(problem: Problem, samples: int) -> Iterator[Candidate]:
+def _require_errors(problem: Problem) -> None:
+    """InputError unless there is a disturbance, or noise with a bound above zero."""
+    noise = problem.require_noise_bound("observer.method = 'minimax'")
+    flow = problem.plant.flow
+    if not (np.any(flow.lower != flow.upper) or np.any(noise)):
+        raise InputError(
+            "observer.method = 'minimax' needs a nonzero output.noise_bound or flow.disturbance: "
+            "it makes the largest error small, and without either there is none."
+        )
+
+
+def _with_injection(
+    problem: Problem, options: FiniteTimeOptions, samples: int
+) -> Iterator[Candidate]:
     """L in the units of the file, then in those of the window; then longer windows, where open."""
-    open_gain, open_window = "L" not in problem.gains, "window" not in problem.options
-    free = open_window and "objective" not in problem.options
+    open_gain, open_window = "L" not in problem.gains, options.window is None
+    free = open_window and options.objective is None
     for factor in _LONGER if free else (1,):
         k = factor * samples
         if k > MOST_SAMPLES:
             return
         units = WindowTask.from_problem(problem, k).scales
         for natural in (False, True) if open_gain and (units != units[0]).any() else (False,):
-            chosen = _injection(problem, k, units if natural else None)
+            chosen = _injection(problem, options, k, units if natural else None)
             S = {} if chosen.S is None else {"theorem_1_coordinates": {"S": chosen.S}}
             task = WindowTask.from_problem(problem, k, chosen.L)
             searched = open_gain or open_window
@@ -82,21 +81,24 @@ def _with_injection(problem: Problem, samples: int) -> Iterator[Candidate]:
 
 def _is_undetermined(problem: Problem, k: int) -> bool:
     """Do k samples leave a state undetermined, in floats?"""
-    plant, period = problem.plant, float(problem.plant.output.period or 1.0)
-    return approx_window_determinacy(plant.flow.A, plant.output.C, period, k) < SINGULAR
+    A, output = problem.plant.flow.A, problem.plant.output
+    return approx_window_determinacy(A, output.C, output.sample_period, k) < SINGULAR
 
 
-def _injection(problem: Problem, k: int, units: Array | None = None) -> Injection:
+def _injection(
+    problem: Problem, options: FiniteTimeOptions, k: int, units: Matrix | None
+) -> Injection:
     """L, given or by the objective; for objectives of (13) also S, if (13) needs it.
 
     Any L where the samples do not determine the state with any. units, (n,): the norms of (13) are
     those of states in these.
     """
-    A, C, L = problem.plant.flow.A, problem.plant.output.C, problem.gains.get("L")
-    window = k * float(problem.plant.output.period or 1.0)
-    by_condition_13 = problem.options.get("objective") in CONDITION_13_OBJECTIVES
+    window = k * problem.plant.output.sample_period
+    fixed = PeriodProblem.from_problem(problem, window)
+    A, C, L = fixed.A, fixed.C, fixed.L
+    by_condition_13 = options.objective in CONDITION_13_OBJECTIVES
     is_undetermined = _is_undetermined(problem, k)
-    if L is not None and (is_undetermined or not by_condition_13 or not np.any(L @ C)):
+    if L is not None and (is_undetermined or not by_condition_13 or fixed.has_zero_gain):
         return Injection(L, window, -math.inf)
     if is_undetermined:
         return Injection(C.T, window, -math.inf)
@@ -106,28 +108,23 @@ def _injection(problem: Problem, k: int, units: Array | None = None) -> Injectio
     if units is not None:
         scaled = best_injection(PeriodProblem(A * units / units[:, None], C * units, window))
         return Injection(scaled.L * units[:, None], window, -math.inf)
-    return _searched_injection(problem, k, window)
+    return _searched_injection(fixed, options, problem.plant.output.sample_period, k)
 
 
-def _searched_injection(problem: Problem, k: int, window: float) -> Injection:
+def _searched_injection(
+    problem: PeriodProblem, options: FiniteTimeOptions, period: float, k: int
+) -> Injection:
     """L for the objective, and S where (13) holds in these coordinates alone."""
-    A, C, L = problem.plant.flow.A, problem.plant.output.C, problem.gains.get("L")
-    period, objective = float(problem.plant.output.period or 1.0), problem.options.get("objective")
-    fixed = PeriodProblem(A, C, window, L)
-    plain = fixed.rated(L, window) if L is not None else best_injection(fixed)
-    if objective == "least_noise":
-        method = str(problem.options.get("method"))
-        return Injection(low_noise_injection(A, C, plain.L, (period, k), method), window, -math.inf)
-    if objective not in CONDITION_13_OBJECTIVES or plain.log_period > math.log(period):
+    A, C, L, window = problem.A, problem.C, problem.L, period * k
+    plain = problem.rated(L, window) if L is not None else best_injection(problem)
+    if options.objective == "least_noise":
+        L = low_noise_injection(A, C, plain.L, (period, k), options.method)
+        return Injection(L, window, -math.inf)
+    by_condition_13 = options.objective in CONDITION_13_OBJECTIVES
+    if not by_condition_13 or plain.log_period > math.log(period):
         return plain
-    transformed = best_injection(PeriodProblem(A, C, window, L, coordinates=True), (plain,))
+    transformed = best_injection(replace(problem, coordinates=True), (plain,))
     return transformed if transformed.log_period > math.log(period) else plain
-
-
-def _is_disturbed(problem: Problem) -> bool:
-    """Is there a disturbance, or noise with a bound above zero?"""
-    flow = problem.plant.flow
-    return bool(np.any(flow.lower != flow.upper) or np.any(problem.plant.output.noise_radius))
 
 
 def untried(problem: Problem) -> dict[str, str]:

@@ -16,10 +16,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Matrix
 from lmi.time_budget import deadline, ended, remark_end
 from obsdesign.equations.finite_time.condition_13 import approx_log_longest_period
-from obsdesign.equations.finite_time.options import MOST_SAMPLES
-from obsdesign.equations.gains import Array
+from obsdesign.equations.finite_time.gains import MOST_SAMPLES
 from obsdesign.synthesis.finite_time.period_descent import polished
 from obsdesign.synthesis.finite_time.period_problem import (
     Injection,
@@ -83,26 +83,20 @@ def _program_solutions(problem: PeriodProblem, starts: int, end: float) -> list[
     seconds = end - time.process_time()
     if seconds <= 0:
         return []
-    program = PeriodProgram(
-        problem.A, problem.C, problem.window, L=problem.L, coordinates=problem.coordinates,
-        tighter=problem.tighter, seconds=max(seconds / 2, 0.05),
-    )  # fmt: skip
+    program = PeriodProgram(problem, max(seconds / 2, 0.05))
 
     def rating(start: Start) -> float:
         n, p = len(problem.A), len(problem.C)
         L = start.size * start.direction.reshape(p, n).T if problem.L is None else problem.L
         S = None if start.triangle is None else triangular(start.triangle, n)
-        return problem.rated(L, problem.window or start.window, S).log_period
+        return problem.rated(L, start.window, S).log_period
 
     ranked = sorted(program.starts(_SCREENED * starts), key=rating, reverse=True)
     solutions = []
     for start in ranked[:starts]:
         point = program.solve(start)
-        L = point.L if problem.L is None else problem.L
-        S = point.S if problem.coordinates else None
-        is_finite = np.isfinite(point.L).all() and np.isfinite(point.S).all()
-        if is_finite and 0 < point.window < math.inf:
-            solutions.append(problem.rated(L, point.window, S))
+        if point.is_finite:
+            solutions.append(problem.rated(point.L, point.window, point.S))
         if time.process_time() > end:
             break
     return solutions
@@ -171,7 +165,7 @@ def _for_window(problem: PeriodProblem, window: float, near: Injection, target: 
 
 
 def _scanned(
-    problem: PeriodProblem, L: Array, period: float, least: int
+    problem: PeriodProblem, L: Matrix, period: float, least: int
 ) -> tuple[int | None, Injection]:
     # beyond some ten time constants M_T is rounding
     most = math.ceil(60.0 / (np.linalg.norm(problem.A, 2) * period))

@@ -12,8 +12,10 @@ import time
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.exponential import expm, exponential_grid, flow_integrals
 from lmi.time_budget import deadline, ended, remark_end
+from obsdesign.analysis.finite_time.requirements import relative_deviations
 from obsdesign.equations.finite_time.formulas import (
     approximate_terms,
     difference_block,
@@ -22,9 +24,7 @@ from obsdesign.equations.finite_time.formulas import (
     series_steps,
     window_matrix,
 )
-from obsdesign.equations.finite_time.options import relative_deviations
 from obsdesign.equations.finite_time.rows import least_squares_gain, sample_rows
-from obsdesign.equations.gains import Array
 from obsdesign.problem.plant import Plant
 
 _SECONDS = 0.6
@@ -42,9 +42,9 @@ def low_noise_samples(plant: Plant, counts: list[int]) -> int:
     return counts[int(np.argmax(good))]
 
 
-def _errors(plant: Plant, k: int) -> Array:
+def _errors(plant: Plant, k: int) -> Matrix:
     """Errors (n,) of least squares under noise and disturbance of the plant's sizes."""
-    A, C, period = plant.flow.A, plant.output.C, float(plant.output.period or 1.0)
+    A, C, period = plant.flow.A, plant.output.C, plant.output.sample_period
     deviations = relative_deviations(plant.output)
     rows = sample_rows(A, C, period, k).reshape(-1, len(A))
     if not np.isfinite(rows).all():
@@ -65,8 +65,8 @@ def _errors(plant: Plant, k: int) -> Array:
 
 
 def low_noise_injection(
-    A: Array, C: Array, L: Array, samples: tuple[float, int], method: str
-) -> Array:
+    A: Matrix, C: Matrix, L: Matrix, samples: tuple[float, int], method: str
+) -> Matrix:
     """L with the least Frobenius norm of the gains, from a first guess and larger ones.
 
     samples: period and number of samples of the window.
@@ -76,7 +76,7 @@ def low_noise_injection(
     gain = _exact_gain if method == "exact" else _approximate_gain
     best, least, end = L, math.inf, deadline(_SECONDS)
 
-    def cost(x: Array) -> float:
+    def cost(x: Matrix) -> float:
         nonlocal best, least
         if time.process_time() > end:
             raise _TimeLimit
@@ -104,7 +104,7 @@ class _TimeLimit(Exception):
     """The time of a search has ended."""
 
 
-def _exact_gain(A: Array, C: Array, L: Array, period: float, k: int) -> Array:
+def _exact_gain(A: Matrix, C: Matrix, L: Matrix, period: float, k: int) -> Matrix:
     m = series_steps(A, C, L, period)
     backs = exponential_grid(-A, 0.0, period / m, m)
     steps = [(back, 0.0) for back in backs]
@@ -116,7 +116,7 @@ def _exact_gain(A: Array, C: Array, L: Array, period: float, k: int) -> Array:
     return np.asarray(np.linalg.solve(W @ rows, W))
 
 
-def _approximate_gain(A: Array, C: Array, L: Array, period: float, k: int) -> Array:
+def _approximate_gain(A: Matrix, C: Matrix, L: Matrix, period: float, k: int) -> Matrix:
     n = len(A)
     back, once = flow_integrals(-(A + L @ C), period)
     whole = expm(difference_block(A, L @ C) * (k * period))

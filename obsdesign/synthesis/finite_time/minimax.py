@@ -14,21 +14,24 @@ from __future__ import annotations
 
 import contextlib
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.exponential import expm
-from obsdesign.equations.gains import Array
 from obsdesign.synthesis.finite_time.window_task import WindowTask
+
+if TYPE_CHECKING:
+    import cvxpy as cp
 
 # weight of a sample without noise relative to the others, which keeps its gains small
 _LEAST_WEIGHT = 1e-9
 # the second one, slower with long windows, where the first one is not sure
 _TIGHT = 1e-10
-_SOLVERS: dict[str, dict[str, Any]] = {
+_SOLVERS: Mapping[str, Mapping[str, object]] = {
     "CLARABEL": {"tol_gap_abs": _TIGHT, "tol_gap_rel": _TIGHT, "tol_feas": _TIGHT},
     "HIGHS": {"highs_options": {"time_limit": 5.0, "threads": 1}},
 }
@@ -38,15 +41,15 @@ _SOLVERS: dict[str, dict[str, Any]] = {
 class _RowProgram:
     """The program of a row in natural units, without its fitted gains."""
 
-    C: Array
-    step: Array
-    half: Array
-    weights: Array
-    Delta: Array
+    C: Matrix
+    step: Matrix
+    half: Matrix
+    weights: Matrix
+    Delta: Matrix
     from_start: bool
 
     @classmethod
-    def from_task(cls, task: WindowTask, fitted: Array) -> Self:
+    def from_task(cls, task: WindowTask, fitted: Matrix) -> Self:
         """The program of a task with these fitted gains (n, k p)."""
         units, period, flow = task.scales, task.period, task.plant.flow
         A, C = task.A * units / units[:, None], task.C * units
@@ -64,7 +67,7 @@ class _RowProgram:
             from_start=task.is_relative_to_start,
         )
 
-    def weights_of_disturbance(self, g: Array, unit: Array) -> Array:
+    def weights_of_disturbance(self, g: Matrix, unit: Matrix) -> Matrix:
         """r_l, l = 0..k-1, or q_l, (k, n), of the row g (k, p), whose state is `unit`."""
         weights = np.zeros((len(g), len(unit)))
         if self.from_start:
@@ -77,7 +80,7 @@ class _RowProgram:
             weights[j] = r = r @ self.step + g[j] @ self.C
         return weights
 
-    def error(self, g: Array, unit: Array) -> float:
+    def error(self, g: Matrix, unit: Matrix) -> float:
         """Cost of the program; infinite beyond floats."""
         r = self.weights_of_disturbance(g, unit)
         size = (np.abs(g) @ self.weights).sum() + (np.abs(r @ self.half) @ self.Delta).sum()
@@ -85,8 +88,8 @@ class _RowProgram:
 
 
 def minimax_gain(
-    task: WindowTask, fitted: Array, project: Callable[[Array], Array]
-) -> tuple[Array, list[int]]:
+    task: WindowTask, fitted: Matrix, project: Callable[[Matrix], Matrix]
+) -> tuple[Matrix, list[int]]:
     """Gains (n, k p), and the rows that are those of fitted for lack of better ones.
 
     fitted: unbiased gains, (n, k p); project makes gains unbiased that are nearly so.
@@ -110,7 +113,7 @@ def minimax_gain(
     return best, kept
 
 
-def _solutions(program: _RowProgram, g: Array, unit: Array) -> list[Array]:
+def _solutions(program: _RowProgram, g: Matrix, unit: Matrix) -> list[Matrix]:
     """Solutions (k, p) near g for the state `unit`, one per solver until one is optimal."""
     import cvxpy as cp
 
@@ -139,7 +142,7 @@ def _solutions(program: _RowProgram, g: Array, unit: Array) -> list[Array]:
     return solutions
 
 
-def _recursion(program: _RowProgram, q: Any, push: Any) -> list[Any]:
+def _recursion(program: _RowProgram, q: cp.Variable, push: cp.Expression) -> list[cp.Constraint]:
     """Conditions on q_l, (k, n) variables, driven by z_l C = push."""
     if program.from_start:
         conditions = [q[-1] == 0, q[0] @ program.step == push[0]]

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 import time
-from typing import Any
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Matrix
 from lmi.time_budget import ended, remark_end
 from obsdesign.equations.finite_time.formulas import SMALLEST_GAIN
-from obsdesign.equations.gains import Array
 from obsdesign.synthesis.finite_time.period_problem import (
     Injection,
     PeriodProblem,
@@ -18,7 +17,7 @@ from obsdesign.synthesis.finite_time.period_problem import (
     triangular,
 )
 
-_NELDER_MEAD: Any = {"xatol": 1e-7, "fatol": 1e-11, "maxiter": 2000, "maxfev": 2000}
+_NELDER_MEAD = {"xatol": 1e-7, "fatol": 1e-11, "maxiter": 2000, "maxfev": 2000}
 # beyond, a simplex only creeps
 _MOST_UNKNOWNS = 12
 
@@ -38,7 +37,7 @@ class _Cost:
         self._problem, self._start, self._end, self._target = problem, start, end, target
         self.best = start
         size = float(np.linalg.norm(start.L)) or 1.0
-        x: list[Array] = []
+        x: list[Matrix] = []
         if problem.L is None:
             x += [start.L.reshape(-1) / size, np.array([math.log(size)])]
         if problem.window is None:
@@ -48,7 +47,7 @@ class _Cost:
         self.x0 = np.concatenate(x) if x else np.zeros(0)
         self._least = SMALLEST_GAIN * float(np.linalg.norm(problem.A, 2))
 
-    def value(self, x: Array) -> float:
+    def value(self, x: Matrix) -> float:
         """-log of the period; _TimeLimit after the end, _TargetReached beyond the target."""
         if time.process_time() > self._end:
             raise _TimeLimit
@@ -61,7 +60,7 @@ class _Cost:
                 raise _TargetReached
         return -injection.log_period if math.isfinite(injection.log_period) else 1e6
 
-    def _injection(self, x: Array) -> Injection:
+    def _injection(self, x: Matrix) -> Injection:
         problem, L, T, S = self._problem, self._start.L, self._start.window, None
         if problem.L is None:
             m = L.size

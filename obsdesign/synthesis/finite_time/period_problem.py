@@ -7,17 +7,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Matrix
 from obsdesign.equations.finite_time.condition_13 import approx_log_longest_period
-from obsdesign.equations.gains import Array
+from obsdesign.problem.problem import Problem
 
 # eigenvectors with a larger condition number are of no use as coordinates
 _LARGEST_CONDITION = 1e6
 
 
-def triangular(entries: Array, n: int) -> Array:
+def triangular(entries: Matrix, n: int) -> Matrix:
     """Return S upper triangular from its entries row by row, logarithms on the diagonal."""
     S = np.zeros((n, n))
     S[np.triu_indices(n)] = entries
@@ -25,7 +27,7 @@ def triangular(entries: Array, n: int) -> Array:
     return S
 
 
-def triangle_of(S: Array) -> Array:
+def triangle_of(S: Matrix) -> Matrix:
     """Return the entries of a triangle with the norms of S x, the inverse of `triangular`.
 
     S is regular; a rotation of S x changes no norm.
@@ -36,7 +38,7 @@ def triangle_of(S: Array) -> Array:
     return np.asarray(R[np.triu_indices(len(S))])
 
 
-def normal_coordinates(A: Array) -> Array | None:
+def normal_coordinates(A: Matrix) -> Matrix | None:
     """Triangle of an S with S A S^-1 normal; None if the eigenvectors are nearly dependent."""
     _, V = np.linalg.eig(A)
     if np.linalg.cond(V) > _LARGEST_CONDITION:
@@ -53,10 +55,10 @@ class Injection:
     An upper bound of the period that keeps n / p samples in the window is included.
     """
 
-    L: Array
+    L: Matrix
     window: float
     log_period: float
-    S: Array | None = None
+    S: Matrix | None = None
 
 
 @dataclass(frozen=True)
@@ -66,12 +68,23 @@ class PeriodProblem:
     tighter: with `tighter_sigma` in place of Sigma in (13).
     """
 
-    A: Array
-    C: Array
+    A: Matrix
+    C: Matrix
     window: float | None = None
-    L: Array | None = None
+    L: Matrix | None = None
     coordinates: bool = False
     tighter: bool = False
+
+    @classmethod
+    def from_problem(cls, problem: Problem, window: float | None = None) -> Self:
+        """The plant of a problem, with its L if it states one."""
+        plant = problem.plant
+        return cls(plant.flow.A, plant.output.C, window, problem.gains.get("L"))
+
+    @property
+    def has_zero_gain(self) -> bool:
+        """Is L given, with L C = 0? Then (13) holds for no period."""
+        return self.L is not None and not np.any(self.L @ self.C)
 
     @property
     def unknowns(self) -> str:
@@ -82,7 +95,7 @@ class PeriodProblem:
         listed = " and ".join([", ".join(names[:-1]), *names[-1:]] if len(names) > 1 else names)
         return listed + (" for a tighter Lemma 2" if self.tighter else "")
 
-    def rated(self, L: Array, T: float, S: Array | None = None) -> Injection:
+    def rated(self, L: Matrix, T: float, S: Matrix | None = None) -> Injection:
         """Return L, T, S with the longest period that (13) and the number of samples allow."""
         value = approx_log_longest_period(self.A, self.C, L, T, S, tighter=self.tighter)
         most = math.log(T) - math.log(math.ceil(len(self.A) / len(self.C)))

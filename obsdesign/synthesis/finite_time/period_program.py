@@ -22,14 +22,16 @@ from typing import Any
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Matrix
 from obsdesign.equations.finite_time.condition_13 import log_lambert
 from obsdesign.equations.finite_time.formulas import SMALLEST_GAIN
-from obsdesign.equations.gains import Array
 from obsdesign.synthesis.finite_time.period_problem import (
+    PeriodProblem,
     normal_coordinates,
     triangular,
 )
 
+Expression = Any  # SX or MX of CasADi
 _TAYLOR_DEGREE, _SQUARINGS = 16, 6
 _NORM_DOUBLINGS = 6  # p = 64
 
@@ -41,7 +43,7 @@ def casadi_package() -> Any:
     return casadi
 
 
-def triangular_of(entries: Any, n: int) -> tuple[Any, Any]:
+def triangular_of(entries: Expression, n: int) -> tuple[Expression, Expression]:
     """S upper triangular with exponentials on its diagonal, and its inverse."""
     ca = casadi_package()
 
@@ -53,7 +55,7 @@ def triangular_of(entries: Any, n: int) -> tuple[Any, Any]:
     return S, inverse_of(S, n)
 
 
-def inverse_of(X: Any, n: int) -> Any:
+def inverse_of(X: Expression, n: int) -> Expression:
     """X^-1 for X (n, n)."""
     ca = casadi_package()
 
@@ -61,7 +63,7 @@ def inverse_of(X: Any, n: int) -> Any:
     return ca.solve(X, unit) if isinstance(X, ca.SX) else ca.solve(X, unit, "lapackqr")
 
 
-def exponential_of(X: Any) -> Any:
+def exponential_of(X: Expression) -> Expression:
     """e^X by a Taylor polynomial and squarings."""
     ca = casadi_package()
 
@@ -75,7 +77,7 @@ def exponential_of(X: Any) -> Any:
     return result
 
 
-def log_norm(X: Any) -> Any:
+def log_norm(X: Expression) -> Expression:
     """log (tr (X'X)^p)^(1/2p), p = 2^doublings, each power scaled by its trace."""
     ca = casadi_package()
 
@@ -90,21 +92,23 @@ def log_norm(X: Any) -> Any:
     return (total + weight * ca.log(ca.trace(power))) / 2
 
 
-def softplus(x: Any) -> Any:
+def softplus(x: Expression) -> Expression:
     """log(1 + e^x), without overflow."""
     ca = casadi_package()
 
     return ca.fmax(x, 0) + ca.log1p(ca.exp(-ca.fabs(x)))
 
 
-def condition_13(A: Any, C: Any, kind: Any, tighter: bool) -> tuple[Any, Any, Any, Any]:
+def condition_13(
+    problem: PeriodProblem, kind: Any
+) -> tuple[Expression, Expression, Expression, Expression]:
     """(unknowns, log nu, equality that vanishes, (|l|^2 - 1, log |L C|)); kind: SX or MX.
 
     unknowns: l (n p,), log of the size of L, log T, w = log u, the triangle of S.
     """
     ca = casadi_package()
 
-    n, p = len(A), len(C)
+    A, C, n, p = problem.A, problem.C, len(problem.A), len(problem.C)
     direction, size = kind.sym("l", n * p), kind.sym("size")
     log_T, w = kind.sym("T"), kind.sym("w")
     triangle = kind.sym("S", n * (n + 1) // 2)
@@ -120,7 +124,7 @@ def condition_13(A: Any, C: Any, kind: Any, tighter: bool) -> tuple[Any, Any, An
     log_f, log_LC = log_norm(F), log_norm(unit) + size
     f = ca.exp(log_f)
     log_sigma = -log_a - softplus(log_m + log_a)
-    if tighter:  # e^u - 1 = Sigma* e^{-f T}, which does not underflow
+    if problem.tighter:  # e^u - 1 = Sigma* e^{-f T}, which does not underflow
         u, log_g = ca.exp(w), log_T
         equality = u + ca.log(-ca.expm1(-u)) - log_sigma + f * T
     else:
@@ -137,54 +141,53 @@ _LARGEST_GAIN = 1e3  # |L C| relative to |A|
 
 @dataclass(frozen=True)
 class Start:
-    """Initial point: direction of L (n p,), its size, T, and S as entries of `triangular`."""
+    """Initial point: direction of L (n p,), its size, T, and S as entries of `triangular`.
 
-    direction: Array
+    L and T are those of the problem where it fixes them.
+    """
+
+    direction: Matrix
     size: float
     window: float
-    triangle: Array | None = None
+    triangle: Matrix | None = None
 
 
 @dataclass(frozen=True)
 class Solution:
     """A point of the program; period and status are unchecked results of the solver."""
 
-    L: Array
+    L: Matrix
     window: float
     period: float
-    S: Array
+    S: Matrix | None
     status: str
+
+    @property
+    def is_finite(self) -> bool:
+        """Are all variables finite, with T > 0?"""
+        S = 0.0 if self.S is None else self.S
+        return bool(
+            np.isfinite(self.L).all() and np.isfinite(S).all() and 0 < self.window < math.inf
+        )
 
 
 class PeriodProgram:
     """The program of one plant, built once and solved from several starts.
 
-    A (n, n), C (p, n); window, L: T and L where they are given, else None; coordinates: is S
-    free as well? tighter: with `tighter_sigma` in place of Sigma, where u is
-    log(1 + Sigma* e^{-f T}) and T stands for g; seconds: of processor time, for a run.
+    With `tighter_sigma` u is log(1 + Sigma* e^{-f T}) and T stands for g. seconds: of processor
+    time, for a run.
     """
 
-    def __init__(
-        self,
-        A: Array,
-        C: Array,
-        window: float | None = None,
-        *,
-        L: Array | None = None,
-        coordinates: bool = False,
-        tighter: bool = False,
-        seconds: float = math.inf,
-    ) -> None:
+    def __init__(self, problem: PeriodProblem, seconds: float = math.inf) -> None:
         ca = casadi_package()
 
-        self._n, self._p = len(A), len(C)
-        self._window, self._L, self._coordinates = window, L, coordinates
+        self._problem = problem
+        self._n, self._p = len(problem.A), len(problem.C)
         # scalar expressions are faster, but grow like n^3 in their length: matrices beyond
-        small = len(A) <= _SCALAR_STATES
-        x, log_nu, equality, conditions = condition_13(A, C, ca.SX if small else ca.MX, tighter)
-        self._A = A
-        self._size_A = float(np.linalg.norm(A, 2)) or 1.0
-        self._size_C = float(np.linalg.norm(C, 2))
+        small = self._n <= _SCALAR_STATES
+        x, log_nu, equality, conditions = condition_13(problem, ca.SX if small else ca.MX)
+        self._size_A = float(np.linalg.norm(problem.A, 2)) or 1.0
+        self._size_C = float(np.linalg.norm(problem.C, 2))
         ipopt = {"print_level": 0, "sb": "yes", "max_iter": 300}
         ipopt |= {"max_cpu_time": seconds} if seconds < math.inf else {}
         ipopt |= {} if small else {"hessian_approximation": "limited-memory"}
@@ -197,16 +200,12 @@ class PeriodProgram:
 
     def solve(self, start: Start) -> Solution:
         """Return the solution of one run of IPOPT."""
-        n, p = self._n, self._p
+        n, p, problem = self._n, self._p, self._problem
         triangle = np.zeros(n * (n + 1) // 2) if start.triangle is None else start.triangle
-        free = math.inf if self._coordinates else 0.0
-        log_T = math.log(start.window if self._window is None else self._window)
-        ends = (-math.inf, math.inf) if self._window is None else (log_T, log_T)
-        direction, size = start.direction, start.size
-        if self._L is not None:
-            size = float(np.linalg.norm(self._L))
-            direction = self._L.T.reshape(-1) / size
-        x0 = np.concatenate([direction, [math.log(size), log_T, 0.0], triangle])
+        free = math.inf if problem.coordinates else 0.0
+        log_T = math.log(start.window)
+        ends = (-math.inf, math.inf) if problem.window is None else (log_T, log_T)
+        x0 = np.concatenate([start.direction, [math.log(start.size), log_T, 0.0], triangle])
         missing = float(self._equality(x0))  # at w = 0, where the left-hand side is 1
         x0[n * p + 2] = log_lambert(1.0 - missing) if math.isfinite(missing) else -10.0
         fixed = np.full(len(triangle), free)
@@ -214,7 +213,7 @@ class PeriodProgram:
         low, high = -inner, inner
         least = math.log(SMALLEST_GAIN * self._size_A)
         most = math.log(_LARGEST_GAIN * self._size_A)
-        if self._L is not None:
+        if problem.L is not None:
             low = high = x0[: n * p + 1]
             least, most = -math.inf, math.inf
         result = self._solver(
@@ -224,8 +223,10 @@ class PeriodProgram:
             lbg=[0, 0, least], ubg=[0, 0, most],
         )  # fmt: skip
         x = np.asarray(result["x"]).reshape(-1)
-        L = math.exp(min(x[n * p], 700.0)) * x[: n * p].reshape(p, n).T
-        S = triangular(x[n * p + 3 :], n)
+        L = problem.L
+        if L is None:
+            L = math.exp(min(x[n * p], 700.0)) * x[: n * p].reshape(p, n).T
+        S = triangular(x[n * p + 3 :], n) if problem.coordinates else None
         status = str(self._solver.stats()["return_status"])
         period = math.exp(min(-float(result["f"]), 700.0)) if result["f"].is_regular() else 0.0
         return Solution(L, math.exp(min(x[n * p + 1], 700.0)), period, S, status)
@@ -235,8 +236,9 @@ class PeriodProgram:
 
         Every second one starts in coordinates in which A is (nearly) normal.
         """
+        problem = self._problem
         rng = np.random.default_rng(0)  # fixed: the same problem has the same starts
-        normal = normal_coordinates(self._A) if self._coordinates else None
+        normal = normal_coordinates(problem.A) if problem.coordinates else None
         starts = []
         for i in range(count):
             direction = rng.standard_normal(self._n * self._p)
@@ -244,5 +246,10 @@ class PeriodProgram:
             # from far below |A| there is no gradient back: most starts are near it
             size = self._size_A / self._size_C * 10.0 ** rng.uniform(-2, 0.5)
             window = 10.0 ** rng.uniform(-1, 0.3) / self._size_A
+            if problem.L is not None:
+                size = float(np.linalg.norm(problem.L))
+                direction = problem.L.T.reshape(-1) / size
+            if problem.window is not None:
+                window = problem.window
             starts.append(Start(direction, size, window, normal if i % 2 == 0 else None))
         return starts

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from obsdesign.equations.finite_time.options import MOST_SAMPLES
+from obsdesign.equations.finite_time.gains import MOST_SAMPLES
 from obsdesign.synthesis.finite_time.period_problem import Injection, PeriodProblem
 
 # windows are tried from T (1 + REACH / k) downwards to T (1 - REACH / k), so many per T / k

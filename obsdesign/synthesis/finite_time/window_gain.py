@@ -8,29 +8,26 @@ should be unbiased are made so to rounding before they are stored.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.balls import precision, scalar
+from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.balls import Exact, precision, scalar
 from lmi.arithmetic.norms import float_above, middles
 from lmi.time_budget import remark
-from obsdesign.analysis.finite_time.enclosed_gains import (
-    approximate_gain,
-    exact_gain,
-    half_period,
-)
+from obsdesign.analysis.finite_time.enclosed_gains import method_gain
 from obsdesign.analysis.finite_time.error_radius import (
     PRECISIONS,
     bias,
     disturbance_bound,
     error_radius,
 )
-from obsdesign.equations.finite_time.gains import CORRECTED, FiniteTimeGains
-from obsdesign.equations.finite_time.options import FREE
+from obsdesign.analysis.finite_time.requirements import stored_plant
+from obsdesign.equations.finite_time.gains import FREE, FiniteTimeGains
 from obsdesign.equations.finite_time.rows import (
     DECAYED,
     END,
+    SINGULAR,
     UNBIASED,
     approx_determinacy,
     last_state,
@@ -38,7 +35,6 @@ from obsdesign.equations.finite_time.rows import (
     sample_rows,
     unbiased_gain,
 )
-from obsdesign.equations.gains import Array
 from obsdesign.errors import InputError
 from obsdesign.synthesis.finite_time.minimax import minimax_gain
 from obsdesign.synthesis.finite_time.window_task import WindowTask
@@ -50,8 +46,6 @@ _ROUNDING = 1e-13
 # unobserved, and the bias that is as good as none
 _CUTS = (1e-15, 1e-14, 1e-13, 1e-12, 1e-10, 1e-8)
 _NEGLIGIBLE_BIAS = DECAYED / 4
-# rows that are that far from losing rank, relative to their norm, determine every state
-_DETERMINED = 1e-11
 # an error beyond floats, as it is stored
 _UNBOUNDED = 1e300
 
@@ -60,8 +54,8 @@ _UNBOUNDED = 1e300
 class _UnbiasedGain:
     """Gains (n, k p), |bias| entry by entry (n, n), and its size with units scaled away."""
 
-    gain: Array
-    state_error: Array
+    gain: Matrix
+    state_error: Matrix
     size: float
 
 
@@ -72,30 +66,31 @@ def completed_gains(task: WindowTask) -> FiniteTimeGains:
     that, relative to the first.
     """
     if task.method == "approximate":
-        return _stored_gains(task, window_gain=_window_gain(task))
+        return _stored_gains(task, _window_gain(task))
     chosen = _refined(task, _window_gain(task))
     if not chosen.size <= UNBIASED and np.linalg.eigvals(task.A).real.min() < 0:
         relative = _gains_relative_to_start(task.relative_to_start())
         if relative.size <= UNBIASED:
             task, chosen = task.relative_to_start(), relative
-    radius = None
-    if task.plant.output.noise_radius is not None:
-        radius = _radius(task, chosen.gain, task.plant.output.noise_radius)
-    return _stored_gains(
-        task, window_gain=chosen.gain, state_error=chosen.state_error, radius=radius
-    )
+    noise = task.plant.output.noise_radius
+    radius = None if noise is None else _radius(task, chosen.gain, noise)
+    return _stored_gains(task, chosen.gain, chosen.state_error, radius)
 
 
-def _stored_gains(task: WindowTask, **entries: Any) -> FiniteTimeGains:
-    return FiniteTimeGains.from_plant(
-        task.plant,
+def _stored_gains(
+    task: WindowTask, gain: Matrix, state_error: Matrix | None = None, radius: Matrix | None = None
+) -> FiniteTimeGains:
+    return FiniteTimeGains(
+        **stored_plant(task.plant),
         method=task.method,
         samples=task.samples,
         half_sample=task.half_sample,
         deviations=task.deviations if task.method == "least_squares" else None,
         L=task.L,
         reference=task.reference if task.is_relative_to_start else None,
-        **entries,
+        window_gain=gain,
+        state_error=state_error,
+        radius=radius,
     )
 
 
@@ -112,7 +107,7 @@ def _gains_relative_to_start(task: WindowTask) -> _UnbiasedGain:
         return _refined(fitted, _window_gain(fitted, cut), cut).size
 
     cut, least = 0.0, bias_with(0.0)
-    is_determined = approx_determinacy(_rows(task)[0], task.scales) > _DETERMINED
+    is_determined = approx_determinacy(_rows(task)[0], task.scales) > SINGULAR
     if not (least <= _NEGLIGIBLE_BIAS and is_determined):
         sizes = {cut: least} | {larger: bias_with(larger) for larger in _CUTS}
         negligible = [each for each in sizes if sizes[each] <= _NEGLIGIBLE_BIAS]
@@ -121,7 +116,7 @@ def _gains_relative_to_start(task: WindowTask) -> _UnbiasedGain:
     return _refined(task, _window_gain(task, cut), cut)
 
 
-def _window_gain(task: WindowTask, cut: float = 0.0) -> Array:
+def _window_gain(task: WindowTask, cut: float = 0.0) -> Matrix:
     """Gains (n, k p) of the method; zeros, which are refuted, where it has none in binary64."""
     zeros = np.zeros((len(task.A), task.samples * len(task.C)))
     rows, wanted = _rows(task)
@@ -131,7 +126,7 @@ def _window_gain(task: WindowTask, cut: float = 0.0) -> Array:
         return zeros
     left_inverse = least_squares_gain(rows, np.tile(task.deviations, task.samples), cut)
 
-    def projected(gain: Array) -> Array:
+    def projected(gain: Matrix) -> Matrix:
         return unbiased_gain(gain, rows, left_inverse, wanted)
 
     fitted = wanted @ left_inverse
@@ -146,11 +141,11 @@ def _window_gain(task: WindowTask, cut: float = 0.0) -> Array:
                 "gains are used for it"
             )
         return gain
-    formula = _formula(task)
+    formula = None if task.L is None else _formula(task, task.L)
     return zeros if formula is None or not np.isfinite(formula).all() else formula
 
 
-def _rows(task: WindowTask) -> tuple[Array, Array]:
+def _rows(task: WindowTask) -> tuple[Matrix, Matrix]:
     """The samples, (k p, n), and the last state, (n, n), as functions of the reference.
 
     Relative to the start they are rounded from enclosures: decayed modes drown in the rounding of
@@ -165,23 +160,17 @@ def _rows(task: WindowTask) -> tuple[Array, Array]:
     return rows.reshape(-1, len(task.A)), wanted
 
 
-def _formula(task: WindowTask) -> Array | None:
+def _formula(task: WindowTask, L: Matrix) -> Matrix | None:
     """(14), or (9) with (16), rounded from an enclosure that is tight enough."""
     for bits in _BITS:
         with precision(bits):
-            sampled = task.sampled()
-            if task.method == "exact":
-                enclosed = exact_gain(sampled, task.L)
-            else:
-                enclosed = approximate_gain(sampled, task.L)
-                if enclosed is not None and task.half_sample == CORRECTED:
-                    enclosed = half_period(sampled) @ enclosed
+            enclosed = method_gain(task.sampled(), L, task.half_sample)
             if enclosed is not None:
                 return np.asarray(middles(enclosed))
     return None
 
 
-def _radius(task: WindowTask, gain: Array, noise: Array) -> Array:
+def _radius(task: WindowTask, gain: Matrix, noise: Matrix) -> Matrix:
     """Largest errors (n,) under noise and disturbance inside their bounds, rounded upwards."""
     flow = task.plant.flow
     Delta = disturbance_bound(flow.lower, flow.upper)
@@ -196,7 +185,7 @@ def _radius(task: WindowTask, gain: Array, noise: Array) -> Array:
     )
 
 
-def _refined(task: WindowTask, gain: Array, cut: float = 0.0) -> _UnbiasedGain:
+def _refined(task: WindowTask, gain: Matrix, cut: float = 0.0) -> _UnbiasedGain:
     """The gain made unbiased once more, with exact numbers.
 
     Floats alone leave a bias that is amplified twice.
@@ -211,7 +200,7 @@ def _refined(task: WindowTask, gain: Array, cut: float = 0.0) -> _UnbiasedGain:
     return refined
 
 
-def _refined_once(task: WindowTask, gain: Array, cut: float) -> _UnbiasedGain:
+def _refined_once(task: WindowTask, gain: Matrix, cut: float) -> _UnbiasedGain:
     sampled = task.sampled()
     error, size = bias(sampled, gain)
     if task.method in FREE and _ROUNDING < float_above(size) < 1:
@@ -223,7 +212,7 @@ def _refined_once(task: WindowTask, gain: Array, cut: float) -> _UnbiasedGain:
     return _UnbiasedGain(gain, np.where(np.isfinite(bound), bound, _UNBOUNDED), float_above(size))
 
 
-def _corrected(task: WindowTask, gain: Array, error: Any, cut: float) -> Array:
+def _corrected(task: WindowTask, gain: Matrix, error: Exact, cut: float) -> Matrix:
     """The gain less an error (n, n) of G O."""
     rows = _rows(task)[0]
     left_inverse = least_squares_gain(rows, np.ones(len(rows)), cut)

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
-from obsdesign.equations.finite_time.options import MOST_SAMPLES, NEED_L, window_samples
-from obsdesign.equations.finite_time.rows import approx_window_determinacy
+from obsdesign.analysis.finite_time.requirements import window_samples
+from obsdesign.equations.finite_time.gains import MOST_SAMPLES, NEED_L
+from obsdesign.equations.finite_time.rows import (
+    approx_observability_index,
+    approx_window_determinacy,
+)
+from obsdesign.problem.options import FiniteTimeOptions
+from obsdesign.problem.plant import Plant
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.finite_time.injection import best_injection, fewest_samples
 from obsdesign.synthesis.finite_time.least_noise import low_noise_samples
@@ -20,61 +24,55 @@ _DETERMINED = 1e-2
 _LONGEST = 2048
 # windows that are compared for their noise, per factor of two
 _PER_OCTAVE = 4
-SINGULAR = 1e-11
 CONDITION_13_OBJECTIVES = ("longest_period", "shortest_window")
 
 
 def chosen_samples(problem: Problem) -> int:
     """Number of samples, given, or chosen by the objective or the determinacy of the window."""
-    plant, period = problem.plant, float(problem.plant.output.period or 1.0)
-    if "window" in problem.options:
-        return window_samples(problem.options["window"], period)
-    A, C, objective = plant.flow.A, plant.output.C, problem.options.get("objective")
-    if objective is None:
-        return _well_determined(A, C, period)
-    fewest = math.ceil(plant.n / plant.p)
-    shortest = next(
-        (
-            k
-            for k in range(fewest, plant.n + 1)
-            if approx_window_determinacy(A, C, period, k) > SINGULAR
-        ),
-        None,
-    )
-    k: int | None = None
-    if objective == "shortest_window":
-        k = shortest
-    by_condition_13 = objective in CONDITION_13_OBJECTIVES and np.any(A)
-    if by_condition_13 and shortest is not None and problem.options.get("method") in NEED_L:
-        k = _samples_for_13(
-            PeriodProblem(A, C, None, problem.gains.get("L")), period, shortest, objective
-        )
-    if objective == "least_noise" and shortest is not None:
+    options, period = problem.options_as(FiniteTimeOptions), problem.plant.output.sample_period
+    if options.window is not None:
+        return window_samples(options.window, period)
+    k = None if options.objective is None else _samples_for_objective(problem, options)
+    return _well_determined(problem.plant, period) if k is None else k
+
+
+def _samples_for_objective(problem: Problem, options: FiniteTimeOptions) -> int | None:
+    """Number of samples for an objective; None: those of a well determined window."""
+    plant, period = problem.plant, problem.plant.output.sample_period
+    A, C = plant.flow.A, plant.output.C
+    shortest = approx_observability_index(A, C, period)
+    if shortest is None:
+        return None
+    if options.objective == "least_noise":
         counts = _counts(plant.n, _PER_OCTAVE)
         enough = [n for n in counts if approx_window_determinacy(A, C, period, n) >= _DETERMINED]
-        k = low_noise_samples(plant, enough) if enough else None
-    return _well_determined(A, C, period) if k is None else k
+        return low_noise_samples(plant, enough) if enough else None
+    if options.method in NEED_L and np.any(A):
+        is_shortest = options.objective == "shortest_window"
+        return _samples_for_13(PeriodProblem.from_problem(problem), period, shortest, is_shortest)
+    return shortest if options.objective == "shortest_window" else None
 
 
 def _samples_for_13(
-    problem: PeriodProblem, period: float, least: int, objective: Any
+    problem: PeriodProblem, period: float, least: int, is_shortest: bool
 ) -> int | None:
     """Samples of the shortest window with (13), if need be in coordinates S, or of the best."""
-    if objective == "shortest_window":
+    if is_shortest:
         k = fewest_samples(problem, period, least)[0]
         return k or fewest_samples(replace(problem, coordinates=True), period, least)[0]
     window = best_injection(problem).window
     return int(min(max(round(window / period), least), MOST_SAMPLES))
 
 
-def _well_determined(A: Any, C: Any, period: float) -> int:
+def _well_determined(plant: Plant, period: float) -> int:
     """The first of n, 2 n, ... samples with a determinacy of _DETERMINED, or of half the best."""
     determinacies = []
-    for k in _counts(len(A)):
-        determinacies.append((approx_window_determinacy(A, C, period, k), k))
-        if determinacies[-1][0] >= _DETERMINED:
+    for k in _counts(plant.n):
+        determinacy = approx_window_determinacy(plant.flow.A, plant.output.C, period, k)
+        determinacies.append((determinacy, k))
+        if determinacy >= _DETERMINED:
             return k
-    best = max(determinacy for determinacy, _ in determinacies)
+    best = max(determinacies)[0]
     return next(k for determinacy, k in determinacies if determinacy >= best / 2)
 
 

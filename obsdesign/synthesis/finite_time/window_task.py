@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Self
 
+from lmi.arithmetic.arrays import Matrix
 from obsdesign.analysis.finite_time.enclosed_gains import Sampled
+from obsdesign.analysis.finite_time.requirements import relative_deviations
 from obsdesign.equations.finite_time.gains import CORRECTED, PRINTED
-from obsdesign.equations.finite_time.options import relative_deviations
 from obsdesign.equations.finite_time.rows import END, START, state_scales
-from obsdesign.equations.gains import Array
+from obsdesign.problem.options import FiniteTimeOptions
 from obsdesign.problem.plant import Plant
 from obsdesign.problem.problem import Problem
 
@@ -21,38 +22,37 @@ class WindowTask:
     plant: Plant
     method: str
     samples: int
-    L: Array | None = None
+    L: Matrix | None = None
     half_sample: str | None = None
     reference: str = END
 
     @classmethod
-    def from_problem(cls, problem: Problem, samples: int, L: Array | None = None) -> Self:
+    def from_problem(cls, problem: Problem, samples: int, L: Matrix | None = None) -> Self:
         """The task of a problem for this number of samples and this L."""
-        method = str(problem.options.get("method", "least_squares"))
+        options = problem.options_as(FiniteTimeOptions)
         half_sample = None
-        if method == "approximate":
-            is_corrected = problem.options.get("half_sample_correction")
-            half_sample = CORRECTED if is_corrected else PRINTED
-        return cls(problem.plant, method, samples, L, half_sample)
+        if options.method == "approximate":
+            half_sample = CORRECTED if options.half_sample_correction else PRINTED
+        return cls(problem.plant, options.method, samples, L, half_sample)
 
     def relative_to_start(self) -> Self:
         """The same task for the state at the window's start."""
         return replace(self, reference=START)
 
     @property
-    def A(self) -> Array:
+    def A(self) -> Matrix:
         """(n, n)."""
         return self.plant.flow.A
 
     @property
-    def C(self) -> Array:
+    def C(self) -> Matrix:
         """(p, n)."""
         return self.plant.output.C
 
     @property
     def period(self) -> float:
         """Time from one sample to the next."""
-        return float(self.plant.output.period or 1.0)
+        return self.plant.output.sample_period
 
     @property
     def is_relative_to_start(self) -> bool:
@@ -60,12 +60,12 @@ class WindowTask:
         return self.reference == START
 
     @property
-    def deviations(self) -> Array:
+    def deviations(self) -> Matrix:
         """Relative sizes of the outputs' errors (p,)."""
         return relative_deviations(self.plant.output)
 
     @property
-    def scales(self) -> Array:
+    def scales(self) -> Matrix:
         """Units of the states for this window (n,), see `state_scales`."""
         return state_scales(self.A, self.C, self.samples * self.period)
 

@@ -57,7 +57,7 @@ def reason_for_samples(problem: Problem, window: float, weighting: str) -> str |
     A, H = plant.flow.A, problem.require("jump.H")
     refused = weighting == "plain" or options.margin is not None or H.shape[1] > 1
     refused |= options.state_correction is False
-    samples = (options.window or 0.0) / float(plant.output.period or 1.0)
+    samples = (options.window or 0.0) / plant.output.sample_period
     if refused or not H.any() or abs(samples - round(samples)) > 1e-6:
         return None
     along = np.hstack([H, A @ H])
@@ -73,9 +73,7 @@ def reason_for_samples(problem: Problem, window: float, weighting: str) -> str |
 
 def samples_within(problem: Problem, window: float) -> int:
     """Samples of a window of operator `samples` that could be as long as this one."""
-    return min(
-        int(window / float(problem.plant.output.period or 1.0) * (1 + 1e-9)), _MOST_WINDOW_SAMPLES
-    )
+    return min(int(window / problem.plant.output.sample_period * (1 + 1e-9)), _MOST_WINDOW_SAMPLES)
 
 
 def period_for_integrals(D: Matrix, window: float) -> float:

@@ -12,26 +12,31 @@ from typing import Any
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.balls import precision
 from obsdesign.analysis.finite_time.enclosed_gains import Sampled
 from obsdesign.analysis.finite_time.error_radius import PRECISIONS
-from obsdesign.document import Claim
-from obsdesign.equations.finite_time.gains import CORRECTED, PRINTED, FiniteTimeGains
-from obsdesign.equations.finite_time.options import (
-    MOST_SAMPLES,
-    NEED_L,
-    reason_against_objective,
-    reason_against_problem,
+from obsdesign.analysis.finite_time.requirements import (
+    reason_against,
     relative_deviations,
     stored_plant,
     window_samples,
 )
+from obsdesign.document import Claim
+from obsdesign.equations.finite_time.gains import (
+    CORRECTED,
+    MOST_SAMPLES,
+    NEED_L,
+    PRINTED,
+    FiniteTimeGains,
+)
 from obsdesign.equations.finite_time.rows import START
-from obsdesign.equations.gains import Array
+from obsdesign.problem.options import FiniteTimeOptions
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.choices import mark_witness, open_choices
 from obsdesign.verification.consistency import consistent_gains
 from obsdesign.verification.finite_time.gains import (
+    INVERTIBLE,
     error_radius_claim,
     invertible,
     method_gains_claim,
@@ -65,10 +70,9 @@ def claims(
     stored: gains as a design file states them; certificates: coordinates S for the norms of
     Theorem 1, if any; paranoid proves with twice the precision.
     """
-    agreement, gains = consistent_gains(
-        _reason_against(problem), stored, expected_gains(problem, stored),
-        FiniteTimeGains.from_document,
-    )  # fmt: skip
+    objection = reason_against(problem)
+    expected = {} if objection else expected_gains(problem, stored)
+    agreement, gains = consistent_gains(objection, stored, expected, FiniteTimeGains.from_document)
     if gains is None:
         return (agreement,)
     S = _coordinates(certificates, problem.plant.n)
@@ -84,13 +88,13 @@ def claims(
 def _with_marked_witness(problem: Problem, claim: Claim) -> Claim:
     """The claim, its witness marked where it holds for all open windows and L."""
     L = problem.gains.get("L")
-    is_zero = L is not None and not np.any(L @ problem.plant.output.C)
-    singular = claim.id in ("difference_invertible", "injection_invertible")
+    if claim.id in INVERTIBLE and L is not None and not np.any(L @ problem.plant.output.C):
+        return mark_witness(claim, ())
     names = _RESTS_ON.get(claim.id, ("window", "L"))
-    return mark_witness(claim, () if singular and is_zero else open_choices(problem, *names))
+    return mark_witness(claim, open_choices(problem, *names))
 
 
-def _coordinates(certificates: Mapping[str, Mapping[str, Any]], n: int) -> Array | None:
+def _coordinates(certificates: Mapping[str, Mapping[str, Any]], n: int) -> Matrix | None:
     """S of a certificate, or None where there is none that is an (n, n) matrix of numbers."""
     try:
         S = np.asarray(certificates["theorem_1_coordinates"]["S"], dtype=np.float64)
@@ -99,26 +103,21 @@ def _coordinates(certificates: Mapping[str, Mapping[str, Any]], n: int) -> Array
     return S if S.shape == (n, n) and np.isfinite(S).all() else None
 
 
-def _reason_against(problem: Problem) -> str | None:
-    reason = reason_against_problem(problem.plant, problem.options)
-    return reason or reason_against_objective(problem.options, "L" in problem.gains)
-
-
 def expected_gains(problem: Problem, stored: Mapping[str, Any]) -> dict[str, Any]:
     """Entries of `gains` that the problem requires: a value, or the shape it must have."""
-    plant, options = problem.plant, problem.options
-    method = options.get("method", "least_squares")
-    samples: Any = stored.get("samples")
-    k = int(samples) if _is_count(samples) else 0
-    if "window" in options and reason_against_problem(plant, options) is None:
-        k = window_samples(options["window"], plant.output.period or 1.0)
+    plant, options = problem.plant, problem.options_as(FiniteTimeOptions)
+    method = options.method
+    if options.window is None:
+        count = stored.get("samples")
+        k = int(count) if isinstance(count, int | float) and 1 <= count <= MOST_SAMPLES else 0
+    else:
+        k = window_samples(options.window, plant.output.sample_period)
     expected = stored_plant(plant) | {"method": method, "samples": float(k)}
     expected |= {"window_gain": (plant.n, k * plant.p)}
     if method in NEED_L:
         expected |= {"L": (plant.n, plant.p)}
     if method == "approximate":
-        corrected = bool(options.get("half_sample_correction"))
-        expected |= {"half_sample": CORRECTED if corrected else PRINTED}
+        expected |= {"half_sample": CORRECTED if options.half_sample_correction else PRINTED}
     else:
         expected |= {"state_error": (plant.n, plant.n)}
         if plant.output.noise_bound is not None:
@@ -130,11 +129,7 @@ def expected_gains(problem: Problem, stored: Mapping[str, Any]) -> dict[str, Any
     return expected | {name: X for name, X in problem.gains.items() if name in expected}
 
 
-def _is_count(value: Any) -> bool:
-    return isinstance(value, int | float) and 1 <= value <= MOST_SAMPLES
-
-
-def _hypotheses(gains: FiniteTimeGains, S: Array | None) -> list[Claim]:
+def _hypotheses(gains: FiniteTimeGains, S: Matrix | None) -> list[Claim]:
     sampled = Sampled.from_plant(
         gains.A, gains.C, gains.period, gains.samples, gains.window_reference
     )
@@ -146,7 +141,7 @@ def _hypotheses(gains: FiniteTimeGains, S: Array | None) -> list[Claim]:
     return hypotheses
 
 
-def _in_order(gains: FiniteTimeGains, sampled: Sampled, S: Array | None) -> Iterator[Claim]:
+def _in_order(gains: FiniteTimeGains, sampled: Sampled, S: Matrix | None) -> Iterator[Claim]:
     yield observable(sampled)
     decayed = unobserved_modes_decay(sampled, gains)
     yield sampled_observable(sampled, decayed)

@@ -7,30 +7,29 @@ from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.balls import exact, scalar, to_float
+from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.balls import Exact, exact, scalar, to_float
 from lmi.arithmetic.norms import float_above, well_ranked
 from lmi.verdict import Verdict, proved, refuted, undecided
 from obsdesign.analysis.finite_time.enclosed_gains import (
     Sampled,
-    approximate_gain,
     difference_matrix,
-    exact_gain,
     exact_matrix,
-    half_period,
+    method_gain,
 )
 from obsdesign.analysis.finite_time.error_radius import bias, disturbance_bound, error_radius
 from obsdesign.document import Claim
 from obsdesign.equations.finite_time.gains import CORRECTED, FiniteTimeGains
-from obsdesign.equations.finite_time.rows import REFERENCES, START, UNBIASED
-from obsdesign.equations.gains import Array
+from obsdesign.equations.finite_time.rows import REFERENCES, SINGULAR, START, UNBIASED
 from obsdesign.verification.finite_time.evidence import BiasEvidence
 from obsdesign.verification.finite_time.window import (
     PAPER,
-    SINGULAR,
     sampled_index,
     with_reason,
 )
 
+# claims that the matrix of a method is invertible, by formula
+INVERTIBLE = ("difference_invertible", "injection_invertible")
 # stored gains agree with their formula to this part of the largest one of a row
 SAME_GAIN = 2.0**-40
 # e^36 is beyond the rounding of what it multiplies
@@ -82,7 +81,7 @@ def invertible(sampled: Sampled, gains: FiniteTimeGains) -> Claim:
     return Claim.from_verdict(name, statement, source, verdict)
 
 
-def _difference_rank(sampled: Sampled, L: Array) -> Verdict:
+def _difference_rank(sampled: Sampled, L: Matrix) -> Verdict:
     """Decide the rank of P^k - A_d^k, alone for x(t_i - T) or times A_d^-k for x(t_i).
 
     One of them is enough: where modes decay by many digits, the second hides the slow ones.
@@ -100,10 +99,9 @@ def _difference_rank(sampled: Sampled, L: Array) -> Verdict:
     return undecided_ranks[0] if undecided_ranks else verdicts[-1]
 
 
-def _scaled_rank(sampled: Sampled, matrix: Any) -> Verdict:
+def _scaled_rank(sampled: Sampled, matrix: Exact) -> Verdict:
     """Decide the rank in units in which all states are about equally observable."""
-    scales = sampled.units()
-    return well_ranked(matrix * scales / scales[:, None], SINGULAR)
+    return well_ranked(sampled.in_units(matrix), SINGULAR)
 
 
 def _reason_against_inverse(sampled: Sampled) -> str | None:
@@ -120,16 +118,10 @@ def _reason_against_inverse(sampled: Sampled) -> str | None:
 
 def method_gains_claim(sampled: Sampled, gains: FiniteTimeGains) -> Claim:
     """Claim that the stored gains are those of the formula, to rounding."""
-    approximate = not gains.is_unbiased
-    if approximate:
-        enclosed = approximate_gain(sampled, gains.injection)
-        if enclosed is not None and gains.half_sample == CORRECTED:
-            enclosed = half_period(sampled) @ enclosed
-    else:
-        enclosed = exact_gain(sampled, gains.injection)
-    formula = "(14)" if approximate else "(9) with (16)"
+    enclosed = method_gain(sampled, gains.injection, gains.half_sample)
+    formula = "(9) with (16)" if gains.half_sample is None else "(14)"
     statement = f"the stored gains are those of {formula} for the stored L, to rounding"
-    if approximate and gains.half_sample == CORRECTED:
+    if gains.half_sample == CORRECTED:
         statement = (
             "the stored gains are those of (14) for the stored L times e^(A nu / 2), which takes "
             "the half-sample delay off, to rounding"
@@ -140,7 +132,7 @@ def method_gains_claim(sampled: Sampled, gains: FiniteTimeGains) -> Claim:
     return Claim.from_verdict("gains_of_the_method", statement, f"{PAPER}, {formula}", verdict)
 
 
-def _agreement(stored: Any, formula: Any) -> Verdict:
+def _agreement(stored: Exact, formula: Exact) -> Verdict:
     """Decide whether stored gains are within `SAME_GAIN` of enclosed ones, row by row."""
     largest = 0.0
     for r, (row, wanted) in enumerate(zip(stored, formula, strict=True)):
@@ -190,14 +182,13 @@ def unbiased(sampled: Sampled, gains: FiniteTimeGains) -> Claim:
     return Claim.from_verdict("unbiased", statement, source, verdict)
 
 
-def _is_too_large(sampled: Sampled, state_error: Array) -> bool:
+def _is_too_large(sampled: Sampled, state_error: Matrix) -> bool:
     """Is the stored state_error more than twice the largest admissible bias?"""
-    units = sampled.units()
-    scaled: list[Any] = list((exact(state_error) * units / units[:, None]).flat)
-    return bool(sum(x * x for x in scaled) > exact((2 * UNBIASED) ** 2).item())
+    scaled = sampled.in_units(exact(state_error))
+    return bool((scaled * scaled).sum() > exact((2 * UNBIASED) ** 2).item())
 
 
-def _bias_witness(sampled: Sampled, error: Array, amplification: float) -> dict[str, Any]:
+def _bias_witness(sampled: Sampled, error: Matrix, amplification: float) -> dict[str, Any]:
     """A state that is not reproduced, and the reason; error (n, n) in floats."""
     n = len(error)
     r, c = np.unravel_index(int(np.argmax(error)), (n, n))

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 
+from obsdesign.analysis.finite_time.requirements import has_announced_jumps
 from obsdesign.document import Claim, Guarantee
-from obsdesign.equations.finite_time.options import NEED_L, has_announced_jumps
+from obsdesign.equations.finite_time.gains import NEED_L
 from obsdesign.equations.finite_time.rows import START, pathological_pairs
+from obsdesign.problem.options import FiniteTimeOptions
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.finite_time.evidence import DesignEvidence, TheoremEvidence
 
@@ -18,11 +20,11 @@ _SMALL_ROW_RATIO = 1e-6
 def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Guarantee, ...]:
     """The sentences a user may rely on, and those that are not proved."""
     evidence = DesignEvidence.from_claims(claims)
-    method = problem.options.get("method", "least_squares")
-    result = [_estimate(problem, method, evidence)]
+    options = problem.options_as(FiniteTimeOptions)
+    result = [_estimate(problem, options, evidence)]
     if evidence.largest_error is not None:
         result.append(_bounded(problem, evidence, evidence.largest_error))
-    if problem.plant.output.noise_bound is None and method != "approximate":
+    if problem.plant.output.noise_bound is None and options.method != "approximate":
         text = "Bounds of the state around the estimate: output.noise_bound is not given."
         result.append(Guarantee.not_proved(text))
     if evidence.theorem is not None:
@@ -34,14 +36,14 @@ def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Guarantee, 
     return tuple(result)
 
 
-def _estimate(problem: Problem, method: str, evidence: DesignEvidence) -> Guarantee:
+def _estimate(problem: Problem, options: FiniteTimeOptions, evidence: DesignEvidence) -> Guarantee:
     """Error of the estimate from a full window without disturbance and noise."""
     absent = ["disturbance", "noise", *_unbounded(problem)]
     free = f"{', '.join(absent[:-1])} or {absent[-1]}"
     since = "or since the last jump, " if has_announced_jumps(problem.plant) else ""
     when = f"Once the window is full of samples {since}and without {free} in it,"
     ids = ["consistent", "observable", "sampled_observable", "window_long_enough"]
-    if method != "approximate":
+    if options.method != "approximate":
         is_relative = evidence.bias is not None and evidence.bias.reference == START
         reference = " of what it was at the window's start" if is_relative else ""
         text = f"{when} the estimate is the state, to rounding{reference}."
@@ -51,7 +53,7 @@ def _estimate(problem: Problem, method: str, evidence: DesignEvidence) -> Guaran
         factor = evidence.error_factor
         text = f"{when} the estimate is off by at most {factor:.6g} times the largest |x| in it."
         return Guarantee.from_verdicts(text, [*ids, "error_identity"], evidence.verdicts)
-    order = "second" if problem.options.get("half_sample_correction") else "first"
+    order = "second" if options.half_sample_correction else "first"
     text = f"{when} the estimate is off by a term of {order} order in the period."
     return Guarantee.from_verdicts(text, ids, evidence.verdicts)
 
@@ -89,9 +91,8 @@ def _hypotheses_of_theorem(problem: Problem) -> str:
     """Conditions of Theorem 1: (14) as printed, and no unknown signal in the window."""
     free = " or ".join(["without disturbance", "noise", *_unbounded(problem)])
     since = ", and since the last jump" if has_announced_jumps(problem.plant) else ""
-    stage = ""
-    if problem.options.get("half_sample_correction"):
-        stage = " before its half-sample correction, which is not what runs"
+    is_corrected = problem.options_as(FiniteTimeOptions).half_sample_correction
+    stage = " before its half-sample correction, which is not what runs" if is_corrected else ""
     return f"for observer (14) with this L{stage}, {free} in the window{since}, as corrected"
 
 
@@ -151,12 +152,11 @@ def warnings(problem: Problem, claims: tuple[Claim, ...]) -> tuple[str, ...]:
     """Sentences on options that have no effect, pathological sampling and lost digits."""
     evidence = DesignEvidence.from_claims(claims)
     sentences = []
-    plant = problem.plant
-    method = problem.options.get("method", "least_squares")
+    plant, method = problem.plant, problem.options_as(FiniteTimeOptions).method
     if "L" in problem.gains and method not in NEED_L:
         sentences.append(f"observer.gains.L is not used: method {method!r} has no L.")
     if "sampled_observable" in evidence.verdicts:
-        for first, second, turns in pathological_pairs(plant.flow.A, plant.output.period or 1.0):
+        for first, second, turns in pathological_pairs(plant.flow.A, plant.output.sample_period):
             sentences.append(
                 f"The period is near pathological sampling: the eigenvalues {first:.6g} and "
                 f"{second:.6g} differ by {turns:.6g} x 2 pi i / period, and only several outputs "

@@ -8,22 +8,22 @@ nearly unobservable from the samples, with the pair of eigenvalues that makes it
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.balls import exact, fixed_vector, scalar, to_float
+from lmi.arithmetic.balls import Ball, exact, fixed_vector, scalar, to_float
 from lmi.arithmetic.norms import well_ranked
 from lmi.verdict import Verdict, proved, refuted
 from obsdesign.analysis.finite_time.enclosed_gains import Sampled
 from obsdesign.analysis.finite_time.error_radius import bias
 from obsdesign.document import Claim
-from obsdesign.equations.finite_time.gains import FiniteTimeGains
-from obsdesign.equations.finite_time.options import FREE
+from obsdesign.equations.finite_time.gains import FREE, FiniteTimeGains
 from obsdesign.equations.finite_time.rows import (
     DECAYED,
     REFERENCES,
+    SINGULAR,
     START,
+    approx_observability_index,
     approx_window_determinacy,
     pathological_pairs,
 )
@@ -33,8 +33,6 @@ _SOURCES = {
     "sampled_observable": f"{PAPER}, Assumption 1, sampled",
     "window_long_enough": "sampled observability index",
 }
-# a smallest singular value below this part of the norm counts as zero
-SINGULAR = 1e-11
 # windows up to that many samples are tried where another one might do
 _MOST_TRIED = 2048
 _WITH_MARGIN = 1e-6
@@ -64,10 +62,8 @@ def unobserved_modes_decay(sampled: Sampled, gains: FiniteTimeGains) -> bool:
     if not bias(sampled, gains.window_gain)[1] <= scalar(exact(DECAYED).item()):
         return False
     # large gains could recover a state from the rounding of its samples
-    units = sampled.units()
-    amplification = np.abs(exact(gains.window_gain)) @ np.abs(sampled.rows)
-    amplified: list[Any] = list((amplification * units / units[:, None]).flat)
-    return all(bool(x <= scalar(exact(_MOST_AMPLIFIED).item())) for x in amplified)
+    amplification = sampled.in_units(np.abs(exact(gains.window_gain)) @ np.abs(sampled.rows))
+    return bool((amplification <= scalar(exact(_MOST_AMPLIFIED).item())).all())
 
 
 def _rank_or_decayed(verdict: Verdict, name: str, statement: str, decayed: bool) -> Claim:
@@ -154,10 +150,7 @@ def long_enough(sampled: Sampled, decayed: bool = False) -> Claim:
 def sampled_index(sampled: Sampled) -> int:
     """Fewest samples whose rows have full rank in floats; more than n add no rank."""
     A, C = to_float(sampled.A), to_float(sampled.C)
-    for k in range(1, len(A) + 1):
-        if approx_window_determinacy(A, C, sampled.period, k) >= SINGULAR:
-            return k
-    return len(A)
+    return approx_observability_index(A, C, sampled.period) or len(A)
 
 
 def _row_rank(sampled: Sampled, k: int) -> Verdict:
@@ -169,7 +162,7 @@ def _row_rank(sampled: Sampled, k: int) -> Verdict:
     first: Verdict | None = None
     for reference in REFERENCES:
         window = replace(sampled, k=k, reference=reference)
-        scaled = window.rows * window.units()
+        scaled = window.rows * window.units
         units = [_power_of_two(sum(x * x for x in row)) for row in scaled]
         verdict = well_ranked(scaled * np.array(units, dtype=object)[:, None], SINGULAR)
         if verdict.outcome == "proved":
@@ -180,7 +173,7 @@ def _row_rank(sampled: Sampled, k: int) -> Verdict:
     return first
 
 
-def _power_of_two(square: Any) -> Any:
+def _power_of_two(square: Ball) -> Ball:
     """Power of two near 1 / sqrt(square); 1 for zero. Balls may be beyond binary64."""
     if not square > 0:
         return scalar(1)

@@ -74,7 +74,7 @@ def test_it_is_as_good_as_it_thinks_where_its_model_is_true() -> None:
 def test_the_walk_is_tuned_and_nothing_is_told_elsewhere(example: str) -> None:
     built = obsdesign.load_problem(EXAMPLES / f"{example}.toml").plant
     rng = np.random.default_rng(1)
-    record = simulate(built, until=20 * (built.output.period or 1.0), rng=rng)
+    record = simulate(built, until=20 * built.output.sample_period, rng=rng)
     samples = list(rows_of(record.t, record.block("y")))
     walk = tuned_walk(built, samples)
     best = kalman_filter(built, samples, walk=walk).log_likelihood
