@@ -85,7 +85,7 @@ LIGHT = (
         ("obsdesign.equations", (*LIGHT, "obsdesign.equations")),
         ("obsdesign.output_files", ("obsdesign.errors",)),
         ("obsdesign.input_files", ("obsdesign.errors",)),
-        ("obsdesign.entries", ("numpy", "obsdesign.errors")),
+        ("obsdesign.entries", (*LIGHT, "obsdesign.errors")),
         (
             "obsdesign.document",
             (*LIGHT, "obsdesign.errors", "obsdesign.entries", "obsdesign.input_files",

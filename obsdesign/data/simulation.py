@@ -14,14 +14,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from lmi.arithmetic.arrays import Array, Matrix
 from lmi.arithmetic.exponential import expm
 from obsdesign.data.jump_times import jump_times
 from obsdesign.data.signals import DISTURBANCES, Signals, signals
 from obsdesign.entries import positive
 from obsdesign.errors import InputError
 from obsdesign.problem.plant import Plant
-
-Vector = NDArray[np.float64]
 
 # exponent by which an unstable mode may grow in a default simulation
 _GROWN = 6.0
@@ -37,15 +36,15 @@ class Simulation:
     events: times and weights of unknown impulses, (t, weight1, ...).
     """
 
-    columns: dict[str, NDArray[Any]]
-    events: NDArray[np.float64]
+    columns: dict[str, Array]
+    events: Matrix
 
     @property
-    def t(self) -> Vector:
+    def t(self) -> Matrix:
         """Time stamps, (rows,)."""
         return self.columns["t"]
 
-    def block(self, letter: str) -> NDArray[np.float64]:
+    def block(self, letter: str) -> Matrix:
         """Columns y, u, w, x or d as one array (rows, number)."""
         names = [name for name in self.columns if name[0] == letter and name[1:].isdigit()]
         return np.column_stack(
@@ -103,7 +102,7 @@ def simulate(
     return record
 
 
-def _initial(n: int, initial: ArrayLike | None) -> Vector:
+def _initial(n: int, initial: ArrayLike | None) -> Matrix:
     x = np.ones(n) if initial is None else np.asarray(initial, dtype=np.float64)
     if x.shape != (n,) or not np.isfinite(x).all():
         raise InputError(f"initial must have {n} finite entries, one per state; got {x.tolist()}.")
@@ -146,8 +145,8 @@ def _default_step(plant: Plant, until: float) -> float:
 
 
 def _instants(
-    plant: Plant, jumps: Vector, until: float, step: float, between: bool
-) -> tuple[Vector, NDArray[np.bool_], NDArray[np.bool_]]:
+    plant: Plant, jumps: Matrix, until: float, step: float, between: bool
+) -> tuple[Matrix, NDArray[np.bool_], NDArray[np.bool_]]:
     """(times, is a jump, has a measurement) of all rows."""
     grid = _grid(step, until) if between else np.zeros(0)
     if plant.output.measured == "periodic" and plant.output.period:
@@ -162,7 +161,7 @@ def _instants(
     return times, is_jump, _measured(plant, times, is_jump)
 
 
-def _grid(step: float, until: float) -> Vector:
+def _grid(step: float, until: float) -> Matrix:
     if until / step > _MOST_ROWS:
         raise InputError(
             f"step = {step:g} makes {until / step:.4g} rows until {until:g}; "
@@ -172,16 +171,16 @@ def _grid(step: float, until: float) -> Vector:
     return np.asarray(np.round(step * np.arange(rows), 12), dtype=np.float64)
 
 
-def _away(grid: Vector, instants: Vector, least: float) -> Vector:
+def _away(grid: Matrix, instants: Matrix, least: float) -> Matrix:
     """Return the grid without its points at these instants, in order."""
     ends = np.concatenate([[-math.inf], instants, [math.inf]])
     places = np.searchsorted(ends, grid)
     distance = np.minimum(np.abs(grid - ends[places - 1]), np.abs(ends[places] - grid))
-    kept: Vector = grid[distance > least]
+    kept: Matrix = grid[distance > least]
     return kept
 
 
-def _measured(plant: Plant, times: Vector, is_jump: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _measured(plant: Plant, times: Matrix, is_jump: NDArray[np.bool_]) -> NDArray[np.bool_]:
     if plant.output.measured == "at_jumps":
         return is_jump
     measured = np.ones(len(times), bool)
@@ -193,8 +192,8 @@ def _measured(plant: Plant, times: Vector, is_jump: NDArray[np.bool_]) -> NDArra
 
 def _trajectory(
     plant: Plant,
-    x: Vector,
-    times: Vector,
+    x: Matrix,
+    times: Matrix,
     is_jump: NDArray[np.bool_],
     measured: NDArray[np.bool_],
     source: Signals,
@@ -203,7 +202,7 @@ def _trajectory(
     """Step from row to row; matrices are shared between equal steps."""
     C, n = plant.output.C, len(x)
     truth, outputs, events = [], [], []
-    cache: dict[float, NDArray[np.float64]] = {}
+    cache: dict[float, Matrix] = {}
     now = 0.0
     for k, t in enumerate(times.tolist()):
         h = t - now
@@ -237,9 +236,9 @@ def _reports_jumps(plant: Plant, announced: bool) -> bool:
 
 
 def _columns(
-    times: Vector, is_jump: Any, reported: Any, y: Vector, truth: Vector, source: Signals
-) -> dict[str, NDArray[Any]]:
-    columns: dict[str, NDArray[Any]] = {"t": times}
+    times: Matrix, is_jump: Any, reported: Any, y: Matrix, truth: Matrix, source: Signals
+) -> dict[str, Array]:
+    columns: dict[str, Array] = {"t": times}
     w = np.where(is_jump[:, None], source.w, np.nan)
     d = source.unknown(times)
     for letter, values in (("y", y), ("u", source.u), ("w", w)):

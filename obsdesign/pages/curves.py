@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.balls import exact
 from lmi.arithmetic.exponential import absolute_flow, expm
 from lmi.rank.stack import Stack, approx_margin, coordinates
@@ -28,8 +28,6 @@ from obsdesign.equations.impulsive.gains import ImpulsiveGains
 from obsdesign.equations.impulsive_input import features as impulsive_input
 from obsdesign.equations.interval.gains import IntervalGains
 from obsdesign.equations.interval.width import WidthSystem
-
-Array = NDArray[np.float64]
 
 _POINTS = 400
 # beyond a range of dwell times so much of it is shown, and of an endless one so many shortest ones
@@ -46,8 +44,8 @@ class Curve:
     title: str
     x_label: str
     y_label: str
-    x: Array
-    series: Mapping[str, Array]
+    x: Matrix
+    series: Mapping[str, Matrix]
     caption: str
     level: float | None = None
     proved: tuple[float, float] | None = None
@@ -116,8 +114,8 @@ def _luenberger(gains: Mapping[str, Any], evidence: Mapping[str, Any]) -> Curve 
 
 
 def _growth(
-    F: Array,
-    all_H: list[Array],
+    F: Matrix,
+    all_H: list[Matrix],
     span: Sequence[float],
     evidence: Mapping[str, Any],
     what: str,
@@ -151,13 +149,13 @@ def _growth(
     )
 
 
-def _spectral_radii(maps: Array) -> Array:
+def _spectral_radii(maps: Matrix) -> Matrix:
     """Of each matrix of a stack."""
-    radii: Array = np.abs(np.linalg.eigvals(np.nan_to_num(maps))).max(axis=1)
+    radii: Matrix = np.abs(np.linalg.eigvals(np.nan_to_num(maps))).max(axis=1)
     return radii
 
 
-def _around(low: float, high: float) -> Array:
+def _around(low: float, high: float) -> Matrix:
     """Dwell times in a range and a little beyond it."""
     if math.isinf(high):
         top = _ENDLESS * low if low > 0 else 10.0
@@ -166,7 +164,7 @@ def _around(low: float, high: float) -> Array:
     return np.linspace(max(low - beyond, 0.0), high + beyond, _POINTS)
 
 
-def _decay(F: Array) -> Curve | None:
+def _decay(F: Matrix) -> Curve | None:
     """Decay of the worst unit error, over time."""
     if not len(F):
         return None
@@ -221,7 +219,7 @@ def _quadratic(gains: Mapping[str, Any], evidence: Mapping[str, Any]) -> Curve |
     C = seen_before_jump(G, gains["C"], gains["jump_measurement"])
     cells, table = np.asarray(gains["cells"]), np.asarray(gains["table"])
     low, high = (float(end) for end in gains["dwell_time"])
-    theta: Array = np.linspace(low, high, _POINTS)
+    theta: Matrix = np.linspace(low, high, _POINTS)
     cell = np.clip(np.searchsorted(cells, theta, side="right") - 1, 0, len(table) - 1)
     maps = root @ (G + table[cell] @ C) @ expm(gains["A"] * theta[:, None, None])
     in_norm = np.linalg.solve(root.T, np.swapaxes(maps, 1, 2))
@@ -241,7 +239,7 @@ def _quadratic(gains: Mapping[str, Any], evidence: Mapping[str, Any]) -> Curve |
 def _finite_time(gains: Mapping[str, Any], evidence: Mapping[str, Any]) -> Curve:
     gain, p = np.asarray(gains["window_gain"]), len(gains["C"])
     weights = gain.reshape(len(gain), -1, p)
-    age: Array = np.float64(gains["period"]) * np.arange(weights.shape[1])[::-1]
+    age: Matrix = np.float64(gains["period"]) * np.arange(weights.shape[1])[::-1]
     series = {
         f"x{i + 1}" + (f" from y{j + 1}" if p > 1 else ""): weights[i, :, j]
         for i in range(len(gain))
@@ -261,7 +259,7 @@ def _finite_time(gains: Mapping[str, Any], evidence: Mapping[str, Any]) -> Curve
 def _impulsive_input(gains: Mapping[str, Any], evidence: Mapping[str, Any]) -> Curve | None:
     tau, A, C, H = (np.asarray(gains[name]) for name in ("window", "A", "C", "H"))
     step = float(tau) / (_POINTS - 1)
-    ages: Array = np.float64(step) * np.arange(_POINTS)
+    ages: Matrix = np.float64(step) * np.arange(_POINTS)
     if "exponents" in gains and "K" in gains:
         D = flow_error_matrix(A, gains["K"], C)
         F = impulsive_input.filtered_system(D, C, np.asarray(gains["exponents"], float))

@@ -13,7 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from obsdesign.entries import Array, in_range, matrix, shown
+from lmi.arithmetic.arrays import Matrix
+from obsdesign.entries import in_range, matrix, shown
 from obsdesign.errors import InputError
 from obsdesign.problem.kinds import GAINS, INVERTIBLE, KINDS, OPTIONS
 from obsdesign.problem.options import OPTIONS_OF, is_whole
@@ -21,7 +22,7 @@ from obsdesign.problem.options_base import Options, UnassignedOptions
 from obsdesign.problem.plant import Plant
 
 
-def gains(given: Mapping[str, Any], kind: str | None, plant: Plant) -> dict[str, Array]:
+def gains(given: Mapping[str, Any], kind: str | None, plant: Plant) -> dict[str, Matrix]:
     """Finite, read-only gain matrices of the sizes that the kind gives them (kind None: any).
 
     InputError also for coordinates that are singular or do not hold D where they must.
@@ -43,7 +44,7 @@ def gains(given: Mapping[str, Any], kind: str | None, plant: Plant) -> dict[str,
     return matrices
 
 
-def _sized(values: Any, entry: str, kind: str, plant: Plant) -> Array:
+def _sized(values: Any, entry: str, kind: str, plant: Plant) -> Matrix:
     letters = GAINS[kind][entry.rpartition(".")[2]]
     q = 0 if plant.flow.D is None else plant.flow.D.shape[1]
     if kind == "unknown_input" and not 0 < q <= plant.p:
@@ -66,7 +67,7 @@ def _sized(values: Any, entry: str, kind: str, plant: Plant) -> Array:
     return result
 
 
-def _check_coordinates(matrices: Mapping[str, Array], plant: Plant) -> None:
+def _check_coordinates(matrices: Mapping[str, Matrix], plant: Plant) -> None:
     if ("L" in matrices) != ("T1" in matrices):
         absent = "T1" if "L" in matrices else "L"
         raise InputError(

@@ -8,11 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lmi.arithmetic.arrays import Matrix
 from obsdesign.analysis.balancing import balancing_units
 from obsdesign.analysis.hidden_modes import approx_unobservable_modes
 from obsdesign.errors import InputError
-
-Matrix = NDArray[np.float64]
 
 
 def riccati_gain(

@@ -10,13 +10,11 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmi.arithmetic.arrays import Matrix
 from obsdesign.data.records import read_columns
 from obsdesign.errors import InputError
 from obsdesign.pages.plotting.style import BLACK, BLUE, VERMILION, check_output, picture
-
-Vector = NDArray[np.float64]
 
 # beyond, the drawing library overflows
 _DRAWABLE = 1e100
@@ -109,7 +107,7 @@ def _states(columns: dict[str, list[str]]) -> list[str]:
     return names
 
 
-def _numbers(columns: dict[str, list[str]], name: str, path: str) -> Vector:
+def _numbers(columns: dict[str, list[str]], name: str, path: str) -> Matrix:
     if name not in columns:
         raise InputError(f"{path}: column {name!r} is required; it has {', '.join(columns)}.")
     try:
@@ -121,13 +119,13 @@ def _numbers(columns: dict[str, list[str]], name: str, path: str) -> Vector:
 def _panel(
     axis: Any,
     name: str,
-    t: Vector,
+    t: Matrix,
     estimates: dict[str, list[str]],
     path: str,
-    times: Vector,
+    times: Matrix,
     truth: dict[str, list[str]],
     truth_path: str,
-    jumps: Vector,
+    jumps: Matrix,
 ) -> None:
     for k, instant in enumerate(jumps):
         axis.axvline(instant, color="0.55", lw=0.7, ls=(0, (2, 2)), zorder=0,
@@ -160,7 +158,7 @@ def _panel(
     axis.margins(x=0.01)
 
 
-def _measurements(axis: Any, name: str, t: Vector, data: dict[str, list[str]], path: str) -> None:
+def _measurements(axis: Any, name: str, t: Matrix, data: dict[str, list[str]], path: str) -> None:
     values = _finite(_numbers(data, name, path))
     few = len(t) <= 200
     axis.plot(t, values, "o-" if few else "-", color="0.45", ms=3, lw=0.6, label="measured")
@@ -199,7 +197,7 @@ def _weights(axis: Any, events: dict[str, list[str]], path: str) -> None:
     axis.set_ylabel("weight", rotation=0, ha="right", va="center")
 
 
-def _moments(t: Vector, events: dict[str, list[str]], path: str) -> list[str]:
+def _moments(t: Matrix, events: dict[str, list[str]], path: str) -> list[str]:
     """Times with the decimals that their deviations leave, doubtful ones with a question mark."""
     labels = []
     spread = np.nan_to_num(_numbers(events, "t_std", path))
@@ -210,7 +208,7 @@ def _moments(t: Vector, events: dict[str, list[str]], path: str) -> list[str]:
     return labels
 
 
-def _open_end(axis: Any, t: Vector, statuses: list[str]) -> None:
+def _open_end(axis: Any, t: Matrix, statuses: list[str]) -> None:
     """Shade the rows at the end whose window is not complete."""
     last = len(statuses)
     while last and "unresolved" in statuses[last - 1]:
@@ -221,18 +219,18 @@ def _open_end(axis: Any, t: Vector, statuses: list[str]) -> None:
         )
 
 
-def _with_gaps(t: Vector, series: list[Vector], jumps: Vector) -> tuple[Vector, list[Vector]]:
+def _with_gaps(t: Matrix, series: list[Matrix], jumps: Matrix) -> tuple[Matrix, list[Matrix]]:
     """Break the lines at jumps: the last value is held up to the jump, which is a step."""
     at = np.flatnonzero(np.isin(t, jumps) & (np.arange(len(t)) > 0))
     return np.insert(t, at, t[at]), [np.insert(s, at, s[at - 1]) for s in series]
 
 
-def _finite(values: Vector) -> Vector:
+def _finite(values: Matrix) -> Matrix:
     drawable = np.isfinite(values) & (np.abs(np.nan_to_num(values)) < _DRAWABLE)
     return np.where(drawable, values, np.nan)
 
 
-def _mark_status(axis: Any, t: Vector, statuses: list[str]) -> None:
+def _mark_status(axis: Any, t: Matrix, statuses: list[str]) -> None:
     bad = [k for k, status in enumerate(statuses) if status and status != "ok"]
     if bad:
         axis.plot(t[bad], np.zeros(len(bad)), "|", color=_ALARM, ms=7, clip_on=False,

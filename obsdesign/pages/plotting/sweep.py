@@ -15,8 +15,8 @@ import numpy as np
 from matplotlib.colors import ListedColormap, LogNorm
 from matplotlib.patches import Patch
 from matplotlib.ticker import LogLocator, NullLocator
-from numpy.typing import NDArray
 
+from lmi.arithmetic.arrays import Array, Matrix
 from obsdesign.pages.plotting.style import (
     BLACK,
     BLUE,
@@ -46,8 +46,8 @@ class _Grid:
     """Numbers by point (NaN: none), and a word for each point without one."""
 
     axes: tuple[Axis, ...]
-    numbers: NDArray[np.float64]
-    words: NDArray[Any]
+    numbers: Matrix
+    words: Array
 
     @property
     def logarithmic(self) -> bool:
@@ -136,7 +136,7 @@ def _map(figure: Any, axis: Any, grid: _Grid, label: str) -> list[Any]:
     return handles
 
 
-def _edges(values: NDArray[np.float64]) -> NDArray[np.float64]:
+def _edges(values: Matrix) -> Matrix:
     """Cells of equal width around equally spaced values."""
     if len(values) == 1 or values[0] == values[-1]:
         half = 0.5 * max(abs(values[0]), 1.0) / len(values)
