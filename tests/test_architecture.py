@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 import obsdesign
-from obsdesign.problem.kinds import KINDS
+from obsdesign.kinds import KINDS
 
 ROOT = Path(__file__).parent.parent
 SOLVERS = ("cvxpy", "clarabel", "casadi", "highspy", "scipy.optimize", "scipy.signal")
@@ -92,10 +92,11 @@ LIGHT = (
              "obsdesign.output_files"),
         ),
         ("obsdesign.errors", ()),
+        ("obsdesign.kinds", ("obsdesign.errors",)),
         (
             "obsdesign.runtime",
             (*LIGHT, "obsdesign.runtime", "obsdesign.equations", "obsdesign.document",
-             "obsdesign.entries", "obsdesign.errors", "obsdesign.input_files"),
+             "obsdesign.entries", "obsdesign.errors", "obsdesign.input_files", "obsdesign.kinds"),
         ),
     ],
 )  # fmt: skip
@@ -118,6 +119,7 @@ LEVELS = (
     ("runtime", "problem"),
     ("document",),
     ("input_files", "output_files", "entries", "equations"),
+    ("kinds",),
     ("errors", "version"),
 )
 LEVEL = {room: level for level, rooms in enumerate(LEVELS) for room in rooms}

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any
 from obsdesign.document import Claim, jsonable
 from obsdesign.pages.key_numbers import numbers_of
 from obsdesign.problem.problem import Problem
+from obsdesign.synthesis.kind import untried_forms
 from obsdesign.verification.answers import is_ended, more_time, reason
-from obsdesign.workflow import Outcome, layer
+from obsdesign.workflow import Outcome
 
 if TYPE_CHECKING:
     from obsdesign.studies.check.which_kinds import KindAnswer  # other commands do without them
@@ -180,7 +181,7 @@ def _untried_forms(outcome: Outcome) -> set[str]:
     if outcome.design is None:
         return set()
     problem = Problem.from_dict(outcome.design.problem)
-    return set(layer("synthesis", outcome.kind).untried(problem))
+    return set(untried_forms(problem))
 
 
 def _claim_text(claim: Claim) -> str:

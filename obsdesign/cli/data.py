@@ -157,7 +157,7 @@ def export(design_file: str, output: str) -> int:
     """Write the gains and the plant of DESIGN to a MATLAB file."""
     if Path(output).suffix.lower() != ".mat":
         raise InputError(f"{output}: gains are exported to a file that ends in .mat.")
-    from obsdesign.document import load_design
+    from obsdesign.design_file import load_design
     from obsdesign.interop.export import save_mat
     from obsdesign.output_files import refuse_overwriting
 

@@ -24,7 +24,8 @@ from obsdesign.data.records import (
     read_samples,
 )
 from obsdesign.data.stream import Stream, estimates_of, starting_progress, stored_progress
-from obsdesign.document import Design, load_design
+from obsdesign.design_file import load_design
+from obsdesign.document import Design
 from obsdesign.errors import InputError
 from obsdesign.output_files import refuse_overwriting, replacing, write_text
 from obsdesign.runtime import from_design

@@ -16,10 +16,13 @@ import numpy as np
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.entries import in_range, matrix, shown
 from obsdesign.errors import InputError
-from obsdesign.problem.kinds import GAINS, INVERTIBLE, KINDS, OPTIONS
-from obsdesign.problem.options import OPTIONS_OF, is_whole
+from obsdesign.kinds import GAINS, kind_named
+from obsdesign.problem.options import OPTIONS, OPTIONS_OF, is_whole
 from obsdesign.problem.options_base import Options, UnassignedOptions
 from obsdesign.problem.plant import Plant
+
+# changes of coordinates: their inverse is needed
+INVERTIBLE = ("S", "S2", "T1")
 
 
 def gains(given: Mapping[str, Any], kind: str | None, plant: Plant) -> dict[str, Matrix]:
@@ -119,8 +122,7 @@ def for_kind(observer: Mapping[str, Any], kind: str) -> tuple[dict[str, Any], li
     Entries that the written kind knows are its own and mean nothing to another; entries that it
     does not know stay if `kind` does. Names that no kind knows stay, to be complained of.
     """
-    if kind not in KINDS:
-        raise InputError(f"kind must be one of {', '.join(KINDS)}; got {kind!r}.")
+    kind_named(kind)
     written = observer.get("kind")
     own = written if isinstance(written, str) and written != kind else None
 

@@ -18,9 +18,9 @@ import numpy as np
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.document import jsonable
 from obsdesign.errors import DoesNotApply, InputError
+from obsdesign.kinds import KINDS
 from obsdesign.problem import observer_options
 from obsdesign.problem.file import read_problem_file
-from obsdesign.problem.kinds import KINDS
 from obsdesign.problem.options_base import Options
 from obsdesign.problem.plant import Flow, Jump, Output, Plant
 from obsdesign.problem.schema_errors import check_structure

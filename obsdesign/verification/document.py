@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from importlib import import_module
 from typing import Any
 
 from obsdesign.document import Claim, Design, Guarantee
 from obsdesign.errors import InputError
 from obsdesign.problem.problem import Problem
+from obsdesign.verification.kind import Warns, conclusions_of
 from obsdesign.verification.same_evidence import (
     OLDER_WORDING,
     ROUNDED_WIDTHS,
@@ -33,13 +33,14 @@ def sentences_from(problem: Problem, claims: tuple[Claim, ...]) -> Sentences:
 
     Every guarantee rests on `consistent` beside the claims it names: it is about these gains.
     """
-    kind = import_module(f"obsdesign.verification.{problem.require_kind()}.guarantees")
+    kind = conclusions_of(problem.require_kind())
     proved = {claim.id for claim in claims if claim.verdict == "proved"}
     guarantees = tuple(
         replace(entry, given=entry.given and {"consistent", *entry.claims} <= proved)
         for entry in kind.guarantees(problem, claims)
     )
-    return Sentences(guarantees, kind.warnings(problem, claims))
+    warnings = kind.warnings(problem, claims) if isinstance(kind, Warns) else ()
+    return Sentences(guarantees, warnings)
 
 
 def document_claim(

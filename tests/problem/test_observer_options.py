@@ -19,8 +19,8 @@ from hypothesis import strategies as st
 import obsdesign
 from docs import problem_schema
 from obsdesign import Flow, InputError, Jump, Output, Problem
-from obsdesign.problem.kinds import GAINS, KINDS, OPTIONS
-from obsdesign.problem.options import IntervalOptions, LuenbergerOptions
+from obsdesign.kinds import GAINS, KINDS
+from obsdesign.problem.options import OPTIONS, IntervalOptions, LuenbergerOptions
 from obsdesign.problem.problem import load_for_kind
 
 PLANT: dict[str, Any] = {

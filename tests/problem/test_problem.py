@@ -17,7 +17,8 @@ from hypothesis.extra import numpy as hnp
 import obsdesign
 from obsdesign import Flow, Jump, Output, Problem
 from obsdesign.errors import InputError
-from obsdesign.problem.kinds import GAINS, OPTIONS
+from obsdesign.kinds import GAINS
+from obsdesign.problem.options import OPTIONS
 
 ROOT = Path(__file__).parents[2]
 

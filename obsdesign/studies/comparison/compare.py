@@ -15,7 +15,7 @@ from obsdesign.equations.finite_time.options import METHODS
 from obsdesign.equations.impulsive import gains as impulsive
 from obsdesign.equations.interval import gains as interval
 from obsdesign.errors import InputError
-from obsdesign.problem.kinds import KINDS
+from obsdesign.kinds import KINDS
 from obsdesign.problem.problem import Problem
 from obsdesign.studies.comparison.record import ComparisonRecord
 from obsdesign.studies.comparison.row import ComparisonRow, filtered, run

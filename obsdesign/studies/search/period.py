@@ -23,7 +23,7 @@ from obsdesign.document import Claim
 from obsdesign.equations.finite_time.options import MOST_SAMPLES, reason_against_problem
 from obsdesign.equations.gains import Array
 from obsdesign.errors import InputError
-from obsdesign.problem.kinds import PERIOD_SEARCHES
+from obsdesign.kinds import PERIOD_SEARCHES
 from obsdesign.problem.problem import Problem
 from obsdesign.studies.search.period_extensions import (
     LONG_SECONDS,

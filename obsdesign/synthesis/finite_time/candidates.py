@@ -128,8 +128,3 @@ def _is_disturbed(problem: Problem) -> bool:
     """Is there a disturbance, or noise with a bound above zero?"""
     flow = problem.plant.flow
     return bool(np.any(flow.lower != flow.upper) or np.any(problem.plant.output.noise_radius))
-
-
-def untried(problem: Problem) -> dict[str, str]:
-    """Forms that are passed over, and why: none of this kind."""
-    return {}

@@ -81,8 +81,3 @@ def _compressed(problem: Problem, only_if_singular: bool) -> Iterator[Candidate]
         return  # G is regular: nothing is gained
     gains = window_gains(problem, "compressed", image=U, coimage=S)
     yield windowed(problem, gains, "compressed")
-
-
-def untried(problem: Problem) -> dict[str, str]:
-    """Forms that are passed over, and why: none of this kind."""
-    return {}

@@ -101,8 +101,3 @@ def _certificates(problem: Problem, F: Any, M: Any, rate: float) -> dict[str, An
             "decay_rate": evidence
         }
     return {"dwell_stability": evidence, "decay_rate": evidence}
-
-
-def untried(problem: Problem) -> dict[str, str]:
-    """Forms that are passed over, and why: none of this kind."""
-    return {}
