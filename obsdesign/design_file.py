@@ -61,7 +61,38 @@ def _whole(text: str) -> int:
 
 
 def from_dict(body: Any, path: str = "design") -> Design:
-    """A design from its parsed JSON, checked for format, version, keys and digest."""
+    """A design from its parsed JSON, checked for format, version, keys, digest and shapes."""
+    _check_format(body, path)
+    require_depth(body, path)
+    _check_digest(body, path)
+    for key, shape in _TYPES.items():
+        if key in body and not isinstance(body[key], shape):
+            got = type(body[key]).__name__
+            raise InputError(f"{path}: {key} must be a {shape.__name__}; got {got}.")
+    for key in ("versions", "solver"):
+        if not isinstance(body["provenance"].get(key, {}), dict):
+            got = shown(body["provenance"][key])
+            raise InputError(f"{path}: provenance.{key} must be a table; got {got}.")
+    claims = [_claim(claim, f"{path}: claims[{i}]") for i, claim in enumerate(body["claims"])]
+    guarantees = [
+        _guarantee(entry, f"{path}: guarantees[{i}]") for i, entry in enumerate(body["guarantees"])
+    ]
+    if not all(isinstance(text, str) for text in body.get("warnings", ())):
+        raise InputError(f"{path}: warnings must hold sentences.")
+    return Design(
+        name=body["name"],
+        kind=body["kind"],
+        problem=body["problem"],
+        gains={name: _gain(name, value, path) for name, value in body["gains"].items()},
+        claims=tuple(claims),
+        guarantees=tuple(guarantees),
+        warnings=tuple(body["warnings"]) if "warnings" in body else None,
+        provenance=body["provenance"],
+    )
+
+
+def _check_format(body: Any, path: str) -> None:
+    """InputError unless this is a design of this version, with its keys and no others."""
     if not isinstance(body, dict) or body.get("format") != FORMAT:
         arrived = shown(body.get("format")) if isinstance(body, dict) else type(body).__name__
         raise InputError(
@@ -72,11 +103,13 @@ def from_dict(body: Any, path: str = "design") -> Design:
             f"{path}: version must be {VERSION}; got {shown(body.get('version'))}. "
             "Was it written by a newer obsdesign?"
         )
-    if missing := [key for key in _KEYS if key not in body and key not in _SINCE_WARNINGS]:
+    if missing := [key for key in _TYPES if key not in body and key not in _SINCE_WARNINGS]:
         raise InputError(f"{path}: {missing[0]} is missing; a design file has it.")
-    if unknown := [key for key in body if key not in _KEYS]:
+    if unknown := [key for key in body if key not in _TYPES]:
         raise InputError(f"{path}: unknown key {shown(unknown[0])} in a design file.")
-    require_depth(body, path)
+
+
+def _check_digest(body: dict[str, Any], path: str) -> None:
     try:
         expected = digest(body)
     except UnicodeEncodeError:
@@ -88,47 +121,22 @@ def from_dict(body: Any, path: str = "design") -> Design:
             f"{path}: digest does not match the content ({text}, content gives "
             f"{expected!r}). The file was changed after it was written."
         )
-    return _checked(body, path)
 
 
-def _checked(body: dict[str, Any], path: str) -> Design:
-    shapes = {"name": str, "kind": str, "problem": dict, "gains": dict, "claims": list,
-              "guarantees": list, "warnings": list, "provenance": dict}  # fmt: skip
-    for key, shape in shapes.items():
-        if key in body and not isinstance(body[key], shape):
-            raise InputError(
-                f"{path}: {key} must be a {shape.__name__}; got {type(body[key]).__name__}."
-            )
-    for i, claim in enumerate(body["claims"]):
-        if not isinstance(claim, dict) or set(claim) != set(Claim.__dataclass_fields__):
-            raise InputError(
-                f"{path}: claims[{i}] must have exactly {', '.join(Claim.__dataclass_fields__)}."
-            )
-        words = all(isinstance(claim[key], str) for key in ("id", "statement", "source", "verdict"))
-        if not words or not isinstance(claim["evidence"], dict):
-            raise InputError(f"{path}: claims[{i}] must hold texts, and evidence a table.")
-        if truth := _truth_in_lists(claim["evidence"]):
-            raise InputError(f"{path}: claims[{i}].evidence: numbers are due in {shown(truth)}.")
-        if claim["verdict"] not in VERDICTS:
-            raise InputError(
-                f"{path}: claims[{i}].verdict must be one of {', '.join(VERDICTS)}; "
-                f"got {shown(claim['verdict'])}."
-            )
-    _check_guarantees(body, path)
-    gains = {name: _gain(name, value, path) for name, value in body["gains"].items()}
-    return Design(
-        name=body["name"],
-        kind=body["kind"],
-        problem=body["problem"],
-        gains=gains,
-        claims=tuple(Claim(**claim) for claim in body["claims"]),
-        guarantees=tuple(
-            Guarantee(entry["statement"], tuple(entry["claims"]), entry["given"])
-            for entry in body["guarantees"]
-        ),
-        warnings=tuple(body["warnings"]) if "warnings" in body else None,
-        provenance=body["provenance"],
-    )
+def _claim(entry: Any, place: str) -> Claim:
+    names = tuple(Claim.__dataclass_fields__)
+    if not isinstance(entry, dict) or set(entry) != set(names):
+        raise InputError(f"{place} must have exactly {', '.join(names)}.")
+    texts = all(isinstance(entry[name], str) for name in names if name != "evidence")
+    if not texts or not isinstance(entry["evidence"], dict):
+        raise InputError(f"{place} must hold texts, and evidence a table.")
+    if truth := _truth_in_lists(entry["evidence"]):
+        raise InputError(f"{place}.evidence: numbers are due in {shown(truth)}.")
+    if entry["verdict"] not in VERDICTS:
+        raise InputError(
+            f"{place}.verdict must be one of {', '.join(VERDICTS)}; got {shown(entry['verdict'])}."
+        )
+    return Claim(**entry)
 
 
 def _truth_in_lists(value: Any) -> list[Any] | None:
@@ -139,26 +147,16 @@ def _truth_in_lists(value: Any) -> list[Any] | None:
     return next((truth for item in items if (truth := _truth_in_lists(item))), None)
 
 
-def _check_guarantees(body: dict[str, Any], path: str) -> None:
-    """InputError unless guarantees and provenance have the entries that are read."""
+def _guarantee(entry: Any, place: str) -> Guarantee:
     kinds = {"statement": str, "given": bool, "claims": list}
-    for i, entry in enumerate(body["guarantees"]):
-        if not isinstance(entry, dict) or set(entry) != set(kinds):
-            raise InputError(f"{path}: guarantees[{i}] must have exactly {', '.join(kinds)}.")
-        for key, kind in kinds.items():
-            if not isinstance(entry[key], kind):
-                raise InputError(
-                    f"{path}: guarantees[{i}].{key} must be a {kind.__name__}; "
-                    f"got {shown(entry[key])}."
-                )
-        if not all(isinstance(name, str) for name in entry["claims"]):
-            raise InputError(f"{path}: guarantees[{i}].claims must hold ids of claims.")
-    if not all(isinstance(text, str) for text in body.get("warnings", ())):
-        raise InputError(f"{path}: warnings must hold sentences.")
-    for key in ("versions", "solver"):
-        if not isinstance(body["provenance"].get(key, {}), dict):
-            got = shown(body["provenance"][key])
-            raise InputError(f"{path}: provenance.{key} must be a table; got {got}.")
+    if not isinstance(entry, dict) or set(entry) != set(kinds):
+        raise InputError(f"{place} must have exactly {', '.join(kinds)}.")
+    for key, kind in kinds.items():
+        if not isinstance(entry[key], kind):
+            raise InputError(f"{place}.{key} must be a {kind.__name__}; got {shown(entry[key])}.")
+    if not all(isinstance(name, str) for name in entry["claims"]):
+        raise InputError(f"{place}.claims must hold ids of claims.")
+    return Guarantee(entry["statement"], tuple(entry["claims"]), entry["given"])
 
 
 def _gain(name: str, value: Any, path: str) -> Any:

@@ -15,9 +15,6 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from obsdesign.entries import LARGEST, is_number, shown
-from obsdesign.errors import InputError
-from obsdesign.input_files import keys_once, read_text, require_depth
 from obsdesign.output_files import write_text
 
 FORMAT = "obsdesign/design"
