@@ -82,8 +82,8 @@ def simulate(source: str, output: str, events: str | None, seed: int, **options:
 @click.option("--skip-bad", is_flag=True, help="Report malformed lines and leave them out.")
 @click.option("--strict", is_flag=True, help="Exit code 4 if the status of a row is not ok.")
 def run(
-    design_file: str, data: str | None, output: str | None, initial: str | None, events: str | None,
-    state: str | None, skip_bad: bool, strict: bool,
+    *, design_file: str, data: str | None, output: str | None, initial: str | None,
+    events: str | None, state: str | None, skip_bad: bool, strict: bool,
 ) -> int:  # fmt: skip
     """Execute DESIGN on DATA.csv, or row by row on standard input.
 

@@ -51,7 +51,7 @@ def check(problem: str, seconds: float | None, as_json: bool) -> int:
 @time_option()
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object on stdout.")
 def design(
-    problem: str, kind: str | None, output: str, allow_undecided: bool, seconds: float | None,
+    *, problem: str, kind: str | None, output: str, allow_undecided: bool, seconds: float | None,
     as_json: bool,
 ) -> int:  # fmt: skip
     """Synthesise what PROBLEM leaves open, prove it, and write a design file."""
@@ -116,7 +116,7 @@ def verify(design_file: str, paranoid: bool, as_json: bool) -> int:
 @time_option()
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object on stdout.")
 def search(
-    problem: str, what: str, kind: str | None, accuracy: float, seconds: float | None,
+    *, problem: str, what: str, kind: str | None, accuracy: float, seconds: float | None,
     as_json: bool,
 ) -> int:  # fmt: skip
     """Find the limit of WHAT for PROBLEM: a bracket, proved on one side."""

@@ -74,17 +74,13 @@ def kalman_filter(
     R, means, log_likelihood = _noise(plant, rows), [], 0.0
     u = np.zeros(0 if plant.flow.B is None else plant.flow.B.shape[1])
     after = plant.output.jump_measurement == "after"
-    centre = 0.0 if plant.output.noise_centre is None else plant.output.noise_centre
     for k, row in enumerate(rows):
         if k:
             now = steps.flow(now, row.t - rows[k - 1].t, u)
         if row.jump and after:
             now = steps.jump(now, row)
-        y = np.full(plant.p, np.nan) if row.y is None else np.asarray(row.y, dtype=np.float64)
-        y = y - centre
-        if (there := np.isfinite(y)).any():
-            now, gained = _update(now, y[there], plant.output.C[there], R[np.ix_(there, there)])
-            log_likelihood += gained
+        now, gained = _measured(now, row, plant, R)
+        log_likelihood += gained
         if row.jump and not after:
             now = steps.jump(now, row)
         u = u if row.u is None else np.asarray(row.u, dtype=np.float64)
@@ -114,6 +110,18 @@ def _noise(plant: Plant, rows: Sequence[Sample]) -> Matrix:
     variance = output.noise_std**2 + bound**2 / 3 + (output.noise_cv * size) ** 2
     least = (_LEAST_NOISE * np.where(size > 0, size, 1.0)) ** 2
     return np.diag(np.maximum(variance, least))
+
+
+def _measured(now: _Moments, row: Sample, plant: Plant, R: Matrix) -> tuple[_Moments, float]:
+    """The moments after what there is of a measurement, and its log-likelihood."""
+    if row.y is None:
+        return now, 0.0
+    centre = plant.output.noise_centre
+    y = np.asarray(row.y, dtype=np.float64) - (0.0 if centre is None else centre)
+    there = np.isfinite(y)
+    if not there.any():
+        return now, 0.0
+    return _update(now, y[there], plant.output.C[there], R[np.ix_(there, there)])
 
 
 def _update(now: _Moments, y: Matrix, C: Matrix, R: Matrix) -> tuple[_Moments, float]:
