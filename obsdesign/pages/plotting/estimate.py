@@ -10,8 +10,10 @@ import math
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import FigureBase
 
-from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.arrays import Array, Matrix
 from obsdesign.pages.plotting.estimate_record import EstimateRecord, Table
 from obsdesign.pages.plotting.style import BLACK, BLUE, VERMILION, check_output, picture
 
@@ -51,7 +53,7 @@ def plot_estimate(estimate: str, data: str | None, output: str, events: str | No
         _legend(figure, axes, columns)
 
 
-def _legend(figure: Any, axes: Any, columns: int) -> None:
+def _legend(figure: FigureBase, axes: Array, columns: int) -> None:
     """One legend for all panels: what the first shows, then what the others add."""
     handles, labels = axes[0].get_legend_handles_labels()
     for axis in axes[1:]:
@@ -62,7 +64,7 @@ def _legend(figure: Any, axes: Any, columns: int) -> None:
     figure.legend(handles, labels, loc="outside upper center", ncols=len(labels), frameon=False)
 
 
-def _panel(axis: Any, name: str, record: EstimateRecord) -> None:
+def _panel(axis: Axes, name: str, record: EstimateRecord) -> None:
     if name == "weight":
         _weights(axis, record.impulses)
     elif name in record.data.measurements:
@@ -75,7 +77,7 @@ def _panel(axis: Any, name: str, record: EstimateRecord) -> None:
         _open_end(axis, record)
 
 
-def _state(axis: Any, name: str, record: EstimateRecord) -> None:
+def _state(axis: Axes, name: str, record: EstimateRecord) -> None:
     """Bounds, estimate and truth of one state, with the jumps."""
     for k, instant in enumerate(record.jumps):
         axis.axvline(instant, color="0.55", lw=0.7, ls=(0, (2, 2)), zorder=0,
@@ -96,7 +98,7 @@ def _state(axis: Any, name: str, record: EstimateRecord) -> None:
     axis.margins(x=0.01)
 
 
-def _bounds(axis: Any, name: str, record: EstimateRecord, rows_only: bool) -> None:
+def _bounds(axis: Axes, name: str, record: EstimateRecord, rows_only: bool) -> None:
     low, high = (record.estimate.drawable(f"{name}_{end}") for end in ("lo", "hi"))
     if rows_only:
         axis.vlines(record.t, low, high, color=_BAND, lw=2.5, alpha=0.6, label="bounds")
@@ -107,14 +109,14 @@ def _bounds(axis: Any, name: str, record: EstimateRecord, rows_only: bool) -> No
         axis.plot(split, edge, color=_BAND, lw=0.9)
 
 
-def _measurements(axis: Any, name: str, record: EstimateRecord) -> None:
+def _measurements(axis: Axes, name: str, record: EstimateRecord) -> None:
     few = len(record.data_t) <= 200
     axis.plot(record.data_t, record.data.drawable(name), "o-" if few else "-", color="0.45", ms=3,
               lw=0.6, label="measured")  # fmt: skip
     axis.set_ylabel(f"$y_{{{name[1:]}}}$", **_SYMBOL)
 
 
-def _bands(axis: Any, impulses: Table) -> None:
+def _bands(axis: Axes, impulses: Table) -> None:
     """Each impulse as a line, with two deviations of its time where they are known."""
     spread = impulses.deviations("t")
     for k, (t, std) in enumerate(zip(impulses.numbers("t"), spread, strict=True)):
@@ -122,7 +124,7 @@ def _bands(axis: Any, impulses: Table) -> None:
         axis.axvline(t, color=_ALARM, lw=0.9, zorder=1, label="impulse" if k == 0 else None)
 
 
-def _weights(axis: Any, impulses: Table) -> None:
+def _weights(axis: Axes, impulses: Table) -> None:
     """Bars with two deviations, and the time of each impulse above its bar."""
     columns = [x for x in impulses.columns if x.startswith("weight") and not x.endswith("_std")]
     t = impulses.numbers("t")
@@ -156,7 +158,7 @@ def _moments(t: Matrix, impulses: Table) -> list[str]:
     return labels
 
 
-def _open_end(axis: Any, record: EstimateRecord) -> None:
+def _open_end(axis: Axes, record: EstimateRecord) -> None:
     """Shade the rows at the end whose window is not complete."""
     t, statuses = record.t, record.estimate.statuses
     last = len(statuses)
@@ -168,7 +170,7 @@ def _open_end(axis: Any, record: EstimateRecord) -> None:
         )
 
 
-def _mark_status(axis: Any, record: EstimateRecord) -> None:
+def _mark_status(axis: Axes, record: EstimateRecord) -> None:
     """Mark the rows without guarantee; a window that is not complete is shaded instead."""
     statuses = record.estimate.statuses
     if record.has_impulses:

@@ -9,10 +9,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap, LogNorm
+from matplotlib.figure import FigureBase
 from matplotlib.patches import Patch
 from matplotlib.ticker import LogLocator, NullLocator
 
@@ -92,9 +93,9 @@ def _number_or_word(point: SweepPoint) -> tuple[float, str]:
     return math.nan, point.verdict if point.verdict in _COLOURS else "error"
 
 
-def _curve(figure: Any, axis: Any, grid: _Grid, label: str) -> list[Any]:
+def _curve(figure: FigureBase, axis: Axes, grid: _Grid, label: str) -> list[Patch]:
     """The numbers as a curve; a strip below it, or the whole panel, shows the other points."""
-    values, handles = np.array(grid.axes[0].values), list[Any]()
+    values, handles = np.array(grid.axes[0].values), list[Patch]()
     numbers = bool(np.isfinite(grid.numbers).any())
     if numbers:
         axis.plot(values, grid.numbers, color=BLUE, lw=1.2, marker="o", ms=3)
@@ -113,7 +114,7 @@ def _curve(figure: Any, axis: Any, grid: _Grid, label: str) -> list[Any]:
     return handles
 
 
-def _map(figure: Any, axis: Any, grid: _Grid, label: str) -> list[Any]:
+def _map(figure: FigureBase, axis: Axes, grid: _Grid, label: str) -> list[Patch]:
     """The numbers as colours of cells, the other points in the colours of their words."""
     across, up = (_edges(np.array(a.values)) for a in grid.axes)
     if np.isfinite(grid.numbers).any():
