@@ -72,12 +72,12 @@ def in_range(value: float, entry: str) -> float:
     return value
 
 
-def is_number(value: Any) -> bool:
+def is_number(value: object) -> bool:
     """A number, and not a truth value, which Python counts as one."""
     return isinstance(value, int | float | np.number) and not isinstance(value, bool)
 
 
-def shown(value: Any) -> str:
+def shown(value: object) -> str:
     """A value as a message repeats it: on one line, and short."""
     try:
         text = repr(value.tolist() if isinstance(value, np.ndarray) else value)

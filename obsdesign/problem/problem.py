@@ -96,8 +96,9 @@ class Problem:
         body: dict[str, Any] = {"name": self.name}
         body |= {name: _as_block(block) for name, block in blocks.items() if block is not None}
         observer = {} if self.kind is None else {"kind": self.kind}
-        if observer or self.gains or self.options:
-            body["observer"] = observer | {"gains": dict(self.gains)} | dict(self.options)
+        stated = self.options.to_document()
+        if observer or self.gains or stated:
+            body["observer"] = observer | {"gains": dict(self.gains)} | stated
         result: dict[str, Any] = jsonable(body)
         return result
 

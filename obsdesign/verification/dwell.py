@@ -185,7 +185,7 @@ def _no_common(F: Array, H: Array, low: float, high: float, certificate: Any) ->
     )
 
 
-def matrix_of(values: Any, n: int) -> Matrix | None:
+def matrix_of(values: object, n: int) -> Matrix | None:
     """A matrix of a certificate as floats, (n, n); None if it is not one."""
     P = _numbers(values)
     return P if P is not None and P.shape == (n, n) else None

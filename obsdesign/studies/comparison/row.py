@@ -50,7 +50,7 @@ class ComparisonRow:
 
 def run(design: Design, record: ComparisonRecord, start: Matrix) -> dict[str, Any]:
     """Errors, widths and times of a design, started in the bounds (n, 2) or their middle."""
-    observer: Any = from_design(design)
+    observer = from_design(design)
     begin = start if design.kind == "interval" else start.mean(axis=1)
     state = observer.start(record.samples[0].t, begin.reshape(-1).tolist())
     samples = record.samples
