@@ -16,7 +16,7 @@ import numpy as np
 from benchmarks.cases import report
 from obsdesign import workflow
 from obsdesign.errors import InputError
-from obsdesign.problem.kinds import KINDS
+from obsdesign.kinds import KINDS
 from obsdesign.problem.problem import Problem
 from obsdesign.studies.check.which_kinds import check_all
 

@@ -9,8 +9,8 @@ import json
 from dataclasses import MISSING, fields
 from typing import Any
 
-from obsdesign.problem.kinds import GAINS, KINDS, OPTIONS
-from obsdesign.problem.options import OPTIONS_OF
+from obsdesign.kinds import GAINS, KINDS
+from obsdesign.problem.options import OPTIONS, OPTIONS_OF
 from obsdesign.problem.plant import Flow, Jump, Output
 from obsdesign.problem.schema import DEFINITIONS, entry_name, ref
 

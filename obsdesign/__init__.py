@@ -15,7 +15,8 @@ from obsdesign.version import __version__ as __version__
 
 if TYPE_CHECKING:
     from obsdesign.data.simulation import simulate
-    from obsdesign.document import Claim, Design, load_design
+    from obsdesign.design_file import load_design
+    from obsdesign.document import Claim, Design
     from obsdesign.errors import InputError
     from obsdesign.problem.plant import Flow, Jump, Output, Plant
     from obsdesign.problem.problem import Problem, load_problem
@@ -34,7 +35,7 @@ _HOME = {
     "Problem": "problem.problem",
     "design": "workflow",
     "investigate": "workflow",
-    "load_design": "document",
+    "load_design": "design_file",
     "load_problem": "problem.problem",
     "simulate": "data.simulation",
     "verify": "workflow",

@@ -10,28 +10,27 @@ from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from lmi.arithmetic.arrays import Matrix
 from obsdesign.errors import InputError
-
-Array = NDArray[np.float64]
 
 # magnitudes of what a problem holds, zero apart: products of two stay inside binary64
 SMALLEST, LARGEST = 1e-150, 1e150
 
 
-def matrix(values: ArrayLike, entry: str, *, empty: bool = False) -> Array:
+def matrix(values: ArrayLike, entry: str, *, empty: bool = False) -> Matrix:
     """A finite read-only float matrix, or InputError; without rows or columns only if `empty`."""
     wanted = "a matrix: a list of rows of numbers, all equally long"
     return _array(values, entry, 2, wanted, empty)
 
 
-def vector(values: ArrayLike, entry: str) -> Array:
+def vector(values: ArrayLike, entry: str) -> Matrix:
     """A finite read-only float vector, or InputError."""
     return _array(values, entry, 1, "a list of numbers")
 
 
-def _array(values: Any, entry: str, dimensions: int, wanted: str, empty: bool = False) -> Array:
+def _array(values: Any, entry: str, dimensions: int, wanted: str, empty: bool = False) -> Matrix:
     try:
         raw = np.asarray(values)
         # as objects: beside numbers numpy takes True for 1, and integers may exceed 64 bits
@@ -73,12 +72,12 @@ def in_range(value: float, entry: str) -> float:
     return value
 
 
-def is_number(value: Any) -> bool:
+def is_number(value: object) -> bool:
     """A number, and not a truth value, which Python counts as one."""
     return isinstance(value, int | float | np.number) and not isinstance(value, bool)
 
 
-def shown(value: Any) -> str:
+def shown(value: object) -> str:
     """A value as a message repeats it: on one line, and short."""
     try:
         text = repr(value.tolist() if isinstance(value, np.ndarray) else value)
@@ -87,12 +86,12 @@ def shown(value: Any) -> str:
     return text if len(text) <= 60 else text[:57] + "..."
 
 
-def size_text(array: Array) -> str:
+def size_text(array: Matrix) -> str:
     """Shape as people write it: 2x3."""
     return "x".join(map(str, array.shape))
 
 
-def require_shape(array: Array, entry: str, shape: tuple[int | None, ...], why: str) -> None:
+def require_shape(array: Matrix, entry: str, shape: tuple[int | None, ...], why: str) -> None:
     """Refuse another shape; None leaves a dimension free."""
     for axis, (have, want) in enumerate(zip(array.shape, shape, strict=True)):
         if want is not None and have != want:
@@ -107,7 +106,7 @@ def require_shape(array: Array, entry: str, shape: tuple[int | None, ...], why: 
 
 def bounds(
     lower: ArrayLike | None, upper: ArrayLike | None, n: int, entry: str
-) -> tuple[Array, Array]:
+) -> tuple[Matrix, Matrix]:
     """Lower and upper bounds (n,), lower <= upper; both left out: zeros."""
     if (lower is None) != (upper is None):
         raise InputError(

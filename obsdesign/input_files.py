@@ -31,7 +31,7 @@ def read_text(path: str | os.PathLike[str]) -> str:
         ) from None
 
 
-def require_depth(value: Any, name: str) -> None:
+def require_depth(value: object, name: str) -> None:
     """InputError where lists and tables are nested deeper than 50."""
     level = [value]
     for _ in range(MOST_DEPTH + 1):

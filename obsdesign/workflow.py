@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import platform
 import time
 from collections.abc import Callable, Hashable, Mapping, Sequence
@@ -24,10 +23,12 @@ from lmi.time_budget import (
 from lmi.verdict import overall
 from obsdesign.document import Claim, Design, Guarantee
 from obsdesign.errors import InputError
-from obsdesign.problem.kinds import KINDS
 from obsdesign.problem.problem import Problem
+from obsdesign.synthesis.candidate import Candidate
+from obsdesign.synthesis.kind import synthesis_of, untried_forms
 from obsdesign.verification.answers import as_answers, is_ended, reason, with_untried
 from obsdesign.verification.document import document_claim, sentences_from
+from obsdesign.verification.kind import verification_of
 from obsdesign.version import __version__, version_of
 
 _Key = TypeVar("_Key", bound=Hashable)
@@ -48,20 +49,6 @@ class Outcome:
     design: Design | None
     guarantees: tuple[Guarantee, ...] = ()
     warnings: tuple[str, ...] = ()
-
-
-# the file of a kind that answers for it in a layer
-_ROLE = {"synthesis": "candidates", "verification": "claims"}
-
-
-def layer(name: str, kind: str) -> Any:
-    """The module of a kind in a layer: `synthesis` or `verification`.
-
-    InputError for what is no kind: a design file may name anything.
-    """
-    if kind not in KINDS:
-        raise InputError(f"kind must be one of {', '.join(KINDS)}; got {kind!r}.")
-    return importlib.import_module(f"obsdesign.{name}.{kind}.{_ROLE[name]}")
 
 
 def investigate(problem: Problem, *, seconds: float | None = None) -> Outcome:
@@ -168,7 +155,7 @@ def _attempted(problem: Problem, first: bool) -> _Attempt | InputError:
 class _Tried:
     """A candidate and what was proved of it, so many seconds after the start."""
 
-    candidate: Any
+    candidate: Candidate
     claims: tuple[Claim, ...]
     verdict: str
     seconds: float
@@ -178,7 +165,7 @@ def _tried(problem: Problem, first: bool, remarks: Sequence[Remark]) -> tuple[li
     """Candidates with what was proved of them; and whether time ended before all were looked at."""
     started = time.perf_counter()
     kind = problem.require_kind()
-    synthesis, verification = layer("synthesis", kind), layer("verification", kind)
+    synthesis, verification = synthesis_of(kind), verification_of(kind)
     candidates, tried = iter(synthesis.synthesize(problem)), list[_Tried]()
     while True:
         if tried and remaining() < 0:
@@ -210,8 +197,7 @@ def _best(tried: list[_Tried]) -> _Tried:
 def _result(problem: Problem, label: str, tried: list[_Tried]) -> dict[str, Any]:
     """The form of the design, and what became of each."""
     forms = {one.candidate.label: _summary(one.verdict, one.claims) for one in tried}
-    synthesis = layer("synthesis", problem.require_kind())
-    skipped = synthesis.untried(problem)
+    skipped = untried_forms(problem)
     forms |= {name: {"verdict": "undecided", "reasons": [why]} for name, why in skipped.items()}
     return {"form": label, "forms": forms}
 
@@ -223,7 +209,7 @@ def _summary(verdict: str, claims: tuple[Claim, ...]) -> dict[str, Any]:
     }
 
 
-def _document(problem: Problem, candidate: Any, claims: tuple[Claim, ...]) -> Design:
+def _document(problem: Problem, candidate: Candidate, claims: tuple[Claim, ...]) -> Design:
     """The design of a candidate; nothing in it differs from run to run."""
     kind = problem.require_kind()
     sentences = sentences_from(problem, claims)
@@ -275,7 +261,7 @@ def verify(design: Design, *, paranoid: bool = False) -> Outcome:
     paranoid: prove a second time by an independent method where there is one. Also checks that
     problem, gains, claims and guarantees of the document agree.
     """
-    verification = layer("verification", design.kind)
+    verification = verification_of(design.kind)
     try:
         problem = Problem.from_dict(design.problem)
         if problem.require_kind() != design.kind:

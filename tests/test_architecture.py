@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 import obsdesign
-from obsdesign.problem.kinds import KINDS
+from obsdesign.kinds import KINDS
 
 ROOT = Path(__file__).parent.parent
 SOLVERS = ("cvxpy", "clarabel", "casadi", "highspy", "scipy.optimize", "scipy.signal")
@@ -85,17 +85,20 @@ LIGHT = (
         ("obsdesign.equations", (*LIGHT, "obsdesign.equations")),
         ("obsdesign.output_files", ("obsdesign.errors",)),
         ("obsdesign.input_files", ("obsdesign.errors",)),
-        ("obsdesign.entries", ("numpy", "obsdesign.errors")),
+        ("obsdesign.entries", (*LIGHT, "obsdesign.errors")),
+        ("obsdesign.document", (*LIGHT, "obsdesign.output_files")),
         (
-            "obsdesign.document",
-            (*LIGHT, "obsdesign.errors", "obsdesign.entries", "obsdesign.input_files",
-             "obsdesign.output_files"),
+            "obsdesign.design_file",
+            (*LIGHT, "obsdesign.document", "obsdesign.errors", "obsdesign.entries",
+             "obsdesign.input_files"),
         ),
         ("obsdesign.errors", ()),
+        ("obsdesign.kinds", ("obsdesign.errors",)),
         (
             "obsdesign.runtime",
             (*LIGHT, "obsdesign.runtime", "obsdesign.equations", "obsdesign.document",
-             "obsdesign.entries", "obsdesign.errors", "obsdesign.input_files"),
+             "obsdesign.design_file", "obsdesign.entries", "obsdesign.errors",
+             "obsdesign.input_files", "obsdesign.kinds"),
         ),
     ],
 )  # fmt: skip
@@ -116,8 +119,10 @@ LEVELS = (
     ("synthesis", "verification"),
     ("analysis", "data", "interop"),
     ("runtime", "problem"),
+    ("design_file",),
     ("document",),
     ("input_files", "output_files", "entries", "equations"),
+    ("kinds",),
     ("errors", "version"),
 )
 LEVEL = {room: level for level, rooms in enumerate(LEVELS) for room in rooms}

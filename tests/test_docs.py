@@ -8,16 +8,8 @@ from pathlib import Path
 import pytest
 
 from obsdesign.cli.commands import cli
-from obsdesign.problem.kinds import KINDS, OPTIONS
-from obsdesign.runtime.load import OBSERVERS
 
 ROOT = Path(__file__).parent.parent
-# what a kind owes
-PLACES = (
-    "synthesis/{kind}/candidates.py",
-    "verification/{kind}/claims.py",
-    "runtime/{kind}/observer.py",
-)
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])
 
 
@@ -71,18 +63,6 @@ def test_every_command_has_help_and_is_documented() -> None:
                     name,
                     option.name,
                 )
-
-
-def test_a_kind_is_in_every_layer_or_in_none() -> None:
-    assert set(OBSERVERS) == set(KINDS) == set(OPTIONS)
-    for layer in ("equations", "synthesis", "verification", "runtime"):
-        there = {path.name for path in (ROOT / "obsdesign" / layer).iterdir()} & set(KINDS)
-        assert there == set(KINDS), layer
-    for kind in KINDS:
-        for place in PLACES:
-            assert (ROOT / "obsdesign" / place.format(kind=kind)).exists(), (kind, place)
-    for kind in KINDS:
-        assert (ROOT / "docs" / f"{kind}.md").exists()
 
 
 def test_nothing_speaks_of_how_it_was_made() -> None:

@@ -11,6 +11,7 @@ import pytest
 
 import obsdesign
 from obsdesign.data.simulation import simulate
+from obsdesign.problem.options import ImpulsiveOptions
 from obsdesign.runtime import from_design
 from obsdesign.runtime.base import rows_of
 
@@ -116,7 +117,7 @@ def test_an_impulsive_example_from_file_to_estimates(path: Path) -> None:
     error = np.abs(batch.x - record.block("x"))
     late = error[len(error) // 2 :]
     if np.any(problem.plant.output.noise_std):
-        target = np.array(problem.options["noise_target"])
+        target = np.array(problem.options_as(ImpulsiveOptions).noise_target)
         impulses = record.columns["jump"][len(error) // 2 :] == 1
         assert np.all(np.sqrt(np.mean(late[impulses] ** 2, axis=0)) < 1.5 * target)
     else:

@@ -22,7 +22,8 @@ from lmi.arithmetic.norms import well_ranked
 from lmi.rank.stack import Stack, state_basis
 from obsdesign import workflow
 from obsdesign.cli import commands as cli
-from obsdesign.document import digest, from_dict, load_design
+from obsdesign.design_file import from_dict, load_design
+from obsdesign.document import digest
 from obsdesign.equations.unknown_input.smoothing import smoothed
 from obsdesign.errors import InputError
 from obsdesign.input_files import MOST_BYTES

@@ -12,7 +12,8 @@ from typing import Any
 import pytest
 
 import obsdesign
-from obsdesign.document import digest, from_dict
+from obsdesign.design_file import from_dict
+from obsdesign.document import digest
 from tests.cli.test_commands import ROOT
 
 # every kind, and a search for gains, for a form and for windows among them

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any
 from obsdesign.document import Claim, jsonable
 from obsdesign.pages.key_numbers import numbers_of
 from obsdesign.problem.problem import Problem
+from obsdesign.synthesis.kind import untried_forms
 from obsdesign.verification.answers import is_ended, more_time, reason
-from obsdesign.workflow import Outcome, layer
+from obsdesign.workflow import Outcome
 
 if TYPE_CHECKING:
     from obsdesign.studies.check.which_kinds import KindAnswer  # other commands do without them
@@ -26,27 +27,22 @@ _COLOURS = {"proved": "green", "refuted": "red", "undecided": "yellow", "does_no
 
 def answer(command: str, outcome: Outcome, result: Mapping[str, Any]) -> str:
     """The JSON object of a command, in one line."""
-    return json.dumps(
-        {
-            "command": command,
-            "verdict": outcome.verdict,
-            "kind": outcome.kind,
-            "claims": [claim.to_dict() for claim in outcome.claims],
-            "result": jsonable(result),
-        },
-        ensure_ascii=False,
-        allow_nan=False,
-    )
+    claims = [claim.to_dict() for claim in outcome.claims]
+    return _json(command, outcome.verdict, outcome.kind, claims, jsonable(result))
 
 
 def check_answer(verdict: str, answers: Mapping[str, KindAnswer]) -> str:
     """The JSON object of `check`: one entry per kind."""
     result = {kind: answer.to_dict() for kind, answer in answers.items()}
-    return json.dumps(
-        {"command": "check", "verdict": verdict, "kind": None, "claims": [], "result": result},
-        ensure_ascii=False,
-        allow_nan=False,
-    )
+    return _json("check", verdict, None, [], result)
+
+
+def _json(
+    command: str, verdict: str, kind: str | None, claims: list[dict[str, Any]], result: Any
+) -> str:
+    """The object that every command with --json prints."""
+    body = {"command": command, "verdict": verdict, "kind": kind, "claims": claims}
+    return json.dumps(body | {"result": result}, ensure_ascii=False, allow_nan=False)
 
 
 def show_check(answers: Mapping[str, KindAnswer]) -> None:
@@ -75,9 +71,7 @@ def compare_answer(rows: Sequence[ComparisonRow]) -> str:
     verdict = "proved" if any(row.verdict == "proved" for row in rows) else "refuted"
     if verdict == "refuted" and any(row.verdict == "undecided" for row in rows):
         verdict = "undecided"
-    body: dict[str, Any] = {"command": "compare", "verdict": verdict, "kind": None, "claims": []}
-    result = {"rows": [asdict(row) for row in rows]}
-    return json.dumps(body | {"result": result}, ensure_ascii=False, allow_nan=False)
+    return _json("compare", verdict, None, [], {"rows": [asdict(row) for row in rows]})
 
 
 def show_comparison(rows: Sequence[ComparisonRow]) -> None:
@@ -180,7 +174,7 @@ def _untried_forms(outcome: Outcome) -> set[str]:
     if outcome.design is None:
         return set()
     problem = Problem.from_dict(outcome.design.problem)
-    return set(layer("synthesis", outcome.kind).untried(problem))
+    return set(untried_forms(problem))
 
 
 def _claim_text(claim: Claim) -> str:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from obsdesign.errors import InputError
-from obsdesign.problem.kinds import KINDS
+from obsdesign.kinds import KINDS
 
 if TYPE_CHECKING:
     from obsdesign.problem.problem import Problem
@@ -53,7 +53,8 @@ def problem_of(path: str, kind: str | None) -> tuple[Problem, list[str]]:
 
 def source_of(source: str) -> Problem:
     """The problem in a problem file, or inside a design file."""
-    from obsdesign.document import FORMAT, load_design
+    from obsdesign.design_file import load_design
+    from obsdesign.document import FORMAT
     from obsdesign.input_files import read_text
     from obsdesign.problem.problem import Problem, load_problem
 
@@ -92,7 +93,7 @@ def numbers(text: str, option: str) -> list[float]:
 
 def answer_of(path: str) -> dict[str, Any]:
     """The JSON that a command printed, or a design file with its valid digest."""
-    from obsdesign.document import load_design
+    from obsdesign.design_file import load_design
     from obsdesign.input_files import read_text, require_depth
 
     try:

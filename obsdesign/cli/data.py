@@ -82,8 +82,8 @@ def simulate(source: str, output: str, events: str | None, seed: int, **options:
 @click.option("--skip-bad", is_flag=True, help="Report malformed lines and leave them out.")
 @click.option("--strict", is_flag=True, help="Exit code 4 if the status of a row is not ok.")
 def run(
-    design_file: str, data: str | None, output: str | None, initial: str | None, events: str | None,
-    state: str | None, skip_bad: bool, strict: bool,
+    *, design_file: str, data: str | None, output: str | None, initial: str | None,
+    events: str | None, state: str | None, skip_bad: bool, strict: bool,
 ) -> int:  # fmt: skip
     """Execute DESIGN on DATA.csv, or row by row on standard input.
 
@@ -157,7 +157,7 @@ def export(design_file: str, output: str) -> int:
     """Write the gains and the plant of DESIGN to a MATLAB file."""
     if Path(output).suffix.lower() != ".mat":
         raise InputError(f"{output}: gains are exported to a file that ends in .mat.")
-    from obsdesign.document import load_design
+    from obsdesign.design_file import load_design
     from obsdesign.interop.export import save_mat
     from obsdesign.output_files import refuse_overwriting
 

@@ -13,7 +13,7 @@ from obsdesign.cli.answers import EXIT_CODES, show
 from obsdesign.data.execution import execute
 from obsdesign.data.records import table_text
 from obsdesign.data.simulation import simulate
-from obsdesign.document import load_design
+from obsdesign.design_file import load_design
 from obsdesign.errors import InputError
 from obsdesign.output_files import write_text
 from obsdesign.pages.plotting.estimate import plot_estimate

@@ -26,7 +26,7 @@ COMPLETE = "_OBSDESIGN_COMPLETE"
 @time_option()
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object on stdout.")
 def compare(
-    problem: str, data: str | None, simulated: bool, seed: int | None, initial: str | None,
+    *, problem: str, data: str | None, simulated: bool, seed: int | None, initial: str | None,
     seconds: float | None, as_json: bool, **options: Any,
 ) -> int:  # fmt: skip
     """Run every observer that PROBLEM admits on the same record, beside a Kalman filter."""

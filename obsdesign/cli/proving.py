@@ -9,7 +9,7 @@ import click
 from obsdesign.cli.arguments import KIND, one_of, problem_of, time_option
 from obsdesign.cli.talk import is_quiet, is_verbose, progress_bar, progress_message, say, warn
 from obsdesign.errors import InputError
-from obsdesign.problem.kinds import SEARCHES
+from obsdesign.kinds import SEARCHES
 
 
 @click.command()
@@ -51,7 +51,7 @@ def check(problem: str, seconds: float | None, as_json: bool) -> int:
 @time_option()
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object on stdout.")
 def design(
-    problem: str, kind: str | None, output: str, allow_undecided: bool, seconds: float | None,
+    *, problem: str, kind: str | None, output: str, allow_undecided: bool, seconds: float | None,
     as_json: bool,
 ) -> int:  # fmt: skip
     """Synthesise what PROBLEM leaves open, prove it, and write a design file."""
@@ -91,7 +91,7 @@ def verify(design_file: str, paranoid: bool, as_json: bool) -> int:
     """Prove everything in DESIGN again, from the file alone and without a solver."""
     from obsdesign import workflow
     from obsdesign.cli.answers import EXIT_CODES, answer, show
-    from obsdesign.document import load_design
+    from obsdesign.design_file import load_design
 
     design = load_design(design_file)
     try:
@@ -116,7 +116,7 @@ def verify(design_file: str, paranoid: bool, as_json: bool) -> int:
 @time_option()
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object on stdout.")
 def search(
-    problem: str, what: str, kind: str | None, accuracy: float, seconds: float | None,
+    *, problem: str, what: str, kind: str | None, accuracy: float, seconds: float | None,
     as_json: bool,
 ) -> int:  # fmt: skip
     """Find the limit of WHAT for PROBLEM: a bracket, proved on one side."""

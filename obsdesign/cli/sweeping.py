@@ -30,7 +30,7 @@ _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 @click.option("-o", "--output", type=click.Path(), default="sweep.jsonl", show_default=True,
               help="JSON lines, one per point; points it holds are not done again.")  # fmt: skip
 def sweep(
-    problem: str, over: tuple[str, ...], what: str, kind: str | None, accuracy: float,
+    *, problem: str, over: tuple[str, ...], what: str, kind: str | None, accuracy: float,
     seconds: float | None, jobs: int | None, scheduler: str | None, output: str,
 ) -> int:  # fmt: skip
     """Map WHAT for PROBLEM over one or two of its entries; `plot` draws it."""

@@ -6,7 +6,7 @@ import io
 import math
 import re
 import sys
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
@@ -24,12 +24,13 @@ from obsdesign.data.records import (
     read_samples,
 )
 from obsdesign.data.stream import Stream, estimates_of, starting_progress, stored_progress
-from obsdesign.document import Design, load_design
+from obsdesign.design_file import load_design
+from obsdesign.document import Design
 from obsdesign.errors import InputError
 from obsdesign.output_files import refuse_overwriting, replacing, write_text
 from obsdesign.runtime import from_design
-from obsdesign.runtime.base import Estimate, Observer
-from obsdesign.runtime.stored_state import state_text
+from obsdesign.runtime.base import Estimate, Observer, Sample
+from obsdesign.runtime.stored_state import Progress, state_text
 
 # "dwell time 0.5 below 0.7" is counted as "dwell time below 0.7"
 _NUMBER = re.compile(r"(?<=time )[-+.\de]+ ")
@@ -38,57 +39,55 @@ _MOSTLY_VOID = 0.5  # of the rows, from which the data is hardly of this plant
 
 
 def execute(
-    design: str,
-    data: str | None,
-    output: str | None,
-    initial: Sequence[float] | None,
-    events: str | None,
-    *,
-    state: str | None = None,
-    skip_bad: bool = False,
+    design: str, data: str | None, output: str | None, initial: Sequence[float] | None,
+    events: str | None, *, state: str | None = None, skip_bad: bool = False,
     remark: Remark = discard,
-) -> Counter[str]:
+) -> Counter[str]:  # fmt: skip
     """Write the estimates of a design for DATA to `output`; None is standard input or output.
 
     state: the file with the observer's progress; a run continues from it if it exists, and writes
-    it at the end. skip_bad: a malformed line is a remark, not an error. remark: called with
-    these, and at the end with claims of the design that are not proved and signs that the data are
-    of another plant.
-
-    Returns how many rows there were ("rows") and how many had which status. A data file is checked
-    whole before anything is written; a pipe is answered row by row. InputError names what is wrong
-    with which file.
+    it at the end. skip_bad: a malformed line is a remark, not an error. remark: called with these,
+    and at the end with claims that are not proved and signs that the data are of another plant.
+    Returns the number of rows ("rows") and of those with each status. A data file is checked whole
+    before anything is written; a pipe is answered row by row.
     """
     signed = load_design(design)
     observer = from_design(signed, design)
     _refuse_targets((design, data), output, events, state)
-    if events is not None and not observer.finds_events:
-        raise InputError(f"--events: kind {observer.kind!r} has none to write.")
+    _refuse_events(observer, events)
     stored = None if state is None else stored_progress(state, signed, observer, initial)
     name, remarks = data or "standard input", list[str]()
-    after = -math.inf if stored is None else stored.t
-    read = partial(read_samples, layout=Layout.from_reads(observer.reads), name=name, after=after)
-    if data is not None:
+    layout, after = Layout.from_reads(observer.reads), -math.inf if stored is None else stored.t
+    read = partial(read_samples, layout=layout, name=name, after=after)
+    begin = partial(_begun, observer, stored, initial)
+    if data is not None:  # refuse before anything is written
         with _opened(data) as stream:
-            samples = read(stream, skip=discard if skip_bad else None)
-            # refuse before anything is written
-            starting_progress(observer, stored, next(samples), initial)
-            for _ in samples:
-                pass
+            deque(begin(read(stream, skip=discard if skip_bad else None))[1], maxlen=0)
     with _source(data) as stream, _writer(output) as out, _log(events, observer) as log:
         samples = read(stream, skip=remark if skip_bad else None, remark=remarks.append)
-        first = next(samples)  # there is one, or this is an InputError
-        begin, live = starting_progress(observer, stored, first, initial), data is None
-        parts = Stream(observer, begin)
-        rows = chain([first], samples)
-        whole = partial(estimates_of, observer, begin.state)
-        estimates = (whole if state is None else parts.estimates)(rows, live=live)
+        progress, rows = begin(samples)
+        parts, live = Stream(observer, progress), data is None
+        if state is None:
+            estimates = estimates_of(observer, progress.state, rows, live=live)
+        else:
+            estimates = parts.estimates(rows, live=live)
         counts = _write(observer, estimates, out, log, live=live)
     if state is not None:
         write_text(state, state_text(signed, parts.progress))
     for text in [*_unproved(design, signed), *remarks, *_void(name, counts)]:
         remark(text)
     return counts
+
+
+def _begun(
+    observer: Observer,
+    stored: Progress | None,
+    initial: Sequence[float] | None,
+    samples: Iterator[Sample],
+) -> tuple[Progress, Iterator[Sample]]:
+    """The progress before the first sample, and all samples; InputError if it cannot be taken."""
+    first = next(samples)  # there is one, or this is an InputError
+    return starting_progress(observer, stored, first, initial), chain([first], samples)
 
 
 def _write(
@@ -152,6 +151,11 @@ def _same_file(name: str | None, other: str | None) -> bool:
         return False
     path = Path(name).resolve()
     return path == Path(other).resolve() and (path.is_file() or not path.exists())
+
+
+def _refuse_events(observer: Observer, events: str | None) -> None:
+    if events is not None and not observer.finds_events:
+        raise InputError(f"--events: kind {observer.kind!r} has none to write.")
 
 
 @contextmanager

@@ -7,20 +7,18 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmi.arithmetic.arrays import Matrix
 from obsdesign.entries import positive
 from obsdesign.errors import InputError
 from obsdesign.problem.plant import Plant
-
-Vector = NDArray[np.float64]
 
 _MOST_JUMPS = 1e5
 
 
 def jump_times(
     plant: Plant, dwell: str | float | Sequence[float], until: float, rng: np.random.Generator
-) -> Vector:
+) -> Matrix:
     """Jump instants in (0, until]; the first one a dwell time after 0."""
     if plant.jump is None:
         return np.zeros(0)

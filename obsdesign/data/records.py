@@ -69,13 +69,8 @@ def read_samples(
     not increase, rows of the wrong length.
     """
     lines = enumerate(_lines(stream, name), start=1)
-    header = [title.strip() for title in _cells(next(lines, (1, ""))[1], f"{name} line 1", name)]
-    if not header:
-        raise InputError(
-            f"{name}: a header line with column 't', ... is required; the file is empty."
-        )
-    places = _places(header, layout, name)
-    _remark_on_outputs(header, layout, name, remark)
+    header = _Header.from_line(next(lines, (1, ""))[1], layout, name)
+    header.remark_on_outputs(remark)
     previous, rows = after, 0
     for number, line in lines:
         where = f"{name} line {number}"
@@ -83,7 +78,7 @@ def read_samples(
             cells = _cells(line, where, name)
             if not cells or all(not cell.strip() for cell in cells):
                 continue
-            sample = _row(cells, header, places, layout, where, previous)
+            sample = header.sample(cells, where, previous)
         except InputError as error:
             if skip is None:
                 raise
@@ -95,38 +90,56 @@ def read_samples(
         raise InputError(f"{name}: at least one row of data is required; there is only a header.")
 
 
-def _row(
-    cells: list[str], header: list[str], places: dict[str, int], layout: Layout, where: str,
-    previous: float,
-) -> Sample:  # fmt: skip
-    """The sample of a line; InputError if it is none, or not after the time `previous`."""
-    if len(cells) != len(header):
-        raise InputError(
-            f"{where}: {len(header)} values are required, one per column; got {len(cells)}."
-        )
-    sample = _sample(cells, places, layout, where)
-    unused = None if layout.jump or "jump" not in header else header.index("jump")
-    if unused is not None and cells[unused].strip() not in ("", "0", "0.0"):
-        raise InputError(
-            f"{where}: jump must be 0, since the design's plant has no [jump]; got "
-            f"{cells[unused].strip()!r}. Is it the data of another plant?"
-        )
-    if sample.t <= previous:
-        raise InputError(
-            f"{where}: t must increase; got {sample.t!r} after {previous!r}. "
-            "Are the rows sorted, without repeats?"
-        )
-    return sample
+@dataclass(frozen=True)
+class _Header:
+    """The columns of a data file, and where those of the layout stand among them."""
 
+    titles: list[str]
+    places: dict[str, int]
+    layout: Layout
+    name: str
 
-def _remark_on_outputs(header: list[str], layout: Layout, name: str, remark: Remark) -> None:
-    """A remark if there are columns y1, y2, ... beyond those of the plant."""
-    more = [x for x in header if re.fullmatch(r"y[1-9]\d*", x) and x not in layout.columns]
-    if more:
-        remark(
-            f"{name}: {', '.join(more)} of the header are not used, since the design's plant has "
-            f"{layout.y} output{'s' * (layout.y != 1)}. Is it the data of another plant?"
-        )
+    @classmethod
+    def from_line(cls, line: str, layout: Layout, name: str) -> _Header:
+        titles = [title.strip() for title in _cells(line, f"{name} line 1", name)]
+        if not titles:
+            raise InputError(
+                f"{name}: a header line with column 't', ... is required; the file is empty."
+            )
+        return cls(titles, _places(titles, layout, name), layout, name)
+
+    def sample(self, cells: list[str], where: str, previous: float) -> Sample:
+        """The sample of a line; InputError if it is none, or not after the time `previous`."""
+        if len(cells) != len(self.titles):
+            raise InputError(
+                f"{where}: {len(self.titles)} values are required, one per column; "
+                f"got {len(cells)}."
+            )
+        sample = _sample(cells, self.places, self.layout, where)
+        if not self.layout.jump and "jump" in self.titles:
+            unused = cells[self.titles.index("jump")].strip()
+            if unused not in ("", "0", "0.0"):
+                raise InputError(
+                    f"{where}: jump must be 0, since the design's plant has no [jump]; got "
+                    f"{unused!r}. Is it the data of another plant?"
+                )
+        if sample.t <= previous:
+            raise InputError(
+                f"{where}: t must increase; got {sample.t!r} after {previous!r}. "
+                "Are the rows sorted, without repeats?"
+            )
+        return sample
+
+    def remark_on_outputs(self, remark: Remark) -> None:
+        """A remark if there are columns y1, y2, ... beyond those of the plant."""
+        known = self.layout.columns
+        more = [x for x in self.titles if re.fullmatch(r"y[1-9]\d*", x) and x not in known]
+        if more:
+            outputs = f"{self.layout.y} output{'s' * (self.layout.y != 1)}"
+            remark(
+                f"{self.name}: {', '.join(more)} of the header are not used, since the design's "
+                f"plant has {outputs}. Is it the data of another plant?"
+            )
 
 
 def _lines(stream: TextIO, name: str) -> Iterator[str]:

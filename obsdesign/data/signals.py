@@ -10,11 +10,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmi.arithmetic.arrays import Matrix
 from obsdesign.problem.plant import Plant
-
-Array = NDArray[np.float64]
 
 DISTURBANCES = ("zero", "extreme", "random", "sine")
 _INPUT_CHANGES = 20  # a known input takes this many values over a record
@@ -24,14 +22,14 @@ _INPUT_CHANGES = 20  # a known input takes this many values over a record
 class Bounded:
     """A signal lower <= s(t) <= upper, held between rows or a sine; shapes (rows, k) or (k,)."""
 
-    held: Array
-    amplitude: Array
-    omega: Array
-    phase: Array
+    held: Matrix
+    amplitude: Matrix
+    omega: Matrix
+    phase: Matrix
 
-    def value(self, k: int, t: float) -> Array:
+    def value(self, k: int, t: float) -> Matrix:
         """Value at time t of row k."""
-        signal: Array = self.held[k] + self.amplitude * np.sin(self.omega * t + self.phase)
+        signal: Matrix = self.held[k] + self.amplitude * np.sin(self.omega * t + self.phase)
         return signal
 
 
@@ -40,17 +38,17 @@ class Signals:
     """Signals of one run; rows are those of the record."""
 
     plant: Plant
-    generator: Array
+    generator: Matrix
     flow: Bounded
     unknown_input: Bounded
     jump_disturbance: Bounded
     noise: Bounded
-    gaussian: Array
-    u: Array
-    w: Array
-    weights: Array
+    gaussian: Matrix
+    u: Matrix
+    w: Matrix
+    weights: Matrix
 
-    def extended(self, x: Array, k: int, t: float) -> Array:
+    def extended(self, x: Matrix, k: int, t: float) -> Matrix:
         """State of plant, constants and oscillators at the start (time t) of the step to row k."""
         flow = self.plant.flow
         constant = self.flow.held[k].copy()
@@ -61,18 +59,18 @@ class Signals:
         angles = np.concatenate([s.omega * t + s.phase for s in (self.flow, self.unknown_input)])
         return np.concatenate([x, constant, np.sin(angles), np.cos(angles)])
 
-    def jump(self, k: int) -> Array:
+    def jump(self, k: int) -> Matrix:
         """E w + H g + c at row k."""
         jump = self.plant.jump
         assert jump is not None
-        total: Array = self.jump_disturbance.held[k].copy()
+        total: Matrix = self.jump_disturbance.held[k].copy()
         if jump.E is not None:
             total += jump.E @ self.w[k]
         if jump.H is not None:
             total += jump.H @ self.weights[k]
         return total
 
-    def measurement(self, clean: Array, k: int, t: float, measured: bool) -> Array:
+    def measurement(self, clean: Matrix, k: int, t: float, measured: bool) -> Matrix:
         """y at row k, NaN where there is none. A bound of the noise holds for all of it."""
         if not measured:
             return np.full_like(clean, np.nan)
@@ -81,10 +79,10 @@ class Signals:
         noise = self.noise.value(k, t) + spread * self.gaussian[k]
         if self.plant.output.noise_bound is not None:
             noise = np.clip(noise, lower, upper)
-        value: Array = clean + noise
+        value: Matrix = clean + noise
         return value
 
-    def unknown(self, times: Array) -> Array:
+    def unknown(self, times: Matrix) -> Matrix:
         """Truth of the unknown input, (rows, q)."""
         return np.array(
             [self.unknown_input.value(k, t) for k, t in enumerate(times.tolist())]
@@ -117,7 +115,7 @@ def signals(plant: Plant, kind: str, rows: int, rng: np.random.Generator) -> Sig
     )
 
 
-def noise_ends(plant: Plant) -> tuple[Array, Array]:
+def noise_ends(plant: Plant) -> tuple[Matrix, Matrix]:
     """Lower and upper bounds of the noise, (p,); zeros where they are not known."""
     bound = plant.output.noise_bound
     if bound is None:
@@ -125,11 +123,13 @@ def noise_ends(plant: Plant) -> tuple[Array, Array]:
     return (-bound, bound) if bound.ndim == 1 else (bound[:, 0], bound[:, 1])
 
 
-def _columns(matrix: Array | None) -> int:
+def _columns(matrix: Matrix | None) -> int:
     return 0 if matrix is None else matrix.shape[1]
 
 
-def _bounded(lower: Array, upper: Array, kind: str, rows: int, rng: np.random.Generator) -> Bounded:
+def _bounded(
+    lower: Matrix, upper: Matrix, kind: str, rows: int, rng: np.random.Generator
+) -> Bounded:
     size, middle, radius = len(lower), (lower + upper) / 2, (upper - lower) / 2
     still = np.zeros(size)
     if kind == "sine":
@@ -144,7 +144,7 @@ def _bounded(lower: Array, upper: Array, kind: str, rows: int, rng: np.random.Ge
     return Bounded(np.clip(held, lower, upper), still, still, still)
 
 
-def _generator(flow: Any, b: Bounded, d: Bounded) -> Array:
+def _generator(flow: Any, b: Bounded, d: Bounded) -> Matrix:
     """d/dt [x; c; sin; cos] for the sines that have an amplitude."""
     n = len(flow.A)
     through = np.hstack(

@@ -14,14 +14,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from lmi.arithmetic.arrays import Array, Matrix
 from lmi.arithmetic.exponential import expm
 from obsdesign.data.jump_times import jump_times
 from obsdesign.data.signals import DISTURBANCES, Signals, signals
 from obsdesign.entries import positive
 from obsdesign.errors import InputError
 from obsdesign.problem.plant import Plant
-
-Vector = NDArray[np.float64]
 
 # exponent by which an unstable mode may grow in a default simulation
 _GROWN = 6.0
@@ -37,15 +36,15 @@ class Simulation:
     events: times and weights of unknown impulses, (t, weight1, ...).
     """
 
-    columns: dict[str, NDArray[Any]]
-    events: NDArray[np.float64]
+    columns: dict[str, Array]
+    events: Matrix
 
     @property
-    def t(self) -> Vector:
+    def t(self) -> Matrix:
         """Time stamps, (rows,)."""
         return self.columns["t"]
 
-    def block(self, letter: str) -> NDArray[np.float64]:
+    def block(self, letter: str) -> Matrix:
         """Columns y, u, w, x or d as one array (rows, number)."""
         names = [name for name in self.columns if name[0] == letter and name[1:].isdigit()]
         return np.column_stack(
@@ -86,24 +85,23 @@ def simulate(
     between = step is not None or plant.output.measured != "at_jumps"
     step = _default_step(plant, until) if step is None else positive(step, "step")
     instants = _instants(plant, jumps, until, step, between)
-    if not (np.diff(instants[0]) > 0).all():
-        raise InputError(
-            f"until = {until:g} and step = {step:g} leave rows closer than 1e-12 apart; choose a "
-            "smaller unit of time."
-        )
-    source = signals(plant, disturbance, len(instants[0]), rng)
+    source = signals(plant, disturbance, len(instants.times), rng)
     with np.errstate(over="ignore", invalid="ignore"):
-        record = _trajectory(plant, x, *instants, source, announced)
+        record = _trajectory(x, instants, source, announced)
+    _require_finite(record)
+    return record
+
+
+def _require_finite(record: Simulation) -> None:
     finite = np.isfinite(record.block("x")).all(axis=1)
     if not finite.all():
         raise InputError(
             f"the state overflows at t = {record.t[np.argmin(finite)]:g}: the plant is unstable "
             "for these jumps; give a smaller --until."
         )
-    return record
 
 
-def _initial(n: int, initial: ArrayLike | None) -> Vector:
+def _initial(n: int, initial: ArrayLike | None) -> Matrix:
     x = np.ones(n) if initial is None else np.asarray(initial, dtype=np.float64)
     if x.shape != (n,) or not np.isfinite(x).all():
         raise InputError(f"initial must have {n} finite entries, one per state; got {x.tolist()}.")
@@ -145,10 +143,17 @@ def _default_step(plant: Plant, until: float) -> float:
     )
 
 
-def _instants(
-    plant: Plant, jumps: Vector, until: float, step: float, between: bool
-) -> tuple[Vector, NDArray[np.bool_], NDArray[np.bool_]]:
-    """(times, is a jump, has a measurement) of all rows."""
+@dataclass(frozen=True)
+class _Instants:
+    """Times of all rows; which of them are jumps, and which have a measurement."""
+
+    times: Matrix
+    is_jump: NDArray[np.bool_]
+    is_measured: NDArray[np.bool_]
+
+
+def _instants(plant: Plant, jumps: Matrix, until: float, step: float, between: bool) -> _Instants:
+    """All rows; InputError where two of them fall together."""
     grid = _grid(step, until) if between else np.zeros(0)
     if plant.output.measured == "periodic" and plant.output.period:
         samples = _grid(float(plant.output.period), until)
@@ -159,10 +164,15 @@ def _instants(
     order = np.argsort(times)
     is_jump = np.concatenate([np.zeros(len(grid), bool), np.ones(len(jumps), bool)])[order]
     times = times[order]
-    return times, is_jump, _measured(plant, times, is_jump)
+    if not (np.diff(times) > 0).all():
+        raise InputError(
+            f"until = {until:g} and step = {step:g} leave rows closer than 1e-12 apart; choose a "
+            "smaller unit of time."
+        )
+    return _Instants(times, is_jump, _measured(plant, times, is_jump))
 
 
-def _grid(step: float, until: float) -> Vector:
+def _grid(step: float, until: float) -> Matrix:
     if until / step > _MOST_ROWS:
         raise InputError(
             f"step = {step:g} makes {until / step:.4g} rows until {until:g}; "
@@ -172,16 +182,16 @@ def _grid(step: float, until: float) -> Vector:
     return np.asarray(np.round(step * np.arange(rows), 12), dtype=np.float64)
 
 
-def _away(grid: Vector, instants: Vector, least: float) -> Vector:
+def _away(grid: Matrix, instants: Matrix, least: float) -> Matrix:
     """Return the grid without its points at these instants, in order."""
     ends = np.concatenate([[-math.inf], instants, [math.inf]])
     places = np.searchsorted(ends, grid)
     distance = np.minimum(np.abs(grid - ends[places - 1]), np.abs(ends[places] - grid))
-    kept: Vector = grid[distance > least]
+    kept: Matrix = grid[distance > least]
     return kept
 
 
-def _measured(plant: Plant, times: Vector, is_jump: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _measured(plant: Plant, times: Matrix, is_jump: NDArray[np.bool_]) -> NDArray[np.bool_]:
     if plant.output.measured == "at_jumps":
         return is_jump
     measured = np.ones(len(times), bool)
@@ -191,40 +201,33 @@ def _measured(plant: Plant, times: Vector, is_jump: NDArray[np.bool_]) -> NDArra
     return measured & ~(is_jump & (plant.output.jump_measurement == "none"))
 
 
-def _trajectory(
-    plant: Plant,
-    x: Vector,
-    times: Vector,
-    is_jump: NDArray[np.bool_],
-    measured: NDArray[np.bool_],
-    source: Signals,
-    announced: bool,
-) -> Simulation:
+def _trajectory(x: Matrix, instants: _Instants, source: Signals, announced: bool) -> Simulation:
     """Step from row to row; matrices are shared between equal steps."""
-    C, n = plant.output.C, len(x)
+    plant, n = source.plant, len(x)
+    C = plant.output.C
     truth, outputs, events = [], [], []
-    cache: dict[float, NDArray[np.float64]] = {}
+    cache: dict[float, Matrix] = {}
     now = 0.0
-    for k, t in enumerate(times.tolist()):
+    for k, t in enumerate(instants.times.tolist()):
         h = t - now
         if h > 0:
             if h not in cache:
                 cache[h] = expm(source.generator * h)[:n]
             x = cache[h] @ source.extended(x, k, now)
         before = x
-        if is_jump[k]:
+        if instants.is_jump[k]:
             assert plant.jump is not None
             x = plant.jump.G @ x + source.jump(k)
             if plant.jump.H is not None:
                 events.append([t, *source.weights[k]])
         after = plant.output.jump_measurement == "after"
-        outputs.append(source.measurement(C @ (x if after else before), k, t, bool(measured[k])))
+        is_measured = bool(instants.is_measured[k])
+        outputs.append(source.measurement(C @ (x if after else before), k, t, is_measured))
         truth.append(x)
         now = t
-    y = np.array(outputs).reshape(len(times), len(C))
+    y = np.array(outputs).reshape(len(instants.times), len(C))
     states = np.array(truth).reshape(-1, n)
-    reported = is_jump if _reports_jumps(plant, announced) else None
-    table = _columns(times, is_jump, reported, y, states, source)
+    table = _columns(instants, y, states, source, reports=_reports_jumps(plant, announced))
     return Simulation(table, np.array(events).reshape(len(events), 1 + source.weights.shape[1]))
 
 
@@ -237,15 +240,16 @@ def _reports_jumps(plant: Plant, announced: bool) -> bool:
 
 
 def _columns(
-    times: Vector, is_jump: Any, reported: Any, y: Vector, truth: Vector, source: Signals
-) -> dict[str, NDArray[Any]]:
-    columns: dict[str, NDArray[Any]] = {"t": times}
-    w = np.where(is_jump[:, None], source.w, np.nan)
-    d = source.unknown(times)
+    instants: _Instants, y: Matrix, truth: Matrix, source: Signals, *, reports: bool
+) -> dict[str, Array]:
+    """Columns of a record; reports: has it one that says where jumps are?"""
+    columns: dict[str, Array] = {"t": instants.times}
+    w = np.where(instants.is_jump[:, None], source.w, np.nan)
+    d = source.unknown(instants.times)
     for letter, values in (("y", y), ("u", source.u), ("w", w)):
         columns |= {f"{letter}{i + 1}": values[:, i] for i in range(values.shape[1])}
-    if reported is not None:
-        columns["jump"] = reported.astype(np.int64)
+    if reports:
+        columns["jump"] = instants.is_jump.astype(np.int64)
     for letter, values in (("x", truth), ("d", d)):
         columns |= {f"{letter}{i + 1}": values[:, i] for i in range(values.shape[1])}
     return columns

@@ -11,9 +11,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[Any]  # float64, or object arrays of exact rationals
+from lmi.arithmetic.arrays import Array
 
 
 def flow_error_matrix(A: Array, L: Array, C: Array) -> Array:

@@ -23,9 +23,8 @@ from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[Any]
+from lmi.arithmetic.arrays import Array as Array
 
 
 @dataclass(frozen=True)

@@ -5,12 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from lmi.arithmetic.arrays import Matrix
 
 
-def noise_box(bound: Any) -> tuple[NDArray[np.float64] | None, NDArray[np.float64]]:
+def noise_box(bound: Any) -> tuple[Matrix | None, Matrix]:
     """(centre, radius) of bounds of the noise, (p,) or pairs (p, 2); all |v - centre| <= radius.
 
     centre: None where all bounds are symmetric.
@@ -24,7 +23,7 @@ def noise_box(bound: Any) -> tuple[NDArray[np.float64] | None, NDArray[np.float6
     return (centre if centre.any() else None), radius
 
 
-def _difference_up(a: Array, b: Array) -> Array:
+def _difference_up(a: Matrix, b: Matrix) -> Matrix:
     """a - b, rounded up where it is rounded; by the error of a sum (Knuth, TAOCP 2, 4.2.2)."""
     difference = a - b
     virtual = difference - a

@@ -6,20 +6,20 @@ from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmi.arithmetic.arrays import Array
 from obsdesign.errors import InputError
 from obsdesign.runtime.base import Estimate
 from obsdesign.runtime.columns import Batch, collect
 
 
-def to_columns(estimates: Batch | Iterable[Estimate]) -> dict[str, NDArray[Any]]:
+def to_columns(estimates: Batch | Iterable[Estimate]) -> dict[str, Array]:
     """t, x1, ..., x1_lo, x1_hi, ..., d1, ..., status: arrays of one entry per estimate.
 
     estimates: what `run_batch` returns, or what `step` and `run` give one by one.
     """
     batch = estimates if isinstance(estimates, Batch) else collect(estimates)
-    columns: dict[str, NDArray[Any]] = {"t": batch.t}
+    columns: dict[str, Array] = {"t": batch.t}
     if batch.x is not None:
         columns |= {f"x{i + 1}": values for i, values in enumerate(batch.x.T)}
     if batch.lower is not None and batch.upper is not None:

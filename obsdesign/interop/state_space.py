@@ -29,6 +29,23 @@ def from_state_space(
     (D, disturbance) and [output]; jump, observer: those blocks. InputError for a discrete model, a
     feedthrough D, an object without the matrices, or A, B, C given twice.
     """
+    _require_strictly_proper(system)
+    for block, given, taken in (("flow", flow, "AB"), ("output", output, "C")):
+        for key in taken:
+            if key in (given or {}):
+                raise InputError(f"{block}.{key} is given by the system; give it once.")
+    known = {"B": system.B} if np.any(system.B) else {}
+    return Problem(
+        {**(flow or {}), "A": system.A, **known},
+        {**(output or {}), "C": system.C},
+        jump,
+        observer,
+        name,
+    )
+
+
+def _require_strictly_proper(system: Any) -> None:
+    """InputError unless the system has matrices, is continuous in time and has no feedthrough."""
     missing = [key for key in ("A", "B", "C", "D") if not hasattr(system, key)]
     if missing:
         raise InputError(
@@ -43,15 +60,3 @@ def from_state_space(
             "system must have no feedthrough, y = C x; its D is not zero. "
             "Subtract D u from the measurement and set D to zero."
         )
-    for block, given, taken in (("flow", flow, "AB"), ("output", output, "C")):
-        for key in taken:
-            if key in (given or {}):
-                raise InputError(f"{block}.{key} is given by the system; give it once.")
-    known = {"B": system.B} if np.any(system.B) else {}
-    return Problem(
-        {**(flow or {}), "A": system.A, **known},
-        {**(output or {}), "C": system.C},
-        jump,
-        observer,
-        name,
-    )

@@ -7,13 +7,13 @@ decay. Windows: smallest singular value of the window matrix, or the weight of e
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.balls import exact
 from lmi.arithmetic.exponential import absolute_flow, expm
 from lmi.arithmetic.spectrum import spectral_radii
@@ -24,17 +24,24 @@ from obsdesign.equations.estimation_error import (
     jump_error_matrix,
     seen_before_jump,
 )
+from obsdesign.equations.finite_time.gains import FiniteTimeGains
 from obsdesign.equations.impulsive.formulas import Core
 from obsdesign.equations.impulsive.gains import ImpulsiveGains
 from obsdesign.equations.impulsive_input import features as impulsive_input
+from obsdesign.equations.impulsive_input.gains import IntegralGains, gains_from_document
 from obsdesign.equations.interval.gains import IntervalGains
 from obsdesign.equations.interval.width import WidthSystem
-
-Array = NDArray[np.float64]
+from obsdesign.equations.luenberger.gains import LuenbergerGains
+from obsdesign.equations.unknown_input.gains import UnknownInputGains
 
 _POINTS = 400
 # beyond a range of dwell times so much of it is shown, and of an endless one so many shortest ones
 _BEYOND, _ENDLESS = 0.15, 4.0
+
+
+# gains and evidence as a design file has them
+_Stored = Mapping[str, Any]
+_Evidence = Mapping[str, Mapping[str, Any]]
 
 
 @dataclass(frozen=True)
@@ -47,8 +54,8 @@ class Curve:
     title: str
     x_label: str
     y_label: str
-    x: Array
-    series: Mapping[str, Array]
+    x: Matrix
+    series: Mapping[str, Matrix]
     caption: str
     level: float | None = None
     proved: tuple[float, float] | None = None
@@ -74,13 +81,14 @@ def curve_of(design: Design) -> Curve | None:
     return curve
 
 
-def _interval(gains: Mapping[str, Any], evidence: Mapping[str, Any]) -> Curve | None:
-    system = WidthSystem.from_gains(IntervalGains.from_document(gains))
-    if system.K is not None:
-        return _growth_from_sample_to_sample(system, float(gains["period"]))
+def _interval(stored: _Stored, evidence: _Evidence) -> Curve | None:
+    gains = IntervalGains.from_document(stored)
+    system = WidthSystem.from_gains(gains)
+    if system.K is not None and gains.period is not None:
+        return _growth_from_sample_to_sample(system, gains.period)
     if system.N is None:
         return _decay(system.W)
-    return _growth(system.W, [system.N], gains["dwell_time"], evidence, "width of the bounds")
+    return _growth(system.W, system.N, gains.dwell_range, evidence, "width of the bounds")
 
 
 def _growth_from_sample_to_sample(system: WidthSystem, period: float) -> Curve:
@@ -100,41 +108,31 @@ def _growth_from_sample_to_sample(system: WidthSystem, period: float) -> Curve:
     )
 
 
-def _unknown_input(gains: Mapping[str, Any], evidence: Mapping[str, Any]) -> Curve | None:
-    return _decay(gains["F"])
+def _unknown_input(stored: _Stored, evidence: _Evidence) -> Curve | None:
+    return _decay(UnknownInputGains.from_document(stored).F)
 
 
-def _luenberger(gains: Mapping[str, Any], evidence: Mapping[str, Any]) -> Curve | None:
-    F = flow_error_matrix(gains["A"], gains["L"], gains["C"])
-    if "G" not in gains:
+def _luenberger(stored: _Stored, evidence: _Evidence) -> Curve | None:
+    gains = LuenbergerGains.from_document(stored)
+    F = flow_error_matrix(gains.A, gains.L, gains.C)
+    if gains.G is None:
         return _decay(F)
-    all_M = np.asarray(gains["M"])
-    H = [
-        jump_error_matrix(gains["G"], M, gains["C"], gains["jump_measurement"])
-        for M in (all_M if all_M.ndim == 3 else all_M[None])
-    ]
-    return _growth(F, H, gains["dwell_time"], evidence, "estimation error")
+    H = jump_error_matrix(gains.G, gains.M, gains.C, gains.jump_measurement)
+    return _growth(F, H, gains.dwell_range, evidence, "estimation error")
 
 
 def _growth(
-    F: Array,
-    all_H: list[Array],
-    span: Sequence[float],
-    evidence: Mapping[str, Any],
-    what: str,
+    F: Matrix, H: Matrix, span: tuple[float, float], evidence: _Evidence, what: str
 ) -> Curve:
     """Growth from jump to jump over the time between them, if constant, and in the norm of P."""
-    low, high = (float(end) for end in span)
+    low, high = span
     theta = _around(low, high)
     flows = expm(F * theta[:, None, None])
-    series = {}
-    for k, H in enumerate(all_H):
-        name = "constant dwell time" + (f", gain {k + 1}" if len(all_H) > 1 else "")
-        series[name] = spectral_radii(np.nan_to_num(flows @ H))
+    series = {"constant dwell time": spectral_radii(np.nan_to_num(flows @ H))}
     P = evidence.get("dwell_stability", {}).get("P")
-    if P is not None and len(all_H) == 1:
+    if P is not None:
         root = np.linalg.cholesky(np.asarray(P)).T
-        maps = np.linalg.solve(root.T, np.swapaxes(root @ flows @ all_H[0], -1, -2))
+        maps = np.linalg.solve(root.T, np.swapaxes(root @ flows @ H, -1, -2))
         series["worst direction, norm of P"] = np.linalg.norm(
             np.nan_to_num(maps), ord=2, axis=(1, 2)
         )
@@ -152,7 +150,7 @@ def _growth(
     )
 
 
-def _around(low: float, high: float) -> Array:
+def _around(low: float, high: float) -> Matrix:
     """Dwell times in a range and a little beyond it."""
     if math.isinf(high):
         top = _ENDLESS * low if low > 0 else 10.0
@@ -161,7 +159,7 @@ def _around(low: float, high: float) -> Array:
     return np.linspace(max(low - beyond, 0.0), high + beyond, _POINTS)
 
 
-def _decay(F: Array) -> Curve | None:
+def _decay(F: Matrix) -> Curve | None:
     """Decay of the worst unit error, over time."""
     if not len(F):
         return None
@@ -179,13 +177,14 @@ def _decay(F: Array) -> Curve | None:
     )
 
 
-def _impulsive(gains: Mapping[str, Any], evidence: Mapping[str, Any]) -> Curve | None:
-    if "table" in gains:
+def _impulsive(stored: _Stored, evidence: _Evidence) -> Curve | None:
+    gains = ImpulsiveGains.from_document(stored)
+    if gains.table is not None:
         return _quadratic(gains, evidence)
     proof = evidence.get("strongly_observable", {})
-    low, high = (float(end) for end in gains["dwell_time"])
-    core = Core.from_gains(ImpulsiveGains.from_document(gains), exact)
-    stack = Stack(*core.stack(int(proof.get("blocks", gains["window"]))))
+    low, high = gains.dwell_range
+    core = Core.from_gains(gains, exact)
+    stack = Stack(*core.stack(int(proof.get("blocks", gains.window_length))))
     theta = _around(low, high)
     R, full = coordinates(stack, low, high)
     if not full or not stack.thetas:
@@ -208,17 +207,15 @@ def _impulsive(gains: Mapping[str, Any], evidence: Mapping[str, Any]) -> Curve |
     )
 
 
-def _quadratic(gains: Mapping[str, Any], evidence: Mapping[str, Any]) -> Curve | None:
+def _quadratic(gains: ImpulsiveGains, evidence: _Evidence) -> Curve | None:
     proof = evidence.get("contracting", {})
     if "P" not in proof:
         return None
-    G, root = gains["G"], np.linalg.cholesky(np.asarray(proof["P"], float)).T
-    C = seen_before_jump(G, gains["C"], gains["jump_measurement"])
-    cells, table = np.asarray(gains["cells"]), np.asarray(gains["table"])
-    low, high = (float(end) for end in gains["dwell_time"])
-    theta: Array = np.linspace(low, high, _POINTS)
-    cell = np.clip(np.searchsorted(cells, theta, side="right") - 1, 0, len(table) - 1)
-    maps = root @ (G + table[cell] @ C) @ expm(gains["A"] * theta[:, None, None])
+    G, root = gains.jump_matrix, np.linalg.cholesky(np.asarray(proof["P"], float)).T
+    C = seen_before_jump(G, gains.C, gains.jump_measurement)
+    low, high = gains.dwell_range
+    theta: Matrix = np.linspace(low, high, _POINTS)
+    maps = root @ (G + gains.table_gain(theta) @ C) @ expm(gains.A * theta[:, None, None])
     in_norm = np.linalg.solve(root.T, np.swapaxes(maps, 1, 2))
     return Curve(
         "What is left of the error after an impulse",
@@ -233,13 +230,14 @@ def _quadratic(gains: Mapping[str, Any], evidence: Mapping[str, Any]) -> Curve |
     )
 
 
-def _finite_time(gains: Mapping[str, Any], evidence: Mapping[str, Any]) -> Curve:
-    gain, p = np.asarray(gains["window_gain"]), len(gains["C"])
-    weights = gain.reshape(len(gain), -1, p)
-    age: Array = np.float64(gains["period"]) * np.arange(weights.shape[1])[::-1]
+def _finite_time(stored: _Stored, evidence: _Evidence) -> Curve:
+    gains = FiniteTimeGains.from_document(stored)
+    n, p = gains.n, gains.p
+    weights = gains.window_gain.reshape(n, -1, p)
+    age: Matrix = gains.period * np.arange(weights.shape[1], dtype=np.float64)[::-1]
     series = {
         f"x{i + 1}" + (f" from y{j + 1}" if p > 1 else ""): weights[i, :, j]
-        for i in range(len(gain))
+        for i in range(n)
         for j in range(p)
     }
     return Curve(
@@ -253,13 +251,14 @@ def _finite_time(gains: Mapping[str, Any], evidence: Mapping[str, Any]) -> Curve
     )
 
 
-def _impulsive_input(gains: Mapping[str, Any], evidence: Mapping[str, Any]) -> Curve | None:
-    tau, A, C, H = (np.asarray(gains[name]) for name in ("window", "A", "C", "H"))
-    step = float(tau) / (_POINTS - 1)
-    ages: Array = np.float64(step) * np.arange(_POINTS)
-    if "exponents" in gains and "K" in gains:
-        D = flow_error_matrix(A, gains["K"], C)
-        F = impulsive_input.filtered_system(D, C, np.asarray(gains["exponents"], float))
+def _impulsive_input(stored: _Stored, evidence: _Evidence) -> Curve | None:
+    gains = gains_from_document(stored)
+    A, C, H = gains.A, gains.C, gains.H
+    step = gains.window / (_POINTS - 1)
+    ages: Matrix = step * np.arange(_POINTS, dtype=np.float64)
+    if isinstance(gains, IntegralGains):
+        D = flow_error_matrix(A, gains.K, C)
+        F = impulsive_input.filtered_system(D, C, gains.exponents)
         response = impulsive_input.impulse_responses(F, H, step, _POINTS)[:, len(A) :]
         what = "features of the window"
     else:

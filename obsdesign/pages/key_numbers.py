@@ -23,7 +23,7 @@ def numbers_of(evidence: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[
             yield name, ", ".join(_number(x) for x in value)
 
 
-def _is_short_list(value: Any) -> bool:
+def _is_short_list(value: object) -> bool:
     if not isinstance(value, list | tuple | np.ndarray) or len(value) > _MOST_LISTED:
         return False
     return all(isinstance(x, bool | str | int | float | np.number) for x in value)

@@ -21,7 +21,8 @@ from obsdesign import workflow
 from obsdesign.data.execution import execute
 from obsdesign.data.records import table_text
 from obsdesign.data.simulation import simulate
-from obsdesign.document import Design, jsonable, load_design
+from obsdesign.design_file import load_design
+from obsdesign.document import Design, jsonable
 from obsdesign.errors import InputError
 from obsdesign.output_files import temporary_folder, write_text
 from obsdesign.pages.curves import curve_of

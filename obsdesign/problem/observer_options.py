@@ -13,15 +13,19 @@ from typing import Any
 
 import numpy as np
 
-from obsdesign.entries import Array, in_range, matrix, shown
+from lmi.arithmetic.arrays import Matrix
+from obsdesign.entries import in_range, matrix, shown
 from obsdesign.errors import InputError
-from obsdesign.problem.kinds import GAINS, INVERTIBLE, KINDS, OPTIONS
-from obsdesign.problem.options import OPTIONS_OF, is_whole
+from obsdesign.kinds import GAINS, kind_named
+from obsdesign.problem.options import OPTIONS, OPTIONS_OF, is_whole
 from obsdesign.problem.options_base import Options, UnassignedOptions
 from obsdesign.problem.plant import Plant
 
+# changes of coordinates: their inverse is needed
+INVERTIBLE = ("S", "S2", "T1")
 
-def gains(given: Mapping[str, Any], kind: str | None, plant: Plant) -> dict[str, Array]:
+
+def gains(given: Mapping[str, Any], kind: str | None, plant: Plant) -> dict[str, Matrix]:
     """Finite, read-only gain matrices of the sizes that the kind gives them (kind None: any).
 
     InputError also for coordinates that are singular or do not hold D where they must.
@@ -43,7 +47,7 @@ def gains(given: Mapping[str, Any], kind: str | None, plant: Plant) -> dict[str,
     return matrices
 
 
-def _sized(values: Any, entry: str, kind: str, plant: Plant) -> Array:
+def _sized(values: Any, entry: str, kind: str, plant: Plant) -> Matrix:
     letters = GAINS[kind][entry.rpartition(".")[2]]
     q = 0 if plant.flow.D is None else plant.flow.D.shape[1]
     if kind == "unknown_input" and not 0 < q <= plant.p:
@@ -66,7 +70,7 @@ def _sized(values: Any, entry: str, kind: str, plant: Plant) -> Array:
     return result
 
 
-def _check_coordinates(matrices: Mapping[str, Array], plant: Plant) -> None:
+def _check_coordinates(matrices: Mapping[str, Matrix], plant: Plant) -> None:
     if ("L" in matrices) != ("T1" in matrices):
         absent = "T1" if "L" in matrices else "L"
         raise InputError(
@@ -118,8 +122,7 @@ def for_kind(observer: Mapping[str, Any], kind: str) -> tuple[dict[str, Any], li
     Entries that the written kind knows are its own and mean nothing to another; entries that it
     does not know stay if `kind` does. Names that no kind knows stay, to be complained of.
     """
-    if kind not in KINDS:
-        raise InputError(f"kind must be one of {', '.join(KINDS)}; got {kind!r}.")
+    kind_named(kind)
     written = observer.get("kind")
     own = written if isinstance(written, str) and written != kind else None
 

@@ -265,6 +265,18 @@ OPTIONS_OF: Mapping[str, type[Options]] = {
 }
 
 
+# kind -> names of its options
+OPTIONS: Mapping[str, tuple[str, ...]] = {
+    kind: tuple(option.name for option in fields(options))  # type: ignore[arg-type]
+    for kind, options in OPTIONS_OF.items()
+}
+
+
+def owners(name: str) -> list[str]:
+    """Kinds that know an option."""
+    return [kind for kind, options in OPTIONS.items() if name in options]
+
+
 def memory_of(options: Options) -> Memory:
     """Dwell times a certificate may look at; "auto" where the problem or its kind has none."""
     return options.memory if isinstance(options, IntervalOptions | LuenbergerOptions) else "auto"

@@ -40,6 +40,10 @@ class Options(Mapping[str, Any]):
         """Does the problem itself state this option?"""
         return name in self._stated
 
+    def to_document(self) -> dict[str, Any]:
+        """Entries of a problem file: the options that the problem itself states."""
+        return {name: getattr(self, name) for name in self._stated}
+
     def check(self, plant: Plant) -> None:
         """InputError for options that do not fit the plant or each other."""
 
@@ -59,7 +63,4 @@ class UnassignedOptions(Options):
     """Options of a problem without a kind: those of any kind, which nothing was checked for."""
 
     def __init__(self, **entries: Any) -> None:
-        self._entries = entries
-
-    def __getitem__(self, name: str) -> Any:
-        return self._entries[name]
+        self.__dict__.update(entries)

@@ -17,8 +17,8 @@ from typing import Any
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Matrix
 from obsdesign.entries import (
-    Array,
     bounds,
     is_number,
     matrix,
@@ -43,13 +43,13 @@ _DEFAULT: Any = None
 class Flow:
     """A (n, n); B (n, m) known input; D (n, q) unknown input; lower, upper (n,) bounds of b."""
 
-    A: Array = file_entry(ref("matrix"), "n x n.")
-    B: Array | None = file_entry(ref("matrix"), "n x m, known input u.", default=None)
-    D: Array | None = file_entry(ref("matrix"), "n x q, unknown input d.", default=None)
-    lower: Array = file_entry(
+    A: Matrix = file_entry(ref("matrix"), "n x n.")
+    B: Matrix | None = file_entry(ref("matrix"), "n x m, known input u.", default=None)
+    D: Matrix | None = file_entry(ref("matrix"), "n x q, unknown input d.", default=None)
+    lower: Matrix = file_entry(
         ref("bounds"), "Bounds of b(t); default 0.", default=_DEFAULT, name="disturbance"
     )
-    upper: Array = _DEFAULT
+    upper: Matrix = _DEFAULT
 
     def __post_init__(self) -> None:
         A = matrix(self.A, "flow.A")
@@ -72,15 +72,15 @@ class Jump:
     may be infinite; dwell_jitter: largest change from one dwell time to the next.
     """
 
-    G: Array = file_entry(ref("matrix"), "n x n; default identity.", default=_DEFAULT)
-    E: Array | None = file_entry(ref("matrix"), "Known jump input w.", default=None)
-    H: Array | None = file_entry(
+    G: Matrix = file_entry(ref("matrix"), "n x n; default identity.", default=_DEFAULT)
+    E: Matrix | None = file_entry(ref("matrix"), "Known jump input w.", default=None)
+    H: Matrix | None = file_entry(
         ref("matrix"), "Directions of impulses with unknown weights g.", default=None
     )
-    lower: Array = file_entry(
+    lower: Matrix = file_entry(
         ref("bounds"), "Bounds of c[k]; default 0.", default=_DEFAULT, name="disturbance"
     )
-    upper: Array = _DEFAULT
+    upper: Matrix = _DEFAULT
     dwell_time: tuple[float, float] | None = file_entry(
         DWELL_RANGE, "Shortest and longest time between jumps.", default=None
     )
@@ -124,15 +124,17 @@ class Output:
     stamped with a jump time saw: before, after or none.
     """
 
-    C: Array = file_entry(ref("matrix"), "p x n.")
-    noise_bound: Array | None = file_entry(
+    C: Matrix = file_entry(ref("matrix"), "p x n.")
+    noise_bound: Matrix | None = file_entry(
         ref("noise_bound"),
         "|v_i| <= noise_bound_i, or lower <= v_i <= upper where that is a pair, at every instant; "
         "required by kinds that promise bounds. Absent: not known.",
         default=None,
     )
-    noise_std: Array = file_entry(ref("per_output"), "Standard deviation of v_i.", default=_DEFAULT)
-    noise_cv: Array = file_entry(
+    noise_std: Matrix = file_entry(
+        ref("per_output"), "Standard deviation of v_i.", default=_DEFAULT
+    )
+    noise_cv: Matrix = file_entry(
         ref("per_output"), "Part of the deviation proportional to |y_i|.", default=_DEFAULT
     )
     measured: str = file_entry(
@@ -178,12 +180,12 @@ class Output:
         self._check_period()
 
     @property
-    def noise_centre(self) -> Array | None:
+    def noise_centre(self) -> Matrix | None:
         """Middle of the bounds of v, (p,); None where they are symmetric or not known."""
         return None if self.noise_bound is None else noise_box(self.noise_bound)[0]
 
     @property
-    def noise_radius(self) -> Array | None:
+    def noise_radius(self) -> Matrix | None:
         """Half the width of the bounds of v, (p,), rounded up; None where they are not known."""
         return None if self.noise_bound is None else noise_box(self.noise_bound)[1]
 
@@ -226,7 +228,7 @@ class Plant:
         _set(self, n=n, p=len(C))
 
 
-def _noise_pairs(values: Any, C: Array) -> Array | None:
+def _noise_pairs(values: Any, C: Matrix) -> Matrix | None:
     """Pairs [lower, upper], (p, 2), where at least one bound of the noise is a pair; else None."""
     entry = "output.noise_bound"
     listed = values if isinstance(values, list | tuple | np.ndarray) else []

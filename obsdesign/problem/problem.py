@@ -9,17 +9,18 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Mapping
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmi.arithmetic.arrays import Matrix
 from obsdesign.document import jsonable
 from obsdesign.errors import DoesNotApply, InputError
+from obsdesign.kinds import KINDS
 from obsdesign.problem import observer_options
 from obsdesign.problem.file import read_problem_file
-from obsdesign.problem.kinds import KINDS
 from obsdesign.problem.options_base import Options
 from obsdesign.problem.plant import Flow, Jump, Output, Plant
 from obsdesign.problem.schema_errors import check_structure
@@ -30,6 +31,7 @@ _Options = TypeVar("_Options", bound=Options)
 _KEYS = ("name", "flow", "jump", "output", "observer")
 
 
+@dataclass(frozen=True, init=False, repr=False, eq=False)
 class Problem:
     """A plant, an observer kind (None: not chosen), gains that are kept, options. Read-only.
 
@@ -37,7 +39,6 @@ class Problem:
     arrays may be numpy arrays. InputError for anything a problem file may not hold.
     """
 
-    __slots__ = ("gains", "kind", "name", "options", "plant")
     name: str
     plant: Plant
     kind: str | None
@@ -58,17 +59,15 @@ class Problem:
         body: dict[str, Any] = {key: _as_block(value) for key, value in plain.items()}
         check_structure(body)
         _check_name(body["name"])
-        plant = Plant(_flow(body["flow"]), _jump(body.get("jump")), Output(**body["output"]))
+        made_jump = Jump(**_entries(body["jump"])) if "jump" in body else None
+        plant = Plant(Flow(**_entries(body["flow"])), made_jump, Output(**body["output"]))
         block = dict(body.get("observer", {}))
         kind = block.pop("kind", None)
         gains = observer_options.gains(block.pop("gains", {}), kind, plant)
         options = observer_options.options(block, kind, plant)
-        values = (name, plant, kind, MappingProxyType(gains), options)
-        for slot, value in zip(("name", "plant", "kind", "gains", "options"), values, strict=True):
-            object.__setattr__(self, slot, value)
-
-    def __setattr__(self, name: str, value: Any) -> None:
-        raise AttributeError("a Problem is read-only; build a new one")
+        self.__dict__.update(
+            name=name, plant=plant, kind=kind, gains=MappingProxyType(gains), options=options
+        )
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Problem.from_dict, (self.to_dict(),)  # a copy is read-only too
@@ -92,17 +91,14 @@ class Problem:
 
         A noise bound that is absent stays absent: no kind may take it for zero.
         """
-        flow, jump, output = self.plant.flow, self.plant.jump, self.plant.output
-        body: dict[str, Any] = {"name": self.name, "flow": _present(flow, ("A", "B", "D"))}
-        body["flow"]["disturbance"] = {"lower": flow.lower, "upper": flow.upper}
-        if jump is not None:
-            body["jump"] = _present(jump, ("G", "E", "H", "dwell_time", "dwell_jitter"))
-            body["jump"]["disturbance"] = {"lower": jump.lower, "upper": jump.upper}
-        names = ("C", "noise_bound", "noise_std", "noise_cv", "measured", "period")
-        body["output"] = _present(output, (*names, "jump_measurement"))
+        plant = self.plant
+        blocks = {"flow": plant.flow, "jump": plant.jump, "output": plant.output}
+        body: dict[str, Any] = {"name": self.name}
+        body |= {name: _as_block(block) for name, block in blocks.items() if block is not None}
         observer = {} if self.kind is None else {"kind": self.kind}
-        if observer or self.gains or self.options:
-            body["observer"] = observer | {"gains": dict(self.gains)} | dict(self.options)
+        stated = self.options.to_document()
+        if observer or self.gains or stated:
+            body["observer"] = observer | {"gains": dict(self.gains)} | stated
         result: dict[str, Any] = jsonable(body)
         return result
 
@@ -145,7 +141,7 @@ class Problem:
                 )
         return value
 
-    def require_noise_bound(self, needed_by: str) -> NDArray[np.float64]:
+    def require_noise_bound(self, needed_by: str) -> Matrix:
         """Half-widths of the bounds of the noise, (p,), or DoesNotApply where it has none."""
         bound = self.plant.output.noise_radius
         if bound is None:
@@ -219,21 +215,14 @@ def _as_block(value: Any) -> Any:
     return value
 
 
-def _flow(block: Blocks) -> Flow:
+def _entries(block: Blocks) -> dict[str, Any]:
+    """Fields of a flow or jump: its bounds beside the others, "inf" as a number."""
     entries = dict(block)
-    bounds = entries.pop("disturbance", {})
-    return Flow(**entries, **bounds)
-
-
-def _jump(block: Blocks | None) -> Jump | None:
-    if block is None:
-        return None
-    entries = dict(block)
-    bounds = entries.pop("disturbance", {})
+    entries |= entries.pop("disturbance", {})
     for name in ("dwell_time", "dwell_jitter"):
         if name in entries:
             entries[name] = _infinite(entries[name])
-    return Jump(**entries, **bounds)
+    return entries
 
 
 def _infinite(value: Any) -> Any:
@@ -247,7 +236,3 @@ def _check_name(name: str) -> None:
         name.encode("utf-8")
     except UnicodeEncodeError:
         raise InputError(f"name must be text that UTF-8 can hold; got {name!r}.") from None
-
-
-def _present(block: Any, names: tuple[str, ...]) -> dict[str, Any]:
-    return {name: getattr(block, name) for name in names if getattr(block, name) is not None}

@@ -10,7 +10,8 @@ from typing import Any
 
 from obsdesign.entries import shown
 from obsdesign.errors import InputError
-from obsdesign.problem.kinds import GAINS, OPTIONS, owners
+from obsdesign.kinds import GAINS
+from obsdesign.problem.options import OPTIONS, owners
 
 # which violation is reported when there are several: names before values
 _FIRST = ("propertyNames", "additionalProperties", "required")

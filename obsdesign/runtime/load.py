@@ -4,27 +4,37 @@ from __future__ import annotations
 
 import importlib
 import os
-from typing import Any
+from collections.abc import Mapping
+from typing import Any, Protocol, cast
 
 import numpy as np
 
-from obsdesign.document import Design, jsonable, load_design, same
+from obsdesign.design_file import load_design
+from obsdesign.document import Design, jsonable, same
 from obsdesign.entries import is_number
 from obsdesign.equations.noise_bounds import noise_box
 from obsdesign.errors import InputError
+from obsdesign.kinds import kind_named
 from obsdesign.runtime.base import Observer
 
-# kind -> module and class; modules are imported when they are used
-OBSERVERS = {
-    "interval": ("obsdesign.runtime.interval.observer", "IntervalObserver"),
-    "luenberger": ("obsdesign.runtime.luenberger.observer", "LuenbergerObserver"),
-    "impulsive": ("obsdesign.runtime.impulsive.observer", "ImpulsiveObserver"),
-    "finite_time": ("obsdesign.runtime.finite_time.observer", "FiniteTimeObserver"),
-    "unknown_input": ("obsdesign.runtime.unknown_input.observer", "UnknownInputObserver"),
-    "impulsive_input": ("obsdesign.runtime.impulsive_input.observer", "ImpulsiveInputObserver"),
-}
-# rows come later, which takes a state of another shape
-_WITH_LAG = ("obsdesign.runtime.unknown_input.fixed_lag", "FixedLagObserver")
+
+class RunnableKind(Protocol):
+    """The class of a kind's observers."""
+
+    def from_gains(self, gains: Mapping[str, Any], /) -> Observer:
+        """The observer of a design's gains; ValueError where they are not such gains."""
+
+
+def observer_class(kind: str, gains: Mapping[str, Any]) -> RunnableKind:
+    """The class that runs gains of a kind; InputError for what is no kind."""
+    known = kind_named(kind)
+    if gains.get("differentiator") == "fixed_lag":
+        # rows come later, which takes a state of another shape
+        from obsdesign.runtime.unknown_input.fixed_lag import FixedLagObserver
+
+        return FixedLagObserver
+    classes = vars(importlib.import_module(known.module("observer")))
+    return cast(RunnableKind, classes[known.observer])
 
 
 def load(path: str | os.PathLike[str]) -> Observer:
@@ -37,18 +47,15 @@ def load(path: str | os.PathLike[str]) -> Observer:
 
 def from_design(design: Design, path: str = "design") -> Observer:
     """The observer of a design in memory."""
-    if design.kind not in OBSERVERS:
-        known = ", ".join(OBSERVERS)
-        raise InputError(f"{path}: kind must be one of {known}; got {design.kind!r}.")
-    module, name = OBSERVERS[design.kind]
-    if design.gains.get("differentiator") == "fixed_lag":
-        module, name = _WITH_LAG
+    try:
+        runnable = observer_class(design.kind, design.gains)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
     _same_plant(design, path)
     try:
-        observer: Observer = getattr(importlib.import_module(module), name).from_gains(design.gains)
+        return runnable.from_gains(design.gains)
     except ValueError as error:
         raise InputError(f"{path}: {error}") from None
-    return observer
 
 
 # gains that repeat an entry of the problem, and where it stands there

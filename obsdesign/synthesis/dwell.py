@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
+from lmi.arithmetic.arrays import Array
 from lmi.arithmetic.balls import exact, to_float
 from lmi.decide.stability import Memory, decide
 from lmi.find.copositive import decide_copositive, looks_positive
@@ -28,8 +29,8 @@ def stability_options(problem: Problem) -> dict[str, Any]:
 
 
 def dwell_certificates(
-    F: Any,
-    H: Any,
+    F: Array,
+    H: Array,
     low: float,
     high: float,
     *,
@@ -54,8 +55,8 @@ def dwell_certificates(
 
 
 def stability_certificate(
-    F: Any,
-    H: Any,
+    F: Array,
+    H: Array,
     low: float,
     high: float,
     *,

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lmi.arithmetic.arrays import Matrix
 from obsdesign.analysis.balancing import balancing_units
 from obsdesign.analysis.hidden_modes import approx_unobservable_modes
 from obsdesign.errors import InputError
-
-Matrix = NDArray[np.float64]
+from obsdesign.problem.options import Pole
 
 
 def riccati_gain(
@@ -49,7 +48,7 @@ def riccati_gain(
     return L
 
 
-def placed_gain(A: Matrix, C: Matrix, poles: Sequence[Any]) -> Matrix:
+def placed_gain(A: Matrix, C: Matrix, poles: Sequence[Pole]) -> Matrix:
     """L, (n, p), with the eigenvalues of A - L C at `poles`: numbers or pairs [real, imaginary].
 
     Placed in units that balance the plant, so that those of states, outputs and time do not matter.
@@ -115,7 +114,7 @@ def _unresolved() -> InputError:
     )
 
 
-def _poles(poles: Sequence[Any], n: int) -> NDArray[np.complex128]:
+def _poles(poles: Sequence[Pole], n: int) -> NDArray[np.complex128]:
     values = with_conjugates(poles)
     if len(values) != n:
         raise InputError(
@@ -125,7 +124,7 @@ def _poles(poles: Sequence[Any], n: int) -> NDArray[np.complex128]:
     return values
 
 
-def with_conjugates(poles: Sequence[Any]) -> NDArray[np.complex128]:
+def with_conjugates(poles: Sequence[Pole]) -> NDArray[np.complex128]:
     """Numbers or pairs [real, imaginary] as complex numbers; one of a pair stands for both."""
     values = np.array([complex(*p) if isinstance(p, Sequence) else complex(p) for p in poles])
     lonely = [v for v in values if v.imag and not np.any(np.isclose(values, v.conjugate()))]

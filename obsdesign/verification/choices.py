@@ -15,7 +15,8 @@ from obsdesign.problem.problem import Problem
 
 def open_choices(problem: Problem, *names: str) -> set[str]:
     """Those of the gains and options `names` that the problem leaves open."""
-    return set(names) - set(problem.options) - set(problem.gains)
+    stated = problem.options.to_document()
+    return set(names) - set(stated) - set(problem.gains)
 
 
 def mark_witness(claim: Claim, choices: Iterable[str] = ()) -> Claim:

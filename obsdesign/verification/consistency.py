@@ -60,13 +60,12 @@ def _compare(gains: Mapping[str, Any], expected: Mapping[str, Any]) -> Verdict:
     return proved(entries=len(expected))
 
 
-def _objection(stored: Any, required: Any) -> str | None:
+def _objection(stored: object, required: object) -> str | None:
     if isinstance(required, set):
         fits = isinstance(stored, str) and stored in required
         return None if fits else f"must be one of {', '.join(sorted(required))}"
     if isinstance(required, tuple):
-        shape = np.shape(stored) if isinstance(stored, np.ndarray) else None
-        if shape != required:
+        if not isinstance(stored, np.ndarray) or stored.shape != required:
             return f"must be {'x'.join(map(str, required))}"
         return None if np.isfinite(stored).all() else "must be finite"
     equal = same(jsonable(stored), jsonable(required))

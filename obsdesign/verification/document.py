@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from importlib import import_module
-from typing import Any
 
+from lmi.verdict import proved, refuted, undecided
 from obsdesign.document import Claim, Design, Guarantee
 from obsdesign.errors import InputError
 from obsdesign.problem.problem import Problem
+from obsdesign.verification.kind import Warns, conclusions_of
 from obsdesign.verification.same_evidence import (
     OLDER_WORDING,
     ROUNDED_WIDTHS,
@@ -33,13 +33,14 @@ def sentences_from(problem: Problem, claims: tuple[Claim, ...]) -> Sentences:
 
     Every guarantee rests on `consistent` beside the claims it names: it is about these gains.
     """
-    kind = import_module(f"obsdesign.verification.{problem.require_kind()}.guarantees")
-    proved = {claim.id for claim in claims if claim.verdict == "proved"}
+    kind = conclusions_of(problem.require_kind())
+    certain = {claim.id for claim in claims if claim.verdict == "proved"}
     guarantees = tuple(
-        replace(entry, given=entry.given and {"consistent", *entry.claims} <= proved)
+        replace(entry, given=entry.given and {"consistent", *entry.claims} <= certain)
         for entry in kind.guarantees(problem, claims)
     )
-    return Sentences(guarantees, kind.warnings(problem, claims))
+    warnings = kind.warnings(problem, claims) if isinstance(kind, Warns) else ()
+    return Sentences(guarantees, warnings)
 
 
 def document_claim(
@@ -54,55 +55,70 @@ def document_claim(
     The sentences are recomputed from the claims; there are none unless the claim is proved.
     """
     stored = {claim.id: claim for claim in design.claims}
-    open_now = [
-        claim.id
-        for claim in claims
-        if claim.verdict == "undecided"
-        and claim.id in stored
-        and stored[claim.id].verdict != "undecided"
-    ]
+    open_now = [claim.id for claim in claims if _is_open_now(claim, stored.get(claim.id))]
     assumed = tuple(
         stored[claim.id] if claim.id in open_now else _as_left_open(claim, stored.get(claim.id))
         for claim in claims
     )
-    sentences: Sentences | None
-    try:
-        sentences = sentences_from(problem, assumed)
-    except InputError:
-        raise
-    except (KeyError, TypeError, ValueError):  # evidence that nobody confirmed
-        sentences = None
+    sentences = _confirmed_sentences(problem, assumed)
     older = _claims_of_older_wording(stored, assumed)
-    written = (stored[claim.id] if claim in older else claim for claim in assumed)
-    wrong = _difference(design.claims, tuple(written))
-    evidence_gap = None if wrong is not None or older else _evidence_gap(stored, assumed)
-    if evidence_gap is not None and evidence_gap.false:
-        wrong = evidence_gap.entry
-    if wrong is None and not older and evidence_gap is None:
-        wrong = _wrong_sentences(design, sentences)
-    if wrong is None and design.name != design.problem.get("name"):
-        wrong = "name"
-    verdict, evidence = "proved", dict[str, Any](entries=len(stored))
-    if wrong is not None:
-        because = f"the document's {wrong!r} is not what its gains and problem give"
-        verdict, evidence = "refuted", {"witness": {"entry": wrong, "reason": because}}
+    gap = None if older else _evidence_gap(stored, assumed)
+    if entry := _false_entry(design, assumed, sentences, older, gap):
+        because = f"the document's {entry!r} is not what its gains and problem give"
+        verdict = refuted({"entry": entry, "reason": because})
     elif open_now:
         names = ", ".join(open_now)
-        verdict = "undecided"
-        evidence = {"reason": f"what the document says of {names} could not be confirmed"}
+        verdict = undecided(f"what the document says of {names} could not be confirmed")
     elif older:
-        verdict, evidence = "undecided", {"reason": _restated(older[0])}
-    elif evidence_gap is not None:
-        why = f"the document's {evidence_gap.entry!r} is not quite what was proved again"
-        verdict, evidence = "undecided", {"reason": why}
-    claim = Claim(
+        verdict = undecided(_restated(older[0]))
+    elif gap is not None:
+        verdict = undecided(f"the document's {gap.entry!r} is not quite what was proved again")
+    else:
+        verdict = proved(entries=len(stored))
+    claim = Claim.from_verdict(
         "document",
         "claims and guarantees in the document are those that were proved again",
         "format of a design file",
         verdict,
-        evidence,
     )
-    return claim, sentences if sentences and verdict == "proved" else Sentences()
+    return claim, sentences if sentences and verdict.outcome == "proved" else Sentences()
+
+
+def _false_entry(
+    design: Design,
+    claims: tuple[Claim, ...],
+    sentences: Sentences | None,
+    older: Sequence[Claim],
+    gap: Difference | None,
+) -> str | None:
+    """Return an entry of the document that is not what `claims` and `sentences` say, or None.
+
+    older: claims that the document states as an earlier release; gap: in the evidence.
+    """
+    stored = {claim.id: claim for claim in design.claims}
+    written = tuple(stored[claim.id] if claim in older else claim for claim in claims)
+    if entry := _difference(design.claims, written):
+        return entry
+    if gap is not None and gap.false:
+        return gap.entry
+    if gap is None and not older and (entry := _wrong_sentences(design, sentences)):
+        return entry
+    return "name" if design.name != design.problem.get("name") else None
+
+
+def _confirmed_sentences(problem: Problem, claims: tuple[Claim, ...]) -> Sentences | None:
+    """The sentences that follow; None where evidence that nobody confirmed cannot be read."""
+    try:
+        return sentences_from(problem, claims)
+    except InputError:
+        raise
+    except (KeyError, TypeError, ValueError):
+        return None
+
+
+def _is_open_now(claim: Claim, stored: Claim | None) -> bool:
+    """Is a claim undecided that the document has decided?"""
+    return claim.verdict == "undecided" and stored is not None and stored.verdict != "undecided"
 
 
 def _as_left_open(claim: Claim, stored: Claim | None) -> Claim:
@@ -112,11 +128,13 @@ def _as_left_open(claim: Claim, stored: Claim | None) -> Claim:
     return replace(claim, verdict="undecided", source=stored.source, evidence=stored.evidence)
 
 
-def _claims_of_older_wording(stored: Mapping[str, Claim], proved: Sequence[Claim]) -> list[Claim]:
+def _claims_of_older_wording(
+    stored: Mapping[str, Claim], recomputed: Sequence[Claim]
+) -> list[Claim]:
     """Claims proved again that the document has proved too, as an earlier release states them."""
     return [
         claim
-        for claim in proved
+        for claim in recomputed
         if claim.id in stored
         and claim.verdict == stored[claim.id].verdict == "proved"
         and claim.source == current_source(stored[claim.id].source)
@@ -149,22 +167,22 @@ def _given(guarantees: tuple[Guarantee, ...]) -> list[str]:
     return [one.statement for one in guarantees if one.given and one.statement != ROUNDED_WIDTHS]
 
 
-def _evidence_gap(stored: Mapping[str, Claim], proved: tuple[Claim, ...]) -> Difference | None:
+def _evidence_gap(stored: Mapping[str, Claim], recomputed: tuple[Claim, ...]) -> Difference | None:
     """The gravest difference in the evidence of decided claims; undecided ones are not compared."""
     every = [
         difference(claim.id, stored[claim.id].to_dict()["evidence"], claim.to_dict()["evidence"])
-        for claim in proved
-        if claim.verdict != "undecided"
+        for claim in recomputed
+        if claim.id in stored and claim.verdict != "undecided"
     ]
     gaps = [gap for gap in every if gap is not None]
     return next((gap for gap in gaps if gap.false), gaps[0] if gaps else None)
 
 
-def _difference(stored: tuple[Claim, ...], proved: tuple[Claim, ...]) -> str | None:
+def _difference(stored: tuple[Claim, ...], recomputed: tuple[Claim, ...]) -> str | None:
     """The id of a claim in which the two differ, evidence apart."""
     old, new = (
         sorted((c.id, c.statement, current_source(c.source), c.verdict) for c in group)
-        for group in (stored, proved)
+        for group in (stored, recomputed)
     )
     wrong = sorted({entry[0] for entry in set(old) ^ set(new)})
     if wrong:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Array, Matrix
 from lmi.prove.common_matrix import prove_common
 from lmi.prove.positive import FORMS, SIDES, prove_copositive
 from lmi.prove.windows_proof import prove_windows
@@ -17,6 +18,8 @@ from lmi.refute.spectral import decide_constant, refute_spectral, refute_word, s
 from lmi.verdict import Verdict, undecided
 from obsdesign.equations.estimation_error import reason_against_sampling
 from obsdesign.problem.problem import Problem
+
+_Prover = Callable[[Array, Array, "Dwell", Mapping[str, Any], str], Verdict]
 
 
 def reason_against_problem(problem: Problem) -> str | None:
@@ -50,7 +53,7 @@ class Dwell:
 
 
 def dwell_stability(
-    F: Any, H: Any, dwell: Dwell, certificate: Mapping[str, Any], paranoid: bool
+    F: Array, H: Any, dwell: Dwell, certificate: Mapping[str, Any], paranoid: bool
 ) -> Verdict:
     """Is x -> e^{F theta} H x stable for every admissible sequence of theta?
 
@@ -63,7 +66,7 @@ def dwell_stability(
     attempt = undecided("no certificate P was given or found")
     for name, prover in (("P", _common), ("windows", _windows)):
         if name in certificate:
-            attempt = _twice(prover, F, H, dwell, certificate, paranoid)
+            attempt = _twice(prover, F, H, dwell, certificate, paranoid=paranoid)
             if attempt.outcome == "proved":
                 return attempt
     if "vector" in certificate:
@@ -98,10 +101,16 @@ def source_of(verdict: Verdict, paper: str) -> str:
 
 
 def _twice(
-    prover: Any, F: Any, H: Any, dwell: Dwell, certificate: Mapping[str, Any], paranoid: bool
+    prover: _Prover,
+    F: Array,
+    H: Array,
+    dwell: Dwell,
+    certificate: Mapping[str, Any],
+    *,
+    paranoid: bool,
 ) -> Verdict:
     """The proof by one P or by windows; if paranoid, repeated by the other method."""
-    verdict: Verdict = prover(F, H, dwell, certificate, "bernstein")
+    verdict = prover(F, H, dwell, certificate, "bernstein")
     if verdict.outcome != "proved" or not paranoid:
         return verdict
     second = prover(F, H, dwell, certificate, "chords")
@@ -113,7 +122,9 @@ def _twice(
     return Verdict("proved", {**verdict.evidence, "confirmed_by": confirmed})
 
 
-def _common(F: Any, H: Any, dwell: Dwell, certificate: Mapping[str, Any], method: str) -> Verdict:
+def _common(
+    F: Array, H: Array, dwell: Dwell, certificate: Mapping[str, Any], method: str
+) -> Verdict:
     P = matrix_of(certificate["P"], len(F))
     if P is None:
         return undecided("the certificate P is not a matrix of the right size")
@@ -123,7 +134,9 @@ def _common(F: Any, H: Any, dwell: Dwell, certificate: Mapping[str, Any], method
     return Verdict("proved", {"P": certificate["P"], **verdict.evidence})
 
 
-def _windows(F: Any, H: Any, dwell: Dwell, certificate: Mapping[str, Any], method: str) -> Verdict:
+def _windows(
+    F: Array, H: Array, dwell: Dwell, certificate: Mapping[str, Any], method: str
+) -> Verdict:
     verdict = prove_windows(
         F, H, certificate, dwell.low, dwell.high, jitter=dwell.jitter, method=method
     )
@@ -133,7 +146,9 @@ def _windows(F: Any, H: Any, dwell: Dwell, certificate: Mapping[str, Any], metho
     return Verdict("proved", {**given, **verdict.evidence})
 
 
-def _copositive(F: Any, H: Any, low: float, high: float, certificate: Mapping[str, Any]) -> Verdict:
+def _copositive(
+    F: Array, H: Array, low: float, high: float, certificate: Mapping[str, Any]
+) -> Verdict:
     """The proof by one vector, for positive systems."""
     side, form = certificate.get("side"), certificate.get("form")
     vector = _numbers(certificate["vector"])
@@ -143,7 +158,7 @@ def _copositive(F: Any, H: Any, low: float, high: float, certificate: Mapping[st
     return Verdict(verdict.outcome, {"vector": certificate["vector"], **verdict.evidence})
 
 
-def _dwell_times(witness: Any, low: float, high: float) -> list[float]:
+def _dwell_times(witness: object, low: float, high: float) -> list[float]:
     """The sequence of a witness, if all of it is admissible."""
     thetas = witness.get("thetas") if isinstance(witness, Mapping) else None
     if not isinstance(thetas, list) or not all(isinstance(theta, float) for theta in thetas):
@@ -151,7 +166,7 @@ def _dwell_times(witness: Any, low: float, high: float) -> list[float]:
     return thetas if all(low <= theta <= high for theta in thetas) else []
 
 
-def _no_common(F: Any, H: Any, low: float, high: float, certificate: Any) -> Verdict | None:
+def _no_common(F: Array, H: Array, low: float, high: float, certificate: Any) -> Verdict | None:
     """Undecided, a common P being proved not to exist; None if the certificate shows nothing."""
     thetas = _dwell_times(certificate, low, high)
     multipliers = _numbers(certificate.get("multipliers")) if thetas else None
@@ -165,13 +180,13 @@ def _no_common(F: Any, H: Any, low: float, high: float, certificate: Any) -> Ver
     )
 
 
-def matrix_of(values: Any, n: int) -> Any:
+def matrix_of(values: object, n: int) -> Matrix | None:
     """A matrix of a certificate as floats, (n, n); None if it is not one."""
     P = _numbers(values)
     return P if P is not None and P.shape == (n, n) else None
 
 
-def _numbers(values: Any) -> Any:
+def _numbers(values: Any) -> Matrix | None:
     try:
         return np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):

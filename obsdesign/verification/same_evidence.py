@@ -122,7 +122,7 @@ def _number_difference(
         yield Difference(path, gap > _LAST_DIGITS * size)
 
 
-def _is_number(value: Any) -> bool:
+def _is_number(value: object) -> bool:
     """JSON numbers; the word for infinity is compared as a word."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         return False

@@ -15,7 +15,7 @@ import obsdesign
 from obsdesign.data.records import table_text
 from obsdesign.data.simulation import simulate
 from obsdesign.document import digest
-from obsdesign.problem.kinds import KINDS
+from obsdesign.kinds import KINDS
 from tests.fuzz.harness import Case
 from tests.fuzz.mutate import NUMBERS, garbled, json_text, mutated, renumbered
 from tests.fuzz.plants import KEYS, PROBLEMS, SHIPPED

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import obsdesign
 from benchmarks.glance_is_fast import plants
-from obsdesign.problem.kinds import KINDS
+from obsdesign.kinds import KINDS
 from obsdesign.studies.check.which_kinds import check_all
 from obsdesign.verification.answers import verdict_of_refusal
 

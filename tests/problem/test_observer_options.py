@@ -19,8 +19,14 @@ from hypothesis import strategies as st
 import obsdesign
 from docs import problem_schema
 from obsdesign import Flow, InputError, Jump, Output, Problem
-from obsdesign.problem.kinds import GAINS, KINDS, OPTIONS
-from obsdesign.problem.options import IntervalOptions, LuenbergerOptions
+from obsdesign.kinds import GAINS, KINDS
+from obsdesign.problem.options import (
+    OPTIONS,
+    ImpulsiveInputOptions,
+    ImpulsiveOptions,
+    IntervalOptions,
+    LuenbergerOptions,
+)
 from obsdesign.problem.problem import load_for_kind
 
 PLANT: dict[str, Any] = {
@@ -92,12 +98,15 @@ def test_options_are_normalised_and_frozen() -> None:
     problem = problem_of_kind(
         "luenberger", poles=[-1, (-2 - 2j)], weights={"state": np.array([1, 2])}
     )
-    assert problem.options["poles"] == (-1.0, (-2.0, -2.0))
-    assert problem.options["weights"] == {"state": (1.0, 2.0)}
+    options = problem.options_as(LuenbergerOptions)
+    assert options.poles == (-1.0, (-2.0, -2.0))
+    assert options.weights == {"state": (1.0, 2.0)}
     with pytest.raises(TypeError):
-        problem.options["weights"]["state"] = (1.0,)
-    assert type(problem_of_kind("impulsive", window=3.0).options["window"]) is int
-    assert problem_of_kind("impulsive_input", exponents=[0.05, -1]).options["exponents"] == (
+        options.weights["state"] = (1.0,)  # type: ignore[index]
+    impulsive = problem_of_kind("impulsive", window=3.0).options_as(ImpulsiveOptions)
+    assert type(impulsive.window) is int
+    impulsive_input = problem_of_kind("impulsive_input", exponents=[0.05, -1])
+    assert impulsive_input.options_as(ImpulsiveInputOptions).exponents == (
         0.05,
         -1.0,
     )
@@ -192,10 +201,13 @@ def test_a_file_for_several_kinds_is_read_for_one(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"observer.alpha is an option of kind 'impulsive'"):
         obsdesign.load_problem(path)
     problem, dropped = load_for_kind(path, "impulsive")
-    assert (problem.kind, dict(problem.options)) == ("impulsive", {"alpha": 2.0, "window": 3})
+    assert (problem.kind, problem.options.to_document()) == (
+        "impulsive",
+        {"alpha": 2.0, "window": 3},
+    )
     assert dropped == ["gains.L", "gains.K", "form"]
     problem, dropped = load_for_kind(path, "interval")
-    assert (set(problem.gains), dict(problem.options)) == ({"L"}, {"form": "split"})
+    assert (set(problem.gains), problem.options.to_document()) == ({"L"}, {"form": "split"})
     assert dropped == ["gains.K", "alpha", "window"]
     # L of interval enters as A - L C, that of finite_time as A + L C
     assert "gains.L" in load_for_kind(path, "finite_time")[1]
@@ -244,9 +256,10 @@ def test_options_of_a_kind_are_attributes() -> None:
     )
     assert options.poles == (-1.0, (-2.0, -2.0))
     assert (options.memory, options.schedule, options.decay_rate) == (2, None, 0.0)
-    assert options.is_stated("memory") and not options.is_stated("decay_rate")
-    assert dict(options) == {"poles": (-1.0, (-2.0, -2.0)), "memory": 2}
-    assert dict(LuenbergerOptions(memory=3)) == {"memory": 3}
+    assert options.is_stated("memory")
+    assert not options.is_stated("decay_rate")
+    assert options.to_document() == {"poles": (-1.0, (-2.0, -2.0)), "memory": 2}
+    assert LuenbergerOptions(memory=3).to_document() == {"memory": 3}
     with pytest.raises(TypeError, match="a problem of kind 'luenberger' has no IntervalOptions"):
         problem_of_kind("luenberger").options_as(IntervalOptions)
 

@@ -17,7 +17,8 @@ from hypothesis.extra import numpy as hnp
 import obsdesign
 from obsdesign import Flow, Jump, Output, Problem
 from obsdesign.errors import InputError
-from obsdesign.problem.kinds import GAINS, OPTIONS
+from obsdesign.kinds import GAINS
+from obsdesign.problem.options import OPTIONS, IntervalOptions
 
 ROOT = Path(__file__).parents[2]
 
@@ -70,7 +71,7 @@ def test_every_key_of_every_kind_is_read(kind: str) -> None:
     body = tomllib.loads(EVERY_KEY + f'kind = "{kind}"\n' + OBSERVERS[kind])
     problem = Problem.from_dict(body)
     given = set(body["observer"]) - {"kind", "gains"}
-    assert set(problem.options) == given == set(OPTIONS[kind])
+    assert set(problem.options.to_document()) == given == set(OPTIONS[kind])
     assert Problem.from_dict(problem.to_dict()) == problem
 
 
@@ -151,8 +152,11 @@ def test_nothing_can_be_changed_afterwards() -> None:
         problem.plant.flow.A[0, 0] = 1.0
     with pytest.raises(AttributeError):
         problem.name = "other"
-    with pytest.raises(TypeError):
-        problem.options["form"] = "split"  # type: ignore[index]
+    options = obsdesign.Problem(
+        flow={"A": source}, output={"C": [[1.0]]}, observer={"kind": "interval"}
+    ).options_as(IntervalOptions)
+    with pytest.raises(AttributeError):
+        options.form = "split"  # type: ignore[misc]
 
 
 def large(x: float) -> float:

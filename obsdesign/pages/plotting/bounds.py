@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from numpy.typing import ArrayLike
 
+from lmi.arithmetic.arrays import Matrix
 from obsdesign.pages.plotting.style import BLACK, BLUE, GREEN, VERMILION, check_output, picture
 
 _COLOURS = (VERMILION, BLUE, GREEN)
 
 
-def plot_bounds(
-    t: ArrayLike, x: ArrayLike, bounds: Mapping[str, tuple[ArrayLike, ArrayLike]], output: str
-) -> None:
+_Bounds = Mapping[str, tuple[ArrayLike, ArrayLike]]
+
+
+def plot_bounds(t: ArrayLike, x: ArrayLike, bounds: _Bounds, output: str) -> None:
     """Bounds by label, (lower, upper) each (rows, n), over the true state x, (rows, n).
 
     t: (rows,). At most three observers are told apart. InputError for another kind of picture.
@@ -33,7 +35,7 @@ def plot_bounds(
         figure.legend(handles, labels, loc="outside upper center", ncols=len(labels), frameon=False)
 
 
-def _panel(axis: Any, t: Any, x: Any, bounds: Mapping[str, Any], i: int) -> None:
+def _panel(axis: Axes, t: Matrix, x: Matrix, bounds: _Bounds, i: int) -> None:
     for colour, (label, (lower, upper)) in zip(_COLOURS, bounds.items(), strict=False):
         low, high = np.asarray(lower)[:, i], np.asarray(upper)[:, i]
         axis.fill_between(t, low, high, color=colour, alpha=0.22, lw=0, label=label)

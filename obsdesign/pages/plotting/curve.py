@@ -6,6 +6,7 @@ import io
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 
 from obsdesign.pages.curves import Curve
 from obsdesign.pages.plotting.style import BLACK, BLUE, GREEN, VERMILION, picture
@@ -27,17 +28,17 @@ def curve_svg(curve: Curve) -> str:
     return out.getvalue().decode("utf-8")
 
 
-def _draw(axis: Any, curve: Curve) -> None:
+def _draw(axis: Axes, curve: Curve) -> None:
     if curve.proved is not None and curve.proved[0] == curve.proved[1]:
         axis.axvline(curve.proved[0], color=GREEN, alpha=0.4, lw=4, label="as designed")
     elif curve.proved is not None:
         axis.axvspan(*curve.proved, color=GREEN, alpha=0.13, lw=0, label="proved range")
-    style = {"drawstyle": "steps-post"} if curve.steps else {}
+    style = "steps-post" if curve.steps else "default"
     for k, (name, values) in enumerate(curve.series.items()):
         # equal curves are both seen
         line: Any = "-" if k % 2 == 0 else (0, (5, 2))
         colour = _COLOURS[k % len(_COLOURS)]
-        axis.plot(curve.x, values, color=colour, ls=line, lw=1.5, label=name, **style)
+        axis.plot(curve.x, values, color=colour, ls=line, lw=1.5, label=name, drawstyle=style)
     if curve.level is not None:
         axis.axhline(curve.level, color="0.35", lw=0.9, ls=(0, (4, 3)))
     y = np.concatenate([np.ravel(values) for values in curve.series.values()])

@@ -13,12 +13,19 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from matplotlib.axes import Axes
+from matplotlib.figure import FigureBase
+
 from obsdesign.errors import InputError
 from obsdesign.pages.plotting.style import BLUE, GREEN, GREY, VERMILION, check_output, picture
 
 _COLOURS = (("one common P", GREEN), ("windows of dwell times", BLUE), ("open", GREY),
             ("refuted", VERMILION))  # fmt: skip
 _MOST_ROWS = 60
+
+
+# dwell intervals by offset: of dwell times since (negative) or after the jump
+_Window = dict[int, tuple[float, float]]
 
 
 @dataclass(frozen=True)
@@ -97,23 +104,22 @@ def _end(value: Any) -> float:
     return math.inf if value == "inf" else float(value)
 
 
-def _windows(answer: Mapping[str, Any]) -> list[Mapping[str, Any]]:
-    """Dwell intervals of the first certificate with windows."""
+def _windows(answer: Mapping[str, Any]) -> list[_Window]:
+    """Dwell intervals of the first certificate with windows; none where they cannot be read."""
     for claim in answer.get("claims", ()):
         evidence = claim.get("evidence", {}) if isinstance(claim, Mapping) else {}
         if isinstance(evidence, Mapping) and isinstance(evidence.get("windows"), list):
             try:
-                dwells: list[Mapping[str, Any]] = [dict(w["dwell"]) for w in evidence["windows"]]
-                for dwell in dwells:
-                    for offset, (a, b) in dwell.items():
-                        int(offset), _end(a), _end(b)
-            except (KeyError, TypeError, ValueError):
+                return [
+                    {int(offset): (_end(a), _end(b)) for offset, (a, b) in window["dwell"].items()}
+                    for window in evidence["windows"]
+                ]
+            except (AttributeError, KeyError, TypeError, ValueError):
                 return []
-            return dwells
     return []
 
 
-def _draw_range(figure: Any, span: _Range) -> None:
+def _draw_range(figure: FigureBase, span: _Range) -> None:
     limited = math.isfinite(span.proved)
     axes = figure.subplots(2 if limited else 1, 1, squeeze=False)[:, 0]
     whole, near = axes[0], axes[-1]
@@ -136,7 +142,7 @@ def _draw_range(figure: Any, span: _Range) -> None:
     near.set_ylabel("near the\nlimit", rotation=0, ha="right", va="center")
 
 
-def _bars(axis: Any, span: _Range, far: float, edge: float) -> None:
+def _bars(axis: Axes, span: _Range, far: float, edge: float) -> None:
     pieces = [(span.kept, span.common), (span.common, span.proved), (span.proved, span.not_proved),
               (span.not_proved, far)]  # fmt: skip
     if not span.refuted:
@@ -153,9 +159,9 @@ def _bars(axis: Any, span: _Range, far: float, edge: float) -> None:
     axis.grid(visible=False)
 
 
-def _draw_windows(figure: Any, windows: list[Mapping[str, Any]], count: int) -> None:
-    offsets = sorted({int(offset) for window in windows for offset in window}) or [0]
-    ends = [_end(end) for window in windows for pair in window.values() for end in pair]
+def _draw_windows(figure: FigureBase, windows: list[_Window], count: int) -> None:
+    offsets = sorted({offset for window in windows for offset in window}) or [0]
+    ends = [end for window in windows for pair in window.values() for end in pair]
     finite = [end for end in ends if math.isfinite(end)] or [0.0, 1.0]
     low, high = min(finite), max(finite)
     beyond = high + 0.08 * (high - low or 1.0)
@@ -163,10 +169,8 @@ def _draw_windows(figure: Any, windows: list[Mapping[str, Any]], count: int) -> 
     order = sorted(windows, key=lambda window: _key(window, offsets, low))
     for offset, panel in zip(offsets, panels, strict=True):
         for row, window in enumerate(order):
-            pair = window.get(str(offset))
-            a, b = (low, beyond) if pair is None else (_end(end) for end in pair)
-            colour = GREY if pair is None else BLUE
-            alpha = 0.3 if pair is None else 0.75
+            a, b = window.get(offset, (low, beyond))
+            colour, alpha = (BLUE, 0.75) if offset in window else (GREY, 0.3)
             panel.barh(row, min(b, beyond) - a, left=a, height=0.72, color=colour, alpha=alpha)
         panel.set_title(_title(offset), fontsize=8)
         panel.set_xlim(low, high if all(map(math.isfinite, ends)) else beyond)
@@ -179,10 +183,10 @@ def _draw_windows(figure: Any, windows: list[Mapping[str, Any]], count: int) -> 
     figure.supxlabel("dwell time", fontsize=8)
 
 
-def _key(window: Mapping[str, Any], offsets: list[int], low: float) -> list[float]:
+def _key(window: _Window, offsets: list[int], low: float) -> list[float]:
     """Neighbours in the tree stand side by side: by the dwell times nearest to the jump first."""
     nearest = sorted(offsets, key=lambda offset: abs(offset + 0.5))
-    return [_end(window[str(offset)][0]) if str(offset) in window else low for offset in nearest]
+    return [window[offset][0] if offset in window else low for offset in nearest]
 
 
 def _title(offset: int) -> str:

@@ -38,7 +38,7 @@ def check_output(output: str) -> None:
 
 
 @contextmanager
-def picture(width: float, height: float, output: str | io.BytesIO) -> Iterator[Any]:
+def picture(width: float, height: float, output: str | io.BytesIO) -> Iterator[Figure]:
     """A figure of so many inches, written when all of it was drawn: to a file, or as SVG."""
     svg, drawn = not isinstance(output, str) or output.lower().endswith("svg"), io.BytesIO()
     with mpl.rc_context(_STYLE):

@@ -9,14 +9,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap, LogNorm
+from matplotlib.figure import FigureBase
 from matplotlib.patches import Patch
 from matplotlib.ticker import LogLocator, NullLocator
-from numpy.typing import NDArray
 
+from lmi.arithmetic.arrays import Array, Matrix
 from obsdesign.pages.plotting.style import (
     BLACK,
     BLUE,
@@ -46,8 +47,8 @@ class _Grid:
     """Numbers by point (NaN: none), and a word for each point without one."""
 
     axes: tuple[Axis, ...]
-    numbers: NDArray[np.float64]
-    words: NDArray[Any]
+    numbers: Matrix
+    words: Array
 
     @property
     def logarithmic(self) -> bool:
@@ -92,9 +93,9 @@ def _number_or_word(point: SweepPoint) -> tuple[float, str]:
     return math.nan, point.verdict if point.verdict in _COLOURS else "error"
 
 
-def _curve(figure: Any, axis: Any, grid: _Grid, label: str) -> list[Any]:
+def _curve(figure: FigureBase, axis: Axes, grid: _Grid, label: str) -> list[Patch]:
     """The numbers as a curve; a strip below it, or the whole panel, shows the other points."""
-    values, handles = np.array(grid.axes[0].values), list[Any]()
+    values, handles = np.array(grid.axes[0].values), list[Patch]()
     numbers = bool(np.isfinite(grid.numbers).any())
     if numbers:
         axis.plot(values, grid.numbers, color=BLUE, lw=1.2, marker="o", ms=3)
@@ -113,7 +114,7 @@ def _curve(figure: Any, axis: Any, grid: _Grid, label: str) -> list[Any]:
     return handles
 
 
-def _map(figure: Any, axis: Any, grid: _Grid, label: str) -> list[Any]:
+def _map(figure: FigureBase, axis: Axes, grid: _Grid, label: str) -> list[Patch]:
     """The numbers as colours of cells, the other points in the colours of their words."""
     across, up = (_edges(np.array(a.values)) for a in grid.axes)
     if np.isfinite(grid.numbers).any():
@@ -136,7 +137,7 @@ def _map(figure: Any, axis: Any, grid: _Grid, label: str) -> list[Any]:
     return handles
 
 
-def _edges(values: NDArray[np.float64]) -> NDArray[np.float64]:
+def _edges(values: Matrix) -> Matrix:
     """Cells of equal width around equally spaced values."""
     if len(values) == 1 or values[0] == values[-1]:
         half = 0.5 * max(abs(values[0]), 1.0) / len(values)

@@ -9,10 +9,12 @@ from typing import Any
 from lmi.time_budget import ended_part, total_budget
 from obsdesign import workflow
 from obsdesign.errors import DoesNotApply, InputError
-from obsdesign.problem.kinds import KINDS
+from obsdesign.kinds import KINDS
 from obsdesign.problem.problem import Problem
 from obsdesign.studies.check.advice import next_step
+from obsdesign.synthesis.kind import synthesis_of
 from obsdesign.verification.answers import is_ended, reason, verdict_of_refusal
+from obsdesign.verification.kind import verification_of
 
 
 @dataclass(frozen=True)
@@ -66,8 +68,8 @@ def _checked(
     problems: dict[str, Problem] = {}
     outcomes: dict[str, workflow.Outcome | InputError] = {}
     for kind in kinds:
-        for name in ("synthesis", "verification"):  # to load them is no part of the search
-            workflow.layer(name, kind)
+        synthesis_of(kind)  # to load modules is no part of the search
+        verification_of(kind)
         try:
             problems[kind] = problem.for_kind(kind)[0]
         except InputError as error:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmi.arithmetic.arrays import Matrix
 from lmi.memory import OversizeError
 from lmi.time_budget import ended_part, total_budget
 from obsdesign import workflow
@@ -15,13 +15,11 @@ from obsdesign.equations.finite_time.gains import METHODS
 from obsdesign.equations.impulsive import gains as impulsive
 from obsdesign.equations.interval import gains as interval
 from obsdesign.errors import InputError
-from obsdesign.problem.kinds import KINDS
+from obsdesign.kinds import KINDS
 from obsdesign.problem.problem import Problem
 from obsdesign.studies.comparison.record import ComparisonRecord
 from obsdesign.studies.comparison.row import ComparisonRow, filtered, run
 from obsdesign.verification.answers import is_ended, reason, verdict_of_refusal
-
-Array = NDArray[np.float64]
 
 # the option of each kind that selects a variant, and its values
 _VARIANTS: dict[str, tuple[str, tuple[str, ...]]] = {
@@ -107,7 +105,7 @@ def _row(
     kind: str,
     outcome: workflow.Outcome | InputError,
     record: ComparisonRecord,
-    start: Array,
+    start: Matrix,
     value: str,
 ) -> ComparisonRow:
     if isinstance(outcome, InputError):
@@ -142,7 +140,7 @@ def _guarantee(design: Design) -> str:
     }[design.kind]
 
 
-def _initial(problem: Problem, record: ComparisonRecord, initial: Sequence[float] | None) -> Array:
+def _initial(problem: Problem, record: ComparisonRecord, initial: Sequence[float] | None) -> Matrix:
     """Bounds (n, 2) of the state at the first row."""
     n = problem.plant.n
     if initial is None:

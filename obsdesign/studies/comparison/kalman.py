@@ -17,13 +17,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.exponential import expm
 from obsdesign.problem.plant import Plant
 from obsdesign.runtime.base import Sample
-
-Array = NDArray[np.float64]
 
 # without any noise of y, so much of its size: a filter needs some
 _LEAST_NOISE = 1e-6
@@ -36,9 +35,9 @@ _TRIED, _MOST_ROWS = np.arange(-6.0, 7.0), 1500
 class Filtered:
     """Estimates at each row after its measurement and jump: t (rows,), x (rows, n), d (rows, q)."""
 
-    t: Array
-    x: Array
-    d: Array
+    t: Matrix
+    x: Matrix
+    d: Matrix
     log_likelihood: float
 
 
@@ -46,8 +45,8 @@ class Filtered:
 class _Moments:
     """Of [x; d]: mean and covariance."""
 
-    z: Array
-    P: Array
+    z: Matrix
+    P: Matrix
 
 
 def kalman_filter(
@@ -75,17 +74,13 @@ def kalman_filter(
     R, means, log_likelihood = _noise(plant, rows), [], 0.0
     u = np.zeros(0 if plant.flow.B is None else plant.flow.B.shape[1])
     after = plant.output.jump_measurement == "after"
-    centre = 0.0 if plant.output.noise_centre is None else plant.output.noise_centre
     for k, row in enumerate(rows):
         if k:
             now = steps.flow(now, row.t - rows[k - 1].t, u)
         if row.jump and after:
             now = steps.jump(now, row)
-        y = np.full(plant.p, np.nan) if row.y is None else np.asarray(row.y, dtype=np.float64)
-        y = y - centre
-        if (there := np.isfinite(y)).any():
-            now, gained = _update(now, y[there], plant.output.C[there], R[np.ix_(there, there)])
-            log_likelihood += gained
+        now, gained = _measured(now, row, plant, R)
+        log_likelihood += gained
         if row.jump and not after:
             now = steps.jump(now, row)
         u = u if row.u is None else np.asarray(row.u, dtype=np.float64)
@@ -107,7 +102,7 @@ def tuned_walk(plant: Plant, samples: Sequence[Sample], **start: Any) -> float:
     return float(max(tried)[1])
 
 
-def _noise(plant: Plant, rows: Sequence[Sample]) -> Array:
+def _noise(plant: Plant, rows: Sequence[Sample]) -> Matrix:
     output = plant.output
     y = np.array([row.y for row in rows if row.y is not None], dtype=np.float64)
     size = np.nan_to_num(np.sqrt(np.nanmean(y**2, axis=0))) if y.size else np.ones(plant.p)
@@ -117,7 +112,19 @@ def _noise(plant: Plant, rows: Sequence[Sample]) -> Array:
     return np.diag(np.maximum(variance, least))
 
 
-def _update(now: _Moments, y: Array, C: Array, R: Array) -> tuple[_Moments, float]:
+def _measured(now: _Moments, row: Sample, plant: Plant, R: Matrix) -> tuple[_Moments, float]:
+    """The moments after what there is of a measurement, and its log-likelihood."""
+    if row.y is None:
+        return now, 0.0
+    centre = plant.output.noise_centre
+    y = np.asarray(row.y, dtype=np.float64) - (0.0 if centre is None else centre)
+    there = np.isfinite(y)
+    if not there.any():
+        return now, 0.0
+    return _update(now, y[there], plant.output.C[there], R[np.ix_(there, there)])
+
+
+def _update(now: _Moments, y: Matrix, C: Matrix, R: Matrix) -> tuple[_Moments, float]:
     """The moments after a measurement, and its log-likelihood."""
     output = np.hstack([C, np.zeros((len(C), len(now.z) - C.shape[1]))])
     S = output @ now.P @ output.T + R
@@ -141,9 +148,9 @@ class _Steps:
         self.B = np.zeros((n, 0)) if flow.B is None else flow.B
         self.middle = (flow.lower + flow.upper) / 2
         self.variance = (flow.upper - flow.lower) ** 2 / 12
-        self.cache: dict[float, tuple[Array, Array, Array, Array]] = {}
+        self.cache: dict[float, tuple[Matrix, Matrix, Matrix, Matrix]] = {}
 
-    def flow(self, now: _Moments, h: float, u: Array) -> _Moments:
+    def flow(self, now: _Moments, h: float, u: Matrix) -> _Moments:
         """Over h units of time with u held."""
         key = round(h, 12)
         if key not in self.cache:
@@ -151,7 +158,7 @@ class _Steps:
         move, known, drift, Q = self.cache[key]
         return _Moments(move @ now.z + known @ u + drift, move @ now.P @ move.T + Q)
 
-    def _matrices(self, h: float) -> tuple[Array, Array, Array, Array]:
+    def _matrices(self, h: float) -> tuple[Matrix, Matrix, Matrix, Matrix]:
         n, q = self.D.shape
         inputs = np.hstack([self.D, self.B, np.eye(n)])
         block = np.zeros((n + inputs.shape[1],) * 2)

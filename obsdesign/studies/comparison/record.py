@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmi.arithmetic.arrays import Matrix
 from obsdesign.data.records import Layout, read_columns, read_samples
 from obsdesign.data.simulation import default_until, simulate
 from obsdesign.errors import InputError
@@ -16,16 +16,14 @@ from obsdesign.problem.plant import Plant
 from obsdesign.runtime import Sample
 from obsdesign.runtime.base import rows_of
 
-Array = NDArray[np.float64]
-
 
 @dataclass(frozen=True)
 class ComparisonRecord:
     """Samples that every observer gets, and the true x (rows, n), d (rows, q) if known."""
 
     samples: tuple[Sample, ...]
-    x: Array | None = None
-    d: Array | None = None
+    x: Matrix | None = None
+    d: Matrix | None = None
 
     @staticmethod
     def from_simulation(plant: Plant, **options: Any) -> ComparisonRecord:
@@ -58,7 +56,7 @@ class ComparisonRecord:
         )
 
 
-def _truth(columns: dict[str, list[str]], letter: str, count: int, path: str) -> Array | None:
+def _truth(columns: dict[str, list[str]], letter: str, count: int, path: str) -> Matrix | None:
     names = [f"{letter}{i + 1}" for i in range(count)]
     if not names or any(name not in columns for name in names):
         return None

@@ -11,14 +11,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lmi.arithmetic.arrays import Matrix
 from obsdesign.data.stream import estimates_of
 from obsdesign.document import Design
 from obsdesign.problem.plant import Plant
 from obsdesign.runtime import from_design
 from obsdesign.studies.comparison.kalman import kalman_filter, tuned_walk
 from obsdesign.studies.comparison.record import ComparisonRecord
-
-Array = NDArray[np.float64]
 
 REFERENCE = "Kalman filter"
 # errors are taken over this last part of the record, when transients have gone
@@ -49,9 +48,9 @@ class ComparisonRow:
     ended: Mapping[str, Any] = field(default_factory=dict)
 
 
-def run(design: Design, record: ComparisonRecord, start: Array) -> dict[str, Any]:
+def run(design: Design, record: ComparisonRecord, start: Matrix) -> dict[str, Any]:
     """Errors, widths and times of a design, started in the bounds (n, 2) or their middle."""
-    observer: Any = from_design(design)
+    observer = from_design(design)
     begin = start if design.kind == "interval" else start.mean(axis=1)
     state = observer.start(record.samples[0].t, begin.reshape(-1).tolist())
     samples = record.samples
@@ -79,7 +78,7 @@ def run(design: Design, record: ComparisonRecord, start: Array) -> dict[str, Any
 
 
 def _errors(
-    record: ComparisonRecord, x: Array, d: Array | None, counted: NDArray[np.bool_]
+    record: ComparisonRecord, x: Matrix, d: Matrix | None, counted: NDArray[np.bool_]
 ) -> dict[str, Any]:
     errors: dict[str, Any] = {}
     if record.x is not None and len(record.x) == len(x):
@@ -92,7 +91,7 @@ def _errors(
     return errors
 
 
-def _size(values: Array) -> float | None:
+def _size(values: Matrix) -> float | None:
     finite = values[np.isfinite(values)]
     if not finite.size:
         return None
@@ -100,7 +99,7 @@ def _size(values: Array) -> float | None:
     return size if math.isfinite(size) else None
 
 
-def filtered(plant: Plant, record: ComparisonRecord, start: Array) -> ComparisonRow:
+def filtered(plant: Plant, record: ComparisonRecord, start: Matrix) -> ComparisonRow:
     """The filter; the time of its tuning is not counted."""
     begin = {
         "initial": start.mean(axis=1),

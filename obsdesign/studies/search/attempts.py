@@ -17,11 +17,12 @@ from lmi.arithmetic.balls import exact
 from lmi.decide.dwell_search import Bracket, longest_dwell, shortest_dwell
 from lmi.time_budget import Remark
 from lmi.verdict import overall
-from obsdesign import workflow
 from obsdesign.document import Claim
 from obsdesign.problem.options import LuenbergerOptions, memory_of
 from obsdesign.problem.problem import Problem
+from obsdesign.synthesis.kind import synthesis_of
 from obsdesign.verification.answers import as_answers
+from obsdesign.verification.kind import dwell_verification_of, verification_of
 
 # claims about the range itself; all others must hold before one is searched for
 _RANGE_CLAIMS = ("attainable", "dwell_stability", "decay_rate", "hurwitz", "rates")
@@ -69,7 +70,7 @@ class Attempt:
         if math.isinf(ends[0]):  # of an endless range nothing is left: the file's own is no better
             ends = low, high
         gains = {**self.gains, "dwell_time": list(ends)}
-        verification = workflow.layer("verification", problem.require_kind())
+        verification = verification_of(problem.require_kind())
         claims = verification.claims(problem.with_dwell_time(*ends), gains, {})
         claims = as_answers(self.candidate, claims)
         return overall(claim.verdict for claim in claims) == "refuted"
@@ -77,7 +78,7 @@ class Attempt:
 
 def attempts(problem: Problem, remarks: Sequence[Remark]) -> list[Attempt]:
     """Candidates of synthesis, until one is proved for the range of the file."""
-    synthesis = workflow.layer("synthesis", problem.require_kind())
+    synthesis = synthesis_of(problem.require_kind())
     tried = list[Attempt]()
     for candidate in synthesis.synthesize(problem):
         tried.append(_attempt(problem, candidate, remarks))
@@ -88,7 +89,7 @@ def attempts(problem: Problem, remarks: Sequence[Remark]) -> list[Attempt]:
 
 def _attempt(problem: Problem, candidate: Any, remarks: Sequence[Remark]) -> Attempt:
     gains = candidate.document()
-    claims = workflow.layer("verification", problem.require_kind()).claims(problem, gains, {})
+    claims = verification_of(problem.require_kind()).claims(problem, gains, {})
     is_usable = all(c.verdict == "proved" for c in claims if c.id not in _RANGE_CLAIMS)
     return Attempt(candidate, as_answers(candidate, claims, remarks), gains, is_usable)
 
@@ -117,7 +118,7 @@ def with_brackets(
 
 def _bracket(problem: Problem, attempt: Attempt, shortest: bool, accuracy: float) -> Bracket:
     low, high = problem.require_dwell_time()
-    F, H = workflow.layer("verification", problem.require_kind()).dwell_pair(attempt.gains)
+    F, H = dwell_verification_of(problem.require_kind()).dwell_pair(attempt.gains)
     # a required decay rate has to hold over the whole range
     options = problem.options
     rate = options.decay_rate if isinstance(options, LuenbergerOptions) else 0.0

@@ -25,12 +25,13 @@ from lmi.time_budget import (
 from lmi.verdict import overall
 from obsdesign import workflow
 from obsdesign.errors import InputError
-from obsdesign.problem.kinds import DWELL_SEARCHES, PERIOD_SEARCHES, SEARCHES
+from obsdesign.kinds import DWELL_SEARCHES, PERIOD_SEARCHES, SEARCHES
 from obsdesign.problem.problem import Problem
 from obsdesign.studies.search import period as period_search
 from obsdesign.studies.search.attempts import Attempt, attempts, with_brackets
 from obsdesign.studies.search.result import SearchResult
 from obsdesign.verification.answers import is_ended
+from obsdesign.verification.kind import verification_of
 
 
 def search(
@@ -142,7 +143,7 @@ def _outcome(
     ends = (bracket.proved, high) if shortest else (low, bracket.proved)
     narrowed = problem.with_dwell_time(*ends)
     gains = {**best.gains, "dwell_time": list(ends)}
-    verification = workflow.layer("verification", kind)
+    verification = verification_of(kind)
     certificates = {"dwell_stability": bracket.certificate, "decay_rate": bracket.certificate}
     claims = verification.claims(narrowed, gains, certificates)
     proved = overall(c.verdict for c in claims) == "proved"

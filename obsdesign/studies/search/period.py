@@ -25,7 +25,7 @@ from obsdesign.document import Claim
 from obsdesign.equations.finite_time.gains import MOST_SAMPLES
 from obsdesign.equations.finite_time.rows import approx_observability_index
 from obsdesign.errors import InputError
-from obsdesign.problem.kinds import PERIOD_SEARCHES
+from obsdesign.kinds import PERIOD_SEARCHES
 from obsdesign.problem.options import FiniteTimeOptions
 from obsdesign.problem.problem import Problem
 from obsdesign.studies.search.period_extensions import (

@@ -117,7 +117,7 @@ def entries(body: Any, prefix: str = "") -> list[str]:
     return []
 
 
-def _is_entry(value: Any) -> bool:
+def _is_entry(value: object) -> bool:
     return is_number(value) or value == "inf"
 
 
@@ -149,7 +149,7 @@ def _entered(place: Any, step: str | int, so_far: str, key: str) -> Any:
     return place[step]
 
 
-def _shape(place: Any) -> str:
+def _shape(place: object) -> str:
     if isinstance(place, dict):
         return "a table"
     if isinstance(place, list):

@@ -13,7 +13,7 @@ from lmi.time_budget import ended_part
 from obsdesign import workflow
 from obsdesign.document import jsonable
 from obsdesign.errors import InputError
-from obsdesign.problem.kinds import KINDS, SEARCHES
+from obsdesign.kinds import KINDS, SEARCHES
 from obsdesign.problem.problem import Problem
 from obsdesign.studies.search import dwell_time as searching
 from obsdesign.studies.search.result import SearchResult

@@ -125,8 +125,3 @@ def _searched_injection(
         return plain
     transformed = best_injection(replace(problem, coordinates=True), (plain,))
     return transformed if transformed.log_period > math.log(period) else plain
-
-
-def untried(problem: Problem) -> dict[str, str]:
-    """Forms that are passed over, and why: none of this kind."""
-    return {}

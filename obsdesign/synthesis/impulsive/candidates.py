@@ -72,8 +72,3 @@ def _ran_out_of_boxes(candidate: Candidate) -> bool:
     """Whether its proof ended for want of boxes."""
     boxes = candidate.certificates.get("strongly_observable", {}).get("boxes", 0)
     return bool(boxes > _FEW_BOXES // 2)
-
-
-def untried(problem: Problem) -> dict[str, str]:
-    """Forms that are passed over, and why: none of this kind."""
-    return {}

@@ -211,8 +211,3 @@ def _gain(problem: Problem, window: float) -> Matrix:
     )
     decays = float(np.linalg.eigvals(A).real.max()) * window < -1
     return np.zeros_like(K) if is_immense and decays else K
-
-
-def untried(problem: Problem) -> dict[str, str]:
-    """Forms that are passed over, and why: none of this kind."""
-    return {}

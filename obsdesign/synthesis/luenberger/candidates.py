@@ -87,8 +87,3 @@ def _certificates(problem: Problem, F: Matrix, M: Matrix, rate: float) -> dict[s
     if not {"P", "windows"} & set(evidence):
         shared = dwell_certificates(F, H, *ends, **options)
     return shared | {"decay_rate": evidence}
-
-
-def untried(problem: Problem) -> dict[str, str]:
-    """Forms that are passed over, and why: none of this kind."""
-    return {}

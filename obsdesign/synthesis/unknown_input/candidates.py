@@ -152,8 +152,3 @@ def _coordinates(problem: Problem, D: Matrix, sizes: Matrix) -> tuple[Matrix, Ma
     unit = D / sizes[:, None] * equations.lengths((D / sizes[:, None]).T)
     Ta = np.linalg.qr(unit, mode="complete")[0][:, q:]
     return np.hstack([Ta * sizes[:, None], D]), Ta.T / sizes
-
-
-def untried(problem: Problem) -> dict[str, str]:
-    """Forms that are passed over, and why: none of this kind."""
-    return {}

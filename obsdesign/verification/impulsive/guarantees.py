@@ -43,11 +43,6 @@ def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Guarantee, 
     return tuple(result)
 
 
-def warnings(problem: Problem, claims: tuple[Claim, ...]) -> tuple[str, ...]:
-    """No warnings: this kind has none."""
-    return ()
-
-
 def _rate_sentence(rate: Rate, free: str) -> str:
     """The proved rate in a sentence; free: signals that must be absent."""
     constant, each = (

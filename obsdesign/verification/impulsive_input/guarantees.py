@@ -40,11 +40,6 @@ def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Guarantee, 
     )
 
 
-def warnings(problem: Problem, claims: tuple[Claim, ...]) -> tuple[str, ...]:
-    """No warnings: this kind has none."""
-    return ()
-
-
 def _main_sentence(problem: Problem, low: str, absent: str, between: str) -> str:
     """Sentence for exact records, for the weighting, rule and weights of the problem."""
     options, output = problem.options_as(ImpulsiveInputOptions), problem.plant.output

@@ -47,11 +47,6 @@ def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Guarantee, 
     return (*entries, Guarantee.from_verdicts(ROUNDED_WIDTHS, enclosing, verdicts))
 
 
-def warnings(problem: Problem, claims: tuple[Claim, ...]) -> tuple[str, ...]:
-    """No warnings: this kind has none."""
-    return ()
-
-
 def _bounded_width(problem: Problem, claims: tuple[Claim, ...], measured: str) -> str:
     when, jumps = "", ""
     if problem.plant.jump is not None:

@@ -33,8 +33,3 @@ def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Guarantee, 
         sampled = "Convergence for samples at a given spacing is not claimed."
         result.append(Guarantee.not_proved(sampled))
     return tuple(result)
-
-
-def warnings(problem: Problem, claims: tuple[Claim, ...]) -> tuple[str, ...]:
-    """No warnings: this kind has none."""
-    return ()

@@ -153,7 +153,8 @@ def test_a_design_of_before_the_choice_still_verifies() -> None:
 
 
 def verdict(body: dict[str, Any]) -> str:
-    from obsdesign.document import digest, from_dict
+    from obsdesign.design_file import from_dict
+    from obsdesign.document import digest
 
     return obsdesign.verify(from_dict({**body, "digest": digest(body)})).verdict
 

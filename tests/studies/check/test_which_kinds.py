@@ -11,7 +11,7 @@ import pytest
 import obsdesign
 from benchmarks.glance_is_fast import plants
 from obsdesign.errors import DoesNotApply
-from obsdesign.problem.kinds import KINDS
+from obsdesign.kinds import KINDS
 from obsdesign.studies.check import advice
 from obsdesign.studies.check.which_kinds import check_all, check_kind
 from tests.long.check_agrees import designed, disagreements

@@ -14,7 +14,7 @@ from click.testing import CliRunner
 import obsdesign
 from lmi.memory import OversizeError
 from obsdesign.cli.commands import cli
-from obsdesign.problem.kinds import KINDS
+from obsdesign.kinds import KINDS
 from obsdesign.runtime import from_design
 from obsdesign.studies.comparison import compare as comparison
 from obsdesign.studies.comparison.compare import compare

@@ -18,7 +18,8 @@ from lmi.arithmetic.balls import precision
 from lmi.arithmetic.norms import float_below
 from lmi.time_budget import total_budget
 from obsdesign.analysis.finite_time.enclosed_gains import Sampled
-from obsdesign.document import digest, from_dict
+from obsdesign.design_file import from_dict
+from obsdesign.document import digest
 from obsdesign.equations.finite_time.condition_13 import approx_log_longest_period
 from obsdesign.studies.search import period as period_search
 from obsdesign.studies.search.dwell_time import search

@@ -16,7 +16,7 @@ from lmi.arithmetic.exponential import flow_integrals
 from obsdesign.analysis.finite_time import enclosed_gains as window_gains
 from obsdesign.analysis.finite_time.enclosed_gains import Sampled
 from obsdesign.data.simulation import simulate
-from obsdesign.document import from_dict
+from obsdesign.design_file import from_dict
 from obsdesign.equations.finite_time.rows import least_squares_gain
 from obsdesign.runtime import Sample, from_design
 from obsdesign.synthesis.finite_time import minimax

@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 import obsdesign
 from lmi.arithmetic.balls import precision
 from obsdesign.analysis.finite_time.enclosed_gains import Sampled
-from obsdesign.document import Design, digest, from_dict
+from obsdesign.design_file import from_dict
+from obsdesign.document import Design, digest
 from obsdesign.errors import InputError
 from obsdesign.verification.finite_time.claims import claims
 

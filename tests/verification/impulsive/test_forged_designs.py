@@ -150,7 +150,7 @@ def test_quadratic_tables_are_checked() -> None:
     assert verified(design, table=0 * gains["table"])["contracting"] == "undecided"
     assert verified(design, cells=gains["cells"] - 0.01)["contracting"] == "refuted"
     body = design.to_dict()
-    again = obsdesign.document.from_dict(json.loads(json.dumps(body)))
+    again = obsdesign.design_file.from_dict(json.loads(json.dumps(body)))
     assert obsdesign.verify(again).verdict == "proved"
 
 

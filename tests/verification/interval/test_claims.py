@@ -289,7 +289,7 @@ def test_every_jump_measurement_is_designed_verified_and_run(when: str) -> None:
 def test_verify_after_a_round_trip_through_text() -> None:
     import json
 
-    from obsdesign.document import from_dict
+    from obsdesign.design_file import from_dict
 
     design = obsdesign.design(problem_with())
     again = from_dict(json.loads(json.dumps(design.to_dict())))

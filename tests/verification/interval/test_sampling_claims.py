@@ -11,7 +11,8 @@ import pytest
 import obsdesign
 from lmi.arithmetic.exponential import expm
 from obsdesign.data.simulation import simulate
-from obsdesign.document import digest, from_dict
+from obsdesign.design_file import from_dict
+from obsdesign.document import digest
 from obsdesign.equations.interval.gains import IntervalGains
 from obsdesign.equations.interval.width import WidthSystem
 from obsdesign.runtime import Sample, from_design

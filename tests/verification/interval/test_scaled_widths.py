@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 import obsdesign
-from obsdesign.document import digest, from_dict
+from obsdesign.design_file import from_dict
+from obsdesign.document import digest
 
 BASE: dict[str, Any] = {
     "flow": {"A": [[-1, 0], [1, -2]], "disturbance": {"lower": [-0.1] * 2, "upper": [0.1] * 2}},

@@ -10,7 +10,8 @@ from typing import Any
 import pytest
 
 import obsdesign
-from obsdesign.document import digest, from_dict
+from obsdesign.design_file import from_dict
+from obsdesign.document import digest
 from obsdesign.verification.same_evidence import difference
 
 BASE: dict[str, Any] = {

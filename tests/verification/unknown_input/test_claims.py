@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 import obsdesign
-from obsdesign.document import Design, load_design
+from obsdesign.design_file import load_design
+from obsdesign.document import Design
 from obsdesign.runtime import from_design
 from obsdesign.verification.unknown_input.claims import claims
 from tests.systems.unknown_input import plant_with_zeros, random_plant, unknown_input_problem

@@ -11,7 +11,8 @@ from typing import Any
 import pytest
 
 import obsdesign
-from obsdesign.document import digest, from_dict
+from obsdesign.design_file import from_dict
+from obsdesign.document import digest
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 

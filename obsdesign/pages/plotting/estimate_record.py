@@ -1,0 +1,120 @@
+"""What a picture of an estimate is drawn from: three CSV files by column."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from lmi.arithmetic.arrays import Matrix
+from obsdesign.data.records import read_columns
+from obsdesign.errors import InputError
+
+# beyond, the drawing library overflows
+_DRAWABLE = 1e100
+
+
+@dataclass(frozen=True)
+class Table:
+    """Columns of a CSV file as texts; none where no file is given."""
+
+    path: str
+    columns: Mapping[str, list[str]]
+
+    @classmethod
+    def from_file(cls, path: str | None) -> Table:
+        """The table in a file, or an empty one."""
+        return cls(str(path), {} if path is None else read_columns(path))
+
+    def __contains__(self, name: str) -> bool:
+        return name in self.columns
+
+    def numbers(self, name: str) -> Matrix:
+        """A column as floats, NaN where a cell is empty; InputError where it is not of numbers."""
+        if name not in self.columns:
+            known = ", ".join(self.columns)
+            raise InputError(f"{self.path}: column {name!r} is required; it has {known}.")
+        try:
+            return np.array([float(cell) if cell else np.nan for cell in self.columns[name]])
+        except ValueError as error:
+            raise InputError(f"{self.path}: column {name!r} must hold numbers; {error}.") from None
+
+    def drawable(self, name: str) -> Matrix:
+        """A column as floats, NaN where the drawing library would overflow."""
+        values = self.numbers(name)
+        small = np.isfinite(values) & (np.abs(np.nan_to_num(values)) < _DRAWABLE)
+        return np.where(small, values, np.nan)
+
+    def deviations(self, name: str) -> Matrix:
+        """The standard deviations of a column, zero where they are not known."""
+        return np.nan_to_num(self.numbers(f"{name}_std"))
+
+    @property
+    def states(self) -> list[str]:
+        """x1, x2, ... (and unknown inputs d1, ...)."""
+        names = []
+        for letter in "xd":
+            i = 1
+            while f"{letter}{i}" in self or f"{letter}{i}_lo" in self:
+                names.append(f"{letter}{i}")
+                i += 1
+        return names
+
+    @property
+    def measurements(self) -> list[str]:
+        """y1, y2, ..."""
+        return [name for name in self.columns if name[0] == "y" and name[1:].isdigit()]
+
+    @property
+    def statuses(self) -> list[str]:
+        """The column status; empty where there is none."""
+        return self.columns.get("status", [])
+
+
+@dataclass(frozen=True)
+class EstimateRecord:
+    """An estimate, the data with the truth, and impulses, as files hold them."""
+
+    estimate: Table
+    data: Table
+    impulses: Table
+    t: Matrix
+    data_t: Matrix
+    jumps: Matrix
+
+    @classmethod
+    def from_files(cls, estimate: str, data: str | None, events: str | None) -> EstimateRecord:
+        """InputError where a file cannot be read, or they are not of one plant."""
+        estimates, truth = Table.from_file(estimate), Table.from_file(data)
+        t = estimates.numbers("t")
+        if not estimates.states or not len(t):
+            raise InputError(
+                f"{estimate}: columns x1_lo, x1_hi or x1 and at least one row are required."
+            )
+        _check_states(estimates, truth)
+        times = truth.numbers("t") if truth.columns else np.zeros(0)
+        jumps = times[truth.numbers("jump") == 1] if "jump" in truth else np.zeros(0)
+        return cls(estimates, truth, Table.from_file(events), t, times, jumps)
+
+    @property
+    def has_impulses(self) -> bool:
+        """Is there an event file?"""
+        return bool(self.impulses.columns)
+
+    @property
+    def panels(self) -> list[str]:
+        """Names of the panels, from the top down."""
+        if not self.has_impulses:
+            return self.estimate.states
+        return [*self.data.measurements, *self.estimate.states, "weight"]
+
+
+def _check_states(estimate: Table, data: Table) -> None:
+    """InputError if the true states of the data are more or fewer than those of the estimate."""
+    mine, theirs = (sum(name[0] == "x" for name in table.states) for table in (estimate, data))
+    if theirs and mine != theirs:
+        raise InputError(
+            f"{data.path}: {mine} states are required, as in {estimate.path}; it has {theirs}. "
+            "Is it the data of another plant?"
+        )

@@ -1,0 +1,64 @@
+"""Verification of a kind: its modules `<kind>/claims.py` and `<kind>/guarantees.py`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from importlib import import_module
+from typing import Any, Protocol, cast, runtime_checkable
+
+from lmi.arithmetic.arrays import Array
+from obsdesign.document import Claim, Guarantee
+from obsdesign.kinds import kind_named
+from obsdesign.problem.problem import Problem
+
+
+class Verification(Protocol):
+    """A module that proves claims."""
+
+    def claims(
+        self,
+        problem: Problem,
+        stored: Mapping[str, Any],
+        certificates: Mapping[str, Mapping[str, Any]],
+        /,
+        *,
+        paranoid: bool = False,
+    ) -> tuple[Claim, ...]:
+        """Every hypothesis of the theorem, for gains as a file states them."""
+
+
+class DwellVerification(Verification, Protocol):
+    """A module whose claim of stability is one about a pair of matrices."""
+
+    def dwell_pair(self, stored: Mapping[str, Any], /) -> tuple[Array, Array]:
+        """Exact (F, H) of x -> e^(F theta) H x."""
+
+
+class Conclusions(Protocol):
+    """A module that says what follows from claims."""
+
+    def guarantees(self, problem: Problem, claims: tuple[Claim, ...], /) -> tuple[Guarantee, ...]:
+        """The sentences a user may rely on, and those that are not proved."""
+
+
+@runtime_checkable
+class Warns(Protocol):
+    """A module that knows warnings."""
+
+    def warnings(self, problem: Problem, claims: tuple[Claim, ...], /) -> tuple[str, ...]:
+        """What is wrong, or nearly so, in one sentence each."""
+
+
+def verification_of(kind: str) -> Verification:
+    """The module of a kind that proves its claims; InputError for what is no kind."""
+    return cast(Verification, import_module(kind_named(kind).module("claims")))
+
+
+def dwell_verification_of(kind: str) -> DwellVerification:
+    """The same of a kind whose dwell times can be searched."""
+    return cast(DwellVerification, verification_of(kind))
+
+
+def conclusions_of(kind: str) -> Conclusions:
+    """The module of a kind with its guarantees."""
+    return cast(Conclusions, import_module(kind_named(kind).module("guarantees")))
