@@ -13,18 +13,23 @@ from lmi.memory import require_memory
 
 Vector = NDArray[np.float64]
 
+_MOST_ITERATIONS = 2**31 - 1  # an int of the solver
+
 
 def minimise(
     cost: Vector,
     rows: Matrix | tuple[Indices, Indices, Vector],
     sides: tuple[Vector, Vector],
     bounds: tuple[Vector, Vector],
+    *,
     seconds: float = math.inf,
+    iterations: int | None = None,
 ) -> Vector | None:
     """x of least cost'x with lower <= A x <= upper and low <= x <= high; None if none is found.
 
     cost: (n,); rows: A (m, n), or (row, column, value) of its entries, repeated ones added up;
-    sides: lower, upper (m,); bounds: low, high (n,), with infinities; seconds: on the wall.
+    sides: lower, upper (m,); bounds: low, high (n,), with infinities; seconds: on the wall;
+    iterations: of the simplex method.
     """
     n, m = len(cost), len(sides[0])
     # triplets, their sorted copies, and the solver's matrix with its factors
@@ -53,6 +58,8 @@ def minimise(
     solver.setOptionValue("threads", 1)
     if math.isfinite(seconds):
         solver.setOptionValue("time_limit", max(seconds, 1e-3))
+    if iterations is not None:
+        solver.setOptionValue("simplex_iteration_limit", min(iterations, _MOST_ITERATIONS))
     if solver.passModel(program) == highspy.HighsStatus.kError:
         return None
     solver.run()

@@ -19,6 +19,7 @@ from lmi.arithmetic.arrays import Matrix
 from lmi.rank.full_rank import BOX_LIMIT, prove_full_rank
 from lmi.rank.stack import Stack, approx_margin, approx_vanishing, coordinates, unit_blocks
 from lmi.rank.witness import MARGIN, check_deficient, outright, too_few
+from lmi.time_budget import UNLIMITED, TimeBudget
 from lmi.verdict import Verdict, refuted, undecided
 
 _GRID, _RANDOM = 201, 300
@@ -30,7 +31,14 @@ _SHARE = 0.75
 
 
 @np.errstate(all="ignore")
-def decide_full_rank(stack: Stack, low: float, high: float, limit: int = BOX_LIMIT) -> Verdict:
+def decide_full_rank(
+    stack: Stack,
+    low: float,
+    high: float,
+    limit: int = BOX_LIMIT,
+    *,
+    budget: TimeBudget = UNLIMITED,
+) -> Verdict:
     """Full column rank with MARGIN for all thetas in [low, high]^m: search, refute or prove.
 
     0 <= low <= high, both finite. Proved evidence as `prove_full_rank`, with "approx_sigma_min"
@@ -53,14 +61,14 @@ def decide_full_rank(stack: Stack, low: float, high: float, limit: int = BOX_LIM
             return verdict
     required = max(_SHARE * margin, MARGIN)
     verdict = prove_full_rank(
-        stack, low, high, R, margin=required, limit=min(BOX_LIMIT // 10, limit)
+        stack, low, high, R, margin=required, limit=min(BOX_LIMIT // 10, limit), budget=budget
     )
     if verdict.outcome != "proved":
         counter = _vanishing(stack, points, R, low, high)
         if counter.outcome == "refuted":
             return counter
         required = MARGIN
-        verdict = prove_full_rank(stack, low, high, R, margin=required, limit=limit)
+        verdict = prove_full_rank(stack, low, high, R, margin=required, limit=limit, budget=budget)
     if "thetas" in verdict.evidence:  # the proof may have been led to a place the search missed
         place = np.array([verdict.evidence["thetas"]])
         worst, margin = _polished(in_units, place, in_units(place), low, high)
@@ -85,14 +93,16 @@ def approx_evidence(stack: Stack, thetas: Any, low: float, high: float) -> dict[
 
 
 @np.errstate(all="ignore")
-def prove_again(stack: Stack, low: float, high: float, margin: float) -> Verdict:
+def prove_again(
+    stack: Stack, low: float, high: float, margin: float, *, budget: TimeBudget = UNLIMITED
+) -> Verdict:
     """The proof of `decide_full_rank` without its search: asked is the evidence's."""
     if stack.shape[0] < stack.shape[1]:
         return refuted(too_few(stack))
     R, full = coordinates(stack, low, high)
     if not full:
         return undecided("the stack has no full rank anywhere in the box")
-    return prove_full_rank(stack, low, high, R, margin=max(margin, MARGIN))
+    return prove_full_rank(stack, low, high, R, margin=max(margin, MARGIN), budget=budget)
 
 
 def _candidates(stack: Stack, low: float, high: float) -> Matrix:

@@ -17,7 +17,7 @@ import numpy as np
 
 from lmi.arithmetic.balls import precision
 from lmi.arithmetic.norms import float_above, float_below
-from lmi.time_budget import collect_remarks, remark, sentences
+from lmi.time_budget import Remark, TimeBudget, last_end, sentences
 from obsdesign.analysis.finite_time.enclosed_gains import Sampled
 from obsdesign.document import Claim
 from obsdesign.equations.finite_time.options import MOST_SAMPLES, reason_against_problem
@@ -26,7 +26,8 @@ from obsdesign.errors import InputError
 from obsdesign.problem.kinds import PERIOD_SEARCHES
 from obsdesign.problem.problem import Problem
 from obsdesign.studies.search.period_extensions import (
-    LONG_SECONDS,
+    LONG_EFFORT,
+    Extensions,
     longer_periods,
     needed_samples,
     shorter_windows,
@@ -53,7 +54,8 @@ _SOURCE = "Mazenc, Ahmed, MICNON 2018, Theorem 1, (13)"
 class _Bracket:
     """Ends of a bracket in the searched quantity, with window, samples and L.
 
-    whole_period: a period for which (13) is proved with T = samples * whole_period.
+    whole_period: a period for which (13) is proved with T = samples * whole_period. remarks: of
+    the search for L and window.
     """
 
     window: float
@@ -64,6 +66,7 @@ class _Bracket:
     proved: float | None = None
     not_proved: float | None = None
     whole_period: float | None = None
+    remarks: tuple[Remark, ...] = ()
 
     @classmethod
     def empty(cls, window: float, L: Array, reason: str) -> _Bracket:
@@ -89,7 +92,7 @@ class _Bracket:
         return result
 
 
-def search_period(problem: Problem, what: str) -> Outcome:
+def search_period(problem: Problem, what: str, budget: TimeBudget) -> Outcome:
     """Return the bracket for `what`.
 
     result: {"proved", "not_proved", "not_proved_verdict", "admissible", "samples", "window",
@@ -106,21 +109,23 @@ def search_period(problem: Problem, what: str) -> Outcome:
     options = {} if what == "shortest_window" else _options_without_window(problem)
     if reason := reason_against_problem(problem.plant, options):
         raise InputError(reason)
-    with collect_remarks() as remarks, precision(_BITS):
+    with precision(_BITS):
         plant = problem.plant
         first = observable(Sampled.from_plant(plant.flow.A, plant.output.C, period, 1))
         if first.verdict != "proved":
             result = {"proved": None, "not_proved": None, "not_proved_verdict": None}
             return Outcome("refuted", "finite_time", (first,), result, None)
         is_period = what == "longest_period"
-        bracket = (_longest_period if is_period else _shortest_window)(problem, period)
+        bracket = (_longest_period if is_period else _shortest_window)(problem, period, budget)
+        remarks = bracket.remarks
         if bracket.samples > MOST_SAMPLES:
-            remark(_TOO_MANY.format(bracket.samples))
-        extensions = _extensions(problem, bracket, None if is_period else period)
+            remarks += (Remark(_TOO_MANY.format(bracket.samples)),)
+        extensions, more = _extensions(problem, bracket, None if is_period else period, budget)
+        remarks += more
     is_searched = "L" not in problem.gains or (is_period and "window" not in problem.options)
     if remarks:
         extensions["remarks"] = sentences(remarks)
-    end = next((entry.evidence for entry in reversed(remarks) if entry.evidence), {})
+    end = last_end(remarks)
     claims = (first, *bracket.claims)
     verdict = "proved" if all(claim.verdict == "proved" for claim in claims) else "undecided"
     claims = tuple(with_end(claim, end) for claim in claims)
@@ -128,13 +133,17 @@ def search_period(problem: Problem, what: str) -> Outcome:
     return Outcome(verdict, "finite_time", claims, result, None)
 
 
-def _extensions(problem: Problem, bracket: _Bracket, period: float | None) -> dict[str, Any]:
+def _extensions(
+    problem: Problem, bracket: _Bracket, period: float | None, budget: TimeBudget
+) -> Extensions:
     """Longer periods, or shorter windows at this one, than those of (13) as printed."""
     if period is not None:
-        return shorter_windows(problem, None if bracket.proved is None else bracket.samples, period)
+        samples = None if bracket.proved is None else bracket.samples
+        return shorter_windows(problem, samples, period, budget)
     if bracket.proved is None or not 0 < bracket.proved < math.inf:
-        return longer_periods(problem, None)
-    return longer_periods(problem, Injection(bracket.L, bracket.window, math.log(bracket.proved)))
+        return longer_periods(problem, None, budget)
+    plain = Injection(bracket.L, bracket.window, math.log(bracket.proved))
+    return longer_periods(problem, plain, budget)
 
 
 def _options_without_window(problem: Problem) -> dict[str, Any]:
@@ -142,17 +151,18 @@ def _options_without_window(problem: Problem) -> dict[str, Any]:
     return {name: value for name, value in problem.options.items() if name != "window"}
 
 
-def _longest_period(problem: Problem, period: float) -> _Bracket:
+def _longest_period(problem: Problem, period: float, budget: TimeBudget) -> _Bracket:
     A, C = problem.plant.flow.A, problem.plant.output.C
     given, L = problem.options.get("window"), problem.gains.get("L")
+    remarks: tuple[Remark, ...] = ()
     if not np.any(A):  # (13) holds for any period: the window is the only limit
         window, L = given or 2 * period, C.T if L is None else L
     elif given is None or L is None:
-        best = best_injection(PeriodProblem(A, C, given, L), seconds=LONG_SECONDS)
-        window, L = best.window, best.L
+        best = best_injection(PeriodProblem(A, C, given, L), budget, effort=LONG_EFFORT)
+        window, L, remarks = best.window, best.L, best.remarks
     else:
         window = given
-    bracket = _period_bracket(A, C, L, window)
+    bracket = replace(_period_bracket(A, C, L, window), remarks=remarks)
     is_open = given is None and bool(np.any(A)) and bracket.not_proved is not None
     return _in_whole_samples(A, C, bracket) if is_open else bracket
 
@@ -204,11 +214,19 @@ def _in_whole_samples(A: Array, C: Array, bracket: _Bracket) -> _Bracket:
     return bracket
 
 
-def _shortest_window(problem: Problem, period: float) -> _Bracket:
-    A, C = problem.plant.flow.A, problem.plant.output.C
-    least = sampled_index(Sampled.from_plant(A, C, period, len(A)))
-    k, best = fewest_samples(PeriodProblem(A, C, None, problem.gains.get("L")), period, least)
-    L = best.L
+def _shortest_window(problem: Problem, period: float, budget: TimeBudget) -> _Bracket:
+    """Ends of (13) in the number of samples at this period."""
+    free = PeriodProblem(problem.plant.flow.A, problem.plant.output.C, None, problem.gains.get("L"))
+    least = sampled_index(Sampled.from_plant(free.A, free.C, period, len(free.A)))
+    k, best = fewest_samples(free, period, least, budget)
+    return replace(_window_bracket(problem, period, (least, k), best.L), remarks=best.remarks)
+
+
+def _window_bracket(
+    problem: Problem, period: float, counts: tuple[int, int | None], L: Array
+) -> _Bracket:
+    """The bracket of a search; counts: the least that determine the state, those with (13)."""
+    A, C, (least, k) = problem.plant.flow.A, problem.plant.output.C, counts
     if k is None:
         reason = f"(13) holds for no window with period {period!r}"
         return _Bracket.empty(least * period, L, reason)

@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
+from lmi.time_budget import UNLIMITED, TimeBudget
 from obsdesign.equations.finite_time.options import (
     MOST_SAMPLES,
     NEED_L,
@@ -37,7 +39,7 @@ from obsdesign.synthesis.finite_time.window_task import WindowTask
 _LONGER = (1, 4, 16)
 
 
-def synthesize(problem: Problem) -> Iterator[Candidate]:
+def synthesize(problem: Problem, budget: TimeBudget = UNLIMITED) -> Iterator[Candidate]:
     """Yield candidates in order of preference; InputError for a problem that has none."""
     problem.require_measured("periodic")
     reason = reason_against_problem(problem.plant, problem.options)
@@ -53,15 +55,19 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
                 "flow.disturbance: it makes the largest error small, and without either there is "
                 "none."
             )
-    samples = chosen_samples(problem)
+    samples, remarks = chosen_samples(problem, budget)
     if method in NEED_L:
-        yield from _with_injection(problem, samples)
+        candidates = _with_injection(problem, samples, budget)
     else:
-        gains = completed_gains(WindowTask.from_problem(problem, samples))
-        yield Candidate(method, gains, searched="window" not in problem.options)
+        gains, more = completed_gains(WindowTask.from_problem(problem, samples))
+        is_searched = "window" not in problem.options
+        candidates = iter([Candidate(method, gains, searched=is_searched, remarks=more)])
+    for candidate in candidates:
+        yield replace(candidate, remarks=remarks + candidate.remarks)
+        remarks = ()
 
 
-def _with_injection(problem: Problem, samples: int) -> Iterator[Candidate]:
+def _with_injection(problem: Problem, samples: int, budget: TimeBudget) -> Iterator[Candidate]:
     """L in the units of the file, then in those of the window; then longer windows, where open."""
     open_gain, open_window = "L" not in problem.gains, "window" not in problem.options
     free = open_window and "objective" not in problem.options
@@ -71,11 +77,13 @@ def _with_injection(problem: Problem, samples: int) -> Iterator[Candidate]:
             return
         units = WindowTask.from_problem(problem, k).scales
         for natural in (False, True) if open_gain and (units != units[0]).any() else (False,):
-            chosen = _injection(problem, k, units if natural else None)
+            chosen = _injection(problem, k, budget, units if natural else None)
             S = {} if chosen.S is None else {"theorem_1_coordinates": {"S": chosen.S}}
             task = WindowTask.from_problem(problem, k, chosen.L)
             searched = open_gain or open_window
-            yield Candidate(task.method, completed_gains(task), S, searched=searched)
+            gains, remarks = completed_gains(task)
+            remarks = chosen.remarks + remarks
+            yield Candidate(task.method, gains, S, searched=searched, remarks=remarks)
         if _is_undetermined(problem, k):
             return  # no units would change that, and `chosen_samples` has compared windows
 
@@ -86,7 +94,9 @@ def _is_undetermined(problem: Problem, k: int) -> bool:
     return approx_window_determinacy(plant.flow.A, plant.output.C, period, k) < SINGULAR
 
 
-def _injection(problem: Problem, k: int, units: Array | None = None) -> Injection:
+def _injection(
+    problem: Problem, k: int, budget: TimeBudget, units: Array | None = None
+) -> Injection:
     """L, given or by the objective; for objectives of (13) also S, if (13) needs it.
 
     Any L where the samples do not determine the state with any. units, (n,): the norms of (13) are
@@ -104,24 +114,29 @@ def _injection(problem: Problem, k: int, units: Array | None = None) -> Injectio
         size = max(float(np.linalg.norm(C)) ** 2, 1e-300) * window
         return Injection(C.T / size if L is None else L, window, math.inf)
     if units is not None:
-        scaled = best_injection(PeriodProblem(A * units / units[:, None], C * units, window))
-        return Injection(scaled.L * units[:, None], window, -math.inf)
-    return _searched_injection(problem, k, window)
+        in_units = PeriodProblem(A * units / units[:, None], C * units, window)
+        scaled = best_injection(in_units, budget)
+        return Injection(scaled.L * units[:, None], window, -math.inf, remarks=scaled.remarks)
+    return _searched_injection(problem, k, window, budget)
 
 
-def _searched_injection(problem: Problem, k: int, window: float) -> Injection:
+def _searched_injection(problem: Problem, k: int, window: float, budget: TimeBudget) -> Injection:
     """L for the objective, and S where (13) holds in these coordinates alone."""
     A, C, L = problem.plant.flow.A, problem.plant.output.C, problem.gains.get("L")
     period, objective = float(problem.plant.output.period or 1.0), problem.options.get("objective")
     fixed = PeriodProblem(A, C, window, L)
-    plain = fixed.rated(L, window) if L is not None else best_injection(fixed)
+    plain = fixed.rated(L, window) if L is not None else best_injection(fixed, budget)
     if objective == "least_noise":
         method = str(problem.options.get("method"))
-        return Injection(low_noise_injection(A, C, plain.L, (period, k), method), window, -math.inf)
+        L, remarks = low_noise_injection((A, C), plain.L, (period, k), method, budget)
+        return Injection(L, window, -math.inf, remarks=plain.remarks + remarks)
     if objective not in CONDITION_13_OBJECTIVES or plain.log_period > math.log(period):
         return plain
-    transformed = best_injection(PeriodProblem(A, C, window, L, coordinates=True), (plain,))
-    return transformed if transformed.log_period > math.log(period) else plain
+    free = PeriodProblem(A, C, window, L, coordinates=True)
+    transformed = best_injection(free, budget, (plain,))
+    remarks = plain.remarks + transformed.remarks
+    best = transformed if transformed.log_period > math.log(period) else plain
+    return replace(best, remarks=remarks)
 
 
 def _is_disturbed(problem: Problem) -> bool:

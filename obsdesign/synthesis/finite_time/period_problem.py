@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lmi.time_budget import Remark
 from obsdesign.equations.finite_time.condition_13 import approx_log_longest_period
 from obsdesign.equations.gains import Array
 
@@ -50,13 +51,15 @@ def normal_coordinates(A: Array) -> Array | None:
 class Injection:
     """L (n, p), window T, log of the period below which (13) holds (in floats), S or None.
 
-    An upper bound of the period that keeps n / p samples in the window is included.
+    An upper bound of the period that keeps n / p samples in the window is included. remarks: of
+    the search for it.
     """
 
     L: Array
     window: float
     log_period: float
     S: Array | None = None
+    remarks: tuple[Remark, ...] = ()
 
 
 @dataclass(frozen=True)

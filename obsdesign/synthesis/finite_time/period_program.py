@@ -154,6 +154,7 @@ class Solution:
     period: float
     S: Array
     status: str
+    iterations: int
 
 
 class PeriodProgram:
@@ -226,9 +227,10 @@ class PeriodProgram:
         x = np.asarray(result["x"]).reshape(-1)
         L = math.exp(min(x[n * p], 700.0)) * x[: n * p].reshape(p, n).T
         S = triangular(x[n * p + 3 :], n)
-        status = str(self._solver.stats()["return_status"])
+        stats = self._solver.stats()
         period = math.exp(min(-float(result["f"]), 700.0)) if result["f"].is_regular() else 0.0
-        return Solution(L, math.exp(min(x[n * p + 1], 700.0)), period, S, status)
+        window, status = math.exp(min(x[n * p + 1], 700.0)), str(stats["return_status"])
+        return Solution(L, window, period, S, status, int(stats["iter_count"]))
 
     def starts(self, count: int) -> Sequence[Start]:
         """Random directions, L C below and about the size of A, T below and about 1 / |A|.

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from lmi.time_budget import Remark, TimeBudget
 from obsdesign.equations.finite_time.options import MOST_SAMPLES, NEED_L, window_samples
 from obsdesign.equations.finite_time.rows import approx_window_determinacy
 from obsdesign.problem.problem import Problem
@@ -24,14 +25,14 @@ SINGULAR = 1e-11
 CONDITION_13_OBJECTIVES = ("longest_period", "shortest_window")
 
 
-def chosen_samples(problem: Problem) -> int:
+def chosen_samples(problem: Problem, budget: TimeBudget) -> tuple[int, tuple[Remark, ...]]:
     """Number of samples, given, or chosen by the objective or the determinacy of the window."""
     plant, period = problem.plant, float(problem.plant.output.period or 1.0)
     if "window" in problem.options:
-        return window_samples(problem.options["window"], period)
+        return window_samples(problem.options["window"], period), ()
     A, C, objective = plant.flow.A, plant.output.C, problem.options.get("objective")
     if objective is None:
-        return _well_determined(A, C, period)
+        return _well_determined(A, C, period), ()
     fewest = math.ceil(plant.n / plant.p)
     shortest = next(
         (
@@ -42,29 +43,33 @@ def chosen_samples(problem: Problem) -> int:
         None,
     )
     k: int | None = None
+    remarks: tuple[Remark, ...] = ()
     if objective == "shortest_window":
         k = shortest
     by_condition_13 = objective in CONDITION_13_OBJECTIVES and np.any(A)
     if by_condition_13 and shortest is not None and problem.options.get("method") in NEED_L:
-        k = _samples_for_13(
-            PeriodProblem(A, C, None, problem.gains.get("L")), period, shortest, objective
-        )
+        free = PeriodProblem(A, C, None, problem.gains.get("L"))
+        k, remarks = _samples_for_13(free, period, shortest, objective, budget)
     if objective == "least_noise" and shortest is not None:
         counts = _counts(plant.n, _PER_OCTAVE)
         enough = [n for n in counts if approx_window_determinacy(A, C, period, n) >= _DETERMINED]
         k = low_noise_samples(plant, enough) if enough else None
-    return _well_determined(A, C, period) if k is None else k
+    return _well_determined(A, C, period) if k is None else k, remarks
 
 
 def _samples_for_13(
-    problem: PeriodProblem, period: float, least: int, objective: Any
-) -> int | None:
+    problem: PeriodProblem, period: float, least: int, objective: Any, budget: TimeBudget
+) -> tuple[int | None, tuple[Remark, ...]]:
     """Samples of the shortest window with (13), if need be in coordinates S, or of the best."""
     if objective == "shortest_window":
-        k = fewest_samples(problem, period, least)[0]
-        return k or fewest_samples(replace(problem, coordinates=True), period, least)[0]
-    window = best_injection(problem).window
-    return int(min(max(round(window / period), least), MOST_SAMPLES))
+        k, shortest = fewest_samples(problem, period, least, budget)
+        if k:
+            return k, shortest.remarks
+        transformed = replace(problem, coordinates=True)
+        k, other = fewest_samples(transformed, period, least, budget)
+        return k, shortest.remarks + other.remarks
+    best = best_injection(problem, budget)
+    return int(min(max(round(best.window / period), least), MOST_SAMPLES)), best.remarks
 
 
 def _well_determined(A: Any, C: Any, period: float) -> int:

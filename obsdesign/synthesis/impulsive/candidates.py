@@ -15,6 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from lmi.rank.full_rank import BOX_LIMIT
+from lmi.time_budget import UNLIMITED, TimeBudget
 from obsdesign.equations.impulsive.gains import STRATEGIES
 from obsdesign.errors import InputError
 from obsdesign.problem.problem import Problem
@@ -27,7 +28,7 @@ from obsdesign.synthesis.impulsive.window import factors_of, window_gains, windo
 _FEW_BOXES = 2000
 
 
-def synthesize(problem: Problem) -> Iterator[Candidate]:
+def synthesize(problem: Problem, budget: TimeBudget = UNLIMITED) -> Iterator[Candidate]:
     """Yield candidates in order of preference; InputError for what cannot be built at all."""
     problem.require_measured("at_jumps")
     problem.require_dwell_time()
@@ -45,18 +46,18 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
         order = order[:1]
     for strategy in order:
         if strategy == "full":
-            first = _full(problem, BOX_LIMIT if len(order) == 1 else _FEW_BOXES)
+            first = _full(problem, BOX_LIMIT if len(order) == 1 else _FEW_BOXES, budget)
             if chosen == "auto" and _leaves_no_state(problem):  # nothing to tell apart after it
                 first = replace(first, searched=True)
             yield first
         if strategy == "compressed":
-            yield from _compressed(problem, chosen == "auto")
+            yield from _compressed(problem, chosen == "auto", budget)
         if strategy == "subspace":
-            yield from part_candidates(problem, chosen == "auto")
+            yield from part_candidates(problem, chosen == "auto", budget)
         if strategy == "quadratic":
-            yield quadratic_candidate(problem)
+            yield quadratic_candidate(problem, budget)
     if len(order) > 1 and _ran_out_of_boxes(first):  # nothing weaker could be proved
-        yield _full(problem, BOX_LIMIT)
+        yield _full(problem, BOX_LIMIT, budget)
 
 
 def _leaves_no_state(problem: Problem) -> bool:
@@ -64,8 +65,8 @@ def _leaves_no_state(problem: Problem) -> bool:
     return not np.any(problem.plant.jump.G)
 
 
-def _full(problem: Problem, limit: int) -> Candidate:
-    return windowed(problem, window_gains(problem, "full"), "full", limit=limit)
+def _full(problem: Problem, limit: int, budget: TimeBudget) -> Candidate:
+    return windowed(problem, window_gains(problem, "full"), "full", budget, limit=limit)
 
 
 def _ran_out_of_boxes(candidate: Candidate) -> bool:
@@ -74,13 +75,15 @@ def _ran_out_of_boxes(candidate: Candidate) -> bool:
     return bool(boxes > _FEW_BOXES // 2)
 
 
-def _compressed(problem: Problem, only_if_singular: bool) -> Iterator[Candidate]:
+def _compressed(
+    problem: Problem, only_if_singular: bool, budget: TimeBudget
+) -> Iterator[Candidate]:
     assert problem.plant.jump is not None
     U, S = factors_of(problem.plant.jump.G)
     if only_if_singular and U.shape[1] == problem.plant.n:
         return  # G is regular: nothing is gained
     gains = window_gains(problem, "compressed", image=U, coimage=S)
-    yield windowed(problem, gains, "compressed")
+    yield windowed(problem, gains, "compressed", budget)
 
 
 def untried(problem: Problem) -> dict[str, str]:

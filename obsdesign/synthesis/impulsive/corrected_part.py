@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from lmi.arithmetic.balls import exact, inverse, to_float
+from lmi.time_budget import TimeBudget
 from obsdesign.equations.estimation_error import seen_before_jump
 from obsdesign.equations.impulsive.formulas import CASCADE_MARGIN, uncorrected_factor
 from obsdesign.problem.problem import Problem
@@ -18,7 +19,9 @@ from obsdesign.synthesis.impulsive.invariant_subspace import Parts, corrected_pa
 from obsdesign.synthesis.impulsive.window import factors_of, weight, window_gains, windowed
 
 
-def part_candidates(problem: Problem, only_if_smaller: bool) -> Iterator[Candidate]:
+def part_candidates(
+    problem: Problem, only_if_smaller: bool, budget: TimeBudget
+) -> Iterator[Candidate]:
     """Yield windows on the part that has to be corrected: a full one, then one after impulses."""
     plant = problem.plant
     assert plant.jump is not None
@@ -33,16 +36,18 @@ def part_candidates(problem: Problem, only_if_smaller: bool) -> Iterator[Candida
         parts = Parts(np.eye(plant.n), 0, plant.n)
     # in a cascade no block may be as slow as all of it
     alpha = weight(problem, CASCADE_MARGIN)
-    certificates, core = _blocks((plant.flow.A, plant.jump.G, C), parts, (low, high), factor, alpha)
+    certificates, core = _blocks(
+        (plant.flow.A, plant.jump.G, C), parts, (low, high), (factor, alpha), budget
+    )
     place = np.array([parts.first, parts.size], dtype=np.float64)
     basis = {"basis": parts.basis, "core_place": place}
     gains = replace(window_gains(problem, "subspace", **basis, **core), alpha=alpha)
     # other invariant subspaces, and other uncorrected blocks, may do
-    yield replace(windowed(problem, gains, "subspace", certificates), searched=True)
+    yield replace(windowed(problem, gains, "subspace", budget, certificates), searched=True)
     U, S = factors_of(core["core_G"])
     if U.shape[1] < parts.size:
         inner = replace(gains, image=U, coimage=S)
-        candidate = windowed(problem, inner, "subspace, compressed", certificates)
+        candidate = windowed(problem, inner, "subspace, compressed", budget, certificates)
         yield replace(candidate, searched=True)
 
 
@@ -50,10 +55,13 @@ def _blocks(
     plant: tuple[Any, Any, Any],
     parts: Parts,
     ends: tuple[float, float],
-    factor: float,
-    alpha: float,
+    goals: tuple[float, float],
+    budget: TimeBudget,
 ) -> tuple[dict[str, Any], dict[str, Any]]:
-    """(certificates that hidden and rest decay, the core's matrices) for a plant (A, G, C)."""
+    """(certificates that hidden and rest decay, the core's matrices) for a plant (A, G, C).
+
+    goals: factor from impulse to impulse that is needed, and the core's alpha.
+    """
     A, G, C = plant
     T = exact(parts.basis)
     back = inverse(T)
@@ -65,7 +73,7 @@ def _blocks(
     for name, inside in (("hidden", slice(0, first)), ("rest", slice(end, len(A)))):
         F, H = flow[inside, inside], jump[inside, inside]
         if len(F):
-            certificates[f"{name}_decays"] = _decay_certificate(F, H, ends, factor, alpha)
+            certificates[f"{name}_decays"] = _decay_certificate(F, H, ends, goals, budget)
     middle = slice(first, end)
     output = to_float(exact(C) @ T)[:, middle]
     core = {"core_A": flow[middle, middle], "core_G": jump[middle, middle], "core_C": output}
@@ -73,11 +81,16 @@ def _blocks(
 
 
 def _decay_certificate(
-    F: Any, H: Any, ends: tuple[float, float], factor: float, alpha: float
+    F: Any,
+    H: Any,
+    ends: tuple[float, float],
+    goals: tuple[float, float],
+    budget: TimeBudget,
 ) -> dict[str, Any]:
     """P for the decay of a block: as fast as the core's if it can be, else at the factor."""
+    factor, alpha = goals
     for goal in sorted({min(factor, 0.9 / alpha), factor}):
-        certificate = stability_certificate(F, H / goal, *ends, memory=0)
+        certificate = stability_certificate(F, H / goal, *ends, memory=0, budget=budget)
         if "P" in certificate:
             break
     return certificate | {"factor": goal}

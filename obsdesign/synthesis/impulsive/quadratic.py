@@ -23,7 +23,7 @@ from lmi.find.affine import Unknown, best_margin
 from lmi.prove.common_matrix import prove_common
 from lmi.rank.hidden_mode import propose_hiding
 from lmi.rank.stack import Stack
-from lmi.time_budget import ended, remaining, remark_end
+from lmi.time_budget import Remark, TimeBudget, remark_end
 from obsdesign.analysis.impulsive_noise import estimate
 from obsdesign.equations.estimation_error import seen_before_jump
 from obsdesign.equations.impulsive.gains import ImpulsiveGains
@@ -38,7 +38,7 @@ _FACTORS = (0.5, 0.7, 0.8, 0.9, 0.95, 0.98, 0.995)
 
 
 @np.errstate(all="ignore")
-def quadratic_candidate(problem: Problem) -> Candidate:
+def quadratic_candidate(problem: Problem, budget: TimeBudget) -> Candidate:
     """Return the table of gains with the smallest factor that is proved; zeros where none is."""
     plant = problem.plant
     assert plant.jump is not None
@@ -48,6 +48,7 @@ def quadratic_candidate(problem: Problem) -> Candidate:
     rate = float(problem.options.get("decay_rate", 0.0))
     limit = math.exp(-rate * high) * (1 - 1e-9)
     factors = {*(f for f in _FACTORS if f < limit), *([limit] if limit < 1 else [])}
+    remarks: tuple[Remark, ...] = ()
     for gamma in sorted(factors):
         P = common_matrix((A, G, C), (low, high), gamma)
         if P is None:
@@ -55,19 +56,20 @@ def quadratic_candidate(problem: Problem) -> Candidate:
         # a little room between the search and the proof
         looser = min(1.01 * gamma, (1 + gamma) / 2)
         looser = min(looser, limit) if rate > 0 else looser
-        table = _table((A, G, C), P, (low, high), looser)
+        table, more = _table((A, G, C), P, (low, high), looser, budget)
+        remarks += more
         if table is not None:
             gains = _gains(problem, *table)
             certificates = {
                 "contracting": {"P": P.tolist(), "gamma": looser},
                 "rate": {"estimated": estimate(problem, gains)},
             }
-            return Candidate("quadratic", gains, certificates, searched=True)
+            return Candidate("quadratic", gains, certificates, searched=True, remarks=remarks)
     zeros = _gains(problem, np.array([low, high]), np.zeros((1, plant.n, plant.p)))
     forever = Stack(exact(A), exact(G), exact(C), exact(np.eye(plant.n)), plant.n + 1)
     theta = propose_hiding(forever, low, high)
     hiding = {} if theta is None else {"detectable": {"witness": {"thetas": [theta]}}}
-    return Candidate("quadratic", zeros, hiding)
+    return Candidate("quadratic", zeros, hiding, remarks=remarks)
 
 
 def _gains(problem: Problem, cells: Any, table: Any) -> ImpulsiveGains:
@@ -110,30 +112,35 @@ def best_gain(A: Any, G: Any, C: Any, P: Any, spacing: float) -> Any:
 
 
 def _table(
-    plant: tuple[Any, Any, Any], P: Any, ends: tuple[float, float], gamma: float
-) -> tuple[Any, Any] | None:
+    plant: tuple[Any, Any, Any],
+    P: Any,
+    ends: tuple[float, float],
+    gamma: float,
+    budget: TimeBudget,
+) -> tuple[tuple[Any, Any] | None, tuple[Remark, ...]]:
     """Cells and gains for which the contraction is proved; None if there would be too many."""
     A, G, C = plant
     A_exact, G_exact, C_exact = exact(A), exact(G), exact(C)
     todo, borders, gains = [ends], [ends[0]], []
-    while todo and remaining() > 0:
+    while todo and budget.remaining() > 0:
         start, end = todo.pop()
         try:
             L = best_gain(A, G, C, P, (start + end) / 2)
             is_likely = _is_likely(A, G + L @ C, P, (start, end), gamma)
         except np.linalg.LinAlgError:
-            return None
+            return None, ()
         H = G_exact + exact(L) @ C_exact
         if is_likely and _is_proved(A_exact, H, P, (start, end), gamma):
             borders.append(end)
             gains.append(L)
         elif len(todo) + len(gains) >= _CELLS or end - start < 1e-3 * (ends[1] - ends[0]):
-            return None
+            return None, ()
         else:
             middle = (start + end) / 2
             todo += [(middle, end), (start, middle)]
-    remark_end("cells of spacings", ended() if todo else {}, matters=False)
-    return None if todo else (np.array(borders), np.array(gains))
+    if todo:
+        return None, remark_end("cells of spacings", budget.ended(), matters=False)
+    return (np.array(borders), np.array(gains)), ()
 
 
 def _is_likely(A: Any, H: Any, P: Any, ends: tuple[float, float], gamma: float) -> bool:

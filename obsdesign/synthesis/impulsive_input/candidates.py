@@ -15,6 +15,7 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import NDArray
 
+from lmi.time_budget import UNLIMITED, TimeBudget
 from obsdesign.analysis.hidden_modes import approx_unobservable_modes
 from obsdesign.equations.estimation_error import flow_error_matrix
 from obsdesign.equations.impulsive_input import requirements
@@ -48,7 +49,7 @@ _SPEED_RATIO, _POLE_RATIO = (
 )  # poles of the observer against those of the plant and each other
 
 
-def synthesize(problem: Problem) -> Iterator[Candidate]:
+def synthesize(problem: Problem, budget: TimeBudget = UNLIMITED) -> Iterator[Candidate]:
     """Candidates in order of preference; InputError for what cannot be built at all."""
     plant = problem.plant
     problem.require("jump.H")
@@ -74,22 +75,24 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
         count = samples_within(problem, window)
         yield from sampled_candidates(problem, low, reason, count=count)
     try:
-        yield from _integral_candidates(problem, integral)
+        yield from _integral_candidates(problem, integral, budget)
     except InputError:
         if not reason:
             raise  # otherwise the other operator has been proposed
 
 
-def _integral_candidates(problem: Problem, integral: IntegralWindow) -> Iterator[Candidate]:
+def _integral_candidates(
+    problem: Problem, integral: IntegralWindow, budget: TimeBudget
+) -> Iterator[Candidate]:
     """Operator `integral` with exponents as given, or as chosen."""
     if "exponents" in problem.options:
         given = np.array(problem.options["exponents"], dtype=np.float64)
         rule = rule_for(integral, given)
         yield Candidate("given exponents", integral.gains(given, rule), searched=True)
         return
-    for choice in exponent_choices(problem, integral):
+    for choice in exponent_choices(problem, integral, budget):
         gains = integral.gains(choice.exponents, choice.rule)
-        yield Candidate(choice.label, gains, searched=True)
+        yield Candidate(choice.label, gains, searched=True, remarks=choice.remarks)
 
 
 def _check_plant(plant: Plant) -> None:

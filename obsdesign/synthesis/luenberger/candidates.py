@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from lmi.decide.stability import decide
+from lmi.time_budget import UNLIMITED, Remark, TimeBudget
 from obsdesign.equations.estimation_error import flow_error_matrix, jump_error_matrix
 from obsdesign.equations.luenberger.gains import LuenbergerGains
 from obsdesign.errors import InputError
@@ -26,7 +27,7 @@ from obsdesign.synthesis.luenberger.schedule import check_schedule, scheduled_ca
 from obsdesign.synthesis.placement import placed_gain, riccati_gain
 
 
-def synthesize(problem: Problem) -> Iterator[Candidate]:
+def synthesize(problem: Problem, budget: TimeBudget = UNLIMITED) -> Iterator[Candidate]:
     """Yield candidates in order of preference; InputError for what cannot be built at all."""
     refuse_unusable(problem)
     check_schedule(problem)
@@ -36,11 +37,12 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
     for label, L in _flow_gains(problem, rate):
         F = flow_error_matrix(plant.flow.A, L, plant.output.C)
         if "schedule" in problem.options:
-            yield scheduled_candidate(problem, label, L, F + rate * np.eye(plant.n))
+            shifted = F + rate * np.eye(plant.n)
+            yield scheduled_candidate(problem, label, L, shifted, budget)
             continue
-        M = given_gain(problem, "M")
+        M, remarks = given_gain(problem, "M"), tuple[Remark, ...]()
         if M is None:
-            M = _jump_gain(problem, F + rate * np.eye(plant.n))
+            M, remarks = _jump_gain(problem, F + rate * np.eye(plant.n), budget)
         gains = LuenbergerGains.from_plant(plant, L=L, M=M)
         # with several outputs more than one L has the poles of the file
         placed = given_gain(problem, "L") is None and plant.p > 1
@@ -48,8 +50,9 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
         yield Candidate(
             label,
             gains,
-            _certificates(problem, F, M, rate),
+            _certificates(problem, F, M, rate, budget),
             searched=open_gain,
+            remarks=remarks,
         )
 
 
@@ -80,26 +83,28 @@ def _flow_gains(problem: Problem, rate: float) -> Iterator[tuple[str, Any]]:
     yield "L = 0", np.zeros((problem.plant.n, problem.plant.p))
 
 
-def _jump_gain(problem: Problem, F: Any) -> Any:
+def _jump_gain(problem: Problem, F: Any, budget: TimeBudget) -> tuple[Any, tuple[Remark, ...]]:
     """M with the largest margin over all dwell times for a flow F; zeros if there is none."""
-    solution = jump_gains(problem, F, [problem.require_dwell_time()], [(0, 0)])
-    return np.zeros((problem.plant.n, problem.plant.p)) if solution is None else solution.M[0]
+    solution, remarks = jump_gains(problem, F, [problem.require_dwell_time()], [(0, 0)], budget)
+    zeros = np.zeros((problem.plant.n, problem.plant.p))
+    return zeros if solution is None else solution.M[0], remarks
 
 
-def _certificates(problem: Problem, F: Any, M: Any, rate: float) -> dict[str, Any]:
+def _certificates(
+    problem: Problem, F: Any, M: Any, rate: float, budget: TimeBudget
+) -> dict[str, Any]:
     """Certificates of stability; with a decay rate, the P of F + rate I serves both claims."""
     plant = problem.plant
     if plant.jump is None:
         return {}
     ends = problem.require_dwell_time()
     H = jump_error_matrix(plant.jump.G, M, plant.output.C, plant.output.jump_measurement)
+    options = stability_options(problem, budget)
     if rate == 0:
-        return dwell_certificates(F, H, *ends, **stability_options(problem))
-    evidence = decide(F + rate * np.eye(plant.n), H, *ends, **stability_options(problem)).evidence
+        return dwell_certificates(F, H, *ends, **options)
+    evidence = decide(F + rate * np.eye(plant.n), H, *ends, **options).evidence
     if not {"P", "windows"} & set(evidence):
-        return dwell_certificates(F, H, *ends, **stability_options(problem)) | {
-            "decay_rate": evidence
-        }
+        return dwell_certificates(F, H, *ends, **options) | {"decay_rate": evidence}
     return {"dwell_stability": evidence, "decay_rate": evidence}
 
 

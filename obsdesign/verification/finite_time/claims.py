@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from lmi.arithmetic.balls import precision
+from lmi.time_budget import UNLIMITED, TimeBudget
 from obsdesign.analysis.finite_time.enclosed_gains import Sampled
 from obsdesign.analysis.finite_time.error_radius import PRECISIONS
 from obsdesign.document import Claim
@@ -59,12 +60,14 @@ def claims(
     certificates: Mapping[str, Mapping[str, Any]],
     *,
     paranoid: bool = False,
+    budget: TimeBudget = UNLIMITED,
 ) -> tuple[Claim, ...]:
     """All hypotheses of the design, in the order of refusal, until one is not proved.
 
     stored: gains as a design file states them; certificates: coordinates S for the norms of
     Theorem 1, if any; paranoid proves with twice the precision.
     """
+    del budget  # every claim is decided by arithmetic of a fixed length
     agreement, gains = consistent_gains(
         _reason_against(problem), stored, expected_gains(problem, stored),
         FiniteTimeGains.from_document,

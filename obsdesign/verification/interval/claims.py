@@ -16,6 +16,7 @@ import numpy as np
 
 from lmi.arithmetic.balls import exact, inverse
 from lmi.prove.hurwitz import prove_hurwitz
+from lmi.time_budget import UNLIMITED, TimeBudget
 from obsdesign.document import Claim
 from obsdesign.entries import is_number
 from obsdesign.equations.estimation_error import idle_gains
@@ -65,12 +66,14 @@ def claims(
     certificates: Mapping[str, Mapping[str, Any]],
     *,
     paranoid: bool = False,
+    budget: TimeBudget = UNLIMITED,
 ) -> tuple[Claim, ...]:
     """All hypotheses of the design's theorem, each with its verdict.
 
     stored: gains as a design file states them. certificates: {"dwell_stability": {"P": n x n}}
     where one was found; they are checked, never believed.
     """
+    del budget  # proofs end by their number of boxes
     agreement, gains = consistent_gains(
         _reason_against(problem), stored, expected_gains(problem, stored),
         IntervalGains.from_document,

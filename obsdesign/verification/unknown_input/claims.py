@@ -15,6 +15,7 @@ import numpy as np
 
 from lmi.arithmetic.balls import exact, to_float
 from lmi.prove.hurwitz import prove_hurwitz
+from lmi.time_budget import UNLIMITED, TimeBudget
 from lmi.verdict import proved, refuted
 from obsdesign.analysis.balancing import balancing_units
 from obsdesign.analysis.invariant_zeros import NearZero, shows_every_input, zeros_decay
@@ -47,12 +48,13 @@ def claims(
     certificates: Mapping[str, Mapping[str, Any]],
     *,
     paranoid: bool = False,
+    budget: TimeBudget = UNLIMITED,
 ) -> tuple[Claim, ...]:
     """All hypotheses of the design, each with its verdict; of existence alone if there is none.
 
     stored: gains as a design file states them.
     """
-    del certificates, paranoid  # nothing is searched for: every claim is decided exactly
+    del certificates, paranoid, budget  # nothing is searched for: every claim is decided exactly
     text = reason_against_plant(problem.plant)
     if text is None and problem.plant.flow.D is None:
         text = "flow.D is required by kind 'unknown_input'; it is missing."
