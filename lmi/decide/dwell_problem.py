@@ -1,4 +1,4 @@
-"""The problem of the shortest or the longest dwell time: a pair, and which end is searched for."""
+"""The problem of the shortest or the longest dwell time of a pair."""
 
 from __future__ import annotations
 

@@ -141,7 +141,7 @@ class _Family:
                 text = why if out_of_time else f"{why}: the solver gave no numbers"
                 return WindowResult(undecided(text, **out_of_time), proposal.thetas)
             cuts = cuttings(windows, links, np.array(proposal.owners), np.array(proposal.thetas),
-                            proposal.masses, self.last, limits)  # fmt: skip
+                            proposal.masses, last=self.last, limits=limits)  # fmt: skip
             heavy = proposal.masses > _FAINT * proposal.masses.max()
             thetas = tuple(t for t, heavy_ in zip(proposal.thetas, heavy, strict=True) if heavy_)
             if not cuts:

@@ -41,9 +41,9 @@ _LEAST_IMPROVEMENT = 1e-7  # relative improvement that is worth another sweep
 
 
 def best_gains(task: Task, objective: str, budget: TimeBudget) -> tuple[Gains, tuple[Remark, ...]]:
-    """Gains in z, and remarks of the search; value as `OBJECTIVES` has it, inf where it is missed.
+    """Gains in z, the best when limits or the budget end the search, and its remarks.
 
-    When the budget ends the best so far is returned.
+    The value is as `OBJECTIVES` has it, inf where the goal is missed.
     """
     goal = OBJECTIVES[objective]
     if not (task.open_L or task.open_M):

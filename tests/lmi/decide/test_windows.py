@@ -20,7 +20,7 @@ from lmi.decide.stability import decide
 from lmi.families import Edge
 from lmi.find.cutting_plane import propose_edges
 from lmi.find.window_search import certificate
-from lmi.find.windows import Cutting, Windows, uniform, whole
+from lmi.find.windows import Cutting, Windows, whole
 from lmi.prove.rates import Rates, propose_rates, prove_rates
 from lmi.prove.windows_proof import prove_windows
 from tests.systems.pairs import (
@@ -33,6 +33,14 @@ from tests.systems.pairs import (
     endless_pair,
     growth,
 )
+
+
+def uniform(low: float, high: float, cells: int, past: int, future: int) -> Windows:
+    """Every combination of `cells` equal cells at offsets -past .. future - 1; high finite."""
+    borders = np.linspace(low, high, cells + 1)
+    choice = np.array(list(itertools.product(range(cells), repeat=past + future)), dtype=int)
+    choice = choice.reshape(cells ** (past + future), past + future)
+    return Windows(low, high, -past, borders[choice], borders[choice + 1])
 
 
 def fit(pair: tuple, windows: Windows, jitter: float = math.inf) -> Any:
