@@ -175,6 +175,7 @@ def module_level_names(tree: ast.Module) -> set[str]:
     }
 
 
+LAYERS = ("equations", "analysis", "synthesis", "verification", "runtime")
 CHANGING = {
     "add", "append", "appendleft", "clear", "discard", "extend", "insert", "pop", "popitem",
     "popleft", "remove", "reverse", "setdefault", "sort", "update",
@@ -209,6 +210,13 @@ def test_no_module_keeps_state(path: Path) -> None:
         assert not isinstance(node, ast.Global), f"{module(path)} has a global variable"
         if isinstance(node, ast.FunctionDef):
             assert not names & changed_names(node), f"{module(path)}: {node.name}"
+
+
+def test_searches_and_proofs_read_no_clock() -> None:
+    """Their own limits are counted in work; only a stated total ends them by time."""
+    rooms = [ROOT / "lmi", *(ROOT / "obsdesign" / name for name in LAYERS)]
+    clocked = {module(path) for room in rooms for path in room.rglob("*.py") if uses(path, "time")}
+    assert clocked == {"lmi.time_budget"}
 
 
 def test_state_of_a_module_is_seen() -> None:
