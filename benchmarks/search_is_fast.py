@@ -10,7 +10,7 @@ from __future__ import annotations
 import sys
 
 from benchmarks.cases import HIGH, LOW, cvxpy_script, families, report, seconds
-from lmi.decide.dwell_search import longest_dwell, shortest_dwell
+from lmi.decide.dwell_search import dwell_bracket
 
 FLOORS = {2: 100.0, 4: 40.0, 8: 15.0}
 STEPS, POINTS = 20, 200
@@ -40,10 +40,10 @@ def main(full: bool = False) -> bool:
         ours, theirs = [], []
         for family in families(n):
             F, H = family.F, 1.2 * family.H  # LOW is too short at this gain
-            time, bracket = seconds(lambda F=F, H=H: shortest_dwell(F, H, HIGH), 2)
+            time, bracket = seconds(lambda F=F, H=H: dwell_bracket(F, H, "shortest", HIGH), 2)
             if bracket.proved is None or bracket.not_proved is None:
                 F, H = family.F, family.H
-                time, bracket = seconds(lambda F=F, H=H: longest_dwell(F, H, LOW), 2)
+                time, bracket = seconds(lambda F=F, H=H: dwell_bracket(F, H, "longest", LOW), 2)
             ours.append(time)
             width = 0.0
             if bracket.proved and bracket.not_proved:

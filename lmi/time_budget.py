@@ -1,16 +1,12 @@
-"""Budgets of searches in seconds of processor time: their own, and a total for all of them.
+"""Time budgets: values that every search is given, and the remarks that it returns.
 
-with total_budget(60.0):             # every search in here ends after 60 s of processor time in all
-    for factor in stretch_factors():     # 1, then 4, 16, ... while the total lasts
-        with stretched(factor):
-            ...                      # own budgets are so many times as long
+budget = TimeBudget.from_seconds(60.0)   # ends after 60 s of processor time
+for attempt in budget.attempts():        # own limits 1, then 4, 16, ... times as large
+    ...                                  # search(problem, attempt)
 
-with collect_remarks() as remarks:
-    ...              # searches that ended early or settled for less
-
-A search asks `deadline(its own budget)` for the moment to stop at; `ended` is the evidence that it
-had to. A proof of stored numbers has no budget of its own: it ends early only inside of
-`total_budget`, undecided.
+A search's own limits are counted in work (iterations, evaluations, windows, boxes), so that every
+machine comes to the same result; time ends a search only where a total is stated. `ended` is the
+evidence of it. A proof of stored numbers ends early only with the total, undecided.
 """
 
 from __future__ import annotations
@@ -18,22 +14,65 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
-from contextvars import ContextVar
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-# own budgets of the next attempt, relative to those of the last
+# own limits of the next attempt, relative to those of the last
 _STRETCH = 4.0
+_LARGEST_FACTOR = 1e9
 
 
 @dataclass(frozen=True)
-class _Budget:
-    """seconds: of the total, which ends at `end` (process time); factor: of own budgets."""
+class TimeBudget:
+    """A total, `seconds` long, that ends at `end` (process time), and the factor of own limits."""
 
     seconds: float = math.inf
     end: float = math.inf
     factor: float = 1.0
+
+    @staticmethod
+    def unlimited() -> TimeBudget:
+        """No total: searches end by their own limits."""
+        return UNLIMITED
+
+    @staticmethod
+    def from_seconds(seconds: float | None) -> TimeBudget:
+        """A total of so many seconds of processor time from now on; None: unlimited.
+
+        ValueError unless seconds > 0.
+        """
+        if seconds is None:
+            return UNLIMITED
+        if not seconds > 0:
+            raise ValueError(f"a budget must be a positive number of seconds; got {seconds!r}")
+        return TimeBudget(seconds, time.process_time() + seconds)
+
+    def stretched(self, factor: float) -> TimeBudget:
+        """The same total, with own limits of searches `factor` times as large."""
+        return replace(self, factor=factor)
+
+    def attempts(self) -> Iterator[TimeBudget]:
+        """Yield this budget, and while its total lasts ever more stretched ones."""
+        budget = self
+        yield budget
+        while 0 < budget.remaining() < math.inf:
+            budget = budget.stretched(_STRETCH * budget.factor)
+            yield budget
+
+    def remaining(self) -> float:
+        """Seconds of processor time that are left; negative when the total has ended."""
+        return self.end - time.process_time()
+
+    def scaled(self, count: int) -> int:
+        """A search's own limit, stretched."""
+        return int(count * min(self.factor, _LARGEST_FACTOR))
+
+    def ended(self) -> dict[str, Any]:
+        """Evidence that time ended a search: {"ended_by": "time", "seconds"}; {} if it did not."""
+        return {"ended_by": "time", "seconds": self.seconds} if self.remaining() < 0 else {}
+
+
+UNLIMITED = TimeBudget()
 
 
 @dataclass(frozen=True)
@@ -49,35 +88,14 @@ class Remark:
     matters: bool = True
 
 
-_UNLIMITED = _Budget()
-_BUDGET: ContextVar[_Budget] = ContextVar("budget", default=_UNLIMITED)
-_REMARKS: ContextVar[list[Remark] | None] = ContextVar("remarks", default=None)
-
-
-@contextmanager
-def collect_remarks() -> Iterator[list[Remark]]:
-    """Collect remarks of searches in the block: ended early, or a lesser result."""
-    remarks: list[Remark] = []
-    token = _REMARKS.set(remarks)
-    try:
-        yield remarks
-    finally:
-        _REMARKS.reset(token)
-
-
-def remark(text: str) -> None:
-    """Hand one sentence to the caller, once; nobody may be listening."""
-    remarks, entry = _REMARKS.get(), Remark(text)
-    if remarks is not None and entry not in remarks:
-        remarks.append(entry)
-
-
-def remark_end(search: str, evidence: Mapping[str, Any], *, matters: bool = True) -> None:
-    """Remark that a budget ended a search; nothing where the evidence is empty."""
-    remarks = _REMARKS.get()
-    if evidence and remarks is not None:
-        text = f"the search of {search} {ending(evidence)}; a longer --time might find better"
-        remarks.append(Remark(text, search, evidence, matters))
+def remark_end(
+    search: str, evidence: Mapping[str, Any], *, matters: bool = True
+) -> tuple[Remark, ...]:
+    """Return the remark that a budget ended a search; none where the evidence is empty."""
+    if not evidence:
+        return ()
+    text = f"the search of {search} {ending(evidence)}; a longer --time might find better"
+    return (Remark(text, search, evidence, matters),)
 
 
 def sentences(remarks: Iterable[Remark]) -> list[str]:
@@ -85,72 +103,9 @@ def sentences(remarks: Iterable[Remark]) -> list[str]:
     return [entry.text for entry in {item.search or item.text: item for item in remarks}.values()]
 
 
-@contextmanager
-def _budget(budget: _Budget) -> Iterator[None]:
-    token = _BUDGET.set(budget)
-    try:
-        yield
-    finally:
-        _BUDGET.reset(token)
-
-
-@contextmanager
-def total_budget(seconds: float | None) -> Iterator[None]:
-    """Bound all searches in here together, in seconds of processor time; nested, the least.
-
-    None: no bound. ValueError unless seconds > 0.
-    """
-    if seconds is not None and not seconds > 0:
-        raise ValueError(f"a budget must be a positive number of seconds; got {seconds!r}")
-    budget = _BUDGET.get()
-    end = math.inf if seconds is None else time.process_time() + seconds
-    if seconds is not None and end < budget.end:
-        budget = replace(budget, seconds=seconds, end=end)
-    with _budget(budget):
-        yield
-
-
-@contextmanager
-def stretched(factor: float) -> Iterator[None]:
-    """Multiply the searches' own budgets by `factor`."""
-    with _budget(replace(_BUDGET.get(), factor=factor)):
-        yield
-
-
-def stretch_factors() -> Iterator[float]:
-    """1, and while a total is stated and lasts, ever larger factors of own budgets."""
-    factor = 1.0
-    yield factor
-    while 0 < remaining() < math.inf:
-        factor *= _STRETCH
-        yield factor
-
-
-def deadline(seconds: float) -> float:
-    """`time.process_time()` at which a search with this budget of its own has to stop."""
-    budget = _BUDGET.get()
-    return min(time.process_time() + budget.factor * seconds, budget.end)
-
-
-def remaining(seconds: float = math.inf) -> float:
-    """Seconds left of a budget that starts now; negative when the total has ended."""
-    return deadline(seconds) - time.process_time()
-
-
-def scaled(count: int) -> int:
-    """A search's own limit of evaluations or windows, as many times as its seconds."""
-    return int(count * min(_BUDGET.get().factor, 1e9))
-
-
-def ended(end: float = math.inf, seconds: float = math.inf) -> dict[str, Any]:
-    """Evidence that time ended a search: {"ended_by": "time", "seconds": its budget}; {} if not.
-
-    end: moment at which it had to stop, from `deadline(seconds)`; by default that of the total.
-    """
-    budget, now = _BUDGET.get(), time.process_time()
-    if now > budget.end:
-        return {"ended_by": "time", "seconds": budget.seconds}
-    return {"ended_by": "time", "seconds": budget.factor * seconds} if now > end else {}
+def last_end(remarks: Iterable[Remark]) -> Mapping[str, Any]:
+    """Evidence of the last search that a budget ended; {} where none was."""
+    return next((entry.evidence for entry in reversed([*remarks]) if entry.evidence), {})
 
 
 def ended_by_count(unit: str, limit: int) -> dict[str, Any]:

@@ -61,8 +61,9 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[TextIO]:
     """
     target = _resolved(path)
     try:
-        if target.exists() and not target.is_file():
-            with target.open("w", encoding="utf-8") as stream:
+        if os.path.exists(path) and not target.is_file():
+            # a device or a pipe, whose resolved name may be none: /dev/stdout
+            with open(path, "w", encoding="utf-8") as stream:
                 yield stream
             return
         with _temporary_file(target) as file:

@@ -9,17 +9,7 @@ from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from lmi.memory import OversizeError
-from lmi.time_budget import (
-    Remark,
-    collect_remarks,
-    ended,
-    remaining,
-    remark_end,
-    sentences,
-    stretch_factors,
-    stretched,
-    total_budget,
-)
+from lmi.time_budget import UNLIMITED, Remark, TimeBudget, remark_end, sentences
 from lmi.verdict import overall
 from obsdesign.document import Claim, Design, Guarantee
 from obsdesign.errors import InputError
@@ -56,13 +46,12 @@ def investigate(problem: Problem, *, seconds: float | None = None) -> Outcome:
 
     seconds: of processor time that searches may take in all; None for their own budgets, which a
     larger total stretches (`investigate_each`). An undecided claim that a budget ended holds what
-    `lmi.time_budget.ended` has of it in its evidence. result["remarks"] holds sentences of searches
+    `TimeBudget.ended` has of it in its evidence. result["remarks"] holds sentences of searches
     that ended early or settled for less, if there are any.
 
     InputError when the problem cannot be read as asked (a block is missing, a form does not fit).
     """
-    with total_budget(seconds):
-        outcome = investigate_each({None: problem})[None]
+    outcome = investigate_each({None: problem}, TimeBudget.from_seconds(seconds))[None]
     if isinstance(outcome, InputError):
         raise outcome
     return outcome
@@ -70,6 +59,7 @@ def investigate(problem: Problem, *, seconds: float | None = None) -> Outcome:
 
 def investigate_each(
     problems: Mapping[_Key, Problem],
+    budget: TimeBudget = UNLIMITED,
     *,
     first: bool = False,
     done: Callable[[_Key], None] = lambda key: None,
@@ -82,10 +72,9 @@ def investigate_each(
     """
     outcomes: dict[_Key, _Attempt | InputError] = {}
     todo = dict(problems)
-    for factor in stretch_factors():
+    for stretched in budget.attempts():
         for key, problem in list(todo.items()):
-            with stretched(factor):
-                attempt = _attempted(problem, first)
+            attempt = _attempted(problem, first, stretched)
             outcomes[key] = _better(outcomes.get(key), attempt)
             if isinstance(attempt, InputError) or not attempt.is_open(first):
                 done(key)
@@ -127,19 +116,22 @@ def _better(before: _Attempt | InputError | None, now: _Attempt | InputError) ->
     return before if costs[0] < costs[1] else now
 
 
-def _attempted(problem: Problem, first: bool) -> _Attempt | InputError:
-    with collect_remarks() as remarks:
-        try:
-            tried, untried = _tried(problem, first, remarks)
-        except InputError as error:
-            return error
-        except OversizeError as error:
-            return InputError(str(error))
-        best = _best(tried)
-        claims = tuple(map(with_untried, best.claims)) if untried else best.claims
-        verdict = overall(claim.verdict for claim in claims)
-        if verdict == "proved" and not first and not any(one.evidence for one in remarks):
-            remark_end("a better design", ended())
+def _attempted(problem: Problem, first: bool, budget: TimeBudget) -> _Attempt | InputError:
+    try:
+        tried, untried = _tried(problem, first, budget)
+    except InputError as error:
+        return error
+    except OversizeError as error:
+        return InputError(str(error))
+    remarks = [remark for one in tried for remark in one.candidate.remarks]
+    best = _best(tried)
+    claims = best.claims
+    if untried is not None:
+        remarks += untried.remarks
+        claims = tuple(with_untried(claim, budget.ended()) for claim in claims)
+    verdict = overall(claim.verdict for claim in claims)
+    if verdict == "proved" and not first and not any(one.evidence for one in remarks):
+        remarks += remark_end("a better design", budget.ended())
     result = _result(problem, best.candidate.label, tried) | {"seconds": round(best.seconds, 6)}
     better = verdict == "proved"
     if texts := sentences(one for one in remarks if not one.evidence or (better and one.matters)):
@@ -161,26 +153,28 @@ class _Tried:
     seconds: float
 
 
-def _tried(problem: Problem, first: bool, remarks: Sequence[Remark]) -> tuple[list[_Tried], bool]:
-    """Candidates with what was proved of them; and whether time ended before all were looked at."""
+def _tried(
+    problem: Problem, first: bool, budget: TimeBudget
+) -> tuple[list[_Tried], Candidate | None]:
+    """Candidates with what was proved of them; and the next one where time ended before it."""
     started = time.perf_counter()
     kind = problem.require_kind()
     synthesis, verification = synthesis_of(kind), verification_of(kind)
-    candidates, tried = iter(synthesis.synthesize(problem)), list[_Tried]()
+    candidates, tried = iter(synthesis.synthesize(problem, budget)), list[_Tried]()
     while True:
-        if tried and remaining() < 0:
-            return tried, next(candidates, None) is not None
-        count = len(remarks)
+        is_over = bool(tried) and budget.remaining() < 0
         candidate = next(candidates, None)
-        if candidate is None:
-            return tried, False
-        claims = verification.claims(problem, candidate.document(), candidate.certificates)
-        claims = as_answers(candidate, claims, remarks[count:])
+        if candidate is None or is_over:
+            return tried, candidate
+        claims = verification.claims(
+            problem, candidate.document(), candidate.certificates, budget=budget
+        )
+        claims = as_answers(candidate, claims, candidate.remarks)
         verdict = overall(claim.verdict for claim in claims)
         tried.append(_Tried(candidate, claims, verdict, time.perf_counter() - started))
         enough = first or not candidate.goes_on
         if enough and any(one.verdict == "proved" for one in tried):
-            return tried, False
+            return tried, None
 
 
 def _best(tried: list[_Tried]) -> _Tried:

@@ -167,6 +167,69 @@ def test_provers_import_no_finder_and_no_solver() -> None:
             assert not uses(path, name), f"{module(path)} imports {name}"
 
 
+def module_level_names(tree: ast.Module) -> set[str]:
+    """Names that a module binds outside of functions and classes."""
+    targets = [
+        target
+        for node in tree.body
+        if isinstance(node, ast.Assign | ast.AnnAssign)
+        for target in (node.targets if isinstance(node, ast.Assign) else [node.target])
+    ]
+    return {
+        name.id for target in targets for name in ast.walk(target) if isinstance(name, ast.Name)
+    }
+
+
+LAYERS = ("equations", "analysis", "synthesis", "verification", "runtime")
+CHANGING = {
+    "add", "append", "appendleft", "clear", "discard", "extend", "insert", "pop", "popitem",
+    "popleft", "remove", "reverse", "setdefault", "sort", "update",
+}  # fmt: skip
+
+
+def changed_names(function: ast.AST) -> set[str]:
+    """Names whose value a function changes in place, and that it does not bind itself."""
+    changed, bound = set[str](), set[str]()
+    for node in ast.walk(function):
+        if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+            bound.add(node.id)
+        if isinstance(node, ast.arg):
+            bound.add(node.arg)
+        owner: ast.AST | None = None
+        if isinstance(node, ast.Subscript | ast.Attribute) and not isinstance(node.ctx, ast.Load):
+            owner = node.value
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
+            owner = node.func.value if node.func.attr in CHANGING else None
+        if isinstance(owner, ast.Name):
+            changed.add(owner.id)
+    return changed - bound
+
+
+@pytest.mark.parametrize("path", FILES, ids=module)
+def test_no_module_keeps_state(path: Path) -> None:
+    """What a search may take, and what it remarks, are arguments and results."""
+    assert not uses(path, "contextvars")
+    tree = ast.parse(path.read_text("utf-8"))
+    names = module_level_names(tree)
+    for node in ast.walk(tree):
+        assert not isinstance(node, ast.Global), f"{module(path)} has a global variable"
+        if isinstance(node, ast.FunctionDef):
+            assert not names & changed_names(node), f"{module(path)}: {node.name}"
+
+
+def test_searches_and_proofs_read_no_clock() -> None:
+    """Their own limits are counted in work; only a stated total ends them by time."""
+    rooms = [ROOT / "lmi", *(ROOT / "obsdesign" / name for name in LAYERS)]
+    clocked = {module(path) for room in rooms for path in room.rglob("*.py") if uses(path, "time")}
+    assert clocked == {"lmi.time_budget"}
+
+
+def test_state_of_a_module_is_seen() -> None:
+    """The twin: a module whose function writes into a list of the module."""
+    tree = ast.parse("KNOWN: list[int] = []\ndef note(x):\n    KNOWN.append(x)\n")
+    assert module_level_names(tree) & changed_names(tree.body[1]) == {"KNOWN"}
+
+
 def test_package_roots_are_light() -> None:
     code = (
         "import sys, obsdesign, lmi, obsdesign.runtime;"

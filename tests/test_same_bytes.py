@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +35,7 @@ for name in sys.argv[2:]:
 def test_two_processes_write_the_same_bytes(tmp_path: Path) -> None:
     files = []
     paths = [str(ROOT / "examples" / f"{name}.toml") for name in EXAMPLES]
-    for seed, slow in (("0", "1"), ("1", "4")):
+    for seed, slow in (("0", "1"), ("1", "10")):
         folder = tmp_path / seed
         folder.mkdir()
         environment = os.environ | {"PYTHONHASHSEED": seed, "PYTHONPATH": str(ROOT)}
@@ -43,6 +44,25 @@ def test_two_processes_write_the_same_bytes(tmp_path: Path) -> None:
         files.append({path.name: path.read_bytes() for path in sorted(folder.iterdir())})
     assert len(files[0]) == len(EXAMPLES)
     assert files[0] == files[1]
+
+
+@pytest.mark.parametrize("seconds", [None, 1000.0])
+def test_a_slow_machine_comes_to_the_same_gains(
+    seconds: float | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Searches end by their iterations and evaluations, as long as no total ends them."""
+    body: dict[str, Any] = {
+        "flow": {"A": [[0, 0.15], [-0.15, 0]]},
+        "output": {"C": [[0.3, 0.0]], "measured": "periodic", "period": 0.05},
+        "observer": {"kind": "finite_time", "method": "exact", "objective": "least_noise"},
+    }
+    clock, texts = time.process_time, []
+    for slow in (1.0, 10.0):
+        monkeypatch.setattr(time, "process_time", lambda slow=slow: slow * clock())
+        outcome = obsdesign.investigate(obsdesign.Problem.from_dict(body), seconds=seconds)
+        assert outcome.design is not None
+        texts.append((outcome.design.to_dict(), outcome.result.get("remarks")))
+    assert texts[0] == texts[1]
 
 
 def older(body: dict[str, Any], provenance: dict[str, Any]) -> dict[str, Any]:

@@ -10,20 +10,20 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
-from lmi.arithmetic.balls import Exact, to_float
+from lmi.arithmetic.balls import to_float
+from lmi.decide.dwell_problem import DwellProblem
 from lmi.families import Edge
-from lmi.find.splitting import Limits
-from lmi.find.window_search import Budget, find_windows
+from lmi.find.window_search import Effort, WindowResult, find_windows
 from lmi.find.windows import Windows
 from lmi.find.worst_sequence import Word, polished, worst_word
 from lmi.prove.hurwitz import prove_hurwitz
 from lmi.refute.spectral import refute_word, steps_within
-from lmi.time_budget import ended, ended_part, remaining
+from lmi.time_budget import ended_part
 from lmi.verdict import Verdict, undecided
 
 _SEED = 20162  # the search for destabilising sequences repeats itself exactly
@@ -32,7 +32,7 @@ _WORDS = 6
 _SHARE = 0.25
 # and so many attempts may fail, each followed by less bold ones, until the shares are this close
 _FAILURES, _SETTLED = 2, 1.5
-_BUDGET = Budget(windows=100, seconds=2.0)
+_EFFORT = Effort(windows=100, work=200_000)
 
 
 @dataclass(frozen=True)
@@ -46,29 +46,21 @@ class Reached:
 
 @dataclass(frozen=True)
 class Gap:
-    """A pair, the end that is kept, and whether the searched end is the shortest dwell time."""
+    """What neither one P nor one map decides of a problem."""
 
-    F: Exact
-    H: Exact
-    fixed: float
-    shortest: bool
-    accuracy: float
-    memory: int | Literal["auto"] = "auto"
-    jitter: float = math.inf
-
-    def _range(self, x: float) -> tuple[float, float]:
-        return (x, self.fixed) if self.shortest else (self.fixed, x)
+    problem: DwellProblem
 
     def refuted(self, good: float, bad: float, L: Matrix) -> tuple[float, Verdict] | None:
         """The end nearest to `good` for which some sequence destabilises; None if none does.
 
         L: coordinates in which maps are measured.
         """
-        flow, jump = to_float(self.F), to_float(self.H)
+        problem = self.problem
+        flow, jump = to_float(problem.F), to_float(problem.H)
         rng, x, best = np.random.default_rng(_SEED), bad, None
-        for _ in range(_WORDS if remaining() > 0 else 0):
-            edge = Edge(flow, jump, *self._range(x))
-            word = worst_word(edge, L, (), rng, jitter=self.jitter)
+        for _ in range(_WORDS if problem.budget.remaining() > 0 else 0):
+            edge = Edge(flow, jump, *problem.ends(x))
+            word = worst_word(edge, L, (), rng, jitter=problem.jitter, budget=problem.budget)
             if word.growth < 1:
                 break
             refutation = self._followed(edge, word, good, x)
@@ -87,11 +79,13 @@ class Gap:
         """The word, its dwell times moved along with the range, down to a growth of one."""
         from scipy.optimize import brentq
 
+        problem = self.problem
+
         def word_at(x: float) -> Word:
-            low, high = self._range(x)
+            low, high = problem.ends(x)
             thetas = [self._clipped(theta, edge, low, high) for theta in word.thetas]
             return polished(
-                replace(edge, low=low, high=high), Word(tuple(thetas), 0.0), self.jitter
+                replace(edge, low=low, high=high), Word(tuple(thetas), 0.0), problem.jitter
             )
 
         def excess(x: float) -> float:
@@ -101,13 +95,13 @@ class Gap:
         if excess(good) >= 0 or excess(bad) <= 0:
             x = bad
         else:
-            x = float(brentq(excess, good, bad, xtol=0.02 * self.accuracy * size, rtol=1e-12))
-        away = 0.1 * self.accuracy * size * (1 if bad > good else -1)
+            x = float(brentq(excess, good, bad, xtol=0.02 * problem.accuracy * size, rtol=1e-12))
+        away = 0.1 * problem.accuracy * size * (1 if bad > good else -1)
         for _ in range(5):  # a little further out, where the proof has room
             tried = x + away if abs(x + away - good) < abs(bad - good) else bad
             candidate = word_at(tried)
-            if steps_within(candidate.thetas, self.jitter):
-                verdict = refute_word(self.F, self.H, candidate.thetas)
+            if steps_within(candidate.thetas, problem.jitter):
+                verdict = refute_word(problem.F, problem.H, candidate.thetas)
                 if verdict.outcome == "refuted":
                     return tried, verdict
             away *= 4
@@ -122,15 +116,20 @@ class Gap:
 
     def attempt(self, x: float) -> Verdict:
         """Windows for the range that ends at x; undecided where the flow would have to decay."""
-        if math.isinf(x) and prove_hurwitz(self.F).outcome != "proved":
+        if math.isinf(x) and prove_hurwitz(self.problem.F).outcome != "proved":
             return undecided("the flow does not decay")
-        limits = Limits() if self.memory == "auto" else Limits(self.memory, self.memory)
-        return find_windows(self.F, self.H, *self._range(x), jitter=self.jitter, limits=limits,
-                            budget=_BUDGET).verdict  # fmt: skip
+        return self._windows(x).verdict
+
+    def _windows(self, x: float, start: tuple[Windows, Matrix] | None = None) -> WindowResult:
+        problem = self.problem
+        return find_windows(
+            problem.F, problem.H, *problem.ends(x), jitter=problem.jitter, limits=problem.limits,
+            effort=_EFFORT, start=start, budget=problem.budget,
+        )  # fmt: skip
 
     def proved(self, good: float, bad: float) -> Reached:
         """The end nearest to `bad` that windows prove, and what ended the search beyond."""
-        limits = Limits() if self.memory == "auto" else Limits(self.memory, self.memory)
+        problem = self.problem
         best: tuple[float, Mapping[str, Any]] | None = None
         end: dict[str, Any] = {}
         start: tuple[Windows, Matrix] | None = None
@@ -138,25 +137,24 @@ class Gap:
         while failures < _FAILURES and reached > _SETTLED * failed:
             x = bad + share * (good - bad)
             if start is not None:
-                start = stretched(start[0], *self._range(x)), start[1]
-            result = find_windows(self.F, self.H, *self._range(x), jitter=self.jitter,
-                                 limits=limits, budget=_BUDGET, start=start)  # fmt: skip
+                start = widened(start[0], *problem.ends(x)), start[1]
+            result = self._windows(x, start)
             if result.verdict.outcome == "proved":
                 best, reached = (x, result.verdict.evidence), share
                 if result.windows is not None and result.L is not None:
                     start = result.windows, result.L
             else:
                 end, failed, failures = ended_part(result.verdict.evidence), share, failures + 1
-                if ended():
+                if problem.budget.ended():
                     break
-            if abs(x - bad) <= self.accuracy * max(abs(x), abs(bad)) / 2:
+            if abs(x - bad) <= problem.accuracy * max(abs(x), abs(bad)) / 2:
                 break
             share = math.sqrt(reached * failed) if failed else _SHARE * reached
         x_proved, certificate = best or (None, {})
         return Reached(x_proved, certificate, end)
 
 
-def stretched(windows: Windows, low: float, high: float) -> Windows:
+def widened(windows: Windows, low: float, high: float) -> Windows:
     """The same cuts in a larger range."""
     lower = np.where(windows.lower == windows.low, low, windows.lower)
     upper = np.where(windows.upper == windows.high, high, windows.upper)

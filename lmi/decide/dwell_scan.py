@@ -13,6 +13,7 @@ import numpy as np
 from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.balls import Exact, to_float
 from lmi.arithmetic.spectrum import spectral_radii
+from lmi.decide.dwell_problem import DwellProblem
 from lmi.families import Edge, horizon
 from lmi.prove.hurwitz import prove_hurwitz
 
@@ -26,8 +27,8 @@ _DOUBLINGS = 6
 class Scan:
     """Limits that constant dwell times put on the searched end of a range.
 
-    crossing: the dwell time nearest to the fixed end at which the radius reaches 1, None if none
-    does. last: the one furthest from the fixed end that was looked at. islands: [a, b] beyond the
+    crossing: the dwell time nearest to the kept end at which the radius reaches 1, None if none
+    does. last: the one furthest from the kept end that was looked at. islands: [a, b] beyond the
     crossing in which the radius is below 1 again.
     """
 
@@ -36,20 +37,18 @@ class Scan:
     islands: tuple[tuple[float, float], ...]
 
 
-def scan(F: Exact, H: Exact, fixed: float, shortest: bool) -> Scan:
-    """Scan constant dwell times for the first at which the map does not contract.
-
-    F, H: (n, n). fixed: the end of the range that is kept, the longest dwell time if `shortest`
-    is what is searched for (it may be infinite then), else the shortest one.
-    """
-    flow, jump = to_float(F), to_float(H)
-    if shortest:
-        thetas, radii = _radii(Edge(flow, jump, 0.0, fixed))
+def scan(problem: DwellProblem) -> Scan:
+    """Scan constant dwell times for the first at which the map does not contract."""
+    flow, jump = to_float(problem.F), to_float(problem.H)
+    if problem.is_shortest:
+        thetas, radii = _radii(Edge(flow, jump, 0.0, problem.kept))
     else:
-        thetas, radii = _longer(F, flow, jump, fixed)
-    crossing = _crossing(Edge(flow, jump, 0.0, 0.0), thetas, radii, shortest)
-    last = float(thetas[0 if shortest else -1])
-    return Scan(crossing, last, _islands(thetas, radii, crossing, shortest))
+        thetas, radii = _longer(problem.F, flow, jump, problem.kept)
+    # from the end that is kept outwards
+    order = slice(None, None, -1 if problem.is_shortest else 1)
+    outwards, radii = thetas[order], radii[order]
+    crossing = _crossing(Edge(flow, jump, 0.0, 0.0), outwards, radii)
+    return Scan(crossing, float(outwards[-1]), _islands(outwards, radii, crossing))
 
 
 def _longer(F: Exact, flow: Matrix, jump: Matrix, low: float) -> tuple[Matrix, Matrix]:
@@ -70,34 +69,30 @@ def _radii(edge: Edge) -> tuple[Matrix, Matrix]:
         return thetas, spectral_radii(maps)
 
 
-def _crossing(edge: Edge, thetas: Matrix, radii: Matrix, shortest: bool) -> float | None:
-    outside = np.flatnonzero(~(radii < 1))
-    if not len(outside):
+def _crossing(edge: Edge, outwards: Matrix, radii: Matrix) -> float | None:
+    """The first of these dwell times at which the radius reaches 1, refined."""
+    expanding = np.flatnonzero(~(radii < 1))
+    if not len(expanding):
         return None
-    if shortest:
-        k = int(outside[-1])
-        return _refined(edge, float(thetas[k]), float(thetas[min(k + 1, len(thetas) - 1)]))
-    k = int(outside[0])
-    return _refined(edge, float(thetas[k]), float(thetas[max(k - 1, 0)]))
-
-
-def _refined(edge: Edge, outside: float, inside: float) -> float:
+    k = int(expanding[0])
+    inside, outside = float(outwards[max(k - 1, 0)]), float(outwards[k])
     for _ in range(_REFINEMENTS):
         points = np.linspace(inside, outside, _SUBDIVISIONS)
-        radii = spectral_radii(edge.maps(points))
-        beyond = np.flatnonzero(~(radii < 1))
+        beyond = np.flatnonzero(~(spectral_radii(edge.maps(points)) < 1))
         k = int(beyond[0]) if len(beyond) else _SUBDIVISIONS - 1
         inside, outside = float(points[max(k - 1, 0)]), float(points[k])
     return outside
 
 
 def _islands(
-    thetas: Matrix, radii: Matrix, crossing: float | None, shortest: bool
+    outwards: Matrix, radii: Matrix, crossing: float | None
 ) -> tuple[tuple[float, float], ...]:
+    """Ranges of dwell times beyond the crossing in which the radius is below 1, in rising order."""
     if crossing is None:
         return ()
-    beyond = thetas < crossing if shortest else thetas > crossing
-    inside = (radii < 1) & beyond & (thetas > 0)
+    beyond = np.abs(outwards - outwards[0]) > abs(crossing - outwards[0])
+    inside = (radii < 1) & beyond & (outwards > 0)
     ends = np.flatnonzero(np.diff(np.concatenate([[0], inside.astype(int), [0]])))
-    return tuple((float(thetas[a]), float(thetas[b - 1]))
-                 for a, b in zip(ends[::2], ends[1::2], strict=True) if b - a > 1)  # fmt: skip
+    pairs = ((float(outwards[a]), float(outwards[b - 1]))
+             for a, b in zip(ends[::2], ends[1::2], strict=True) if b - a > 1)  # fmt: skip
+    return tuple(sorted((min(pair), max(pair)) for pair in pairs))

@@ -16,17 +16,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.balancing import Scaling
-from lmi.arithmetic.balls import Exact, exact, to_float
+from lmi.arithmetic.balls import exact, to_float
 from lmi.decide.dwell_gap import Gap
+from lmi.decide.dwell_problem import Direction, DwellProblem
 from lmi.decide.dwell_scan import scan
 from lmi.decide.stability import Memory, decide, find_and_prove
 from lmi.families import horizon
 from lmi.find.cutting_plane import Proposal, propose
 from lmi.prove.hurwitz import prove_hurwitz
 from lmi.refute.spectral import refute_word
-from lmi.time_budget import ended
+from lmi.time_budget import UNLIMITED, TimeBudget
 from lmi.verdict import Verdict
 
 ACCURACY = 1e-6
@@ -43,7 +43,7 @@ class Bracket:
     `obstacle`); None where everything is proved. islands: further [a, b] in which every constant
     dwell time contracts, by floats, so that the feasible set may not be one interval. common: the
     end that a common P proves, where windows of dwell times prove more or were tried. ended: the
-    budget that ended a search between proved and not proved, as `lmi.time_budget.ended` has it.
+    budget that ended a search between proved and not proved, as `TimeBudget.ended` has it.
     """
 
     proved: float | None
@@ -56,94 +56,81 @@ class Bracket:
     ended: Mapping[str, Any] = field(default_factory=dict)
 
 
-def shortest_dwell(
+def dwell_bracket(
     F: ArrayLike,
     H: ArrayLike,
-    high: float,
+    direction: Direction,
+    kept: float,
     *,
     accuracy: float = ACCURACY,
     memory: Memory = "auto",
     jitter: float = math.inf,
+    budget: TimeBudget = UNLIMITED,
 ) -> Bracket:
-    """Smallest x for which [x, high] is proved; high may be infinite.
+    """The smallest x for which [x, kept] is proved, or the largest for which [kept, x] is.
 
-    F, H: (n, n) floats or exact rationals. accuracy: relative width of the bracket. memory, jitter:
-    as in `lmi.decide.stability`.
+    direction: "shortest" with the longest dwell time kept, which may be infinite; "longest" with
+    the shortest one kept; x may be infinite then. F, H: (n, n) floats or exact rationals. accuracy:
+    relative width of the bracket. memory, jitter: as in `lmi.decide.stability`.
     """
-    return _Search(exact(F), exact(H), high, accuracy, True, memory, jitter).balanced()
-
-
-def longest_dwell(
-    F: ArrayLike,
-    H: ArrayLike,
-    low: float,
-    *,
-    accuracy: float = ACCURACY,
-    memory: Memory = "auto",
-    jitter: float = math.inf,
-) -> Bracket:
-    """Largest x for which [low, x] is proved, possibly infinity; arguments as `shortest_dwell`."""
-    return _Search(exact(F), exact(H), low, accuracy, False, memory, jitter).balanced()
+    flow, jump = exact(F), exact(H)
+    scaling = Scaling.from_pair(flow, jump, kept if direction == "shortest" else math.inf)
+    problem = DwellProblem(
+        scaling.map(flow), scaling.map(jump), direction, kept, accuracy, memory, jitter, budget
+    )
+    bracket = _Search(problem).run()
+    certificate, obstacle = (
+        scaling.restored(evidence, jump) for evidence in (bracket.certificate, bracket.obstacle)
+    )
+    return replace(bracket, certificate=certificate, obstacle=obstacle)
 
 
 @dataclass(frozen=True)
 class _Search:
-    F: Exact
-    H: Exact
-    fixed: float
-    accuracy: float
-    shortest: bool
-    memory: Memory = "auto"
-    jitter: float = math.inf
+    """The search for a bracket of a problem whose pair is balanced."""
 
-    def balanced(self) -> Bracket:
-        """The bracket, found in coordinates that balance the pair."""
-        longest = self.fixed if self.shortest else math.inf
-        scaling = Scaling.from_pair(self.F, self.H, longest)
-        bracket = replace(self, F=scaling.map(self.F), H=scaling.map(self.H)).run()
-        certificate, obstacle = (
-            scaling.restored(evidence, self.H)
-            for evidence in (bracket.certificate, bracket.obstacle)
-        )
-        return replace(bracket, certificate=certificate, obstacle=obstacle)
+    problem: DwellProblem
 
     def run(self) -> Bracket:
         """Everything proved; or nothing; or the bracket around the limit."""
-        extreme = 0.0 if self.shortest else math.inf
+        problem = self.problem
         verdict = self._nothing_to_search()
         if verdict is not None:
-            evidence = verdict.evidence
-            return Bracket(None, self.fixed, verdict.outcome, obstacle=evidence, ended=ended())
-        looked = scan(self.F, self.H, self.fixed, self.shortest)
+            end = problem.budget.ended()
+            return Bracket(
+                None, problem.kept, verdict.outcome, obstacle=verdict.evidence, ended=end
+            )
+        looked = scan(problem)
         crossing, last = looked.crossing, looked.last
         # windows go on from where a common P ends: no need to know that end exactly
-        common = self if self.memory == 0 else replace(self, accuracy=max(_COARSE, self.accuracy))
+        accuracy = problem.accuracy if problem.memory == 0 else max(_COARSE, problem.accuracy)
+        common = _Search(replace(problem, accuracy=accuracy))
         if crossing is None:
-            whole = self._prove(extreme)
+            whole = self._prove(problem.extreme)
             if whole.outcome == "proved":
-                return Bracket(extreme, None, None, whole.evidence)
+                return Bracket(problem.extreme, None, None, whole.evidence)
             bracket = common._up_to(last, whole)
         else:
             bracket = self._at_crossing(crossing) or common._follow(crossing)
-        if bracket.verdict == "undecided" and self.memory != 0:
-            bracket = self._beyond_common(bracket, crossing, last, extreme)
-        return replace(bracket, islands=looked.islands, ended=ended() or bracket.ended)
+        if bracket.verdict == "undecided" and problem.memory != 0:
+            bracket = self._beyond_common(bracket, crossing, last)
+        return replace(
+            bracket, islands=looked.islands, ended=problem.budget.ended() or bracket.ended
+        )
 
-    def _beyond_common(
-        self, bracket: Bracket, crossing: float | None, last: float, extreme: float
-    ) -> Bracket:
+    def _beyond_common(self, bracket: Bracket, crossing: float | None, last: float) -> Bracket:
         """Windows of dwell times on the proved side, destabilising sequences on the other."""
-        common = bracket.proved
-        good = self.fixed if common is None else common
+        problem, common = self.problem, bracket.proved
+        good = problem.kept if common is None else common
         if math.isinf(good):
             return bracket
-        gap = Gap(self.F, self.H, self.fixed, self.shortest, self.accuracy, self.memory,
-                  self.jitter)  # fmt: skip
+        gap = Gap(problem)
         P = bracket.certificate.get("P")
-        L = np.eye(len(self.F)) if P is None else np.linalg.cholesky(np.array(P))
-        far = last if crossing is None else self._inward(crossing, -0.4 * self.accuracy)
+        L = np.eye(len(problem.F)) if P is None else np.linalg.cholesky(np.array(P))
+        far = last if crossing is None else problem.inward(crossing, -0.4 * problem.accuracy)
         outside = gap.refuted(good, far, L)
         if outside is None:
+            extreme = problem.extreme
             for end in dict.fromkeys((extreme, far) if crossing is None else ()):
                 whole = gap.attempt(end)
                 if whole.outcome == "proved":
@@ -161,36 +148,33 @@ class _Search:
 
     def _nothing_to_search(self) -> Verdict | None:
         """The verdict on the smallest range there is, if that is not proved."""
-        if self.shortest and math.isinf(self.fixed):
-            flow = prove_hurwitz(self.F)
-            return None if flow.outcome == "proved" else flow
-        verdict = decide(self.F, self.H, self.fixed, self.fixed, memory=0)
+        problem = self.problem
+        if problem.is_shortest and math.isinf(problem.kept):
+            verdict = prove_hurwitz(problem.F)
+        else:
+            verdict = self._decide(problem.kept)
         return None if verdict.outcome == "proved" else verdict
 
-    def _range(self, x: float) -> tuple[float, float]:
-        return (x, self.fixed) if self.shortest else (self.fixed, x)
-
-    def _floats(self) -> tuple[Matrix, Matrix]:
-        return to_float(self.F), to_float(self.H)
-
-    def _inward(self, x: float, relative: float) -> float:
-        """x moved towards the fixed end, so far and not past it."""
-        if self.shortest:
-            return min(x * (1 + relative), self.fixed)
-        return max(x * (1 - relative), self.fixed)
+    def _decide(self, x: float) -> Verdict:
+        """Decide the range that ends at x, by a common P alone."""
+        problem = self.problem
+        return decide(problem.F, problem.H, *problem.ends(x), memory=0, budget=problem.budget)
 
     def _prove(self, x: float) -> Verdict:
-        low, high = self._range(x)
-        if math.isinf(high) and prove_hurwitz(self.F).outcome != "proved":
-            return decide(self.F, self.H, low, high, memory=0)
-        return find_and_prove(self.F, self.H, low, high)[0]
+        problem = self.problem
+        ends = problem.ends(x)
+        if math.isinf(ends[1]) and prove_hurwitz(problem.F).outcome != "proved":
+            return self._decide(x)
+        return find_and_prove(problem.F, problem.H, *ends, budget=problem.budget)[0]
 
     def _propose(self, x: float) -> Proposal:
-        return propose(*self._floats(), *self._range(x))
+        problem = self.problem
+        flow, jump = to_float(problem.F), to_float(problem.H)
+        return propose(flow, jump, *problem.ends(x), budget=problem.budget)
 
     def _up_to(self, last: float, whole: Verdict) -> Bracket:
         """No single map is expanding: everything that was looked at, or the limit before it."""
-        if not self.shortest:
+        if not self.problem.is_shortest:
             good = self._prove(last)
             if good.outcome == "proved":
                 return Bracket(last, math.inf, whole.outcome, good.evidence, whole.evidence)
@@ -198,52 +182,51 @@ class _Search:
 
     def _at_crossing(self, crossing: float) -> Bracket | None:
         """The bracket if the radius of one map is what limits the range."""
-        inside = self._inward(crossing, 0.4 * self.accuracy)
-        outside = self._inward(crossing, -0.4 * self.accuracy)
+        problem = self.problem
+        inside = problem.inward(crossing, 0.4 * problem.accuracy)
+        outside = problem.inward(crossing, -0.4 * problem.accuracy)
         good = self._prove(inside)
         if good.outcome != "proved":
             return None
-        bad = refute_word(self.F, self.H, (outside,))
+        bad = refute_word(problem.F, problem.H, (outside,))
         if bad.outcome != "refuted":
-            bad = decide(self.F, self.H, *self._range(outside), memory=0)
+            bad = self._decide(outside)
         return Bracket(inside, outside, bad.outcome, good.evidence, bad.evidence)
 
     def _follow(self, bad: float) -> Bracket:
-        """From an end that cannot be proved towards the fixed one, by the sign of the margin."""
+        """From an end that cannot be proved towards the kept one, by the sign of the margin."""
         good, proposal = self._first_good(bad)
         if good is None or proposal is None:
-            verdict = decide(self.F, self.H, *self._range(bad), memory=0)
+            verdict = self._decide(bad)
             return Bracket(None, bad, verdict.outcome, obstacle=verdict.evidence)
         value_bad = self._propose(bad).optimum
         bad = self._narrow(good, bad, value_bad, proposal)
+        problem = self.problem
         for step in range(8):  # a proof needs a little more margin than floats see
-            x = self._inward(bad, 0.9 * self.accuracy * 4**step)
+            x = problem.inward(bad, 0.9 * problem.accuracy * 4**step)
             attempt = self._prove(x)
             if attempt.outcome == "proved":
-                verdict = decide(self.F, self.H, *self._range(bad), memory=0)
+                verdict = self._decide(bad)
                 if verdict.outcome == "proved":  # the limit itself is 0 or infinity, and excluded
-                    x, attempt = bad, verdict
-                    bad = 0.0 if self.shortest else math.inf
-                    verdict = decide(self.F, self.H, *self._range(bad), memory=0)
+                    x, attempt, bad = bad, verdict, problem.extreme
+                    verdict = self._decide(bad)
                     if verdict.outcome == "proved":
                         return Bracket(bad, None, None, verdict.evidence)
                 return Bracket(x, bad, verdict.outcome, attempt.evidence, verdict.evidence)
         return Bracket(None, bad, "undecided", obstacle=attempt.evidence)
 
     def _first_good(self, bad: float) -> tuple[float | None, Proposal | None]:
-        """Steps away from `bad`, each twice the last, until a P is found."""
-        F, _ = self._floats()
-        scale = horizon(F) if math.isinf(self.fixed) else abs(self.fixed - bad)
+        """Steps away from `bad`, each four times the last, until a P is found."""
+        problem = self.problem
+        is_endless = math.isinf(problem.kept)
+        scale = horizon(to_float(problem.F)) if is_endless else abs(problem.kept - bad)
         step = 1e-3 * max(min(scale, bad if bad > 0 else scale), 1e-9)
-        x = bad
         while True:
-            x = bad + step if self.shortest else bad - step
-            past = x >= self.fixed if self.shortest else x <= self.fixed
-            x = self.fixed if past else x
+            x = problem.stepped(bad, step)
             proposal = self._propose(x)
             if proposal.P is not None:
                 return x, proposal
-            if past or step > 1e4 * scale:
+            if x == problem.kept or step > 1e4 * scale:
                 return None, None
             step *= 4
 
@@ -252,10 +235,10 @@ class _Search:
         value_good, before = proposal.optimum, 0
         for _ in range(_STEPS):
             width = abs(good - bad)
-            if width <= 0.2 * self.accuracy * max(abs(good), abs(bad)):
+            if width <= 0.2 * self.problem.accuracy * max(abs(good), abs(bad)):
                 break
             share = value_bad / (value_bad - value_good) if value_bad < 0 < value_good else 0.5
-            least = 0.08 * self.accuracy * max(abs(good), abs(bad)) / width
+            least = 0.08 * self.problem.accuracy * max(abs(good), abs(bad)) / width
             share = min(max(share, least, 0.02 * least), 1 - least)
             x = bad + share * (good - bad)
             tried = self._propose(x)

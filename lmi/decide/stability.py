@@ -7,13 +7,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.balancing import Scaling
 from lmi.arithmetic.balls import Exact, exact, to_float
 from lmi.families import Edge
@@ -26,7 +25,7 @@ from lmi.prove.common_matrix import prove_common
 from lmi.prove.hurwitz import prove_hurwitz
 from lmi.refute.infeasible import prove_no_common
 from lmi.refute.spectral import decide_constant, refute_spectral, refute_word, steps_within
-from lmi.time_budget import ended, ended_part
+from lmi.time_budget import UNLIMITED, TimeBudget, ended_part
 from lmi.verdict import Verdict, undecided
 
 Memory = int | Literal["auto"]
@@ -46,6 +45,7 @@ def decide(
     *,
     memory: Memory = "auto",
     jitter: float = math.inf,
+    budget: TimeBudget = UNLIMITED,
 ) -> Verdict:
     """Proved by one P or by windows, refuted by a mode or by dwell times, or undecided.
 
@@ -56,7 +56,7 @@ def decide(
     or "windows" and "edges" (`lmi.prove.windows_proof`), or "witness"; one dwell time (low = high)
     may be proved without any. Undecided evidence holds the largest growth seen, "no_common_P" when
     a checked certificate excludes a common P, which is not instability, and where a budget ended a
-    search what `lmi.time_budget.ended` has of it.
+    search what `TimeBudget.ended` has of it.
     """
     if not 0 <= low <= high or math.isinf(low):
         raise ValueError(f"0 <= low <= high, low finite, is required; got [{low}, {high}]")
@@ -68,59 +68,82 @@ def decide(
         if flow.outcome != "proved":
             return flow
     scaling = Scaling.from_pair(F_exact, H_exact, high)
-    flow_map, jump = scaling.map(F_exact), scaling.map(H_exact)
-    verdict = _balanced(flow_map, jump, low, high, memory, jitter)
+    family = _Family(scaling.map(F_exact), scaling.map(H_exact), low, high, jitter, budget)
+    verdict = family.decided(memory)
     return Verdict(verdict.outcome, scaling.restored(verdict.evidence, H_exact))
 
 
-def _balanced(
-    F: Exact, H: Exact, low: float, high: float, memory: Memory, jitter: float
-) -> Verdict:
-    """`decide` for a balanced pair, with a flow that decays where `high` is infinite."""
-    attempt, proposal = find_and_prove(F, H, low, high)
-    if attempt.outcome == "proved":
-        return attempt
-    counter = refute_spectral(F, H, low, high, proposal.thetas)
-    if counter.outcome == "refuted":
-        return counter
-    if low == high:
-        return decide_constant(F, H, low)
-    attempt = refute_sequences(F, H, low, high, proposal, attempt, jitter)
-    if attempt.outcome == "refuted":
-        return attempt
-    if memory == 0:
-        return Verdict("undecided", {**attempt.evidence, **ended()})
-    return _by_windows(F, H, low, high, memory, jitter, proposal, attempt)
+@dataclass(frozen=True)
+class _Family:
+    """A balanced pair on a range of dwell times, whose flow decays where `high` is infinite."""
 
+    F: Exact
+    H: Exact
+    low: float
+    high: float
+    jitter: float
+    budget: TimeBudget
 
-def _by_windows(
-    F: Exact,
-    H: Exact,
-    low: float,
-    high: float,
-    memory: Memory,
-    jitter: float,
-    proposal: Proposal,
-    attempt: Verdict,
-) -> Verdict:
-    """Windows; where they fail, the dwell times that stood in their way may be a witness."""
-    limits = Limits() if memory == "auto" else Limits(memory, memory)
-    result = find_windows(F, H, low, high, jitter=jitter, limits=limits)
-    if result.verdict.outcome == "proved":
-        return result.verdict
-    hints = tuple(dict.fromkeys([*result.thetas[:_HINTS], *proposal.thetas]))
-    again = refute_sequences(F, H, low, high, replace(proposal, thetas=hints), attempt, jitter)
-    if again.outcome == "refuted":
-        return again
-    evidence = {key: value for key, value in again.evidence.items() if key != "reason"}
-    evidence |= ended() or ended_part(result.verdict.evidence)
-    return undecided(
-        f"{attempt.evidence['reason']}; {result.verdict.evidence['reason']}", **evidence
-    )
+    def decided(self, memory: Memory) -> Verdict:
+        """`decide` for this family."""
+        pair, ends = (self.F, self.H), (self.low, self.high)
+        attempt, proposal = find_and_prove(*pair, *ends, budget=self.budget)
+        if attempt.outcome == "proved":
+            return attempt
+        counter = refute_spectral(*pair, *ends, proposal.thetas)
+        if counter.outcome == "refuted":
+            return counter
+        if self.low == self.high:
+            return decide_constant(*pair, self.low)
+        attempt = self._with_worst_sequence(proposal, attempt)
+        if attempt.outcome == "refuted":
+            return attempt
+        if memory == 0:
+            return Verdict("undecided", {**attempt.evidence, **self.budget.ended()})
+        limits = Limits() if memory == "auto" else Limits(memory, memory)
+        return self._by_windows(limits, proposal, attempt)
+
+    def _by_windows(self, limits: Limits, proposal: Proposal, attempt: Verdict) -> Verdict:
+        """Windows; where they fail, the dwell times that stood in their way may be a witness."""
+        result = find_windows(
+            self.F, self.H, self.low, self.high, jitter=self.jitter, limits=limits,
+            budget=self.budget,
+        )  # fmt: skip
+        if result.verdict.outcome == "proved":
+            return result.verdict
+        hints = tuple(dict.fromkeys([*result.thetas[:_HINTS], *proposal.thetas]))
+        again = self._with_worst_sequence(replace(proposal, thetas=hints), attempt)
+        if again.outcome == "refuted":
+            return again
+        evidence = {key: value for key, value in again.evidence.items() if key != "reason"}
+        evidence |= self.budget.ended() or ended_part(result.verdict.evidence)
+        return undecided(
+            f"{attempt.evidence['reason']}; {result.verdict.evidence['reason']}", **evidence
+        )
+
+    def _with_worst_sequence(self, proposal: Proposal, attempt: Verdict) -> Verdict:
+        """Refuted by a sequence of dwell times, else the attempt with the worst one found."""
+        edge = Edge(to_float(self.F), to_float(self.H), self.low, self.high)
+        L = np.eye(len(edge.F)) if proposal.L is None else proposal.L
+        try:
+            with np.errstate(all="ignore"):
+                rng = np.random.default_rng(_SEED)
+                word = worst_word(
+                    edge, L, proposal.thetas, rng, jitter=self.jitter, budget=self.budget
+                )
+        except (np.linalg.LinAlgError, ValueError):  # overflow: nothing to be learned from floats
+            return attempt
+        if word.growth >= 1 and steps_within(word.thetas, self.jitter):
+            counter = refute_word(self.F, self.H, word.thetas)
+            if counter.outcome == "refuted":
+                return counter
+        approx: dict[str, Sequence[float] | float]
+        approx = {"growth_per_jump": word.growth, "worst_sequence": list(word.thetas)}
+        return Verdict("undecided", {**attempt.evidence, **approx})
 
 
 def find_and_prove(
-    F: Exact, H: Exact, low: float, high: float, start: Matrix | None = None
+    F: Exact, H: Exact, low: float, high: float, *, budget: TimeBudget = UNLIMITED
 ) -> tuple[Verdict, Proposal]:
     """Propose P, prove it, give the theta where a proof failed back to the search; repeat."""
     F_float, H_float = to_float(F), to_float(H)
@@ -134,7 +157,7 @@ def find_and_prove(
                 P[None], (low,), math.nan, low, coordinates=np.linalg.cholesky(P)[None]
             )
     for _ in range(_TURNS):
-        proposal = propose(F_float, H_float, low, high, seeds, start)
+        proposal = propose(F_float, H_float, low, high, seeds, budget=budget)
         if proposal.P is None:
             return _no_common_P(F, H, proposal), proposal
         attempt = prove_common(F, H, proposal.P, low, high, steps=_BOXES)
@@ -165,30 +188,3 @@ def _no_common_P(F: Exact, H: Exact, proposal: Proposal) -> Verdict:
             )
             return undecided(reason, **where, no_common_P=dict(nothing.evidence))
     return undecided("no common P was found, which is not instability", **where)
-
-
-def refute_sequences(
-    F: Exact,
-    H: Exact,
-    low: float,
-    high: float,
-    proposal: Proposal,
-    attempt: Verdict,
-    jitter: float = math.inf,
-) -> Verdict:
-    """Refuted by a sequence of dwell times if one is found, else the attempt with what was seen."""
-    edge = Edge(to_float(F), to_float(H), low, high)
-    L = np.eye(len(edge.F)) if proposal.L is None else proposal.L
-    try:
-        with np.errstate(all="ignore"):
-            rng = np.random.default_rng(_SEED)
-            word = worst_word(edge, L, proposal.thetas, rng, jitter=jitter)
-    except (np.linalg.LinAlgError, ValueError):  # overflow: nothing to be learned from floats
-        return attempt
-    if word.growth >= 1 and steps_within(word.thetas, jitter):
-        counter = refute_word(F, H, word.thetas)
-        if counter.outcome == "refuted":
-            return counter
-    approx: dict[str, Sequence[float] | float]
-    approx = {"growth_per_jump": word.growth, "worst_sequence": list(word.thetas)}
-    return Verdict("undecided", {**attempt.evidence, **approx})

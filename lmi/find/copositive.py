@@ -33,7 +33,7 @@ def decide_copositive(F: ArrayLike, H: ArrayLike, low: float, high: float) -> Ve
         return undecided("the flow is not Metzler, or the jump not nonnegative")
     for side in SIDES:
         for form in FORMS:
-            v = propose_vector(flow, jump, low, high, side, form)
+            v = propose_vector(flow, jump, low, high, side=side, form=form)
             if v is None:
                 continue
             v = scaling.vector(v, side)
@@ -50,7 +50,7 @@ def looks_positive(F: Matrix, H: Matrix) -> bool:
 
 
 def propose_vector(
-    F: Matrix, H: Matrix, low: float, high: float, side: str, form: str
+    F: Matrix, H: Matrix, low: float, high: float, *, side: str, form: str
 ) -> Matrix | None:
     """v > 0, (n,), with the inequality on a fine grid of theta; None when the program has none."""
     n = len(F)

@@ -8,7 +8,6 @@ What comes out is a proposal; `lmi.prove.common_matrix` decides whether it is on
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
@@ -19,7 +18,7 @@ from lmi.arithmetic.units import balance
 from lmi.families import FEWEST, Edge, slack_of
 from lmi.find.edge_grid import Cut, EdgeGrid, Grids
 from lmi.find.semidefinite import FLOOR, Solution, common_matrices
-from lmi.time_budget import deadline
+from lmi.time_budget import UNLIMITED, TimeBudget
 
 _ROUNDS = 25
 _ADDED = 4
@@ -79,40 +78,44 @@ def propose(
     low: float,
     high: float,
     seeds: Sequence[float] = (),
+    *,
     start: Array | None = None,
     points: int = FEWEST,
+    budget: TimeBudget = UNLIMITED,
 ) -> Proposal:
     """Propose P with M(theta)' P M(theta) < P at every theta of a fine grid.
 
     Without such a P the proposal holds the theta that forbid it. seeds: theta that must be among
     those solved for; start: a P of a neighbouring problem, whose coordinates the solver then works
-    in; points: at least so many theta are looked at.
+    in; points: at least so many theta are looked at. Nothing is found once the budget has ended.
     """
     coordinates = None if start is None else np.linalg.cholesky(start)[None]
     edges = [Edge(F, H, low, high)]
-    return propose_edges(edges, 1, [(0, theta) for theta in seeds], coordinates, points)
+    cuts = [(0, theta) for theta in seeds]
+    return propose_edges(edges, 1, cuts, start=coordinates, points=points, budget=budget)
 
 
 def propose_edges(
     edges: Sequence[Edge],
     nodes: int,
     seeds: Sequence[Cut] = (),
+    *,
     start: Array | None = None,
     points: int = _FEW,
     grids: Grids | None = None,
-    seconds: float = math.inf,
+    budget: TimeBudget = UNLIMITED,
 ) -> Proposal:
     """P_w > 0, w < nodes, with M' P_target M < gamma^2 P_source on every edge, on fine grids.
 
     start: lower triangular coordinates (nodes, n, n) to begin in. grids: what is kept of the maps
     from one call to the next; calls that share it must share the arrays of their edges too.
-    seconds: processor time after which nothing is found.
+    Nothing is found once the budget has ended.
     """
     with np.errstate(all="ignore"):
         grid = EdgeGrid.from_edges(edges, points, {} if grids is None else grids)
         if not np.isfinite(grid.maps).all():
             return _guess(edges[0], nodes, grid.maps.shape[-1])
-        return _Search(grid, nodes, deadline(seconds)).run([*seeds], start)
+        return _Search(grid, nodes, budget).run([*seeds], start)
 
 
 def _guess(edge: Edge, nodes: int, n: int) -> Proposal:
@@ -124,7 +127,7 @@ def _guess(edge: Edge, nodes: int, n: int) -> Proposal:
 class _Search:
     grid: EdgeGrid
     nodes: int
-    deadline: float
+    budget: TimeBudget
 
     def run(self, seeds: list[Cut], start: Array | None) -> Proposal:
         """Rounds of the cutting-plane method, each in the coordinates of the last P."""
@@ -140,7 +143,7 @@ class _Search:
             if tolerance == _QUICK and abs(solution.margin) < _CLEAR * _QUICK:
                 tolerance = _EXACT
                 solution = self._solution(transformed, ends, tolerance)
-            if time.process_time() > self.deadline:
+            if self.budget.remaining() < 0:
                 return best
             inner = _cholesky(solution.P)
             if inner is None:
@@ -164,8 +167,9 @@ class _Search:
     def _solution(
         self, transformed: Array, ends: tuple[Array, Array], tolerance: float
     ) -> Solution:
-        left = self.deadline - time.process_time()
-        return common_matrices(transformed, self.nodes, *ends, tolerance=tolerance, seconds=left)
+        return common_matrices(
+            transformed, self.nodes, *ends, tolerance=tolerance, seconds=self.budget.remaining()
+        )
 
     def _hopeful(self, inner: Array, better: Array) -> bool:
         """Nothing fits at the floor of kappa(P): may other coordinates still allow something?

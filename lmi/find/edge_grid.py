@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -16,7 +15,8 @@ from lmi.arithmetic.arrays import Matrix
 from lmi.families import Edge, slack_of, transformed_between, worst
 
 Cut = tuple[int, float]  # number of an edge, theta
-Grids = dict[tuple[Any, ...], tuple[Matrix, Matrix]]
+# identities of F, H and left, range, gamma and number of points -> theta, maps
+Grids = dict[tuple[int, int, int, float, float, float, int], tuple[Matrix, Matrix]]
 
 # The least slack between grid points is sought near this many of its lowest points, so closely
 _LOOKED, _ZOOMS = 3, 2

@@ -21,6 +21,7 @@ from lmi.arithmetic.balls import Exact, exact, to_float
 from lmi.families import Edge
 from lmi.find.cutting_plane import Proposal, propose
 from lmi.prove.rates import SMALLEST, WORTH, Rates, approx_rates, propose_rates, prove_rate
+from lmi.time_budget import UNLIMITED, TimeBudget
 
 # the search ends this close to where the margin is foretold to vanish, relative to the rate
 _FINE = {"per_jump": 2e-3, "in_time": 5e-2}
@@ -29,7 +30,13 @@ _LEFT, _STEPS = 0.1, 6
 
 
 def largest_rates(
-    F: ArrayLike, H: ArrayLike, P: ArrayLike, low: float, high: float
+    F: ArrayLike,
+    H: ArrayLike,
+    P: ArrayLike,
+    low: float,
+    high: float,
+    *,
+    budget: TimeBudget = UNLIMITED,
 ) -> Mapping[str, Any] | None:
     """The largest rates that some common P allows, nearly, proved; None if none are.
 
@@ -40,22 +47,26 @@ def largest_rates(
     flow, jump = exact(F), exact(H)
     scaling = Scaling.from_pair(flow, jump, high)
     given = scaling.form(np.asarray(P, dtype=np.float64))
-    rates = _largest(scaling.map(flow), scaling.map(jump), given, low, high)
+    rates = _largest((scaling.map(flow), scaling.map(jump)), given, low, high, budget=budget)
     if rates is None:
         return None
     names = [name for name in rates if name.startswith("P_")]
     return rates | {name: scaling.undone.form(np.array(rates[name])).tolist() for name in names}
 
 
-def _largest(F: Exact, H: Exact, given: Matrix, low: float, high: float) -> dict[str, Any] | None:
-    """`largest_rates` of a balanced pair, with P given in its coordinates."""
+def _largest(
+    pair: tuple[Exact, Exact], given: Matrix, low: float, high: float, *, budget: TimeBudget
+) -> dict[str, Any] | None:
+    """`largest_rates` of a balanced pair (F, H), with P given in its coordinates."""
+    F, H = pair
     approx = approx_rates(F, H, {"P": given.tolist()}, low, high)
     if approx is None:
         return None
     edge = Edge(to_float(F), to_float(H), low, high)
     limits, unit = _limits(edge), np.eye(len(edge.F))
     with np.errstate(all="ignore"):
-        first = propose(edge.F, edge.H, low, high, start=given)
+        first = propose(edge.F, edge.H, low, high, start=given, budget=budget)
+    search = _Search(edge, given, first, budget)
     families = {
         "per_jump": lambda x: (edge.F, edge.H / x),
         "in_time": lambda x: (edge.F + x * unit, edge.H),
@@ -65,7 +76,7 @@ def _largest(F: Exact, H: Exact, given: Matrix, low: float, high: float) -> dict
         span = _Span(
             1.0 if name == "per_jump" else 0.0, getattr(approx, name), getattr(limits, name)
         )
-        for value, better in _towards(family, span, edge, given, first, _FINE[name]):
+        for value, better in search.towards(family, span, _FINE[name]):
             rates = Rates(value, 0.0) if name == "per_jump" else Rates(0.5, value)
             certificate = {"P": better.tolist()}
             done = prove_rate(F, H, certificate, low, high, rates=rates, name=name, steps=WORTH)
@@ -99,36 +110,44 @@ def _limits(edge: Edge) -> Rates:
     return Rates(float(radii.max()), in_time)
 
 
-def _towards(
-    family: Callable[[float], tuple[Matrix, Matrix]],
-    span: _Span,
-    edge: Edge,
-    P: Matrix,
-    first: Proposal,
-    fine: float,
-) -> list[tuple[float, Matrix]]:
-    """Rates with a P that floats find for them, best first. first: what was found for no rate.
+@dataclass(frozen=True)
+class _Search:
+    """Of matrices P for ever larger rates; first: the proposal for no rate.
 
     Each try works in the coordinates of P, with the theta of the last success.
     """
-    last, reached, margin, bad = first, span.nothing, first.optimum, span.limit
-    pairs = list[tuple[float, Matrix]]()
-    if not (math.isfinite(bad) and margin > 0):
-        return pairs
-    following = span.estimate + _LEFT * (reached - span.estimate)
-    for _ in range(_STEPS):
-        if abs(following - reached) <= fine * abs(reached):
-            break
-        with np.errstate(all="ignore"):
-            proposal = propose(*family(following), edge.low, edge.high, seeds=last.thetas, start=P)
-        if proposal.P is None:
-            bad = following
-            following = (reached + bad) / 2
-            continue
-        fall = (margin - proposal.optimum) / (following - reached)
-        last, reached, margin = proposal, following, proposal.optimum
-        pairs.append((reached, proposal.P))
-        end = reached + margin / fall if fall * (bad - reached) > 0 else bad
-        end = end if abs(end - reached) < abs(bad - reached) else bad
-        following = end + _LEFT * (reached - end)
-    return pairs[::-1]
+
+    edge: Edge
+    P: Matrix
+    first: Proposal
+    budget: TimeBudget
+
+    def towards(
+        self, family: Callable[[float], tuple[Matrix, Matrix]], span: _Span, fine: float
+    ) -> list[tuple[float, Matrix]]:
+        """Rates with a P that floats find for them, best first."""
+        last, reached, margin, bad = self.first, span.nothing, self.first.optimum, span.limit
+        pairs = list[tuple[float, Matrix]]()
+        if not (math.isfinite(bad) and margin > 0):
+            return pairs
+        following = span.estimate + _LEFT * (reached - span.estimate)
+        for _ in range(_STEPS):
+            if abs(following - reached) <= fine * abs(reached):
+                break
+            proposal = self._proposal(family(following), last.thetas)
+            if proposal.P is None:
+                bad = following
+                following = (reached + bad) / 2
+                continue
+            fall = (margin - proposal.optimum) / (following - reached)
+            last, reached, margin = proposal, following, proposal.optimum
+            pairs.append((reached, proposal.P))
+            end = reached + margin / fall if fall * (bad - reached) > 0 else bad
+            end = end if abs(end - reached) < abs(bad - reached) else bad
+            following = end + _LEFT * (reached - end)
+        return pairs[::-1]
+
+    @np.errstate(all="ignore")
+    def _proposal(self, pair: tuple[Matrix, Matrix], thetas: tuple[float, ...]) -> Proposal:
+        edge = self.edge
+        return propose(*pair, edge.low, edge.high, seeds=thetas, start=self.P, budget=self.budget)

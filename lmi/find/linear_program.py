@@ -11,20 +11,23 @@ from numpy.typing import NDArray
 from lmi.arithmetic.arrays import Indices, Matrix
 from lmi.memory import require_memory
 
-Vector = NDArray[np.float64]
+_MOST_ITERATIONS = 2**31 - 1  # an int of the solver
 
 
 def minimise(
-    cost: Vector,
-    rows: Matrix | tuple[Indices, Indices, Vector],
-    sides: tuple[Vector, Vector],
-    bounds: tuple[Vector, Vector],
+    cost: Matrix,
+    rows: Matrix | tuple[Indices, Indices, Matrix],
+    sides: tuple[Matrix, Matrix],
+    bounds: tuple[Matrix, Matrix],
+    *,
     seconds: float = math.inf,
-) -> Vector | None:
+    iterations: int | None = None,
+) -> Matrix | None:
     """x of least cost'x with lower <= A x <= upper and low <= x <= high; None if none is found.
 
     cost: (n,); rows: A (m, n), or (row, column, value) of its entries, repeated ones added up;
-    sides: lower, upper (m,); bounds: low, high (n,), with infinities; seconds: on the wall.
+    sides: lower, upper (m,); bounds: low, high (n,), with infinities; seconds: on the wall;
+    iterations: of the simplex method.
     """
     n, m = len(cost), len(sides[0])
     # triplets, their sorted copies, and the solver's matrix with its factors
@@ -48,11 +51,17 @@ def minimise(
     program.a_matrix_.format_ = highspy.MatrixFormat.kRowwise
     program.a_matrix_.start_, program.a_matrix_.index_ = start, index
     program.a_matrix_.value_ = entries
+    return _solution(program, seconds, iterations)
+
+
+def _solution(program: highspy.HighsLp, seconds: float, iterations: int | None) -> Matrix | None:
     solver = highspy.Highs()
     solver.setOptionValue("output_flag", False)
     solver.setOptionValue("threads", 1)
     if math.isfinite(seconds):
         solver.setOptionValue("time_limit", max(seconds, 1e-3))
+    if iterations is not None:
+        solver.setOptionValue("simplex_iteration_limit", min(iterations, _MOST_ITERATIONS))
     if solver.passModel(program) == highspy.HighsStatus.kError:
         return None
     solver.run()
@@ -62,19 +71,19 @@ def minimise(
     return x if np.isfinite(x).all() else None
 
 
-def _entries(A: Matrix) -> tuple[Indices, Indices, Vector]:
+def _entries(A: Matrix) -> tuple[Indices, Indices, Matrix]:
     row, column = np.nonzero(A)
     return row, column, A[row, column]
 
 
-def _ends(values: Vector) -> Vector:
+def _ends(values: Matrix) -> Matrix:
     """With infinity as HiGHS writes it."""
     return np.clip(np.asarray(values, dtype=np.float64), -highspy.kHighsInf, highspy.kHighsInf)
 
 
 def _compressed(
-    row: Indices, column: Indices, value: Vector, shape: tuple[int, int]
-) -> tuple[NDArray[np.int32], NDArray[np.int32], Vector]:
+    row: Indices, column: Indices, value: Matrix, shape: tuple[int, int]
+) -> tuple[NDArray[np.int32], NDArray[np.int32], Matrix]:
     """Entries row by row, repeated ones added, zeros left out."""
     flat = row.astype(np.int64) * shape[1] + column
     places, which = np.unique(flat, return_inverse=True)

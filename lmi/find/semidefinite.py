@@ -45,7 +45,7 @@ def common_matrices(
     nodes: int = 1,
     source: Indices | None = None,
     target: Indices | None = None,
-    floor: float = FLOOR,
+    *,
     tolerance: float = 1e-9,
     seconds: float = math.inf,
 ) -> Solution:
@@ -66,15 +66,13 @@ def common_matrices(
     )
     none = np.zeros(k, dtype=np.intp)
     ends = none if source is None else source, none if target is None else target
-    A, b = _constraints(maps, *ends, nodes, floor)
+    A, b = _constraints(maps, *ends, nodes)
     cones = [clarabel.PSDTriangleConeT(n)] * (k + nodes) + [clarabel.ZeroConeT(1)]
     columns = nodes * size + 1
     objective = np.zeros(columns)
     objective[-1] = -1.0
-    settings = _settings(tolerance)
-    if math.isfinite(seconds):
-        settings.time_limit = max(seconds, 1e-3)
     empty = sparse.csc_matrix((columns, columns))
+    settings = _settings(tolerance, seconds)
     result = clarabel.DefaultSolver(empty, objective, A, b, cones, settings).solve()
     x, z = np.asarray(result.x), np.asarray(result.z)
     P = smat(x[:-1].reshape(nodes, size))
@@ -83,8 +81,10 @@ def common_matrices(
     return Solution(P, margin, duals)
 
 
-def _settings(tolerance: float) -> clarabel.DefaultSettings:
+def _settings(tolerance: float, seconds: float) -> clarabel.DefaultSettings:
     settings = clarabel.DefaultSettings()
+    if math.isfinite(seconds):
+        settings.time_limit = max(seconds, 1e-3)
     settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = tolerance
     settings.verbose = False
     settings.max_threads = 1
@@ -94,7 +94,7 @@ def _settings(tolerance: float) -> clarabel.DefaultSettings:
 
 
 def _constraints(
-    maps: Matrix, source: Indices, target: Indices, nodes: int, floor: float
+    maps: Matrix, source: Indices, target: Indices, nodes: int
 ) -> tuple[sparse.csc_matrix, Matrix]:
     """A, b of A x + s = b with s in the cones: the maps, then P_w >= floor I, then the trace."""
     from scipy import sparse
@@ -124,7 +124,7 @@ def _constraints(
         (np.concatenate(data), np.concatenate(indices), pointers), shape=(rows, nodes * size + 1)
     )
     b = np.zeros(rows)
-    b[k * size : -1] = np.tile(-floor * unit, nodes)
+    b[k * size : -1] = np.tile(-FLOOR * unit, nodes)
     b[-1] = nodes * n
     return A, b
 

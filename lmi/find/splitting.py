@@ -38,6 +38,7 @@ def cuttings(
     owners: Indices,
     thetas: Matrix,
     masses: Matrix,
+    *,
     last: float,
     limits: Limits,
 ) -> list[Cutting]:

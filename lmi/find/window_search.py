@@ -8,7 +8,6 @@ where it fails goes back into the search.
 from __future__ import annotations
 
 import math
-import time
 from collections import defaultdict
 from dataclasses import dataclass
 from typing import Any
@@ -23,7 +22,7 @@ from lmi.find.edge_grid import Cut, Grids
 from lmi.find.splitting import Limits, cuttings
 from lmi.find.windows import Links, Windows, whole
 from lmi.prove.windows_proof import prove_windows
-from lmi.time_budget import deadline, ended, ended_by_count, scaled
+from lmi.time_budget import UNLIMITED, TimeBudget, ended_by_count
 from lmi.verdict import Verdict, undecided
 
 # a proof that fails this often at new theta is not worth another round
@@ -34,14 +33,15 @@ _FAINT = 1e-6
 
 
 @dataclass(frozen=True)
-class Budget:
-    """When a search gives up: this many windows, this many seconds of processor time.
+class Effort:
+    """Largest effort of a search, which a stretched budget multiplies.
 
-    Both are its own budget, which `lmi.time_budget.stretched` multiplies.
+    windows: their number. work: multiplications of the solver, about; n^3 for each inequality of
+    each round. A million takes some ten seconds.
     """
 
     windows: int = 100
-    seconds: float = 10.0
+    work: int = 1_000_000
 
 
 @dataclass(frozen=True)
@@ -65,21 +65,21 @@ def find_windows(
     *,
     jitter: float = math.inf,
     limits: Limits | None = None,
-    budget: Budget | None = None,
+    effort: Effort | None = None,
     start: tuple[Windows, Array] | None = None,
+    budget: TimeBudget = UNLIMITED,
 ) -> WindowResult:
     """Search windows of dwell times with a P for each, and prove them.
 
     Evidence holds the windows, their P and the edges; else the reason. F, H: (n, n) exact. start:
     windows to begin with, and coordinates for them. When windows that look both ways come to
-    nothing, windows that look back only are tried in the time that is left.
+    nothing, windows that look back only are tried.
     """
-    budget, limits = budget or Budget(), limits or Limits()
+    effort, limits = effort or Effort(), limits or Limits()
     family = _Family.from_pair(F, H, low, high, jitter)
-    stop = deadline(budget.seconds)
-    result = family.search(start, limits, budget, stop)
+    result = family.search(start, limits, effort, budget)
     if result.verdict.outcome != "proved" and limits.future > 0 and start is None:
-        back = family.search(None, Limits(limits.past, 0), budget, stop)
+        back = family.search(None, Limits(limits.past, 0), effort, budget)
         result = back if back.verdict.outcome == "proved" else result
     return result
 
@@ -118,40 +118,47 @@ class _Family:
         ]
 
     def search(
-        self, start: tuple[Windows, Array] | None, limits: Limits, budget: Budget, stop: float
+        self,
+        start: tuple[Windows, Array] | None,
+        limits: Limits,
+        effort: Effort,
+        budget: TimeBudget,
     ) -> WindowResult:
         """Rounds of solving and cutting."""
         windows, L = (whole(self.low, self.high), None) if start is None else start
-        links, seeds, most = windows.links(self.jitter), list[Cut](), scaled(budget.windows)
+        links, seeds, most = windows.links(self.jitter), list[Cut](), budget.scaled(effort.windows)
+        work, most_work = 0, budget.scaled(effort.work)
         while True:
-            left = stop - time.process_time()
             proposal = propose_edges(
-                self.edges(links), len(windows), seeds, L, grids=self.grids, seconds=left
+                self.edges(links), len(windows), seeds, start=L, grids=self.grids, budget=budget
             )
             if proposal.matrices is not None:
-                return self._proved(windows, links, proposal)
+                return self._proved(windows, links, proposal, budget)
             why = f"no P fit {len(windows)} windows of dwell times"
-            out_of_time = ended(stop, budget.seconds)
+            out_of_time = budget.ended()
+            work += len(proposal.thetas) * self.right.shape[1] ** 3
             if proposal.masses is None or proposal.coordinates is None:
                 text = why if out_of_time else f"{why}: the solver gave no numbers"
                 return WindowResult(undecided(text, **out_of_time), proposal.thetas)
             cuts = cuttings(windows, links, np.array(proposal.owners), np.array(proposal.thetas),
-                            proposal.masses, self.last, limits)  # fmt: skip
+                            proposal.masses, last=self.last, limits=limits)  # fmt: skip
             heavy = proposal.masses > _FAINT * proposal.masses.max()
             thetas = tuple(t for t, heavy_ in zip(proposal.thetas, heavy, strict=True) if heavy_)
             if not cuts:
                 return WindowResult(
                     undecided(f"{why}, and none of them can be cut further"), thetas
                 )
-            if len(windows) >= most or out_of_time:
-                end = out_of_time or ended_by_count("windows", most)
-                return WindowResult(undecided(why, **end), thetas)
+            if len(windows) >= most or out_of_time or work >= most_work:
+                count = ended_by_count("windows", most if len(windows) >= most else len(windows))
+                return WindowResult(undecided(why, **(out_of_time or count)), thetas)
             finer, parents = windows.cut(cuts[: most - len(windows)])
             following = finer.links(self.jitter)
             seeds = _carried(links, proposal, heavy, following, parents)
             windows, links, L = finer, following, proposal.coordinates[parents]
 
-    def _proved(self, windows: Windows, links: Links, proposal: Proposal) -> WindowResult:
+    def _proved(
+        self, windows: Windows, links: Links, proposal: Proposal, budget: TimeBudget
+    ) -> WindowResult:
         """The proof, with as many turns as bring new theta."""
         edges, attempt = self.edges(links), undecided("no proof was tried")
         seeds = list(zip(proposal.owners, proposal.thetas, strict=True))
@@ -172,8 +179,9 @@ class _Family:
                 break
             seeds = [*seeds, cut]
             proposal = propose_edges(
-                edges, len(windows), seeds, proposal.coordinates, grids=self.grids
-            )
+                edges, len(windows), seeds, start=proposal.coordinates, grids=self.grids,
+                budget=budget,
+            )  # fmt: skip
         return WindowResult(attempt, proposal.thetas)
 
 

@@ -12,12 +12,10 @@ Ends are floats that stand for themselves; they are compared without tolerance. 
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -158,7 +156,7 @@ def passable(lower: Matrix, upper: Matrix, jitter: float) -> bool:
     return True
 
 
-def _fraction(end: float) -> Any:
+def _fraction(end: float) -> Fraction | float:
     return end if math.isinf(end) else Fraction(float(end))
 
 
@@ -166,11 +164,3 @@ def whole(low: float, high: float) -> Windows:
     """The one window that restricts nothing: a common P."""
     none = np.zeros((1, 0))
     return Windows(low, high, 0, none, none)
-
-
-def uniform(low: float, high: float, cells: int, past: int, future: int) -> Windows:
-    """Every combination of `cells` equal cells at offsets -past .. future - 1; high finite."""
-    borders = np.linspace(low, high, cells + 1)
-    choice = np.array(list(itertools.product(range(cells), repeat=past + future)), dtype=int)
-    choice = choice.reshape(cells ** (past + future), past + future)
-    return Windows(low, high, -past, borders[choice], borders[choice + 1])

@@ -17,7 +17,7 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Array
 from lmi.families import Edge
-from lmi.time_budget import remaining
+from lmi.time_budget import UNLIMITED, TimeBudget
 
 _UNIFORM = 7
 _NO_GROWTH = 1e3  # loss of a product without growth: e^-1000 is zero
@@ -47,8 +47,10 @@ def worst_word(
     L: Array,
     seeds: Sequence[float],
     rng: np.random.Generator,
+    *,
     enough: float = 1.0,
     jitter: float = math.inf,
+    budget: TimeBudget = UNLIMITED,
 ) -> Word:
     """The word with the largest growth found; stops early above `enough`.
 
@@ -69,7 +71,7 @@ def worst_word(
     starts = [Word(tuple(_random(rng, low, high, k, jitter)), 0.0)
               for k in lengths for _ in range(_RANDOM_STARTS)]  # fmt: skip
     for word in [*words[:_POLISHED], *starts]:
-        if best.growth > enough or remaining() < 0:
+        if best.growth > enough or budget.remaining() < 0:
             break
         best = max(best, polished(edge, word, jitter), key=lambda candidate: candidate.growth)
     return replace(best, thetas=_primitive(best.thetas))

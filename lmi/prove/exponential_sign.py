@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from lmi.arithmetic.balls import Ball, Balls, Exact, ball, exp_times, number, to_float
-from lmi.time_budget import ended
+from lmi.time_budget import UNLIMITED, TimeBudget
 
 _TERMS = 24
 _BITS_PER_UNIT = 1.0  # boxes per unit of |F| length
@@ -41,6 +41,7 @@ class Effort:
     """
 
     left: int
+    budget: TimeBudget = UNLIMITED
     ended: dict[str, Any] = field(default_factory=dict)
 
     def spend(self) -> None:
@@ -48,7 +49,7 @@ class Effort:
         self.left -= 1
         if self.left < 0:
             raise ValueError("the ages take too many boxes to cover")
-        if out_of_time := ended():
+        if out_of_time := self.budget.ended():
             self.ended = out_of_time
             raise ValueError("not all ages were covered")
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 import functools
 import itertools
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ from lmi.arithmetic.arrays import Matrix
 from lmi.rank.full_rank import BOX_LIMIT, prove_full_rank
 from lmi.rank.stack import Stack, approx_margin, approx_vanishing, coordinates, unit_blocks
 from lmi.rank.witness import MARGIN, check_deficient, outright, too_few
+from lmi.time_budget import UNLIMITED, TimeBudget
 from lmi.verdict import Verdict, refuted, undecided
 
 _GRID, _RANDOM = 201, 300
@@ -30,7 +32,9 @@ _SHARE = 0.75
 
 
 @np.errstate(all="ignore")
-def decide_full_rank(stack: Stack, low: float, high: float, limit: int = BOX_LIMIT) -> Verdict:
+def decide_full_rank(
+    stack: Stack, low: float, high: float, limit: int = BOX_LIMIT, *, budget: TimeBudget = UNLIMITED
+) -> Verdict:
     """Full column rank with MARGIN for all thetas in [low, high]^m: search, refute or prove.
 
     0 <= low <= high, both finite. Proved evidence as `prove_full_rank`, with "approx_sigma_min"
@@ -41,34 +45,54 @@ def decide_full_rank(stack: Stack, low: float, high: float, limit: int = BOX_LIM
         return refuted(witness)
     R, full = coordinates(stack, low, high)
     points = _candidates(stack, low, high)
-    margins = approx_margin(stack, points, R)
+    search = _Search(stack, low, high, R)
     if len(points) > 1 and (pair := _sign_change(stack, points, R)) is not None:
         return check_deficient(stack, low, high, {"between": pair})
-    in_units = functools.partial(approx_margin, stack, R=R)
-    worst, margin = _polished(in_units, points, margins, low, high)
+    worst, margin = search.worst(points)
     if not full or not margin >= MARGIN:
-        place = points[0] * 0 + (low + high) / 2 if not full else worst
-        verdict = check_deficient(stack, low, high, {"thetas": place.tolist()})
+        verdict = search.deficient(worst if full else points[0] * 0 + (low + high) / 2)
         if verdict.outcome == "refuted" or not full:
             return verdict
     required = max(_SHARE * margin, MARGIN)
-    verdict = prove_full_rank(
-        stack, low, high, R, margin=required, limit=min(BOX_LIMIT // 10, limit)
-    )
+    prove = functools.partial(prove_full_rank, stack, low, high, R, budget=budget)
+    verdict = prove(margin=required, limit=min(BOX_LIMIT // 10, limit))
     if verdict.outcome != "proved":
-        counter = _vanishing(stack, points, R, low, high)
+        counter = search.deficient(search.vanishing(points))
         if counter.outcome == "refuted":
             return counter
         required = MARGIN
-        verdict = prove_full_rank(stack, low, high, R, margin=required, limit=limit)
+        verdict = prove(margin=required, limit=limit)
     if "thetas" in verdict.evidence:  # the proof may have been led to a place the search missed
         place = np.array([verdict.evidence["thetas"]])
-        worst, margin = _polished(in_units, place, in_units(place), low, high)
-        if margin < MARGIN:
-            counter = check_deficient(stack, low, high, {"thetas": worst.tolist()})
-            verdict = counter if counter.outcome == "refuted" else verdict
+        worst, margin = search.worst(place)
+        counter = search.deficient(worst) if margin < MARGIN else verdict
+        verdict = counter if counter.outcome == "refuted" else verdict
     evidence = {"asked": required, **approx_evidence(stack, worst.tolist(), low, high)}
     return Verdict(verdict.outcome, {**verdict.evidence, **evidence})
+
+
+@dataclass(frozen=True)
+class _Search:
+    """The search for places in [low, high]^m at which the rank is lost; floats, R: coordinates."""
+
+    stack: Stack
+    low: float
+    high: float
+    R: Matrix
+
+    def deficient(self, place: Matrix) -> Verdict:
+        """Refuted if the rank is certainly lost at a place."""
+        return check_deficient(self.stack, self.low, self.high, {"thetas": place.tolist()})
+
+    def worst(self, points: Matrix) -> tuple[Matrix, float]:
+        """The place of least margin near the lowest of these points, and its margin."""
+        margin_at = functools.partial(approx_margin, self.stack, R=self.R)
+        return _polished(margin_at, points, self.low, self.high)
+
+    def vanishing(self, points: Matrix) -> Matrix:
+        """The worst place where block rows pass through zero next to it."""
+        margin_at = functools.partial(approx_vanishing, self.stack, R=self.R)
+        return _polished(margin_at, points, self.low, self.high)[0]
 
 
 def approx_evidence(stack: Stack, thetas: Any, low: float, high: float) -> dict[str, Any]:
@@ -85,14 +109,16 @@ def approx_evidence(stack: Stack, thetas: Any, low: float, high: float) -> dict[
 
 
 @np.errstate(all="ignore")
-def prove_again(stack: Stack, low: float, high: float, margin: float) -> Verdict:
+def prove_again(
+    stack: Stack, low: float, high: float, margin: float, *, budget: TimeBudget = UNLIMITED
+) -> Verdict:
     """The proof of `decide_full_rank` without its search: asked is the evidence's."""
     if stack.shape[0] < stack.shape[1]:
         return refuted(too_few(stack))
     R, full = coordinates(stack, low, high)
     if not full:
         return undecided("the stack has no full rank anywhere in the box")
-    return prove_full_rank(stack, low, high, R, margin=max(margin, MARGIN))
+    return prove_full_rank(stack, low, high, R, margin=max(margin, MARGIN), budget=budget)
 
 
 def _candidates(stack: Stack, low: float, high: float) -> Matrix:
@@ -127,17 +153,11 @@ def _sign_change(stack: Stack, points: Matrix, R: Matrix) -> list[list[float]] |
     return None
 
 
-def _vanishing(stack: Stack, points: Matrix, R: Matrix, low: float, high: float) -> Verdict:
-    """Check for lost rank where block rows pass through zero, next to the least margin."""
-    least = functools.partial(approx_vanishing, stack, R=R)
-    place, _ = _polished(least, points, least(points), low, high)
-    return check_deficient(stack, low, high, {"thetas": place.tolist()})
-
-
 def _polished(
-    margin_at: Callable[[Matrix], Matrix], points: Matrix, margins: Matrix, low: float, high: float
+    margin_at: Callable[[Matrix], Matrix], points: Matrix, low: float, high: float
 ) -> tuple[Matrix, float]:
     """The least margin after a compass search from the lowest points, and where."""
+    margins = margin_at(points)
     order = np.argsort(np.nan_to_num(margins, nan=np.inf))[:_POLISHED]
     best, value = points[order[0]], float(margins[order[0]])
     m = points.shape[1]

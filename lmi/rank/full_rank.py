@@ -19,7 +19,7 @@ from lmi.arithmetic.balls import precision
 from lmi.rank.normalised_stack import NormalisedStack, normalised
 from lmi.rank.stack import Stack
 from lmi.rank.stack_box import Box, bounds
-from lmi.time_budget import ended
+from lmi.time_budget import UNLIMITED, TimeBudget
 from lmi.verdict import Verdict, proved, undecided
 
 BOX_LIMIT = 20_000
@@ -36,6 +36,7 @@ def prove_full_rank(
     *,
     margin: float = 0.0,
     limit: int = BOX_LIMIT,
+    budget: TimeBudget = UNLIMITED,
 ) -> Verdict:
     """O(theta) has full column rank for all theta in [low, high]^m, 0 <= low <= high finite.
 
@@ -61,10 +62,13 @@ def prove_full_rank(
         if family is None:
             return undecided("the coordinates are not certainly invertible")
         # the work on a box rises with its sides
-        return _branch(stack, family, margin, min(limit, BOX_LIMIT // max(stack.thetas, 1)))
+        limit = min(limit, BOX_LIMIT // max(stack.thetas, 1))
+        return _branch(stack, family, margin, limit, budget)
 
 
-def _branch(stack: Stack, family: NormalisedStack, margin: float, limit: int) -> Verdict:
+def _branch(
+    stack: Stack, family: NormalisedStack, margin: float, limit: int, budget: TimeBudget
+) -> Verdict:
     todo = [(math.inf, 0, Box(((0, 0),) * stack.thetas))]
     least, least_margin, count, serial = math.inf, math.inf, 0, 0
     spread, largest, recalled = np.zeros(stack.blocks), 0.0, 0.0
@@ -85,7 +89,7 @@ def _branch(stack: Stack, family: NormalisedStack, margin: float, limit: int) ->
             reason = f"{limit} boxes did not suffice"
         if bound.widest is None or box.sides[bound.widest][0] >= _DEPTH or bound.centre <= margin:
             reason = "it nearly fails"
-        if out_of_time := ended():
+        if out_of_time := budget.ended():
             reason = f"{count} boxes were looked at"
         if not reason and bound.widest is not None:
             for half in box.halves(bound.widest):

@@ -57,7 +57,7 @@ def check_hiding(F: Exact, H: Exact, C: Exact, theta: float) -> Verdict:
     modes, vectors = np.linalg.eig(inside)
     k = int(np.argmax(np.abs(modes)))
     v, s = unseen @ vectors[:, k], complex(modes[k])
-    if abs(s) < 1 - MARGIN or not _residuals_small(F, H, C, theta, v / np.abs(v).max(), s):
+    if abs(s) < 1 - MARGIN or not _residuals_small(stack, theta, v / np.abs(v).max(), s):
         return undecided(f"what is hidden at {theta!r} decays, or is not certainly hidden")
     shown = ", ".join(f"{x:.6g}" for x in (v / v[np.argmax(np.abs(v))]).real)
     reason = (
@@ -68,9 +68,10 @@ def check_hiding(F: Exact, H: Exact, C: Exact, theta: float) -> Verdict:
                     "null_vector": v.real.tolist(), "reason": reason})  # fmt: skip
 
 
-def _residuals_small(F: Exact, H: Exact, C: Exact, theta: float, v: Matrix, s: complex) -> bool:
+def _residuals_small(stack: Stack, theta: float, v: Matrix, s: complex) -> bool:
+    """Is v a mode of the map at theta with factor s, and unobserved, both up to MARGIN?"""
     with precision(_BITS):
-        M, output = exp_times(F, theta) * ball(H), ball(C)
+        M, output = exp_times(stack.F, theta) * ball(stack.H), ball(stack.C)
         parts = np.column_stack([v.real, v.imag])
         turn = np.array([[s.real, s.imag], [-s.imag, s.real]])
         vectors = ball(exact(parts))

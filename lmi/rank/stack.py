@@ -118,7 +118,8 @@ def coordinates(stack: Stack, low: float, high: float) -> tuple[Matrix, bool]:
     stacks = stack.approx(np.repeat(places[:, None], stack.thetas, axis=1), stack.growth)
     stacks = stacks / _long_run(stack, places)
     sizes = np.nan_to_num(np.abs(stacks).max(axis=1), nan=0.0, posinf=0.0).max(axis=0)
-    sizes = np.where(sizes > 0, sizes, max(float(sizes.max(initial=0.0)), 1e-300))
+    # a column that no output shows is as large as the largest; where none is shown, of size 1
+    sizes = np.where(sizes > 0, sizes, float(sizes.max(initial=0.0)) or 1.0)
     units = np.exp2(np.round(np.log2(sizes)))  # powers of two: no rounding
     for rows in stacks[np.isfinite(stacks).all(axis=(1, 2))] / units:
         values = np.linalg.svd(rows, compute_uv=False)
@@ -156,9 +157,11 @@ def state_basis(stack: Stack, R: Matrix) -> Matrix:
     """Columns of right R^-1, completed by what the jump destroys: coordinates of the states X_i.
 
     Floats (n, n), used as they are; orthogonal columns complete them where the jump destroys too
-    little, or some of them. LinAlgError if R is singular.
+    little, or some of them. LinAlgError if R is singular, or nearly so that floats overflow.
     """
     columns: Matrix = np.asarray(np.linalg.solve(R.T, to_float(stack.right).T).T, dtype=np.float64)
+    if not np.isfinite(columns).all():
+        raise np.linalg.LinAlgError("coordinates beyond floats")
     n, r = columns.shape
     if n == r:
         return columns

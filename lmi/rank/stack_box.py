@@ -16,6 +16,7 @@ nonnegative float matrices, raised by far more than their rounding.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -80,14 +81,14 @@ def bounds(stack: Stack, family: NormalisedStack, box: Box, margin: float) -> Bo
     p = len(stack.C)
     Y, Z = ball(exact(pair[0])), ball(exact(pair[1]))
     blocks = [ball(exact(pair[0][:, j * p : (j + 1) * p])) for j in range(len(rows))]
-    window = window_box(family, states, steps, halves, blocks, Z, stack.flows_first)
+    window = window_box(family, states, steps, halves, Y=blocks, Z=Z, flows_first=stack.flows_first)
     norms = _block_sizes([middle(row) for row in rows])
     centre = 1.0 / float(np.linalg.norm(middle(Z * Y) * np.repeat(norms, p), 2))
     N = nonnegative_inverse_above(window.error)
     widest = _widest(box, window, N)
     if N is None:
         return BoxBounds(False, widest, centre)
-    return _proved(family, box, window, rows, (Y, Z, N), (margin, centre, widest))
+    return _proved(family, box, window, rows, inverse=(Y, Z, N), steer=(margin, centre, widest))
 
 
 def _proved(
@@ -95,6 +96,7 @@ def _proved(
     box: Box,
     window: WindowBox,
     rows: list[Any],
+    *,
     inverse: tuple[Any, Any, Matrix],
     steer: tuple[float, float, int | None],
 ) -> BoxBounds:
@@ -202,7 +204,9 @@ def _block_sizes(rows: list[Matrix]) -> Matrix:
     return np.where(sizes > 0, sizes, 1.0)
 
 
-def _growths(family: NormalisedStack, box: Box, count: int) -> Any:
+def _growths(
+    family: NormalisedStack, box: Box, count: int
+) -> Callable[[int | None, int | None], float]:
     """(i, j) -> bound over the box of e^{growth (t_i - t_j)}, t_j the time of block j.
 
     None stands for the time 0 that the thetas start from.

@@ -66,6 +66,7 @@ def window_box(
     states: list[Any],
     steps: list[Any],
     halves: list[float],
+    *,
     Y: list[Any],
     Z: Any,
     flows_first: bool,

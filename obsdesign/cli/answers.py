@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
+from obsdesign.cli.talk import output_console
 from obsdesign.document import Claim, jsonable
 from obsdesign.pages.key_numbers import numbers_of
 from obsdesign.problem.problem import Problem
@@ -47,7 +48,6 @@ def _json(
 
 def show_check(answers: Mapping[str, KindAnswer]) -> None:
     """One line per kind on stdout."""
-    from rich.console import Console
     from rich.markup import escape
     from rich.table import Table
 
@@ -63,7 +63,7 @@ def show_check(answers: Mapping[str, KindAnswer]) -> None:
         why = escape(first + others)
         step = f"[dim]{escape(answer.next_step)}[/]" if answer.next_step else ""
         table.add_row(kind, verdict, "\n".join(part for part in (why, step) if part))
-    Console(highlight=False).print(table)
+    output_console().print(table)
 
 
 def compare_answer(rows: Sequence[ComparisonRow]) -> str:
@@ -76,13 +76,12 @@ def compare_answer(rows: Sequence[ComparisonRow]) -> str:
 
 def show_comparison(rows: Sequence[ComparisonRow]) -> None:
     """A table of the observers that ran; then why the others did not."""
-    from rich.console import Console
     from rich.markup import escape
     from rich.table import Table
 
     from obsdesign.studies.comparison.row import name_of, table
 
-    console = Console(highlight=False)
+    console = output_console()
     (first, *titles), lines = table(rows)
     shown = Table(box=None, pad_edge=False, header_style="dim")
     shown.add_column(first, no_wrap=True)
@@ -134,11 +133,10 @@ def show_bracket(what: str, outcome: Outcome) -> None:
 
 def show(outcome: Outcome, numbers: bool = False) -> None:
     """Verdict and claims as a table on stdout; on demand with the numbers behind them."""
-    from rich.console import Console
     from rich.markup import escape
     from rich.table import Table
 
-    console = Console(highlight=False, soft_wrap=False)
+    console = output_console(soft_wrap=False)
     colour = _COLOURS[outcome.verdict]
     form = f", form {outcome.result['form']}" if "form" in outcome.result else ""
     console.print(f"[bold {colour}]{outcome.verdict}[/]  {outcome.kind}{form}")

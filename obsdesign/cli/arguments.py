@@ -82,6 +82,8 @@ def numbers(text: str, option: str) -> list[float]:
     from obsdesign.entries import LARGEST
 
     try:
+        if "_" in text:  # float() takes 1_0 for 10, data files do not
+            raise ValueError
         values = [float(part) for part in text.split(",")]
     except ValueError:
         raise InputError(f"{option} must be numbers separated by commas; got {text!r}.") from None

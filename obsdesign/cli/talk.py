@@ -11,8 +11,12 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from threading import Event, Thread
+from typing import TYPE_CHECKING, Any
 
 import click
+
+if TYPE_CHECKING:
+    from rich.console import Console
 
 # seconds of processor time without a message, and seconds between two checks
 _WHILE, _CHECK_SECONDS = 2.0, 0.25
@@ -57,6 +61,20 @@ def progress_message(doing: str) -> Iterator[None]:
         yield
     finally:
         done.set()
+
+
+def output_console(**options: Any) -> Console:
+    """A console of rich on standard output; BrokenPipeError once its reader has left.
+
+    Its own answer is exit code 1, which means refuted here.
+    """
+    from rich.console import Console  # slow to import, and --json does without
+
+    class Output(Console):
+        def on_broken_pipe(self) -> None:
+            raise BrokenPipeError
+
+    return Output(highlight=False, **options)
 
 
 @contextmanager

@@ -177,7 +177,7 @@ def _source(path: str | None) -> Iterator[TextIO]:
             yield stream
         return
     if isinstance(sys.stdin, io.TextIOWrapper):
-        sys.stdin.reconfigure(errors="surrogateescape")
+        sys.stdin.reconfigure(newline="", errors="surrogateescape")
     yield sys.stdin
 
 

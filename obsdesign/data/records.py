@@ -22,6 +22,8 @@ from obsdesign.errors import InputError
 from obsdesign.runtime.base import Estimate, Sample
 
 Remark = Callable[[str], None]
+# characters: hundreds of columns of numbers in full
+_LONGEST_LINE = 2**20
 _NOT_TEXT = "{}: UTF-8 text is required; it is not. Is it a binary file?"
 
 
@@ -143,8 +145,14 @@ class _Header:
 
 
 def _lines(stream: TextIO, name: str) -> Iterator[str]:
+    """The lines of a stream; InputError for one too long to be a row."""
     try:
-        for line in stream:  # noqa: UP028 - `yield from` would close the stream with the generator
+        while line := stream.readline(_LONGEST_LINE + 1):
+            if len(line) > _LONGEST_LINE:
+                raise InputError(
+                    f"{name}: lines of at most {_LONGEST_LINE} characters are required; one is "
+                    "longer. Is it a data file?"
+                )
             yield line
     except UnicodeDecodeError:
         raise InputError(_NOT_TEXT.format(name)) from None

@@ -39,8 +39,8 @@ def gains(given: Mapping[str, Any], kind: str | None, plant: Plant) -> dict[str,
         n = len(matrices[name])
         if kind is not None and name in INVERTIBLE and np.linalg.matrix_rank(matrices[name]) < n:
             raise InputError(
-                f"{entry} must be invertible; its rank is {np.linalg.matrix_rank(matrices[name])}, "
-                f"of {n}."
+                f"{entry} must be invertible; in floating point its rank is "
+                f"{np.linalg.matrix_rank(matrices[name])}, of {n}."
             )
     if kind == "unknown_input":
         _check_coordinates(matrices, plant)

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from lmi.time_budget import Remark
 from obsdesign.equations.gains import Gains
 
 
@@ -18,7 +19,8 @@ class Candidate:
     searched: window, gains, coordinates or strategy were chosen by synthesis; their refutation
     does not refute other ones, unless its witness is marked (`verification.choices`).
     cost: value of the problem's objective, None where order decides. goes_on: the next
-    candidate is tried even if this one, or one before it, is proved.
+    candidate is tried even if this one, or one before it, is proved. remarks: of the searches
+    since the candidate before.
     """
 
     label: str
@@ -27,6 +29,7 @@ class Candidate:
     searched: bool = False
     cost: float | None = None
     goes_on: bool = False
+    remarks: tuple[Remark, ...] = ()
 
     def document(self) -> dict[str, Any]:
         """The gains as a design file states them, for verification."""

@@ -13,7 +13,7 @@ from lmi.decide.stability import Memory, decide
 from lmi.find.copositive import decide_copositive, looks_positive
 from lmi.find.largest_rates import largest_rates
 from lmi.prove.rates import propose_rates
-from lmi.time_budget import remaining
+from lmi.time_budget import UNLIMITED, TimeBudget
 from obsdesign.problem.options import memory_of
 from obsdesign.problem.problem import Problem
 
@@ -21,11 +21,11 @@ from obsdesign.problem.problem import Problem
 _LARGE = 16
 
 
-def stability_options(problem: Problem) -> dict[str, Any]:
-    """Arguments of `lmi.decide.stability` other than the range: memory and jitter."""
+def stability_options(problem: Problem, budget: TimeBudget) -> dict[str, Any]:
+    """Arguments of `lmi.decide.stability` other than the range: memory, jitter and budget."""
     jump = problem.plant.jump
     jitter = math.inf if jump is None else jump.dwell_jitter
-    return {"memory": memory_of(problem.options), "jitter": jitter}
+    return {"memory": memory_of(problem.options), "jitter": jitter, "budget": budget}
 
 
 def dwell_certificates(
@@ -36,18 +36,19 @@ def dwell_certificates(
     *,
     memory: Memory = "auto",
     jitter: float = math.inf,
+    budget: TimeBudget = UNLIMITED,
 ) -> dict[str, Any]:
     """Under the ids of the claims they are for: stability, and the rates its P allows.
 
     memory, jitter: as in `lmi.decide.stability`.
     """
-    evidence = stability_certificate(F, H, low, high, memory=memory, jitter=jitter)
+    evidence = stability_certificate(F, H, low, high, memory=memory, jitter=jitter, budget=budget)
     certificates: dict[str, Any] = {"dwell_stability": evidence}
     rates: Mapping[str, Any] | None = None
-    if remaining() < 0:
+    if budget.remaining() < 0:
         return certificates
     if "P" in evidence:
-        rates = largest_rates(F, H, evidence["P"], low, high)
+        rates = largest_rates(F, H, evidence["P"], low, high, budget=budget)
     elif "windows" in evidence:
         proposed = propose_rates(F, H, evidence, low, high, jitter=jitter)
         rates = None if proposed is None else asdict(proposed)
@@ -62,6 +63,7 @@ def stability_certificate(
     *,
     memory: Memory = "auto",
     jitter: float = math.inf,
+    budget: TimeBudget = UNLIMITED,
 ) -> dict[str, Any]:
     """Evidence that the pair is stable or is not, as far as any is found.
 
@@ -74,12 +76,13 @@ def stability_certificate(
         vector = decide_copositive(F, H, low, high)
         if vector.outcome == "proved":
             return dict(vector.evidence)
-    verdict = decide(F, H, low, high, memory=0 if positive else memory, jitter=jitter)
+    first = 0 if positive else memory
+    verdict = decide(F, H, low, high, memory=first, jitter=jitter, budget=budget)
     if positive and verdict.outcome == "undecided":
         if len(F) < _LARGE:
             vector = decide_copositive(F, H, low, high)
             if vector.outcome == "proved":
                 return dict(vector.evidence)
         if memory != 0:
-            verdict = decide(F, H, low, high, memory=memory, jitter=jitter)
+            verdict = decide(F, H, low, high, memory=memory, jitter=jitter, budget=budget)
     return dict(verdict.evidence)

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from importlib import import_module
 from typing import Protocol, cast, runtime_checkable
 
+from lmi.time_budget import TimeBudget
 from obsdesign.kinds import kind_named
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
@@ -14,7 +15,7 @@ from obsdesign.synthesis.candidate import Candidate
 class Synthesis(Protocol):
     """A module that makes candidates."""
 
-    def synthesize(self, problem: Problem, /) -> Iterator[Candidate]:
+    def synthesize(self, problem: Problem, budget: TimeBudget, /) -> Iterator[Candidate]:
         """Candidates in order of preference; InputError where the kind cannot serve the problem."""
 
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from lmi.time_budget import Remark, ended, ended_part, ending
+from lmi.time_budget import Remark, ended_part, ending, last_end
 from obsdesign.document import Claim
 from obsdesign.errors import DoesNotApply, InputError
 
@@ -25,19 +25,20 @@ def as_answers(
         return claims
     if candidate.searched:
         claims = tuple(_undecided_for_problem(claim) for claim in claims)
-    gains_ended = next((one.evidence for one in reversed(remarks) if one.evidence), {})
+    gains_ended = last_end(remarks)
     return tuple(
         with_end(claim, ended_part(candidate.certificates.get(claim.id, {})) or gains_ended)
         for claim in claims
     )
 
 
-def with_untried(claim: Claim) -> Claim:
+def with_untried(claim: Claim, end: Mapping[str, Any]) -> Claim:
     """The claim where time ended before all forms were tried: no longer refuted.
 
-    Whatever the witness: one for all gains is about all gains of its form.
+    Whatever the witness: one for all gains is about all gains of its form. end: the evidence of
+    the budget that ended.
     """
-    return with_end(_as_undecided(claim, f"{reason(claim)}; other forms were not tried"), ended())
+    return with_end(_as_undecided(claim, f"{reason(claim)}; other forms were not tried"), end)
 
 
 def with_end(claim: Claim, end: Mapping[str, Any]) -> Claim:
@@ -66,7 +67,7 @@ def reason(claim: Claim) -> str:
 
 
 def more_time(evidence: Mapping[str, Any], gain: str = "decide it") -> str:
-    """Sentence about the end of a search by its budget; evidence as of `time_budget.ended`."""
+    """Sentence about the end of a search by its budget; evidence as of `TimeBudget.ended`."""
     return f"the search {ending(evidence)}; a longer --time may {gain}"
 
 

@@ -156,15 +156,20 @@ def _wrong_sentences(design: Design, recomputed: Sentences | None) -> str | None
     Sentences that are not given promise nothing: older designs state warnings among them, and name
     fewer of the claims that a guarantee rests on.
     """
-    if recomputed is None or _given(design.guarantees) != _given(recomputed.guarantees):
+    if recomputed is None:
+        return "guarantees"
+    old, new = _given(design.guarantees), _given(recomputed.guarantees)
+    if [one.statement for one in old] != [one.statement for one in new]:
+        return "guarantees"
+    if not all(set(a.claims) <= set(b.claims) for a, b in zip(old, new, strict=True)):
         return "guarantees"
     if design.warnings is not None and design.warnings != recomputed.warnings:
         return "warnings"
     return None
 
 
-def _given(guarantees: tuple[Guarantee, ...]) -> list[str]:
-    return [one.statement for one in guarantees if one.given and one.statement != ROUNDED_WIDTHS]
+def _given(guarantees: tuple[Guarantee, ...]) -> list[Guarantee]:
+    return [one for one in guarantees if one.given and one.statement != ROUNDED_WIDTHS]
 
 
 def _evidence_gap(stored: Mapping[str, Claim], recomputed: tuple[Claim, ...]) -> Difference | None:

@@ -7,6 +7,7 @@ from importlib import import_module
 from typing import Any, Protocol, cast, runtime_checkable
 
 from lmi.arithmetic.arrays import Array
+from lmi.time_budget import UNLIMITED, TimeBudget
 from obsdesign.document import Claim, Guarantee
 from obsdesign.kinds import kind_named
 from obsdesign.problem.problem import Problem
@@ -23,6 +24,7 @@ class Verification(Protocol):
         /,
         *,
         paranoid: bool = False,
+        budget: TimeBudget = UNLIMITED,
     ) -> tuple[Claim, ...]:
         """Every hypothesis of the theorem, for gains as a file states them."""
 

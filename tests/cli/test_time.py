@@ -13,7 +13,7 @@ import pytest
 import obsdesign
 from lmi.decide import dwell_gap
 from lmi.decide import stability as decide
-from lmi.find.window_search import Budget, find_windows
+from lmi.find.window_search import Effort, find_windows
 from lmi.time_budget import ended_part
 from obsdesign.cli.answers import show_bracket
 from obsdesign.studies.check.which_kinds import check_all, check_kind
@@ -64,7 +64,7 @@ def test_a_form_that_is_refuted_refutes_nothing_while_others_are_not_tried() -> 
 
 
 def test_a_total_stretches_own_budgets(monkeypatch: pytest.MonkeyPatch) -> None:
-    few = functools.partial(find_windows, budget=Budget(windows=3))
+    few = functools.partial(find_windows, effort=Effort(windows=3))
     monkeypatch.setattr(decide, "find_windows", few)
     own = obsdesign.investigate(sampled("luenberger"))
     assert own.verdict == "undecided"
@@ -131,7 +131,7 @@ def test_a_bracket_says_what_ended_it_and_more_time_narrows_it() -> None:
 def test_a_bracket_that_stays_wide_says_why(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(dwell_gap, "_BUDGET", Budget(windows=2))
+    monkeypatch.setattr(dwell_gap, "_EFFORT", Effort(windows=2))
     wide = search(sampled("luenberger"), "longest_dwell")
     assert wide.verdict == "undecided"
     assert ended_part(wide.result) == {"ended_by": "windows", "limit": 2}

@@ -1,7 +1,8 @@
-"""Budgets nest, stretch and end searches, with evidence; proofs do not notice."""
+"""Budgets are values: they stretch and end searches, with evidence; proofs do not notice."""
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import math
 import time
@@ -10,74 +11,59 @@ import numpy as np
 import pytest
 
 from lmi.arithmetic.balls import exact
-from lmi.decide.dwell_search import longest_dwell
+from lmi.decide.dwell_search import dwell_bracket
 from lmi.decide.stability import decide
-from lmi.find.window_search import Budget, find_windows
+from lmi.find.window_search import Effort, find_windows
 from lmi.prove.common_matrix import prove_common
 from lmi.rank.full_rank import prove_full_rank
 from lmi.rank.stack import Stack, coordinates
 from lmi.time_budget import (
-    collect_remarks,
-    deadline,
-    ended,
+    Remark,
+    TimeBudget,
     ended_part,
     ending,
-    remaining,
-    remark,
+    last_end,
     remark_end,
-    scaled,
     sentences,
-    stretch_factors,
-    stretched,
-    total_budget,
 )
 from tests.systems.pairs import SAMPLED
 
 # less than any search takes: it is over when it is looked at
 NOTHING = 1e-9
+NO_TIME = TimeBudget.from_seconds(NOTHING)
+UNLIMITED = TimeBudget.unlimited()
 
 
-def test_the_least_of_nested_totals_counts() -> None:
-    assert deadline(math.inf) == math.inf
-    with total_budget(10.0):
-        assert 9.0 < remaining() <= 10.0
-        with total_budget(100.0):
-            assert remaining() <= 10.0
-        with total_budget(1.0):
-            assert remaining() <= 1.0
-        assert remaining() > 1.0
-        assert remaining(0.5) <= 0.5
-    assert remaining() == math.inf
+def test_a_total_is_a_value_and_ends_at_a_moment() -> None:
+    assert TimeBudget.from_seconds(None) == UNLIMITED
+    assert UNLIMITED.remaining() == math.inf
+    budget = TimeBudget.from_seconds(10.0)
+    assert 9.0 < budget.remaining() <= 10.0
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        budget.end = math.inf  # type: ignore[misc]
 
 
 def test_a_total_is_positive() -> None:
     for seconds in (0.0, -1.0, math.nan):
-        with pytest.raises(ValueError, match="positive"), total_budget(seconds):
-            pass
-    with total_budget(None):
-        assert remaining() == math.inf
+        with pytest.raises(ValueError, match="positive"):
+            TimeBudget.from_seconds(seconds)
 
 
-def test_own_budgets_stretch_and_the_total_bounds_them() -> None:
-    assert list(stretch_factors()) == [1.0]  # without a total there is one attempt
-    with stretched(4.0):
-        assert 7.0 < remaining(2.0) <= 8.0
-        assert scaled(100) == 400
-        with total_budget(3.0):
-            assert remaining(2.0) <= 3.0
-    with total_budget(100.0):
-        assert list(itertools.islice(stretch_factors(), 3)) == [1.0, 4.0, 16.0]
-    with total_budget(NOTHING):
-        assert list(stretch_factors()) == [1.0]
+def test_own_limits_stretch() -> None:
+    assert [*UNLIMITED.attempts()] == [UNLIMITED]  # without a total there is one attempt
+    assert UNLIMITED.stretched(4.0).scaled(100) == 400
+    assert UNLIMITED.stretched(1e300).scaled(2) == 2 * 10**9
+    budget = TimeBudget.from_seconds(100.0)
+    attempts = [*itertools.islice(budget.attempts(), 3)]
+    assert [attempt.factor for attempt in attempts] == [1.0, 4.0, 16.0]
+    assert {attempt.end for attempt in attempts} == {budget.end}
+    assert [*NO_TIME.attempts()] == [NO_TIME]
 
 
 def test_evidence_names_the_budget_that_ended() -> None:
-    assert ended() == {}
-    assert ended(deadline(100.0), 100.0) == {}
-    with stretched(4.0):
-        assert ended(deadline(NOTHING), 3.0) == {"ended_by": "time", "seconds": 12.0}
-        with total_budget(NOTHING):
-            evidence = ended(deadline(100.0), 100.0)
+    assert UNLIMITED.ended() == {}
+    assert TimeBudget.from_seconds(100.0).ended() == {}
+    evidence = NO_TIME.stretched(4.0).ended()
     assert evidence == {"ended_by": "time", "seconds": NOTHING}
     assert ending(evidence) == "ended after 1e-09 s"
     assert ended_part({"windows": 3, **evidence}) == evidence
@@ -85,16 +71,16 @@ def test_evidence_names_the_budget_that_ended() -> None:
 
 
 def test_remarks_are_made_once_and_the_last_end_counts() -> None:
-    with collect_remarks() as remarks:
-        remark("first")
-        remark("first")
-        for seconds in (1.0, 2.0):
-            remark_end("gains", {"ended_by": "time", "seconds": seconds})
-        remark_end("coordinates", {})
+    first = Remark("first")
+    ends = [{"ended_by": "time", "seconds": seconds} for seconds in (1.0, 2.0)]
+    remarks = [first, first, *(entry for end in ends for entry in remark_end("gains", end))]
+    remarks += remark_end("coordinates", {})
     texts = sentences(remarks)
     assert texts[0] == "first"
     assert len(texts) == 2
     assert "the search of gains ended after 2 s" in texts[1]
+    assert last_end(remarks) == ends[1]
+    assert last_end([first]) == {}
 
 
 def test_a_search_without_time_is_undecided_and_short_and_a_proof_is_a_proof() -> None:
@@ -102,9 +88,8 @@ def test_a_search_without_time_is_undecided_and_short_and_a_proof_is_a_proof() -
     slow = decide(F, H, 0.4, 1.87)
     assert slow.outcome == "proved"
     began = time.process_time()
-    with total_budget(NOTHING):
-        quick = decide(F, H, 0.4, 1.87)  # needs windows, which take a search
-        easy = prove_common(-np.eye(2), np.eye(2) / 2, np.eye(2), 0.1, math.inf)
+    quick = decide(F, H, 0.4, 1.87, budget=NO_TIME)  # needs windows, which take a search
+    easy = prove_common(-np.eye(2), np.eye(2) / 2, np.eye(2), 0.1, math.inf)
     assert quick.outcome == "undecided"
     assert ended_part(quick.evidence) == {"ended_by": "time", "seconds": NOTHING}
     assert easy.outcome == "proved"
@@ -120,13 +105,26 @@ def test_what_no_time_decides_is_not_said_to_end_by_time() -> None:
 
 def test_windows_are_counted_and_stretch() -> None:
     F, H = (exact(X) for X in SAMPLED)
-    few, short = Budget(windows=3), Budget(seconds=NOTHING)
-    verdict = find_windows(F, H, 0.4, 1.87, budget=few).verdict
+    few = Effort(windows=3)
+    verdict = find_windows(F, H, 0.4, 1.87, effort=few).verdict
     assert ended_part(verdict.evidence) == {"ended_by": "windows", "limit": 3}
-    verdict = find_windows(F, H, 0.4, 1.87, budget=short).verdict
+    verdict = find_windows(F, H, 0.4, 1.87, budget=NO_TIME).verdict
     assert ended_part(verdict.evidence) == {"ended_by": "time", "seconds": NOTHING}
-    with stretched(30.0):
-        assert find_windows(F, H, 0.4, 1.87, budget=few).verdict.outcome == "proved"
+    stretched = UNLIMITED.stretched(30.0)
+    verdict = find_windows(F, H, 0.4, 1.87, effort=few, budget=stretched).verdict
+    assert verdict.outcome == "proved"
+
+
+def test_the_work_of_the_solver_is_counted_and_stretches() -> None:
+    F, H = (exact(X) for X in SAMPLED)
+    little = Effort(work=200)
+    verdict = find_windows(F, H, 0.4, 1.87, effort=little).verdict
+    end = ended_part(verdict.evidence)
+    assert end["ended_by"] == "windows"
+    assert 1 < end["limit"] < 20
+    stretched = UNLIMITED.stretched(1000.0)
+    verdict = find_windows(F, H, 0.4, 1.87, effort=little, budget=stretched).verdict
+    assert verdict.outcome == "proved"
 
 
 def test_boxes_end_by_their_number_or_with_the_total() -> None:
@@ -138,15 +136,22 @@ def test_boxes_end_by_their_number_or_with_the_total() -> None:
     counted = prove_full_rank(stack, low, high, R, limit=2)
     assert counted.outcome == "undecided"
     assert ended_part(counted.evidence) == {}  # --time does not change the number of boxes
-    with total_budget(NOTHING):
-        timed = prove_full_rank(stack, low, high, R)
+    timed = prove_full_rank(stack, low, high, R, budget=NO_TIME)
     assert timed.outcome == "undecided"
     assert ended_part(timed.evidence) == {"ended_by": "time", "seconds": NOTHING}
 
 
 def test_a_bracket_says_what_ended_it() -> None:
-    with total_budget(NOTHING):
-        bracket = longest_dwell(*SAMPLED, 0.4)
+    bracket = dwell_bracket(*SAMPLED, "longest", 0.4, budget=NO_TIME)
     assert bracket.proved is None
     assert bracket.ended == {"ended_by": "time", "seconds": NOTHING}
-    assert longest_dwell(-np.eye(2), np.eye(2) / 2, 0.4).ended == {}
+    assert dwell_bracket(-np.eye(2), np.eye(2) / 2, "longest", 0.4).ended == {}
+
+
+def test_a_slow_machine_comes_to_the_same_bracket(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock, brackets = time.process_time, []
+    for slow in (1.0, 10.0):  # the twin runs on a clock that is ten times as fast
+        monkeypatch.setattr(time, "process_time", lambda slow=slow: slow * clock())
+        brackets.append(dwell_bracket(*SAMPLED, "shortest", 1.0, accuracy=1e-3))
+    assert brackets[0].ended == {"ended_by": "windows", "limit": 100}
+    assert brackets[0] == brackets[1]

@@ -12,6 +12,7 @@ import obsdesign
 from lmi.arithmetic.balls import entries, identity, precision, solve_entries
 from lmi.arithmetic.exponential import expm as expms
 from lmi.arithmetic.norms import float_above, float_below, middles
+from lmi.time_budget import TimeBudget
 from obsdesign.analysis.finite_time.enclosed_gains import (
     Sampled,
     approximate_gain,
@@ -23,7 +24,7 @@ from obsdesign.equations.finite_time import condition_13 as bounds
 from obsdesign.equations.finite_time.gains import NEED_L
 from obsdesign.equations.finite_time.rows import least_squares_gain, sample_rows
 from obsdesign.runtime import from_design
-from obsdesign.synthesis.finite_time.injection import best_injection
+from obsdesign.synthesis.finite_time.injection import EFFORT, best_injection
 from obsdesign.synthesis.finite_time.period_problem import PeriodProblem
 from obsdesign.verification.finite_time.theorem_1 import Norms
 
@@ -462,7 +463,8 @@ def test_longest_period_of_the_improved_lemma(window: float, longest: float) -> 
     ],
 )
 def test_longest_period_that_the_improved_lemma_allows(known: Any, longest: float) -> None:
-    best = best_injection(PeriodProblem(A, C, tighter=True, **known), seconds=2.0)
+    problem = PeriodProblem(A, C, tighter=True, **known)
+    best = best_injection(problem, TimeBudget.unlimited(), effort=EFFORT.times(3))
     assert np.exp(best.log_period) >= longest * (1 - 1e-5)
 
 

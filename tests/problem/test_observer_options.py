@@ -47,7 +47,7 @@ FAULTS: list[tuple[str, dict[str, Any], str]] = [
     ("interval", {"gain_limit": 10**400}, f"observer.gain_limit must be a finite number; got 1{'0' * 56}...."),
     ("interval", {"memory": 2.5}, 'observer.memory must be "auto" or a whole number >= 0; got 2.5.'),
     ("interval", {"memory": True}, 'observer.memory must be "auto" or a whole number >= 0; got True.'),
-    ("interval", {"gains": {"S": [[1, 1], [1, 1]]}}, "observer.gains.S must be invertible; its rank is 1, of 2."),
+    ("interval", {"gains": {"S": [[1, 1], [1, 1]]}}, "observer.gains.S must be invertible; in floating point its rank is 1, of 2."),
     ("interval", {"gains": {"M": [[1, 2]]}}, "observer.gains.M must be 2x1 (n x p, n states, p outputs); got 1x2. Is it transposed?"),
     ("interval", {"gains": {"M": []}}, "observer.gains.M must be a matrix: a list of rows of numbers, all equally long; got []."),
     ("luenberger", {"poles": [-1, math.nan]}, "observer.poles, entry 2 must be a finite number; got nan."),
@@ -63,7 +63,7 @@ FAULTS: list[tuple[str, dict[str, Any], str]] = [
     ("unknown_input", {"gains": {"L": [[]]}}, "observer.gains.T1 is required: L and T1 are given together; it is missing."),
     ("unknown_input", {"gains": {"L": [[1]], "T1": [[0, 1], [1, 0]]}}, "observer.gains.L must be 1x0 (n-q x p-q, n states, p outputs, q unknown inputs); got 1x1."),
     ("unknown_input", {"gains": {"L": [[]], "T1": [[1, 0], [0, 1]]}}, "observer.gains.T1 must end with the columns of flow.D, [[1.0], [0.0]]: T1 = [Ta, D]; got [[1.0, 0.0], [0.0, 1.0]]."),
-    ("unknown_input", {"gains": {"L": [[]], "T1": [[1, 1], [0, 0]]}}, "observer.gains.T1 must be invertible; its rank is 1, of 2."),
+    ("unknown_input", {"gains": {"L": [[]], "T1": [[1, 1], [0, 0]]}}, "observer.gains.T1 must be invertible; in floating point its rank is 1, of 2."),
 ]  # fmt: skip
 
 

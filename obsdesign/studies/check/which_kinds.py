@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from lmi.time_budget import ended_part, total_budget
+from lmi.time_budget import TimeBudget, ended_part
 from obsdesign import workflow
 from obsdesign.errors import DoesNotApply, InputError
 from obsdesign.kinds import KINDS
@@ -22,7 +22,7 @@ class KindAnswer:
     """The verdict on one kind, its reasons, one sentence each, and what to try next.
 
     verdict: proved, refuted, undecided, or does_not_apply where the problem lacks an entry that the
-    kind needs. ended: the budget that ended its search, as `lmi.time_budget.ended` has it.
+    kind needs. ended: the budget that ended its search, as `TimeBudget.ended` has it.
     """
 
     verdict: str
@@ -48,8 +48,7 @@ def check_all(
     undecided if any is, else refuted: one observer is enough. seconds: of processor time that
     searches may take in all. progress: called with the kinds that are settled, and all.
     """
-    with total_budget(seconds):
-        answers = _checked(problem, KINDS, progress)
+    answers = _checked(problem, KINDS, progress, TimeBudget.from_seconds(seconds))
     verdicts = {answer.verdict for answer in answers.values()}
     order = ("proved", "undecided")
     return next((word for word in order if word in verdicts), "refuted"), answers
@@ -57,12 +56,15 @@ def check_all(
 
 def check_kind(problem: Problem, kind: str, *, seconds: float | None = None) -> KindAnswer:
     """The answer of one kind."""
-    with total_budget(seconds):
-        return _checked(problem, (kind,), lambda done, total: None)[kind]
+    budget = TimeBudget.from_seconds(seconds)
+    return _checked(problem, (kind,), lambda done, total: None, budget)[kind]
 
 
 def _checked(
-    problem: Problem, kinds: tuple[str, ...], progress: Callable[[int, int], None]
+    problem: Problem,
+    kinds: tuple[str, ...],
+    progress: Callable[[int, int], None],
+    budget: TimeBudget,
 ) -> dict[str, KindAnswer]:
     """Investigate every kind as for a design; the first proved candidate settles it."""
     problems: dict[str, Problem] = {}
@@ -81,7 +83,7 @@ def _checked(
         settled += 1
         progress(settled, len(kinds))
 
-    outcomes |= workflow.investigate_each(problems, first=True, done=settle)
+    outcomes |= workflow.investigate_each(problems, budget, first=True, done=settle)
     return {kind: _answer(kind, outcomes[kind]) for kind in kinds}
 
 

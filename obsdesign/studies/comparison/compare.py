@@ -8,7 +8,7 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
 from lmi.memory import OversizeError
-from lmi.time_budget import ended_part, total_budget
+from lmi.time_budget import TimeBudget, ended_part
 from obsdesign import workflow
 from obsdesign.document import Design
 from obsdesign.equations.finite_time.gains import METHODS
@@ -76,20 +76,20 @@ def _designs(
             own[kind, ""] = problem.for_kind(kind)[0]
         except InputError as error:
             outcomes[kind, ""] = error
-    with total_budget(seconds):
-        outcomes |= workflow.investigate_each(own)
-        variants: dict[tuple[str, str], Problem] = {}
-        for (kind, _), own_problem in own.items():
-            for value in _other_variants(kind, outcomes[kind, ""]):
-                body = own_problem.to_dict()
-                # given gains and a given lag belong to the problem's own variant
-                body["observer"].pop("lag", None)
-                body["observer"] = {**body["observer"], _VARIANTS[kind][0]: value, "gains": {}}
-                try:
-                    variants[kind, value] = Problem.from_dict(body)
-                except InputError as error:
-                    outcomes[kind, value] = error
-        outcomes |= workflow.investigate_each(variants)
+    budget = TimeBudget.from_seconds(seconds)
+    outcomes |= workflow.investigate_each(own, budget)
+    variants: dict[tuple[str, str], Problem] = {}
+    for (kind, _), own_problem in own.items():
+        for value in _other_variants(kind, outcomes[kind, ""]):
+            body = own_problem.to_dict()
+            # given gains and a given lag belong to the problem's own variant
+            body["observer"].pop("lag", None)
+            body["observer"] = {**body["observer"], _VARIANTS[kind][0]: value, "gains": {}}
+            try:
+                variants[kind, value] = Problem.from_dict(body)
+            except InputError as error:
+                outcomes[kind, value] = error
+    outcomes |= workflow.investigate_each(variants, budget)
     return dict(sorted(outcomes.items(), key=lambda item: KINDS.index(item[0][0])))
 
 

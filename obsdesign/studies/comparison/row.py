@@ -31,7 +31,7 @@ class ComparisonRow:
     Rows whose guarantee does not hold are counted (`without`) and left out of them. reason: why
     there is no observer, or where one was not proved. error, worst: of the estimate, or of the
     middle of the bounds; input_error: of the unknown input; seconds: per row, in processor time;
-    ended: the budget that ended the search for a design, as `lmi.time_budget.ended` has it.
+    ended: the budget that ended the search for a design, as `TimeBudget.ended` has it.
     """
 
     kind: str

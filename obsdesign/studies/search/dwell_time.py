@@ -14,21 +14,16 @@ from typing import Any
 
 import numpy as np
 
+from lmi.decide.dwell_problem import Direction
 from lmi.decide.dwell_search import ACCURACY, Bracket
-from lmi.time_budget import (
-    collect_remarks,
-    ended_part,
-    stretch_factors,
-    stretched,
-    total_budget,
-)
+from lmi.time_budget import TimeBudget, ended_part, last_end
 from lmi.verdict import overall
 from obsdesign import workflow
 from obsdesign.errors import InputError
 from obsdesign.kinds import DWELL_SEARCHES, PERIOD_SEARCHES, SEARCHES
 from obsdesign.problem.problem import Problem
 from obsdesign.studies.search import period as period_search
-from obsdesign.studies.search.attempts import Attempt, attempts, with_brackets
+from obsdesign.studies.search.attempts import Attempt, DwellSearch, attempts, with_brackets
 from obsdesign.studies.search.result import SearchResult
 from obsdesign.verification.answers import is_ended
 from obsdesign.verification.kind import verification_of
@@ -48,13 +43,11 @@ def search(
     """
     require_search(problem, what, accuracy)
     best: workflow.Outcome | None = None
-    with total_budget(seconds):
-        for factor in stretch_factors():
-            with stretched(factor):
-                outcome = _searched(problem, what, accuracy)
-            best = outcome if best is None else max(best, outcome, key=lambda o: _quality(o, what))
-            if not SearchResult.from_dict(outcome.result).ended:
-                break
+    for budget in TimeBudget.from_seconds(seconds).attempts():
+        outcome = _searched(problem, what, accuracy, budget)
+        best = outcome if best is None else max(best, outcome, key=lambda o: _quality(o, what))
+        if not SearchResult.from_dict(outcome.result).ended:
+            break
     assert best is not None
     return best
 
@@ -71,19 +64,19 @@ def _quality(outcome: workflow.Outcome, what: str) -> tuple[int, float, float]:
     return rank, reach, -gap
 
 
-def _searched(problem: Problem, what: str, accuracy: float) -> workflow.Outcome:
-    """One attempt, with the budgets that are in force."""
+def _searched(problem: Problem, what: str, accuracy: float, budget: TimeBudget) -> workflow.Outcome:
+    """One attempt with this budget."""
     if what in PERIOD_SEARCHES:
-        return period_search.search_period(problem, what)
-    kind, shortest = problem.require_kind(), what == "shortest_dwell"
-    with collect_remarks() as remarks:
-        tried = with_brackets(problem, attempts(problem, remarks), shortest, accuracy)
+        return period_search.search_period(problem, what, budget)
+    direction: Direction = "shortest" if what == "shortest_dwell" else "longest"
+    search = DwellSearch(problem, direction, accuracy, budget)
+    tried = with_brackets(search, attempts(search))
     # a refuted form does not refute the problem while another one is open
-    best = max(tried, key=lambda attempt: (attempt.reach(shortest), attempt.is_open))
+    best = max(tried, key=lambda attempt: (search.reach(attempt.proved), attempt.is_open))
     end = None if best.bracket is None else best.bracket.not_proved
-    of_problem = end is None or all(one.refutes(problem, end, shortest) for one in tried)
-    gains_ended = next((entry.evidence for entry in reversed(remarks) if entry.evidence), {})
-    return _outcome(problem, kind, best, shortest, accuracy, of_problem, gains_ended)
+    of_problem = end is None or all(one.refutes(search, end) for one in tried)
+    gains_ended = last_end([remark for one in tried for remark in one.candidate.remarks])
+    return _outcome(search, best, of_problem, gains_ended)
 
 
 def require_accuracy(accuracy: float) -> None:
@@ -115,22 +108,16 @@ def require_search(problem: Problem, what: str, accuracy: float = ACCURACY) -> N
 
 
 def _outcome(
-    problem: Problem,
-    kind: str,
-    best: Attempt,
-    shortest: bool,
-    accuracy: float,
-    of_problem: bool,
-    gains_ended: Mapping[str, Any],
+    search: DwellSearch, best: Attempt, of_problem: bool, gains_ended: Mapping[str, Any]
 ) -> workflow.Outcome:
-    bracket = best.bracket
+    bracket, kind = best.bracket, search.problem.require_kind()
     if bracket is None:
         verdict = overall(claim.verdict for claim in best.claims)
         end = next((ended_part(claim.evidence) for claim in best.claims if is_ended(claim)), {})
         ended: Mapping[str, Any] = end if verdict == "undecided" else {}
         result = SearchResult(form=best.candidate.label, ended=ended)
         return workflow.Outcome(verdict, kind, best.claims, result.to_dict(), None)
-    result = _result(problem, best, bracket, shortest, accuracy, of_problem)
+    result = _result(search, best, bracket, of_problem)
     if bracket.proved is None:
         # other choices may prove a range where these do not; time may have ended before all was
         # tried
@@ -139,15 +126,14 @@ def _outcome(
         ended = (bracket.ended or gains_ended) if verdict == "undecided" else {}
         body = replace(result, ended=ended).to_dict()
         return workflow.Outcome(verdict, kind, best.claims, body, None)
-    low, high = problem.require_dwell_time()
-    ends = (bracket.proved, high) if shortest else (low, bracket.proved)
-    narrowed = problem.with_dwell_time(*ends)
+    ends = search.ends(bracket.proved)
+    narrowed = search.problem.with_dwell_time(*ends)
     gains = {**best.gains, "dwell_time": list(ends)}
     verification = verification_of(kind)
     certificates = {"dwell_stability": bracket.certificate, "decay_rate": bracket.certificate}
-    claims = verification.claims(narrowed, gains, certificates)
+    claims = verification.claims(narrowed, gains, certificates, budget=search.budget)
     proved = overall(c.verdict for c in claims) == "proved"
-    is_tight = _is_tight(bracket, accuracy, _unit_of_time(problem))
+    is_tight = _is_tight(bracket, search.accuracy, _unit_of_time(search.problem))
     verdict = "proved" if proved and is_tight else "undecided"
     result = replace(result, ended=bracket.ended if verdict == "undecided" else {})
     return workflow.Outcome(verdict, kind, claims, result.to_dict(), None)
@@ -162,14 +148,7 @@ def _unit_of_time(problem: Problem) -> float:
     return 1.0 / rate if rate > 0 else low or 1.0
 
 
-def _result(
-    problem: Problem,
-    best: Attempt,
-    bracket: Bracket,
-    shortest: bool,
-    accuracy: float,
-    of_problem: bool,
-) -> SearchResult:
+def _result(search: DwellSearch, best: Attempt, bracket: Bracket, of_problem: bool) -> SearchResult:
     """The result of an attempt that has a bracket.
 
     of_problem: does a witness against these gains hold for all that the problem leaves open? Else
@@ -186,8 +165,8 @@ def _result(
         proved=bracket.proved,
         not_proved=bracket.not_proved,
         not_proved_verdict=verdict,
-        accuracy=accuracy,
-        kept=problem.require_dwell_time()[1 if shortest else 0],
+        accuracy=search.accuracy,
+        kept=search.kept,
         common_P=bracket.common,
         open=_relative_gap(bracket),
         islands=tuple(bracket.islands),

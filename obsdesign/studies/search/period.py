@@ -18,7 +18,7 @@ import numpy as np
 from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.balls import precision
 from lmi.arithmetic.norms import float_above, float_below
-from lmi.time_budget import collect_remarks, remark, sentences
+from lmi.time_budget import Remark, TimeBudget, last_end, sentences
 from obsdesign.analysis.finite_time.enclosed_gains import Sampled
 from obsdesign.analysis.finite_time.requirements import reason_against_correction
 from obsdesign.document import Claim
@@ -29,7 +29,8 @@ from obsdesign.kinds import PERIOD_SEARCHES
 from obsdesign.problem.options import FiniteTimeOptions
 from obsdesign.problem.problem import Problem
 from obsdesign.studies.search.period_extensions import (
-    LONG_SECONDS,
+    LONG_EFFORT,
+    Extensions,
     longer_periods,
     needed_samples,
     shorter_windows,
@@ -60,7 +61,8 @@ _MOST_SHOWN = 2000
 class _Bracket:
     """Ends of a bracket in the searched quantity, with window, samples and L.
 
-    whole_period: a period for which (13) is proved with T = samples * whole_period.
+    whole_period: a period for which (13) is proved with T = samples * whole_period. remarks: of
+    the search for L and window.
     """
 
     window: float
@@ -71,6 +73,7 @@ class _Bracket:
     proved: float | None = None
     not_proved: float | None = None
     whole_period: float | None = None
+    remarks: tuple[Remark, ...] = ()
 
     @classmethod
     def empty(cls, window: float, L: Matrix, reason: str) -> _Bracket:
@@ -100,7 +103,7 @@ class _Bracket:
         }
 
 
-def search_period(problem: Problem, what: str) -> Outcome:
+def search_period(problem: Problem, what: str, budget: TimeBudget) -> Outcome:
     """Return the bracket for `what`.
 
     result: {"proved", "not_proved", "not_proved_verdict", "admissible", "samples", "window",
@@ -119,19 +122,21 @@ def search_period(problem: Problem, what: str) -> Outcome:
     if is_period and (reason := reason_against_correction(options)):
         raise InputError(reason)
     printed = PeriodProblem.from_problem(problem, options.window if is_period else None)
-    with collect_remarks() as remarks, precision(_BITS):
+    with precision(_BITS):
         first = observable(Sampled.from_plant(printed.A, printed.C, period, 1))
         if first.verdict != "proved":
             result = {"proved": None, "not_proved": None, "not_proved_verdict": None}
             return Outcome("refuted", "finite_time", (first,), result, None)
-        bracket = (_longest_period if is_period else _shortest_window)(printed, period)
+        bracket = (_longest_period if is_period else _shortest_window)(printed, period, budget)
+        remarks = bracket.remarks
         if bracket.samples > MOST_SAMPLES:
-            remark(_TOO_MANY.format(bracket.samples))
-        extensions = _extensions(printed, bracket, None if is_period else period)
+            remarks += (Remark(_TOO_MANY.format(bracket.samples)),)
+        extensions, more = _extensions(printed, bracket, None if is_period else period, budget)
+        remarks += more
     is_searched = printed.L is None or (is_period and printed.window is None)
     if remarks:
         extensions["remarks"] = sentences(remarks)
-    end = next((entry.evidence for entry in reversed(remarks) if entry.evidence), {})
+    end = last_end(remarks)
     claims = (first, *bracket.claims)
     verdict = "proved" if all(claim.verdict == "proved" for claim in claims) else "undecided"
     claims = tuple(with_end(claim, end) for claim in claims)
@@ -139,24 +144,27 @@ def search_period(problem: Problem, what: str) -> Outcome:
     return Outcome(verdict, "finite_time", claims, result, None)
 
 
-def _extensions(printed: PeriodProblem, bracket: _Bracket, period: float | None) -> dict[str, Any]:
+def _extensions(
+    printed: PeriodProblem, bracket: _Bracket, period: float | None, budget: TimeBudget
+) -> Extensions:
     """Longer periods, or shorter windows at this one, than those of (13) as printed."""
     if period is not None:
         samples = None if bracket.proved is None else bracket.samples
-        return shorter_windows(printed, samples, period)
+        return shorter_windows(printed, samples, period, budget)
     if bracket.proved is None or not 0 < bracket.proved < math.inf:
-        return longer_periods(printed, None)
-    return longer_periods(printed, Injection(bracket.L, bracket.window, math.log(bracket.proved)))
+        return longer_periods(printed, None, budget)
+    plain = Injection(bracket.L, bracket.window, math.log(bracket.proved))
+    return longer_periods(printed, plain, budget)
 
 
-def _longest_period(problem: PeriodProblem, period: float) -> _Bracket:
+def _longest_period(problem: PeriodProblem, period: float, budget: TimeBudget) -> _Bracket:
     A, C, window, L = problem.A, problem.C, problem.window, problem.L
     if not np.any(A):  # (13) holds for any period: the window is the only limit
         return _period_bracket(A, C, C.T if L is None else L, window or 2 * period)
     if window is not None and L is not None:
         return _period_bracket(A, C, L, window)
-    best = best_injection(problem, seconds=LONG_SECONDS)
-    bracket = _period_bracket(A, C, best.L, best.window)
+    best = best_injection(problem, budget, effort=LONG_EFFORT)
+    bracket = replace(_period_bracket(A, C, best.L, best.window), remarks=best.remarks)
     is_open = window is None and bracket.not_proved is not None
     return _in_whole_samples(A, C, bracket) if is_open else bracket
 
@@ -212,11 +220,18 @@ def _in_whole_samples(A: Matrix, C: Matrix, bracket: _Bracket) -> _Bracket:
     return bracket
 
 
-def _shortest_window(problem: PeriodProblem, period: float) -> _Bracket:
-    A, C = problem.A, problem.C
-    least = approx_observability_index(A, C, period) or len(A)
-    k, best = fewest_samples(problem, period, least)
-    L = best.L
+def _shortest_window(problem: PeriodProblem, period: float, budget: TimeBudget) -> _Bracket:
+    """Ends of (13) in the number of samples at this period."""
+    least = approx_observability_index(problem.A, problem.C, period) or len(problem.A)
+    k, best = fewest_samples(problem, period, least, budget)
+    return replace(_window_bracket(problem, period, (least, k), best.L), remarks=best.remarks)
+
+
+def _window_bracket(
+    problem: PeriodProblem, period: float, counts: tuple[int, int | None], L: Matrix
+) -> _Bracket:
+    """The bracket of a search; counts: the least that determine the state, those with (13)."""
+    A, C, (least, k) = problem.A, problem.C, counts
     if k is None:
         reason = f"(13) holds for no window with period {period!r}"
         return _Bracket.empty(least * period, L, reason)

@@ -13,57 +13,70 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.norms import float_below
+from lmi.time_budget import Remark, TimeBudget
 from obsdesign.analysis.finite_time.enclosed_gains import Sampled
 from obsdesign.equations.finite_time.rows import approx_observability_index
-from obsdesign.synthesis.finite_time.injection import SECONDS, best_injection, fewest_samples
+from obsdesign.synthesis.finite_time.injection import EFFORT, best_injection, fewest_samples
 from obsdesign.synthesis.finite_time.period_problem import Injection, PeriodProblem
 from obsdesign.verification.finite_time.theorem_1 import Norms
 
 # extensions of (13) are reported where they gain more than rounding
 _LEAST_RATIO = 1 + 1e-6
-# processor time of a search that may replace the one of a design
-LONG_SECONDS = 2.0
+# of a search that may replace the one of a design
+LONG_EFFORT = EFFORT.times(3)
+
+Extensions = tuple[dict[str, Any], tuple[Remark, ...]]  # entries of the result, remarks
 
 
-def longer_periods(printed: PeriodProblem, plain: Injection | None) -> dict[str, Any]:
+def longer_periods(
+    printed: PeriodProblem, plain: Injection | None, budget: TimeBudget
+) -> Extensions:
     """{"coordinates": {"S", "L", "window", "proved"}, "tighter": the same}, where they gain.
 
     proved: a period for which the condition is proved; plain: the solution for (13) as printed,
     log_period that of the proved one, if any. S is [] where it is I.
     """
     if not np.any(printed.A) or printed.has_zero_gain:
-        return {}
+        return {}, ()
     first = () if plain is None else (plain,)
     least = 0.0 if plain is None else math.exp(plain.log_period)
     extensions = {}
-    transformed = best_injection(replace(printed, coordinates=True), first, seconds=LONG_SECONDS)
+    coordinates = replace(printed, coordinates=True)
+    transformed = best_injection(coordinates, budget, first, effort=LONG_EFFORT)
+    remarks = transformed.remarks
     longest = _proved_period(printed, transformed)
     if longest > least * _LEAST_RATIO:
         extensions["coordinates"] = _extension(transformed, longest)
     tighter = replace(printed, tighter=True)
-    best = best_injection(tighter, first, seconds=SECONDS)
+    best = best_injection(tighter, budget, first)
+    remarks += best.remarks
     longest = _proved_period(tighter, best)
-    transformed = best_injection(replace(tighter, coordinates=True), (best,), seconds=LONG_SECONDS)
+    coordinates = replace(tighter, coordinates=True)
+    transformed = best_injection(coordinates, budget, (best,), effort=LONG_EFFORT)
+    remarks += transformed.remarks
     further = _proved_period(tighter, transformed)
     if further > longest * _LEAST_RATIO:
         best, longest = transformed, further
     if longest > least * _LEAST_RATIO:
         extensions["tighter"] = _extension(best, longest)
-    return extensions
+    return extensions, remarks
 
 
-def shorter_windows(printed: PeriodProblem, plain: int | None, period: float) -> dict[str, Any]:
+def shorter_windows(
+    printed: PeriodProblem, plain: int | None, period: float, budget: TimeBudget
+) -> Extensions:
     """The same with "samples", and the window as "proved"; plain: the fewest samples of (13)."""
     A, C = printed.A, printed.C
     if not np.any(A) or printed.has_zero_gain:
-        return {}
-    extensions = {}
+        return {}, ()
+    extensions, remarks = {}, tuple[Remark, ...]()
     least = approx_observability_index(A, C, period) or len(A)
     for name, extended in (
         ("coordinates", replace(printed, coordinates=True)),
         ("tighter", replace(printed, tighter=True)),
     ):
-        k, injection = fewest_samples(extended, period, least)
+        k, injection = fewest_samples(extended, period, least, budget)
+        remarks += injection.remarks
         if k is None or (plain is not None and k >= plain):
             continue
         norms = Norms.from_sampled(Sampled.from_plant(A, C, period, k), injection.L, injection.S)
@@ -71,7 +84,7 @@ def shorter_windows(printed: PeriodProblem, plain: int | None, period: float) ->
             window = k * period
             extension = _extension(replace(injection, window=window), window)
             extensions[name] = extension | {"samples": k}
-    return extensions
+    return extensions, remarks
 
 
 def _proved_period(problem: PeriodProblem, injection: Injection) -> float:

@@ -44,7 +44,7 @@ class PointAnswer:
 
     value: JSON-ready, "inf" where there is no limit; limit: the nearest end that is not proved and
     its verdict, of a search; reason: why the verdict is not proved, or why no number is;
-    ended: the budget that ended the search, as `lmi.time_budget.ended` has it.
+    ended: the budget that ended the search, as `TimeBudget.ended` has it.
     """
 
     verdict: str

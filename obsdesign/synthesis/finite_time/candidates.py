@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
+from lmi.time_budget import UNLIMITED, TimeBudget
 from obsdesign.analysis.finite_time.requirements import reason_against
 from obsdesign.equations.finite_time.gains import MOST_SAMPLES, NEED_L
 from obsdesign.equations.finite_time.rows import SINGULAR, approx_window_determinacy
@@ -31,7 +32,7 @@ from obsdesign.synthesis.finite_time.window_task import WindowTask
 _LONGER = (1, 4, 16)
 
 
-def synthesize(problem: Problem) -> Iterator[Candidate]:
+def synthesize(problem: Problem, budget: TimeBudget = UNLIMITED) -> Iterator[Candidate]:
     """Yield candidates in order of preference; InputError for a problem that has none."""
     problem.require_measured("periodic")
     if reason := reason_against(problem):
@@ -39,12 +40,16 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
     options = problem.options_as(FiniteTimeOptions)
     if options.method == "minimax":
         _require_errors(problem)
-    samples = chosen_samples(problem)
+    samples, remarks = chosen_samples(problem, budget)
     if options.method in NEED_L:
-        yield from _with_injection(problem, options, samples)
+        candidates = _with_injection(problem, options, samples, budget)
     else:
-        gains = completed_gains(WindowTask.from_problem(problem, samples))
-        yield Candidate(options.method, gains, searched=options.window is None)
+        gains, more = completed_gains(WindowTask.from_problem(problem, samples))
+        is_searched = options.window is None
+        candidates = iter([Candidate(options.method, gains, searched=is_searched, remarks=more)])
+    for candidate in candidates:
+        yield replace(candidate, remarks=remarks + candidate.remarks)
+        remarks = ()
 
 
 def _require_errors(problem: Problem) -> None:
@@ -59,7 +64,7 @@ def _require_errors(problem: Problem) -> None:
 
 
 def _with_injection(
-    problem: Problem, options: FiniteTimeOptions, samples: int
+    problem: Problem, options: FiniteTimeOptions, samples: int, budget: TimeBudget
 ) -> Iterator[Candidate]:
     """L in the units of the file, then in those of the window; then longer windows, where open."""
     open_gain, open_window = "L" not in problem.gains, options.window is None
@@ -70,11 +75,13 @@ def _with_injection(
             return
         units = WindowTask.from_problem(problem, k).scales
         for natural in (False, True) if open_gain and (units != units[0]).any() else (False,):
-            chosen = _injection(problem, options, k, units if natural else None)
+            chosen = _injection(problem, options, k, units if natural else None, budget)
             S = {} if chosen.S is None else {"theorem_1_coordinates": {"S": chosen.S}}
             task = WindowTask.from_problem(problem, k, chosen.L)
             searched = open_gain or open_window
-            yield Candidate(task.method, completed_gains(task), S, searched=searched)
+            gains, remarks = completed_gains(task)
+            remarks = chosen.remarks + remarks
+            yield Candidate(task.method, gains, S, searched=searched, remarks=remarks)
         if _is_undetermined(problem, k):
             return  # no units would change that, and `chosen_samples` has compared windows
 
@@ -86,7 +93,7 @@ def _is_undetermined(problem: Problem, k: int) -> bool:
 
 
 def _injection(
-    problem: Problem, options: FiniteTimeOptions, k: int, units: Matrix | None
+    problem: Problem, options: FiniteTimeOptions, k: int, units: Matrix | None, budget: TimeBudget
 ) -> Injection:
     """L, given or by the objective; for objectives of (13) also S, if (13) needs it.
 
@@ -106,22 +113,24 @@ def _injection(
         size = max(float(np.linalg.norm(C)) ** 2, 1e-300) * window
         return Injection(C.T / size if L is None else L, window, math.inf)
     if units is not None:
-        scaled = best_injection(PeriodProblem(A * units / units[:, None], C * units, window))
-        return Injection(scaled.L * units[:, None], window, -math.inf)
-    return _searched_injection(fixed, options, problem.plant.output.sample_period, k)
+        in_units = PeriodProblem(A * units / units[:, None], C * units, window)
+        scaled = best_injection(in_units, budget)
+        return Injection(scaled.L * units[:, None], window, -math.inf, remarks=scaled.remarks)
+    return _searched_injection(fixed, options, problem.plant.output.sample_period, k, budget)
 
 
 def _searched_injection(
-    problem: PeriodProblem, options: FiniteTimeOptions, period: float, k: int
+    problem: PeriodProblem, options: FiniteTimeOptions, period: float, k: int, budget: TimeBudget
 ) -> Injection:
     """L for the objective, and S where (13) holds in these coordinates alone."""
     A, C, L, window = problem.A, problem.C, problem.L, period * k
-    plain = problem.rated(L, window) if L is not None else best_injection(problem)
+    plain = problem.rated(L, window) if L is not None else best_injection(problem, budget)
     if options.objective == "least_noise":
-        L = low_noise_injection(A, C, plain.L, (period, k), options.method)
-        return Injection(L, window, -math.inf)
+        L, remarks = low_noise_injection((A, C), plain.L, (period, k), options.method, budget)
+        return Injection(L, window, -math.inf, remarks=plain.remarks + remarks)
     by_condition_13 = options.objective in CONDITION_13_OBJECTIVES
     if not by_condition_13 or plain.log_period > math.log(period):
         return plain
-    transformed = best_injection(replace(problem, coordinates=True), (plain,))
-    return transformed if transformed.log_period > math.log(period) else plain
+    transformed = best_injection(replace(problem, coordinates=True), budget, (plain,))
+    best = transformed if transformed.log_period > math.log(period) else plain
+    return replace(best, remarks=plain.remarks + transformed.remarks)

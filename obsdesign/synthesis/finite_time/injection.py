@@ -3,21 +3,20 @@
 L makes the period of condition (13) long: IPOPT from several starts (`period_program`), then
 quasi-Newton steps, and Nelder and Mead on the true norms, which close the last per cent. Small L
 allow long periods, and are bounded below (`SMALLEST_GAIN`). S only changes the norms of Theorem 1,
-which then bounds |S x|. Searches end after some processor time with the best so far. Floats only,
-without proof.
+which then bounds |S x|. Searches end after some iterations and evaluations with the best so far.
+Floats only, without proof.
 """
 
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
-from lmi.time_budget import deadline, ended, remark_end
+from lmi.time_budget import Remark, TimeBudget, remark_end
 from obsdesign.equations.finite_time.condition_13 import approx_log_longest_period
 from obsdesign.equations.finite_time.gains import MOST_SAMPLES
 from obsdesign.synthesis.finite_time.period_descent import polished
@@ -31,31 +30,48 @@ from obsdesign.synthesis.finite_time.period_program import PeriodProgram, Start
 
 # starts of IPOPT, each the better one of so many
 _STARTS, _SCREENED = 6, 4
-# processor time of one search, and the part of it that IPOPT may have
-SECONDS, _PROGRAM_PART = 0.6, 0.5
 # |L| of the first guess relative to |A| / |C|
 _FIRST_GAIN = 1e-3
 
 
+@dataclass(frozen=True)
+class Effort:
+    """Largest effort of one search, which a stretched budget multiplies.
+
+    iterations: of IPOPT, over all of its starts; 0: it is not used. evaluations: of the period in
+    the descent that follows.
+    """
+
+    iterations: int = 400
+    evaluations: int = 2000
+
+    def times(self, factor: int) -> Effort:
+        """So many times as much."""
+        return Effort(factor * self.iterations, factor * self.evaluations)
+
+
+EFFORT = Effort()  # some 0.6 seconds
+
+
 def best_injection(
     problem: PeriodProblem,
+    budget: TimeBudget,
     first: Sequence[Injection] = (),
     *,
-    starts: int = _STARTS,
-    seconds: float = SECONDS,
+    effort: Effort = EFFORT,
     target: float = math.inf,
 ) -> Injection:
     """The longest period of (13) over the free variables; at least those of `first`.
 
-    target: log of a period beyond which the search ends.
+    target: log of a period beyond which the search ends. The remarks are those of this search.
     """
-    end = deadline(seconds)
     known = [problem.rated(guess.L, problem.window or guess.window, guess.S) for guess in first]
     guesses = [*known, *_guesses(problem)]
-    if starts and (problem.L is None or problem.coordinates):
-        guesses += _program_solutions(problem, starts, deadline(_PROGRAM_PART * seconds))
+    if effort.iterations and (problem.L is None or problem.coordinates):
+        guesses += _program_solutions(problem, budget.scaled(effort.iterations), budget)
     best = max(guesses, key=_log_period)
-    return max(polished(problem, best, end, seconds, target), best, key=_log_period)
+    better = polished(problem, best, budget, effort.evaluations, target)
+    return replace(max(better, best, key=_log_period), remarks=better.remarks)
 
 
 def _log_period(injection: Injection) -> float:
@@ -78,12 +94,14 @@ def _guesses(problem: PeriodProblem) -> list[Injection]:
     return guesses
 
 
-def _program_solutions(problem: PeriodProblem, starts: int, end: float) -> list[Injection]:
-    """Solutions of IPOPT from the better ones of random starts, until the time is over."""
-    seconds = end - time.process_time()
+def _program_solutions(
+    problem: PeriodProblem, iterations: int, budget: TimeBudget
+) -> list[Injection]:
+    """Solutions of IPOPT from the better ones of random starts, until the iterations are spent."""
+    seconds = budget.remaining()
     if seconds <= 0:
         return []
-    program = PeriodProgram(problem, max(seconds / 2, 0.05))
+    program = PeriodProgram(problem, max(seconds, 0.05))
 
     def rating(start: Start) -> float:
         n, p = len(problem.A), len(problem.C)
@@ -91,92 +109,108 @@ def _program_solutions(problem: PeriodProblem, starts: int, end: float) -> list[
         S = None if start.triangle is None else triangular(start.triangle, n)
         return problem.rated(L, start.window, S).log_period
 
-    ranked = sorted(program.starts(_SCREENED * starts), key=rating, reverse=True)
+    ranked = sorted(program.starts(_SCREENED * _STARTS), key=rating, reverse=True)
     solutions = []
-    for start in ranked[:starts]:
+    for start in ranked[:_STARTS]:
         point = program.solve(start)
         if point.is_finite:
             solutions.append(problem.rated(point.L, point.window, point.S))
-        if time.process_time() > end:
+        iterations -= point.iterations
+        if iterations <= 0 or budget.remaining() < 0:
             break
     return solutions
 
 
 # --- the fewest samples ---------------------------------------------------------------------------
 
-_BISECTION_SECONDS, _SCAN_SECONDS = 0.15, 10.0
+_BISECTION_EFFORT = Effort(iterations=0, evaluations=700)
 # bisections from other starts, with that many of the samples of the one before
 _ROUNDS, _FEWER = 4, 0.9
 
 
 def fewest_samples(
-    problem: PeriodProblem, period: float, least: int
+    problem: PeriodProblem, period: float, least: int, budget: TimeBudget
 ) -> tuple[int | None, Injection]:
     """Fewest samples, at least `least`, with (13) in floats, and its L, T, S; None: none.
 
-    For a given L all numbers are tried upwards; else by bisection below the best window.
+    For a given L all numbers are tried upwards; else by bisection below the best window. The
+    remarks are those of all searches.
     """
     A, L = problem.A, problem.L
     log_period = math.log(period)
     if not np.any(A):
         return least, Injection(problem.C.T if L is None else L, least * period, math.inf)
     if L is not None and not problem.coordinates:
-        return _scanned(problem, L, period, least)
-    best = best_injection(problem)
+        return _scanned(problem, L, period, least, budget)
+    best = best_injection(problem, budget)
+    remarks = best.remarks
     if best.log_period <= log_period:
         return None, best
     high = max(least, math.floor(best.window / period))
-    chosen = _for_window(problem, high * period, best, log_period)
+    chosen = _for_window(problem, high * period, best, log_period, budget)
+    remarks += chosen.remarks
     for _ in range(_ROUNDS):
-        high, chosen = _bisected(problem, period, (least - 1, high), chosen)
+        high, chosen, more = _bisected(problem, period, (least - 1, high), chosen, budget)
+        remarks += more
         if high <= least:
             break
         # further starts, as bisection begins at the last solution only
         fewer = max(least, math.floor(_FEWER * high))
         shorter = replace(problem, window=fewer * period)
-        retried = best_injection(shorter, (chosen,), seconds=2 * SECONDS, target=log_period)
+        retried = best_injection(
+            shorter, budget, (chosen,), effort=EFFORT.times(2), target=log_period
+        )
+        remarks += retried.remarks
         if retried.log_period <= log_period:
             break
         high, chosen = fewer, retried
     if chosen.log_period <= log_period:
-        chosen = best_injection(replace(problem, window=high * period), (best,))
-    return high, chosen
+        chosen = best_injection(replace(problem, window=high * period), budget, (best,))
+        remarks += chosen.remarks
+    return high, replace(chosen, remarks=remarks)
 
 
 def _bisected(
-    problem: PeriodProblem, period: float, ends: tuple[int, int], best: Injection
-) -> tuple[int, Injection]:
+    problem: PeriodProblem,
+    period: float,
+    ends: tuple[int, int],
+    best: Injection,
+    budget: TimeBudget,
+) -> tuple[int, Injection, tuple[Remark, ...]]:
     """The fewest samples between the ends, of which (13) holds with `best` at the second."""
     low, high = ends
+    remarks: tuple[Remark, ...] = ()
     while high - low > 1:
         middle = (low + high) // 2
-        solution = _for_window(problem, middle * period, best, math.log(period))
+        solution = _for_window(problem, middle * period, best, math.log(period), budget)
+        remarks += solution.remarks
         if solution.log_period > math.log(period):
             high, best = middle, solution
         else:
             low = middle
-    return high, best
+    return high, best, remarks
 
 
-def _for_window(problem: PeriodProblem, window: float, near: Injection, target: float) -> Injection:
+def _for_window(
+    problem: PeriodProblem, window: float, near: Injection, target: float, budget: TimeBudget
+) -> Injection:
     """The best injection near another one, for a fixed window."""
     fixed = replace(problem, window=window)
-    return best_injection(fixed, (near,), starts=0, seconds=_BISECTION_SECONDS, target=target)
+    return best_injection(fixed, budget, (near,), effort=_BISECTION_EFFORT, target=target)
 
 
 def _scanned(
-    problem: PeriodProblem, L: Matrix, period: float, least: int
+    problem: PeriodProblem, L: Matrix, period: float, least: int, budget: TimeBudget
 ) -> tuple[int | None, Injection]:
     # beyond some ten time constants M_T is rounding
     most = math.ceil(60.0 / (np.linalg.norm(problem.A, 2) * period))
-    end = deadline(_SCAN_SECONDS)
+    remarks: tuple[Remark, ...] = ()
     for k in range(least, max(min(MOST_SAMPLES, most), least) + 1):
         value = approx_log_longest_period(
             problem.A, problem.C, L, k * period, tighter=problem.tighter
         )
         if value > math.log(period):
             return k, Injection(L, k * period, value)
-        if time.process_time() > end:
-            remark_end("the shortest window", ended(end, _SCAN_SECONDS))
+        if remarks := remark_end("the shortest window", budget.ended()):
             break
-    return None, Injection(L, least * period, -math.inf)
+    return None, Injection(L, least * period, -math.inf, remarks=remarks)

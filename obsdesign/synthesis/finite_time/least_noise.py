@@ -1,20 +1,19 @@
 """Objective `least_noise` of finite-time estimation: L with small gains, and the window.
 
 Longer windows average more noise and collect more disturbance. The window is judged by the gains
-of least squares, which under noise alone no unbiased gains beat; L by the gains it leads to. Both
-end after some processor time with the best so far. Floats only.
+of least squares, which under noise alone no unbiased gains beat; L by the gains it leads to. The
+search for L ends after some evaluations with the best so far. Floats only.
 """
 
 from __future__ import annotations
 
 import math
-import time
 
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.exponential import expm, exponential_grid, flow_integrals
-from lmi.time_budget import deadline, ended, remark_end
+from lmi.time_budget import Remark, TimeBudget, ended_by_count, remark_end
 from obsdesign.analysis.finite_time.requirements import relative_deviations
 from obsdesign.equations.finite_time.formulas import (
     approximate_terms,
@@ -27,7 +26,8 @@ from obsdesign.equations.finite_time.formulas import (
 from obsdesign.equations.finite_time.rows import least_squares_gain, sample_rows
 from obsdesign.problem.plant import Plant
 
-_SECONDS = 0.6
+# of the gains, in the search for L
+_EVALUATIONS = 1000
 # the shortest window is taken whose error is at most this much larger than the best
 _LARGEST_RATIO = 1.1
 
@@ -65,21 +65,27 @@ def _errors(plant: Plant, k: int) -> Matrix:
 
 
 def low_noise_injection(
-    A: Matrix, C: Matrix, L: Matrix, samples: tuple[float, int], method: str
-) -> Matrix:
+    plant: tuple[Matrix, Matrix],
+    L: Matrix,
+    samples: tuple[float, int],
+    method: str,
+    budget: TimeBudget,
+) -> tuple[Matrix, tuple[Remark, ...]]:
     """L with the least Frobenius norm of the gains, from a first guess and larger ones.
 
-    samples: period and number of samples of the window.
+    plant: A, C; samples: period and number of samples of the window.
     """
     from scipy.optimize import minimize
 
     gain = _exact_gain if method == "exact" else _approximate_gain
-    best, least, end = L, math.inf, deadline(_SECONDS)
+    (A, C), best, least = plant, L, math.inf
+    left = limit = budget.scaled(_EVALUATIONS)
 
     def cost(x: Matrix) -> float:
-        nonlocal best, least
-        if time.process_time() > end:
-            raise _TimeLimit
+        nonlocal best, least, left
+        left -= 1
+        if left < 0 or budget.remaining() < 0:
+            raise _BudgetEnded
         with np.errstate(all="ignore"):
             try:
                 size = float(np.linalg.norm(gain(A, C, x.reshape(L.shape), *samples)))
@@ -95,13 +101,14 @@ def low_noise_injection(
         guesses = [L, *(unit * reach * factor for factor in (0.1, -0.1, 1.0, -1.0))]
         for x in sorted(guesses, key=lambda x: cost(x.reshape(-1))):
             minimize(cost, x.reshape(-1), method="Nelder-Mead")
-    except _TimeLimit:
-        remark_end("a quiet L", ended(end, _SECONDS))
-    return best
+    except _BudgetEnded:
+        end = budget.ended() or ended_by_count("evaluations", limit)
+        return best, remark_end("a quiet L", end)
+    return best, ()
 
 
-class _TimeLimit(Exception):
-    """The time of a search has ended."""
+class _BudgetEnded(Exception):
+    """The time or the evaluations of a search have ended."""
 
 
 def _exact_gain(A: Matrix, C: Matrix, L: Matrix, period: float, k: int) -> Matrix:

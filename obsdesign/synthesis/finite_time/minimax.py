@@ -33,7 +33,7 @@ _LEAST_WEIGHT = 1e-9
 _TIGHT = 1e-10
 _SOLVERS: Mapping[str, Mapping[str, object]] = {
     "CLARABEL": {"tol_gap_abs": _TIGHT, "tol_gap_rel": _TIGHT, "tol_feas": _TIGHT},
-    "HIGHS": {"highs_options": {"time_limit": 5.0, "threads": 1}},
+    "HIGHS": {"highs_options": {"simplex_iteration_limit": 20_000, "threads": 1}},
 }
 
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-import time
+from dataclasses import replace
 
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
-from lmi.time_budget import ended, remark_end
+from lmi.time_budget import TimeBudget, ended_by_count, remark_end
 from obsdesign.equations.finite_time.formulas import SMALLEST_GAIN
 from obsdesign.synthesis.finite_time.period_problem import (
     Injection,
@@ -22,8 +22,8 @@ _NELDER_MEAD = {"xatol": 1e-7, "fatol": 1e-11, "maxiter": 2000, "maxfev": 2000}
 _MOST_UNKNOWNS = 12
 
 
-class _TimeLimit(Exception):
-    """The time of a search has ended."""
+class _BudgetEnded(Exception):
+    """The time or the evaluations of a search have ended."""
 
 
 class _TargetReached(Exception):
@@ -33,8 +33,16 @@ class _TargetReached(Exception):
 class _Cost:
     """Cost of the free variables as one vector: direction and size of L, log T, triangle of S."""
 
-    def __init__(self, problem: PeriodProblem, start: Injection, end: float, target: float) -> None:
-        self._problem, self._start, self._end, self._target = problem, start, end, target
+    def __init__(
+        self,
+        problem: PeriodProblem,
+        start: Injection,
+        budget: TimeBudget,
+        evaluations: int,
+        target: float,
+    ) -> None:
+        self._problem, self._start, self._target = problem, start, target
+        self._budget, self._left = budget, evaluations
         self.best = start
         size = float(np.linalg.norm(start.L)) or 1.0
         x: list[Matrix] = []
@@ -48,9 +56,10 @@ class _Cost:
         self._least = SMALLEST_GAIN * float(np.linalg.norm(problem.A, 2))
 
     def value(self, x: Matrix) -> float:
-        """-log of the period; _TimeLimit after the end, _TargetReached beyond the target."""
-        if time.process_time() > self._end:
-            raise _TimeLimit
+        """-log of the period; _BudgetEnded after the end, _TargetReached beyond the target."""
+        self._left -= 1
+        if self._left < 0 or self._budget.remaining() < 0:
+            raise _BudgetEnded
         if not np.isfinite(x).all() or np.abs(x).max() > 700:
             return 1e6
         injection = self._injection(x)
@@ -76,16 +85,21 @@ class _Cost:
 
 
 def polished(
-    problem: PeriodProblem, start: Injection, end: float, seconds: float, target: float = math.inf
+    problem: PeriodProblem,
+    start: Injection,
+    budget: TimeBudget,
+    evaluations: int,
+    target: float = math.inf,
 ) -> Injection:
-    """Improve start by quasi-Newton steps and simplices until the time is over.
+    """Improve start by quasi-Newton steps and simplices until the evaluations are spent.
 
-    end: deadline(seconds), seconds the budget of the whole search; target: log of a period beyond
+    evaluations: their number, which a stretched budget multiplies; target: log of a period beyond
     which the search ends.
     """
     from scipy.optimize import minimize
 
-    cost = _Cost(problem, start, end, target)
+    limit = budget.scaled(evaluations)
+    cost = _Cost(problem, start, budget, limit, target)
     x, count = cost.x0, len(cost.x0)
     if math.isinf(start.log_period) or not count or start.log_period > target:
         return start
@@ -98,6 +112,7 @@ def polished(
             x = minimize(cost.value, x, method="Nelder-Mead", options=options).x
     except _TargetReached:
         pass
-    except _TimeLimit:
-        remark_end(problem.unknowns, ended(end, seconds))
+    except _BudgetEnded:
+        end = budget.ended() or ended_by_count("evaluations", limit)
+        return replace(cost.best, remarks=remark_end(problem.unknowns, end))
     return cost.best

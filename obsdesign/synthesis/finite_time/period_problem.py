@@ -12,6 +12,7 @@ from typing import Self
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
+from lmi.time_budget import Remark
 from obsdesign.equations.finite_time.condition_13 import approx_log_longest_period
 from obsdesign.problem.problem import Problem
 
@@ -52,13 +53,15 @@ def normal_coordinates(A: Matrix) -> Matrix | None:
 class Injection:
     """L (n, p), window T, log of the period below which (13) holds (in floats), S or None.
 
-    An upper bound of the period that keeps n / p samples in the window is included.
+    An upper bound of the period that keeps n / p samples in the window is included. remarks: of
+    the search for it.
     """
 
     L: Matrix
     window: float
     log_period: float
     S: Matrix | None = None
+    remarks: tuple[Remark, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -161,6 +161,7 @@ class Solution:
     period: float
     S: Matrix | None
     status: str
+    iterations: int
 
     @property
     def is_finite(self) -> bool:
@@ -227,9 +228,10 @@ class PeriodProgram:
         if L is None:
             L = math.exp(min(x[n * p], 700.0)) * x[: n * p].reshape(p, n).T
         S = triangular(x[n * p + 3 :], n) if problem.coordinates else None
-        status = str(self._solver.stats()["return_status"])
+        stats = self._solver.stats()
         period = math.exp(min(-float(result["f"]), 700.0)) if result["f"].is_regular() else 0.0
-        return Solution(L, math.exp(min(x[n * p + 1], 700.0)), period, S, status)
+        window, status = math.exp(min(x[n * p + 1], 700.0)), str(stats["return_status"])
+        return Solution(L, window, period, S, status, int(stats["iter_count"]))
 
     def starts(self, count: int) -> Sequence[Start]:
         """Random directions, L C below and about the size of A, T below and about 1 / |A|.

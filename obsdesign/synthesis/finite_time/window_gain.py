@@ -14,7 +14,7 @@ import numpy as np
 from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.balls import Exact, precision, scalar
 from lmi.arithmetic.norms import float_above, middles
-from lmi.time_budget import remark
+from lmi.time_budget import Remark
 from obsdesign.analysis.finite_time.enclosed_gains import method_gain
 from obsdesign.analysis.finite_time.error_radius import (
     PRECISIONS,
@@ -57,24 +57,28 @@ class _UnbiasedGain:
     gain: Matrix
     state_error: Matrix
     size: float
+    remarks: tuple[Remark, ...] = ()
 
 
-def completed_gains(task: WindowTask) -> FiniteTimeGains:
-    """The gains of a design: those on the window, and bounds of their errors.
+def completed_gains(task: WindowTask) -> tuple[FiniteTimeGains, tuple[Remark, ...]]:
+    """The gains of a design: those on the window, and bounds of their errors; and remarks.
 
     Their bias is bounded relative to the last state; where fast modes have decayed too far for
     that, relative to the first.
     """
     if task.method == "approximate":
-        return _stored_gains(task, _window_gain(task))
-    chosen = _refined(task, _window_gain(task))
+        gain, remarks = _window_gain(task)
+        return _stored_gains(task, gain), remarks
+    chosen = _refined(task)
+    remarks = chosen.remarks
     if not chosen.size <= UNBIASED and np.linalg.eigvals(task.A).real.min() < 0:
         relative = _gains_relative_to_start(task.relative_to_start())
+        remarks += relative.remarks
         if relative.size <= UNBIASED:
             task, chosen = task.relative_to_start(), relative
     noise = task.plant.output.noise_radius
     radius = None if noise is None else _radius(task, chosen.gain, noise)
-    return _stored_gains(task, chosen.gain, chosen.state_error, radius)
+    return _stored_gains(task, chosen.gain, chosen.state_error, radius), remarks
 
 
 def _stored_gains(
@@ -100,11 +104,11 @@ def _gains_relative_to_start(task: WindowTask) -> _UnbiasedGain:
     Modes that decay within a period cannot be told apart by the samples, and need not be.
     """
     if task.method not in FREE:
-        return _refined(task, _window_gain(task))
+        return _refined(task)
     fitted = replace(task, method="least_squares")
 
     def bias_with(cut: float) -> float:
-        return _refined(fitted, _window_gain(fitted, cut), cut).size
+        return _refined(fitted, cut).size
 
     cut, least = 0.0, bias_with(0.0)
     is_determined = approx_determinacy(_rows(task)[0], task.scales) > SINGULAR
@@ -113,17 +117,17 @@ def _gains_relative_to_start(task: WindowTask) -> _UnbiasedGain:
         negligible = [each for each in sizes if sizes[each] <= _NEGLIGIBLE_BIAS]
         # larger cuts amplify less
         cut = max(negligible) if negligible else min(sizes, key=lambda each: sizes[each])
-    return _refined(task, _window_gain(task, cut), cut)
+    return _refined(task, cut)
 
 
-def _window_gain(task: WindowTask, cut: float = 0.0) -> Matrix:
+def _window_gain(task: WindowTask, cut: float = 0.0) -> tuple[Matrix, tuple[Remark, ...]]:
     """Gains (n, k p) of the method; zeros, which are refuted, where it has none in binary64."""
     zeros = np.zeros((len(task.A), task.samples * len(task.C)))
     rows, wanted = _rows(task)
     if not (np.isfinite(rows).all() and np.isfinite(wanted).all()):
-        return zeros
+        return zeros, ()
     if not cut and approx_determinacy(rows, np.ones(len(task.A))) == 0.0:
-        return zeros
+        return zeros, ()
     left_inverse = least_squares_gain(rows, np.tile(task.deviations, task.samples), cut)
 
     def projected(gain: Matrix) -> Matrix:
@@ -131,18 +135,24 @@ def _window_gain(task: WindowTask, cut: float = 0.0) -> Matrix:
 
     fitted = wanted @ left_inverse
     if task.method == "least_squares":
-        return projected(fitted)
+        return projected(fitted), ()
     if task.method == "minimax":
         gain, kept = minimax_gain(task, projected(fitted), projected)
-        if kept:
-            names = ", ".join(f"x{r + 1}" for r in kept)
-            remark(
-                f"minimax: the solvers find nothing better for {names} than least squares, whose "
-                "gains are used for it"
-            )
-        return gain
+        return gain, _remark_kept(kept)
     formula = None if task.L is None else _formula(task, task.L)
-    return zeros if formula is None or not np.isfinite(formula).all() else formula
+    return zeros if formula is None or not np.isfinite(formula).all() else formula, ()
+
+
+def _remark_kept(kept: list[int]) -> tuple[Remark, ...]:
+    """Remark on the states whose gains are those of least squares."""
+    if not kept:
+        return ()
+    names = ", ".join(f"x{r + 1}" for r in kept)
+    text = (
+        f"minimax: the solvers find nothing better for {names} than least squares, whose "
+        "gains are used for it"
+    )
+    return (Remark(text),)
 
 
 def _rows(task: WindowTask) -> tuple[Matrix, Matrix]:
@@ -185,11 +195,12 @@ def _radius(task: WindowTask, gain: Matrix, noise: Matrix) -> Matrix:
     )
 
 
-def _refined(task: WindowTask, gain: Matrix, cut: float = 0.0) -> _UnbiasedGain:
-    """The gain made unbiased once more, with exact numbers.
+def _refined(task: WindowTask, cut: float = 0.0) -> _UnbiasedGain:
+    """The gain of the method, made unbiased once more, with exact numbers.
 
     Floats alone leave a bias that is amplified twice.
     """
+    gain, remarks = _window_gain(task, cut)
     for bits in _BITS:
         with precision(bits):
             refined = _refined_once(task, gain, cut)
@@ -197,7 +208,7 @@ def _refined(task: WindowTask, gain: Matrix, cut: float = 0.0) -> _UnbiasedGain:
             break
         if np.isfinite(refined.size) and not task.is_relative_to_start:
             break  # no digits are missing
-    return refined
+    return replace(refined, remarks=remarks)
 
 
 def _refined_once(task: WindowTask, gain: Matrix, cut: float) -> _UnbiasedGain:

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from lmi.time_budget import Remark, TimeBudget
 from obsdesign.analysis.finite_time.requirements import window_samples
 from obsdesign.equations.finite_time.gains import MOST_SAMPLES, NEED_L
 from obsdesign.equations.finite_time.rows import (
@@ -27,41 +28,51 @@ _PER_OCTAVE = 4
 CONDITION_13_OBJECTIVES = ("longest_period", "shortest_window")
 
 
-def chosen_samples(problem: Problem) -> int:
+def chosen_samples(problem: Problem, budget: TimeBudget) -> tuple[int, tuple[Remark, ...]]:
     """Number of samples, given, or chosen by the objective or the determinacy of the window."""
     options, period = problem.options_as(FiniteTimeOptions), problem.plant.output.sample_period
     if options.window is not None:
-        return window_samples(options.window, period)
-    k = None if options.objective is None else _samples_for_objective(problem, options)
-    return _well_determined(problem.plant, period) if k is None else k
+        return window_samples(options.window, period), ()
+    k: int | None = None
+    remarks: tuple[Remark, ...] = ()
+    if options.objective is not None:
+        k, remarks = _samples_for_objective(problem, options, budget)
+    return _well_determined(problem.plant, period) if k is None else k, remarks
 
 
-def _samples_for_objective(problem: Problem, options: FiniteTimeOptions) -> int | None:
+def _samples_for_objective(
+    problem: Problem, options: FiniteTimeOptions, budget: TimeBudget
+) -> tuple[int | None, tuple[Remark, ...]]:
     """Number of samples for an objective; None: those of a well determined window."""
     plant, period = problem.plant, problem.plant.output.sample_period
     A, C = plant.flow.A, plant.output.C
     shortest = approx_observability_index(A, C, period)
     if shortest is None:
-        return None
+        return None, ()
     if options.objective == "least_noise":
         counts = _counts(plant.n, _PER_OCTAVE)
         enough = [n for n in counts if approx_window_determinacy(A, C, period, n) >= _DETERMINED]
-        return low_noise_samples(plant, enough) if enough else None
+        return low_noise_samples(plant, enough) if enough else None, ()
+    is_shortest = options.objective == "shortest_window"
     if options.method in NEED_L and np.any(A):
-        is_shortest = options.objective == "shortest_window"
-        return _samples_for_13(PeriodProblem.from_problem(problem), period, shortest, is_shortest)
-    return shortest if options.objective == "shortest_window" else None
+        free = PeriodProblem.from_problem(problem)
+        return _samples_for_13(free, period, shortest, is_shortest, budget)
+    return shortest if is_shortest else None, ()
 
 
 def _samples_for_13(
-    problem: PeriodProblem, period: float, least: int, is_shortest: bool
-) -> int | None:
+    problem: PeriodProblem, period: float, least: int, is_shortest: bool, budget: TimeBudget
+) -> tuple[int | None, tuple[Remark, ...]]:
     """Samples of the shortest window with (13), if need be in coordinates S, or of the best."""
     if is_shortest:
-        k = fewest_samples(problem, period, least)[0]
-        return k or fewest_samples(replace(problem, coordinates=True), period, least)[0]
-    window = best_injection(problem).window
-    return int(min(max(round(window / period), least), MOST_SAMPLES))
+        k, plain = fewest_samples(problem, period, least, budget)
+        if k:
+            return k, plain.remarks
+        transformed = replace(problem, coordinates=True)
+        k, other = fewest_samples(transformed, period, least, budget)
+        return k, plain.remarks + other.remarks
+    best = best_injection(problem, budget)
+    return int(min(max(round(best.window / period), least), MOST_SAMPLES)), best.remarks
 
 
 def _well_determined(plant: Plant, period: float) -> int:

@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from lmi.rank.full_rank import BOX_LIMIT
+from lmi.time_budget import UNLIMITED, TimeBudget
 from obsdesign.equations.impulsive.gains import STRATEGIES
 from obsdesign.errors import InputError
 from obsdesign.problem.options import ImpulsiveOptions
@@ -26,7 +27,7 @@ from obsdesign.synthesis.impulsive.window import factors_of, window_gains, windo
 _FEW_BOXES = 2000
 
 
-def synthesize(problem: Problem) -> Iterator[Candidate]:
+def synthesize(problem: Problem, budget: TimeBudget = UNLIMITED) -> Iterator[Candidate]:
     """Yield candidates in order of preference; InputError for what cannot be built at all."""
     problem.require_measured("at_jumps")
     options, high = problem.options_as(ImpulsiveOptions), problem.require_dwell_time()[1]
@@ -46,7 +47,7 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
     G = problem.plant.jump.G
     for strategy in order:
         if strategy == "full":
-            first = _full(problem, BOX_LIMIT if len(order) == 1 else _FEW_BOXES)
+            first = _full(problem, BOX_LIMIT if len(order) == 1 else _FEW_BOXES, budget)
             if is_open and not G.any():
                 # G = 0 leaves nothing to estimate: a full window that misses it refutes no observer
                 first = replace(first, searched=True)
@@ -55,17 +56,17 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
             U, S = factors_of(G)
             if not is_open or U.shape[1] < len(G):  # with a regular G nothing is gained
                 gains = window_gains(problem, "compressed", image=U, coimage=S)
-                yield windowed(problem, gains, "compressed")
+                yield windowed(problem, gains, "compressed", budget)
         if strategy == "subspace":
-            yield from part_candidates(problem, is_open)
+            yield from part_candidates(problem, is_open, budget)
         if strategy == "quadratic":
-            yield quadratic_candidate(problem)
+            yield quadratic_candidate(problem, budget)
     if len(order) > 1 and _ran_out_of_boxes(first):  # nothing weaker could be proved
-        yield _full(problem, BOX_LIMIT)
+        yield _full(problem, BOX_LIMIT, budget)
 
 
-def _full(problem: Problem, limit: int) -> Candidate:
-    return windowed(problem, window_gains(problem, "full"), "full", limit=limit)
+def _full(problem: Problem, limit: int, budget: TimeBudget) -> Candidate:
+    return windowed(problem, window_gains(problem, "full"), "full", budget, limit=limit)
 
 
 def _ran_out_of_boxes(candidate: Candidate) -> bool:

@@ -10,6 +10,7 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.balls import exact, inverse, to_float
+from lmi.time_budget import TimeBudget
 from obsdesign.equations.estimation_error import seen_before_jump
 from obsdesign.equations.impulsive.formulas import CASCADE_MARGIN, uncorrected_factor
 from obsdesign.problem.options import ImpulsiveOptions
@@ -20,7 +21,9 @@ from obsdesign.synthesis.impulsive.invariant_subspace import Parts, corrected_pa
 from obsdesign.synthesis.impulsive.window import factors_of, weight, window_gains, windowed
 
 
-def part_candidates(problem: Problem, only_if_smaller: bool) -> Iterator[Candidate]:
+def part_candidates(
+    problem: Problem, only_if_smaller: bool, budget: TimeBudget
+) -> Iterator[Candidate]:
     """Yield windows on the part that has to be corrected: a full one, then one after impulses."""
     plant = problem.plant
     assert plant.jump is not None
@@ -35,7 +38,9 @@ def part_candidates(problem: Problem, only_if_smaller: bool) -> Iterator[Candida
         parts = Parts(np.eye(plant.n), 0, plant.n)
     # in a cascade no block may be as slow as all of it
     alpha = weight(problem, CASCADE_MARGIN)
-    certificates, (core_A, core_G, core_C) = _blocks(matrices, parts, (low, high), factor, alpha)
+    certificates, (core_A, core_G, core_C) = _blocks(
+        matrices, parts, (low, high), (factor, alpha), budget
+    )
     place = np.array([parts.first, parts.size], dtype=np.float64)
     gains = window_gains(
         problem,
@@ -48,11 +53,11 @@ def part_candidates(problem: Problem, only_if_smaller: bool) -> Iterator[Candida
     )
     gains = replace(gains, alpha=alpha)
     # other invariant subspaces, and other uncorrected blocks, may do
-    yield replace(windowed(problem, gains, "subspace", certificates), searched=True)
+    yield replace(windowed(problem, gains, "subspace", budget, certificates), searched=True)
     U, S = factors_of(core_G)
     if U.shape[1] < parts.size:
         inner = replace(gains, image=U, coimage=S)
-        candidate = windowed(problem, inner, "subspace, compressed", certificates)
+        candidate = windowed(problem, inner, "subspace, compressed", budget, certificates)
         yield replace(candidate, searched=True)
 
 
@@ -60,10 +65,13 @@ def _blocks(
     plant: tuple[Matrix, Matrix, Matrix],
     parts: Parts,
     ends: tuple[float, float],
-    factor: float,
-    alpha: float,
+    goals: tuple[float, float],
+    budget: TimeBudget,
 ) -> tuple[dict[str, dict[str, Any]], tuple[Matrix, Matrix, Matrix]]:
-    """(certificates that hidden and rest decay, the core) of plants (A, G, C)."""
+    """(certificates that hidden and rest decay, the core) of plants (A, G, C).
+
+    goals: factor from impulse to impulse that is needed, and the core's alpha.
+    """
     A, G, C = plant
     T = exact(parts.basis)
     back = inverse(T)
@@ -75,18 +83,23 @@ def _blocks(
     for name, inside in (("hidden", slice(0, first)), ("rest", slice(end, len(A)))):
         F, H = flow[inside, inside], jump[inside, inside]
         if len(F):
-            certificates[f"{name}_decays"] = _decay_certificate(F, H, ends, factor, alpha)
+            certificates[f"{name}_decays"] = _decay_certificate(F, H, ends, goals, budget)
     middle = slice(first, end)
     output = to_float(exact(C) @ T)[:, middle]
     return certificates, (flow[middle, middle], jump[middle, middle], output)
 
 
 def _decay_certificate(
-    F: Matrix, H: Matrix, ends: tuple[float, float], factor: float, alpha: float
+    F: Matrix,
+    H: Matrix,
+    ends: tuple[float, float],
+    goals: tuple[float, float],
+    budget: TimeBudget,
 ) -> dict[str, Any]:
     """P for the decay of a block: as fast as the core's if it can be, else at the factor."""
+    factor, alpha = goals
     for goal in sorted({min(factor, 0.9 / alpha), factor}):
-        certificate = stability_certificate(F, H / goal, *ends, memory=0)
+        certificate = stability_certificate(F, H / goal, *ends, memory=0, budget=budget)
         if "P" in certificate:
             break
     return certificate | {"factor": goal}

@@ -23,7 +23,7 @@ from lmi.find.affine import Unknown, best_margin
 from lmi.prove.common_matrix import prove_common
 from lmi.rank.hidden_mode import propose_hiding
 from lmi.rank.stack import Stack
-from lmi.time_budget import ended, remaining, remark_end
+from lmi.time_budget import Remark, TimeBudget, remark_end
 from obsdesign.analysis.impulsive_noise import estimate
 from obsdesign.equations.estimation_error import seen_before_jump
 from obsdesign.equations.impulsive.gains import ImpulsiveGains
@@ -39,7 +39,7 @@ _FACTORS = (0.5, 0.7, 0.8, 0.9, 0.95, 0.98, 0.995)
 
 
 @np.errstate(all="ignore")
-def quadratic_candidate(problem: Problem) -> Candidate:
+def quadratic_candidate(problem: Problem, budget: TimeBudget) -> Candidate:
     """Return the table of gains with the smallest factor that is proved; zeros where none is."""
     plant = problem.plant
     assert plant.jump is not None
@@ -49,6 +49,7 @@ def quadratic_candidate(problem: Problem) -> Candidate:
     rate = problem.options_as(ImpulsiveOptions).decay_rate
     limit = math.exp(-rate * high) * (1 - 1e-9)
     factors = {*(f for f in _FACTORS if f < limit), *([limit] if limit < 1 else [])}
+    remarks: tuple[Remark, ...] = ()
     for gamma in sorted(factors):
         P = common_matrix((A, G, C), (low, high), gamma)
         if P is None:
@@ -56,19 +57,20 @@ def quadratic_candidate(problem: Problem) -> Candidate:
         # a little room between the search and the proof
         looser = min(1.01 * gamma, (1 + gamma) / 2)
         looser = min(looser, limit) if rate > 0 else looser
-        table = _table((A, G, C), P, (low, high), looser)
+        table, more = _table((A, G, C), P, (low, high), looser, budget)
+        remarks += more
         if table is not None:
             gains = _gains(problem, *table)
             certificates = {
                 "contracting": {"P": P.tolist(), "gamma": looser},
                 "rate": {"estimated": estimate(problem, gains)},
             }
-            return Candidate("quadratic", gains, certificates, searched=True)
+            return Candidate("quadratic", gains, certificates, searched=True, remarks=remarks)
     zeros = _gains(problem, np.array([low, high]), np.zeros((1, plant.n, plant.p)))
     forever = Stack(exact(A), exact(G), exact(C), exact(np.eye(plant.n)), plant.n + 1)
     theta = propose_hiding(forever, low, high)
     hiding = {} if theta is None else {"detectable": {"witness": {"thetas": [theta]}}}
-    return Candidate("quadratic", zeros, hiding)
+    return Candidate("quadratic", zeros, hiding, remarks=remarks)
 
 
 def _gains(problem: Problem, cells: Matrix, table: Matrix) -> ImpulsiveGains:
@@ -113,8 +115,12 @@ def best_gain(A: Matrix, G: Matrix, C: Matrix, P: Matrix, spacing: float) -> Mat
 
 
 def _table(
-    plant: tuple[Matrix, Matrix, Matrix], P: Matrix, ends: tuple[float, float], gamma: float
-) -> tuple[Matrix, Matrix] | None:
+    plant: tuple[Matrix, Matrix, Matrix],
+    P: Matrix,
+    ends: tuple[float, float],
+    gamma: float,
+    budget: TimeBudget,
+) -> tuple[tuple[Matrix, Matrix] | None, tuple[Remark, ...]]:
     """Cells and gains for which the contraction is proved; None if there would be too many."""
     A, G, C = plant
     exact_A, exact_G, exact_C = exact(A), exact(G), exact(C)
@@ -125,23 +131,24 @@ def _table(
         verdict = prove_common(exact_A, H, P, start, end, form="after_jump", gamma=gamma)
         return verdict.outcome == "proved"
 
-    while todo and remaining() > 0:
+    while todo and budget.remaining() > 0:
         start, end = todo.pop()
         try:
             L = best_gain(A, G, C, P, (start + end) / 2)
             is_likely = _is_likely(A, G + L @ C, P, (start, end), gamma)
         except np.linalg.LinAlgError:
-            return None
+            return None, ()
         if is_likely and is_proved(L, start, end):
             borders.append(end)
             gains.append(L)
         elif len(todo) + len(gains) >= _CELLS or end - start < 1e-3 * (ends[1] - ends[0]):
-            return None
+            return None, ()
         else:
             middle = (start + end) / 2
             todo += [(middle, end), (start, middle)]
-    remark_end("cells of spacings", ended() if todo else {}, matters=False)
-    return None if todo else (np.array(borders), np.array(gains))
+    if todo:
+        return None, remark_end("cells of spacings", budget.ended(), matters=False)
+    return (np.array(borders), np.array(gains)), ()
 
 
 def _is_likely(A: Matrix, H: Matrix, P: Matrix, ends: tuple[float, float], gamma: float) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from lmi.rank.decide import decide_full_rank
 from lmi.rank.full_rank import BOX_LIMIT
 from lmi.rank.stack import Stack, coordinates
 from lmi.rank.witness import check_deficient
-from lmi.time_budget import ended, remaining, remark_end
+from lmi.time_budget import Remark, TimeBudget, remark_end
 from lmi.verdict import Verdict
 from obsdesign.analysis.impulsive_noise import estimate
 from obsdesign.equations.impulsive.formulas import Core, most_blocks
@@ -92,7 +92,9 @@ def windowed(
     problem: Problem,
     gains: ImpulsiveGains,
     label: str,
+    budget: TimeBudget,
     certificates: Mapping[str, Mapping[str, Any]] | None = None,
+    *,
     limit: int = BOX_LIMIT,
 ) -> Candidate:
     """The candidate with the problem's own window, or the shortest one that is proved.
@@ -108,15 +110,16 @@ def windowed(
         raise InputError(f"observer.window must be at most {LONGEST_WINDOW} impulses; got {given}.")
     if math.isinf(ends[1]):
         return Candidate(label, replace(gains, window=given or shortest), others)
-    blocks, verdict, searched = _provable(core, shortest, given, ends, limit)
+    decided = _provable(core, shortest, given, ends, limit=limit, budget=budget)
+    blocks, verdict = decided.blocks, decided.verdict
     others["strongly_observable"] = {**verdict.evidence, "blocks": blocks}
     gains = replace(gains, window=given or blocks)
     _refuse_lost_digits(options, gains.window_weight, blocks)
     if verdict.outcome == "proved" and options.noise_target is not None:
         gains, others["noise_target"] = quiet_enough(problem, gains)
-    if verdict.outcome == "proved" and remaining() > 0:
+    if verdict.outcome == "proved" and budget.remaining() > 0:
         others["rate"] = {"estimated": estimate(problem, gains)}
-    return Candidate(label, gains, others, searched=searched)
+    return Candidate(label, gains, others, searched=decided.is_searched, remarks=decided.remarks)
 
 
 def _refuse_lost_digits(options: ImpulsiveOptions, alpha: float, blocks: int) -> None:
@@ -133,35 +136,51 @@ def _refuse_lost_digits(options: ImpulsiveOptions, alpha: float, blocks: int) ->
     )
 
 
+@dataclass(frozen=True)
+class _DecidedWindow:
+    """Blocks, the verdict on a window of so many, and whether longer ones might still do."""
+
+    blocks: int
+    verdict: Verdict
+    is_searched: bool
+    remarks: tuple[Remark, ...] = ()
+
+
 def _provable(
-    core: Core, shortest: int, given: int | None, ends: tuple[float, float], limit: int
-) -> tuple[int, Verdict, bool]:
-    """(blocks, verdict on a window of so many, whether longer ones might still do)."""
+    core: Core,
+    shortest: int,
+    given: int | None,
+    ends: tuple[float, float],
+    *,
+    limit: int,
+    budget: TimeBudget,
+) -> _DecidedWindow:
+    """The shortest window that is proved, or the last one that was tried."""
     last = most_blocks(core, len(core.C))
     last = last if given is None else min(given, last)
-    blocks = min(shortest, last)
+    remarks: tuple[Remark, ...] = ()
     for blocks in range(min(shortest, last), last + 1):
-        verdict = decide_full_rank(_stack(core, blocks), *ends, limit)
+        verdict = decide_full_rank(_stack(core, blocks), *ends, limit, budget=budget)
         if verdict.outcome == "proved":
-            return blocks, verdict, False
+            return _DecidedWindow(blocks, verdict, False)
         if _no_window_exists(core, verdict, ends):
             return _for_window(core, verdict, blocks, given or blocks, ends)
         if verdict.evidence.get("boxes", 0) > _MOST_BOXES_BEFORE_SKIPPING:
             break
-        if out_of_time := ended():
-            remark_end("windows of impulses", out_of_time, matters=False)
+        if remarks := remark_end("windows of impulses", budget.ended(), matters=False):
             break
-    return blocks, verdict, given is None or given > blocks
+    return _DecidedWindow(blocks, verdict, given is None or given > blocks, remarks)
 
 
 def _for_window(
     core: Core, verdict: Verdict, blocks: int, window: int, ends: tuple[float, float]
-) -> tuple[int, Verdict, bool]:
+) -> _DecidedWindow:
     """The witness against a window of so many blocks, extended to a longer window."""
     thetas = verdict.evidence["witness"].get("thetas", [])
     if window == blocks or not thetas:
-        return window, verdict, False
-    return window, _at_one_spacing(_stack(core, window), thetas, ends), False
+        return _DecidedWindow(window, verdict, False)
+    longer = _at_one_spacing(_stack(core, window), thetas, ends)
+    return _DecidedWindow(window, longer, False)
 
 
 def _at_one_spacing(stack: Stack, thetas: list[float], ends: tuple[float, float]) -> Verdict:

@@ -15,6 +15,7 @@ from fractions import Fraction
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
+from lmi.time_budget import UNLIMITED, TimeBudget
 from obsdesign.analysis.hidden_modes import approx_unobservable_modes
 from obsdesign.analysis.impulsive_input.requirements import (
     reason_against_jumps,
@@ -48,7 +49,7 @@ _WINDOW_TIME_CONSTANTS = 6.0  # time constants of the slowest mode of A - K C th
 _SPEED_RATIO, _POLE_RATIO = 1.25, 1.2
 
 
-def synthesize(problem: Problem) -> Iterator[Candidate]:
+def synthesize(problem: Problem, budget: TimeBudget = UNLIMITED) -> Iterator[Candidate]:
     """Candidates in order of preference; InputError for what cannot be built at all."""
     problem.require("jump.H")
     low, _ = problem.require_dwell_time()
@@ -74,22 +75,22 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
         count = samples_within(problem, window)
         yield from sampled_candidates(problem, low, reason, count=count)
     try:
-        yield from _integral_candidates(integral)
+        yield from _integral_candidates(integral, budget)
     except InputError:
         if not reason:
             raise  # otherwise the other operator has been proposed
 
 
-def _integral_candidates(integral: IntegralWindow) -> Iterator[Candidate]:
+def _integral_candidates(integral: IntegralWindow, budget: TimeBudget) -> Iterator[Candidate]:
     """Operator `integral` with exponents as given, or as chosen."""
     if integral.options.exponents is not None:
         given = np.array(integral.options.exponents, dtype=np.float64)
         rule = rule_for(integral, given)
         yield Candidate("given exponents", integral.gains(given, rule), searched=True)
         return
-    for choice in exponent_choices(integral):
+    for choice in exponent_choices(integral, budget):
         gains = integral.gains(choice.exponents, choice.rule)
-        yield Candidate(choice.label, gains, searched=True)
+        yield Candidate(choice.label, gains, searched=True, remarks=choice.remarks)
 
 
 def _check_plant(problem: Problem) -> None:

@@ -20,7 +20,7 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.exponential import exponential_grid
-from lmi.time_budget import ended, remaining, remark_end
+from lmi.time_budget import Remark, TimeBudget, remark_end
 from obsdesign.equations.impulsive_input.features import (
     FeatureWindow,
     feature_flows,
@@ -68,7 +68,9 @@ def peak_age(window: FeatureWindow) -> float:
     return float((k + np.clip(shift, -1, 1)) * tau / count)
 
 
-def optimal_exponents(window: FeatureWindow, scale: Matrix, age: float | None) -> list[Matrix]:
+def optimal_exponents(
+    window: FeatureWindow, scale: Matrix, age: float | None, budget: TimeBudget
+) -> list[Matrix]:
     """Sets that IPOPT prefers to those of `window`, each decreasing.
 
     It starts from those exponents, and from spread ones. One direction H (n, 1). age: where
@@ -79,7 +81,7 @@ def optimal_exponents(window: FeatureWindow, scale: Matrix, age: float | None) -
     spacing = float(-np.diff(corner).max()) * tau if m > 1 else 0.0
     first = float(corner[0]) * tau  # in units of the window: ages and exponents near one
     begin = (peak_age(window) if age is None else age) / tau
-    solver = _solver(window, scale, age is None)
+    solver = _solver(window, scale, age is None, budget)
     ends = (begin, begin) if age is not None else (0.02, 0.98)
     zeros = [0.0] * (age is None)
     spread = corner * tau
@@ -97,11 +99,10 @@ def optimal_exponents(window: FeatureWindow, scale: Matrix, age: float | None) -
         if solver.stats()["success"]:
             z = np.asarray(solution["x"], dtype=np.float64).ravel()[:m] / tau
             sets.append(np.sort(np.minimum(z, corner[0]))[::-1])
-    remark_end("exponents", ended())
     return sets
 
 
-def _solver(window: FeatureWindow, scale: Matrix, at_peak: bool) -> Any:
+def _solver(window: FeatureWindow, scale: Matrix, at_peak: bool, budget: TimeBudget) -> Any:
     """IPOPT over (Lambda tau, s / tau): gaps between exponents, and b'b_dot = 0 at a peak."""
     import casadi as ca
 
@@ -134,8 +135,8 @@ def _solver(window: FeatureWindow, scale: Matrix, at_peak: bool) -> Any:
         "ipopt.print_level": 0, "ipopt.sb": "yes", "print_time": False,
         "show_eval_warnings": False, "ipopt.max_iter": 200,
     }  # fmt: skip
-    if math.isfinite(remaining()):
-        quiet["ipopt.max_cpu_time"] = max(remaining(), 1e-3)
+    if math.isfinite(seconds := budget.remaining()):
+        quiet["ipopt.max_cpu_time"] = max(seconds, 1e-3)
     return ca.nlpsol("exponents", "ipopt", program, quiet)
 
 
@@ -149,15 +150,19 @@ def _splines(ca: Any, window: FeatureWindow) -> list[Any]:
 
 
 def refined_exponents(
-    window: FeatureWindow, scale: Matrix, age: float | None
-) -> tuple[Matrix | None, float]:
-    """(best set of IPOPT, its deviation of times relative to that of `window`); None without."""
+    window: FeatureWindow, scale: Matrix, age: float | None, budget: TimeBudget
+) -> tuple[Matrix | None, float, tuple[Remark, ...]]:
+    """(best set of IPOPT, its deviation of times relative to that of `window`, remarks).
+
+    None without a set.
+    """
 
     def deviation(exponents: Matrix) -> float:
         chosen = replace(window, exponents=exponents)
         return time_deviation(chosen, scale, peak_age(chosen) if age is None else age)
 
     own = deviation(window.exponents)
-    sets = optimal_exponents(window, scale, age)
+    sets = optimal_exponents(window, scale, age, budget)
+    remarks = remark_end("exponents", budget.ended())
     best = min(((deviation(exponents) / own, k) for k, exponents in enumerate(sets)), default=None)
-    return (None, math.nan) if best is None else (sets[best[1]], best[0])
+    return (None, math.nan, remarks) if best is None else (sets[best[1]], best[0], remarks)

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
+from lmi.time_budget import Remark, TimeBudget
 from obsdesign.equations.impulsive_input.evaluation import (
     EVALUATED_AGE_SHARE,
     evaluation_rule,
@@ -40,9 +41,10 @@ class ExponentChoice:
     label: str
     exponents: Matrix
     rule: str
+    remarks: tuple[Remark, ...] = ()
 
 
-def exponent_choices(integral: IntegralWindow) -> Iterator[ExponentChoice]:
+def exponent_choices(integral: IntegralWindow, budget: TimeBudget) -> Iterator[ExponentChoice]:
     """Yield the corner and spread exponents, in order of preference.
 
     Spread ones first where |b| has no peak: impulses are then evaluated when they are old, which
@@ -61,8 +63,7 @@ def exponent_choices(integral: IntegralWindow) -> Iterator[ExponentChoice]:
     for corner in corners:
         if _rule_or_none(integral, corner) is None:
             continue
-        for label, chosen in _refined_by_ipopt(integral, corner):
-            yield ExponentChoice(label, chosen, rule_for(integral, chosen))
+        yield from _refined_by_ipopt(integral, corner, budget)
     if not spread_first:
         yield spread
 
@@ -75,16 +76,20 @@ def _rule_or_none(integral: IntegralWindow, exponents: Matrix) -> str | None:
         return None
 
 
-def _refined_by_ipopt(integral: IntegralWindow, corner: Matrix) -> Iterator[tuple[str, Matrix]]:
-    """Yield (label, exponents): what IPOPT finds better, with `check_exponents`; the corner."""
+def _refined_by_ipopt(
+    integral: IntegralWindow, corner: Matrix, budget: TimeBudget
+) -> Iterator[ExponentChoice]:
+    """Yield what IPOPT finds better, with `check_exponents`; then the corner."""
     label = f"{len(corner)} exponents"
     if not integral.options.check_exponents:
-        yield label, corner
+        yield ExponentChoice(label, corner, rule_for(integral, corner))
         return
     tau, std = integral.window, integral.problem.plant.output.noise_std
     age = None if rule_for(integral, corner) == "peak" else EVALUATED_AGE_SHARE * tau
     scale = std / std.max() if std.any() else np.ones(len(std))
-    better, size = exponent_program.refined_exponents(integral.features(corner), scale, age)
+    better, size, remarks = exponent_program.refined_exponents(
+        integral.features(corner), scale, age, budget
+    )
     comparison = f"times {size:.3g} as uncertain as with {corner[0]:.4g} ... {corner[-1]:.4g}"
     if better is None:
         label += "; IPOPT did not converge"
@@ -93,8 +98,10 @@ def _refined_by_ipopt(integral: IntegralWindow, corner: Matrix) -> Iterator[tupl
     elif neglected_ratio(integral.features(better))[0] > _ratio(integral) * (1 + 1e-6):
         label += f"; IPOPT finds {comparison}, but more is neglected than the ratio allows"
     else:
-        yield f"{label} from IPOPT, {comparison}", better
-    yield label, corner
+        rule = rule_for(integral, better)
+        yield ExponentChoice(f"{label} from IPOPT, {comparison}", better, rule, remarks)
+        remarks = ()
+    yield ExponentChoice(label, corner, rule_for(integral, corner), remarks)
 
 
 def rule_for(integral: IntegralWindow, exponents: Matrix) -> str:

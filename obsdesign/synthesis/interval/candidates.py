@@ -8,7 +8,6 @@ verification analyses each of them exactly.
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -17,8 +16,8 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Array
 from lmi.arithmetic.balls import exact, inverse
-from lmi.decide.dwell_search import shortest_dwell
-from lmi.time_budget import deadline, remaining
+from lmi.decide.dwell_search import dwell_bracket
+from lmi.time_budget import UNLIMITED, Remark, TimeBudget
 from obsdesign.analysis.hidden_modes import not_detectable
 from obsdesign.analysis.interval.requirements import (
     open_forms,
@@ -34,8 +33,8 @@ from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
 from obsdesign.synthesis.dwell import dwell_certificates, stability_options
 from obsdesign.synthesis.given_gains import given_gain, refuse_unusable
-from obsdesign.synthesis.interval.coordinates import best_coordinates
-from obsdesign.synthesis.interval.descent import SECONDS, best_gains
+from obsdesign.synthesis.interval.coordinates import CoordinateSearch
+from obsdesign.synthesis.interval.descent import best_gains
 from obsdesign.synthesis.interval.forms import gains_of_form
 from obsdesign.synthesis.interval.goals import mean_width
 from obsdesign.synthesis.interval.periodic import SampledPlant, sampled_bases
@@ -49,9 +48,11 @@ from obsdesign.synthesis.interval.tube import proved_width
 
 # proofs for samples as events that are tried before a candidate is given up as not proved
 _MOST_PROOFS = 4
+# gains that are tried for samples as events, times n^3
+_TRIAL_WORK = 75_000
 
 
-def synthesize(problem: Problem) -> Iterator[Candidate]:
+def synthesize(problem: Problem, budget: TimeBudget = UNLIMITED) -> Iterator[Candidate]:
     """Yield candidates in order of preference; those with a cost, by cost.
 
     InputError where the given gains cannot be completed.
@@ -70,11 +71,11 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
         return
     for form in open_forms(problem):
         if form == "coordinates" and "S" not in own:
-            yield from _in_open_coordinates(problem, given)
+            yield from _in_open_coordinates(problem, given, budget)
         elif problem.plant.output.measured == "periodic":
-            yield from _with_samples(problem, form, given, [own])
+            yield from _with_samples(problem, form, given, [own], budget)
         else:
-            yield _in_known_coordinates(problem, form, given, own)
+            yield _in_known_coordinates(problem, form, given, own, budget)
 
 
 def _no_observer_exists(problem: Problem) -> bool:
@@ -127,37 +128,48 @@ def _objective(problem: Problem) -> str:
 
 
 def _in_known_coordinates(
-    problem: Problem, form: str, given: Mapping[str, Any], own: Mapping[str, Any]
+    problem: Problem,
+    form: str,
+    given: Mapping[str, Any],
+    own: Mapping[str, Any],
+    budget: TimeBudget,
 ) -> Candidate:
     """Return one candidate with L and M for the given coordinates (or the plant's own)."""
     if {"L", "M"} <= set(given):
-        return _candidate(problem, form, given["L"], given["M"], own, searched=False)
+        gains = gains_of_form(problem, form, given["L"], given["M"], own)
+        return _candidate(problem, gains, budget, searched=False)
     task = Task.from_problem(problem, form == "cooperative", own.get("S"), given)
-    _, L, M = best_gains(task, _objective(problem))
+    (_, L, M), remarks = best_gains(task, _objective(problem), budget)
     L, M = task.gains(L, M)
-    return _candidate(problem, form, given.get("L", L), given.get("M", M), own, searched=True)
+    gains = gains_of_form(problem, form, given.get("L", L), given.get("M", M), own)
+    return _candidate(problem, gains, budget, searched=True, remarks=remarks)
 
 
 def _with_samples(
-    problem: Problem, form: str, given: Mapping[str, Any], frames: Iterable[Mapping[str, Any]]
+    problem: Problem,
+    form: str,
+    given: Mapping[str, Any],
+    frames: Iterable[Mapping[str, Any]],
+    budget: TimeBudget,
 ) -> Iterator[Candidate]:
     """Yield one candidate with samples as events: gain and coordinates that are proved, if any.
 
     frames: coordinates S (S2, T) to choose from. M, which acts only when a jump meets a sample, is
     zero if open. With `narrowest` the least width is tried first, else the first gain.
     """
-    narrow, end = _objective(problem) == "narrowest", deadline(SECONDS)
+    narrow = _objective(problem) == "narrowest"
+    most = budget.scaled(_TRIAL_WORK) // problem.plant.n**3
     trials: list[_SampledTrial] = []
     last, frame = None, _plain_frame(problem, form)
     for frame in frames:
-        for trial in _sampled_trials(problem, frame, given):
+        for trial in _sampled_trials(problem, frame, given, budget):
             trials.append(trial)
             if not narrow and math.isfinite(trial.cost):
                 last = _sampled_candidate(problem, form, given, trial)
                 if _is_proved(last):
                     yield last
                     return
-        if time.process_time() > end:
+        if len(trials) > most or budget.remaining() < 0:
             break
     trials = sorted(trials, key=lambda trial: trial.cost) if narrow else trials[:1]
     for trial in trials[:_MOST_PROOFS]:
@@ -191,9 +203,9 @@ class _SampledTrial:
 
 
 def _sampled_trials(
-    problem: Problem, frame: Mapping[str, Any], given: Mapping[str, Any]
+    problem: Problem, frame: Mapping[str, Any], given: Mapping[str, Any], budget: TimeBudget
 ) -> Iterator[_SampledTrial]:
-    plant = SampledPlant(problem, frame.get("S"))
+    plant = SampledPlant(problem, frame.get("S"), budget)
     skips_jumps = problem.plant.output.jump_measurement == "none" and plant.G is not None
     gains: Iterable[Array] = (L for _, L in plant.gains())
     if "L" in given:
@@ -212,31 +224,42 @@ def _sampled_candidate(
     system, approx = WidthSystem.from_gains(gains, exact, inverse), WidthSystem.from_gains(gains)
     certificate = propose_samples(gains, system, approx)
     value = trial.cost if _objective(problem) == "narrowest" else None
-    return Candidate(form, gains, {"sampled_stability": certificate}, searched, value, True)
+    certificates = {"sampled_stability": certificate}
+    return Candidate(form, gains, certificates, searched, value, goes_on=True)
 
 
 def _is_proved(candidate: Candidate) -> bool:
     return "tube" in candidate.certificates["sampled_stability"]
 
 
-def _in_open_coordinates(problem: Problem, given: Mapping[str, Any]) -> Iterator[Candidate]:
+def _in_open_coordinates(
+    problem: Problem, given: Mapping[str, Any], budget: TimeBudget
+) -> Iterator[Candidate]:
     """Yield from candidate bases; only if that is not enough from a search over bases."""
     if problem.plant.output.measured == "periodic":
         frames = ({"S": S} for S in sampled_bases(problem, given))
-        yield from _with_samples(problem, "coordinates", given, frames)
+        yield from _with_samples(problem, "coordinates", given, frames, budget)
         return
     auto = problem.options_as(IntervalOptions).form == "auto"
-    for search in (False, True) if auto else (True,):
-        best = best_coordinates(problem, given, _objective(problem), search)
+    search = CoordinateSearch(problem, given, _objective(problem), budget)
+    for improve in (False, True) if auto else (True,):
+        best = search.best(improve=improve)
         L, M = given.get("L", best.L), given.get("M", best.M)
-        yield _candidate(problem, "coordinates", L, M, {"S": best.S}, searched=True, goes_on=search)
+        gains = gains_of_form(problem, "coordinates", L, M, {"S": best.S})
+        yield _candidate(
+            problem, gains, budget, searched=True, goes_on=improve, remarks=best.remarks
+        )
 
 
 def _candidate(
-    problem: Problem, form: str, L: Any, M: Any, own: Mapping[str, Any], *, searched: bool,
+    problem: Problem,
+    gains: IntervalGains,
+    budget: TimeBudget,
+    *,
+    searched: bool,
     goes_on: bool = True,
-) -> Candidate:  # fmt: skip
-    gains = gains_of_form(problem, form, L, M, own)
+    remarks: tuple[Remark, ...] = (),
+) -> Candidate:
     system, approx = WidthSystem.from_gains(gains, exact, inverse), WidthSystem.from_gains(gains)
     objective = _objective(problem)
     cost = _cost(problem, gains) if objective == "narrowest" else None
@@ -244,17 +267,17 @@ def _candidate(
     if system.N is not None:
         low, high = gains.dwell_ends
         if objective == "shortest_dwell":
-            low, certificates = _widest_range(problem, system, low, high)
+            low, certificates = _widest_range(problem, system, (low, high), budget)
             gains, cost = replace(gains, dwell_time=np.array([low, high])), low
         certificates = certificates or dwell_certificates(
-            system.W, system.N, low, high, **stability_options(problem)
+            system.W, system.N, low, high, **stability_options(problem, budget)
         )
-    if remaining() > 0:
+    if budget.remaining() > 0:
         certificates |= _widths(problem, gains, system, approx)
         # where a spacing was named, the observer watches it
         if "sampled_width" in certificates and problem.plant.output.period is not None:
             gains = replace(gains, step_limit=certificates["sampled_width"]["step_limit"])
-    return Candidate(form, gains, certificates, searched, cost, goes_on)
+    return Candidate(gains.form, gains, certificates, searched, cost, goes_on, remarks)
 
 
 def _widths(
@@ -281,11 +304,11 @@ def _cost(problem: Problem, gains: IntervalGains) -> float:
 
 
 def _widest_range(
-    problem: Problem, system: WidthSystem, low: float, high: float
+    problem: Problem, system: WidthSystem, ends: tuple[float, float], budget: TimeBudget
 ) -> tuple[float, dict[str, Any]]:
     """Return (shortest dwell time, certificates): the proved range if it holds the required one."""
-    N, _ = system.at_jumps
-    bracket = shortest_dwell(system.W, N, high, **stability_options(problem))
+    (N, _), (low, high) = system.at_jumps, ends
+    bracket = dwell_bracket(system.W, N, "shortest", high, **stability_options(problem, budget))
     if bracket.proved is None or not bracket.proved <= low or math.isinf(bracket.proved):
         return low, {}
     return bracket.proved, {"dwell_stability": dict(bracket.certificate)}

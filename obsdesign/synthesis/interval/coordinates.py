@@ -10,16 +10,15 @@ from __future__ import annotations
 
 import itertools
 import math
-import time
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmi.arithmetic.arrays import Array, Matrix
 from lmi.arithmetic.spectrum import spectral_radius
-from lmi.time_budget import deadline, ended, ended_by_count, remark_end, scaled
+from lmi.time_budget import Remark, TimeBudget, ended_by_count, remark_end
 from obsdesign.equations.interval.splits import flow_and_jump
 from obsdesign.problem.plant import Plant
 from obsdesign.problem.problem import Problem
@@ -27,13 +26,12 @@ from obsdesign.synthesis.interval.descent import best_gains, quick_gains
 from obsdesign.synthesis.interval.task import Task
 from obsdesign.synthesis.placement import riccati_gain
 
-Matrix = NDArray[np.float64]
-
 # a basis closer to a singular one than this costs more digits in its inverse than it can gain
 _WORST_CONDITION = 1e6
-_EVALUATIONS, _LARGE = 60, 4  # with more states than that, a third of them
-_MOST_BASES = 8
-_SECONDS = 3.0  # of processor time, for the bases and the search; the gains of the best come after
+# evaluations of a search, and with more states than that their number times n^3
+_EVALUATIONS, _LARGE, _EVALUATION_WORK = 60, 4, 2500
+# bases, and their number times n^3
+_MOST_BASES, _BASES_WORK = 8, 8000
 _SUFFICIENT_GROWTH = 0.9  # the largest growth from jump to jump that is good enough
 
 
@@ -45,82 +43,87 @@ class CoordinateChoice:
     S: Matrix
     L: Matrix
     M: Matrix
+    remarks: tuple[Remark, ...] = ()
 
 
-def best_coordinates(
-    problem: Problem, given: Mapping[str, Any], objective: str, search: bool
-) -> CoordinateChoice:
-    """Return the best of the bases, improved if `search`."""
-    choices: list[CoordinateChoice] = []
-    end = deadline(_SECONDS)
-    for S in itertools.islice(_bases(problem.plant, given), _MOST_BASES):
-        if choices and time.process_time() > end:
-            break
-        choices.append(_with_quick_gains(problem, given, objective, S, end))
-        if _is_sufficient(choices[-1], objective):
-            return choices[-1]
-    best = min(choices, key=lambda choice: choice.value)
-    if search:
-        best = _improved(problem, given, objective, best, end)
-    if not _is_sufficient(best, objective):
-        remark_end("coordinates", ended(end, _SECONDS), matters=objective != "feasible")
-    thorough = _with_best_gains(problem, given, objective, best.S)
-    return min(best, thorough, key=lambda choice: choice.value)
+@dataclass(frozen=True)
+class CoordinateSearch:
+    """What coordinates are searched for, with these gains given, and the budget."""
 
+    problem: Problem
+    given: Mapping[str, Array]
+    objective: str
+    budget: TimeBudget
 
-def _with_quick_gains(
-    problem: Problem, given: Mapping[str, Any], objective: str, S: Matrix, end: float
-) -> CoordinateChoice:
-    task = Task.from_problem(problem, False, S, given)
-    value, L, M = quick_gains(task, objective, end)
-    return CoordinateChoice(value, S, *task.gains(L, M))
+    def best(self, *, improve: bool) -> CoordinateChoice:
+        """Return the best of the bases, improved by a simplex search if `improve`."""
+        choices: list[CoordinateChoice] = []
+        count = self.budget.scaled(_BASES_WORK) // self.problem.plant.n**3
+        for S in itertools.islice(
+            _bases(self.problem.plant, self.given), min(max(count, 1), _MOST_BASES)
+        ):
+            if choices and self.budget.remaining() < 0:
+                break
+            choices.append(self._with_quick_gains(S))
+            if self._is_sufficient(choices[-1]):
+                return choices[-1]
+        best = min(choices, key=lambda choice: choice.value)
+        remarks: tuple[Remark, ...] = ()
+        if improve:
+            best, remarks = self._improved(best)
+        if not self._is_sufficient(best):
+            remarks += self._remark(self.budget.ended())
+        thorough = self._with_best_gains(best.S)
+        chosen = min(best, thorough, key=lambda choice: choice.value)
+        return replace(chosen, remarks=remarks + thorough.remarks)
 
+    def _remark(self, end: Mapping[str, Any]) -> tuple[Remark, ...]:
+        return remark_end("coordinates", end, matters=self.objective != "feasible")
 
-def _is_sufficient(choice: CoordinateChoice, objective: str) -> bool:
-    """Is a further search of no use to the objective?"""
-    if objective == "narrowest":
-        return False
-    limit = _SUFFICIENT_GROWTH
-    return choice.value <= (limit if objective == "feasible" else limit - 1.0)
+    def _is_sufficient(self, choice: CoordinateChoice) -> bool:
+        """Is a further search of no use to the objective?"""
+        if self.objective == "narrowest":
+            return False
+        limit = _SUFFICIENT_GROWTH
+        return choice.value <= (limit if self.objective == "feasible" else limit - 1.0)
 
+    def _with_quick_gains(self, S: Matrix) -> CoordinateChoice:
+        task = Task.from_problem(self.problem, False, S, self.given)
+        value, L, M = quick_gains(task, self.objective, self.budget)
+        return CoordinateChoice(value, S, *task.gains(L, M))
 
-def _with_best_gains(
-    problem: Problem, given: Mapping[str, Any], objective: str, S: Matrix
-) -> CoordinateChoice:
-    task = Task.from_problem(problem, False, S, given)
-    value, L, M = best_gains(task, objective)
-    return CoordinateChoice(value, S, *task.gains(L, M))
+    def _with_best_gains(self, S: Matrix) -> CoordinateChoice:
+        task = Task.from_problem(self.problem, False, S, self.given)
+        (value, L, M), remarks = best_gains(task, self.objective, self.budget)
+        return CoordinateChoice(value, S, *task.gains(L, M), remarks)
 
+    def _improved(self, start: CoordinateChoice) -> tuple[CoordinateChoice, tuple[Remark, ...]]:
+        """The best of a Nelder-Mead search over S, gains from a small program for each."""
+        n = self.problem.plant.n
+        best = [start]
 
-def _improved(
-    problem: Problem, given: Mapping[str, Any], objective: str, start: CoordinateChoice, end: float
-) -> CoordinateChoice:
-    """Return the best of a Nelder-Mead search over S, gains from a small program for each."""
-    n = problem.plant.n
-    best = [start]
+        def value(entries: Matrix) -> float:
+            if self._is_sufficient(best[0]) or self.budget.remaining() < 0:
+                return best[0].value
+            S = scaled_columns(entries.reshape(n, n))
+            if S is None:
+                return math.inf
+            choice = self._with_quick_gains(S)
+            best[0] = min(best[0], choice, key=lambda each: each.value)
+            return min(choice.value, 1e30)
 
-    def value(entries: Matrix) -> float:
-        if _is_sufficient(best[0], objective) or time.process_time() > end:
-            return best[0].value
-        S = scaled_columns(entries.reshape(n, n))
-        if S is None:
-            return math.inf
-        choice = _with_quick_gains(problem, given, objective, S, end)
-        best[0] = min(best[0], choice, key=lambda each: each.value)
-        return min(choice.value, 1e30)
+        from scipy.optimize import minimize  # slow to import, and rarely needed
 
-    from scipy.optimize import minimize  # slow to import, and rarely needed
-
-    effort = scaled(_EVALUATIONS if n <= _LARGE else _EVALUATIONS // 3)
-    with np.errstate(all="ignore"):
-        result = minimize(
-            value, start.S.ravel(), method="Nelder-Mead",
-            options={"maxfev": effort, "initial_simplex": _simplex(start.S)},
-        )  # fmt: skip
-    if result.nfev >= effort and not _is_sufficient(best[0], objective):
-        evidence = ended_by_count("evaluations", effort)
-        remark_end("coordinates", evidence, matters=objective != "feasible")
-    return best[0]
+        most = _EVALUATIONS if n <= _LARGE else max(_EVALUATION_WORK // n**3, 1)
+        effort = self.budget.scaled(most)
+        with np.errstate(all="ignore"):
+            result = minimize(
+                value, start.S.ravel(), method="Nelder-Mead",
+                options={"maxfev": effort, "initial_simplex": _simplex(start.S)},
+            )  # fmt: skip
+        if result.nfev >= effort and not self._is_sufficient(best[0]):
+            return best[0], self._remark(ended_by_count("evaluations", effort))
+        return best[0], ()
 
 
 def _simplex(S: Matrix) -> Matrix:
@@ -129,7 +132,7 @@ def _simplex(S: Matrix) -> Matrix:
     return corners
 
 
-def _bases(plant: Plant, given: Mapping[str, Any]) -> Iterator[Matrix]:
+def _bases(plant: Plant, given: Mapping[str, Array]) -> Iterator[Matrix]:
     """Yield candidates for S, without repetition; the plant's own coordinates if there are none."""
     yielded: list[Matrix] = []
     for L in _flow_gains(plant, given):
@@ -142,7 +145,7 @@ def _bases(plant: Plant, given: Mapping[str, Any]) -> Iterator[Matrix]:
         yield np.eye(plant.n)
 
 
-def _flow_gains(plant: Plant, given: Mapping[str, Any]) -> Iterator[Matrix]:
+def _flow_gains(plant: Plant, given: Mapping[str, Array]) -> Iterator[Matrix]:
     """Yield L as given; else zero and a few of growing speed."""
     if "L" in given:
         yield given["L"]
@@ -156,7 +159,7 @@ def _flow_gains(plant: Plant, given: Mapping[str, Any]) -> Iterator[Matrix]:
             continue
 
 
-def bases(plant: Plant, L: Any, M: Any) -> list[Matrix]:
+def bases(plant: Plant, L: Array, M: Array) -> list[Matrix]:
     """Return eigenvectors of the flow, of the jump, and a mixture with the kernel of the jump."""
     F, H = flow_and_jump(
         plant.flow.A, plant.output.C, None if plant.jump is None else plant.jump.G, L=L, M=M,

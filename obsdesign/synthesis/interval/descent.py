@@ -8,19 +8,18 @@ the limits, and steps around the current value.
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lmi.time_budget import deadline, ended, ended_by_count, remark_end, scaled
+from lmi.arithmetic.arrays import Matrix
+from lmi.time_budget import Remark, TimeBudget, ended_by_count, remark_end
 from obsdesign.synthesis.interval.goals import growth, mean_width, shortest
 from obsdesign.synthesis.interval.linear_program import clock_gains
 from obsdesign.synthesis.interval.task import Task
 
-Matrix = NDArray[np.float64]
 Goal = Callable[[Task, Matrix, Matrix], float]
+Gains = tuple[float, Matrix, Matrix]  # value of the objective, L, M
 
 OBJECTIVES: dict[str, Goal] = {
     "feasible": growth,
@@ -31,89 +30,101 @@ _NODES = 16
 _FEW_NODES = 6
 _LARGE = 6  # with more states than that, half of them
 _SWEEPS = 8
-# evaluations of a goal in one descent, and in one inside a search over coordinates
-_MOST, _FEW = 3000, 250
-SECONDS = 3.0  # of processor time, for the gains in one system of coordinates
+# evaluations of a goal in one descent, fewer with many states, as each then takes longer; and in
+# one inside a search over coordinates
+_MOST, _MOST_BY_STATES, _FEW = 3000, 12_000, 250
+# programs for the shortest dwell time, times n^3, and how often it is doubled or halved at most
+_PROGRAM_WORK, _HALVINGS = 17_000, 7
 _SUFFICIENT_GROWTH = 0.9  # `feasible` stops at this growth from jump to jump
 _LEAST_IMPROVEMENT = 1e-7  # relative improvement that is worth another sweep
 
 
-def best_gains(
-    task: Task, objective: str, end: float | None = None
-) -> tuple[float, Matrix, Matrix]:
-    """(value, L, M), gains in z; value as `OBJECTIVES` has it, inf where the goal is missed.
+def best_gains(task: Task, objective: str, budget: TimeBudget) -> tuple[Gains, tuple[Remark, ...]]:
+    """Gains in z, the best when limits or the budget end the search, and its remarks.
 
-    end: processor time at which the best so far is returned (default: `SECONDS` from now).
+    The value is as `OBJECTIVES` has it, inf where the goal is missed.
     """
     goal = OBJECTIVES[objective]
-    own_budget, end = end is None, deadline(SECONDS) if end is None else end
     if not (task.open_L or task.open_M):
-        none = np.zeros(task.limit_L.shape)
-        return goal(task, none, none), none, none
-    starts = [*_starts(task, objective, end)]
+        return _without_open_gains(task, goal), ()
+    starts = [*_starts(task, objective, budget)]
     ranked = sorted(starts, key=lambda pair: _value(task, goal, *pair))
-    best: tuple[float, Matrix, Matrix] = (math.inf, *ranked[0])
+    best: Gains = (math.inf, *ranked[0])
+    remarks: tuple[Remark, ...] = ()
     for L, M in ranked[:2]:
-        value, L, M = _descent(task, objective, (L, M), end)
-        if value < best[0]:
-            best = value, L, M
+        result, more = _descent(task, objective, (L, M), budget)
+        best, remarks = min(best, result, key=_first), remarks + more
     unweighted = task.with_equal_weights()
     # descent is local: no wider than without weights
     if goal is mean_width and unweighted is not task:
-        _, *start = best_gains(unweighted, objective, end)
-        other = _descent(task, objective, start, end)
-        best = min(best, other, key=lambda result: result[0])
+        (_, *start), before = best_gains(unweighted, objective, budget)
+        result, more = _descent(task, objective, start, budget)
+        best, remarks = min(best, result, key=_first), remarks + before + more
     if math.isinf(best[0]) and goal is not growth:  # nothing to descend on: contract first
-        _, *start = _descent(task, "feasible", ranked[0], end)
-        best = _descent(task, objective, start, end)
-    if own_budget:
-        remark_end("gains", ended(end, SECONDS), matters=objective != "feasible")
-    return _rounded(task, goal, *best)
+        (_, *start), before = _descent(task, "feasible", ranked[0], budget)
+        best, more = _descent(task, objective, start, budget)
+        remarks += before + more
+    remarks += remark_end("gains", budget.ended(), matters=objective != "feasible")
+    return _rounded(task, goal, *best), remarks
 
 
-def quick_gains(task: Task, objective: str, end: float = math.inf) -> tuple[float, Matrix, Matrix]:
-    """The same with a small program and little descent: inside a search over coordinates."""
+def _first(gains: Gains) -> float:
+    return gains[0]
+
+
+def _without_open_gains(task: Task, goal: Goal) -> Gains:
+    none = np.zeros(task.limit_L.shape)
+    return goal(task, none, none), none, none
+
+
+def quick_gains(task: Task, objective: str, budget: TimeBudget) -> Gains:
+    """Gains by a small program and little descent: inside a search over coordinates."""
     goal = OBJECTIVES[objective]
     if not (task.open_L or task.open_M):
-        return best_gains(task, objective)
+        return _without_open_gains(task, goal)
     starts = [_clipped(task, *(np.zeros(task.limit_L.shape) for _ in range(2)))]
     low = 0.0 if task.G is None else task.low
-    for L, M in clock_gains(task, low, _nodes(task, _FEW_NODES), objective == "narrowest") or ():
+    nodes, narrow = _nodes(task, _FEW_NODES), objective == "narrowest"
+    for L, M in clock_gains(task, low, nodes, narrow, budget) or ():
         starts.append(_clipped(task, L, M))
     _, L, M = min(
         ((_value(task, goal, *pair), *pair) for pair in starts), key=lambda start: start[0]
     )
-    return _descent(task, objective, (L, M), end, most=_FEW)
+    return _descent(task, objective, (L, M), budget, is_quick=True)[0]
 
 
-def _starts(task: Task, objective: str, end: float) -> Iterator[tuple[Matrix, Matrix]]:
+def _starts(task: Task, objective: str, budget: TimeBudget) -> Iterator[tuple[Matrix, Matrix]]:
     shape = task.limit_L.shape
     yield _clipped(task, np.zeros(shape), np.zeros(shape))
     low = 0.0 if task.G is None else task.low
     if objective == "shortest_dwell" and task.G is not None:
-        low = _shortest_program(task, end)
-    constant = clock_gains(task, low, _nodes(task, _NODES), objective == "narrowest")
+        low = _shortest_program(task, budget)
+    constant = clock_gains(task, low, _nodes(task, _NODES), objective == "narrowest", budget)
     for L, M in constant or ():
         yield _clipped(task, L, M)
 
 
-def _shortest_program(task: Task, end: float) -> float:
-    """About the shortest dwell time for which the program is feasible, as far as time lasts."""
+def _shortest_program(task: Task, budget: TimeBudget) -> float:
+    """About the shortest dwell time for which the program is feasible, as far as budgets last."""
+    left = max(budget.scaled(_PROGRAM_WORK) // len(task.A) ** 3, 1)
+
+    def is_feasible(low: float) -> bool:
+        nonlocal left
+        left -= 1
+        return clock_gains(task, low, _nodes(task, _NODES), False, budget) is not None
+
     unit = 1.0 / max(float(np.abs(task.A).max()), 1e-12)
     high = task.high if math.isfinite(task.high) else unit
-    while math.isinf(task.high) and clock_gains(task, high, _nodes(task, _NODES), False) is None:
+    while math.isinf(task.high) and not is_feasible(high):
         high *= 2
-        if high > 1e3 * unit or time.process_time() > end:
+        if high > 1e3 * unit or left <= 0 or budget.remaining() < 0:
             return task.low
     low = 0.0
-    for _ in range(7):
-        if time.process_time() > end:
+    for _ in range(_HALVINGS):
+        if left <= 0 or budget.remaining() < 0:
             break
         middle = 0.5 * (low + high)
-        if clock_gains(task, middle, _nodes(task, _NODES), False) is None:
-            low = middle
-        else:
-            high = middle
+        low, high = (low, middle) if is_feasible(middle) else (middle, high)
     return high
 
 
@@ -131,12 +142,17 @@ def _value(task: Task, goal: Goal, L: Matrix, M: Matrix) -> float:
 
 
 def _descent(
-    task: Task, objective: str, start: Sequence[Matrix], end: float, most: int = _MOST
-) -> tuple[float, Matrix, Matrix]:
-    """Return (value, L, M): improve one entry at a time while it helps and time and effort last."""
+    task: Task,
+    objective: str,
+    start: Sequence[Matrix],
+    budget: TimeBudget,
+    is_quick: bool = False,
+) -> tuple[Gains, tuple[Remark, ...]]:
+    """Improve one entry at a time while it helps and time and effort last."""
     goal, (L, M) = OBJECTIVES[objective], start
     value = _value(task, goal, L, M)
-    stride, spent, limit = 0.5, 0, scaled(most)
+    most = _FEW if is_quick else min(_MOST, _MOST_BY_STATES // len(task.A))
+    stride, spent, limit = 0.5, 0, budget.scaled(most)
     for _ in range(_SWEEPS):
         before = value
         for which in ("L", "M"):
@@ -144,17 +160,17 @@ def _descent(
                 continue
             for index in np.ndindex(*L.shape):
                 if objective == "feasible" and value < _SUFFICIENT_GROWTH:
-                    return value, L, M
+                    return (value, L, M), ()
                 for candidate in _candidates(
                     task, which, (L, M), index, stride=stride, to_limits=goal is mean_width
                 ):
                     spent += 1
-                    if time.process_time() > end:
-                        return value, L, M
+                    if budget.remaining() < 0:
+                        return (value, L, M), ()
                     if spent > limit:
-                        evidence = ended_by_count("evaluations", limit) if most == _MOST else {}
-                        remark_end("gains", evidence, matters=goal is not growth)
-                        return value, L, M
+                        evidence = {} if is_quick else ended_by_count("evaluations", limit)
+                        remarks = remark_end("gains", evidence, matters=goal is not growth)
+                        return (value, L, M), remarks
                     new = (candidate, M) if which == "L" else (L, candidate)
                     trial = _value(task, goal, *new)
                     if trial < value - _LEAST_IMPROVEMENT * abs(value) or (
@@ -165,7 +181,7 @@ def _descent(
             stride *= 0.25
             if stride < 0.01:
                 break
-    return value, L, M
+    return (value, L, M), ()
 
 
 def _candidates(
@@ -199,9 +215,7 @@ def _candidates(
             yield changed
 
 
-def _rounded(
-    task: Task, goal: Goal, value: float, L: Matrix, M: Matrix
-) -> tuple[float, Matrix, Matrix]:
+def _rounded(task: Task, goal: Goal, value: float, L: Matrix, M: Matrix) -> Gains:
     """Return gains in few digits where they cost nothing: easier to read, and to copy by hand."""
     for digits in (3, 6, 9):
         short_L, short_M = _clipped(task, _digits(L, digits), _digits(M, digits))

@@ -19,16 +19,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmi.arithmetic.arrays import Indices, Matrix
 from lmi.find.linear_program import minimise
-from lmi.time_budget import remaining
+from lmi.time_budget import TimeBudget
 from obsdesign.synthesis.interval.task import Task
 
-Matrix = NDArray[np.float64]
-Indices = NDArray[np.int_]
-
-_SECONDS = 5.0  # by the clock on the wall: the solver knows no other
+_ITERATIONS = 20_000  # of the simplex method
 _MARGIN = 1e-3  # of contraction, where nothing else makes the inequalities strict
 
 
@@ -58,13 +55,21 @@ class _Program:
             self.rows += [row] * np.size(columns)
         self.limits.append(limit)
 
-    def solve(self, cost: Matrix, bounds: list[tuple[float | None, float | None]]) -> Matrix | None:
+    def solve(
+        self,
+        cost: Matrix,
+        bounds: list[tuple[float | None, float | None]],
+        budget: TimeBudget,
+    ) -> Matrix | None:
         """Minimiser, or None."""
         entries = (np.array(self.rows), np.array(self.columns), np.array(self.values))
         sides = np.full(len(self.limits), -np.inf), np.array(self.limits)
         low = np.array([-np.inf if end is None else end for end, _ in bounds])
         high = np.array([np.inf if end is None else end for _, end in bounds])
-        return minimise(cost, entries, sides, (low, high), seconds=remaining(_SECONDS))
+        return minimise(
+            cost, entries, sides, (low, high), seconds=budget.remaining(),
+            iterations=budget.scaled(_ITERATIONS),
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -95,7 +100,7 @@ class _Variables:
 
 
 def clock_gains(
-    task: Task, low: float, nodes: int, narrow: bool
+    task: Task, low: float, nodes: int, narrow: bool, budget: TimeBudget
 ) -> list[tuple[Matrix, Matrix]] | None:
     """Constant gains (L, M), in z, to try, for dwell times from `low` on; None if infeasible.
 
@@ -119,7 +124,7 @@ def clock_gains(
     small = 1e-9 if narrow else 1.0
     cost[variables.U.ravel()], cost[variables.Z.ravel()] = small / k, small
     cost[variables.zeta.ravel()] = small / k
-    x = program.solve(cost, bounds)
+    x = program.solve(cost, bounds, budget)
     return None if x is None else list(_constant(x, variables))
 
 

@@ -24,7 +24,7 @@ from lmi.arithmetic.arrays import Array, Indices, Matrix
 from lmi.arithmetic.exponential import FLOW_PIECES, absolute_flow, expm, exponential_grid
 from lmi.arithmetic.spectrum import spectral_radius
 from lmi.find.linear_program import minimise
-from lmi.time_budget import remaining
+from lmi.time_budget import TimeBudget
 from obsdesign.equations.interval.splits import absolute_metzler
 from obsdesign.equations.interval.width import WidthSystem
 from obsdesign.errors import InputError
@@ -36,7 +36,7 @@ from obsdesign.synthesis.placement import placed_gain
 
 # contraction from sample to sample: none but what the least width needs, then ever more
 CONTRACTIONS = (1.0, 0.9, 0.75, 0.6, 0.45, 0.3, 0.2, 0.1)
-_SECONDS = 5.0  # by the clock on the wall: the solver knows no other
+_ITERATIONS = 20_000  # of the simplex method
 # where neither disturbance nor noise enters, gains that forget fast; else of no weight
 _FORGETTING = 1e-6
 _POINTS = 9  # of a period, for the time average
@@ -49,8 +49,9 @@ _RADII = (0.9, 0.6, 0.3)
 class SampledPlant:
     """A plant in coordinates S (None: its own), with samples every h as events."""
 
-    def __init__(self, problem: Problem, S: Matrix | None) -> None:
+    def __init__(self, problem: Problem, S: Matrix | None, budget: TimeBudget) -> None:
         plant = problem.plant
+        self.budget = budget
         self.S = np.eye(plant.n) if S is None else S
         self.inward = np.linalg.inv(self.S)
         self.h = float(problem.require("output.period"))
@@ -131,7 +132,7 @@ class SampledPlant:
         size = max(float(pushed.max(initial=0.0)), float(self.V.max(initial=0.0))) or 1.0
         weights = np.vstack([np.tile(pushed, (FLOW_PIECES, 1)) / size, np.full(n, _FORGETTING)])
         q = np.maximum(self.q / self.q.max(), _LEAST_WEIGHT)
-        program = _Program(n, p, flows, weights)
+        program = _Program(n, p, flows, weights, self.budget)
         return program.solve(self.C, self.limit, q, 2 * self.V / size, contraction)
 
     def gains(self) -> Iterator[tuple[float, Matrix]]:
@@ -160,8 +161,9 @@ class _Program:
     flows: X_j, (k, n, n), the last one over the whole period; weights (k, n): of T_j in the cost.
     """
 
-    def __init__(self, n: int, p: int, flows: Matrix, weights: Matrix) -> None:
+    def __init__(self, n: int, p: int, flows: Matrix, weights: Matrix, budget: TimeBudget) -> None:
         self.n, self.p, self.flows, self.weights = n, p, flows, weights
+        self.budget = budget
         starts = np.cumsum([0, n, n * p, n * p])
         self.U = [starts[1] + np.arange(n * p).reshape(n, p) + sign * n * p for sign in (0, 1)]
         self.T = starts[3] + np.arange(len(flows) * n * n).reshape(len(flows), n, n)
@@ -198,7 +200,10 @@ class _Program:
         rows, columns, values = (np.concatenate(part) for part in zip(*self.entries, strict=True))
         sides = np.full(len(self.limits), -np.inf), np.array(self.limits)
         ends = np.zeros(self.size), np.full(self.size, np.inf)
-        x = minimise(cost, (rows, columns, values), sides, ends, seconds=remaining(_SECONDS))
+        x = minimise(
+            cost, (rows, columns, values), sides, ends, seconds=self.budget.remaining(),
+            iterations=self.budget.scaled(_ITERATIONS),
+        )  # fmt: skip
         if x is None or not (x[:n] > 0).all():
             return None
         L: Matrix = (x[self.U[0]] - x[self.U[1]]) / x[:n, None]

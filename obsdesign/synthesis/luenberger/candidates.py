@@ -16,6 +16,7 @@ import numpy as np
 from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.spectrum import spectral_radius
 from lmi.decide.stability import decide
+from lmi.time_budget import UNLIMITED, Remark, TimeBudget
 from obsdesign.equations.estimation_error import flow_error_matrix, jump_error_matrix
 from obsdesign.equations.luenberger.gains import LuenbergerGains
 from obsdesign.problem.options import LuenbergerOptions
@@ -28,7 +29,7 @@ from obsdesign.synthesis.luenberger.schedule import check_schedule, scheduled_ca
 from obsdesign.synthesis.placement import placed_gain, riccati_gain
 
 
-def synthesize(problem: Problem) -> Iterator[Candidate]:
+def synthesize(problem: Problem, budget: TimeBudget = UNLIMITED) -> Iterator[Candidate]:
     """Yield candidates in order of preference; InputError for what cannot be built at all."""
     refuse_unusable(problem)
     check_schedule(problem)
@@ -40,16 +41,18 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
         F = flow_error_matrix(plant.flow.A, L, plant.output.C)
         shifted = F + rate * np.eye(plant.n)
         if options.schedule is not None:
-            yield scheduled_candidate(problem, label, L, shifted)
+            yield scheduled_candidate(problem, label, L, shifted, budget)
             continue
-        M = given_gain(problem, "M")
+        M, remarks = given_gain(problem, "M"), tuple[Remark, ...]()
         is_open = is_L_open or M is None
         if M is None:
             # the largest margin over all dwell times
-            solution = jump_gains(problem, shifted, [problem.require_dwell_time()], [(0, 0)])
+            dwell = [problem.require_dwell_time()]
+            solution, remarks = jump_gains(problem, shifted, dwell, [(0, 0)], budget)
             M = np.zeros((plant.n, plant.p)) if solution is None else solution.M[0]
         gains = LuenbergerGains.from_plant(plant, L=L, M=M)
-        yield Candidate(label, gains, _certificates(problem, F, M, rate), searched=is_open)
+        certificates = _certificates(problem, F, M, rate, budget)
+        yield Candidate(label, gains, certificates, searched=is_open, remarks=remarks)
 
 
 def _flow_gains(problem: Problem, rate: float) -> Iterator[tuple[str, Matrix]]:
@@ -73,13 +76,16 @@ def _flow_gains(problem: Problem, rate: float) -> Iterator[tuple[str, Matrix]]:
     yield "L = 0", np.zeros((problem.plant.n, problem.plant.p))
 
 
-def _certificates(problem: Problem, F: Matrix, M: Matrix, rate: float) -> dict[str, Any]:
+def _certificates(
+    problem: Problem, F: Matrix, M: Matrix, rate: float, budget: TimeBudget
+) -> dict[str, Any]:
     """Certificates of stability; with a decay rate, the P of F + rate I serves both claims."""
     plant = problem.plant
     if plant.jump is None:
         return {}
-    ends, options = problem.require_dwell_time(), stability_options(problem)
+    ends = problem.require_dwell_time()
     H = jump_error_matrix(plant.jump.G, M, plant.output.C, plant.output.jump_measurement)
+    options = stability_options(problem, budget)
     if rate == 0:
         return dwell_certificates(F, H, *ends, **options)
     evidence = decide(F + rate * np.eye(plant.n), H, *ends, **options).evidence

@@ -17,7 +17,7 @@ import numpy as np
 from lmi.arithmetic.arrays import Array
 from lmi.families import Edge, worst
 from lmi.find.affine import Unknown, best_margin
-from lmi.time_budget import ended, remark_end
+from lmi.time_budget import Remark, TimeBudget, remark_end
 from obsdesign.equations.estimation_error import seen_before_jump
 from obsdesign.equations.luenberger import error_system as equations
 from obsdesign.problem.problem import Problem
@@ -41,10 +41,11 @@ def jump_gains(
     F: Array,
     cells: Sequence[tuple[float, float]],
     pairs: Sequence[tuple[int, int]],
-) -> JumpGains | None:
-    """Gains for a flow F (n, n) and cells of dwell times; None when the solver gives nothing.
+    budget: TimeBudget,
+) -> tuple[JumpGains | None, tuple[Remark, ...]]:
+    """Gains for a flow F (n, n) and cells of dwell times, None when the solver gives nothing.
 
-    pairs: (earlier, later) cells that may follow each other.
+    pairs: (earlier, later) cells that may follow each other. The remarks are those of the search.
     """
     plant = problem.plant
     assert plant.jump is not None
@@ -53,26 +54,25 @@ def jump_gains(
     with np.errstate(all="ignore"):
         grids = [Edge(F, np.eye(n), *ends).grid(_EACH_POINTS) for ends in cells]
     if not all(np.isfinite(flows).all() for _, flows in grids):
-        return None
+        return None, ()
     active = {(i, j, k) for i, j in pairs for k in (0, len(grids[j][0]) - 1)}
     best: JumpGains | None = None
     for _ in range(_ROUNDS):
-        if out_of_time := ended():
-            remark_end("gains at jumps", out_of_time, matters=False)
-            break
+        if out_of_time := budget.ended():
+            return best, remark_end("gains at jumps", out_of_time, matters=False)
         solution = _solution(active, grids, G, output)
         if solution is None:
-            return best
+            return best, ()
         P, Z, margin = solution
         try:
             best = JumpGains(np.linalg.solve(P, Z), P)
         except np.linalg.LinAlgError:  # the solver stopped before P was positive definite
-            return best
+            return best, ()
         more = set() if margin <= 0 else _violated((P, Z), grids, pairs, G, output) - active
         if not more:
-            return best
+            return best, ()
         active |= more
-    return best
+    return best, ()
 
 
 def _solution(

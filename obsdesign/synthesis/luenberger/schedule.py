@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
+from lmi.time_budget import TimeBudget
 from obsdesign.equations.estimation_error import idle_gains
 from obsdesign.equations.luenberger import error_system as equations
 from obsdesign.equations.luenberger.gains import LuenbergerGains
@@ -53,7 +54,9 @@ def check_schedule(problem: Problem) -> None:
             )
 
 
-def scheduled_candidate(problem: Problem, label: str, L: Matrix, F: Matrix) -> Candidate:
+def scheduled_candidate(
+    problem: Problem, label: str, L: Matrix, F: Matrix, budget: TimeBudget
+) -> Candidate:
     """Gains M per cell of dwell times, for the flow F of the error plus the decay rate.
 
     `M` is for a jump before which the dwell time is not known, the first one: any will do.
@@ -66,7 +69,7 @@ def scheduled_candidate(problem: Problem, label: str, L: Matrix, F: Matrix) -> C
     borders = equal_cells(F, low, high, schedule) if isinstance(schedule, int) else list(schedule)
     cells = equations.schedule_cells(low, high, borders)
     pairs = equations.schedule_pairs(cells, plant.jump.dwell_jitter)
-    solution = jump_gains(problem, F, cells, pairs)
+    solution, remarks = jump_gains(problem, F, cells, pairs, budget)
     M = np.zeros((len(cells), plant.n, plant.p)) if solution is None else solution.M
     gains = LuenbergerGains.from_plant(plant, L=L, M=M[0], M_cells=M, dwell_borders=borders)
     certificate: dict[str, Any] = {}
@@ -78,4 +81,5 @@ def scheduled_candidate(problem: Problem, label: str, L: Matrix, F: Matrix) -> C
         gains,
         dict.fromkeys(ids, certificate),
         searched=True,
+        remarks=remarks,
     )

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
-from lmi.time_budget import remark
+from lmi.time_budget import UNLIMITED, Remark, TimeBudget
 from obsdesign.analysis.balancing import balancing_units
 from obsdesign.analysis.invariant_zeros import shows_every_input, zero_states, zeros_decay
 from obsdesign.equations.unknown_input import formulas as equations
@@ -35,8 +35,9 @@ from obsdesign.synthesis.unknown_input.reduced_system import (
 )
 
 
-def synthesize(problem: Problem) -> Iterator[Candidate]:
+def synthesize(problem: Problem, budget: TimeBudget = UNLIMITED) -> Iterator[Candidate]:
     """One candidate, without gains where no observer exists; InputError for unusable problems."""
+    del budget  # nothing is searched for
     _refuse_unusable(problem)
     D, plant = problem.require("flow.D"), problem.plant
     A, C = plant.flow.A, plant.output.C
@@ -49,11 +50,11 @@ def synthesize(problem: Problem) -> Iterator[Candidate]:
         yield Candidate("beyond binary64", None, searched=True)
         return
     label, gains = computed
-    options = problem.options_as(UnknownInputOptions)
+    options, remarks = problem.options_as(UnknownInputOptions), tuple[Remark, ...]()
     if options.differentiator is None and gains.differentiator == "fixed_lag":
-        remark(_choice_of_differentiator(problem, gains))
+        remarks = (Remark(_choice_of_differentiator(problem, gains)),)
     given = "L" in problem.gains or _has_growing_poles(options.poles or ())
-    yield Candidate(label, gains, searched=not given)
+    yield Candidate(label, gains, searched=not given, remarks=remarks)
 
 
 def _refuse_unusable(problem: Problem) -> None:

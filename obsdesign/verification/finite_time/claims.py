@@ -14,6 +14,7 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.balls import precision
+from lmi.time_budget import UNLIMITED, TimeBudget
 from obsdesign.analysis.finite_time.enclosed_gains import Sampled
 from obsdesign.analysis.finite_time.error_radius import PRECISIONS
 from obsdesign.analysis.finite_time.requirements import (
@@ -64,12 +65,14 @@ def claims(
     certificates: Mapping[str, Mapping[str, Any]],
     *,
     paranoid: bool = False,
+    budget: TimeBudget = UNLIMITED,
 ) -> tuple[Claim, ...]:
     """All hypotheses of the design, in the order of refusal, until one is not proved.
 
     stored: gains as a design file states them; certificates: coordinates S for the norms of
     Theorem 1, if any; paranoid proves with twice the precision.
     """
+    del budget  # every claim is decided by arithmetic of a fixed length
     objection = reason_against(problem)
     expected = {} if objection else expected_gains(problem, stored)
     agreement, gains = consistent_gains(objection, stored, expected, FiniteTimeGains.from_document)

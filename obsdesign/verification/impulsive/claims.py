@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from lmi.arithmetic.balls import exact
+from lmi.time_budget import UNLIMITED, TimeBudget
 from lmi.verdict import Verdict, overall, proved, refuted, undecided
 from obsdesign.analysis.hidden_modes import not_detectable
 from obsdesign.analysis.impulsive_noise import estimate, missed_target
@@ -65,6 +66,7 @@ def claims(
     certificates: Mapping[str, Mapping[str, Any]],
     *,
     paranoid: bool = False,
+    budget: TimeBudget = UNLIMITED,
 ) -> tuple[Claim, ...]:
     """All hypotheses of the design's theorem, each with its verdict.
 
@@ -86,7 +88,7 @@ def claims(
         return agreement, bounded
     listed = [agreement, bounded]
     if gains.has_window:
-        claims, bound = _windowed(problem, gains, certificates, paranoid)
+        claims, bound = _windowed(problem, gains, certificates, paranoid, budget)
     else:
         claims, bound = quadratic_claims(problem, gains, certificates, paranoid)
     listed += claims
@@ -115,13 +117,17 @@ def _rate_claims(
 
 
 def _windowed(
-    problem: Problem, gains: ImpulsiveGains, certificates: Mapping[str, Any], paranoid: bool
+    problem: Problem,
+    gains: ImpulsiveGains,
+    certificates: Mapping[str, Any],
+    paranoid: bool,
+    budget: TimeBudget,
 ) -> tuple[list[Claim], Bound | None]:
     """Claims of a window on the plant or on a part of it, and the bound that follows."""
     low, high = problem.require_dwell_time()
     core, window = Core.from_gains(gains, exact), gains.window_length
     certificate = certificates.get("strongly_observable", {})
-    claims = [strongly_observable(problem, core, window, certificate)]
+    claims = [strongly_observable(problem, core, window, certificate, budget)]
     own, into = in_own_coordinates(core, low, high, window)
     blocks = plant_blocks(gains, own, into)
     if blocks is None:

@@ -14,6 +14,7 @@ from lmi.arithmetic.balls import number
 from lmi.rank.decide import approx_evidence, decide_full_rank, prove_again
 from lmi.rank.stack import Stack
 from lmi.rank.witness import MARGIN, check_deficient
+from lmi.time_budget import UNLIMITED, TimeBudget
 from lmi.verdict import Verdict, proved, refuted, undecided
 from obsdesign.analysis.hidden_modes import nullspace
 from obsdesign.document import Claim
@@ -108,7 +109,11 @@ def decay_claim(proved_rate: Rate | None, rate: float, high: float) -> Claim:
 
 
 def strongly_observable(
-    problem: Problem, core: Core, window: int, certificate: Mapping[str, Any]
+    problem: Problem,
+    core: Core,
+    window: int,
+    certificate: Mapping[str, Any],
+    budget: TimeBudget = UNLIMITED,
 ) -> Claim:
     """Claim full column rank of the window matrix for all spacings, with a margin."""
     low, high = problem.require_dwell_time()
@@ -118,7 +123,7 @@ def strongly_observable(
     verdict = _witnessed(Stack(*core.stack(blocks)), low, high, certificate)
     if verdict is None:
         blocks = min(blocks, most_blocks(core, problem.plant.p))
-        verdict = full_rank(Stack(*core.stack(blocks)), low, high, certificate)
+        verdict = full_rank(Stack(*core.stack(blocks)), low, high, certificate, budget)
     if blocks < window and verdict.outcome == "refuted":
         verdict = undecided(f"{blocks} impulses do not suffice", **verdict.evidence)
     verdict = _admissible(_in_image(verdict, core), problem)
@@ -134,7 +139,13 @@ def strongly_observable(
     )
 
 
-def full_rank(stack: Stack, low: float, high: float, certificate: Mapping[str, Any]) -> Verdict:
+def full_rank(
+    stack: Stack,
+    low: float,
+    high: float,
+    certificate: Mapping[str, Any],
+    budget: TimeBudget = UNLIMITED,
+) -> Verdict:
     """Prove full rank from a certificate, a margin or a witness; from scratch without one."""
     witnessed = _witnessed(stack, low, high, certificate)
     if witnessed is not None:
@@ -143,8 +154,8 @@ def full_rank(stack: Stack, low: float, high: float, certificate: Mapping[str, A
     if certificate.get("reason") and "thetas" in certificate and "sigma_min" not in certificate:
         return Verdict("undecided", certificate)  # a search that failed is not repeated
     if not isinstance(margin, float) or not 0 <= margin < math.inf:
-        return decide_full_rank(stack, low, high)
-    verdict = prove_again(stack, low, high, margin)
+        return decide_full_rank(stack, low, high, budget=budget)
+    verdict = prove_again(stack, low, high, margin, budget=budget)
     shown = {"asked": margin, **approx_evidence(stack, certificate.get("approx_worst"), low, high)}
     return Verdict(verdict.outcome, {**shown, **verdict.evidence})
 

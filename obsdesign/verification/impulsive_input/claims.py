@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from lmi.arithmetic.balls import exact, to_float
+from lmi.time_budget import UNLIMITED, TimeBudget
 from obsdesign.analysis.impulsive_input.requirements import (
     reason_against_jumps,
     reason_against_sizes,
@@ -55,6 +56,7 @@ def claims(
     certificates: Mapping[str, Mapping[str, Any]],
     *,
     paranoid: bool = False,
+    budget: TimeBudget = UNLIMITED,
 ) -> tuple[Claim, ...]:
     """All hypotheses of the design, each with its verdict; nothing is taken from certificates.
 
@@ -73,11 +75,11 @@ def claims(
     else:
         if gains.period is not None:
             claims.append(window_samples(gains, gains.period, low))
-        claims += _integral_claims(problem, gains)
+        claims += _integral_claims(problem, gains, budget)
     return tuple(mark_inevitable(problem, gains.operator, claim) for claim in claims)
 
 
-def _integral_claims(problem: Problem, gains: IntegralGains) -> list[Claim]:
+def _integral_claims(problem: Problem, gains: IntegralGains, budget: TimeBudget) -> list[Claim]:
     """Claims about the features of operator `integral`."""
     A, C, H = exact(gains.A), exact(gains.C), exact(gains.H)
     D = flow_error_matrix(A, exact(gains.K), C)
@@ -93,7 +95,7 @@ def _integral_claims(problem: Problem, gains: IntegralGains) -> list[Claim]:
     if bound is not None:
         claims.append(window_claims.ratio(window, bound))
     nonnegative = bool(gains.nonnegative)
-    verdict = decide_uniqueness(window, nonnegative)
+    verdict = decide_uniqueness(window, nonnegative, budget)
     try:
         expected = expectations(to_float(D), gains).to_evidence()
     except ValueError:  # numbers beyond what floats can follow: nothing to expect

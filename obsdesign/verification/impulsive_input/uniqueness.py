@@ -23,6 +23,7 @@ from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.balls import Exact, ball, exact, fixed_vector, precision, to_float
 from lmi.prove import exponential_sign as signs
 from lmi.prove.hurwitz import real_spectrum
+from lmi.time_budget import UNLIMITED, TimeBudget
 from lmi.verdict import Verdict, proved, refuted, undecided
 from obsdesign.equations.impulsive_input.features import (
     FeatureWindow,
@@ -49,7 +50,9 @@ def markov_parameters(D: Exact, c: Exact, H: Exact) -> list[Exact]:
     return parameters
 
 
-def decide_uniqueness(window: FeatureWindow, nonnegative: bool = False) -> Verdict:
+def decide_uniqueness(
+    window: FeatureWindow, nonnegative: bool = False, budget: TimeBudget = UNLIMITED
+) -> Verdict:
     """Verdict on (17) for ages in [margin, tau]; D, C, H exact, exponents floats.
 
     nonnegative: among weights that are not negative, of one direction.
@@ -71,7 +74,7 @@ def decide_uniqueness(window: FeatureWindow, nonnegative: bool = False) -> Verdi
     if m * len(window.C) == 1:
         return _one_feature(window)
     try:
-        return _by_turning(window, nonnegative)
+        return _by_turning(window, nonnegative, budget)
     except ValueError as error:
         return undecided(str(error))
 
@@ -140,7 +143,7 @@ def _one_feature(window: FeatureWindow) -> Verdict:
     return undecided("a single feature, and its sign is not certain")
 
 
-def _by_turning(window: FeatureWindow, nonnegative: bool) -> Verdict:
+def _by_turning(window: FeatureWindow, nonnegative: bool, budget: TimeBudget) -> Verdict:
     """Proved where a pair of features turns one way; refuted with a second solution."""
     n, rows = len(window.D), len(window.exponents) * len(window.C)
     F = filtered_system(window.D, window.C, exact(window.exponents))
@@ -153,7 +156,7 @@ def _by_turning(window: FeatureWindow, nonnegative: bool) -> Verdict:
     pairs = list(itertools.combinations(range(rows), 2))
     pairs.sort(key=lambda pair: -_least_turn(b, *pair))
     curve = FeatureCurve(F=F, z=z, n=n, b=b, margin=margin, tau=tau, nonnegative=nonnegative)
-    place, stopped, effort = margin, "", signs.Effort(_EFFORT)
+    place, stopped, effort = margin, "", signs.Effort(_EFFORT, budget)
     with precision(_BITS):
         for i, j in pairs[:_PAIRS]:
             back = _opposite(b, i, j, margin, step) if nonnegative else None

@@ -17,6 +17,7 @@ import numpy as np
 from lmi.arithmetic.arrays import Array
 from lmi.arithmetic.balls import exact, inverse
 from lmi.prove.hurwitz import prove_hurwitz
+from lmi.time_budget import UNLIMITED, TimeBudget
 from obsdesign.analysis.interval.requirements import large_gain, open_forms, reason_against
 from obsdesign.document import Claim
 from obsdesign.entries import is_number
@@ -68,12 +69,14 @@ def claims(
     certificates: Mapping[str, Mapping[str, Any]],
     *,
     paranoid: bool = False,
+    budget: TimeBudget = UNLIMITED,
 ) -> tuple[Claim, ...]:
     """All hypotheses of the design's theorem, each with its verdict.
 
     stored: gains as a design file states them. certificates: {"dwell_stability": {"P": n x n}}
     where one was found; they are checked, never believed.
     """
+    del budget  # proofs end by their number of boxes
     agreement, gains = consistent_gains(
         _reason_against(problem), stored, expected_gains(problem, stored),
         IntervalGains.from_document,

@@ -15,6 +15,7 @@ import numpy as np
 from lmi.arithmetic.balls import Exact, exact
 from lmi.prove.hurwitz import prove_hurwitz
 from lmi.refute.spectral import refute_spectral
+from lmi.time_budget import UNLIMITED, TimeBudget
 from lmi.verdict import overall
 from obsdesign.analysis.hidden_modes import hidden_growth, hidden_part
 from obsdesign.document import Claim
@@ -44,12 +45,14 @@ def claims(
     certificates: Mapping[str, Mapping[str, Any]],
     *,
     paranoid: bool = False,
+    budget: TimeBudget = UNLIMITED,
 ) -> tuple[Claim, ...]:
     """All hypotheses of the design, each with its verdict.
 
     stored: gains as a design file states them; certificates: {"dwell_stability": {"P": n x n},
     "decay_rate": {"P": n x n}} or windows in place of P; all are checked.
     """
+    del budget  # proofs end by their number of boxes
     objection = reason_against_problem(problem) or reason_against_borders(problem, stored)
     agreement, gains = consistent_gains(
         objection, stored, _expected(problem), LuenbergerGains.from_document

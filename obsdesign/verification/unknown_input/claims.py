@@ -17,6 +17,7 @@ from lmi.arithmetic.arrays import Array, Matrix
 from lmi.arithmetic.balls import Exact, exact, to_float
 from lmi.arithmetic.spectrum import spectral_radius
 from lmi.prove.hurwitz import prove_hurwitz
+from lmi.time_budget import UNLIMITED, TimeBudget
 from lmi.verdict import proved, refuted
 from obsdesign.analysis.balancing import balancing_units
 from obsdesign.analysis.invariant_zeros import NearZero, shows_every_input, zeros_decay
@@ -50,12 +51,13 @@ def claims(
     certificates: Mapping[str, Mapping[str, Any]],
     *,
     paranoid: bool = False,
+    budget: TimeBudget = UNLIMITED,
 ) -> tuple[Claim, ...]:
     """All hypotheses of the design, each with its verdict; of existence alone if there is none.
 
     stored: gains as a design file states them.
     """
-    del certificates, paranoid  # nothing is searched for: every claim is decided exactly
+    del certificates, paranoid, budget  # nothing is searched for: every claim is decided exactly
     if problem.plant.jump is not None:
         return (inconsistent(REASON_AGAINST_JUMPS),)
     if problem.plant.flow.D is None:

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from lmi.arithmetic.balancing import Scaling
 from lmi.arithmetic.balls import exact
 from lmi.arithmetic.units import balance
-from lmi.decide.dwell_search import shortest_dwell
+from lmi.decide.dwell_search import dwell_bracket
 from lmi.decide.stability import decide
 from lmi.find.copositive import decide_copositive
 from lmi.find.largest_rates import largest_rates
@@ -167,7 +167,7 @@ def test_positive_systems_in_any_units(seed: int) -> None:
 
 def test_brackets_and_rates_in_any_units() -> None:
     pair = scaled(PAPER_41, np.array([3e7, 2e-8]))
-    bracket = shortest_dwell(*pair, math.inf)
+    bracket = dwell_bracket(*pair, "shortest", math.inf)
     assert bracket.proved == pytest.approx(math.log(2), rel=1e-6)
     assert bracket.verdict == "refuted"
     P = bracket.certificate["P"]

@@ -15,12 +15,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lmi.arithmetic.balls import exact, rank_factors
-from lmi.decide.dwell_search import longest_dwell
+from lmi.decide.dwell_search import dwell_bracket
 from lmi.decide.stability import decide
 from lmi.families import Edge
 from lmi.find.cutting_plane import propose_edges
 from lmi.find.window_search import certificate
-from lmi.find.windows import Cutting, Windows, uniform, whole
+from lmi.find.windows import Cutting, Windows, whole
 from lmi.prove.rates import Rates, propose_rates, prove_rates
 from lmi.prove.windows_proof import prove_windows
 from tests.systems.pairs import (
@@ -33,6 +33,14 @@ from tests.systems.pairs import (
     endless_pair,
     growth,
 )
+
+
+def uniform(low: float, high: float, cells: int, past: int, future: int) -> Windows:
+    """Every combination of `cells` equal cells at offsets -past .. future - 1; high finite."""
+    borders = np.linspace(low, high, cells + 1)
+    choice = np.array(list(itertools.product(range(cells), repeat=past + future)), dtype=int)
+    choice = choice.reshape(cells ** (past + future), past + future)
+    return Windows(low, high, -past, borders[choice], borders[choice + 1])
 
 
 def fit(pair: tuple, windows: Windows, jitter: float = math.inf) -> Any:
@@ -387,7 +395,7 @@ def test_several_jump_maps_share_one_P() -> None:
 
 def test_searches_go_beyond_a_common_P() -> None:
     F, H = SAMPLED
-    bracket = longest_dwell(F, H, 0.4, accuracy=1e-3)
+    bracket = dwell_bracket(F, H, "longest", 0.4, accuracy=1e-3)
     assert bracket.common == pytest.approx(1.8276, abs=3e-3)
     assert bracket.verdict == "refuted"
     assert bracket.proved is not None
@@ -395,17 +403,17 @@ def test_searches_go_beyond_a_common_P() -> None:
     assert bracket.proved < bracket.not_proved <= bracket.proved * (1 + 1e-3)
     again = prove_windows(F, H, bracket.certificate, 0.4, bracket.proved)
     assert again.outcome == "proved"
-    slow = longest_dwell(F, H, 0.4, accuracy=1e-3, jitter=0.2)
+    slow = dwell_bracket(F, H, "longest", 0.4, accuracy=1e-3, jitter=0.2)
     assert slow.proved is not None
     assert slow.proved > 2.0
-    plain = longest_dwell(F, H, 0.4, accuracy=1e-3, memory=0)
+    plain = dwell_bracket(F, H, "longest", 0.4, accuracy=1e-3, memory=0)
     assert plain.proved == pytest.approx(1.8276, abs=3e-3)
     assert plain.verdict == "undecided"
 
 
 def test_searches_reach_endless_ranges_by_windows() -> None:
     F, H = endless_pair()
-    bracket = longest_dwell(F, H, 0.2)
+    bracket = dwell_bracket(F, H, "longest", 0.2)
     assert bracket.proved == math.inf
     assert bracket.common is not None
     assert math.isfinite(bracket.common)

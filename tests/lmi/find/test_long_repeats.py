@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from lmi.decide.dwell_search import shortest_dwell
+from lmi.decide.dwell_search import dwell_bracket
 from lmi.decide.stability import decide
 from lmi.verdict import Verdict
 from tests.systems.pairs import SAMPLED
@@ -53,7 +53,7 @@ def test_a_slightly_smaller_jump_is_not_refuted() -> None:
 
 
 def test_the_bracket_is_as_tight_as_windows_and_words_allow() -> None:
-    bracket = shortest_dwell(*SAMPLED, HIGH)
+    bracket = dwell_bracket(*SAMPLED, "shortest", HIGH)
     assert bracket.verdict == "refuted"
     assert bracket.not_proved > 0.2105
     assert bracket.proved is not None

@@ -57,7 +57,7 @@ def test_a_proof_holds_and_spoilt_vectors_are_not_proved(
     seed: int, n: int, side: str, form: str
 ) -> None:
     F, H = positive_system(seed, n)
-    v = propose_vector(F, H, 0.1, 2.0, side, form)
+    v = propose_vector(F, H, 0.1, 2.0, side=side, form=form)
     if v is None:
         return
     verdict = prove_copositive(F, H, v, 0.1, 2.0, side=side, form=form)

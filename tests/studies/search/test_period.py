@@ -16,19 +16,20 @@ from hypothesis import strategies as st
 import obsdesign
 from lmi.arithmetic.balls import precision
 from lmi.arithmetic.norms import float_below
-from lmi.time_budget import total_budget
+from lmi.time_budget import TimeBudget
 from obsdesign.analysis.finite_time.enclosed_gains import Sampled
 from obsdesign.design_file import from_dict
 from obsdesign.document import digest
 from obsdesign.equations.finite_time.condition_13 import approx_log_longest_period
 from obsdesign.studies.search import period as period_search
 from obsdesign.studies.search.dwell_time import search
-from obsdesign.synthesis.finite_time.injection import best_injection
+from obsdesign.synthesis.finite_time.injection import EFFORT, best_injection
 from obsdesign.synthesis.finite_time.period_problem import PeriodProblem
 from obsdesign.verification.finite_time.theorem_1 import Norms
 from tests.cli.test_commands import ROOT, command
 from tests.verification.finite_time.test_claims import ROTATION, L, sampled_problem
 
+UNLIMITED = TimeBudget.unlimited()
 CHAIN = [[0, 1], [0, 0]]
 A, C = np.array(ROTATION), np.array([[0.3, 0.0]])
 
@@ -227,9 +228,9 @@ def test_floats_and_balls_agree(seed: int, n: int) -> None:
 
 def test_freedom_never_hurts_and_units_do_not_matter() -> None:
     plant, output = np.array([[0.0, 1], [-1, -0.3]]), np.array([[1.0, 0.2]])
-    fixed = best_injection(PeriodProblem(plant, output, 0.5, np.array([[0.3], [-0.1]])))
-    free = best_injection(PeriodProblem(plant, output, 0.5))
-    freest = best_injection(PeriodProblem(plant, output))
+    fixed = best_injection(PeriodProblem(plant, output, 0.5, np.array([[0.3], [-0.1]])), UNLIMITED)
+    free = best_injection(PeriodProblem(plant, output, 0.5), UNLIMITED)
+    freest = best_injection(PeriodProblem(plant, output), UNLIMITED)
     assert fixed.log_period <= free.log_period + 1e-9
     assert free.log_period <= freest.log_period + 1e-6
     # C -> c C, L -> L / c changes nothing; time t -> t / 8 divides the period by 8
@@ -257,7 +258,7 @@ def test_coordinates_are_part_of_the_program() -> None:
 
     chain, output = np.array([[0.0, 1], [0, 0]]), np.array([[1.0, 0]])
     program = PeriodProgram(PeriodProblem(chain, output, coordinates=True))
-    plain = best_injection(PeriodProblem(chain, output)).log_period
+    plain = best_injection(PeriodProblem(chain, output), UNLIMITED).log_period
     best = -math.inf
     for start in program.starts(6):
         point = program.solve(start)
@@ -354,8 +355,10 @@ def test_a_search_ends_with_the_total() -> None:
         rng.standard_normal((5, 5)), rng.standard_normal((2, 5)), coordinates=True
     )
     started = time.process_time()
-    with total_budget(0.1):
-        assert math.isfinite(best_injection(problem, seconds=100.0).log_period)
+    effort = EFFORT.times(100)
+    best = best_injection(problem, TimeBudget.from_seconds(0.1), effort=effort)
+    assert math.isfinite(best.log_period)
+    assert best.remarks[0].evidence == {"ended_by": "time", "seconds": 0.1}
     assert time.process_time() - started < 2.0
 
 

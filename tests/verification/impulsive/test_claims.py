@@ -241,3 +241,38 @@ def test_what_no_runtime_could_execute_is_refused(options: dict, line: str) -> N
     with pytest.raises(obsdesign.InputError) as caught:
         obsdesign.investigate(problem)
     assert str(caught.value) == line
+
+
+# --- a measurement that shows nothing ---------------------------------------------------------------
+
+
+@pytest.mark.parametrize("dwell", [[0.05, 0.05], [0.05, 1.0]])
+@pytest.mark.parametrize("scale", [1.0, 1e150, 1e-150])
+def test_a_measurement_after_a_jump_that_sees_nothing_is_refuted(
+    dwell: list[float], scale: float
+) -> None:
+    """C G = 0: y after a jump is 0 whatever the state was."""
+    A = np.zeros((4, 4))
+    A[1, 2] = 1
+    G = [[0, 0, 0, 0], [1, 1, 0, 0], [0, 0, 1, 0], [0, 1, 1, 1]]
+    plant = (A, G, [[scale, 0, 0, 0]])
+    outcome = investigate(plant, dwell, output={"jump_measurement": "after"})
+    assert outcome.verdict == "refuted"
+    # the twin: a plant whose jump leaves the first state alone is seen through it
+    whole = investigate(DOUBLE, [0.5, 1.5], output={"jump_measurement": "after"})
+    assert whole.verdict == "proved"
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_measurements_that_see_nothing_are_answered(
+    seed: int, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Random C G = 0: an answer, and no word of a library on standard output."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(2, 5))
+    A, G = rng.integers(-2, 3, (2, n, n)).astype(float)
+    G[0] = 0
+    C = np.eye(n)[:1] * 10.0 ** rng.integers(-3, 4)
+    outcome = investigate((A, G, C), [0.05, 0.5], output={"jump_measurement": "after"})
+    assert outcome.verdict in ("proved", "refuted", "undecided")
+    assert capfd.readouterr().out == ""
