@@ -12,6 +12,7 @@ import pytest
 
 import obsdesign
 from obsdesign.pages.plotting.estimate import _moments
+from obsdesign.pages.plotting.estimate_record import Table
 from tests.test_architecture import SOLVERS, run_blocked
 
 ROOT = Path(__file__).parents[2]
@@ -170,4 +171,4 @@ def test_times_of_impulses_show_the_decimals_that_are_known() -> None:
                    "does not fit one impulse in the window"],
     }  # fmt: skip
     t = np.array([float(x) for x in events["t"]])
-    assert _moments(t, events, "events.csv") == ["54", "10.2", "40.03", "80", "7.5 ?"]
+    assert _moments(t, Table("events.csv", events)) == ["54", "10.2", "40.03", "80", "7.5 ?"]

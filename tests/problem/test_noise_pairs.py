@@ -117,17 +117,17 @@ def test_a_fleet_takes_the_middle_off_too() -> None:
     body = problem("periodic", [PAIR]).to_dict()
     del body["jump"], body["flow"]["B"]
     observer: Any = from_design(obsdesign.design(Problem.from_dict(body)))
-    fleet = Fleet(observer)
-    state = fleet.init(0.0, lower=[[0.0], [0.0]], upper=[[2.0], [2.0]])
+    fleet = Fleet((observer, observer))
+    state = fleet.init(0.0, lower=[0.0, 0.0], upper=[2.0, 2.0])
     record = simulate(
         Problem.from_dict(body).plant, until=5.0, disturbance="extreme",
         rng=np.random.default_rng(2),
     )  # fmt: skip
     for t, y, x in zip(record.t[1:], record.block("y")[1:], record.block("x")[1:], strict=True):
-        state, estimate = fleet.step(state, float(t), y[:, None])
-        assert estimate.plausible.all()
-        assert (estimate.lower[:, 0] <= x).all()
-        assert (x <= estimate.upper[:, 0]).all()
+        state, estimate = fleet.step(state, float(t), y)
+        assert {estimate.plant(k).status for k in (0, 1)} == {"ok"}
+        assert (estimate.lower <= x[:, None]).all()
+        assert (x[:, None] <= estimate.upper).all()
 
 
 def test_the_normal_form_keeps_pairs_and_old_designs_their_bytes() -> None:
