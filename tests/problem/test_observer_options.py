@@ -244,7 +244,8 @@ def test_options_of_a_kind_are_attributes() -> None:
     )
     assert options.poles == (-1.0, (-2.0, -2.0))
     assert (options.memory, options.schedule, options.decay_rate) == (2, None, 0.0)
-    assert options.is_stated("memory") and not options.is_stated("decay_rate")
+    assert options.is_stated("memory")
+    assert not options.is_stated("decay_rate")
     assert dict(options) == {"poles": (-1.0, (-2.0, -2.0)), "memory": 2}
     assert dict(LuenbergerOptions(memory=3)) == {"memory": 3}
     with pytest.raises(TypeError, match="a problem of kind 'luenberger' has no IntervalOptions"):

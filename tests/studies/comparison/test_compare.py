@@ -67,9 +67,11 @@ def test_the_approximate_observer_is_not_called_exact() -> None:
     record = ComparisonRecord.from_simulation(problem.plant, rng=np.random.default_rng(3))
     rows = {row.variant: row for row in compare(problem, record) if row.kind == "finite_time"}
     approximate, exact = rows["approximate"], rows["exact"]
-    assert approximate.error is not None and approximate.error > 1e-3
+    assert approximate.error is not None
+    assert approximate.error > 1e-3
     assert "is off by at most 0.0137" in approximate.guarantee
-    assert exact.error is not None and exact.error < 1e-12
+    assert exact.error is not None
+    assert exact.error < 1e-12
     assert "the estimate is the state" in exact.guarantee
 
 

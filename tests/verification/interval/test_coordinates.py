@@ -273,7 +273,8 @@ def test_observer_9_takes_the_noise_at_a_jump_into_its_bounds() -> None:
         sample = Sample(t=0.0, y=plant.output.C @ x + v, jump=True)
         _, bounds = observer.step(state, sample)
         after = plant.jump.G @ x
-        assert (bounds.lower <= after - c).all() and (after + c <= bounds.upper).all()
+        assert (bounds.lower <= after - c).all()
+        assert (after + c <= bounds.upper).all()
         widths.append(bounds.upper - bounds.lower)
     S, S2, M = (np.array(design.gains[name]) for name in ("S", "S2", "M"))
     out = np.abs(S) @ np.abs(np.linalg.solve(S, S2))
@@ -298,7 +299,8 @@ def test_the_state_of_a_noisy_plant_stays_inside_in_two_coordinates(disturbance:
     )
     x = record.block("x")
     assert set(batch.status) == {"ok"}
-    assert (batch.lower <= x).all() and (x <= batch.upper).all()
+    assert (batch.lower <= x).all()
+    assert (x <= batch.upper).all()
 
 
 # --- bad input ----------------------------------------------------------------------------------
