@@ -8,11 +8,10 @@ final time of 10 in both.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
-
-import math
 
 import numpy as np
 import pytest
