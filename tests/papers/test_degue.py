@@ -13,6 +13,7 @@ import pytest
 from scipy.linalg import expm
 
 import obsdesign
+from docs.figures import degue as degue_figures
 from lmi.decide.stability import decide
 from lmi.prove.common_matrix import prove_common
 from lmi.prove.hurwitz import prove_hurwitz
@@ -329,3 +330,18 @@ def test_corollary_4_needs_a_hurwitz_flow() -> None:
 def test_the_runtime_of_an_example_is_loadable() -> None:
     design = obsdesign.design(obsdesign.load_problem(EXAMPLES / "degue_4_2.toml"))
     assert isinstance(obsdesign.runtime.from_design(design), IntervalObserver)
+
+
+@pytest.mark.parametrize(("number", "widest"), [(1, (1.15, 1.05)), (3, (2.6, 6.8))])
+def test_figures_1_and_3_show_the_state_inside_its_bounds(number: int, widest: tuple) -> None:
+    """Signals, gains and jump times are the paper's; the initial bounds are not printed."""
+    t, x, lower, upper = degue_figures.bounds(number)
+    assert (lower <= x).all()
+    assert (x <= upper).all()
+    # what the printed axes show: each jump widens the bounds, and they narrow until the next
+    width = upper - lower
+    rows = [int(np.searchsorted(t, moment)) for moment in degue_figures.JUMPS]
+    for row in rows:
+        assert (width[row] > 1.5 * width[row - 1]).all()
+        assert (width[row + 490] < 0.5 * width[row : row + 490].max(axis=0)).all()
+    np.testing.assert_array_less(width[rows[0] :].max(axis=0), widest)
