@@ -1,6 +1,7 @@
 """The cubic spline of Medina and Lawrence, section IV, as data for examples/medina_spline.toml.
 
-    python docs/figures/spline_data.py SPLINE.csv
+    python docs/figures/spline_data.py SPLINE.csv         the data
+    python docs/figures/spline_data.py FIGURE_1.png       the paper's Figure 1
 
 The paper prints knots, jump inputs and the initial state, not the points behind them. A not-a-knot
 spline through the points below gives all of its numbers to the printed digits: the trapezoidal
@@ -45,5 +46,27 @@ def columns() -> dict[str, np.ndarray]:
     return table | {f"x{i + 1}": states[i] for i in range(4)}
 
 
+def trapezoid(t: np.ndarray) -> np.ndarray:
+    """The signal that the spline approximates."""
+    return np.minimum(2.0, np.minimum(2 * t, 2 * (4 - t)))
+
+
+def draw(path: str) -> None:
+    """Figure 1: the trapezoid, the spline and its knots."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(6.0, 3.2), layout="constrained")
+    axis = figure.subplots()
+    t = np.linspace(0, 4, 801)
+    axis.plot(t, trapezoid(t), color="0.6", lw=1.2, ls="--", label="trapezoid")
+    axis.plot(t, spline()(t), color="#0072B2", lw=1.4, label="spline")
+    axis.plot(TIMES[1:-1], VALUES[1:-1], "o", color="#D55E00", ms=4, label="impulse times")
+    axis.set(xlabel="t", ylabel="x1", xlim=(0, 4))
+    axis.grid(alpha=0.25)
+    axis.legend(frameon=False, loc="lower center")
+    figure.savefig(path, dpi=120)
+
+
 if __name__ == "__main__":
-    write_text(sys.argv[1], table_text(columns()))
+    target = sys.argv[1]
+    draw(target) if target.endswith(".png") else write_text(target, table_text(columns()))

@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from obsdesign.studies.comparison.row import ComparisonRow
 
 EXIT_CODES = {"proved": 0, "refuted": 1, "undecided": 3}
-# columns of a terminal that hold a comparison with its guarantees
-_WIDE = 110
 _COLOURS = {"proved": "green", "refuted": "red", "undecided": "yellow", "does_not_apply": "dim"}
 
 
@@ -75,7 +73,7 @@ def compare_answer(rows: Sequence[ComparisonRow]) -> str:
 
 
 def show_comparison(rows: Sequence[ComparisonRow]) -> None:
-    """A table of the observers that ran; then why the others did not."""
+    """A table of the observers that ran; what they guarantee; why the others did not run."""
     from rich.markup import escape
     from rich.table import Table
 
@@ -87,16 +85,13 @@ def show_comparison(rows: Sequence[ComparisonRow]) -> None:
     shown.add_column(first, no_wrap=True)
     for title in titles:
         shown.add_column(title, justify="right", no_wrap=True)
-    wide = console.width >= _WIDE
-    if wide:
-        shown.add_column("proved", no_wrap=True)
     ran = [row for row in rows if row.seconds is not None]
-    for row, cells in zip(ran, lines, strict=True):
-        shown.add_row(*map(escape, cells), *([escape(row.guarantee)] if wide else []))
+    for cells in lines:
+        shown.add_row(*map(escape, cells))
     console.print(shown)
-    if not wide:
-        for name, text in {name_of(row): row.guarantee for row in ran if row.verdict}.items():
-            console.print(f"proved of {name}: {escape(text)}")
+    for sentence in dict.fromkeys(row.guarantee for row in ran if row.guarantee):
+        names = "; ".join(name_of(row) for row in ran if row.guarantee == sentence)
+        console.print(f"guaranteed by {escape(names)}: {escape(sentence)}")
     for row in rows:
         if row.seconds is None:
             console.print(f"[{_COLOURS[row.verdict]}]{name_of(row)}[/]: {escape(row.reason)}")

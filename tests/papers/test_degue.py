@@ -13,11 +13,11 @@ import pytest
 from scipy.linalg import expm
 
 import obsdesign
+from docs.figures import degue as degue_figures
 from lmi.decide.stability import decide
 from lmi.prove.common_matrix import prove_common
 from lmi.prove.hurwitz import prove_hurwitz
 from lmi.refute.spectral import refute_spectral
-from obsdesign.equations.interval import splits as equations
 from obsdesign.equations.interval.gains import IntervalGains
 from obsdesign.equations.interval.width import WidthSystem, periodic_width
 from obsdesign.runtime.interval.observer import IntervalObserver
@@ -34,13 +34,17 @@ TABLE_DIGITS = 1e-5
 
 def investigate(name: str, **changes: object) -> obsdesign.Outcome:
     """The verdict on an example, with some entries of the file replaced."""
-    document = obsdesign.load_problem(EXAMPLES / f"{name}.toml").to_dict()
+    return investigate_with(
+        obsdesign.load_problem(EXAMPLES / f"{name}.toml").to_dict()["observer"], name, **changes
+    )
+
+
+def investigate_with(observer: dict, name: str, **changes: object) -> obsdesign.Outcome:
+    """The verdict on the plant of an example with another [observer]."""
+    document = obsdesign.load_problem(EXAMPLES / f"{name}.toml").to_dict() | {"observer": observer}
     for path, value in changes.items():
         block, key = path.split("__")
-        if value is None:
-            document[block].pop(key)
-        else:
-            document[block][key] = value
+        document[block][key] = value
     return obsdesign.investigate(obsdesign.Problem.from_dict(document))
 
 
@@ -107,14 +111,17 @@ def test_example_41_spectral_radii() -> None:
     assert radius(A1 - L1 @ C, G1 - M1 @ C, math.log(2)) == pytest.approx(1.0, abs=1e-14)
 
 
-def test_no_gain_beats_ln_2_in_these_coordinates() -> None:
-    # C never sees the first column: entry (1, 1) of e^(F t) H is at least 2 e^(-t) for Metzler F
-    rng = np.random.default_rng(0)
-    for _ in range(200):
-        L, M = rng.standard_normal((2, 2, 1)) * 5
-        F, H = A1 - L @ C, G1 - M @ C
-        W, N = equations.absolute_metzler(F), np.abs(H)
-        assert radius(W, N, 0.69) >= 2 * math.exp(-0.69) - 1e-12
+@pytest.mark.parametrize("form", ["cooperative", "split"])
+def test_no_gain_beats_ln_2_in_these_coordinates(form: str) -> None:
+    """C never sees the first column: entry (1, 1) of e^(F t) H is at least 2 e^(-t)."""
+    observer = {"kind": "interval", "form": form}
+    outcome = investigate_with(observer, "degue_4_1", jump__dwell_time=[0.69, "inf"])
+    witness = claim(outcome, "attainable").evidence["witness"]
+    assert (outcome.verdict, witness["of_all_gains"]) == ("refuted", True)
+    # the twin: a little longer, gains are chosen and proved
+    assert (
+        investigate_with(observer, "degue_4_1", jump__dwell_time=[0.70, "inf"]).verdict == "proved"
+    )
 
 
 @pytest.mark.parametrize(
@@ -306,9 +313,16 @@ def test_the_large_system_and_the_width_pair_have_one_threshold() -> None:
 
 
 def test_no_gain_makes_the_flow_of_43_metzler() -> None:
-    A = np.array([[-2.0, 0], [-4, -3]])
-    for L in np.random.default_rng(2).standard_normal((50, 2, 1)) * 10:
-        assert (A - L @ C)[1, 0] == -4
+    outcome = investigate_with({"kind": "interval", "form": "cooperative"}, "degue_4_3")
+    witness = claim(outcome, "attainable").evidence["witness"]
+    assert outcome.verdict == "refuted"
+    assert witness["of_all_gains"]
+    assert witness["reason"] == "entry (2, 1) of A - L C is -4, and no gain can touch it"
+    # the twin: where C sees that entry, a gain can
+    output = {"C": [[1, 0], [0, 1]], "noise_bound": [0, 0]}
+    document = obsdesign.load_problem(EXAMPLES / "degue_4_3.toml").to_dict()
+    document |= {"output": output, "observer": {"kind": "interval", "form": "cooperative"}}
+    assert obsdesign.investigate(obsdesign.Problem.from_dict(document)).verdict == "proved"
 
 
 # --- Corollary 4 ------------------------------------------------------------------------------
@@ -329,3 +343,18 @@ def test_corollary_4_needs_a_hurwitz_flow() -> None:
 def test_the_runtime_of_an_example_is_loadable() -> None:
     design = obsdesign.design(obsdesign.load_problem(EXAMPLES / "degue_4_2.toml"))
     assert isinstance(obsdesign.runtime.from_design(design), IntervalObserver)
+
+
+@pytest.mark.parametrize(("number", "widest"), [(1, (1.15, 1.05)), (3, (2.6, 6.8))])
+def test_figures_1_and_3_show_the_state_inside_its_bounds(number: int, widest: tuple) -> None:
+    """Signals, gains and jump times are the paper's; the initial bounds are not printed."""
+    t, x, lower, upper = degue_figures.bounds(number)
+    assert (lower <= x).all()
+    assert (x <= upper).all()
+    # what the printed axes show: each jump widens the bounds, and they narrow until the next
+    width = upper - lower
+    rows = [int(np.searchsorted(t, moment)) for moment in degue_figures.JUMPS]
+    for row in rows:
+        assert (width[row] > 1.5 * width[row - 1]).all()
+        assert (width[row + 490] < 0.5 * width[row : row + 490].max(axis=0)).all()
+    np.testing.assert_array_less(width[rows[0] :].max(axis=0), widest)

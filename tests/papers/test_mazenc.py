@@ -598,3 +598,14 @@ def test_the_bound_of_theorem_1_is_empty(
     assert (x[K:] < bound).all()
     windows = np.array([x[i - K : i + 1].max() for i in range(K, 601)])
     assert (error <= 0.0137102 * windows).all()
+
+
+def test_the_sentence_of_theorem_1_states_its_constants() -> None:
+    guarantees = obsdesign.design(problem("approximate")).guarantees
+    sentence = next(one for one in guarantees if one.claims == ("theorem_1_numbers",))
+    assert sentence.given
+    # alpha = 2710.3745943, beta = 2968.7501875
+    assert "2710.37 |int e^(A (t_i - m - T)) delta dm| + 2968.75 |T~|" in sentence.statement
+    assert "true; it holds for periods below 0.0515755343" in sentence.statement
+    longer = obsdesign.design(problem("approximate", period=0.06)).guarantees
+    assert not any("2710" in one.statement for one in longer)

@@ -249,3 +249,66 @@ def test_noise_against_speed(
     assert estimate.per_impulse == pytest.approx(rate, abs=0.006)
     assert estimate.std[0] ** 2 == pytest.approx(position, abs=0.002)
     assert estimate.std[1] ** 2 == pytest.approx(velocity, rel=0.015)
+
+
+# --- Lemma 3.2: (13) and (14) are stable together ----------------------------------------------------
+
+IMPULSES, WINDOW = 16, 5  # longer than n: a window of n impulses is dead-beat
+
+
+def errors_of_13_and_14(seed: int, singular: bool) -> tuple[Any, ...]:
+    """Phi, N_k C, the errors of (13) before and after impulses, and z of (14), for one start.
+
+    delta_k follows impulse k; Phi(j, k) carries a state from tau_j to tau_k, jump included;
+    (12) is L[k] = -Phi(k - l, k) N_k.
+    """
+    rng = np.random.default_rng(seed)
+    n, alpha = 3, 1.3
+    A, G, C = rng.standard_normal((n, n)), rng.standard_normal((n, n)), rng.standard_normal((1, n))
+    if singular:
+        G[:, 0] = G[:, 1]
+    flows = {k: expm(A * delta) for k, delta in enumerate(rng.uniform(0.3, 0.7, 25), start=-8)}
+
+    def phi(start: int, end: int) -> Any:
+        product = np.eye(n)
+        for j in range(start, end):
+            product = G @ flows[j] @ product
+        return product
+
+    N = {}
+    for k in range(1, IMPULSES + 1):
+        X = [flows[j - 1] @ phi(k - WINDOW, j - 1) for j in range(k - WINDOW + 1, k + 1)]
+        M = sum(alpha ** (2 * i) * P.T @ C.T @ C @ P for i, P in enumerate(X))
+        N[k] = alpha ** (2 * (WINDOW - 1)) * np.linalg.solve(M, X[-1].T @ C.T) @ C
+    x, before = {0: rng.standard_normal(n)}, {}
+    for k in range(1, IMPULSES + 1):  # (13)
+        before[k] = flows[k - 1] @ x[k - 1]
+        x[k] = G @ before[k] - phi(k - WINDOW, k) @ N[k] @ before[k]
+    # what the first window takes off, carried back to tau_0
+    taken = [phi(j - WINDOW, 0) @ N[j] @ before[j] for j in range(1, WINDOW + 1)]
+    z = {WINDOW: x[0] - sum(taken)}
+    for k in range(WINDOW + 1, IMPULSES + 1):  # (14) and (15)
+        late = flows[k - 1 - WINDOW] @ z[k - 1]
+        z[k] = G @ late - N[k] @ flows[k - 1] @ phi(k - 1 - WINDOW, k - 1) @ z[k - 1]
+    return phi, N, before, x, z
+
+
+@pytest.mark.parametrize("singular", [False, True])
+@pytest.mark.parametrize("seed", range(5))
+def test_lemma_32_where_14_decays_13_does(seed: int, singular: bool) -> None:
+    """Whatever the start, from impulse l on the error of (13) is Phi(t, rho_l(t)) z(t)."""
+    phi, _, _, x, z = errors_of_13_and_14(seed, singular)
+    for k in range(WINDOW, IMPULSES + 1):
+        error = phi(k - WINDOW, k) @ z[k] - x[k]  # M_alpha is inverted as printed: digits are lost
+        assert np.abs(error).max() <= 1e-4 * np.abs(x[k]).max()
+
+
+@pytest.mark.parametrize("singular", [False, True])
+@pytest.mark.parametrize("seed", range(5))
+def test_lemma_32_where_13_decays_14_does(seed: int, singular: bool) -> None:
+    """l impulses later z is the error of (13), less l bounded maps of it: no inverse of Phi."""
+    phi, N, before, x, z = errors_of_13_and_14(seed, singular)
+    for k in range(WINDOW, IMPULSES + 1 - WINDOW):
+        taken = [phi(j - WINDOW, k) @ N[j] @ before[j] for j in range(k + 1, k + WINDOW + 1)]
+        error = x[k] - sum(taken) - z[k + WINDOW]
+        assert np.abs(error).max() <= 1e-4 * max(np.abs(x[k]).max(), np.abs(z[k + WINDOW]).max())

@@ -126,18 +126,8 @@ def _row(
 
 
 def _guarantee(design: Design) -> str:
-    """In a few words; the design has the sentences."""
-    evidence = {claim.id: claim.evidence for claim in design.claims}
-    rate = {**evidence.get("rates", {}), **evidence.get("rate", {})}.get("in_time")
-    decay = f", like exp(-{rate:.3g} t)" if isinstance(rate, float) and rate > 0 else ""
-    return {
-        "interval": "bounds contain the state",
-        "luenberger": f"undisturbed, error tends to 0{decay}",
-        "impulsive": f"undisturbed, error tends to 0{decay}",
-        "finite_time": "undisturbed, exact from a full window on",
-        "unknown_input": "without noise, error tends to 0, whatever d is",
-        "impulsive_input": "without noise, times and weights of impulses",
-    }[design.kind]
+    """The first guarantee that the design gives; the design has them all."""
+    return next((one.statement for one in design.guarantees if one.given), "")
 
 
 def _initial(problem: Problem, record: ComparisonRecord, initial: Sequence[float] | None) -> Matrix:

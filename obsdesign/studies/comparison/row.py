@@ -28,7 +28,8 @@ _LATE = 0.5
 class ComparisonRow:
     """One observer. Errors and widths are root mean squares over the last half of the record.
 
-    Rows whose guarantee does not hold are counted (`without`) and left out of them. reason: why
+    guarantee: the first that its design gives. Rows whose guarantee does not hold are counted
+    (`without`) and left out. reason: why
     there is no observer, or where one was not proved. error, worst: of the estimate, or of the
     middle of the bounds; input_error: of the unknown input; seconds: per row, in processor time;
     ended: the budget that ended the search for a design, as `TimeBudget.ended` has it.
@@ -113,7 +114,7 @@ def filtered(plant: Plant, record: ComparisonRecord, start: Matrix) -> Compariso
     variant = f"walk {walk:g}" if walk else ""
     d = estimates.d if estimates.d.size else None
     errors = _errors(record, estimates.x, d, late)
-    return ComparisonRow(REFERENCE, variant, "", "none", seconds=seconds, **errors)
+    return ComparisonRow(REFERENCE, variant, "", seconds=seconds, **errors)
 
 
 def table(rows: Sequence[ComparisonRow]) -> tuple[list[str], list[list[str]]]:

@@ -114,6 +114,23 @@ def test_a_threshold_fires_instead_of_a_maximum() -> None:
     assert not events_of(rows_from(high, t, x[:, 2:], x=[4, 20, 60]))
 
 
+@pytest.mark.parametrize("threshold", [40.0, 80.0, 200.0])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_threshold_separates_the_weights_whose_largest_features_it_lies_between(
+    threshold: float, sign: float
+) -> None:
+    """|R| of an impulse of weight w reaches |w| max |b| (Mattsson and Medvedev, Section III-C)."""
+    body = chain(observer__threshold=threshold, observer__exponents=[-0.65, -0.7, -0.75, -0.8])
+    design = obsdesign.design(obsdesign.Problem.from_dict(body))
+    expected = next(c.evidence["approx_expected"] for c in design.claims if c.id == "uniqueness")
+    observer = from_design(design)
+    t = np.round(0.05 * np.arange(round(60 / 0.05) + 1), 10)
+    for share, count in ((0.98, 0), (1.02, 1)):
+        train = ((12.34567, sign * share * threshold / expected["peak"]),)
+        x = record(np.array(body["flow"]["A"]), body["jump"]["H"], train, t, [4, 20, 60])
+        assert len(events_of(rows_from(observer, t, x[:, 2:], x=[4, 20, 60]))) == count
+
+
 def test_records_that_hold_nothing() -> None:
     observer = observer_of(chain())
     t = np.round(0.05 * np.arange(1000), 10)

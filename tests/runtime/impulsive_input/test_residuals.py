@@ -81,6 +81,32 @@ def test_a_wrong_plant_widens_deviations_and_is_told(
     assert 0.7 < np.sqrt(np.mean(errors**2)) < 1.3
 
 
+@pytest.mark.parametrize(("operator", "period"), [("samples", 0.5), ("integral", 0.05)])
+@pytest.mark.parametrize("noise", [0.003, 0.03])
+def test_deviations_of_time_and_weight_are_what_errors_are(
+    operator: str, period: float, noise: float
+) -> None:
+    """Neither too small nor too large: 40 impulses, chi-square within four deviations."""
+    body = copy.deepcopy(TWO)
+    body["output"] |= {"noise_std": [noise], "period": period}
+    body["observer"]["operator"] = operator
+    rng = np.random.default_rng(7)
+    moments = np.cumsum(6 * (1.2 + rng.exponential(0.5, 40)))
+    weights = rng.uniform(1, 3, 40)
+    t = period * np.arange(int((moments[-1] + 6) / period))
+    train = list(zip(moments, weights, strict=True))
+    y = record(np.array(body["flow"]["A"]), body["jump"]["H"], train, t, [0, 0])[:, 1:]
+    events = (
+        observer_of(body).run_batch(t, y + noise * rng.standard_normal(y.shape), x=[0, 0]).events
+    )
+    events = [min(events, key=lambda e, m=m: abs(e.t - m)) for m in moments]
+    for errors, deviations in (
+        ([e.t for e in events] - moments, [e.t_std for e in events]),
+        (np.array([e.weights[0] for e in events]) - weights, [e.weights_std[0] for e in events]),
+    ):
+        assert 0.55 < np.sqrt(np.mean((errors / deviations) ** 2)) < 1.45
+
+
 def test_one_bad_row_is_not_held_against_all_that_follow(precise: dict[str, Any]) -> None:
     _, status = scores(precise, 0.0, 1, spike=3.0)
     assert not any(LARGER in word for word in status[6:])

@@ -10,9 +10,9 @@ import pytest
 from scipy.linalg import expm
 
 import obsdesign
+from docs.figures import block_pulse
 from obsdesign.data.simulation import simulate
 from obsdesign.runtime import Sample, from_design
-from tests.papers import block_pulse
 from tests.systems.unknown_input import (
     plant_with_zeros,
     random_plant,

@@ -50,6 +50,31 @@ def test_every_kind_is_answered_and_the_filter_comes_last() -> None:
             assert row.error <= row.width / 2 * (1 + 1e-9)
 
 
+@pytest.mark.parametrize("name", ["mazenc_4", "degue_4_1", "ahn_1", "gantry_crane"])
+def test_a_row_guarantees_what_its_design_guarantees_and_nothing_else(name: str) -> None:
+    problem = load(name)
+    record = ComparisonRecord.from_simulation(problem.plant, rng=np.random.default_rng(3))
+    design = obsdesign.design(problem)
+    given = [one.statement for one in design.guarantees if one.given]
+    rows = list(compare(problem, record))
+    assert given[0] in [row.guarantee for row in rows if row.kind == problem.kind]
+    assert all(bool(row.guarantee) == (row.verdict == "proved") for row in rows)
+
+
+def test_the_approximate_observer_is_not_called_exact() -> None:
+    """Observer (14) of Mazenc and Ahmed has a bias; observers (9) and (16) have none."""
+    problem = load("mazenc_4")
+    record = ComparisonRecord.from_simulation(problem.plant, rng=np.random.default_rng(3))
+    rows = {row.variant: row for row in compare(problem, record) if row.kind == "finite_time"}
+    approximate, exact = rows["approximate"], rows["exact"]
+    assert approximate.error is not None
+    assert approximate.error > 1e-3
+    assert "is off by at most 0.0137" in approximate.guarantee
+    assert exact.error is not None
+    assert exact.error < 1e-12
+    assert "the estimate is the state" in exact.guarantee
+
+
 def test_numbers_are_those_of_the_observer_alone() -> None:
     problem = load("degue_4_1")
     record = ComparisonRecord.from_simulation(

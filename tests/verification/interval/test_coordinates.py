@@ -247,6 +247,62 @@ def test_the_state_stays_inside_in_other_coordinates(seed: int) -> None:
     assert (batch.upper - batch.lower)[-50:].max() < 6.0
 
 
+# G - M C = [[2, -4], [1, -2]] is nilpotent: S2 turns it into T = [[0, 1], [0, 0]]
+TWO_COORDINATES: dict[str, Any] = {
+    **DEAD_BEAT,
+    "observer": {
+        "kind": "interval",
+        "form": "two_coordinates",
+        "gains": {**DEAD_BEAT["observer"]["gains"], "S2": [[2, 1], [1, 0]]},
+    },
+}
+
+
+def test_observer_9_takes_the_noise_at_a_jump_into_its_bounds() -> None:
+    """From a known state each sign of the noise reaches one end of the bounds after the jump."""
+    problem = problem_with(TWO_COORDINATES, jump__dwell_time=[0.3, 1])
+    plant = problem.plant
+    assert plant.jump is not None
+    design = obsdesign.design(problem, allow_undecided=True)
+    assert design.gains["form"] == "two_coordinates"
+    observer: Any = from_design(design)
+    x, V, c = np.array([1.0, -2.0]), 0.03, np.array([0.3, 0.3])
+    widths = []
+    for v in (-V, 0.0, V):
+        state = observer.init(t=0.0, lower=x.tolist(), upper=x.tolist())
+        sample = Sample(t=0.0, y=plant.output.C @ x + v, jump=True)
+        _, bounds = observer.step(state, sample)
+        after = plant.jump.G @ x
+        assert (bounds.lower <= after - c).all()
+        assert (after + c <= bounds.upper).all()
+        widths.append(bounds.upper - bounds.lower)
+    S, S2, M = (np.array(design.gains[name]) for name in ("S", "S2", "M"))
+    out = np.abs(S) @ np.abs(np.linalg.solve(S, S2))
+    noise, disturbance = np.abs(np.linalg.solve(S2, M))[:, 0] * V, np.abs(np.linalg.inv(S2)) @ c
+    np.testing.assert_allclose(widths, [2 * out @ (noise + disturbance)] * 3, rtol=1e-9)
+
+
+@pytest.mark.parametrize("disturbance", ["extreme", "random"])
+def test_the_state_of_a_noisy_plant_stays_inside_in_two_coordinates(disturbance: str) -> None:
+    from obsdesign.data.simulation import simulate
+
+    body = copy.deepcopy(TWO_COORDINATES)
+    for block in ("flow", "jump"):  # noise alone
+        del body[block]["disturbance"]
+    problem = problem_with(body, jump__dwell_time=[0.3, 1])
+    rng = np.random.default_rng(5)
+    record = simulate(problem.plant, until=12.0, step=0.02, initial=[1.0, 1.0],
+                      disturbance=disturbance, rng=rng)  # fmt: skip
+    design = obsdesign.design(problem, allow_undecided=True)
+    batch = from_design(design).run_batch(
+        record.t, record.block("y"), jump=record.columns["jump"], lower=[1.0, 1.0], upper=[1.0, 1.0]
+    )
+    x = record.block("x")
+    assert set(batch.status) == {"ok"}
+    assert (batch.lower <= x).all()
+    assert (x <= batch.upper).all()
+
+
 # --- bad input ----------------------------------------------------------------------------------
 
 

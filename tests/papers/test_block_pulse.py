@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from docs.figures import block_pulse as bpf
 from obsdesign.equations.unknown_input.smoothing import WINDOW, allowance, roughness, smoothed
-from tests.papers import block_pulse as bpf
 
 M, H = 100, 0.1
 T = H * np.arange(M + 1)

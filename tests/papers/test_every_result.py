@@ -1,0 +1,70 @@
+"""`docs/papers.md` has one line for every number of the five papers, each with a test that exists."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PAGE = (ROOT / "docs" / "papers.md").read_text(encoding="utf-8")
+STATUSES = {"full", "corrected", "refuted", "not built"}
+
+
+def equations(first: int, last: int) -> list[str]:
+    return [f"({number})" for number in range(first, last + 1)]
+
+
+def figures(count: int) -> list[str]:
+    return [f"Figure {number}" for number in range(1, count + 1)]
+
+
+# author -> what the paper numbers
+NUMBERS = {
+    "Degue": [
+        *equations(1, 11), *figures(3), "Lemma 1", "Lemma 2", "Theorem 3", "Corollary 4",
+        "Theorem 5", "Remark 6", "Theorem 7", "Theorem 8", "Remark 9", "Remark 10",
+        *(f"Assumption {number}" for number in range(1, 6)),
+        *(f"Example 4.{number}" for number in range(1, 4)),
+    ],
+    "Medina": [
+        *equations(1, 16), *figures(5), "Assumption 2.1", "Theorem 2.2", "Definition 2.3",
+        "Definition 2.4", "Definition 2.5", "Lemma 2.6", "Theorem 3.1", "Lemma 3.2",
+    ],
+    "Mazenc": [*equations(1, 33), *figures(1), "Assumption 1", "Lemma 1", "Lemma 2", "Theorem 1"],
+    "Ahn": [*equations(1, 44), *figures(8), "Example 1", "Example 2", "Table 1", "Table 2"],
+    "Mattsson": [*equations(1, 19), *figures(6), "Proposition 3.1", "Proposition 3.2"],
+}  # fmt: skip
+
+
+def lines(author: str) -> list[list[str]]:
+    """Cells of the table rows in an author's section."""
+    section = next(part for part in PAGE.split("\n## ") if part.startswith(author))
+    rows = [line for line in section.splitlines() if line.startswith("| ")]
+    return [re.split(r"(?<!\\)\| ", row.strip("| ")) for row in rows[1:]]
+
+
+TESTS = {
+    name
+    for path in (ROOT / "tests").rglob("test_*.py")
+    for name in re.findall(r"^def (test_\w+)", path.read_text(encoding="utf-8"), re.MULTILINE)
+}
+
+
+@pytest.mark.parametrize("author", NUMBERS)
+def test_every_number_of_a_paper_has_exactly_one_line(author: str) -> None:
+    stated = [item.strip() for row in lines(author) for item in row[0].split(",")]
+    assert {
+        number: stated.count(number) for number in NUMBERS[author] if stated.count(number) != 1
+    } == {}
+
+
+@pytest.mark.parametrize("author", NUMBERS)
+def test_every_line_has_a_status_and_tests_that_exist(author: str) -> None:
+    for item, status, reason, named in lines(author):
+        names = re.findall(r"`(test_\w+)`", named)
+        assert status.strip() in STATUSES, item
+        assert names or status.strip() == "not built", item
+        assert set(names) <= TESTS, item
+        assert reason.strip(), item
