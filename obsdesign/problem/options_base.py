@@ -1,8 +1,8 @@
-"""Base class of the options of all kinds: declared fields, and access as a mapping."""
+"""Base class of the options of all kinds: declared fields, and which of them a problem states."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any, Self
 
@@ -19,8 +19,8 @@ def option(
     return file_entry(fragment, description, default=default, whole=whole)
 
 
-class Options(Mapping[str, Any]):
-    """Options of an observer; as a mapping those that the problem states, in its order."""
+class Options:
+    """Options of an observer, and which of them the problem states, in its order."""
 
     _stated: tuple[str, ...]
 
@@ -46,17 +46,6 @@ class Options(Mapping[str, Any]):
 
     def check(self, plant: Plant) -> None:
         """InputError for options that do not fit the plant or each other."""
-
-    def __getitem__(self, name: str) -> Any:
-        if name not in self._stated:
-            raise KeyError(name)
-        return getattr(self, name)
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._stated)
-
-    def __len__(self) -> int:
-        return len(self._stated)
 
 
 class UnassignedOptions(Options):

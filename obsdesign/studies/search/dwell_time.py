@@ -101,7 +101,7 @@ def require_search(problem: Problem, what: str, accuracy: float = ACCURACY) -> N
         )
     require_accuracy(accuracy)
     problem.require_dwell_time()
-    if "schedule" in problem.options:
+    if problem.options.is_stated("schedule"):
         raise InputError(
             "--for dwell times: observer.schedule divides a range that is fixed; search without it."
         )
