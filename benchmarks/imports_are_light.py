@@ -19,7 +19,7 @@ ROUNDS = 9
 EAGER = """
 import casadi, clarabel, click, cvxpy, flint, highspy, jinja2, jsonschema, matplotlib.figure, numpy
 import rich.console, rich.table, scipy.linalg, scipy.optimize, scipy.signal
-import obsdesign.workflow, obsdesign.studies.search.dwell_time, obsdesign.data.simulation
+import obsdesign.workflow, obsdesign.studies.search.search, obsdesign.data.simulation
 import obsdesign.pages.report, obsdesign.studies.comparison.compare
 """
 RUNTIME, NUMPY = "import obsdesign.runtime", "import numpy"

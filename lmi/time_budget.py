@@ -31,11 +31,6 @@ class TimeBudget:
     factor: float = 1.0
 
     @staticmethod
-    def unlimited() -> TimeBudget:
-        """No total: searches end by their own limits."""
-        return UNLIMITED
-
-    @staticmethod
     def from_seconds(seconds: float | None) -> TimeBudget:
         """A total of so many seconds of processor time from now on; None: unlimited.
 

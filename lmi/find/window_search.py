@@ -16,7 +16,7 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Array
 from lmi.arithmetic.balls import Exact, rank_factors, to_float
-from lmi.families import Edge, horizon
+from lmi.families import Edge
 from lmi.find.cutting_plane import Proposal, propose_edges
 from lmi.find.edge_grid import Cut, Grids
 from lmi.find.splitting import Limits, cuttings
@@ -107,7 +107,7 @@ class _Family:
     @property
     def last(self) -> float:
         """The end of the range, or where an infinite one has nothing left to show."""
-        return self.high if math.isfinite(self.high) else self.low + horizon(self.F)
+        return Edge(self.F, self.right, self.low, self.high).last
 
     def edges(self, links: Links) -> list[Edge]:
         """One family on each edge."""

@@ -121,7 +121,7 @@ def search(
 ) -> int:  # fmt: skip
     """Find the limit of WHAT for PROBLEM: a bracket, proved on one side."""
     from obsdesign.cli.answers import EXIT_CODES, answer, show_bracket
-    from obsdesign.studies.search import dwell_time as searching
+    from obsdesign.studies.search import search as searching
 
     loaded, dropped = problem_of(problem, kind)
     try:

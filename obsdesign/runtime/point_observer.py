@@ -3,15 +3,31 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
-from typing import Any, Generic
+from collections.abc import Callable, Sequence
+from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from obsdesign.equations.gains import Gains
+from lmi.arithmetic.arrays import Matrix
+from obsdesign.equations.gains import Gains, PlantGains
 from obsdesign.errors import InputError
-from obsdesign.runtime.base import State, Stepped
+from obsdesign.runtime.base import Estimate, Sample, State, Stepped, centred_measurement, later
+
+
+class Timed(Protocol):
+    """A state that knows its time, and whether a sample was taken."""
+
+    @property
+    def t(self) -> float:
+        """Time of the last sample, or of the start."""
+
+    @property
+    def started(self) -> bool:
+        """Was a sample taken?"""
+
+
+TimedState = TypeVar("TimedState", bound=Timed)
 
 
 class PointObserver(ABC, Generic[State]):
@@ -60,3 +76,19 @@ class PointObserver(ABC, Generic[State]):
 
 class SteppedObserver(PointObserver[State], Stepped[State]):
     """One estimate for every sample."""
+
+
+def centred_step(
+    advance: Callable[[TimedState, float, Matrix | None, Sample], tuple[TimedState, Estimate]],
+    gains: PlantGains,
+    state: TimedState,
+    sample: Sample,
+) -> tuple[TimedState, Estimate]:
+    """Step by `advance(state, t, y, sample)`, y without the middle of its noise, None if missing.
+
+    ValueError if time does not increase (the first sample may share the initial time).
+    """
+    t = later(sample.t, state.t, state.started)
+    y = centred_measurement(sample.y, gains)
+    with np.errstate(over="ignore", invalid="ignore"):  # the status names what is not finite
+        return advance(state, t, y, sample)

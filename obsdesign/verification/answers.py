@@ -4,15 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, Protocol
 
 from lmi.time_budget import Remark, ended_part, ending, last_end
 from obsdesign.document import Claim
 from obsdesign.errors import DoesNotApply, InputError
 
 
+class Chosen(Protocol):
+    """What verification has to know of a candidate of synthesis."""
+
+    @property
+    def searched(self) -> bool:
+        """Did synthesis choose something that the problem leaves open?"""
+
+    @property
+    def certificates(self) -> Mapping[str, Mapping[str, Any]]:
+        """By claim id, what synthesis found for it."""
+
+
 def as_answers(
-    candidate: Any, claims: tuple[Claim, ...], remarks: Sequence[Remark] = ()
+    candidate: Chosen, claims: tuple[Claim, ...], remarks: Sequence[Remark] = ()
 ) -> tuple[Claim, ...]:
     """Claims about a candidate as answers to its problem.
 

@@ -19,7 +19,7 @@ from obsdesign.cli.answers import show_bracket
 from obsdesign.studies.check.which_kinds import check_all, check_kind
 from obsdesign.studies.comparison.compare import compare
 from obsdesign.studies.comparison.record import ComparisonRecord
-from obsdesign.studies.search.dwell_time import search
+from obsdesign.studies.search.search import search
 from obsdesign.studies.sweep.axes import parse_axis
 from obsdesign.studies.sweep.point import evaluate, plan_sweep
 from obsdesign.studies.sweep.run import run_sweep

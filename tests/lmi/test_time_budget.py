@@ -18,6 +18,7 @@ from lmi.prove.common_matrix import prove_common
 from lmi.rank.full_rank import prove_full_rank
 from lmi.rank.stack import Stack, coordinates
 from lmi.time_budget import (
+    UNLIMITED,
     Remark,
     TimeBudget,
     ended_part,
@@ -31,7 +32,6 @@ from tests.systems.pairs import SAMPLED
 # less than any search takes: it is over when it is looked at
 NOTHING = 1e-9
 NO_TIME = TimeBudget.from_seconds(NOTHING)
-UNLIMITED = TimeBudget.unlimited()
 
 
 def test_a_total_is_a_value_and_ends_at_a_moment() -> None:

@@ -31,14 +31,12 @@ from obsdesign.runtime.base import (
     DwellGuard,
     Estimate,
     Sample,
-    centred_measurement,
     corrected_jump,
-    later,
     status_of,
     vector,
 )
 from obsdesign.runtime.impulsive.window import Element, SlidingWindow
-from obsdesign.runtime.point_observer import SteppedObserver
+from obsdesign.runtime.point_observer import SteppedObserver, centred_step
 from obsdesign.runtime.step_cache import cached_step
 
 # condition numbers, columns scaled to their usual sizes: digits are lost; nothing is left
@@ -102,10 +100,7 @@ class ImpulsiveObserver(SteppedObserver[ImpulsiveState]):
 
         ValueError if time does not increase (the first sample may share the initial time).
         """
-        t = later(sample.t, state.t, state.started)
-        y = centred_measurement(sample.y, self.gains)
-        with np.errstate(over="ignore", invalid="ignore"):  # the status names what is not finite
-            return self._step(state, t, y, sample)
+        return centred_step(self._step, self.gains, state, sample)
 
     def _step(
         self, state: ImpulsiveState, t: float, y: Matrix | None, sample: Sample

@@ -15,7 +15,7 @@ from obsdesign.document import jsonable
 from obsdesign.errors import InputError
 from obsdesign.kinds import KINDS, SEARCHES
 from obsdesign.problem.problem import Problem
-from obsdesign.studies.search import dwell_time as searching
+from obsdesign.studies.search import search as searching
 from obsdesign.studies.search.result import SearchResult
 from obsdesign.studies.sweep.axes import Axis, changed, require_number
 from obsdesign.verification.answers import is_ended, more_time, reason

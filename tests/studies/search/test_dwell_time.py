@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import obsdesign
-from obsdesign.studies.search.dwell_time import search
+from obsdesign.studies.search.search import search
 from tests.cli.test_commands import ROOT, command
 
 ACCURACY = 1e-6

@@ -16,20 +16,19 @@ from hypothesis import strategies as st
 import obsdesign
 from lmi.arithmetic.balls import precision
 from lmi.arithmetic.norms import float_below
-from lmi.time_budget import TimeBudget
+from lmi.time_budget import UNLIMITED, TimeBudget
 from obsdesign.analysis.finite_time.enclosed_gains import Sampled
 from obsdesign.design_file import from_dict
 from obsdesign.document import digest
 from obsdesign.equations.finite_time.condition_13 import approx_log_longest_period
 from obsdesign.studies.search import period as period_search
-from obsdesign.studies.search.dwell_time import search
+from obsdesign.studies.search.search import search
 from obsdesign.synthesis.finite_time.injection import EFFORT, best_injection
 from obsdesign.synthesis.finite_time.period_problem import PeriodProblem
 from obsdesign.verification.finite_time.theorem_1 import Norms
 from tests.cli.test_commands import ROOT, command
 from tests.verification.finite_time.test_claims import ROTATION, L, sampled_problem
 
-UNLIMITED = TimeBudget.unlimited()
 CHAIN = [[0, 1], [0, 0]]
 A, C = np.array(ROTATION), np.array([[0.3, 0.0]])
 

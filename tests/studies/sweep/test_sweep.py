@@ -22,7 +22,7 @@ import obsdesign
 from obsdesign import InputError
 from obsdesign.document import jsonable
 from obsdesign.pages.plotting.sweep import plot_sweep
-from obsdesign.studies.search.dwell_time import search
+from obsdesign.studies.search.search import search
 from obsdesign.studies.sweep import workers
 from obsdesign.studies.sweep.axes import Axis, changed, entries, parse_axis, require_number
 from obsdesign.studies.sweep.point import Plan, SweepPoint, evaluate, plan_sweep

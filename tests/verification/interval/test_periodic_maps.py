@@ -11,11 +11,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import obsdesign
+from lmi.time_budget import UNLIMITED
 from lmi.arithmetic.balls import exact, precision, rational
 from lmi.arithmetic.exponential import absolute_flow, expm
 from lmi.bounds.mean_value import Time
 from lmi.bounds.mean_value import absolute_flow as absolute_flow_in_balls
-from lmi.time_budget import TimeBudget
 from obsdesign.runtime import Sample, from_design
 from obsdesign.synthesis.interval.candidates import synthesize
 from obsdesign.synthesis.interval.periodic import SampledPlant
@@ -76,7 +76,7 @@ def no_jumps(seed: int) -> obsdesign.Problem:
 @pytest.mark.parametrize("seed", range(4))
 def test_no_other_gain_is_narrower(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    plant = SampledPlant(no_jumps(seed), None, TimeBudget.unlimited())
+    plant = SampledPlant(no_jumps(seed), None, UNLIMITED)
     L = plant.gain(1.0)
     if L is None:  # in these coordinates the step contracts with no gain
         trials = rng.standard_normal((200, *plant.C.T.shape)) * 3

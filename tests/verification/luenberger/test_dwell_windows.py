@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 import obsdesign
-from obsdesign.studies.search.dwell_time import search
+from obsdesign.studies.search.search import search
 from obsdesign.verification.luenberger.claims import claims
 from tests.verification.luenberger.test_claims import sampled_data, sampled_data_problem
 

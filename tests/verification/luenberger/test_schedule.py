@@ -18,7 +18,7 @@ from obsdesign.data.simulation import simulate
 from obsdesign.document import jsonable
 from obsdesign.equations.luenberger.error_system import schedule_cells, schedule_pairs
 from obsdesign.runtime import Sample, from_design
-from obsdesign.studies.search.dwell_time import search
+from obsdesign.studies.search.search import search
 from obsdesign.verification.luenberger.claims import claims
 
 # one output, three states that grow between jumps: no single gain is found for this range

@@ -1,0 +1,90 @@
+"""Search for a limit of a problem: an end of its dwell times, its period or its window.
+
+Both sides of the bracket are decided: one is proved, the other refuted or undecided.
+"""
+
+from __future__ import annotations
+
+import math
+
+from lmi.decide.dwell_problem import Direction
+from lmi.decide.dwell_search import ACCURACY
+from lmi.time_budget import TimeBudget
+from obsdesign import workflow
+from obsdesign.errors import InputError
+from obsdesign.kinds import DWELL_SEARCHES, PERIOD_SEARCHES, SEARCHES
+from obsdesign.problem.problem import Problem
+from obsdesign.studies.search.dwell_time import search_dwell_time
+from obsdesign.studies.search.period import search_period
+from obsdesign.studies.search.result import SearchResult
+
+
+def search(
+    problem: Problem, what: str, accuracy: float = ACCURACY, *, seconds: float | None = None
+) -> workflow.Outcome:
+    """The bracket for `what`; accuracy is its relative width.
+
+    The outcome's result is that of `SearchResult`, or of `period.search_period`.
+    Verdict: proved when the bracket is as tight as asked, undecided when it is wider, refuted when
+    no range is admissible. InputError when the kind has no such search.
+
+    seconds: of processor time that searches may take in all; None for their own budgets, which a
+    larger total stretches until the bracket is as tight as asked.
+    """
+    require_search(problem, what, accuracy)
+    best: workflow.Outcome | None = None
+    for budget in TimeBudget.from_seconds(seconds).attempts():
+        outcome = _searched(problem, what, accuracy, budget)
+        best = outcome if best is None else max(best, outcome, key=lambda o: _quality(o, what))
+        if not SearchResult.from_dict(outcome.result).ended:
+            break
+    assert best is not None
+    return best
+
+
+def _quality(outcome: workflow.Outcome, what: str) -> tuple[int, float, float]:
+    """Rank of an answer to a search: decided, far on the proved side, tight."""
+    rank = ("undecided", "refuted", "proved").index(outcome.verdict)
+    result = SearchResult.from_dict(outcome.result)
+    proved, other = result.proved, result.not_proved
+    if proved is None:
+        return rank, -math.inf, -math.inf
+    reach = -proved if what.startswith("shortest") else proved
+    gap = 0.0 if other is None or other == proved else abs(other - proved)
+    return rank, reach, -gap
+
+
+def _searched(problem: Problem, what: str, accuracy: float, budget: TimeBudget) -> workflow.Outcome:
+    """One attempt with this budget."""
+    if what in PERIOD_SEARCHES:
+        return search_period(problem, what, budget)
+    direction: Direction = "shortest" if what == "shortest_dwell" else "longest"
+    return search_dwell_time(problem, direction, accuracy, budget)
+
+
+def require_accuracy(accuracy: float) -> None:
+    """InputError unless it is the relative width of a bracket that can be found."""
+    if not (math.isfinite(accuracy) and 1e-12 <= accuracy < 1):
+        raise InputError(f"--accuracy must be a number from 1e-12 to 1; got {accuracy!r}.")
+
+
+def require_search(problem: Problem, what: str, accuracy: float = ACCURACY) -> None:
+    """InputError unless `search` knows this limit for a problem of this kind."""
+    kind = problem.require_kind()
+    if what not in SEARCHES:
+        raise InputError(f"--for must be one of {', '.join(SEARCHES)}; got {what!r}.")
+    if kind == "finite_time" and what in PERIOD_SEARCHES:
+        return
+    if what not in DWELL_SEARCHES or kind not in ("interval", "luenberger"):
+        raise InputError(f"--for {what} is not available for kind {kind!r} in this version.")
+    if problem.plant.output.measured == "periodic":
+        raise InputError(
+            f"--for {what} is not available with output.measured = 'periodic'; it must be "
+            "continuous or at_jumps."
+        )
+    require_accuracy(accuracy)
+    problem.require_dwell_time()
+    if problem.options.is_stated("schedule"):
+        raise InputError(
+            "--for dwell times: observer.schedule divides a range that is fixed; search without it."
+        )
