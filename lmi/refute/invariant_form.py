@@ -1,4 +1,4 @@
-"""A quadratic form that flow and jumps leave alone: a state on which it is not zero never decays.
+"""A quadratic form that flow and jumps leave alone: where it is not zero, nothing decays.
 
 x' = F x, x+ = H x with F'Q + Q F = 0 and H'Q H = Q (or -Q) for some symmetric Q != 0: |x'Q x| is
 constant for every sequence of jumps. (A rotation with any jump that keeps lengths, say.) Decided in
