@@ -17,6 +17,7 @@ import click
 
 from lmi.memory import OversizeError
 from obsdesign.cli import data, pages, proving, sweeping
+from obsdesign.cli.talk import on_stderr
 from obsdesign.errors import InputError
 
 INTERNAL_ERROR = 70
@@ -104,7 +105,7 @@ def _was_interrupted(error: BaseException | None) -> bool:
 def _complain(text: str) -> None:
     line = " ".join(text.split())
     line = line if len(line) <= _LONGEST_LINE else line[:_LONGEST_LINE] + "..."
-    click.echo(f"obsdesign: {line}", err=True)
+    on_stderr(f"obsdesign: {line}")
 
 
 def _discard_output() -> None:

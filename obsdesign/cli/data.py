@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from obsdesign.cli.arguments import answer_of, dwell_times, numbers, one_of, source_of
-from obsdesign.cli.talk import is_quiet, say, warn
+from obsdesign.cli.talk import is_quiet, on_stderr, say, warn
 from obsdesign.errors import InputError
 
 
@@ -99,7 +99,7 @@ def run(
     total = counts.pop("rows", 0)
     statuses = ", ".join(f"{number} {status}" for status, number in counts.most_common())
     if not is_quiet():
-        click.echo(f"{total} rows{': ' if statuses else ''}{statuses}", err=True)
+        on_stderr(f"{total} rows{': ' if statuses else ''}{statuses}")
     return 4 if strict and counts["ok"] < total else 0
 
 

@@ -8,7 +8,7 @@ import os
 import click
 
 from obsdesign.cli.arguments import KIND, problem_of, time_option
-from obsdesign.cli.talk import progress_bar, say, warn
+from obsdesign.cli.talk import on_stderr, progress_bar, say, warn
 from obsdesign.errors import InputError
 
 # each process does one point at a time, and has one thread to do it
@@ -61,5 +61,5 @@ def sweep(
     if errors:
         place = ", ".join(f"{a.key} = {x:g}" for a, x in zip(axes, errors[0].at, strict=True))
         text = f"{len(errors)} without an answer; at {place}: {errors[0].error}"
-        click.echo(f"obsdesign: {text}", err=True)
+        on_stderr(f"obsdesign: {text}")
     return 3 if len(errors) == len(points) else 0

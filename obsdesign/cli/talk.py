@@ -22,6 +22,17 @@ if TYPE_CHECKING:
 _WHILE, _CHECK_SECONDS = 2.0, 0.25
 
 
+def on_stderr(line: str) -> None:
+    """Write a line to standard error; where that cannot be written it is lost, and all others.
+
+    An exit code says what became of a command, not of its messages.
+    """
+    try:
+        click.echo(line, err=True)
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stderr.fileno())
+
+
 def is_quiet() -> bool:
     """Was --quiet given?"""
     return _given("quiet")
@@ -41,7 +52,7 @@ def say(text: str) -> None:
 def warn(text: str) -> None:
     """A line for a person on standard error."""
     if not is_quiet():
-        click.echo(f"obsdesign: {text}", err=True)
+        on_stderr(f"obsdesign: {text}")
 
 
 @contextmanager
@@ -52,7 +63,7 @@ def progress_message(doing: str) -> Iterator[None]:
     def watch() -> None:
         while not done.wait(_CHECK_SECONDS):
             if time.process_time() - start > _WHILE:
-                click.echo(f"obsdesign: still {doing} after {_WHILE:g} s", err=True)
+                on_stderr(f"obsdesign: still {doing} after {_WHILE:g} s")
                 return
 
     if not is_quiet():  # checked here: the other thread has no context

@@ -42,3 +42,31 @@ def test_a_design_is_written_although_nobody_reads_the_answer(tmp_path: Path) ->
     path = tmp_path / "design.json"
     assert code_of("design", EXAMPLES / "degue_4_1.toml", "-o", path, is_read=False) == 141
     assert code_of("verify", path, is_read=True) == 0
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full on this system")
+@pytest.mark.parametrize("broken", ["full", "closed"])
+def test_messages_that_nobody_gets_change_no_exit_code(
+    broken: str, design: Path, tmp_path: Path
+) -> None:
+    """Standard error on a full disk, or with its reader gone."""
+
+    def code(*arguments: object) -> int:
+        command = [sys.executable, "-m", "obsdesign", *map(str, arguments)]
+        if broken == "full":
+            with open("/dev/full", "w") as full:
+                return subprocess.run(command, stderr=full, stdout=subprocess.DEVNULL).returncode
+        with subprocess.Popen(
+            command, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL
+        ) as process:
+            assert process.stderr is not None
+            process.stderr.close()
+            return process.wait()
+
+    data = tmp_path / "data.csv"
+    data.write_text("t,y1,jump\n0,1,0\n0.1,0.9,0\n")
+    assert code("verify", tmp_path / "none.json") == 2
+    assert code("run", design, tmp_path / "none.csv") == 2
+    estimate = tmp_path / "estimate.csv"
+    assert code("run", design, data, "--initial", "-2,2,-2,2", "-o", estimate) == 0
+    assert len(estimate.read_text().splitlines()) == 3

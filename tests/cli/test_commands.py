@@ -300,6 +300,10 @@ def _rests_on(body: dict[str, Any]) -> None:
     body["guarantees"][0]["claims"] = ["consistent", "common_sense"]
 
 
+def _rests_on_less(body: dict[str, Any]) -> None:
+    body["guarantees"][0]["claims"].pop()
+
+
 def _range(body: dict[str, Any]) -> None:
     body["problem"]["jump"]["dwell_time"][0] = 0.5
     body["gains"]["dwell_time"][0] = 0.5
@@ -338,7 +342,7 @@ def _rate(body: dict[str, Any]) -> None:
     next(c for c in body["claims"] if c["id"] == "rates")["evidence"]["in_time"] = 0.5
 
 
-LIES = [_rests_on, _rate, _less, _gain, _split, _drop, _certificate, _promise, _range, _twice, _unknown_input,
+LIES = [_rests_on, _rests_on_less, _rate, _less, _gain, _split, _drop, _certificate, _promise, _range, _twice, _unknown_input,
         _periodic, _other_name, _coordinates, _lost]  # fmt: skip
 
 MALFORMED = {

@@ -11,11 +11,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import obsdesign
-from lmi.time_budget import UNLIMITED
 from lmi.arithmetic.balls import exact, precision, rational
 from lmi.arithmetic.exponential import absolute_flow, expm
 from lmi.bounds.mean_value import Time
 from lmi.bounds.mean_value import absolute_flow as absolute_flow_in_balls
+from lmi.time_budget import UNLIMITED
 from obsdesign.runtime import Sample, from_design
 from obsdesign.synthesis.interval.candidates import synthesize
 from obsdesign.synthesis.interval.periodic import SampledPlant
