@@ -116,9 +116,10 @@ class Design:
             "gains": jsonable(self.gains),
             "claims": [claim.to_dict() for claim in self.claims],
             "guarantees": [guarantee.to_dict() for guarantee in self.guarantees],
-            "warnings": list(self.warnings or ()),
             "provenance": jsonable(self.provenance),
         }
+        if self.warnings is not None:  # a file without them keeps its digest
+            body["warnings"] = list(self.warnings)
         return body | {"digest": digest(body)}
 
     def save(self, path: str | os.PathLike[str]) -> None:

@@ -66,7 +66,7 @@ def test_two_halves_are_one_record(desk: Path, stdin: bool) -> None:
     ran("run", "d.json", "all.csv", *START, "-o", "all_est.csv")
     assert halves(stdin=stdin) == (desk / "all_est.csv").read_text().splitlines()[1:]
     body = json.loads((desk / "s.json").read_text())
-    assert (body["format"], body["version"]) == ("obsdesign/state", 1)
+    assert (body["format"], body["version"]) == ("obsdesign/state", 2)
     assert body["design"] == json.loads((desk / "d.json").read_text())["digest"]
 
 
@@ -300,3 +300,14 @@ def test_a_design_with_an_unproved_claim_says_so(desk: Path) -> None:
     names = ", ".join(claim.id for claim in claims)
     assert f"d.json: {names} not proved: what rests on them is not guaranteed." in done.stderr
     assert done.return_value == 0
+
+
+def test_a_design_without_warnings_keeps_its_digest(tmp_path: Path) -> None:
+    """Files written before there were warnings are signed without them."""
+    design = obsdesign.design(obsdesign.load_problem(ROOT / "examples" / "degue_4_1.toml"))
+    body = {key: value for key, value in design.to_dict().items() if key != "warnings"}
+    body["digest"] = digest({key: value for key, value in body.items() if key != "digest"})
+    path = tmp_path / "older.json"
+    path.write_text(json.dumps(body), encoding="utf-8")
+    assert obsdesign.load_design(path).to_dict()["digest"] == body["digest"]
+    assert design.to_dict()["digest"] != body["digest"]

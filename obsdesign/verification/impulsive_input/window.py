@@ -83,7 +83,7 @@ def enough_exponents(D: Exact, C: Exact, exponents: list[float]) -> Claim:
             for coefficient in reversed(polynomial):
                 value = value * at + coefficient
             if value == 0:
-                reason = f"the exponent {lam!r} is an eigenvalue of A - K C"
+                reason = f"the exponent {float(lam)!r} is an eigenvalue of A - K C"
                 verdict = refuted({"exponent": lam, "reason": reason})
                 break
     return Claim.from_verdict("exponents", statement, f"{PAPER}, (12)", verdict)
@@ -145,11 +145,11 @@ def _obstacle(part: FeatureWindow, lam: float, bound: float) -> Verdict | None:
             age = margin + place
             if holds is False:
                 reason = (
-                    f"exponent {lam!r}: near age {age:.6g} the neglected part exceeds {bound!r} "
+                    f"exponent {float(lam)!r}: near age {age:.6g} the neglected part exceeds {bound!r} "
                     "of the feature (where the impulse response changes sign a feature has a zero)"
                 )
                 return refuted({"age": age, "exponent": lam, "reason": reason})
-            return undecided(f"exponent {lam!r}, near age {age:.6g}", age=age)
+            return undecided(f"exponent {float(lam)!r}, near age {age:.6g}", age=age)
     return None
 
 
