@@ -1,4 +1,4 @@
-"""Base class of the options of all kinds: declared fields, and which of them a problem states."""
+"""Base class of the options of all kinds, and which of them a problem states."""
 
 from __future__ import annotations
 

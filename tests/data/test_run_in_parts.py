@@ -175,7 +175,7 @@ def test_states_that_cannot_be_resumed(desk: Path) -> None:
         ("[" * 9999, "not a state file that can be resumed"),
         (signed(body | {"more": json.loads("[" * 60 + "]" * 60)}), "nested deeper than 50"),
         (text.replace('"started": true', '"started": false'), "digest does not match the content"),
-        (signed(body | {"version": 2}), "version must be 1; got 2"),
+        (signed(body | {"version": 1}), "version must be 2; got 1"),
         (signed(body | {"format": "x"}), "format must be 'obsdesign/state'"),
         (signed(body | {"design": "sha256:0"}), "Was it saved by another design?"),
         (signed(body | {"more": 1}), "its keys must be"),

@@ -19,7 +19,7 @@ from obsdesign.errors import InputError
 from obsdesign.problem.options import ImpulsiveOptions
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
-from obsdesign.synthesis.impulsive.corrected_part import part_candidates
+from obsdesign.synthesis.impulsive.corrected_part import WINDOWED, part_candidates
 from obsdesign.synthesis.impulsive.quadratic import quadratic_candidate
 from obsdesign.synthesis.impulsive.window import factors_of, window_gains, windowed
 
@@ -33,7 +33,7 @@ def synthesize(problem: Problem, budget: TimeBudget = UNLIMITED) -> Iterator[Can
     options, high = problem.options_as(ImpulsiveOptions), problem.require_dwell_time()[1]
     is_open = options.strategy == "auto"
     order: tuple[str, ...] = STRATEGIES if is_open else (options.strategy,)
-    for name in ("window", "alpha", "noise_target"):
+    for name in WINDOWED:
         if options.is_stated(name) and options.strategy == "quadratic":
             raise InputError(
                 f"observer.{name} means nothing to strategy 'quadratic', which has no window; "

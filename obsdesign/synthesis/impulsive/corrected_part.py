@@ -20,6 +20,9 @@ from obsdesign.synthesis.dwell import stability_certificate
 from obsdesign.synthesis.impulsive.invariant_subspace import Parts, corrected_part
 from obsdesign.synthesis.impulsive.window import factors_of, weight, window_gains, windowed
 
+# options that mean nothing to the quadratic strategy, which has no window
+WINDOWED = ("window", "alpha", "noise_target")
+
 
 def part_candidates(
     problem: Problem, only_if_smaller: bool, budget: TimeBudget
@@ -32,12 +35,18 @@ def part_candidates(
     factor = uncorrected_factor(problem.options_as(ImpulsiveOptions).decay_rate, high)
     matrices = plant.flow.A, plant.jump.G, C
     parts = corrected_part(matrices, (low, high), factor)
-    if only_if_smaller and parts.size in (0, plant.n):
-        return  # nothing to correct, or all of it
-    if parts.size == 0:
+    if only_if_smaller and parts.size == plant.n:
+        return  # all of it is to be corrected
+    is_whole = parts.size == 0
+    if is_whole:
         parts = Parts(np.eye(plant.n), 0, plant.n)
     # in a cascade no block may be as slow as all of it
     alpha = weight(problem, CASCADE_MARGIN)
+    if only_if_smaller and is_whole:
+        # nothing is to be corrected: the quadratic strategy says so, where it may be used
+        decay = _decay_certificate(plant.flow.A, plant.jump.G, (low, high), (factor, alpha), budget)
+        if "P" not in decay or not _is_without_quadratic(problem):
+            return
     certificates, (core_A, core_G, core_C) = _blocks(
         matrices, parts, (low, high), (factor, alpha), budget
     )
@@ -59,6 +68,12 @@ def part_candidates(
         inner = replace(gains, image=U, coimage=S)
         candidate = windowed(problem, inner, "subspace, compressed", budget, certificates)
         yield replace(candidate, searched=True)
+
+
+def _is_without_quadratic(problem: Problem) -> bool:
+    """Does the problem state what the quadratic strategy has no use for?"""
+    options = problem.options_as(ImpulsiveOptions)
+    return any(options.is_stated(name) for name in WINDOWED)
 
 
 def _blocks(

@@ -145,8 +145,9 @@ def _obstacle(part: FeatureWindow, lam: float, bound: float) -> Verdict | None:
             age = margin + place
             if holds is False:
                 reason = (
-                    f"exponent {float(lam)!r}: near age {age:.6g} the neglected part exceeds {bound!r} "
-                    "of the feature (where the impulse response changes sign a feature has a zero)"
+                    f"exponent {float(lam)!r}: near age {age:.6g} the neglected part exceeds "
+                    f"{bound!r} of the feature (where the impulse response changes sign a feature "
+                    "has a zero)"
                 )
                 return refuted({"age": age, "exponent": lam, "reason": reason})
             return undecided(f"exponent {float(lam)!r}, near age {age:.6g}", age=age)

@@ -276,3 +276,16 @@ def test_measurements_that_see_nothing_are_answered(
     outcome = investigate((A, G, C), [0.05, 0.5], output={"jump_measurement": "after"})
     assert outcome.verdict in ("proved", "refuted", "undecided")
     assert capfd.readouterr().out == ""
+
+
+@pytest.mark.parametrize(
+    "G", [np.diag([0.5, 0.5]), np.diag([0.0, 0.5]), 0.3 * np.array([[1.0, 0], [0, -1]])]
+)
+@pytest.mark.parametrize("stated", [{"window": 2}, {"alpha": 1.5}, {"window": 3, "alpha": 1.1}])
+def test_a_plant_that_decays_by_itself_is_never_refuted(G: Any, stated: dict[str, Any]) -> None:
+    """Gains of zero estimate it, whatever window is asked for and whatever C does not see."""
+    plant = (-np.eye(2), G, first(2))
+    assert investigate(plant, [1, 2], **stated).verdict != "refuted"
+    # the twin: with an unseen state that does not decay, no gain of any strategy does
+    grows = (np.diag([-1.0, 0.0]), np.eye(2), first(2))
+    assert investigate(grows, [1, 2], **stated).verdict == "refuted"

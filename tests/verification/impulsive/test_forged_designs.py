@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import obsdesign
+from obsdesign.design_file import from_dict
 from obsdesign.verification.impulsive.claims import claims
 from tests.systems.impulsive import (
     SPLINE,
@@ -150,7 +151,7 @@ def test_quadratic_tables_are_checked() -> None:
     assert verified(design, table=0 * gains["table"])["contracting"] == "undecided"
     assert verified(design, cells=gains["cells"] - 0.01)["contracting"] == "refuted"
     body = design.to_dict()
-    again = obsdesign.design_file.from_dict(json.loads(json.dumps(body)))
+    again = from_dict(json.loads(json.dumps(body)))
     assert obsdesign.verify(again).verdict == "proved"
 
 
