@@ -142,7 +142,8 @@ def _origin(design: Design) -> list[tuple[str, str]]:
     solver = provenance.get("solver", {})
     rows = [(str(name), str(version)) for name, version in versions.items()]
     if solver:
-        rows.append(("gains found with", f"{solver.get('name')} {solver.get('version')}"))
+        solver_words = f"{solver.get('name')} {solver.get('version', '')}".strip()
+        rows.append(("solver", solver_words))
     return [("kind", design.kind), *rows, ("digest", design.to_dict()["digest"])]
 
 
