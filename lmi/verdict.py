@@ -6,15 +6,21 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from lmi.solvers import Solvers
+
 OUTCOMES = ("proved", "refuted", "undecided")
 
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """An outcome and what shows it; evidence is JSON-ready (infinity as "inf")."""
+    """An outcome and what shows it; evidence is JSON-ready (infinity as "inf").
+
+    solvers: those whose results the evidence holds; none of what a prover alone decided.
+    """
 
     outcome: str
     evidence: Mapping[str, Any]
+    solvers: Solvers = ()
 
     def __post_init__(self) -> None:
         if self.outcome not in OUTCOMES:

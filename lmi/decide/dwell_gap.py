@@ -23,6 +23,7 @@ from lmi.find.windows import Windows
 from lmi.find.worst_sequence import Word, polished, worst_word
 from lmi.prove.hurwitz import prove_hurwitz
 from lmi.refute.spectral import refute_word, steps_within
+from lmi.solvers import Solvers
 from lmi.time_budget import ended_part
 from lmi.verdict import Verdict, undecided
 
@@ -37,11 +38,15 @@ _EFFORT = Effort(windows=100, work=200_000)
 
 @dataclass(frozen=True)
 class Reached:
-    """An end that windows prove, with its certificate, or None; and the budget that ended more."""
+    """An end that windows prove, with its certificate, or None; and the budget that ended more.
+
+    solvers: those of the certificate.
+    """
 
     end: float | None
     certificate: Mapping[str, Any]
     ended: Mapping[str, Any]
+    solvers: Solvers
 
 
 @dataclass(frozen=True)
@@ -130,7 +135,7 @@ class Gap:
     def proved(self, good: float, bad: float) -> Reached:
         """The end nearest to `bad` that windows prove, and what ended the search beyond."""
         problem = self.problem
-        best: tuple[float, Mapping[str, Any]] | None = None
+        best: tuple[float, Verdict] | None = None
         end: dict[str, Any] = {}
         start: tuple[Windows, Matrix] | None = None
         reached, share, failed, failures = 1.0, 0.5, 0.0, 0  # shares of the gap
@@ -140,7 +145,7 @@ class Gap:
                 start = widened(start[0], *problem.ends(x)), start[1]
             result = self._windows(x, start)
             if result.verdict.outcome == "proved":
-                best, reached = (x, result.verdict.evidence), share
+                best, reached = (x, result.verdict), share
                 if result.windows is not None and result.L is not None:
                     start = result.windows, result.L
             else:
@@ -150,8 +155,9 @@ class Gap:
             if abs(x - bad) <= problem.accuracy * max(abs(x), abs(bad)) / 2:
                 break
             share = math.sqrt(reached * failed) if failed else _SHARE * reached
-        x_proved, certificate = best or (None, {})
-        return Reached(x_proved, certificate, end)
+        if best is None:
+            return Reached(None, {}, end, ())
+        return Reached(best[0], best[1].evidence, end, best[1].solvers)
 
 
 def widened(windows: Windows, low: float, high: float) -> Windows:

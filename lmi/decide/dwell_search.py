@@ -26,6 +26,7 @@ from lmi.families import horizon
 from lmi.find.cutting_plane import Proposal, propose
 from lmi.prove.hurwitz import prove_hurwitz
 from lmi.refute.spectral import refute_word
+from lmi.solvers import Solvers
 from lmi.time_budget import UNLIMITED, TimeBudget
 from lmi.verdict import Verdict
 
@@ -44,6 +45,7 @@ class Bracket:
     dwell time contracts, by floats, so that the feasible set may not be one interval. common: the
     end that a common P proves, where windows of dwell times prove more or were tried. ended: the
     budget that ended a search between proved and not proved, as `TimeBudget.ended` has it.
+    solvers: those of the certificate.
     """
 
     proved: float | None
@@ -54,6 +56,7 @@ class Bracket:
     islands: tuple[tuple[float, float], ...] = ()
     common: float | None = None
     ended: Mapping[str, Any] = field(default_factory=dict)
+    solvers: Solvers = ()
 
 
 def dwell_bracket(
@@ -108,7 +111,7 @@ class _Search:
         if crossing is None:
             whole = self._prove(problem.extreme)
             if whole.outcome == "proved":
-                return Bracket(problem.extreme, None, None, whole.evidence)
+                return Bracket(problem.extreme, None, None, whole.evidence, solvers=whole.solvers)
             bracket = common._up_to(last, whole)
         else:
             bracket = self._at_crossing(crossing) or common._follow(crossing)
@@ -136,15 +139,20 @@ class _Search:
                 if whole.outcome == "proved":
                     not_proved = None if end == extreme else extreme
                     word = None if end == extreme else "undecided"
-                    return Bracket(end, not_proved, word, whole.evidence, common=common)
+                    return Bracket(
+                        end, not_proved, word, whole.evidence, common=common, solvers=whole.solvers
+                    )
         limit = far if outside is None else outside[0]
         further = gap.proved(good, limit)
-        certificate = bracket.certificate if further.end is None else further.certificate
-        reached = common if further.end is None else further.end
+        reached, certificate, solvers = common, bracket.certificate, bracket.solvers
+        if further.end is not None:
+            reached, certificate, solvers = further.end, further.certificate, further.solvers
         word, obstacle = "undecided", bracket.obstacle
         if outside is not None:
             word, obstacle = "refuted", outside[1].evidence
-        return Bracket(reached, limit, word, certificate, obstacle, (), common, further.ended)
+        return Bracket(
+            reached, limit, word, certificate, obstacle, (), common, further.ended, solvers
+        )
 
     def _nothing_to_search(self) -> Verdict | None:
         """The verdict on the smallest range there is, if that is not proved."""
@@ -177,7 +185,10 @@ class _Search:
         if not self.problem.is_shortest:
             good = self._prove(last)
             if good.outcome == "proved":
-                return Bracket(last, math.inf, whole.outcome, good.evidence, whole.evidence)
+                return Bracket(
+                    last, math.inf, whole.outcome, good.evidence, whole.evidence,
+                    solvers=good.solvers,
+                )  # fmt: skip
         return self._follow(last)
 
     def _at_crossing(self, crossing: float) -> Bracket | None:
@@ -191,7 +202,9 @@ class _Search:
         bad = refute_word(problem.F, problem.H, (outside,))
         if bad.outcome != "refuted":
             bad = self._decide(outside)
-        return Bracket(inside, outside, bad.outcome, good.evidence, bad.evidence)
+        return Bracket(
+            inside, outside, bad.outcome, good.evidence, bad.evidence, solvers=good.solvers
+        )
 
     def _follow(self, bad: float) -> Bracket:
         """From an end that cannot be proved towards the kept one, by the sign of the margin."""
@@ -211,8 +224,11 @@ class _Search:
                     x, attempt, bad = bad, verdict, problem.extreme
                     verdict = self._decide(bad)
                     if verdict.outcome == "proved":
-                        return Bracket(bad, None, None, verdict.evidence)
-                return Bracket(x, bad, verdict.outcome, attempt.evidence, verdict.evidence)
+                        return Bracket(bad, None, None, verdict.evidence, solvers=verdict.solvers)
+                return Bracket(
+                    x, bad, verdict.outcome, attempt.evidence, verdict.evidence,
+                    solvers=attempt.solvers,
+                )  # fmt: skip
         return Bracket(None, bad, "undecided", obstacle=attempt.evidence)
 
     def _first_good(self, bad: float) -> tuple[float | None, Proposal | None]:

@@ -70,7 +70,7 @@ def decide(
     scaling = Scaling.from_pair(F_exact, H_exact, high)
     family = _Family(scaling.map(F_exact), scaling.map(H_exact), low, high, jitter, budget)
     verdict = family.decided(memory)
-    return Verdict(verdict.outcome, scaling.restored(verdict.evidence, H_exact))
+    return replace(verdict, evidence=scaling.restored(verdict.evidence, H_exact))
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,7 @@ class _Family:
         if attempt.outcome == "refuted":
             return attempt
         if memory == 0:
-            return Verdict("undecided", {**attempt.evidence, **self.budget.ended()})
+            return replace(attempt, evidence={**attempt.evidence, **self.budget.ended()})
         limits = Limits() if memory == "auto" else Limits(memory, memory)
         return self._by_windows(limits, proposal, attempt)
 
@@ -117,9 +117,8 @@ class _Family:
             return again
         evidence = {key: value for key, value in again.evidence.items() if key != "reason"}
         evidence |= self.budget.ended() or ended_part(result.verdict.evidence)
-        return undecided(
-            f"{attempt.evidence['reason']}; {result.verdict.evidence['reason']}", **evidence
-        )
+        reason = f"{attempt.evidence['reason']}; {result.verdict.evidence['reason']}"
+        return replace(again, evidence={"reason": reason, **evidence})
 
     def _with_worst_sequence(self, proposal: Proposal, attempt: Verdict) -> Verdict:
         """Refuted by a sequence of dwell times, else the attempt with the worst one found."""
@@ -139,7 +138,7 @@ class _Family:
                 return counter
         approx: dict[str, Sequence[float] | float]
         approx = {"growth_per_jump": word.growth, "worst_sequence": list(word.thetas)}
-        return Verdict("undecided", {**attempt.evidence, **approx})
+        return replace(attempt, evidence={**attempt.evidence, **approx})
 
 
 def find_and_prove(
@@ -149,26 +148,31 @@ def find_and_prove(
     F_float, H_float = to_float(F), to_float(H)
     seeds: list[float] = []
     attempt = undecided("no matrix P was tried")
+    evidence: dict[str, Any]
     if is_stiff(F_float, Edge(F_float, H_float, low, high).last - low):
         P = propose_dissipative(F_float, H_float, low)
         quick = attempt if P is None else prove_common(F, H, P, low, high, steps=1)
         if P is not None and quick.outcome == "proved":
-            return Verdict("proved", {"P": P.tolist(), **quick.evidence}), Proposal(
-                P[None], (low,), math.nan, low, coordinates=np.linalg.cholesky(P)[None]
-            )
+            proposal = Proposal(
+                P[None], (low,), math.nan, low, coordinates=np.linalg.cholesky(P)[None],
+                solvers=("Clarabel",),
+            )  # fmt: skip
+            evidence = {"P": P.tolist(), **quick.evidence}
+            return Verdict("proved", evidence, proposal.solvers), proposal
     for _ in range(_TURNS):
         proposal = propose(F_float, H_float, low, high, seeds, budget=budget)
         if proposal.P is None:
             return _no_common_P(F, H, proposal), proposal
         attempt = prove_common(F, H, proposal.P, low, high, steps=_BOXES)
         if attempt.outcome == "proved":
-            evidence: dict[str, Any] = {
+            evidence = {
                 "P": proposal.P.tolist(),
                 "thetas_used": len(proposal.thetas),
             }
             if math.isfinite(proposal.margin):
                 evidence["approx_margin"] = proposal.margin
-            return Verdict("proved", {**evidence, **attempt.evidence}), proposal
+            evidence |= attempt.evidence
+            return Verdict("proved", evidence, proposal.solvers), proposal
         theta = attempt.evidence.get("theta")
         if theta is None or theta in seeds or attempt.evidence.get("boxes", 0) >= _BOXES:
             break
@@ -186,5 +190,6 @@ def _no_common_P(F: Exact, H: Exact, proposal: Proposal) -> Verdict:
                 f"no common P exists for these {len(proposal.thetas)} dwell times (checked dual "
                 "certificate), which is not instability"
             )
-            return undecided(reason, **where, no_common_P=dict(nothing.evidence))
+            evidence = {"reason": reason, **where, "no_common_P": dict(nothing.evidence)}
+            return Verdict("undecided", evidence, proposal.solvers)
     return undecided("no common P was found, which is not instability", **where)

@@ -39,7 +39,8 @@ def decide_copositive(F: ArrayLike, H: ArrayLike, low: float, high: float) -> Ve
             v = scaling.vector(v, side)
             verdict = prove_copositive(F_exact, H_exact, v, low, high, side=side, form=form)
             if verdict.outcome == "proved":
-                return Verdict("proved", {"vector": v.tolist(), **verdict.evidence})
+                evidence = {"vector": v.tolist(), **verdict.evidence}
+                return Verdict("proved", evidence, ("HiGHS",))
     return undecided("no vector was found, which is not instability")
 
 

@@ -18,6 +18,7 @@ from lmi.arithmetic.units import balance
 from lmi.families import FEWEST, Edge, slack_of
 from lmi.find.edge_grid import Cut, EdgeGrid, Grids
 from lmi.find.semidefinite import FLOOR, Solution, common_matrices
+from lmi.solvers import Solvers
 from lmi.time_budget import UNLIMITED, TimeBudget
 
 _ROUNDS = 25
@@ -48,7 +49,7 @@ class Proposal:
     seen on the grid, relative to P. multipliers: Z (k, n, n) for each of `thetas` when the solver
     found none; they may prove that none exists. masses: their traces where P is the identity.
     optimum: the solver's last margin, negative where it found that nothing fits. owners: (k,) the
-    edges that `thetas` belong to.
+    edges that `thetas` belong to. solvers: of the matrices or multipliers; none of a guess.
     """
 
     matrices: Array | None
@@ -60,6 +61,7 @@ class Proposal:
     coordinates: Array | None = field(default=None, repr=False)
     optimum: float = math.nan
     owners: tuple[int, ...] = ()
+    solvers: Solvers = ()
 
     @property
     def P(self) -> Array | None:
@@ -186,7 +188,8 @@ class _Search:
     ) -> Proposal:
         matrices = None if L is None else L @ np.swapaxes(L, 1, 2)
         owners = tuple(edge for edge, _ in active)
-        return Proposal(matrices, tuple(theta for _, theta in active), margin, theta, owners=owners)
+        thetas = tuple(theta for _, theta in active)
+        return Proposal(matrices, thetas, margin, theta, owners=owners, solvers=("Clarabel",))
 
     def _first(self, L: Array, seeds: list[Cut]) -> tuple[list[Cut], Array]:
         """The ends of every edge, and what the caller asks for.

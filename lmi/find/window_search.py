@@ -173,7 +173,8 @@ class _Family:
                 if math.isfinite(proposal.margin):
                     evidence["approx_margin"] = proposal.margin
                 L = np.linalg.cholesky(proposal.matrices)
-                return WindowResult(Verdict("proved", evidence), proposal.thetas, windows, L)
+                verdict = Verdict("proved", evidence, proposal.solvers)
+                return WindowResult(verdict, proposal.thetas, windows, L)
             cut = _failed(links, attempt)
             if cut is None or cut in seeds:
                 break

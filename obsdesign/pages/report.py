@@ -26,7 +26,9 @@ from obsdesign.document import Design, jsonable
 from obsdesign.errors import InputError
 from obsdesign.output_files import temporary_folder, write_text
 from obsdesign.pages.curves import curve_of
+from obsdesign.pages.error_bounds import error_bounds
 from obsdesign.pages.key_numbers import numbers_of
+from obsdesign.pages.plotting.estimate_record import Table
 from obsdesign.problem.problem import Problem
 from obsdesign.studies.comparison.compare import MOST_ROWS, compare_with_kalman
 from obsdesign.studies.comparison.record import ComparisonRecord
@@ -63,7 +65,8 @@ def write_report(
     outcome = workflow.verify(design)
     seconds = time.perf_counter() - started
     if outcome.verdict != "refuted":
-        estimate = _estimate(design, path, data, initial)
+        proved_again = replace(design, claims=outcome.claims)
+        estimate = _estimate(proved_again, path, data, initial)
         write_text(output, page(design, outcome, seconds, estimate))
     return outcome
 
@@ -74,7 +77,10 @@ def page(
     seconds: float,
     estimate: Mapping[str, Any] | None = None,
 ) -> str:
-    """The page as HTML text. estimate: {"title", "image", "caption", "beside": a table}."""
+    """The page as HTML text.
+
+    estimate: {"title", "image", "caption", "beside": a table, "bounds": as `_bounds` has them}.
+    """
     environment = jinja2.Environment(
         autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True
     )
@@ -142,7 +148,8 @@ def _origin(design: Design) -> list[tuple[str, str]]:
     solver = provenance.get("solver", {})
     rows = [(str(name), str(version)) for name, version in versions.items()]
     if solver:
-        rows.append(("gains found with", f"{solver.get('name')} {solver.get('version')}"))
+        solver_words = f"{solver.get('name')} {solver.get('version', '')}".strip()
+        rows.append(("solver", solver_words))
     return [("kind", design.kind), *rows, ("digest", design.to_dict()["digest"])]
 
 
@@ -189,19 +196,35 @@ def _estimate(
             raise
         plot_estimate(estimates, source, picture)
         svg = Path(picture).read_text("utf-8")
-        rows = _rows_with_kalman(design, source, initial)
+        measured = ComparisonRecord.from_file(source, Problem.from_dict(design.problem).plant)
+        rows = _rows_with_kalman(design, measured, initial)
+        bounds = _bounds(design, measured, Table.from_file(estimates))
     total = counts.pop("rows")
     statuses = ", ".join(f"{number} {status}" for status, number in counts.most_common())
     origin = f"of {Path(data).name}" if data else "simulated with random admissible disturbances"
     caption = f"{total} rows {origin}: {statuses}."
-    return {"title": title, "image": _inline(svg), "caption": caption, "beside": rows}
+    entries = {"title": title, "image": _inline(svg), "caption": caption}
+    return {**entries, "beside": rows, "bounds": bounds}
+
+
+def _bounds(design: Design, record: ComparisonRecord, estimate: Table) -> dict[str, Any] | None:
+    """Bounds of the error of observer (14) along the record: a table and a picture."""
+    from obsdesign.pages.plotting.curve import curve_svg
+
+    if design.kind != "finite_time":
+        return None
+    names = [name for name in estimate.states if name[0] == "x"]
+    x = np.column_stack([estimate.numbers(name)[:MOST_ROWS] for name in names])
+    bounds = error_bounds(design, record, x, estimate.statuses[:MOST_ROWS])
+    if bounds is None:
+        return None
+    return {"table": bounds.table(), "image": _inline(curve_svg(bounds.curve()))}
 
 
 def _rows_with_kalman(
-    design: Design, source: str, initial: Sequence[float] | None
+    design: Design, record: ComparisonRecord, initial: Sequence[float] | None
 ) -> tuple[list[str], list[list[str]]] | None:
     """The design and a Kalman filter, where the record has the true state."""
-    record = ComparisonRecord.from_file(source, Problem.from_dict(design.problem).plant)
     if record.x is None:
         return None
     if initial is not None and design.kind != "interval":

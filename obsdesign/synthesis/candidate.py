@@ -6,8 +6,22 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from lmi.solvers import Solvers, merged
 from lmi.time_budget import Remark
 from obsdesign.equations.gains import Gains
+
+
+@dataclass(frozen=True)
+class Certificates:
+    """Evidence by claim id, and the solvers whose results it holds."""
+
+    evidence: dict[str, Mapping[str, Any]] = field(default_factory=dict)
+    solvers: Solvers = ()
+
+    def joined(self, other: Certificates) -> Certificates:
+        """Both; of the same claim, the other's."""
+        evidence = {**self.evidence, **other.evidence}
+        return Certificates(evidence, merged(self.solvers, other.solvers))
 
 
 @dataclass(frozen=True)
@@ -20,7 +34,8 @@ class Candidate:
     does not refute other ones, unless its witness is marked (`verification.choices`).
     cost: value of the problem's objective, None where order decides. goes_on: the next
     candidate is tried even if this one, or one before it, is proved. remarks: of the searches
-    since the candidate before.
+    since the candidate before. solvers: those that the search for its gains called, and those whose
+    results its certificates hold.
     """
 
     label: str
@@ -30,6 +45,7 @@ class Candidate:
     cost: float | None = None
     goes_on: bool = False
     remarks: tuple[Remark, ...] = ()
+    solvers: Solvers = ()
 
     def document(self) -> dict[str, Any]:
         """The gains as a design file states them, for verification."""

@@ -14,8 +14,10 @@ from lmi.find.copositive import decide_copositive, looks_positive
 from lmi.find.largest_rates import largest_rates
 from lmi.prove.rates import propose_rates
 from lmi.time_budget import UNLIMITED, TimeBudget
+from lmi.verdict import Verdict
 from obsdesign.problem.options import memory_of
 from obsdesign.problem.problem import Problem
+from obsdesign.synthesis.candidate import Certificates
 
 # from so many states on, linear programs come first: a matrix has n (n + 1) / 2 unknowns
 _LARGE = 16
@@ -37,13 +39,14 @@ def dwell_certificates(
     memory: Memory = "auto",
     jitter: float = math.inf,
     budget: TimeBudget = UNLIMITED,
-) -> dict[str, Any]:
+) -> Certificates:
     """Under the ids of the claims they are for: stability, and the rates its P allows.
 
     memory, jitter: as in `lmi.decide.stability`.
     """
-    evidence = stability_certificate(F, H, low, high, memory=memory, jitter=jitter, budget=budget)
-    certificates: dict[str, Any] = {"dwell_stability": evidence}
+    verdict = stability_certificate(F, H, low, high, memory=memory, jitter=jitter, budget=budget)
+    evidence = verdict.evidence
+    certificates = Certificates({"dwell_stability": dict(evidence)}, verdict.solvers)
     rates: Mapping[str, Any] | None = None
     if budget.remaining() < 0:
         return certificates
@@ -52,7 +55,9 @@ def dwell_certificates(
     elif "windows" in evidence:
         proposed = propose_rates(F, H, evidence, low, high, jitter=jitter)
         rates = None if proposed is None else asdict(proposed)
-    return certificates if rates is None else certificates | {"rates": rates}
+    # rates are of the same P, or of one by the same solver
+    more = Certificates({} if rates is None else {"rates": rates})
+    return certificates.joined(more)
 
 
 def stability_certificate(
@@ -64,7 +69,7 @@ def stability_certificate(
     memory: Memory = "auto",
     jitter: float = math.inf,
     budget: TimeBudget = UNLIMITED,
-) -> dict[str, Any]:
+) -> Verdict:
     """Evidence that the pair is stable or is not, as far as any is found.
 
     For positive systems a copositive certificate is tried too: first where matrices are large, else
@@ -75,14 +80,14 @@ def stability_certificate(
     if positive and len(F) >= _LARGE:
         vector = decide_copositive(F, H, low, high)
         if vector.outcome == "proved":
-            return dict(vector.evidence)
+            return vector
     first = 0 if positive else memory
     verdict = decide(F, H, low, high, memory=first, jitter=jitter, budget=budget)
     if positive and verdict.outcome == "undecided":
         if len(F) < _LARGE:
             vector = decide_copositive(F, H, low, high)
             if vector.outcome == "proved":
-                return dict(vector.evidence)
+                return vector
         if memory != 0:
             verdict = decide(F, H, low, high, memory=memory, jitter=jitter, budget=budget)
-    return dict(verdict.evidence)
+    return verdict

@@ -17,9 +17,12 @@ from scipy.linalg import expm
 import obsdesign
 from lmi.arithmetic.exponential import expm as flow_of
 from obsdesign.analysis.impulsive_noise import simulated
+from obsdesign.design_file import from_dict
+from obsdesign.document import digest
 from obsdesign.equations.impulsive.formulas import Core, window_gains, window_matrix
 from obsdesign.equations.impulsive.gains import ImpulsiveGains
 from obsdesign.runtime import Sample, from_design
+from obsdesign.studies.check.which_kinds import check_kind
 from tests.systems.impulsive import DOUBLE, SPLINE, chain, claim, first, impulsive_problem, rebased
 
 ROOT = Path(__file__).parent.parent.parent
@@ -249,6 +252,114 @@ def test_noise_against_speed(
     assert estimate.per_impulse == pytest.approx(rate, abs=0.006)
     assert estimate.std[0] ** 2 == pytest.approx(position, abs=0.002)
     assert estimate.std[1] ** 2 == pytest.approx(velocity, rel=0.015)
+
+
+# --- Theorem 2.2: P(t) = M_alpha(rho_l(t), t) --------------------------------------------------------
+
+ALPHA, LENGTH, RANGE = 1.3, 4, [0.3, 0.7]
+REGULAR = (
+    np.array([[0.1, 1.0, 0.0], [-1.0, 0.0, 0.3], [0.2, 0.0, -0.3]]),
+    np.array([[0.9, 0.1, 0.0], [0.0, 1.0, 0.2], [0.1, 0.0, 1.1]]),
+    np.array([[1.0, 0.0, 0.0]]),
+)
+
+
+def lyapunov_outcome(**options: Any) -> Any:
+    problem = impulsive_problem(REGULAR, RANGE, window=LENGTH, alpha=ALPHA, **options)
+    return obsdesign.investigate(problem)
+
+
+def gramian(spacings: Any, passed: float) -> Any:
+    """M_alpha(rho, t) as printed, of l impulses: their l - 1 spacings, and the time to the first."""
+    A, G, C = REGULAR
+    X, total = expm(A * passed), np.zeros((3, 3))
+    for j in range(LENGTH):
+        total += ALPHA ** (2 * j) * X.T @ C.T @ C @ X
+        X = expm(A * spacings[j]) @ G @ X if j < LENGTH - 1 else X
+    return total
+
+
+def conditions_of_theorem_22(
+    change: float, seed: int
+) -> tuple[list[Any], list[float], list[float]]:
+    """P(t) at times along random spacings; residuals of (7), and largest eigenvalues in (8).
+
+    change: of the design's gains L[k], by a factor.
+    """
+    A, G, C = REGULAR
+    rng = np.random.default_rng(seed)
+    delta = rng.uniform(*RANGE, 40)  # delta[k] follows impulse k
+    delta[:8] = RANGE[0]
+    P, sevenths, eighths = [], [], []
+    for k in range(LENGTH + 1, len(delta)):
+        # after impulse k rho_l runs through the interval after impulse k - l
+        old, new = delta[k - LENGTH], delta[k]
+        inside = delta[k - LENGTH + 1 : k]
+        at = [gramian(inside, (1 - share) * old) for share in (0.0, 0.4, 1.0)]
+        P += at
+        slow = A * old / new  # of (15)
+        moved = expm(slow * 0.4 * new)
+        sevenths.append(np.abs(moved.T @ at[1] @ moved - at[0]).max())
+        # (8) at impulse k + 1, with P before it at[2], and after it
+        after = gramian(delta[k - LENGTH + 2 : k + 1], delta[k - LENGTH + 1])
+        flows = flow_of(A * delta[k - LENGTH + 2 : k + 1, None, None])
+        L = change * window_gains(Core(A, C, G), flows, ALPHA)
+        phi = np.eye(3)  # Phi(tau_(k+1), tau_(k+1-l)), jumps included at its end
+        for spacing in delta[k - LENGTH + 1 : k + 1]:
+            phi = G @ expm(A * spacing) @ phi
+        N = -np.linalg.solve(phi, L)
+        error = G + -N @ C @ np.linalg.solve(G, phi) @ G  # A_I hat of (15)
+        Q = (1 - ALPHA**-2) * at[2]
+        scale = np.linalg.norm(at[2], 2)
+        eighths.append(np.linalg.eigvalsh(error.T @ after @ error - at[2] + Q).max() / scale)
+    return P, sevenths, eighths
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_theorem_22_holds_with_the_numbers_of_the_design(seed: int) -> None:
+    outcome = lyapunov_outcome()
+    assert outcome.verdict == "proved"
+    stated = claim(outcome, "rate").evidence["theorem_2_2"]
+    P, sevenths, eighths = conditions_of_theorem_22(1.0, seed)
+    values = np.linalg.eigvalsh(P)
+    assert stated["eta"] <= values.min() <= 100 * stated["eta"]  # (6), and not for want of a number
+    assert values.max() <= stated["rho"] <= 100 * values.max()
+    assert max(sevenths) < 1e-12 * values.max()  # (7) with Q_C = 0
+    assert max(eighths) < 1e-9  # (8) with Q_I = (1 - alpha^-2) P(tau_k^-)
+
+
+@pytest.mark.parametrize("change", [0.0, 0.5, 1.5, -1.0])
+def test_other_gains_violate_8(change: float) -> None:
+    """The twin: the same P, and gains that are not (12)."""
+    assert max(conditions_of_theorem_22(change, 0)[2]) > 1e-3
+
+
+def test_check_states_theorem_22() -> None:
+    problem = impulsive_problem(REGULAR, RANGE, window=LENGTH, alpha=ALPHA)
+    text = check_kind(problem, "impulsive").next_step
+    assert "Theorem 2.2 holds with P(t) = M_alpha(rho_l(t), t): (6) with eta = 0." in text
+    other = check_kind(problem.for_kind("luenberger")[0], "luenberger")
+    assert other.verdict == "proved"
+    assert "Theorem 2.2" not in other.next_step
+
+
+def test_designs_without_the_numbers_of_theorem_22_verify_and_too_good_ones_do_not() -> None:
+    stored = lyapunov_outcome().design.to_dict()
+    rate = next(entry for entry in stored["claims"] if entry["id"] == "rate")
+    theorem = rate["evidence"].pop("theorem_2_2")
+    assert obsdesign.verify(from_dict(signed(stored))).verdict == "proved"
+    for changed, verdict in (
+        ({"eta": theorem["eta"] / 2, "rho": 2 * theorem["rho"]}, "proved"),
+        ({"eta": 2 * theorem["eta"]}, "refuted"),
+        ({"rho": theorem["rho"] / 2}, "refuted"),
+        ({"Q_I": "P(tau_k^-)"}, "refuted"),
+    ):
+        rate["evidence"]["theorem_2_2"] = theorem | changed
+        assert obsdesign.verify(from_dict(signed(stored))).verdict == verdict
+
+
+def signed(body: Any) -> Any:
+    return body | {"digest": digest(body)}
 
 
 # --- Lemma 3.2: (13) and (14) are stable together ----------------------------------------------------

@@ -1,6 +1,11 @@
-"""Advice for a kind that does not fit a plant, one sentence each. Literal data."""
+"""Advice for a kind that does not fit a plant, and what holds for one that does."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
+
+from obsdesign.document import Claim
+from obsdesign.verification.impulsive.lyapunov import LyapunovFunction
 
 # claim that is not proved -> what may help
 _CLAIMS = {
@@ -55,3 +60,13 @@ def next_step(kind: str, verdict: str, *, claim: str = "", missing: str = "") ->
     if missing == "output.measured" and kind in _PERIODIC:
         return _PERIODIC[kind]
     return _MISSING.get(missing, "")
+
+
+def theorem_sentences(claims: Sequence[Claim]) -> list[str]:
+    """The conditions of Theorem 2.2 of Medina and Lawrence, where a claim `rate` names them."""
+    functions = (
+        LyapunovFunction.from_evidence(claim.evidence)
+        for claim in claims
+        if claim.id == "rate" and claim.verdict == "proved"
+    )
+    return [function.sentence for function in functions if function is not None]

@@ -11,7 +11,7 @@ from obsdesign import workflow
 from obsdesign.errors import DoesNotApply, InputError
 from obsdesign.kinds import KINDS
 from obsdesign.problem.problem import Problem
-from obsdesign.studies.check.advice import next_step
+from obsdesign.studies.check.advice import next_step, theorem_sentences
 from obsdesign.synthesis.kind import synthesis_of
 from obsdesign.verification.answers import is_ended, reason, verdict_of_refusal
 from obsdesign.verification.kind import verification_of
@@ -100,6 +100,7 @@ def _answer(kind: str, outcome: workflow.Outcome | InputError) -> KindAnswer:
     )
     reasons = tuple(f"{claim.id}: {reason(claim)}" for claim in failed)
     step = next_step(kind, outcome.verdict, claim=failed[0].id if failed else "")
+    step = ". ".join([step, *theorem_sentences(outcome.claims)])
     end: Mapping[str, Any] = {}
     if outcome.verdict == "undecided":
         end = next((ended_part(claim.evidence) for claim in failed if is_ended(claim)), {})

@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
+from lmi.solvers import merged
 from lmi.time_budget import UNLIMITED, TimeBudget
 from obsdesign.analysis.finite_time.requirements import reason_against
 from obsdesign.equations.finite_time.gains import MOST_SAMPLES, NEED_L
@@ -25,7 +26,7 @@ from obsdesign.synthesis.finite_time.injection import best_injection
 from obsdesign.synthesis.finite_time.least_noise import low_noise_injection
 from obsdesign.synthesis.finite_time.period_problem import Injection, PeriodProblem
 from obsdesign.synthesis.finite_time.window_gain import completed_gains
-from obsdesign.synthesis.finite_time.window_length import CONDITION_13_OBJECTIVES, chosen_samples
+from obsdesign.synthesis.finite_time.window_length import CONDITION_13_OBJECTIVES, chosen_window
 from obsdesign.synthesis.finite_time.window_task import WindowTask
 
 # windows that are tried in turn, in terms of the first
@@ -40,15 +41,23 @@ def synthesize(problem: Problem, budget: TimeBudget = UNLIMITED) -> Iterator[Can
     options = problem.options_as(FiniteTimeOptions)
     if options.method == "minimax":
         _require_errors(problem)
-    samples, remarks = chosen_samples(problem, budget)
+    window = chosen_window(problem, budget)
+    samples, remarks = window.samples, window.remarks
     if options.method in NEED_L:
         candidates = _with_injection(problem, options, samples, budget)
     else:
-        gains, more = completed_gains(WindowTask.from_problem(problem, samples))
-        is_searched = options.window is None
-        candidates = iter([Candidate(options.method, gains, searched=is_searched, remarks=more)])
+        completed = completed_gains(WindowTask.from_problem(problem, samples))
+        candidate = Candidate(
+            options.method,
+            completed.gains,
+            searched=options.window is None,
+            remarks=completed.remarks,
+            solvers=completed.solvers,
+        )
+        candidates = iter([candidate])
     for candidate in candidates:
-        yield replace(candidate, remarks=remarks + candidate.remarks)
+        solvers = merged(window.solvers, candidate.solvers)
+        yield replace(candidate, remarks=remarks + candidate.remarks, solvers=solvers)
         remarks = ()
 
 
@@ -79,11 +88,17 @@ def _with_injection(
             S = {} if chosen.S is None else {"theorem_1_coordinates": {"S": chosen.S}}
             task = WindowTask.from_problem(problem, k, chosen.L)
             searched = open_gain or open_window
-            gains, remarks = completed_gains(task)
-            remarks = chosen.remarks + remarks
-            yield Candidate(task.method, gains, S, searched=searched, remarks=remarks)
+            completed = completed_gains(task)
+            yield Candidate(
+                task.method,
+                completed.gains,
+                S,
+                searched=searched,
+                remarks=chosen.remarks + completed.remarks,
+                solvers=merged(chosen.solvers, completed.solvers),
+            )
         if _is_undetermined(problem, k):
-            return  # no units would change that, and `chosen_samples` has compared windows
+            return  # no units would change that, and `chosen_window` has compared windows
 
 
 def _is_undetermined(problem: Problem, k: int) -> bool:
@@ -115,7 +130,7 @@ def _injection(
     if units is not None:
         in_units = PeriodProblem(A * units / units[:, None], C * units, window)
         scaled = best_injection(in_units, budget)
-        return Injection(scaled.L * units[:, None], window, -math.inf, remarks=scaled.remarks)
+        return replace(scaled, L=scaled.L * units[:, None], window=window, log_period=-math.inf)
     return _searched_injection(fixed, options, problem.plant.output.sample_period, k, budget)
 
 
@@ -126,8 +141,11 @@ def _searched_injection(
     A, C, L, window = problem.A, problem.C, problem.L, period * k
     plain = problem.rated(L, window) if L is not None else best_injection(problem, budget)
     if options.objective == "least_noise":
-        L, remarks = low_noise_injection((A, C), plain.L, (period, k), options.method, budget)
-        return Injection(L, window, -math.inf, remarks=plain.remarks + remarks)
+        L, remarks, solvers = low_noise_injection(
+            (A, C), plain.L, (period, k), options.method, budget
+        )
+        remarks, solvers = plain.remarks + remarks, merged(plain.solvers, solvers)
+        return Injection(L, window, -math.inf, remarks=remarks, solvers=solvers)
     by_condition_13 = options.objective in CONDITION_13_OBJECTIVES
     if not by_condition_13 or plain.log_period > math.log(period):
         return plain

@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
+from lmi.solvers import merged
 from lmi.time_budget import Remark, TimeBudget, remark_end
 from obsdesign.equations.finite_time.condition_13 import approx_log_longest_period
 from obsdesign.equations.finite_time.gains import MOST_SAMPLES
@@ -63,13 +64,17 @@ def best_injection(
 ) -> Injection:
     """The longest period of (13) over the free variables; at least those of `first`.
 
-    target: log of a period beyond which the search ends. The remarks are those of this search.
+    target: log of a period beyond which the search ends. The remarks are those of this search, the
+    solvers also those that led to `first`.
     """
     known = [problem.rated(guess.L, problem.window or guess.window, guess.S) for guess in first]
+    solvers = merged(*(guess.solvers for guess in first))
     guesses = [*known, *_guesses(problem)]
     if effort.iterations and (problem.L is None or problem.coordinates):
-        guesses += _program_solutions(problem, budget.scaled(effort.iterations), budget)
-    best = max(guesses, key=_log_period)
+        solutions = _program_solutions(problem, budget.scaled(effort.iterations), budget)
+        solvers = merged(solvers, ("IPOPT",) if solutions else ())
+        guesses += solutions
+    best = replace(max(guesses, key=_log_period), solvers=solvers)
     better = polished(problem, best, budget, effort.evaluations, target)
     return replace(max(better, best, key=_log_period), remarks=better.remarks)
 

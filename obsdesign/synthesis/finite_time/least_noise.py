@@ -13,6 +13,7 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.exponential import expm, exponential_grid, flow_integrals
+from lmi.solvers import Solvers
 from lmi.time_budget import Remark, TimeBudget, ended_by_count, remark_end
 from obsdesign.analysis.finite_time.requirements import relative_deviations
 from obsdesign.equations.finite_time.formulas import (
@@ -70,10 +71,11 @@ def low_noise_injection(
     samples: tuple[float, int],
     method: str,
     budget: TimeBudget,
-) -> tuple[Matrix, tuple[Remark, ...]]:
+) -> tuple[Matrix, tuple[Remark, ...], Solvers]:
     """L with the least Frobenius norm of the gains, from a first guess and larger ones.
 
-    plant: A, C; samples: period and number of samples of the window.
+    plant: A, C; samples: period and number of samples of the window. Beside L the remarks of the
+    search, and the solvers that led to an L other than the first.
     """
     from scipy.optimize import minimize
 
@@ -96,15 +98,15 @@ def low_noise_injection(
         return size if math.isfinite(size) else 1e300
 
     reach = float(np.linalg.norm(A, 2)) / float(np.linalg.norm(C, 2))
-    unit = L / np.linalg.norm(L)
+    unit, remarks = L / np.linalg.norm(L), tuple[Remark, ...]()
     try:
         guesses = [L, *(unit * reach * factor for factor in (0.1, -0.1, 1.0, -1.0))]
         for x in sorted(guesses, key=lambda x: cost(x.reshape(-1))):
             minimize(cost, x.reshape(-1), method="Nelder-Mead")
     except _BudgetEnded:
         end = budget.ended() or ended_by_count("evaluations", limit)
-        return best, remark_end("a quiet L", end)
-    return best, ()
+        remarks = remark_end("a quiet L", end)
+    return best, remarks, () if np.array_equal(best, L) else ("SciPy",)
 
 
 class _BudgetEnded(Exception):

@@ -22,6 +22,7 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.exponential import expm
+from lmi.solvers import Solver, Solvers, merged
 from obsdesign.synthesis.finite_time.window_task import WindowTask
 
 if TYPE_CHECKING:
@@ -31,10 +32,22 @@ if TYPE_CHECKING:
 _LEAST_WEIGHT = 1e-9
 # the second one, slower with long windows, where the first one is not sure
 _TIGHT = 1e-10
-_SOLVERS: Mapping[str, Mapping[str, object]] = {
-    "CLARABEL": {"tol_gap_abs": _TIGHT, "tol_gap_rel": _TIGHT, "tol_feas": _TIGHT},
-    "HIGHS": {"highs_options": {"simplex_iteration_limit": 20_000, "threads": 1}},
+_SOLVERS: Mapping[Solver, tuple[str, Mapping[str, object]]] = {
+    "CVXPY/Clarabel": (
+        "CLARABEL",
+        {"tol_gap_abs": _TIGHT, "tol_gap_rel": _TIGHT, "tol_feas": _TIGHT},
+    ),
+    "CVXPY/HiGHS": ("HIGHS", {"highs_options": {"simplex_iteration_limit": 20_000, "threads": 1}}),
 }
+
+
+@dataclass(frozen=True)
+class MinimaxGain:
+    """Gains (n, k p), the rows kept for lack of better ones, and the solvers of the others."""
+
+    gain: Matrix
+    kept: list[int]
+    solvers: Solvers
 
 
 @dataclass(frozen=True)
@@ -89,31 +102,32 @@ class _RowProgram:
 
 def minimax_gain(
     task: WindowTask, fitted: Matrix, project: Callable[[Matrix], Matrix]
-) -> tuple[Matrix, list[int]]:
-    """Gains (n, k p), and the rows that are those of fitted for lack of better ones.
+) -> MinimaxGain:
+    """Gains on the window with the least largest error, row by row.
 
     fitted: unbiased gains, (n, k p); project makes gains unbiased that are nearly so.
     """
     program, units = _RowProgram.from_task(task, fitted), task.scales
     k, p, n = task.samples, len(task.C), len(units)
-    best, kept = fitted.copy(), []
+    best, kept, solvers = fitted.copy(), list[int](), Solvers()
     with np.errstate(over="ignore", invalid="ignore"):
         for r, unit in enumerate(np.eye(n)):
             g = fitted[r].reshape(k, p) / units[r]
-            least = program.error(g, unit)
-            for row in _solutions(program, g, unit):
+            least, solver_of_row = program.error(g, unit), Solvers()
+            for solver, row in _solutions(program, g, unit):
                 gain = fitted.copy()
                 gain[r] = units[r] * row.reshape(-1)
                 gain = project(gain)
                 error = program.error(gain[r].reshape(k, p) / units[r], unit)
                 if error < least:
-                    best[r], least = gain[r], error
+                    best[r], least, solver_of_row = gain[r], error, (solver,)
+            solvers = merged(solvers, solver_of_row)
             if (best[r] == fitted[r]).all():
                 kept.append(r)
-    return best, kept
+    return MinimaxGain(best, kept, solvers)
 
 
-def _solutions(program: _RowProgram, g: Matrix, unit: Matrix) -> list[Matrix]:
+def _solutions(program: _RowProgram, g: Matrix, unit: Matrix) -> list[tuple[Solver, Matrix]]:
     """Solutions (k, p) near g for the state `unit`, one per solver until one is optimal."""
     import cvxpy as cp
 
@@ -129,14 +143,14 @@ def _solutions(program: _RowProgram, g: Matrix, unit: Matrix) -> list[Matrix]:
         disturbance = (r / size_r + q) @ program.half
         cost = cost + cp.sum(cp.abs(disturbance) @ (program.Delta * size_r / total))
     linear = cp.Problem(cp.Minimize(cost), conditions)
-    solutions = []
-    for solver, options in _SOLVERS.items():
+    solutions: list[tuple[Solver, Matrix]] = []
+    for name, (solver, options) in _SOLVERS.items():
         # CVXPY calls an unknown status a ValueError
         with contextlib.suppress(cp.error.SolverError, ValueError), warnings.catch_warnings():
             warnings.simplefilter("ignore")  # an inaccurate solution is compared with g anyway
             linear.solve(solver=solver, **options)
         if z.value is not None and np.isfinite(z.value).all():
-            solutions.append(np.asarray(g + size_g * z.value))
+            solutions.append((name, np.asarray(g + size_g * z.value)))
         if linear.status == cp.OPTIMAL:
             break
     return solutions

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
+from lmi.solvers import merged
 from lmi.time_budget import TimeBudget, ended_by_count, remark_end
 from obsdesign.equations.finite_time.formulas import SMALLEST_GAIN
 from obsdesign.synthesis.finite_time.period_problem import (
@@ -64,7 +65,7 @@ class _Cost:
             return 1e6
         injection = self._injection(x)
         if injection.log_period > self.best.log_period:
-            self.best = injection
+            self.best = replace(injection, solvers=merged(self._start.solvers, ("SciPy",)))
             if injection.log_period > self._target:
                 raise _TargetReached
         return -injection.log_period if math.isfinite(injection.log_period) else 1e6

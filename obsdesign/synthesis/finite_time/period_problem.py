@@ -12,6 +12,7 @@ from typing import Self
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
+from lmi.solvers import Solvers
 from lmi.time_budget import Remark
 from obsdesign.equations.finite_time.condition_13 import approx_log_longest_period
 from obsdesign.problem.problem import Problem
@@ -54,7 +55,7 @@ class Injection:
     """L (n, p), window T, log of the period below which (13) holds (in floats), S or None.
 
     An upper bound of the period that keeps n / p samples in the window is included. remarks: of
-    the search for it.
+    the search for it. solvers: called in it.
     """
 
     L: Matrix
@@ -62,6 +63,7 @@ class Injection:
     log_period: float
     S: Matrix | None = None
     remarks: tuple[Remark, ...] = ()
+    solvers: Solvers = ()
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ import numpy as np
 from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.balls import Exact, precision, scalar
 from lmi.arithmetic.norms import float_above, middles
+from lmi.solvers import Solvers
 from lmi.time_budget import Remark
 from obsdesign.analysis.finite_time.enclosed_gains import method_gain
 from obsdesign.analysis.finite_time.error_radius import (
@@ -51,6 +52,24 @@ _UNBOUNDED = 1e300
 
 
 @dataclass(frozen=True)
+class CompletedGains:
+    """The gains of a design, the remarks of their search, and the solvers that made them."""
+
+    gains: FiniteTimeGains
+    remarks: tuple[Remark, ...] = ()
+    solvers: Solvers = ()
+
+
+@dataclass(frozen=True)
+class _MethodGain:
+    """Gains (n, k p) of the method, the remarks of their search, and the solvers that made them."""
+
+    gain: Matrix
+    remarks: tuple[Remark, ...] = ()
+    solvers: Solvers = ()
+
+
+@dataclass(frozen=True)
 class _UnbiasedGain:
     """Gains (n, k p), |bias| entry by entry (n, n), and its size with units scaled away."""
 
@@ -58,17 +77,18 @@ class _UnbiasedGain:
     state_error: Matrix
     size: float
     remarks: tuple[Remark, ...] = ()
+    solvers: Solvers = ()
 
 
-def completed_gains(task: WindowTask) -> tuple[FiniteTimeGains, tuple[Remark, ...]]:
-    """The gains of a design: those on the window, and bounds of their errors; and remarks.
+def completed_gains(task: WindowTask) -> CompletedGains:
+    """The gains of a design: those on the window, and bounds of their errors.
 
     Their bias is bounded relative to the last state; where fast modes have decayed too far for
     that, relative to the first.
     """
     if task.method == "approximate":
-        gain, remarks = _window_gain(task)
-        return _stored_gains(task, gain), remarks
+        of_method = _window_gain(task)
+        return CompletedGains(_stored_gains(task, of_method.gain), of_method.remarks)
     chosen = _refined(task)
     remarks = chosen.remarks
     if not chosen.size <= UNBIASED and np.linalg.eigvals(task.A).real.min() < 0:
@@ -78,7 +98,8 @@ def completed_gains(task: WindowTask) -> tuple[FiniteTimeGains, tuple[Remark, ..
             task, chosen = task.relative_to_start(), relative
     noise = task.plant.output.noise_radius
     radius = None if noise is None else _radius(task, chosen.gain, noise)
-    return _stored_gains(task, chosen.gain, chosen.state_error, radius), remarks
+    gains = _stored_gains(task, chosen.gain, chosen.state_error, radius)
+    return CompletedGains(gains, remarks, chosen.solvers)
 
 
 def _stored_gains(
@@ -120,14 +141,14 @@ def _gains_relative_to_start(task: WindowTask) -> _UnbiasedGain:
     return _refined(task, cut)
 
 
-def _window_gain(task: WindowTask, cut: float = 0.0) -> tuple[Matrix, tuple[Remark, ...]]:
-    """Gains (n, k p) of the method; zeros, which are refuted, where it has none in binary64."""
-    zeros = np.zeros((len(task.A), task.samples * len(task.C)))
+def _window_gain(task: WindowTask, cut: float = 0.0) -> _MethodGain:
+    """Gains of the method; zeros, which are refuted, where it has none in binary64."""
+    zeros = _MethodGain(np.zeros((len(task.A), task.samples * len(task.C))))
     rows, wanted = _rows(task)
     if not (np.isfinite(rows).all() and np.isfinite(wanted).all()):
-        return zeros, ()
+        return zeros
     if not cut and approx_determinacy(rows, np.ones(len(task.A))) == 0.0:
-        return zeros, ()
+        return zeros
     left_inverse = least_squares_gain(rows, np.tile(task.deviations, task.samples), cut)
 
     def projected(gain: Matrix) -> Matrix:
@@ -135,12 +156,14 @@ def _window_gain(task: WindowTask, cut: float = 0.0) -> tuple[Matrix, tuple[Rema
 
     fitted = wanted @ left_inverse
     if task.method == "least_squares":
-        return projected(fitted), ()
+        return _MethodGain(projected(fitted))
     if task.method == "minimax":
-        gain, kept = minimax_gain(task, projected(fitted), projected)
-        return gain, _remark_kept(kept)
+        least = minimax_gain(task, projected(fitted), projected)
+        return _MethodGain(least.gain, _remark_kept(least.kept), least.solvers)
     formula = None if task.L is None else _formula(task, task.L)
-    return zeros if formula is None or not np.isfinite(formula).all() else formula, ()
+    if formula is None or not np.isfinite(formula).all():
+        return zeros
+    return _MethodGain(formula)
 
 
 def _remark_kept(kept: list[int]) -> tuple[Remark, ...]:
@@ -200,15 +223,15 @@ def _refined(task: WindowTask, cut: float = 0.0) -> _UnbiasedGain:
 
     Floats alone leave a bias that is amplified twice.
     """
-    gain, remarks = _window_gain(task, cut)
+    of_method = _window_gain(task, cut)
     for bits in _BITS:
         with precision(bits):
-            refined = _refined_once(task, gain, cut)
+            refined = _refined_once(task, of_method.gain, cut)
         if refined.size <= UNBIASED:
             break
         if np.isfinite(refined.size) and not task.is_relative_to_start:
             break  # no digits are missing
-    return replace(refined, remarks=remarks)
+    return replace(refined, remarks=of_method.remarks, solvers=of_method.solvers)
 
 
 def _refined_once(task: WindowTask, gain: Matrix, cut: float) -> _UnbiasedGain:

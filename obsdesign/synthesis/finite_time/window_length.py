@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from lmi.solvers import Solvers
 from lmi.time_budget import Remark, TimeBudget
 from obsdesign.analysis.finite_time.requirements import window_samples
 from obsdesign.equations.finite_time.gains import MOST_SAMPLES, NEED_L
@@ -28,51 +29,71 @@ _PER_OCTAVE = 4
 CONDITION_13_OBJECTIVES = ("longest_period", "shortest_window")
 
 
-def chosen_samples(problem: Problem, budget: TimeBudget) -> tuple[int, tuple[Remark, ...]]:
+@dataclass(frozen=True)
+class WindowChoice:
+    """Number of samples, the remarks of the search for it, and the solvers that led to it."""
+
+    samples: int
+    remarks: tuple[Remark, ...] = ()
+    solvers: Solvers = ()
+
+
+def chosen_window(problem: Problem, budget: TimeBudget) -> WindowChoice:
     """Number of samples, given, or chosen by the objective or the determinacy of the window."""
     options, period = problem.options_as(FiniteTimeOptions), problem.plant.output.sample_period
     if options.window is not None:
-        return window_samples(options.window, period), ()
-    k: int | None = None
-    remarks: tuple[Remark, ...] = ()
+        return WindowChoice(window_samples(options.window, period))
+    search = _Search(None)
     if options.objective is not None:
-        k, remarks = _samples_for_objective(problem, options, budget)
-    return _well_determined(problem.plant, period) if k is None else k, remarks
+        search = _samples_for_objective(problem, options, budget)
+    k = search.samples
+    samples = _well_determined(problem.plant, period) if k is None else k
+    return WindowChoice(samples, search.remarks, search.solvers)
+
+
+@dataclass(frozen=True)
+class _Search:
+    """As `WindowChoice`; samples None where a well determined window is meant."""
+
+    samples: int | None
+    remarks: tuple[Remark, ...] = ()
+    solvers: Solvers = ()
 
 
 def _samples_for_objective(
     problem: Problem, options: FiniteTimeOptions, budget: TimeBudget
-) -> tuple[int | None, tuple[Remark, ...]]:
+) -> _Search:
     """Number of samples for an objective; None: those of a well determined window."""
     plant, period = problem.plant, problem.plant.output.sample_period
     A, C = plant.flow.A, plant.output.C
     shortest = approx_observability_index(A, C, period)
     if shortest is None:
-        return None, ()
+        return _Search(None)
     if options.objective == "least_noise":
         counts = _counts(plant.n, _PER_OCTAVE)
         enough = [n for n in counts if approx_window_determinacy(A, C, period, n) >= _DETERMINED]
-        return low_noise_samples(plant, enough) if enough else None, ()
+        return _Search(low_noise_samples(plant, enough) if enough else None)
     is_shortest = options.objective == "shortest_window"
     if options.method in NEED_L and np.any(A):
         free = PeriodProblem.from_problem(problem)
         return _samples_for_13(free, period, shortest, is_shortest, budget)
-    return shortest if is_shortest else None, ()
+    return _Search(shortest if is_shortest else None)
 
 
 def _samples_for_13(
     problem: PeriodProblem, period: float, least: int, is_shortest: bool, budget: TimeBudget
-) -> tuple[int | None, tuple[Remark, ...]]:
+) -> _Search:
     """Samples of the shortest window with (13), if need be in coordinates S, or of the best."""
     if is_shortest:
         k, plain = fewest_samples(problem, period, least, budget)
         if k:
-            return k, plain.remarks
+            return _Search(k, plain.remarks, plain.solvers)
         transformed = replace(problem, coordinates=True)
         k, other = fewest_samples(transformed, period, least, budget)
-        return k, plain.remarks + other.remarks
+        return _Search(k, plain.remarks + other.remarks, other.solvers)
     best = best_injection(problem, budget)
-    return int(min(max(round(best.window / period), least), MOST_SAMPLES)), best.remarks
+    k = int(min(max(round(best.window / period), least), MOST_SAMPLES))
+    return _Search(k, best.remarks, best.solvers)
 
 
 def _well_determined(plant: Plant, period: float) -> int:

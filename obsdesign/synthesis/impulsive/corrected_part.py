@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.balls import exact, inverse, to_float
 from lmi.time_budget import TimeBudget
+from lmi.verdict import Verdict
 from obsdesign.equations.estimation_error import seen_before_jump
 from obsdesign.equations.impulsive.formulas import CASCADE_MARGIN, uncorrected_factor
 from obsdesign.problem.options import ImpulsiveOptions
 from obsdesign.problem.problem import Problem
-from obsdesign.synthesis.candidate import Candidate
+from obsdesign.synthesis.candidate import Candidate, Certificates
 from obsdesign.synthesis.dwell import stability_certificate
 from obsdesign.synthesis.impulsive.invariant_subspace import Parts, corrected_part
 from obsdesign.synthesis.impulsive.window import factors_of, weight, window_gains, windowed
@@ -44,10 +44,11 @@ def part_candidates(
     alpha = weight(problem, CASCADE_MARGIN)
     if only_if_smaller and is_whole:
         # nothing is to be corrected: the quadratic strategy says so, where it may be used
-        decay = _decay_certificate(plant.flow.A, plant.jump.G, (low, high), (factor, alpha), budget)
-        if "P" not in decay or not _is_without_quadratic(problem):
+        ends, goals = (low, high), (factor, alpha)
+        decay = _decay_certificate(plant.flow.A, plant.jump.G, ends, goals, budget)
+        if "P" not in decay.evidence or not _is_without_quadratic(problem):
             return
-    certificates, (core_A, core_G, core_C) = _blocks(
+    decays, (core_A, core_G, core_C) = _blocks(
         matrices, parts, (low, high), (factor, alpha), budget
     )
     place = np.array([parts.first, parts.size], dtype=np.float64)
@@ -62,12 +63,13 @@ def part_candidates(
     )
     gains = replace(gains, alpha=alpha)
     # other invariant subspaces, and other uncorrected blocks, may do
-    yield replace(windowed(problem, gains, "subspace", budget, certificates), searched=True)
+    candidate = windowed(problem, gains, "subspace", budget, decays.evidence)
+    yield replace(candidate, searched=True, solvers=decays.solvers)
     U, S = factors_of(core_G)
     if U.shape[1] < parts.size:
         inner = replace(gains, image=U, coimage=S)
-        candidate = windowed(problem, inner, "subspace, compressed", budget, certificates)
-        yield replace(candidate, searched=True)
+        candidate = windowed(problem, inner, "subspace, compressed", budget, decays.evidence)
+        yield replace(candidate, searched=True, solvers=decays.solvers)
 
 
 def _is_without_quadratic(problem: Problem) -> bool:
@@ -82,7 +84,7 @@ def _blocks(
     ends: tuple[float, float],
     goals: tuple[float, float],
     budget: TimeBudget,
-) -> tuple[dict[str, dict[str, Any]], tuple[Matrix, Matrix, Matrix]]:
+) -> tuple[Certificates, tuple[Matrix, Matrix, Matrix]]:
     """(certificates that hidden and rest decay, the core) of plants (A, G, C).
 
     goals: factor from impulse to impulse that is needed, and the core's alpha.
@@ -94,11 +96,13 @@ def _blocks(
         raise np.linalg.LinAlgError("the basis of the parts is singular")
     flow, jump = (to_float(back @ exact(X) @ T) for X in (A, G))
     first, end = parts.first, parts.first + parts.size
-    certificates = {}
+    certificates = Certificates()
     for name, inside in (("hidden", slice(0, first)), ("rest", slice(end, len(A)))):
         F, H = flow[inside, inside], jump[inside, inside]
         if len(F):
-            certificates[f"{name}_decays"] = _decay_certificate(F, H, ends, goals, budget)
+            verdict = _decay_certificate(F, H, ends, goals, budget)
+            decay = Certificates({f"{name}_decays": verdict.evidence}, verdict.solvers)
+            certificates = certificates.joined(decay)
     middle = slice(first, end)
     output = to_float(exact(C) @ T)[:, middle]
     return certificates, (flow[middle, middle], jump[middle, middle], output)
@@ -110,11 +114,11 @@ def _decay_certificate(
     ends: tuple[float, float],
     goals: tuple[float, float],
     budget: TimeBudget,
-) -> dict[str, Any]:
+) -> Verdict:
     """P for the decay of a block: as fast as the core's if it can be, else at the factor."""
     factor, alpha = goals
     for goal in sorted({min(factor, 0.9 / alpha), factor}):
-        certificate = stability_certificate(F, H / goal, *ends, memory=0, budget=budget)
-        if "P" in certificate:
+        verdict = stability_certificate(F, H / goal, *ends, memory=0, budget=budget)
+        if "P" in verdict.evidence:
             break
-    return certificate | {"factor": goal}
+    return replace(verdict, evidence={**verdict.evidence, "factor": goal})

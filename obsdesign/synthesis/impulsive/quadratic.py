@@ -12,6 +12,7 @@ cells of spacings, which are halved until the proof for each of them succeeds.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -23,6 +24,7 @@ from lmi.find.affine import Unknown, best_margin
 from lmi.prove.common_matrix import prove_common
 from lmi.rank.hidden_mode import propose_hiding
 from lmi.rank.stack import Stack
+from lmi.solvers import Solvers
 from lmi.time_budget import Remark, TimeBudget, remark_end
 from obsdesign.analysis.impulsive_noise import estimate
 from obsdesign.equations.estimation_error import seen_before_jump
@@ -38,6 +40,14 @@ _CELLS = 128
 _FACTORS = (0.5, 0.7, 0.8, 0.9, 0.95, 0.98, 0.995)
 
 
+@dataclass(frozen=True)
+class CommonMatrix:
+    """P (n, n), and the solver that made it; none where every output sees all states."""
+
+    P: Matrix
+    solvers: Solvers = ()
+
+
 @np.errstate(all="ignore")
 def quadratic_candidate(problem: Problem, budget: TimeBudget) -> Candidate:
     """Return the table of gains with the smallest factor that is proved; zeros where none is."""
@@ -51,9 +61,10 @@ def quadratic_candidate(problem: Problem, budget: TimeBudget) -> Candidate:
     factors = {*(f for f in _FACTORS if f < limit), *([limit] if limit < 1 else [])}
     remarks: tuple[Remark, ...] = ()
     for gamma in sorted(factors):
-        P = common_matrix((A, G, C), (low, high), gamma)
-        if P is None:
+        proposal = common_matrix((A, G, C), (low, high), gamma)
+        if proposal is None:
             continue
+        P = proposal.P
         # a little room between the search and the proof
         looser = min(1.01 * gamma, (1 + gamma) / 2)
         looser = min(looser, limit) if rate > 0 else looser
@@ -65,7 +76,9 @@ def quadratic_candidate(problem: Problem, budget: TimeBudget) -> Candidate:
                 "contracting": {"P": P.tolist(), "gamma": looser},
                 "rate": {"estimated": estimate(problem, gains)},
             }
-            return Candidate("quadratic", gains, certificates, searched=True, remarks=remarks)
+            return Candidate(
+                "quadratic", gains, certificates, True, remarks=remarks, solvers=proposal.solvers
+            )
     zeros = _gains(problem, np.array([low, high]), np.zeros((1, plant.n, plant.p)))
     forever = Stack(exact(A), exact(G), exact(C), exact(np.eye(plant.n)), plant.n + 1)
     theta = propose_hiding(forever, low, high)
@@ -80,7 +93,7 @@ def _gains(problem: Problem, cells: Matrix, table: Matrix) -> ImpulsiveGains:
 
 def common_matrix(
     plant: tuple[Matrix, Matrix, Matrix], ends: tuple[float, float], gamma: float
-) -> Matrix | None:
+) -> CommonMatrix | None:
     """P of the inequality on a grid of spacings, or None; floats, in balanced coordinates."""
     A, G, C = plant
     flows = expm(A * np.linspace(*ends, _GRID)[:, None, None])
@@ -92,7 +105,7 @@ def common_matrix(
     size = min(np.linalg.matrix_rank(h) for h in H)
     kernels = np.stack([np.linalg.svd(h)[2][size:].T for h in H])
     if kernels.shape[2] == 0:
-        return np.diag(units**2)
+        return CommonMatrix(np.diag(units**2))
     turned = np.swapaxes(kernels, 1, 2)
 
     def inequality(P: Matrix) -> Matrix:
@@ -103,7 +116,7 @@ def common_matrix(
     if solution is None or solution[1] <= 0:
         return None
     P = units[:, None] * solution[0][0] * units
-    return (P + P.T) / 2
+    return CommonMatrix((P + P.T) / 2, ("Clarabel",))
 
 
 def best_gain(A: Matrix, G: Matrix, C: Matrix, P: Matrix, spacing: float) -> Matrix:

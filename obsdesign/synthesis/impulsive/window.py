@@ -118,7 +118,7 @@ def windowed(
     if verdict.outcome == "proved" and options.noise_target is not None:
         gains, others["noise_target"] = quiet_enough(problem, gains)
     if verdict.outcome == "proved" and budget.remaining() > 0:
-        others["rate"] = {"estimated": estimate(problem, gains)}
+        others["rate"] = {"estimated": estimate(problem, gains), "theorem_2_2": {}}
     return Candidate(label, gains, others, searched=decided.is_searched, remarks=decided.remarks)
 
 

@@ -90,7 +90,9 @@ def _integral_candidates(integral: IntegralWindow, budget: TimeBudget) -> Iterat
         return
     for choice in exponent_choices(integral, budget):
         gains = integral.gains(choice.exponents, choice.rule)
-        yield Candidate(choice.label, gains, searched=True, remarks=choice.remarks)
+        yield Candidate(
+            choice.label, gains, searched=True, remarks=choice.remarks, solvers=choice.solvers
+        )
 
 
 def _check_plant(problem: Problem) -> None:

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
+from lmi.solvers import Solvers
 from lmi.time_budget import Remark, TimeBudget
 from obsdesign.equations.impulsive_input.evaluation import (
     EVALUATED_AGE_SHARE,
@@ -42,6 +43,7 @@ class ExponentChoice:
     exponents: Matrix
     rule: str
     remarks: tuple[Remark, ...] = ()
+    solvers: Solvers = ()
 
 
 def exponent_choices(integral: IntegralWindow, budget: TimeBudget) -> Iterator[ExponentChoice]:
@@ -99,9 +101,10 @@ def _refined_by_ipopt(
         label += f"; IPOPT finds {comparison}, but more is neglected than the ratio allows"
     else:
         rule = rule_for(integral, better)
-        yield ExponentChoice(f"{label} from IPOPT, {comparison}", better, rule, remarks)
+        refined = f"{label} from IPOPT, {comparison}"
+        yield ExponentChoice(refined, better, rule, remarks, ("IPOPT",))
         remarks = ()
-    yield ExponentChoice(label, corner, rule_for(integral, corner), remarks)
+    yield ExponentChoice(label, corner, rule_for(integral, corner), remarks, ("IPOPT",))
 
 
 def rule_for(integral: IntegralWindow, exponents: Matrix) -> str:

@@ -17,6 +17,7 @@ import numpy as np
 from lmi.arithmetic.arrays import Array
 from lmi.arithmetic.balls import exact, inverse
 from lmi.decide.dwell_search import dwell_bracket
+from lmi.solvers import Solvers, merged
 from lmi.time_budget import UNLIMITED, Remark, TimeBudget
 from obsdesign.analysis.hidden_modes import not_detectable
 from obsdesign.analysis.interval.requirements import (
@@ -30,11 +31,11 @@ from obsdesign.equations.interval.width import WidthSystem
 from obsdesign.errors import DoesNotApply, InputError
 from obsdesign.problem.options import IntervalOptions
 from obsdesign.problem.problem import Problem
-from obsdesign.synthesis.candidate import Candidate
+from obsdesign.synthesis.candidate import Candidate, Certificates
 from obsdesign.synthesis.dwell import dwell_certificates, stability_options
 from obsdesign.synthesis.given_gains import given_gain, refuse_unusable
 from obsdesign.synthesis.interval.coordinates import CoordinateSearch
-from obsdesign.synthesis.interval.descent import best_gains
+from obsdesign.synthesis.interval.descent import best_gains, solvers_of_gains
 from obsdesign.synthesis.interval.forms import gains_of_form
 from obsdesign.synthesis.interval.goals import mean_width
 from obsdesign.synthesis.interval.periodic import SampledPlant, sampled_bases
@@ -44,7 +45,7 @@ from obsdesign.synthesis.interval.sampled_width import (
     sampled_tube,
 )
 from obsdesign.synthesis.interval.task import Task
-from obsdesign.synthesis.interval.tube import proved_width
+from obsdesign.synthesis.interval.tube import proved_width, solvers_of_tube
 
 # proofs for samples as events that are tried before a candidate is given up as not proved
 _MOST_PROOFS = 4
@@ -142,7 +143,8 @@ def _in_known_coordinates(
     (_, L, M), remarks = best_gains(task, _objective(problem), budget)
     L, M = task.gains(L, M)
     gains = gains_of_form(problem, form, given.get("L", L), given.get("M", M), own)
-    return _candidate(problem, gains, budget, searched=True, remarks=remarks)
+    candidate = _candidate(problem, gains, budget, searched=True, remarks=remarks)
+    return _with_solvers(candidate, solvers_of_gains(task))
 
 
 def _with_samples(
@@ -225,7 +227,8 @@ def _sampled_candidate(
     certificate = propose_samples(gains, system, approx)
     value = trial.cost if _objective(problem) == "narrowest" else None
     certificates = {"sampled_stability": certificate}
-    return Candidate(form, gains, certificates, searched, value, goes_on=True)
+    solvers: Solvers = ("HiGHS",) if "L" not in given or "tube" in certificate else ()
+    return Candidate(form, gains, certificates, searched, value, goes_on=True, solvers=solvers)
 
 
 def _is_proved(candidate: Candidate) -> bool:
@@ -246,9 +249,15 @@ def _in_open_coordinates(
         best = search.best(improve=improve)
         L, M = given.get("L", best.L), given.get("M", best.M)
         gains = gains_of_form(problem, "coordinates", L, M, {"S": best.S})
-        yield _candidate(
+        candidate = _candidate(
             problem, gains, budget, searched=True, goes_on=improve, remarks=best.remarks
         )
+        yield _with_solvers(candidate, best.solvers)
+
+
+def _with_solvers(candidate: Candidate, first: Solvers) -> Candidate:
+    """The candidate with the solvers of its gains before those of its certificates."""
+    return replace(candidate, solvers=merged(first, candidate.solvers))
 
 
 def _candidate(
@@ -263,28 +272,33 @@ def _candidate(
     system, approx = WidthSystem.from_gains(gains, exact, inverse), WidthSystem.from_gains(gains)
     objective = _objective(problem)
     cost = _cost(problem, gains) if objective == "narrowest" else None
-    certificates: dict[str, Any] = {}
+    certificates = Certificates()
     if system.N is not None:
         low, high = gains.dwell_ends
         if objective == "shortest_dwell":
             low, certificates = _widest_range(problem, system, (low, high), budget)
             gains, cost = replace(gains, dwell_time=np.array([low, high])), low
-        certificates = certificates or dwell_certificates(
-            system.W, system.N, low, high, **stability_options(problem, budget)
-        )
+        if not certificates.evidence:
+            certificates = dwell_certificates(
+                system.W, system.N, low, high, **stability_options(problem, budget)
+            )
     if budget.remaining() > 0:
-        certificates |= _widths(problem, gains, system, approx)
+        widths = _widths(problem, gains, system, approx)
+        certificates = certificates.joined(widths)
         # where a spacing was named, the observer watches it
-        if "sampled_width" in certificates and problem.plant.output.period is not None:
-            gains = replace(gains, step_limit=certificates["sampled_width"]["step_limit"])
-    return Candidate(gains.form, gains, certificates, searched, cost, goes_on, remarks)
+        if "sampled_width" in widths.evidence and problem.plant.output.period is not None:
+            gains = replace(gains, step_limit=widths.evidence["sampled_width"]["step_limit"])
+    return Candidate(
+        gains.form, gains, certificates.evidence, searched, cost, goes_on, remarks,
+        certificates.solvers,
+    )  # fmt: skip
 
 
 def _widths(
     problem: Problem, gains: IntervalGains, system: WidthSystem, approx: WidthSystem
-) -> dict[str, Any]:
+) -> Certificates:
     """Return certificates of the width with a continuous y, and with samples of it."""
-    certificates: dict[str, Any] = {}
+    certificates: dict[str, Mapping[str, Any]] = {}
     width = proved_width(system, approx, *gains.dwell_ends)
     if width is not None:
         certificates["width"] = width
@@ -293,7 +307,7 @@ def _widths(
         spacing = propose_spacing(gains, system, *gains.dwell_ends, period)
         if spacing is not None:
             certificates["sampled_width"] = spacing
-    return certificates
+    return Certificates(certificates, solvers_of_tube(system) if certificates else ())
 
 
 def _cost(problem: Problem, gains: IntervalGains) -> float:
@@ -305,10 +319,11 @@ def _cost(problem: Problem, gains: IntervalGains) -> float:
 
 def _widest_range(
     problem: Problem, system: WidthSystem, ends: tuple[float, float], budget: TimeBudget
-) -> tuple[float, dict[str, Any]]:
+) -> tuple[float, Certificates]:
     """Return (shortest dwell time, certificates): the proved range if it holds the required one."""
     (N, _), (low, high) = system.at_jumps, ends
     bracket = dwell_bracket(system.W, N, "shortest", high, **stability_options(problem, budget))
     if bracket.proved is None or not bracket.proved <= low or math.isinf(bracket.proved):
-        return low, {}
-    return bracket.proved, {"dwell_stability": dict(bracket.certificate)}
+        return low, Certificates()
+    evidence = {"dwell_stability": bracket.certificate}
+    return bracket.proved, Certificates({**evidence}, bracket.solvers)

@@ -18,11 +18,12 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Array, Matrix
 from lmi.arithmetic.spectrum import spectral_radius
+from lmi.solvers import Solvers, merged
 from lmi.time_budget import Remark, TimeBudget, ended_by_count, remark_end
 from obsdesign.equations.interval.splits import flow_and_jump
 from obsdesign.problem.plant import Plant
 from obsdesign.problem.problem import Problem
-from obsdesign.synthesis.interval.descent import best_gains, quick_gains
+from obsdesign.synthesis.interval.descent import best_gains, quick_gains, solvers_of_gains
 from obsdesign.synthesis.interval.task import Task
 from obsdesign.synthesis.placement import riccati_gain
 
@@ -44,6 +45,7 @@ class CoordinateChoice:
     L: Matrix
     M: Matrix
     remarks: tuple[Remark, ...] = ()
+    solvers: Solvers = ()
 
 
 @dataclass(frozen=True)
@@ -68,14 +70,15 @@ class CoordinateSearch:
             if self._is_sufficient(choices[-1]):
                 return choices[-1]
         best = min(choices, key=lambda choice: choice.value)
-        remarks: tuple[Remark, ...] = ()
+        remarks, solvers = tuple[Remark, ...](), best.solvers
         if improve:
             best, remarks = self._improved(best)
+            solvers = merged(solvers, ("SciPy",))
         if not self._is_sufficient(best):
             remarks += self._remark(self.budget.ended())
         thorough = self._with_best_gains(best.S)
         chosen = min(best, thorough, key=lambda choice: choice.value)
-        return replace(chosen, remarks=remarks + thorough.remarks)
+        return replace(chosen, remarks=remarks + thorough.remarks, solvers=solvers)
 
     def _remark(self, end: Mapping[str, Any]) -> tuple[Remark, ...]:
         return remark_end("coordinates", end, matters=self.objective != "feasible")
@@ -90,12 +93,12 @@ class CoordinateSearch:
     def _with_quick_gains(self, S: Matrix) -> CoordinateChoice:
         task = Task.from_problem(self.problem, False, S, self.given)
         value, L, M = quick_gains(task, self.objective, self.budget)
-        return CoordinateChoice(value, S, *task.gains(L, M))
+        return CoordinateChoice(value, S, *task.gains(L, M), solvers=solvers_of_gains(task))
 
     def _with_best_gains(self, S: Matrix) -> CoordinateChoice:
         task = Task.from_problem(self.problem, False, S, self.given)
         (value, L, M), remarks = best_gains(task, self.objective, self.budget)
-        return CoordinateChoice(value, S, *task.gains(L, M), remarks)
+        return CoordinateChoice(value, S, *task.gains(L, M), remarks, solvers_of_gains(task))
 
     def _improved(self, start: CoordinateChoice) -> tuple[CoordinateChoice, tuple[Remark, ...]]:
         """The best of a Nelder-Mead search over S, gains from a small program for each."""

@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
+from lmi.solvers import Solvers
 from lmi.time_budget import Remark, TimeBudget, ended_by_count, remark_end
 from obsdesign.synthesis.interval.goals import growth, mean_width, shortest
 from obsdesign.synthesis.interval.linear_program import clock_gains
@@ -39,13 +40,18 @@ _SUFFICIENT_GROWTH = 0.9  # `feasible` stops at this growth from jump to jump
 _LEAST_IMPROVEMENT = 1e-7  # relative improvement that is worth another sweep
 
 
+def solvers_of_gains(task: Task) -> Solvers:
+    """Solvers that `best_gains` and `quick_gains` call: the program of `clock_gains`."""
+    return ("HiGHS",) if task.open_L or task.open_M else ()
+
+
 def best_gains(task: Task, objective: str, budget: TimeBudget) -> tuple[Gains, tuple[Remark, ...]]:
     """Gains in z, the best when limits or the budget end the search, and its remarks.
 
     The value is as `OBJECTIVES` has it, inf where the goal is missed.
     """
     goal = OBJECTIVES[objective]
-    if not (task.open_L or task.open_M):
+    if not solvers_of_gains(task):
         return _without_open_gains(task, goal), ()
     starts = [*_starts(task, objective, budget)]
     ranked = sorted(starts, key=lambda pair: _value(task, goal, *pair))
@@ -80,7 +86,7 @@ def _without_open_gains(task: Task, goal: Goal) -> Gains:
 def quick_gains(task: Task, objective: str, budget: TimeBudget) -> Gains:
     """Gains by a small program and little descent: inside a search over coordinates."""
     goal = OBJECTIVES[objective]
-    if not (task.open_L or task.open_M):
+    if not solvers_of_gains(task):
         return _without_open_gains(task, goal)
     starts = [_clipped(task, *(np.zeros(task.limit_L.shape) for _ in range(2)))]
     low = 0.0 if task.G is None else task.low

@@ -20,6 +20,7 @@ from lmi.bounds.tube import Tube, prove_tube
 from lmi.families import Edge
 from lmi.find.linear_program import minimise
 from lmi.prove.hurwitz import rightmost
+from lmi.solvers import Solvers
 from obsdesign.equations.interval.width import WidthSystem
 
 # room for a strict proof, relative to what enters the width from jump to jump
@@ -48,6 +49,11 @@ def proved_width(
         if prove_tube(W, f, N, h, out, tube=tube, low=low, high=high).outcome == "proved":
             return certificate
     return None
+
+
+def solvers_of_tube(system: WidthSystem) -> Solvers:
+    """Solvers of a proposed width: without jumps the limit is one linear system."""
+    return () if system.N is None else ("HiGHS",)
 
 
 def propose_width(

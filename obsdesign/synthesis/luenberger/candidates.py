@@ -9,19 +9,19 @@ are tried in turn.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.spectrum import spectral_radius
 from lmi.decide.stability import decide
+from lmi.solvers import Solvers, merged
 from lmi.time_budget import UNLIMITED, Remark, TimeBudget
 from obsdesign.equations.estimation_error import flow_error_matrix, jump_error_matrix
 from obsdesign.equations.luenberger.gains import LuenbergerGains
 from obsdesign.problem.options import LuenbergerOptions
 from obsdesign.problem.problem import Problem
-from obsdesign.synthesis.candidate import Candidate
+from obsdesign.synthesis.candidate import Candidate, Certificates
 from obsdesign.synthesis.dwell import dwell_certificates, stability_options
 from obsdesign.synthesis.given_gains import given_gain, refuse_second_choice, refuse_unusable
 from obsdesign.synthesis.luenberger.jump_gains import jump_gains
@@ -44,15 +44,21 @@ def synthesize(problem: Problem, budget: TimeBudget = UNLIMITED) -> Iterator[Can
             yield scheduled_candidate(problem, label, L, shifted, budget)
             continue
         M, remarks = given_gain(problem, "M"), tuple[Remark, ...]()
+        solvers: Solvers = ()
         is_open = is_L_open or M is None
         if M is None:
             # the largest margin over all dwell times
             dwell = [problem.require_dwell_time()]
             solution, remarks = jump_gains(problem, shifted, dwell, [(0, 0)], budget)
-            M = np.zeros((plant.n, plant.p)) if solution is None else solution.M[0]
+            M = np.zeros((plant.n, plant.p))
+            if solution is not None:
+                M, solvers = solution.M[0], solution.solvers
         gains = LuenbergerGains.from_plant(plant, L=L, M=M)
         certificates = _certificates(problem, F, M, rate, budget)
-        yield Candidate(label, gains, certificates, searched=is_open, remarks=remarks)
+        solvers = merged(solvers, certificates.solvers)
+        yield Candidate(
+            label, gains, certificates.evidence, is_open, remarks=remarks, solvers=solvers
+        )
 
 
 def _flow_gains(problem: Problem, rate: float) -> Iterator[tuple[str, Matrix]]:
@@ -78,18 +84,18 @@ def _flow_gains(problem: Problem, rate: float) -> Iterator[tuple[str, Matrix]]:
 
 def _certificates(
     problem: Problem, F: Matrix, M: Matrix, rate: float, budget: TimeBudget
-) -> dict[str, Any]:
+) -> Certificates:
     """Certificates of stability; with a decay rate, the P of F + rate I serves both claims."""
     plant = problem.plant
     if plant.jump is None:
-        return {}
+        return Certificates()
     ends = problem.require_dwell_time()
     H = jump_error_matrix(plant.jump.G, M, plant.output.C, plant.output.jump_measurement)
     options = stability_options(problem, budget)
     if rate == 0:
         return dwell_certificates(F, H, *ends, **options)
-    evidence = decide(F + rate * np.eye(plant.n), H, *ends, **options).evidence
-    shared = {"dwell_stability": evidence}
-    if not {"P", "windows"} & set(evidence):
+    verdict = decide(F + rate * np.eye(plant.n), H, *ends, **options)
+    shared = Certificates({"dwell_stability": verdict.evidence})
+    if not {"P", "windows"} & set(verdict.evidence):
         shared = dwell_certificates(F, H, *ends, **options)
-    return shared | {"decay_rate": evidence}
+    return shared.joined(Certificates({"decay_rate": verdict.evidence}, verdict.solvers))

@@ -17,6 +17,7 @@ import numpy as np
 from lmi.arithmetic.arrays import Array
 from lmi.families import Edge, worst
 from lmi.find.affine import Unknown, best_margin
+from lmi.solvers import Solvers
 from lmi.time_budget import Remark, TimeBudget, remark_end
 from obsdesign.equations.estimation_error import seen_before_jump
 from obsdesign.equations.luenberger import error_system as equations
@@ -30,10 +31,11 @@ _EACH_POINTS = 24
 
 @dataclass(frozen=True)
 class JumpGains:
-    """M (cells, n, p) and P (cells, n, n)."""
+    """M (cells, n, p) and P (cells, n, n), and the solver that made them."""
 
     M: Array
     P: Array
+    solvers: Solvers = ("Clarabel",)
 
 
 def jump_gains(

@@ -82,4 +82,5 @@ def scheduled_candidate(
         dict.fromkeys(ids, certificate),
         searched=True,
         remarks=remarks,
+        solvers=() if solution is None else solution.solvers,
     )

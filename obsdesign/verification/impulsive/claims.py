@@ -35,6 +35,7 @@ from obsdesign.verification.impulsive.blocks import (
     plant_blocks,
     whole_bound,
 )
+from obsdesign.verification.impulsive.lyapunov import LyapunovFunction, lyapunov_function
 from obsdesign.verification.impulsive.rate import (
     Bound,
     RankProof,
@@ -93,14 +94,20 @@ def claims(
         claims, bound = quadratic_claims(problem, gains, certificates, paranoid)
     listed += claims
     is_proved = overall(claim.verdict for claim in listed) == "proved"
-    listed += _rate_claims(problem, gains, bound if is_proved else None, certificates)
+    bound = bound if is_proved else None
+    lyapunov = _lyapunov(problem, gains, listed, certificates) if is_proved else None
+    listed += _rate_claims(problem, gains, bound, certificates, lyapunov)
     if certificates.get("noise_target"):
         listed.append(noise_target(missed_target(problem, gains)))
     return tuple(listed)
 
 
 def _rate_claims(
-    problem: Problem, gains: ImpulsiveGains, bound: Bound | None, certificates: Mapping[str, Any]
+    problem: Problem,
+    gains: ImpulsiveGains,
+    bound: Bound | None,
+    certificates: Mapping[str, Any],
+    lyapunov: LyapunovFunction | None,
 ) -> list[Claim]:
     """Claims of the rate that follows from a proved bound, and of the problem's decay rate."""
     high, goal = problem.require_dwell_time()[1], problem.options_as(ImpulsiveOptions).decay_rate
@@ -110,10 +117,34 @@ def _rate_claims(
             rate = certified_rate(bound, high, certificate)
     if rate is not None:
         estimated = estimate(problem, gains) if "estimated" in certificate else None
-        claims.append(rate_claim(rate, estimated))
+        claims.append(rate_claim(rate, estimated, lyapunov))
     if goal > 0:
         claims.append(decay_claim(rate, goal, high))
     return claims
+
+
+def _lyapunov(
+    problem: Problem,
+    gains: ImpulsiveGains,
+    proved_claims: list[Claim],
+    certificates: Mapping[str, Any],
+) -> LyapunovFunction | None:
+    """The function of Theorem 2.2 for strategy `full`, where the certificate of the rate names it.
+
+    Designs of earlier versions do not.
+    """
+    if gains.strategy != "full" or LyapunovFunction.ENTRY not in certificates.get("rate", {}):
+        return None
+    rank = next(claim for claim in proved_claims if claim.id == "strongly_observable").evidence
+    core, ends = Core.from_gains(gains, exact), problem.require_dwell_time()
+    with in_balls():
+        proved_now = lyapunov_function(
+            core, ends, gains.window_length, gains.window_weight, rank["sigma_min"]
+        )
+    stored = LyapunovFunction.from_evidence(certificates["rate"])
+    if proved_now is None or stored is None or not stored.follows_from(proved_now):
+        return proved_now
+    return stored
 
 
 def _windowed(

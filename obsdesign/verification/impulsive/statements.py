@@ -22,6 +22,7 @@ from obsdesign.equations.impulsive.formulas import Core, most_blocks
 from obsdesign.equations.impulsive.gains import ImpulsiveGains
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.dwell import Dwell
+from obsdesign.verification.impulsive.lyapunov import LyapunovFunction
 from obsdesign.verification.impulsive.rate import Rate, in_balls
 
 PAPER = "Medina, Lawrence, State Estimation for Linear Impulsive Systems"
@@ -74,15 +75,20 @@ def noise_target(evidence: Mapping[str, Any]) -> Claim:
     )
 
 
-def rate_claim(rate: Rate, estimated: Mapping[str, object] | None) -> Claim:
+def rate_claim(
+    rate: Rate, estimated: Mapping[str, object] | None, lyapunov: LyapunovFunction | None
+) -> Claim:
     """Claim of the proved rate of convergence; an estimate beside it proves nothing."""
+    evidence: dict[str, Any] = rate.to_evidence()
+    evidence |= {} if estimated is None else {"estimated": estimated}
+    evidence |= {} if lyapunov is None else {lyapunov.ENTRY: lyapunov.to_evidence()}
     return Claim(
         "rate",
         "the error just before an impulse is, N impulses later, at most constant * per_impulse^N "
         "of what it was, and it decays like e^(-in_time t), for all spacings in the range",
         f"{PAPER}, Theorem 3.1 and Lemma 3.2",
         "proved",
-        rate.to_evidence() | ({} if estimated is None else {"estimated": estimated}),
+        evidence,
     )
 
 
