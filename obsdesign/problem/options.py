@@ -211,9 +211,26 @@ class ImpulsiveInputOptions(Options):
         "eta: an impulse is evaluated when the norm of the features exceeds it, instead of at a "
         "maximum.",
     )
+    smallest_weight: float | None = option(
+        POSITIVE,
+        "Smallest absolute weight of an impulse that is evaluated; chooses threshold.",
+    )
+    poles: tuple[Pole, ...] | None = option(
+        ref("poles"),
+        "Poles of A - K C, one per state; one of a conjugate pair stands for both.",
+    )
+    weights: Mapping[str, tuple[float, ...]] | None = option(
+        ref("weights"),
+        "Diagonal weights of the Riccati equation for K, in the plant's coordinates.",
+    )
+
+    @property
+    def has_threshold(self) -> bool:
+        """Whether an impulse is evaluated by a threshold, given or from the smallest weight."""
+        return self.threshold is not None or self.smallest_weight is not None
 
     def check(self, plant: Plant) -> None:
-        """InputError unless exponents differ and margin and deviations fit window and states."""
+        """InputError unless exponents differ and the other lists and the margin fit the plant."""
         exponents = self.exponents or ()
         for i, exponent in enumerate(exponents):
             if exponent in exponents[:i]:
@@ -225,6 +242,7 @@ class ImpulsiveInputOptions(Options):
                 f"{self.margin!r}."
             )
         _check_count("initial_std", self.initial_std, plant.n, "state")
+        _check_weights(self.weights, plant)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -54,11 +54,14 @@ def _main_sentence(problem: Problem, low: str, absent: str, between: str) -> str
             "is not reported."
         )
     sign = " of nonnegative weight" if options.nonnegative else ""
-    threshold = ""
-    if options.threshold is not None:
+    threshold, least = "", ""
+    if options.has_threshold:
+        value = f" {options.threshold!r}"
+        if options.smallest_weight is not None:
+            value, least = "", f" of weight {options.smallest_weight!r} or more and"
         threshold = (
-            f", each with features that first exceed the threshold "
-            f"{options.threshold!r} at an age within the margin and the window (smaller "
+            f", each{least} with features that first exceed the threshold{value} "
+            f"at an age within the margin and the window (smaller "
             "ones are missed, larger ones evaluated too early: the evidence of `uniqueness` tells "
             "the weights)"
         )
