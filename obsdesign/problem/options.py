@@ -215,6 +215,13 @@ class ImpulsiveInputOptions(Options):
         POSITIVE,
         "Smallest absolute weight of an impulse that is evaluated; chooses threshold.",
     )
+    uncertainty: tuple[tuple[float, ...], ...] | None = option(
+        list_of(
+            list_of(at_least(0, "a number >= 0"), "a row: a list of numbers >= 0"),
+            "a matrix: a list of rows of numbers >= 0",
+        ),
+        "Largest absolute changes of the entries of flow.A, n x n, for the claim robustness.",
+    )
     poles: tuple[Pole, ...] | None = option(
         ref("poles"),
         "Poles of A - K C, one per state; one of a conjugate pair stands for both.",
@@ -243,6 +250,9 @@ class ImpulsiveInputOptions(Options):
             )
         _check_count("initial_std", self.initial_std, plant.n, "state")
         _check_weights(self.weights, plant)
+        _check_count("uncertainty", self.uncertainty, plant.n, "state")
+        for i, row in enumerate(self.uncertainty or ()):
+            _check_count(f"uncertainty, row {i + 1},", row, plant.n, "state")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -311,7 +321,7 @@ def _check_weights(weights: Mapping[str, tuple[float, ...]] | None, plant: Plant
         _check_count(f"weights.{name}", (weights or {}).get(name), count, name)
 
 
-def _check_count(name: str, values: tuple[float, ...] | None, count: int, item: str) -> None:
+def _check_count(name: str, values: tuple[object, ...] | None, count: int, item: str) -> None:
     """InputError unless a list that is given has one entry per state or output."""
     if values is not None and len(values) != count:
         raise InputError(

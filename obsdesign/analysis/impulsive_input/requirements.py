@@ -62,7 +62,7 @@ def integral_entries(problem: Problem) -> list[str]:
     """Names of the entries of a problem that only operator `integral` uses."""
     options = problem.options_as(ImpulsiveInputOptions)
     names = (
-        "exponents", "ratio", "threshold", "smallest_weight", "poles", "weights",
+        "exponents", "ratio", "threshold", "smallest_weight", "uncertainty", "poles", "weights",
         "check_exponents",
     )  # fmt: skip
     stated = [name for name in names if options.is_stated(name)]

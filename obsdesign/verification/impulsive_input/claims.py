@@ -48,6 +48,7 @@ from obsdesign.verification.consistency import consistent_gains
 from obsdesign.verification.impulsive_input import window as window_claims
 from obsdesign.verification.impulsive_input.choices import mark_inevitable
 from obsdesign.verification.impulsive_input.rank import full_rank
+from obsdesign.verification.impulsive_input.robustness import robustness
 from obsdesign.verification.impulsive_input.samples import sampled_claims, window_samples
 from obsdesign.verification.impulsive_input.smallest_weight import smallest_weight
 from obsdesign.verification.impulsive_input.uniqueness import SOURCE, decide_uniqueness
@@ -96,10 +97,12 @@ def _integral_claims(problem: Problem, gains: IntegralGains, budget: TimeBudget)
         window_claims.enough_exponents(D, C, gains.exponents.tolist()),
         full_rank(D, C, gains.exponents.tolist(), gains.window),
     ]
-    bound = problem.options_as(ImpulsiveInputOptions).ratio
-    if bound is not None:
-        claims.append(window_claims.ratio(window, bound))
-    weight = problem.options_as(ImpulsiveInputOptions).smallest_weight
+    options = problem.options_as(ImpulsiveInputOptions)
+    if options.ratio is not None:
+        claims.append(window_claims.ratio(window, options.ratio))
+    if options.uncertainty is not None:
+        claims.append(robustness(window, A, np.array(options.uncertainty)))
+    weight = options.smallest_weight
     if weight is not None and gains.threshold is not None:
         claims.append(smallest_weight(window, weight, gains.threshold))
     nonnegative = bool(gains.nonnegative)

@@ -46,12 +46,12 @@ def _exceeds(window: FeatureWindow, weight: float, threshold: float) -> Verdict:
             state = (exp_times(F, age) * ball(start)).tolist()
             squares = sum((row[0] * row[0] for row in state[n:]), number(0.0))
             if squares * number(weight) ** 2 > number(threshold) ** 2:
-                return proved(age=age, threshold=threshold)
+                return proved(approx_age=age, threshold=threshold)
     reached = weight * float(size[ages >= window.margin].max(initial=0.0))
     return undecided(
         f"features of weight {weight!r} reach {reached:.6g} at ages from the margin on, the "
         f"threshold is {threshold:.6g}",
-        age=age,
+        approx_age=age,
     )
 
 

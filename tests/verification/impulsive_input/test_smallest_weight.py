@@ -99,6 +99,6 @@ def test_the_largest_feature_in_balls_is_that_of_exact_numbers() -> None:
     window = FeatureWindow(D, exact(C), exact(H), exponents=np.array(SLOW), tau=20.0, margin=5.0)
     F = filtered_system(A, C, np.array(SLOW))
     claim = smallest_weight(window, 3.0, 1.0)
-    top = 3 * np.linalg.norm(expm(F * claim.evidence["age"])[3:, 0])
+    top = 3 * np.linalg.norm(expm(F * claim.evidence["approx_age"])[3:, 0])
     assert smallest_weight(window, 3.0, top * (1 - 1e-9)).verdict == "proved"
     assert smallest_weight(window, 3.0, top * (1 + 1e-9)).verdict == "undecided"
