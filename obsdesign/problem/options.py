@@ -211,9 +211,33 @@ class ImpulsiveInputOptions(Options):
         "eta: an impulse is evaluated when the norm of the features exceeds it, instead of at a "
         "maximum.",
     )
+    smallest_weight: float | None = option(
+        POSITIVE,
+        "Smallest absolute weight of an impulse that is evaluated; chooses threshold.",
+    )
+    uncertainty: tuple[tuple[float, ...], ...] | None = option(
+        list_of(
+            list_of(at_least(0, "a number >= 0"), "a row: a list of numbers >= 0"),
+            "a matrix: a list of rows of numbers >= 0",
+        ),
+        "Largest absolute changes of the entries of flow.A, n x n, for the claim robustness.",
+    )
+    poles: tuple[Pole, ...] | None = option(
+        ref("poles"),
+        "Poles of A - K C, one per state; one of a conjugate pair stands for both.",
+    )
+    weights: Mapping[str, tuple[float, ...]] | None = option(
+        ref("weights"),
+        "Diagonal weights of the Riccati equation for K, in the plant's coordinates.",
+    )
+
+    @property
+    def has_threshold(self) -> bool:
+        """Whether an impulse is evaluated by a threshold, given or from the smallest weight."""
+        return self.threshold is not None or self.smallest_weight is not None
 
     def check(self, plant: Plant) -> None:
-        """InputError unless exponents differ and margin and deviations fit window and states."""
+        """InputError unless exponents differ and the other lists and the margin fit the plant."""
         exponents = self.exponents or ()
         for i, exponent in enumerate(exponents):
             if exponent in exponents[:i]:
@@ -225,6 +249,10 @@ class ImpulsiveInputOptions(Options):
                 f"{self.margin!r}."
             )
         _check_count("initial_std", self.initial_std, plant.n, "state")
+        _check_weights(self.weights, plant)
+        _check_count("uncertainty", self.uncertainty, plant.n, "state")
+        for i, row in enumerate(self.uncertainty or ()):
+            _check_count(f"uncertainty, row {i + 1},", row, plant.n, "state")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -293,7 +321,7 @@ def _check_weights(weights: Mapping[str, tuple[float, ...]] | None, plant: Plant
         _check_count(f"weights.{name}", (weights or {}).get(name), count, name)
 
 
-def _check_count(name: str, values: tuple[float, ...] | None, count: int, item: str) -> None:
+def _check_count(name: str, values: tuple[object, ...] | None, count: int, item: str) -> None:
     """InputError unless a list that is given has one entry per state or output."""
     if values is not None and len(values) != count:
         raise InputError(

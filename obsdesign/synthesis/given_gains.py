@@ -8,7 +8,7 @@ import numpy as np
 
 from obsdesign.equations.estimation_error import idle_gains, reason_against_sampling
 from obsdesign.errors import DoesNotApply, InputError
-from obsdesign.problem.options import LuenbergerOptions, UnknownInputOptions
+from obsdesign.problem.options import ImpulsiveInputOptions, LuenbergerOptions, UnknownInputOptions
 from obsdesign.problem.problem import Problem
 
 
@@ -25,17 +25,19 @@ def refuse_unusable(problem: Problem) -> None:
 
 
 def refuse_second_choice(
-    options: LuenbergerOptions | UnknownInputOptions, given: str | None
+    options: LuenbergerOptions | UnknownInputOptions | ImpulsiveInputOptions,
+    given: str | None,
+    gain: str = "L",
 ) -> None:
-    """InputError where more than one of poles, weights and a given L chooses L.
+    """InputError where more than one of poles, weights and a given gain chooses the gain.
 
-    given: what else decides about L, in words; None where nothing does.
+    given: what else decides about the gain, in words; None where nothing does.
     """
     for name in ("poles", "weights"):
         if given is not None and options.is_stated(name):
-            raise InputError(f"observer.{name} chooses L, but L {given}; drop one.")
+            raise InputError(f"observer.{name} chooses {gain}, but {gain} {given}; drop one.")
     if options.poles is not None and options.weights is not None:
-        raise InputError("observer.poles and observer.weights both choose L; drop one.")
+        raise InputError(f"observer.poles and observer.weights both choose {gain}; drop one.")
 
 
 def given_gain(problem: Problem, name: str) -> Any:

@@ -19,6 +19,9 @@ KINDS: dict[str, dict[str, Any]] = {
     "paper, slow exponents": {"weighting": "plain"},
     "gls, impulses only": {"weighting": "gls", "state_correction": False},
     "gls, state corrected": {"weighting": "gls"},
+    # as closely spaced from the same slowest exponent on
+    "gls, 8 exponents": {"weighting": "gls", "exponents": [-0.65 - 0.05 * k for k in range(8)]},
+    "gls, 10 exponents": {"weighting": "gls", "exponents": [-0.65 - 0.05 * k for k in range(10)]},
 }
 
 

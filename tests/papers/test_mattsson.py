@@ -223,6 +223,28 @@ def test_identity_14() -> None:
     np.testing.assert_allclose(neglected[[0, 5]], [1.12707478e-7, 2.42592e-8], rtol=1e-5)
 
 
+def test_coordinates_that_make_V_the_identity_change_no_feature() -> None:
+    W = operator_matrix(D, C, SECOND, 20.0)
+    sizes, axes = np.linalg.eigh(W.T @ W)
+    T = np.diag(np.sqrt(sizes)) @ axes.T  # V = T' T
+    back = axes / np.sqrt(sizes)
+    turned = T @ D @ back, C @ back
+    W_turned = operator_matrix(*turned, SECOND, 20.0)
+    np.testing.assert_allclose(W_turned.T @ W_turned, np.eye(3), atol=1e-8)
+    x = np.array([1.0, -2.0, 3.0])
+    assert np.linalg.norm(T @ x) == pytest.approx(np.linalg.norm(W @ x), rel=1e-9)
+    # R = V(tau) x + g b(age), term by term
+    np.testing.assert_allclose(
+        eq.window_matrix(*turned, SECOND, 20.0) @ T @ x, eq.window_matrix(D, C, SECOND, 20.0) @ x,
+        rtol=1e-8,
+    )  # fmt: skip
+    b, b_turned = (
+        ImpulseCurve.from_system(eq.filtered_system(*pair, SECOND), way, 20.0).value(14.0)[3:]
+        for pair, way in (((D, C), H), (turned, T @ H))
+    )
+    np.testing.assert_allclose(b_turned, b, rtol=1e-8)
+
+
 def test_the_slowest_exponent_for_a_ratio() -> None:
     for ratio, lam in ((1e-7, -2.550539), (1e-2, -0.829592), (0.2, -0.5228)):
         assert slowest_exponent(features(FIRST), ratio) == pytest.approx(lam, abs=1e-4)

@@ -61,7 +61,10 @@ def reason_against_sizes(plant: Plant) -> str | None:
 def integral_entries(problem: Problem) -> list[str]:
     """Names of the entries of a problem that only operator `integral` uses."""
     options = problem.options_as(ImpulsiveInputOptions)
-    names = ("exponents", "ratio", "threshold", "check_exponents")
+    names = (
+        "exponents", "ratio", "threshold", "smallest_weight", "uncertainty", "poles", "weights",
+        "check_exponents",
+    )  # fmt: skip
     stated = [name for name in names if options.is_stated(name)]
     return stated + (["gains.K"] if "K" in problem.gains else [])
 

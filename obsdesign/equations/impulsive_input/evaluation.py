@@ -18,6 +18,8 @@ from obsdesign.equations.impulsive_input.gains import MAX_GROWTH_EXPONENT
 EVALUATED_AGE_SHARE = 0.7
 # rule "peak": where the peak of |b| must lie, of the window, and how far |b| must fall to its end
 _MAX_PEAK_AGE_SHARE, _MAX_END_SHARE = 0.9, 0.98
+# share of smallest_weight max |b| that the threshold is: rounding hides no impulse of that weight
+_THRESHOLD_SHARE = 1 - 1e-9
 # kernels of growing exponents weigh the beginning of a window alone: beyond this lambda tau an
 # impulse in the rest of it leaves less in a feature than rounding makes of what was there before
 _MAX_WINDOW_GROWTH = 6.0
@@ -65,10 +67,30 @@ def evaluation_rule(window: FeatureWindow) -> tuple[str, float]:
 
     Floats: a choice to make, no proof. ValueError where the features cannot be followed.
     """
-    exponents, tau = window.exponents, window.tau
-    F = filtered_system(window.D, window.C, exponents, feature_scales(exponents, tau))
-    oldest = ImpulseCurve.from_system(F, window.H, tau).oldest
-    return "peak" if has_peak(F, window.H, tau, window.margin) else "position", oldest
+    curve = impulse_curve(window)
+    is_peak = has_peak(curve.F, window.H, window.tau, window.margin)
+    return "peak" if is_peak else "position", curve.oldest
+
+
+def impulse_curve(window: FeatureWindow) -> ImpulseCurve:
+    """The curve b(age) of a window, D, C, H in floats, features scaled as at run time.
+
+    ValueError where the features cannot be followed.
+    """
+    scales = feature_scales(window.exponents, window.tau)
+    F = filtered_system(window.D, window.C, window.exponents, scales)
+    return ImpulseCurve.from_system(F, window.H, window.tau)
+
+
+def threshold_for(window: FeatureWindow, smallest_weight: float) -> float:
+    """Eta that the features of every weight of at least `smallest_weight` exceed (Section III-C).
+
+    smallest_weight max |b(age)|, by (16), a little less for rounding; one direction H. Floats;
+    ValueError where the features cannot be followed.
+    """
+    n = len(window.D)
+    size = np.linalg.norm(impulse_curve(window).states[:, n:, 0], axis=1)
+    return smallest_weight * float(size.max()) * _THRESHOLD_SHARE
 
 
 def reason_against_margin(oldest: float, window: float, margin: float) -> str | None:

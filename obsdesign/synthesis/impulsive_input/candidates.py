@@ -1,9 +1,6 @@
 """Impulsive inputs: observer gain, window and exponents where they are left open.
 
-K places the poles of A - K C at real, distinct places a little faster than those of A: slow
-observers leave more of an impulse in the output, and with a real spectrum few exponents determine
-an impulse (`verification.impulsive_input.uniqueness`). The window is a part of the shortest dwell
-time. Exponents: `exponents`.
+The window is a part of the shortest dwell time. K: `observer_gain`; exponents: `exponents`.
 """
 
 from __future__ import annotations
@@ -16,13 +13,11 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
 from lmi.time_budget import UNLIMITED, TimeBudget
-from obsdesign.analysis.hidden_modes import approx_unobservable_modes
 from obsdesign.analysis.impulsive_input.requirements import (
     reason_against_jumps,
     reason_against_sizes,
 )
 from obsdesign.equations.estimation_error import flow_error_matrix
-from obsdesign.equations.impulsive_input.curve import balanced_size
 from obsdesign.equations.impulsive_input.gains import LARGEST
 from obsdesign.equations.impulsive_input.sampling import longest_period
 from obsdesign.errors import DoesNotApply, InputError
@@ -31,6 +26,7 @@ from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
 from obsdesign.synthesis.impulsive_input.exponents import exponent_choices, rule_for
 from obsdesign.synthesis.impulsive_input.integral_window import IntegralWindow
+from obsdesign.synthesis.impulsive_input.observer_gain import observer_gain
 from obsdesign.synthesis.impulsive_input.operator import (
     is_samples_requested,
     period_for_integrals,
@@ -39,14 +35,10 @@ from obsdesign.synthesis.impulsive_input.operator import (
     samples_within,
 )
 from obsdesign.synthesis.impulsive_input.samples import sampled_candidates
-from obsdesign.synthesis.placement import placed_gain
 
 _WINDOW_SHARE = 0.8  # of the shortest dwell time
 _MARGIN_SHARE = 0.25  # of the window
-_LARGEST_SPEED_RATIO = 1e3  # size of A - K C against that of A
 _WINDOW_TIME_CONSTANTS = 6.0  # time constants of the slowest mode of A - K C that a window is worth
-# poles of the observer against those of the plant and each other
-_SPEED_RATIO, _POLE_RATIO = 1.25, 1.2
 
 
 def synthesize(problem: Problem, budget: TimeBudget = UNLIMITED) -> Iterator[Candidate]:
@@ -62,8 +54,7 @@ def synthesize(problem: Problem, budget: TimeBudget = UNLIMITED) -> Iterator[Can
         yield from sampled_candidates(problem, low, "asked for")
         return
     window = _longest_window(problem, low) if options.window is None else options.window
-    K = problem.gains.get("K")
-    K = _gain(problem, window) if K is None else K
+    K = observer_gain(problem, window)
     integral = _integral_window(problem, K, window, weighting)
     D, window = integral.D, integral.window
     if reason := reason_against_integrals(problem, D, window):
@@ -170,6 +161,15 @@ def _check_options(problem: Problem, options: ImpulsiveInputOptions) -> None:
             "observer.initial_std needs observer.weighting = 'gls', and output.noise_std > 0: the "
             "plain norm weighs no error of the state."
         )
+    if options.threshold is not None and options.smallest_weight is not None:
+        raise InputError(
+            "observer.threshold and observer.smallest_weight both say when an impulse is "
+            "evaluated; drop one."
+        )
+    if options.smallest_weight is not None and directions > 1:
+        raise InputError(
+            f"observer.smallest_weight takes one direction of impulses; jump.H has {directions}."
+        )
     if (largest := max(options.initial_std or (0.0,))) > LARGEST:
         raise InputError(
             f"observer.initial_std must be at most {LARGEST:g}, since it is squared; got "
@@ -192,25 +192,3 @@ def _check_options(problem: Problem, options: ImpulsiveInputOptions) -> None:
         raise InputError(
             f"observer.check_exponents takes one direction of impulses; jump.H has {directions}."
         )
-
-
-def _gain(problem: Problem, window: float) -> Matrix:
-    """K with real distinct poles; zero where a mode is unobservable, which a claim refutes.
-
-    Also zero where some direction is nearly unobservable, so that K is immense, and the plant is
-    stable by itself.
-    """
-    A, C = problem.plant.flow.A, problem.plant.output.C
-    if approx_unobservable_modes(A, C):
-        return np.zeros((problem.plant.n, problem.plant.p))
-    speeds = np.sort(np.abs(np.linalg.eigvals(A)))
-    poles: list[float] = []
-    for speed in speeds.tolist():
-        wanted = max(_SPEED_RATIO * speed, 1.0 / window)
-        poles.append(max(wanted, _POLE_RATIO * poles[-1]) if poles else wanted)
-    K = placed_gain(A, C, [-pole for pole in poles])
-    is_immense = balanced_size(A - K @ C) > _LARGEST_SPEED_RATIO * max(
-        balanced_size(A), 1.0 / window
-    )
-    decays = float(np.linalg.eigvals(A).real.max()) * window < -1
-    return np.zeros_like(K) if is_immense and decays else K

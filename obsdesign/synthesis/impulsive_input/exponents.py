@@ -58,7 +58,9 @@ def exponent_choices(integral: IntegralWindow, budget: TimeBudget) -> Iterator[E
     label = f"{2 * n} spread exponents"
     spread = ExponentChoice(label, exponents, rule_for(integral, exponents))
     corners = [corner_exponents(integral, count) for count in (2 * n, 2 * n + 2)]
-    needs_corner = any(options.is_stated(x) for x in ("ratio", "check_exponents", "threshold"))
+    needs_corner = any(
+        options.is_stated(x) for x in ("ratio", "check_exponents", "threshold", "smallest_weight")
+    )
     spread_first = not needs_corner and _rule_or_none(integral, corners[0]) in (None, "position")
     if spread_first:
         yield spread
@@ -123,7 +125,7 @@ def rule_for(integral: IntegralWindow, exponents: Matrix) -> str:
     text = reason_against_margin(oldest, window, integral.margin)
     if text and integral.H.any():
         raise InputError(text)
-    return rule if integral.options.threshold is None else "threshold"
+    return "threshold" if integral.options.has_threshold else rule
 
 
 def _ratio(integral: IntegralWindow) -> float:

@@ -9,6 +9,7 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.equations.estimation_error import flow_error_matrix
+from obsdesign.equations.impulsive_input.evaluation import threshold_for
 from obsdesign.equations.impulsive_input.features import FeatureWindow
 from obsdesign.equations.impulsive_input.gains import IntegralGains
 from obsdesign.problem.options import ImpulsiveInputOptions
@@ -69,5 +70,11 @@ class IntegralWindow:
             initial_std=options.initial_std,
             exponents=exponents,
             rule=rule,
-            threshold=options.threshold,
+            threshold=self._threshold(exponents),
         )
+
+    def _threshold(self, exponents: Matrix) -> float | None:
+        """Eta as given, or from the smallest weight; None where the rule is another."""
+        if self.options.smallest_weight is None:
+            return self.options.threshold
+        return threshold_for(self.features(exponents), self.options.smallest_weight)

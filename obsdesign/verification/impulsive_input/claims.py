@@ -7,6 +7,7 @@ rank is proved by itself; uniqueness of (17) is false in general, and decided
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -25,6 +26,7 @@ from obsdesign.equations.impulsive_input.evaluation import (
     evaluation_rule,
     reason_against_exponents,
     reason_against_margin,
+    threshold_for,
 )
 from obsdesign.equations.impulsive_input.expectations import expectations
 from obsdesign.equations.impulsive_input.features import FeatureWindow
@@ -46,8 +48,12 @@ from obsdesign.verification.consistency import consistent_gains
 from obsdesign.verification.impulsive_input import window as window_claims
 from obsdesign.verification.impulsive_input.choices import mark_inevitable
 from obsdesign.verification.impulsive_input.rank import full_rank
+from obsdesign.verification.impulsive_input.robustness import robustness
 from obsdesign.verification.impulsive_input.samples import sampled_claims, window_samples
+from obsdesign.verification.impulsive_input.smallest_weight import smallest_weight
 from obsdesign.verification.impulsive_input.uniqueness import SOURCE, decide_uniqueness
+
+_ROUNDING = 1e-6  # of a threshold that is computed in floats
 
 
 def claims(
@@ -91,9 +97,14 @@ def _integral_claims(problem: Problem, gains: IntegralGains, budget: TimeBudget)
         window_claims.enough_exponents(D, C, gains.exponents.tolist()),
         full_rank(D, C, gains.exponents.tolist(), gains.window),
     ]
-    bound = problem.options_as(ImpulsiveInputOptions).ratio
-    if bound is not None:
-        claims.append(window_claims.ratio(window, bound))
+    options = problem.options_as(ImpulsiveInputOptions)
+    if options.ratio is not None:
+        claims.append(window_claims.ratio(window, options.ratio))
+    if options.uncertainty is not None:
+        claims.append(robustness(window, A, np.array(options.uncertainty)))
+    weight = options.smallest_weight
+    if weight is not None and gains.threshold is not None:
+        claims.append(smallest_weight(window, weight, gains.threshold))
     nonnegative = bool(gains.nonnegative)
     verdict = decide_uniqueness(window, nonnegative, budget)
     try:
@@ -165,25 +176,53 @@ def _reason_against_samples(plant: Plant, stored: Mapping[str, Any]) -> str | No
 
 def _required_rule(plant: Plant, stored: Mapping[str, Any]) -> str:
     """Return the rule that the stored exponents need; any where `_reason_against` refutes them."""
-    rule, K, exponents = (stored.get(name) for name in ("rule", "K", "exponents"))
+    rule = stored.get("rule")
     fallback = rule if isinstance(rule, str) and rule in RULES[:2] else "peak"
+    window = _stored_window(plant, stored)
+    if window is None:
+        return fallback
+    try:
+        rule, oldest = evaluation_rule(window)
+    except ValueError:
+        return fallback
+    refused = reason_against_margin(oldest, window.tau, window.margin) is not None
+    # no rule can work with ages that leave nothing
+    return "" if refused and window.H.any() else rule
+
+
+def _stored_window(plant: Plant, stored: Mapping[str, Any]) -> FeatureWindow | None:
+    """Features of the stored K, exponents, window and margin; None where they make none."""
+    K, exponents = stored.get("K"), stored.get("exponents")
     positive = is_positive(stored.get("window")) and is_positive(stored.get("margin"))
     H = None if plant.jump is None else plant.jump.H
     if H is None or not positive or not are_exponents(exponents):
-        return fallback
+        return None
     if not isinstance(K, np.ndarray) or K.shape != (plant.n, plant.p) or not np.isfinite(K).all():
-        return fallback
-    C, window, margin = plant.output.C, float(stored["window"]), float(stored["margin"])
-    D = flow_error_matrix(plant.flow.A, K, C)
-    features = FeatureWindow(
-        D, C, H, exponents=np.asarray(exponents, float), tau=window, margin=margin
-    )
+        return None
+    C = plant.output.C
+    return FeatureWindow(
+        flow_error_matrix(plant.flow.A, K, C), C, H, exponents=np.asarray(exponents, float),
+        tau=float(stored["window"]), margin=float(stored["margin"]),
+    )  # fmt: skip
+
+
+def _required_threshold(problem: Problem, stored: Mapping[str, Any]) -> float | None:
+    """Return the threshold of the problem: stated, or from the stored exponents and K.
+
+    The latter is computed in floats: the stored one serves where it is the same but for rounding.
+    """
+    options = problem.options_as(ImpulsiveInputOptions)
+    if options.smallest_weight is None:
+        return options.threshold
+    threshold: Any = stored.get("threshold")
+    window = _stored_window(problem.plant, stored)
+    if window is None or not is_positive(threshold):
+        return None
     try:
-        rule, oldest = evaluation_rule(features)
-    except ValueError:
-        return fallback
-    refused = H.any() and reason_against_margin(oldest, window, margin) is not None
-    return "" if refused else rule  # no rule can work with ages that leave nothing
+        required = threshold_for(window, options.smallest_weight)
+    except ValueError:  # floats cannot follow the features: the claim is undecided
+        return float(threshold)
+    return float(threshold) if math.isclose(threshold, required, rel_tol=_ROUNDING) else required
 
 
 def _expected(problem: Problem, stored: Mapping[str, Any]) -> dict[str, Any]:
@@ -218,6 +257,6 @@ def _expected(problem: Problem, stored: Mapping[str, Any]) -> dict[str, Any]:
         expected["K"] = problem.gains.get("K", (plant.n, plant.p))
         expected["exponents"] = stored.get("exponents") if given is None else np.array(given)
         expected["rule"] = _required_rule(plant, stored)
-        if options.threshold is not None:
-            expected |= {"threshold": options.threshold, "rule": "threshold"}
+        if options.has_threshold:
+            expected |= {"threshold": _required_threshold(problem, stored), "rule": "threshold"}
     return expected

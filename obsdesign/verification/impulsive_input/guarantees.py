@@ -17,7 +17,8 @@ _KNOWN_INTEGRALS = ", and with the integrals of y known exactly (y measured cont
 def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Guarantee, ...]:
     """Sentences that follow from the claims, given where these are proved, and limits."""
     verdicts = {claim.id: claim.verdict for claim in claims}
-    needed = list(verdicts)
+    # with the stated A: what a wrong one changes is a guarantee of its own
+    needed = [name for name in verdicts if name != "robustness"]
     plant = problem.plant
     absent = ["disturbance"] + (["unknown input d"] if plant.flow.D is not None else [])
     low = "" if plant.jump is None else f"{problem.require_dwell_time()[0]!r}"
@@ -26,6 +27,11 @@ def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Guarantee, 
     main = _main_sentence(problem, low, " and ".join(absent) + integrals, between)
     return (
         Guarantee.from_verdicts(main, needed, verdicts),
+        *(
+            Guarantee.from_verdicts(_sentence(claim.statement), ["robustness"], verdicts)
+            for claim in claims
+            if claim.id == "robustness"
+        ),
         Guarantee.not_proved(
             "Two impulses within one window are not told apart where one impulse explains the "
             "record as well; the test of fit flags them only where noise does not hide them."
@@ -38,6 +44,11 @@ def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Guarantee, 
             for text in _sampling_sentences(problem, claims)
         ),
     )
+
+
+def _sentence(statement: str) -> str:
+    """A statement as a sentence of its own."""
+    return f"{statement[0].upper()}{statement[1:]}."
 
 
 def _main_sentence(problem: Problem, low: str, absent: str, between: str) -> str:
@@ -54,11 +65,14 @@ def _main_sentence(problem: Problem, low: str, absent: str, between: str) -> str
             "is not reported."
         )
     sign = " of nonnegative weight" if options.nonnegative else ""
-    threshold = ""
-    if options.threshold is not None:
+    threshold, least = "", ""
+    if options.has_threshold:
+        value = f" {options.threshold!r}"
+        if options.smallest_weight is not None:
+            value, least = "", f" of weight {options.smallest_weight!r} or more and"
         threshold = (
-            f", each with features that first exceed the threshold "
-            f"{options.threshold!r} at an age within the margin and the window (smaller "
+            f", each{least} with features that first exceed the threshold{value} "
+            f"at an age within the margin and the window (smaller "
             "ones are missed, larger ones evaluated too early: the evidence of `uniqueness` tells "
             "the weights)"
         )

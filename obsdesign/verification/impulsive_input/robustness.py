@@ -1,0 +1,155 @@
+"""Change of the features where A is off: structured uncertainty, Section III-F.
+
+With A + dA(t), |dA| <= U entry by entry, the residual obeys e' = D e + dA x, x' = (A + dA) x, so
+that an impulse, or a state x(t_o), changes the features by
+
+    dR = int_0^s V(s - u) dA x(u) du,   x(v) = e^{A v} x_0 + int_0^v e^{A (v - u)} dA x(u) du.
+
+Both are bounded on cells of the window, entry by entry, by the largest |V| and |e^{A v}| of a
+cell, which are those of balls. dA may change in time.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.balls import (
+    PRECISIONS,
+    Exact,
+    ball,
+    entries,
+    exact,
+    exp_around,
+    exp_times,
+    identity,
+    number,
+    precision,
+    rational,
+    solve,
+    upper_ends,
+)
+from lmi.verdict import proved, undecided
+from obsdesign.document import Claim
+from obsdesign.equations.impulsive_input.features import FeatureWindow, filtered_system
+from obsdesign.verification.impulsive_input.window import PAPER
+
+_CELLS = 256
+
+
+@dataclass(frozen=True)
+class FeatureChange:
+    """Bounds of |dR|: (mp, q) per unit of weight for any age, (mp, n) per unit of x(t_o).
+
+    relative: of |dR| / |b(age)| for ages in [margin, tau], by direction (q,).
+    """
+
+    impulse: Matrix
+    state: Matrix
+    relative: Matrix
+
+
+def robustness(window: FeatureWindow, A: Exact, uncertainty: Matrix) -> Claim:
+    """The bounds of `feature_change`; undecided where there are none, or |b| may be zero."""
+    bounds = feature_change(window, A, uncertainty)
+    text, verdict = "a part of themselves", undecided("flow.A may change too much for this window")
+    if bounds is not None:
+        evidence = {
+            "impulse": _rounded_up(bounds.impulse).tolist(),
+            "state": _rounded_up(bounds.state).tolist(),
+        }
+        verdict = undecided("the features of an impulse may vanish at some age", **evidence)
+        if np.isfinite(bounds.relative).all():
+            relative = _rounded_up(bounds.relative)
+            text = f"{float(relative.max())!r} of their norm"
+            verdict = proved(**evidence, relative=relative.tolist())
+    statement = (
+        "where entries of flow.A are off by at most observer.uncertainty, at any instant, the "
+        f"features of an impulse of any age in [{window.margin!r}, {window.tau!r}] change by at "
+        f"most {text}"
+    )
+    return Claim.from_verdict("robustness", statement, f"{PAPER}, Section III-F", verdict)
+
+
+def _rounded_up(values: Matrix) -> Matrix:
+    """Three digits of numbers, never less than them: other machines come to the same."""
+    shown = [
+        short if (short := float(f"{value:.3g}")) >= value else float(f"{value * 1.005:.3g}")
+        for value in values.ravel().tolist()
+    ]
+    return np.array(shown).reshape(values.shape)
+
+
+def feature_change(window: FeatureWindow, A: Exact, uncertainty: Matrix) -> FeatureChange | None:
+    """Bounds of the change of the features for |dA| <= uncertainty (n, n); None where none holds.
+
+    window: D, C, H exact, D = A - K C.
+    """
+    n, q = len(A), window.H.shape[1]
+    width = rational(window.tau) / _CELLS
+    h = math.nextafter(float(width), math.inf)
+    with precision(PRECISIONS[0]):
+        F = filtered_system(window.D, window.C, exact(window.exponents))
+        flows = [_cell(A, width, k) for k in range(_CELLS)]
+        whole = [_cell(F, width, k)[:, :n] for k in range(_CELLS)]
+        start = np.hstack([window.H, exact(np.eye(n))])
+        free = np.array([_largest(flow @ start) for flow in flows])
+        P, V = np.array([_largest(X) for X in flows]), np.array([_largest(X[n:]) for X in whole])
+        sizes = np.array([_least_norms(X[n:] @ window.H) for X in whole])
+    # |x| <= free + h P_0 U |x| within a cell: an M-matrix where the norm is below one
+    step = h * P[0] @ uncertainty * (1 + 1e-12)
+    if not step.sum(axis=1).max() < 0.5:
+        return None
+    inner = solve(identity(n) - ball(exact(step)), identity(n))
+    if inner is None:
+        return None
+    # sums and products of nonnegative floats, at most so many one after the other
+    rounding = 1 + 8 * _CELLS**2 * (n + 4) * np.finfo(np.float64).eps
+    x = _states(free, P, upper_ends(inner), h * uncertainty) * rounding
+    driven = h * uncertainty @ x
+    V_pairs = np.maximum(V, np.concatenate([V[:1], V[:-1]]))
+    change = rounding * np.array(
+        [np.einsum("kij,kjr->ir", V_pairs[k::-1], driven[: k + 1]) for k in range(_CELLS)]
+    )
+    at_end = rounding * np.einsum("kij,kjr->ir", V[::-1], driven[:, :, q:])
+    first = min(int(window.margin / h * (1 - 1e-12)), _CELLS - 1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        shares = np.linalg.norm(change[first:, :, :q], axis=1) / sizes[first:]
+    relative = np.where(np.isnan(shares), math.inf, shares).max(axis=0) * rounding
+    if not (np.isfinite(change).all() and np.isfinite(at_end).all()):
+        return None
+    return FeatureChange(change[:, :, :q].max(axis=0), at_end, relative)
+
+
+def _cell(F: Exact, width: Exact, k: int) -> Exact:
+    """Balls of e^{F v} for v in [k, k + 1] width."""
+    half = math.nextafter(float(width) / 2, math.inf)
+    return entries(exp_times(F, width * (2 * k + 1) / 2) * exp_around(F, half))
+
+
+def _largest(X: Exact) -> Matrix:
+    """Floats that are at least the absolute entries of balls."""
+    tops = [[value.abs_upper() for value in row] for row in X.tolist()]
+    return np.array([[math.nextafter(float(top), math.inf) for top in row] for row in tops])
+
+
+def _least_norms(b: Exact) -> Matrix:
+    """Floats that are at most the norms of columns of balls."""
+    least = []
+    for column in b.T.tolist():
+        squares = sum((value.abs_lower() ** 2 for value in column), number(0.0))
+        least.append(max(math.nextafter(float(squares.sqrt().lower()), -math.inf), 0.0))
+    return np.array(least)
+
+
+def _states(free: Matrix, P: Matrix, inner: Matrix, driving: Matrix) -> Matrix:
+    """Bounds of |x| on each cell, (cells, n, r); P (cells, n, n) of |e^{A v}|."""
+    pairs = np.maximum(P[1:], P[:-1])
+    x = np.empty_like(free)
+    for k in range(len(free)):
+        past = np.einsum("kij,kjr->ir", pairs[k - 1 :: -1] if k else pairs[:0], driving @ x[:k])
+        x[k] = inner @ (free[k] + past)
+    return x

@@ -1,0 +1,102 @@
+"""Bounds of the features' change hold for every A in the box, and are nearly reached."""
+
+from __future__ import annotations
+
+import copy
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+import obsdesign
+from lmi.arithmetic.balls import exact
+from obsdesign.equations.impulsive_input.features import FeatureWindow, filtered_system
+from obsdesign.verification.impulsive_input.robustness import feature_change
+from tests.systems.impulsive_input import CHAIN
+
+A = np.array(CHAIN["flow"]["A"])
+C, H = np.array([[0.0, 0, 1]]), np.array([[1.0], [0], [0]])
+K = np.array([[0.0002], [0.0048], [0.02]])
+LAMS = np.array([-0.65, -0.7, -0.75, -0.8])
+TURNING = np.array([[-0.1, 1, 0], [-1, -0.1, 0], [0, 0.5, -0.2]])
+
+
+def bounds(A: Any, K: Any, C: Any, H: Any, U: Any) -> Any:
+    D = exact(A) - exact(K) @ exact(C)
+    window = FeatureWindow(D, exact(C), exact(H), exponents=LAMS, tau=20.0, margin=5.0)
+    return feature_change(window, exact(A), U)
+
+
+def changes(A: Any, K: Any, C: Any, start: Any, ages: Any, dA: Any) -> Any:
+    """Features with A + dA less those with A, and the latter, (ages, mp, r); state `start`."""
+    n, F = len(A), filtered_system(A - K @ C, C, LAMS)
+    size = len(F)
+    both = np.zeros((size + n, size + n))
+    both[:size, :size], both[:n, size:], both[size:, size:] = F, dA, A + dA
+    nominal = np.vstack([start, np.zeros((size - n, start.shape[1]))])
+    b = np.array([(expm(F * s) @ nominal)[n:] for s in ages])
+    changed = [(expm(both * s) @ np.vstack([nominal, start]))[n:size] for s in ages]
+    return np.array(changed) - b, b
+
+
+@pytest.mark.parametrize(
+    ("flow", "gain", "C", "H", "least"),
+    [
+        (A, K, C, H, 0.9),
+        (TURNING, 0 * K, C, H, 0.4),
+        (A, np.zeros((3, 2)), np.array([[0.0, 1, 0], [0, 0, 1]]), np.eye(3)[:, :2], 0.9),
+    ],
+)
+@pytest.mark.parametrize("share", [1e-3, 0.05])
+def test_no_change_of_A_in_the_box_exceeds_the_bounds(
+    flow: Any, gain: Any, C: Any, H: Any, least: float, share: float
+) -> None:
+    U = share * (np.abs(flow) + 0.01)
+    bound, rng, worst = bounds(flow, gain, C, H, U), np.random.default_rng(4), 0.0
+    ages = np.linspace(0.5, 20, 14)
+    for k in range(12):
+        signs = rng.choice([-1.0, 1.0], (3, 3)) if k > 1 else np.ones((3, 3)) * (-1) ** k
+        scale = rng.uniform(0, 1, (3, 3)) if k > 8 else 1.0
+        change, b = changes(flow, gain, C, H, ages, U * signs * scale)
+        assert (np.abs(change) <= bound.impulse).all()
+        old = ages >= 5
+        part = np.linalg.norm(change[old], axis=1) / np.linalg.norm(b[old], axis=1)
+        assert (part <= bound.relative).all()
+        worst = max(worst, float((np.abs(change).max(axis=0) / bound.impulse).max()))
+        change, _ = changes(flow, gain, C, np.eye(3), [20.0], U * signs * scale)
+        assert (np.abs(change[0]) <= bound.state).all()
+    assert worst > least  # the bound is not more than a factor above what occurs
+
+
+def investigated(U: Any, **options: Any) -> Any:
+    body = copy.deepcopy(CHAIN)
+    body["observer"] |= {"uncertainty": np.asarray(U).tolist()} | options
+    return obsdesign.investigate(obsdesign.Problem.from_dict(body))
+
+
+def test_the_claim_is_proved_from_the_file_and_a_guarantee_of_its_own() -> None:
+    outcome = investigated(0.01 * np.abs(A))
+    assert outcome.verdict == "proved"
+    assert obsdesign.verify(outcome.design).verdict == "proved"
+    claim = next(claim for claim in outcome.claims if claim.id == "robustness")
+    assert 0.01 < claim.evidence["relative"][0] < 0.1
+    (sentence,) = [g for g in outcome.design.guarantees if tuple(g.claims) == ("robustness",)]
+    assert sentence.given
+    assert sentence.statement.startswith("Where entries of flow.A are off by at most")
+    assert "robustness" not in outcome.design.guarantees[0].claims
+
+
+def test_a_change_without_bound_is_not_proved() -> None:
+    outcome = investigated(100 * np.ones((3, 3)))
+    verdicts = {claim.id: claim.verdict for claim in outcome.claims}
+    assert verdicts["robustness"] == "undecided"
+
+
+def test_an_uncertainty_of_another_size_is_refused() -> None:
+    with pytest.raises(obsdesign.InputError, match=r"observer\.uncertainty must have 3 entries"):
+        investigated(np.ones((2, 2)))
+    with pytest.raises(obsdesign.InputError, match=r"uncertainty, row 1, must have 3 entries"):
+        investigated(np.ones((3, 2)))
+    with pytest.raises(obsdesign.InputError, match="belongs to operator 'integral'"):
+        investigated(np.ones((3, 3)), operator="samples")
