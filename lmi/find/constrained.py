@@ -46,13 +46,10 @@ def constrained_matrices(
     values = [cp.Variable((u.rows, u.columns), symmetric=u.symmetric) for u in unknowns]
     level = cp.Variable() if objective is None else cp.Constant(margin)
     holds = [*constraints(values)]
-    for value, unknown in zip(values, unknowns, strict=True):
-        if unknown.symmetric:
-            unit = np.eye(unknown.rows)
-            holds += [value >> unit, kappa * unit >> value]
-    entries = cp.hstack(
-        [cp.vec(v, order="F")[_free(u)] for v, u in zip(values, unknowns, strict=True)]
-    )
+    for value in (v for v, unknown in zip(values, unknowns, strict=True) if unknown.symmetric):
+        holds += [value >> np.eye(value.shape[0]), kappa * np.eye(value.shape[0]) >> value]
+    pairs = zip(values, unknowns, strict=True)
+    entries = cp.hstack([cp.vec(value, order="F")[_free(unknown)] for value, unknown in pairs])
     for inequality in inequalities:
         holds += [S >> level * np.eye(S.shape[0]) for S in _blocks(unknowns, inequality, entries)]
     if objective is None:

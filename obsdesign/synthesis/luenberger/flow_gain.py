@@ -1,4 +1,4 @@
-"""The gain L under convex wishes: of all that fulfil them, one near to a gain that is proposed.
+"""The gain L under convex wishes: among those that fulfil them, one near a target.
 
 With P and Z = P L the wishes are linear matrix inequalities (`convex.py`). Of their solutions one
 with the least |Z - P target| is taken, in units that balance the plant: the target itself where it
@@ -8,6 +8,7 @@ fulfils them.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -34,34 +35,18 @@ def nearest_gain(
     sufficient, so that there may be such an L where none is found. InputError for constraints that
     are not convex.
     """
-    n, p = plant.n, plant.p
-    A, C = plant.flow.A, plant.output.C
-    sizes, pace = balancing_units(A, C, np.zeros((n, 0)))
-    rows = np.linalg.norm(C * sizes, axis=1)
-    rows = np.where(rows > 0, rows, 1.0)
-    flow, output = A * sizes / sizes[:, None] / pace, C * sizes / rows[:, None]
-    goal = target / sizes[:, None] / pace * rows
-
-    def in_units(values: Sequence[Expression]) -> list[Expression]:
-        P, Z = values
-        return [P, Z @ np.diag(1 / rows)]
-
-    count = len(wanted.inequalities(np.zeros((n, n)), np.zeros((n, n))))
-    inequalities: list[Inequality] = [
-        lambda P, Z, k=k: wanted.inequalities(P @ flow - Z @ output, P, pace)[k][None]
-        for k in range(count)
-    ]
-    if rate is not None:
-        inequalities.append(
-            lambda P, Z: half_plane_inequality(P @ flow - Z @ output, P, rate / pace)[None]
-        )
-    constraints = wanted.constraints(sizes, pace)
+    units = _Units.from_plant(plant)
+    n, p = target.shape
+    goal = target / units.sizes[:, None] / units.pace * units.rows
+    constraints = wanted.constraints(units.sizes, units.pace)
     try:
         solution = constrained_matrices(
             [Unknown(n, n, symmetric=True), Unknown(n, p)],
-            inequalities,
+            _inequalities(units, wanted, rate),
             _CONDITION,
-            constraints=lambda values: constraints(in_units(values)),
+            constraints=lambda values: constraints(
+                [values[0], values[1] @ np.diag(1 / units.rows)]
+            ),
             objective=lambda values: _distance(values, goal),
             margin=_MARGIN,
         )
@@ -71,10 +56,49 @@ def nearest_gain(
         return None
     (P, Z), _ = solution
     try:
-        L: Array = np.linalg.solve(P, Z) * sizes[:, None] * pace / rows
+        L: Array = np.linalg.solve(P, Z) * units.sizes[:, None] * units.pace / units.rows
     except np.linalg.LinAlgError:
         return None
     return wanted.rounded(L) if np.isfinite(L).all() else None
+
+
+@dataclass(frozen=True)
+class _Units:
+    """The plant in balanced units: sizes of states (n,), of outputs (p,), and the pace."""
+
+    sizes: Array
+    rows: Array
+    pace: float
+    flow: Array
+    output: Array
+
+    @staticmethod
+    def from_plant(plant: Plant) -> _Units:
+        A, C = plant.flow.A, plant.output.C
+        sizes, pace = balancing_units(A, C, np.zeros((plant.n, 0)))
+        rows = np.linalg.norm(C * sizes, axis=1)
+        rows = np.where(rows > 0, rows, 1.0)
+        flow, output = A * sizes / sizes[:, None] / pace, C * sizes / rows[:, None]
+        return _Units(sizes, rows, pace, flow, output)
+
+
+def _inequalities(units: _Units, wanted: ConvexGain, rate: float | None) -> list[Inequality]:
+    """The regions, and where there is a rate its half plane, affine in (P, Z)."""
+    n = len(units.flow)
+    count = len(wanted.inequalities(np.zeros((n, n)), np.zeros((n, n))))
+
+    def product(P: Array, Z: Array) -> Array:
+        PF: Array = P @ units.flow - Z @ units.output
+        return PF
+
+    result: list[Inequality] = [
+        lambda P, Z, k=k: wanted.inequalities(product(P, Z), P, units.pace)[k][None]
+        for k in range(count)
+    ]
+    if rate is not None:
+        decay = rate / units.pace
+        result.append(lambda P, Z: half_plane_inequality(product(P, Z), P, decay)[None])
+    return result
 
 
 def _distance(values: Sequence[Expression], goal: Matrix) -> Expression:

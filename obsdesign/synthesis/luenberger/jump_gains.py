@@ -54,9 +54,9 @@ def jump_gains(
     pairs: (earlier, later) cells that may follow each other; wanted: wishes about every M. The
     remarks are those of the search. InputError for constraints that are not convex.
     """
-    plant = problem.plant
+    plant, n = problem.plant, len(F)
     assert plant.jump is not None
-    n, G = plant.n, plant.jump.G
+    G = plant.jump.G
     output = seen_before_jump(G, plant.output.C, plant.output.jump_measurement)
     with np.errstate(all="ignore"):
         grids = [Edge(F, np.eye(n), *ends).grid(_EACH_POINTS) for ends in cells]
@@ -67,8 +67,7 @@ def jump_gains(
     for _ in range(_ROUNDS):
         if out_of_time := budget.ended():
             return best, remark_end("gains at jumps", out_of_time, matters=False)
-        solution = _solution(active, grids, G, output, wanted)
-        if solution is None:
+        if (solution := _solution(active, grids, G, output, wanted)) is None:
             return best, ()
         P, Z, margin = solution
         try:
@@ -76,8 +75,8 @@ def jump_gains(
         except np.linalg.LinAlgError:  # the solver stopped before P was positive definite
             return best, ()
         best = JumpGains(M, P)
-        more = set() if margin <= 0 else _violated((P, Z), grids, pairs, G, output) - active
-        if not more:
+        more = set() if margin <= 0 else _violated((P, Z), grids, pairs, G, output)
+        if more <= active:
             return best, ()
         active |= more
     return best, ()

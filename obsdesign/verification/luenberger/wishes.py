@@ -80,11 +80,12 @@ def prove_region(F: Exact, wish: GainWishes) -> Verdict:
 def stated_pattern(problem: Problem, *names: str) -> Array:
     """Entries, (n, p), that may differ from zero in one of the gains."""
     plant, options = problem.plant, problem.options_as(LuenbergerOptions)
+    if options.structure is None:
+        return np.ones((plant.n, plant.p), dtype=bool)
     free = np.zeros((plant.n, plant.p), dtype=bool)
-    for name in names:
+    for name in set(names) - set(idle_gains(plant)):
         pattern = options.wishes(name).pattern
-        if name not in idle_gains(plant):
-            free |= True if pattern is None else np.array(pattern) != 0
+        free |= True if pattern is None else np.array(pattern) != 0
     return free
 
 
