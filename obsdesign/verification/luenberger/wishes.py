@@ -175,4 +175,4 @@ def _text(name: str, gain: str, wish: GainWishes) -> str:
     if wish.disc is not None:
         centre, radius = wish.disc.centre, wish.disc.radius
         places.append(f"lie in the open disc of radius {radius!r} around {centre!r}")
-    return f"all eigenvalues of {matrix} {', '.join(places)}"
+    return f"all eigenvalues of {matrix} {' and '.join(places)}"
