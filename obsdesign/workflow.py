@@ -16,7 +16,7 @@ from obsdesign.document import Claim, Design, Guarantee
 from obsdesign.errors import InputError
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
-from obsdesign.synthesis.kind import synthesis_of, untried_forms
+from obsdesign.synthesis.kind import candidates_of, untried_forms
 from obsdesign.verification.answers import as_answers, is_ended, reason, with_untried
 from obsdesign.verification.document import document_claim, sentences_from
 from obsdesign.verification.kind import verification_of
@@ -51,7 +51,9 @@ class Outcome:
     warnings: tuple[str, ...] = ()
 
 
-def investigate(problem: Problem, *, seconds: float | None = None) -> Outcome:
+def investigate(
+    problem: Problem, *, seconds: float | None = None, constraints: Any = None
+) -> Outcome:
     """Synthesise candidates and prove them: the first proved one, else the most hopeful.
 
     seconds: of processor time that searches may take in all; None for their own budgets, which a
@@ -61,7 +63,8 @@ def investigate(problem: Problem, *, seconds: float | None = None) -> Outcome:
 
     InputError when the problem cannot be read as asked (a block is missing, a form does not fit).
     """
-    outcome = investigate_each({None: problem}, TimeBudget.from_seconds(seconds))[None]
+    budget = TimeBudget.from_seconds(seconds)
+    outcome = investigate_each({None: problem}, budget, constraints=constraints)[None]
     if isinstance(outcome, InputError):
         raise outcome
     return outcome
@@ -73,18 +76,20 @@ def investigate_each(
     *,
     first: bool = False,
     done: Callable[[_Key], None] = lambda key: None,
+    constraints: Any = None,
 ) -> dict[_Key, Outcome | InputError]:
     """The outcome of each problem, or why it cannot be read as asked.
 
     Every problem is tried with the searches' own budgets; while a total lasts, those that a budget
     ended are tried again, with ever longer ones. So more time never makes less of a problem.
     first: the first proved candidate ends an attempt. done: called with what is settled.
+    constraints: as for `investigate`.
     """
     outcomes: dict[_Key, _Attempt | InputError] = {}
     todo = dict(problems)
     for stretched in budget.attempts():
         for key, problem in list(todo.items()):
-            attempt = _attempted(problem, first, stretched)
+            attempt = _attempted(problem, first, stretched, constraints)
             outcomes[key] = _better(outcomes.get(key), attempt)
             if isinstance(attempt, InputError) or not attempt.is_open(first):
                 done(key)
@@ -126,9 +131,11 @@ def _better(before: _Attempt | InputError | None, now: _Attempt | InputError) ->
     return before if costs[0] < costs[1] else now
 
 
-def _attempted(problem: Problem, first: bool, budget: TimeBudget) -> _Attempt | InputError:
+def _attempted(
+    problem: Problem, first: bool, budget: TimeBudget, constraints: Any
+) -> _Attempt | InputError:
     try:
-        tried, untried = _tried(problem, first, budget)
+        tried, untried = _tried(problem, first, budget, constraints)
     except InputError as error:
         return error
     except OversizeError as error:
@@ -164,13 +171,12 @@ class _Tried:
 
 
 def _tried(
-    problem: Problem, first: bool, budget: TimeBudget
+    problem: Problem, first: bool, budget: TimeBudget, constraints: Any
 ) -> tuple[list[_Tried], Candidate | None]:
     """Candidates with what was proved of them; and the next one where time ended before it."""
     started = time.perf_counter()
-    kind = problem.require_kind()
-    synthesis, verification = synthesis_of(kind), verification_of(kind)
-    candidates, tried = iter(synthesis.synthesize(problem, budget)), list[_Tried]()
+    verification = verification_of(problem.require_kind())
+    candidates, tried = iter(candidates_of(problem, budget, constraints)), list[_Tried]()
     while True:
         is_over = bool(tried) and budget.remaining() < 0
         candidate = next(candidates, None)
@@ -244,14 +250,18 @@ def _solver_record(solvers: Solvers) -> dict[str, str]:
 
 
 def design(
-    problem: Problem, *, allow_undecided: bool = False, seconds: float | None = None
+    problem: Problem,
+    *,
+    allow_undecided: bool = False,
+    seconds: float | None = None,
+    constraints: Any = None,
 ) -> Design:
-    """A proved design for a problem; seconds: as for `investigate`.
+    """A proved design for a problem; seconds, constraints: as for `investigate`.
 
     Raises InputError for a problem that cannot be read as asked, and NotProved when the answer
     is no (or, unless `allow_undecided`, not known); its `.outcome` holds claims and witnesses.
     """
-    outcome = investigate(problem, seconds=seconds)
+    outcome = investigate(problem, seconds=seconds, constraints=constraints)
     accepted = ("proved", "undecided") if allow_undecided else ("proved",)
     if outcome.verdict not in accepted or outcome.design is None:
         raise NotProved(outcome)

@@ -48,11 +48,8 @@ def best_margin(
     unknowns: Sequence[Unknown], inequality: Inequality, kappa: float
 ) -> tuple[list[Matrix], float] | None:
     """(values of the unknowns, margin), or None when the solver gives no usable numbers."""
-    zero = [np.zeros((u.rows, u.columns)) for u in unknowns]
-    constant = inequality(*zero)
-    _require_memory(unknowns, constant.size)
+    constant, columns = coefficients(unknowns, inequality)
     directions = _directions(unknowns)
-    columns = [inequality(*direction) - constant for direction in directions]
     k, m = constant.shape[:2]
     scaled = [i for i, unknown in enumerate(unknowns) if unknown.symmetric]
     A = np.zeros((k * m * (m + 1) // 2, len(directions) + 1))
@@ -78,10 +75,25 @@ def best_margin(
     if x is None:
         return None
     values = [
-        sum((xj * d[i] for xj, d in zip(x[:-1], directions, strict=True)), start=zero[i])
-        for i in range(len(unknowns))
+        sum(
+            (xj * d[i] for xj, d in zip(x[:-1], directions, strict=True)),
+            start=np.zeros((unknown.rows, unknown.columns)),
+        )
+        for i, unknown in enumerate(unknowns)
     ]
     return values, float(x[-1])
+
+
+def coefficients(
+    unknowns: Sequence[Unknown], inequality: Inequality
+) -> tuple[Matrix, list[Matrix]]:
+    """Constant term (k, m, m) of an affine inequality, and its change with each scalar unknown.
+
+    OversizeError where the coefficients exceed the budget of memory.
+    """
+    constant = inequality(*(np.zeros((u.rows, u.columns)) for u in unknowns))
+    _require_memory(unknowns, constant.size)
+    return constant, [inequality(*direction) - constant for direction in _directions(unknowns)]
 
 
 def _require_memory(unknowns: Sequence[Unknown], entries: int) -> None:

@@ -1,93 +1,103 @@
-"""A common P under further convex constraints (regions, norms), through CVXPY.
+"""Matrix inequalities in several unknowns under further convex constraints, through CVXPY.
 
-    minimise f(P)   subject to   (1 - slack) P - M(theta)' P M(theta) >= 0   for all theta,
-                                 P >= floor I,   constraints(P)
+    minimise f(P, Z, ...)   subject to   inequality(P, Z, ...)_i >= margin I   for every i,
+                                         I <= P <= kappa I   for every symmetric P,
+                                         constraints(P, Z, ...)
 
-The same cutting planes as in `lmi.find.cutting_plane`, with a modelling layer that takes anything
-convex and is some hundred times slower. What comes out is a proposal; `lmi.prove.common_matrix`
-decides.
+Without f the margin is as large as possible, at most 1. This is `lmi.find.affine` with a modelling
+layer that takes anything convex and is some hundred times slower; the inequalities are read off in
+the same way. Nothing here is proved.
 """
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from lmi.arithmetic.arrays import Matrix
-from lmi.arithmetic.balls import exact, to_float
-from lmi.families import Edge, slack, worst
+from lmi.find.affine import Inequality, Unknown, coefficients
 
-Constraints = Callable[[Any], Sequence[Any]]  # cvxpy P -> cvxpy constraints
-Objective = Callable[[Any], Any]  # cvxpy P -> convex cvxpy expression
-
-_ROUNDS = 20
-_ADDED = 4
+Expression = Any  # of CVXPY, which is not typed
+Constraints = Callable[[Sequence[Expression]], Sequence[Expression]]  # unknowns -> constraints
+Objective = Callable[[Sequence[Expression]], Expression]  # unknowns -> convex expression
 
 
-def propose_constrained(
-    F: ArrayLike,
-    H: ArrayLike,
-    low: float,
-    high: float,
-    constraints: Constraints = lambda P: (),
-    objective: Objective | None = None,
+def constrained_matrices(
+    unknowns: Sequence[Unknown],
+    inequalities: Sequence[Inequality],
+    kappa: float,
     *,
-    slack_wanted: float = 1e-4,
-    floor: float = 1.0,
-) -> Matrix | None:
-    """P (n, n) with M(theta)' P M(theta) < P on a fine grid of [low, high], or None.
+    constraints: Constraints = lambda values: (),
+    objective: Objective | None = None,
+    margin: float = 0.0,
+) -> tuple[list[Matrix], float] | None:
+    """(values of the unknowns, margin), or None when the solver finds none.
 
-    F, H: (n, n) floats or exact rationals. slack_wanted: relative, in (0, 1). floor: P >= floor I
-    fixes the scale; constraints with a scale of their own want a small one. None says nothing:
-    the solver found no P, or gave up. ValueError unless 0 <= low <= high.
+    constraints, objective: functions of CVXPY expressions in the order of the unknowns. margin:
+    that of the inequalities where there is an objective. None says nothing: the solver found no
+    values, or gave up. ValueError for constraints or an objective that are not convex by CVXPY's
+    rules.
     """
-    if not 0 <= low <= high:
-        raise ValueError(f"0 <= low <= high is required; got [{low}, {high}]")
-    if not 0 < slack_wanted < 1:
-        raise ValueError(f"slack_wanted must lie between 0 and 1; got {slack_wanted!r}")
-    edge = Edge(to_float(exact(F)), to_float(exact(H)), low, high)
-    with np.errstate(all="ignore"):
-        thetas, maps = edge.grid()
-        if not np.isfinite(maps).all():
-            return None
-        active = [0, len(thetas) - 1]
-        for _ in range(_ROUNDS):
-            P = _solved(maps[sorted(set(active))], constraints, objective, slack_wanted, floor)
-            if P is None:
-                return None
-            slacks = slack(P, maps)
-            # the optimum sits on the constraint: half of the slack is left to the solver's digits
-            more = [k for k in worst(slacks, slack_wanted / 2) if k not in active]
-            if not more:
-                return P if slacks.min() > 0 else None
-            active += more[:_ADDED]
-    return None
-
-
-def _solved(
-    maps: Matrix,
-    constraints: Constraints,
-    objective: Objective | None,
-    slack_wanted: float,
-    floor: float,
-) -> Matrix | None:
     import cvxpy as cp  # slow to import, and rarely needed
 
-    n = maps.shape[-1]
-    P = cp.Variable((n, n), symmetric=True)
-    holds = [P >> floor * np.eye(n), *constraints(P)]
-    for M in maps:
-        gap = (1 - slack_wanted) * P - M.T @ P @ M
-        holds.append((gap + gap.T) / 2 >> 0)
-    goal = cp.Minimize(0 if objective is None else objective(P))
-    try:
-        cp.Problem(goal, holds).solve(solver=cp.CLARABEL)
-    except cp.error.SolverError:
+    values = [cp.Variable((u.rows, u.columns), symmetric=u.symmetric) for u in unknowns]
+    level = cp.Variable() if objective is None else cp.Constant(margin)
+    holds = [*constraints(values)]
+    for value in (v for v, unknown in zip(values, unknowns, strict=True) if unknown.symmetric):
+        holds += [value >> np.eye(value.shape[0]), kappa * np.eye(value.shape[0]) >> value]
+    pairs = zip(values, unknowns, strict=True)
+    entries = cp.hstack([cp.vec(value, order="F")[_free(unknown)] for value, unknown in pairs])
+    for inequality in inequalities:
+        holds += [S >> level * np.eye(S.shape[0]) for S in _blocks(unknowns, inequality, entries)]
+    if objective is None:
+        goal, holds = cp.Maximize(level), [*holds, level <= 1]
+    else:
+        goal = cp.Minimize(objective(values))
+    program = cp.Problem(goal, holds)
+    if not program.is_dcp():
+        raise ValueError("constraints and objective must be convex by CVXPY's rules (DCP)")
+    if not _solve(program):
         return None
-    if P.value is None or not np.isfinite(P.value).all():
+    solution = [np.asarray(value.value, dtype=np.float64) for value in values]
+    if not all(np.isfinite(value).all() for value in solution):
         return None
-    solution: Matrix = (P.value + P.value.T) / 2
-    return solution if np.linalg.eigvalsh(solution)[0] > 0 else None
+    return solution, float(level.value)
+
+
+def _free(unknown: Unknown) -> list[int]:
+    """Places, by columns, of the entries that determine an unknown, in the order of its basis."""
+    return [
+        j * unknown.rows + i
+        for j in range(unknown.columns)
+        for i in range(j + 1 if unknown.symmetric else unknown.rows)
+    ]
+
+
+def _blocks(
+    unknowns: Sequence[Unknown], inequality: Inequality, entries: Expression
+) -> list[Expression]:
+    """The matrices of an inequality as CVXPY expressions."""
+    import cvxpy as cp
+
+    constant, columns = coefficients(unknowns, inequality)
+    count, m = constant.shape[:2]
+    changes = np.array(columns).reshape(len(columns), count, m * m)
+    return [
+        constant[i] + cp.reshape(changes[:, i].T @ entries, (m, m), order="C") for i in range(count)
+    ]
+
+
+def _solve(program: Any) -> bool:
+    """Solve by Clarabel; False where it ends without usable numbers."""
+    import cvxpy as cp
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # an inaccurate solution is a proposal too
+        try:
+            program.solve(solver=cp.CLARABEL, max_threads=1)
+        except cp.error.SolverError:
+            return False
+    return program.status in (cp.OPTIMAL, cp.OPTIMAL_INACCURATE)

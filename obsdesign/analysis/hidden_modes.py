@@ -83,6 +83,22 @@ def hidden_part(maps: Sequence[Array], C: Array) -> HiddenPart | None:
     return None
 
 
+def fixed_parts(maps: Sequence[Array], C: Array, pattern: Array) -> list[tuple[Exact, ...]]:
+    """The maps of parts of the error that no gain of a pattern changes, exact.
+
+    maps: X (n, n) of X - K C; pattern (n, p): which entries of K may differ from zero. Two parts:
+    V with X V in V, hidden from the rows of C that some entry uses: (X - K C) v = X v; and the
+    quotient by the complement of W with X'W in W, W zero at all states that some entry corrects:
+    w'(X - K C) = w'X.
+    """
+    used = exact(C) * exact(pattern.any(axis=0).astype(float))[:, None]
+    corrected = exact(np.diag(pattern.any(axis=1).astype(float)))
+    hidden = hidden_part(maps, used)
+    untouched = hidden_part([exact(X).T for X in maps], corrected)
+    parts = [] if hidden is None else [hidden.maps]
+    return parts if untouched is None else [*parts, tuple(X.T for X in untouched.maps)]
+
+
 def not_detectable(
     A: Matrix, G: Matrix | None, C: Matrix, ends: tuple[float, float]
 ) -> dict[str, object] | None:

@@ -15,6 +15,16 @@ from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Literal
 
 from obsdesign.errors import InputError
+from obsdesign.problem.gain_wishes import (
+    GAIN_NORM,
+    REGION,
+    STRUCTURE,
+    GainWishes,
+    Pattern,
+    Region,
+    check_wishes,
+    gain_wishes,
+)
 from obsdesign.problem.options_base import Options, option
 from obsdesign.problem.schema import (
     FLAG,
@@ -102,10 +112,22 @@ class LuenbergerOptions(Options):
         "their borders.",
         whole=True,
     )
+    gain_norm: Mapping[str, float] | None = option(GAIN_NORM, "Largest spectral norm of a gain.")
+    structure: Mapping[str, Pattern] | None = option(
+        STRUCTURE, "Which entries of a gain may differ from zero: 1 where one may, else 0."
+    )
+    region: Mapping[str, Region] | None = option(
+        REGION, "Where the eigenvalues of the error's flow, and of its matrix at jumps, must lie."
+    )
+
+    def wishes(self, gain: str) -> GainWishes:
+        """What gain_norm, structure and region state about the gain "L" or "M"."""
+        return gain_wishes(gain, self.gain_norm, self.structure, self.region)
 
     def check(self, plant: Plant) -> None:
-        """InputError unless the weights have the plant's sizes and cell borders increase."""
+        """InputError unless weights and patterns have the plant's sizes and borders increase."""
         _check_weights(self.weights, plant)
+        check_wishes(self.structure, self.region, plant)
         cells = self.schedule
         if isinstance(cells, tuple) and any(a >= b for a, b in itertools.pairwise(cells)):
             from obsdesign.entries import shown  # the command line loads this file without numpy

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from importlib import import_module
-from typing import Protocol, cast, runtime_checkable
+from typing import Any, Protocol, cast, runtime_checkable
 
 from lmi.time_budget import TimeBudget
+from obsdesign.errors import InputError
 from obsdesign.kinds import kind_named
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
@@ -25,6 +26,29 @@ class SelectiveSynthesis(Protocol):
 
     def untried(self, problem: Problem, /) -> dict[str, str]:
         """Forms that are passed over, and why."""
+
+
+@runtime_checkable
+class ConstrainedSynthesis(Protocol):
+    """A module that chooses gains under a user's CVXPY constraints."""
+
+    def synthesize_constrained(
+        self, problem: Problem, constraints: Any, budget: TimeBudget, /
+    ) -> Iterator[Candidate]:
+        """Candidates in order of preference; InputError for what cannot be built."""
+
+
+def candidates_of(
+    problem: Problem, budget: TimeBudget, constraints: Any = None
+) -> Iterator[Candidate]:
+    """Candidates for a problem; InputError for constraints that its kind has no gains for."""
+    kind = problem.require_kind()
+    synthesis = synthesis_of(kind)
+    if constraints is None:
+        return synthesis.synthesize(problem, budget)
+    if not isinstance(synthesis, ConstrainedSynthesis):
+        raise InputError(f"constraints are available for kind 'luenberger'; got {kind!r}.")
+    return synthesis.synthesize_constrained(problem, constraints, budget)
 
 
 def synthesis_of(kind: str) -> Synthesis:

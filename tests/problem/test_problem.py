@@ -55,7 +55,8 @@ OBSERVERS = {
     "interval": 'form = "auto"\nobjective = "narrowest"\ngain_limit = 20\nmemory = "auto"\nwidth = "mean"\n'
     "width_weights = [1, 2]\n"
     "gains = { L = [[0], [1]], M = [[1], [2.8]], S = [[1, 0], [0, 1]] }",
-    "luenberger": "poles = [-1, [-2, 1]]\ndecay_rate = 0.1\nweights = { state = [1, 1] }\nmemory = 2\nschedule = 4",
+    "luenberger": "poles = [-1, [-2, 1]]\ndecay_rate = 0.1\nweights = { state = [1, 1] }\nmemory = 2\nschedule = 4\n"
+    "gain_norm = { L = 2 }\nstructure = { L = [[1], [0]] }\nregion = { decay = 0.1, sector = 1 }",
     "impulsive": 'window = 3\nalpha = 1.5\nstrategy = "compressed"\ndecay_rate = 0.1\n'
     "noise_target = [0.1, 0.2]",
     "finite_time": 'window = 6\nmethod = "exact"\nobjective = "least_noise"\nhalf_sample_correction = false\n'

@@ -3,12 +3,14 @@
 L: poles (`poles`) or a steady-state Kalman gain (`weights`), for A + decay_rate I. M: the largest
 margin of the inequality of `equations.luenberger`, affine in (P, P M), over the whole range of
 dwell times by cutting planes. Since the choice of L limits what M can do, slower and faster ones
-are tried in turn.
+are tried in turn. Under convex wishes L is near to each of them (`flow_gain.py`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -19,11 +21,14 @@ from lmi.solvers import Solvers, merged
 from lmi.time_budget import UNLIMITED, Remark, TimeBudget
 from obsdesign.equations.estimation_error import flow_error_matrix, jump_error_matrix
 from obsdesign.equations.luenberger.gains import LuenbergerGains
+from obsdesign.errors import InputError
 from obsdesign.problem.options import LuenbergerOptions
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate, Certificates
 from obsdesign.synthesis.dwell import dwell_certificates, stability_options
 from obsdesign.synthesis.given_gains import given_gain, refuse_second_choice, refuse_unusable
+from obsdesign.synthesis.luenberger.convex import ConvexGain, UserConstraints
+from obsdesign.synthesis.luenberger.flow_gain import nearest_gain
 from obsdesign.synthesis.luenberger.jump_gains import jump_gains
 from obsdesign.synthesis.luenberger.schedule import check_schedule, scheduled_candidate
 from obsdesign.synthesis.placement import placed_gain, riccati_gain
@@ -31,55 +36,129 @@ from obsdesign.synthesis.placement import placed_gain, riccati_gain
 
 def synthesize(problem: Problem, budget: TimeBudget = UNLIMITED) -> Iterator[Candidate]:
     """Yield candidates in order of preference; InputError for what cannot be built at all."""
+    return synthesize_constrained(problem, None, budget)
+
+
+def synthesize_constrained(
+    problem: Problem, constraints: UserConstraints | None, budget: TimeBudget
+) -> Iterator[Candidate]:
+    """Yield candidates whose open gains also fulfil a user's constraints.
+
+    constraints: `GainVariables` -> CVXPY constraints, for L and for M in turn. InputError for what
+    cannot be built at all.
+    """
     refuse_unusable(problem)
     check_schedule(problem)
     plant, options = problem.plant, problem.options_as(LuenbergerOptions)
+    wanted = {name: ConvexGain(name, options.wishes(name), constraints) for name in ("L", "M")}
+    _refuse_vain_constraints(problem, constraints)
     rate = options.decay_rate
     # with several outputs more than one L has the poles of the file
     is_L_open = given_gain(problem, "L") is None and (options.poles is None or plant.p > 1)
-    for label, L in _flow_gains(problem, rate):
+    # bare wishes place L by a formula, without a solver
+    is_searched = is_L_open and not wanted["L"].is_free()
+    L_solvers: Solvers = wanted["L"].solvers if is_searched else ()
+    for label, L, remarks in _flow_gains(problem, rate, wanted["L"]):
         F = flow_error_matrix(plant.flow.A, L, plant.output.C)
         shifted = F + rate * np.eye(plant.n)
         if options.schedule is not None:
-            yield scheduled_candidate(problem, label, L, shifted, budget)
+            candidate = scheduled_candidate(problem, label, L, shifted, budget, wanted=wanted["M"])
+            solvers = merged(L_solvers, candidate.solvers)
+            yield replace(candidate, remarks=(*remarks, *candidate.remarks), solvers=solvers)
             continue
-        M, remarks = given_gain(problem, "M"), tuple[Remark, ...]()
-        solvers: Solvers = ()
+        M = given_gain(problem, "M")
+        M_solvers: Solvers = ()
         is_open = is_L_open or M is None
         if M is None:
             # the largest margin over all dwell times
             dwell = [problem.require_dwell_time()]
-            solution, remarks = jump_gains(problem, shifted, dwell, [(0, 0)], budget)
+            solution, more = jump_gains(
+                problem, shifted, dwell, [(0, 0)], budget, wanted=wanted["M"]
+            )
+            remarks += more
             M = np.zeros((plant.n, plant.p))
             if solution is not None:
-                M, solvers = solution.M[0], solution.solvers
+                M, M_solvers = solution.M[0], solution.solvers
         gains = LuenbergerGains.from_plant(plant, L=L, M=M)
         certificates = _certificates(problem, F, M, rate, budget)
-        solvers = merged(solvers, certificates.solvers)
+        solvers = merged(L_solvers, M_solvers, certificates.solvers)
         yield Candidate(
             label, gains, certificates.evidence, is_open, remarks=remarks, solvers=solvers
         )
 
 
-def _flow_gains(problem: Problem, rate: float) -> Iterator[tuple[str, Matrix]]:
+def _refuse_vain_constraints(problem: Problem, constraints: UserConstraints | None) -> None:
+    """InputError for constraints where no gain is open to them."""
+    if constraints is not None and all(given_gain(problem, name) is not None for name in "LM"):
+        raise InputError("constraints choose L and M, but both are given or must be zero.")
+
+
+def _flow_gains(
+    problem: Problem, rate: float, wanted: ConvexGain
+) -> Iterator[tuple[str, Matrix, tuple[Remark, ...]]]:
     """Yield L: given, placed, or by Riccati equations of growing speed; at last 0."""
     A, C = problem.plant.flow.A, problem.plant.output.C
     given, options = given_gain(problem, "L"), problem.options_as(LuenbergerOptions)
     refuse_second_choice(options, None if given is None else "is given or must be zero")
     if given is not None:
-        yield "L as given" if "L" in problem.gains else "L = 0", given
+        yield "L as given" if "L" in problem.gains else "L = 0", given, ()
+        return
+    if not wanted.is_free():
+        _refuse_fixed_choice(options, wanted)
+        yield from _wanted_flow_gains(problem, rate, wanted)
         return
     if options.poles is not None:
-        yield "placed L", placed_gain(A, C, options.poles)
+        yield "placed L", placed_gain(A, C, options.poles), ()
         return
+    for label, L in riccati_gains(A, C, options.weights, rate):
+        yield label, L, ()
+    yield "L = 0", np.zeros((problem.plant.n, problem.plant.p)), ()
+
+
+def riccati_gains(
+    A: Matrix, C: Matrix, weights: Mapping[str, tuple[float, ...]] | None, rate: float
+) -> Iterator[tuple[str, Matrix]]:
+    """Yield gains L (n, p) of growing speed, with their labels."""
     speed = spectral_radius(A)
     for factor in (0.0, 1.0, 4.0):
         try:
-            L = riccati_gain(A, C, options.weights, rate + factor * speed)
+            L = riccati_gain(A, C, weights, rate + factor * speed)
         except np.linalg.LinAlgError:  # no finite solution in floats: not this one
             continue
         yield "Riccati L" + (f", {factor:g} x faster" if factor else ""), L
-    yield "L = 0", np.zeros((problem.plant.n, problem.plant.p))
+
+
+def _refuse_fixed_choice(options: LuenbergerOptions, wanted: ConvexGain) -> None:
+    """InputError where poles or weights fix L, about which there are wishes too."""
+    for name in ("poles", "weights"):
+        if options.is_stated(name):
+            raise InputError(
+                f"observer.{name} fixes L, and {wanted.text()} chooses it too; drop one."
+            )
+
+
+def _wanted_flow_gains(
+    problem: Problem, rate: float, wanted: ConvexGain
+) -> Iterator[tuple[str, Matrix, tuple[Remark, ...]]]:
+    """Yield L that fulfil the wishes, near to Riccati gains and to zero; or zero with a remark."""
+    plant = problem.plant
+    zero = np.zeros((plant.n, plant.p))
+    is_flow_alone = plant.jump is None or math.isinf(problem.require_dwell_time()[1])
+    fastest = max(rate, wanted.wishes.decay or 0.0)
+    targets = [*riccati_gains(plant.flow.A, plant.output.C, None, fastest), ("L = 0", zero)]
+    is_found = False
+    # a flow that decays by itself leaves least to M; between jumps it need not
+    for least in [rate, *([] if is_flow_alone else [None])]:
+        for label, target in targets[-1:] if is_found else targets:
+            L = nearest_gain(plant, wanted, target, least)
+            if L is None:  # the conditions are the same for every target
+                break
+            is_found = True
+            yield f"L nearest to {label} under {wanted.text()}", L, ()
+    if is_found:
+        return
+    text = f"no L was found for {wanted.text()}; the condition used is sufficient, not necessary"
+    yield "L = 0", zero, (Remark(text),)
 
 
 def _certificates(

@@ -2,7 +2,8 @@
 
 The inequality of `equations.luenberger` is affine in (P_w, P_w M_w) for all cells w at once, P_w
 the matrix after a jump whose dwell time lay in w. Its margin is made as large as possible over the
-whole range of dwell times by cutting planes. With one cell this is the common P.
+whole range of dwell times by cutting planes. With one cell this is the common P. Convex wishes
+about M go the same way, through CVXPY (`convex.py`).
 Source: C. Briat, Automatica 49 (2013), Theorem 3; with cells, its P depends on the last dwell time.
 """
 
@@ -16,12 +17,15 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Array
 from lmi.families import Edge, worst
-from lmi.find.affine import Unknown, best_margin
+from lmi.find.affine import Inequality, Unknown, best_margin
+from lmi.find.constrained import Constraints, constrained_matrices
 from lmi.solvers import Solvers
 from lmi.time_budget import Remark, TimeBudget, remark_end
 from obsdesign.equations.estimation_error import seen_before_jump
 from obsdesign.equations.luenberger import error_system as equations
+from obsdesign.errors import InputError
 from obsdesign.problem.problem import Problem
+from obsdesign.synthesis.luenberger.convex import ConvexGain
 
 _CONDITION = 1e4
 _ROUNDS = 20
@@ -35,7 +39,7 @@ class JumpGains:
 
     M: Array
     P: Array
-    solvers: Solvers = ("Clarabel",)
+    solvers: Solvers
 
 
 def jump_gains(
@@ -44,14 +48,17 @@ def jump_gains(
     cells: Sequence[tuple[float, float]],
     pairs: Sequence[tuple[int, int]],
     budget: TimeBudget,
+    *,
+    wanted: ConvexGain,
 ) -> tuple[JumpGains | None, tuple[Remark, ...]]:
     """Gains for a flow F (n, n) and cells of dwell times, None when the solver gives nothing.
 
-    pairs: (earlier, later) cells that may follow each other. The remarks are those of the search.
+    pairs: (earlier, later) cells that may follow each other; wanted: wishes about every M. The
+    remarks are those of the search. InputError for constraints that are not convex.
     """
-    plant = problem.plant
+    plant, n = problem.plant, len(F)
     assert plant.jump is not None
-    n, G = plant.n, plant.jump.G
+    G = plant.jump.G
     output = seen_before_jump(G, plant.output.C, plant.output.jump_measurement)
     with np.errstate(all="ignore"):
         grids = [Edge(F, np.eye(n), *ends).grid(_EACH_POINTS) for ends in cells]
@@ -62,23 +69,27 @@ def jump_gains(
     for _ in range(_ROUNDS):
         if out_of_time := budget.ended():
             return best, remark_end("gains at jumps", out_of_time, matters=False)
-        solution = _solution(active, grids, G, output)
-        if solution is None:
+        if (solution := _solution(active, grids, G, output, wanted)) is None:
             return best, ()
         P, Z, margin = solution
         try:
-            best = JumpGains(np.linalg.solve(P, Z), P)
+            M = np.array([wanted.rounded(gain) for gain in np.linalg.solve(P, Z)])
         except np.linalg.LinAlgError:  # the solver stopped before P was positive definite
             return best, ()
-        more = set() if margin <= 0 else _violated((P, Z), grids, pairs, G, output) - active
-        if not more:
+        best = JumpGains(M, P, wanted.solvers)
+        more = set() if margin <= 0 else _violated((P, Z), grids, pairs, G, output)
+        if more <= active:
             return best, ()
         active |= more
     return best, ()
 
 
 def _solution(
-    active: set[tuple[int, int, int]], grids: Sequence[tuple[Array, Array]], G: Array, output: Array
+    active: set[tuple[int, int, int]],
+    grids: Sequence[tuple[Array, Array]],
+    G: Array,
+    output: Array,
+    wanted: ConvexGain,
 ) -> tuple[Array, Array, float] | None:
     """(P, P M, margin) with the largest margin at the active (earlier, later, number of theta)."""
     count, (p, n) = len(grids), output.shape
@@ -93,11 +104,41 @@ def _solution(
             P[later], Z[later], G, output, flows, before=P[earlier]
         )
 
-    solution = best_margin(unknowns, inequality, _CONDITION)
+    if wanted.is_free():
+        solution = best_margin(unknowns, inequality, _CONDITION)
+    else:
+        constraints = _constraints(wanted, count, n)
+        inequalities = [inequality, *_regions(wanted, count, G, output)]
+        try:
+            solution = constrained_matrices(
+                unknowns, inequalities, _CONDITION, constraints=constraints
+            )
+        except ValueError as error:
+            raise InputError(f"constraints: {error}.") from None
     if solution is None:
         return None
     values, margin = solution
     return np.array(values[:count]), np.array(values[count:]), margin
+
+
+def _constraints(wanted: ConvexGain, count: int, n: int) -> Constraints:
+    """The wishes for every cell."""
+    single = wanted.constraints(np.ones(n))
+    return lambda values: [
+        entry for i in range(count) for entry in single((values[i], values[count + i]))
+    ]
+
+
+def _regions(wanted: ConvexGain, count: int, G: Array, output: Array) -> list[Inequality]:
+    """The region of the error's matrix at jumps, for all cells together."""
+    if not wanted.wishes.has_region():
+        return []
+
+    def inequality(*values: Array) -> Array:
+        pairs = zip(values[:count], values[count:], strict=True)
+        return np.concatenate([wanted.inequalities(P @ G - Z @ output, P) for P, Z in pairs])
+
+    return [inequality]
 
 
 def _violated(

@@ -20,6 +20,7 @@ from obsdesign.errors import InputError
 from obsdesign.problem.options import LuenbergerOptions
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
+from obsdesign.synthesis.luenberger.convex import ConvexGain
 from obsdesign.synthesis.luenberger.jump_gains import equal_cells, jump_gains
 
 _MOST_CELLS = 16
@@ -55,9 +56,11 @@ def check_schedule(problem: Problem) -> None:
 
 
 def scheduled_candidate(
-    problem: Problem, label: str, L: Matrix, F: Matrix, budget: TimeBudget
+    problem: Problem, label: str, L: Matrix, F: Matrix, budget: TimeBudget, *, wanted: ConvexGain
 ) -> Candidate:
     """Gains M per cell of dwell times, for the flow F of the error plus the decay rate.
+
+    wanted: wishes about every M.
 
     `M` is for a jump before which the dwell time is not known, the first one: any will do.
     """
@@ -69,7 +72,7 @@ def scheduled_candidate(
     borders = equal_cells(F, low, high, schedule) if isinstance(schedule, int) else list(schedule)
     cells = equations.schedule_cells(low, high, borders)
     pairs = equations.schedule_pairs(cells, plant.jump.dwell_jitter)
-    solution, remarks = jump_gains(problem, F, cells, pairs, budget)
+    solution, remarks = jump_gains(problem, F, cells, pairs, budget, wanted=wanted)
     M = np.zeros((len(cells), plant.n, plant.p)) if solution is None else solution.M
     gains = LuenbergerGains.from_plant(plant, L=L, M=M[0], M_cells=M, dwell_borders=borders)
     certificate: dict[str, Any] = {}

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,9 +18,9 @@ from lmi.prove.hurwitz import prove_hurwitz
 from lmi.refute.spectral import refute_spectral
 from lmi.time_budget import UNLIMITED, TimeBudget
 from lmi.verdict import overall
-from obsdesign.analysis.hidden_modes import hidden_growth, hidden_part
+from obsdesign.analysis.hidden_modes import fixed_parts
 from obsdesign.document import Claim
-from obsdesign.equations.estimation_error import flow_error_matrix, idle_gains, jump_error_matrix
+from obsdesign.equations.estimation_error import idle_gains
 from obsdesign.equations.gains import plant_data
 from obsdesign.equations.luenberger.error_system import cell_count
 from obsdesign.equations.luenberger.gains import LuenbergerGains
@@ -34,6 +35,13 @@ from obsdesign.verification.dwell import (
     source_of,
 )
 from obsdesign.verification.luenberger.schedule import reason_against_borders, scheduled_stability
+from obsdesign.verification.luenberger.wishes import (
+    IDS,
+    error_matrix,
+    stated_pattern,
+    wish_claims,
+    within_structure,
+)
 from obsdesign.verification.rates import rates_claim
 
 PAPER = "Briat, Automatica 49 (2013), Theorem 3"
@@ -59,10 +67,10 @@ def claims(
     )
     if gains is None:
         return (agreement,)
-    F, options = _flow_error(gains), problem.options_as(LuenbergerOptions)
+    F, options = error_matrix(gains, "L", gains.L), problem.options_as(LuenbergerOptions)
     rate = options.decay_rate
     shifted = F + exact(rate * np.eye(problem.plant.n))
-    claims = [agreement]
+    claims = [agreement, *wish_claims(problem, gains)]
     if problem.plant.jump is None:
         claims.append(_hurwitz(F, "hurwitz", "there are no jumps"))
         if rate > 0:
@@ -73,7 +81,7 @@ def claims(
         claims.append(_hurwitz(F, "hurwitz", "there is no longest dwell time"))
     if options.schedule is not None:
         return (*claims, *_scheduled(problem, gains, F, certificates, paranoid))
-    H = _jump_error(gains)
+    H = error_matrix(gains, "M", gains.M)
     claims.append(_stability(F, H, dwell, certificates, paranoid))
     claims += rates_claim(F, H, dwell, certificates, PAPER)
     if rate > 0:
@@ -85,10 +93,23 @@ def _with_marked_witnesses(
     problem: Problem, shifted: Exact, claims: list[Claim]
 ) -> tuple[Claim, ...]:
     """The claims, their witnesses marked where a mode or a pair that no gain reaches refutes."""
-    is_refuted = any(claim.verdict == "refuted" for claim in claims)
+    about_error = [claim for claim in claims if claim.id not in IDS]
+    is_refuted = any(claim.verdict == "refuted" for claim in about_error)
     if not (is_refuted and _is_refuted_for_all_gains(problem, shifted)):
         return tuple(claims)
-    return tuple(mark_witness(claim) for claim in claims)
+    scope = within_structure(problem, "L", "M")
+    return tuple(
+        claim if claim.id in IDS else mark_witness(_with_scope(claim, scope)) for claim in claims
+    )
+
+
+def _with_scope(claim: Claim, scope: str) -> Claim:
+    """The claim, its reason naming the structure that the gains are held to."""
+    reason = claim.evidence.get("reason") or claim.evidence.get("witness", {}).get("reason")
+    if claim.verdict != "refuted" or not scope or reason is None:
+        return claim
+    text = f"{reason}; no gain{scope} changes that part of the error"
+    return replace(claim, evidence={**claim.evidence, "reason": text})
 
 
 def _is_refuted_for_all_gains(problem: Problem, shifted: Exact) -> bool:
@@ -97,32 +118,26 @@ def _is_refuted_for_all_gains(problem: Problem, shifted: Exact) -> bool:
     A, C, rate = plant.flow.A, plant.output.C, options.decay_rate
     if plant.jump is None or math.isinf(problem.require_dwell_time()[1]):
         is_given = options.poles is not None or "L" in {*problem.gains, *idle_gains(plant)}
-        grows = (
-            prove_hurwitz(shifted).outcome == "refuted" if is_given else hidden_growth(A, C, rate)
-        )
-        if grows:
+        flows = [shifted]
+        if not is_given:
+            fixed = fixed_parts([A], C, stated_pattern(problem, "L"))
+            flows = [flow + exact(rate * np.eye(len(flow))) for (flow,) in fixed]
+        if any(prove_hurwitz(flow).outcome == "refuted" for flow in flows):
             return True
-    hidden = None if plant.jump is None else hidden_part([A, plant.jump.G], C)
-    if hidden is None:
+    if plant.jump is None:
         return False
-    flow, jump = hidden.maps
-    slower = flow + exact(rate * np.eye(len(flow)))
-    return refute_spectral(slower, jump, *problem.require_dwell_time()).outcome == "refuted"
+    fixed = fixed_parts([A, plant.jump.G], C, stated_pattern(problem, "L", "M"))
+    ends = problem.require_dwell_time()
+    return any(
+        refute_spectral(flow + exact(rate * np.eye(len(flow))), jump, *ends).outcome == "refuted"
+        for flow, jump in fixed
+    )
 
 
 def dwell_pair(stored: Mapping[str, Any]) -> tuple[Exact, Exact]:
     """(F, H), exact: the pair whose stability over a range of dwell times is claimed."""
     gains = LuenbergerGains.from_document(stored)
-    return _flow_error(gains), _jump_error(gains)
-
-
-def _flow_error(gains: LuenbergerGains) -> Exact:
-    return flow_error_matrix(exact(gains.A), exact(gains.L), exact(gains.C))
-
-
-def _jump_error(gains: LuenbergerGains) -> Exact:
-    G, M, C = (exact(matrix) for matrix in (gains.jump_matrix, gains.M, gains.C))
-    return jump_error_matrix(G, M, C, gains.jump_measurement)
+    return error_matrix(gains, "L", gains.L), error_matrix(gains, "M", gains.M)
 
 
 def _expected(problem: Problem) -> dict[str, Any]:

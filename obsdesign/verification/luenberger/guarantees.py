@@ -7,6 +7,7 @@ from obsdesign.problem.options import LuenbergerOptions
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.absent_signals import absent_signals
 from obsdesign.verification.dwell import Dwell
+from obsdesign.verification.luenberger.wishes import IDS
 from obsdesign.verification.rates import rates_sentence
 
 
@@ -14,7 +15,7 @@ def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Guarantee, 
     """The sentences a user may rely on, and those of the problem that are not proved."""
     plant = problem.plant
     verdicts = {claim.id: claim.verdict for claim in claims}
-    needed = [name for name in verdicts if name not in ("decay_rate", "rates")]
+    needed = [name for name in verdicts if name not in ("decay_rate", "rates", *IDS)]
     ends = "" if plant.jump is None else str(Dwell.from_problem(problem))
     when = f" for every sequence of dwell times in {ends}" if ends else ""
     at_jumps = plant.output.measured == "at_jumps"
@@ -28,6 +29,11 @@ def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Guarantee, 
         rate = problem.options_as(LuenbergerOptions).decay_rate
         sentences.append((f"The error decays like e^(-{rate!r} t){when}.", [*needed, "decay_rate"]))
     sentences += [(f"{measured}: {text}", ids) for text, ids in rates_sentence(claims, "the error")]
+    sentences += [
+        (f"{claim.statement[0].upper()}{claim.statement[1:]}.", [claim.id])
+        for claim in claims
+        if claim.id in IDS
+    ]
     result = [Guarantee.from_verdicts(text, ids, verdicts) for text, ids in sentences]
     if not at_jumps:
         sampled = "Convergence for samples at a given spacing is not claimed."

@@ -1,0 +1,108 @@
+"""The gain L under convex wishes: among those that fulfil them, one near a target.
+
+With P and Z = P L the wishes are linear matrix inequalities (`convex.py`). Of their solutions one
+with the least |Z - P target| is taken, in units that balance the plant: the target itself where it
+fulfils them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from lmi.arithmetic.arrays import Array, Matrix
+from lmi.find.affine import Inequality, Unknown
+from lmi.find.constrained import Expression, constrained_matrices
+from obsdesign.analysis.balancing import balancing_units
+from obsdesign.equations.luenberger.regions import half_plane_inequality
+from obsdesign.errors import InputError
+from obsdesign.problem.plant import Plant
+from obsdesign.synthesis.luenberger.convex import ConvexGain
+
+_CONDITION = 1e4
+# least margin of the inequalities, relative to the unit of P and the pace of the plant
+_MARGIN = 1e-4
+
+
+def nearest_gain(
+    plant: Plant, wanted: ConvexGain, target: Matrix, rate: float | None
+) -> Matrix | None:
+    """L (n, p) that fulfils the wishes, near the target (n, p); None when none is found.
+
+    rate: A - L C + rate I is made Hurwitz; None where it need not be. The conditions are
+    sufficient, so that there may be such an L where none is found. InputError for constraints that
+    are not convex.
+    """
+    units = _Units.from_plant(plant)
+    n, p = target.shape
+    goal = target / units.sizes[:, None] / units.pace * units.rows
+    constraints = wanted.constraints(units.sizes, units.pace)
+    try:
+        solution = constrained_matrices(
+            [Unknown(n, n, symmetric=True), Unknown(n, p)],
+            _inequalities(units, wanted, rate),
+            _CONDITION,
+            constraints=lambda values: constraints(
+                [values[0], values[1] @ np.diag(1 / units.rows)]
+            ),
+            objective=lambda values: _distance(values, goal),
+            margin=_MARGIN,
+        )
+    except ValueError as error:
+        raise InputError(f"constraints: {error}.") from None
+    if solution is None:
+        return None
+    (P, Z), _ = solution
+    try:
+        L: Array = np.linalg.solve(P, Z) * units.sizes[:, None] * units.pace / units.rows
+    except np.linalg.LinAlgError:
+        return None
+    return wanted.rounded(L) if np.isfinite(L).all() else None
+
+
+@dataclass(frozen=True)
+class _Units:
+    """The plant in balanced units: sizes of states (n,), of outputs (p,), and the pace."""
+
+    sizes: Array
+    rows: Array
+    pace: float
+    flow: Array
+    output: Array
+
+    @staticmethod
+    def from_plant(plant: Plant) -> _Units:
+        A, C = plant.flow.A, plant.output.C
+        sizes, pace = balancing_units(A, C, np.zeros((plant.n, 0)))
+        rows = np.linalg.norm(C * sizes, axis=1)
+        rows = np.where(rows > 0, rows, 1.0)
+        flow, output = A * sizes / sizes[:, None] / pace, C * sizes / rows[:, None]
+        return _Units(sizes, rows, pace, flow, output)
+
+
+def _inequalities(units: _Units, wanted: ConvexGain, rate: float | None) -> list[Inequality]:
+    """The regions, and where there is a rate its half plane, affine in (P, Z)."""
+    n = len(units.flow)
+    count = len(wanted.inequalities(np.zeros((n, n)), np.zeros((n, n))))
+
+    def product(P: Array, Z: Array) -> Array:
+        PF: Array = P @ units.flow - Z @ units.output
+        return PF
+
+    result: list[Inequality] = [
+        lambda P, Z, k=k: wanted.inequalities(product(P, Z), P, units.pace)[k][None]
+        for k in range(count)
+    ]
+    if rate is not None:
+        decay = rate / units.pace
+        result.append(lambda P, Z: half_plane_inequality(product(P, Z), P, decay)[None])
+    return result
+
+
+def _distance(values: Sequence[Expression], goal: Matrix) -> Expression:
+    import cvxpy as cp
+
+    P, Z = values
+    return cp.norm(Z - P @ goal, "fro")
