@@ -110,3 +110,8 @@ class DeclaredBounds:
     def boxes(self) -> tuple[DeclaredBox, ...]:
         """Those that there are."""
         return (self.b, self.v) if self.c is None else (self.b, self.c, self.v)
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of all columns of bounds."""
+        return tuple(title for box in self.boxes for title in box.columns)
