@@ -41,7 +41,7 @@ from obsdesign.runtime.interval.kernel import Kernel
 from obsdesign.runtime.interval.state import JUMP, BoundsFault, Course, IntervalState, first_box
 from obsdesign.runtime.interval.step_kernels import JumpSample, StepKernels
 from obsdesign.runtime.interval.stretches import Stretches
-from obsdesign.runtime.interval.varying import Row, VaryingKernels, declared_row
+from obsdesign.runtime.interval.varying import NO_PARTS, Row, VaryingKernels
 
 _ONE_OUTPUT = (1,)
 
@@ -120,9 +120,9 @@ class IntervalObserver(Stepped[IntervalState]):
             return usual
         t = later(sample.t, state.t, state.started)
         y = optional_measurement(sample.y, self.gains.p)
-        off = y is not None and self.clock.is_off_period(state, t)
+        off = y is not None and self.gains.is_periodic and self.clock.is_off_period(state, t)
         if sample.bounds is None and state.bounds is None:
-            row = declared_row(self.kernels, state, y)
+            row = Row(self.kernels, state.u, y, y, NO_PARTS, None)
         else:
             row = self.varying.row(state, sample.bounds, y)
         with np.errstate(over="ignore", invalid="ignore"):
@@ -140,15 +140,16 @@ class IntervalObserver(Stepped[IntervalState]):
             objections.append(refutation)
         elif contradictions:
             refutation = f"void since time {t:.9g} ({contradictions[0]})"
+        u = state.u if sample.u is None else vector(sample.u, len(state.u), "u")
+        kept = row.y if not sample.jump or self.gains.jump_measurement == "after" else None
+        sampled, phase = (
+            (state.sampled if y is None else t),
+            (state.phase if y is None or off else t),
+        )
+        moderate = bool(out[2 * self.n + 2 * self.gains.p] < MODERATE) and row.held is None
         following = IntervalState(
-            t=t, box=box,
-            u=state.u if sample.u is None else vector(sample.u, len(state.u), "u"),
-            y=row.y if not sample.jump or self.gains.jump_measurement == "after" else None,
-            guard=guard, started=True, sampled=state.sampled if y is None else t,
-            refutation=refutation, phase=state.phase if y is None or off else t,
-            moderate=bool(out[2 * self.n + 2 * self.gains.p] < MODERATE) and row.held is None,
-            course=course, bounds=row.held,
-        )  # fmt: skip
+            t, box, u, kept, guard, True, sampled, refutation, phase, moderate, course, row.held
+        )
         status = "; ".join(objections) if objections else "ok"
         events = tuple((t, text) for text in ([JUMP] if sample.jump else []) + objections)
         return following, Estimate(t, None, *bounds, events=events, status=status)

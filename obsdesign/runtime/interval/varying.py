@@ -29,7 +29,7 @@ from obsdesign.runtime.interval.model import Model, exactly, midpoint
 from obsdesign.runtime.interval.state import HeldBounds, IntervalState
 from obsdesign.runtime.interval.step_kernels import StepKernels
 
-_NO_PARTS = np.zeros(0)
+NO_PARTS = np.zeros(0)
 
 
 class Row(NamedTuple):
@@ -45,11 +45,6 @@ class Row(NamedTuple):
     measured: Matrix | None
     parts: Matrix
     held: HeldBounds | None
-
-
-def declared_row(kernels: StepKernels, state: IntervalState, y: Matrix | None) -> Row:
-    """A row with the declared bounds, after another one."""
-    return Row(kernels, state.u, y, y, _NO_PARTS, None)
 
 
 def declared_bounds(gains: IntervalGains) -> DeclaredBounds:
@@ -85,7 +80,7 @@ class VaryingKernels(StepKernels):
         own = Bounds() if own is None else own
         b = _parts(self.bounds.b, own.b, self._middles[0])
         v, used = self._of_measurement(own.v, y)
-        c = _NO_PARTS
+        c = NO_PARTS
         if self.bounds.c is not None:
             c = _parts(self.bounds.c, own.c, self._middles[1])
         elif own.c is not None:
@@ -93,7 +88,7 @@ class VaryingKernels(StepKernels):
         declared = HeldBounds(np.repeat([0.0, 1.0], self.gains.n), np.ones(self.gains.p))
         holds = not (np.array_equal(b, declared.b) and np.array_equal(v, declared.v))
         if state.bounds is None and not holds and np.array_equal(c, declared.b[: len(c)]):
-            return declared_row(self.declared, state, y)
+            return Row(self.declared, state.u, y, y, NO_PARTS, None)
         held = state.bounds or declared
         u = np.concatenate([state.u, held.b, held.v, v])
         parts = np.concatenate([c, v]) if c.size else c
