@@ -78,21 +78,31 @@ class VaryingKernels(StepKernels):
         ValueError where bounds are not inside the declared ones.
         """
         own = Bounds() if own is None else own
-        b = _parts(self.bounds.b, own.b, self._middles[0])
-        v, used = self._of_measurement(own.v, y)
-        c = NO_PARTS
-        if self.bounds.c is not None:
+        b, v = declared = self._declared_parts
+        used, c = y, NO_PARTS if self.bounds.c is None else declared.b
+        if own.b is not None:
+            b = _parts(self.bounds.b, own.b, self._middles[0])
+        if own.v is not None:
+            v, used = self._of_measurement(own.v, y)
+        if own.c is not None:
+            if self.bounds.c is None:
+                raise ValueError(
+                    "bounds of c need jumps, but this plant has none ([jump] is absent)."
+                )
             c = _parts(self.bounds.c, own.c, self._middles[1])
-        elif own.c is not None:
-            raise ValueError("bounds of c need jumps, but this plant has none ([jump] is absent).")
-        declared = HeldBounds(np.repeat([0.0, 1.0], self.gains.n), np.ones(self.gains.p))
-        holds = not (np.array_equal(b, declared.b) and np.array_equal(v, declared.v))
-        if state.bounds is None and not holds and np.array_equal(c, declared.b[: len(c)]):
+        pairs = ((b, declared.b), (v, declared.v))
+        holds = any(ours is not theirs and (ours != theirs).any() for ours, theirs in pairs)
+        if state.bounds is None and not holds and (c == declared.b[: len(c)]).all():
             return Row(self.declared, state.u, y, y, NO_PARTS, None)
         held = state.bounds or declared
         u = np.concatenate([state.u, held.b, held.v, v])
         parts = np.concatenate([c, v]) if c.size else c
         return Row(self, u, used, y, parts, HeldBounds(b, v) if holds else None)
+
+    @cached_property
+    def _declared_parts(self) -> HeldBounds:
+        """No shift, and all of the declared radii."""
+        return HeldBounds(np.repeat([0.0, 1.0], self.gains.n), np.ones(self.gains.p))
 
     def _of_measurement(self, pair: Pair | None, y: Matrix | None) -> tuple[Matrix, Matrix | None]:
         """(parts of the noise's radii, y less the shift of its middle)."""
