@@ -1,5 +1,6 @@
-"""Kernels for rows with bounds of b, c and v of their own (Assumption 3 of Degue et al., 2016).
+"""Kernels for rows with bounds of b, c and v of their own.
 
+Assumption 3 of Degue, Efimov, Richard (NOLCOS 2016): bounds may depend on time.
 The comparison systems of `maps` are linear in the radii of b, c and v. So what the declared radius
 of each entry adds to a radius is computed once for a step length, and a row multiplies it by the
 part of the declared radius that its own bounds leave. Parts are further inputs of a kernel, of

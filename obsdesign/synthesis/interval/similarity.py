@@ -1,5 +1,6 @@
-"""Coordinates S and S2 from given R and T: Assumption 4 of Degue, Efimov, Richard (NOLCOS 2016).
+"""Coordinates S and S2 from given R and T.
 
+Assumption 4 of Degue, Efimov, Richard (NOLCOS 2016):
 F = A - L C and R are similar if they have one characteristic polynomial and (F, e1), (R, e2) are
 observable for some rows. With O1, O2 the observability matrices of these pairs, F O1^-1 is O1^-1
 times the companion matrix of the polynomial, and likewise R, so that S = O1^-1 O2 gives
