@@ -46,6 +46,7 @@ GAIN_DESCRIPTIONS = {
     "measurement: at samples, x+ = x + L(y - C x)). finite_time: n x p, A + L C. unknown_input: "
     "(n-q) x (p-q), in the coordinates of T1.",
     "M": "n x p: gain at jumps.",
+    "R": "n x n: A - L C in coordinates S that are built for it, given with T, L and M.",
     "S": "n x n: coordinates, invertible.",
     "S2": "n x n: coordinates at jumps, invertible.",
     "T": "n x n: jump matrix in the coordinates S2.",

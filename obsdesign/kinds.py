@@ -54,6 +54,7 @@ _TABLE = (
             "Gn": ("n", "n"),
             "S2": ("n", "n"),
             "T": ("n", "n"),
+            "R": ("n", "n"),
         },
     ),
     Kind("luenberger", "LuenbergerObserver", {"L": ("n", "p"), "M": ("n", "p")}),

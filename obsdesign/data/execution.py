@@ -57,7 +57,8 @@ def execute(
     _refuse_events(observer, events)
     stored = None if state is None else stored_progress(state, signed, observer, initial)
     name, remarks = data or "standard input", list[str]()
-    layout, after = Layout.from_reads(observer.reads), -math.inf if stored is None else stored.t
+    layout = Layout.from_reads(observer.reads, observer.declared_bounds)
+    after = -math.inf if stored is None else stored.t
     read = partial(read_samples, layout=layout, name=name, after=after)
     begin = partial(_begun, observer, stored, initial)
     if data is not None:  # refuse before anything is written

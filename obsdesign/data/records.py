@@ -1,7 +1,8 @@
 """Data files: CSV in, CSV out, one row at a time.
 
 In: t, y1..yp, and u1.., w1.., jump where the plant has known inputs, known jump inputs, jumps;
-other columns are ignored. An empty y is a missing sample. Out: t, the columns of the observer,
+b1_lo, b1_hi.., c1_lo.., v1_lo.. where a kind uses bounds of rows; other columns are ignored. An
+empty y is a missing sample, an empty bound the declared one. Out: t, the columns of the observer,
 status. Every complaint names the file, the line and the column.
 """
 
@@ -12,14 +13,15 @@ import io
 import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, TextIO
 
 import numpy as np
 
-from obsdesign.entries import LARGEST, shown
+from obsdesign.data.bound_columns import BoundColumns, number_in, remark_on_unused_bounds
 from obsdesign.errors import InputError
 from obsdesign.runtime.base import Estimate, Sample
+from obsdesign.runtime.bounds import DeclaredBounds
 
 Remark = Callable[[str], None]
 # characters: hundreds of columns of numbers in full
@@ -33,17 +35,21 @@ def discard(text: str) -> None:
 
 @dataclass(frozen=True)
 class Layout:
-    """Columns of a plant's data: numbers of measurements, known inputs, jump inputs; jumps."""
+    """Columns of a plant's data: numbers of measurements, known inputs, jump inputs; jumps.
+
+    bounds: declared ones that columns of a row may narrow, None where none are used.
+    """
 
     y: int
     u: int = 0
     w: int = 0
     jump: bool = False
+    bounds: DeclaredBounds | None = None
 
     @staticmethod
-    def from_reads(reads: Mapping[str, int]) -> Layout:
+    def from_reads(reads: Mapping[str, int], bounds: DeclaredBounds | None = None) -> Layout:
         """The layout of the samples that an observer reads (`Observer.reads`)."""
-        return Layout(reads["y"], reads["u"], reads["w"], bool(reads["jump"]))
+        return Layout(reads["y"], reads["u"], reads["w"], bool(reads["jump"]), bounds)
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -51,6 +57,11 @@ class Layout:
         counts = {"y": self.y, "u": self.u, "w": self.w}
         numbered = [f"{letter}{i + 1}" for letter, n in counts.items() for i in range(n)]
         return ("t", *numbered, *(["jump"] if self.jump else []))
+
+    @property
+    def optional(self) -> tuple[str, ...]:
+        """Columns of bounds, which a file may have."""
+        return () if self.bounds is None else self.bounds.columns
 
 
 def read_samples(
@@ -72,7 +83,9 @@ def read_samples(
     """
     lines = enumerate(_lines(stream, name), start=1)
     header = _Header.from_line(next(lines, (1, ""))[1], layout, name)
-    header.remark_on_outputs(remark)
+    if skip is not None and header.bounds is not None:
+        header = replace(header, bounds=header.bounds.where_lines_are_skipped(name, remark))
+    header.remark_on_unused(remark)
     previous, rows = after, 0
     for number, line in lines:
         where = f"{name} line {number}"
@@ -100,6 +113,7 @@ class _Header:
     places: dict[str, int]
     layout: Layout
     name: str
+    bounds: BoundColumns | None
 
     @classmethod
     def from_line(cls, line: str, layout: Layout, name: str) -> _Header:
@@ -108,7 +122,9 @@ class _Header:
             raise InputError(
                 f"{name}: a header line with column 't', ... is required; the file is empty."
             )
-        return cls(titles, _places(titles, layout, name), layout, name)
+        places = _places(titles, layout, name)
+        bounds = None if layout.bounds is None else BoundColumns(layout.bounds, places)
+        return cls(titles, places, layout, name, bounds)
 
     def sample(self, cells: list[str], where: str, previous: float) -> Sample:
         """The sample of a line; InputError if it is none, or not after the time `previous`."""
@@ -118,6 +134,8 @@ class _Header:
                 f"got {len(cells)}."
             )
         sample = _sample(cells, self.places, self.layout, where)
+        if self.bounds is not None and self.bounds.titles:
+            sample = sample._replace(bounds=self.bounds.of_row(cells, where))
         if not self.layout.jump and "jump" in self.titles:
             unused = cells[self.titles.index("jump")].strip()
             if unused not in ("", "0", "0.0"):
@@ -132,9 +150,9 @@ class _Header:
             )
         return sample
 
-    def remark_on_outputs(self, remark: Remark) -> None:
-        """A remark if there are columns y1, y2, ... beyond those of the plant."""
-        known = self.layout.columns
+    def remark_on_unused(self, remark: Remark) -> None:
+        """Remarks on columns of outputs beyond those of the plant, and of bounds nobody uses."""
+        known = {*self.layout.columns, *self.layout.optional}
         more = [x for x in self.titles if re.fullmatch(r"y[1-9]\d*", x) and x not in known]
         if more:
             outputs = f"{self.layout.y} output{'s' * (self.layout.y != 1)}"
@@ -142,6 +160,7 @@ class _Header:
                 f"{self.name}: {', '.join(more)} of the header are not used, since the design's "
                 f"plant has {outputs}. Is it the data of another plant?"
             )
+        remark_on_unused_bounds(self.titles, self.layout.bounds, self.name, remark)
 
 
 def _lines(stream: TextIO, name: str) -> Iterator[str]:
@@ -184,27 +203,18 @@ def _places(header: list[str], layout: Layout, name: str) -> dict[str, int]:
             raise InputError(
                 f"{name}: column {title!r} is required; the header has {titles}.{hint}"
             )
+    for title in (*layout.columns, *layout.optional):
         if header.count(title) > 1:
             raise InputError(
                 f"{name}: column {title!r} stands {header.count(title)} times in the header."
             )
-    return {title: header.index(title) for title in layout.columns}
+    optional = [title for title in layout.optional if title in header]
+    return {title: header.index(title) for title in (*layout.columns, *optional)}
 
 
 def _sample(cells: list[str], places: dict[str, int], layout: Layout, where: str) -> Sample:
     def number(title: str) -> float | None:
-        text = cells[places[title]].strip()
-        if not text:
-            return None
-        try:
-            value = float(text) if text.isascii() and "_" not in text else math.nan
-        except ValueError:
-            value = math.nan
-        if not abs(value) <= LARGEST:
-            empty = " or empty" if title[0] in "yuw" else ""
-            what = "a finite number" if not math.isfinite(value) else f"at most {LARGEST:g} in size"
-            raise InputError(f"{where}: {title} must be {what}{empty}; got {shown(text)}.")
-        return value
+        return number_in(cells, places, title, where)
 
     def group(letter: str, size: int) -> np.ndarray[Any, Any] | None:
         values = [number(f"{letter}{i + 1}") for i in range(size)]

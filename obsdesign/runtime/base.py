@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.equations.gains import Gains, PlantGains
+from obsdesign.runtime.bounds import Bounds, DeclaredBounds
 from obsdesign.runtime.columns import Batch, Columns, collect
 from obsdesign.runtime.time_stamps import time_tolerance
 
@@ -30,7 +31,8 @@ class Sample(NamedTuple):
 
     y: p measurements, or None for a missing sample; u: known input from t on (None keeps the
     last one, zero at first); w: known jump input; jump: a jump happens at t, after the
-    measurement (or before it, as the plant's `jump_measurement` says).
+    measurement (or before it, as the plant's `jump_measurement` says). bounds: of b from t to the
+    next row, of c at this jump, of v in this y; used by kinds with `declared_bounds` alone.
     """
 
     t: float
@@ -38,6 +40,7 @@ class Sample(NamedTuple):
     u: ArrayLike | None = None
     w: ArrayLike | None = None
     jump: bool = False
+    bounds: Bounds | None = None
 
 
 class Estimate(NamedTuple):
@@ -75,6 +78,10 @@ class Observer(Protocol):
         """Numbers of y, u and w in a sample, and whether jumps are reported."""
 
     @property
+    def declared_bounds(self) -> DeclaredBounds | None:
+        """Bounds of b, c and v that rows may narrow; None where a kind does not use any."""
+
+    @property
     def event_names(self) -> tuple[str, ...]:
         """Columns of an event file; none where the kind has no events."""
 
@@ -97,6 +104,11 @@ class RecordRunner(ABC, Generic[State]):
     # the state at a time, before the first sample; arguments as the kind declares them
     init: Callable[..., State]
 
+    @property
+    def declared_bounds(self) -> DeclaredBounds | None:
+        """Bounds of b, c and v that rows may narrow; None where a kind does not use any."""
+        return None
+
     @abstractmethod
     def run(self, state: State, samples: Iterable[Sample]) -> Iterator[Estimate]:
         """Estimates for a stream of samples, one each."""
@@ -108,13 +120,18 @@ class RecordRunner(ABC, Generic[State]):
         u: ArrayLike | None = None,
         w: ArrayLike | None = None,
         jump: ArrayLike | None = None,
+        *,
+        bounds: Bounds | None = None,
         **initial: ArrayLike | None,
     ) -> Batch:
         """Estimates of a whole record at once.
 
-        initial: arguments of `init` for the time of the first row.
+        bounds: of b, c and v, (rows, ...) each. initial: arguments of `init` for the time of the
+        first row. ValueError for bounds that the kind does not use.
         """
-        record = Columns.from_arrays(t, y, u, w, jump)
+        if bounds is not None and self.declared_bounds is None:
+            raise ValueError("bounds of b, c and v are not used by this kind of observer.")
+        record = Columns.from_arrays(t, y, u, w, jump, bounds=bounds)
         return self.batch(self.init(float(record.t[0]), **initial), record)
 
     def batch(self, state: State, record: Columns) -> Batch:
@@ -293,5 +310,6 @@ def samples_of(record: Columns) -> Iterator[Sample]:
     """Rows of a record as samples."""
     absent = [None] * len(record.t)
     y, u, w = (absent if block is None else block for block in (record.y, record.u, record.w))
-    for row in zip(record.t.tolist(), y, u, w, record.jump.tolist(), strict=True):
+    bounds = absent if record.bounds is None else record.bounds
+    for row in zip(record.t.tolist(), y, u, w, record.jump.tolist(), bounds, strict=True):
         yield Sample(*row)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lmi.arithmetic.arrays import Matrix
+from obsdesign.runtime.bounds import Bounds
 
 if TYPE_CHECKING:
     from obsdesign.runtime.base import Estimate
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 class Columns:
     """t (rows,); y, u, w (rows, ...), None where a record has none; jump (rows,).
 
-    NaN in y marks a missing sample.
+    NaN in y marks a missing sample. bounds: those of each row, None where it has none.
     """
 
     t: Matrix
@@ -27,6 +28,7 @@ class Columns:
     u: Matrix | None
     w: Matrix | None
     jump: NDArray[np.bool_]
+    bounds: tuple[Bounds | None, ...] | None = None
 
     @staticmethod
     def from_arrays(
@@ -35,6 +37,8 @@ class Columns:
         u: ArrayLike | None = None,
         w: ArrayLike | None = None,
         jump: ArrayLike | None = None,
+        *,
+        bounds: Bounds | None = None,
     ) -> Columns:
         """A record; ValueError without any row, and for arrays of other lengths than t."""
         times = np.asarray(t, dtype=np.float64)
@@ -43,7 +47,8 @@ class Columns:
         jumps = np.zeros(len(times), bool) if jump is None else np.asarray(jump, dtype=bool)
         _check_rows(jumps, times)
         y, u, w = (_table(values, times) for values in (y, u, w))
-        return Columns(times, y, u, w, jumps)
+        rows = None if bounds is None else tuple(bounds.rows(len(times)))
+        return Columns(times, y, u, w, jumps, rows)
 
 
 @dataclass(frozen=True)

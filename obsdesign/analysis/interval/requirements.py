@@ -98,7 +98,7 @@ def large_gain(L: Array | None, M: Array | None, limit: float | None) -> LargeGa
 def _reason_against_form(plant: Plant, gains: Mapping[str, Array], form: str) -> str | None:
     """Reason against a form for the given gains, or None."""
     if form in ("cooperative", "split"):
-        for name in ("S", "S2", "T"):
+        for name in ("S", "S2", "T", "R"):
             if name in gains:
                 return (
                     f"observer.gains.{name} belongs to the forms coordinates and two_coordinates; "
@@ -110,16 +110,36 @@ def _reason_against_form(plant: Plant, gains: Mapping[str, Array], form: str) ->
             f"observer.gains.{splits[0]} belongs to the forms split and coordinates; "
             f"got it with form {form!r}."
         )
-    if splits and "S2" in gains:
+    if splits and {"S2", "R"} & set(gains):
         return f"observer.gains.{splits[0]} is a split; with S2 and T there is none."
     if form == "coordinates" and "S2" in gains:
         return "observer.gains.S2 belongs to form 'two_coordinates'; got it with 'coordinates'."
-    needed = ("S", "S2") if form == "two_coordinates" or {"S2", "T"} & set(gains) else ()
-    for name in needed:
-        if name not in gains:
-            return f"observer.gains.{name} is required by form 'two_coordinates'; it is missing."
-    if form == "two_coordinates" and plant.jump is None:
+    if reason := _reason_against_coordinates(plant, gains, form):
+        return reason
+    if (form == "two_coordinates" or "R" in gains) and plant.jump is None:
         return "[jump] is required by form 'two_coordinates'; it is missing."
+    return None
+
+
+def _reason_against_coordinates(plant: Plant, gains: Mapping[str, Array], form: str) -> str | None:
+    """Reason against coordinates S, S2 or matrices R, T of Assumption 4, or None."""
+    if "R" in gains:
+        for name in ("S", "S2"):
+            if name in gains:
+                return f"observer.gains.{name} is built from R and T; drop {name}, or R."
+        if "T" not in gains:
+            return "observer.gains.T is required with R (Assumption 4); it is missing."
+        if form == "coordinates":
+            return "observer.gains.R belongs to form 'two_coordinates'; got it with 'coordinates'."
+        if plant.output.measured == "periodic":
+            return "observer.gains.R is for a continuous y; got it with measured = 'periodic'."
+    elif form == "two_coordinates" or {"S2", "T"} & set(gains):
+        for name in ("S", "S2"):
+            if name not in gains:
+                return (
+                    f"observer.gains.{name} is required by form 'two_coordinates'; it is missing. "
+                    "Give S and S2, or R and T, from which they are built."
+                )
     return None
 
 
@@ -128,7 +148,7 @@ def open_forms(problem: Problem) -> tuple[str, ...]:
     form, gains = problem.options_as(IntervalOptions).form, problem.gains
     if form != "auto":
         return (form,)
-    if "S2" in gains:
+    if {"S2", "R"} & set(gains):
         return ("two_coordinates",)
     if "S" in gains:
         return ("coordinates",)

@@ -120,20 +120,26 @@ def path_kernel(step: BoxMap, p: int) -> Kernel:
     return Kernel(rows, n, p, 0, _blank(n, columns), n + columns)
 
 
-def kernel(model: Model, step: BoxMap, predicted: BoxMap, C: Matrix, *, strips: bool) -> Kernel:
+def kernel(
+    model: Model, step: BoxMap, predicted: BoxMap, C: Matrix, *, strips: bool,
+    noise: Matrix | None = None,
+) -> Kernel:  # fmt: skip
     """The kernel of a step; predicted: the same step without y1.
 
     C: in the coordinates of the plant. strips: intersect with |C x - y1| <= V and the prediction.
+    noise: (p,) radius of the noise of y1 whose parts are the last inputs before 1, beside V.
     """
     n, p = len(step.g), len(C)
     columns = step.X.mid.shape[1]
-    y_end = np.zeros((p, columns))
-    y_end[:, n + p : n + 2 * p] = np.eye(p)
-    y_end[:, -1] = -model.y_mid
+    y_end = exactly(np.zeros((p, columns)))
+    y_end.mid[:, n + p : n + 2 * p] = np.eye(p)
+    y_end.mid[:, -1] = -model.y_mid
+    if noise is not None:
+        y_end.rad[:, -p - 1 : -1] = np.diag(noise)
     blocks = [_radius_rows(step), _centre_rows(step)]
     box = _Rows(step.X, step.R, step.g)
     before = _Rows(predicted.X, predicted.R, predicted.g)
-    residual = before.times(-model.C, exactly(y_end))
+    residual = before.times(-model.C, y_end)
     residual = _Rows(residual.X, residual.R, residual.g + model.V)
     blocks += [residual.upper(), residual.upper(-1.0)]
     S = exactly(np.eye(n)) if model.S is None else model.S
@@ -208,7 +214,7 @@ def _ends(rows: _Rows) -> Matrix:
     return -np.vstack([rows.upper(-1.0), rows.upper()])
 
 
-def _strip_ends(box: _Rows, C: Matrix, V: Matrix, y_end: Matrix) -> list[Matrix]:
+def _strip_ends(box: _Rows, C: Matrix, V: Matrix, y_end: Enclosure) -> list[Matrix]:
     """For each output: x_j from c_j x_j = y - v - sum of the other c_k x_k; else as predicted.
 
     With several outputs, which cost a reduction anyway, the prediction as a whole comes first.
@@ -221,7 +227,8 @@ def _strip_ends(box: _Rows, C: Matrix, V: Matrix, y_end: Matrix) -> list[Matrix]
         for j in np.flatnonzero(C[i]):
             others = C[i].copy()
             others[j] = 0.0
-            term = box.times(exactly(-others[None]), exactly(y_end[i][None]))
+            measured = Enclosure(y_end.mid[i : i + 1], y_end.rad[i : i + 1])
+            term = box.times(exactly(-others[None]), measured)
             scale = abs(1.0 / C[i, j])
             if not np.isfinite(scale):
                 continue

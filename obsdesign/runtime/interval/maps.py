@@ -54,7 +54,6 @@ from obsdesign.runtime.interval.model import (
     completed,
     exactly,
     metzler_bound,
-    midpoint,
     size,
 )
 
@@ -76,6 +75,14 @@ def box_map(
     unused = exactly(np.zeros((len(m.mid), len(model.C.mid))))
     known = model.less_middle(known, start, end)
     return BoxMap(stack([[m, start or unused, end or unused, known]]), R, g)
+
+
+def step_maps(model: Model, h: float, h_error: float, *, is_periodic: bool) -> dict[str, BoxMap]:
+    """Return the maps of a step of length h +- h_error by name: those that the samples need."""
+    if h > 0.0 and not is_periodic:
+        return flow_maps(model, h, h_error)
+    free = free_map(model, h, h_error) if h > 0.0 else identity_map(model)
+    return {"none": free} | ({"sampled": sampled(model, free, h, h_error)} if is_periodic else {})
 
 
 def flow_maps(model: Model, h: float, h_error: float) -> dict[str, BoxMap]:
@@ -142,9 +149,7 @@ def jump_maps(model: Model, gains: IntervalGains) -> dict[bool, BoxMap]:
     """Return the maps of a jump: with its measurement (True) and without one (False)."""
     G, M, C = (exactly(matrix) for matrix in (gains.jump_matrix, gains.M, gains.C))
     n, when, V = gains.n, gains.jump_measurement, model.V
-    c_mid, c_rad = midpoint(*gains.jump_bounds)
-    E = np.zeros((n, 0)) if gains.E is None else gains.E
-    known = exactly(np.column_stack([E, c_mid]))
+    c_rad, known = model.c_rad, model.jump_inputs
     # with samples as events the claims are about |G e^{A s}|: no split of the jump is used
     has_split = gains.Gp is not None and not gains.is_periodic
     plain_N = _jump_width(model, G, gains if has_split and when == "none" else None)
@@ -175,8 +180,7 @@ def flow_and_jump_spread(
     """(R, g) of a step of length h +- h_error and an uncorrected jump at its end, as one map."""
     G = model.similar(exactly(gains.jump_matrix))
     Phi = expm(model.A.scaled(h, h_error))
-    c_rad = midpoint(*gains.jump_bounds)[1]
-    added = model.spread(c_rad)
+    added = model.spread(model.c_rad)
     if h > 0:
         added = raised(added + _on_the_way(model, G, h, h_error), 1)
     return size(G @ Phi), added
@@ -196,13 +200,12 @@ def _by_second_coordinates(
     assert gains.T is not None
     S2, S2_inverse = exactly(gains.S2), inverse(gains.S2)
     T, M = exactly(gains.T), exactly(gains.M)
-    c_rad = midpoint(*gains.jump_bounds)[1]
     back = size(model.inward(S2))
     forth = size(S2_inverse if model.S is None else S2_inverse @ model.S)
     inner = np.maximum(T.mid, 0.0) + size(T - S2_inverse @ H @ S2)
     n = len(back)
     N = raised(back @ raised(inner @ forth, 2 * n), 2 * n)
-    entering = size(S2_inverse @ M) @ model.V + size(S2_inverse @ through) @ c_rad
+    entering = size(S2_inverse @ M) @ model.V + size(S2_inverse @ through) @ model.c_rad
     return N, raised(back @ raised(entering, 4 * n), 2 * n)
 
 

@@ -19,18 +19,20 @@ exactly = Enclosure.exactly
 
 @dataclass(frozen=True)
 class Model:
-    """Matrices in z. inputs: [B, middle of b]; known: [E, middle of c], both with n rows.
+    """Matrices in z. inputs: [B, middle of b], (n, m + 1).
 
-    b_rad, c_rad: radii of the disturbances, of c as it enters x; V, y_mid: radius and middle of the
-    noise; width: upper bound of W = D0 + D1;
-    S, S_inverse: None where z is x.
+    jump_inputs: [E, middle of c] as they enter x, n rows; b_rad, c_rad: radii of the disturbances,
+    of c as it enters x; V, y_mid: radius and middle of the noise; width: upper bound of
+    W = D0 + D1; S, S_inverse: None where z is x.
     """
 
     A: Enclosure
     C: Enclosure
     L: Enclosure
     inputs: Enclosure
+    jump_inputs: Enclosure
     b_rad: Matrix
+    c_rad: Matrix
     V: Matrix
     y_mid: Matrix
     width: Matrix
@@ -85,10 +87,13 @@ def observer_model(gains: IntervalGains) -> Model:
     A, C, L = (exactly(matrix) for matrix in (gains.A, gains.C, gains.L))
     b_mid, b_rad = midpoint(gains.flow_lower, gains.flow_upper)
     B = np.zeros((gains.n, 0)) if gains.B is None else gains.B
+    c_mid, c_rad = np.zeros((2, gains.n)) if gains.G is None else midpoint(*gains.jump_bounds)
+    E = np.zeros((gains.n, 0)) if gains.E is None else gains.E
     y_mid = np.zeros(gains.p) if gains.noise_centre is None else gains.noise_centre
     plant = Model(
-        A=A, C=C, L=L, inputs=exactly(np.column_stack([B, b_mid])), b_rad=b_rad,
-        V=gains.noise_bound, y_mid=y_mid, width=A.mid, S=S, S_inverse=S_inverse,
+        A=A, C=C, L=L, inputs=exactly(np.column_stack([B, b_mid])), b_rad=b_rad, c_rad=c_rad,
+        jump_inputs=exactly(np.column_stack([E, c_mid])), V=gains.noise_bound, y_mid=y_mid,
+        width=A.mid, S=S, S_inverse=S_inverse,
     )  # fmt: skip
     A, L = plant.similar(A), plant.inward(L)
     C = C if S is None else C @ S

@@ -33,6 +33,7 @@ from obsdesign.runtime.base import (
     optional_measurement,
     vector,
 )
+from obsdesign.runtime.bounds import DeclaredBounds
 from obsdesign.runtime.columns import Batch, Columns
 from obsdesign.runtime.interval.clock import SampleClock
 from obsdesign.runtime.interval.course import advanced, course_of
@@ -40,6 +41,7 @@ from obsdesign.runtime.interval.kernel import Kernel
 from obsdesign.runtime.interval.state import JUMP, BoundsFault, Course, IntervalState, first_box
 from obsdesign.runtime.interval.step_kernels import JumpSample, StepKernels
 from obsdesign.runtime.interval.stretches import Stretches
+from obsdesign.runtime.interval.varying import NO_PARTS, Row, VaryingKernels
 
 _ONE_OUTPUT = (1,)
 
@@ -118,9 +120,13 @@ class IntervalObserver(Stepped[IntervalState]):
             return usual
         t = later(sample.t, state.t, state.started)
         y = optional_measurement(sample.y, self.gains.p)
-        off = y is not None and self.clock.is_off_period(state, t)
+        off = y is not None and self.gains.is_periodic and self.clock.is_off_period(state, t)
+        if sample.bounds is None and state.bounds is None:
+            row = Row(self.kernels, state.u, y, y, NO_PARTS, None)
+        else:
+            row = self.varying.row(state, sample.bounds, y)
         with np.errstate(over="ignore", invalid="ignore"):
-            chosen, out, contradictions, course = self._propagated(state, sample, t, y, off)
+            chosen, out, contradictions, course = self._propagated(state, sample, t, row, off)
         guard, late = state.guard.after(t, sample.jump)
         objections = [*contradictions, late] if late else contradictions.copy()
         objections += self.clock.objections(state, sample, y, t)
@@ -134,43 +140,49 @@ class IntervalObserver(Stepped[IntervalState]):
             objections.append(refutation)
         elif contradictions:
             refutation = f"void since time {t:.9g} ({contradictions[0]})"
+        u = state.u if sample.u is None else vector(sample.u, len(state.u), "u")
+        kept = row.y if not sample.jump or self.gains.jump_measurement == "after" else None
+        sampled, phase = (
+            (state.sampled if y is None else t),
+            (state.phase if y is None or off else t),
+        )
+        moderate = bool(out[2 * self.n + 2 * self.gains.p] < MODERATE) and row.held is None
         following = IntervalState(
-            t=t, box=box,
-            u=state.u if sample.u is None else vector(sample.u, len(state.u), "u"),
-            y=y if not sample.jump or self.gains.jump_measurement == "after" else None,
-            guard=guard, started=True, sampled=state.sampled if y is None else t,
-            refutation=refutation, phase=state.phase if y is None or off else t,
-            moderate=bool(out[2 * self.n + 2 * self.gains.p] < MODERATE), course=course,
-        )  # fmt: skip
+            t, box, u, kept, guard, True, sampled, refutation, phase, moderate, course, row.held
+        )
         status = "; ".join(objections) if objections else "ok"
         events = tuple((t, text) for text in ([JUMP] if sample.jump else []) + objections)
         return following, Estimate(t, None, *bounds, events=events, status=status)
 
     def _propagated(
-        self, state: IntervalState, sample: Sample, t: float, y: Matrix | None, off: bool
+        self, state: IntervalState, sample: Sample, t: float, row: Row, off: bool
     ) -> tuple[Kernel, Matrix, list[str], Course | None]:
         """Kernel and result of the step to t and its jump, contradictions of y, and the course."""
-        before_jump = y if not sample.jump or self.gains.jump_measurement == "before" else None
-        kernels = self.kernels.for_step(t - state.t, max(abs(t), abs(state.t)))
-        chosen = kernels[self._mode(state, before_jump, t)]
-        out = chosen.rows.dot(chosen.vector(state.box, state.y, before_jump, state.u))
-        contradictions = [] if before_jump is None else chosen.implausible(out)
-        boxes, course = self._further_boxes(kernels, state, t, before_jump, off)
+        y = row.y if not sample.jump or self.gains.jump_measurement == "before" else None
+        kernels = row.kernels.for_step(t - state.t, max(abs(t), abs(state.t)))
+        chosen = kernels[self._mode(state, y, t)]
+        out = chosen.rows.dot(chosen.vector(state.box, state.y, y, row.u))
+        contradictions = [] if y is None else chosen.implausible(out)
+        boxes: list[Matrix] = []
+        course = None
+        if self.clock.period is not None:
+            boxes, course = self._further_boxes(state, t, None if y is None else row.measured, off)
+            if off and y is not None:
+                plain = kernels["none"]
+                free = plain.rows.dot(plain.vector(state.box, None, None, row.u))
+                boxes.append(free[: 2 * self.n])
         if boxes:
-            chosen, out = self.kernels.shared(chosen, out, boxes, state.u)
+            chosen, out = row.kernels.shared(chosen, out, boxes, row.u)
         if sample.jump:
-            jump = JumpSample(y, sample.w, off)
-            chosen, out = self.kernels.after_jump(kernels, out, state, jump, course)
+            jump = JumpSample(row.y, sample.w, off, row.u, row.parts)
+            chosen, out = row.kernels.after_jump(kernels, out, state, jump, course)
             course = None
         return chosen, out, contradictions, course
 
     def _further_boxes(
-        self, kernels: Mapping[str, Kernel], state: IntervalState, t: float, y: Matrix | None,
-        off: bool,
-    ) -> tuple[list[Matrix], Course | None]:  # fmt: skip
-        """Further boxes at t, the first that of the course, and the course itself."""
-        if self.clock.period is None:
-            return [], None
+        self, state: IntervalState, t: float, y: Matrix | None, off: bool
+    ) -> tuple[list[Matrix], Course | None]:
+        """The box of the course at t, if there is one, and the course: with the declared bounds."""
         ends = y is not None and not off
         if ends and state.course is None:
             return [], None
@@ -178,20 +190,21 @@ class IntervalObserver(Stepped[IntervalState]):
         course, box = advanced(
             self.kernels, course_of(state, t, latest), state, t, y if ends else None
         )
-        boxes = [box]
-        if off and y is not None:
-            plain = kernels["none"]
-            free = plain.rows.dot(plain.vector(state.box, None, None, state.u))
-            boxes.append(free[: 2 * self.n])
-        return boxes, None if ends else course
+        return [box], None if ends else course
 
     def _usual(self, state: IntervalState, sample: Sample) -> tuple[IntervalState, Estimate] | None:
         """The step of a sample in time, without any objection; None for any other.
 
         One output and no inputs: written out, since most of its time is spent calling.
         """
-        t, y, _, _, jump = sample
-        if jump or state.refutation or type(y) is not ndarray or y.shape != _ONE_OUTPUT:
+        t, y, _, _, jump, bounds = sample
+        if (
+            jump
+            or bounds is not None
+            or state.refutation
+            or type(y) is not ndarray
+            or y.shape != _ONE_OUTPUT
+        ):
             return None
         if state.course is not None:
             return None
@@ -233,6 +246,16 @@ class IntervalObserver(Stepped[IntervalState]):
     def kernels(self) -> StepKernels:
         """Matrices of steps, made when they are first needed."""
         return StepKernels(self.gains)
+
+    @cached_property
+    def varying(self) -> VaryingKernels:
+        """Matrices of steps for rows with bounds of their own."""
+        return VaryingKernels(self.kernels)
+
+    @property
+    def declared_bounds(self) -> DeclaredBounds:
+        """Bounds of b, c and v that those of a row must not exceed."""
+        return self.varying.bounds
 
     @cached_property
     def clock(self) -> SampleClock:

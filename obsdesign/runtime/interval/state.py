@@ -37,6 +37,17 @@ class Course(NamedTuple):
     path: Matrix
 
 
+class HeldBounds(NamedTuple):
+    """What bounds of a row leave to the step after it, as inputs of `VaryingKernels`.
+
+    b: (2n,), shift of the middle of b and parts of its declared radii; v: (p,), parts of those of
+    the noise of the measurement that the step starts from.
+    """
+
+    b: Matrix
+    v: Matrix
+
+
 class IntervalState(NamedTuple):
     """Everything the next step needs, just after time t.
 
@@ -45,7 +56,8 @@ class IntervalState(NamedTuple):
     and why, the bounds are void, "" while they hold; phase: time of the last sample that was a
     period after another one, or began anew (periodic samples only), NaN before the first; moderate:
     all numbers of the last step were below `MODERATE`; course: None where the box is just after a
-    sample on the period or a jump (periodic samples only).
+    sample on the period or a jump (periodic samples only); bounds: those that hold up to the next
+    row, None as declared.
     """
 
     t: float
@@ -59,6 +71,7 @@ class IntervalState(NamedTuple):
     phase: float = math.nan
     moderate: bool = False
     course: Course | None = None
+    bounds: HeldBounds | None = None
 
 
 def first_box(model: Model, n: int, lower: ArrayLike, upper: ArrayLike) -> Matrix:

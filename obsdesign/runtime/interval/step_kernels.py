@@ -19,11 +19,8 @@ from obsdesign.runtime.interval.kernel import Kernel, KernelParts, kernel, path_
 from obsdesign.runtime.interval.maps import (
     BoxMap,
     flow_and_jump_spread,
-    flow_maps,
-    free_map,
-    identity_map,
     jump_maps,
-    sampled,
+    step_maps,
 )
 from obsdesign.runtime.interval.model import Model, observer_model
 from obsdesign.runtime.interval.state import Course, IntervalState, shared_box
@@ -34,11 +31,16 @@ _RECENT = 1024
 
 
 class JumpSample(NamedTuple):
-    """A sample at a jump; is_off_period: it is early, so that no claim counts it."""
+    """A sample at a jump; is_off_period: it is early, so that no claim counts it.
+
+    u: inputs of the step that leads to it; parts: of its own bounds (`VaryingKernels`).
+    """
 
     y: Matrix | None
     w: ArrayLike | None
     is_off_period: bool
+    u: Matrix
+    parts: Matrix
 
 
 class StepKernels:
@@ -90,6 +92,11 @@ class StepKernels:
         """Kernels of a step of length zero."""
         return self.for_step(0.0, 0.0)
 
+    @property
+    def declared(self) -> StepKernels:
+        """Kernels for the declared bounds of b, c and v."""
+        return self
+
     @cached_property
     def jumps(self) -> dict[bool, Kernel]:
         """Kernels of a jump: with the correction M (y - C x), and without."""
@@ -112,28 +119,29 @@ class StepKernels:
         if gains.G is None:
             raise ValueError("this plant has no jumps ([jump] is absent), but a sample says jump.")
         inputs = 0 if gains.E is None else gains.E.shape[1]
-        known = np.zeros(inputs) if jump.w is None else vector(jump.w, inputs, "w")
+        w = np.zeros(inputs) if jump.w is None else vector(jump.w, inputs, "w")
+        known = np.concatenate([w, jump.parts]) if jump.parts.size else w
         n2 = len(state.box)
         uses_sample = jump.y is not None and gains.jump_measurement != "none"
         if not self.is_periodic:
             return self._jumped(out[:n2], known, jump.y if uses_sample else None)
         k, after = self._jumped(out[:n2], known, None)
         if course is not None:
-            k, after = self.shared(k, after, [self._after_course(course, known)], state.u)
+            k, after = self.shared(k, after, [self.declared._after_course(course, w)], jump.u)
         if not uses_sample:
             return k, after
         if gains.jump_measurement == "after":
             k, free = self.still["sampled"], after
-            after = k.rows.dot(k.vector(free[:n2], None, jump.y, state.u))
+            after = k.rows.dot(k.vector(free[:n2], None, jump.y, jump.u))
             if jump.is_off_period:
-                k, after = self.shared(k, after, [free[:n2]], state.u)
+                k, after = self.shared(k, after, [free[:n2]], jump.u)
         if np.any(gains.M):
             plain = step["none"]
-            before = plain.rows.dot(plain.vector(state.box, state.y, None, state.u))
+            before = plain.rows.dot(plain.vector(state.box, state.y, None, jump.u))
             _, corrected = self._jumped(before[:n2], known, jump.y)
             box = shared_box(after[:n2], corrected[:n2], k.n)
             k = self.still["none"]
-            after = k.rows.dot(k.vector(box, None, None, state.u))
+            after = k.rows.dot(k.vector(box, None, None, jump.u))
         return k, after
 
     def _jumped(self, box: Matrix, known: Matrix, y: Matrix | None) -> tuple[Kernel, Matrix]:
@@ -179,16 +187,8 @@ class StepKernels:
         return k, out
 
     def _built(self, h: float, h_error: float) -> dict[str, Kernel]:
-        plant = self.model
         with np.errstate(over="ignore", invalid="ignore"):  # overflow shows as infinite radii
-            if h == 0.0:
-                maps = {"none": identity_map(plant)}
-            elif self.is_periodic:
-                maps = {"none": free_map(plant, h, h_error)}
-            else:
-                maps = flow_maps(plant, h, h_error)
-            if self.is_periodic:
-                maps["sampled"] = sampled(plant, maps["none"], h, h_error)
+            maps = step_maps(self.model, h, h_error, is_periodic=self.is_periodic)
             built = {name: self._kernel(name, maps) for name in maps}
             if self.is_periodic:
                 built["path"] = path_kernel(maps["none"], self.gains.p)

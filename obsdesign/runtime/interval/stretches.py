@@ -110,12 +110,17 @@ class Stretches:
 
     def _sample(self, row: int) -> Sample:
         u, w = (None if block is None else block[row] for block in (self.record.u, self.record.w))
-        return Sample(float(self.record.t[row]), self.y[row], u, w, bool(self.record.jump[row]))
+        bounds = None if self.record.bounds is None else self.record.bounds[row]
+        return Sample(
+            float(self.record.t[row]), self.y[row], u, w, bool(self.record.jump[row]), bounds
+        )
 
     def _ends(self) -> Indices:
         """Return for each row the first later one that is not a sample one equal step later."""
         t, u, count = self.record.t, self.record.u, len(self.record.t)
         usual = np.isfinite(self.y).all(axis=1) & ~self.record.jump & np.isfinite(t) & (t > 0)
+        if self.record.bounds is not None:
+            usual &= np.array([own is None for own in self.record.bounds])
         if u is not None:
             usual &= np.isfinite(u).all(axis=1)
         with np.errstate(invalid="ignore"):
@@ -135,6 +140,7 @@ class Stretches:
         """
         kernels, times, row = self.kernels, self.record.t, span.start
         fits = state.started and not state.refutation and state.course is None
+        fits = fits and state.bounds is None
         fits = fits and (kernels.is_periodic or state.y is not None) and len(span) >= _FEWEST_ROWS
         first_t = float(times[row])
         if not fits or not self.clock.can_begin_stretch(state, first_t):

@@ -44,6 +44,7 @@ from obsdesign.synthesis.interval.sampled_width import (
     propose_spacing,
     sampled_tube,
 )
+from obsdesign.synthesis.interval.similarity import coordinates_of_assumption_4
 from obsdesign.synthesis.interval.task import Task
 from obsdesign.synthesis.interval.tube import proved_width, solvers_of_tube
 
@@ -67,6 +68,8 @@ def synthesize(problem: Problem, budget: TimeBudget = UNLIMITED) -> Iterator[Can
     given = {name: given_gain(problem, name) for name in ("L", "M")}
     given = {name: gain for name, gain in given.items() if gain is not None}
     own = {name: problem.gains[name] for name in ("S", "S2", "T") if name in problem.gains}
+    if "R" in problem.gains:
+        own = coordinates_of_assumption_4(problem, given)
     if _no_observer_exists(problem):
         yield from _without_search(problem, given, own)
         return
@@ -115,7 +118,7 @@ def _refuse_unexecutable(problem: Problem) -> None:
 
 def untried(problem: Problem) -> dict[str, str]:
     """Return the forms that `auto` passes over, with the reason."""
-    if problem.options_as(IntervalOptions).form != "auto" or "S2" in problem.gains:
+    if problem.options_as(IntervalOptions).form != "auto" or {"S2", "R"} & set(problem.gains):
         return {}
     why = (
         "not tried: gains.S and gains.S2 are required, and form coordinates with the same S is "

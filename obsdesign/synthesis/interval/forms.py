@@ -59,7 +59,8 @@ def _splits(
     """
     F_z = frame.similar(F)
     if form == "two_coordinates":
-        return _theorem_7(F_z, H, frame)
+        R = problem.gains.get("R")
+        return _theorem_7(F_z, H, frame) | ({} if R is None else {"D0": R, "D1": 0 * R})
     if form == "cooperative":
         flow = {"D0": to_float(F_z), "D1": np.zeros(F.shape)}
         return flow if H is None else flow | {"Gp": to_float(H), "Gn": np.zeros(H.shape)}

@@ -222,7 +222,10 @@ def expected_gains(problem: Problem, stored: Mapping[str, Any]) -> dict[str, Any
     if form == "coordinates":
         expected |= {"S": (n, n)}
     zeros = {name: np.zeros((n, p)) for name in idle_gains(plant)}
-    return expected | dict(problem.gains) | zeros
+    given = dict(problem.gains)
+    if (R := given.pop("R", None)) is not None:  # R is stored as D0; S and S2 are built for it
+        given |= {"D0": R, "D1": 0 * R}
+    return expected | given | zeros
 
 
 def _has_step_limit(problem: Problem, stored: Mapping[str, Any]) -> bool:

@@ -322,12 +322,14 @@ def test_the_state_of_a_noisy_plant_stays_inside_in_two_coordinates(disturbance:
         (
             {"S": [[1, 0], [0, 1]]},
             "two_coordinates",
-            "observer.gains.S2 is required by form 'two_coordinates'; it is missing.",
+            "observer.gains.S2 is required by form 'two_coordinates'; it is missing. Give S and S2, "
+            "or R and T, from which they are built.",
         ),
         (
             {"T": [[1, 0], [0, 1]]},
             "auto",
-            "observer.gains.S is required by form 'two_coordinates'; it is missing.",
+            "observer.gains.S is required by form 'two_coordinates'; it is missing. Give S and S2, "
+            "or R and T, from which they are built.",
         ),
         (
             {"D0": [[-1, 0], [0, -1]]},
