@@ -84,7 +84,7 @@ def centred_step(
     state: TimedState,
     sample: Sample,
 ) -> tuple[TimedState, Estimate]:
-    """Step by `advance(state, t, y, sample)`, y without the middle of its noise, None if missing.
+    """Step by `advance(state, t, y, sample)`, y less the middle of its noise, None if missing.
 
     ValueError if time does not increase (the first sample may share the initial time).
     """

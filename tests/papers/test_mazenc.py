@@ -12,7 +12,7 @@ import obsdesign
 from lmi.arithmetic.balls import entries, identity, precision, solve_entries
 from lmi.arithmetic.exponential import expm as expms
 from lmi.arithmetic.norms import float_above, float_below, middles
-from lmi.time_budget import TimeBudget
+from lmi.time_budget import UNLIMITED
 from obsdesign.analysis.finite_time.enclosed_gains import (
     Sampled,
     approximate_gain,
@@ -464,7 +464,7 @@ def test_longest_period_of_the_improved_lemma(window: float, longest: float) -> 
 )
 def test_longest_period_that_the_improved_lemma_allows(known: Any, longest: float) -> None:
     problem = PeriodProblem(A, C, tighter=True, **known)
-    best = best_injection(problem, TimeBudget.unlimited(), effort=EFFORT.times(3))
+    best = best_injection(problem, UNLIMITED, effort=EFFORT.times(3))
     assert np.exp(best.log_period) >= longest * (1 - 1e-5)
 
 

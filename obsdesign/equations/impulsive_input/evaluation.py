@@ -83,7 +83,7 @@ def impulse_curve(window: FeatureWindow) -> ImpulseCurve:
 
 
 def threshold_for(window: FeatureWindow, smallest_weight: float) -> float:
-    """Eta that the features of every weight of at least `smallest_weight` exceed (Section III-C).
+    """Eta that the features of every weight from `smallest_weight` on exceed (Section III-C).
 
     smallest_weight max |b(age)|, by (16), a little less for rounding; one direction H. Floats;
     ValueError where the features cannot be followed.

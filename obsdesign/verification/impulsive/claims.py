@@ -129,7 +129,7 @@ def _lyapunov(
     proved_claims: list[Claim],
     certificates: Mapping[str, Any],
 ) -> LyapunovFunction | None:
-    """The function of Theorem 2.2 for strategy `full`, where the certificate of the rate names it.
+    """The function of Theorem 2.2, where the certificate of the rate names it (strategy `full`).
 
     Designs of earlier versions do not.
     """

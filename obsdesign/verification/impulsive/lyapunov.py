@@ -1,4 +1,4 @@
-"""The conditions of Theorem 2.2 for the error of an impulsive observer, with their constants.
+"""The conditions of Theorem 2.2 for the error of an impulsive observer, with constants.
 
 P(t) = M_alpha(rho_l(t), t) for the state equation (14), from which the error comes by Lemma 3.2.
 For t in [tau_k, tau_(k+1)), with s the time from rho_l(t) to the first impulse of the window and
@@ -82,8 +82,8 @@ def lyapunov_function(
         return None
     (low, high), unit = ends, identity_like(core.A)
     flow, back = (norm_over(unit, X, unit, 0.0, high) for X in (core.A, -core.A))
-    move, seen = norm_over(unit, core.A, core.J, low, high), norm_of(core.C)
-    total, size = seen**2, norm_over(core.C, core.A, core.J, low, high)
+    move, output = norm_over(unit, core.A, core.J, low, high), norm_of(core.C)
+    total, size = output**2, norm_over(core.C, core.A, core.J, low, high)
     for age in range(1, window):
         total = total + (number(alpha) ** age * size) ** 2
         size = size * move

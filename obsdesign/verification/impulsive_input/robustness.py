@@ -84,7 +84,7 @@ def _rounded_up(values: Matrix) -> Matrix:
 
 
 def feature_change(window: FeatureWindow, A: Exact, uncertainty: Matrix) -> FeatureChange | None:
-    """Bounds of the change of the features for |dA| <= uncertainty (n, n); None where none holds.
+    """Bounds of how the features change for |dA| <= uncertainty (n, n); None where none holds.
 
     window: D, C, H exact, D = A - K C.
     """

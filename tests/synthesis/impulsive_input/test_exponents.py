@@ -10,7 +10,7 @@ import pytest
 from scipy.linalg import expm
 
 import obsdesign
-from lmi.time_budget import TimeBudget
+from lmi.time_budget import UNLIMITED
 from obsdesign.equations.estimation_error import flow_error_matrix
 from obsdesign.equations.impulsive_input.features import FeatureWindow, filtered_system
 from obsdesign.synthesis.impulsive_input.exponent_program import (
@@ -68,9 +68,7 @@ def test_ipopt_confirms_the_corner(ratio: float, wanted: float) -> None:
     assert first is not None
     for count in (3, 6):
         corner = first - 0.05 * np.arange(count)
-        better, size, _ = refined_exponents(
-            features(corner), np.ones(1), None, TimeBudget.unlimited()
-        )
+        better, size, _ = refined_exponents(features(corner), np.ones(1), None, UNLIMITED)
         assert better is not None
         np.testing.assert_allclose(better, corner, atol=1e-3)
         assert size == pytest.approx(1, abs=1e-4)
@@ -81,7 +79,7 @@ def test_ipopt_confirms_the_corner(ratio: float, wanted: float) -> None:
 def test_ipopt_improves_exponents_that_are_no_corner() -> None:
     # the twin: gaps wider than the least one
     wide = -0.6547542 * np.array([1.0, 1.6, 2.8])
-    better, size, _ = refined_exponents(features(wide), np.ones(1), None, TimeBudget.unlimited())
+    better, size, _ = refined_exponents(features(wide), np.ones(1), None, UNLIMITED)
     assert better is not None
     assert size < 0.99
     assert size == pytest.approx(deviation(better) / deviation(wide), rel=1e-9)

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 
 import obsdesign
-from lmi.time_budget import TimeBudget
+from lmi.time_budget import UNLIMITED
 from obsdesign.equations.interval.gains import IntervalGains
 from obsdesign.equations.interval.width import WidthSystem, periodic_width
 from obsdesign.runtime import from_design
@@ -160,7 +160,7 @@ def random_task(rng: np.random.Generator, n: int) -> Any:
 def test_what_is_found_is_never_worse_than_no_gain(seed: int, n: int) -> None:
     problem = random_task(np.random.default_rng(seed), n)
     task = Task.from_problem(problem, False, None, {})
-    (value, L, M), _ = best_gains(task, "narrowest", TimeBudget.unlimited())
+    (value, L, M), _ = best_gains(task, "narrowest", UNLIMITED)
     zero = np.zeros_like(L)
     assert value <= mean_width(task, zero, zero) * (1 + 1e-6)
     assert max(np.abs(L).max(), np.abs(M).max()) <= 10.0
@@ -190,12 +190,10 @@ def test_the_program_certifies_what_it_finds() -> None:
     # a feasible program at T means that its clock-dependent gains contract from T on; constant
     # ones are read off it, and those of 4.1 contract as well
     task = Task.from_problem(open_example("degue_4_1", dwell_time=[0.75, "inf"]), False, None, {})
-    gains = clock_gains(task, 0.75, 24, False, TimeBudget.unlimited())
+    gains = clock_gains(task, 0.75, 24, False, UNLIMITED)
     assert gains is not None
     assert min(growth(task, L, M) for L, M in gains) < 1
-    assert (
-        clock_gains(task, 0.69, 24, False, TimeBudget.unlimited()) is None
-    )  # below ln 2 there is nothing
+    assert clock_gains(task, 0.69, 24, False, UNLIMITED) is None  # below ln 2 there is nothing
 
 
 def test_shortest_is_where_the_radius_crosses_one() -> None:
