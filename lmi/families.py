@@ -108,7 +108,9 @@ def horizon(F: Array) -> float:
     abscissa = float(modes.real.max())
     if abscissa < 0:
         return 8.0 / -abscissa
-    return 8.0 / max(float(np.abs(modes).max()), 1e-6)
+    # modes at rest: a long time in the flow's own unit; in none where nothing moves
+    size = float(np.abs(F).max()) or 1.0
+    return 8.0 / max(float(np.abs(modes).max()), 1e-6 * size)
 
 
 def slack(P_source: Array, maps: Array, P_target: Array | None = None) -> Array:

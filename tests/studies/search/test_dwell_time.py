@@ -258,3 +258,18 @@ def test_gains_refuted_for_an_endless_range_are_open_for_others() -> None:
     body["observer"]["gains"]["M"] = [[0.9]]
     answer = search(obsdesign.Problem.from_dict(body), "longest_dwell", 1e-3)
     assert answer.result["not_proved_verdict"] == "refuted"
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e-3, 1e-9, 1e-12, 1e9])
+def test_the_longest_dwell_time_is_that_of_any_clock(unit: float) -> None:
+    """x' = u x, x+ = x/2: the limit is ln 2 / u, whatever the unit of time."""
+    problem = obsdesign.Problem(
+        flow={"A": [[unit]]},
+        jump={"G": [[0.5]], "dwell_time": [0.01 / unit, 0.1 / unit]},
+        output={"C": [[1]], "measured": "at_jumps"},
+        observer={"kind": "luenberger", "gains": {"L": [[0]], "M": [[0]]}},
+    )
+    outcome = search(problem, "longest_dwell")
+    assert outcome.verdict == "proved"
+    assert outcome.result["proved"] * unit == pytest.approx(math.log(2), rel=1e-5)
+    assert outcome.result["not_proved"] * unit >= math.log(2) * (1 - 1e-9)
