@@ -128,6 +128,9 @@ class LuenbergerOptions(Options):
         """InputError unless weights and patterns have the plant's sizes and borders increase."""
         _check_weights(self.weights, plant)
         check_wishes(self.structure, self.region, plant)
+        for name, stated in (("gain_norm", self.gain_norm), ("structure", self.structure)):
+            if plant.jump is None and "M" in (stated or {}):
+                raise InputError(f"observer.{name}.M needs jumps; [jump] is missing.")
         cells = self.schedule
         if isinstance(cells, tuple) and any(a >= b for a, b in itertools.pairwise(cells)):
             from obsdesign.entries import shown  # the command line loads this file without numpy

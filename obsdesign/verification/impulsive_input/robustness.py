@@ -55,7 +55,10 @@ class FeatureChange:
 def robustness(window: FeatureWindow, A: Exact, uncertainty: Matrix) -> Claim:
     """The bounds of `feature_change`; undecided where there are none, or |b| may be zero."""
     bounds = feature_change(window, A, uncertainty)
-    text, verdict = "a part of themselves", undecided("flow.A may change too much for this window")
+    text, verdict = (
+        "a bounded part of their norm",
+        undecided("flow.A may change too much for this window"),
+    )
     if bounds is not None:
         evidence = {
             "impulse": _rounded_up(bounds.impulse).tolist(),
@@ -64,12 +67,12 @@ def robustness(window: FeatureWindow, A: Exact, uncertainty: Matrix) -> Claim:
         verdict = undecided("the features of an impulse may vanish at some age", **evidence)
         if np.isfinite(bounds.relative).all():
             relative = _rounded_up(bounds.relative)
-            text = f"{float(relative.max())!r} of their norm"
+            text = f"{float(relative.max())!r} of their Euclidean norm, unscaled"
             verdict = proved(**evidence, relative=relative.tolist())
     statement = (
-        "where entries of flow.A are off by at most observer.uncertainty, at any instant, the "
-        f"features of an impulse of any age in [{window.margin!r}, {window.tau!r}] change by at "
-        f"most {text}"
+        "where entries of flow.A are off by at most observer.uncertainty, at any instant of a "
+        f"window, the features of an impulse of any age in [{window.margin!r}, {window.tau!r}] "
+        f"change within it by at most {text}"
     )
     return Claim.from_verdict("robustness", statement, f"{PAPER}, Section III-F", verdict)
 

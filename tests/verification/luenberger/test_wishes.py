@@ -263,3 +263,18 @@ def test_a_spoilt_region_is_not_proved() -> None:
         wrong = {**design.gains, gain: share * design.gains[gain]}
         claim = next(c for c in claims(stated, wrong, {}) if c.id == "region")
         assert (claim.verdict, claim.evidence["witness"]["gain"]) == ("refuted", gain)
+
+
+@pytest.mark.parametrize("option", [{"gain_norm": {"M": 1.0}}, {"structure": {"M": [[1], [0]]}}])
+def test_a_gain_at_jumps_of_a_plant_without_jumps_is_refused(option: dict[str, Any]) -> None:
+    body = {
+        "flow": {"A": [[-1, 0], [1, -2]]},
+        "output": {"C": [[0, 1]]},
+        "observer": {"kind": "luenberger", **option},
+    }
+    with pytest.raises(obsdesign.InputError, match=r"\.M needs jumps; \[jump\] is missing"):
+        obsdesign.Problem.from_dict(body)
+    # the twin: of L it may be said
+    (name, entry) = next(iter(option.items()))
+    body["observer"][name] = {"L": entry["M"]}
+    assert obsdesign.Problem.from_dict(body).kind == "luenberger"
