@@ -10,7 +10,7 @@ from dataclasses import MISSING, fields
 from typing import Any
 
 from obsdesign.kinds import GAINS, KINDS
-from obsdesign.problem.options import OPTIONS, OPTIONS_OF
+from obsdesign.problem.option_table import OPTIONS, OPTIONS_OF
 from obsdesign.problem.plant import Flow, Jump, Output
 from obsdesign.problem.schema import DEFINITIONS, entry_name, ref
 

@@ -10,7 +10,7 @@ import pytest
 import obsdesign
 from obsdesign.errors import InputError
 from obsdesign.kinds import KINDS, LAYERS, kind_named
-from obsdesign.problem.options import OPTIONS
+from obsdesign.problem.option_table import OPTIONS
 from obsdesign.runtime.finite_time.observer import FiniteTimeObserver
 from obsdesign.runtime.impulsive.observer import ImpulsiveObserver
 from obsdesign.runtime.impulsive_input.observer import ImpulsiveInputObserver

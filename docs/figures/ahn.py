@@ -102,7 +102,8 @@ def simulink_estimates(
     x_hat = w @ g["X"].T + y @ g["Xy"].T
     d_hat = w @ g["Q"].T + y @ g["R"].T + sign * slope @ g["N"].T
     exact = runge_kutta(f, x0)
-    return tuple(block_pulse.coefficients(v) for v in (exact, x_hat, d_hat))  # type: ignore[return-value]
+    of = block_pulse.coefficients
+    return of(exact), of(x_hat), of(d_hat)
 
 
 def draw(path: str) -> None:

@@ -14,6 +14,11 @@ from lmi.time_budget import UNLIMITED, TimeBudget
 Direction = Literal["shortest", "longest"]
 
 
+def dwell_range(direction: Direction, x: float, kept: float) -> tuple[float, float]:
+    """The range (shortest, longest) whose searched end is x, and whose other end is kept."""
+    return (x, kept) if direction == "shortest" else (kept, x)
+
+
 @dataclass(frozen=True)
 class DwellProblem:
     """Ranges of dwell times with the end `kept`, the other one as far from it as can be proved.
@@ -45,11 +50,11 @@ class DwellProblem:
     @property
     def limits(self) -> Limits:
         """How many dwell times windows may look back and ahead."""
-        return Limits() if self.memory == "auto" else Limits(self.memory, self.memory)
+        return Limits.from_memory(self.memory)
 
     def ends(self, x: float) -> tuple[float, float]:
         """The range (shortest, longest) whose searched end is x."""
-        return (x, self.kept) if self.is_shortest else (self.kept, x)
+        return dwell_range(self.direction, x, self.kept)
 
     def inward(self, x: float, relative: float) -> float:
         """x moved towards the end that is kept, so far and not past it."""

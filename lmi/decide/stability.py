@@ -100,8 +100,7 @@ class _Family:
             return attempt
         if memory == 0:
             return replace(attempt, evidence={**attempt.evidence, **self.budget.ended()})
-        limits = Limits() if memory == "auto" else Limits(memory, memory)
-        return self._by_windows(limits, proposal, attempt)
+        return self._by_windows(Limits.from_memory(memory), proposal, attempt)
 
     def _by_windows(self, limits: Limits, proposal: Proposal, attempt: Verdict) -> Verdict:
         """Windows; where they fail, the dwell times that stood in their way may be a witness."""

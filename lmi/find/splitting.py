@@ -10,6 +10,7 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from lmi.find.windows import Cutting, Links, Windows
 # windows whose best cut scores this share of the best of all are cut in the same round
 _SHARE, _MOST = 0.15, 40
 # masses below this share of the largest say nothing
-_FAINT = 1e-6
+FAINT = 1e-6
 # no cell is thinner than this share of the range
 _THINNEST = 1e-4
 
@@ -30,6 +31,11 @@ class Limits:
 
     past: float = math.inf
     future: float = math.inf
+
+    @classmethod
+    def from_memory(cls, memory: int | Literal["auto"]) -> Limits:
+        """So many dwell times on either side; "auto": as many as it takes."""
+        return cls() if memory == "auto" else cls(memory, memory)
 
 
 def cuttings(
@@ -47,7 +53,7 @@ def cuttings(
     owners, thetas, masses: (k,) edge, dwell time and dual mass of each active inequality. last:
     where an infinite range ends for this purpose.
     """
-    strong = masses > _FAINT * masses.max(initial=0.0)
+    strong = masses > FAINT * masses.max(initial=0.0)
     evidence = _Evidence(windows, links, owners[strong], thetas[strong], masses[strong], last)
     best: dict[int, tuple[float, Cutting]] = {}
     for window in range(len(windows)):

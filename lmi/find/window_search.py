@@ -19,7 +19,7 @@ from lmi.arithmetic.balls import Exact, rank_factors, to_float
 from lmi.families import Edge
 from lmi.find.cutting_plane import Proposal, propose_edges
 from lmi.find.edge_grid import Cut, Grids
-from lmi.find.splitting import Limits, cuttings
+from lmi.find.splitting import FAINT, Limits, cuttings
 from lmi.find.windows import Links, Windows, whole
 from lmi.prove.windows_proof import prove_windows
 from lmi.time_budget import UNLIMITED, TimeBudget, ended_by_count
@@ -28,8 +28,6 @@ from lmi.verdict import Verdict, undecided
 # a proof that fails this often at new theta is not worth another round
 _TURNS = 6
 _BOXES = 6000
-# multipliers below this share of the largest are not carried over to the next windows
-_FAINT = 1e-6
 
 
 @dataclass(frozen=True)
@@ -142,7 +140,7 @@ class _Family:
                 return WindowResult(undecided(text, **out_of_time), proposal.thetas)
             cuts = cuttings(windows, links, np.array(proposal.owners), np.array(proposal.thetas),
                             proposal.masses, last=self.last, limits=limits)  # fmt: skip
-            heavy = proposal.masses > _FAINT * proposal.masses.max()
+            heavy = proposal.masses > FAINT * proposal.masses.max()
             thetas = tuple(t for t, heavy_ in zip(proposal.thetas, heavy, strict=True) if heavy_)
             if not cuts:
                 return WindowResult(

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import click
 
@@ -10,6 +12,9 @@ from obsdesign.cli.arguments import KIND, one_of, problem_of, time_option
 from obsdesign.cli.talk import is_quiet, is_verbose, progress_bar, progress_message, say, warn
 from obsdesign.errors import InputError
 from obsdesign.kinds import SEARCHES
+
+if TYPE_CHECKING:
+    from obsdesign.workflow import Outcome
 
 
 @click.command()
@@ -66,10 +71,7 @@ def design(
             outcome = workflow.investigate(loaded, seconds=seconds)
     except InputError as error:
         raise InputError(f"{problem}: {error}") from None
-    if dropped:
-        warn(f"dropped for kind {kind}: {', '.join(dropped)}")
-    for remark in outcome.result.get("remarks", ()):
-        warn(remark)
+    _warn_of(kind, dropped, outcome)
     keep = outcome.verdict == "proved" or (outcome.verdict == "undecided" and allow_undecided)
     written = output if keep and outcome.design else None
     if outcome.design and written:
@@ -129,12 +131,17 @@ def search(
             outcome = searching.search(loaded, what, accuracy, seconds=seconds)
     except InputError as error:
         raise InputError(f"{problem}: {error}") from None
-    if dropped:
-        warn(f"dropped for kind {kind}: {', '.join(dropped)}")
-    for remark in outcome.result.get("remarks", ()):
-        warn(remark)
+    _warn_of(kind, dropped, outcome)
     if as_json:
         click.echo(answer("search", outcome, outcome.result))
     elif not is_quiet():
         show_bracket(what, outcome)
     return EXIT_CODES[outcome.verdict]
+
+
+def _warn_of(kind: str | None, dropped: Sequence[str], outcome: Outcome) -> None:
+    """What was left out for a kind, and the remarks of searches."""
+    if dropped:
+        warn(f"dropped for kind {kind}: {', '.join(dropped)}")
+    for remark in outcome.result.get("remarks", ()):
+        warn(remark)

@@ -26,13 +26,14 @@ from obsdesign.document import Design, jsonable
 from obsdesign.errors import InputError
 from obsdesign.output_files import temporary_folder, write_text
 from obsdesign.pages.curves import curve_of
-from obsdesign.pages.error_bounds import error_bounds
+from obsdesign.pages.error_bounds import error_curve, error_table
 from obsdesign.pages.key_numbers import numbers_of
 from obsdesign.pages.plotting.estimate_record import Table
 from obsdesign.problem.problem import Problem
 from obsdesign.studies.comparison.compare import MOST_ROWS, compare_with_kalman
 from obsdesign.studies.comparison.record import ComparisonRecord
 from obsdesign.studies.comparison.row import table
+from obsdesign.studies.error_bounds import error_bounds
 from obsdesign.verification.answers import reason
 
 _KINDS = {
@@ -218,7 +219,7 @@ def _bounds(design: Design, record: ComparisonRecord, estimate: Table) -> dict[s
     bounds = error_bounds(design, record, x, estimate.statuses[:MOST_ROWS])
     if bounds is None:
         return None
-    return {"table": bounds.table(), "image": _inline(curve_svg(bounds.curve()))}
+    return {"table": error_table(bounds), "image": _inline(curve_svg(error_curve(bounds)))}
 
 
 def _rows_with_kalman(

@@ -17,7 +17,7 @@ from lmi.arithmetic.arrays import Matrix
 from obsdesign.entries import in_range, matrix, shown
 from obsdesign.errors import InputError
 from obsdesign.kinds import GAINS, kind_named
-from obsdesign.problem.options import OPTIONS, OPTIONS_OF, is_whole
+from obsdesign.problem.option_table import OPTIONS, OPTIONS_OF, is_whole
 from obsdesign.problem.options_base import Options, UnassignedOptions
 from obsdesign.problem.plant import Plant
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 from obsdesign.errors import InputError
@@ -25,7 +25,7 @@ from obsdesign.problem.gain_wishes import (
     check_wishes,
     gain_wishes,
 )
-from obsdesign.problem.options_base import Options, option
+from obsdesign.problem.options_base import Options, check_count, check_weights, option
 from obsdesign.problem.schema import (
     FLAG,
     POSITIVE,
@@ -83,7 +83,7 @@ class IntervalOptions(Options):
 
     def check(self, plant: Plant) -> None:
         """InputError unless there is a width weight per state, and one of them is not zero."""
-        _check_count("width_weights", self.width_weights, plant.n, "state")
+        check_count("width_weights", self.width_weights, plant.n, "state")
         if self.width_weights is not None and not any(self.width_weights):
             raise InputError("observer.width_weights must not all be zero.")
 
@@ -126,7 +126,7 @@ class LuenbergerOptions(Options):
 
     def check(self, plant: Plant) -> None:
         """InputError unless weights and patterns have the plant's sizes and borders increase."""
-        _check_weights(self.weights, plant)
+        check_weights(self.weights, plant)
         check_wishes(self.structure, self.region, plant)
         for name, stated in (("gain_norm", self.gain_norm), ("structure", self.structure)):
             if plant.jump is None and "M" in (stated or {}):
@@ -169,7 +169,7 @@ class ImpulsiveOptions(Options):
 
     def check(self, plant: Plant) -> None:
         """InputError unless there is a noise target per state."""
-        _check_count("noise_target", self.noise_target, plant.n, "state")
+        check_count("noise_target", self.noise_target, plant.n, "state")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -273,11 +273,11 @@ class ImpulsiveInputOptions(Options):
                 f"observer.margin must be less than observer.window = {window!r}; got "
                 f"{self.margin!r}."
             )
-        _check_count("initial_std", self.initial_std, plant.n, "state")
-        _check_weights(self.weights, plant)
-        _check_count("uncertainty", self.uncertainty, plant.n, "state")
+        check_count("initial_std", self.initial_std, plant.n, "state")
+        check_weights(self.weights, plant)
+        check_count("uncertainty", self.uncertainty, plant.n, "state")
         for i, row in enumerate(self.uncertainty or ()):
-            _check_count(f"uncertainty, row {i + 1},", row, plant.n, "state")
+            check_count(f"uncertainty, row {i + 1},", row, plant.n, "state")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -305,51 +305,4 @@ class UnknownInputOptions(Options):
 
     def check(self, plant: Plant) -> None:
         """InputError unless the weights have the plant's sizes."""
-        _check_weights(self.weights, plant)
-
-
-OPTIONS_OF: Mapping[str, type[Options]] = {
-    "interval": IntervalOptions,
-    "luenberger": LuenbergerOptions,
-    "impulsive": ImpulsiveOptions,
-    "finite_time": FiniteTimeOptions,
-    "impulsive_input": ImpulsiveInputOptions,
-    "unknown_input": UnknownInputOptions,
-}
-
-
-# kind -> names of its options
-OPTIONS: Mapping[str, tuple[str, ...]] = {
-    kind: tuple(option.name for option in fields(options))  # type: ignore[arg-type]
-    for kind, options in OPTIONS_OF.items()
-}
-
-
-def owners(name: str) -> list[str]:
-    """Kinds that know an option."""
-    return [kind for kind, options in OPTIONS.items() if name in options]
-
-
-def memory_of(options: Options) -> Memory:
-    """Dwell times a certificate may look at; "auto" where the problem or its kind has none."""
-    return options.memory if isinstance(options, IntervalOptions | LuenbergerOptions) else "auto"
-
-
-def is_whole(kind: str | None, name: str) -> bool:
-    """Does this option of this kind count something?"""
-    declared = () if kind is None else fields(OPTIONS_OF[kind])  # type: ignore[arg-type]
-    return any(option.name == name and option.metadata["whole"] for option in declared)
-
-
-def _check_weights(weights: Mapping[str, tuple[float, ...]] | None, plant: Plant) -> None:
-    for name, count in (("state", plant.n), ("output", plant.p)):
-        _check_count(f"weights.{name}", (weights or {}).get(name), count, name)
-
-
-def _check_count(name: str, values: tuple[object, ...] | None, count: int, item: str) -> None:
-    """InputError unless a list that is given has one entry per state or output."""
-    if values is not None and len(values) != count:
-        raise InputError(
-            f"observer.{name} must have {count} {'entry' if count == 1 else 'entries'}, "
-            f"one per {item}; got {len(values)}."
-        )
+        check_weights(self.weights, plant)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import fields
-from typing import TYPE_CHECKING, Any, Self
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
+from obsdesign.errors import InputError
 from obsdesign.problem.schema import Fragment, file_entry
 
 if TYPE_CHECKING:
@@ -19,14 +20,15 @@ def option(
     return file_entry(fragment, description, default=default, whole=whole)
 
 
+@dataclass(frozen=True, eq=False)
 class Options:
     """Options of an observer, and which of them the problem states, in its order."""
 
-    _stated: tuple[str, ...]
+    # no option itself: every instance gets its own
+    _stated: ClassVar[tuple[str, ...]] = ()
 
     def __post_init__(self) -> None:
-        declared = fields(self)  # type: ignore[arg-type]
-        stated = tuple(one.name for one in declared if getattr(self, one.name) != one.default)
+        stated = tuple(one.name for one in fields(self) if getattr(self, one.name) != one.default)
         object.__setattr__(self, "_stated", stated)
 
     @classmethod
@@ -53,3 +55,18 @@ class UnassignedOptions(Options):
 
     def __init__(self, **entries: Any) -> None:
         self.__dict__.update(entries)
+
+
+def check_weights(weights: Mapping[str, tuple[float, ...]] | None, plant: Plant) -> None:
+    """InputError unless the weights of a Riccati equation have the plant's sizes."""
+    for name, count in (("state", plant.n), ("output", plant.p)):
+        check_count(f"weights.{name}", (weights or {}).get(name), count, name)
+
+
+def check_count(name: str, values: tuple[object, ...] | None, count: int, item: str) -> None:
+    """InputError unless a list that is given has one entry per state or output."""
+    if values is not None and len(values) != count:
+        raise InputError(
+            f"observer.{name} must have {count} {'entry' if count == 1 else 'entries'}, "
+            f"one per {item}; got {len(values)}."
+        )

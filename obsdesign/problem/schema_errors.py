@@ -11,7 +11,7 @@ from typing import Any
 from obsdesign.entries import shown
 from obsdesign.errors import InputError
 from obsdesign.kinds import GAINS
-from obsdesign.problem.options import OPTIONS, owners
+from obsdesign.problem.option_table import OPTIONS, owners
 
 # which violation is reported when there are several: names before values
 _FIRST = ("propertyNames", "additionalProperties", "required")

@@ -15,7 +15,7 @@ from lmi.find.largest_rates import largest_rates
 from lmi.prove.rates import propose_rates
 from lmi.time_budget import UNLIMITED, TimeBudget
 from lmi.verdict import Verdict
-from obsdesign.problem.options import memory_of
+from obsdesign.problem.option_table import memory_of
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Certificates
 

@@ -14,11 +14,12 @@ from scipy.linalg import expm
 import obsdesign
 from obsdesign.equations.finite_time.error_integrals import period_integrals
 from obsdesign.equations.finite_time.gains import FiniteTimeGains
-from obsdesign.pages.error_bounds import ErrorBounds, error_bounds
+from obsdesign.pages.error_bounds import error_table
 from obsdesign.pages.report import write_report
 from obsdesign.runtime import from_design
 from obsdesign.runtime.base import rows_of
 from obsdesign.studies.comparison.record import ComparisonRecord
+from obsdesign.studies.error_bounds import ErrorBounds, error_bounds
 from tests.papers.test_mazenc import A, C, motion, problem
 
 ROWS = 601
@@ -50,7 +51,7 @@ def test_the_numbers_of_the_paper(
         pytest.approx(low, rel=1e-6),
         pytest.approx(high, rel=1e-6),
     )
-    titles, lines = bounds.table()
+    titles, lines = error_table(bounds)
     assert titles == ["|x̂ − x|", "at t = 6", "least", "largest"]
     assert [line[0] for line in lines] == list(bounds.series)
     assert lines[0][1] == f"{theorem[0]:.6g}"

@@ -20,8 +20,8 @@ import obsdesign
 from docs import problem_schema
 from obsdesign import Flow, InputError, Jump, Output, Problem
 from obsdesign.kinds import GAINS, KINDS
+from obsdesign.problem.option_table import OPTIONS
 from obsdesign.problem.options import (
-    OPTIONS,
     ImpulsiveInputOptions,
     ImpulsiveOptions,
     IntervalOptions,

@@ -18,7 +18,8 @@ import obsdesign
 from obsdesign import Flow, Jump, Output, Problem
 from obsdesign.errors import InputError
 from obsdesign.kinds import GAINS
-from obsdesign.problem.options import OPTIONS, IntervalOptions
+from obsdesign.problem.option_table import OPTIONS
+from obsdesign.problem.options import IntervalOptions
 
 ROOT = Path(__file__).parents[2]
 

@@ -33,10 +33,11 @@ _LARGEST_TURN = 1.0
 
 
 @dataclass(frozen=True)
-class PeriodIntegrals:
-    """Parts of one period: forced (n,), onwards (n,) and size, each from the period's start.
+class Integrals:
+    """forced (n,), onwards (n,) and size, of a window or of one of its periods.
 
-    forced: int e^{-A s} delta ds; onwards: int e^{F (nu - s)} Delta ds; size: int |Delta| ds.
+    Of a period, from its start: int e^{-A s} delta ds, int e^{F (nu - s)} Delta ds, int |Delta| ds.
+    Of a window: the first integral of Theorem 1, T~ and T_Delta.
     """
 
     forced: Matrix
@@ -52,7 +53,7 @@ class ErrorBound:
     beta: float
     last: float
 
-    def value(self, window: WindowIntegrals) -> float:
+    def value(self, window: Integrals) -> float:
         """The right-hand side of Theorem 1."""
         return float(
             self.alpha * np.linalg.norm(window.forced)
@@ -61,18 +62,9 @@ class ErrorBound:
         )
 
 
-@dataclass(frozen=True)
-class WindowIntegrals:
-    """forced (n,), T~ (n,) as `onwards`, and T_Delta as `size`, of one window."""
-
-    forced: Matrix
-    onwards: Matrix
-    size: float
-
-
 def period_integrals(
     gains: FiniteTimeGains, y: Matrix, inputs: Sequence[tuple[float, Matrix]]
-) -> PeriodIntegrals:
+) -> Integrals:
     """Integrals over the period after the sample y (p,).
 
     inputs: (time since the sample, known input delta (n,) from there on), the first at zero.
@@ -90,7 +82,7 @@ def period_integrals(
             onwards = onwards + w @ _applied(expm((A + LC) * _column(gains.period - s)), value)
             size += float(w @ np.linalg.norm(value, axis=1))
             forced = forced + _pushes(A, a, np.array([b]), delta)[0]
-    return PeriodIntegrals(forced, onwards, size)
+    return Integrals(forced, onwards, size)
 
 
 @dataclass(frozen=True)
@@ -107,9 +99,9 @@ class WindowMaps:
         starts = gains.period * np.arange(gains.samples, dtype=np.float64)
         return cls(expm(-gains.A * _column(starts)), expm(F * _column(starts[::-1])))
 
-    def integrals(self, periods: Sequence[PeriodIntegrals]) -> WindowIntegrals:
+    def integrals(self, periods: Sequence[Integrals]) -> Integrals:
         """Integrals over a window from those of its k periods, oldest first."""
-        return WindowIntegrals(
+        return Integrals(
             _applied(self.back, np.array([period.forced for period in periods])).sum(axis=0),
             _applied(self.onwards, np.array([period.onwards for period in periods])).sum(axis=0),
             sum(period.size for period in periods),

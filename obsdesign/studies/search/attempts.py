@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from lmi.arithmetic.balls import exact
-from lmi.decide.dwell_problem import Direction
+from lmi.decide.dwell_problem import Direction, dwell_range
 from lmi.decide.dwell_search import Bracket, dwell_bracket
 from lmi.time_budget import Remark, TimeBudget
 from lmi.verdict import overall
@@ -47,7 +47,7 @@ class DwellSearch:
 
     def ends(self, x: float) -> tuple[float, float]:
         """The range (shortest, longest) whose searched end is x."""
-        return (x, self.kept) if self.direction == "shortest" else (self.kept, x)
+        return dwell_range(self.direction, x, self.kept)
 
     def reach(self, x: float | None) -> float:
         """Extent of the range whose searched end is x, larger is better; -inf without a range."""
