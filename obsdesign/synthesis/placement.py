@@ -2,16 +2,35 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.balls import (
+    Exact,
+    ball,
+    entries,
+    exact,
+    number,
+    precision,
+    solve_entries,
+)
 from obsdesign.analysis.balancing import balancing_units
 from obsdesign.analysis.hidden_modes import approx_unobservable_modes
+from obsdesign.analysis.riccati import riccati_shift
+from obsdesign.analysis.stated_poles import complex_text, gap, real_factors, with_conjugates
 from obsdesign.errors import InputError
 from obsdesign.problem.options import Pole
+
+# bits that an ill-conditioned plant may need, raised in turn
+_PRECISIONS = (256, 1024, 4096, 16384)
+# widths of an entry of L: relative to itself, and to the largest entry
+_NARROW, _ZERO = 2.0**-60, 2.0**-110
+# a relative error of the poles' polynomial that needs no correction
+_ACCURATE = 1e-12
 
 
 def riccati_gain(
@@ -36,10 +55,7 @@ def riccati_gain(
             return np.asarray(pace * L / size, dtype=np.float64)
     given = weights or {}
     Q, R = np.diag(given.get("state", np.ones(n))), np.diag(given.get("output", np.ones(p)))
-    hidden = [mode.eigenvalue.real for mode in approx_unobservable_modes(A, C)]
-    # an unobservable mode that does not decay leaves no solution: shift A below it
-    below = max([0.0, *(value + rate + 1e-3 * (1 + abs(value)) for value in hidden)])
-    shifted = A + (rate - below) * np.eye(n)
+    shifted = A + riccati_shift(A, C, rate) * np.eye(n)
     with np.errstate(all="ignore"):  # overflow in there shows in the result
         S = solve_continuous_are(shifted.T, C.T, Q, R)
         L = np.asarray(np.linalg.solve(R, C @ S).T, dtype=np.float64)
@@ -51,7 +67,8 @@ def riccati_gain(
 def placed_gain(A: Matrix, C: Matrix, poles: Sequence[Pole]) -> Matrix:
     """L, (n, p), with the eigenvalues of A - L C at `poles`: numbers or pairs [real, imaginary].
 
-    Placed in units that balance the plant, so that those of states, outputs and time do not matter.
+    With one output there is one such L, computed in balls and rounded once. With several a robust
+    one is chosen in floats, in units that balance the plant, and then corrected likewise.
     InputError when their number is wrong, a complex one lacks its conjugate, or a mode is
     unobservable (no gain moves its eigenvalue).
     """
@@ -62,40 +79,83 @@ def placed_gain(A: Matrix, C: Matrix, poles: Sequence[Pole]) -> Matrix:
             "moved, since output.C does not see it; leave poles out."
         )
     sizes, pace = balancing_units(A, C, np.zeros((len(A), 0)))
+    if len(C) == 1:
+        L = _unique_gain(exact(A), exact(C), poles, sizes)
+        if L is None:
+            raise _unresolved()
+        return L
     shown = C * sizes
     rows = np.linalg.norm(shown, axis=1)
     rows = np.where(rows > 0, rows, 1.0)
     balanced, C_unit = A * sizes / sizes[:, None] / pace, shown / rows[:, None]
-    once = len(set(wanted.tolist())) == len(wanted)
-    if once and len(C) == 1:
-        placed = _unique_gain(balanced, C_unit, wanted / pace)
-    else:
-        placed = _robust_gain(balanced, C_unit, wanted / pace)
-    return np.asarray(placed * sizes[:, None] * pace / rows, dtype=np.float64)
+    placed = _robust_gain(balanced, C_unit, wanted / pace)
+    placed = placed * sizes[:, None] * pace / rows
+    return _corrected_gain(A, C, poles, placed, sizes=sizes, rows=rows)
 
 
-def _unique_gain(A: Matrix, C: Matrix, poles: NDArray[np.complex128]) -> Matrix:
-    """With one output and distinct poles there is no choice: A' v - C' g = pole v and L' v = g.
+def _unique_gain(A: Exact, c: Exact, poles: Sequence[Pole], sizes: Matrix) -> Matrix | None:
+    """L (n, 1) for one output c (1, n), by Ackermann's formula: the polynomial of A times O^-1 e_n.
 
-    Does without scipy.signal, which takes longer to load than everything else.
+    In balls, until every entry is known beyond binary64, against the others in the sizes of the
+    states; None where no precision shows that (A, c) is observable.
     """
-    eye = np.eye(len(A))
-    pairs = [np.linalg.svd(np.hstack([A.T - pole * eye, -C.T]))[2][-1].conj() for pole in poles]
-    v, g = np.split(np.array(pairs), [len(A)], axis=1)
-    try:
-        L: Matrix = np.linalg.solve(v, g).real
-    except np.linalg.LinAlgError:
-        L = np.full_like(C.T, np.nan)
-    if not np.isfinite(L).all():
-        raise _unresolved()
-    return L
+    n, factors = len(A), real_factors(poles)
+    for bits in _PRECISIONS:
+        with precision(bits):
+            flow, rows = entries(ball(A)), [entries(ball(c))[0]]
+            for _ in range(n - 1):
+                rows.append(rows[-1] @ flow)
+            last = exact(np.eye(n)[:, -1:])
+            column = solve_entries(np.array(rows), last)
+            if column is None:
+                continue
+            for factor in factors:
+                powers = [column]
+                for _ in factor[1:]:
+                    powers.append(flow @ powers[-1])
+                column = sum(k * power for k, power in zip(factor, powers, strict=True))
+            L = _rounded(column, sizes)
+        if L is not None:
+            return L if np.isfinite(L).all() else None
+    return None
+
+
+def _rounded(column: Exact, sizes: Matrix) -> Matrix | None:
+    """Nearest floats of balls (n, 1); None unless all are narrow, against zero in the sizes."""
+    balls = column[:, 0].tolist()
+    largest = max(abs(x.mid()) / number(size) for x, size in zip(balls, sizes, strict=True))
+    for x, size in zip(balls, sizes.tolist(), strict=True):
+        if not x.rad() <= max(abs(x.mid()) * _NARROW, largest * number(size) * _ZERO):
+            return None
+    middles = [float(x.mid()) if abs(x.mid()) > x.rad() else 0.0 for x in balls]
+    return np.array(middles, dtype=np.float64)[:, None]
+
+
+def _corrected_gain(
+    A: Matrix, C: Matrix, poles: Sequence[Pole], L: Matrix, *, sizes: Matrix, rows: Matrix
+) -> Matrix:
+    """L (n, p), or L + l w' with the poles exactly but for rounding, whichever comes nearer."""
+    flow, outputs = exact(A), exact(C)
+    error = flow - exact(L) @ outputs
+    before = gap(error, poles).relative
+    if before <= _ACCURATE:
+        return L
+    w = np.exp2(-np.arange(len(C)) / 2) / rows
+    column = _unique_gain(error, exact(w[None]) @ outputs, poles, sizes)
+    if column is None:
+        return L
+    corrected = L + column * w
+    after = gap(flow - exact(corrected) @ outputs, poles).relative
+    return corrected if after < before else L
 
 
 def _robust_gain(A: Matrix, C: Matrix, poles: NDArray[np.complex128]) -> Matrix:
     from scipy.signal import place_poles
 
     try:
-        placed = place_poles(A.T, C.T, poles)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # less robust than hoped for: the claim `poles` decides
+            placed = place_poles(A.T, C.T, poles)
     except ValueError as error:
         if "repeated" in str(error):
             most = np.linalg.matrix_rank(C)
@@ -122,15 +182,3 @@ def _poles(poles: Sequence[Pole], n: int) -> NDArray[np.complex128]:
             f"conjugate); got {len(values)}."
         )
     return values
-
-
-def with_conjugates(poles: Sequence[Pole]) -> NDArray[np.complex128]:
-    """Numbers or pairs [real, imaginary] as complex numbers; one of a pair stands for both."""
-    values = np.array([complex(*p) if isinstance(p, Sequence) else complex(p) for p in poles])
-    lonely = [v for v in values if v.imag and not np.any(np.isclose(values, v.conjugate()))]
-    return np.concatenate([values, np.conjugate(lonely)])
-
-
-def complex_text(value: complex) -> str:
-    """Text of a mode, with its conjugate."""
-    return f"{value.real:.6g}" + (f" +- {abs(value.imag):.6g}i" if value.imag else "")

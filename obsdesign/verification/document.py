@@ -11,6 +11,7 @@ from obsdesign.errors import InputError
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.kind import Warns, conclusions_of
 from obsdesign.verification.same_evidence import (
+    ADDED_CLAIMS,
     OLDER_WORDING,
     ROUNDED_WIDTHS,
     Difference,
@@ -50,11 +51,13 @@ def document_claim(
 
     A claim that is undecided now and decided in the document makes it unconfirmed, not false; so do
     a statement in the words of an earlier release and bounds that another course of the proof
-    gave, with the sentences that rest on them. A claim that the document leaves undecided says
-    nothing that could be false, whatever is decided now.
+    gave, with the sentences that rest on them. `ADDED_CLAIMS` may be missing.
+    A claim that the document leaves undecided says nothing that could be false, whatever is decided
+    now.
     The sentences are recomputed from the claims; there are none unless the claim is proved.
     """
     stored = {claim.id: claim for claim in design.claims}
+    claims = tuple(claim for claim in claims if claim.id in stored or claim.id not in ADDED_CLAIMS)
     open_now = [claim.id for claim in claims if _is_open_now(claim, stored.get(claim.id))]
     assumed = tuple(
         stored[claim.id] if claim.id in open_now else _as_left_open(claim, stored.get(claim.id))

@@ -48,6 +48,10 @@ OLDER_WORDING = {
 }
 
 
+# claims that designs of earlier releases do not have
+ADDED_CLAIMS = ("poles", "weights")
+
+
 # where earlier releases found what a source now names
 _OLDER_SOURCES = dict.fromkeys(
     ("(lmi/windows_proof.py)", "(lmi/prove/windows_proof.py)"), "(docs/windows.md)"

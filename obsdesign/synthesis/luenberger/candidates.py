@@ -15,10 +15,10 @@ from dataclasses import replace
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
-from lmi.arithmetic.spectrum import spectral_radius
 from lmi.decide.stability import decide
 from lmi.solvers import Solvers, merged
 from lmi.time_budget import UNLIMITED, Remark, TimeBudget
+from obsdesign.analysis.riccati import FASTER, faster_rates
 from obsdesign.equations.estimation_error import flow_error_matrix, jump_error_matrix
 from obsdesign.equations.luenberger.gains import LuenbergerGains
 from obsdesign.errors import InputError
@@ -53,8 +53,7 @@ def synthesize_constrained(
     wanted = {name: ConvexGain(name, options.wishes(name), constraints) for name in ("L", "M")}
     _refuse_vain_constraints(problem, constraints)
     rate = options.decay_rate
-    # with several outputs more than one L has the poles of the file
-    is_L_open = given_gain(problem, "L") is None and (options.poles is None or plant.p > 1)
+    is_L_open = given_gain(problem, "L") is None
     # bare wishes place L by a formula, without a solver
     is_searched = is_L_open and not wanted["L"].is_free()
     L_solvers: Solvers = wanted["L"].solvers if is_searched else ()
@@ -112,17 +111,17 @@ def _flow_gains(
         return
     for label, L in riccati_gains(A, C, options.weights, rate):
         yield label, L, ()
-    yield "L = 0", np.zeros((problem.plant.n, problem.plant.p)), ()
+    if not options.weights:
+        yield "L = 0", np.zeros((problem.plant.n, problem.plant.p)), ()
 
 
 def riccati_gains(
     A: Matrix, C: Matrix, weights: Mapping[str, tuple[float, ...]] | None, rate: float
 ) -> Iterator[tuple[str, Matrix]]:
     """Yield gains L (n, p) of growing speed, with their labels."""
-    speed = spectral_radius(A)
-    for factor in (0.0, 1.0, 4.0):
+    for factor, faster in zip(FASTER, faster_rates(A, rate), strict=True):
         try:
-            L = riccati_gain(A, C, weights, rate + factor * speed)
+            L = riccati_gain(A, C, weights, faster)
         except np.linalg.LinAlgError:  # no finite solution in floats: not this one
             continue
         yield "Riccati L" + (f", {factor:g} x faster" if factor else ""), L

@@ -6,7 +6,7 @@ itself is chosen in `reduced_gain.py`.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from obsdesign.equations.unknown_input.options import (
     differentiator,
 )
 from obsdesign.errors import DoesNotApply, InputError
-from obsdesign.problem.options import Pole, UnknownInputOptions
+from obsdesign.problem.options import UnknownInputOptions
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
 from obsdesign.synthesis.given_gains import refuse_second_choice
@@ -53,8 +53,7 @@ def synthesize(problem: Problem, budget: TimeBudget = UNLIMITED) -> Iterator[Can
     options, remarks = problem.options_as(UnknownInputOptions), tuple[Remark, ...]()
     if options.differentiator is None and gains.differentiator == "fixed_lag":
         remarks = (Remark(_choice_of_differentiator(problem, gains)),)
-    given = "L" in problem.gains or _has_growing_poles(options.poles or ())
-    yield Candidate(label, gains, searched=not given, remarks=remarks)
+    yield Candidate(label, gains, searched="L" not in problem.gains, remarks=remarks)
 
 
 def _refuse_unusable(problem: Problem) -> None:
@@ -103,11 +102,6 @@ def _choice_of_differentiator(problem: Problem, gains: UnknownInputGains) -> str
         "output.noise_std is given, so that observer.differentiator = 'fixed_lag' was chosen: rows "
         f"come {late}, smoothed to the noise. Without delay: 'cell'{noise}."
     )
-
-
-def _has_growing_poles(poles: Sequence[Pole]) -> bool:
-    """Whether the poles of the problem themselves refute it, whatever gain gives them."""
-    return any(np.ravel(pole)[0] >= 0 for pole in poles)
 
 
 def _gains(problem: Problem, D: Matrix) -> tuple[str, UnknownInputGains]:

@@ -12,10 +12,11 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.analysis.balancing import balancing_units
+from obsdesign.analysis.stated_poles import complex_text, with_conjugates
 from obsdesign.errors import InputError
 from obsdesign.problem.options import Pole, UnknownInputOptions
 from obsdesign.problem.problem import Problem
-from obsdesign.synthesis.placement import complex_text, placed_gain, with_conjugates
+from obsdesign.synthesis.placement import placed_gain
 from obsdesign.synthesis.unknown_input.reduced_system import Reduced, output_variances
 
 

@@ -43,8 +43,6 @@ def mark_inevitable(problem: Problem, operator: str, claim: Claim) -> Claim:
     """The claim, its witness marked where no choice left open would change it."""
     names = (_INTEGRAL if operator == "integral" else _SAMPLES).get(claim.id, ("operator",))
     open_names = open_choices(problem, *names) - {"operator"}
-    if problem.options_as(ImpulsiveInputOptions).poles is not None and problem.plant.p == 1:
-        open_names.discard("K")  # with one output no other K has these poles
     if "operator" in names and operator_is_open(problem):
         open_names.add("operator")
     if _is_inevitable(problem, claim):

@@ -8,7 +8,7 @@ rank is proved by itself; uniqueness of (17) is false in general, and decided
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,7 @@ from obsdesign.analysis.impulsive_input.requirements import (
     reason_against_jumps,
     reason_against_sizes,
 )
+from obsdesign.analysis.riccati import riccati_shift
 from obsdesign.document import Claim
 from obsdesign.equations.estimation_error import flow_error_matrix
 from obsdesign.equations.gains import plant_data
@@ -44,6 +45,7 @@ from obsdesign.equations.impulsive_input.gains import (
 from obsdesign.problem.options import ImpulsiveInputOptions
 from obsdesign.problem.plant import Plant
 from obsdesign.problem.problem import Problem
+from obsdesign.verification import stated_poles, stated_weights
 from obsdesign.verification.consistency import consistent_gains
 from obsdesign.verification.impulsive_input import window as window_claims
 from obsdesign.verification.impulsive_input.choices import mark_inevitable
@@ -82,7 +84,23 @@ def claims(
         if gains.period is not None:
             claims.append(window_samples(gains, gains.period, low))
         claims += _integral_claims(problem, gains, budget)
-    return tuple(mark_inevitable(problem, gains.operator, claim) for claim in claims)
+    marked = [mark_inevitable(problem, gains.operator, claim) for claim in claims]
+    chosen = [] if isinstance(gains, SamplesGains) else _choice_of_K(problem, gains)
+    return (*marked, *chosen)
+
+
+def _choice_of_K(problem: Problem, gains: IntegralGains) -> Iterator[Claim]:
+    """Claims that K is the one that stated poles or weights choose."""
+    options = problem.options_as(ImpulsiveInputOptions)
+    if options.poles is not None:
+        D = flow_error_matrix(exact(gains.A), exact(gains.K), exact(gains.C))
+        changes = stated_poles.rounding_of_gain(gains.K, gains.C)
+        yield stated_poles.poles_claim(D, options.poles, name="A - K C", changes=changes)
+    if options.weights:
+        shifts = [riccati_shift(gains.A, gains.C, 0.0)]
+        yield stated_weights.weights_claim(
+            gains.A, gains.C, gains.K, options.weights, shifts, letter="K"
+        )
 
 
 def _integral_claims(problem: Problem, gains: IntegralGains, budget: TimeBudget) -> list[Claim]:

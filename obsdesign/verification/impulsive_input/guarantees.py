@@ -9,6 +9,7 @@ from obsdesign.document import Claim, Guarantee
 from obsdesign.problem.options import ImpulsiveInputOptions
 from obsdesign.problem.plant import Plant
 from obsdesign.problem.problem import Problem
+from obsdesign.verification import stated_poles, stated_weights
 from obsdesign.verification.impulsive_input.samples import SpeedsPerPeriod
 
 _KNOWN_INTEGRALS = ", and with the integrals of y known exactly (y measured continuously)"
@@ -18,7 +19,8 @@ def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Guarantee, 
     """Sentences that follow from the claims, given where these are proved, and limits."""
     verdicts = {claim.id: claim.verdict for claim in claims}
     # with the stated A: what a wrong one changes is a guarantee of its own
-    needed = [name for name in verdicts if name != "robustness"]
+    own = ("robustness", stated_poles.ID, stated_weights.ID)
+    needed = [name for name in verdicts if name not in own]
     plant = problem.plant
     absent = ["disturbance"] + (["unknown input d"] if plant.flow.D is not None else [])
     low = "" if plant.jump is None else f"{problem.require_dwell_time()[0]!r}"
@@ -28,9 +30,9 @@ def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Guarantee, 
     return (
         Guarantee.from_verdicts(main, needed, verdicts),
         *(
-            Guarantee.from_verdicts(_sentence(claim.statement), ["robustness"], verdicts)
+            Guarantee.from_verdicts(_sentence(claim.statement), [claim.id], verdicts)
             for claim in claims
-            if claim.id == "robustness"
+            if claim.id in own
         ),
         Guarantee.not_proved(
             "Two impulses within one window are not told apart where one impulse explains the "

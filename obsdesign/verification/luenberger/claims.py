@@ -7,7 +7,7 @@ longest dwell time the flow must be Hurwitz as well (docs/papers.md, Corollary 4
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -19,6 +19,7 @@ from lmi.refute.spectral import refute_spectral
 from lmi.time_budget import UNLIMITED, TimeBudget
 from lmi.verdict import overall
 from obsdesign.analysis.hidden_modes import fixed_parts
+from obsdesign.analysis.riccati import faster_rates, riccati_shift
 from obsdesign.document import Claim
 from obsdesign.equations.estimation_error import idle_gains
 from obsdesign.equations.gains import plant_data
@@ -26,6 +27,7 @@ from obsdesign.equations.luenberger.error_system import cell_count
 from obsdesign.equations.luenberger.gains import LuenbergerGains
 from obsdesign.problem.options import LuenbergerOptions
 from obsdesign.problem.problem import Problem
+from obsdesign.verification import stated_poles, stated_weights
 from obsdesign.verification.choices import mark_witness
 from obsdesign.verification.consistency import consistent_gains
 from obsdesign.verification.dwell import (
@@ -70,7 +72,7 @@ def claims(
     F, options = error_matrix(gains, "L", gains.L), problem.options_as(LuenbergerOptions)
     rate = options.decay_rate
     shifted = F + exact(rate * np.eye(problem.plant.n))
-    claims = [agreement, *wish_claims(problem, gains)]
+    claims = [agreement, *_choice_of_L(problem, gains, F), *wish_claims(problem, gains)]
     if problem.plant.jump is None:
         claims.append(_hurwitz(F, "hurwitz", "there are no jumps"))
         if rate > 0:
@@ -89,17 +91,32 @@ def claims(
     return _with_marked_witnesses(problem, shifted, claims)
 
 
+def _choice_of_L(problem: Problem, gains: LuenbergerGains, F: Exact) -> Iterator[Claim]:
+    """Claims that L is the one that stated poles or weights choose; F = A - L C."""
+    plant, options = problem.plant, problem.options_as(LuenbergerOptions)
+    must_decay = plant.jump is None or math.isinf(problem.require_dwell_time()[1])
+    if options.poles is not None:
+        changes = stated_poles.rounding_of_gain(gains.L, gains.C)
+        rate = options.decay_rate if must_decay else None
+        yield stated_poles.poles_claim(F, options.poles, changes=changes, rate=rate)
+    if options.weights:
+        rates = faster_rates(gains.A, options.decay_rate)
+        shifts = [riccati_shift(gains.A, gains.C, rate) for rate in rates]
+        yield stated_weights.weights_claim(gains.A, gains.C, gains.L, options.weights, shifts)
+
+
 def _with_marked_witnesses(
     problem: Problem, shifted: Exact, claims: list[Claim]
 ) -> tuple[Claim, ...]:
     """The claims, their witnesses marked where a mode or a pair that no gain reaches refutes."""
-    about_error = [claim for claim in claims if claim.id not in IDS]
+    own = (*IDS, stated_poles.ID, stated_weights.ID)
+    about_error = [claim for claim in claims if claim.id not in own]
     is_refuted = any(claim.verdict == "refuted" for claim in about_error)
     if not (is_refuted and _is_refuted_for_all_gains(problem, shifted)):
         return tuple(claims)
     scope = within_structure(problem, "L", "M")
     return tuple(
-        claim if claim.id in IDS else mark_witness(_with_scope(claim, scope)) for claim in claims
+        claim if claim.id in own else mark_witness(_with_scope(claim, scope)) for claim in claims
     )
 
 
@@ -117,7 +134,7 @@ def _is_refuted_for_all_gains(problem: Problem, shifted: Exact) -> bool:
     plant, options = problem.plant, problem.options_as(LuenbergerOptions)
     A, C, rate = plant.flow.A, plant.output.C, options.decay_rate
     if plant.jump is None or math.isinf(problem.require_dwell_time()[1]):
-        is_given = options.poles is not None or "L" in {*problem.gains, *idle_gains(plant)}
+        is_given = "L" in {*problem.gains, *idle_gains(plant)}
         flows = [shifted]
         if not is_given:
             fixed = fixed_parts([A], C, stated_pattern(problem, "L"))

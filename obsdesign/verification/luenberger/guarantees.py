@@ -5,6 +5,7 @@ from __future__ import annotations
 from obsdesign.document import Claim, Guarantee
 from obsdesign.problem.options import LuenbergerOptions
 from obsdesign.problem.problem import Problem
+from obsdesign.verification import stated_poles, stated_weights
 from obsdesign.verification.absent_signals import absent_signals
 from obsdesign.verification.dwell import Dwell
 from obsdesign.verification.luenberger.wishes import IDS
@@ -15,7 +16,8 @@ def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Guarantee, 
     """The sentences a user may rely on, and those of the problem that are not proved."""
     plant = problem.plant
     verdicts = {claim.id: claim.verdict for claim in claims}
-    needed = [name for name in verdicts if name not in ("decay_rate", "rates", *IDS)]
+    own = (stated_poles.ID, stated_weights.ID, *IDS)
+    needed = [name for name in verdicts if name not in ("decay_rate", "rates", *own)]
     ends = "" if plant.jump is None else str(Dwell.from_problem(problem))
     when = f" for every sequence of dwell times in {ends}" if ends else ""
     at_jumps = plant.output.measured == "at_jumps"
@@ -32,7 +34,7 @@ def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Guarantee, 
     sentences += [
         (f"{claim.statement[0].upper()}{claim.statement[1:]}.", [claim.id])
         for claim in claims
-        if claim.id in IDS
+        if claim.id in own
     ]
     result = [Guarantee.from_verdicts(text, ids, verdicts) for text, ids in sentences]
     if not at_jumps:

@@ -33,6 +33,7 @@ from obsdesign.equations.unknown_input.gains import (
 from obsdesign.equations.unknown_input.options import REASON_AGAINST_JUMPS, differentiation
 from obsdesign.problem.options import UnknownInputOptions
 from obsdesign.problem.problem import Problem
+from obsdesign.verification import stated_poles
 from obsdesign.verification.consistency import consistent_gains, inconsistent
 from obsdesign.verification.unknown_input.lasting_error import lasting_error
 
@@ -76,7 +77,17 @@ def claims(
     plant, matrices, pace = _in_balancing_units(problem, gains)
     stable = _stable(gains.F, NearZero.from_evidence(existence[-1].evidence))
     lasting = lasting_error(plant, matrices, pace, stable.verdict == "proved")
-    return agreement, *existence, _equations(plant, matrices), stable, lasting
+    chosen = _choice_of_L(problem, gains.F)
+    return agreement, *existence, _equations(plant, matrices), stable, lasting, *chosen
+
+
+def _choice_of_L(problem: Problem, F: Matrix) -> tuple[Claim, ...]:
+    """The claim that F (k, k) has the stated poles, where there are any."""
+    poles = problem.options_as(UnknownInputOptions).poles
+    if poles is None:
+        return ()
+    changes = stated_poles.rounding_of_entries(F)
+    return (stated_poles.poles_claim(exact(F), poles, name="F", changes=changes),)
 
 
 def _expected(problem: Problem, stored: Mapping[str, Any]) -> dict[str, Any]:

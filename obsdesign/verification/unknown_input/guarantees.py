@@ -8,7 +8,9 @@ from collections.abc import Mapping
 from obsdesign.analysis.invariant_zeros import NearZero
 from obsdesign.document import Claim, Guarantee
 from obsdesign.equations.unknown_input.formulas import STEP_LIMIT
+from obsdesign.problem.options import UnknownInputOptions
 from obsdesign.problem.problem import Problem
+from obsdesign.verification import stated_poles
 from obsdesign.verification.unknown_input.lasting_error import SteadyBounds
 
 
@@ -40,6 +42,12 @@ def guarantees(problem: Problem, listed: tuple[Claim, ...]) -> tuple[Guarantee, 
             "them decay at their own rate."
         )
         result.append(Guarantee.from_verdicts(sentence, ["zeros"], verdicts))
+    if stated_poles.ID in claims:
+        text = claims[stated_poles.ID].statement
+        sentence = f"{text[0].upper()}{text[1:]}."
+        result.append(Guarantee.from_verdicts(sentence, [stated_poles.ID], verdicts))
+    if problem.options_as(UnknownInputOptions).weights:
+        result.append(Guarantee.not_proved("That L and N follow from `weights` is not claimed."))
     product = _step_product(problem, claims)
     if product is not None and product <= STEP_LIMIT:
         sentence = (

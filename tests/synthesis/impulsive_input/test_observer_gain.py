@@ -60,9 +60,11 @@ def test_weights_give_the_gain_of_a_kalman_filter(outputs: Any) -> None:
 
 def test_a_pole_that_does_not_decay_is_refuted() -> None:
     claims = {claim.id: claim.verdict for claim in investigated(poles=[0.1, -0.15, -0.2]).claims}
-    assert claims["hurwitz"] == "refuted"  # the only K with these poles
+    assert claims["hurwitz"] == claims["poles"] == "refuted"
     outcome = investigated(BOTH, poles=[0.1, -0.15, -0.2])
-    assert outcome.verdict != "proved"
+    assert outcome.verdict == "refuted"
+    witness = next(claim for claim in outcome.claims if claim.id == "poles").evidence["witness"]
+    assert witness["pole"] == {"real": 0.1, "imag": 0.0}
 
 
 @pytest.mark.parametrize(

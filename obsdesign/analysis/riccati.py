@@ -1,0 +1,25 @@
+"""Which Riccati equations the gains of stated weights solve: those of A + a I."""
+
+from __future__ import annotations
+
+from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.spectrum import spectral_radius
+from obsdesign.analysis.hidden_modes import approx_unobservable_modes
+
+# decay rates that are tried in turn, beyond the stated one, in parts of the plant's fastest mode
+FASTER = (0.0, 1.0, 4.0)
+
+
+def faster_rates(A: Matrix, rate: float) -> tuple[float, ...]:
+    """Decay rates, growing, for which gains of A (n, n) are tried."""
+    speed = spectral_radius(A)
+    return tuple(rate + factor * speed for factor in FASTER)
+
+
+def riccati_shift(A: Matrix, C: Matrix, rate: float) -> float:
+    """a of the equation of A + a I whose gain makes A - L C decay faster than `rate`.
+
+    Less than the rate where an unobservable mode does not decay so fast, which leaves no solution.
+    """
+    hidden = [mode.eigenvalue.real for mode in approx_unobservable_modes(A, C)]
+    return rate - max([0.0, *(value + rate + 1e-3 * (1 + abs(value)) for value in hidden)])
