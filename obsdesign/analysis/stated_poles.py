@@ -77,7 +77,8 @@ def gap(F: Exact, poles: Sequence[Pole], changes: Iterable[Exact] = ()) -> Gap:
     stated = product(real_factors(poles))
     quotient, remainder = _divided(characteristic_polynomial(F), stated)
     whole = product([[rational(size), rational(1.0)] for size in sizes])
-    scale = product([whole, [abs(c) for c in quotient]])
+    least = rational(_SIZE_OF_ZERO) * max(abs(c) for c in quotient)
+    scale = product([whole, [abs(c) or least for c in quotient]])
     room = [0 * c for c in remainder]
     for change in changes:
         _, other = _divided(characteristic_polynomial(F + change), stated)

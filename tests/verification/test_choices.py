@@ -33,14 +33,15 @@ def verdict(body: Body) -> str:
     return obsdesign.investigate(obsdesign.Problem.from_dict(body)).verdict
 
 
-# a gain at rest that is placed: with two outputs L is not the only one with these poles
+# a gain at rest that is placed in floats refutes nothing, the same gain as given does
 PLACED: Body = {
     "flow": {"A": [[0, 0], [0, 0]]},
     "jump": {"G": [[0, 0], [0, 5]], "dwell_time": [1, 1]},
     "output": {"C": [[1, 0], [0, 1]]},
     "observer": {"kind": "luenberger", "poles": [-1, -2], "gains": {"M": [[0, 0], [0, 0]]}},
 }
-ONE_OUTPUT = {"output__C": [[0, 1]], "observer__gains": {"M": [[0], [0]]},
+ONE_OUTPUT = {"output__C": [[0, 1]], "observer__poles": None,
+              "observer__gains": {"L": [[2], [3]], "M": [[0], [0]]},
               "flow__A": [[0, 0], [1, 0]], "jump__G": [[9, 0], [0, 9]]}  # fmt: skip
 
 # e^(A T) = e^((A + L C) T) at two samples, the window that is chosen, but not at three

@@ -159,6 +159,7 @@ def test_designs_without_the_claim_are_proved_again() -> None:
 def test_poles_that_a_matrix_has_not_are_refuted() -> None:
     F = exact(np.diag([-1.0, -2.0]))
     assert poles_claim(F, [-1, -2]).verdict == "proved"
-    assert poles_claim(F, [-1]).verdict == "proved"  # the others are invariant zeros
-    assert poles_claim(F, [-3]).verdict == "refuted"
+    assert poles_claim(F, [-1]).verdict == "refuted"  # one is missing
+    assert poles_claim(F, [-1], has_others=True).verdict == "proved"
+    assert poles_claim(F, [-3], has_others=True).verdict == "refuted"
     assert poles_claim(F, [-1, -2, -3]).verdict == "refuted"

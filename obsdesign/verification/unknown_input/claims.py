@@ -87,7 +87,8 @@ def _choice_of_L(problem: Problem, F: Matrix) -> tuple[Claim, ...]:
     if poles is None:
         return ()
     changes = stated_poles.rounding_of_entries(F)
-    return (stated_poles.poles_claim(exact(F), poles, name="F", changes=changes),)
+    claim = stated_poles.poles_claim(exact(F), poles, name="F", changes=changes, has_others=True)
+    return (claim,)
 
 
 def _expected(problem: Problem, stored: Mapping[str, Any]) -> dict[str, Any]:
