@@ -96,8 +96,9 @@ def placed_gain(A: Matrix, C: Matrix, poles: Sequence[Pole]) -> Matrix:
 def _unique_gain(A: Exact, c: Exact, poles: Sequence[Pole], sizes: Matrix) -> Matrix | None:
     """L (n, 1) for one output c (1, n), by Ackermann's formula p(A) O^-1 e_n.
 
-    p: the polynomial of the poles, O: the observability matrix. In balls, until every entry is known
-    beyond binary64, against the others in the sizes of the states; None where no precision shows that (A, c) is observable.
+    p: the polynomial of the poles, O: the observability matrix. In balls, until every entry is
+    known beyond binary64, against the others in the sizes of the states; None where no precision
+    shows that (A, c) is observable.
     """
     n, factors = len(A), real_factors(poles)
     for bits in _PRECISIONS:
