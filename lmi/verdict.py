@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
+from lmi.arithmetic.arrays import Entries
 from lmi.solvers import Solvers
 
 OUTCOMES = ("proved", "refuted", "undecided")
@@ -19,7 +20,7 @@ class Verdict:
     """
 
     outcome: str
-    evidence: Mapping[str, Any]
+    evidence: Entries
     solvers: Solvers = ()
 
     def __post_init__(self) -> None:
@@ -35,7 +36,7 @@ def proved(**evidence: Any) -> Verdict:
     return Verdict("proved", evidence)
 
 
-def refuted(witness: Mapping[str, Any], **evidence: Any) -> Verdict:
+def refuted(witness: Entries, **evidence: Any) -> Verdict:
     """The claim is false; the witness was checked against the claim itself."""
     return Verdict("refuted", {"witness": dict(witness), **evidence})
 

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from lmi.arithmetic.arrays import NewEntries
 from obsdesign.document import FORMAT, VERSION, Claim, Design, Guarantee, digest
 from obsdesign.entries import LARGEST, is_number, shown
 from obsdesign.errors import InputError
@@ -109,7 +110,7 @@ def _check_format(body: Any, path: str) -> None:
         raise InputError(f"{path}: unknown key {shown(unknown[0])} in a design file.")
 
 
-def _check_digest(body: dict[str, Any], path: str) -> None:
+def _check_digest(body: NewEntries, path: str) -> None:
     try:
         expected = digest(body)
     except UnicodeEncodeError:

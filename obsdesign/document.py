@@ -15,6 +15,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Entries, NewEntries
 from obsdesign.output_files import write_text
 
 FORMAT = "obsdesign/design"
@@ -29,7 +30,7 @@ class Decision(Protocol):
         """The word."""
 
     @property
-    def evidence(self) -> Mapping[str, Any]:
+    def evidence(self) -> Entries:
         """A certificate, a witness, or the worst place."""
 
 
@@ -45,14 +46,14 @@ class Claim:
     statement: str
     source: str
     verdict: str
-    evidence: Mapping[str, Any]
+    evidence: Entries
 
     @classmethod
     def from_verdict(cls, name: str, statement: str, source: str, verdict: Decision) -> Claim:
         """The claim that a verdict of `lmi` decides, with its evidence."""
         return cls(name, statement, source, verdict.outcome, verdict.evidence)
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> NewEntries:
         """The claim as it stands in a file."""
         words = {name: getattr(self, name) for name in ("id", "statement", "source", "verdict")}
         return words | {"evidence": jsonable(_without_nan(self.evidence))}
@@ -82,7 +83,7 @@ class Guarantee:
         """A sentence that rests on no claim and is not given."""
         return cls(statement, (), given=False)
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> NewEntries:
         """The guarantee as it stands in a file."""
         return {"statement": self.statement, "given": self.given, "claims": list(self.claims)}
 
@@ -98,14 +99,14 @@ class Design:
 
     name: str
     kind: str
-    problem: Mapping[str, Any]
-    gains: Mapping[str, Any]
+    problem: Entries
+    gains: Entries
     claims: tuple[Claim, ...]
     guarantees: tuple[Guarantee, ...]
     warnings: tuple[str, ...] | None
-    provenance: Mapping[str, Any]
+    provenance: Entries
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> NewEntries:
         """The document, digest included."""
         body = {
             "format": FORMAT,
@@ -167,7 +168,7 @@ def same(one: Any, other: Any) -> bool:
     return bool(isinstance(one, bool) == isinstance(other, bool) and one == other)
 
 
-def digest(body: Mapping[str, Any]) -> str:
+def digest(body: Entries) -> str:
     """sha256 of the canonical text of everything but the digest."""
     rest = {key: value for key, value in body.items() if key != "digest"}
     text = json.dumps(

@@ -8,6 +8,7 @@ from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
+from lmi.arithmetic.arrays import Entries, NewEntries
 from lmi.memory import OversizeError
 from lmi.solvers import Solver, Solvers
 from lmi.time_budget import UNLIMITED, Remark, TimeBudget, remark_end, sentences
@@ -45,7 +46,7 @@ class Outcome:
     verdict: str
     kind: str
     claims: tuple[Claim, ...]
-    result: Mapping[str, Any]
+    result: Entries
     design: Design | None
     guarantees: tuple[Guarantee, ...] = ()
     warnings: tuple[str, ...] = ()
@@ -204,7 +205,7 @@ def _best(tried: list[_Tried]) -> _Tried:
     return min(reversed(tried), key=lambda one: ("undecided", "refuted").index(one.verdict))
 
 
-def _result(problem: Problem, label: str, tried: list[_Tried]) -> dict[str, Any]:
+def _result(problem: Problem, label: str, tried: list[_Tried]) -> NewEntries:
     """The form of the design, and what became of each."""
     forms = {one.candidate.label: _summary(one.verdict, one.claims) for one in tried}
     skipped = untried_forms(problem)
@@ -212,7 +213,7 @@ def _result(problem: Problem, label: str, tried: list[_Tried]) -> dict[str, Any]
     return {"form": label, "forms": forms}
 
 
-def _summary(verdict: str, claims: tuple[Claim, ...]) -> dict[str, Any]:
+def _summary(verdict: str, claims: tuple[Claim, ...]) -> NewEntries:
     return {
         "verdict": verdict,
         "reasons": [f"{c.id}: {reason(c)}" for c in claims if c.verdict != "proved"],

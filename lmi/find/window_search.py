@@ -10,11 +10,10 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Array
+from lmi.arithmetic.arrays import Array, NewEntries
 from lmi.arithmetic.balls import Exact, rank_factors, to_float
 from lmi.families import Edge
 from lmi.find.cutting_plane import Proposal, propose_edges
@@ -184,7 +183,7 @@ class _Family:
         return WindowResult(attempt, proposal.thetas)
 
 
-def certificate(windows: Windows, links: Links, matrices: Array) -> dict[str, Any]:
+def certificate(windows: Windows, links: Links, matrices: Array) -> NewEntries:
     """Certificate for a file: windows with their intervals and P, edges with their ranges."""
     P = (matrices + np.swapaxes(matrices, 1, 2)) / 2
     ends = zip(links.source, links.target, links.low, links.high, strict=True)

@@ -9,12 +9,12 @@ MARGIN times that of its derivative, as the thetas change in proportion, it is s
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.arrays import Entries, Matrix, NewEntries
 from lmi.arithmetic.balls import ball, exact, exp_times, fixed_vector, precision, rational, scalar
 from lmi.rank.stack import Stack, coordinates, unit_blocks
 from lmi.verdict import Verdict, refuted, undecided
@@ -24,7 +24,7 @@ _BITS = 256
 
 
 @np.errstate(all="ignore")
-def check_deficient(stack: Stack, low: float, high: float, witness: Mapping[str, Any]) -> Verdict:
+def check_deficient(stack: Stack, low: float, high: float, witness: Entries) -> Verdict:
     """Check a witness against full rank.
 
     witness: {"thetas": (m,)} or, for a square stack, {"between": two of them}. Refuted with thetas,
@@ -52,7 +52,7 @@ def _point(stack: Stack, values: Any, low: float, high: float) -> Matrix | None:
     return point if inside else None
 
 
-def outright(stack: Stack) -> dict[str, Any] | None:
+def outright(stack: Stack) -> NewEntries | None:
     """Witness against full rank for all thetas alike; None if there is none."""
     if stack.shape[0] < stack.shape[1]:
         return too_few(stack)
@@ -66,7 +66,7 @@ def outright(stack: Stack) -> dict[str, Any] | None:
     return {"null_vector": vector, "ratio": 0.0, "method": "exact", "reason": reason}
 
 
-def too_few(stack: Stack) -> dict[str, Any]:
+def too_few(stack: Stack) -> NewEntries:
     """The witness that there are fewer rows than columns."""
     rows, columns = stack.shape
     reason = f"{rows} measured numbers cannot tell {columns} states apart"

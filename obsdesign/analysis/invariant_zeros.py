@@ -7,14 +7,12 @@ Both are decided on the exact numbers, each answer with its witness.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.arrays import Entries, Matrix
 from lmi.arithmetic.balls import Exact, ball, certify_positive_definite, exact, precision, to_float
 from lmi.prove.hurwitz import prove_hurwitz
 from lmi.verdict import Verdict, proved, refuted, undecided
@@ -39,7 +37,7 @@ class NearZero:
     margin: float
 
     @classmethod
-    def from_evidence(cls, evidence: Mapping[str, Any]) -> NearZero | None:
+    def from_evidence(cls, evidence: Entries) -> NearZero | None:
         """That of the evidence of `zeros_decay`, if there is one."""
         return cls(**evidence["nearly"]) if "nearly" in evidence else None
 

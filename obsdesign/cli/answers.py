@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
+from lmi.arithmetic.arrays import Entries, NewEntries
 from obsdesign.cli.talk import output_console
 from obsdesign.document import Claim, jsonable
 from obsdesign.pages.key_numbers import numbers_of
@@ -24,7 +25,7 @@ EXIT_CODES = {"proved": 0, "refuted": 1, "undecided": 3}
 _COLOURS = {"proved": "green", "refuted": "red", "undecided": "yellow", "does_not_apply": "dim"}
 
 
-def answer(command: str, outcome: Outcome, result: Mapping[str, Any]) -> str:
+def answer(command: str, outcome: Outcome, result: Entries) -> str:
     """The JSON object of a command, in one line."""
     claims = [claim.to_dict() for claim in outcome.claims]
     return _json(command, outcome.verdict, outcome.kind, claims, jsonable(result))
@@ -37,7 +38,7 @@ def check_answer(verdict: str, answers: Mapping[str, KindAnswer]) -> str:
 
 
 def _json(
-    command: str, verdict: str, kind: str | None, claims: list[dict[str, Any]], result: Any
+    command: str, verdict: str, kind: str | None, claims: list[NewEntries], result: Any
 ) -> str:
     """The object that every command with --json prints."""
     body = {"command": command, "verdict": verdict, "kind": kind, "claims": claims}

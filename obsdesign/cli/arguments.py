@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from lmi.arithmetic.arrays import NewEntries
 from obsdesign.errors import InputError
 from obsdesign.kinds import KINDS
 
@@ -93,7 +94,7 @@ def numbers(text: str, option: str) -> list[float]:
     return values
 
 
-def answer_of(path: str) -> dict[str, Any]:
+def answer_of(path: str) -> NewEntries:
     """The JSON that a command printed, or a design file with its valid digest."""
     from obsdesign.design_file import load_design
     from obsdesign.input_files import read_text, require_depth

@@ -17,7 +17,6 @@ from __future__ import annotations
 import dataclasses
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Self
@@ -25,6 +24,7 @@ from typing import Any, Self
 import numpy as np
 
 from lmi.arithmetic.arrays import Array as Array
+from lmi.arithmetic.arrays import Entries, NewEntries
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ def flag(*, optional: bool = False) -> Any:
     return _field({"flag": True}, optional)
 
 
-def _field(metadata: Mapping[str, Any], optional: bool) -> Any:
+def _field(metadata: Entries, optional: bool) -> Any:
     return field(default=None, metadata=metadata) if optional else field(metadata=metadata)
 
 
@@ -87,7 +87,7 @@ class Gains(ABC):
             object.__setattr__(self, entry.name, _checked(entry, value, sizes))
 
     @classmethod
-    def from_document(cls, entries: Mapping[str, Any]) -> Self:
+    def from_document(cls, entries: Entries) -> Self:
         """The gains that a design file states; ValueError if one is missing or does not fit."""
         names = {entry.name for entry in dataclasses.fields(cls)}
         required = [entry for entry in dataclasses.fields(cls) if entry.default is not None]
@@ -96,7 +96,7 @@ class Gains(ABC):
                 raise ValueError(f"gains.{entry.name} is missing.")
         return cls(**{name: value for name, value in entries.items() if name in names})
 
-    def to_document(self) -> dict[str, Any]:
+    def to_document(self) -> NewEntries:
         """Entries of a design file, without those that the design does not have."""
         entries = {entry.name: getattr(self, entry.name) for entry in dataclasses.fields(self)}
         return {name: value for name, value in entries.items() if value is not None}
@@ -225,14 +225,14 @@ def _sized(name: str, shape: _Shape, value: Any, sizes: dict[str, int]) -> Any:
     return array
 
 
-def plant_data(plant: Any) -> dict[str, Any]:
+def plant_data(plant: Any) -> NewEntries:
     """The plant's numbers that the runtime needs, under the names of a design's `gains`.
 
     `plant` has the attributes of `obsdesign.Plant`. What it does not state is left out: the entries
     of the jump where there is none, and a dwell time that may be any.
     """
     flow, jump, output = plant.flow, plant.jump, plant.output
-    data: dict[str, Any] = {"A": flow.A, "C": output.C}
+    data: NewEntries = {"A": flow.A, "C": output.C}
     if flow.B is not None:
         data["B"] = flow.B
     data |= {"flow_lower": flow.lower, "flow_upper": flow.upper}

@@ -9,11 +9,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.arrays import Entries, EntriesByClaim, Matrix
 from lmi.arithmetic.balls import exact
 from lmi.arithmetic.exponential import absolute_flow, expm
 from lmi.arithmetic.spectrum import spectral_radii
@@ -40,8 +39,8 @@ _BEYOND, _ENDLESS = 0.15, 4.0
 
 
 # gains and evidence as a design file has them
-_Stored = Mapping[str, Any]
-_Evidence = Mapping[str, Mapping[str, Any]]
+_Stored = Entries
+_Evidence = EntriesByClaim
 
 
 @dataclass(frozen=True)

@@ -7,10 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Entries
+
 _MOST_LISTED = 8
 
 
-def numbers_of(evidence: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:
+def numbers_of(evidence: Entries, prefix: str = "") -> Iterator[tuple[str, str]]:
     """(name, value) of the few numbers of a proof, as texts; matrices stay in the file."""
     for key, value in evidence.items():
         name = f"{prefix}{key.replace('_', ' ')}"

@@ -8,7 +8,7 @@ from __future__ import annotations
 import base64
 import json
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
@@ -17,6 +17,7 @@ from typing import Any
 import jinja2
 import numpy as np
 
+from lmi.arithmetic.arrays import Entries, NewEntries
 from obsdesign import workflow
 from obsdesign.data.execution import execute
 from obsdesign.data.records import table_text
@@ -76,7 +77,7 @@ def page(
     design: Design,
     outcome: workflow.Outcome,
     seconds: float,
-    estimate: Mapping[str, Any] | None = None,
+    estimate: Entries | None = None,
 ) -> str:
     """The page as HTML text.
 
@@ -132,7 +133,7 @@ def _plant_words(problem: Problem) -> str:
     return ", ".join(words).replace("1 states", "1 state")
 
 
-def _claim(claim: Any) -> dict[str, Any]:
+def _claim(claim: Any) -> NewEntries:
     return {
         "name": claim.id.replace("_", " "),
         "verdict": claim.verdict,
@@ -169,7 +170,7 @@ def _inline(svg: str) -> str:
 
 def _estimate(
     design: Design, path: str, data: str | None, initial: Sequence[float] | None
-) -> dict[str, Any] | None:
+) -> NewEntries | None:
     """The observer on data, or on a simulation of its plant, as a picture."""
     from obsdesign.pages.plotting.estimate import plot_estimate
 
@@ -208,7 +209,7 @@ def _estimate(
     return {**entries, "beside": rows, "bounds": bounds}
 
 
-def _bounds(design: Design, record: ComparisonRecord, estimate: Table) -> dict[str, Any] | None:
+def _bounds(design: Design, record: ComparisonRecord, estimate: Table) -> NewEntries | None:
     """Bounds of the error of observer (14) along the record: a table and a picture."""
     from obsdesign.pages.plotting.curve import curve_svg
 

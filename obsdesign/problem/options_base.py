@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
+from lmi.arithmetic.arrays import Entries, NewEntries
 from obsdesign.errors import InputError
 from obsdesign.problem.schema import Fragment, file_entry
 
@@ -32,7 +33,7 @@ class Options:
         object.__setattr__(self, "_stated", stated)
 
     @classmethod
-    def from_entries(cls, entries: Mapping[str, Any]) -> Self:
+    def from_entries(cls, entries: Entries) -> Self:
         """Options from the entries of a problem file, converted and named as the schema has it."""
         options = cls(**entries)
         object.__setattr__(options, "_stated", tuple(entries))
@@ -42,7 +43,7 @@ class Options:
         """Does the problem itself state this option?"""
         return name in self._stated
 
-    def to_document(self) -> dict[str, Any]:
+    def to_document(self) -> NewEntries:
         """Entries of a problem file: the options that the problem itself states."""
         return {name: getattr(self, name) for name in self._stated}
 

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.arrays import Matrix, NewEntries
 from obsdesign.entries import (
     bounds,
     is_number,
@@ -266,9 +266,7 @@ def _same(block: Any, other: Any) -> bool:
     return all((a is None) == (b is None) and np.array_equal(a, b) for a, b in pairs)
 
 
-def _inputs(
-    block: Any, name: str, matrices: tuple[str, ...], n: int, states: str
-) -> dict[str, Any]:
+def _inputs(block: Any, name: str, matrices: tuple[str, ...], n: int, states: str) -> NewEntries:
     """Optional matrices with one row per state."""
     result = {}
     for key in matrices:

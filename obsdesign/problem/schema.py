@@ -10,7 +10,9 @@ from collections.abc import Mapping
 from dataclasses import Field, field
 from typing import Any
 
-Fragment = Mapping[str, Any]
+from lmi.arithmetic.arrays import Entries
+
+Fragment = Entries
 
 # marks a field without a default: None is one
 _REQUIRED: Any = object()

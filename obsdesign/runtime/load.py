@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import importlib
 import os
-from collections.abc import Mapping
 from typing import Any, Protocol, cast
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Entries
 from obsdesign.design_file import load_design
 from obsdesign.document import Design, jsonable, same
 from obsdesign.entries import is_number
@@ -21,11 +21,11 @@ from obsdesign.runtime.base import Observer
 class RunnableKind(Protocol):
     """The class of a kind's observers."""
 
-    def from_gains(self, gains: Mapping[str, Any], /) -> Observer:
+    def from_gains(self, gains: Entries, /) -> Observer:
         """The observer of a design's gains; ValueError where they are not such gains."""
 
 
-def observer_class(kind: str, gains: Mapping[str, Any]) -> RunnableKind:
+def observer_class(kind: str, gains: Entries) -> RunnableKind:
     """The class that runs gains of a kind; InputError for what is no kind."""
     known = kind_named(kind)
     if gains.get("differentiator") == "fixed_lag":

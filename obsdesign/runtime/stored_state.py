@@ -11,12 +11,13 @@ from __future__ import annotations
 import json
 import math
 import types
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from typing import Any, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Entries, NewEntries
 from obsdesign.document import Design, digest
 from obsdesign.errors import InputError
 from obsdesign.input_files import keys_once, require_depth
@@ -27,7 +28,7 @@ FORMAT = "obsdesign/state"
 VERSION = 2
 _KEYS = {"format", "version", "kind", "design", "progress", "arrays", "digest"}
 _WORDS = {"nan": math.nan, "inf": math.inf, "-inf": -math.inf}
-_DTYPES: Mapping[str, Any] = {"float": np.float64, "int": np.int64, "bool": np.bool_}
+_DTYPES: Entries = {"float": np.float64, "int": np.int64, "bool": np.bool_}
 
 
 @dataclass(frozen=True)
@@ -80,7 +81,7 @@ def progress_from_text(text: str, design: Design, observer: Any, path: str) -> P
         raise InputError(f"{path}: not a state of kind {design.kind!r}: {error}") from None
 
 
-def _checked_body(text: str, design: Design, path: str) -> dict[str, Any]:
+def _checked_body(text: str, design: Design, path: str) -> NewEntries:
     try:
         body = json.loads(text, object_pairs_hook=keys_once)
     except (ValueError, RecursionError) as error:
@@ -110,7 +111,7 @@ class _Writer:
     """Entries of a state as JSON; each array once, in the order in which it was met."""
 
     def __init__(self) -> None:
-        self.arrays: list[dict[str, Any]] = []
+        self.arrays: list[NewEntries] = []
         self._places: dict[int, int] = {}
 
     def entry(self, value: Any) -> Any:
@@ -200,7 +201,7 @@ def _fields(kind: Any) -> tuple[str, ...] | None:
     return getattr(kind, "_fields", None) if isinstance(kind, type) else None
 
 
-def _stored(array: np.ndarray[Any, Any]) -> dict[str, Any]:
+def _stored(array: np.ndarray[Any, Any]) -> NewEntries:
     """An array with the order of its axes in memory: products round by it."""
     dtype = next((name for name, one in _DTYPES.items() if array.dtype == one), None)
     if dtype is None:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Array, Matrix
+from lmi.arithmetic.arrays import Array, Entries, Matrix
 from lmi.prove.common_matrix import prove_common
 from lmi.prove.positive import FORMS, SIDES, prove_copositive
 from lmi.prove.windows_proof import prove_windows
@@ -19,7 +19,7 @@ from lmi.verdict import Verdict, undecided
 from obsdesign.equations.estimation_error import reason_against_sampling
 from obsdesign.problem.problem import Problem
 
-_Prover = Callable[[Array, Array, "Dwell", Mapping[str, Any], str], Verdict]
+_Prover = Callable[[Array, Array, "Dwell", Entries, str], Verdict]
 
 
 def reason_against_problem(problem: Problem) -> str | None:
@@ -53,7 +53,7 @@ class Dwell:
 
 
 def dwell_stability(
-    F: Array, H: Any, dwell: Dwell, certificate: Mapping[str, Any], paranoid: bool
+    F: Array, H: Any, dwell: Dwell, certificate: Entries, paranoid: bool
 ) -> Verdict:
     """Is x -> e^{F theta} H x stable for every admissible sequence of theta?
 
@@ -105,7 +105,7 @@ def _twice(
     F: Array,
     H: Array,
     dwell: Dwell,
-    certificate: Mapping[str, Any],
+    certificate: Entries,
     *,
     paranoid: bool,
 ) -> Verdict:
@@ -122,9 +122,7 @@ def _twice(
     return Verdict("proved", {**verdict.evidence, "confirmed_by": confirmed})
 
 
-def _common(
-    F: Array, H: Array, dwell: Dwell, certificate: Mapping[str, Any], method: str
-) -> Verdict:
+def _common(F: Array, H: Array, dwell: Dwell, certificate: Entries, method: str) -> Verdict:
     P = matrix_of(certificate["P"], len(F))
     if P is None:
         return undecided("the certificate P is not a matrix of the right size")
@@ -134,9 +132,7 @@ def _common(
     return Verdict("proved", {"P": certificate["P"], **verdict.evidence})
 
 
-def _windows(
-    F: Array, H: Array, dwell: Dwell, certificate: Mapping[str, Any], method: str
-) -> Verdict:
+def _windows(F: Array, H: Array, dwell: Dwell, certificate: Entries, method: str) -> Verdict:
     verdict = prove_windows(
         F, H, certificate, dwell.low, dwell.high, jitter=dwell.jitter, method=method
     )
@@ -146,9 +142,7 @@ def _windows(
     return Verdict("proved", {**given, **verdict.evidence})
 
 
-def _copositive(
-    F: Array, H: Array, low: float, high: float, certificate: Mapping[str, Any]
-) -> Verdict:
+def _copositive(F: Array, H: Array, low: float, high: float, certificate: Entries) -> Verdict:
     """The proof by one vector, for positive systems."""
     side, form = certificate.get("side"), certificate.get("form")
     vector = _numbers(certificate["vector"])

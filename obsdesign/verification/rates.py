@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import asdict
 from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal, localcontext
 from typing import Any
 
-from lmi.arithmetic.arrays import Array
+from lmi.arithmetic.arrays import Array, Entries
 from lmi.prove.rates import Rates, prove_rates
 from obsdesign.document import Claim
 from obsdesign.verification.dwell import Dwell, matrix_of
 
 
 def rates_claim(
-    F: Array, H: Any, dwell: Dwell, certificates: Mapping[str, Any], source: str
+    F: Array, H: Any, dwell: Dwell, certificates: Entries, source: str
 ) -> tuple[Claim, ...]:
     """Claim of proposed rates of decay per jump and in time, for the P of the stability claim.
 

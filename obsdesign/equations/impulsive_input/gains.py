@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.arrays import Entries, Matrix, NewEntries
 from obsdesign.equations.gains import PlantGains, flag, matrix, number, word
 
 WEIGHTINGS = ("plain", "gls")
@@ -55,7 +54,7 @@ class ImpulsiveInputGains(PlantGains):
             if not is_positive(getattr(self, name)):
                 raise ValueError(f"gains.{name} must be a positive number.")
 
-    def to_document(self) -> dict[str, Any]:
+    def to_document(self) -> NewEntries:
         """Entries of a design file, without those that the design does not have."""
         entries = super().to_document()
         places = {name: place for place, name in enumerate(self._FILE_ORDER)}
@@ -155,7 +154,7 @@ OPERATORS: dict[str, type[IntegralGains] | type[SamplesGains]] = {
 }
 
 
-def gains_from_document(entries: Mapping[str, Any]) -> IntegralGains | SamplesGains:
+def gains_from_document(entries: Entries) -> IntegralGains | SamplesGains:
     """The gains that a design file states, of the class of their operator; ValueError if unfit."""
     operator = entries.get("operator")
     if operator not in OPERATORS:

@@ -8,14 +8,14 @@ sample's own time with the prediction so far; the rows that it settled are in `s
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.arrays import Entries, Matrix
 from obsdesign.equations.impulsive_input.gains import (
     IntegralGains,
     SamplesGains,
@@ -80,7 +80,7 @@ class ImpulsiveInputObserver(PointObserver[ImpulsiveInputState], Delayed[Impulsi
     finds_events: ClassVar[bool] = True
 
     @classmethod
-    def from_gains(cls, gains: Mapping[str, Any]) -> ImpulsiveInputObserver:
+    def from_gains(cls, gains: Entries) -> ImpulsiveInputObserver:
         """The observer of a design's `gains`; ValueError if they do not fit each other."""
         typed = gains_from_document(gains)
         if isinstance(typed, IntegralGains):

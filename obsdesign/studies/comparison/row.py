@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.arrays import Entries, Matrix, NewEntries
 from obsdesign.data.stream import estimates_of
 from obsdesign.document import Design
 from obsdesign.problem.plant import Plant
@@ -46,10 +45,10 @@ class ComparisonRow:
     without: int | None = None
     seconds: float | None = None
     reason: str = ""
-    ended: Mapping[str, Any] = field(default_factory=dict)
+    ended: Entries = field(default_factory=dict)
 
 
-def run(design: Design, record: ComparisonRecord, start: Matrix) -> dict[str, Any]:
+def run(design: Design, record: ComparisonRecord, start: Matrix) -> NewEntries:
     """Errors, widths and times of a design, started in the bounds (n, 2) or their middle."""
     observer = from_design(design)
     begin = start if design.kind == "interval" else start.mean(axis=1)
@@ -60,7 +59,7 @@ def run(design: Design, record: ComparisonRecord, start: Matrix) -> dict[str, An
     clock = time.process_time()
     estimates = list(estimates_of(observer, state, iter(samples)))
     seconds = (time.process_time() - clock) / len(estimates)
-    numbers: dict[str, Any] = {
+    numbers: NewEntries = {
         "seconds": seconds,
         "without": sum(estimate.status != "ok" for estimate in estimates),
     }
@@ -80,8 +79,8 @@ def run(design: Design, record: ComparisonRecord, start: Matrix) -> dict[str, An
 
 def _errors(
     record: ComparisonRecord, x: Matrix, d: Matrix | None, counted: NDArray[np.bool_]
-) -> dict[str, Any]:
-    errors: dict[str, Any] = {}
+) -> NewEntries:
+    errors: NewEntries = {}
     if record.x is not None and len(record.x) == len(x):
         error = np.abs(x - record.x)[counted]
         errors["error"] = _size(error)

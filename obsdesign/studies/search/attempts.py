@@ -7,12 +7,12 @@ refuted where the claims of every candidate are, as answers to the problem with 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Entries
 from lmi.arithmetic.balls import exact
 from lmi.decide.dwell_problem import Direction, dwell_range
 from lmi.decide.dwell_search import Bracket, dwell_bracket
@@ -65,7 +65,7 @@ class Attempt:
 
     candidate: Candidate
     claims: tuple[Claim, ...]
-    gains: Mapping[str, Any]
+    gains: Entries
     is_usable: bool
     bracket: Bracket | None = None
 

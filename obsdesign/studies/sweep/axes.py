@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
+from lmi.arithmetic.arrays import NewEntries
 from obsdesign.entries import is_number
 from obsdesign.errors import InputError
 
@@ -51,7 +52,7 @@ class Axis:
         """The axis as it is written for --over, ends shortened."""
         return f"{self.key}={self.first:g}:{self.last:g}:{self.count}"
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> NewEntries:
         """The axis as it stands in the first line of a sweep file."""
         return {"key": self.key, "first": self.first, "last": self.last, "count": self.count}
 
@@ -78,9 +79,9 @@ def parse_axis(text: str) -> Axis:
     return Axis(key.strip(), first + 0.0, last + 0.0, count)
 
 
-def changed(body: Any, path: Path, value: float) -> dict[str, Any]:
+def changed(body: Any, path: Path, value: float) -> NewEntries:
     """A copy of a problem as a dict with another number in one entry."""
-    result: dict[str, Any] = copy.deepcopy(body)
+    result: NewEntries = copy.deepcopy(body)
     place: Any = result
     for step in path[:-1]:
         place = place[step]

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.arrays import EntriesByClaim, Matrix
 from lmi.arithmetic.balls import exact, inverse, to_float
 from lmi.rank.decide import decide_full_rank
 from lmi.rank.full_rank import BOX_LIMIT
@@ -93,7 +92,7 @@ def windowed(
     gains: ImpulsiveGains,
     label: str,
     budget: TimeBudget,
-    certificates: Mapping[str, Mapping[str, Any]] | None = None,
+    certificates: EntriesByClaim | None = None,
     *,
     limit: int = BOX_LIMIT,
 ) -> Candidate:

@@ -7,11 +7,9 @@ sequence of spacings in `jump.dwell_time` (Definition 2.3 restricted to it, as i
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 
+from lmi.arithmetic.arrays import Entries, EntriesByClaim, NewEntries
 from lmi.arithmetic.balls import exact
 from lmi.time_budget import UNLIMITED, TimeBudget
 from lmi.verdict import Verdict, overall, proved, refuted, undecided
@@ -63,8 +61,8 @@ from obsdesign.verification.impulsive.uncorrected_blocks import (
 @np.errstate(all="ignore")
 def claims(
     problem: Problem,
-    stored: Mapping[str, Any],
-    certificates: Mapping[str, Mapping[str, Any]],
+    stored: Entries,
+    certificates: EntriesByClaim,
     *,
     paranoid: bool = False,
     budget: TimeBudget = UNLIMITED,
@@ -74,7 +72,7 @@ def claims(
     stored: gains as a design file states them; certificates: {"strongly_observable": {"asked"} or
     {"witness"}} and those of the strategies.
     """
-    objection, expected = _reason_against_problem(problem), dict[str, Any]()
+    objection, expected = _reason_against_problem(problem), NewEntries()
     if objection is None:
         try:
             expected = _expected(problem, stored, ImpulsiveGains.from_document(stored))
@@ -106,7 +104,7 @@ def _rate_claims(
     problem: Problem,
     gains: ImpulsiveGains,
     bound: Bound | None,
-    certificates: Mapping[str, Any],
+    certificates: Entries,
     lyapunov: LyapunovFunction | None,
 ) -> list[Claim]:
     """Claims of the rate that follows from a proved bound, and of the problem's decay rate."""
@@ -127,7 +125,7 @@ def _lyapunov(
     problem: Problem,
     gains: ImpulsiveGains,
     proved_claims: list[Claim],
-    certificates: Mapping[str, Any],
+    certificates: Entries,
 ) -> LyapunovFunction | None:
     """The function of Theorem 2.2, where the certificate of the rate names it (strategy `full`).
 
@@ -150,7 +148,7 @@ def _lyapunov(
 def _windowed(
     problem: Problem,
     gains: ImpulsiveGains,
-    certificates: Mapping[str, Any],
+    certificates: Entries,
     paranoid: bool,
     budget: TimeBudget,
 ) -> tuple[list[Claim], Bound | None]:
@@ -183,7 +181,7 @@ def _windowed(
 
 
 def _uncorrected(
-    problem: Problem, blocks: Blocks, certificates: Mapping[str, Any], paranoid: bool
+    problem: Problem, blocks: Blocks, certificates: Entries, paranoid: bool
 ) -> tuple[list[Claim], dict[str, Bound]]:
     """Claims that the blocks without correction decay, and their bounds by name."""
     claims, bounds = list[Claim](), dict[str, Bound]()
@@ -222,12 +220,12 @@ def _is_undetectable(problem: Problem) -> bool:
     return not_detectable(flow.A, jump.G, C, problem.require_dwell_time()) is not None
 
 
-def _expected(problem: Problem, stored: Mapping[str, Any], gains: ImpulsiveGains) -> dict[str, Any]:
+def _expected(problem: Problem, stored: Entries, gains: ImpulsiveGains) -> NewEntries:
     """The value, or the shape, that the problem requires of each entry of `stored`."""
     n, p = problem.plant.n, problem.plant.p
     options = problem.options_as(ImpulsiveOptions)
     words = set(STRATEGIES) if options.strategy == "auto" else {options.strategy}
-    expected: dict[str, Any] = plant_data(problem.plant) | {"strategy": words}
+    expected: NewEntries = plant_data(problem.plant) | {"strategy": words}
     if not gains.has_window:
         cells = len(gains.gain_table[1])
         return expected | {"cells": (cells + 1,), "table": (cells, n, p)}

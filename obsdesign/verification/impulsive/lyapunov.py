@@ -21,8 +21,9 @@ import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from decimal import ROUND_CEILING, ROUND_FLOOR
-from typing import Any, ClassVar
+from typing import ClassVar
 
+from lmi.arithmetic.arrays import Entries, NewEntries
 from lmi.arithmetic.balls import number
 from lmi.arithmetic.norms import float_above, float_below
 from lmi.bounds.largest_norm import identity_like, norm_of, norm_over
@@ -45,7 +46,7 @@ class LyapunovFunction:
     }
 
     @classmethod
-    def from_evidence(cls, evidence: Mapping[str, Any]) -> LyapunovFunction | None:
+    def from_evidence(cls, evidence: Entries) -> LyapunovFunction | None:
         """From the evidence of a claim `rate`; None where it has no numbers."""
         entry = evidence.get(cls.ENTRY)
         if not isinstance(entry, Mapping):
@@ -53,7 +54,7 @@ class LyapunovFunction:
         eta, rho = entry.get("eta"), entry.get("rho")
         return cls(eta, rho) if isinstance(eta, float) and isinstance(rho, float) else None
 
-    def to_evidence(self) -> dict[str, Any]:
+    def to_evidence(self) -> NewEntries:
         """As it stands in the evidence of a claim."""
         return asdict(self) | dict(self._WORDS)
 

@@ -15,14 +15,13 @@ it is of this form at once. ||X_i K|| and ||X_i zeta||/sqrt(V) are at most sprea
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from dataclasses import asdict, dataclass, fields
-from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.arrays import Entries, Matrix
 from lmi.arithmetic.balls import Ball, Exact, inverse, number, precision, rational, scalar
 from lmi.arithmetic.norms import nonnegative_inverse
 from lmi.bounds.largest_norm import identity_like, inverse_norm_over, norm_of, norm_over
@@ -96,7 +95,7 @@ class RankProof:
     recalled: float
 
     @classmethod
-    def from_evidence(cls, evidence: Mapping[str, Any]) -> RankProof:
+    def from_evidence(cls, evidence: Entries) -> RankProof:
         """From the evidence of a proved claim `strongly_observable`."""
         return cls(
             blocks=int(evidence["blocks"]),
@@ -174,7 +173,7 @@ class Rate:
     in_time: float
 
     @classmethod
-    def from_evidence(cls, evidence: Mapping[str, Any]) -> Rate:
+    def from_evidence(cls, evidence: Entries) -> Rate:
         """From the evidence of a claim `rate`, or from a certificate of that form."""
         return cls(*(evidence[entry.name] for entry in fields(cls)))
 
@@ -189,7 +188,7 @@ class Rate:
         return 0 < self.in_time <= -math.log(self.per_impulse) / high * (1 - 1e-12)
 
 
-def certified_rate(bound: Bound, high: float, stored: Mapping[str, Any]) -> Rate | None:
+def certified_rate(bound: Bound, high: float, stored: Entries) -> Rate | None:
     """Return the stored rate if the bound shows it, else the bound's own, rounded up.
 
     None if the bound has no finite constant or no decay.

@@ -8,8 +8,8 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Mapping
-from typing import Any
 
+from lmi.arithmetic.arrays import Entries, NewEntries
 from lmi.arithmetic.balls import number
 from lmi.rank.decide import approx_evidence, decide_full_rank, prove_again
 from lmi.rank.stack import Stack
@@ -64,7 +64,7 @@ def nominal_plant(gains: ImpulsiveGains, verdict: Verdict) -> Claim:
     )
 
 
-def noise_target(evidence: Mapping[str, Any]) -> Claim:
+def noise_target(evidence: Entries) -> Claim:
     """Claim of a noise target that no window and alpha met, by estimate."""
     return Claim(
         "noise_target",
@@ -79,7 +79,7 @@ def rate_claim(
     rate: Rate, estimated: Mapping[str, object] | None, lyapunov: LyapunovFunction | None
 ) -> Claim:
     """Claim of the proved rate of convergence; an estimate beside it proves nothing."""
-    evidence: dict[str, Any] = rate.to_evidence()
+    evidence: NewEntries = rate.to_evidence()
     evidence |= {} if estimated is None else {"estimated": estimated}
     evidence |= {} if lyapunov is None else {lyapunov.ENTRY: lyapunov.to_evidence()}
     return Claim(
@@ -118,7 +118,7 @@ def strongly_observable(
     problem: Problem,
     core: Core,
     window: int,
-    certificate: Mapping[str, Any],
+    certificate: Entries,
     budget: TimeBudget = UNLIMITED,
 ) -> Claim:
     """Claim full column rank of the window matrix for all spacings, with a margin."""
@@ -149,7 +149,7 @@ def full_rank(
     stack: Stack,
     low: float,
     high: float,
-    certificate: Mapping[str, Any],
+    certificate: Entries,
     budget: TimeBudget = UNLIMITED,
 ) -> Verdict:
     """Prove full rank from a certificate, a margin or a witness; from scratch without one."""
@@ -166,9 +166,7 @@ def full_rank(
     return Verdict(verdict.outcome, {**shown, **verdict.evidence})
 
 
-def _witnessed(
-    stack: Stack, low: float, high: float, certificate: Mapping[str, Any]
-) -> Verdict | None:
+def _witnessed(stack: Stack, low: float, high: float, certificate: Entries) -> Verdict | None:
     """The refutation by the witness of a certificate, or None where it has none that holds."""
     witness = certificate.get("witness")
     if not isinstance(witness, Mapping):

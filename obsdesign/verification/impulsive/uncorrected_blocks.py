@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.arrays import Entries, Matrix
 from lmi.arithmetic.balls import Exact, exact, number, rational, to_float
 from lmi.bounds.largest_norm import identity_like, norm_of, norm_over
 from lmi.prove.common_matrix import prove_common
@@ -38,7 +36,7 @@ class BlockDecay:
     factor: float
 
     @classmethod
-    def from_evidence(cls, evidence: Mapping[str, Any]) -> BlockDecay | None:
+    def from_evidence(cls, evidence: Entries) -> BlockDecay | None:
         """From the evidence of a claim that a block decays; None without a P."""
         if "P" not in evidence:
             return None
@@ -49,7 +47,7 @@ def block_decay(
     name: str,
     pair: tuple[Exact, Exact],
     dwell: Dwell,
-    certificate: Mapping[str, Any],
+    certificate: Entries,
     *,
     paranoid: bool,
     rate: float,
@@ -88,7 +86,7 @@ def _without_margin(verdict: Verdict, F: Exact, H: Exact, dwell: Dwell) -> Verdi
 
 
 def quadratic_claims(
-    problem: Problem, gains: ImpulsiveGains, certificates: Mapping[str, Any], paranoid: bool
+    problem: Problem, gains: ImpulsiveGains, certificates: Entries, paranoid: bool
 ) -> tuple[list[Claim], Bound | None]:
     """Claims of one P for all spacings, gains by cells of the last one; and their bound."""
     dwell, ends = Dwell.from_problem(problem), problem.require_dwell_time()
@@ -113,9 +111,7 @@ def quadratic_claims(
     return [*_obstructions(plant, dwell, certificates, paranoid), *claims], None
 
 
-def _obstructions(
-    plant: Core, dwell: Dwell, certificates: Mapping[str, Any], paranoid: bool
-) -> list[Claim]:
+def _obstructions(plant: Core, dwell: Dwell, certificates: Entries, paranoid: bool) -> list[Claim]:
     """Claims whose refutation refutes every observer: undetectable modes."""
     claims = []
     hidden = hidden_part([plant.A, plant.J], plant.C)

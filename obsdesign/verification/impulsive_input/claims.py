@@ -8,11 +8,11 @@ rank is proved by itself; uniqueness of (17) is false in general, and decided
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Entries, EntriesByClaim, NewEntries
 from lmi.arithmetic.balls import exact, to_float
 from lmi.time_budget import UNLIMITED, TimeBudget
 from obsdesign.analysis.impulsive_input.requirements import (
@@ -58,8 +58,8 @@ _ROUNDING = 1e-6  # of a threshold that is computed in floats
 
 def claims(
     problem: Problem,
-    stored: Mapping[str, Any],
-    certificates: Mapping[str, Mapping[str, Any]],
+    stored: Entries,
+    certificates: EntriesByClaim,
     *,
     paranoid: bool = False,
     budget: TimeBudget = UNLIMITED,
@@ -125,7 +125,7 @@ def _integral_claims(problem: Problem, gains: IntegralGains, budget: TimeBudget)
     return claims
 
 
-def _reason_against(problem: Problem, stored: Mapping[str, Any]) -> str | None:
+def _reason_against(problem: Problem, stored: Entries) -> str | None:
     """Return why the kind cannot serve the problem, or the stored gains are none; or None."""
     plant = problem.plant
     if plant.jump is None or plant.jump.H is None or plant.jump.dwell_time is None:
@@ -151,7 +151,7 @@ def _reason_against(problem: Problem, stored: Mapping[str, Any]) -> str | None:
     return None
 
 
-def _reason_against_integral(plant: Plant, stored: Mapping[str, Any]) -> str | None:
+def _reason_against_integral(plant: Plant, stored: Entries) -> str | None:
     window = float(stored["window"])
     if not float(stored["margin"]) < window:
         return "gains.margin must be less than gains.window"
@@ -160,7 +160,7 @@ def _reason_against_integral(plant: Plant, stored: Mapping[str, Any]) -> str | N
     return reason_against_exponents(np.asarray(stored["exponents"]), plant.n, plant.p, window)
 
 
-def _reason_against_samples(plant: Plant, stored: Mapping[str, Any]) -> str | None:
+def _reason_against_samples(plant: Plant, stored: Entries) -> str | None:
     period, window = plant.output.period, stored["window"]
     H = None if plant.jump is None else plant.jump.H
     if plant.output.measured != "periodic" or period is None or not is_positive(period):
@@ -174,7 +174,7 @@ def _reason_against_samples(plant: Plant, stored: Mapping[str, Any]) -> str | No
     return None
 
 
-def _required_rule(plant: Plant, stored: Mapping[str, Any]) -> str:
+def _required_rule(plant: Plant, stored: Entries) -> str:
     """Return the rule that the stored exponents need; any where `_reason_against` refutes them."""
     rule = stored.get("rule")
     fallback = rule if isinstance(rule, str) and rule in RULES[:2] else "peak"
@@ -190,7 +190,7 @@ def _required_rule(plant: Plant, stored: Mapping[str, Any]) -> str:
     return "" if refused and window.H.any() else rule
 
 
-def _stored_window(plant: Plant, stored: Mapping[str, Any]) -> FeatureWindow | None:
+def _stored_window(plant: Plant, stored: Entries) -> FeatureWindow | None:
     """Features of the stored K, exponents, window and margin; None where they make none."""
     K, exponents = stored.get("K"), stored.get("exponents")
     positive = is_positive(stored.get("window")) and is_positive(stored.get("margin"))
@@ -206,7 +206,7 @@ def _stored_window(plant: Plant, stored: Mapping[str, Any]) -> FeatureWindow | N
     )  # fmt: skip
 
 
-def _required_threshold(problem: Problem, stored: Mapping[str, Any]) -> float | None:
+def _required_threshold(problem: Problem, stored: Entries) -> float | None:
     """Return the threshold of the problem: stated, or from the stored exponents and K.
 
     The latter is computed in floats: the stored one serves where it is the same but for rounding.
@@ -225,7 +225,7 @@ def _required_threshold(problem: Problem, stored: Mapping[str, Any]) -> float | 
     return float(threshold) if math.isclose(threshold, required, rel_tol=_ROUNDING) else required
 
 
-def _expected(problem: Problem, stored: Mapping[str, Any]) -> dict[str, Any]:
+def _expected(problem: Problem, stored: Entries) -> NewEntries:
     """Entries that the problem requires, for `consistent_gains`."""
     plant, options = problem.plant, problem.options_as(ImpulsiveInputOptions)
     samples = stored.get("operator") == "samples"

@@ -9,13 +9,12 @@ eigenvector of A: otherwise every v explains the samples equally well.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.arrays import Entries, Matrix
 from lmi.arithmetic.balls import Exact, ball, exact, exp_times, rational, to_float
 from lmi.prove.hurwitz import exactly_schur, prove_hurwitz, real_spectrum
 from lmi.verdict import Verdict, proved, refuted, undecided
@@ -45,7 +44,7 @@ class SpeedsPerPeriod:
     exponent: float
 
     @classmethod
-    def from_evidence(cls, evidence: Mapping[str, Any]) -> SpeedsPerPeriod | None:
+    def from_evidence(cls, evidence: Entries) -> SpeedsPerPeriod | None:
         """The speeds in the evidence of claim `samples`; None where it has none."""
         if "approx_mode_times_period" not in evidence:
             return None

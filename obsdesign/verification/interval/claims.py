@@ -8,13 +8,12 @@ to an exact one (`splits.completed_split`), and stability is proved for the comp
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Array
+from lmi.arithmetic.arrays import Array, Entries, EntriesByClaim, NewEntries
 from lmi.arithmetic.balls import exact, inverse
 from lmi.prove.hurwitz import prove_hurwitz
 from lmi.time_budget import UNLIMITED, TimeBudget
@@ -65,8 +64,8 @@ _EQUATIONS = {
 
 def claims(
     problem: Problem,
-    stored: Mapping[str, Any],
-    certificates: Mapping[str, Mapping[str, Any]],
+    stored: Entries,
+    certificates: EntriesByClaim,
     *,
     paranoid: bool = False,
     budget: TimeBudget = UNLIMITED,
@@ -107,7 +106,7 @@ def claims(
 def _jump_claims(
     system: WidthSystem,
     gains: IntervalGains,
-    certificates: Mapping[str, Mapping[str, Any]],
+    certificates: EntriesByClaim,
     paranoid: bool,
 ) -> tuple[Claim, ...]:
     """Stability and rates of the width of a plant with jumps."""
@@ -126,7 +125,7 @@ def _spacing(
     problem: Problem,
     system: WidthSystem,
     gains: IntervalGains,
-    certificates: Mapping[str, Any],
+    certificates: Entries,
     width: tuple[Claim, ...],
 ) -> tuple[Claim, ...]:
     """Claim of a step limit of a continuous y, if one is proposed; none is needed with L = 0."""
@@ -138,7 +137,7 @@ def _spacing(
     return spacing_claim(system, gains, certificates.get("sampled_width", {}), source)
 
 
-def dwell_pair(stored: Mapping[str, Any]) -> tuple[Array, Array | None]:
+def dwell_pair(stored: Entries) -> tuple[Array, Array | None]:
     """(W, N), exact: the pair whose stability over a range of dwell times is claimed."""
     system = WidthSystem.from_gains(IntervalGains.from_document(stored), exact, inverse)
     return system.W, system.N
@@ -199,7 +198,7 @@ def _reason_against(problem: Problem) -> str | None:
     return reason
 
 
-def expected_gains(problem: Problem, stored: Mapping[str, Any]) -> dict[str, Any]:
+def expected_gains(problem: Problem, stored: Entries) -> NewEntries:
     """Entries of the stored gains, each with the value that the problem fixes, or its shape.
 
     The form that they name decides which entries there are.
@@ -207,7 +206,7 @@ def expected_gains(problem: Problem, stored: Mapping[str, Any]) -> dict[str, Any
     plant, form = problem.plant, stored.get("form")
     n, p = plant.n, plant.p
     forms = set(open_forms(problem))
-    expected: dict[str, Any] = {"form": forms} | plant_data(plant)
+    expected: NewEntries = {"form": forms} | plant_data(plant)
     if plant.output.measured == "periodic":
         expected |= {"period": plant.output.period}
     elif _has_step_limit(problem, stored):  # `sampled_width` is about this limit, and no other
@@ -228,7 +227,7 @@ def expected_gains(problem: Problem, stored: Mapping[str, Any]) -> dict[str, Any
     return expected | given | zeros
 
 
-def _has_step_limit(problem: Problem, stored: Mapping[str, Any]) -> bool:
+def _has_step_limit(problem: Problem, stored: Entries) -> bool:
     """Does the problem name the spacing of a continuous y that is used between jumps?"""
     output = problem.plant.output
     named = output.measured == "continuous" and output.period is not None
@@ -260,7 +259,7 @@ def _stability_claim(
     form: str,
     system: WidthSystem,
     dwell: Dwell,
-    certificate: Mapping[str, Any],
+    certificate: Entries,
     paranoid: bool,
 ) -> Claim:
     """Inequality (5), or (10) on the n-dimensional pair, for all dwell times in the range."""

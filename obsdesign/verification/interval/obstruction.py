@@ -10,11 +10,10 @@ import itertools
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Array
+from lmi.arithmetic.arrays import Array, NewEntries
 from lmi.arithmetic.balls import exact, inverse, to_float
 from lmi.prove.hurwitz import prove_hurwitz
 from lmi.refute.spectral import refute_spectral
@@ -64,7 +63,7 @@ def _has_open_coordinates(problem: Problem, gains: IntervalGains) -> bool:
     return gains.S is not None and "S" not in problem.gains
 
 
-def _undetectable(problem: Problem) -> dict[str, Any] | None:
+def _undetectable(problem: Problem) -> NewEntries | None:
     """Witness of two states with equal outputs whose distance does not shrink, or None."""
     A, G, C, ends = _plant(problem)
     return not_detectable(A, G, C, ends)
@@ -102,7 +101,7 @@ def _with_hint(claim: Claim, hint: str) -> Claim:
     return replace(claim, evidence={**claim.evidence, "reason": reason})
 
 
-def _unstable_error(problem: Problem, gains: IntervalGains) -> dict[str, Any] | None:
+def _unstable_error(problem: Problem, gains: IntervalGains) -> NewEntries | None:
     """With gains that are given no coordinates help if the error itself does not shrink."""
     F, H = error_matrices(gains, exact)
     beginning = "with these gains no coordinates help, the estimation error does not shrink: "
@@ -113,7 +112,7 @@ def _unstable_error(problem: Problem, gains: IntervalGains) -> dict[str, Any] | 
     return witness or _witness(refute_spectral(F, H, low, high), beginning)
 
 
-def _unstable_between_samples(problem: Problem, gains: IntervalGains) -> dict[str, Any] | None:
+def _unstable_between_samples(problem: Problem, gains: IntervalGains) -> NewEntries | None:
     """The same for samples as events, without jumps if they may stay away for ever."""
     if problem.plant.jump is not None and math.isfinite(problem.require_dwell_time()[1]):
         return None
@@ -124,7 +123,7 @@ def _unstable_between_samples(problem: Problem, gains: IntervalGains) -> dict[st
     return _witness(refute_spectral(A, K, gains.period, gains.period), beginning)
 
 
-def _witness(verdict: Verdict, beginning: str) -> dict[str, Any] | None:
+def _witness(verdict: Verdict, beginning: str) -> NewEntries | None:
     """The witness of a refutation, its reason after a beginning; None without one."""
     if verdict.outcome != "refuted":
         return None
@@ -134,7 +133,7 @@ def _witness(verdict: Verdict, beginning: str) -> dict[str, Any] | None:
 
 def _in_these_coordinates(
     problem: Problem, gains: IntervalGains, is_open: Mapping[str, bool]
-) -> dict[str, Any] | None:
+) -> NewEntries | None:
     plant = problem.plant
     if gains.form == "two_coordinates":
         return None
@@ -164,7 +163,7 @@ def _in_these_coordinates(
 
 def _unreached(
     problem: Problem, F: Array, H: Array | None, C_flow: Array, C_jump: Array
-) -> dict[str, Any] | None:
+) -> NewEntries | None:
     """Columns that no gain reaches keep their part of W and N, and it does not contract.
 
     C_flow, C_jump: factors of the open gains, zero where none is open.
@@ -188,7 +187,7 @@ def _unreached(
     return witness
 
 
-def _wrong_sign(X: Array, C: Array, name: str, metzler: bool) -> dict[str, Any] | None:
+def _wrong_sign(X: Array, C: Array, name: str, metzler: bool) -> NewEntries | None:
     """A row that no gain makes nonnegative: y >= 0 with C y = 0 and (row) y < 0 (Farkas)."""
     n = len(X)
     for i in range(n):
@@ -200,7 +199,7 @@ def _wrong_sign(X: Array, C: Array, name: str, metzler: bool) -> dict[str, Any] 
     return None
 
 
-def _entry(X: Array, i: int, support: tuple[int, ...], y: Array, name: str) -> dict[str, Any]:
+def _entry(X: Array, i: int, support: tuple[int, ...], y: Array, name: str) -> NewEntries:
     values = [float(v) for v in to_float(np.array([X[i, j] for j in support], dtype=object))]
     if len(support) == 1:
         j = support[0]

@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Array
+from lmi.arithmetic.arrays import Array, Entries
 from lmi.arithmetic.balls import exact, inverse, to_float, upper_ends
 from lmi.bounds.interleaved import Bounds, Interleaved, prove_interleaved
 from lmi.bounds.sampled_flow import sampled_flow
@@ -36,7 +35,7 @@ _COMPARISON_IN_WORDS = "w' = W w + f, w+ = K w + k at samples and w+ = N w + h a
 
 
 def samples_claim(
-    system: WidthSystem, gains: IntervalGains, proposed: Mapping[str, Any], source: str
+    system: WidthSystem, gains: IntervalGains, proposed: Entries, source: str
 ) -> Claim:
     """Claim for samples as events: bounded width for every sequence of jumps between them.
 
@@ -100,7 +99,7 @@ def _proof(system: WidthSystem, gains: IntervalGains, vectors: Mapping[str, Arra
 def spacing_claim(
     system: WidthSystem,
     gains: IntervalGains,
-    proposed: Mapping[str, Any],
+    proposed: Entries,
     source: str,
 ) -> tuple[Claim, ...]:
     """Claim of the width for samples of a continuous y at all spacings up to a limit."""
@@ -164,7 +163,7 @@ class SampledWidth:
     step_limit: float | None
 
     @classmethod
-    def from_evidence(cls, evidence: Mapping[str, Any]) -> SampledWidth:
+    def from_evidence(cls, evidence: Entries) -> SampledWidth:
         """Those of a proved claim."""
         limit = evidence.get("step_limit")
         limit = None if limit is None else float(limit)

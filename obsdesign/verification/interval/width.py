@@ -6,11 +6,10 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from decimal import ROUND_CEILING
-from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Array
+from lmi.arithmetic.arrays import Array, Entries
 from lmi.arithmetic.balls import exact, to_float
 from lmi.bounds.tube import Tube, periodic_limit, prove_tube
 from lmi.verdict import Verdict, proved, undecided
@@ -30,7 +29,7 @@ class ConstantDwell:
     mean: Sequence[float]
 
     @classmethod
-    def from_evidence(cls, entries: Mapping[str, Any]) -> ConstantDwell:
+    def from_evidence(cls, entries: Entries) -> ConstantDwell:
         """Those of one row of a claim."""
         names = ("before_jump", "after_jump", "mean")
         return cls(float(entries["dwell_time"]), *(entries[name] for name in names))
@@ -46,7 +45,7 @@ class AsymptoticWidth:
     constant_dwell: tuple[ConstantDwell, ...]
 
     @classmethod
-    def from_evidence(cls, evidence: Mapping[str, Any]) -> AsymptoticWidth:
+    def from_evidence(cls, evidence: Entries) -> AsymptoticWidth:
         """Those of a proved claim."""
         rows = tuple(map(ConstantDwell.from_evidence, evidence.get("constant_dwell", ())))
         return cls(
@@ -55,7 +54,7 @@ class AsymptoticWidth:
 
 
 def width_claim(
-    system: WidthSystem, ends: tuple[float, float], proposed: Mapping[str, Any], source: str
+    system: WidthSystem, ends: tuple[float, float], proposed: Entries, source: str
 ) -> tuple[Claim, ...]:
     """Claim of the proposed bounds of the width; no claim where there is no proposal.
 
@@ -80,7 +79,7 @@ def width_claim(
     return (Claim.from_verdict("width", statement, f"{source}; tube", verdict),)
 
 
-def limit_claim(system: WidthSystem, proposed: Mapping[str, Any], source: str) -> tuple[Claim, ...]:
+def limit_claim(system: WidthSystem, proposed: Entries, source: str) -> tuple[Claim, ...]:
     """Claim of the bounds of the width without jumps: W v + f < 0, exactly."""
     bounds = vectors(proposed, ("tube", "always"), len(system.f))
     if bounds is None:
@@ -126,7 +125,7 @@ def shown(values: Sequence[float] | Array) -> str:
     return "(" + ", ".join(six_digits(float(value), ROUND_CEILING) for value in values) + ")"
 
 
-def vectors(proposed: Mapping[str, Any], names: tuple[str, ...], n: int) -> dict[str, Array] | None:
+def vectors(proposed: Entries, names: tuple[str, ...], n: int) -> dict[str, Array] | None:
     """The proposed vectors, exact; None if one is missing, or not a finite vector."""
     result = {}
     for name in names:

@@ -12,12 +12,11 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.arrays import Entries, Matrix
 from lmi.arithmetic.balls import Exact, exact
 from lmi.prove.common_matrix import prove
 from lmi.prove.condition import Condition
@@ -34,7 +33,7 @@ def scheduled_stability(
     problem: Problem,
     gains: LuenbergerGains,
     F: Exact,
-    certificate: Mapping[str, Any],
+    certificate: Entries,
     paranoid: bool,
 ) -> Verdict:
     """Decide stability of the error for every admissible sequence of dwell times.
@@ -68,7 +67,7 @@ def scheduled_stability(
     return attempt
 
 
-def reason_against_borders(problem: Problem, stored: Mapping[str, Any]) -> str | None:
+def reason_against_borders(problem: Problem, stored: Entries) -> str | None:
     """Return why the borders of the cells cannot be those of a schedule, or None."""
     if problem.options_as(LuenbergerOptions).schedule is None:
         return None

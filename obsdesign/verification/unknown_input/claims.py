@@ -8,12 +8,10 @@ conditions, p >= q and observability, are refuted). Both are decided on the exac
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Array, Matrix
+from lmi.arithmetic.arrays import Array, Entries, EntriesByClaim, Matrix, NewEntries
 from lmi.arithmetic.balls import Exact, exact, to_float
 from lmi.arithmetic.spectrum import spectral_radius
 from lmi.prove.hurwitz import prove_hurwitz
@@ -47,8 +45,8 @@ FIRST_STATE = 1e-6
 
 def claims(
     problem: Problem,
-    stored: Mapping[str, Any],
-    certificates: Mapping[str, Mapping[str, Any]],
+    stored: Entries,
+    certificates: EntriesByClaim,
     *,
     paranoid: bool = False,
     budget: TimeBudget = UNLIMITED,
@@ -79,7 +77,7 @@ def claims(
     return agreement, *existence, _equations(plant, matrices), stable, lasting
 
 
-def _expected(problem: Problem, stored: Mapping[str, Any]) -> dict[str, Any]:
+def _expected(problem: Problem, stored: Entries) -> NewEntries:
     flow, output = problem.plant.flow, problem.plant.output
     assert flow.D is not None
     m = 0 if flow.B is None else flow.B.shape[1]
