@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
 
-from lmi.arithmetic.arrays import Entries
+from lmi.arithmetic.arrays import Entries, Value
 from lmi.solvers import Solvers
 
 OUTCOMES = ("proved", "refuted", "undecided")
@@ -31,17 +30,17 @@ class Verdict:
         raise TypeError("a verdict has three values: compare .outcome")
 
 
-def proved(**evidence: Any) -> Verdict:
+def proved(**evidence: Value) -> Verdict:
     """The claim holds; the evidence says by which means."""
     return Verdict("proved", evidence)
 
 
-def refuted(witness: Entries, **evidence: Any) -> Verdict:
+def refuted(witness: Entries, **evidence: Value) -> Verdict:
     """The claim is false; the witness was checked against the claim itself."""
     return Verdict("refuted", {"witness": dict(witness), **evidence})
 
 
-def undecided(reason: str, **evidence: Any) -> Verdict:
+def undecided(reason: str, **evidence: Value) -> Verdict:
     """Neither could be shown; `reason` in words, and the worst place seen where there is one."""
     return Verdict("undecided", {"reason": reason, **evidence})
 

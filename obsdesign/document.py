@@ -11,11 +11,11 @@ import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Entries, NewEntries
+from lmi.arithmetic.arrays import Entries, NewEntries, Value
 from obsdesign.output_files import write_text
 
 FORMAT = "obsdesign/design"
@@ -106,6 +106,11 @@ class Design:
     warnings: tuple[str, ...] | None
     provenance: Entries
 
+    @property
+    def digest(self) -> str:
+        """The signature of the document."""
+        return str(self.to_dict()["digest"])
+
     def to_dict(self) -> NewEntries:
         """The document, digest included."""
         body = {
@@ -128,7 +133,7 @@ class Design:
         write_text(path, json.dumps(self.to_dict(), indent=1, ensure_ascii=False, allow_nan=False))
 
 
-def _without_nan(value: Any) -> Any:
+def _without_nan(value: object) -> object:
     """Evidence whose floats overflowed has nothing to show there: null."""
     if isinstance(value, Mapping):
         return {key: _without_nan(item) for key, item in value.items()}
@@ -137,7 +142,7 @@ def _without_nan(value: Any) -> Any:
     return None if isinstance(value, float) and math.isnan(value) else value
 
 
-def jsonable(value: Any) -> Any:
+def jsonable(value: Value) -> Value:
     """Arrays as lists, infinity as "inf", -0.0 as 0.0; NaN is our bug and raises ValueError."""
     if isinstance(value, Mapping):
         return {str(key): jsonable(item) for key, item in value.items()}
@@ -159,7 +164,7 @@ def jsonable(value: Any) -> Any:
     return value
 
 
-def same(one: Any, other: Any) -> bool:
+def same(one: object, other: object) -> bool:
     """Are two JSON values equal? 1 is 1.0, and true is neither."""
     if isinstance(one, list) and isinstance(other, list):
         return len(one) == len(other) and all(map(same, one, other))

@@ -6,7 +6,7 @@ import platform
 import time
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from lmi.arithmetic.arrays import Entries, NewEntries
 from lmi.memory import OversizeError
@@ -17,7 +17,7 @@ from obsdesign.document import Claim, Design, Guarantee
 from obsdesign.errors import InputError
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
-from obsdesign.synthesis.kind import candidates_of, untried_forms
+from obsdesign.synthesis.kind import Constraints, candidates_of, untried_forms
 from obsdesign.verification.answers import as_answers, is_ended, reason, with_untried
 from obsdesign.verification.document import document_claim, sentences_from
 from obsdesign.verification.kind import verification_of
@@ -53,7 +53,7 @@ class Outcome:
 
 
 def investigate(
-    problem: Problem, *, seconds: float | None = None, constraints: Any = None
+    problem: Problem, *, seconds: float | None = None, constraints: Constraints | None = None
 ) -> Outcome:
     """Synthesise candidates and prove them: the first proved one, else the most hopeful.
 
@@ -77,7 +77,7 @@ def investigate_each(
     *,
     first: bool = False,
     done: Callable[[_Key], None] = lambda key: None,
-    constraints: Any = None,
+    constraints: Constraints | None = None,
 ) -> dict[_Key, Outcome | InputError]:
     """The outcome of each problem, or why it cannot be read as asked.
 
@@ -118,7 +118,9 @@ class _Attempt:
         return self.outcome.verdict == "undecided" and any(map(is_ended, self.outcome.claims))
 
 
-def _better(before: _Attempt | InputError | None, now: _Attempt | InputError) -> Any:
+def _better(
+    before: _Attempt | InputError | None, now: _Attempt | InputError
+) -> _Attempt | InputError:
     """What decides; of two designs the one of least cost, of equals the later."""
     if before is None or isinstance(before, InputError):
         return now
@@ -133,7 +135,7 @@ def _better(before: _Attempt | InputError | None, now: _Attempt | InputError) ->
 
 
 def _attempted(
-    problem: Problem, first: bool, budget: TimeBudget, constraints: Any
+    problem: Problem, first: bool, budget: TimeBudget, constraints: Constraints | None
 ) -> _Attempt | InputError:
     try:
         tried, untried = _tried(problem, first, budget, constraints)
@@ -172,7 +174,7 @@ class _Tried:
 
 
 def _tried(
-    problem: Problem, first: bool, budget: TimeBudget, constraints: Any
+    problem: Problem, first: bool, budget: TimeBudget, constraints: Constraints | None
 ) -> tuple[list[_Tried], Candidate | None]:
     """Candidates with what was proved of them; and the next one where time ended before it."""
     started = time.perf_counter()
@@ -255,7 +257,7 @@ def design(
     *,
     allow_undecided: bool = False,
     seconds: float | None = None,
-    constraints: Any = None,
+    constraints: Constraints | None = None,
 ) -> Design:
     """A proved design for a problem; seconds, constraints: as for `investigate`.
 

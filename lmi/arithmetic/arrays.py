@@ -15,10 +15,11 @@ Array = NDArray[Any]
 Number = Any
 # positions in an array
 Indices = NDArray[np.intp]
-# entries of a table as JSON and TOML have them: of a problem, a design, evidence or a certificate.
-# Their values are of any type until whoever reads one has checked it
-Entries = Mapping[str, Any]
-# the same while they are put together for a file, for evidence or for an answer
-NewEntries = dict[str, Any]
+# one value of a table of JSON or TOML, of any type until a reader has checked it
+Value = Any
+# such a table: of a problem, a design, evidence, a certificate
+Entries = Mapping[str, Value]
+# the same while it is put together for a file, for evidence or for an answer
+NewEntries = dict[str, Value]
 # by the id of a claim, what a search proposes as its proof
 EntriesByClaim = Mapping[str, Entries]

@@ -7,9 +7,9 @@ those of `lmi.arithmetic.units`.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -121,7 +121,7 @@ class Scaling:
             result[name] = self.restored(result[name], H)
         return result
 
-    def _windows(self, windows: Any, H: Exact) -> list[NewEntries]:
+    def _windows(self, windows: Sequence[NewEntries], H: Exact) -> list[NewEntries]:
         reduced = len(windows[0]["P"]) < len(self.sizes)
         part = Scaling(1 / self.sizes[pivot_columns(H)]) if reduced else self.undone
         return [window | {"P": part.form(_floats(window["P"])).tolist()} for window in windows]

@@ -6,9 +6,9 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from lmi.arithmetic.arrays import Entries, NewEntries
+from lmi.arithmetic.arrays import Entries, NewEntries, Value
 from obsdesign.cli.talk import output_console
 from obsdesign.document import Claim, jsonable
 from obsdesign.pages.key_numbers import numbers_of
@@ -38,7 +38,7 @@ def check_answer(verdict: str, answers: Mapping[str, KindAnswer]) -> str:
 
 
 def _json(
-    command: str, verdict: str, kind: str | None, claims: list[NewEntries], result: Any
+    command: str, verdict: str, kind: str | None, claims: list[NewEntries], result: Value
 ) -> str:
     """The object that every command with --json prints."""
     body = {"command": command, "verdict": verdict, "kind": kind, "claims": claims}

@@ -17,7 +17,7 @@ from obsdesign.kinds import KINDS
 if TYPE_CHECKING:
     from obsdesign.problem.problem import Problem
 
-_Command = TypeVar("_Command", bound=Callable[..., Any])
+_Command = TypeVar("_Command", bound=Callable[..., object])
 
 
 def one_of(*words: str) -> Any:

@@ -11,9 +11,11 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from threading import Event, Thread
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
+
+from lmi.arithmetic.arrays import Value
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -74,7 +76,7 @@ def progress_message(doing: str) -> Iterator[None]:
         done.set()
 
 
-def output_console(**options: Any) -> Console:
+def output_console(**options: Value) -> Console:
     """A console of rich on standard output; BrokenPipeError once its reader has left.
 
     Its own answer is exit code 1, which means refuted here.

@@ -17,14 +17,19 @@ from __future__ import annotations
 import dataclasses
 import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, field
+from dataclasses import Field, dataclass, field
 from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
 
 from lmi.arithmetic.arrays import Array as Array
-from lmi.arithmetic.arrays import Entries, NewEntries
+from lmi.arithmetic.arrays import Entries, NewEntries, Value
+
+# obsdesign.Plant, which stands above this layer
+Plant = Any
+# what a field is declared by: of the type of its annotation, as for `dataclasses.field`
+Declared = Any
 
 
 @dataclass(frozen=True)
@@ -37,32 +42,32 @@ class _Shape:
         return " x ".join(map(str, self.axes)) or "number"
 
 
-def matrix(*axes: str | int, optional: bool = False) -> Any:
+def matrix(*axes: str | int, optional: bool = False) -> Declared:
     """Declare a read-only float array with these axes."""
     return _field({"shape": _Shape(axes)}, optional)
 
 
-def number(*, optional: bool = False) -> Any:
+def number(*, optional: bool = False) -> Declared:
     """Declare a float, possibly infinite."""
     return _field({"shape": _Shape(())}, optional)
 
 
-def count(*, optional: bool = False) -> Any:
+def count(*, optional: bool = False) -> Declared:
     """Declare a whole number, 1 or more."""
     return _field({"count": True}, optional)
 
 
-def word(*allowed: str, optional: bool = False) -> Any:
+def word(*allowed: str, optional: bool = False) -> Declared:
     """Declare one of some words."""
     return _field({"words": allowed}, optional)
 
 
-def flag(*, optional: bool = False) -> Any:
+def flag(*, optional: bool = False) -> Declared:
     """Declare true or false."""
     return _field({"flag": True}, optional)
 
 
-def _field(metadata: Entries, optional: bool) -> Any:
+def _field(metadata: Entries, optional: bool) -> Declared:
     return field(default=None, metadata=metadata) if optional else field(metadata=metadata)
 
 
@@ -145,7 +150,7 @@ class PlantGains(Gains):
                 raise ValueError(f"gains.{name} must have shape n; got nothing.")
 
     @classmethod
-    def from_plant(cls, plant: Any, **gains: Any) -> Self:
+    def from_plant(cls, plant: Plant, **gains: Value) -> Self:
         """Gains with the numbers of a plant, which has the attributes of `obsdesign.Plant`."""
         return cls(**plant_data(plant), **gains)
 
@@ -186,7 +191,7 @@ class PlantGains(Gains):
         return float(low), float(high)
 
 
-def _checked(entry: Any, value: Any, sizes: dict[str, int]) -> Any:
+def _checked(entry: Field[Value], value: Value, sizes: dict[str, int]) -> Value:
     """The value of one entry; sizes gains the letters it is the first to use."""
     name, metadata = f"gains.{entry.name}", entry.metadata
     if "words" in metadata:
@@ -204,7 +209,7 @@ def _checked(entry: Any, value: Any, sizes: dict[str, int]) -> Any:
     return _sized(name, metadata["shape"], value, sizes)
 
 
-def _sized(name: str, shape: _Shape, value: Any, sizes: dict[str, int]) -> Any:
+def _sized(name: str, shape: _Shape, value: Value, sizes: dict[str, int]) -> Array | float:
     try:
         array = np.array(value, dtype=np.float64)
     except (TypeError, ValueError):
@@ -225,7 +230,7 @@ def _sized(name: str, shape: _Shape, value: Any, sizes: dict[str, int]) -> Any:
     return array
 
 
-def plant_data(plant: Any) -> NewEntries:
+def plant_data(plant: Plant) -> NewEntries:
     """The plant's numbers that the runtime needs, under the names of a design's `gains`.
 
     `plant` has the attributes of `obsdesign.Plant`. What it does not state is left out: the entries

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Any
 
 import numpy as np
 
@@ -31,7 +30,7 @@ def _is_short_list(value: object) -> bool:
     return all(isinstance(x, bool | str | int | float | np.number) for x in value)
 
 
-def _number(value: Any) -> str:
+def _number(value: object) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     return f"{value:.6g}" if isinstance(value, float | np.number) else str(value)

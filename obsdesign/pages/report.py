@@ -12,18 +12,17 @@ from collections.abc import Sequence
 from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
 
 import jinja2
 import numpy as np
 
-from lmi.arithmetic.arrays import Entries, NewEntries
+from lmi.arithmetic.arrays import Entries, NewEntries, Value
 from obsdesign import workflow
 from obsdesign.data.execution import execute
 from obsdesign.data.records import table_text
 from obsdesign.data.simulation import simulate
 from obsdesign.design_file import load_design
-from obsdesign.document import Design, jsonable
+from obsdesign.document import Claim, Design, jsonable
 from obsdesign.errors import InputError
 from obsdesign.output_files import temporary_folder, write_text
 from obsdesign.pages.curves import curve_of
@@ -113,11 +112,11 @@ def page(
     )  # fmt: skip
 
 
-def _is_matrix(value: Any) -> bool:
+def _is_matrix(value: object) -> bool:
     return isinstance(value, np.ndarray) and value.ndim in (1, 2) and value.size > 0
 
 
-def _rows(value: Any) -> list[list[str]]:
+def _rows(value: Value) -> list[list[str]]:
     """A vector is a column."""
     return [[f"{x:.6g}" for x in row] for row in np.reshape(value, (len(value), -1)).tolist()]
 
@@ -133,7 +132,7 @@ def _plant_words(problem: Problem) -> str:
     return ", ".join(words).replace("1 states", "1 state")
 
 
-def _claim(claim: Any) -> NewEntries:
+def _claim(claim: Claim) -> NewEntries:
     return {
         "name": claim.id.replace("_", " "),
         "verdict": claim.verdict,
@@ -152,7 +151,7 @@ def _origin(design: Design) -> list[tuple[str, str]]:
     if solver:
         solver_words = f"{solver.get('name')} {solver.get('version', '')}".strip()
         rows.append(("solver", solver_words))
-    return [("kind", design.kind), *rows, ("digest", design.to_dict()["digest"])]
+    return [("kind", design.kind), *rows, ("digest", design.digest)]
 
 
 def _curve(design: Design) -> dict[str, str] | None:

@@ -9,11 +9,10 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping
 from types import MappingProxyType
-from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Entries, Matrix, NewEntries
+from lmi.arithmetic.arrays import Entries, Matrix, NewEntries, Value
 from obsdesign.entries import in_range, matrix, shown
 from obsdesign.errors import InputError
 from obsdesign.kinds import GAINS, kind_named
@@ -47,7 +46,7 @@ def gains(given: Entries, kind: str | None, plant: Plant) -> dict[str, Matrix]:
     return matrices
 
 
-def _sized(values: Any, entry: str, kind: str, plant: Plant) -> Matrix:
+def _sized(values: Value, entry: str, kind: str, plant: Plant) -> Matrix:
     letters = GAINS[kind][entry.rpartition(".")[2]]
     q = 0 if plant.flow.D is None else plant.flow.D.shape[1]
     if kind == "unknown_input" and not 0 < q <= plant.p:
@@ -95,7 +94,7 @@ def options(given: Entries, kind: str | None, plant: Plant) -> Options:
     return result
 
 
-def _numbers(value: Any, entry: str, whole: bool) -> Any:
+def _numbers(value: Value, entry: str, whole: bool) -> Value:
     """Finite binary64 numbers (integers where `whole`), read-only containers."""
     if isinstance(value, list):
         return tuple(

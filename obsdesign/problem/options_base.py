@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, ClassVar, Self
 
-from lmi.arithmetic.arrays import Entries, NewEntries
+from lmi.arithmetic.arrays import Entries, NewEntries, Value
 from obsdesign.errors import InputError
 from obsdesign.problem.schema import Fragment, file_entry
 
@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 
 
 def option(
-    fragment: Fragment, description: str, *, default: Any = None, whole: bool = False
-) -> Any:
+    fragment: Fragment, description: str, *, default: Value = None, whole: bool = False
+) -> Value:
     """Declare an option; default: where the file has none; whole: it counts something."""
     return file_entry(fragment, description, default=default, whole=whole)
 
@@ -54,7 +54,7 @@ class Options:
 class UnassignedOptions(Options):
     """Options of a problem without a kind: those of any kind, which nothing was checked for."""
 
-    def __init__(self, **entries: Any) -> None:
+    def __init__(self, **entries: Value) -> None:
         self.__dict__.update(entries)
 
 

@@ -13,11 +13,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, fields
-from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Matrix, NewEntries
+from lmi.arithmetic.arrays import Matrix, NewEntries, Value
 from obsdesign.entries import (
     bounds,
     is_number,
@@ -36,7 +35,7 @@ from obsdesign.problem.schema import DWELL_RANGE, POSITIVE, file_entry, one_of, 
 MEASURED = ("continuous", "periodic", "at_jumps")
 JUMP_MEASUREMENTS = ("before", "after", "none")
 # what is left out: __post_init__ fills it in, and for a jump the plant, which knows the sizes
-_DEFAULT: Any = None
+_DEFAULT: Value = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -228,7 +227,7 @@ class Plant:
         _set(self, n=n, p=len(C))
 
 
-def _noise_pairs(values: Any, C: Matrix) -> Matrix | None:
+def _noise_pairs(values: Value, C: Matrix) -> Matrix | None:
     """Pairs [lower, upper], (p, 2), where at least one bound of the noise is a pair; else None."""
     entry = "output.noise_bound"
     listed = values if isinstance(values, list | tuple | np.ndarray) else []
@@ -254,19 +253,21 @@ def _noise_pairs(values: Any, C: Matrix) -> Matrix | None:
     return pairs
 
 
-def _for_all(values: Any, count: int, entry: str) -> Any:
+def _for_all(values: Value, count: int, entry: str) -> Value:
     """A list as it is; one number for each of the outputs."""
     return [real(values, entry)] * count if np.ndim(values) == 0 else values
 
 
-def _same(block: Any, other: Any) -> bool:
+def _same(block: Flow | Jump | Output, other: object) -> bool:
     if type(other) is not type(block):
         return False
     pairs = [(getattr(block, entry.name), getattr(other, entry.name)) for entry in fields(block)]
     return all((a is None) == (b is None) and np.array_equal(a, b) for a, b in pairs)
 
 
-def _inputs(block: Any, name: str, matrices: tuple[str, ...], n: int, states: str) -> NewEntries:
+def _inputs(
+    block: Flow | Jump, name: str, matrices: tuple[str, ...], n: int, states: str
+) -> NewEntries:
     """Optional matrices with one row per state."""
     result = {}
     for key in matrices:
@@ -277,7 +278,7 @@ def _inputs(block: Any, name: str, matrices: tuple[str, ...], n: int, states: st
     return result
 
 
-def _dwell_time(values: Any) -> tuple[float, float] | None:
+def _dwell_time(values: Value) -> tuple[float, float] | None:
     entry = "jump.dwell_time"
     if values is None:
         return None
@@ -299,7 +300,7 @@ def _dwell_time(values: Any) -> tuple[float, float] | None:
     return low + 0.0, high
 
 
-def _set(target: Any, **values: Any) -> None:
+def _set(target: object, **values: Value) -> None:
     """Fill fields of a frozen dataclass while it is being made."""
     for name, value in values.items():
         object.__setattr__(target, name, value)

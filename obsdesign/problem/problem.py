@@ -11,11 +11,11 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Entries, Matrix, NewEntries
+from lmi.arithmetic.arrays import Entries, Matrix, NewEntries, Value
 from obsdesign.document import jsonable
 from obsdesign.errors import DoesNotApply, InputError
 from obsdesign.kinds import KINDS
@@ -42,7 +42,7 @@ class Problem:
     name: str
     plant: Plant
     kind: str | None
-    gains: Entries
+    gains: Mapping[str, Matrix]
     options: Options
 
     def __init__(
@@ -69,7 +69,7 @@ class Problem:
             name=name, plant=plant, kind=kind, gains=MappingProxyType(gains), options=options
         )
 
-    def __reduce__(self) -> tuple[Any, ...]:
+    def __reduce__(self) -> tuple[object, ...]:
         return Problem.from_dict, (self.to_dict(),)  # a copy is read-only too
 
     def __repr__(self) -> str:
@@ -79,7 +79,7 @@ class Problem:
         return isinstance(other, Problem) and self.to_dict() == other.to_dict()
 
     @staticmethod
-    def from_dict(body: Any) -> Problem:
+    def from_dict(body: Value) -> Problem:
         """A problem from parsed TOML or JSON."""
         body = _as_block(body)
         if not isinstance(body, dict) or not {"flow", "output"} <= set(body) <= set(_KEYS):
@@ -129,9 +129,9 @@ class Problem:
         low, high = jump.dwell_time
         return low, high
 
-    def require(self, entry: str) -> Any:
+    def require(self, entry: str) -> Value:
         """Value of an optional entry ("flow.D", "jump.H", "output.period"), or DoesNotApply."""
-        value: Any = self.plant
+        value: Value = self.plant
         for name in entry.split("."):
             value = getattr(value, name)
             if value is None:
@@ -197,7 +197,7 @@ def load_for_kind(path: str | os.PathLike[str], kind: str | None) -> tuple[Probl
         raise InputError(f"{path}: {error}") from None
 
 
-def _as_block(value: Any) -> Any:
+def _as_block(value: Value) -> Value:
     """Dataclasses and arrays as the plain dicts and lists of a file."""
     if isinstance(value, Flow | Jump | Output):
         names = [name for name in value.__dataclass_fields__ if getattr(value, name) is not None]
@@ -225,7 +225,7 @@ def _entries(block: Blocks) -> NewEntries:
     return entries
 
 
-def _infinite(value: Any) -> Any:
+def _infinite(value: Value) -> Value:
     if isinstance(value, list):
         return [_infinite(item) for item in value]
     return math.inf if value == "inf" else value

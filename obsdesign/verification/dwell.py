@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -53,7 +52,7 @@ class Dwell:
 
 
 def dwell_stability(
-    F: Array, H: Any, dwell: Dwell, certificate: Entries, paranoid: bool
+    F: Array, H: Array, dwell: Dwell, certificate: Entries, paranoid: bool
 ) -> Verdict:
     """Is x -> e^{F theta} H x stable for every admissible sequence of theta?
 
@@ -160,7 +159,7 @@ def _dwell_times(witness: object, low: float, high: float) -> list[float]:
     return thetas if all(low <= theta <= high for theta in thetas) else []
 
 
-def _no_common(F: Array, H: Array, low: float, high: float, certificate: Any) -> Verdict | None:
+def _no_common(F: Array, H: Array, low: float, high: float, certificate: Entries) -> Verdict | None:
     """Undecided, a common P being proved not to exist; None if the certificate shows nothing."""
     thetas = _dwell_times(certificate, low, high)
     multipliers = _numbers(certificate.get("multipliers")) if thetas else None
@@ -180,7 +179,7 @@ def matrix_of(values: object, n: int) -> Matrix | None:
     return P if P is not None and P.shape == (n, n) else None
 
 
-def _numbers(values: Any) -> Matrix | None:
+def _numbers(values: object) -> Matrix | None:
     try:
         return np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):

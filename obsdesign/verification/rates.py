@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import asdict
 from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal, localcontext
-from typing import Any
 
 from lmi.arithmetic.arrays import Array, Entries
 from lmi.prove.rates import Rates, prove_rates
@@ -13,7 +12,7 @@ from obsdesign.verification.dwell import Dwell, matrix_of
 
 
 def rates_claim(
-    F: Array, H: Any, dwell: Dwell, certificates: Entries, source: str
+    F: Array, H: Array, dwell: Dwell, certificates: Entries, source: str
 ) -> tuple[Claim, ...]:
     """Claim of proposed rates of decay per jump and in time, for the P of the stability claim.
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Entries, Matrix, NewEntries
-from obsdesign.equations.gains import PlantGains, flag, matrix, number, word
+from lmi.arithmetic.arrays import Entries, Matrix, NewEntries, Value
+from obsdesign.equations.gains import Plant, PlantGains, flag, matrix, number, word
 
 WEIGHTINGS = ("plain", "gls")
 RULES = ("peak", "position", "threshold")
@@ -61,7 +61,7 @@ class ImpulsiveInputGains(PlantGains):
         return dict(sorted(entries.items(), key=lambda entry: places.get(entry[0], -1)))
 
     @classmethod
-    def from_plant(cls, plant: Any, **gains: Any) -> Self:
+    def from_plant(cls, plant: Plant, **gains: Value) -> Self:
         """Gains with the numbers of a plant, its impulses and its noise."""
         output = plant.output
         return super().from_plant(

@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import FigureBase
@@ -101,7 +100,7 @@ def _range(answer: Entries) -> _Range | None:
     return _Range(kept, reached, proved, not_proved, result.get("not_proved_verdict") == "refuted")
 
 
-def _end(value: Any) -> float:
+def _end(value: float | str) -> float:
     return math.inf if value == "inf" else float(value)
 
 

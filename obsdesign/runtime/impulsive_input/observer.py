@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Protocol, TypeVar
+from typing import ClassVar, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,6 +24,7 @@ from obsdesign.equations.impulsive_input.gains import (
 from obsdesign.runtime.base import (
     Delayed,
     Estimate,
+    KindState,
     Sample,
     centred,
     later,
@@ -75,7 +76,7 @@ class ImpulsiveInputObserver(PointObserver[ImpulsiveInputState], Delayed[Impulsi
     """Executes a design of kind `impulsive_input`."""
 
     gains: IntegralGains | SamplesGains
-    engine: Engine[Any]  # a state goes back to the engine that it came from
+    engine: Engine[KindState]  # a state goes back to the engine that it came from
     kind: ClassVar[str] = "impulsive_input"
     finds_events: ClassVar[bool] = True
 

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.arrays import Matrix, Value
 from obsdesign.data.records import Layout, read_columns, read_samples
 from obsdesign.data.simulation import default_until, simulate
 from obsdesign.errors import InputError
@@ -26,7 +25,7 @@ class ComparisonRecord:
     d: Matrix | None = None
 
     @staticmethod
-    def from_simulation(plant: Plant, **options: Any) -> ComparisonRecord:
+    def from_simulation(plant: Plant, **options: Value) -> ComparisonRecord:
         """A simulation of the plant; options: those of `simulation.simulate`.
 
         What is measured at jumps only is simulated for five times as long: a row is a jump.

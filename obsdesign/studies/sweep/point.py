@@ -6,9 +6,8 @@ import math
 import threading
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
 
-from lmi.arithmetic.arrays import Entries, NewEntries
+from lmi.arithmetic.arrays import Entries, NewEntries, Value
 from lmi.memory import OversizeError
 from lmi.time_budget import ended_part
 from obsdesign import workflow
@@ -49,8 +48,8 @@ class PointAnswer:
     """
 
     verdict: str
-    value: Any = None
-    limit: tuple[Any, str | None] | None = None
+    value: Value = None
+    limit: tuple[Value, str | None] | None = None
     reason: str = ""
     ended: Entries = field(default_factory=dict)
 
@@ -79,7 +78,7 @@ class SweepPoint:
         return "error" if self.answer is None else self.answer.verdict
 
     @property
-    def value(self) -> Any:
+    def value(self) -> Value:
         """The proved number, "inf" where there is no limit; None where none is proved."""
         return None if self.answer is None else self.answer.value
 
@@ -133,7 +132,7 @@ class Plan:
 
     def problem(self, index: int) -> Problem:
         """The problem of a point; InputError when it cannot be read with these numbers."""
-        body: Any = self.body
+        body: Value = self.body
         for axis, value in zip(self.axes, self.values_of(index), strict=True):
             body = changed(body, axis.path, value)
         return Problem.from_dict(body)

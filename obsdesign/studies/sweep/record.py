@@ -15,7 +15,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import Any, BinaryIO
+from typing import BinaryIO
 
 from lmi.arithmetic.arrays import Entries, NewEntries
 from obsdesign import __version__
@@ -95,7 +95,7 @@ class SweepHeader:
         if self.over != other.over:
             old, new = (" ".join(map(str, header.over)) for header in (self, other))
             return f"--over: {old} there, {new} here"
-        entries: tuple[tuple[str, Any, Any], ...] = (
+        entries: tuple[tuple[str, object, object], ...] = (
             ("--for", self.quantity, other.quantity),
             ("--accuracy", self.accuracy, other.accuracy),
             ("--time", self.seconds, other.seconds),
@@ -228,7 +228,7 @@ def _is_signed(head: Entries, row: Entries) -> bool:
         return False
 
 
-def _is_axis(value: Any) -> bool:
+def _is_axis(value: object) -> bool:
     if not isinstance(value, dict) or set(value) != {"key", "first", "last", "count"}:
         return False
     ends = (value.get("first"), value.get("last"))

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.arrays import EntriesByClaim, Matrix
+from lmi.arithmetic.arrays import EntriesByClaim, Matrix, Value
 from lmi.arithmetic.balls import exact, inverse, to_float
 from lmi.rank.decide import decide_full_rank
 from lmi.rank.full_rank import BOX_LIMIT
@@ -35,7 +34,7 @@ _LARGEST_WEIGHT_RATIO = 1e7
 _MOST_BOXES_BEFORE_SKIPPING = 1000
 
 
-def window_gains(problem: Problem, strategy: str, **entries: Any) -> ImpulsiveGains:
+def window_gains(problem: Problem, strategy: str, **entries: Value) -> ImpulsiveGains:
     """Gains of a windowed strategy, of one impulse until a window is chosen."""
     alpha = weight(problem)
     return ImpulsiveGains.from_plant(

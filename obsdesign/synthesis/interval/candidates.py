@@ -64,8 +64,8 @@ def synthesize(problem: Problem, budget: TimeBudget = UNLIMITED) -> Iterator[Can
         raise InputError(reason)
     problem.require_noise_bound("kind 'interval'")
     _refuse_unexecutable(problem)
-    given = {name: given_gain(problem, name) for name in ("L", "M")}
-    given = {name: gain for name, gain in given.items() if gain is not None}
+    stated = {name: given_gain(problem, name) for name in ("L", "M")}
+    given = {name: gain for name, gain in stated.items() if gain is not None}
     own = {name: problem.gains[name] for name in ("S", "S2", "T") if name in problem.gains}
     if "R" in problem.gains:
         own = coordinates_of_assumption_4(problem, given)

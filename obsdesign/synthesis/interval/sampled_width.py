@@ -12,9 +12,10 @@ from lmi.arithmetic.balancing import Scaling
 from lmi.arithmetic.balls import exact, inverse, to_float
 from lmi.arithmetic.exponential import absolute_flow
 from lmi.arithmetic.spectrum import spectral_radius
-from lmi.bounds.interleaved import Bounds, Interleaved, prove_interleaved
+from lmi.bounds.interleaved import Bounds, prove_interleaved
 from lmi.bounds.sampled_flow import sampled_flow
 from lmi.prove.hurwitz import rightmost
+from obsdesign.analysis.interval.interleaved import interleaved
 from obsdesign.equations.interval.gains import IntervalGains
 from obsdesign.equations.interval.width import SAMPLED_MAPS, WidthSystem, slope_scheme
 from obsdesign.synthesis.interval.tube import ROOM, Units, least, proved_width
@@ -59,7 +60,7 @@ def propose_samples(gains: IntervalGains, system: WidthSystem, approx: WidthSyst
     proposal = sampled_tube(approx, gains.period, ends, gains.skips_jumps)
     if proposal is None:
         return maps
-    question = Interleaved.from_system(system, gains.period, *ends, gains.skips_jumps)
+    question = interleaved(system, gains.period, *ends, gains.skips_jumps)
     verdict = prove_interleaved(question, exact(system.out), proposal.exact_bounds())
     return {**maps, **proposal.to_certificate()} if verdict.outcome == "proved" else maps
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
-from typing import Any, Self
+from typing import Self
 
-from lmi.arithmetic.arrays import Entries, NewEntries
+from lmi.arithmetic.arrays import Entries, NewEntries, Value
 from obsdesign.document import Claim
 from obsdesign.equations.finite_time.rows import END, START
 
@@ -34,7 +34,7 @@ class TheoremEvidence:
     gamma: Interval | None = None
     first: Interval | None = None
     second: Interval | None = None
-    S: Any = None
+    S: Value = None
     norm_of_back: Interval | None = None
 
     @classmethod

@@ -8,11 +8,10 @@ rank is proved by itself; uniqueness of (17) is false in general, and decided
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Entries, EntriesByClaim, NewEntries
+from lmi.arithmetic.arrays import Entries, EntriesByClaim, NewEntries, Value
 from lmi.arithmetic.balls import exact, to_float
 from lmi.time_budget import UNLIMITED, TimeBudget
 from obsdesign.analysis.impulsive_input.requirements import (
@@ -214,7 +213,7 @@ def _required_threshold(problem: Problem, stored: Entries) -> float | None:
     options = problem.options_as(ImpulsiveInputOptions)
     if options.smallest_weight is None:
         return options.threshold
-    threshold: Any = stored.get("threshold")
+    threshold: Value = stored.get("threshold")
     window = _stored_window(problem.plant, stored)
     if window is None or not is_positive(threshold):
         return None

@@ -10,12 +10,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from lmi.arithmetic.arrays import Entries, Matrix
-from lmi.arithmetic.balls import Exact, ball, exact, exp_times, rational, to_float
+from lmi.arithmetic.balls import Ball, Exact, ball, exact, exp_times, rational, to_float
 from lmi.prove.hurwitz import exactly_schur, prove_hurwitz, real_spectrum
 from lmi.verdict import Verdict, proved, refuted, undecided
 from obsdesign.document import Claim
@@ -199,10 +198,10 @@ def _rank_of(A: Exact, C: Exact, step: float, first: int, count: int) -> Verdict
 def _sampled_rows(A: Exact, C: Exact, step: float, first: int, count: int) -> Rows:
     """Function of no arguments: rows C e^{A k step}, k = first .. count, as balls."""
 
-    def rows() -> list[list[Any]]:
+    def rows() -> list[list[Ball]]:
         forward = exp_times(A, step)
         at = ball(C)
-        table: list[list[Any]] = []
+        table: list[list[Ball]] = []
         for k in range(count + 1):
             if k >= first:
                 table += at.tolist()

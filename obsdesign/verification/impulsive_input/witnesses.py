@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from typing import Any, Self
+from typing import Self
 
 from lmi.arithmetic.arrays import Entries, NewEntries
+
+Age = float | list[float]  # or the ends of a bracket of it
 
 
 @dataclass(frozen=True)
@@ -48,6 +50,6 @@ class TooFewFeatures(Witness):
 class EqualFeatures(Witness):
     """Two ages, or brackets of ages, and weights whose impulses leave the same features."""
 
-    ages: Sequence[Any]
+    ages: Sequence[Age]
     weights: Sequence[float]
     reason: str

@@ -9,11 +9,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Array, Entries, EntriesByClaim, NewEntries
+from lmi.arithmetic.arrays import Array, Entries, EntriesByClaim, NewEntries, Value
 from lmi.arithmetic.balls import exact, inverse
 from lmi.prove.hurwitz import prove_hurwitz
 from lmi.time_budget import UNLIMITED, TimeBudget
@@ -112,12 +111,12 @@ def _jump_claims(
     """Stability and rates of the width of a plant with jumps."""
     low, high = gains.dwell_range
     jitter = math.inf if gains.dwell_jitter is None else gains.dwell_jitter
-    dwell = Dwell(low, high, jitter)
+    dwell, N = Dwell(low, high, jitter), system.at_jumps[0]
     decay = [_hurwitz_claim(system.W, "there is no longest dwell time")] if math.isinf(high) else []
     certificate = certificates.get("dwell_stability", {})
     stability = _stability_claim(gains.form, system, dwell, certificate, paranoid)
     source = f"{PAPER}, {THEOREMS[gains.form]}"
-    rates = rates_claim(system.W, system.N, dwell, certificates, source)
+    rates = rates_claim(system.W, N, dwell, certificates, source)
     return (*decay, stability, *rates)
 
 
@@ -235,7 +234,7 @@ def _has_step_limit(problem: Problem, stored: Entries) -> bool:
     return named and has_limit and bool(np.any(stored.get("L", 0.0)))
 
 
-def _is_wider(problem: Problem, dwell_time: Any) -> bool:
+def _is_wider(problem: Problem, dwell_time: Value) -> bool:
     """Does the range of a search for the shortest dwell time hold the one of the problem?"""
     if problem.options_as(IntervalOptions).objective != "shortest_dwell" or np.shape(
         dwell_time
@@ -263,7 +262,7 @@ def _stability_claim(
     paranoid: bool,
 ) -> Claim:
     """Inequality (5), or (10) on the n-dimensional pair, for all dwell times in the range."""
-    verdict = dwell_stability(system.W, system.N, dwell, certificate, paranoid)
+    verdict = dwell_stability(system.W, system.at_jumps[0], dwell, certificate, paranoid)
     jump = "|S^-1 S2| T |S2^-1 S|" if form == "two_coordinates" else "Gp + Gn"
     return Claim(
         "dwell_stability",

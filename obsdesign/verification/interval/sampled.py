@@ -10,11 +10,12 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Array, Entries
 from lmi.arithmetic.balls import exact, inverse, to_float, upper_ends
-from lmi.bounds.interleaved import Bounds, Interleaved, prove_interleaved
+from lmi.bounds.interleaved import Bounds, prove_interleaved
 from lmi.bounds.sampled_flow import sampled_flow
 from lmi.prove.hurwitz import prove_hurwitz
 from lmi.refute.spectral import refute_spectral
 from lmi.verdict import Verdict, undecided
+from obsdesign.analysis.interval.interleaved import interleaved
 from obsdesign.document import Claim
 from obsdesign.equations.interval.gains import IntervalGains
 from obsdesign.equations.interval.width import SAMPLED_MAPS, WidthSystem, slope_scheme
@@ -82,7 +83,7 @@ def _refutation(system: WidthSystem, period: float) -> Verdict:
     refutation = refute_spectral(system.A, system.K, period, period)
     if refutation.outcome == "refuted":
         return refutation
-    sample = Interleaved.from_system(system, period, math.inf, math.inf).over_period()
+    sample = interleaved(system, period, math.inf, math.inf).over_period()
     below = np.maximum(-upper_ends(-sample), 0.0)[:-1, :-1]
     if not np.isfinite(below).all():
         return undecided("the map from sample to sample overflows")
@@ -91,7 +92,7 @@ def _refutation(system: WidthSystem, period: float) -> Verdict:
 
 def _proof(system: WidthSystem, gains: IntervalGains, vectors: Mapping[str, Array]) -> Verdict:
     assert gains.period is not None
-    question = Interleaved.from_system(system, gains.period, *gains.dwell_ends, gains.skips_jumps)
+    question = interleaved(system, gains.period, *gains.dwell_ends, gains.skips_jumps)
     bounds = Bounds(vectors["tube"], vectors["sampled"], vectors.get("jumped"), vectors["always"])
     return prove_interleaved(question, exact(system.out), bounds)
 

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import itertools
 import math
-from typing import Any
 
 import numpy as np
 
@@ -112,7 +111,7 @@ def _proof(
     return proved(cells=[list(ends) for ends in cells], pairs=len(pairs), boxes=boxes)
 
 
-def _matrices(values: Any, count: int, n: int) -> Matrix | None:
+def _matrices(values: object, count: int, n: int) -> Matrix | None:
     try:
         matrices = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
