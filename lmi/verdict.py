@@ -26,6 +26,18 @@ class Verdict:
         if self.outcome not in OUTCOMES:
             raise ValueError(f"outcome must be one of {', '.join(OUTCOMES)}; got {self.outcome!r}")
 
+    @property
+    def witness(self) -> Entries:
+        """The witness of a refutation; {} where there is none."""
+        witness: Entries = self.evidence.get("witness", {})
+        return witness
+
+    @property
+    def reason(self) -> str:
+        """Reason for which it is refuted or undecided, a sentence; "" where none is given."""
+        stated = self.witness if self.outcome == "refuted" else self.evidence
+        return str(stated.get("reason", ""))
+
     def __bool__(self) -> bool:
         raise TypeError("a verdict has three values: compare .outcome")
 

@@ -56,7 +56,12 @@ class Claim:
     def to_dict(self) -> NewEntries:
         """The claim as it stands in a file."""
         words = {name: getattr(self, name) for name in ("id", "statement", "source", "verdict")}
-        return words | {"evidence": jsonable(_without_nan(self.evidence))}
+        return words | {"evidence": self.stated_evidence()}
+
+    def stated_evidence(self) -> Entries:
+        """The evidence as it stands in a file."""
+        stated: Entries = jsonable(_without_nan(self.evidence))
+        return stated
 
 
 @dataclass(frozen=True)

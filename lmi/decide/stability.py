@@ -117,7 +117,7 @@ class _Family:
             return again
         evidence = {key: value for key, value in again.evidence.items() if key != "reason"}
         evidence |= self.budget.ended() or ended_part(result.verdict.evidence)
-        reason = f"{attempt.evidence['reason']}; {result.verdict.evidence['reason']}"
+        reason = f"{attempt.reason}; {result.verdict.reason}"
         return replace(again, evidence={"reason": reason, **evidence})
 
     def _with_worst_sequence(self, proposal: Proposal, attempt: Verdict) -> Verdict:
@@ -170,7 +170,7 @@ def find_and_prove(
                 "thetas_used": len(proposal.thetas),
             }
             if math.isfinite(proposal.margin):
-                evidence["approx_margin"] = proposal.margin
+                evidence |= {"approx_margin": proposal.margin}
             evidence |= attempt.evidence
             return Verdict("proved", evidence, proposal.solvers), proposal
         theta = attempt.evidence.get("theta")

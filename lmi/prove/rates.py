@@ -143,7 +143,7 @@ def prove_rates(
         )
         if verdict.outcome != "proved":
             word = name.replace("_", " ")
-            return undecided(f"the rate {word} is not proved: {verdict.evidence['reason']}")
+            return undecided(f"the rate {word} is not proved: {verdict.reason}")
     return proved(**evidence, **{f"P_{name}": P for name, P in own.items()})
 
 

@@ -25,6 +25,7 @@ from obsdesign.synthesis.candidate import Candidate
 from obsdesign.synthesis.dwell import stability_options
 from obsdesign.synthesis.kind import synthesis_of
 from obsdesign.verification.answers import as_answers
+from obsdesign.verification.dwell import DwellCertificate
 from obsdesign.verification.kind import dwell_verification_of, verification_of
 
 # claims about the range itself; all others must hold before one is searched for
@@ -72,8 +73,8 @@ class Attempt:
     @property
     def proves_range(self) -> bool:
         """Is there a certificate for the range of the file?"""
-        certificate = self.candidate.certificates.get("dwell_stability", {})
-        return self.is_usable and bool({"P", "windows"} & set(certificate))
+        stated = self.candidate.certificates.get("dwell_stability", {})
+        return self.is_usable and DwellCertificate.from_document(stated).has_matrices
 
     @property
     def is_open(self) -> bool:

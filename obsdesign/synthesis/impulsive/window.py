@@ -110,13 +110,14 @@ def windowed(
         return Candidate(label, replace(gains, window=given or shortest), others)
     decided = _provable(core, shortest, given, ends, limit=limit, budget=budget)
     blocks, verdict = decided.blocks, decided.verdict
-    others["strongly_observable"] = {**verdict.evidence, "blocks": blocks}
+    others |= {"strongly_observable": {**verdict.evidence, "blocks": blocks}}
     gains = replace(gains, window=given or blocks)
     _refuse_lost_digits(options, gains.window_weight, blocks)
     if verdict.outcome == "proved" and options.noise_target is not None:
-        gains, others["noise_target"] = quiet_enough(problem, gains)
+        gains, target = quiet_enough(problem, gains)
+        others |= {"noise_target": target}
     if verdict.outcome == "proved" and budget.remaining() > 0:
-        others["rate"] = {"estimated": estimate(problem, gains), "theorem_2_2": {}}
+        others |= {"rate": {"estimated": estimate(problem, gains), "theorem_2_2": {}}}
     return Candidate(label, gains, others, searched=decided.is_searched, remarks=decided.remarks)
 
 
@@ -174,7 +175,7 @@ def _for_window(
     core: Core, verdict: Verdict, blocks: int, window: int, ends: tuple[float, float]
 ) -> _DecidedWindow:
     """The witness against a window of so many blocks, extended to a longer window."""
-    thetas = verdict.evidence["witness"].get("thetas", [])
+    thetas = verdict.witness.get("thetas", [])
     if window == blocks or not thetas:
         return _DecidedWindow(window, verdict, False)
     longer = _at_one_spacing(_stack(core, window), thetas, ends)
@@ -193,7 +194,7 @@ def _stack(core: Core, window: int) -> Stack:
 
 def _no_window_exists(core: Core, verdict: Verdict, ends: tuple[float, float]) -> bool:
     """Whether the witness against this window refutes longer ones too: one spacing for all."""
-    witness = verdict.evidence.get("witness", {})
+    witness = verdict.witness
     thetas = witness.get("thetas", [])
     if verdict.outcome != "refuted":
         return False

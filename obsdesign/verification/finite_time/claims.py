@@ -99,8 +99,8 @@ def _with_marked_witness(problem: Problem, claim: Claim) -> Claim:
 def _coordinates(certificates: EntriesByClaim, n: int) -> Matrix | None:
     """S of a certificate, or None where there is none that is an (n, n) matrix of numbers."""
     try:
-        S = np.asarray(certificates["theorem_1_coordinates"]["S"], dtype=np.float64)
-    except (KeyError, TypeError, ValueError):
+        S = np.asarray(certificates.get("theorem_1_coordinates", {}).get("S"), dtype=np.float64)
+    except (TypeError, ValueError):
         return None
     return S if S.shape == (n, n) and np.isfinite(S).all() else None
 

@@ -65,7 +65,7 @@ def invertible(sampled: Sampled, gains: FiniteTimeGains) -> Claim:
         )
         verdict = _difference_rank(sampled, gains.injection)
     if verdict.outcome == "undecided":
-        verdict = undecided(_reason_against_inverse(sampled) or str(verdict.evidence["reason"]))
+        verdict = undecided(_reason_against_inverse(sampled) or verdict.reason)
     if verdict.outcome == "refuted":
         letter = "M_T" if approximate else "P^k - A_d^k"
         ratio = verdict.evidence["approx_ratio"]

@@ -131,15 +131,17 @@ def _lyapunov(
 
     Designs of earlier versions do not.
     """
-    if gains.strategy != "full" or LyapunovFunction.ENTRY not in certificates.get("rate", {}):
+    certificate = certificates.get("rate", {})
+    if gains.strategy != "full" or LyapunovFunction.ENTRY not in certificate:
         return None
-    rank = next(claim for claim in proved_claims if claim.id == "strongly_observable").evidence
+    observable = next(claim for claim in proved_claims if claim.id == "strongly_observable")
+    rank = RankProof.from_evidence(observable.evidence)
     core, ends = Core.from_gains(gains, exact), problem.require_dwell_time()
     with in_balls():
         proved_now = lyapunov_function(
-            core, ends, gains.window_length, gains.window_weight, rank["sigma_min"]
+            core, ends, gains.window_length, gains.window_weight, rank.sigma_min
         )
-    stored = LyapunovFunction.from_evidence(certificates["rate"])
+    stored = LyapunovFunction.from_evidence(certificate)
     if proved_now is None or stored is None or not stored.follows_from(proved_now):
         return proved_now
     return stored
@@ -156,7 +158,8 @@ def _windowed(
     low, high = problem.require_dwell_time()
     core, window = Core.from_gains(gains, exact), gains.window_length
     certificate = certificates.get("strongly_observable", {})
-    claims = [strongly_observable(problem, core, window, certificate, budget)]
+    observable = strongly_observable(problem, core, window, certificate, budget)
+    claims = [observable]
     own, into = in_own_coordinates(core, low, high, window)
     blocks = plant_blocks(gains, own, into)
     if blocks is None:
@@ -168,7 +171,7 @@ def _windowed(
     claims += uncorrected
     whole = None
     if overall(claim.verdict for claim in claims) == "proved":
-        rank = RankProof.from_evidence(claims[0].evidence)
+        rank = RankProof.from_evidence(observable.evidence)
         with in_balls():
             reach = window_reach(own, (low, high), window, gains.window_weight, rank)
             whole = whole_bound(blocks, reach, decaying, high, rate)
@@ -238,9 +241,8 @@ def _expected(problem: Problem, stored: Entries, gains: ImpulsiveGains) -> NewEn
     if gains.image is not None:
         r = gains.image.shape[1]
         expected |= {"image": (d, r), "coimage": (r, d)}
-    expected["window"] = stored["window"] if options.window is None else options.window
-    expected["alpha"] = stored["alpha"] if options.alpha is None else options.alpha
-    return expected
+    own = {"window": options.window, "alpha": options.alpha}
+    return expected | {name: stored.get(name) if x is None else x for name, x in own.items()}
 
 
 def _reason_against_problem(problem: Problem) -> str | None:

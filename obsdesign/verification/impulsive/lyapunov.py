@@ -39,11 +39,9 @@ class LyapunovFunction:
     rho: float
     # entry of the evidence of the claim `rate`
     ENTRY: ClassVar[str] = "theorem_2_2"
-    _WORDS: ClassVar[Mapping[str, str]] = {
-        "P": "M_alpha(rho_l(t), t)",
-        "Q_C": "0",
-        "Q_I": "(1 - alpha^-2) P(tau_k^-)",
-    }
+    _P: ClassVar[str] = "M_alpha(rho_l(t), t)"
+    _Q_C: ClassVar[str] = "0"
+    _Q_I: ClassVar[str] = "(1 - alpha^-2) P(tau_k^-)"
 
     @classmethod
     def from_evidence(cls, evidence: Entries) -> LyapunovFunction | None:
@@ -56,7 +54,7 @@ class LyapunovFunction:
 
     def to_evidence(self) -> NewEntries:
         """As it stands in the evidence of a claim."""
-        return asdict(self) | dict(self._WORDS)
+        return asdict(self) | {"P": self._P, "Q_C": self._Q_C, "Q_I": self._Q_I}
 
     def follows_from(self, narrower: LyapunovFunction) -> bool:
         """Whether (6) with the other's constants shows it with these."""
@@ -66,9 +64,9 @@ class LyapunovFunction:
     def sentence(self) -> str:
         """The conditions in words."""
         return (
-            f"Theorem 2.2 holds with P(t) = {self._WORDS['P']}: (6) with eta = "
+            f"Theorem 2.2 holds with P(t) = {self._P}: (6) with eta = "
             f"{six_digits(self.eta, ROUND_FLOOR)} and rho = {six_digits(self.rho, ROUND_CEILING)}, "
-            f"(7) with Q_C = {self._WORDS['Q_C']}, (8) with Q_I = {self._WORDS['Q_I']}."
+            f"(7) with Q_C = {self._Q_C}, (8) with Q_I = {self._Q_I}."
         )
 
 

@@ -86,23 +86,20 @@ class Reach:
 class RankProof:
     """Numbers of the proof that the unweighted window matrix of `blocks` impulses has full rank.
 
-    In the coordinates in which the core is given: spread, by age; largest; recalled.
+    In the coordinates in which the core is given: spread, by age; largest; recalled; sigma_min, of
+    the window matrix.
     """
 
     blocks: int
-    spread: tuple[float, ...]
+    spread: Sequence[float]
     largest: float
     recalled: float
+    sigma_min: float
 
     @classmethod
     def from_evidence(cls, evidence: Entries) -> RankProof:
         """From the evidence of a proved claim `strongly_observable`."""
-        return cls(
-            blocks=int(evidence["blocks"]),
-            spread=tuple(evidence["spread"]),
-            largest=evidence["largest"],
-            recalled=evidence["recalled"],
-        )
+        return cls(**{one.name: evidence[one.name] for one in fields(cls)})
 
 
 def window_reach(
@@ -216,14 +213,11 @@ def _rounded_up(value: float) -> float:
 
 def robust_to_rounding(bound: Bound, size: Ball) -> Verdict:
     """Decide whether the bound, with a perturbation of this size per step, still contracts."""
-    evidence = {"largest_change": float(size.abs_upper()), "exact": False}
+    largest = float(size.abs_upper())
     if bound.factor < 1:
-        return proved(**evidence)
-    reason = (
-        f"rounding moves each step by {evidence['largest_change']:.3g}, more than the proved "
-        "convergence absorbs"
-    )
-    return undecided(reason, **evidence)
+        return proved(largest_change=largest, exact=False)
+    reason = f"rounding moves each step by {largest:.3g}, more than the proved convergence absorbs"
+    return undecided(reason, largest_change=largest, exact=False)
 
 
 def in_balls() -> AbstractContextManager[None]:

@@ -194,7 +194,7 @@ def _in_image(verdict: Verdict, core: Core) -> Verdict:
 def _admissible(verdict: Verdict, problem: Problem) -> Verdict:
     """The verdict, undecided if its witness changes spacings by more than the jitter allows."""
     jump = problem.plant.jump
-    thetas = verdict.evidence.get("witness", {}).get("thetas", ())
+    thetas = verdict.witness.get("thetas", ())
     if jump is None or verdict.outcome != "refuted":
         return verdict
     if all(abs(b - a) <= jump.dwell_jitter for a, b in itertools.pairwise(thetas)):

@@ -22,8 +22,9 @@ from obsdesign.problem.problem import Problem
 from obsdesign.verification.dwell import Dwell, dwell_stability, matrix_of
 from obsdesign.verification.impulsive.rate import Bound, in_balls, quadratic_bound
 
+_CASCADE = "linear time-varying cascade: what C does not see follows what it sees"
 _SOURCES = {
-    "hidden": "linear time-varying cascade: what C does not see follows what it sees",
+    "hidden": _CASCADE,
     "rest": "Medina, Lawrence, section IV: the part that nothing drives",
 }
 
@@ -77,11 +78,10 @@ def _without_margin(verdict: Verdict, F: Exact, H: Exact, dwell: Dwell) -> Verdi
     """Refute only by a witness against decay itself; one against the margin leaves it open."""
     plain = dwell_stability(F, H, dwell, {}, False)
     if plain.outcome == "refuted":
-        witness = dict(plain.evidence.get("witness", {}))
         modes = np.linalg.eigvals(to_float(F))
         worst = modes[np.argmax(modes.real)]
-        text = f"{witness.get('reason', '')}; its flow has the mode {worst:.6g}"
-        return refuted({**witness, "reason": f"it does not decay by itself: {text}"})
+        text = f"{plain.reason}; its flow has the mode {worst:.6g}"
+        return refuted({**plain.witness, "reason": f"it does not decay by itself: {text}"})
     return undecided("it decays too slowly, if at all", **verdict.evidence)
 
 
@@ -124,7 +124,7 @@ def _obstructions(plant: Core, dwell: Dwell, certificates: Entries, paranoid: bo
         claims.append(Claim.from_verdict(
             "hidden_decays",
             f"what no measurement ever sees of the state (dimension {len(flow)}) decays",
-            _SOURCES["hidden"], verdict,
+            _CASCADE, verdict,
         ))  # fmt: skip
     hiding = certificates.get("detectable", {}).get("witness", {}).get("thetas")
     if not isinstance(hiding, list) or len(hiding) != 1:
@@ -136,7 +136,7 @@ def _obstructions(plant: Core, dwell: Dwell, certificates: Entries, paranoid: bo
             "detectable",
             "at no constant spacing does C miss a mode of the impulses and the flow between them "
             f"that has modulus 1 or more (residuals below {MARGIN:g} of their terms)",
-            _SOURCES["hidden"], verdict,
+            _CASCADE, verdict,
         ))  # fmt: skip
     return claims
 

@@ -209,9 +209,9 @@ def expected_gains(problem: Problem, stored: Entries) -> NewEntries:
     if plant.output.measured == "periodic":
         expected |= {"period": plant.output.period}
     elif _has_step_limit(problem, stored):  # `sampled_width` is about this limit, and no other
-        expected |= {"step_limit": stored["step_limit"]}
+        expected |= {"step_limit": stored.get("step_limit")}
     if "dwell_time" in expected and _is_wider(problem, stored.get("dwell_time")):
-        expected |= {"dwell_time": stored["dwell_time"]}
+        expected |= {"dwell_time": stored.get("dwell_time")}
     expected |= {"L": (n, p), "M": (n, p), "D0": (n, n), "D1": (n, n)}
     if form == "two_coordinates":
         expected |= {"S": (n, n), "S2": (n, n), "T": (n, n)}

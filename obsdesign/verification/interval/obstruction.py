@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -31,16 +31,24 @@ _MOST_SUPPORTS = 2000
 _STABILITY = ("dwell_stability", "sampled_stability")
 
 
+@dataclass(frozen=True)
+class _OpenGains:
+    """Which gains the problem leaves open, where they act."""
+
+    L: bool
+    M: bool
+
+
 def obstruction_claim(problem: Problem, gains: IntervalGains, source: str) -> tuple[Claim, ...]:
     """A refuted claim where gains are open and none suffices; nothing otherwise."""
     plant = problem.plant
     idle = idle_gains(plant)
-    is_open = {name: name not in problem.gains and name not in idle for name in ("L", "M")}
+    is_open = _OpenGains(*(name not in {*problem.gains, *idle} for name in ("L", "M")))
     if plant.output.measured == "periodic":
-        witness = _undetectable(problem) if is_open["L"] else None
-        if not is_open["L"] and _has_open_coordinates(problem, gains):
+        witness = _undetectable(problem) if is_open.L else None
+        if not is_open.L and _has_open_coordinates(problem, gains):
             witness = _unstable_between_samples(problem, gains)
-    elif any(is_open.values()):
+    elif is_open.L or is_open.M:
         witness = _undetectable(problem) or _in_these_coordinates(problem, gains, is_open)
     elif _has_open_coordinates(problem, gains):
         witness = _unstable_error(problem, gains)
@@ -95,7 +103,7 @@ def with_hints(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Claim, ...]
 def _with_hint(claim: Claim, hint: str) -> Claim:
     witness = claim.evidence.get("witness")
     if witness is not None:
-        witness = {**witness, "reason": f"{witness['reason']}; {hint}"}
+        witness = {**witness, "reason": f"{witness.get('reason')}; {hint}"}
         return replace(claim, evidence={**claim.evidence, "witness": witness})
     reason = f"{claim.evidence.get('reason', 'not proved')}; {hint}"
     return replace(claim, evidence={**claim.evidence, "reason": reason})
@@ -127,20 +135,19 @@ def _witness(verdict: Verdict, beginning: str) -> NewEntries | None:
     """The witness of a refutation, its reason after a beginning; None without one."""
     if verdict.outcome != "refuted":
         return None
-    witness = dict(verdict.evidence["witness"])
-    return {**witness, "reason": beginning + str(witness["reason"])}
+    return {**verdict.witness, "reason": beginning + verdict.reason}
 
 
 def _in_these_coordinates(
-    problem: Problem, gains: IntervalGains, is_open: Mapping[str, bool]
+    problem: Problem, gains: IntervalGains, is_open: _OpenGains
 ) -> NewEntries | None:
     plant = problem.plant
     if gains.form == "two_coordinates":
         return None
     frame = Coordinates.from_matrices(gains.S, None, inverse, exact)
     C = exact(plant.output.C)
-    L, M = (0 * exact(X) if is_open[name] else exact(X)
-            for name, X in (("L", gains.L), ("M", gains.M)))  # fmt: skip
+    L, M = (0 * exact(X) if is_free else exact(X)
+            for is_free, X in ((is_open.L, gains.L), (is_open.M, gains.M)))  # fmt: skip
     F = frame.similar(exact(plant.flow.A) - L @ C)
     H, C_jump = None, C
     if plant.jump is not None:
@@ -149,7 +156,7 @@ def _in_these_coordinates(
         H = frame.similar(G - M @ C_jump)
     if frame.S is not None:
         C, C_jump = C @ frame.S, C_jump @ frame.S
-    C_flow, C_jump = C if is_open["L"] else 0 * C, C_jump if is_open["M"] else 0 * C
+    C_flow, C_jump = C if is_open.L else 0 * C, C_jump if is_open.M else 0 * C
     if gains.form == "cooperative":
         witness = _wrong_sign(F, C_flow, "A - L C", metzler=True)
         if witness is None and H is not None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -51,12 +51,13 @@ def samples_claim(
     bounds = vectors(proposed, names, len(system.f))
     verdict = undecided("no tube was given or found for samples and jumps between them")
     if bounds is not None:
-        verdict = _proof(system, gains, bounds)
+        verdict = _proof(system, gains, _bounds(bounds))
     if verdict.outcome == "proved" and bounds is not None:
-        widths = {name: to_float(bounds[name]).tolist() for name in names}
-        if system.N is not None:
-            widths["after_jump"] = raised_product(system.out, bounds["jumped"])
-        widths["after_sample"] = raised_product(system.out, bounds["sampled"])
+        widths = {name: to_float(v).tolist() for name, v in zip(names, bounds, strict=True)}
+        tube = _bounds(bounds)
+        if tube.jumped is not None:
+            widths |= {"after_jump": raised_product(system.out, tube.jumped)}
+        widths |= {"after_sample": raised_product(system.out, tube.sampled)}
         verdict = Verdict("proved", {**widths, **verdict.evidence})
     elif math.isinf(gains.dwell_ends[1]):
         refutation = _refutation(system, gains.period)
@@ -90,11 +91,16 @@ def _refutation(system: WidthSystem, period: float) -> Verdict:
     return refute_spectral(0 * below, below, period, period)
 
 
-def _proof(system: WidthSystem, gains: IntervalGains, vectors: Mapping[str, Array]) -> Verdict:
+def _proof(system: WidthSystem, gains: IntervalGains, bounds: Bounds) -> Verdict:
     assert gains.period is not None
     question = interleaved(system, gains.period, *gains.dwell_ends, gains.skips_jumps)
-    bounds = Bounds(vectors["tube"], vectors["sampled"], vectors.get("jumped"), vectors["always"])
     return prove_interleaved(question, exact(system.out), bounds)
+
+
+def _bounds(vectors: tuple[Array, ...]) -> Bounds:
+    """From tube, sampled, always and, with jumps, jumped."""
+    tube, sampled, always, *jumped = vectors
+    return Bounds(tube, sampled, jumped[0] if jumped else None, always)
 
 
 def spacing_claim(

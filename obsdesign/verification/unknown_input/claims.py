@@ -185,12 +185,11 @@ def _stable(F: Matrix, near: NearZero | None) -> Claim:
     if F.size:
         verdict = prove_hurwitz(exact(F))
         if verdict.outcome == "refuted" and near is not None:
-            witness = verdict.evidence["witness"]
             why = (
-                f"{witness['reason']}; s = {near.real:.6g} is within {near.margin:.1g} of "
+                f"{verdict.reason}; s = {near.real:.6g} is within {near.margin:.1g} of "
                 "being an invariant zero, so that hardly any gain reaches it"
             )
-            verdict = refuted({**witness, "reason": why})
+            verdict = refuted({**verdict.witness, "reason": why})
     return Claim(
         "hurwitz",
         "the error of the reduced state decays (F is Hurwitz), and so it does in steps of any "
