@@ -69,6 +69,8 @@ class TimeBudget:
 
 
 UNLIMITED = TimeBudget()
+# entries of evidence that a budget ended a search: the unit of its limit, the limit
+_ENDED = ("ended_by", "seconds", "limit")
 
 
 @dataclass(frozen=True)
@@ -109,12 +111,10 @@ def ended_by_count(unit: str, limit: int) -> NewEntries:
 
 def ended_part(evidence: Entries) -> NewEntries:
     """The entries of `ended` or `ended_by_count` in some evidence; {} if it has none."""
-    return {name: evidence[name] for name in ("ended_by", "seconds", "limit")
-            if "ended_by" in evidence and name in evidence}  # fmt: skip
+    return {name: evidence[name] for name in _ENDED if "ended_by" in evidence and name in evidence}
 
 
 def ending(evidence: Entries) -> str:
     """Return "ended after 3 s", from the evidence of `ended` or `ended_by_count`."""
-    if evidence["ended_by"] == "time":
-        return f"ended after {evidence['seconds']:.6g} s"
-    return f"ended after {evidence['limit']} {evidence['ended_by']}"
+    unit, seconds, limit = (evidence.get(name) for name in _ENDED)
+    return f"ended after {seconds:.6g} s" if unit == "time" else f"ended after {limit} {unit}"

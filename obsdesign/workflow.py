@@ -155,7 +155,7 @@ def _attempted(
     result = _result(problem, best.candidate.label, tried) | {"seconds": round(best.seconds, 6)}
     better = verdict == "proved"
     if texts := sentences(one for one in remarks if not one.evidence or (better and one.matters)):
-        result["remarks"] = texts
+        result |= {"remarks": texts}
     design = _document(problem, best.candidate, claims)
     outcome = Outcome(
         verdict, design.kind, claims, result, design, design.guarantees, design.warnings or ()

@@ -77,10 +77,10 @@ def _largest(
         )
         for value, better in search.towards(family, span, _FINE[name]):
             rates = Rates(value, 0.0) if name == "per_jump" else Rates(0.5, value)
-            certificate = {"P": better.tolist()}
-            done = prove_rate(F, H, certificate, low, high, rates=rates, name=name, steps=WORTH)
+            P = better.tolist()
+            done = prove_rate(F, H, {"P": P}, low, high, rates=rates, name=name, steps=WORTH)
             if done.outcome == "proved":
-                result |= {name: value, f"P_{name}": certificate["P"]}
+                result |= {name: value, f"P_{name}": P}
                 break
     if len(result) < 2 * len(families):
         usual = propose_rates(F, H, {"P": given.tolist()}, low, high)

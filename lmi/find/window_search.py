@@ -168,7 +168,7 @@ class _Family:
             if attempt.outcome == "proved":
                 evidence = {**body, **attempt.evidence}
                 if math.isfinite(proposal.margin):
-                    evidence["approx_margin"] = proposal.margin
+                    evidence |= {"approx_margin": proposal.margin}
                 L = np.linalg.cholesky(proposal.matrices)
                 verdict = Verdict("proved", evidence, proposal.solvers)
                 return WindowResult(verdict, proposal.thetas, windows, L)

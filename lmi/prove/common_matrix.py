@@ -105,9 +105,9 @@ def _boxes(condition: Condition, limit: int) -> Verdict:
 def _account(boxes: Boxes) -> NewEntries:
     evidence: NewEntries = {"method": "Taylor-Bernstein boxes", "boxes": boxes.count}
     if boxes.count:
-        evidence["smallest_box"] = boxes.smallest
+        evidence |= {"smallest_box": boxes.smallest}
     if boxes.tail_from is not None:
-        evidence["tail_from"] = boxes.tail_from
+        evidence |= {"tail_from": boxes.tail_from}
     return evidence
 
 

@@ -96,14 +96,14 @@ def run(
     from obsdesign.data.execution import execute
 
     start = None if initial is None else numbers(initial, "--initial")
-    counts = execute(
+    tally = execute(
         design_file, data, output, start, events, state=state, skip_bad=skip_bad, remark=warn
     )
-    total = counts.pop("rows", 0)
-    statuses = ", ".join(f"{number} {status}" for status, number in counts.most_common())
+    counts = tally.statuses.most_common()
+    statuses = ", ".join(f"{number} {status}" for status, number in counts)
     if not is_quiet():
-        on_stderr(f"{total} rows{': ' if statuses else ''}{statuses}")
-    return 4 if strict and counts["ok"] < total else 0
+        on_stderr(f"{tally.rows} rows{': ' if statuses else ''}{statuses}")
+    return 4 if strict and tally.good < tally.rows else 0
 
 
 @click.command()

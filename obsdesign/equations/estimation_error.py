@@ -45,13 +45,13 @@ def jump_disturbance_matrix(M: Array, C: Array, n: int, jump_measurement: str) -
 
 def idle_gains(plant: Plant) -> dict[str, str]:
     """Gains that can only be zero, since nothing is measured where they act, and why."""
-    idle = {}
+    idle = dict[str, str]()
     if plant.output.measured == "at_jumps":
-        idle["L"] = "output.measured is 'at_jumps': nothing is measured between jumps"
+        idle |= {"L": "output.measured is 'at_jumps': nothing is measured between jumps"}
     if plant.jump is None:
-        idle["M"] = "there is no [jump]"
+        idle |= {"M": "there is no [jump]"}
     elif plant.output.jump_measurement == "none":
-        idle["M"] = "output.jump_measurement is 'none'"
+        idle |= {"M": "output.jump_measurement is 'none'"}
     return idle
 
 

@@ -237,21 +237,14 @@ def plant_data(plant: Plant) -> NewEntries:
     of the jump where there is none, and a dwell time that may be any.
     """
     flow, jump, output = plant.flow, plant.jump, plant.output
-    data: NewEntries = {"A": flow.A, "C": output.C}
-    if flow.B is not None:
-        data["B"] = flow.B
+    data: NewEntries = {"A": flow.A, "C": output.C, "B": flow.B}
     data |= {"flow_lower": flow.lower, "flow_upper": flow.upper}
     if jump is not None:
-        data["G"] = jump.G
-        if jump.E is not None:
-            data["E"] = jump.E
-        data |= {"jump_lower": jump.lower, "jump_upper": jump.upper}
-        if jump.dwell_time is not None:
-            data["dwell_time"] = list(jump.dwell_time)
-        if math.isfinite(jump.dwell_jitter):
-            data["dwell_jitter"] = jump.dwell_jitter
+        data |= {"G": jump.G, "E": jump.E, "jump_lower": jump.lower, "jump_upper": jump.upper}
+        dwell_time = None if jump.dwell_time is None else list(jump.dwell_time)
+        jitter = jump.dwell_jitter if math.isfinite(jump.dwell_jitter) else None
+        data |= {"dwell_time": dwell_time, "dwell_jitter": jitter}
     if output.noise_bound is not None:
-        data["noise_bound"] = output.noise_radius
-        if output.noise_centre is not None:
-            data["noise_centre"] = output.noise_centre
-    return data | {"jump_measurement": output.jump_measurement}
+        data |= {"noise_bound": output.noise_radius, "noise_centre": output.noise_centre}
+    data |= {"jump_measurement": output.jump_measurement}
+    return {name: value for name, value in data.items() if value is not None}

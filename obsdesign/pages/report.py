@@ -190,7 +190,7 @@ def _estimate(
                 initial = np.column_stack([x - 0.5, x + 1.5]).reshape(-1).tolist()
         estimates, picture = str(Path(folder, "estimate.csv")), str(Path(folder, "estimate.svg"))
         try:
-            counts = execute(path, source, estimates, initial, None)
+            tally = execute(path, source, estimates, initial, None)
         except InputError:
             if data is None:  # impulses at unknown times, which this kind cannot detect
                 return None
@@ -200,10 +200,10 @@ def _estimate(
         measured = ComparisonRecord.from_file(source, Problem.from_dict(design.problem).plant)
         rows = _rows_with_kalman(design, measured, initial)
         bounds = _bounds(design, measured, Table.from_file(estimates))
-    total = counts.pop("rows")
-    statuses = ", ".join(f"{number} {status}" for status, number in counts.most_common())
+    counts = tally.statuses.most_common()
+    statuses = ", ".join(f"{number} {status}" for status, number in counts)
     origin = f"of {Path(data).name}" if data else "simulated with random admissible disturbances"
-    caption = f"{total} rows {origin}: {statuses}."
+    caption = f"{tally.rows} rows {origin}: {statuses}."
     entries = {"title": title, "image": _inline(svg), "caption": caption}
     return {**entries, "beside": rows, "bounds": bounds}
 

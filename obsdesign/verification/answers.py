@@ -100,5 +100,6 @@ def _as_undecided(claim: Claim, why: str) -> Claim:
     if claim.verdict != "refuted":
         return claim
     kept = {name: value for name, value in claim.evidence.items() if name != "witness"}
-    kept["these_gains"] = {"witness": claim.evidence.get("witness")}
-    return replace(claim, verdict="undecided", evidence={**kept, "reason": why})
+    these = {"witness": claim.evidence.get("witness")}
+    evidence = {**kept, "these_gains": these, "reason": why}
+    return replace(claim, verdict="undecided", evidence=evidence)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar, Self
+from typing import ClassVar, Self, TypeGuard
 
 import numpy as np
 
@@ -162,7 +162,7 @@ def gains_from_document(entries: Entries) -> IntegralGains | SamplesGains:
     return OPERATORS[operator].from_document(entries)
 
 
-def is_positive(value: object) -> bool:
+def is_positive(value: object) -> TypeGuard[float]:
     """A positive, finite number."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         return False

@@ -23,11 +23,10 @@ def differentiation(
     name: str, noise_std: Matrix, noise_centre: Matrix | None, lag: int
 ) -> NewEntries:
     """A differentiator as a design stores it: its name, its entries about the noise, its lag."""
-    stored: NewEntries = {"differentiator": name}
-    if name in SMOOTHING:
-        stored["noise_std"] = noise_std
-    if noise_centre is not None:
-        stored["noise_centre"] = noise_centre
-    if name == "fixed_lag":
-        stored["lag"] = lag
-    return stored
+    stored: NewEntries = {
+        "differentiator": name,
+        "noise_std": noise_std if name in SMOOTHING else None,
+        "noise_centre": noise_centre,
+        "lag": lag if name == "fixed_lag" else None,
+    }
+    return {entry: value for entry, value in stored.items() if value is not None}

@@ -74,7 +74,7 @@ class FiniteTimeObserver(SteppedObserver[FiniteTimeState]):
     def init(self, t: float = 0.0, *, x: ArrayLike | None = None) -> FiniteTimeState:
         """State at time t; x is a guess that is shown until the window is full, default zeros."""
         guess = vector(np.zeros(self.n) if x is None else x, self.n, "x")
-        inputs = np.zeros(int(self.reads["u"]))
+        inputs = np.zeros(self.gains.m)
         return initial_state(self.constants, float(t), guess, inputs)
 
     def step(self, state: FiniteTimeState, sample: Sample) -> tuple[FiniteTimeState, Estimate]:

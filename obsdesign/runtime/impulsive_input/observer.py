@@ -154,7 +154,7 @@ class ImpulsiveInputObserver(PointObserver[ImpulsiveInputState], Delayed[Impulsi
 
     def batch(self, state: ImpulsiveInputState, record: Columns) -> Batch:
         """The whole record in blocks: what `run` gives, faster."""
-        t, rows, p, m = record.t, len(record.t), self.gains.p, int(self.reads["u"])
+        t, rows, p, m = record.t, len(record.t), self.gains.p, self.gains.m
         if not (np.isfinite(t).all() and (np.diff(t) > 0).all()):
             raise ValueError("times must be finite and increase.")
         y = np.full((rows, p), np.nan) if record.y is None else record.y

@@ -31,7 +31,7 @@ class ComparisonRecord:
         What is measured at jumps only is simulated for five times as long: a row is a jump.
         """
         if options.get("until") is None and plant.output.measured == "at_jumps":
-            options["until"] = 5 * default_until(plant, "random")
+            options |= {"until": 5 * default_until(plant, "random")}
         run = simulate(plant, announced=True, **options)
         inputs = {letter: run.block(letter) for letter in "uw" if run.block(letter).size}
         samples = rows_of(run.t, run.block("y"), **inputs, jump=run.columns.get("jump"))

@@ -67,7 +67,7 @@ def run(design: Design, record: ComparisonRecord, start: Matrix) -> NewEntries:
     good[: int(_LATE * len(good))] = False
     if estimates[0].lower is not None:
         low, high = (np.array([getattr(e, end) for e in estimates]) for end in ("lower", "upper"))
-        numbers["width"] = _size((high - low)[good])
+        numbers |= {"width": _size((high - low)[good])}
     if estimates[0].x is not None:
         x = np.array([estimate.x for estimate in estimates])
     else:
@@ -83,11 +83,11 @@ def _errors(
     errors: NewEntries = {}
     if record.x is not None and len(record.x) == len(x):
         error = np.abs(x - record.x)[counted]
-        errors["error"] = _size(error)
-        errors["worst"] = float(np.nanmax(error)) if np.isfinite(error).any() else None
+        worst = float(np.nanmax(error)) if np.isfinite(error).any() else None
+        errors |= {"error": _size(error), "worst": worst}
     if record.d is not None and d is not None and len(record.d) == len(d):
         # what is known at a row is the mean of d over the interval before it
-        errors["input_error"] = _size((d - record.d)[counted])
+        errors |= {"input_error": _size((d - record.d)[counted])}
     return errors
 
 

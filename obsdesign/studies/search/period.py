@@ -134,7 +134,7 @@ def search_period(problem: Problem, what: str, budget: TimeBudget) -> Outcome:
         remarks += more
     is_searched = printed.L is None or (is_period and printed.window is None)
     if remarks:
-        extensions["remarks"] = sentences(remarks)
+        extensions |= {"remarks": sentences(remarks)}
     end = last_end(remarks)
     claims = (first, *bracket.claims)
     verdict = "proved" if all(claim.verdict == "proved" for claim in claims) else "undecided"

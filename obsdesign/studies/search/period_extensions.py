@@ -39,13 +39,13 @@ def longer_periods(
         return {}, ()
     first = () if plain is None else (plain,)
     least = 0.0 if plain is None else math.exp(plain.log_period)
-    extensions = {}
+    extensions: NewEntries = {}
     coordinates = replace(printed, coordinates=True)
     transformed = best_injection(coordinates, budget, first, effort=LONG_EFFORT)
     remarks = transformed.remarks
     longest = _proved_period(printed, transformed)
     if longest > least * _LEAST_RATIO:
-        extensions["coordinates"] = _extension(transformed, longest)
+        extensions |= {"coordinates": _extension(transformed, longest)}
     tighter = replace(printed, tighter=True)
     best = best_injection(tighter, budget, first)
     remarks += best.remarks
@@ -57,7 +57,7 @@ def longer_periods(
     if further > longest * _LEAST_RATIO:
         best, longest = transformed, further
     if longest > least * _LEAST_RATIO:
-        extensions["tighter"] = _extension(best, longest)
+        extensions |= {"tighter": _extension(best, longest)}
     return extensions, remarks
 
 

@@ -44,6 +44,22 @@ class BlockDecay:
         return cls(np.asarray(evidence["P"], dtype=np.float64), evidence["factor"])
 
 
+@dataclass(frozen=True)
+class Contraction:
+    """V = x'P x of the error after an impulse falls by gamma^2 to the next; P symmetric."""
+
+    P: Matrix
+    gamma: float
+
+    @classmethod
+    def from_evidence(cls, evidence: Entries, n: int) -> Contraction | None:
+        """From a certificate or the evidence of claim `contracting`; None where it has none."""
+        P, gamma = _symmetric(evidence.get("P"), n), evidence.get("gamma")
+        if P is None or not isinstance(gamma, float) or not 0 < gamma < 1:
+            return None
+        return cls(P, gamma)
+
+
 def block_decay(
     name: str,
     pair: tuple[Exact, Exact],
@@ -92,11 +108,11 @@ def quadratic_claims(
     dwell, ends = Dwell.from_problem(problem), problem.require_dwell_time()
     plant = Core.from_gains(gains, exact)
     certificate = certificates.get("contracting", {})
-    P, gamma = _symmetric(certificate.get("P"), problem.plant.n), certificate.get("gamma")
-    if P is None or not isinstance(gamma, float) or not 0 < gamma < 1:
+    norm = Contraction.from_evidence(certificate, problem.plant.n)
+    if norm is None:
         verdict = undecided("no P was found for which a gain contracts at every spacing")
     else:
-        verdict = _contracting(plant, gains, P, gamma, ends)
+        verdict = _contracting(plant, gains, norm, ends)
     claims = [Claim.from_verdict(
         "contracting",
         "in the norm of one P the error after an impulse is at most gamma of that after the "
@@ -105,8 +121,8 @@ def quadratic_claims(
         "quadratic detectability: P and one gain for each cell of spacings",
         verdict,
     )]  # fmt: skip
-    if verdict.outcome == "proved" and P is not None and gamma is not None:
-        return claims, _bound(plant, gains, P, float(gamma), ends)
+    if verdict.outcome == "proved" and norm is not None:
+        return claims, _bound(plant, gains, norm, ends)
     # no gain at all helps against these
     return [*_obstructions(plant, dwell, certificates, paranoid), *claims], None
 
@@ -142,8 +158,9 @@ def _obstructions(plant: Core, dwell: Dwell, certificates: Entries, paranoid: bo
 
 
 def _contracting(
-    plant: Core, gains: ImpulsiveGains, P: Matrix, gamma: float, ends: tuple[float, float]
+    plant: Core, gains: ImpulsiveGains, norm: Contraction, ends: tuple[float, float]
 ) -> Verdict:
+    P, gamma = norm.P, norm.gamma
     cells, table = gains.gain_table
     is_single = len(cells) == 2 and cells[0] == cells[1] == ends[0] == ends[1]
     is_rising = bool(np.all(np.diff(cells) > 0))
@@ -161,7 +178,7 @@ def _contracting(
 
 
 def _bound(
-    plant: Core, gains: ImpulsiveGains, P: Matrix, gamma: float, ends: tuple[float, float]
+    plant: Core, gains: ImpulsiveGains, norm: Contraction, ends: tuple[float, float]
 ) -> Bound:
     """From the error after an impulse to the error before the next, and back."""
     unit = identity_like(plant.A)
@@ -170,7 +187,7 @@ def _bound(
         gain = norm_of(plant.J)
         for L in gains.gain_table[1]:
             gain = gain.max(norm_of(plant.J + exact(L) @ plant.C))
-        bound = quadratic_bound(P, gamma).scaled(flow * gain / number(gamma))
+        bound = quadratic_bound(norm.P, norm.gamma).scaled(flow * gain / number(norm.gamma))
         return Bound(bound.constant.max(number(1.0)), bound.factor)
 
 

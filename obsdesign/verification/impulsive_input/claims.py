@@ -151,16 +151,26 @@ def _reason_against(problem: Problem, stored: Entries) -> str | None:
 
 
 def _reason_against_integral(plant: Plant, stored: Entries) -> str | None:
-    window = float(stored["window"])
-    if not float(stored["margin"]) < window:
+    ends = _margin_and_window(stored)
+    if ends is None or not ends[0] < ends[1]:
         return "gains.margin must be less than gains.window"
-    if not are_exponents(stored.get("exponents")):
+    exponents = stored.get("exponents")
+    if not are_exponents(exponents):
         return "gains.exponents must be distinct, finite numbers, one or more"
-    return reason_against_exponents(np.asarray(stored["exponents"]), plant.n, plant.p, window)
+    return reason_against_exponents(np.asarray(exponents), plant.n, plant.p, ends[1])
+
+
+def _margin_and_window(stored: Entries) -> tuple[float, float] | None:
+    """The youngest and the oldest age that is looked at; None where one is no positive number."""
+    margin, window = stored.get("margin"), stored.get("window")
+    if not (is_positive(margin) and is_positive(window)):
+        return None
+    return float(margin), float(window)
 
 
 def _reason_against_samples(plant: Plant, stored: Entries) -> str | None:
-    period, window = plant.output.period, stored["window"]
+    period = plant.output.period
+    window: Value = stored.get("window")
     H = None if plant.jump is None else plant.jump.H
     if plant.output.measured != "periodic" or period is None or not is_positive(period):
         return "output.measured must be 'periodic' for operator 'samples'"
@@ -192,16 +202,16 @@ def _required_rule(plant: Plant, stored: Entries) -> str:
 def _stored_window(plant: Plant, stored: Entries) -> FeatureWindow | None:
     """Features of the stored K, exponents, window and margin; None where they make none."""
     K, exponents = stored.get("K"), stored.get("exponents")
-    positive = is_positive(stored.get("window")) and is_positive(stored.get("margin"))
+    ends = _margin_and_window(stored)
     H = None if plant.jump is None else plant.jump.H
-    if H is None or not positive or not are_exponents(exponents):
+    if H is None or ends is None or not are_exponents(exponents):
         return None
     if not isinstance(K, np.ndarray) or K.shape != (plant.n, plant.p) or not np.isfinite(K).all():
         return None
     C = plant.output.C
     return FeatureWindow(
         flow_error_matrix(plant.flow.A, K, C), C, H, exponents=np.asarray(exponents, float),
-        tau=float(stored["window"]), margin=float(stored["margin"]),
+        tau=ends[1], margin=ends[0],
     )  # fmt: skip
 
 
@@ -242,20 +252,22 @@ def _expected(problem: Problem, stored: Entries) -> NewEntries:
         "state_correction": samples,
     }
     if options.margin is not None:
-        expected["margin"] = options.margin
+        expected |= {"margin": options.margin}
     if not samples and stored.get("weighting") == "gls":  # the guarantee holds for both
-        expected["state_correction"] = stored.get("state_correction")
+        expected |= {"state_correction": stored.get("state_correction")}
     if not samples and options.state_correction is not None:
-        expected["state_correction"] = options.state_correction
+        expected |= {"state_correction": options.state_correction}
     if options.initial_std is not None:
-        expected["initial_std"] = np.array(options.initial_std)
+        expected |= {"initial_std": np.array(options.initial_std)}
     if plant.output.measured == "periodic":
-        expected["period"] = plant.output.period
+        expected |= {"period": plant.output.period}
     if stored.get("operator") == "integral":
         given = options.exponents
-        expected["K"] = problem.gains.get("K", (plant.n, plant.p))
-        expected["exponents"] = stored.get("exponents") if given is None else np.array(given)
-        expected["rule"] = _required_rule(plant, stored)
+        expected |= {
+            "K": problem.gains.get("K", (plant.n, plant.p)),
+            "exponents": stored.get("exponents") if given is None else np.array(given),
+            "rule": _required_rule(plant, stored),
+        }
         if options.has_threshold:
             expected |= {"threshold": _required_threshold(problem, stored), "rule": "threshold"}
     return expected

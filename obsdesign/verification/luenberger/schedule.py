@@ -106,7 +106,7 @@ def _proof(
             verdict = prove(condition, method=method)
             if verdict.outcome != "proved":
                 where = f"from cell {earlier + 1} to cell {later + 1} of the dwell times"
-                return undecided(f"{where}: {verdict.evidence['reason']}")
+                return undecided(f"{where}: {verdict.reason}")
             boxes += verdict.evidence.get("boxes", 0)
     return proved(cells=[list(ends) for ends in cells], pairs=len(pairs), boxes=boxes)
 
