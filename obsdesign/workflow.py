@@ -5,7 +5,7 @@ from __future__ import annotations
 import platform
 import time
 from collections.abc import Callable, Hashable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import TypeVar
 
 from lmi.arithmetic.arrays import Entries, NewEntries
@@ -33,6 +33,14 @@ _DISTRIBUTIONS: Mapping[Solver, tuple[str, ...]] = {
     "IPOPT": ("casadi",),
     "SciPy": ("scipy",),
 }
+
+
+@dataclass(frozen=True)
+class FormAnswer:
+    """What became of a form: `Outcome.result` holds one for each under "forms"."""
+
+    verdict: str
+    reasons: list[str]
 
 
 @dataclass(frozen=True)
@@ -211,15 +219,13 @@ def _result(problem: Problem, label: str, tried: list[_Tried]) -> NewEntries:
     """The form of the design, and what became of each."""
     forms = {one.candidate.label: _summary(one.verdict, one.claims) for one in tried}
     skipped = untried_forms(problem)
-    forms |= {name: {"verdict": "undecided", "reasons": [why]} for name, why in skipped.items()}
+    forms |= {name: asdict(FormAnswer("undecided", [why])) for name, why in skipped.items()}
     return {"form": label, "forms": forms}
 
 
 def _summary(verdict: str, claims: tuple[Claim, ...]) -> NewEntries:
-    return {
-        "verdict": verdict,
-        "reasons": [f"{c.id}: {reason(c)}" for c in claims if c.verdict != "proved"],
-    }
+    reasons = [f"{c.id}: {reason(c)}" for c in claims if c.verdict != "proved"]
+    return asdict(FormAnswer(verdict, reasons))
 
 
 def _document(problem: Problem, candidate: Candidate, claims: tuple[Claim, ...]) -> Design:

@@ -15,7 +15,7 @@ from obsdesign.pages.key_numbers import numbers_of
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.kind import untried_forms
 from obsdesign.verification.answers import is_ended, more_time, reason
-from obsdesign.workflow import Outcome
+from obsdesign.workflow import FormAnswer, Outcome
 
 if TYPE_CHECKING:
     from obsdesign.studies.check.which_kinds import KindAnswer  # other commands do without them
@@ -134,7 +134,8 @@ def show(outcome: Outcome, numbers: bool = False) -> None:
 
     console = output_console(soft_wrap=False)
     colour = _COLOURS[outcome.verdict]
-    form = f", form {outcome.result['form']}" if "form" in outcome.result else ""
+    chosen, seconds = outcome.result.get("form"), outcome.result.get("seconds")
+    form = "" if chosen is None else f", form {chosen}"
     console.print(f"[bold {colour}]{outcome.verdict}[/]  {outcome.kind}{form}")
     table = Table(box=None, pad_edge=False, header_style="dim")
     for title in ("verdict", "claim", "what, and why"):
@@ -149,13 +150,14 @@ def show(outcome: Outcome, numbers: bool = False) -> None:
     console.print(table)
     forms = outcome.result.get("forms", {})
     untried = _untried_forms(outcome) if forms else set()
-    for label, entry in forms.items():
+    for label, stated in forms.items():
+        entry = FormAnswer(**stated)
         wanted = outcome.verdict != "proved" or label not in untried or numbers
-        if wanted and label != outcome.result.get("form") and entry["verdict"] != "proved":
-            why = escape("; ".join(entry["reasons"]))
-            console.print(f"form {label} is {entry['verdict']}: {why}")
-    if numbers and "seconds" in outcome.result:
-        console.print(f"[dim]designed in {outcome.result['seconds']} s[/]")
+        if wanted and label != chosen and entry.verdict != "proved":
+            why = escape("; ".join(entry.reasons))
+            console.print(f"form {label} is {entry.verdict}: {why}")
+    if numbers and seconds is not None:
+        console.print(f"[dim]designed in {seconds} s[/]")
     for guarantee in outcome.guarantees if outcome.verdict != "refuted" else ():
         word = "[green]guaranteed[/]" if guarantee.given else "[yellow]not guaranteed[/]"
         console.print(f"{word}: {escape(guarantee.statement)}")

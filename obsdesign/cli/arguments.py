@@ -6,7 +6,7 @@ import json
 import math
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import click
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 _Command = TypeVar("_Command", bound=Callable[..., object])
 
 
-def one_of(*words: str) -> Any:
+def one_of(*words: str) -> Callable[[click.Context, click.Parameter, str], list[str]]:
     """Completion of an option by these words."""
     return lambda context, option, begun: [word for word in words if word.startswith(begun)]
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from lmi.arithmetic.arrays import Array
-from obsdesign.equations.gains import Plant
+from obsdesign.equations.plant import Plant
 
 
 def flow_error_matrix(A: Array, L: Array, C: Array) -> Array:

@@ -25,9 +25,8 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Array as Array
 from lmi.arithmetic.arrays import Entries, NewEntries, Value
+from obsdesign.equations.plant import Plant
 
-# obsdesign.Plant, which stands above this layer
-Plant = Any
 # what a field is declared by: of the type of its annotation, as for `dataclasses.field`
 Declared = Any
 
@@ -151,7 +150,7 @@ class PlantGains(Gains):
 
     @classmethod
     def from_plant(cls, plant: Plant, **gains: Value) -> Self:
-        """Gains with the numbers of a plant, which has the attributes of `obsdesign.Plant`."""
+        """Gains with the numbers of a plant."""
         return cls(**plant_data(plant), **gains)
 
     @cached_property
@@ -233,8 +232,8 @@ def _sized(name: str, shape: _Shape, value: Value, sizes: dict[str, int]) -> Arr
 def plant_data(plant: Plant) -> NewEntries:
     """The plant's numbers that the runtime needs, under the names of a design's `gains`.
 
-    `plant` has the attributes of `obsdesign.Plant`. What it does not state is left out: the entries
-    of the jump where there is none, and a dwell time that may be any.
+    What it does not state is left out: the entries of the jump where there is none, and a dwell
+    time that may be any.
     """
     flow, jump, output = plant.flow, plant.jump, plant.output
     data: NewEntries = {"A": flow.A, "C": output.C, "B": flow.B}

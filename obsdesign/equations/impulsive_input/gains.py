@@ -9,7 +9,8 @@ from typing import ClassVar, Self, TypeGuard
 import numpy as np
 
 from lmi.arithmetic.arrays import Entries, Matrix, NewEntries, Value
-from obsdesign.equations.gains import Plant, PlantGains, flag, matrix, number, word
+from obsdesign.equations.gains import PlantGains, flag, matrix, number, word
+from obsdesign.equations.plant import Plant
 
 WEIGHTINGS = ("plain", "gls")
 RULES = ("peak", "position", "threshold")
@@ -63,9 +64,9 @@ class ImpulsiveInputGains(PlantGains):
     @classmethod
     def from_plant(cls, plant: Plant, **gains: Value) -> Self:
         """Gains with the numbers of a plant, its impulses and its noise."""
-        output = plant.output
+        output, H = plant.output, None if plant.jump is None else plant.jump.H
         return super().from_plant(
-            plant, H=plant.jump.H, noise_std=output.noise_std, noise_cv=output.noise_cv, **gains
+            plant, H=H, noise_std=output.noise_std, noise_cv=output.noise_cv, **gains
         )
 
     @property

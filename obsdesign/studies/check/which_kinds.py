@@ -48,19 +48,13 @@ def check_all(
     undecided if any is, else refuted: one observer is enough. seconds: of processor time that
     searches may take in all. progress: called with the kinds that are settled, and all.
     """
-    answers = _checked(problem, KINDS, progress, TimeBudget.from_seconds(seconds))
+    answers = check_kinds(problem, KINDS, progress, TimeBudget.from_seconds(seconds))
     verdicts = {answer.verdict for answer in answers.values()}
     order = ("proved", "undecided")
     return next((word for word in order if word in verdicts), "refuted"), answers
 
 
-def check_kind(problem: Problem, kind: str, *, seconds: float | None = None) -> KindAnswer:
-    """The answer of one kind."""
-    budget = TimeBudget.from_seconds(seconds)
-    return _checked(problem, (kind,), lambda done, total: None, budget)[kind]
-
-
-def _checked(
+def check_kinds(
     problem: Problem,
     kinds: tuple[str, ...],
     progress: Callable[[int, int], None],
