@@ -57,7 +57,8 @@ class NormalisedStack:
 
     def _middle(self, key: tuple[int, int]) -> Rational:
         level, index = key
-        return self.low + (2 * index + 1) * self.length / 2 ** (level + 1)
+        middle: Rational = self.low + (2 * index + 1) * self.length / 2 ** (level + 1)
+        return middle
 
 
 def magnitudes(S: Balls) -> Matrix:
