@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from lmi.refute.spectral import decide_constant, refute_spectral, refute_word, s
 from lmi.verdict import Verdict, undecided
 from obsdesign.equations.estimation_error import reason_against_sampling
 from obsdesign.problem.problem import Problem
+from obsdesign.verification.proposal import Proposal
 
 _Prover = Callable[[Array, Array, "Dwell", "DwellCertificate", str], Verdict]
 
@@ -52,8 +53,8 @@ class Dwell:
 
 
 @dataclass(frozen=True)
-class DwellCertificate:
-    """What a finder proposes for stability, unchecked; None where it proposes no such thing.
+class DwellCertificate(Proposal):
+    """Stability for all dwell times.
 
     P; or windows and edges; or a vector with its side and form; a witness; no_common_P: dwell
     times and multipliers.
@@ -67,11 +68,6 @@ class DwellCertificate:
     form: Value = None
     witness: Value = None
     no_common_P: Value = None
-
-    @classmethod
-    def from_document(cls, entries: Entries) -> DwellCertificate:
-        """Those of a certificate, or of the evidence of a claim of stability."""
-        return cls(**{one.name: entries.get(one.name) for one in fields(cls)})
 
     @property
     def has_matrices(self) -> bool:
