@@ -132,7 +132,7 @@ def show(outcome: Outcome, numbers: bool = False) -> None:
     from rich.markup import escape
     from rich.table import Table
 
-    console = output_console(soft_wrap=False)
+    console = output_console()
     colour = _COLOURS[outcome.verdict]
     chosen, seconds = outcome.result.get("form"), outcome.result.get("seconds")
     form = "" if chosen is None else f", form {chosen}"

@@ -15,8 +15,6 @@ from typing import TYPE_CHECKING
 
 import click
 
-from lmi.arithmetic.arrays import Value
-
 if TYPE_CHECKING:
     from rich.console import Console
 
@@ -76,7 +74,7 @@ def progress_message(doing: str) -> Iterator[None]:
         done.set()
 
 
-def output_console(**options: Value) -> Console:
+def output_console() -> Console:
     """A console of rich on standard output; BrokenPipeError once its reader has left.
 
     Its own answer is exit code 1, which means refuted here.
@@ -87,7 +85,7 @@ def output_console(**options: Value) -> Console:
         def on_broken_pipe(self) -> None:
             raise BrokenPipeError
 
-    return Output(highlight=False, **options)
+    return Output(highlight=False)
 
 
 @contextmanager

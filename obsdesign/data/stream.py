@@ -6,12 +6,12 @@ import itertools
 import os
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from typing import cast
 
-from lmi.arithmetic.arrays import Value
 from obsdesign.document import Design
 from obsdesign.errors import InputError
 from obsdesign.input_files import read_text
-from obsdesign.runtime.base import Delayed, Estimate, KindState, Observer, Sample, Stepped
+from obsdesign.runtime.base import Delayed, Estimate, KindState, Observer, Row, Sample, Stepped
 from obsdesign.runtime.stored_state import Progress, progress_from_text
 
 _READ_AHEAD = 1024  # rows of a file that an observer with a delay takes at once
@@ -47,7 +47,8 @@ class Stream:
                 after = replace(self._latest, decided=())
                 self.progress = Progress(after, (), max(given - len(decided), 0))
             else:
-                waiting: tuple[Value, ...] = tuple((row.t, row.y, row.u) for row in block)
+                # arrays, as `read_samples` makes them
+                waiting = cast(tuple[Row, ...], tuple((row.t, row.y, row.u) for row in block))
                 self.progress = Progress(before, waiting, max(given, len(decided)))
             yield from decided[given:]
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Matrix, Value
+from lmi.arithmetic.arrays import Matrix
 from obsdesign.data.records import Layout, read_columns, read_samples
 from obsdesign.data.simulation import default_until, simulate
 from obsdesign.errors import InputError
@@ -25,14 +25,20 @@ class ComparisonRecord:
     d: Matrix | None = None
 
     @staticmethod
-    def from_simulation(plant: Plant, **options: Value) -> ComparisonRecord:
-        """A simulation of the plant; options: those of `simulation.simulate`.
+    def from_simulation(
+        plant: Plant,
+        *,
+        until: float | None = None,
+        step: float | None = None,
+        rng: np.random.Generator | None = None,
+    ) -> ComparisonRecord:
+        """A simulation of the plant, with the options of `simulation.simulate`.
 
         What is measured at jumps only is simulated for five times as long: a row is a jump.
         """
-        if options.get("until") is None and plant.output.measured == "at_jumps":
-            options |= {"until": 5 * default_until(plant, "random")}
-        run = simulate(plant, announced=True, **options)
+        if until is None and plant.output.measured == "at_jumps":
+            until = 5 * default_until(plant, "random")
+        run = simulate(plant, until=until, step=step, rng=rng, announced=True)
         inputs = {letter: run.block(letter) for letter in "uw" if run.block(letter).size}
         samples = rows_of(run.t, run.block("y"), **inputs, jump=run.columns.get("jump"))
         d = run.block("d")

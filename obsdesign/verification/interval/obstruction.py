@@ -103,7 +103,7 @@ def with_hints(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Claim, ...]
 def _with_hint(claim: Claim, hint: str) -> Claim:
     witness = claim.evidence.get("witness")
     if witness is not None:
-        witness = {**witness, "reason": f"{witness.get('reason')}; {hint}"}
+        witness = {**witness, "reason": f"{witness.get('reason', 'refuted')}; {hint}"}
         return replace(claim, evidence={**claim.evidence, "witness": witness})
     reason = f"{claim.evidence.get('reason', 'not proved')}; {hint}"
     return replace(claim, evidence={**claim.evidence, "reason": reason})
