@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, fields
 from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal, localcontext
 
-from lmi.arithmetic.arrays import Array, Entries, NewEntries
+from lmi.arithmetic.arrays import Array, Entries, EntriesByClaim, NewEntries
 from lmi.prove.rates import Rates, prove_rates
 from obsdesign.document import Claim
 from obsdesign.verification.dwell import Dwell, DwellCertificate, matrix_of
@@ -29,7 +29,7 @@ class StatedRates:
 
 
 def rates_claim(
-    F: Array, H: Array, dwell: Dwell, certificates: Entries, source: str
+    F: Array, H: Array, dwell: Dwell, certificates: EntriesByClaim, source: str
 ) -> tuple[Claim, ...]:
     """Claim of proposed rates of decay per jump and in time, for the P of the stability claim.
 

@@ -104,7 +104,7 @@ def _rate_claims(
     problem: Problem,
     gains: ImpulsiveGains,
     bound: Bound | None,
-    certificates: Entries,
+    certificates: EntriesByClaim,
     lyapunov: LyapunovFunction | None,
 ) -> list[Claim]:
     """Claims of the rate that follows from a proved bound, and of the problem's decay rate."""
@@ -125,7 +125,7 @@ def _lyapunov(
     problem: Problem,
     gains: ImpulsiveGains,
     proved_claims: list[Claim],
-    certificates: Entries,
+    certificates: EntriesByClaim,
 ) -> LyapunovFunction | None:
     """The function of Theorem 2.2, where the certificate of the rate names it (strategy `full`).
 
@@ -150,7 +150,7 @@ def _lyapunov(
 def _windowed(
     problem: Problem,
     gains: ImpulsiveGains,
-    certificates: Entries,
+    certificates: EntriesByClaim,
     paranoid: bool,
     budget: TimeBudget,
 ) -> tuple[list[Claim], Bound | None]:
@@ -184,7 +184,7 @@ def _windowed(
 
 
 def _uncorrected(
-    problem: Problem, blocks: Blocks, certificates: Entries, paranoid: bool
+    problem: Problem, blocks: Blocks, certificates: EntriesByClaim, paranoid: bool
 ) -> tuple[list[Claim], dict[str, Bound]]:
     """Claims that the blocks without correction decay, and their bounds by name."""
     claims, bounds = list[Claim](), dict[str, Bound]()

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Entries, Matrix
+from lmi.arithmetic.arrays import Entries, EntriesByClaim, Matrix
 from lmi.arithmetic.balls import Exact, exact, number, rational, to_float
 from lmi.bounds.largest_norm import identity_like, norm_of, norm_over
 from lmi.prove.common_matrix import prove_common
@@ -102,7 +102,7 @@ def _without_margin(verdict: Verdict, F: Exact, H: Exact, dwell: Dwell) -> Verdi
 
 
 def quadratic_claims(
-    problem: Problem, gains: ImpulsiveGains, certificates: Entries, paranoid: bool
+    problem: Problem, gains: ImpulsiveGains, certificates: EntriesByClaim, paranoid: bool
 ) -> tuple[list[Claim], Bound | None]:
     """Claims of one P for all spacings, gains by cells of the last one; and their bound."""
     dwell, ends = Dwell.from_problem(problem), problem.require_dwell_time()
@@ -127,7 +127,9 @@ def quadratic_claims(
     return [*_obstructions(plant, dwell, certificates, paranoid), *claims], None
 
 
-def _obstructions(plant: Core, dwell: Dwell, certificates: Entries, paranoid: bool) -> list[Claim]:
+def _obstructions(
+    plant: Core, dwell: Dwell, certificates: EntriesByClaim, paranoid: bool
+) -> list[Claim]:
     """Claims whose refutation refutes every observer: undetectable modes."""
     claims = []
     hidden = hidden_part([plant.A, plant.J], plant.C)

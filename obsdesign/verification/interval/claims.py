@@ -124,7 +124,7 @@ def _spacing(
     problem: Problem,
     system: WidthSystem,
     gains: IntervalGains,
-    certificates: Entries,
+    certificates: EntriesByClaim,
     width: tuple[Claim, ...],
 ) -> tuple[Claim, ...]:
     """Claim of a step limit of a continuous y, if one is proposed; none is needed with L = 0."""
