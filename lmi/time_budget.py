@@ -13,9 +13,10 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
-from typing import Any
+
+from lmi.arithmetic.arrays import Entries, NewEntries
 
 # own limits of the next attempt, relative to those of the last
 _STRETCH = 4.0
@@ -62,12 +63,14 @@ class TimeBudget:
         """A search's own limit, stretched."""
         return int(count * min(self.factor, _LARGEST_FACTOR))
 
-    def ended(self) -> dict[str, Any]:
+    def ended(self) -> NewEntries:
         """Evidence that time ended a search: {"ended_by": "time", "seconds"}; {} if it did not."""
         return {"ended_by": "time", "seconds": self.seconds} if self.remaining() < 0 else {}
 
 
 UNLIMITED = TimeBudget()
+# entries of evidence that a budget ended a search: the unit of its limit, the limit
+_ENDED = ("ended_by", "seconds", "limit")
 
 
 @dataclass(frozen=True)
@@ -79,13 +82,11 @@ class Remark:
 
     text: str
     search: str = ""
-    evidence: Mapping[str, Any] = field(default_factory=dict)
+    evidence: Entries = field(default_factory=dict)
     matters: bool = True
 
 
-def remark_end(
-    search: str, evidence: Mapping[str, Any], *, matters: bool = True
-) -> tuple[Remark, ...]:
+def remark_end(search: str, evidence: Entries, *, matters: bool = True) -> tuple[Remark, ...]:
     """Return the remark that a budget ended a search; none where the evidence is empty."""
     if not evidence:
         return ()
@@ -98,24 +99,22 @@ def sentences(remarks: Iterable[Remark]) -> list[str]:
     return [entry.text for entry in {item.search or item.text: item for item in remarks}.values()]
 
 
-def last_end(remarks: Iterable[Remark]) -> Mapping[str, Any]:
+def last_end(remarks: Iterable[Remark]) -> Entries:
     """Evidence of the last search that a budget ended; {} where none was."""
     return next((entry.evidence for entry in reversed([*remarks]) if entry.evidence), {})
 
 
-def ended_by_count(unit: str, limit: int) -> dict[str, Any]:
+def ended_by_count(unit: str, limit: int) -> NewEntries:
     """Evidence that a search was ended by a number of "windows" or "evaluations", from `scaled`."""
     return {"ended_by": unit, "limit": limit}
 
 
-def ended_part(evidence: Mapping[str, Any]) -> dict[str, Any]:
+def ended_part(evidence: Entries) -> NewEntries:
     """The entries of `ended` or `ended_by_count` in some evidence; {} if it has none."""
-    return {name: evidence[name] for name in ("ended_by", "seconds", "limit")
-            if "ended_by" in evidence and name in evidence}  # fmt: skip
+    return {name: evidence[name] for name in _ENDED if "ended_by" in evidence and name in evidence}
 
 
-def ending(evidence: Mapping[str, Any]) -> str:
+def ending(evidence: Entries) -> str:
     """Return "ended after 3 s", from the evidence of `ended` or `ended_by_count`."""
-    if evidence["ended_by"] == "time":
-        return f"ended after {evidence['seconds']:.6g} s"
-    return f"ended after {evidence['limit']} {evidence['ended_by']}"
+    unit, seconds, limit = (evidence.get(name) for name in _ENDED)
+    return f"ended after {seconds:.6g} s" if unit == "time" else f"ended after {limit} {unit}"

@@ -9,10 +9,10 @@ from __future__ import annotations
 import json
 import math
 import os
-from typing import Any
 
 import numpy as np
 
+from lmi.arithmetic.arrays import NewEntries, Value
 from obsdesign.document import FORMAT, VERSION, Claim, Design, Guarantee, digest
 from obsdesign.entries import LARGEST, is_number, shown
 from obsdesign.errors import InputError
@@ -60,7 +60,7 @@ def _whole(text: str) -> int:
     return int(text)
 
 
-def from_dict(body: Any, path: str = "design") -> Design:
+def from_dict(body: Value, path: str = "design") -> Design:
     """A design from its parsed JSON, checked for format, version, keys, digest and shapes."""
     _check_format(body, path)
     require_depth(body, path)
@@ -91,7 +91,7 @@ def from_dict(body: Any, path: str = "design") -> Design:
     )
 
 
-def _check_format(body: Any, path: str) -> None:
+def _check_format(body: Value, path: str) -> None:
     """InputError unless this is a design of this version, with its keys and no others."""
     if not isinstance(body, dict) or body.get("format") != FORMAT:
         arrived = shown(body.get("format")) if isinstance(body, dict) else type(body).__name__
@@ -109,7 +109,7 @@ def _check_format(body: Any, path: str) -> None:
         raise InputError(f"{path}: unknown key {shown(unknown[0])} in a design file.")
 
 
-def _check_digest(body: dict[str, Any], path: str) -> None:
+def _check_digest(body: NewEntries, path: str) -> None:
     try:
         expected = digest(body)
     except UnicodeEncodeError:
@@ -123,7 +123,7 @@ def _check_digest(body: dict[str, Any], path: str) -> None:
         )
 
 
-def _claim(entry: Any, place: str) -> Claim:
+def _claim(entry: Value, place: str) -> Claim:
     names = tuple(Claim.__dataclass_fields__)
     if not isinstance(entry, dict) or set(entry) != set(names):
         raise InputError(f"{place} must have exactly {', '.join(names)}.")
@@ -139,7 +139,7 @@ def _claim(entry: Any, place: str) -> Claim:
     return Claim(**entry)
 
 
-def _truth_in_lists(value: Any) -> list[Any] | None:
+def _truth_in_lists(value: Value) -> list[Value] | None:
     """A list that holds true or false, anywhere inside; None if there is none."""
     if isinstance(value, list) and any(isinstance(item, bool) for item in value):
         return value
@@ -147,7 +147,7 @@ def _truth_in_lists(value: Any) -> list[Any] | None:
     return next((truth for item in items if (truth := _truth_in_lists(item))), None)
 
 
-def _guarantee(entry: Any, place: str) -> Guarantee:
+def _guarantee(entry: Value, place: str) -> Guarantee:
     kinds = {"statement": str, "given": bool, "claims": list}
     if not isinstance(entry, dict) or set(entry) != set(kinds):
         raise InputError(f"{place} must have exactly {', '.join(kinds)}.")
@@ -159,7 +159,7 @@ def _guarantee(entry: Any, place: str) -> Guarantee:
     return Guarantee(entry["statement"], tuple(entry["claims"]), entry["given"])
 
 
-def _gain(name: str, value: Any, path: str) -> Any:
+def _gain(name: str, value: Value, path: str) -> Value:
     """A text, a number, a flag, or a read-only array of numbers; InputError for anything else."""
     entry = f"{path}: gains.{name}"
     if name in _FLAGS and isinstance(value, bool):
@@ -178,7 +178,7 @@ def _gain(name: str, value: Any, path: str) -> Any:
     return value
 
 
-def _numbers(value: Any, entry: str) -> Any:
+def _numbers(value: Value, entry: str) -> Value:
     """Nested lists with infinity as a float; InputError where no number stands."""
     if isinstance(value, list):
         return [_numbers(item, entry) for item in value]

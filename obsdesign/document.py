@@ -11,10 +11,11 @@ import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Entries, NewEntries, Value
 from obsdesign.output_files import write_text
 
 FORMAT = "obsdesign/design"
@@ -29,7 +30,7 @@ class Decision(Protocol):
         """The word."""
 
     @property
-    def evidence(self) -> Mapping[str, Any]:
+    def evidence(self) -> Entries:
         """A certificate, a witness, or the worst place."""
 
 
@@ -45,17 +46,22 @@ class Claim:
     statement: str
     source: str
     verdict: str
-    evidence: Mapping[str, Any]
+    evidence: Entries
 
     @classmethod
     def from_verdict(cls, name: str, statement: str, source: str, verdict: Decision) -> Claim:
         """The claim that a verdict of `lmi` decides, with its evidence."""
         return cls(name, statement, source, verdict.outcome, verdict.evidence)
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> NewEntries:
         """The claim as it stands in a file."""
         words = {name: getattr(self, name) for name in ("id", "statement", "source", "verdict")}
-        return words | {"evidence": jsonable(_without_nan(self.evidence))}
+        return words | {"evidence": self.stated_evidence()}
+
+    def stated_evidence(self) -> Entries:
+        """The evidence as it stands in a file."""
+        stated: Entries = jsonable(_without_nan(self.evidence))
+        return stated
 
 
 @dataclass(frozen=True)
@@ -82,7 +88,7 @@ class Guarantee:
         """A sentence that rests on no claim and is not given."""
         return cls(statement, (), given=False)
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> NewEntries:
         """The guarantee as it stands in a file."""
         return {"statement": self.statement, "given": self.given, "claims": list(self.claims)}
 
@@ -98,14 +104,19 @@ class Design:
 
     name: str
     kind: str
-    problem: Mapping[str, Any]
-    gains: Mapping[str, Any]
+    problem: Entries
+    gains: Entries
     claims: tuple[Claim, ...]
     guarantees: tuple[Guarantee, ...]
     warnings: tuple[str, ...] | None
-    provenance: Mapping[str, Any]
+    provenance: Entries
 
-    def to_dict(self) -> dict[str, Any]:
+    @property
+    def digest(self) -> str:
+        """The signature of the document."""
+        return str(self.to_dict()["digest"])
+
+    def to_dict(self) -> NewEntries:
         """The document, digest included."""
         body = {
             "format": FORMAT,
@@ -127,7 +138,7 @@ class Design:
         write_text(path, json.dumps(self.to_dict(), indent=1, ensure_ascii=False, allow_nan=False))
 
 
-def _without_nan(value: Any) -> Any:
+def _without_nan(value: object) -> object:
     """Evidence whose floats overflowed has nothing to show there: null."""
     if isinstance(value, Mapping):
         return {key: _without_nan(item) for key, item in value.items()}
@@ -136,7 +147,7 @@ def _without_nan(value: Any) -> Any:
     return None if isinstance(value, float) and math.isnan(value) else value
 
 
-def jsonable(value: Any) -> Any:
+def jsonable(value: Value) -> Value:
     """Arrays as lists, infinity as "inf", -0.0 as 0.0; NaN is our bug and raises ValueError."""
     if isinstance(value, Mapping):
         return {str(key): jsonable(item) for key, item in value.items()}
@@ -158,7 +169,7 @@ def jsonable(value: Any) -> Any:
     return value
 
 
-def same(one: Any, other: Any) -> bool:
+def same(one: object, other: object) -> bool:
     """Are two JSON values equal? 1 is 1.0, and true is neither."""
     if isinstance(one, list) and isinstance(other, list):
         return len(one) == len(other) and all(map(same, one, other))
@@ -167,7 +178,7 @@ def same(one: Any, other: Any) -> bool:
     return bool(isinstance(one, bool) == isinstance(other, bool) and one == other)
 
 
-def digest(body: Mapping[str, Any]) -> str:
+def digest(body: Entries) -> str:
     """sha256 of the canonical text of everything but the digest."""
     rest = {key: value for key, value in body.items() if key != "digest"}
     text = json.dumps(

@@ -7,12 +7,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.arrays import Matrix, Value
 from obsdesign.errors import InputError
 
 # magnitudes of what a problem holds, zero apart: products of two stay inside binary64
@@ -30,11 +29,11 @@ def vector(values: ArrayLike, entry: str) -> Matrix:
     return _array(values, entry, 1, "a list of numbers")
 
 
-def _array(values: Any, entry: str, dimensions: int, wanted: str, empty: bool = False) -> Matrix:
+def _array(values: object, entry: str, dimensions: int, wanted: str, empty: bool = False) -> Matrix:
     try:
         raw = np.asarray(values)
         # as objects: beside numbers numpy takes True for 1, and integers may exceed 64 bits
-        loose: Any = () if isinstance(values, np.ndarray) else np.asarray(values, object).flat
+        loose: Value = () if isinstance(values, np.ndarray) else np.asarray(values, object).flat
         if raw.dtype.kind not in "iufO" or not all(is_number(item) for item in loose):
             raise ValueError
         result = np.array(raw, dtype=np.float64)
@@ -132,7 +131,7 @@ def positive(value: float, entry: str) -> float:
     return in_range(float(value), entry)
 
 
-def real(value: Any, entry: str) -> float:
+def real(value: Value, entry: str) -> float:
     """A number that is one, as a float: no text, no truth value."""
     if not is_number(value):
         raise InputError(f"{entry} must be a number; got {shown(value)}.")

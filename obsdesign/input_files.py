@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from typing import Any
 
 from obsdesign.errors import InputError
 
@@ -46,7 +45,7 @@ def require_depth(value: object, name: str) -> None:
     raise InputError(f"{name}: nested deeper than {MOST_DEPTH} lists and tables.")
 
 
-def keys_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+def keys_once(pairs: list[tuple[str, object]]) -> dict[str, object]:
     """For `json.loads`: an object whose keys all differ, or ValueError."""
     result = dict(pairs)
     if len(result) < len(pairs):

@@ -5,9 +5,10 @@ from __future__ import annotations
 import platform
 import time
 from collections.abc import Callable, Hashable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, TypeVar
+from dataclasses import asdict, dataclass
+from typing import TypeVar
 
+from lmi.arithmetic.arrays import Entries, NewEntries
 from lmi.memory import OversizeError
 from lmi.solvers import Solver, Solvers
 from lmi.time_budget import UNLIMITED, Remark, TimeBudget, remark_end, sentences
@@ -16,7 +17,7 @@ from obsdesign.document import Claim, Design, Guarantee
 from obsdesign.errors import InputError
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
-from obsdesign.synthesis.kind import candidates_of, untried_forms
+from obsdesign.synthesis.kind import Constraints, candidates_of, untried_forms
 from obsdesign.verification.answers import as_answers, is_ended, reason, with_untried
 from obsdesign.verification.document import document_claim, sentences_from
 from obsdesign.verification.kind import verification_of
@@ -35,6 +36,14 @@ _DISTRIBUTIONS: Mapping[Solver, tuple[str, ...]] = {
 
 
 @dataclass(frozen=True)
+class FormAnswer:
+    """What became of a form: `Outcome.result` holds one for each under "forms"."""
+
+    verdict: str
+    reasons: list[str]
+
+
+@dataclass(frozen=True)
 class Outcome:
     """What a command has to say: the verdict of its claims, and a design where there is one.
 
@@ -45,14 +54,14 @@ class Outcome:
     verdict: str
     kind: str
     claims: tuple[Claim, ...]
-    result: Mapping[str, Any]
+    result: Entries
     design: Design | None
     guarantees: tuple[Guarantee, ...] = ()
     warnings: tuple[str, ...] = ()
 
 
 def investigate(
-    problem: Problem, *, seconds: float | None = None, constraints: Any = None
+    problem: Problem, *, seconds: float | None = None, constraints: Constraints | None = None
 ) -> Outcome:
     """Synthesise candidates and prove them: the first proved one, else the most hopeful.
 
@@ -76,7 +85,7 @@ def investigate_each(
     *,
     first: bool = False,
     done: Callable[[_Key], None] = lambda key: None,
-    constraints: Any = None,
+    constraints: Constraints | None = None,
 ) -> dict[_Key, Outcome | InputError]:
     """The outcome of each problem, or why it cannot be read as asked.
 
@@ -117,7 +126,9 @@ class _Attempt:
         return self.outcome.verdict == "undecided" and any(map(is_ended, self.outcome.claims))
 
 
-def _better(before: _Attempt | InputError | None, now: _Attempt | InputError) -> Any:
+def _better(
+    before: _Attempt | InputError | None, now: _Attempt | InputError
+) -> _Attempt | InputError:
     """What decides; of two designs the one of least cost, of equals the later."""
     if before is None or isinstance(before, InputError):
         return now
@@ -132,7 +143,7 @@ def _better(before: _Attempt | InputError | None, now: _Attempt | InputError) ->
 
 
 def _attempted(
-    problem: Problem, first: bool, budget: TimeBudget, constraints: Any
+    problem: Problem, first: bool, budget: TimeBudget, constraints: Constraints | None
 ) -> _Attempt | InputError:
     try:
         tried, untried = _tried(problem, first, budget, constraints)
@@ -152,7 +163,7 @@ def _attempted(
     result = _result(problem, best.candidate.label, tried) | {"seconds": round(best.seconds, 6)}
     better = verdict == "proved"
     if texts := sentences(one for one in remarks if not one.evidence or (better and one.matters)):
-        result["remarks"] = texts
+        result |= {"remarks": texts}
     design = _document(problem, best.candidate, claims)
     outcome = Outcome(
         verdict, design.kind, claims, result, design, design.guarantees, design.warnings or ()
@@ -171,7 +182,7 @@ class _Tried:
 
 
 def _tried(
-    problem: Problem, first: bool, budget: TimeBudget, constraints: Any
+    problem: Problem, first: bool, budget: TimeBudget, constraints: Constraints | None
 ) -> tuple[list[_Tried], Candidate | None]:
     """Candidates with what was proved of them; and the next one where time ended before it."""
     started = time.perf_counter()
@@ -204,19 +215,17 @@ def _best(tried: list[_Tried]) -> _Tried:
     return min(reversed(tried), key=lambda one: ("undecided", "refuted").index(one.verdict))
 
 
-def _result(problem: Problem, label: str, tried: list[_Tried]) -> dict[str, Any]:
+def _result(problem: Problem, label: str, tried: list[_Tried]) -> NewEntries:
     """The form of the design, and what became of each."""
     forms = {one.candidate.label: _summary(one.verdict, one.claims) for one in tried}
     skipped = untried_forms(problem)
-    forms |= {name: {"verdict": "undecided", "reasons": [why]} for name, why in skipped.items()}
+    forms |= {name: asdict(FormAnswer("undecided", [why])) for name, why in skipped.items()}
     return {"form": label, "forms": forms}
 
 
-def _summary(verdict: str, claims: tuple[Claim, ...]) -> dict[str, Any]:
-    return {
-        "verdict": verdict,
-        "reasons": [f"{c.id}: {reason(c)}" for c in claims if c.verdict != "proved"],
-    }
+def _summary(verdict: str, claims: tuple[Claim, ...]) -> NewEntries:
+    reasons = [f"{c.id}: {reason(c)}" for c in claims if c.verdict != "proved"]
+    return asdict(FormAnswer(verdict, reasons))
 
 
 def _document(problem: Problem, candidate: Candidate, claims: tuple[Claim, ...]) -> Design:
@@ -254,7 +263,7 @@ def design(
     *,
     allow_undecided: bool = False,
     seconds: float | None = None,
-    constraints: Any = None,
+    constraints: Constraints | None = None,
 ) -> Design:
     """A proved design for a problem; seconds, constraints: as for `investigate`.
 

@@ -217,6 +217,45 @@ def test_no_module_keeps_state(path: Path) -> None:
             assert not names & changed_names(node), f"{module(path)}: {node.name}"
 
 
+# where `Any` stands: under a name and with its reason, or where untyped things come in and go out
+ANY = {
+    "lmi.arithmetic.arrays": "exact-or-float arrays, and values of files",
+    "lmi.find.constrained": "expressions of CVXPY",
+    "obsdesign": "names that are imported when they are first used",
+    "obsdesign.equations.gains": "declarations of fields",
+    "obsdesign.interop.export": "models of python-control",
+    "obsdesign.interop.frames": "tables of pandas",
+    "obsdesign.interop.state_space": "models of scipy and python-control",
+    "obsdesign.runtime.base": "states, of which each kind has its own",
+    "obsdesign.runtime.columns": "events, of which each kind has its own",
+    "obsdesign.runtime.stored_state": "annotations of states, which say what may be read",
+    "obsdesign.studies.sweep.workers": "the client of Dask",
+    "obsdesign.synthesis.finite_time.period_program": "expressions of CasADi",
+    "obsdesign.synthesis.impulsive_input.exponent_program": "expressions of CasADi",
+}
+
+
+def has_any(tree: ast.AST) -> bool:
+    """Does a file use `Any`?"""
+    return any(
+        (isinstance(node, ast.Name) and node.id == "Any")
+        or (isinstance(node, ast.Attribute) and node.attr == "Any")
+        for node in ast.walk(tree)
+    )
+
+
+def test_any_stands_at_borders_alone() -> None:
+    """Elsewhere a value has a type: a table of a file is `Entries` until a dataclass reads it."""
+    using = {module(path) for path in FILES if has_any(ast.parse(path.read_text("utf-8")))}
+    assert using == set(ANY)
+
+
+@pytest.mark.parametrize("text", ["x: Any = 1", "x: dict[str, typing.Any]", "Table = list[Any]"])
+def test_any_is_recognised(text: str) -> None:
+    assert has_any(ast.parse(text))
+    assert not has_any(ast.parse(text.replace("Any", "Value")))
+
+
 def test_searches_and_proofs_read_no_clock() -> None:
     """Their own limits are counted in work; only a stated total ends them by time."""
     rooms = [ROOT / "lmi", *(ROOT / "obsdesign" / name for name in LAYERS)]

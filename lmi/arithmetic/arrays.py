@@ -1,7 +1,8 @@
-"""Names of array types; no dependency but numpy."""
+"""Names of types that every layer shares: arrays, and entries of files; nothing but numpy."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -14,3 +15,11 @@ Array = NDArray[Any]
 Number = Any
 # positions in an array
 Indices = NDArray[np.intp]
+# one value of a table of JSON or TOML, of any type until a reader has checked it
+Value = Any
+# such a table: of a problem, a design, evidence, a certificate
+Entries = Mapping[str, Value]
+# the same while it is put together for a file, for evidence or for an answer
+NewEntries = dict[str, Value]
+# by the id of a claim, what a search proposes as its proof
+EntriesByClaim = Mapping[str, Entries]

@@ -7,15 +7,14 @@ those of `lmi.arithmetic.units`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lmi.arithmetic.arrays import Array
+from lmi.arithmetic.arrays import Array, Entries, NewEntries
 from lmi.arithmetic.balls import Exact, exact, pivot_columns, to_float
 from lmi.arithmetic.spectrum import spectral_radius
 from lmi.arithmetic.units import LARGEST_UNIT, units_in_bits
@@ -101,7 +100,7 @@ class Scaling:
         """A state of z as one of x (side "right"), or a row vector v'z as one of x ("left")."""
         return np.asarray(v / self.sizes if side == "left" else v * self.sizes)
 
-    def restored(self, evidence: Mapping[str, Any], H: Exact) -> dict[str, Any]:
+    def restored(self, evidence: Entries, H: Exact) -> NewEntries:
         """Evidence about z as evidence about x: certificates and witnesses of F and H.
 
         H: exact, of x or z. Its independent columns are the coordinates of reduced windows.
@@ -122,7 +121,7 @@ class Scaling:
             result[name] = self.restored(result[name], H)
         return result
 
-    def _windows(self, windows: Any, H: Exact) -> list[dict[str, Any]]:
+    def _windows(self, windows: Sequence[NewEntries], H: Exact) -> list[NewEntries]:
         reduced = len(windows[0]["P"]) < len(self.sizes)
         part = Scaling(1 / self.sizes[pivot_columns(H)]) if reduced else self.undone
         return [window | {"P": part.form(_floats(window["P"])).tolist()} for window in windows]

@@ -28,7 +28,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -73,15 +72,6 @@ class Interleaved:
     low: float
     high: float
     lost: bool = False
-
-    @staticmethod
-    def from_system(
-        system: Any, period: float, low: float, high: float, lost: bool = False
-    ) -> Interleaved:
-        """From an object with A, f, K, k, G, h (G, h None without jumps)."""
-        A, b, K, k = (exact(X) for X in (system.A, system.f, system.K, system.k))
-        G, j = (None if X is None else exact(X) for X in (system.G, system.h))
-        return Interleaved(A, b, K, k, G, j, period, low, high, lost)
 
     @property
     def periods(self) -> tuple[int, float]:

@@ -8,13 +8,11 @@ windows of the last. What is left between them is open.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.arrays import Entries, Matrix, NewEntries
 from lmi.arithmetic.balls import to_float
 from lmi.decide.dwell_problem import DwellProblem
 from lmi.families import Edge
@@ -44,8 +42,8 @@ class Reached:
     """
 
     end: float | None
-    certificate: Mapping[str, Any]
-    ended: Mapping[str, Any]
+    certificate: Entries
+    ended: Entries
     solvers: Solvers
 
 
@@ -136,7 +134,7 @@ class Gap:
         """The end nearest to `bad` that windows prove, and what ended the search beyond."""
         problem = self.problem
         best: tuple[float, Verdict] | None = None
-        end: dict[str, Any] = {}
+        end: NewEntries = {}
         start: tuple[Windows, Matrix] | None = None
         reached, share, failed, failures = 1.0, 0.5, 0.0, 0  # shares of the gap
         while failures < _FAILURES and reached > _SETTLED * failed:

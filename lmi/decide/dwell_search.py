@@ -9,13 +9,12 @@ which changes sign at the limit, is followed by a bracketing secant method.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from lmi.arithmetic.arrays import Entries
 from lmi.arithmetic.balancing import Scaling
 from lmi.arithmetic.balls import exact, to_float
 from lmi.decide.dwell_gap import Gap
@@ -51,11 +50,11 @@ class Bracket:
     proved: float | None
     not_proved: float | None
     verdict: str | None
-    certificate: Mapping[str, Any] = field(default_factory=dict)
-    obstacle: Mapping[str, Any] = field(default_factory=dict)
+    certificate: Entries = field(default_factory=dict)
+    obstacle: Entries = field(default_factory=dict)
     islands: tuple[tuple[float, float], ...] = ()
     common: float | None = None
-    ended: Mapping[str, Any] = field(default_factory=dict)
+    ended: Entries = field(default_factory=dict)
     solvers: Solvers = ()
 
 

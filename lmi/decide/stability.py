@@ -8,11 +8,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from lmi.arithmetic.arrays import NewEntries
 from lmi.arithmetic.balancing import Scaling
 from lmi.arithmetic.balls import Exact, exact, to_float
 from lmi.families import Edge
@@ -116,7 +117,7 @@ class _Family:
             return again
         evidence = {key: value for key, value in again.evidence.items() if key != "reason"}
         evidence |= self.budget.ended() or ended_part(result.verdict.evidence)
-        reason = f"{attempt.evidence['reason']}; {result.verdict.evidence['reason']}"
+        reason = f"{attempt.reason}; {result.verdict.reason}"
         return replace(again, evidence={"reason": reason, **evidence})
 
     def _with_worst_sequence(self, proposal: Proposal, attempt: Verdict) -> Verdict:
@@ -147,7 +148,7 @@ def find_and_prove(
     F_float, H_float = to_float(F), to_float(H)
     seeds: list[float] = []
     attempt = undecided("no matrix P was tried")
-    evidence: dict[str, Any]
+    evidence: NewEntries
     if is_stiff(F_float, Edge(F_float, H_float, low, high).last - low):
         P = propose_dissipative(F_float, H_float, low)
         quick = attempt if P is None else prove_common(F, H, P, low, high, steps=1)
@@ -169,7 +170,7 @@ def find_and_prove(
                 "thetas_used": len(proposal.thetas),
             }
             if math.isfinite(proposal.margin):
-                evidence["approx_margin"] = proposal.margin
+                evidence |= {"approx_margin": proposal.margin}
             evidence |= attempt.evidence
             return Verdict("proved", evidence, proposal.solvers), proposal
         theta = attempt.evidence.get("theta")
@@ -181,7 +182,7 @@ def find_and_prove(
 
 def _no_common_P(F: Exact, H: Exact, proposal: Proposal) -> Verdict:
     """Undecided, since no P was found; with a checked certificate when there is none."""
-    where: dict[str, Any] = {"theta": proposal.worst_theta, "thetas": list(proposal.thetas)}
+    where: NewEntries = {"theta": proposal.worst_theta, "thetas": list(proposal.thetas)}
     if proposal.multipliers is not None:
         nothing = prove_no_common(F, H, proposal.thetas, proposal.multipliers)
         if nothing.outcome == "proved":

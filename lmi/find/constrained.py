@@ -90,7 +90,7 @@ def _blocks(
     ]
 
 
-def _solve(program: Any) -> bool:
+def _solve(program: Expression) -> bool:
     """Solve by Clarabel; False where it ends without usable numbers."""
     import cvxpy as cp
 

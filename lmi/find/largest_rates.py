@@ -8,14 +8,13 @@ proved, each with a matrix of its own.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.arrays import Entries, Matrix, NewEntries
 from lmi.arithmetic.balancing import Scaling
 from lmi.arithmetic.balls import Exact, exact, to_float
 from lmi.families import Edge
@@ -37,7 +36,7 @@ def largest_rates(
     high: float,
     *,
     budget: TimeBudget = UNLIMITED,
-) -> Mapping[str, Any] | None:
+) -> Entries | None:
     """The largest rates that some common P allows, nearly, proved; None if none are.
 
     F, H: (n, n) floats or exact rationals; P: (n, n) of a proof over the range.
@@ -56,7 +55,7 @@ def largest_rates(
 
 def _largest(
     pair: tuple[Exact, Exact], given: Matrix, low: float, high: float, *, budget: TimeBudget
-) -> dict[str, Any] | None:
+) -> NewEntries | None:
     """`largest_rates` of a balanced pair (F, H), with P given in its coordinates."""
     F, H = pair
     approx = approx_rates(F, H, {"P": given.tolist()}, low, high)
@@ -71,17 +70,17 @@ def _largest(
         "per_jump": lambda x: (edge.F, edge.H / x),
         "in_time": lambda x: (edge.F + x * unit, edge.H),
     }
-    result: dict[str, Any] = {}
+    result: NewEntries = {}
     for name, family in families.items():
         span = _Span(
             1.0 if name == "per_jump" else 0.0, getattr(approx, name), getattr(limits, name)
         )
         for value, better in search.towards(family, span, _FINE[name]):
             rates = Rates(value, 0.0) if name == "per_jump" else Rates(0.5, value)
-            certificate = {"P": better.tolist()}
-            done = prove_rate(F, H, certificate, low, high, rates=rates, name=name, steps=WORTH)
+            P = better.tolist()
+            done = prove_rate(F, H, {"P": P}, low, high, rates=rates, name=name, steps=WORTH)
             if done.outcome == "proved":
-                result |= {name: value, f"P_{name}": certificate["P"]}
+                result |= {name: value, f"P_{name}": P}
                 break
     if len(result) < 2 * len(families):
         usual = propose_rates(F, H, {"P": given.tolist()}, low, high)

@@ -10,11 +10,10 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Array
+from lmi.arithmetic.arrays import Array, NewEntries
 from lmi.arithmetic.balls import Exact, rank_factors, to_float
 from lmi.families import Edge
 from lmi.find.cutting_plane import Proposal, propose_edges
@@ -169,7 +168,7 @@ class _Family:
             if attempt.outcome == "proved":
                 evidence = {**body, **attempt.evidence}
                 if math.isfinite(proposal.margin):
-                    evidence["approx_margin"] = proposal.margin
+                    evidence |= {"approx_margin": proposal.margin}
                 L = np.linalg.cholesky(proposal.matrices)
                 verdict = Verdict("proved", evidence, proposal.solvers)
                 return WindowResult(verdict, proposal.thetas, windows, L)
@@ -184,7 +183,7 @@ class _Family:
         return WindowResult(attempt, proposal.thetas)
 
 
-def certificate(windows: Windows, links: Links, matrices: Array) -> dict[str, Any]:
+def certificate(windows: Windows, links: Links, matrices: Array) -> NewEntries:
     """Certificate for a file: windows with their intervals and P, edges with their ranges."""
     P = (matrices + np.swapaxes(matrices, 1, 2)) / 2
     ends = zip(links.source, links.target, links.low, links.high, strict=True)

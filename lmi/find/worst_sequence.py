@@ -11,11 +11,10 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Array
+from lmi.arithmetic.arrays import Array, NewEntries
 from lmi.families import Edge
 from lmi.time_budget import UNLIMITED, TimeBudget
 
@@ -204,7 +203,7 @@ def polished(edge: Edge, word: Word, jitter: float = math.inf) -> Word:
         start, index = np.unique(thetas, return_inverse=True)
     spread = np.eye(len(start))[index]
     bounds = [(edge.low, edge.last)] * len(start)
-    how: dict[str, Any] = {"method": "L-BFGS-B", "options": {"maxiter": 40}}
+    how: NewEntries = {"method": "L-BFGS-B", "options": {"maxiter": 40}}
     if jitter < edge.last - edge.low:
         change = np.roll(spread, -1, axis=0) - spread
         both = np.concatenate([change, -change])

@@ -14,11 +14,11 @@ are. No optimisation solver is imported here.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from lmi.arithmetic.arrays import NewEntries
 from lmi.arithmetic.balls import (
     PRECISIONS,
     ball,
@@ -102,12 +102,12 @@ def _boxes(condition: Condition, limit: int) -> Verdict:
     return undecided(reason, **place, **({"which": boxes.which} if condition.others else {}))
 
 
-def _account(boxes: Boxes) -> dict[str, Any]:
-    evidence: dict[str, Any] = {"method": "Taylor-Bernstein boxes", "boxes": boxes.count}
+def _account(boxes: Boxes) -> NewEntries:
+    evidence: NewEntries = {"method": "Taylor-Bernstein boxes", "boxes": boxes.count}
     if boxes.count:
-        evidence["smallest_box"] = boxes.smallest
+        evidence |= {"smallest_box": boxes.smallest}
     if boxes.tail_from is not None:
-        evidence["tail_from"] = boxes.tail_from
+        evidence |= {"tail_from": boxes.tail_from}
     return evidence
 
 

@@ -10,8 +10,8 @@ import itertools
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from typing import Any
 
+from lmi.arithmetic.arrays import NewEntries
 from lmi.arithmetic.balls import Ball, Balls, Exact, ball, exp_times, number, to_float
 from lmi.time_budget import UNLIMITED, TimeBudget
 
@@ -42,7 +42,7 @@ class Effort:
 
     left: int
     budget: TimeBudget = UNLIMITED
-    ended: dict[str, Any] = field(default_factory=dict)
+    ended: NewEntries = field(default_factory=dict)
 
     def spend(self) -> None:
         """One more; ValueError when there are none left."""

@@ -11,14 +11,13 @@ certificate of stability allows are read off a grid, relaxed a little, and prove
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.arrays import Entries, Matrix
 from lmi.arithmetic.balancing import Scaling
 from lmi.arithmetic.balls import exact, rank_factors, to_float
 from lmi.families import Edge, slack
@@ -43,7 +42,7 @@ class Rates:
 def propose_rates(
     F: ArrayLike,
     H: ArrayLike,
-    certificate: Mapping[str, Any],
+    certificate: Entries,
     low: float,
     high: float,
     *,
@@ -67,7 +66,7 @@ def propose_rates(
 
 
 def approx_rates(
-    F: ArrayLike, H: ArrayLike, certificate: Mapping[str, Any], low: float, high: float
+    F: ArrayLike, H: ArrayLike, certificate: Entries, low: float, high: float
 ) -> Rates | None:
     """The rates that a certificate allows on a grid; None where floats overflow."""
     flow, jump = exact(F), exact(H)
@@ -90,7 +89,7 @@ def approx_rates(
 
 
 def _edges(
-    F: Matrix, H: Matrix, certificate: Mapping[str, Any], low: float, high: float
+    F: Matrix, H: Matrix, certificate: Entries, low: float, high: float
 ) -> Iterator[tuple[Edge, Matrix, Matrix]]:
     """Each family with the P of its source and of its target; floats."""
     if "windows" not in certificate:
@@ -121,13 +120,13 @@ def _edge_rates(edge: Edge, P_source: Matrix, P_target: Matrix) -> tuple[float, 
 def prove_rates(
     F: ArrayLike,
     H: ArrayLike,
-    certificate: Mapping[str, Any],
+    certificate: Entries,
     low: float,
     high: float,
     *,
     rates: Rates,
     jitter: float = math.inf,
-    own: Mapping[str, Any] | None = None,
+    own: Entries | None = None,
     steps: int = STEP_LIMIT,
 ) -> Verdict:
     """Both rates for all theta in [low, high], in balls; proved or undecided.
@@ -144,14 +143,14 @@ def prove_rates(
         )
         if verdict.outcome != "proved":
             word = name.replace("_", " ")
-            return undecided(f"the rate {word} is not proved: {verdict.evidence['reason']}")
+            return undecided(f"the rate {word} is not proved: {verdict.reason}")
     return proved(**evidence, **{f"P_{name}": P for name, P in own.items()})
 
 
 def prove_rate(
     F: ArrayLike,
     H: ArrayLike,
-    certificate: Mapping[str, Any],
+    certificate: Entries,
     low: float,
     high: float,
     *,

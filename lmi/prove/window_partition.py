@@ -10,11 +10,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.arrays import Entries, Matrix
 from lmi.arithmetic.balls import Rational, rational
 
 Interval = tuple[float, float]
@@ -42,9 +41,7 @@ class Unreadable(Exception):
     """Requirement that the certificate does not meet."""
 
 
-def read_certificate(
-    certificate: Mapping[str, Any], n: int, ends: Interval, jitter: float
-) -> Certificate:
+def read_certificate(certificate: Entries, n: int, ends: Interval, jitter: float) -> Certificate:
     """Read and check the windows of a certificate for n states.
 
     Dwell times are between `ends`, their steps up to `jitter`. Raises Unreadable, with the reason,
@@ -59,7 +56,7 @@ def read_certificate(
 
 
 def _read(
-    certificate: Mapping[str, Any], n: int, ends: Interval
+    certificate: Entries, n: int, ends: Interval
 ) -> tuple[tuple[Box, ...], Matrix, frozenset[Edge]]:
     windows = certificate.get("windows")
     if not isinstance(windows, list | tuple) or not windows:
@@ -81,7 +78,7 @@ def _read(
     return boxes, P, frozenset(edges)
 
 
-def _box(dwell: Mapping[str, Any], ends: Interval) -> Box:
+def _box(dwell: Entries, ends: Interval) -> Box:
     box = {}
     for name, (a, b) in dwell.items():
         low, high = _end(a), _end(b)

@@ -17,13 +17,12 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 from numpy.typing import ArrayLike
 
-from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.arrays import Entries, Matrix, NewEntries
 from lmi.arithmetic.balls import (
     PRECISIONS,
     Exact,
@@ -42,7 +41,7 @@ from lmi.verdict import Verdict, proved, undecided
 def prove_windows(
     F: ArrayLike,
     H: ArrayLike,
-    certificate: Mapping[str, Any],
+    certificate: Entries,
     low: float,
     high: float,
     *,
@@ -77,7 +76,7 @@ def prove_windows(
 
 def _prove_edges(family: Condition, partition: Certificate, method: str, steps: int) -> Verdict:
     """The inequalities of all edges; the family gives all but their windows and ranges."""
-    work: dict[str, Any] = {}
+    work: NewEntries = {}
     for (target, *ends), sources in _groups(partition.edges, merge_sources=method == "bernstein"):
         first, *others = (partition.P[s] for s in sources)
         condition = replace(family, P_source=first, P_target=partition.P[target], low=ends[0],
@@ -91,7 +90,7 @@ def _prove_edges(family: Condition, partition: Certificate, method: str, steps: 
     return proved(**work)
 
 
-def _account(work: dict[str, Any], evidence: Mapping[str, Any]) -> None:
+def _account(work: NewEntries, evidence: Entries) -> None:
     """Sums of boxes and steps, the smallest box, the last tail: over all edges."""
     for key, value in evidence.items():
         if key in ("boxes", "steps"):

@@ -12,11 +12,10 @@ import functools
 import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.arrays import Matrix, NewEntries, Value
 from lmi.rank.full_rank import BOX_LIMIT, prove_full_rank
 from lmi.rank.stack import Stack, approx_margin, approx_vanishing, coordinates, unit_blocks
 from lmi.rank.witness import MARGIN, check_deficient, outright, too_few
@@ -95,7 +94,7 @@ class _Search:
         return _polished(margin_at, points, self.low, self.high)[0]
 
 
-def approx_evidence(stack: Stack, thetas: Any, low: float, high: float) -> dict[str, Any]:
+def approx_evidence(stack: Stack, thetas: Value, low: float, high: float) -> NewEntries:
     """{"approx_sigma_min", "approx_worst"}: O at thetas (m,) in floats; {} for no such thetas."""
     numbers = isinstance(thetas, list) and all(isinstance(x, int | float) for x in thetas)
     if not numbers or len(thetas) != stack.thetas:

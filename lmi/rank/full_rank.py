@@ -10,11 +10,10 @@ from __future__ import annotations
 
 import heapq
 import math
-from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.arrays import Matrix, NewEntries
 from lmi.arithmetic.balls import precision
 from lmi.rank.normalised_stack import NormalisedStack, normalised
 from lmi.rank.stack import Stack
@@ -73,7 +72,7 @@ def _branch(
     least, least_margin, count, serial = math.inf, math.inf, 0, 0
     spread, largest, recalled = np.zeros(stack.blocks), 0.0, 0.0
     worst, worst_box, reason = math.inf, todo[0][2], ""
-    out_of_time: dict[str, Any] = {}
+    out_of_time: NewEntries = {}
     while todo and not reason:
         box = heapq.heappop(todo)[2]
         count += 1

@@ -7,12 +7,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
-from lmi.arithmetic.balls import ball, exact, middle, rational, scalar
+from lmi.arithmetic.balls import Balls, Rational, ball, exact, middle, rational, scalar
 from lmi.rank.stack import Stack, state_basis
 
 # sums of a few positive floats, and LAPACK's singular values, are off by far less
@@ -28,19 +27,19 @@ class NormalisedStack:
     Time is measured in the power of two `unit`, so that no product of times and rates underflows.
     """
 
-    F: Any
-    H: Any
-    C: Any
-    right: Any
-    back: Any
+    F: Balls
+    H: Balls
+    C: Balls
+    right: Balls
+    back: Balls
     size: Matrix
     growth: float
     unit: float
-    low: Any
-    length: Any
-    flows: dict[tuple[int, int], Any] = field(default_factory=dict)
+    low: Rational
+    length: Rational
+    flows: dict[tuple[int, int], Balls] = field(default_factory=dict)
 
-    def flow(self, key: tuple[int, int]) -> Any:
+    def flow(self, key: tuple[int, int]) -> Balls:
         """e^{F c}, c the middle of a side."""
         if key not in self.flows:
             self.flows[key] = (self.F * scalar(self._middle(key))).exp()
@@ -56,12 +55,13 @@ class NormalisedStack:
         exactly = self.length / 2 ** (key[0] + 1)
         return float(int(exactly.p) / int(exactly.q)) * RAISED
 
-    def _middle(self, key: tuple[int, int]) -> Any:
+    def _middle(self, key: tuple[int, int]) -> Rational:
         level, index = key
-        return self.low + (2 * index + 1) * self.length / 2 ** (level + 1)
+        middle: Rational = self.low + (2 * index + 1) * self.length / 2 ** (level + 1)
+        return middle
 
 
-def magnitudes(S: Any) -> Matrix:
+def magnitudes(S: Balls) -> Matrix:
     """Upper bounds of the absolute values of a ball matrix's entries."""
     return np.array([[float(x.abs_upper()) for x in row] for row in S.tolist()]) * RAISED
 

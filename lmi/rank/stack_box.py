@@ -18,12 +18,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
-from lmi.arithmetic.balls import ball, exact, middle
+from lmi.arithmetic.balls import Balls, ball, exact, middle
 from lmi.rank.normalised_stack import RAISED, NormalisedStack, magnitudes, norm_above
 from lmi.rank.stack import Stack
 from lmi.rank.window_box import WindowBox, window_box
@@ -95,9 +94,9 @@ def _proved(
     family: NormalisedStack,
     box: Box,
     window: WindowBox,
-    rows: list[Any],
+    rows: list[Balls],
     *,
-    inverse: tuple[Any, Any, Matrix],
+    inverse: tuple[Balls, Balls, Matrix],
     steer: tuple[float, float, int | None],
 ) -> BoxBounds:
     """The bounds that follow from Y, Z and N; not proved where the margin is too small."""
@@ -149,7 +148,7 @@ def nonnegative_inverse_above(E: Matrix) -> Matrix | None:
 
 
 def _variations(
-    family: NormalisedStack, states: list[Any], steps: list[Any], halves: list[float]
+    family: NormalisedStack, states: list[Balls], steps: list[Balls], halves: list[float]
 ) -> Matrix:
     """About how much each row of O varies over the box, as all thetas rise together; floats."""
     F, C = middle(family.F), middle(family.C)
@@ -162,7 +161,7 @@ def _variations(
     return np.asarray(np.linalg.norm(np.vstack(variations), axis=1))
 
 
-def _pair(rows: list[Any], variations: Matrix) -> tuple[Matrix, Matrix] | None:
+def _pair(rows: list[Balls], variations: Matrix) -> tuple[Matrix, Matrix] | None:
     """Floats Y, Z with Y O(c) Z close to 1, rows and columns of like size over the box.
 
     A row that passes through zero counts by its variation over the box.
@@ -183,7 +182,9 @@ def _pair(rows: list[Any], variations: Matrix) -> tuple[Matrix, Matrix] | None:
     return (Y, Z) if np.isfinite(Z).all() and np.isfinite(Y).all() else None
 
 
-def _outputs(family: NormalisedStack, window: WindowBox, rows: list[Any], Z: Any) -> list[Matrix]:
+def _outputs(
+    family: NormalisedStack, window: WindowBox, rows: list[Balls], Z: Balls
+) -> list[Matrix]:
     """Above the entries of the block rows of O R^-1 over the box."""
     C = magnitudes(family.C)
     try:
@@ -227,7 +228,7 @@ def _growths(
 
 
 def _recalled(
-    family: NormalisedStack, window: WindowBox, rows: list[Any], Z: Any, growths: list[float]
+    family: NormalisedStack, window: WindowBox, rows: list[Balls], Z: Balls, growths: list[float]
 ) -> float:
     """Above the norm of the output rows times the inverse of the first part of the last."""
     size = Z.ncols()
@@ -247,7 +248,7 @@ def _recalled(
     return bound if math.isfinite(bound) else math.inf
 
 
-def _first_rows(X: Any, count: int) -> Any:
+def _first_rows(X: Balls, count: int) -> Balls:
     if X.nrows() == count:
         return X
     return type(X)(count, X.ncols(), [x for row in X.tolist()[:count] for x in row])

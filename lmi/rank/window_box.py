@@ -17,12 +17,11 @@ basis of the state does not matter to them; only the rest is bounded entry by en
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
-from lmi.arithmetic.balls import ball, exact, identity, middle
+from lmi.arithmetic.balls import Balls, ball, exact, identity, middle
 from lmi.rank.normalised_stack import RAISED, NormalisedStack, magnitudes
 
 # from here on the series of e^x is bounded by its first term and e^x
@@ -37,7 +36,7 @@ class WindowBox:
     undone: of |e^{K s} - 1|.
     """
 
-    states: list[Any]
+    states: list[Balls]
     varied: list[Matrix]
     error: Matrix
     shares: list[Matrix]
@@ -49,9 +48,9 @@ class _Sweep:
     """Forward through the blocks: slopes of the state so far, and bounds of the second order."""
 
     family: NormalisedStack
-    back: list[Any]
+    back: list[Balls]
     halves: list[float]
-    slopes: list[Any]
+    slopes: list[Balls]
     second_order: Matrix
     shares: list[Matrix]
 
@@ -63,12 +62,12 @@ class _Sweep:
 
 def window_box(
     family: NormalisedStack,
-    states: list[Any],
-    steps: list[Any],
+    states: list[Balls],
+    steps: list[Balls],
     halves: list[float],
     *,
-    Y: list[Any],
-    Z: Any,
+    Y: list[Balls],
+    Z: Balls,
     flows_first: bool,
 ) -> WindowBox:
     """Enclose the window over a box.
@@ -92,7 +91,7 @@ def window_box(
     return WindowBox(W, varied, error, sweep.shares, undone)
 
 
-def _backward(family: NormalisedStack, steps: list[Any], Y: list[Any]) -> list[Any]:
+def _backward(family: NormalisedStack, steps: list[Balls], Y: list[Balls]) -> list[Balls]:
     """V_0, V_1, ...: what the rows make of a change of the state at each block."""
     back = [Y[-1] * family.C]
     for P, rows in zip(reversed(steps), reversed(Y[:-1]), strict=True):
@@ -100,7 +99,7 @@ def _backward(family: NormalisedStack, steps: list[Any], Y: list[Any]) -> list[A
     return back[::-1]
 
 
-def _first_flow(sweep: _Sweep, W: Any) -> Matrix:
+def _first_flow(sweep: _Sweep, W: Balls) -> Matrix:
     """The flow before the first block; above |e^{K s} - 1| for the K that undoes most of it."""
     F, h = sweep.family.F, sweep.halves[0]
     flow = F * W
@@ -121,7 +120,7 @@ def _first_flow(sweep: _Sweep, W: Any) -> Matrix:
     return undone - unit
 
 
-def _step(sweep: _Sweep, P: Any, W: Any, block: int, h: float) -> None:
+def _step(sweep: _Sweep, P: Balls, W: Balls, block: int, h: float) -> None:
     """One jump and flow: P = e^{F c} H takes the state to W, the flow varies by up to h."""
     F, V, halves = sweep.family.F, sweep.back[block], sweep.halves
     flow = F * W
@@ -142,7 +141,7 @@ def _step(sweep: _Sweep, P: Any, W: Any, block: int, h: float) -> None:
     sweep.slopes = [*carried, flow]
 
 
-def _undoing(W: Any, flow: Any) -> Any:
+def _undoing(W: Balls, flow: Balls) -> Balls:
     """The K, floats as a ball matrix, for which W K is closest to F W."""
     K = np.linalg.lstsq(middle(W), middle(flow), rcond=None)[0]
     return ball(exact(np.where(np.isfinite(K), K, 0.0)))

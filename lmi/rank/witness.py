@@ -9,13 +9,22 @@ MARGIN times that of its derivative, as the thetas change in proportion, it is s
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Matrix
-from lmi.arithmetic.balls import ball, exact, exp_times, fixed_vector, precision, rational, scalar
+from lmi.arithmetic.arrays import Entries, Matrix, NewEntries
+from lmi.arithmetic.balls import (
+    Ball,
+    Balls,
+    ball,
+    exact,
+    exp_times,
+    fixed_vector,
+    precision,
+    rational,
+    scalar,
+)
 from lmi.rank.stack import Stack, coordinates, unit_blocks
 from lmi.verdict import Verdict, refuted, undecided
 
@@ -24,7 +33,7 @@ _BITS = 256
 
 
 @np.errstate(all="ignore")
-def check_deficient(stack: Stack, low: float, high: float, witness: Mapping[str, Any]) -> Verdict:
+def check_deficient(stack: Stack, low: float, high: float, witness: Entries) -> Verdict:
     """Check a witness against full rank.
 
     witness: {"thetas": (m,)} or, for a square stack, {"between": two of them}. Refuted with thetas,
@@ -43,7 +52,7 @@ def check_deficient(stack: Stack, low: float, high: float, witness: Mapping[str,
     return _check_vector(stack, thetas, R)
 
 
-def _point(stack: Stack, values: Any, low: float, high: float) -> Matrix | None:
+def _point(stack: Stack, values: object, low: float, high: float) -> Matrix | None:
     try:
         point = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError):
@@ -52,7 +61,7 @@ def _point(stack: Stack, values: Any, low: float, high: float) -> Matrix | None:
     return point if inside else None
 
 
-def outright(stack: Stack) -> dict[str, Any] | None:
+def outright(stack: Stack) -> NewEntries | None:
     """Witness against full rank for all thetas alike; None if there is none."""
     if stack.shape[0] < stack.shape[1]:
         return too_few(stack)
@@ -66,14 +75,14 @@ def outright(stack: Stack) -> dict[str, Any] | None:
     return {"null_vector": vector, "ratio": 0.0, "method": "exact", "reason": reason}
 
 
-def too_few(stack: Stack) -> dict[str, Any]:
+def too_few(stack: Stack) -> NewEntries:
     """The witness that there are fewer rows than columns."""
     rows, columns = stack.shape
     reason = f"{rows} measured numbers cannot tell {columns} states apart"
     return {"rows": rows, "columns": columns, "reason": reason}
 
 
-def _stacked(stack: Stack, thetas: Sequence[float]) -> tuple[list[Any], list[Any]]:
+def _stacked(stack: Stack, thetas: Sequence[float]) -> tuple[list[Balls], list[Balls]]:
     """Ball matrix O at exact thetas as a list of block rows, and how it changes in proportion."""
     F, H, C, X = ball(stack.F), ball(stack.H), ball(stack.C), ball(stack.right)
     change = X * scalar(0)
@@ -126,7 +135,7 @@ def _check_vector(stack: Stack, thetas: Matrix, R: Matrix) -> Verdict:
     return refuted(witness)
 
 
-def _output_square(rows: list[Any], changes: list[Any], R: Any, vector: Any) -> Any:
+def _output_square(rows: list[Balls], changes: list[Balls], R: Balls, vector: Balls) -> Ball:
     """Square of |O x| with the block rows of O R^-1 in their units, where they are not zero."""
     back, total = R.inv(), scalar(0)
     for row, change in zip(rows, changes, strict=True):
@@ -147,11 +156,11 @@ def _in_units(rows: Matrix, changes: Matrix, blocks: int) -> Matrix:
     return scaled
 
 
-def _whole_square(X: Any) -> Any:
+def _whole_square(X: Balls) -> Ball:
     return _square([[x] for line in X.tolist() for x in line])
 
 
-def _square(rows: Any) -> Any:
+def _square(rows: list[list[Ball]]) -> Ball:
     total = scalar(0)
     for (value,) in rows:
         total = total + value * value
@@ -187,7 +196,7 @@ def _check_signs(stack: Stack, a: Matrix, b: Matrix, R: Matrix) -> Verdict:
     return refuted(witness)
 
 
-def _determinant(stack: Stack, thetas: Matrix) -> Any:
+def _determinant(stack: Stack, thetas: Matrix) -> Ball:
     rows = np.concatenate([row.tolist() for row in _stacked(stack, thetas.tolist())[0]])
     size = len(rows)
     matrix = type(ball(exact(np.eye(size))))(size, size, list(rows.reshape(-1)))

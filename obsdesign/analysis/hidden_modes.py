@@ -117,13 +117,12 @@ def not_detectable(
     verdict = refute_spectral(flow, jump, *ends)
     if verdict.outcome != "refuted":
         return None
-    witness = dict(verdict.evidence["witness"])
     part = "a direction" if len(flow) == 1 else f"a {len(flow)}-dimensional part"
     reason = (
         f"no observer exists: {part} of the state that no output ever sees, along flow and "
-        f"jumps, does not shrink: {witness['reason']}"
+        f"jumps, does not shrink: {verdict.reason}"
     )
-    return {**witness, "reason": reason}
+    return {**verdict.witness, "reason": reason}
 
 
 def nearly_undetectable(A: Matrix, C: Matrix) -> str | None:

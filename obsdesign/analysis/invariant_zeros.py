@@ -7,14 +7,12 @@ Both are decided on the exact numbers, each answer with its witness.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.arrays import Entries, Matrix
 from lmi.arithmetic.balls import Exact, ball, certify_positive_definite, exact, precision, to_float
 from lmi.prove.hurwitz import prove_hurwitz
 from lmi.verdict import Verdict, proved, refuted, undecided
@@ -39,9 +37,10 @@ class NearZero:
     margin: float
 
     @classmethod
-    def from_evidence(cls, evidence: Mapping[str, Any]) -> NearZero | None:
+    def from_evidence(cls, evidence: Entries) -> NearZero | None:
         """That of the evidence of `zeros_decay`, if there is one."""
-        return cls(**evidence["nearly"]) if "nearly" in evidence else None
+        nearly = evidence.get("nearly")
+        return None if nearly is None else cls(**nearly)
 
     def to_evidence(self) -> dict[str, object]:
         """As it stands in the evidence of `zeros_decay`."""
@@ -157,9 +156,10 @@ def zeros_decay(A: Matrix, C: Matrix, D: Matrix) -> Verdict:
     zeros = [[z.real, abs(z.imag)] for z in sorted(approx, key=lambda z: -z.real) if z.imag >= 0]
     verdict = prove_hurwitz(hidden.maps[0])
     if verdict.outcome == "proved":
-        return proved(zeros=zeros, method=verdict.evidence["method"], **_nearly(A, C, D))
-    mode = verdict.evidence["witness"]["eigenvalue"]
-    text = f"{mode['real']:.6g}" + (f" +- {mode['imag']:.6g}i" if mode["imag"] else "")
+        return proved(zeros=zeros, method=verdict.evidence.get("method"), **_nearly(A, C, D))
+    mode = verdict.witness.get("eigenvalue", {})
+    real, imag = (float(mode[part]) for part in ("real", "imag"))
+    text = f"{real:.6g}" + (f" +- {imag:.6g}i" if imag else "")
     reason = (
         f"invariant zero at s = {text}: an unknown input and a state that move like e^(st) and "
         "never show in y; no gain changes that"

@@ -6,15 +6,16 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from lmi.arithmetic.arrays import Entries, NewEntries, Value
 from obsdesign.cli.talk import output_console
 from obsdesign.document import Claim, jsonable
 from obsdesign.pages.key_numbers import numbers_of
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.kind import untried_forms
 from obsdesign.verification.answers import is_ended, more_time, reason
-from obsdesign.workflow import Outcome
+from obsdesign.workflow import FormAnswer, Outcome
 
 if TYPE_CHECKING:
     from obsdesign.studies.check.which_kinds import KindAnswer  # other commands do without them
@@ -24,7 +25,7 @@ EXIT_CODES = {"proved": 0, "refuted": 1, "undecided": 3}
 _COLOURS = {"proved": "green", "refuted": "red", "undecided": "yellow", "does_not_apply": "dim"}
 
 
-def answer(command: str, outcome: Outcome, result: Mapping[str, Any]) -> str:
+def answer(command: str, outcome: Outcome, result: Entries) -> str:
     """The JSON object of a command, in one line."""
     claims = [claim.to_dict() for claim in outcome.claims]
     return _json(command, outcome.verdict, outcome.kind, claims, jsonable(result))
@@ -37,7 +38,7 @@ def check_answer(verdict: str, answers: Mapping[str, KindAnswer]) -> str:
 
 
 def _json(
-    command: str, verdict: str, kind: str | None, claims: list[dict[str, Any]], result: Any
+    command: str, verdict: str, kind: str | None, claims: list[NewEntries], result: Value
 ) -> str:
     """The object that every command with --json prints."""
     body = {"command": command, "verdict": verdict, "kind": kind, "claims": claims}
@@ -131,9 +132,10 @@ def show(outcome: Outcome, numbers: bool = False) -> None:
     from rich.markup import escape
     from rich.table import Table
 
-    console = output_console(soft_wrap=False)
+    console = output_console()
     colour = _COLOURS[outcome.verdict]
-    form = f", form {outcome.result['form']}" if "form" in outcome.result else ""
+    chosen, seconds = outcome.result.get("form"), outcome.result.get("seconds")
+    form = "" if chosen is None else f", form {chosen}"
     console.print(f"[bold {colour}]{outcome.verdict}[/]  {outcome.kind}{form}")
     table = Table(box=None, pad_edge=False, header_style="dim")
     for title in ("verdict", "claim", "what, and why"):
@@ -148,13 +150,14 @@ def show(outcome: Outcome, numbers: bool = False) -> None:
     console.print(table)
     forms = outcome.result.get("forms", {})
     untried = _untried_forms(outcome) if forms else set()
-    for label, entry in forms.items():
+    for label, stated in forms.items():
+        entry = FormAnswer(**stated)
         wanted = outcome.verdict != "proved" or label not in untried or numbers
-        if wanted and label != outcome.result.get("form") and entry["verdict"] != "proved":
-            why = escape("; ".join(entry["reasons"]))
-            console.print(f"form {label} is {entry['verdict']}: {why}")
-    if numbers and "seconds" in outcome.result:
-        console.print(f"[dim]designed in {outcome.result['seconds']} s[/]")
+        if wanted and label != chosen and entry.verdict != "proved":
+            why = escape("; ".join(entry.reasons))
+            console.print(f"form {label} is {entry.verdict}: {why}")
+    if numbers and seconds is not None:
+        console.print(f"[dim]designed in {seconds} s[/]")
     for guarantee in outcome.guarantees if outcome.verdict != "refuted" else ():
         word = "[green]guaranteed[/]" if guarantee.given else "[yellow]not guaranteed[/]"
         console.print(f"{word}: {escape(guarantee.statement)}")

@@ -6,20 +6,21 @@ import json
 import math
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import click
 
+from lmi.arithmetic.arrays import NewEntries
 from obsdesign.errors import InputError
 from obsdesign.kinds import KINDS
 
 if TYPE_CHECKING:
     from obsdesign.problem.problem import Problem
 
-_Command = TypeVar("_Command", bound=Callable[..., Any])
+_Command = TypeVar("_Command", bound=Callable[..., object])
 
 
-def one_of(*words: str) -> Any:
+def one_of(*words: str) -> Callable[[click.Context, click.Parameter, str], list[str]]:
     """Completion of an option by these words."""
     return lambda context, option, begun: [word for word in words if word.startswith(begun)]
 
@@ -93,7 +94,7 @@ def numbers(text: str, option: str) -> list[float]:
     return values
 
 
-def answer_of(path: str) -> dict[str, Any]:
+def answer_of(path: str) -> NewEntries:
     """The JSON that a command printed, or a design file with its valid digest."""
     from obsdesign.design_file import load_design
     from obsdesign.input_files import read_text, require_depth

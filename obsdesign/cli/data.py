@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import click
 
@@ -33,7 +32,10 @@ from obsdesign.errors import InputError
 @click.option(
     "-o", "--output", type=click.Path(), default="data.csv", show_default=True, help="Data file."
 )
-def simulate(source: str, output: str, events: str | None, seed: int, **options: Any) -> int:
+def simulate(
+    *, source: str, output: str, events: str | None, seed: int, until: float | None,
+    step: float | None, initial: str | None, dwell: str, disturbance: str,
+) -> int:  # fmt: skip
     """Simulate the plant of a problem or design exactly, with its true state."""
     import numpy as np
 
@@ -46,14 +48,15 @@ def simulate(source: str, output: str, events: str | None, seed: int, **options:
     if events is not None and events == output:
         raise InputError(f"--events: {events} is the data file; give another name.")
     problem = source_of(source)
-    if options["initial"] is not None:
-        options["initial"] = numbers(options["initial"], "--initial")
-    if options["dwell"] not in ("shortest", "random"):
-        options["dwell"] = dwell_times(options["dwell"])
+    start = None if initial is None else numbers(initial, "--initial")
+    times = dwell if dwell in ("shortest", "random") else dwell_times(dwell)
     # impulses of unknown weight are announced to the kinds that cannot find them
     announced = problem.kind not in (None, "impulsive_input")
     rng = np.random.default_rng(seed)
-    record = run_simulation(problem.plant, rng=rng, announced=announced, **options)
+    record = run_simulation(
+        problem.plant, until=until, step=step, initial=start, dwell=times,
+        disturbance=disturbance, rng=rng, announced=announced,
+    )  # fmt: skip
     write_text(output, table_text(record.columns))
     if events:
         width = max(record.events.shape[1] - 1, 1)
@@ -93,14 +96,14 @@ def run(
     from obsdesign.data.execution import execute
 
     start = None if initial is None else numbers(initial, "--initial")
-    counts = execute(
+    tally = execute(
         design_file, data, output, start, events, state=state, skip_bad=skip_bad, remark=warn
     )
-    total = counts.pop("rows", 0)
-    statuses = ", ".join(f"{number} {status}" for status, number in counts.most_common())
+    counts = tally.statuses.most_common()
+    statuses = ", ".join(f"{number} {status}" for status, number in counts)
     if not is_quiet():
-        on_stderr(f"{total} rows{': ' if statuses else ''}{statuses}")
-    return 4 if strict and counts["ok"] < total else 0
+        on_stderr(f"{tally.rows} rows{': ' if statuses else ''}{statuses}")
+    return 4 if strict and tally.good < tally.rows else 0
 
 
 @click.command()

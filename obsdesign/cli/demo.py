@@ -44,9 +44,9 @@ def run_demo(folder: Path) -> int:
         disturbance="sine", rng=rng,
     )  # fmt: skip
     write_text(data, table_text(record.columns))
-    counts = execute(design, data, estimate, _INITIAL_BOUNDS, None)
+    tally = execute(design, data, estimate, _INITIAL_BOUNDS, None)
     plot_estimate(estimate, data, picture)
-    click.echo(f"{counts['rows']} rows of data, guarantee held on {counts['ok']}; written:")
+    click.echo(f"{tally.rows} rows of data, guarantee held on {tally.good}; written:")
     for name in names:
         click.echo(f"  {folder / name}")
     return 0

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import click
 
@@ -27,7 +26,7 @@ COMPLETE = "_OBSDESIGN_COMPLETE"
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object on stdout.")
 def compare(
     *, problem: str, data: str | None, simulated: bool, seed: int | None, initial: str | None,
-    seconds: float | None, as_json: bool, **options: Any,
+    seconds: float | None, as_json: bool, **options: float | None,
 ) -> int:  # fmt: skip
     """Run every observer that PROBLEM admits on the same record, beside a Kalman filter."""
     import numpy as np

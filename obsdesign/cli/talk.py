@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from threading import Event, Thread
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -74,7 +74,7 @@ def progress_message(doing: str) -> Iterator[None]:
         done.set()
 
 
-def output_console(**options: Any) -> Console:
+def output_console() -> Console:
     """A console of rich on standard output; BrokenPipeError once its reader has left.
 
     Its own answer is exit code 1, which means refuted here.
@@ -85,7 +85,7 @@ def output_console(**options: Any) -> Console:
         def on_broken_pipe(self) -> None:
             raise BrokenPipeError
 
-    return Output(highlight=False, **options)
+    return Output(highlight=False)
 
 
 @contextmanager

@@ -9,8 +9,8 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator, Mapping
-from typing import Any
 
+from lmi.arithmetic.arrays import Value
 from obsdesign.errors import InputError
 from obsdesign.input_files import read_text, require_depth
 
@@ -70,7 +70,7 @@ def _answer(text: str, path: str) -> list[float]:
     )
 
 
-def _sequences(body: Any) -> Iterator[list[Any]]:
+def _sequences(body: Value) -> Iterator[list[Value]]:
     """Dwell times of all witnesses, in the order of the file."""
     if isinstance(body, Mapping):
         witness = body.get("witness")

@@ -9,6 +9,7 @@ import sys
 from collections import Counter, deque
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from functools import partial
 from itertools import chain
 from pathlib import Path
@@ -38,18 +39,30 @@ _NUMBER = re.compile(r"(?<=time )[-+.\de]+ ")
 _MOSTLY_VOID = 0.5  # of the rows, from which the data is hardly of this plant
 
 
+@dataclass(frozen=True)
+class Tally:
+    """Numbers of rows of a run: all of them, and those with each status."""
+
+    rows: int
+    statuses: Counter[str]
+
+    @property
+    def good(self) -> int:
+        """Number of rows on which the guarantee held."""
+        return self.statuses["ok"]
+
+
 def execute(
     design: str, data: str | None, output: str | None, initial: Sequence[float] | None,
     events: str | None, *, state: str | None = None, skip_bad: bool = False,
     remark: Remark = discard,
-) -> Counter[str]:  # fmt: skip
+) -> Tally:  # fmt: skip
     """Write the estimates of a design for DATA to `output`; None is standard input or output.
 
     state: the file with the observer's progress; a run continues from it if it exists, and writes
     it at the end. skip_bad: a malformed line is a remark, not an error. remark: called with these,
     and at the end with claims that are not proved and signs that the data are of another plant.
-    Returns the number of rows ("rows") and of those with each status. A data file is checked whole
-    before anything is written; a pipe is answered row by row.
+    A data file is checked whole before anything is written; a pipe is answered row by row.
     """
     signed = load_design(design)
     observer = from_design(signed, design)
@@ -72,12 +85,12 @@ def execute(
             estimates = estimates_of(observer, progress.state, rows, live=live)
         else:
             estimates = parts.estimates(rows, live=live)
-        counts = _write(observer, estimates, out, log, live=live)
+        tally = _write(observer, estimates, out, log, live=live)
     if state is not None:
         write_text(state, state_text(signed, parts.progress))
-    for text in [*_unproved(design, signed), *remarks, *_void(name, counts)]:
+    for text in [*_unproved(design, signed), *remarks, *_void(name, tally)]:
         remark(text)
-    return counts
+    return tally
 
 
 def _begun(
@@ -98,9 +111,9 @@ def _write(
     log: TextIO | None,
     *,
     live: bool,
-) -> Counter[str]:
+) -> Tally:
     """Every estimate as a line, and how many there are of which status."""
-    counts: Counter[str] = Counter()
+    rows, counts = 0, Counter[str]()
     out.write(estimate_header(observer.names) + "\n")
     for estimate in estimates:
         out.write(estimate_line(estimate) + "\n")
@@ -109,9 +122,9 @@ def _write(
             log.writelines(line + "\n" for line in lines)
         if live:
             out.flush()
-        counts["rows"] += 1
+        rows += 1
         counts.update(_NUMBER.sub("", reason) for reason in estimate.status.split("; "))
-    return counts
+    return Tally(rows, counts)
 
 
 def _unproved(path: str, design: Design) -> list[str]:
@@ -123,13 +136,13 @@ def _unproved(path: str, design: Design) -> list[str]:
     return [f"{path}: {names} not proved: what rests on them is not guaranteed."]
 
 
-def _void(name: str, counts: Counter[str]) -> list[str]:
+def _void(name: str, tally: Tally) -> list[str]:
     """A remark if the data refute the bounds on most of the rows."""
-    void = sum(number for status, number in counts.items() if status.startswith("void "))
-    if not void > _MOSTLY_VOID * counts["rows"]:
+    void = sum(number for status, number in tally.statuses.items() if status.startswith("void "))
+    if not void > _MOSTLY_VOID * tally.rows:
         return []
     return [
-        f"{name}: the bounds are void on {void} of {counts['rows']} rows. Is it the data of "
+        f"{name}: the bounds are void on {void} of {tally.rows} rows. Is it the data of "
         "another plant?"
     ]
 

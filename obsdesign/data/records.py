@@ -14,10 +14,11 @@ import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, TextIO
+from typing import TextIO
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Array
 from obsdesign.data.bound_columns import BoundColumns, number_in, remark_on_unused_bounds
 from obsdesign.errors import InputError
 from obsdesign.runtime.base import Estimate, Sample
@@ -216,7 +217,7 @@ def _sample(cells: list[str], places: dict[str, int], layout: Layout, where: str
     def number(title: str) -> float | None:
         return number_in(cells, places, title, where)
 
-    def group(letter: str, size: int) -> np.ndarray[Any, Any] | None:
+    def group(letter: str, size: int) -> Array | None:
         values = [number(f"{letter}{i + 1}") for i in range(size)]
         if not values or any(value is None for value in values):
             return None
@@ -256,7 +257,7 @@ def event_line(cells: Sequence[float | str]) -> str:
     return ",".join(_cell(x).replace(",", ";") for x in cells)
 
 
-def table_text(columns: dict[str, np.ndarray[Any, Any]]) -> str:
+def table_text(columns: dict[str, Array]) -> str:
     """CSV text of equally long columns; NaN becomes an empty cell, integers stay integers."""
     out = io.StringIO()
     out.write(",".join(columns) + "\n")
@@ -265,7 +266,7 @@ def table_text(columns: dict[str, np.ndarray[Any, Any]]) -> str:
     return out.getvalue()
 
 
-def _cell(value: Any) -> str:
+def _cell(value: object) -> str:
     if isinstance(value, float):
         return "" if math.isnan(value) else repr(value)
     return str(value)

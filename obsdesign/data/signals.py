@@ -7,12 +7,11 @@ matrix: x' = A x + c + sum of columns times sines, c' = 0, and an oscillator for
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
-from obsdesign.problem.plant import Plant
+from obsdesign.problem.plant import Flow, Plant
 
 DISTURBANCES = ("zero", "extreme", "random", "sine")
 _INPUT_CHANGES = 20  # a known input takes this many values over a record
@@ -144,7 +143,7 @@ def _bounded(
     return Bounded(np.clip(held, lower, upper), still, still, still)
 
 
-def _generator(flow: Any, b: Bounded, d: Bounded) -> Matrix:
+def _generator(flow: Flow, b: Bounded, d: Bounded) -> Matrix:
     """d/dt [x; c; sin; cos] for the sines that have an amplitude."""
     n = len(flow.A)
     through = np.hstack(

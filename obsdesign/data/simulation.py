@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -108,7 +107,7 @@ def _initial(n: int, initial: ArrayLike | None) -> Matrix:
     return x
 
 
-def default_until(plant: Plant, dwell: Any) -> float:
+def default_until(plant: Plant, dwell: str | float | Sequence[float]) -> float:
     """Ten dwell times where there are jumps, else 200 samples or what the slowest mode takes."""
     if isinstance(dwell, int | float) and plant.jump is not None:
         return 10.0 * float(dwell)

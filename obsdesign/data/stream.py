@@ -6,12 +6,12 @@ import itertools
 import os
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import cast
 
 from obsdesign.document import Design
 from obsdesign.errors import InputError
 from obsdesign.input_files import read_text
-from obsdesign.runtime.base import Delayed, Estimate, Observer, Sample, Stepped
+from obsdesign.runtime.base import Delayed, Estimate, KindState, Observer, Row, Sample, Stepped
 from obsdesign.runtime.stored_state import Progress, progress_from_text
 
 _READ_AHEAD = 1024  # rows of a file that an observer with a delay takes at once
@@ -22,7 +22,7 @@ class Stream:
 
     def __init__(self, observer: Observer, progress: Progress) -> None:
         self._observer, self.progress = observer, progress
-        self._latest: Any = progress.state
+        self._latest: KindState = progress.state
 
     def estimates(self, samples: Iterator[Sample], *, live: bool = False) -> Iterator[Estimate]:
         """Estimates, one per row; from an observer with a delay those that are decided.
@@ -47,7 +47,8 @@ class Stream:
                 after = replace(self._latest, decided=())
                 self.progress = Progress(after, (), max(given - len(decided), 0))
             else:
-                waiting: tuple[Any, ...] = tuple((row.t, row.y, row.u) for row in block)
+                # arrays, as `read_samples` makes them
+                waiting = cast(tuple[Row, ...], tuple((row.t, row.y, row.u) for row in block))
                 self.progress = Progress(before, waiting, max(given, len(decided)))
             yield from decided[given:]
 
@@ -57,7 +58,7 @@ class Stream:
 
 
 def estimates_of(
-    observer: Observer, state: Any, samples: Iterator[Sample], *, live: bool = False
+    observer: Observer, state: KindState, samples: Iterator[Sample], *, live: bool = False
 ) -> Iterator[Estimate]:
     """Estimates of a whole record, one per row; with a delay each once it is decided.
 

@@ -8,11 +8,10 @@ shared by every observer that corrects with L between jumps and with M at them.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from lmi.arithmetic.arrays import Array
+from obsdesign.equations.plant import Plant
 
 
 def flow_error_matrix(A: Array, L: Array, C: Array) -> Array:
@@ -44,15 +43,15 @@ def jump_disturbance_matrix(M: Array, C: Array, n: int, jump_measurement: str) -
     return identity - M @ C if jump_measurement == "after" else identity
 
 
-def idle_gains(plant: Any) -> dict[str, str]:
+def idle_gains(plant: Plant) -> dict[str, str]:
     """Gains that can only be zero, since nothing is measured where they act, and why."""
-    idle = {}
+    idle = dict[str, str]()
     if plant.output.measured == "at_jumps":
-        idle["L"] = "output.measured is 'at_jumps': nothing is measured between jumps"
+        idle |= {"L": "output.measured is 'at_jumps': nothing is measured between jumps"}
     if plant.jump is None:
-        idle["M"] = "there is no [jump]"
+        idle |= {"M": "there is no [jump]"}
     elif plant.output.jump_measurement == "none":
-        idle["M"] = "output.jump_measurement is 'none'"
+        idle |= {"M": "output.jump_measurement is 'none'"}
     return idle
 
 

@@ -17,14 +17,18 @@ from __future__ import annotations
 import dataclasses
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import Field, dataclass, field
 from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
 
 from lmi.arithmetic.arrays import Array as Array
+from lmi.arithmetic.arrays import Entries, NewEntries, Value
+from obsdesign.equations.plant import Plant
+
+# what a field is declared by: of the type of its annotation, as for `dataclasses.field`
+Declared = Any
 
 
 @dataclass(frozen=True)
@@ -37,32 +41,32 @@ class _Shape:
         return " x ".join(map(str, self.axes)) or "number"
 
 
-def matrix(*axes: str | int, optional: bool = False) -> Any:
+def matrix(*axes: str | int, optional: bool = False) -> Declared:
     """Declare a read-only float array with these axes."""
     return _field({"shape": _Shape(axes)}, optional)
 
 
-def number(*, optional: bool = False) -> Any:
+def number(*, optional: bool = False) -> Declared:
     """Declare a float, possibly infinite."""
     return _field({"shape": _Shape(())}, optional)
 
 
-def count(*, optional: bool = False) -> Any:
+def count(*, optional: bool = False) -> Declared:
     """Declare a whole number, 1 or more."""
     return _field({"count": True}, optional)
 
 
-def word(*allowed: str, optional: bool = False) -> Any:
+def word(*allowed: str, optional: bool = False) -> Declared:
     """Declare one of some words."""
     return _field({"words": allowed}, optional)
 
 
-def flag(*, optional: bool = False) -> Any:
+def flag(*, optional: bool = False) -> Declared:
     """Declare true or false."""
     return _field({"flag": True}, optional)
 
 
-def _field(metadata: Mapping[str, Any], optional: bool) -> Any:
+def _field(metadata: Entries, optional: bool) -> Declared:
     return field(default=None, metadata=metadata) if optional else field(metadata=metadata)
 
 
@@ -87,7 +91,7 @@ class Gains(ABC):
             object.__setattr__(self, entry.name, _checked(entry, value, sizes))
 
     @classmethod
-    def from_document(cls, entries: Mapping[str, Any]) -> Self:
+    def from_document(cls, entries: Entries) -> Self:
         """The gains that a design file states; ValueError if one is missing or does not fit."""
         names = {entry.name for entry in dataclasses.fields(cls)}
         required = [entry for entry in dataclasses.fields(cls) if entry.default is not None]
@@ -96,7 +100,7 @@ class Gains(ABC):
                 raise ValueError(f"gains.{entry.name} is missing.")
         return cls(**{name: value for name, value in entries.items() if name in names})
 
-    def to_document(self) -> dict[str, Any]:
+    def to_document(self) -> NewEntries:
         """Entries of a design file, without those that the design does not have."""
         entries = {entry.name: getattr(self, entry.name) for entry in dataclasses.fields(self)}
         return {name: value for name, value in entries.items() if value is not None}
@@ -145,8 +149,8 @@ class PlantGains(Gains):
                 raise ValueError(f"gains.{name} must have shape n; got nothing.")
 
     @classmethod
-    def from_plant(cls, plant: Any, **gains: Any) -> Self:
-        """Gains with the numbers of a plant, which has the attributes of `obsdesign.Plant`."""
+    def from_plant(cls, plant: Plant, **gains: Value) -> Self:
+        """Gains with the numbers of a plant."""
         return cls(**plant_data(plant), **gains)
 
     @cached_property
@@ -186,7 +190,7 @@ class PlantGains(Gains):
         return float(low), float(high)
 
 
-def _checked(entry: Any, value: Any, sizes: dict[str, int]) -> Any:
+def _checked(entry: Field[Value], value: Value, sizes: dict[str, int]) -> Value:
     """The value of one entry; sizes gains the letters it is the first to use."""
     name, metadata = f"gains.{entry.name}", entry.metadata
     if "words" in metadata:
@@ -204,7 +208,7 @@ def _checked(entry: Any, value: Any, sizes: dict[str, int]) -> Any:
     return _sized(name, metadata["shape"], value, sizes)
 
 
-def _sized(name: str, shape: _Shape, value: Any, sizes: dict[str, int]) -> Any:
+def _sized(name: str, shape: _Shape, value: Value, sizes: dict[str, int]) -> Array | float:
     try:
         array = np.array(value, dtype=np.float64)
     except (TypeError, ValueError):
@@ -225,28 +229,21 @@ def _sized(name: str, shape: _Shape, value: Any, sizes: dict[str, int]) -> Any:
     return array
 
 
-def plant_data(plant: Any) -> dict[str, Any]:
+def plant_data(plant: Plant) -> NewEntries:
     """The plant's numbers that the runtime needs, under the names of a design's `gains`.
 
-    `plant` has the attributes of `obsdesign.Plant`. What it does not state is left out: the entries
-    of the jump where there is none, and a dwell time that may be any.
+    What it does not state is left out: the entries of the jump where there is none, and a dwell
+    time that may be any.
     """
     flow, jump, output = plant.flow, plant.jump, plant.output
-    data: dict[str, Any] = {"A": flow.A, "C": output.C}
-    if flow.B is not None:
-        data["B"] = flow.B
+    data: NewEntries = {"A": flow.A, "C": output.C, "B": flow.B}
     data |= {"flow_lower": flow.lower, "flow_upper": flow.upper}
     if jump is not None:
-        data["G"] = jump.G
-        if jump.E is not None:
-            data["E"] = jump.E
-        data |= {"jump_lower": jump.lower, "jump_upper": jump.upper}
-        if jump.dwell_time is not None:
-            data["dwell_time"] = list(jump.dwell_time)
-        if math.isfinite(jump.dwell_jitter):
-            data["dwell_jitter"] = jump.dwell_jitter
+        data |= {"G": jump.G, "E": jump.E, "jump_lower": jump.lower, "jump_upper": jump.upper}
+        dwell_time = None if jump.dwell_time is None else list(jump.dwell_time)
+        jitter = jump.dwell_jitter if math.isfinite(jump.dwell_jitter) else None
+        data |= {"dwell_time": dwell_time, "dwell_jitter": jitter}
     if output.noise_bound is not None:
-        data["noise_bound"] = output.noise_radius
-        if output.noise_centre is not None:
-            data["noise_centre"] = output.noise_centre
-    return data | {"jump_measurement": output.jump_measurement}
+        data |= {"noise_bound": output.noise_radius, "noise_centre": output.noise_centre}
+    data |= {"jump_measurement": output.jump_measurement}
+    return {name: value for name, value in data.items() if value is not None}

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
+from numpy.typing import ArrayLike
 
 from lmi.arithmetic.arrays import Matrix
 
 
-def noise_box(bound: Any) -> tuple[Matrix | None, Matrix]:
+def noise_box(bound: ArrayLike) -> tuple[Matrix | None, Matrix]:
     """(centre, radius) of bounds of the noise, (p,) or pairs (p, 2); all |v - centre| <= radius.
 
     centre: None where all bounds are symmetric.

@@ -9,8 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Value
 from obsdesign.document import Design
 from obsdesign.equations.estimation_error import flow_error_matrix
+from obsdesign.equations.luenberger.gains import LuenbergerGains
 from obsdesign.errors import InputError
 from obsdesign.output_files import write_bytes
 
@@ -33,14 +35,14 @@ def save_mat(design: Design, path: str | os.PathLike[str]) -> None:
     """
     from scipy.io import savemat
 
-    about = {"name": design.name, "kind": design.kind, "digest": design.to_dict()["digest"]}
+    about = {"name": design.name, "kind": design.kind, "digest": design.digest}
     body = {**_matlab(design.gains), **about, "problem": _matlab(design.problem)}
     content = io.BytesIO()
     savemat(content, body, long_field_names=True, oned_as="column")
     write_bytes(path, content.getvalue())
 
 
-def _matlab(value: Any) -> Any:
+def _matlab(value: Value) -> Value:
     """Values that savemat accepts: dicts, texts, arrays; rows of different shape as cells."""
     if isinstance(value, Mapping):
         return {str(key): _matlab(item) for key, item in value.items() if item is not None}
@@ -76,7 +78,8 @@ def control_estimator(design: Design) -> Any:
             f"a control estimator exists for kind 'luenberger' without jumps; this design is of "
             f"kind {design.kind!r}: {why}. Run it with obsdesign.runtime."
         )
-    if np.any(np.asarray(gains["flow_lower"]) + np.asarray(gains["flow_upper"])):
+    typed = LuenbergerGains.from_document(gains)
+    if np.any(typed.flow_lower + typed.flow_upper):
         raise InputError(
             "a control estimator needs flow.disturbance with its middle at 0, since a linear "
             "system adds no constant; it is elsewhere. Take the middle out of the plant first."
@@ -88,10 +91,9 @@ def control_estimator(design: Design) -> Any:
             "a control estimator requires the package `control`; it is missing: "
             "pip install 'obsdesign[interop]'."
         ) from None
-    L, C = np.asarray(gains["L"]), np.asarray(gains["C"])
-    n, p = L.shape
-    B = np.asarray(gains.get("B", np.zeros((n, 0))))
-    F = flow_error_matrix(np.asarray(gains["A"]), L, C)
+    L, (n, p) = typed.L, typed.L.shape
+    B = np.zeros((n, 0)) if typed.B is None else typed.B
+    F = flow_error_matrix(typed.A, L, typed.C)
     states = [f"x{i + 1}_hat" for i in range(n)]
     inputs = [f"y{i + 1}" for i in range(p)] + [f"u{i + 1}" for i in range(B.shape[1])]
     return control.StateSpace(

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Entries
 from obsdesign.errors import InputError
 from obsdesign.problem.plant import Jump
 from obsdesign.problem.problem import Problem
@@ -16,10 +16,10 @@ from obsdesign.problem.problem import Problem
 def from_state_space(
     system: Any,
     *,
-    flow: Mapping[str, Any] | None = None,
-    jump: Jump | Mapping[str, Any] | None = None,
-    output: Mapping[str, Any] | None = None,
-    observer: Mapping[str, Any] | None = None,
+    flow: Entries | None = None,
+    jump: Jump | Entries | None = None,
+    output: Entries | None = None,
+    observer: Entries | None = None,
     name: str = "plant",
 ) -> Problem:
     """A problem from a continuous-time model x' = A x + B u, y = C x.

@@ -9,11 +9,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.arrays import Entries, EntriesByClaim, Matrix
 from lmi.arithmetic.balls import exact
 from lmi.arithmetic.exponential import absolute_flow, expm
 from lmi.arithmetic.spectrum import spectral_radii
@@ -33,6 +32,8 @@ from obsdesign.equations.interval.gains import IntervalGains
 from obsdesign.equations.interval.width import WidthSystem
 from obsdesign.equations.luenberger.gains import LuenbergerGains
 from obsdesign.equations.unknown_input.gains import UnknownInputGains
+from obsdesign.verification.dwell import DwellCertificate
+from obsdesign.verification.impulsive.uncorrected_blocks import Contraction
 
 _POINTS = 400
 # beyond a range of dwell times so much of it is shown, and of an endless one so many shortest ones
@@ -40,8 +41,8 @@ _BEYOND, _ENDLESS = 0.15, 4.0
 
 
 # gains and evidence as a design file has them
-_Stored = Mapping[str, Any]
-_Evidence = Mapping[str, Mapping[str, Any]]
+_Stored = Entries
+_Evidence = EntriesByClaim
 
 
 @dataclass(frozen=True)
@@ -128,14 +129,13 @@ def _growth(
     low, high = span
     theta = _around(low, high)
     flows = expm(F * theta[:, None, None])
-    series = {"constant dwell time": spectral_radii(np.nan_to_num(flows @ H))}
-    P = evidence.get("dwell_stability", {}).get("P")
+    series: dict[str, Matrix] = {"constant dwell time": spectral_radii(np.nan_to_num(flows @ H))}
+    P = DwellCertificate.from_document(evidence.get("dwell_stability", {})).P
     if P is not None:
         root = np.linalg.cholesky(np.asarray(P)).T
         maps = np.linalg.solve(root.T, np.swapaxes(root @ flows @ H, -1, -2))
-        series["worst direction, norm of P"] = np.linalg.norm(
-            np.nan_to_num(maps), ord=2, axis=(1, 2)
-        )
+        norms = np.linalg.norm(np.nan_to_num(maps), ord=2, axis=(1, 2))
+        series |= {"worst direction, norm of P": norms}
     marked = "the shaded range is proved, for every order in which dwell times may come"
     marked = marked if "dwell_stability" in evidence else "the design is for the shaded range"
     return Curve(
@@ -208,10 +208,10 @@ def _impulsive(stored: _Stored, evidence: _Evidence) -> Curve | None:
 
 
 def _quadratic(gains: ImpulsiveGains, evidence: _Evidence) -> Curve | None:
-    proof = evidence.get("contracting", {})
-    if "P" not in proof:
+    norm = Contraction.from_evidence(evidence.get("contracting", {}), gains.n)
+    if norm is None:
         return None
-    G, root = gains.jump_matrix, np.linalg.cholesky(np.asarray(proof["P"], float)).T
+    G, root = gains.jump_matrix, np.linalg.cholesky(norm.P).T
     C = seen_before_jump(G, gains.C, gains.jump_measurement)
     low, high = gains.dwell_range
     theta: Matrix = np.linspace(low, high, _POINTS)
@@ -225,7 +225,7 @@ def _quadratic(gains: ImpulsiveGains, evidence: _Evidence) -> Curve | None:
         {"worst error": np.linalg.norm(in_norm, 2, axis=(1, 2))},
         "With the gain of the cell that the last spacing is in. Shaded: the spacings for which it "
         "is proved to stay below the dashed level.",
-        float(proof["gamma"]),
+        norm.gamma,
         (low, high),
     )
 

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Any
 
 import numpy as np
+
+from lmi.arithmetic.arrays import Entries
 
 _MOST_LISTED = 8
 
 
-def numbers_of(evidence: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:
+def numbers_of(evidence: Entries, prefix: str = "") -> Iterator[tuple[str, str]]:
     """(name, value) of the few numbers of a proof, as texts; matrices stay in the file."""
     for key, value in evidence.items():
         name = f"{prefix}{key.replace('_', ' ')}"
@@ -29,7 +30,7 @@ def _is_short_list(value: object) -> bool:
     return all(isinstance(x, bool | str | int | float | np.number) for x in value)
 
 
-def _number(value: Any) -> str:
+def _number(value: object) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     return f"{value:.6g}" if isinstance(value, float | np.number) else str(value)

@@ -8,21 +8,21 @@ from __future__ import annotations
 import base64
 import json
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
 
 import jinja2
 import numpy as np
 
+from lmi.arithmetic.arrays import Entries, NewEntries, Value
 from obsdesign import workflow
 from obsdesign.data.execution import execute
 from obsdesign.data.records import table_text
 from obsdesign.data.simulation import simulate
 from obsdesign.design_file import load_design
-from obsdesign.document import Design, jsonable
+from obsdesign.document import Claim, Design, jsonable
 from obsdesign.errors import InputError
 from obsdesign.output_files import temporary_folder, write_text
 from obsdesign.pages.curves import curve_of
@@ -76,7 +76,7 @@ def page(
     design: Design,
     outcome: workflow.Outcome,
     seconds: float,
-    estimate: Mapping[str, Any] | None = None,
+    estimate: Entries | None = None,
 ) -> str:
     """The page as HTML text.
 
@@ -112,11 +112,11 @@ def page(
     )  # fmt: skip
 
 
-def _is_matrix(value: Any) -> bool:
+def _is_matrix(value: object) -> bool:
     return isinstance(value, np.ndarray) and value.ndim in (1, 2) and value.size > 0
 
 
-def _rows(value: Any) -> list[list[str]]:
+def _rows(value: Value) -> list[list[str]]:
     """A vector is a column."""
     return [[f"{x:.6g}" for x in row] for row in np.reshape(value, (len(value), -1)).tolist()]
 
@@ -132,7 +132,7 @@ def _plant_words(problem: Problem) -> str:
     return ", ".join(words).replace("1 states", "1 state")
 
 
-def _claim(claim: Any) -> dict[str, Any]:
+def _claim(claim: Claim) -> NewEntries:
     return {
         "name": claim.id.replace("_", " "),
         "verdict": claim.verdict,
@@ -151,7 +151,7 @@ def _origin(design: Design) -> list[tuple[str, str]]:
     if solver:
         solver_words = f"{solver.get('name')} {solver.get('version', '')}".strip()
         rows.append(("solver", solver_words))
-    return [("kind", design.kind), *rows, ("digest", design.to_dict()["digest"])]
+    return [("kind", design.kind), *rows, ("digest", design.digest)]
 
 
 def _curve(design: Design) -> dict[str, str] | None:
@@ -169,7 +169,7 @@ def _inline(svg: str) -> str:
 
 def _estimate(
     design: Design, path: str, data: str | None, initial: Sequence[float] | None
-) -> dict[str, Any] | None:
+) -> NewEntries | None:
     """The observer on data, or on a simulation of its plant, as a picture."""
     from obsdesign.pages.plotting.estimate import plot_estimate
 
@@ -190,7 +190,7 @@ def _estimate(
                 initial = np.column_stack([x - 0.5, x + 1.5]).reshape(-1).tolist()
         estimates, picture = str(Path(folder, "estimate.csv")), str(Path(folder, "estimate.svg"))
         try:
-            counts = execute(path, source, estimates, initial, None)
+            tally = execute(path, source, estimates, initial, None)
         except InputError:
             if data is None:  # impulses at unknown times, which this kind cannot detect
                 return None
@@ -200,15 +200,15 @@ def _estimate(
         measured = ComparisonRecord.from_file(source, Problem.from_dict(design.problem).plant)
         rows = _rows_with_kalman(design, measured, initial)
         bounds = _bounds(design, measured, Table.from_file(estimates))
-    total = counts.pop("rows")
-    statuses = ", ".join(f"{number} {status}" for status, number in counts.most_common())
+    counts = tally.statuses.most_common()
+    statuses = ", ".join(f"{number} {status}" for status, number in counts)
     origin = f"of {Path(data).name}" if data else "simulated with random admissible disturbances"
-    caption = f"{total} rows {origin}: {statuses}."
+    caption = f"{tally.rows} rows {origin}: {statuses}."
     entries = {"title": title, "image": _inline(svg), "caption": caption}
     return {**entries, "beside": rows, "bounds": bounds}
 
 
-def _bounds(design: Design, record: ComparisonRecord, estimate: Table) -> dict[str, Any] | None:
+def _bounds(design: Design, record: ComparisonRecord, estimate: Table) -> NewEntries | None:
     """Bounds of the error of observer (14) along the record: a table and a picture."""
     from obsdesign.pages.plotting.curve import curve_svg
 

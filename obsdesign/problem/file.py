@@ -6,13 +6,13 @@ import json
 import os
 import tomllib
 from pathlib import Path
-from typing import Any
 
+from lmi.arithmetic.arrays import Value
 from obsdesign.errors import InputError
 from obsdesign.input_files import keys_once, read_text, require_depth
 
 
-def read_problem_file(path: str | os.PathLike[str]) -> Any:
+def read_problem_file(path: str | os.PathLike[str]) -> Value:
     """Nested dicts and lists: JSON by its suffix .json, else TOML. InputError names the file."""
     text = read_text(path)
     if not text.strip():
@@ -36,7 +36,7 @@ def _complaint(error: ValueError, text: str, is_json: bool) -> str:
     return f"{'JSON' if is_json else 'TOML'}: {reason}.{hint}"
 
 
-def _parse_json(text: str) -> Any:
+def _parse_json(text: str) -> Value:
     return json.loads(text, object_pairs_hook=keys_once, parse_constant=_refuse_constant)
 
 

@@ -9,11 +9,10 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping
 from types import MappingProxyType
-from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.arrays import Entries, Matrix, NewEntries, Value
 from obsdesign.entries import in_range, matrix, shown
 from obsdesign.errors import InputError
 from obsdesign.kinds import GAINS, kind_named
@@ -25,7 +24,7 @@ from obsdesign.problem.plant import Plant
 INVERTIBLE = ("S", "S2", "T1")
 
 
-def gains(given: Mapping[str, Any], kind: str | None, plant: Plant) -> dict[str, Matrix]:
+def gains(given: Entries, kind: str | None, plant: Plant) -> dict[str, Matrix]:
     """Finite, read-only gain matrices of the sizes that the kind gives them (kind None: any).
 
     InputError also for coordinates that are singular or do not hold D where they must.
@@ -47,7 +46,7 @@ def gains(given: Mapping[str, Any], kind: str | None, plant: Plant) -> dict[str,
     return matrices
 
 
-def _sized(values: Any, entry: str, kind: str, plant: Plant) -> Matrix:
+def _sized(values: Value, entry: str, kind: str, plant: Plant) -> Matrix:
     letters = GAINS[kind][entry.rpartition(".")[2]]
     q = 0 if plant.flow.D is None else plant.flow.D.shape[1]
     if kind == "unknown_input" and not 0 < q <= plant.p:
@@ -84,7 +83,7 @@ def _check_coordinates(matrices: Mapping[str, Matrix], plant: Plant) -> None:
         )
 
 
-def options(given: Mapping[str, Any], kind: str | None, plant: Plant) -> Options:
+def options(given: Entries, kind: str | None, plant: Plant) -> Options:
     """Options with finite numbers, lists as tuples; InputError for entries that do not agree."""
     entries = {
         name: _numbers(value, f"observer.{name}", is_whole(kind, name))
@@ -95,7 +94,7 @@ def options(given: Mapping[str, Any], kind: str | None, plant: Plant) -> Options
     return result
 
 
-def _numbers(value: Any, entry: str, whole: bool) -> Any:
+def _numbers(value: Value, entry: str, whole: bool) -> Value:
     """Finite binary64 numbers (integers where `whole`), read-only containers."""
     if isinstance(value, list):
         return tuple(
@@ -116,7 +115,7 @@ def _numbers(value: Any, entry: str, whole: bool) -> Any:
     return int(number) if whole and number == int(number) else number
 
 
-def for_kind(observer: Mapping[str, Any], kind: str) -> tuple[dict[str, Any], list[str]]:
+def for_kind(observer: Entries, kind: str) -> tuple[NewEntries, list[str]]:
     """[observer] rewritten for a kind, and the entries that were dropped, by name.
 
     Entries that the written kind knows are its own and mean nothing to another; entries that it

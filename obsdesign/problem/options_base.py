@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, ClassVar, Self
 
+from lmi.arithmetic.arrays import Entries, NewEntries, Value
 from obsdesign.errors import InputError
 from obsdesign.problem.schema import Fragment, file_entry
 
@@ -14,8 +15,8 @@ if TYPE_CHECKING:
 
 
 def option(
-    fragment: Fragment, description: str, *, default: Any = None, whole: bool = False
-) -> Any:
+    fragment: Fragment, description: str, *, default: Value = None, whole: bool = False
+) -> Value:
     """Declare an option; default: where the file has none; whole: it counts something."""
     return file_entry(fragment, description, default=default, whole=whole)
 
@@ -32,7 +33,7 @@ class Options:
         object.__setattr__(self, "_stated", stated)
 
     @classmethod
-    def from_entries(cls, entries: Mapping[str, Any]) -> Self:
+    def from_entries(cls, entries: Entries) -> Self:
         """Options from the entries of a problem file, converted and named as the schema has it."""
         options = cls(**entries)
         object.__setattr__(options, "_stated", tuple(entries))
@@ -42,7 +43,7 @@ class Options:
         """Does the problem itself state this option?"""
         return name in self._stated
 
-    def to_document(self) -> dict[str, Any]:
+    def to_document(self) -> NewEntries:
         """Entries of a problem file: the options that the problem itself states."""
         return {name: getattr(self, name) for name in self._stated}
 
@@ -53,7 +54,7 @@ class Options:
 class UnassignedOptions(Options):
     """Options of a problem without a kind: those of any kind, which nothing was checked for."""
 
-    def __init__(self, **entries: Any) -> None:
+    def __init__(self, **entries: Value) -> None:
         self.__dict__.update(entries)
 
 

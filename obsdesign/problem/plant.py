@@ -13,11 +13,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, fields
-from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.arrays import Matrix, NewEntries, Value
 from obsdesign.entries import (
     bounds,
     is_number,
@@ -36,7 +35,7 @@ from obsdesign.problem.schema import DWELL_RANGE, POSITIVE, file_entry, one_of, 
 MEASURED = ("continuous", "periodic", "at_jumps")
 JUMP_MEASUREMENTS = ("before", "after", "none")
 # what is left out: __post_init__ fills it in, and for a jump the plant, which knows the sizes
-_DEFAULT: Any = None
+_DEFAULT: Value = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -228,7 +227,7 @@ class Plant:
         _set(self, n=n, p=len(C))
 
 
-def _noise_pairs(values: Any, C: Matrix) -> Matrix | None:
+def _noise_pairs(values: Value, C: Matrix) -> Matrix | None:
     """Pairs [lower, upper], (p, 2), where at least one bound of the noise is a pair; else None."""
     entry = "output.noise_bound"
     listed = values if isinstance(values, list | tuple | np.ndarray) else []
@@ -254,12 +253,12 @@ def _noise_pairs(values: Any, C: Matrix) -> Matrix | None:
     return pairs
 
 
-def _for_all(values: Any, count: int, entry: str) -> Any:
+def _for_all(values: Value, count: int, entry: str) -> Value:
     """A list as it is; one number for each of the outputs."""
     return [real(values, entry)] * count if np.ndim(values) == 0 else values
 
 
-def _same(block: Any, other: Any) -> bool:
+def _same(block: Flow | Jump | Output, other: object) -> bool:
     if type(other) is not type(block):
         return False
     pairs = [(getattr(block, entry.name), getattr(other, entry.name)) for entry in fields(block)]
@@ -267,8 +266,8 @@ def _same(block: Any, other: Any) -> bool:
 
 
 def _inputs(
-    block: Any, name: str, matrices: tuple[str, ...], n: int, states: str
-) -> dict[str, Any]:
+    block: Flow | Jump, name: str, matrices: tuple[str, ...], n: int, states: str
+) -> NewEntries:
     """Optional matrices with one row per state."""
     result = {}
     for key in matrices:
@@ -279,7 +278,7 @@ def _inputs(
     return result
 
 
-def _dwell_time(values: Any) -> tuple[float, float] | None:
+def _dwell_time(values: Value) -> tuple[float, float] | None:
     entry = "jump.dwell_time"
     if values is None:
         return None
@@ -301,7 +300,7 @@ def _dwell_time(values: Any) -> tuple[float, float] | None:
     return low + 0.0, high
 
 
-def _set(target: Any, **values: Any) -> None:
+def _set(target: object, **values: Value) -> None:
     """Fill fields of a frozen dataclass while it is being made."""
     for name, value in values.items():
         object.__setattr__(target, name, value)

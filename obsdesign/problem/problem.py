@@ -11,11 +11,11 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.arrays import Entries, Matrix, NewEntries, Value
 from obsdesign.document import jsonable
 from obsdesign.errors import DoesNotApply, InputError
 from obsdesign.kinds import KINDS
@@ -25,7 +25,7 @@ from obsdesign.problem.options_base import Options
 from obsdesign.problem.plant import Flow, Jump, Output, Plant
 from obsdesign.problem.schema_errors import check_structure
 
-Blocks = Mapping[str, Any]
+Blocks = Entries
 _Options = TypeVar("_Options", bound=Options)
 
 _KEYS = ("name", "flow", "jump", "output", "observer")
@@ -42,7 +42,7 @@ class Problem:
     name: str
     plant: Plant
     kind: str | None
-    gains: Mapping[str, Any]
+    gains: Mapping[str, Matrix]
     options: Options
 
     def __init__(
@@ -53,10 +53,10 @@ class Problem:
         observer: Blocks | None = None,
         name: str = "plant",
     ) -> None:
-        plain: dict[str, Any] = {"name": name, "flow": flow, "output": output}
+        plain: NewEntries = {"name": name, "flow": flow, "output": output}
         plain |= {} if jump is None else {"jump": jump}
         plain |= {} if observer is None else {"observer": observer}
-        body: dict[str, Any] = {key: _as_block(value) for key, value in plain.items()}
+        body: NewEntries = {key: _as_block(value) for key, value in plain.items()}
         check_structure(body)
         _check_name(body["name"])
         made_jump = Jump(**_entries(body["jump"])) if "jump" in body else None
@@ -69,7 +69,7 @@ class Problem:
             name=name, plant=plant, kind=kind, gains=MappingProxyType(gains), options=options
         )
 
-    def __reduce__(self) -> tuple[Any, ...]:
+    def __reduce__(self) -> tuple[object, ...]:
         return Problem.from_dict, (self.to_dict(),)  # a copy is read-only too
 
     def __repr__(self) -> str:
@@ -79,27 +79,27 @@ class Problem:
         return isinstance(other, Problem) and self.to_dict() == other.to_dict()
 
     @staticmethod
-    def from_dict(body: Any) -> Problem:
+    def from_dict(body: Value) -> Problem:
         """A problem from parsed TOML or JSON."""
         body = _as_block(body)
         if not isinstance(body, dict) or not {"flow", "output"} <= set(body) <= set(_KEYS):
             check_structure(body)  # says what is wrong with the top level
         return Problem(**body)
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> NewEntries:
         """The normalised problem, JSON-ready: defaults filled in, infinity as "inf".
 
         A noise bound that is absent stays absent: no kind may take it for zero.
         """
         plant = self.plant
         blocks = {"flow": plant.flow, "jump": plant.jump, "output": plant.output}
-        body: dict[str, Any] = {"name": self.name}
+        body: NewEntries = {"name": self.name}
         body |= {name: _as_block(block) for name, block in blocks.items() if block is not None}
         observer = {} if self.kind is None else {"kind": self.kind}
         stated = self.options.to_document()
         if observer or self.gains or stated:
             body["observer"] = observer | {"gains": dict(self.gains)} | stated
-        result: dict[str, Any] = jsonable(body)
+        result: NewEntries = jsonable(body)
         return result
 
     def options_as(self, kind_options: type[_Options]) -> _Options:
@@ -129,9 +129,9 @@ class Problem:
         low, high = jump.dwell_time
         return low, high
 
-    def require(self, entry: str) -> Any:
+    def require(self, entry: str) -> Value:
         """Value of an optional entry ("flow.D", "jump.H", "output.period"), or DoesNotApply."""
-        value: Any = self.plant
+        value: Value = self.plant
         for name in entry.split("."):
             value = getattr(value, name)
             if value is None:
@@ -197,7 +197,7 @@ def load_for_kind(path: str | os.PathLike[str], kind: str | None) -> tuple[Probl
         raise InputError(f"{path}: {error}") from None
 
 
-def _as_block(value: Any) -> Any:
+def _as_block(value: Value) -> Value:
     """Dataclasses and arrays as the plain dicts and lists of a file."""
     if isinstance(value, Flow | Jump | Output):
         names = [name for name in value.__dataclass_fields__ if getattr(value, name) is not None]
@@ -215,7 +215,7 @@ def _as_block(value: Any) -> Any:
     return value
 
 
-def _entries(block: Blocks) -> dict[str, Any]:
+def _entries(block: Blocks) -> NewEntries:
     """Fields of a flow or jump: its bounds beside the others, "inf" as a number."""
     entries = dict(block)
     entries |= entries.pop("disturbance", {})
@@ -225,7 +225,7 @@ def _entries(block: Blocks) -> dict[str, Any]:
     return entries
 
 
-def _infinite(value: Any) -> Any:
+def _infinite(value: Value) -> Value:
     if isinstance(value, list):
         return [_infinite(item) for item in value]
     return math.inf if value == "inf" else value

@@ -8,22 +8,23 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import Field, field
-from typing import Any
 
-Fragment = Mapping[str, Any]
+from lmi.arithmetic.arrays import Entries, Value
+
+Fragment = Entries
 
 # marks a field without a default: None is one
-_REQUIRED: Any = object()
+_REQUIRED: Value = object()
 
 
 def file_entry(
     fragment: Fragment,
     description: str,
     *,
-    default: Any = _REQUIRED,
+    default: Value = _REQUIRED,
     name: str = "",
     whole: bool = False,
-) -> Any:
+) -> Value:
     """Declare a field that a problem file may hold.
 
     name: of its entry in the file, where that differs; whole: the entry counts something.
@@ -34,7 +35,7 @@ def file_entry(
     return field(default=default, metadata=metadata)
 
 
-def entry_name(declared: Field[Any]) -> str:
+def entry_name(declared: Field[Value]) -> str:
     """Name of the entry that a field is read from; "" where it is declared without one."""
     if "schema" not in declared.metadata:
         return ""

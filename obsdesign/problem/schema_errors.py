@@ -6,8 +6,8 @@ import difflib
 import json
 from collections.abc import Sequence
 from importlib.resources import files
-from typing import Any
 
+from lmi.arithmetic.arrays import Value
 from obsdesign.entries import shown
 from obsdesign.errors import InputError
 from obsdesign.kinds import GAINS
@@ -17,7 +17,7 @@ from obsdesign.problem.option_table import OPTIONS, owners
 _FIRST = ("propertyNames", "additionalProperties", "required")
 
 
-def check_structure(body: Any) -> None:
+def check_structure(body: Value) -> None:
     """InputError for the most informative violation of the schema by parsed TOML or JSON."""
     import jsonschema
 
@@ -33,7 +33,7 @@ def check_structure(body: Any) -> None:
         raise InputError(_sentence(min(errors, key=_rank), body, schema))
 
 
-def _abridged(value: Any) -> Any:
+def _abridged(value: Value) -> Value:
     """The body with only a corner of every matrix of numbers: jsonschema is slow."""
     if isinstance(value, dict):
         return {key: _abridged(item) for key, item in value.items()}
@@ -43,12 +43,12 @@ def _abridged(value: Any) -> Any:
     return value
 
 
-def _rank(error: Any) -> tuple[int, int, list[str]]:
+def _rank(error: Value) -> tuple[int, int, list[str]]:
     place = _FIRST.index(error.validator) if error.validator in _FIRST else len(_FIRST)
     return place, len(error.absolute_path), [str(part) for part in error.absolute_path]
 
 
-def _sentence(error: Any, body: Any, schema: Any) -> str:
+def _sentence(error: Value, body: Value, schema: Value) -> str:
     path = list(error.absolute_path)
     if error.validator in ("propertyNames", "enum") and _inside(error, "propertyNames"):
         return _unknown(error.instance, path, list(_names()), body, schema)
@@ -64,7 +64,7 @@ def _sentence(error: Any, body: Any, schema: Any) -> str:
     return _value(error, path, body)
 
 
-def _inside(error: Any, keyword: str) -> bool:
+def _inside(error: Value, keyword: str) -> bool:
     return keyword in error.absolute_schema_path
 
 
@@ -72,7 +72,7 @@ def _names() -> list[str]:
     return ["kind", "gains", *sorted({name for names in OPTIONS.values() for name in names})]
 
 
-def _unknown(key: Any, path: list[Any], known: list[str], body: Any, schema: Any) -> str:
+def _unknown(key: Value, path: list[Value], known: list[str], body: Value, schema: Value) -> str:
     """An unknown key: of another kind, or misspelt."""
     name = str(key)  # a dict in Python may have any key
     where = f" in [{'.'.join(map(str, path))}]" if path else ""
@@ -97,7 +97,7 @@ def _unknown(key: Any, path: list[Any], known: list[str], body: Any, schema: Any
     return f"unknown key {name!r}{where}: this kind has none here."
 
 
-def _home(name: str, schema: Any) -> str | None:
+def _home(name: str, schema: Value) -> str | None:
     """The only block that knows this name; None where none or several do."""
     blocks = {
         title: list(block.get("properties", {})) for title, block in schema["properties"].items()
@@ -117,7 +117,7 @@ def _nearest(name: str, known: list[str]) -> list[str]:
     return [k for k in known if k.lower() in near][:1]
 
 
-def _value(error: Any, path: list[Any], body: Any) -> str:
+def _value(error: Value, path: list[Value], body: Value) -> str:
     wanted = error.schema.get("title")
     if wanted is None and error.parent is not None:
         wanted = error.parent.schema.get("title")
@@ -139,7 +139,7 @@ def _value(error: Any, path: list[Any], body: Any) -> str:
     return text
 
 
-def _entry(path: Sequence[Any]) -> str:
+def _entry(path: Sequence[Value]) -> str:
     """flow.A, row 1, column 2."""
     names = [str(part) for part in path if not isinstance(part, int)]
     places = [part + 1 for part in path if isinstance(part, int)]

@@ -14,11 +14,13 @@ from numpy.typing import ArrayLike
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.equations.gains import Gains, PlantGains
 from obsdesign.runtime.bounds import Bounds, DeclaredBounds
-from obsdesign.runtime.columns import Batch, Columns, collect
+from obsdesign.runtime.columns import Batch, Columns, Event, collect
 from obsdesign.runtime.time_stamps import time_tolerance
 
 Vector = Matrix
 State = TypeVar("State")
+# a state of whatever kind: it goes back to an observer of the design that made it
+KindState = Any
 # (t, y, u): a sample as a state keeps it
 Row = tuple[float, Vector | None, Vector | None]
 
@@ -56,7 +58,7 @@ class Estimate(NamedTuple):
     lower: Vector | None = None
     upper: Vector | None = None
     d: Vector | None = None
-    events: tuple[Any, ...] = ()
+    events: tuple[Event, ...] = ()
     status: str = "ok"
 
 
@@ -85,16 +87,16 @@ class Observer(Protocol):
     def event_names(self) -> tuple[str, ...]:
         """Columns of an event file; none where the kind has no events."""
 
-    def event_cells(self, event: Any) -> Sequence[float | str]:
+    def event_cells(self, event: Event) -> Sequence[float | str]:
         """Cells of an event in an event file."""
 
-    def start(self, t: float, initial: Sequence[float] | None) -> Any:
+    def start(self, t: float, initial: Sequence[float] | None) -> KindState:
         """State at time t from the numbers of the command line's --initial."""
 
-    def step(self, state: Any, sample: Sample) -> tuple[Any, Estimate]:
+    def step(self, state: KindState, sample: Sample) -> tuple[KindState, Estimate]:
         """The state and the estimate after one sample."""
 
-    def run(self, state: Any, samples: Iterable[Sample]) -> Iterator[Estimate]:
+    def run(self, state: KindState, samples: Iterable[Sample]) -> Iterator[Estimate]:
         """Estimates of a record, one per sample."""
 
 

@@ -15,6 +15,9 @@ from obsdesign.runtime.bounds import Bounds
 if TYPE_CHECKING:
     from obsdesign.runtime.base import Estimate
 
+# an impulse, a jump or a violation: each kind has its own, and `Observer.event_cells` reads it
+Event = Any
+
 
 @dataclass(frozen=True)
 class Columns:
@@ -61,7 +64,7 @@ class Batch:
     upper: Matrix | None
     d: Matrix | None
     status: tuple[str, ...] = ()
-    events: tuple[Any, ...] = ()  # of all rows, in order
+    events: tuple[Event, ...] = ()  # of all rows, in order
 
 
 def collect(estimates: Iterable[Estimate]) -> Batch:

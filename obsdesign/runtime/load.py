@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import importlib
 import os
-from collections.abc import Mapping
-from typing import Any, Protocol, cast
+from typing import Protocol, cast
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Entries, Value
 from obsdesign.design_file import load_design
 from obsdesign.document import Design, jsonable, same
 from obsdesign.entries import is_number
@@ -21,11 +21,11 @@ from obsdesign.runtime.base import Observer
 class RunnableKind(Protocol):
     """The class of a kind's observers."""
 
-    def from_gains(self, gains: Mapping[str, Any], /) -> Observer:
+    def from_gains(self, gains: Entries, /) -> Observer:
         """The observer of a design's gains; ValueError where they are not such gains."""
 
 
-def observer_class(kind: str, gains: Mapping[str, Any]) -> RunnableKind:
+def observer_class(kind: str, gains: Entries) -> RunnableKind:
     """The class that runs gains of a kind; InputError for what is no kind."""
     known = kind_named(kind)
     if gains.get("differentiator") == "fixed_lag":
@@ -86,7 +86,7 @@ def _same_plant(design: Design, path: str) -> None:
             )
 
 
-def _noise_part(stated: Any, name: str) -> Any:
+def _noise_part(stated: Value, name: str) -> object:
     """The centre or the radius of noise bounds as a problem states them; None if it has none."""
     is_pairs = isinstance(stated, list) and any(isinstance(item, list) for item in stated)
     if not is_pairs:
@@ -98,7 +98,7 @@ def _noise_part(stated: Any, name: str) -> Any:
     return radius if name == "noise_bound" else centre
 
 
-def _is_searched_range(design: Design, stated: Any) -> bool:
+def _is_searched_range(design: Design, stated: Value) -> bool:
     """Is the range of the gains one that a search for the shortest dwell time may have proved?"""
     options, proved = design.problem.get("observer"), design.gains["dwell_time"]
     if not isinstance(options, dict) or options.get("objective") != "shortest_dwell":

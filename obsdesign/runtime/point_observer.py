@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,6 +13,7 @@ from lmi.arithmetic.arrays import Matrix
 from obsdesign.equations.gains import Gains, PlantGains
 from obsdesign.errors import InputError
 from obsdesign.runtime.base import Estimate, Sample, State, Stepped, centred_measurement, later
+from obsdesign.runtime.columns import Event
 
 
 class Timed(Protocol):
@@ -55,7 +56,7 @@ class PointObserver(ABC, Generic[State]):
         """Columns of an event file; none where the kind has no events."""
         return ()
 
-    def event_cells(self, event: Any) -> Sequence[float | str]:
+    def event_cells(self, event: Event) -> Sequence[float | str]:
         """Cells of an event in an event file; TypeError where the kind has no events."""
         raise TypeError(f"{type(self).__name__} has no events; got {event!r}")
 

@@ -11,12 +11,13 @@ from __future__ import annotations
 import json
 import math
 import types
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from typing import Any, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Entries, NewEntries, Value
 from obsdesign.document import Design, digest
 from obsdesign.errors import InputError
 from obsdesign.input_files import keys_once, require_depth
@@ -27,7 +28,7 @@ FORMAT = "obsdesign/state"
 VERSION = 2
 _KEYS = {"format", "version", "kind", "design", "progress", "arrays", "digest"}
 _WORDS = {"nan": math.nan, "inf": math.inf, "-inf": -math.inf}
-_DTYPES: Mapping[str, Any] = {"float": np.float64, "int": np.int64, "bool": np.bool_}
+_DTYPES: Entries = {"float": np.float64, "int": np.int64, "bool": np.bool_}
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,7 @@ class Progress:
     given: number of estimates of these rows that were written already.
     """
 
-    state: Any
+    state: Value
     waiting: tuple[Row, ...] = ()
     given: int = 0
 
@@ -54,14 +55,14 @@ def state_text(design: Design, progress: Progress) -> str:
         "format": FORMAT,
         "version": VERSION,
         "kind": design.kind,
-        "design": design.to_dict()["digest"],
+        "design": design.digest,
         "progress": [writer.entry(getattr(progress, one.name)) for one in fields(Progress)],
         "arrays": writer.arrays,
     }
     return json.dumps(body | {"digest": digest(body)}, ensure_ascii=False, allow_nan=False)
 
 
-def progress_from_text(text: str, design: Design, observer: Any, path: str) -> Progress:
+def progress_from_text(text: str, design: Design, observer: Value, path: str) -> Progress:
     """Read the progress that `state_text` wrote for an observer of this design.
 
     InputError when it is no state file, was changed, belongs to another design, or holds an entry
@@ -80,7 +81,7 @@ def progress_from_text(text: str, design: Design, observer: Any, path: str) -> P
         raise InputError(f"{path}: not a state of kind {design.kind!r}: {error}") from None
 
 
-def _checked_body(text: str, design: Design, path: str) -> dict[str, Any]:
+def _checked_body(text: str, design: Design, path: str) -> NewEntries:
     try:
         body = json.loads(text, object_pairs_hook=keys_once)
     except (ValueError, RecursionError) as error:
@@ -97,7 +98,7 @@ def _checked_body(text: str, design: Design, path: str) -> dict[str, Any]:
             raise ValueError("digest does not match the content; it was changed")
     except ValueError as error:
         raise InputError(f"{path}: not a state file that can be resumed: {error}.") from None
-    own = design.to_dict()["digest"]
+    own = design.digest
     if body["design"] != own:
         raise InputError(
             f"{path}: design must be {own!r}, the one that runs; got {body['design']!r}. Was it "
@@ -110,10 +111,10 @@ class _Writer:
     """Entries of a state as JSON; each array once, in the order in which it was met."""
 
     def __init__(self) -> None:
-        self.arrays: list[dict[str, Any]] = []
+        self.arrays: list[NewEntries] = []
         self._places: dict[int, int] = {}
 
-    def entry(self, value: Any) -> Any:
+    def entry(self, value: Value) -> Value:
         if isinstance(value, np.integer | np.bool_):
             return value.item()
         if value is None or isinstance(value, bool | str | int):
@@ -138,10 +139,10 @@ class _Writer:
 class _Reader:
     """Entries of a state from JSON, each checked against its annotation."""
 
-    def __init__(self, arrays: Sequence[np.ndarray[Any, Any]]) -> None:
+    def __init__(self, arrays: Sequence[np.ndarray[Value, Value]]) -> None:
         self._arrays = arrays
 
-    def entry(self, hint: Any, value: Any, name: str) -> Any:
+    def entry(self, hint: Any, value: Value, name: str) -> Value:
         origin, args = get_origin(hint), get_args(hint)
         if origin in (Union, types.UnionType):
             return self._one_of(args, value, name)
@@ -158,7 +159,7 @@ class _Reader:
             return value
         raise _wrong(name, getattr(hint, "__name__", str(hint)), value)
 
-    def _one_of(self, hints: tuple[Any, ...], value: Any, name: str) -> Any:
+    def _one_of(self, hints: tuple[Any, ...], value: Value, name: str) -> Value:
         if isinstance(value, dict) and "type" in value:
             hints = tuple(h for h in hints if getattr(h, "__name__", "") == value["type"])
         for hint in hints:
@@ -169,7 +170,7 @@ class _Reader:
                     raise
         raise _wrong(name, "another type", value)
 
-    def _tuple(self, args: tuple[Any, ...], value: Any, name: str) -> tuple[Any, ...]:
+    def _tuple(self, args: tuple[Any, ...], value: Value, name: str) -> tuple[Value, ...]:
         if isinstance(value, list) and args[-1] is Ellipsis:
             args = args[:1] * len(value)
         if not isinstance(value, list) or len(value) != len(args):
@@ -177,7 +178,7 @@ class _Reader:
         pairs = enumerate(zip(args, value, strict=True))
         return tuple(self.entry(hint, item, f"{name}[{i}]") for i, (hint, item) in pairs)
 
-    def _array(self, args: tuple[Any, ...], value: Any, name: str) -> Any:
+    def _array(self, args: tuple[Any, ...], value: Value, name: str) -> Value:
         place = value.get("array") if isinstance(value, dict) and len(value) == 1 else None
         if type(place) is not int or not 0 <= place < len(self._arrays):
             raise _wrong(name, "an array", value)
@@ -186,7 +187,7 @@ class _Reader:
             raise _wrong(name, f"an array of {dtype.__name__}", str(array.dtype))
         return array
 
-    def _record(self, kind: Any, names: Sequence[str], value: Any, name: str) -> Any:
+    def _record(self, kind: Any, names: Sequence[str], value: Value, name: str) -> Value:
         if not isinstance(value, dict) or set(value) != {"type", *names}:
             raise _wrong(name, f"{kind.__name__} with {', '.join(names)}", value)
         hints = get_type_hints(kind)
@@ -200,7 +201,7 @@ def _fields(kind: Any) -> tuple[str, ...] | None:
     return getattr(kind, "_fields", None) if isinstance(kind, type) else None
 
 
-def _stored(array: np.ndarray[Any, Any]) -> dict[str, Any]:
+def _stored(array: np.ndarray[Value, Value]) -> NewEntries:
     """An array with the order of its axes in memory: products round by it."""
     dtype = next((name for name, one in _DTYPES.items() if array.dtype == one), None)
     if dtype is None:
@@ -211,7 +212,7 @@ def _stored(array: np.ndarray[Any, Any]) -> dict[str, Any]:
             "values": [_number(x) for x in values] if dtype == "float" else values}  # fmt: skip
 
 
-def _array(entry: Any) -> np.ndarray[Any, Any]:
+def _array(entry: Value) -> np.ndarray[Value, Value]:
     if not isinstance(entry, dict) or set(entry) != {"dtype", "shape", "axes", "values"}:
         raise _wrong("arrays", "dtype, shape, axes and values", entry)
     dtype, shape, axes, values = (entry[name] for name in ("dtype", "shape", "axes", "values"))
@@ -235,7 +236,7 @@ def _number(value: float) -> float | str:
     return value if math.isfinite(value) else repr(value)
 
 
-def _wrong(name: str, required: str, arrived: Any) -> TypeError:
+def _wrong(name: str, required: str, arrived: Value) -> TypeError:
     text = json.dumps(arrived, default=str)
     text = text if len(text) <= 60 else f"{text[:57]}..."
     return TypeError(f"{name} must be {required}; got {text}.")

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
+from lmi.arithmetic.arrays import Entries, EntriesByClaim, NewEntries
 from lmi.solvers import Solvers, merged
 from lmi.time_budget import Remark
 from obsdesign.equations.gains import Gains
@@ -15,7 +14,7 @@ from obsdesign.equations.gains import Gains
 class Certificates:
     """Evidence by claim id, and the solvers whose results it holds."""
 
-    evidence: dict[str, Mapping[str, Any]] = field(default_factory=dict)
+    evidence: dict[str, Entries] = field(default_factory=dict)
     solvers: Solvers = ()
 
     def joined(self, other: Certificates) -> Certificates:
@@ -40,13 +39,13 @@ class Candidate:
 
     label: str
     gains: Gains | None
-    certificates: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    certificates: EntriesByClaim = field(default_factory=dict)
     searched: bool = False
     cost: float | None = None
     goes_on: bool = False
     remarks: tuple[Remark, ...] = ()
     solvers: Solvers = ()
 
-    def document(self) -> dict[str, Any]:
+    def document(self) -> NewEntries:
         """The gains as a design file states them, for verification."""
         return {} if self.gains is None else self.gains.to_document()

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import asdict
-from typing import Any
 
-from lmi.arithmetic.arrays import Array
+from lmi.arithmetic.arrays import Array, Entries, NewEntries
 from lmi.arithmetic.balls import exact, to_float
 from lmi.decide.stability import Memory, decide
 from lmi.find.copositive import decide_copositive, looks_positive
@@ -23,7 +21,7 @@ from obsdesign.synthesis.candidate import Certificates
 _LARGE = 16
 
 
-def stability_options(problem: Problem, budget: TimeBudget) -> dict[str, Any]:
+def stability_options(problem: Problem, budget: TimeBudget) -> NewEntries:
     """Arguments of `lmi.decide.stability` other than the range: memory, jitter and budget."""
     jump = problem.plant.jump
     jitter = math.inf if jump is None else jump.dwell_jitter
@@ -47,7 +45,7 @@ def dwell_certificates(
     verdict = stability_certificate(F, H, low, high, memory=memory, jitter=jitter, budget=budget)
     evidence = verdict.evidence
     certificates = Certificates({"dwell_stability": dict(evidence)}, verdict.solvers)
-    rates: Mapping[str, Any] | None = None
+    rates: Entries | None = None
     if budget.remaining() < 0:
         return certificates
     if "P" in evidence:

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
+from lmi.arithmetic.arrays import Matrix
 from obsdesign.equations.estimation_error import idle_gains, reason_against_sampling
 from obsdesign.errors import DoesNotApply, InputError
 from obsdesign.problem.options import ImpulsiveInputOptions, LuenbergerOptions, UnknownInputOptions
@@ -40,7 +39,7 @@ def refuse_second_choice(
         raise InputError(f"observer.poles and observer.weights both choose {gain}; drop one.")
 
 
-def given_gain(problem: Problem, name: str) -> Any:
+def given_gain(problem: Problem, name: str) -> Matrix | None:
     """The gain as it is given; zeros where nothing is measured; None when it is left open."""
     if name in problem.gains:
         return problem.gains[name]

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from importlib import import_module
-from typing import Any, Protocol, cast, runtime_checkable
+from typing import Protocol, cast, runtime_checkable
 
 from lmi.time_budget import TimeBudget
 from obsdesign.errors import InputError
 from obsdesign.kinds import kind_named
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
+
+# of a user: from the variables of its kind to constraints of CVXPY, which is not typed
+Constraints = Callable[..., Iterable[object]]
 
 
 class Synthesis(Protocol):
@@ -33,13 +36,13 @@ class ConstrainedSynthesis(Protocol):
     """A module that chooses gains under a user's CVXPY constraints."""
 
     def synthesize_constrained(
-        self, problem: Problem, constraints: Any, budget: TimeBudget, /
+        self, problem: Problem, constraints: Constraints, budget: TimeBudget, /
     ) -> Iterator[Candidate]:
         """Candidates in order of preference; InputError for what cannot be built."""
 
 
 def candidates_of(
-    problem: Problem, budget: TimeBudget, constraints: Any = None
+    problem: Problem, budget: TimeBudget, constraints: Constraints | None = None
 ) -> Iterator[Candidate]:
     """Candidates for a problem; InputError for constraints that its kind has no gains for."""
     kind = problem.require_kind()

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, Protocol
+from typing import Protocol
 
+from lmi.arithmetic.arrays import Entries, EntriesByClaim
 from lmi.time_budget import Remark, ended_part, ending, last_end
 from obsdesign.document import Claim
 from obsdesign.errors import DoesNotApply, InputError
@@ -19,7 +20,7 @@ class Chosen(Protocol):
         """Did synthesis choose something that the problem leaves open?"""
 
     @property
-    def certificates(self) -> Mapping[str, Mapping[str, Any]]:
+    def certificates(self) -> EntriesByClaim:
         """By claim id, what synthesis found for it."""
 
 
@@ -44,7 +45,7 @@ def as_answers(
     )
 
 
-def with_untried(claim: Claim, end: Mapping[str, Any]) -> Claim:
+def with_untried(claim: Claim, end: Entries) -> Claim:
     """The claim where time ended before all forms were tried: no longer refuted.
 
     Whatever the witness: one for all gains is about all gains of its form. end: the evidence of
@@ -53,7 +54,7 @@ def with_untried(claim: Claim, end: Mapping[str, Any]) -> Claim:
     return with_end(_as_undecided(claim, f"{reason(claim)}; other forms were not tried"), end)
 
 
-def with_end(claim: Claim, end: Mapping[str, Any]) -> Claim:
+def with_end(claim: Claim, end: Entries) -> Claim:
     """An undecided claim with the evidence of the budget that ended its search, or as it is."""
     if claim.verdict != "undecided" or is_ended(claim):
         return claim
@@ -78,7 +79,7 @@ def reason(claim: Claim) -> str:
     return f"{text}; {more_time(evidence)}" if is_ended(claim) else text
 
 
-def more_time(evidence: Mapping[str, Any], gain: str = "decide it") -> str:
+def more_time(evidence: Entries, gain: str = "decide it") -> str:
     """Sentence about the end of a search by its budget; evidence as of `TimeBudget.ended`."""
     return f"the search {ending(evidence)}; a longer --time may {gain}"
 
@@ -99,5 +100,6 @@ def _as_undecided(claim: Claim, why: str) -> Claim:
     if claim.verdict != "refuted":
         return claim
     kept = {name: value for name, value in claim.evidence.items() if name != "witness"}
-    kept["these_gains"] = {"witness": claim.evidence.get("witness")}
-    return replace(claim, verdict="undecided", evidence={**kept, "reason": why})
+    these = {"witness": claim.evidence.get("witness")}
+    evidence = {**kept, "these_gains": these, "reason": why}
+    return replace(claim, verdict="undecided", evidence=evidence)

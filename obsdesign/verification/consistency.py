@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import Any, TypeVar
+from collections.abc import Callable
+from typing import TypeVar
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Entries
 from lmi.verdict import Verdict, proved, refuted
 from obsdesign.document import Claim, jsonable, same
 
@@ -15,9 +16,9 @@ GainsType = TypeVar("GainsType")
 
 def consistent_gains(
     objection: str | None,
-    stored: Mapping[str, Any],
-    expected: Mapping[str, Any],
-    read: Callable[[Mapping[str, Any]], GainsType],
+    stored: Entries,
+    expected: Entries,
+    read: Callable[[Entries], GainsType],
 ) -> tuple[Claim, GainsType | None]:
     """Claim that `stored` holds exactly the expected gains; the typed gains where it is proved.
 
@@ -50,7 +51,7 @@ def _claim(verdict: Verdict) -> Claim:
     )
 
 
-def _compare(gains: Mapping[str, Any], expected: Mapping[str, Any]) -> Verdict:
+def _compare(gains: Entries, expected: Entries) -> Verdict:
     for name in sorted(set(gains) ^ set(expected)):
         reason = "is missing" if name in expected else "is not a gain of this kind"
         return refuted({"entry": f"gains.{name}", "reason": f"gains.{name} {reason}"})

@@ -180,7 +180,7 @@ def _given(guarantees: tuple[Guarantee, ...]) -> list[Guarantee]:
 def _evidence_gap(stored: Mapping[str, Claim], recomputed: tuple[Claim, ...]) -> Difference | None:
     """The gravest difference in the evidence of decided claims; undecided ones are not compared."""
     every = [
-        difference(claim.id, stored[claim.id].to_dict()["evidence"], claim.to_dict()["evidence"])
+        difference(claim.id, stored[claim.id].stated_evidence(), claim.stated_evidence())
         for claim in recomputed
         if claim.id in stored and claim.verdict != "undecided"
     ]

@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Array, Matrix
+from lmi.arithmetic.arrays import Array, Entries, Matrix, Value
 from lmi.prove.common_matrix import prove_common
 from lmi.prove.positive import FORMS, SIDES, prove_copositive
 from lmi.prove.windows_proof import prove_windows
@@ -18,8 +17,9 @@ from lmi.refute.spectral import decide_constant, refute_spectral, refute_word, s
 from lmi.verdict import Verdict, undecided
 from obsdesign.equations.estimation_error import reason_against_sampling
 from obsdesign.problem.problem import Problem
+from obsdesign.verification.proposal import Proposal
 
-_Prover = Callable[[Array, Array, "Dwell", Mapping[str, Any], str], Verdict]
+_Prover = Callable[[Array, Array, "Dwell", "DwellCertificate", str], Verdict]
 
 
 def reason_against_problem(problem: Problem) -> str | None:
@@ -52,8 +52,36 @@ class Dwell:
         return f"{ends} that change by at most {self.jitter!r} from one to the next"
 
 
+@dataclass(frozen=True)
+class DwellCertificate(Proposal):
+    """Stability for all dwell times.
+
+    P; or windows and edges; or a vector with its side and form; a witness; no_common_P: dwell
+    times and multipliers.
+    """
+
+    P: Value = None
+    windows: Value = None
+    edges: Value = None
+    vector: Value = None
+    side: Value = None
+    form: Value = None
+    witness: Value = None
+    no_common_P: Value = None
+
+    @property
+    def has_matrices(self) -> bool:
+        """Is there a P, or one for each window?"""
+        return self.P is not None or self.windows is not None
+
+    def matrices(self) -> Entries:
+        """P, or windows and edges, as `lmi.prove.rates` and `lmi.prove.windows_proof` read them."""
+        entries = {"P": self.P, "windows": self.windows, "edges": self.edges}
+        return {name: value for name, value in entries.items() if value is not None}
+
+
 def dwell_stability(
-    F: Array, H: Any, dwell: Dwell, certificate: Mapping[str, Any], paranoid: bool
+    F: Array, H: Array, dwell: Dwell, certificate: Entries, paranoid: bool
 ) -> Verdict:
     """Is x -> e^{F theta} H x stable for every admissible sequence of theta?
 
@@ -63,14 +91,15 @@ def dwell_stability(
     proof is repeated by the second, independent method.
     """
     low, high = dwell.low, dwell.high
+    proposal = DwellCertificate.from_document(certificate)
     attempt = undecided("no certificate P was given or found")
-    for name, prover in (("P", _common), ("windows", _windows)):
-        if name in certificate:
-            attempt = _twice(prover, F, H, dwell, certificate, paranoid=paranoid)
+    for value, prover in ((proposal.P, _common), (proposal.windows, _windows)):
+        if value is not None:
+            attempt = _twice(prover, F, H, dwell, proposal, paranoid=paranoid)
             if attempt.outcome == "proved":
                 return attempt
-    if "vector" in certificate:
-        attempt = _copositive(F, H, low, high, certificate)
+    if proposal.vector is not None:
+        attempt = _copositive(F, H, low, high, proposal)
         if attempt.outcome == "proved":
             return attempt
     if low == high:
@@ -80,13 +109,13 @@ def dwell_stability(
     counter = refute_spectral(F, H, low, high)
     if counter.outcome == "refuted":
         return counter
-    word = _dwell_times(certificate.get("witness"), low, high)
+    word = _dwell_times(proposal.witness, low, high)
     if word and steps_within(word, dwell.jitter):
         counter = refute_word(F, H, word)
         if counter.outcome == "refuted":
             return counter
-    if "no_common_P" in certificate:
-        nothing = _no_common(F, H, low, high, certificate["no_common_P"])
+    if proposal.no_common_P is not None:
+        nothing = _no_common(F, H, low, high, proposal.no_common_P)
         attempt = attempt if nothing is None else nothing
     evidence = {**counter.evidence, **attempt.evidence}
     # overflow leaves NaN in place of a number
@@ -105,7 +134,7 @@ def _twice(
     F: Array,
     H: Array,
     dwell: Dwell,
-    certificate: Mapping[str, Any],
+    certificate: DwellCertificate,
     *,
     paranoid: bool,
 ) -> Verdict:
@@ -115,47 +144,44 @@ def _twice(
         return verdict
     second = prover(F, H, dwell, certificate, "chords")
     if second.outcome != "proved":
-        why = second.evidence.get("reason", "")
-        return undecided(f"the second method does not confirm the proof: {why}")
+        return undecided(f"the second method does not confirm the proof: {second.reason}")
     given = ("P", "windows", "edges")
     confirmed = {key: value for key, value in second.evidence.items() if key not in given}
     return Verdict("proved", {**verdict.evidence, "confirmed_by": confirmed})
 
 
 def _common(
-    F: Array, H: Array, dwell: Dwell, certificate: Mapping[str, Any], method: str
+    F: Array, H: Array, dwell: Dwell, certificate: DwellCertificate, method: str
 ) -> Verdict:
-    P = matrix_of(certificate["P"], len(F))
+    P = matrix_of(certificate.P, len(F))
     if P is None:
         return undecided("the certificate P is not a matrix of the right size")
     verdict = prove_common(F, H, P, dwell.low, dwell.high, method=method)
     if verdict.outcome != "proved":
         return verdict
-    return Verdict("proved", {"P": certificate["P"], **verdict.evidence})
+    return Verdict("proved", {"P": certificate.P, **verdict.evidence})
 
 
 def _windows(
-    F: Array, H: Array, dwell: Dwell, certificate: Mapping[str, Any], method: str
+    F: Array, H: Array, dwell: Dwell, certificate: DwellCertificate, method: str
 ) -> Verdict:
-    verdict = prove_windows(
-        F, H, certificate, dwell.low, dwell.high, jitter=dwell.jitter, method=method
-    )
+    given = {name: value for name, value in certificate.matrices().items() if name != "P"}
+    verdict = prove_windows(F, H, given, dwell.low, dwell.high, jitter=dwell.jitter, method=method)
     if verdict.outcome != "proved":
         return verdict
-    given = {name: certificate[name] for name in ("windows", "edges")}
     return Verdict("proved", {**given, **verdict.evidence})
 
 
 def _copositive(
-    F: Array, H: Array, low: float, high: float, certificate: Mapping[str, Any]
+    F: Array, H: Array, low: float, high: float, certificate: DwellCertificate
 ) -> Verdict:
     """The proof by one vector, for positive systems."""
-    side, form = certificate.get("side"), certificate.get("form")
-    vector = _numbers(certificate["vector"])
+    side, form = certificate.side, certificate.form
+    vector = _numbers(certificate.vector)
     if vector is None or side not in SIDES or form not in FORMS:
         return undecided("the certificate is not a vector with its side and form")
     verdict = prove_copositive(F, H, vector, low, high, side=side, form=form)
-    return Verdict(verdict.outcome, {"vector": certificate["vector"], **verdict.evidence})
+    return Verdict(verdict.outcome, {"vector": certificate.vector, **verdict.evidence})
 
 
 def _dwell_times(witness: object, low: float, high: float) -> list[float]:
@@ -166,7 +192,7 @@ def _dwell_times(witness: object, low: float, high: float) -> list[float]:
     return thetas if all(low <= theta <= high for theta in thetas) else []
 
 
-def _no_common(F: Array, H: Array, low: float, high: float, certificate: Any) -> Verdict | None:
+def _no_common(F: Array, H: Array, low: float, high: float, certificate: Entries) -> Verdict | None:
     """Undecided, a common P being proved not to exist; None if the certificate shows nothing."""
     thetas = _dwell_times(certificate, low, high)
     multipliers = _numbers(certificate.get("multipliers")) if thetas else None
@@ -186,7 +212,7 @@ def matrix_of(values: object, n: int) -> Matrix | None:
     return P if P is not None and P.shape == (n, n) else None
 
 
-def _numbers(values: Any) -> Matrix | None:
+def _numbers(values: object) -> Matrix | None:
     try:
         return np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from importlib import import_module
-from typing import Any, Protocol, cast, runtime_checkable
+from typing import Protocol, cast, runtime_checkable
 
-from lmi.arithmetic.arrays import Array
+from lmi.arithmetic.arrays import Array, Entries, EntriesByClaim
 from lmi.time_budget import UNLIMITED, TimeBudget
 from obsdesign.document import Claim, Guarantee
 from obsdesign.kinds import kind_named
@@ -19,8 +18,8 @@ class Verification(Protocol):
     def claims(
         self,
         problem: Problem,
-        stored: Mapping[str, Any],
-        certificates: Mapping[str, Mapping[str, Any]],
+        stored: Entries,
+        certificates: EntriesByClaim,
         /,
         *,
         paranoid: bool = False,
@@ -32,7 +31,7 @@ class Verification(Protocol):
 class DwellVerification(Verification, Protocol):
     """A module whose claim of stability is one about a pair of matrices."""
 
-    def dwell_pair(self, stored: Mapping[str, Any], /) -> tuple[Array, Array]:
+    def dwell_pair(self, stored: Entries, /) -> tuple[Array, Array]:
         """Exact (F, H) of x -> e^(F theta) H x."""
 
 

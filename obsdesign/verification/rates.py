@@ -2,41 +2,54 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, dataclass, fields
 from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal, localcontext
-from typing import Any
 
-from lmi.arithmetic.arrays import Array
+from lmi.arithmetic.arrays import Array, Entries, EntriesByClaim, NewEntries
 from lmi.prove.rates import Rates, prove_rates
 from obsdesign.document import Claim
-from obsdesign.verification.dwell import Dwell, matrix_of
+from obsdesign.verification.dwell import Dwell, DwellCertificate, matrix_of
+
+
+@dataclass(frozen=True)
+class StatedRates:
+    """Rates of a certificate or a claim; own: the P of single rates, by their names, unchecked."""
+
+    rates: Rates
+    own: NewEntries
+
+    @classmethod
+    def from_evidence(cls, entries: Entries) -> StatedRates | None:
+        """Those that the entries state; None where one is missing or no number."""
+        names = [entry.name for entry in fields(Rates)]
+        if not all(isinstance(entries.get(name), float) for name in names):
+            return None
+        own = {name: entries[f"P_{name}"] for name in names if f"P_{name}" in entries}
+        return cls(Rates(*(entries[name] for name in names)), own)
 
 
 def rates_claim(
-    F: Array, H: Any, dwell: Dwell, certificates: Mapping[str, Any], source: str
+    F: Array, H: Array, dwell: Dwell, certificates: EntriesByClaim, source: str
 ) -> tuple[Claim, ...]:
     """Claim of proposed rates of decay per jump and in time, for the P of the stability claim.
 
     No claim where no rates were proposed: stability does not depend on them.
     """
-    proposed = certificates.get("rates", {})
-    certificate = certificates.get("dwell_stability", {})
-    if not all(isinstance(proposed.get(n), float) for n in ("per_jump", "in_time")):
+    proposed = StatedRates.from_evidence(certificates.get("rates", {}))
+    certificate = DwellCertificate.from_document(certificates.get("dwell_stability", {}))
+    if proposed is None or not certificate.has_matrices:
         return ()
-    if "P" in certificate and matrix_of(certificate["P"], len(F)) is None:
+    if certificate.P is not None and matrix_of(certificate.P, len(F)) is None:
         return ()
-    if not {"P", "windows"} & set(certificate):
-        return ()
-    rates = Rates(proposed["per_jump"], proposed["in_time"])
-    own = {name: proposed[f"P_{name}"] for name in asdict(rates) if f"P_{name}" in proposed}
+    rates, own = proposed.rates, proposed.own
     if any(matrix_of(P, len(F)) is None for P in own.values()):
         return ()
     verdict = prove_rates(
-        F, H, certificate, dwell.low, dwell.high, rates=rates, jitter=dwell.jitter, own=own
-    )
+        F, H, certificate.matrices(), dwell.low, dwell.high, rates=rates, jitter=dwell.jitter,
+        own=own,
+    )  # fmt: skip
     usual = "the P of dwell_stability"
-    if "P" not in certificate:
+    if certificate.P is None:
         usual += " of the window that the dwell times are in"
     norms = [f"P_{name}" if name in own else usual for name in asdict(rates)]
     statement = (
@@ -48,19 +61,26 @@ def rates_claim(
 
 def rates_sentence(claims: tuple[Claim, ...], what: str) -> list[tuple[str, list[str]]]:
     """The guarantee that a proved rates claim gives, and the claims behind it."""
-    for claim in claims:
-        if claim.id == "rates" and claim.verdict == "proved":
-            per_jump, in_time = claim.evidence["per_jump"], claim.evidence["in_time"]
-            norm = "fixed norms"
-            if "window" in claim.statement:
-                norm = "norms that depend on neighbouring dwell times"
-            text = (
-                f"Without disturbance and noise, {what} just before a jump shrinks, in {norm}, "
-                f"to at most {six_digits(per_jump, ROUND_CEILING)} of itself at the next one, and "
-                f"like e^(-{six_digits(in_time, ROUND_FLOOR)} t) from jump to jump."
-            )
-            return [(text, ["dwell_stability", "rates"])]
-    return []
+    evidence = [c.evidence for c in claims if c.id == "rates" and c.verdict == "proved"]
+    stated = StatedRates.from_evidence(evidence[0]) if evidence else None
+    if stated is None:
+        return []
+    norm = "fixed norms"
+    if len(stated.own) < len(asdict(stated.rates)) and not _has_one_matrix(claims):
+        norm = "norms that depend on neighbouring dwell times"
+    per_jump = six_digits(stated.rates.per_jump, ROUND_CEILING)
+    text = (
+        f"Without disturbance and noise, {what} just before a jump shrinks, in {norm}, "
+        f"to at most {per_jump} of itself at the next one, and "
+        f"like e^(-{six_digits(stated.rates.in_time, ROUND_FLOOR)} t) from jump to jump."
+    )
+    return [(text, ["dwell_stability", "rates"])]
+
+
+def _has_one_matrix(claims: tuple[Claim, ...]) -> bool:
+    """Is stability proved by one P for all dwell times?"""
+    stability = (claim.evidence for claim in claims if claim.id == "dwell_stability")
+    return any(DwellCertificate.from_document(evidence).P is not None for evidence in stability)
 
 
 def six_digits(value: float, rounding: str) -> str:

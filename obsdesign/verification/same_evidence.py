@@ -12,7 +12,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
+
+from lmi.arithmetic.arrays import Value
 
 # course of a proof: depends on the floats that steer it
 _COURSE = ("bits", "boxes", "method", "periods", "smallest_box", "steps",
@@ -79,13 +80,13 @@ class Difference:
     false: bool
 
 
-def difference(claim: str, stored: Any, proved: Any) -> Difference | None:
+def difference(claim: str, stored: object, proved: object) -> Difference | None:
     """The gravest difference between the stored JSON evidence of a claim and the proved one."""
     every = list(_differences(claim, stored, proved, False))
     return next((one for one in every if one.false), every[0] if every else None)
 
 
-def _differences(path: str, stored: Any, proved: Any, estimate: bool) -> Iterator[Difference]:
+def _differences(path: str, stored: Value, proved: Value, estimate: bool) -> Iterator[Difference]:
     if isinstance(stored, Mapping) and isinstance(proved, Mapping):
         for key in sorted({*stored, *proved}):
             here = f"{path}.{key}"
@@ -136,7 +137,7 @@ def _is_number(value: object) -> bool:
         return False
 
 
-def _alike(key: str, stored: Any, proved: Any) -> bool:
+def _alike(key: str, stored: Value, proved: Value) -> bool:
     """The same sort of scalar: the same word, a count for a count, never below zero."""
     if isinstance(proved, str):
         return bool(stored == proved)

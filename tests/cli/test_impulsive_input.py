@@ -152,7 +152,7 @@ def test_every_event_file_can_be_drawn(A: str, H: str, C: str, noise: str, tmp_p
 
 
 def test_check_says_why_the_kind_does_not_fit(tmp_path: Path) -> None:
-    from obsdesign.studies.check.which_kinds import check_kind
+    from tests.systems.checks import check_kind
 
     fits = check_kind(obsdesign.load_problem(EXAMPLE), "impulsive_input")
     assert (fits.verdict, fits.reasons) == ("proved", ())

@@ -16,7 +16,7 @@ from lmi.decide import stability as decide
 from lmi.find.window_search import Effort, find_windows
 from lmi.time_budget import ended_part
 from obsdesign.cli.answers import show_bracket
-from obsdesign.studies.check.which_kinds import check_all, check_kind
+from obsdesign.studies.check.which_kinds import check_all
 from obsdesign.studies.comparison.compare import compare
 from obsdesign.studies.comparison.record import ComparisonRecord
 from obsdesign.studies.search.search import search
@@ -25,6 +25,7 @@ from obsdesign.studies.sweep.point import evaluate, plan_sweep
 from obsdesign.studies.sweep.run import run_sweep
 from obsdesign.verification.answers import reason
 from tests.cli.test_commands import ROOT, command
+from tests.systems.checks import check_kind
 
 SAMPLED = ROOT / "examples" / "sampled_data.toml"
 MORE = "; a longer --time may decide it"

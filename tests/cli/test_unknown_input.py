@@ -15,7 +15,7 @@ import obsdesign
 from docs.figures.unknown_input import fault, record, road
 from obsdesign.data.simulation import simulate
 from obsdesign.runtime import from_design
-from obsdesign.studies.check.which_kinds import check_kind
+from tests.systems.checks import check_kind
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = [ROOT / "examples" / f"{name}.toml" for name in ("ahn_1", "ahn_2", "quarter_car")]

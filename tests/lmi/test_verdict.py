@@ -32,3 +32,13 @@ def test_the_worst_outcome_wins(outcomes: list[str], expected: str) -> None:
 def test_evidence_keeps_witness_and_reason() -> None:
     assert refuted({"theta": 0.5}, steps=3).evidence == {"witness": {"theta": 0.5}, "steps": 3}
     assert undecided("too hard", theta=1.0).evidence == {"reason": "too hard", "theta": 1.0}
+
+
+def test_reason_and_witness_of_a_verdict() -> None:
+    """A refutation has the reason of its witness, whatever else its evidence says."""
+    witness = {"theta": 0.5, "reason": "it grows"}
+    counter = refuted(witness, reason="found on the way")
+    assert (counter.witness, counter.reason) == (witness, "it grows")
+    attempt = undecided("too many boxes", boxes=9)
+    assert (attempt.witness, attempt.reason) == ({}, "too many boxes")
+    assert (proved(method="exact").witness, proved(method="exact").reason) == ({}, "")

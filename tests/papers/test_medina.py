@@ -22,7 +22,7 @@ from obsdesign.document import digest
 from obsdesign.equations.impulsive.formulas import Core, window_gains, window_matrix
 from obsdesign.equations.impulsive.gains import ImpulsiveGains
 from obsdesign.runtime import Sample, from_design
-from obsdesign.studies.check.which_kinds import check_kind
+from tests.systems.checks import check_kind
 from tests.systems.impulsive import DOUBLE, SPLINE, chain, claim, first, impulsive_problem, rebased
 
 ROOT = Path(__file__).parent.parent.parent

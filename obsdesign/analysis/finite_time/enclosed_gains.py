@@ -182,7 +182,7 @@ def injection(sampled: Sampled, L: Array) -> Exact | None:
     units = sampled.units
     A, C = sampled.in_units(sampled.A), sampled.C * units
     K = _injection(
-        *(_Key(X.shape, tuple(X.flat)) for X in (A, C, exact(L) / units[:, None])),
+        *(_Key(X.shape, tuple(X.ravel().tolist())) for X in (A, C, exact(L) / units[:, None])),
         sampled.period, working_bits(),
     )  # fmt: skip
     return None if K is None else K * units[:, None]
@@ -222,8 +222,7 @@ def _injection(A_key: _Key, C_key: _Key, L_key: _Key, period: float, bits: int) 
 
 def frobenius(X: Exact) -> Ball:
     """Ball of the Frobenius norm, which is above the spectral one."""
-    values: list[Ball] = list(X.flat)
-    return scalar(sum(x * x for x in values)).sqrt()
+    return scalar(sum(x * x for x in X.ravel().tolist())).sqrt()
 
 
 def gain_scale(sampled: Sampled, L: Array) -> Rational:

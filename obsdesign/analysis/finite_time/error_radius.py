@@ -63,7 +63,7 @@ def error_radius(sampled: Sampled, gain: Matrix, noise: Matrix, disturbance: Exa
     terms = G.reshape(n, sampled.k, p).transpose(1, 0, 2)
     radius = [scalar(sum(abs(x) * V[c % p] for c, x in enumerate(row))) for row in G]
     columns = [c for c in range(n) if Delta[c] != 0]
-    Delta = np.where(Delta == 0, rational(1.0), Delta)  # a divisor for columns without disturbance
+    Delta = np.where(Delta == 0, exact([1.0]), Delta)  # a divisor for columns without disturbance
     if not columns:
         return radius
     pieces = _pieces(sampled)

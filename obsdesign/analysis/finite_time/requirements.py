@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.arrays import Matrix, NewEntries
 from obsdesign.equations.finite_time.gains import MOST_SAMPLES, NEED_L
 from obsdesign.equations.gains import plant_data
 from obsdesign.problem.options import FiniteTimeOptions
@@ -108,7 +107,7 @@ def has_announced_jumps(plant: Plant) -> bool:
     return jump is not None and (jump.H is None or not np.array_equal(jump.G, np.eye(plant.n)))
 
 
-def stored_plant(plant: Plant) -> dict[str, Any]:
+def stored_plant(plant: Plant) -> NewEntries:
     """Return the plant's numbers in a design's gains, without jumps that no data announce."""
     data = plant_data(plant) | {"period": plant.output.sample_period}
     if not has_announced_jumps(plant):

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self, TypeGuard
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.arrays import Entries, Matrix, NewEntries, Value
 from obsdesign.equations.gains import PlantGains, flag, matrix, number, word
+from obsdesign.equations.plant import Plant
 
 WEIGHTINGS = ("plain", "gls")
 RULES = ("peak", "position", "threshold")
@@ -55,18 +55,18 @@ class ImpulsiveInputGains(PlantGains):
             if not is_positive(getattr(self, name)):
                 raise ValueError(f"gains.{name} must be a positive number.")
 
-    def to_document(self) -> dict[str, Any]:
+    def to_document(self) -> NewEntries:
         """Entries of a design file, without those that the design does not have."""
         entries = super().to_document()
         places = {name: place for place, name in enumerate(self._FILE_ORDER)}
         return dict(sorted(entries.items(), key=lambda entry: places.get(entry[0], -1)))
 
     @classmethod
-    def from_plant(cls, plant: Any, **gains: Any) -> Self:
+    def from_plant(cls, plant: Plant, **gains: Value) -> Self:
         """Gains with the numbers of a plant, its impulses and its noise."""
-        output = plant.output
+        output, H = plant.output, None if plant.jump is None else plant.jump.H
         return super().from_plant(
-            plant, H=plant.jump.H, noise_std=output.noise_std, noise_cv=output.noise_cv, **gains
+            plant, H=H, noise_std=output.noise_std, noise_cv=output.noise_cv, **gains
         )
 
     @property
@@ -155,7 +155,7 @@ OPERATORS: dict[str, type[IntegralGains] | type[SamplesGains]] = {
 }
 
 
-def gains_from_document(entries: Mapping[str, Any]) -> IntegralGains | SamplesGains:
+def gains_from_document(entries: Entries) -> IntegralGains | SamplesGains:
     """The gains that a design file states, of the class of their operator; ValueError if unfit."""
     operator = entries.get("operator")
     if operator not in OPERATORS:
@@ -163,7 +163,7 @@ def gains_from_document(entries: Mapping[str, Any]) -> IntegralGains | SamplesGa
     return OPERATORS[operator].from_document(entries)
 
 
-def is_positive(value: object) -> bool:
+def is_positive(value: object) -> TypeGuard[float]:
     """A positive, finite number."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         return False

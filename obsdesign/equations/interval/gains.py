@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
-from lmi.arithmetic.arrays import Array
+from lmi.arithmetic.arrays import Array, NewEntries
 from obsdesign.equations.gains import PlantGains, matrix, number, word
 
 FORMS = ("cooperative", "split", "coordinates", "two_coordinates")
@@ -48,7 +47,7 @@ class IntervalGains(PlantGains):
             if getattr(self, name) is None:
                 raise ValueError(f"gains.{name} is required by form {self.form!r}; it is missing.")
 
-    def to_document(self) -> dict[str, Any]:
+    def to_document(self) -> NewEntries:
         """Entries of a design file: the form, then those that the design has."""
         return {"form": self.form} | super().to_document()
 

@@ -22,7 +22,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -63,8 +62,8 @@ class WidthSystem:
     @staticmethod
     def from_gains(
         gains: IntervalGains,
-        lift: Callable[[Any], Array] = np.asarray,
-        inverse: Callable[[Any], Any] = np.linalg.inv,
+        lift: Callable[[Array], Array] = np.asarray,
+        inverse: Callable[[Array], Array | None] = np.linalg.inv,
     ) -> WidthSystem:
         """The width system of a design; `lift` and `inverse` choose the arithmetic.
 
@@ -120,10 +119,10 @@ class Coordinates:
 
     @staticmethod
     def from_matrices(
-        S: Any,
-        S2: Any,
-        inverse: Callable[[Any], Any],
-        lift: Callable[[Any], Array] = np.asarray,
+        S: Array | None,
+        S2: Array | None,
+        inverse: Callable[[Array], Array | None],
+        lift: Callable[[Array], Array] = np.asarray,
     ) -> Coordinates:
         """Coordinates of S and S2, None where there is none.
 
@@ -148,7 +147,7 @@ class Coordinates:
 
 
 def error_matrices(
-    gains: IntervalGains, lift: Callable[[Any], Array] = np.asarray
+    gains: IntervalGains, lift: Callable[[Array], Array] = np.asarray
 ) -> tuple[Array, Array | None]:
     """(F, H) that the splits of a design are of, in x: `splits.flow_and_jump`."""
     return flow_and_jump(
@@ -159,7 +158,7 @@ def error_matrices(
 
 
 def _jump_width(
-    gains: IntervalGains, frame: Coordinates, H: Array, lift: Callable[[Any], Array]
+    gains: IntervalGains, frame: Coordinates, H: Array, lift: Callable[[Array], Array]
 ) -> tuple[Array, Array]:
     """(N, h): by the splits of H, or by way of the second coordinates."""
     when = "none" if gains.is_periodic else gains.jump_measurement
@@ -173,10 +172,12 @@ def _jump_width(
         Gp, Gn = completed_split(frame.similar(H), Gp, Gn)
         inward = frame.inward
         return Gp + Gn, np.abs(inward(through)) @ c_width + 2 * np.abs(inward(M)) @ V
-    S2, S2_inverse, T = frame.S2, frame.S2_inverse, lift(gains.T)
+    S2, S2_inverse, T = frame.S2, frame.S2_inverse, gains.T
     assert S2_inverse is not None
+    assert T is not None
     H2, back = S2_inverse @ H @ S2, np.abs(frame.inward(S2))
     # (8) with |S^-1 S2| T |S2^-1 S| in place of T
+    T = lift(T)
     N = back @ (T + np.abs(T - H2)) @ np.abs(S2_inverse @ frame.S)
     return N, back @ (np.abs(S2_inverse @ through) @ c_width + 2 * np.abs(S2_inverse @ M) @ V)
 
@@ -202,7 +203,7 @@ def periodic_width(
 
 
 def slope_scheme(
-    gains: IntervalGains, lift: Callable[[Any], Array], inverse: Callable[[Any], Any]
+    gains: IntervalGains, lift: Callable[[Array], Array], inverse: Callable[[Array], Array | None]
 ) -> tuple[Array, Array, Array, Array, Array]:
     """(|L|, |C A|, Mz(A), |C|, Delta b) in the observer's coordinates.
 

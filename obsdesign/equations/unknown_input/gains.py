@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Array
+from lmi.arithmetic.arrays import Array, Entries, NewEntries
 from obsdesign.equations.gains import Gains, count, matrix, word
 
 DIFFERENTIATORS = ("cell", "damped", "batch", "fixed_lag")
@@ -59,7 +58,7 @@ class UnknownInputGains(Gains):
             raise ValueError("gains.lag must be a whole number >= 1; got nothing.")
 
     @classmethod
-    def from_document(cls, entries: Mapping[str, Any]) -> Self:
+    def from_document(cls, entries: Entries) -> Self:
         """The gains that a design file states; matrices without entries are not stored there."""
         for name in ("A", "C", "D"):
             if np.ndim(entries.get(name, 0)) != 2:
@@ -69,7 +68,7 @@ class UnknownInputGains(Gains):
         empty = {name: np.zeros(s) for name, s in shapes(n, p, q, m).items() if 0 in s}
         return super().from_document(empty | dict(entries))
 
-    def to_document(self) -> dict[str, Any]:
+    def to_document(self) -> NewEntries:
         """Entries of a design file; JSON cannot tell a 0 x 3 matrix from a 0 x 2 one."""
         return without_empty(super().to_document())
 
@@ -111,6 +110,6 @@ def shapes(n: int, p: int, q: int, m: int) -> dict[str, tuple[int, ...]]:
     }
 
 
-def without_empty(gains: Mapping[str, Any]) -> dict[str, Any]:
+def without_empty(gains: Entries) -> NewEntries:
     """Gains that have entries, as a design file states them."""
     return {name: value for name, value in gains.items() if np.size(value)}

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.arrays import Matrix, NewEntries
 from obsdesign.equations.unknown_input.gains import SMOOTHING
 
 # why the observer cannot serve a plant with jumps
@@ -23,13 +21,12 @@ def differentiator(stated: str | None, noise_std: Matrix) -> str:
 
 def differentiation(
     name: str, noise_std: Matrix, noise_centre: Matrix | None, lag: int
-) -> dict[str, Any]:
+) -> NewEntries:
     """A differentiator as a design stores it: its name, its entries about the noise, its lag."""
-    stored: dict[str, Any] = {"differentiator": name}
-    if name in SMOOTHING:
-        stored["noise_std"] = noise_std
-    if noise_centre is not None:
-        stored["noise_centre"] = noise_centre
-    if name == "fixed_lag":
-        stored["lag"] = lag
-    return stored
+    stored: NewEntries = {
+        "differentiator": name,
+        "noise_std": noise_std if name in SMOOTHING else None,
+        "noise_centre": noise_centre,
+        "lag": lag if name == "fixed_lag" else None,
+    }
+    return {entry: value for entry, value in stored.items() if value is not None}

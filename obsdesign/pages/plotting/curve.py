@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -36,7 +35,7 @@ def _draw(axis: Axes, curve: Curve) -> None:
     style = "steps-post" if curve.steps else "default"
     for k, (name, values) in enumerate(curve.series.items()):
         # equal curves are both seen
-        line: Any = "-" if k % 2 == 0 else (0, (5, 2))
+        line: str | tuple[float, tuple[float, float]] = "-" if k % 2 == 0 else (0, (5, 2))
         colour = _COLOURS[k % len(_COLOURS)]
         axis.plot(curve.x, values, color=colour, ls=line, lw=1.5, label=name, drawstyle=style)
     if curve.level is not None:

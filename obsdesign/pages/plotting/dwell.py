@@ -11,11 +11,11 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import FigureBase
 
+from lmi.arithmetic.arrays import Entries
 from obsdesign.errors import InputError
 from obsdesign.pages.plotting.style import BLUE, GREEN, GREY, VERMILION, check_output, picture
 
@@ -59,7 +59,7 @@ class _Range:
         return max(finite) - min(finite) or abs(finite[0]) or 1.0
 
 
-def plot_dwell(answer: Mapping[str, Any], output: str, name: str) -> None:
+def plot_dwell(answer: Entries, output: str, name: str) -> None:
     """Draw the answer of a search for dwell times, or the windows of a design, to PNG or SVG.
 
     answer: what `search --json` prints, or a design file. InputError when it holds neither.
@@ -85,7 +85,7 @@ def plot_dwell(answer: Mapping[str, Any], output: str, name: str) -> None:
                 _draw_windows(row, shown, len(windows))
 
 
-def _range(answer: Mapping[str, Any]) -> _Range | None:
+def _range(answer: Entries) -> _Range | None:
     result = answer.get("result")
     if not isinstance(result, Mapping) or result.get("proved") is None:
         return None
@@ -100,11 +100,11 @@ def _range(answer: Mapping[str, Any]) -> _Range | None:
     return _Range(kept, reached, proved, not_proved, result.get("not_proved_verdict") == "refuted")
 
 
-def _end(value: Any) -> float:
+def _end(value: float | str) -> float:
     return math.inf if value == "inf" else float(value)
 
 
-def _windows(answer: Mapping[str, Any]) -> list[_Window]:
+def _windows(answer: Entries) -> list[_Window]:
     """Dwell intervals of the first certificate with windows; none where they cannot be read."""
     for claim in answer.get("claims", ()):
         evidence = claim.get("evidence", {}) if isinstance(claim, Mapping) else {}

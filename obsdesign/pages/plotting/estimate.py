@@ -7,13 +7,12 @@ data has it, jump instants as vertical ticks, rows without guarantee marked on t
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import FigureBase
 
-from lmi.arithmetic.arrays import Array, Matrix
+from lmi.arithmetic.arrays import Array, Entries, Matrix
 from obsdesign.pages.plotting.estimate_record import EstimateRecord, Table
 from obsdesign.pages.plotting.style import BLACK, BLUE, VERMILION, check_output, picture
 
@@ -23,7 +22,7 @@ _STACKED = 4  # with more panels there are two columns of them
 _LABELLED = 12  # impulses whose times fit above their bars
 _EXPECTED = ("unresolved", "provisional: the record ends inside its window")
 _TRUTH, _BAND, _ESTIMATE, _ALARM = BLACK, BLUE, BLUE, VERMILION
-_SYMBOL: Any = {"rotation": 0, "ha": "right", "va": "center", "fontsize": 11}
+_SYMBOL: Entries = {"rotation": 0, "ha": "right", "va": "center", "fontsize": 11}
 
 
 def plot_estimate(estimate: str, data: str | None, output: str, events: str | None = None) -> None:

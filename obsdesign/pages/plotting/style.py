@@ -6,19 +6,19 @@ import io
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import matplotlib as mpl
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from lmi.arithmetic.arrays import Value
 from obsdesign.errors import InputError
 from obsdesign.output_files import write_bytes
 
 # Okabe-Ito: told apart in print and by colour-blind readers
 BLACK, BLUE, GREEN, VERMILION, GREY = "#000000", "#0072B2", "#009E73", "#D55E00", "#BBBBBB"
 
-_STYLE: Any = {
+_STYLE: Value = {
     "font.size": 9,
     "axes.spines.top": False,
     "axes.spines.right": False,

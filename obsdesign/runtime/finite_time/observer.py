@@ -13,15 +13,14 @@ sample at t itself enters the next window, as in the paper.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.arrays import Entries, Matrix
 from obsdesign.equations.finite_time.gains import FiniteTimeGains
 from obsdesign.runtime.base import (
     MODERATE,
@@ -56,7 +55,7 @@ class FiniteTimeObserver(SteppedObserver[FiniteTimeState]):
     finds_events: ClassVar[bool] = False
 
     @classmethod
-    def from_gains(cls, gains: Mapping[str, Any]) -> FiniteTimeObserver:
+    def from_gains(cls, gains: Entries) -> FiniteTimeObserver:
         """The observer of a design's `gains`; ValueError if they do not fit each other."""
         return cls(FiniteTimeGains.from_document(gains))
 
@@ -75,7 +74,7 @@ class FiniteTimeObserver(SteppedObserver[FiniteTimeState]):
     def init(self, t: float = 0.0, *, x: ArrayLike | None = None) -> FiniteTimeState:
         """State at time t; x is a guess that is shown until the window is full, default zeros."""
         guess = vector(np.zeros(self.n) if x is None else x, self.n, "x")
-        inputs = np.zeros(int(self.reads["u"]))
+        inputs = np.zeros(self.gains.m)
         return initial_state(self.constants, float(t), guess, inputs)
 
     def step(self, state: FiniteTimeState, sample: Sample) -> tuple[FiniteTimeState, Estimate]:

@@ -15,15 +15,14 @@ an older measurement.
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.arrays import Entries, Matrix
 from lmi.arithmetic.exponential import expm, flow_integrals
 from obsdesign.equations.impulsive.formulas import Core
 from obsdesign.equations.impulsive.gains import ImpulsiveGains
@@ -78,7 +77,7 @@ class ImpulsiveObserver(SteppedObserver[ImpulsiveState]):
     )
 
     @classmethod
-    def from_gains(cls, gains: Mapping[str, Any]) -> ImpulsiveObserver:
+    def from_gains(cls, gains: Entries) -> ImpulsiveObserver:
         """The observer of a design's `gains`; ValueError if they do not fit each other."""
         return cls(ImpulsiveGains.from_document(gains))
 

@@ -8,14 +8,14 @@ sample's own time with the prediction so far; the rows that it settled are in `s
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Protocol, TypeVar
+from typing import ClassVar, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.arrays import Entries, Matrix
 from obsdesign.equations.impulsive_input.gains import (
     IntegralGains,
     SamplesGains,
@@ -24,6 +24,7 @@ from obsdesign.equations.impulsive_input.gains import (
 from obsdesign.runtime.base import (
     Delayed,
     Estimate,
+    KindState,
     Sample,
     centred,
     later,
@@ -75,12 +76,12 @@ class ImpulsiveInputObserver(PointObserver[ImpulsiveInputState], Delayed[Impulsi
     """Executes a design of kind `impulsive_input`."""
 
     gains: IntegralGains | SamplesGains
-    engine: Engine[Any]  # a state goes back to the engine that it came from
+    engine: Engine[KindState]  # a state goes back to the engine that it came from
     kind: ClassVar[str] = "impulsive_input"
     finds_events: ClassVar[bool] = True
 
     @classmethod
-    def from_gains(cls, gains: Mapping[str, Any]) -> ImpulsiveInputObserver:
+    def from_gains(cls, gains: Entries) -> ImpulsiveInputObserver:
         """The observer of a design's `gains`; ValueError if they do not fit each other."""
         typed = gains_from_document(gains)
         if isinstance(typed, IntegralGains):
@@ -153,7 +154,7 @@ class ImpulsiveInputObserver(PointObserver[ImpulsiveInputState], Delayed[Impulsi
 
     def batch(self, state: ImpulsiveInputState, record: Columns) -> Batch:
         """The whole record in blocks: what `run` gives, faster."""
-        t, rows, p, m = record.t, len(record.t), self.gains.p, int(self.reads["u"])
+        t, rows, p, m = record.t, len(record.t), self.gains.p, self.gains.m
         if not (np.isfinite(t).all() and (np.diff(t) > 0).all()):
             raise ValueError("times must be finite and increase.")
         y = np.full((rows, p), np.nan) if record.y is None else record.y

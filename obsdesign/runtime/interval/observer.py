@@ -10,17 +10,17 @@ itself go into the radius.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import frexp
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy import absolute, maximum, ndarray
 from numpy.typing import ArrayLike
 
-from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.arrays import Entries, Matrix
 from obsdesign.equations.interval.gains import IntervalGains
 from obsdesign.errors import InputError
 from obsdesign.runtime.base import (
@@ -56,7 +56,7 @@ class IntervalObserver(Stepped[IntervalState]):
     event_names: ClassVar[tuple[str, ...]] = ("t", "event")
 
     @classmethod
-    def from_gains(cls, gains: Mapping[str, Any]) -> IntervalObserver:
+    def from_gains(cls, gains: Entries) -> IntervalObserver:
         """The observer of a design's `gains`; ValueError if they do not fit each other."""
         return cls(IntervalGains.from_document(gains))
 

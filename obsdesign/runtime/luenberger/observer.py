@@ -11,14 +11,13 @@ then the next sample stands alone. Without any, the plant alone predicts.
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.arrays import Entries, Matrix
 from obsdesign.equations.estimation_error import flow_error_matrix
 from obsdesign.equations.luenberger.gains import LuenbergerGains
 from obsdesign.runtime.base import (
@@ -58,7 +57,7 @@ class LuenbergerObserver(SteppedObserver[LuenbergerState]):
     )
 
     @classmethod
-    def from_gains(cls, gains: Mapping[str, Any]) -> LuenbergerObserver:
+    def from_gains(cls, gains: Entries) -> LuenbergerObserver:
         """The observer of a design's `gains`; ValueError if they do not fit each other."""
         return cls(LuenbergerGains.from_document(gains))
 

@@ -9,15 +9,15 @@ differences between windows do not enter y'. Delay: lag samples.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.arrays import Entries, Matrix
 from obsdesign.equations.unknown_input.gains import UnknownInputGains
 from obsdesign.equations.unknown_input.smoothing import smoothed_window
 from obsdesign.runtime.base import (
@@ -65,7 +65,7 @@ class FixedLagObserver(PointObserver[FixedLagState], Delayed[FixedLagState]):
     finds_events: ClassVar[bool] = False
 
     @classmethod
-    def from_gains(cls, gains: Mapping[str, Any]) -> FixedLagObserver:
+    def from_gains(cls, gains: Entries) -> FixedLagObserver:
         """The observer of a design's `gains`; ValueError if they do not fit each other."""
         inner = UnknownInputObserver.from_gains(gains)
         return cls(inner.gains, inner)

@@ -15,16 +15,16 @@ Source: P. Ahn (2002), (29)-(34).
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from math import hypot
-from typing import Any, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.arrays import Entries, Matrix
 from obsdesign.equations.unknown_input.gains import UnknownInputGains
 from obsdesign.runtime.base import (
     MODERATE,
@@ -83,7 +83,7 @@ class UnknownInputObserver(PointObserver[UnknownInputState], Stepped[UnknownInpu
     finds_events: ClassVar[bool] = False
 
     @classmethod
-    def from_gains(cls, gains: Mapping[str, Any]) -> UnknownInputObserver:
+    def from_gains(cls, gains: Entries) -> UnknownInputObserver:
         """The observer of a design's `gains`; ValueError if they do not fit each other."""
         return cls(UnknownInputGains.from_document(gains))
 

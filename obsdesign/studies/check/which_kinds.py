@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
 
+from lmi.arithmetic.arrays import Entries, NewEntries
 from lmi.time_budget import TimeBudget, ended_part
 from obsdesign import workflow
 from obsdesign.errors import DoesNotApply, InputError
@@ -28,9 +28,9 @@ class KindAnswer:
     verdict: str
     reasons: tuple[str, ...]
     next_step: str
-    ended: Mapping[str, Any] = field(default_factory=dict)
+    ended: Entries = field(default_factory=dict)
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> NewEntries:
         """Its entry in the answer of `check --json`."""
         body = {"verdict": self.verdict, "reasons": list(self.reasons), "next": self.next_step}
         return body | dict(self.ended)
@@ -48,19 +48,13 @@ def check_all(
     undecided if any is, else refuted: one observer is enough. seconds: of processor time that
     searches may take in all. progress: called with the kinds that are settled, and all.
     """
-    answers = _checked(problem, KINDS, progress, TimeBudget.from_seconds(seconds))
+    answers = check_kinds(problem, KINDS, progress, TimeBudget.from_seconds(seconds))
     verdicts = {answer.verdict for answer in answers.values()}
     order = ("proved", "undecided")
     return next((word for word in order if word in verdicts), "refuted"), answers
 
 
-def check_kind(problem: Problem, kind: str, *, seconds: float | None = None) -> KindAnswer:
-    """The answer of one kind."""
-    budget = TimeBudget.from_seconds(seconds)
-    return _checked(problem, (kind,), lambda done, total: None, budget)[kind]
-
-
-def _checked(
+def check_kinds(
     problem: Problem,
     kinds: tuple[str, ...],
     progress: Callable[[int, int], None],
@@ -101,7 +95,7 @@ def _answer(kind: str, outcome: workflow.Outcome | InputError) -> KindAnswer:
     reasons = tuple(f"{claim.id}: {reason(claim)}" for claim in failed)
     step = next_step(kind, outcome.verdict, claim=failed[0].id if failed else "")
     step = ". ".join([step, *theorem_sentences(outcome.claims)])
-    end: Mapping[str, Any] = {}
+    end: Entries = {}
     if outcome.verdict == "undecided":
         end = next((ended_part(claim.evidence) for claim in failed if is_ended(claim)), {})
     return KindAnswer(outcome.verdict, reasons, step, end)

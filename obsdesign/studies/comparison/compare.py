@@ -83,8 +83,8 @@ def _designs(
         for value in _other_variants(kind, outcomes[kind, ""]):
             body = own_problem.to_dict()
             # given gains and a given lag belong to the problem's own variant
-            body["observer"].pop("lag", None)
-            body["observer"] = {**body["observer"], _VARIANTS[kind][0]: value, "gains": {}}
+            kept = {name: x for name, x in body.get("observer", {}).items() if name != "lag"}
+            body |= {"observer": {**kept, _VARIANTS[kind][0]: value, "gains": {}}}
             try:
                 variants[kind, value] = Problem.from_dict(body)
             except InputError as error:

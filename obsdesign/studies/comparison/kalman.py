@@ -14,7 +14,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -89,16 +88,26 @@ def kalman_filter(
     return Filtered(np.array([row.t for row in rows]), states[:, :n], states[:, n:], log_likelihood)
 
 
-def tuned_walk(plant: Plant, samples: Sequence[Sample], **start: Any) -> float:
+def tuned_walk(
+    plant: Plant,
+    samples: Sequence[Sample],
+    *,
+    initial: ArrayLike | None = None,
+    initial_variance: ArrayLike = 25.0,
+) -> float:
     """The walk, a power of ten, of maximum likelihood; 0 where no input or impulse is unknown."""
     unknown_impulses = plant.jump is not None and plant.jump.H is not None
     if plant.flow.D is None and not unknown_impulses:
         return 0.0
     rows = samples[:_MOST_ROWS]
-    tried = [
-        (kalman_filter(plant, rows, walk=walk, **start).log_likelihood, walk)
-        for walk in np.power(10.0, _TRIED).tolist()
-    ]
+
+    def likelihood(walk: float) -> float:
+        filtered = kalman_filter(
+            plant, rows, walk=walk, initial=initial, initial_variance=initial_variance
+        )
+        return filtered.log_likelihood
+
+    tried = [(likelihood(walk), walk) for walk in np.power(10.0, _TRIED).tolist()]
     return float(max(tried)[1])
 
 

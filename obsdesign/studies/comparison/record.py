@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -26,14 +25,20 @@ class ComparisonRecord:
     d: Matrix | None = None
 
     @staticmethod
-    def from_simulation(plant: Plant, **options: Any) -> ComparisonRecord:
-        """A simulation of the plant; options: those of `simulation.simulate`.
+    def from_simulation(
+        plant: Plant,
+        *,
+        until: float | None = None,
+        step: float | None = None,
+        rng: np.random.Generator | None = None,
+    ) -> ComparisonRecord:
+        """A simulation of the plant, with the options of `simulation.simulate`.
 
         What is measured at jumps only is simulated for five times as long: a row is a jump.
         """
-        if options.get("until") is None and plant.output.measured == "at_jumps":
-            options["until"] = 5 * default_until(plant, "random")
-        run = simulate(plant, announced=True, **options)
+        if until is None and plant.output.measured == "at_jumps":
+            until = 5 * default_until(plant, "random")
+        run = simulate(plant, until=until, step=step, rng=rng, announced=True)
         inputs = {letter: run.block(letter) for letter in "uw" if run.block(letter).size}
         samples = rows_of(run.t, run.block("y"), **inputs, jump=run.columns.get("jump"))
         d = run.block("d")

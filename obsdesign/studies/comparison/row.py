@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.arrays import Entries, Matrix, NewEntries
 from obsdesign.data.stream import estimates_of
 from obsdesign.document import Design
 from obsdesign.problem.plant import Plant
@@ -46,10 +45,10 @@ class ComparisonRow:
     without: int | None = None
     seconds: float | None = None
     reason: str = ""
-    ended: Mapping[str, Any] = field(default_factory=dict)
+    ended: Entries = field(default_factory=dict)
 
 
-def run(design: Design, record: ComparisonRecord, start: Matrix) -> dict[str, Any]:
+def run(design: Design, record: ComparisonRecord, start: Matrix) -> NewEntries:
     """Errors, widths and times of a design, started in the bounds (n, 2) or their middle."""
     observer = from_design(design)
     begin = start if design.kind == "interval" else start.mean(axis=1)
@@ -60,7 +59,7 @@ def run(design: Design, record: ComparisonRecord, start: Matrix) -> dict[str, An
     clock = time.process_time()
     estimates = list(estimates_of(observer, state, iter(samples)))
     seconds = (time.process_time() - clock) / len(estimates)
-    numbers: dict[str, Any] = {
+    numbers: NewEntries = {
         "seconds": seconds,
         "without": sum(estimate.status != "ok" for estimate in estimates),
     }
@@ -68,7 +67,7 @@ def run(design: Design, record: ComparisonRecord, start: Matrix) -> dict[str, An
     good[: int(_LATE * len(good))] = False
     if estimates[0].lower is not None:
         low, high = (np.array([getattr(e, end) for e in estimates]) for end in ("lower", "upper"))
-        numbers["width"] = _size((high - low)[good])
+        numbers |= {"width": _size((high - low)[good])}
     if estimates[0].x is not None:
         x = np.array([estimate.x for estimate in estimates])
     else:
@@ -80,15 +79,15 @@ def run(design: Design, record: ComparisonRecord, start: Matrix) -> dict[str, An
 
 def _errors(
     record: ComparisonRecord, x: Matrix, d: Matrix | None, counted: NDArray[np.bool_]
-) -> dict[str, Any]:
-    errors: dict[str, Any] = {}
+) -> NewEntries:
+    errors: NewEntries = {}
     if record.x is not None and len(record.x) == len(x):
         error = np.abs(x - record.x)[counted]
-        errors["error"] = _size(error)
-        errors["worst"] = float(np.nanmax(error)) if np.isfinite(error).any() else None
+        worst = float(np.nanmax(error)) if np.isfinite(error).any() else None
+        errors |= {"error": _size(error), "worst": worst}
     if record.d is not None and d is not None and len(record.d) == len(d):
         # what is known at a row is the mean of d over the interval before it
-        errors["input_error"] = _size((d - record.d)[counted])
+        errors |= {"input_error": _size((d - record.d)[counted])}
     return errors
 
 

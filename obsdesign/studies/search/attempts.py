@@ -7,12 +7,12 @@ refuted where the claims of every candidate are, as answers to the problem with 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Entries
 from lmi.arithmetic.balls import exact
 from lmi.decide.dwell_problem import Direction, dwell_range
 from lmi.decide.dwell_search import Bracket, dwell_bracket
@@ -25,6 +25,7 @@ from obsdesign.synthesis.candidate import Candidate
 from obsdesign.synthesis.dwell import stability_options
 from obsdesign.synthesis.kind import synthesis_of
 from obsdesign.verification.answers import as_answers
+from obsdesign.verification.dwell import DwellCertificate
 from obsdesign.verification.kind import dwell_verification_of, verification_of
 
 # claims about the range itself; all others must hold before one is searched for
@@ -65,15 +66,15 @@ class Attempt:
 
     candidate: Candidate
     claims: tuple[Claim, ...]
-    gains: Mapping[str, Any]
+    gains: Entries
     is_usable: bool
     bracket: Bracket | None = None
 
     @property
     def proves_range(self) -> bool:
         """Is there a certificate for the range of the file?"""
-        certificate = self.candidate.certificates.get("dwell_stability", {})
-        return self.is_usable and bool({"P", "windows"} & set(certificate))
+        stated = self.candidate.certificates.get("dwell_stability", {})
+        return self.is_usable and DwellCertificate.from_document(stated).has_matrices
 
     @property
     def is_open(self) -> bool:

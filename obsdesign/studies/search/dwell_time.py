@@ -8,12 +8,11 @@ any design.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Entries
 from lmi.decide.dwell_problem import Direction
 from lmi.decide.dwell_search import Bracket
 from lmi.time_budget import TimeBudget, ended_part, last_end
@@ -41,13 +40,13 @@ def search_dwell_time(
 
 
 def _outcome(
-    search: DwellSearch, best: Attempt, of_problem: bool, gains_ended: Mapping[str, Any]
+    search: DwellSearch, best: Attempt, of_problem: bool, gains_ended: Entries
 ) -> workflow.Outcome:
     bracket, kind = best.bracket, search.problem.require_kind()
     if bracket is None:
         verdict = overall(claim.verdict for claim in best.claims)
         end = next((ended_part(claim.evidence) for claim in best.claims if is_ended(claim)), {})
-        ended: Mapping[str, Any] = end if verdict == "undecided" else {}
+        ended: Entries = end if verdict == "undecided" else {}
         result = SearchResult(form=best.candidate.label, ended=ended)
         return workflow.Outcome(verdict, kind, best.claims, result.to_dict(), None)
     result = _result(search, best, bracket, of_problem)
@@ -88,7 +87,7 @@ def _result(search: DwellSearch, best: Attempt, bracket: Bracket, of_problem: bo
     the far end is refuted for these gains only.
     """
     witness, reason, verdict = bracket.obstacle.get("witness"), _reason(bracket), bracket.verdict
-    these_gains: Mapping[str, Any] = {}
+    these_gains: Entries = {}
     if not of_problem and verdict == "refuted":
         these_gains = {"witness": witness}
         witness, verdict = None, "undecided"

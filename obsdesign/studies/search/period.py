@@ -11,11 +11,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.arrays import Matrix, NewEntries
 from lmi.arithmetic.balls import precision
 from lmi.arithmetic.norms import float_above, float_below
 from lmi.time_budget import Remark, TimeBudget, last_end, sentences
@@ -80,10 +79,10 @@ class _Bracket:
         """No period or window is known to satisfy (13)."""
         return cls(window, 0, L, (no_period_claim(reason),), reason)
 
-    def to_result(self, is_searched: bool) -> dict[str, Any]:
+    def to_result(self, is_searched: bool) -> NewEntries:
         """Entries of a search result; is_searched: are L or the window not those of the file?"""
         far_end = "undecided" if is_searched else "refuted"
-        result: dict[str, Any] = {
+        result: NewEntries = {
             "proved": self.proved,
             "not_proved": self.not_proved,
             "not_proved_verdict": None if self.not_proved is None else far_end,
@@ -135,7 +134,7 @@ def search_period(problem: Problem, what: str, budget: TimeBudget) -> Outcome:
         remarks += more
     is_searched = printed.L is None or (is_period and printed.window is None)
     if remarks:
-        extensions["remarks"] = sentences(remarks)
+        extensions |= {"remarks": sentences(remarks)}
     end = last_end(remarks)
     claims = (first, *bracket.claims)
     verdict = "proved" if all(claim.verdict == "proved" for claim in claims) else "undecided"

@@ -7,11 +7,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.arrays import Matrix, NewEntries
 from lmi.arithmetic.norms import float_below
 from lmi.time_budget import Remark, TimeBudget
 from obsdesign.analysis.finite_time.enclosed_gains import Sampled
@@ -25,7 +24,7 @@ _LEAST_RATIO = 1 + 1e-6
 # of a search that may replace the one of a design
 LONG_EFFORT = EFFORT.times(3)
 
-Extensions = tuple[dict[str, Any], tuple[Remark, ...]]  # entries of the result, remarks
+Extensions = tuple[NewEntries, tuple[Remark, ...]]  # entries of the result, remarks
 
 
 def longer_periods(
@@ -40,13 +39,13 @@ def longer_periods(
         return {}, ()
     first = () if plain is None else (plain,)
     least = 0.0 if plain is None else math.exp(plain.log_period)
-    extensions = {}
+    extensions: NewEntries = {}
     coordinates = replace(printed, coordinates=True)
     transformed = best_injection(coordinates, budget, first, effort=LONG_EFFORT)
     remarks = transformed.remarks
     longest = _proved_period(printed, transformed)
     if longest > least * _LEAST_RATIO:
-        extensions["coordinates"] = _extension(transformed, longest)
+        extensions |= {"coordinates": _extension(transformed, longest)}
     tighter = replace(printed, tighter=True)
     best = best_injection(tighter, budget, first)
     remarks += best.remarks
@@ -58,7 +57,7 @@ def longer_periods(
     if further > longest * _LEAST_RATIO:
         best, longest = transformed, further
     if longest > least * _LEAST_RATIO:
-        extensions["tighter"] = _extension(best, longest)
+        extensions |= {"tighter": _extension(best, longest)}
     return extensions, remarks
 
 
@@ -98,7 +97,7 @@ def _proved_period(problem: PeriodProblem, injection: Injection) -> float:
     return period if norms.condition(period, problem.tighter) == "proved" else 0.0
 
 
-def _extension(injection: Injection, proved: float) -> dict[str, Any]:
+def _extension(injection: Injection, proved: float) -> NewEntries:
     S = [] if injection.S is None else injection.S.tolist()
     return {"S": S, "L": injection.L, "window": injection.window, "proved": proved}
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
+from lmi.arithmetic.arrays import Entries, NewEntries
 from lmi.time_budget import ended_part
 
 
@@ -30,15 +29,15 @@ class SearchResult:
     open: float | None = None
     islands: tuple[tuple[float, float], ...] = ()
     reason: str | None = None
-    witness: Mapping[str, Any] | None = None
-    these_gains: Mapping[str, Any] = field(default_factory=dict)
+    witness: Entries | None = None
+    these_gains: Entries = field(default_factory=dict)
     form: str = ""
-    gains: Mapping[str, Any] = field(default_factory=dict)
-    ended: Mapping[str, Any] = field(default_factory=dict)
+    gains: Entries = field(default_factory=dict)
+    ended: Entries = field(default_factory=dict)
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> NewEntries:
         """Entries of the answer of `search --json`."""
-        body: dict[str, Any] = {
+        body: NewEntries = {
             "proved": self.proved,
             "not_proved": self.not_proved,
             "not_proved_verdict": self.not_proved_verdict,
@@ -60,7 +59,7 @@ class SearchResult:
         return body | dict(self.ended)
 
     @staticmethod
-    def from_dict(body: Mapping[str, Any]) -> SearchResult:
+    def from_dict(body: Entries) -> SearchResult:
         """The result of any search; entries that its kind does not state keep their defaults."""
         return SearchResult(
             proved=body["proved"],

@@ -12,8 +12,8 @@ import math
 import re
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any
 
+from lmi.arithmetic.arrays import NewEntries, Value
 from obsdesign.entries import is_number
 from obsdesign.errors import InputError
 
@@ -51,7 +51,7 @@ class Axis:
         """The axis as it is written for --over, ends shortened."""
         return f"{self.key}={self.first:g}:{self.last:g}:{self.count}"
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> NewEntries:
         """The axis as it stands in the first line of a sweep file."""
         return {"key": self.key, "first": self.first, "last": self.last, "count": self.count}
 
@@ -78,17 +78,17 @@ def parse_axis(text: str) -> Axis:
     return Axis(key.strip(), first + 0.0, last + 0.0, count)
 
 
-def changed(body: Any, path: Path, value: float) -> dict[str, Any]:
+def changed(body: Value, path: Path, value: float) -> NewEntries:
     """A copy of a problem as a dict with another number in one entry."""
-    result: dict[str, Any] = copy.deepcopy(body)
-    place: Any = result
+    result: NewEntries = copy.deepcopy(body)
+    place: Value = result
     for step in path[:-1]:
         place = place[step]
     place[path[-1]] = value
     return result
 
 
-def require_number(body: Any, axis: Axis) -> None:
+def require_number(body: Value, axis: Axis) -> None:
     """InputError, with the entries there are, unless that of an axis holds a number."""
     place, so_far = body, ""
     for step in axis.path:
@@ -104,7 +104,7 @@ def require_number(body: Any, axis: Axis) -> None:
     raise InputError(f"--over {axis.key}: it {reason}.")
 
 
-def entries(body: Any, prefix: str = "") -> list[str]:
+def entries(body: Value, prefix: str = "") -> list[str]:
     """Every entry below `body` that holds a number, as it is written for --over."""
     if _is_entry(body):
         return [prefix]
@@ -127,7 +127,7 @@ def _written(prefix: str, step: str | int) -> str:
     return f"{prefix}.{step}" if prefix else step
 
 
-def _entered(place: Any, step: str | int, so_far: str, key: str) -> Any:
+def _entered(place: Value, step: str | int, so_far: str, key: str) -> Value:
     where = so_far or "the problem"
     if isinstance(step, int):
         if not isinstance(place, list):

@@ -6,8 +6,8 @@ import math
 import threading
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
 
+from lmi.arithmetic.arrays import Entries, NewEntries, Value
 from lmi.memory import OversizeError
 from lmi.time_budget import ended_part
 from obsdesign import workflow
@@ -48,12 +48,12 @@ class PointAnswer:
     """
 
     verdict: str
-    value: Any = None
-    limit: tuple[Any, str | None] | None = None
+    value: Value = None
+    limit: tuple[Value, str | None] | None = None
     reason: str = ""
-    ended: Mapping[str, Any] = field(default_factory=dict)
+    ended: Entries = field(default_factory=dict)
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> NewEntries:
         """Its entries in the line of its point."""
         body = {"verdict": self.verdict, "value": self.value}
         if self.limit is not None:
@@ -78,19 +78,19 @@ class SweepPoint:
         return "error" if self.answer is None else self.answer.verdict
 
     @property
-    def value(self) -> Any:
+    def value(self) -> Value:
         """The proved number, "inf" where there is no limit; None where none is proved."""
         return None if self.answer is None else self.answer.value
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> NewEntries:
         """The line of the point, JSON-ready, without its digest."""
-        body: dict[str, Any] = {"point": self.index, "at": list(self.at)}
+        body: NewEntries = {"point": self.index, "at": list(self.at)}
         if self.answer is None:
             return body | {"error": self.error}
         return body | self.answer.to_dict()
 
     @staticmethod
-    def from_dict(row: Mapping[str, Any]) -> SweepPoint:
+    def from_dict(row: Entries) -> SweepPoint:
         """The point of a line that `to_dict` wrote."""
         index, at = int(row["point"]), tuple(row["at"])
         if "verdict" not in row:
@@ -113,7 +113,7 @@ class Plan:
     seconds: of processor time that the searches of one point may take; None for their own budgets.
     """
 
-    body: Mapping[str, Any]
+    body: Entries
     axes: tuple[Axis, ...]
     what: str
     accuracy: float
@@ -132,7 +132,7 @@ class Plan:
 
     def problem(self, index: int) -> Problem:
         """The problem of a point; InputError when it cannot be read with these numbers."""
-        body: Any = self.body
+        body: Value = self.body
         for axis, value in zip(self.axes, self.values_of(index), strict=True):
             body = changed(body, axis.path, value)
         return Problem.from_dict(body)

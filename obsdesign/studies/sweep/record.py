@@ -15,8 +15,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import Any, BinaryIO
+from typing import BinaryIO
 
+from lmi.arithmetic.arrays import Entries, NewEntries
 from obsdesign import __version__
 from obsdesign.document import digest
 from obsdesign.entries import is_number
@@ -56,7 +57,7 @@ class SweepHeader:
             version=__version__,
         )
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> NewEntries:
         """The first line, JSON-ready."""
         return {
             "format": FORMAT,
@@ -72,7 +73,7 @@ class SweepHeader:
         }
 
     @staticmethod
-    def from_dict(line: Mapping[str, Any]) -> SweepHeader:
+    def from_dict(line: Entries) -> SweepHeader:
         """The header of a first line; entries that it lacks are empty."""
         return SweepHeader(
             name=line.get("name", ""),
@@ -94,7 +95,7 @@ class SweepHeader:
         if self.over != other.over:
             old, new = (" ".join(map(str, header.over)) for header in (self, other))
             return f"--over: {old} there, {new} here"
-        entries: tuple[tuple[str, Any, Any], ...] = (
+        entries: tuple[tuple[str, object, object], ...] = (
             ("--for", self.quantity, other.quantity),
             ("--accuracy", self.accuracy, other.accuracy),
             ("--time", self.seconds, other.seconds),
@@ -215,19 +216,19 @@ def parse(text: bytes, path: str) -> SweepFile:
     return SweepFile(header, points, end)
 
 
-def _signed(head: Mapping[str, Any], row: Mapping[str, Any]) -> dict[str, Any]:
+def _signed(head: Entries, row: Entries) -> NewEntries:
     """The line of a point as it stands in the file of a sweep."""
     return {**row, "digest": digest({**row, "sweep": dict(head)})}
 
 
-def _is_signed(head: Mapping[str, Any], row: Mapping[str, Any]) -> bool:
+def _is_signed(head: Entries, row: Entries) -> bool:
     try:
         return bool(_signed(head, row)["digest"] == row.get("digest"))
     except ValueError:  # NaN, or a text that is no Unicode: nothing that was written here
         return False
 
 
-def _is_axis(value: Any) -> bool:
+def _is_axis(value: object) -> bool:
     if not isinstance(value, dict) or set(value) != {"key", "first", "last", "count"}:
         return False
     ends = (value.get("first"), value.get("last"))
@@ -236,7 +237,7 @@ def _is_axis(value: Any) -> bool:
     return all(map(is_number, ends)) and type(value.get("count")) is int and value["count"] > 0
 
 
-def _object(line: bytes, path: str, number: int) -> dict[str, Any]:
+def _object(line: bytes, path: str, number: int) -> NewEntries:
     try:
         body = json.loads(line)
     except (ValueError, RecursionError):
@@ -263,5 +264,5 @@ def _bytes(path: str) -> bytes:
         raise InputError(f"{path}: cannot be read: {error.strerror}.") from None
 
 
-def _line(body: Mapping[str, Any]) -> str:
+def _line(body: Entries) -> str:
     return json.dumps(body, ensure_ascii=False, allow_nan=False)

@@ -31,12 +31,12 @@ from obsdesign.synthesis.finite_time.period_problem import (
     triangular,
 )
 
-Expression = Any  # SX or MX of CasADi
+Expression = Any  # SX or MX of CasADi, whose type hints exclude formulas for both
 _TAYLOR_DEGREE, _SQUARINGS = 16, 6
 _NORM_DOUBLINGS = 6  # p = 64
 
 
-def casadi_package() -> Any:
+def casadi_package() -> Expression:
     """Import CasADi without its type hints, which exclude formulas for both SX and MX."""
     import casadi
 
@@ -100,7 +100,7 @@ def softplus(x: Expression) -> Expression:
 
 
 def condition_13(
-    problem: PeriodProblem, kind: Any
+    problem: PeriodProblem, kind: Expression
 ) -> tuple[Expression, Expression, Expression, Expression]:
     """(unknowns, log nu, equality that vanishes, (|l|^2 - 1, log |L C|)); kind: SX or MX.
 

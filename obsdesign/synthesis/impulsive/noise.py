@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.arrays import Matrix, NewEntries
 from obsdesign.analysis.impulsive_noise import missed_target, noise_of, simulated
 from obsdesign.equations.impulsive.gains import ImpulsiveGains
 from obsdesign.problem.options import ImpulsiveOptions
@@ -18,7 +17,7 @@ from obsdesign.problem.problem import Problem
 _LONGEST, _SLOWEST, _FASTEST, _HALVINGS = 16, 1.02, 8.0, 12
 
 
-def quiet_enough(problem: Problem, gains: ImpulsiveGains) -> tuple[ImpulsiveGains, dict[str, Any]]:
+def quiet_enough(problem: Problem, gains: ImpulsiveGains) -> tuple[ImpulsiveGains, NewEntries]:
     """The shortest window, and the largest alpha, whose estimated errors meet noise_target.
 
     Window and alpha are kept where they are given, alpha also where a decay rate fixes it. Returns

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.arrays import EntriesByClaim, Matrix, Value
 from lmi.arithmetic.balls import exact, inverse, to_float
 from lmi.rank.decide import decide_full_rank
 from lmi.rank.full_rank import BOX_LIMIT
@@ -36,7 +34,7 @@ _LARGEST_WEIGHT_RATIO = 1e7
 _MOST_BOXES_BEFORE_SKIPPING = 1000
 
 
-def window_gains(problem: Problem, strategy: str, **entries: Any) -> ImpulsiveGains:
+def window_gains(problem: Problem, strategy: str, **entries: Value) -> ImpulsiveGains:
     """Gains of a windowed strategy, of one impulse until a window is chosen."""
     alpha = weight(problem)
     return ImpulsiveGains.from_plant(
@@ -93,7 +91,7 @@ def windowed(
     gains: ImpulsiveGains,
     label: str,
     budget: TimeBudget,
-    certificates: Mapping[str, Mapping[str, Any]] | None = None,
+    certificates: EntriesByClaim | None = None,
     *,
     limit: int = BOX_LIMIT,
 ) -> Candidate:
@@ -112,13 +110,14 @@ def windowed(
         return Candidate(label, replace(gains, window=given or shortest), others)
     decided = _provable(core, shortest, given, ends, limit=limit, budget=budget)
     blocks, verdict = decided.blocks, decided.verdict
-    others["strongly_observable"] = {**verdict.evidence, "blocks": blocks}
+    others |= {"strongly_observable": {**verdict.evidence, "blocks": blocks}}
     gains = replace(gains, window=given or blocks)
     _refuse_lost_digits(options, gains.window_weight, blocks)
     if verdict.outcome == "proved" and options.noise_target is not None:
-        gains, others["noise_target"] = quiet_enough(problem, gains)
+        gains, target = quiet_enough(problem, gains)
+        others |= {"noise_target": target}
     if verdict.outcome == "proved" and budget.remaining() > 0:
-        others["rate"] = {"estimated": estimate(problem, gains), "theorem_2_2": {}}
+        others |= {"rate": {"estimated": estimate(problem, gains), "theorem_2_2": {}}}
     return Candidate(label, gains, others, searched=decided.is_searched, remarks=decided.remarks)
 
 
@@ -176,7 +175,7 @@ def _for_window(
     core: Core, verdict: Verdict, blocks: int, window: int, ends: tuple[float, float]
 ) -> _DecidedWindow:
     """The witness against a window of so many blocks, extended to a longer window."""
-    thetas = verdict.evidence["witness"].get("thetas", [])
+    thetas = verdict.witness.get("thetas", [])
     if window == blocks or not thetas:
         return _DecidedWindow(window, verdict, False)
     longer = _at_one_spacing(_stack(core, window), thetas, ends)
@@ -195,7 +194,7 @@ def _stack(core: Core, window: int) -> Stack:
 
 def _no_window_exists(core: Core, verdict: Verdict, ends: tuple[float, float]) -> bool:
     """Whether the witness against this window refutes longer ones too: one spacing for all."""
-    witness = verdict.evidence.get("witness", {})
+    witness = verdict.witness
     thetas = witness.get("thetas", [])
     if verdict.outcome != "refuted":
         return False

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.arrays import Entries, Matrix, NewEntries
 from lmi.arithmetic.exponential import exponential_grid
 from lmi.time_budget import Remark, TimeBudget, remark_end
 from obsdesign.equations.impulsive_input.features import (
@@ -28,6 +28,7 @@ from obsdesign.equations.impulsive_input.features import (
     impulse_responses,
 )
 
+Expression = Any  # SX or MX of CasADi, whose type hints exclude formulas for both
 _NODES = 96  # of Gauss's rule on [0, s]
 _KNOTS = 400  # of the spline through h
 _LARGEST_EXPONENT_RATIO = 6.0  # exponents may be this much faster than the slowest
@@ -102,7 +103,7 @@ def optimal_exponents(
     return sets
 
 
-def _solver(window: FeatureWindow, scale: Matrix, at_peak: bool, budget: TimeBudget) -> Any:
+def _solver(window: FeatureWindow, scale: Matrix, at_peak: bool, budget: TimeBudget) -> Expression:
     """IPOPT over (Lambda tau, s / tau): gaps between exponents, and b'b_dot = 0 at a peak."""
     import casadi as ca
 
@@ -130,8 +131,8 @@ def _solver(window: FeatureWindow, scale: Matrix, at_peak: bool, budget: TimeBud
     ages = ca.vertcat(z[m] * ca.DM(x), z[m])
     cost, peak = body(z[:m], z[m], *(spline(ages.T).T for spline in _splines(ca, window)))
     gaps = [z[i] - z[i + 1] for i in range(m - 1)]
-    program: Any = {"x": z, "f": cost, "g": ca.vertcat(*gaps, *([peak] if at_peak else []))}
-    quiet: Any = {
+    program: Entries = {"x": z, "f": cost, "g": ca.vertcat(*gaps, *([peak] if at_peak else []))}
+    quiet: NewEntries = {
         "ipopt.print_level": 0, "ipopt.sb": "yes", "print_time": False,
         "show_eval_warnings": False, "ipopt.max_iter": 200,
     }  # fmt: skip
@@ -140,7 +141,7 @@ def _solver(window: FeatureWindow, scale: Matrix, at_peak: bool, budget: TimeBud
     return ca.nlpsol("exponents", "ipopt", program, quiet)
 
 
-def _splines(ca: Any, window: FeatureWindow) -> list[Any]:
+def _splines(ca: Expression, window: FeatureWindow) -> list[Expression]:
     """h of each output over ages in units of the window, up to a common factor."""
     grid = exponential_grid(window.D, 0.0, window.tau / _KNOTS, _KNOTS + 1)
     shown = (grid @ window.H)[:, :, 0] @ window.C.T

@@ -8,13 +8,12 @@ verification analyses each of them exactly.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Array
+from lmi.arithmetic.arrays import Array, Entries
 from lmi.arithmetic.balls import exact, inverse
 from lmi.decide.dwell_search import dwell_bracket
 from lmi.solvers import Solvers, merged
@@ -65,8 +64,8 @@ def synthesize(problem: Problem, budget: TimeBudget = UNLIMITED) -> Iterator[Can
         raise InputError(reason)
     problem.require_noise_bound("kind 'interval'")
     _refuse_unexecutable(problem)
-    given = {name: given_gain(problem, name) for name in ("L", "M")}
-    given = {name: gain for name, gain in given.items() if gain is not None}
+    stated = {name: given_gain(problem, name) for name in ("L", "M")}
+    given = {name: gain for name, gain in stated.items() if gain is not None}
     own = {name: problem.gains[name] for name in ("S", "S2", "T") if name in problem.gains}
     if "R" in problem.gains:
         own = coordinates_of_assumption_4(problem, given)
@@ -94,9 +93,7 @@ def _no_observer_exists(problem: Problem) -> bool:
     return not_detectable(plant.flow.A, G, plant.output.C, ends) is not None
 
 
-def _without_search(
-    problem: Problem, given: Mapping[str, Any], own: Mapping[str, Any]
-) -> Iterator[Candidate]:
+def _without_search(problem: Problem, given: Entries, own: Entries) -> Iterator[Candidate]:
     """Yield the forms with zero gains: what refutes them holds for all gains."""
     for form in open_forms(problem):
         yield _with_zero_gains(problem, form, given, {**_plain_frame(problem, form), **own})
@@ -134,8 +131,8 @@ def _objective(problem: Problem) -> str:
 def _in_known_coordinates(
     problem: Problem,
     form: str,
-    given: Mapping[str, Any],
-    own: Mapping[str, Any],
+    given: Entries,
+    own: Entries,
     budget: TimeBudget,
 ) -> Candidate:
     """Return one candidate with L and M for the given coordinates (or the plant's own)."""
@@ -153,8 +150,8 @@ def _in_known_coordinates(
 def _with_samples(
     problem: Problem,
     form: str,
-    given: Mapping[str, Any],
-    frames: Iterable[Mapping[str, Any]],
+    given: Entries,
+    frames: Iterable[Entries],
     budget: TimeBudget,
 ) -> Iterator[Candidate]:
     """Yield one candidate with samples as events: gain and coordinates that are proved, if any.
@@ -185,14 +182,12 @@ def _with_samples(
     yield last or _with_zero_gains(problem, form, given, frame)
 
 
-def _plain_frame(problem: Problem, form: str) -> Mapping[str, Any]:
+def _plain_frame(problem: Problem, form: str) -> Entries:
     """Return the plant's own coordinates, for a form that needs some."""
     return {"S": np.eye(problem.plant.n)} if form == "coordinates" else {}
 
 
-def _with_zero_gains(
-    problem: Problem, form: str, given: Mapping[str, Any], frame: Mapping[str, Any]
-) -> Candidate:
+def _with_zero_gains(problem: Problem, form: str, given: Entries, frame: Entries) -> Candidate:
     zero = np.zeros((problem.plant.n, problem.plant.p))
     gains = gains_of_form(problem, form, given.get("L", zero), given.get("M", zero), frame)
     return Candidate(form, gains, searched=True)
@@ -204,11 +199,11 @@ class _SampledTrial:
 
     cost: float
     L: Array
-    frame: Mapping[str, Any]
+    frame: Entries
 
 
 def _sampled_trials(
-    problem: Problem, frame: Mapping[str, Any], given: Mapping[str, Any], budget: TimeBudget
+    problem: Problem, frame: Entries, given: Entries, budget: TimeBudget
 ) -> Iterator[_SampledTrial]:
     plant = SampledPlant(problem, frame.get("S"), budget)
     skips_jumps = problem.plant.output.jump_measurement == "none" and plant.G is not None
@@ -222,7 +217,7 @@ def _sampled_trials(
 
 
 def _sampled_candidate(
-    problem: Problem, form: str, given: Mapping[str, Any], trial: _SampledTrial
+    problem: Problem, form: str, given: Entries, trial: _SampledTrial
 ) -> Candidate:
     searched = "L" not in given or ("S" in trial.frame and "S" not in problem.gains)
     gains = gains_of_form(problem, form, trial.L, given.get("M", 0 * trial.L), trial.frame)
@@ -239,7 +234,7 @@ def _is_proved(candidate: Candidate) -> bool:
 
 
 def _in_open_coordinates(
-    problem: Problem, given: Mapping[str, Any], budget: TimeBudget
+    problem: Problem, given: Entries, budget: TimeBudget
 ) -> Iterator[Candidate]:
     """Yield from candidate bases; only if that is not enough from a search over bases."""
     if problem.plant.output.measured == "periodic":
@@ -301,7 +296,7 @@ def _widths(
     problem: Problem, gains: IntervalGains, system: WidthSystem, approx: WidthSystem
 ) -> Certificates:
     """Return certificates of the width with a continuous y, and with samples of it."""
-    certificates: dict[str, Mapping[str, Any]] = {}
+    certificates: dict[str, Entries] = {}
     width = proved_width(system, approx, *gains.dwell_ends)
     if width is not None:
         certificates["width"] = width

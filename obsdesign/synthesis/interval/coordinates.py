@@ -12,11 +12,10 @@ import itertools
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Array, Matrix
+from lmi.arithmetic.arrays import Array, Entries, Matrix
 from lmi.arithmetic.spectrum import spectral_radius
 from lmi.solvers import Solvers, merged
 from lmi.time_budget import Remark, TimeBudget, ended_by_count, remark_end
@@ -80,7 +79,7 @@ class CoordinateSearch:
         chosen = min(best, thorough, key=lambda choice: choice.value)
         return replace(chosen, remarks=remarks + thorough.remarks, solvers=solvers)
 
-    def _remark(self, end: Mapping[str, Any]) -> tuple[Remark, ...]:
+    def _remark(self, end: Entries) -> tuple[Remark, ...]:
         return remark_end("coordinates", end, matters=self.objective != "feasible")
 
     def _is_sufficient(self, choice: CoordinateChoice) -> bool:

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Array, Matrix
+from lmi.arithmetic.arrays import Array, Matrix, NewEntries
 from lmi.arithmetic.balancing import Scaling
 from lmi.arithmetic.balls import exact, inverse, to_float
 from lmi.arithmetic.exponential import absolute_flow
 from lmi.arithmetic.spectrum import spectral_radius
-from lmi.bounds.interleaved import Bounds, Interleaved, prove_interleaved
+from lmi.bounds.interleaved import Bounds, prove_interleaved
 from lmi.bounds.sampled_flow import sampled_flow
 from lmi.prove.hurwitz import rightmost
+from obsdesign.analysis.interval.interleaved import interleaved
 from obsdesign.equations.interval.gains import IntervalGains
 from obsdesign.equations.interval.width import SAMPLED_MAPS, WidthSystem, slope_scheme
 from obsdesign.synthesis.interval.tube import ROOM, Units, least, proved_width
@@ -49,9 +49,7 @@ class SampledTube:
         return Bounds(exact(self.tube), exact(self.sampled), jumped, exact(self.always))
 
 
-def propose_samples(
-    gains: IntervalGains, system: WidthSystem, approx: WidthSystem
-) -> dict[str, Any]:
+def propose_samples(gains: IntervalGains, system: WidthSystem, approx: WidthSystem) -> NewEntries:
     """Return {"maps"} and, where it is proved, {"tube", "sampled", ("jumped",) "always"}.
 
     For samples as events. system, approx: exact and in floats, with A, K and k.
@@ -62,7 +60,7 @@ def propose_samples(
     proposal = sampled_tube(approx, gains.period, ends, gains.skips_jumps)
     if proposal is None:
         return maps
-    question = Interleaved.from_system(system, gains.period, *ends, gains.skips_jumps)
+    question = interleaved(system, gains.period, *ends, gains.skips_jumps)
     verdict = prove_interleaved(question, exact(system.out), proposal.exact_bounds())
     return {**maps, **proposal.to_certificate()} if verdict.outcome == "proved" else maps
 
@@ -189,7 +187,7 @@ def _highest(system: WidthSystem, period: float, starts: list[Matrix]) -> Matrix
 
 def propose_spacing(
     gains: IntervalGains, system: WidthSystem, low: float, high: float, period: float | None
-) -> dict[str, Any] | None:
+) -> NewEntries | None:
     """Return a step limit with its tube, proved, for samples of a continuous y; None if L = 0.
 
     period: the spacing to prove if it can be; otherwise the first provable one by halving.
@@ -212,7 +210,7 @@ def propose_spacing(
 
 def spaced_tube(
     parts: tuple[Array, ...], system: WidthSystem, spacing: float, low: float, high: float
-) -> dict[str, Any] | None:
+) -> NewEntries | None:
     """Return the proved tube of the width system for samples at most `spacing` apart, or None."""
     L, CA, A, C, b = parts
     added = sampled_flow(exact(system.W), L, CA=CA, A=A, C=C, b=b, h=spacing)
@@ -220,7 +218,7 @@ def spaced_tube(
         return None
     more, drift = added
     spaced = replace(system, W=system.W + more, f=system.f + drift)
-    arrays: dict[str, Any] = {
+    arrays: NewEntries = {
         name: None if value is None else to_float(exact(value))
         for name, value in vars(spaced).items()
     }

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -37,7 +36,7 @@ class GainVariables:
     PM: Expression | None = None
 
 
-UserConstraints = Callable[[GainVariables], Iterable[Any]]
+UserConstraints = Callable[[GainVariables], Iterable[Expression]]
 
 
 @dataclass(frozen=True)

@@ -7,11 +7,9 @@ nothing (`jump_gains.py`).
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.arrays import Matrix, NewEntries
 from lmi.time_budget import TimeBudget
 from obsdesign.equations.estimation_error import idle_gains
 from obsdesign.equations.luenberger import error_system as equations
@@ -75,7 +73,7 @@ def scheduled_candidate(
     solution, remarks = jump_gains(problem, F, cells, pairs, budget, wanted=wanted)
     M = np.zeros((len(cells), plant.n, plant.p)) if solution is None else solution.M
     gains = LuenbergerGains.from_plant(plant, L=L, M=M[0], M_cells=M, dwell_borders=borders)
-    certificate: dict[str, Any] = {}
+    certificate: NewEntries = {}
     if solution is not None:
         certificate = {"P_cells": [((P + P.T) / 2).tolist() for P in solution.P]}
     ids = ("dwell_stability", "decay_rate")

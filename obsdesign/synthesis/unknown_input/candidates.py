@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.arrays import Array, Matrix
 from lmi.time_budget import UNLIMITED, Remark, TimeBudget
 from obsdesign.analysis.balancing import balancing_units
 from obsdesign.analysis.invariant_zeros import shows_every_input, zero_states, zeros_decay
@@ -137,7 +137,7 @@ def _gains(problem: Problem, D: Matrix) -> tuple[str, UnknownInputGains]:
     )
 
 
-def _coordinates(problem: Problem, D: Matrix, sizes: Matrix) -> tuple[Matrix, Matrix]:
+def _coordinates(problem: Problem, D: Matrix, sizes: Matrix) -> tuple[Array, Array]:
     """T1 = [Ta, D] and the first n - q rows of its inverse; sizes: units that balance the plant."""
     n, q = D.shape
     T1 = problem.gains.get("T1")

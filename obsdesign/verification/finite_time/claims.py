@@ -8,11 +8,10 @@ matrix of the method, gains that miss what they should. T is k nu for the stored
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.arrays import Entries, EntriesByClaim, Matrix, NewEntries
 from lmi.arithmetic.balls import precision
 from lmi.time_budget import UNLIMITED, TimeBudget
 from obsdesign.analysis.finite_time.enclosed_gains import Sampled
@@ -61,8 +60,8 @@ _RESTS_ON: Mapping[str, tuple[str, ...]] = {
 
 def claims(
     problem: Problem,
-    stored: Mapping[str, Any],
-    certificates: Mapping[str, Mapping[str, Any]],
+    stored: Entries,
+    certificates: EntriesByClaim,
     *,
     paranoid: bool = False,
     budget: TimeBudget = UNLIMITED,
@@ -97,16 +96,16 @@ def _with_marked_witness(problem: Problem, claim: Claim) -> Claim:
     return mark_witness(claim, open_choices(problem, *names))
 
 
-def _coordinates(certificates: Mapping[str, Mapping[str, Any]], n: int) -> Matrix | None:
+def _coordinates(certificates: EntriesByClaim, n: int) -> Matrix | None:
     """S of a certificate, or None where there is none that is an (n, n) matrix of numbers."""
     try:
-        S = np.asarray(certificates["theorem_1_coordinates"]["S"], dtype=np.float64)
-    except (KeyError, TypeError, ValueError):
+        S = np.asarray(certificates.get("theorem_1_coordinates", {}).get("S"), dtype=np.float64)
+    except (TypeError, ValueError):
         return None
     return S if S.shape == (n, n) and np.isfinite(S).all() else None
 
 
-def expected_gains(problem: Problem, stored: Mapping[str, Any]) -> dict[str, Any]:
+def expected_gains(problem: Problem, stored: Entries) -> NewEntries:
     """Entries of `gains` that the problem requires: a value, or the shape it must have."""
     plant, options = problem.plant, problem.options_as(FiniteTimeOptions)
     method = options.method

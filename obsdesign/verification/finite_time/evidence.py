@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
-from typing import Any, Self
+from typing import Self
 
+from lmi.arithmetic.arrays import Entries, NewEntries, Value
 from obsdesign.document import Claim
 from obsdesign.equations.finite_time.rows import END, START
 
@@ -33,16 +34,16 @@ class TheoremEvidence:
     gamma: Interval | None = None
     first: Interval | None = None
     second: Interval | None = None
-    S: Any = None
+    S: Value = None
     norm_of_back: Interval | None = None
 
     @classmethod
-    def from_evidence(cls, evidence: Mapping[str, Any]) -> Self:
+    def from_evidence(cls, evidence: Entries) -> Self:
         """The constants that a claim states."""
         names = {entry.name for entry in fields(cls)}
         return cls(**{name: value for name, value in evidence.items() if name in names})
 
-    def to_evidence(self) -> dict[str, Any]:
+    def to_evidence(self) -> NewEntries:
         """Entries of a claim, without those that are None."""
         entries = {entry.name: getattr(self, entry.name) for entry in fields(self)}
         return {name: value for name, value in entries.items() if value is not None}
@@ -69,13 +70,13 @@ class BiasEvidence:
     error: float
     reference: str = END
 
-    def to_evidence(self) -> dict[str, Any]:
+    def to_evidence(self) -> NewEntries:
         """Entries of a claim; the reference is stated where it is START."""
-        entries: dict[str, Any] = {"amplification": self.amplification, "error": self.error}
+        entries: NewEntries = {"amplification": self.amplification, "error": self.error}
         return entries | ({"reference": START} if self.reference == START else {})
 
     @classmethod
-    def from_evidence(cls, evidence: Mapping[str, Any]) -> Self:
+    def from_evidence(cls, evidence: Entries) -> Self:
         """The entries of a claim, if it has them."""
         return cls(
             evidence.get("amplification", 1.0), evidence.get("error", 0.0),

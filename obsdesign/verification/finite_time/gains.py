@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.arrays import Matrix, NewEntries
 from lmi.arithmetic.balls import Exact, exact, scalar, to_float
 from lmi.arithmetic.norms import float_above, well_ranked
 from lmi.verdict import Verdict, proved, refuted, undecided
@@ -66,7 +65,7 @@ def invertible(sampled: Sampled, gains: FiniteTimeGains) -> Claim:
         )
         verdict = _difference_rank(sampled, gains.injection)
     if verdict.outcome == "undecided":
-        verdict = undecided(_reason_against_inverse(sampled) or str(verdict.evidence["reason"]))
+        verdict = undecided(_reason_against_inverse(sampled) or verdict.reason)
     if verdict.outcome == "refuted":
         letter = "M_T" if approximate else "P^k - A_d^k"
         ratio = verdict.evidence["approx_ratio"]
@@ -188,7 +187,7 @@ def _is_too_large(sampled: Sampled, state_error: Matrix) -> bool:
     return bool((scaled * scaled).sum() > exact((2 * UNBIASED) ** 2).item())
 
 
-def _bias_witness(sampled: Sampled, error: Matrix, amplification: float) -> dict[str, Any]:
+def _bias_witness(sampled: Sampled, error: Matrix, amplification: float) -> NewEntries:
     """A state that is not reproduced, and the reason; error (n, n) in floats."""
     n = len(error)
     r, c = np.unravel_index(int(np.argmax(error)), (n, n))

@@ -82,8 +82,8 @@ def error_factor(sampled: Sampled, L: Matrix, inverse: Exact) -> Ball:
         back = back @ step_A
         mu.append(LC @ (back - unit))
     f, a, c = (frobenius(X) for X in (F, sampled.A, LC))
-    grown = np.exp(a * scalar(rational(sampled.period)))
-    bend = np.exp(f * h) * c * ((f * f + 2 * f * a + a * a) * grown)
+    grown = (a * scalar(rational(sampled.period))).exp()
+    bend = (f * h).exp() * c * ((f * f + 2 * f * a + a * a) * grown)
     total, weight = scalar(0), inverse
     for _ in range(sampled.k):
         start = scalar(0)
@@ -137,7 +137,7 @@ class Norms:
 
     def constants(self, period: float, tighter: bool = False) -> equations.Constants:
         """(10)-(13) for a period (T stays); tighter: with `tighter_sigma` in place of Sigma."""
-        s = self.size_LC * np.expm1(number(period) * self.size_A)
+        s = self.size_LC * (number(period) * self.size_A).expm1()
         sigma = equations.tighter_sigma if tighter else equations.sigma
         return equations.constants(self.a, self.m, sigma(self.T, self.f, s))
 
@@ -146,16 +146,18 @@ class Norms:
         if not self.size_A > 0:
             return None
         sizes = (self.size_A, self.size_LC)
-        if tighter:
-            return equations.enclosed_tighter_period(self.a, self.m, self.f, sizes, self.T)
-        return equations.enclosed_longest_period(self.a, self.m, self.f, sizes, self.T)
+        formula = (
+            equations.enclosed_tighter_period if tighter else equations.enclosed_longest_period
+        )
+        longest: Ball = formula(self.a, self.m, self.f, sizes, self.T)
+        return longest
 
     def condition(self, period: float, tighter: bool = False) -> str:
         """Decide (13) at a period: proved, refuted or undecided."""
-        s = self.size_LC * np.expm1(number(period) * self.size_A)
+        s = self.size_LC * (number(period) * self.size_A).expm1()
         if s == 0:
             return "proved"
-        room = np.log(equations.largest_sigma(self.a, self.m))
+        room = equations.largest_sigma(self.a, self.m).log()
         formula = equations.log_tighter_sigma if tighter else equations.log_sigma
         log_sigma = formula(self.T, self.f, s)
         if log_sigma < room:
@@ -248,6 +250,7 @@ def _tighter(norms: Norms, period: float) -> Claim:
 
 def _in_coordinates(norms: Norms, period: float, S: Matrix) -> Claim:
     """The same for S A S^-1, C S^-1, S L: Theorem 1 then bounds |S x|."""
+    assert norms.size_back is not None
     constants = replace(_constants(norms, period), S=S, norm_of_back=_interval(norms.size_back))
     return Claim.from_verdict(
         "theorem_1_coordinates",
@@ -279,5 +282,5 @@ def _interval(x: Ball) -> Interval:
 
 def _balls(X: Exact) -> Exact:
     values = np.empty(X.size, dtype=object)
-    values[:] = [scalar(x) for x in X.flat]
+    values[:] = [scalar(x) for x in X.ravel().tolist()]
     return values.reshape(X.shape)

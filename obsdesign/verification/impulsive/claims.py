@@ -7,11 +7,9 @@ sequence of spacings in `jump.dwell_time` (Definition 2.3 restricted to it, as i
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 
+from lmi.arithmetic.arrays import Entries, EntriesByClaim, NewEntries
 from lmi.arithmetic.balls import exact
 from lmi.time_budget import UNLIMITED, TimeBudget
 from lmi.verdict import Verdict, overall, proved, refuted, undecided
@@ -63,8 +61,8 @@ from obsdesign.verification.impulsive.uncorrected_blocks import (
 @np.errstate(all="ignore")
 def claims(
     problem: Problem,
-    stored: Mapping[str, Any],
-    certificates: Mapping[str, Mapping[str, Any]],
+    stored: Entries,
+    certificates: EntriesByClaim,
     *,
     paranoid: bool = False,
     budget: TimeBudget = UNLIMITED,
@@ -74,7 +72,7 @@ def claims(
     stored: gains as a design file states them; certificates: {"strongly_observable": {"asked"} or
     {"witness"}} and those of the strategies.
     """
-    objection, expected = _reason_against_problem(problem), dict[str, Any]()
+    objection, expected = _reason_against_problem(problem), NewEntries()
     if objection is None:
         try:
             expected = _expected(problem, stored, ImpulsiveGains.from_document(stored))
@@ -106,7 +104,7 @@ def _rate_claims(
     problem: Problem,
     gains: ImpulsiveGains,
     bound: Bound | None,
-    certificates: Mapping[str, Any],
+    certificates: EntriesByClaim,
     lyapunov: LyapunovFunction | None,
 ) -> list[Claim]:
     """Claims of the rate that follows from a proved bound, and of the problem's decay rate."""
@@ -127,21 +125,23 @@ def _lyapunov(
     problem: Problem,
     gains: ImpulsiveGains,
     proved_claims: list[Claim],
-    certificates: Mapping[str, Any],
+    certificates: EntriesByClaim,
 ) -> LyapunovFunction | None:
     """The function of Theorem 2.2, where the certificate of the rate names it (strategy `full`).
 
     Designs of earlier versions do not.
     """
-    if gains.strategy != "full" or LyapunovFunction.ENTRY not in certificates.get("rate", {}):
+    certificate = certificates.get("rate", {})
+    if gains.strategy != "full" or LyapunovFunction.ENTRY not in certificate:
         return None
-    rank = next(claim for claim in proved_claims if claim.id == "strongly_observable").evidence
+    observable = next(claim for claim in proved_claims if claim.id == "strongly_observable")
+    rank = RankProof.from_evidence(observable.evidence)
     core, ends = Core.from_gains(gains, exact), problem.require_dwell_time()
     with in_balls():
         proved_now = lyapunov_function(
-            core, ends, gains.window_length, gains.window_weight, rank["sigma_min"]
+            core, ends, gains.window_length, gains.window_weight, rank.sigma_min
         )
-    stored = LyapunovFunction.from_evidence(certificates["rate"])
+    stored = LyapunovFunction.from_evidence(certificate)
     if proved_now is None or stored is None or not stored.follows_from(proved_now):
         return proved_now
     return stored
@@ -150,7 +150,7 @@ def _lyapunov(
 def _windowed(
     problem: Problem,
     gains: ImpulsiveGains,
-    certificates: Mapping[str, Any],
+    certificates: EntriesByClaim,
     paranoid: bool,
     budget: TimeBudget,
 ) -> tuple[list[Claim], Bound | None]:
@@ -158,7 +158,8 @@ def _windowed(
     low, high = problem.require_dwell_time()
     core, window = Core.from_gains(gains, exact), gains.window_length
     certificate = certificates.get("strongly_observable", {})
-    claims = [strongly_observable(problem, core, window, certificate, budget)]
+    observable = strongly_observable(problem, core, window, certificate, budget)
+    claims = [observable]
     own, into = in_own_coordinates(core, low, high, window)
     blocks = plant_blocks(gains, own, into)
     if blocks is None:
@@ -170,7 +171,7 @@ def _windowed(
     claims += uncorrected
     whole = None
     if overall(claim.verdict for claim in claims) == "proved":
-        rank = RankProof.from_evidence(claims[0].evidence)
+        rank = RankProof.from_evidence(observable.evidence)
         with in_balls():
             reach = window_reach(own, (low, high), window, gains.window_weight, rank)
             whole = whole_bound(blocks, reach, decaying, high, rate)
@@ -183,7 +184,7 @@ def _windowed(
 
 
 def _uncorrected(
-    problem: Problem, blocks: Blocks, certificates: Mapping[str, Any], paranoid: bool
+    problem: Problem, blocks: Blocks, certificates: EntriesByClaim, paranoid: bool
 ) -> tuple[list[Claim], dict[str, Bound]]:
     """Claims that the blocks without correction decay, and their bounds by name."""
     claims, bounds = list[Claim](), dict[str, Bound]()
@@ -222,12 +223,12 @@ def _is_undetectable(problem: Problem) -> bool:
     return not_detectable(flow.A, jump.G, C, problem.require_dwell_time()) is not None
 
 
-def _expected(problem: Problem, stored: Mapping[str, Any], gains: ImpulsiveGains) -> dict[str, Any]:
+def _expected(problem: Problem, stored: Entries, gains: ImpulsiveGains) -> NewEntries:
     """The value, or the shape, that the problem requires of each entry of `stored`."""
     n, p = problem.plant.n, problem.plant.p
     options = problem.options_as(ImpulsiveOptions)
     words = set(STRATEGIES) if options.strategy == "auto" else {options.strategy}
-    expected: dict[str, Any] = plant_data(problem.plant) | {"strategy": words}
+    expected: NewEntries = plant_data(problem.plant) | {"strategy": words}
     if not gains.has_window:
         cells = len(gains.gain_table[1])
         return expected | {"cells": (cells + 1,), "table": (cells, n, p)}
@@ -240,9 +241,8 @@ def _expected(problem: Problem, stored: Mapping[str, Any], gains: ImpulsiveGains
     if gains.image is not None:
         r = gains.image.shape[1]
         expected |= {"image": (d, r), "coimage": (r, d)}
-    expected["window"] = stored["window"] if options.window is None else options.window
-    expected["alpha"] = stored["alpha"] if options.alpha is None else options.alpha
-    return expected
+    own = {"window": options.window, "alpha": options.alpha}
+    return expected | {name: stored.get(name) if x is None else x for name, x in own.items()}
 
 
 def _reason_against_problem(problem: Problem) -> str | None:

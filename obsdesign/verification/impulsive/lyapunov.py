@@ -21,8 +21,9 @@ import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from decimal import ROUND_CEILING, ROUND_FLOOR
-from typing import Any, ClassVar
+from typing import ClassVar
 
+from lmi.arithmetic.arrays import Entries, NewEntries
 from lmi.arithmetic.balls import number
 from lmi.arithmetic.norms import float_above, float_below
 from lmi.bounds.largest_norm import identity_like, norm_of, norm_over
@@ -38,14 +39,12 @@ class LyapunovFunction:
     rho: float
     # entry of the evidence of the claim `rate`
     ENTRY: ClassVar[str] = "theorem_2_2"
-    _WORDS: ClassVar[Mapping[str, str]] = {
-        "P": "M_alpha(rho_l(t), t)",
-        "Q_C": "0",
-        "Q_I": "(1 - alpha^-2) P(tau_k^-)",
-    }
+    _P: ClassVar[str] = "M_alpha(rho_l(t), t)"
+    _Q_C: ClassVar[str] = "0"
+    _Q_I: ClassVar[str] = "(1 - alpha^-2) P(tau_k^-)"
 
     @classmethod
-    def from_evidence(cls, evidence: Mapping[str, Any]) -> LyapunovFunction | None:
+    def from_evidence(cls, evidence: Entries) -> LyapunovFunction | None:
         """From the evidence of a claim `rate`; None where it has no numbers."""
         entry = evidence.get(cls.ENTRY)
         if not isinstance(entry, Mapping):
@@ -53,9 +52,9 @@ class LyapunovFunction:
         eta, rho = entry.get("eta"), entry.get("rho")
         return cls(eta, rho) if isinstance(eta, float) and isinstance(rho, float) else None
 
-    def to_evidence(self) -> dict[str, Any]:
+    def to_evidence(self) -> NewEntries:
         """As it stands in the evidence of a claim."""
-        return asdict(self) | dict(self._WORDS)
+        return asdict(self) | {"P": self._P, "Q_C": self._Q_C, "Q_I": self._Q_I}
 
     def follows_from(self, narrower: LyapunovFunction) -> bool:
         """Whether (6) with the other's constants shows it with these."""
@@ -65,9 +64,9 @@ class LyapunovFunction:
     def sentence(self) -> str:
         """The conditions in words."""
         return (
-            f"Theorem 2.2 holds with P(t) = {self._WORDS['P']}: (6) with eta = "
+            f"Theorem 2.2 holds with P(t) = {self._P}: (6) with eta = "
             f"{six_digits(self.eta, ROUND_FLOOR)} and rho = {six_digits(self.rho, ROUND_CEILING)}, "
-            f"(7) with Q_C = {self._WORDS['Q_C']}, (8) with Q_I = {self._WORDS['Q_I']}."
+            f"(7) with Q_C = {self._Q_C}, (8) with Q_I = {self._Q_I}."
         )
 
 

@@ -15,14 +15,13 @@ it is of this form at once. ||X_i K|| and ||X_i zeta||/sqrt(V) are at most sprea
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from dataclasses import asdict, dataclass, fields
-from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.arrays import Entries, Matrix
 from lmi.arithmetic.balls import Ball, Exact, inverse, number, precision, rational, scalar
 from lmi.arithmetic.norms import nonnegative_inverse
 from lmi.bounds.largest_norm import identity_like, inverse_norm_over, norm_of, norm_over
@@ -87,23 +86,20 @@ class Reach:
 class RankProof:
     """Numbers of the proof that the unweighted window matrix of `blocks` impulses has full rank.
 
-    In the coordinates in which the core is given: spread, by age; largest; recalled.
+    In the coordinates in which the core is given: spread, by age; largest; recalled; sigma_min, of
+    the window matrix.
     """
 
     blocks: int
-    spread: tuple[float, ...]
+    spread: Sequence[float]
     largest: float
     recalled: float
+    sigma_min: float
 
     @classmethod
-    def from_evidence(cls, evidence: Mapping[str, Any]) -> RankProof:
+    def from_evidence(cls, evidence: Entries) -> RankProof:
         """From the evidence of a proved claim `strongly_observable`."""
-        return cls(
-            blocks=int(evidence["blocks"]),
-            spread=tuple(evidence["spread"]),
-            largest=evidence["largest"],
-            recalled=evidence["recalled"],
-        )
+        return cls(**{one.name: evidence[one.name] for one in fields(cls)})
 
 
 def window_reach(
@@ -174,7 +170,7 @@ class Rate:
     in_time: float
 
     @classmethod
-    def from_evidence(cls, evidence: Mapping[str, Any]) -> Rate:
+    def from_evidence(cls, evidence: Entries) -> Rate:
         """From the evidence of a claim `rate`, or from a certificate of that form."""
         return cls(*(evidence[entry.name] for entry in fields(cls)))
 
@@ -189,7 +185,7 @@ class Rate:
         return 0 < self.in_time <= -math.log(self.per_impulse) / high * (1 - 1e-12)
 
 
-def certified_rate(bound: Bound, high: float, stored: Mapping[str, Any]) -> Rate | None:
+def certified_rate(bound: Bound, high: float, stored: Entries) -> Rate | None:
     """Return the stored rate if the bound shows it, else the bound's own, rounded up.
 
     None if the bound has no finite constant or no decay.
@@ -217,14 +213,11 @@ def _rounded_up(value: float) -> float:
 
 def robust_to_rounding(bound: Bound, size: Ball) -> Verdict:
     """Decide whether the bound, with a perturbation of this size per step, still contracts."""
-    evidence = {"largest_change": float(size.abs_upper()), "exact": False}
+    largest = float(size.abs_upper())
     if bound.factor < 1:
-        return proved(**evidence)
-    reason = (
-        f"rounding moves each step by {evidence['largest_change']:.3g}, more than the proved "
-        "convergence absorbs"
-    )
-    return undecided(reason, **evidence)
+        return proved(largest_change=largest, exact=False)
+    reason = f"rounding moves each step by {largest:.3g}, more than the proved convergence absorbs"
+    return undecided(reason, largest_change=largest, exact=False)
 
 
 def in_balls() -> AbstractContextManager[None]:

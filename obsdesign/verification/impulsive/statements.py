@@ -8,8 +8,10 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Mapping
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Self
 
+from lmi.arithmetic.arrays import Entries, NewEntries, Value
 from lmi.arithmetic.balls import number
 from lmi.rank.decide import approx_evidence, decide_full_rank, prove_again
 from lmi.rank.stack import Stack
@@ -24,6 +26,7 @@ from obsdesign.problem.problem import Problem
 from obsdesign.verification.dwell import Dwell
 from obsdesign.verification.impulsive.lyapunov import LyapunovFunction
 from obsdesign.verification.impulsive.rate import Rate, in_balls
+from obsdesign.verification.proposal import Proposal
 
 PAPER = "Medina, Lawrence, State Estimation for Linear Impulsive Systems"
 
@@ -64,7 +67,7 @@ def nominal_plant(gains: ImpulsiveGains, verdict: Verdict) -> Claim:
     )
 
 
-def noise_target(evidence: Mapping[str, Any]) -> Claim:
+def noise_target(evidence: Entries) -> Claim:
     """Claim of a noise target that no window and alpha met, by estimate."""
     return Claim(
         "noise_target",
@@ -79,7 +82,7 @@ def rate_claim(
     rate: Rate, estimated: Mapping[str, object] | None, lyapunov: LyapunovFunction | None
 ) -> Claim:
     """Claim of the proved rate of convergence; an estimate beside it proves nothing."""
-    evidence: dict[str, Any] = rate.to_evidence()
+    evidence: NewEntries = rate.to_evidence()
     evidence |= {} if estimated is None else {"estimated": estimated}
     evidence |= {} if lyapunov is None else {lyapunov.ENTRY: lyapunov.to_evidence()}
     return Claim(
@@ -114,19 +117,48 @@ def decay_claim(proved_rate: Rate | None, rate: float, high: float) -> Claim:
     )
 
 
+@dataclass(frozen=True)
+class WindowCertificate(Proposal):
+    """Full rank of the matrix of a window.
+
+    blocks: impulses that are enough; required: the margin, entry "asked"; approx_worst: spacings
+    where it is least; witness: spacings without full rank; reason, thetas: of a search that failed;
+    sigma_min: proved.
+    """
+
+    blocks: Value = None
+    required: Value = None
+    approx_worst: Value = None
+    witness: Value = None
+    reason: Value = None
+    thetas: Value = None
+    sigma_min: Value = None
+
+    @classmethod
+    def from_document(cls, entries: Entries) -> Self:
+        """From a certificate, or from the evidence of the claim."""
+        return replace(super().from_document(entries), required=entries.get("asked"))
+
+    @property
+    def has_failed(self) -> bool:
+        """Is it the end of a search that could not decide?"""
+        return bool(self.reason) and self.thetas is not None and self.sigma_min is None
+
+
 def strongly_observable(
     problem: Problem,
     core: Core,
     window: int,
-    certificate: Mapping[str, Any],
+    certificate: Entries,
     budget: TimeBudget = UNLIMITED,
 ) -> Claim:
     """Claim full column rank of the window matrix for all spacings, with a margin."""
     low, high = problem.require_dwell_time()
     # the first measurements of a window may be enough; their spacings are spacings like any others
-    blocks = certificate.get("blocks")
-    blocks = blocks if type(blocks) is int and 1 <= blocks <= window else window
-    verdict = _witnessed(Stack(*core.stack(blocks)), low, high, certificate)
+    proposal = WindowCertificate.from_document(certificate)
+    fits = type(proposal.blocks) is int and 1 <= proposal.blocks <= window
+    blocks = proposal.blocks if fits else window
+    verdict = _witnessed(Stack(*core.stack(blocks)), low, high, proposal)
     if verdict is None:
         blocks = min(blocks, most_blocks(core, problem.plant.p))
         verdict = full_rank(Stack(*core.stack(blocks)), low, high, certificate, budget)
@@ -149,31 +181,31 @@ def full_rank(
     stack: Stack,
     low: float,
     high: float,
-    certificate: Mapping[str, Any],
+    certificate: Entries,
     budget: TimeBudget = UNLIMITED,
 ) -> Verdict:
     """Prove full rank from a certificate, a margin or a witness; from scratch without one."""
-    witnessed = _witnessed(stack, low, high, certificate)
+    proposal = WindowCertificate.from_document(certificate)
+    witnessed = _witnessed(stack, low, high, proposal)
     if witnessed is not None:
         return witnessed
-    margin = certificate.get("asked")
-    if certificate.get("reason") and "thetas" in certificate and "sigma_min" not in certificate:
+    margin = proposal.required
+    if proposal.has_failed:
         return Verdict("undecided", certificate)  # a search that failed is not repeated
     if not isinstance(margin, float) or not 0 <= margin < math.inf:
         return decide_full_rank(stack, low, high, budget=budget)
     verdict = prove_again(stack, low, high, margin, budget=budget)
-    shown = {"asked": margin, **approx_evidence(stack, certificate.get("approx_worst"), low, high)}
+    shown = {"asked": margin, **approx_evidence(stack, proposal.approx_worst, low, high)}
     return Verdict(verdict.outcome, {**shown, **verdict.evidence})
 
 
 def _witnessed(
-    stack: Stack, low: float, high: float, certificate: Mapping[str, Any]
+    stack: Stack, low: float, high: float, proposal: WindowCertificate
 ) -> Verdict | None:
     """The refutation by the witness of a certificate, or None where it has none that holds."""
-    witness = certificate.get("witness")
-    if not isinstance(witness, Mapping):
+    if not isinstance(proposal.witness, Mapping):
         return None
-    verdict = check_deficient(stack, low, high, witness)
+    verdict = check_deficient(stack, low, high, proposal.witness)
     return verdict if verdict.outcome == "refuted" else None
 
 
@@ -196,7 +228,7 @@ def _in_image(verdict: Verdict, core: Core) -> Verdict:
 def _admissible(verdict: Verdict, problem: Problem) -> Verdict:
     """The verdict, undecided if its witness changes spacings by more than the jitter allows."""
     jump = problem.plant.jump
-    thetas = verdict.evidence.get("witness", {}).get("thetas", ())
+    thetas = verdict.witness.get("thetas", ())
     if jump is None or verdict.outcome != "refuted":
         return verdict
     if all(abs(b - a) <= jump.dwell_jitter for a, b in itertools.pairwise(thetas)):

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.arrays import Entries, EntriesByClaim, Matrix
 from lmi.arithmetic.balls import Exact, exact, number, rational, to_float
 from lmi.bounds.largest_norm import identity_like, norm_of, norm_over
 from lmi.prove.common_matrix import prove_common
@@ -24,8 +22,9 @@ from obsdesign.problem.problem import Problem
 from obsdesign.verification.dwell import Dwell, dwell_stability, matrix_of
 from obsdesign.verification.impulsive.rate import Bound, in_balls, quadratic_bound
 
+_CASCADE = "linear time-varying cascade: what C does not see follows what it sees"
 _SOURCES = {
-    "hidden": "linear time-varying cascade: what C does not see follows what it sees",
+    "hidden": _CASCADE,
     "rest": "Medina, Lawrence, section IV: the part that nothing drives",
 }
 
@@ -38,18 +37,34 @@ class BlockDecay:
     factor: float
 
     @classmethod
-    def from_evidence(cls, evidence: Mapping[str, Any]) -> BlockDecay | None:
+    def from_evidence(cls, evidence: Entries) -> BlockDecay | None:
         """From the evidence of a claim that a block decays; None without a P."""
         if "P" not in evidence:
             return None
         return cls(np.asarray(evidence["P"], dtype=np.float64), evidence["factor"])
 
 
+@dataclass(frozen=True)
+class Contraction:
+    """V = x'P x of the error after an impulse falls by gamma^2 to the next; P symmetric."""
+
+    P: Matrix
+    gamma: float
+
+    @classmethod
+    def from_evidence(cls, evidence: Entries, n: int) -> Contraction | None:
+        """From a certificate or the evidence of claim `contracting`; None where it has none."""
+        P, gamma = _symmetric(evidence.get("P"), n), evidence.get("gamma")
+        if P is None or not isinstance(gamma, float) or not 0 < gamma < 1:
+            return None
+        return cls(P, gamma)
+
+
 def block_decay(
     name: str,
     pair: tuple[Exact, Exact],
     dwell: Dwell,
-    certificate: Mapping[str, Any],
+    certificate: Entries,
     *,
     paranoid: bool,
     rate: float,
@@ -79,26 +94,25 @@ def _without_margin(verdict: Verdict, F: Exact, H: Exact, dwell: Dwell) -> Verdi
     """Refute only by a witness against decay itself; one against the margin leaves it open."""
     plain = dwell_stability(F, H, dwell, {}, False)
     if plain.outcome == "refuted":
-        witness = dict(plain.evidence.get("witness", {}))
         modes = np.linalg.eigvals(to_float(F))
         worst = modes[np.argmax(modes.real)]
-        text = f"{witness.get('reason', '')}; its flow has the mode {worst:.6g}"
-        return refuted({**witness, "reason": f"it does not decay by itself: {text}"})
+        text = f"{plain.reason}; its flow has the mode {worst:.6g}"
+        return refuted({**plain.witness, "reason": f"it does not decay by itself: {text}"})
     return undecided("it decays too slowly, if at all", **verdict.evidence)
 
 
 def quadratic_claims(
-    problem: Problem, gains: ImpulsiveGains, certificates: Mapping[str, Any], paranoid: bool
+    problem: Problem, gains: ImpulsiveGains, certificates: EntriesByClaim, paranoid: bool
 ) -> tuple[list[Claim], Bound | None]:
     """Claims of one P for all spacings, gains by cells of the last one; and their bound."""
     dwell, ends = Dwell.from_problem(problem), problem.require_dwell_time()
     plant = Core.from_gains(gains, exact)
     certificate = certificates.get("contracting", {})
-    P, gamma = _symmetric(certificate.get("P"), problem.plant.n), certificate.get("gamma")
-    if P is None or not isinstance(gamma, float) or not 0 < gamma < 1:
+    norm = Contraction.from_evidence(certificate, problem.plant.n)
+    if norm is None:
         verdict = undecided("no P was found for which a gain contracts at every spacing")
     else:
-        verdict = _contracting(plant, gains, P, gamma, ends)
+        verdict = _contracting(plant, gains, norm, ends)
     claims = [Claim.from_verdict(
         "contracting",
         "in the norm of one P the error after an impulse is at most gamma of that after the "
@@ -107,14 +121,14 @@ def quadratic_claims(
         "quadratic detectability: P and one gain for each cell of spacings",
         verdict,
     )]  # fmt: skip
-    if verdict.outcome == "proved" and P is not None and gamma is not None:
-        return claims, _bound(plant, gains, P, float(gamma), ends)
+    if verdict.outcome == "proved" and norm is not None:
+        return claims, _bound(plant, gains, norm, ends)
     # no gain at all helps against these
     return [*_obstructions(plant, dwell, certificates, paranoid), *claims], None
 
 
 def _obstructions(
-    plant: Core, dwell: Dwell, certificates: Mapping[str, Any], paranoid: bool
+    plant: Core, dwell: Dwell, certificates: EntriesByClaim, paranoid: bool
 ) -> list[Claim]:
     """Claims whose refutation refutes every observer: undetectable modes."""
     claims = []
@@ -128,7 +142,7 @@ def _obstructions(
         claims.append(Claim.from_verdict(
             "hidden_decays",
             f"what no measurement ever sees of the state (dimension {len(flow)}) decays",
-            _SOURCES["hidden"], verdict,
+            _CASCADE, verdict,
         ))  # fmt: skip
     hiding = certificates.get("detectable", {}).get("witness", {}).get("thetas")
     if not isinstance(hiding, list) or len(hiding) != 1:
@@ -140,14 +154,15 @@ def _obstructions(
             "detectable",
             "at no constant spacing does C miss a mode of the impulses and the flow between them "
             f"that has modulus 1 or more (residuals below {MARGIN:g} of their terms)",
-            _SOURCES["hidden"], verdict,
+            _CASCADE, verdict,
         ))  # fmt: skip
     return claims
 
 
 def _contracting(
-    plant: Core, gains: ImpulsiveGains, P: Matrix, gamma: float, ends: tuple[float, float]
+    plant: Core, gains: ImpulsiveGains, norm: Contraction, ends: tuple[float, float]
 ) -> Verdict:
+    P, gamma = norm.P, norm.gamma
     cells, table = gains.gain_table
     is_single = len(cells) == 2 and cells[0] == cells[1] == ends[0] == ends[1]
     is_rising = bool(np.all(np.diff(cells) > 0))
@@ -165,7 +180,7 @@ def _contracting(
 
 
 def _bound(
-    plant: Core, gains: ImpulsiveGains, P: Matrix, gamma: float, ends: tuple[float, float]
+    plant: Core, gains: ImpulsiveGains, norm: Contraction, ends: tuple[float, float]
 ) -> Bound:
     """From the error after an impulse to the error before the next, and back."""
     unit = identity_like(plant.A)
@@ -174,7 +189,7 @@ def _bound(
         gain = norm_of(plant.J)
         for L in gains.gain_table[1]:
             gain = gain.max(norm_of(plant.J + exact(L) @ plant.C))
-        bound = quadratic_bound(P, gamma).scaled(flow * gain / number(gamma))
+        bound = quadratic_bound(norm.P, norm.gamma).scaled(flow * gain / number(norm.gamma))
         return Bound(bound.constant.max(number(1.0)), bound.factor)
 
 

@@ -8,11 +8,11 @@ rank is proved by itself; uniqueness of (17) is false in general, and decided
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
-from typing import Any
+from collections.abc import Iterator
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Entries, EntriesByClaim, NewEntries, Value
 from lmi.arithmetic.balls import exact, to_float
 from lmi.time_budget import UNLIMITED, TimeBudget
 from obsdesign.analysis.impulsive_input.requirements import (
@@ -60,8 +60,8 @@ _ROUNDING = 1e-6  # of a threshold that is computed in floats
 
 def claims(
     problem: Problem,
-    stored: Mapping[str, Any],
-    certificates: Mapping[str, Mapping[str, Any]],
+    stored: Entries,
+    certificates: EntriesByClaim,
     *,
     paranoid: bool = False,
     budget: TimeBudget = UNLIMITED,
@@ -143,7 +143,7 @@ def _integral_claims(problem: Problem, gains: IntegralGains, budget: TimeBudget)
     return claims
 
 
-def _reason_against(problem: Problem, stored: Mapping[str, Any]) -> str | None:
+def _reason_against(problem: Problem, stored: Entries) -> str | None:
     """Return why the kind cannot serve the problem, or the stored gains are none; or None."""
     plant = problem.plant
     if plant.jump is None or plant.jump.H is None or plant.jump.dwell_time is None:
@@ -169,17 +169,27 @@ def _reason_against(problem: Problem, stored: Mapping[str, Any]) -> str | None:
     return None
 
 
-def _reason_against_integral(plant: Plant, stored: Mapping[str, Any]) -> str | None:
-    window = float(stored["window"])
-    if not float(stored["margin"]) < window:
+def _reason_against_integral(plant: Plant, stored: Entries) -> str | None:
+    ends = _margin_and_window(stored)
+    if ends is None or not ends[0] < ends[1]:
         return "gains.margin must be less than gains.window"
-    if not are_exponents(stored.get("exponents")):
+    exponents = stored.get("exponents")
+    if not are_exponents(exponents):
         return "gains.exponents must be distinct, finite numbers, one or more"
-    return reason_against_exponents(np.asarray(stored["exponents"]), plant.n, plant.p, window)
+    return reason_against_exponents(np.asarray(exponents), plant.n, plant.p, ends[1])
 
 
-def _reason_against_samples(plant: Plant, stored: Mapping[str, Any]) -> str | None:
-    period, window = plant.output.period, stored["window"]
+def _margin_and_window(stored: Entries) -> tuple[float, float] | None:
+    """The youngest and the oldest age that is looked at; None where one is no positive number."""
+    margin, window = stored.get("margin"), stored.get("window")
+    if not (is_positive(margin) and is_positive(window)):
+        return None
+    return float(margin), float(window)
+
+
+def _reason_against_samples(plant: Plant, stored: Entries) -> str | None:
+    period = plant.output.period
+    window: Value = stored.get("window")
     H = None if plant.jump is None else plant.jump.H
     if plant.output.measured != "periodic" or period is None or not is_positive(period):
         return "output.measured must be 'periodic' for operator 'samples'"
@@ -192,7 +202,7 @@ def _reason_against_samples(plant: Plant, stored: Mapping[str, Any]) -> str | No
     return None
 
 
-def _required_rule(plant: Plant, stored: Mapping[str, Any]) -> str:
+def _required_rule(plant: Plant, stored: Entries) -> str:
     """Return the rule that the stored exponents need; any where `_reason_against` refutes them."""
     rule = stored.get("rule")
     fallback = rule if isinstance(rule, str) and rule in RULES[:2] else "peak"
@@ -208,23 +218,23 @@ def _required_rule(plant: Plant, stored: Mapping[str, Any]) -> str:
     return "" if refused and window.H.any() else rule
 
 
-def _stored_window(plant: Plant, stored: Mapping[str, Any]) -> FeatureWindow | None:
+def _stored_window(plant: Plant, stored: Entries) -> FeatureWindow | None:
     """Features of the stored K, exponents, window and margin; None where they make none."""
     K, exponents = stored.get("K"), stored.get("exponents")
-    positive = is_positive(stored.get("window")) and is_positive(stored.get("margin"))
+    ends = _margin_and_window(stored)
     H = None if plant.jump is None else plant.jump.H
-    if H is None or not positive or not are_exponents(exponents):
+    if H is None or ends is None or not are_exponents(exponents):
         return None
     if not isinstance(K, np.ndarray) or K.shape != (plant.n, plant.p) or not np.isfinite(K).all():
         return None
     C = plant.output.C
     return FeatureWindow(
         flow_error_matrix(plant.flow.A, K, C), C, H, exponents=np.asarray(exponents, float),
-        tau=float(stored["window"]), margin=float(stored["margin"]),
+        tau=ends[1], margin=ends[0],
     )  # fmt: skip
 
 
-def _required_threshold(problem: Problem, stored: Mapping[str, Any]) -> float | None:
+def _required_threshold(problem: Problem, stored: Entries) -> float | None:
     """Return the threshold of the problem: stated, or from the stored exponents and K.
 
     The latter is computed in floats: the stored one serves where it is the same but for rounding.
@@ -232,7 +242,7 @@ def _required_threshold(problem: Problem, stored: Mapping[str, Any]) -> float | 
     options = problem.options_as(ImpulsiveInputOptions)
     if options.smallest_weight is None:
         return options.threshold
-    threshold: Any = stored.get("threshold")
+    threshold: Value = stored.get("threshold")
     window = _stored_window(problem.plant, stored)
     if window is None or not is_positive(threshold):
         return None
@@ -243,7 +253,7 @@ def _required_threshold(problem: Problem, stored: Mapping[str, Any]) -> float | 
     return float(threshold) if math.isclose(threshold, required, rel_tol=_ROUNDING) else required
 
 
-def _expected(problem: Problem, stored: Mapping[str, Any]) -> dict[str, Any]:
+def _expected(problem: Problem, stored: Entries) -> NewEntries:
     """Entries that the problem requires, for `consistent_gains`."""
     plant, options = problem.plant, problem.options_as(ImpulsiveInputOptions)
     samples = stored.get("operator") == "samples"
@@ -261,20 +271,22 @@ def _expected(problem: Problem, stored: Mapping[str, Any]) -> dict[str, Any]:
         "state_correction": samples,
     }
     if options.margin is not None:
-        expected["margin"] = options.margin
+        expected |= {"margin": options.margin}
     if not samples and stored.get("weighting") == "gls":  # the guarantee holds for both
-        expected["state_correction"] = stored.get("state_correction")
+        expected |= {"state_correction": stored.get("state_correction")}
     if not samples and options.state_correction is not None:
-        expected["state_correction"] = options.state_correction
+        expected |= {"state_correction": options.state_correction}
     if options.initial_std is not None:
-        expected["initial_std"] = np.array(options.initial_std)
+        expected |= {"initial_std": np.array(options.initial_std)}
     if plant.output.measured == "periodic":
-        expected["period"] = plant.output.period
+        expected |= {"period": plant.output.period}
     if stored.get("operator") == "integral":
         given = options.exponents
-        expected["K"] = problem.gains.get("K", (plant.n, plant.p))
-        expected["exponents"] = stored.get("exponents") if given is None else np.array(given)
-        expected["rule"] = _required_rule(plant, stored)
+        expected |= {
+            "K": problem.gains.get("K", (plant.n, plant.p)),
+            "exponents": stored.get("exponents") if given is None else np.array(given),
+            "rule": _required_rule(plant, stored),
+        }
         if options.has_threshold:
             expected |= {"threshold": _required_threshold(problem, stored), "rule": "threshold"}
     return expected

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.balls import (
     PRECISIONS,
+    Ball,
     Exact,
     ball,
     certify_pivots,
@@ -28,7 +28,7 @@ from obsdesign.verification.impulsive_input.window import PAPER, shown
 # rank is decided relative to size: smallest singular value of W, rows and columns scaled to one
 RANK_TOLERANCE = 1e-10
 # makes a table of balls at the precision in force
-Rows = Callable[[], list[list[Any]]]
+Rows = Callable[[], list[list[Ball]]]
 
 
 def full_rank(D: Exact, C: Exact, exponents: list[float], window: float) -> Claim:
@@ -45,7 +45,7 @@ def full_rank(D: Exact, C: Exact, exponents: list[float], window: float) -> Clai
 def _operator_ball(D: Exact, C: Exact, exponents: list[float], window: float) -> Rows:
     """Function of no arguments: rows of W(tau) as balls at the precision in force."""
 
-    def rows() -> list[list[Any]]:
+    def rows() -> list[list[Ball]]:
         n = len(D)
         zero, unit = exact(np.zeros((n, n))), exact(np.eye(n))
         table = []
@@ -111,7 +111,7 @@ def rank_verdict(rows: Rows, row_sizes: Matrix, n: int, what: str) -> Verdict:
     return undecided(f"the rank is not certain: relative margin {margin:.3g}", approx_margin=margin)
 
 
-def _certain(rows: list[list[Any]], n: int) -> bool | None:
+def _certain(rows: list[list[Ball]], n: int) -> bool | None:
     """Whether the smallest singular value is at least RANK_TOLERANCE of the largest.
 
     None: neither is certain.
@@ -138,5 +138,5 @@ def _powers(sizes: Matrix) -> Matrix:
     return np.asarray(np.ldexp(1.0, exponents.astype(int)))
 
 
-def _dot(rows: list[list[Any]], i: int, j: int) -> Any:
+def _dot(rows: list[list[Ball]], i: int, j: int) -> Ball:
     return sum((row[i] * row[j] for row in rows), number(0.0))

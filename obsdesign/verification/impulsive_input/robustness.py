@@ -20,6 +20,7 @@ from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.balls import (
     PRECISIONS,
     Exact,
+    Rational,
     ball,
     entries,
     exact,
@@ -127,7 +128,7 @@ def feature_change(window: FeatureWindow, A: Exact, uncertainty: Matrix) -> Feat
     return FeatureChange(change[:, :, :q].max(axis=0), at_end, relative)
 
 
-def _cell(F: Exact, width: Exact, k: int) -> Exact:
+def _cell(F: Exact, width: Rational, k: int) -> Exact:
     """Balls of e^{F v} for v in [k, k + 1] width."""
     half = math.nextafter(float(width) / 2, math.inf)
     return entries(exp_times(F, width * (2 * k + 1) / 2) * exp_around(F, half))

@@ -9,14 +9,12 @@ eigenvector of A: otherwise every v explains the samples equally well.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Matrix
-from lmi.arithmetic.balls import Exact, ball, exact, exp_times, rational, to_float
+from lmi.arithmetic.arrays import Entries, Matrix
+from lmi.arithmetic.balls import Ball, Exact, ball, exact, exp_times, rational, to_float
 from lmi.prove.hurwitz import exactly_schur, prove_hurwitz, real_spectrum
 from lmi.verdict import Verdict, proved, refuted, undecided
 from obsdesign.document import Claim
@@ -45,7 +43,7 @@ class SpeedsPerPeriod:
     exponent: float
 
     @classmethod
-    def from_evidence(cls, evidence: Mapping[str, Any]) -> SpeedsPerPeriod | None:
+    def from_evidence(cls, evidence: Entries) -> SpeedsPerPeriod | None:
         """The speeds in the evidence of claim `samples`; None where it has none."""
         if "approx_mode_times_period" not in evidence:
             return None
@@ -200,10 +198,10 @@ def _rank_of(A: Exact, C: Exact, step: float, first: int, count: int) -> Verdict
 def _sampled_rows(A: Exact, C: Exact, step: float, first: int, count: int) -> Rows:
     """Function of no arguments: rows C e^{A k step}, k = first .. count, as balls."""
 
-    def rows() -> list[list[Any]]:
+    def rows() -> list[list[Ball]]:
         forward = exp_times(A, step)
         at = ball(C)
-        table: list[list[Any]] = []
+        table: list[list[Ball]] = []
         for k in range(count + 1):
             if k >= first:
                 table += at.tolist()

@@ -8,23 +8,36 @@ answer is an accident that no box can prove; then nothing is found here.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Matrix
-from lmi.arithmetic.balls import Exact, around_zero, ball, exp_around, exp_times, number, to_float
+from lmi.arithmetic.arrays import Array, Matrix
+from lmi.arithmetic.balls import (
+    Ball,
+    Balls,
+    Exact,
+    around_zero,
+    ball,
+    exp_around,
+    exp_times,
+    number,
+    to_float,
+)
 from lmi.prove import exponential_sign as signs
 from lmi.verdict import Verdict, refuted
 from obsdesign.equations.impulsive_input.features import feature_flows
-from obsdesign.verification.impulsive_input.witnesses import EqualFeatures
+from obsdesign.verification.impulsive_input.witnesses import Age, EqualFeatures
 
 _STARTS = 12  # of Newton's method, for three features
 _STEPS = 30
 _LEAST_AGE_DIFFERENCE = 1e-3  # of the window: ages closer than this are one
 _RADII = (1e-8, 1e-10, 1e-6)  # of the window: boxes of ages that are tried
+
+# features at one age, and their rates
+_Pair = tuple[list[Ball], list[Ball]]
+_FloatPair = tuple[Matrix, Matrix]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,11 +56,11 @@ class FeatureCurve:
     tau: float
     nonnegative: bool = False
 
-    def value(self, age: float) -> list[Any]:
+    def value(self, age: float) -> list[Ball]:
         """Balls of b at an age, (r,)."""
         return signs.value(self.F, self.z, age)[self.n :]
 
-    def enclosure(self, age: float, around: Any = None) -> tuple[Any, Any]:
+    def enclosure(self, age: float, around: Balls | None = None) -> _Pair:
         """Balls of b and its rate at an age, or on e^{F u} of `around` it."""
         state = exp_times(self.F, age) * ball(self.z)
         state = state if around is None else around * state
@@ -90,7 +103,7 @@ def _crossing(curve: FeatureCurve, s1: float, low: float, high: float) -> Verdic
     """Refuted where b(s1) is certainly parallel to b at an age in [low, high]; else None."""
     first = curve.value(s1)
 
-    def cross(s: float) -> Any:
+    def cross(s: float) -> Ball:
         there = curve.value(s)
         return first[0] * there[1] - first[1] * there[0]
 
@@ -161,7 +174,7 @@ def _followed(F: Matrix, start: Matrix, n: int, age: float) -> tuple[Matrix, Mat
     return at[n:], (F @ at)[n:]
 
 
-def _minors(first: tuple[Any, Any], second: tuple[Any, Any]) -> tuple[Any, Any]:
+def _minors(first: _Pair | _FloatPair, second: _Pair | _FloatPair) -> tuple[Array, Array]:
     """b_k(s1) b_i(s2) - b_i(s1) b_k(s2), i != k, and their rates in (s1, s2); floats or balls.
 
     k: where b(s1) is largest, so that it is not zero.
@@ -176,7 +189,7 @@ def _minors(first: tuple[Any, Any], second: tuple[Any, Any]) -> tuple[Any, Any]:
     return np.array(values), np.array(slopes)
 
 
-def _largest(values: Any) -> int:
+def _largest(values: Iterable[Ball] | Matrix) -> int:
     return int(np.argmax([abs(float(value)) for value in values]))
 
 
@@ -199,7 +212,7 @@ def _certain_meeting(curve: FeatureCurve, ages: tuple[float, float]) -> Verdict 
     return None
 
 
-def _stays(row: Any, values: Any, slopes: Any, i: int, radius: float) -> bool:
+def _stays(row: Matrix, values: Array, slopes: Array, i: int, radius: float) -> bool:
     """One coordinate of Krawczyk's operator stays inside the box."""
     r, Y = number(radius), [number(float(y)) for y in row]
     image = -(Y[0] * values[0] + Y[1] * values[1])
@@ -211,7 +224,7 @@ def _stays(row: Any, values: Any, slopes: Any, i: int, radius: float) -> bool:
 
 
 def _witness(
-    curve: FeatureCurve, b: tuple[list[Any], list[Any]], ages: tuple[float, float], radius: float
+    curve: FeatureCurve, b: _Pair, ages: tuple[float, float], radius: float
 ) -> Verdict | None:
     k = _largest(b[0])
     if not all(each[k] > 0 or each[k] < 0 for each in b):
@@ -221,7 +234,10 @@ def _witness(
 
 
 def _same_features(
-    curve: FeatureCurve, entries: tuple[Any, Any], ages: tuple[float, float], brackets: list[Any]
+    curve: FeatureCurve,
+    entries: tuple[Ball, Ball],
+    ages: tuple[float, float],
+    brackets: Sequence[Age],
 ) -> Verdict | None:
     """Refuted by impulses of these ages; None where the second weight is not allowed.
 
@@ -238,5 +254,5 @@ def _same_features(
     return refuted(EqualFeatures(brackets, [1.0, weight], reason).to_dict())
 
 
-def _entries(column: Any, n: int) -> list[Any]:
+def _entries(column: Balls, n: int) -> list[Ball]:
     return [row[0] for row in column.tolist()][n:]

@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.balls import Exact, ball, exact
+from lmi.arithmetic.balls import Ball, Exact, ball, exact
 from lmi.prove import exponential_sign as signs
 from obsdesign.verification.impulsive_input.second_solution import FeatureCurve
 
@@ -20,7 +19,7 @@ class PlaneCurve:
 
     curve: FeatureCurve
     pair: tuple[int, int]
-    start: tuple[Any, Any]
+    start: tuple[Ball, Ball]
     effort: signs.Effort
 
     @classmethod

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from lmi.arithmetic.balls import (
     PRECISIONS,
+    Ball,
     Exact,
     ball,
     ball_column,
@@ -154,7 +154,7 @@ def _obstacle(part: FeatureWindow, lam: float, bound: float) -> Verdict | None:
     return None
 
 
-def _inner(D: Exact, c: Exact, h: Exact, lam: float, length: float) -> Any:
+def _inner(D: Exact, c: Exact, h: Exact, lam: float, length: float) -> Ball:
     """Ball of c int_0^length e^{(lam - D) u} du h."""
     n = len(D)
     shifted = exact(lam * np.eye(n)) - D

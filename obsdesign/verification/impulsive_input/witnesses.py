@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from typing import Any, Self
+from typing import Self
+
+from lmi.arithmetic.arrays import Entries, NewEntries
+
+Age = float | list[float]  # or the ends of a bracket of it
 
 
 @dataclass(frozen=True)
@@ -12,7 +16,7 @@ class Witness:
     """Entries of a witness by name; the sentence `reason` comes last in a document."""
 
     @classmethod
-    def from_evidence(cls, evidence: Mapping[str, Any]) -> Self | None:
+    def from_evidence(cls, evidence: Entries) -> Self | None:
         """The witness of this kind in the evidence of a claim; None if it is another or none."""
         witness = evidence.get("witness", {})
         names = [entry.name for entry in fields(cls)]
@@ -20,7 +24,7 @@ class Witness:
             return None
         return cls(**{name: witness[name] for name in names})
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> NewEntries:
         """Entries of the witness in the evidence of a claim."""
         return {entry.name: getattr(self, entry.name) for entry in fields(self)}
 
@@ -46,6 +50,6 @@ class TooFewFeatures(Witness):
 class EqualFeatures(Witness):
     """Two ages, or brackets of ages, and weights whose impulses leave the same features."""
 
-    ages: Sequence[Any]
+    ages: Sequence[Age]
     weights: Sequence[float]
     reason: str

@@ -8,13 +8,11 @@ to an exact one (`splits.completed_split`), and stability is proved for the comp
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Array
+from lmi.arithmetic.arrays import Array, Entries, EntriesByClaim, NewEntries, Value
 from lmi.arithmetic.balls import exact, inverse
 from lmi.prove.hurwitz import prove_hurwitz
 from lmi.time_budget import UNLIMITED, TimeBudget
@@ -65,8 +63,8 @@ _EQUATIONS = {
 
 def claims(
     problem: Problem,
-    stored: Mapping[str, Any],
-    certificates: Mapping[str, Mapping[str, Any]],
+    stored: Entries,
+    certificates: EntriesByClaim,
     *,
     paranoid: bool = False,
     budget: TimeBudget = UNLIMITED,
@@ -107,18 +105,18 @@ def claims(
 def _jump_claims(
     system: WidthSystem,
     gains: IntervalGains,
-    certificates: Mapping[str, Mapping[str, Any]],
+    certificates: EntriesByClaim,
     paranoid: bool,
 ) -> tuple[Claim, ...]:
     """Stability and rates of the width of a plant with jumps."""
     low, high = gains.dwell_range
     jitter = math.inf if gains.dwell_jitter is None else gains.dwell_jitter
-    dwell = Dwell(low, high, jitter)
+    dwell, N = Dwell(low, high, jitter), system.at_jumps[0]
     decay = [_hurwitz_claim(system.W, "there is no longest dwell time")] if math.isinf(high) else []
     certificate = certificates.get("dwell_stability", {})
     stability = _stability_claim(gains.form, system, dwell, certificate, paranoid)
     source = f"{PAPER}, {THEOREMS[gains.form]}"
-    rates = rates_claim(system.W, system.N, dwell, certificates, source)
+    rates = rates_claim(system.W, N, dwell, certificates, source)
     return (*decay, stability, *rates)
 
 
@@ -126,7 +124,7 @@ def _spacing(
     problem: Problem,
     system: WidthSystem,
     gains: IntervalGains,
-    certificates: Mapping[str, Any],
+    certificates: EntriesByClaim,
     width: tuple[Claim, ...],
 ) -> tuple[Claim, ...]:
     """Claim of a step limit of a continuous y, if one is proposed; none is needed with L = 0."""
@@ -138,7 +136,7 @@ def _spacing(
     return spacing_claim(system, gains, certificates.get("sampled_width", {}), source)
 
 
-def dwell_pair(stored: Mapping[str, Any]) -> tuple[Array, Array | None]:
+def dwell_pair(stored: Entries) -> tuple[Array, Array | None]:
     """(W, N), exact: the pair whose stability over a range of dwell times is claimed."""
     system = WidthSystem.from_gains(IntervalGains.from_document(stored), exact, inverse)
     return system.W, system.N
@@ -199,7 +197,7 @@ def _reason_against(problem: Problem) -> str | None:
     return reason
 
 
-def expected_gains(problem: Problem, stored: Mapping[str, Any]) -> dict[str, Any]:
+def expected_gains(problem: Problem, stored: Entries) -> NewEntries:
     """Entries of the stored gains, each with the value that the problem fixes, or its shape.
 
     The form that they name decides which entries there are.
@@ -207,13 +205,13 @@ def expected_gains(problem: Problem, stored: Mapping[str, Any]) -> dict[str, Any
     plant, form = problem.plant, stored.get("form")
     n, p = plant.n, plant.p
     forms = set(open_forms(problem))
-    expected: dict[str, Any] = {"form": forms} | plant_data(plant)
+    expected: NewEntries = {"form": forms} | plant_data(plant)
     if plant.output.measured == "periodic":
         expected |= {"period": plant.output.period}
     elif _has_step_limit(problem, stored):  # `sampled_width` is about this limit, and no other
-        expected |= {"step_limit": stored["step_limit"]}
+        expected |= {"step_limit": stored.get("step_limit")}
     if "dwell_time" in expected and _is_wider(problem, stored.get("dwell_time")):
-        expected |= {"dwell_time": stored["dwell_time"]}
+        expected |= {"dwell_time": stored.get("dwell_time")}
     expected |= {"L": (n, p), "M": (n, p), "D0": (n, n), "D1": (n, n)}
     if form == "two_coordinates":
         expected |= {"S": (n, n), "S2": (n, n), "T": (n, n)}
@@ -228,7 +226,7 @@ def expected_gains(problem: Problem, stored: Mapping[str, Any]) -> dict[str, Any
     return expected | given | zeros
 
 
-def _has_step_limit(problem: Problem, stored: Mapping[str, Any]) -> bool:
+def _has_step_limit(problem: Problem, stored: Entries) -> bool:
     """Does the problem name the spacing of a continuous y that is used between jumps?"""
     output = problem.plant.output
     named = output.measured == "continuous" and output.period is not None
@@ -236,7 +234,7 @@ def _has_step_limit(problem: Problem, stored: Mapping[str, Any]) -> bool:
     return named and has_limit and bool(np.any(stored.get("L", 0.0)))
 
 
-def _is_wider(problem: Problem, dwell_time: Any) -> bool:
+def _is_wider(problem: Problem, dwell_time: Value) -> bool:
     """Does the range of a search for the shortest dwell time hold the one of the problem?"""
     if problem.options_as(IntervalOptions).objective != "shortest_dwell" or np.shape(
         dwell_time
@@ -260,11 +258,11 @@ def _stability_claim(
     form: str,
     system: WidthSystem,
     dwell: Dwell,
-    certificate: Mapping[str, Any],
+    certificate: Entries,
     paranoid: bool,
 ) -> Claim:
     """Inequality (5), or (10) on the n-dimensional pair, for all dwell times in the range."""
-    verdict = dwell_stability(system.W, system.N, dwell, certificate, paranoid)
+    verdict = dwell_stability(system.W, system.at_jumps[0], dwell, certificate, paranoid)
     jump = "|S^-1 S2| T |S2^-1 S|" if form == "two_coordinates" else "Gp + Gn"
     return Claim(
         "dwell_stability",

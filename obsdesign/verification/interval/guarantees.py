@@ -61,8 +61,8 @@ def _bounded_width(problem: Problem, claims: tuple[Claim, ...], measured: str) -
 def _dwell_range(problem: Problem, claims: tuple[Claim, ...]) -> Dwell:
     """The range of dwell times that is claimed."""
     for claim in claims:
-        if claim.id == "dwell_stability" and "dwell_time" in claim.evidence:
-            low, high = claim.evidence["dwell_time"]
+        if claim.id == "dwell_stability" and (ends := claim.evidence.get("dwell_time")):
+            low, high = ends
             return replace(Dwell.from_problem(problem), low=float(low), high=float(high))
     return Dwell.from_problem(problem)
 

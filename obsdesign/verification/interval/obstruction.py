@@ -8,13 +8,12 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping
-from dataclasses import replace
-from typing import Any
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Array
+from lmi.arithmetic.arrays import Array, NewEntries
 from lmi.arithmetic.balls import exact, inverse, to_float
 from lmi.prove.hurwitz import prove_hurwitz
 from lmi.refute.spectral import refute_spectral
@@ -32,16 +31,24 @@ _MOST_SUPPORTS = 2000
 _STABILITY = ("dwell_stability", "sampled_stability")
 
 
+@dataclass(frozen=True)
+class _OpenGains:
+    """Which gains the problem leaves open, where they act."""
+
+    L: bool
+    M: bool
+
+
 def obstruction_claim(problem: Problem, gains: IntervalGains, source: str) -> tuple[Claim, ...]:
     """A refuted claim where gains are open and none suffices; nothing otherwise."""
     plant = problem.plant
     idle = idle_gains(plant)
-    is_open = {name: name not in problem.gains and name not in idle for name in ("L", "M")}
+    is_open = _OpenGains(*(name not in {*problem.gains, *idle} for name in ("L", "M")))
     if plant.output.measured == "periodic":
-        witness = _undetectable(problem) if is_open["L"] else None
-        if not is_open["L"] and _has_open_coordinates(problem, gains):
+        witness = _undetectable(problem) if is_open.L else None
+        if not is_open.L and _has_open_coordinates(problem, gains):
             witness = _unstable_between_samples(problem, gains)
-    elif any(is_open.values()):
+    elif is_open.L or is_open.M:
         witness = _undetectable(problem) or _in_these_coordinates(problem, gains, is_open)
     elif _has_open_coordinates(problem, gains):
         witness = _unstable_error(problem, gains)
@@ -64,7 +71,7 @@ def _has_open_coordinates(problem: Problem, gains: IntervalGains) -> bool:
     return gains.S is not None and "S" not in problem.gains
 
 
-def _undetectable(problem: Problem) -> dict[str, Any] | None:
+def _undetectable(problem: Problem) -> NewEntries | None:
     """Witness of two states with equal outputs whose distance does not shrink, or None."""
     A, G, C, ends = _plant(problem)
     return not_detectable(A, G, C, ends)
@@ -96,13 +103,13 @@ def with_hints(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Claim, ...]
 def _with_hint(claim: Claim, hint: str) -> Claim:
     witness = claim.evidence.get("witness")
     if witness is not None:
-        witness = {**witness, "reason": f"{witness['reason']}; {hint}"}
+        witness = {**witness, "reason": f"{witness.get('reason', 'refuted')}; {hint}"}
         return replace(claim, evidence={**claim.evidence, "witness": witness})
     reason = f"{claim.evidence.get('reason', 'not proved')}; {hint}"
     return replace(claim, evidence={**claim.evidence, "reason": reason})
 
 
-def _unstable_error(problem: Problem, gains: IntervalGains) -> dict[str, Any] | None:
+def _unstable_error(problem: Problem, gains: IntervalGains) -> NewEntries | None:
     """With gains that are given no coordinates help if the error itself does not shrink."""
     F, H = error_matrices(gains, exact)
     beginning = "with these gains no coordinates help, the estimation error does not shrink: "
@@ -113,7 +120,7 @@ def _unstable_error(problem: Problem, gains: IntervalGains) -> dict[str, Any] | 
     return witness or _witness(refute_spectral(F, H, low, high), beginning)
 
 
-def _unstable_between_samples(problem: Problem, gains: IntervalGains) -> dict[str, Any] | None:
+def _unstable_between_samples(problem: Problem, gains: IntervalGains) -> NewEntries | None:
     """The same for samples as events, without jumps if they may stay away for ever."""
     if problem.plant.jump is not None and math.isfinite(problem.require_dwell_time()[1]):
         return None
@@ -124,24 +131,23 @@ def _unstable_between_samples(problem: Problem, gains: IntervalGains) -> dict[st
     return _witness(refute_spectral(A, K, gains.period, gains.period), beginning)
 
 
-def _witness(verdict: Verdict, beginning: str) -> dict[str, Any] | None:
+def _witness(verdict: Verdict, beginning: str) -> NewEntries | None:
     """The witness of a refutation, its reason after a beginning; None without one."""
     if verdict.outcome != "refuted":
         return None
-    witness = dict(verdict.evidence["witness"])
-    return {**witness, "reason": beginning + str(witness["reason"])}
+    return {**verdict.witness, "reason": beginning + verdict.reason}
 
 
 def _in_these_coordinates(
-    problem: Problem, gains: IntervalGains, is_open: Mapping[str, bool]
-) -> dict[str, Any] | None:
+    problem: Problem, gains: IntervalGains, is_open: _OpenGains
+) -> NewEntries | None:
     plant = problem.plant
     if gains.form == "two_coordinates":
         return None
     frame = Coordinates.from_matrices(gains.S, None, inverse, exact)
     C = exact(plant.output.C)
-    L, M = (0 * exact(X) if is_open[name] else exact(X)
-            for name, X in (("L", gains.L), ("M", gains.M)))  # fmt: skip
+    L, M = (0 * exact(X) if is_free else exact(X)
+            for is_free, X in ((is_open.L, gains.L), (is_open.M, gains.M)))  # fmt: skip
     F = frame.similar(exact(plant.flow.A) - L @ C)
     H, C_jump = None, C
     if plant.jump is not None:
@@ -150,7 +156,7 @@ def _in_these_coordinates(
         H = frame.similar(G - M @ C_jump)
     if frame.S is not None:
         C, C_jump = C @ frame.S, C_jump @ frame.S
-    C_flow, C_jump = C if is_open["L"] else 0 * C, C_jump if is_open["M"] else 0 * C
+    C_flow, C_jump = C if is_open.L else 0 * C, C_jump if is_open.M else 0 * C
     if gains.form == "cooperative":
         witness = _wrong_sign(F, C_flow, "A - L C", metzler=True)
         if witness is None and H is not None:
@@ -164,7 +170,7 @@ def _in_these_coordinates(
 
 def _unreached(
     problem: Problem, F: Array, H: Array | None, C_flow: Array, C_jump: Array
-) -> dict[str, Any] | None:
+) -> NewEntries | None:
     """Columns that no gain reaches keep their part of W and N, and it does not contract.
 
     C_flow, C_jump: factors of the open gains, zero where none is open.
@@ -188,7 +194,7 @@ def _unreached(
     return witness
 
 
-def _wrong_sign(X: Array, C: Array, name: str, metzler: bool) -> dict[str, Any] | None:
+def _wrong_sign(X: Array, C: Array, name: str, metzler: bool) -> NewEntries | None:
     """A row that no gain makes nonnegative: y >= 0 with C y = 0 and (row) y < 0 (Farkas)."""
     n = len(X)
     for i in range(n):
@@ -200,7 +206,7 @@ def _wrong_sign(X: Array, C: Array, name: str, metzler: bool) -> dict[str, Any] 
     return None
 
 
-def _entry(X: Array, i: int, support: tuple[int, ...], y: Array, name: str) -> dict[str, Any]:
+def _entry(X: Array, i: int, support: tuple[int, ...], y: Array, name: str) -> NewEntries:
     values = [float(v) for v in to_float(np.array([X[i, j] for j in support], dtype=object))]
     if len(support) == 1:
         j = support[0]

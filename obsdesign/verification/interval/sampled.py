@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Array
+from lmi.arithmetic.arrays import Array, Entries
 from lmi.arithmetic.balls import exact, inverse, to_float, upper_ends
-from lmi.bounds.interleaved import Bounds, Interleaved, prove_interleaved
+from lmi.bounds.interleaved import Bounds, prove_interleaved
 from lmi.bounds.sampled_flow import sampled_flow
 from lmi.prove.hurwitz import prove_hurwitz
 from lmi.refute.spectral import refute_spectral
 from lmi.verdict import Verdict, undecided
+from obsdesign.analysis.interval.interleaved import interleaved
 from obsdesign.document import Claim
 from obsdesign.equations.interval.gains import IntervalGains
 from obsdesign.equations.interval.width import SAMPLED_MAPS, WidthSystem, slope_scheme
@@ -36,7 +36,7 @@ _COMPARISON_IN_WORDS = "w' = W w + f, w+ = K w + k at samples and w+ = N w + h a
 
 
 def samples_claim(
-    system: WidthSystem, gains: IntervalGains, proposed: Mapping[str, Any], source: str
+    system: WidthSystem, gains: IntervalGains, proposed: Entries, source: str
 ) -> Claim:
     """Claim for samples as events: bounded width for every sequence of jumps between them.
 
@@ -51,12 +51,13 @@ def samples_claim(
     bounds = vectors(proposed, names, len(system.f))
     verdict = undecided("no tube was given or found for samples and jumps between them")
     if bounds is not None:
-        verdict = _proof(system, gains, bounds)
+        verdict = _proof(system, gains, _bounds(bounds))
     if verdict.outcome == "proved" and bounds is not None:
-        widths = {name: to_float(bounds[name]).tolist() for name in names}
-        if system.N is not None:
-            widths["after_jump"] = raised_product(system.out, bounds["jumped"])
-        widths["after_sample"] = raised_product(system.out, bounds["sampled"])
+        widths = {name: to_float(v).tolist() for name, v in zip(names, bounds, strict=True)}
+        tube = _bounds(bounds)
+        if tube.jumped is not None:
+            widths |= {"after_jump": raised_product(system.out, tube.jumped)}
+        widths |= {"after_sample": raised_product(system.out, tube.sampled)}
         verdict = Verdict("proved", {**widths, **verdict.evidence})
     elif math.isinf(gains.dwell_ends[1]):
         refutation = _refutation(system, gains.period)
@@ -83,24 +84,29 @@ def _refutation(system: WidthSystem, period: float) -> Verdict:
     refutation = refute_spectral(system.A, system.K, period, period)
     if refutation.outcome == "refuted":
         return refutation
-    sample = Interleaved.from_system(system, period, math.inf, math.inf).over_period()
+    sample = interleaved(system, period, math.inf, math.inf).over_period()
     below = np.maximum(-upper_ends(-sample), 0.0)[:-1, :-1]
     if not np.isfinite(below).all():
         return undecided("the map from sample to sample overflows")
     return refute_spectral(0 * below, below, period, period)
 
 
-def _proof(system: WidthSystem, gains: IntervalGains, vectors: Mapping[str, Array]) -> Verdict:
+def _proof(system: WidthSystem, gains: IntervalGains, bounds: Bounds) -> Verdict:
     assert gains.period is not None
-    question = Interleaved.from_system(system, gains.period, *gains.dwell_ends, gains.skips_jumps)
-    bounds = Bounds(vectors["tube"], vectors["sampled"], vectors.get("jumped"), vectors["always"])
+    question = interleaved(system, gains.period, *gains.dwell_ends, gains.skips_jumps)
     return prove_interleaved(question, exact(system.out), bounds)
+
+
+def _bounds(vectors: tuple[Array, ...]) -> Bounds:
+    """From tube, sampled, always and, with jumps, jumped."""
+    tube, sampled, always, *jumped = vectors
+    return Bounds(tube, sampled, jumped[0] if jumped else None, always)
 
 
 def spacing_claim(
     system: WidthSystem,
     gains: IntervalGains,
-    proposed: Mapping[str, Any],
+    proposed: Entries,
     source: str,
 ) -> tuple[Claim, ...]:
     """Claim of the width for samples of a continuous y at all spacings up to a limit."""
@@ -164,7 +170,7 @@ class SampledWidth:
     step_limit: float | None
 
     @classmethod
-    def from_evidence(cls, evidence: Mapping[str, Any]) -> SampledWidth:
+    def from_evidence(cls, evidence: Entries) -> SampledWidth:
         """Those of a proved claim."""
         limit = evidence.get("step_limit")
         limit = None if limit is None else float(limit)

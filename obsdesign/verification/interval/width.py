@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from decimal import ROUND_CEILING
-from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Array
+from lmi.arithmetic.arrays import Array, Entries
 from lmi.arithmetic.balls import exact, to_float
 from lmi.bounds.tube import Tube, periodic_limit, prove_tube
 from lmi.verdict import Verdict, proved, undecided
@@ -30,7 +29,7 @@ class ConstantDwell:
     mean: Sequence[float]
 
     @classmethod
-    def from_evidence(cls, entries: Mapping[str, Any]) -> ConstantDwell:
+    def from_evidence(cls, entries: Entries) -> ConstantDwell:
         """Those of one row of a claim."""
         names = ("before_jump", "after_jump", "mean")
         return cls(float(entries["dwell_time"]), *(entries[name] for name in names))
@@ -46,7 +45,7 @@ class AsymptoticWidth:
     constant_dwell: tuple[ConstantDwell, ...]
 
     @classmethod
-    def from_evidence(cls, evidence: Mapping[str, Any]) -> AsymptoticWidth:
+    def from_evidence(cls, evidence: Entries) -> AsymptoticWidth:
         """Those of a proved claim."""
         rows = tuple(map(ConstantDwell.from_evidence, evidence.get("constant_dwell", ())))
         return cls(
@@ -55,7 +54,7 @@ class AsymptoticWidth:
 
 
 def width_claim(
-    system: WidthSystem, ends: tuple[float, float], proposed: Mapping[str, Any], source: str
+    system: WidthSystem, ends: tuple[float, float], proposed: Entries, source: str
 ) -> tuple[Claim, ...]:
     """Claim of the proposed bounds of the width; no claim where there is no proposal.
 
@@ -66,9 +65,9 @@ def width_claim(
     bounds = vectors(proposed, names, len(system.f))
     if bounds is None:
         return ()
-    verdict = _proof(system, ends, bounds)
+    verdict = _proof(system, ends, Tube(*bounds))
     if verdict.outcome == "proved":
-        stated = {name: to_float(bounds[name]).tolist() for name in names}
+        stated = {name: to_float(v).tolist() for name, v in zip(names, bounds, strict=True)}
         rows = [asdict(row) for row in _constant_dwell(system, ends)]
         verdict = Verdict("proved", {**stated, "constant_dwell": rows, **verdict.evidence})
     statement = (
@@ -80,16 +79,17 @@ def width_claim(
     return (Claim.from_verdict("width", statement, f"{source}; tube", verdict),)
 
 
-def limit_claim(system: WidthSystem, proposed: Mapping[str, Any], source: str) -> tuple[Claim, ...]:
+def limit_claim(system: WidthSystem, proposed: Entries, source: str) -> tuple[Claim, ...]:
     """Claim of the bounds of the width without jumps: W v + f < 0, exactly."""
-    bounds = vectors(proposed, ("tube", "always"), len(system.f))
+    names = ("tube", "always")
+    bounds = vectors(proposed, names, len(system.f))
     if bounds is None:
         return ()
-    v, always = bounds["tube"], bounds["always"]
+    v, always = bounds
     holds = all(x < 0 for x in system.W @ v + system.f) and all(x > 0 for x in v)
     verdict = undecided("W v + f < 0 does not hold for the proposed v")
     if holds and all(a >= b for a, b in zip(always, system.out @ v, strict=True)):
-        stated = {name: to_float(bounds[name]).tolist() for name in ("tube", "always")}
+        stated = {name: to_float(x).tolist() for name, x in zip(names, bounds, strict=True)}
         verdict = proved(**stated, exact=True)
     statement = "as time goes on, the width of the bounds comes to at most `always`: W v + f < 0"
     return (Claim.from_verdict("width", statement, f"{source}; tube", verdict),)
@@ -126,24 +126,22 @@ def shown(values: Sequence[float] | Array) -> str:
     return "(" + ", ".join(six_digits(float(value), ROUND_CEILING) for value in values) + ")"
 
 
-def vectors(proposed: Mapping[str, Any], names: tuple[str, ...], n: int) -> dict[str, Array] | None:
+def vectors(proposed: Entries, names: tuple[str, ...], n: int) -> tuple[Array, ...] | None:
     """The proposed vectors, exact; None if one is missing, or not a finite vector."""
-    result = {}
+    result = []
     for name in names:
         try:
             value = np.asarray(proposed[name], dtype=np.float64)
-            result[name] = exact(value)
+            result.append(exact(value))
         except (KeyError, TypeError, ValueError, OverflowError):
             return None
         if value.shape != (n,):
             return None
-    return result
+    return tuple(result)
 
 
-def _proof(system: WidthSystem, ends: tuple[float, float], bounds: Mapping[str, Array]) -> Verdict:
+def _proof(system: WidthSystem, ends: tuple[float, float], tube: Tube) -> Verdict:
     W, f, N, h, out = (exact(X) for X in (system.W, system.f, *system.at_jumps, system.out))
-    names = ("tube", "after_jump", "before_jump", "always")
-    tube = Tube(*(bounds[name] for name in names))
     return prove_tube(W, f, N, h, out, tube=tube, low=ends[0], high=ends[1])
 
 

@@ -7,12 +7,12 @@ longest dwell time the flow must be Hurwitz as well (docs/papers.md, Corollary 4
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Entries, EntriesByClaim, NewEntries
 from lmi.arithmetic.balls import Exact, exact
 from lmi.prove.hurwitz import prove_hurwitz
 from lmi.refute.spectral import refute_spectral
@@ -51,8 +51,8 @@ PAPER = "Briat, Automatica 49 (2013), Theorem 3"
 
 def claims(
     problem: Problem,
-    stored: Mapping[str, Any],
-    certificates: Mapping[str, Mapping[str, Any]],
+    stored: Entries,
+    certificates: EntriesByClaim,
     *,
     paranoid: bool = False,
     budget: TimeBudget = UNLIMITED,
@@ -151,13 +151,13 @@ def _is_refuted_for_all_gains(problem: Problem, shifted: Exact) -> bool:
     )
 
 
-def dwell_pair(stored: Mapping[str, Any]) -> tuple[Exact, Exact]:
+def dwell_pair(stored: Entries) -> tuple[Exact, Exact]:
     """(F, H), exact: the pair whose stability over a range of dwell times is claimed."""
     gains = LuenbergerGains.from_document(stored)
     return error_matrix(gains, "L", gains.L), error_matrix(gains, "M", gains.M)
 
 
-def _expected(problem: Problem) -> dict[str, Any]:
+def _expected(problem: Problem) -> NewEntries:
     n, p = problem.plant.n, problem.plant.p
     zeros = {name: np.zeros((n, p)) for name in idle_gains(problem.plant)}
     expected = plant_data(problem.plant) | {"L": (n, p), "M": (n, p)} | dict(problem.gains) | zeros
@@ -180,9 +180,7 @@ def _hurwitz(F: Exact, name: str, why: str, rate: float = 0.0) -> Claim:
     )
 
 
-def _stability(
-    F: Exact, H: Exact, dwell: Dwell, certificates: Mapping[str, Any], paranoid: bool
-) -> Claim:
+def _stability(F: Exact, H: Exact, dwell: Dwell, certificates: Entries, paranoid: bool) -> Claim:
     verdict = dwell_stability(F, H, dwell, certificates.get("dwell_stability", {}), paranoid)
     return Claim.from_verdict(
         "dwell_stability",
@@ -197,7 +195,7 @@ def _scheduled(
     problem: Problem,
     gains: LuenbergerGains,
     F: Exact,
-    certificates: Mapping[str, Any],
+    certificates: Entries,
     paranoid: bool,
 ) -> list[Claim]:
     """Claim stability, and the decay rate, with gains by cells of the last dwell time."""
@@ -221,7 +219,7 @@ def _decay(
     shifted: Exact,
     H: Exact,
     dwell: Dwell,
-    certificates: Mapping[str, Any],
+    certificates: Entries,
     *,
     rate: float,
     paranoid: bool,

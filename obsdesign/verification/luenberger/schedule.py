@@ -12,12 +12,10 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.arrays import Entries, Matrix
 from lmi.arithmetic.balls import Exact, exact
 from lmi.prove.common_matrix import prove
 from lmi.prove.condition import Condition
@@ -34,7 +32,7 @@ def scheduled_stability(
     problem: Problem,
     gains: LuenbergerGains,
     F: Exact,
-    certificate: Mapping[str, Any],
+    certificate: Entries,
     paranoid: bool,
 ) -> Verdict:
     """Decide stability of the error for every admissible sequence of dwell times.
@@ -68,7 +66,7 @@ def scheduled_stability(
     return attempt
 
 
-def reason_against_borders(problem: Problem, stored: Mapping[str, Any]) -> str | None:
+def reason_against_borders(problem: Problem, stored: Entries) -> str | None:
     """Return why the borders of the cells cannot be those of a schedule, or None."""
     if problem.options_as(LuenbergerOptions).schedule is None:
         return None
@@ -108,12 +106,12 @@ def _proof(
             verdict = prove(condition, method=method)
             if verdict.outcome != "proved":
                 where = f"from cell {earlier + 1} to cell {later + 1} of the dwell times"
-                return undecided(f"{where}: {verdict.evidence['reason']}")
+                return undecided(f"{where}: {verdict.reason}")
             boxes += verdict.evidence.get("boxes", 0)
     return proved(cells=[list(ends) for ends in cells], pairs=len(pairs), boxes=boxes)
 
 
-def _matrices(values: Any, count: int, n: int) -> Matrix | None:
+def _matrices(values: object, count: int, n: int) -> Matrix | None:
     try:
         matrices = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):

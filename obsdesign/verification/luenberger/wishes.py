@@ -7,11 +7,10 @@ the witness holds for all gains.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Array
+from lmi.arithmetic.arrays import Array, NewEntries
 from lmi.arithmetic.balls import Exact, exact
 from lmi.prove.regions import prove_disc, prove_half_plane, prove_norm, prove_sector
 from lmi.verdict import Verdict, overall, proved, refuted
@@ -116,7 +115,7 @@ def _claim(problem: Problem, name: str, statement: str, parts: Mapping[str, Verd
     """The claim that several gains fulfil a wish."""
     outcome = overall(verdict.outcome for verdict in parts.values())
     if outcome == "proved":
-        evidence: dict[str, Any] = {gain: dict(part.evidence) for gain, part in parts.items()}
+        evidence: NewEntries = {gain: dict(part.evidence) for gain, part in parts.items()}
         return Claim(name, statement, _SOURCES[name], outcome, evidence)
     gain, part = next((g, v) for g, v in parts.items() if v.outcome == outcome)
     evidence = dict(part.evidence)

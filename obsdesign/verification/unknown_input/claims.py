@@ -8,12 +8,10 @@ conditions, p >= q and observability, are refuted). Both are decided on the exac
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Array, Matrix
+from lmi.arithmetic.arrays import Array, Entries, EntriesByClaim, Matrix, NewEntries
 from lmi.arithmetic.balls import Exact, exact, to_float
 from lmi.arithmetic.spectrum import spectral_radius
 from lmi.prove.hurwitz import prove_hurwitz
@@ -48,8 +46,8 @@ FIRST_STATE = 1e-6
 
 def claims(
     problem: Problem,
-    stored: Mapping[str, Any],
-    certificates: Mapping[str, Mapping[str, Any]],
+    stored: Entries,
+    certificates: EntriesByClaim,
     *,
     paranoid: bool = False,
     budget: TimeBudget = UNLIMITED,
@@ -91,7 +89,7 @@ def _choice_of_L(problem: Problem, F: Matrix) -> tuple[Claim, ...]:
     return (claim,)
 
 
-def _expected(problem: Problem, stored: Mapping[str, Any]) -> dict[str, Any]:
+def _expected(problem: Problem, stored: Entries) -> NewEntries:
     flow, output = problem.plant.flow, problem.plant.output
     assert flow.D is not None
     m = 0 if flow.B is None else flow.B.shape[1]
@@ -199,12 +197,11 @@ def _stable(F: Matrix, near: NearZero | None) -> Claim:
     if F.size:
         verdict = prove_hurwitz(exact(F))
         if verdict.outcome == "refuted" and near is not None:
-            witness = verdict.evidence["witness"]
             why = (
-                f"{witness['reason']}; s = {near.real:.6g} is within {near.margin:.1g} of "
+                f"{verdict.reason}; s = {near.real:.6g} is within {near.margin:.1g} of "
                 "being an invariant zero, so that hardly any gain reaches it"
             )
-            verdict = refuted({**witness, "reason": why})
+            verdict = refuted({**verdict.witness, "reason": why})
     return Claim(
         "hurwitz",
         "the error of the reduced state decays (F is Hurwitz), and so it does in steps of any "

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
+from lmi.arithmetic.arrays import Entries
 from obsdesign.analysis.invariant_zeros import NearZero
 from obsdesign.document import Claim, Guarantee
 from obsdesign.equations.unknown_input.formulas import STEP_LIMIT
@@ -35,7 +36,7 @@ def guarantees(problem: Problem, listed: tuple[Claim, ...]) -> tuple[Guarantee, 
             verdicts,
         ),
     ]
-    if zeros := claims["zeros"].evidence.get("zeros") if "zeros" in claims else None:
+    if zeros := _evidence(claims, "zeros").get("zeros"):
         text = ", ".join(f"{re:.6g}" + (f" +- {im:.6g}i" if im else "") for re, im in zeros)
         sentence = (
             f"The poles include the invariant zeros {text}, which no gain moves; errors along "
@@ -61,7 +62,7 @@ def warnings(problem: Problem, listed: tuple[Claim, ...]) -> tuple[str, ...]:
     """Sentences on zeros that rounding of the plant may destabilise, and on ringing steps."""
     claims = {claim.id: claim for claim in listed}
     sentences = []
-    if "zeros" in claims and (near := NearZero.from_evidence(claims["zeros"].evidence)):
+    if near := NearZero.from_evidence(_evidence(claims, "zeros")):
         sentences.append(
             f"Rounding the plant may destroy stability: s = {near} is within {near.margin:.1g} of "
             "being an invariant zero that does not decay."
@@ -81,7 +82,7 @@ def _step_product(problem: Problem, claims: Mapping[str, Claim]) -> float | None
     h = problem.plant.output.period
     if "hurwitz" not in claims or h is None:
         return None
-    fastest = float(claims["hurwitz"].evidence.get("approx_fastest", 0.0))
+    fastest = float(_evidence(claims, "hurwitz").get("approx_fastest", 0.0))
     return h * fastest if math.isfinite(fastest) else None
 
 
@@ -90,10 +91,15 @@ def _step_words(problem: Problem, product: float) -> str:
     return f"h |f| = {product:.3g} for the period h = {h:g} and the fastest pole f"
 
 
+def _evidence(claims: Mapping[str, Claim], name: str) -> Entries:
+    """The evidence of a claim; {} without such a claim."""
+    claim = claims.get(name)
+    return {} if claim is None else claim.evidence
+
+
 def _rounding(claims: Mapping[str, Claim]) -> str:
     """The steady-state error caused by rounding the stored matrices, as part of a sentence."""
-    evidence = claims["rounding"].evidence if "rounding" in claims else {}
-    bounds = SteadyBounds.from_evidence(evidence)
+    bounds = SteadyBounds.from_evidence(_evidence(claims, "rounding"))
     if bounds is None:
         return ""
     return (

@@ -6,12 +6,11 @@ by `error_drives`. The error is bounded by the peak gain from each to each estim
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import Any
 
 import numpy as np
 
+from lmi.arithmetic.arrays import Entries
 from lmi.arithmetic.balls import exact, to_float
 from lmi.bounds.peak_gain import peak_gains
 from lmi.verdict import Verdict, proved, refuted, undecided
@@ -35,7 +34,7 @@ class SteadyBounds:
     input: float
 
     @classmethod
-    def from_evidence(cls, evidence: Mapping[str, Any]) -> SteadyBounds | None:
+    def from_evidence(cls, evidence: Entries) -> SteadyBounds | None:
         """The bounds in the evidence of the claim `rounding`, if there are any."""
         bounds = evidence.get("bounds")
         return None if bounds is None else cls(**bounds)

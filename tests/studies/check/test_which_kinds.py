@@ -13,8 +13,9 @@ from benchmarks.glance_is_fast import plants
 from obsdesign.errors import DoesNotApply
 from obsdesign.kinds import KINDS
 from obsdesign.studies.check import advice
-from obsdesign.studies.check.which_kinds import check_all, check_kind
+from obsdesign.studies.check.which_kinds import check_all
 from tests.long.check_agrees import designed, disagreements
+from tests.systems.checks import check_kind
 
 ROOT = Path(__file__).parents[3]
 EXAMPLES = sorted(path.stem for path in (ROOT / "examples").glob("*.toml"))

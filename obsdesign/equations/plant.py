@@ -1,0 +1,111 @@
+"""What the equations read of a plant; `obsdesign.Plant`, above this layer, has it."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from lmi.arithmetic.arrays import Matrix
+
+
+class Flow(Protocol):
+    """Numbers of x' = A x + B u + b."""
+
+    @property
+    def A(self) -> Matrix:
+        """(n, n)."""
+
+    @property
+    def B(self) -> Matrix | None:
+        """(n, m), None without a known input."""
+
+    @property
+    def lower(self) -> Matrix:
+        """Lower bound of b (n,)."""
+
+    @property
+    def upper(self) -> Matrix:
+        """Upper bound of b (n,)."""
+
+
+class Jump(Protocol):
+    """Numbers of x+ = G x + E w + H g + c."""
+
+    @property
+    def G(self) -> Matrix:
+        """(n, n)."""
+
+    @property
+    def E(self) -> Matrix | None:
+        """(n, l), None without a known jump input."""
+
+    @property
+    def H(self) -> Matrix | None:
+        """(n, r), None without unknown impulses."""
+
+    @property
+    def lower(self) -> Matrix:
+        """Lower bound of c (n,)."""
+
+    @property
+    def upper(self) -> Matrix:
+        """Upper bound of c (n,)."""
+
+    @property
+    def dwell_time(self) -> tuple[float, float] | None:
+        """(shortest, longest), None where every dwell time is allowed."""
+
+    @property
+    def dwell_jitter(self) -> float:
+        """Largest change from one dwell time to the next, maybe infinite."""
+
+
+class Output(Protocol):
+    """Numbers of y = C x + v."""
+
+    @property
+    def C(self) -> Matrix:
+        """(p, n)."""
+
+    @property
+    def noise_bound(self) -> Matrix | None:
+        """(p,) or (p, 2), None where there is none."""
+
+    @property
+    def noise_radius(self) -> Matrix | None:
+        """Half-widths of the bounds of v (p,)."""
+
+    @property
+    def noise_centre(self) -> Matrix | None:
+        """Middle of the bounds of v (p,), None where all are symmetric."""
+
+    @property
+    def noise_std(self) -> Matrix:
+        """(p,)."""
+
+    @property
+    def noise_cv(self) -> Matrix:
+        """(p,)."""
+
+    @property
+    def measured(self) -> str:
+        """When y is measured."""
+
+    @property
+    def jump_measurement(self) -> str:
+        """At a jump: before, after or none."""
+
+
+class Plant(Protocol):
+    """A flow, jumps if it has any, and an output."""
+
+    @property
+    def flow(self) -> Flow:
+        """Between jumps."""
+
+    @property
+    def jump(self) -> Jump | None:
+        """None without jumps."""
+
+    @property
+    def output(self) -> Output:
+        """What is measured."""
