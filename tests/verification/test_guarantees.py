@@ -108,9 +108,53 @@ def test_a_sentence_may_name_fewer_of_its_claims_and_promises_no_more_by_it() ->
     assert obsdesign.verify(replace(design, guarantees=older, warnings=None)).verdict == "proved"
     # the twin: a design of today rests each sentence on exactly its claims
     assert obsdesign.verify(replace(design, guarantees=older)).verdict == "refuted"
-    false = tuple(replace(entry, given=not entry.given) for entry in design.guarantees)
-    outcome = obsdesign.verify(replace(design, guarantees=false))
-    assert (outcome.verdict, outcome.guarantees) == ("refuted", ())
+
+
+def test_a_sentence_that_is_withheld_says_less_and_one_that_is_added_is_false() -> None:
+    """A document that does not give what is proved is confirmed with a warning."""
+    design = obsdesign.design(obsdesign.load_problem(ROOT / "examples" / "ahn_1.toml"))
+    first, *others = design.guarantees
+    assert first.given
+    withheld = (replace(first, given=False), *others)
+    outcome = obsdesign.verify(replace(design, guarantees=withheld))
+    assert (outcome.verdict, outcome.guarantees) == ("proved", design.guarantees)
+    assert len(outcome.warnings) == len(design.warnings or ()) + 1
+    assert first.statement in outcome.warnings[-1]
+    # the twins: other words of the withheld sentence, and one that nothing gives
+    for false in (replace(first, given=False, statement=first.statement + " Always."),
+                  replace(first, statement="Noise leaves no error.", claims=())):  # fmt: skip
+        outcome = obsdesign.verify(replace(design, guarantees=(false, *others)))
+        assert (outcome.verdict, outcome.guarantees) == ("refuted", ())
+
+
+@pytest.mark.parametrize("is_older", [False, True])
+@pytest.mark.parametrize("example", ["mattsson_medvedev", "sampled_data"])
+def test_sentences_that_are_not_given_are_compared_like_all_others(
+    example: str, is_older: bool
+) -> None:
+    design = obsdesign.design(obsdesign.load_problem(ROOT / "examples" / f"{example}.toml"))
+    if is_older:
+        design = replace(design, warnings=None)
+    assert obsdesign.verify(design).verdict == "proved"
+    k = next(i for i, entry in enumerate(design.guarantees) if not entry.given)
+    entry = design.guarantees[k]
+    for forged in (
+        replace(entry, statement=entry.statement.replace("not ", "")),
+        replace(entry, claims=(*entry.claims, "no_such_claim")),
+        replace(entry, given=True),
+    ):
+        guarantees = (*design.guarantees[:k], forged, *design.guarantees[k + 1 :])
+        outcome = obsdesign.verify(replace(design, guarantees=guarantees))
+        assert (outcome.verdict, outcome.guarantees) == ("refuted", ())
+
+
+def test_an_older_design_may_lack_sentences_that_are_not_given() -> None:
+    design = obsdesign.design(obsdesign.load_problem(ROOT / "examples" / "sampled_data.toml"))
+    fewer = tuple(entry for entry in design.guarantees if entry.given)
+    assert len(fewer) < len(design.guarantees)
+    for warnings, verdict in ((None, "proved"), (design.warnings, "refuted")):
+        changed = replace(design, guarantees=fewer, warnings=warnings)
+        assert obsdesign.verify(changed).verdict == verdict
 
 
 def test_warnings_are_those_of_the_claims(tmp_path: Path) -> None:
