@@ -40,6 +40,11 @@ class NormalisedStack:
     length: Any
     flows: dict[tuple[int, int], Any] = field(default_factory=dict)
 
+    @property
+    def is_point(self) -> bool:
+        """Whether the range is one point."""
+        return bool(self.length == 0)
+
     def flow(self, key: tuple[int, int]) -> Any:
         """e^{F c}, c the middle of a side."""
         if key not in self.flows:
