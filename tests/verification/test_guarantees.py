@@ -13,11 +13,13 @@ from click.testing import CliRunner
 import obsdesign
 from obsdesign.cli.answers import show
 from obsdesign.cli.commands import cli
+from obsdesign.design_file import from_dict
 from obsdesign.document import digest
 from obsdesign.pages.curves import curve_of
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.document import sentences_from
 from tests.cli.test_commands import ROOT
+from tests.fuzz.cases import design_text
 from tests.pages.test_report import Page
 from tests.verification.unknown_input.test_claims import example
 
@@ -219,3 +221,15 @@ def test_a_proof_of_what_a_document_leaves_undecided_is_no_fault_of_it(
     outcome = obsdesign.verify(opened)
     assert {claim.id: claim.verdict for claim in outcome.claims}["document"] == "proved"
     assert not any(one.given for one in outcome.guarantees if "dwell_stability" in one.claims)
+
+
+@pytest.mark.parametrize("missing", ["after_sample", "always"])
+def test_evidence_without_what_its_sentence_is_made_of_confirms_nothing(missing: str) -> None:
+    """Where the claim is not proved again, only the document says what its width is."""
+    body = json.loads(design_text("sampled"))
+    claim = next(one for one in body["claims"] if missing in one["evidence"])
+    claim["evidence"]["maps"] = ["inf"]  # no certificate
+    del claim["evidence"][missing]
+    outcome = obsdesign.verify(from_dict(body | {"digest": digest(body)}))
+    assert outcome.verdict in ("refuted", "undecided")
+    assert outcome.guarantees == ()
