@@ -11,9 +11,9 @@ from collections.abc import Sequence
 
 BUDGET_BYTES = 512 * 2**20
 FLOAT_BYTES = 8
-# numbers that Clarabel keeps for each entry of the dense blocks of its matrix, measured at sides
-# 16 to 60: the matrix with its indices, the factor with its own, and copies in another order
-_NUMBERS_PER_ENTRY = 14
+# numbers that Clarabel keeps for each entry of the dense blocks of its matrix, 12 to 15 at
+# sides 16 to 60: the matrix with its indices, the factor with its own, and copies in another order
+_NUMBERS_PER_ENTRY = 15
 
 
 class OversizeError(ValueError):

@@ -66,7 +66,7 @@ def test_the_budget_itself_is_allowed_and_no_number_more() -> None:
         ),
         (
             lambda: common_matrices(np.zeros((2, 100, 100))),
-            "a search for 1 matrices of 100 states with 2 maps needs 7.98 GiB of memory, and the "
+            "a search for 1 matrices of 100 states with 2 maps needs 8.55 GiB of memory, and the "
             "budget is 512 MiB: fewer states, or a shorter range of dwell times, are required.",
         ),
     ],
