@@ -131,6 +131,21 @@ def positive(value: float, entry: str) -> float:
     return in_range(float(value), entry)
 
 
+def number_from_text(text: str) -> float:
+    """The number that a text is: of data, options and tables alike; ValueError for any other.
+
+    Decimal, ASCII, without blanks; Python would take 1_0 and digits of other scripts too.
+    """
+    if not text.isascii() or "_" in text or text != text.strip():
+        raise ValueError(f"{shown(text)} is not a number")
+    return float(text)
+
+
+def numbers_from_cells(cells: Iterable[str]) -> list[float]:
+    """The numbers in a column of a table, NaN where a cell is empty; ValueError for any other."""
+    return [number_from_text(cell) if cell else math.nan for cell in map(str.strip, cells)]
+
+
 def real(value: Value, entry: str) -> float:
     """A number that is one, as a float: no text, no truth value."""
     if not is_number(value):

@@ -23,6 +23,8 @@ def refuse_overwriting(target: str | None, *sources: str | None) -> None:
     """InputError if a file to be written is one that is read, or cannot be a file at all."""
     if target is None:
         return
+    if not target:
+        raise InputError("an output file must have a name; got an empty one.")
     path = Path(target)
     if path.is_dir() or not path.absolute().parent.is_dir():
         raise InputError(f"{target}: cannot be written: no such folder, or a folder itself.")

@@ -25,18 +25,27 @@ from lmi.arithmetic.balls import (
     to_float,
 )
 from lmi.arithmetic.norms import float_above, float_below
+from lmi.memory import require_memory
 from lmi.prove.hurwitz import prove_hurwitz, rightmost
 
 # parts of the decay rate tried for a, in turn
 _SHARES = (0.5, 0.1, 0.01)
 _BITS = 256
+_NUMBERS_PER_BALL = 80  # measured, in floats, for each entry of a matrix that is factored
 
 
 def peak_gains(F: Exact, B: Exact, C: Exact) -> tuple[Matrix, Matrix] | None:
     """(lower, upper) float bounds of the integrals, each (rows of C, columns of B).
 
     F (k, k) Hurwitz, all exact. None where no a could be proved.
+    OversizeError where the Lyapunov equation for k (k + 1) / 2 numbers is too large.
     """
+    k = len(F)
+    require_memory(
+        f"a Lyapunov equation of {k} states in balls",
+        _NUMBERS_PER_BALL * (k * (k + 1) / 2) ** 2,
+        "fewer states are required",
+    )
     if not F.size or not B.size or not C.size:
         nothing = np.zeros((len(C), B.shape[1]))
         return nothing, nothing
@@ -57,20 +66,33 @@ def _above(F: Exact, B: Exact, C: Exact, rate: float) -> Matrix | None:
     shifted = F + exact(rate * np.eye(k))
     if prove_hurwitz(shifted).outcome != "proved":
         return None
-    eye = exact(np.eye(k))
-    operator = np.kron(eye, shifted.T) + np.kron(shifted.T, eye)
-    right = np.array([-np.kron(c, c) for c in C], dtype=object).T
-    solution = solve_entries(entries(ball(operator)), entries(ball(right)))
+    solution = _lyapunov_matrices(shifted, C)
     if solution is None:
         return None
     weight = 1 / (2 * scalar(exact(rate).item()))
     columns = entries(ball(B))
     result = np.zeros((len(C), B.shape[1]))
-    for i in range(len(C)):
-        P = solution[:, i].reshape(k, k)
+    for i, P in enumerate(solution):
         squares = (columns * (P @ columns)).sum(axis=0) * weight
         result[i] = [float_above(square.abs_upper().sqrt()) for square in squares]
     return result
+
+
+def _lyapunov_matrices(F: Exact, C: Exact) -> list[Exact] | None:
+    """P of F'P + P F = -c'c for each row c, in the entries of its upper triangle, in balls."""
+    k = len(F)
+    rows, columns = np.triu_indices(k)
+    count = len(rows)
+    place = np.zeros((k, k), dtype=np.intp)
+    place[rows, columns] = place[columns, rows] = np.arange(count)
+    operator = exact(np.zeros((count, count)))
+    for equation, (i, j) in enumerate(zip(rows, columns, strict=True)):
+        for m in range(k):
+            operator[equation, place[m, j]] += F[m, i]
+            operator[equation, place[i, m]] += F[m, j]
+    right = np.array([-c[rows] * c[columns] for c in C], dtype=object).T
+    solution = solve_entries(entries(ball(operator)), entries(ball(right)))
+    return None if solution is None else [column[place] for column in solution.T]
 
 
 def _below(F: Exact, B: Exact, C: Exact) -> Matrix:

@@ -18,7 +18,7 @@ import clarabel
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
-from lmi.memory import require_memory
+from lmi.memory import require_cones, require_memory
 
 Inequality = Callable[..., Matrix]  # unknowns -> (k, m, m) symmetric
 
@@ -92,19 +92,18 @@ def coefficients(
     OversizeError where the coefficients exceed the budget of memory.
     """
     constant = inequality(*(np.zeros((u.rows, u.columns)) for u in unknowns))
-    _require_memory(unknowns, constant.size)
+    _require_memory(unknowns, *constant.shape[:2])
     return constant, [inequality(*direction) - constant for direction in _directions(unknowns)]
 
 
-def _require_memory(unknowns: Sequence[Unknown], entries: int) -> None:
+def _require_memory(unknowns: Sequence[Unknown], k: int, m: int) -> None:
     """OversizeError before one matrix for each unknown number, and the solver's, are built."""
     count = sum(u.rows * (u.rows + 1) // 2 if u.symmetric else u.rows * u.columns for u in unknowns)
     own = sum(u.rows * u.columns for u in unknowns)
-    require_memory(
-        f"a matrix inequality in {count} unknown numbers",
-        count * (own + 4 * entries),
-        "fewer states are required",
-    )
+    what, change = f"a matrix inequality in {count} unknown numbers", "fewer states are required"
+    require_memory(what, count * (own + 4 * k * m**2), change)
+    limits = [u.rows for u in unknowns if u.symmetric for _ in range(2)]
+    require_cones(what, [m] * k + limits, change)
 
 
 def _directions(unknowns: Sequence[Unknown]) -> list[list[Matrix]]:

@@ -20,7 +20,7 @@ import clarabel
 import numpy as np
 
 from lmi.arithmetic.arrays import Indices, Matrix
-from lmi.memory import require_memory
+from lmi.memory import require_cones
 
 if TYPE_CHECKING:
     from scipy import sparse
@@ -58,10 +58,9 @@ def common_matrices(
 
     k, n = maps.shape[:2]
     size = n * (n + 1) // 2
-    # maps as matrices on svec, two of their factors, and the sparse ones of the solver
-    require_memory(
+    require_cones(
         f"a search for {nodes} matrices of {n} states with {k} maps",
-        6 * (k + nodes) * size**2,
+        [n] * (k + nodes),
         "fewer states, or a shorter range of dwell times, are required",
     )
     none = np.zeros(k, dtype=np.intp)

@@ -2,7 +2,8 @@
 
 A box on which `lmi.rank.stack_box` cannot show it is halved where its bound is widest, and the box
 with the least margin at its centre comes next: where the rank is lost the search ends early, and
-where it ends undecided the worst place is known. Coordinates that make the stack at the centre
+where it ends undecided the worst place is known. A box of one point is not halved but evaluated
+with more bits. Coordinates that make the stack at the centre
 orthonormal (`lmi.rank.stack`) take the units and the basis of the state out of the question.
 """
 
@@ -23,6 +24,8 @@ from lmi.verdict import Verdict, proved, undecided
 
 BOX_LIMIT = 20_000
 _BITS = 128
+# a box of one point cannot be halved: more bits are all that helps there
+_POINT_BITS = (_BITS, 512, 2048)
 # a side halved so often is a point to every purpose
 _DEPTH = 48
 
@@ -56,13 +59,17 @@ def prove_full_rank(
         raise ValueError(f"0 <= low <= high, both finite, is required; got [{low}, {high}]")
     if stack.shape[0] < stack.shape[1]:
         return undecided(f"{stack.shape[0]} rows cannot have rank {stack.shape[1]}")
-    with precision(_BITS), np.errstate(all="ignore"):
-        family = normalised(stack, low, high, R)
-        if family is None:
-            return undecided("the coordinates are not certainly invertible")
-        # the work on a box rises with its sides
-        limit = min(limit, BOX_LIMIT // max(stack.thetas, 1))
-        return _branch(stack, family, margin, limit, budget)
+    # the work on a box rises with its sides
+    limit = min(limit, BOX_LIMIT // max(stack.thetas, 1))
+    for bits in _POINT_BITS if low == high else (_BITS,):
+        with precision(bits), np.errstate(all="ignore"):
+            family = normalised(stack, low, high, R)
+            if family is None:
+                return undecided("the coordinates are not certainly invertible")
+            verdict = _branch(stack, family, margin, limit, budget)
+        if verdict.outcome == "proved":
+            break
+    return verdict
 
 
 def _branch(
@@ -88,7 +95,9 @@ def _branch(
             reason = f"{limit} boxes did not suffice"
         if bound.widest is None or box.sides[bound.widest][0] >= _DEPTH or bound.centre <= margin:
             reason = "it nearly fails"
-        if out_of_time := budget.ended():
+        if family.is_point:
+            reason = f"the box is one point, and {_POINT_BITS[-1]} bits did not suffice there"
+        elif out_of_time := budget.ended():
             reason = f"{count} boxes were looked at"
         if not reason and bound.widest is not None:
             for half in box.halves(bound.widest):

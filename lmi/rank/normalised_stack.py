@@ -39,6 +39,11 @@ class NormalisedStack:
     length: Rational
     flows: dict[tuple[int, int], Balls] = field(default_factory=dict)
 
+    @property
+    def is_point(self) -> bool:
+        """Whether the range is one point."""
+        return bool(self.length == 0)
+
     def flow(self, key: tuple[int, int]) -> Balls:
         """e^{F c}, c the middle of a side."""
         if key not in self.flows:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
@@ -31,6 +32,32 @@ KIND = click.option(
 )  # fmt: skip
 
 
+class _Number(click.types.FloatParamType):
+    """A number as data files have it: click takes what Python does, 1_0 and other scripts."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """The number, or a usage error."""
+        from obsdesign.entries import number_from_text
+
+        try:
+            return number_from_text(value) if isinstance(value, str) else float(value)
+        except ValueError:
+            self.fail(f"{value!r} is not a number.", param, ctx)
+
+
+class Count(click.IntRange):
+    """A whole number in digits 0 to 9."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """The number, or a usage error."""
+        if isinstance(value, str) and not re.fullmatch("[+-]?[0-9]+", value):
+            self.fail(f"{value!r} is not a whole number.", param, ctx)
+        return super().convert(value, param, ctx)
+
+
+NUMBER = _Number()
+
+
 def _seconds(context: click.Context, option: click.Parameter, value: float | None) -> float | None:
     if value is not None and not 0 < value < math.inf:
         raise InputError(f"--time must be a positive finite number of seconds; got {value!r}.")
@@ -40,7 +67,7 @@ def _seconds(context: click.Context, option: click.Parameter, value: float | Non
 def time_option(more: str = "in all") -> Callable[[_Command], _Command]:
     """--time SECONDS as `seconds`; more: what the seconds are for."""
     return click.option(
-        "--time", "seconds", type=float, metavar="SECONDS", callback=_seconds,
+        "--time", "seconds", type=NUMBER, metavar="SECONDS", callback=_seconds,
         help=f"Processor seconds that searches may take {more}.  [default: each its own budget]",
     )  # fmt: skip
 
@@ -66,8 +93,10 @@ def source_of(source: str) -> Problem:
 
 def dwell_times(text: str) -> float | list[float]:
     """A dwell time, or a file of them."""
+    from obsdesign.entries import number_from_text
+
     try:
-        return float(text)
+        return number_from_text(text)
     except ValueError:
         from obsdesign.data.dwell_file import read_dwell_times
 
@@ -80,12 +109,10 @@ def dwell_times(text: str) -> float | list[float]:
 
 def numbers(text: str, option: str) -> list[float]:
     """x1,x2,... as an option has them."""
-    from obsdesign.entries import LARGEST
+    from obsdesign.entries import LARGEST, number_from_text
 
     try:
-        if "_" in text:  # float() takes 1_0 for 10, data files do not
-            raise ValueError
-        values = [float(part) for part in text.split(",")]
+        values = [number_from_text(part.strip()) for part in text.split(",")]
     except ValueError:
         raise InputError(f"{option} must be numbers separated by commas; got {text!r}.") from None
     for value in values:

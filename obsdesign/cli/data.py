@@ -6,7 +6,15 @@ from pathlib import Path
 
 import click
 
-from obsdesign.cli.arguments import answer_of, dwell_times, numbers, one_of, source_of
+from obsdesign.cli.arguments import (
+    NUMBER,
+    Count,
+    answer_of,
+    dwell_times,
+    numbers,
+    one_of,
+    source_of,
+)
 from obsdesign.cli.talk import is_quiet, on_stderr, say, warn
 from obsdesign.errors import InputError
 
@@ -14,11 +22,11 @@ from obsdesign.errors import InputError
 @click.command()
 @click.argument("source", metavar="PROBLEM_OR_DESIGN", type=click.Path())
 @click.option(
-    "--until", type=float,
+    "--until", type=NUMBER,
     help="End time.  [default: ten dwell times, 200 samples, or what the slowest mode takes]",
 )  # fmt: skip
 @click.option(
-    "--step", type=float, help="Time between rows.  [default: the period, or about until/500]"
+    "--step", type=NUMBER, help="Time between rows.  [default: the period, or about until/500]"
 )
 @click.option("--initial", help="True initial state x1,...,xn.  [default: ones]")
 @click.option("--dwell", default="random", show_default=True,
@@ -27,7 +35,7 @@ from obsdesign.errors import InputError
 @click.option("--disturbance", default="random", show_default=True,
               shell_complete=one_of("zero", "extreme", "random", "sine"),
               help="zero, extreme, random or sine.")  # fmt: skip
-@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True)
+@click.option("--seed", type=Count(min=0), default=0, show_default=True)
 @click.option("--events", type=click.Path(), help="Write the true unknown impulses to this file.")
 @click.option(
     "-o", "--output", type=click.Path(), default="data.csv", show_default=True, help="Data file."
@@ -158,13 +166,13 @@ def plot(estimate: str, data: str | None, output: str, events: str | None) -> in
 )
 def export(design_file: str, output: str) -> int:
     """Write the gains and the plant of DESIGN to a MATLAB file."""
-    if Path(output).suffix.lower() != ".mat":
-        raise InputError(f"{output}: gains are exported to a file that ends in .mat.")
     from obsdesign.design_file import load_design
     from obsdesign.interop.export import save_mat
     from obsdesign.output_files import refuse_overwriting
 
     refuse_overwriting(output, design_file)
+    if Path(output).suffix.lower() != ".mat":
+        raise InputError(f"{output}: gains are exported to a file that ends in .mat.")
     design = load_design(design_file)
     save_mat(design, output)
     say(f"written: {output}, {len(design.gains)} gains of kind {design.kind}")

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from obsdesign.cli.arguments import numbers, time_option
+from obsdesign.cli.arguments import NUMBER, Count, numbers, time_option
 from obsdesign.cli.talk import is_quiet, say
 from obsdesign.errors import InputError
 
@@ -18,9 +18,9 @@ COMPLETE = "_OBSDESIGN_COMPLETE"
 @click.argument("problem", type=click.Path())
 @click.option("--data", type=click.Path(), help="Measurements to run on.  [default: a simulation]")
 @click.option("--simulate", "simulated", is_flag=True, help="Simulate the plant, the default.")
-@click.option("--until", type=float, help="End of the simulation.")
-@click.option("--step", type=float, help="Time between its rows.")
-@click.option("--seed", type=click.IntRange(min=0), help="Of the simulation.  [default: 0]")
+@click.option("--until", type=NUMBER, help="End of the simulation.")
+@click.option("--step", type=NUMBER, help="Time between its rows.")
+@click.option("--seed", type=Count(min=0), help="Of the simulation.  [default: 0]")
 @click.option("--initial", help="x1_lo,x1_hi,...; point observers begin in the middle.")
 @time_option()
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object on stdout.")

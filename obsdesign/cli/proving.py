@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from obsdesign.cli.arguments import KIND, one_of, problem_of, time_option
+from obsdesign.cli.arguments import KIND, NUMBER, one_of, problem_of, time_option
 from obsdesign.cli.talk import is_quiet, is_verbose, progress_bar, progress_message, say, warn
 from obsdesign.errors import InputError
 from obsdesign.kinds import SEARCHES
@@ -114,7 +114,7 @@ def verify(design_file: str, paranoid: bool, as_json: bool) -> int:
               shell_complete=one_of(*SEARCHES),
               help=", ".join(SEARCHES) + ".")  # fmt: skip
 @KIND
-@click.option("--accuracy", type=float, default=1e-6, show_default=True, help="Relative width.")
+@click.option("--accuracy", type=NUMBER, default=1e-6, show_default=True, help="Relative width.")
 @time_option()
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object on stdout.")
 def search(

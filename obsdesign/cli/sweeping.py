@@ -7,7 +7,7 @@ import os
 
 import click
 
-from obsdesign.cli.arguments import KIND, problem_of, time_option
+from obsdesign.cli.arguments import KIND, NUMBER, Count, problem_of, time_option
 from obsdesign.cli.talk import on_stderr, progress_bar, say, warn
 from obsdesign.errors import InputError
 
@@ -22,9 +22,9 @@ _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 @click.option("--for", "what", default="verdict", show_default=True, metavar="WHAT",
               help="What `search` knows, or verdict, width, decay_rate, error.")  # fmt: skip
 @KIND
-@click.option("--accuracy", type=float, default=1e-6, show_default=True, help="Of a search.")
+@click.option("--accuracy", type=NUMBER, default=1e-6, show_default=True, help="Of a search.")
 @time_option("at each point")
-@click.option("--jobs", type=click.IntRange(min=1),
+@click.option("--jobs", type=Count(min=1),
               help="Processes.  [default: one; all cores for what takes longer]")  # fmt: skip
 @click.option("--scheduler", metavar="ADDRESS", help="Dask scheduler to work for instead.")
 @click.option("-o", "--output", type=click.Path(), default="sweep.jsonl", show_default=True,

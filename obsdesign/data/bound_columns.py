@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
-from obsdesign.entries import LARGEST, shown
+from obsdesign.entries import LARGEST, number_from_text, shown
 from obsdesign.errors import InputError
 from obsdesign.runtime.bounds import Bounds, DeclaredBounds
 
@@ -82,7 +82,7 @@ def number_in(
     if not text:
         return None
     try:
-        value = float(text) if text.isascii() and "_" not in text else math.nan
+        value = number_from_text(text)
     except ValueError:
         value = math.nan
     if not abs(value) <= LARGEST:

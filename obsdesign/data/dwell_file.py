@@ -11,6 +11,7 @@ import math
 from collections.abc import Iterator, Mapping
 
 from lmi.arithmetic.arrays import Value
+from obsdesign.entries import number_from_text, real
 from obsdesign.errors import InputError
 from obsdesign.input_files import read_text, require_depth
 
@@ -33,7 +34,7 @@ def _lines(text: str, path: str) -> list[float]:
         if not cell or (number == 1 and not _starts_a_number(cell)):
             continue
         try:
-            dwell_times.append(_positive(float(cell)))
+            dwell_times.append(_positive(number_from_text(cell)))
         except ValueError:
             raise InputError(
                 f"{path} line {number}: a dwell time must be a positive finite number; "
@@ -61,8 +62,8 @@ def _answer(text: str, path: str) -> list[float]:
     candidates = [body] if isinstance(body, list) else _sequences(body)
     for values in candidates:
         try:
-            return [_positive(float(value)) for value in values]
-        except (TypeError, ValueError):
+            return [_positive(real(value, "a dwell time")) for value in values]
+        except (InputError, TypeError, ValueError):
             continue
     raise InputError(
         f"{path}: a list of positive dwell times, or an answer with a witness that names them, "

@@ -232,11 +232,17 @@ class DwellGuard:
         return replace(self, last_jump=t, last_dwell=elapsed), violation
 
 
-def later(sample_t: float, t: float, started: bool) -> float:
-    """The sample's time; ValueError unless it is finite and after t (at t, for the first one)."""
-    now = float(sample_t)
+def instant(t: float) -> float:
+    """A time as a float; ValueError unless it is finite."""
+    now = float(t)
     if not math.isfinite(now):
         raise ValueError(f"time must be finite; got {now!r}.")
+    return now
+
+
+def later(sample_t: float, t: float, started: bool) -> float:
+    """The sample's time; ValueError unless it is finite and after t (at t, for the first one)."""
+    now = instant(sample_t)
     if not (now > t or (now == t and not started)):
         raise ValueError(f"time must increase; got {now!r} after {t!r}.")
     return now

@@ -51,9 +51,9 @@ def document_claim(
 
     A claim that is undecided now and decided in the document makes it unconfirmed, not false; so do
     a statement in the words of an earlier release and bounds that another course of the proof
-    gave, with the sentences that rest on them. `ADDED_CLAIMS` may be missing.
-    A claim that the document leaves undecided says nothing that could be false, whatever is decided
-    now.
+    gave, with the sentences that rest on them. A claim that the document leaves undecided says
+    nothing that could be false, whatever is decided now; a sentence that it does not give and
+    that is proved is a warning. `ADDED_CLAIMS` may be missing.
     The sentences are recomputed from the claims; there are none unless the claim is proved.
     """
     stored = {claim.id: claim for claim in design.claims}
@@ -84,7 +84,10 @@ def document_claim(
         "format of a design file",
         verdict,
     )
-    return claim, sentences if sentences and verdict.outcome == "proved" else Sentences()
+    if sentences is None or verdict.outcome != "proved":
+        return claim, Sentences()
+    more = _withheld(design, sentences)
+    return claim, replace(sentences, warnings=(*sentences.warnings, *more))
 
 
 def _false_entry(
@@ -154,27 +157,63 @@ def _restated(claim: Claim) -> str:
 
 
 def _wrong_sentences(design: Design, recomputed: Sentences | None) -> str | None:
-    """Return the entry of sentences in which the document differs, or None.
+    """Return the entry of sentences in which the document says other or more, or None.
 
-    Sentences that are not given promise nothing: older designs state warnings among them, and name
-    fewer of the claims that a guarantee rests on.
+    Sentences that are not given are compared as well: they may be read as facts. One that is not
+    given although it is proved says less, which is not false (`_withheld`).
     """
     if recomputed is None:
         return "guarantees"
-    old, new = _given(design.guarantees), _given(recomputed.guarantees)
-    if [one.statement for one in old] != [one.statement for one in new]:
-        return "guarantees"
-    rests = [(set(a.claims), set(b.claims)) for a, b in zip(old, new, strict=True)]
-    is_older = design.warnings is None
-    if not all(a == b or (is_older and a <= b) for a, b in rests):
+    pairs = _pairs(design, recomputed)
+    if pairs is None or not all(
+        _rests_on(old, new, design.warnings is None) and old.given <= new.given
+        for old, new in pairs
+    ):
         return "guarantees"
     if design.warnings is not None and design.warnings != recomputed.warnings:
         return "warnings"
     return None
 
 
-def _given(guarantees: tuple[Guarantee, ...]) -> list[Guarantee]:
-    return [one for one in guarantees if one.given and one.statement != ROUNDED_WIDTHS]
+def _pairs(design: Design, recomputed: Sentences) -> list[tuple[Guarantee, Guarantee]] | None:
+    """Each sentence of the document with its recomputed one; None where they differ.
+
+    Older designs, without warnings, state these among the sentences, lack some that are not given,
+    and do not have the one on the rounding of widths.
+    """
+    proved_now: Sequence[Guarantee] = recomputed.guarantees
+    if design.warnings is None:
+        stated = {one.statement for one in design.guarantees}
+        every = (*proved_now, *map(Guarantee.not_proved, recomputed.warnings))
+        proved_now = [
+            one
+            for one in every
+            if one.statement in stated or (one.given and one.statement != ROUNDED_WIDTHS)
+        ]
+    old, new = (sorted(group, key=_statement) for group in (design.guarantees, proved_now))
+    if list(map(_statement, old)) != list(map(_statement, new)):
+        return None
+    return list(zip(old, new, strict=True))
+
+
+def _statement(sentence: Guarantee) -> str:
+    return sentence.statement
+
+
+def _rests_on(old: Guarantee, new: Guarantee, is_older: bool) -> bool:
+    """Whether a sentence names the claims it rests on; older designs name fewer."""
+    before, now = set(old.claims), set(new.claims)
+    return before <= now if is_older else before == now
+
+
+def _withheld(design: Design, recomputed: Sentences) -> tuple[str, ...]:
+    """Sentences on what is proved here and stated as not given in the document."""
+    pairs = _pairs(design, recomputed) or []
+    return tuple(
+        f"The document says less than is proved: it does not give {new.statement!r}"
+        for old, new in pairs
+        if new.given and not old.given
+    )
 
 
 def _evidence_gap(stored: Mapping[str, Claim], recomputed: tuple[Claim, ...]) -> Difference | None:

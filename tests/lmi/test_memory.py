@@ -10,6 +10,7 @@ import pytest
 from lmi.arithmetic.balls import ball, entries, exact, precision
 from lmi.arithmetic.exponential import exponential_grid
 from lmi.arithmetic.norms import well_ranked
+from lmi.bounds.peak_gain import peak_gains
 from lmi.find.affine import Unknown, best_margin
 from lmi.find.linear_program import minimise
 from lmi.find.semidefinite import common_matrices
@@ -59,8 +60,13 @@ def test_the_budget_itself_is_allowed_and_no_number_more() -> None:
             "and the budget is 512 MiB: a shorter window or fewer states are required.",
         ),
         (
+            lambda: peak_gains(*(exact(X) for X in (-np.eye(60), np.eye(60)[:, :1], np.eye(60)))),
+            "a Lyapunov equation of 60 states in balls needs 2 GiB of memory, and the budget is "
+            "512 MiB: fewer states are required.",
+        ),
+        (
             lambda: common_matrices(np.zeros((2, 100, 100))),
-            "a search for 1 matrices of 100 states with 2 maps needs 3.42 GiB of memory, and the "
+            "a search for 1 matrices of 100 states with 2 maps needs 8.55 GiB of memory, and the "
             "budget is 512 MiB: fewer states, or a shorter range of dwell times, are required.",
         ),
     ],

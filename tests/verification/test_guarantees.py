@@ -13,11 +13,13 @@ from click.testing import CliRunner
 import obsdesign
 from obsdesign.cli.answers import show
 from obsdesign.cli.commands import cli
+from obsdesign.design_file import from_dict
 from obsdesign.document import digest
 from obsdesign.pages.curves import curve_of
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.document import sentences_from
 from tests.cli.test_commands import ROOT
+from tests.fuzz.cases import design_text
 from tests.pages.test_report import Page
 from tests.verification.unknown_input.test_claims import example
 
@@ -108,9 +110,53 @@ def test_a_sentence_may_name_fewer_of_its_claims_and_promises_no_more_by_it() ->
     assert obsdesign.verify(replace(design, guarantees=older, warnings=None)).verdict == "proved"
     # the twin: a design of today rests each sentence on exactly its claims
     assert obsdesign.verify(replace(design, guarantees=older)).verdict == "refuted"
-    false = tuple(replace(entry, given=not entry.given) for entry in design.guarantees)
-    outcome = obsdesign.verify(replace(design, guarantees=false))
-    assert (outcome.verdict, outcome.guarantees) == ("refuted", ())
+
+
+def test_a_sentence_that_is_withheld_says_less_and_one_that_is_added_is_false() -> None:
+    """A document that does not give what is proved is confirmed with a warning."""
+    design = obsdesign.design(obsdesign.load_problem(ROOT / "examples" / "ahn_1.toml"))
+    first, *others = design.guarantees
+    assert first.given
+    withheld = (replace(first, given=False), *others)
+    outcome = obsdesign.verify(replace(design, guarantees=withheld))
+    assert (outcome.verdict, outcome.guarantees) == ("proved", design.guarantees)
+    assert len(outcome.warnings) == len(design.warnings or ()) + 1
+    assert first.statement in outcome.warnings[-1]
+    # the twins: other words of the withheld sentence, and one that nothing gives
+    for false in (replace(first, given=False, statement=first.statement + " Always."),
+                  replace(first, statement="Noise leaves no error.", claims=())):  # fmt: skip
+        outcome = obsdesign.verify(replace(design, guarantees=(false, *others)))
+        assert (outcome.verdict, outcome.guarantees) == ("refuted", ())
+
+
+@pytest.mark.parametrize("is_older", [False, True])
+@pytest.mark.parametrize("example", ["mattsson_medvedev", "sampled_data"])
+def test_sentences_that_are_not_given_are_compared_like_all_others(
+    example: str, is_older: bool
+) -> None:
+    design = obsdesign.design(obsdesign.load_problem(ROOT / "examples" / f"{example}.toml"))
+    if is_older:
+        design = replace(design, warnings=None)
+    assert obsdesign.verify(design).verdict == "proved"
+    k = next(i for i, entry in enumerate(design.guarantees) if not entry.given)
+    entry = design.guarantees[k]
+    for forged in (
+        replace(entry, statement=entry.statement.replace("not ", "")),
+        replace(entry, claims=(*entry.claims, "no_such_claim")),
+        replace(entry, given=True),
+    ):
+        guarantees = (*design.guarantees[:k], forged, *design.guarantees[k + 1 :])
+        outcome = obsdesign.verify(replace(design, guarantees=guarantees))
+        assert (outcome.verdict, outcome.guarantees) == ("refuted", ())
+
+
+def test_an_older_design_may_lack_sentences_that_are_not_given() -> None:
+    design = obsdesign.design(obsdesign.load_problem(ROOT / "examples" / "sampled_data.toml"))
+    fewer = tuple(entry for entry in design.guarantees if entry.given)
+    assert len(fewer) < len(design.guarantees)
+    for warnings, verdict in ((None, "proved"), (design.warnings, "refuted")):
+        changed = replace(design, guarantees=fewer, warnings=warnings)
+        assert obsdesign.verify(changed).verdict == verdict
 
 
 def test_warnings_are_those_of_the_claims(tmp_path: Path) -> None:
@@ -175,3 +221,15 @@ def test_a_proof_of_what_a_document_leaves_undecided_is_no_fault_of_it(
     outcome = obsdesign.verify(opened)
     assert {claim.id: claim.verdict for claim in outcome.claims}["document"] == "proved"
     assert not any(one.given for one in outcome.guarantees if "dwell_stability" in one.claims)
+
+
+@pytest.mark.parametrize("missing", ["after_sample", "always"])
+def test_evidence_without_what_its_sentence_is_made_of_confirms_nothing(missing: str) -> None:
+    """Where the claim is not proved again, only the document says what its width is."""
+    body = json.loads(design_text("sampled"))
+    claim = next(one for one in body["claims"] if missing in one["evidence"])
+    claim["evidence"]["maps"] = ["inf"]  # no certificate
+    del claim["evidence"][missing]
+    outcome = obsdesign.verify(from_dict(body | {"digest": digest(body)}))
+    assert outcome.verdict in ("refuted", "undecided")
+    assert outcome.guarantees == ()

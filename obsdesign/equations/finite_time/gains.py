@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 from lmi.arithmetic.arrays import Matrix
+from lmi.memory import OversizeError
 from obsdesign.equations.finite_time.rows import END, START
 from obsdesign.equations.gains import PlantGains, matrix, number, word
 
@@ -14,7 +15,24 @@ NEED_L = ("exact", "approximate")
 FREE = ("least_squares", "minimax")
 # more samples than this make a design file too large to handle
 MOST_SAMPLES = 20_000
+# samples times n^3: proving the rows of a window takes about half a microsecond for each
+_MOST_WORK = 40_000_000
 PRINTED, CORRECTED = "printed", "corrected"
+
+
+def most_samples(n: int) -> int:
+    """Most samples of a window of n states: of a design file, and of what is proved in 20 s."""
+    return min(MOST_SAMPLES, _MOST_WORK // n**3)
+
+
+def require_window(n: int, samples: int) -> None:
+    """OversizeError where a window of n states takes more work than the budget allows."""
+    if n**3 * samples > _MOST_WORK:
+        raise OversizeError(
+            f"a window of {samples} samples and {n} states takes about "
+            f"{20 * n**3 * samples / _MOST_WORK:.0f} s, and the budget is 20 s, {most_samples(n)} "
+            "samples: a shorter window or fewer states are required."
+        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -9,6 +9,7 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.data.records import read_columns
+from obsdesign.entries import numbers_from_cells
 from obsdesign.errors import InputError
 
 # beyond, the drawing library overflows
@@ -36,7 +37,7 @@ class Table:
             known = ", ".join(self.columns)
             raise InputError(f"{self.path}: column {name!r} is required; it has {known}.")
         try:
-            return np.array([float(cell) if cell else np.nan for cell in self.columns[name]])
+            return np.array(numbers_from_cells(self.columns[name]))
         except ValueError as error:
             raise InputError(f"{self.path}: column {name!r} must hold numbers; {error}.") from None
 

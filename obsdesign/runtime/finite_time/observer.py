@@ -27,6 +27,7 @@ from obsdesign.runtime.base import (
     Estimate,
     Sample,
     centred_measurement,
+    instant,
     later,
     status_of,
     vector,
@@ -75,7 +76,7 @@ class FiniteTimeObserver(SteppedObserver[FiniteTimeState]):
         """State at time t; x is a guess that is shown until the window is full, default zeros."""
         guess = vector(np.zeros(self.n) if x is None else x, self.n, "x")
         inputs = np.zeros(self.gains.m)
-        return initial_state(self.constants, float(t), guess, inputs)
+        return initial_state(self.constants, instant(t), guess, inputs)
 
     def step(self, state: FiniteTimeState, sample: Sample) -> tuple[FiniteTimeState, Estimate]:
         """Move to the time of the sample, estimate, take the sample in, and jump if it says so.

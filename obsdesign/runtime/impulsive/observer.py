@@ -31,6 +31,7 @@ from obsdesign.runtime.base import (
     Estimate,
     Sample,
     corrected_jump,
+    instant,
     status_of,
     vector,
 )
@@ -86,7 +87,7 @@ class ImpulsiveObserver(SteppedObserver[ImpulsiveState]):
         guess = vector(np.zeros(self.n) if x is None else x, self.n, "x")
         inputs = np.zeros(self.gains.m)
         return ImpulsiveState(
-            t=float(t),
+            t=instant(t),
             x=guess,
             u=inputs,
             window=self._virtual_past,

@@ -27,6 +27,7 @@ from obsdesign.runtime.base import (
     KindState,
     Sample,
     centred,
+    instant,
     later,
     optional_measurement,
     vector,
@@ -122,7 +123,7 @@ class ImpulsiveInputObserver(PointObserver[ImpulsiveInputState], Delayed[Impulsi
         guess = vector(np.zeros(self.n) if x is None else x, self.n, "x")
         if not np.isfinite(guess).all():
             raise ValueError("x must be finite.")
-        check_size("x", guess[None], np.array([t]))
+        check_size("x", guess[None], np.array([instant(t)]))
         P = None if covariance is None else np.asarray(covariance, dtype=np.float64)
         if P is not None and P.shape != (self.n, self.n):
             raise ValueError(f"covariance must be {self.n}x{self.n}; got shape {P.shape}.")

@@ -202,7 +202,7 @@ def _by_second_coordinates(
     T, M = exactly(gains.T), exactly(gains.M)
     back = size(model.inward(S2))
     forth = size(S2_inverse if model.S is None else S2_inverse @ model.S)
-    inner = np.maximum(T.mid, 0.0) + size(T - S2_inverse @ H @ S2)
+    inner = np.abs(T.mid) + size(T - S2_inverse @ H @ S2)
     n = len(back)
     N = raised(back @ raised(inner @ forth, 2 * n), 2 * n)
     entering = size(S2_inverse @ M) @ model.V + size(S2_inverse @ through) @ model.c_rad

@@ -100,15 +100,22 @@ def observer_model(gains: IntervalGains) -> Model:
     F = A if gains.is_periodic else A - L @ C
     return replace(
         plant, A=A, C=C, L=L, inputs=plant.inward(plant.inputs), b_rad=plant.spread(b_rad),
-        width=completed(F, gains.D0, gains.D1),
+        width=completed(F, gains.D0, gains.D1, is_flow=True),
     )  # fmt: skip
 
 
-def completed(X: Enclosure, plus: Matrix, minus: Matrix) -> Matrix:
-    """Upper bound of plus + minus + |plus - minus - X|: `splits.completed_split`, summed."""
+def completed(X: Enclosure, plus: Matrix, minus: Matrix, *, is_flow: bool = False) -> Matrix:
+    """Upper bound of plus + minus + |plus - minus - X|: `splits.completed_split`, summed.
+
+    Parts of the wrong sign, as in a design whose claim about them is not proved, enter by their
+    magnitude: the sum is above |X|, for a flow above Mz(X), whatever the split. is_flow: the
+    diagonal of plus may have any sign.
+    """
+    diagonal = np.eye(len(plus), dtype=bool) & is_flow
     remainder = (exactly(plus) - exactly(minus) - X).magnitude
     # the remainder of numbers that agree is zero, not TINY: zeros of W and N are worth keeping
     remainder = np.where((plus - minus == X.mid) & (X.rad == 0), 0.0, remainder)
+    plus, minus = np.where(diagonal, plus, np.abs(plus)), np.abs(minus)
     total = (exactly(plus) + exactly(minus)).upper + remainder
     return np.where((plus == 0) & (minus == 0) & (remainder == 0), 0.0, np.nextafter(total, np.inf))
 

@@ -29,6 +29,7 @@ from obsdesign.runtime.base import (
     Estimate,
     Sample,
     Stepped,
+    instant,
     later,
     optional_measurement,
     vector,
@@ -84,7 +85,7 @@ class IntervalObserver(Stepped[IntervalState]):
 
         ValueError if a lower bound exceeds its upper one or a bound is not finite.
         """
-        return self.from_box(float(t), first_box(self.kernels.model, self.n, lower, upper))
+        return self.from_box(instant(t), first_box(self.kernels.model, self.n, lower, upper))
 
     def from_box(self, t: float, box: Matrix) -> IntervalState:
         """State at time t from a box in the observer's coordinates, before the first sample."""

@@ -25,6 +25,7 @@ from obsdesign.runtime.base import (
     Estimate,
     Sample,
     corrected_jump,
+    instant,
     status_of,
     vector,
 )
@@ -66,7 +67,7 @@ class LuenbergerObserver(SteppedObserver[LuenbergerState]):
         guess = vector(np.zeros(self.n) if x is None else x, self.n, "x")
         guard = DwellGuard.from_gains(self.gains)
         inputs = np.zeros(self.gains.m)
-        return LuenbergerState(float(t), guess, inputs, None, guard, started=False)
+        return LuenbergerState(instant(t), guess, inputs, None, guard, started=False)
 
     def step(self, state: LuenbergerState, sample: Sample) -> tuple[LuenbergerState, Estimate]:
         """Move to the time of the sample, use it, and jump if it says so.

@@ -32,6 +32,7 @@ from obsdesign.runtime.base import (
     Sample,
     Stepped,
     centred,
+    instant,
     later,
     status_of,
     vector,
@@ -113,7 +114,7 @@ class UnknownInputObserver(PointObserver[UnknownInputState], Stepped[UnknownInpu
             w = None if x is None else self.gains.T @ guess
         inputs = np.zeros(self.gains.m + 1)
         inputs[-1] = 1.0
-        t = float(t)
+        t = instant(t)
         return UnknownInputState(t=t, t_measured=t, x=guess, w=w, y=None, u=inputs, started=False)
 
     def step(self, state: UnknownInputState, sample: Sample) -> tuple[UnknownInputState, Estimate]:

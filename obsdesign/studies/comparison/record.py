@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +9,7 @@ import numpy as np
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.data.records import Layout, read_columns, read_samples
 from obsdesign.data.simulation import default_until, simulate
+from obsdesign.entries import numbers_from_cells
 from obsdesign.errors import InputError
 from obsdesign.problem.plant import Plant
 from obsdesign.runtime import Sample
@@ -66,7 +66,7 @@ def _truth(columns: dict[str, list[str]], letter: str, count: int, path: str) ->
     if not names or any(name not in columns for name in names):
         return None
     try:
-        cells = [[float(cell) if cell else math.nan for cell in columns[name]] for name in names]
+        cells = [numbers_from_cells(columns[name]) for name in names]
     except ValueError as error:
         raise InputError(f"{path}: columns {names[0]}, ... must hold numbers: {error}.") from None
     return np.array(cells).T

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from lmi.arithmetic.arrays import NewEntries, Value
-from obsdesign.entries import is_number
+from obsdesign.entries import is_number, number_from_text
 from obsdesign.errors import InputError
 
 Path = tuple[str | int, ...]
@@ -64,13 +64,13 @@ def parse_axis(text: str) -> Axis:
     if not equals or len(parts) != 3 or not _KEY.fullmatch(key.strip()):
         raise InputError(f"{form}; got {text!r}.")
     try:
-        first, last = (float(part) for part in parts[:2])
+        first, last = (number_from_text(part.strip()) for part in parts[:2])
     except ValueError:
         raise InputError(f"{form}; {parts[0]!r} and {parts[1]!r} are not both numbers.") from None
     if not (math.isfinite(first) and math.isfinite(last)):
         raise InputError(f"{form}; both ends must be finite, got {parts[0]} and {parts[1]}.")
     try:
-        count = int(parts[2])
+        count = int(parts[2]) if parts[2].isdecimal() and parts[2].isascii() else 0
     except ValueError:
         count = 0
     if count < 1:

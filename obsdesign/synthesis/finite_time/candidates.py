@@ -16,7 +16,7 @@ from lmi.arithmetic.arrays import Matrix
 from lmi.solvers import merged
 from lmi.time_budget import UNLIMITED, TimeBudget
 from obsdesign.analysis.finite_time.requirements import reason_against
-from obsdesign.equations.finite_time.gains import MOST_SAMPLES, NEED_L
+from obsdesign.equations.finite_time.gains import NEED_L, most_samples
 from obsdesign.equations.finite_time.rows import SINGULAR, approx_window_determinacy
 from obsdesign.errors import InputError
 from obsdesign.problem.options import FiniteTimeOptions
@@ -80,7 +80,7 @@ def _with_injection(
     free = open_window and options.objective is None
     for factor in _LONGER if free else (1,):
         k = factor * samples
-        if k > MOST_SAMPLES:
+        if factor > 1 and k > most_samples(problem.plant.n):
             return
         units = WindowTask.from_problem(problem, k).scales
         for natural in (False, True) if open_gain and (units != units[0]).any() else (False,):

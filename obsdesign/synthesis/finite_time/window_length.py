@@ -9,7 +9,7 @@ import numpy as np
 from lmi.solvers import Solvers
 from lmi.time_budget import Remark, TimeBudget
 from obsdesign.analysis.finite_time.requirements import window_samples
-from obsdesign.equations.finite_time.gains import MOST_SAMPLES, NEED_L
+from obsdesign.equations.finite_time.gains import MOST_SAMPLES, NEED_L, require_window
 from obsdesign.equations.finite_time.rows import (
     approx_observability_index,
     approx_window_determinacy,
@@ -39,7 +39,18 @@ class WindowChoice:
 
 
 def chosen_window(problem: Problem, budget: TimeBudget) -> WindowChoice:
-    """Number of samples, given, or chosen by the objective or the determinacy of the window."""
+    """Number of samples, given, or chosen by the objective or the determinacy of the window.
+
+    OversizeError where there are too many for so many states, the least that may do included.
+    """
+    plant = problem.plant
+    require_window(plant.n, -(-plant.n // plant.p))  # before any is searched for
+    choice = _chosen(problem, budget)
+    require_window(plant.n, choice.samples)
+    return choice
+
+
+def _chosen(problem: Problem, budget: TimeBudget) -> WindowChoice:
     options, period = problem.options_as(FiniteTimeOptions), problem.plant.output.sample_period
     if options.window is not None:
         return WindowChoice(window_samples(options.window, period))

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
+from lmi.memory import OversizeError
 from lmi.solvers import Solvers
 from lmi.time_budget import Remark, TimeBudget
 from obsdesign.equations.impulsive_input.evaluation import (
@@ -116,6 +117,8 @@ def rule_for(integral: IntegralWindow, exponents: Matrix) -> str:
         raise InputError(text)
     try:
         rule, oldest = evaluation_rule(integral.features(exponents))
+    except OversizeError:
+        raise
     except ValueError as error:
         if window >= integral.problem.require_dwell_time()[0]:
             return "position"  # a claim refutes the window, whatever the rule

@@ -29,6 +29,7 @@ from obsdesign.equations.finite_time.gains import (
     NEED_L,
     PRINTED,
     FiniteTimeGains,
+    require_window,
 )
 from obsdesign.equations.finite_time.rows import START
 from obsdesign.problem.options import FiniteTimeOptions
@@ -77,6 +78,7 @@ def claims(
     agreement, gains = consistent_gains(objection, stored, expected, FiniteTimeGains.from_document)
     if gains is None:
         return (agreement,)
+    require_window(gains.n, gains.samples)
     S = _coordinates(certificates, problem.plant.n)
     hypotheses: list[Claim] = []
     for bits in PRECISIONS[1:] if paranoid else PRECISIONS:

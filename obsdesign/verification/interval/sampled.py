@@ -171,10 +171,10 @@ class SampledWidth:
 
     @classmethod
     def from_evidence(cls, evidence: Entries) -> SampledWidth:
-        """Those of a proved claim."""
-        limit = evidence.get("step_limit")
-        limit = None if limit is None else float(limit)
-        return cls(evidence["always"], evidence.get("after_sample"), limit)
+        """Those of a proved claim; KeyError where a document's evidence has neither of the two."""
+        after = evidence.get("after_sample")
+        limit = float(evidence["step_limit"]) if after is None else None
+        return cls(evidence["always"], after, limit)
 
     def sentence(self, skips: bool) -> str:
         """Guarantee of the width; skips: no sample is taken at the time of a jump."""

@@ -16,6 +16,7 @@ from lmi.rank.full_rank import prove_full_rank
 from lmi.rank.hidden_mode import check_hiding, propose_hiding
 from lmi.rank.stack import Stack, approx_margin, coordinates
 from lmi.rank.witness import MARGIN, check_deficient
+from lmi.time_budget import TimeBudget
 
 TURN = np.array([[0.0, 2 * np.pi], [-2 * np.pi, 0.0]])
 
@@ -361,3 +362,34 @@ def test_small_gains_are_told_from_large_ones(size: float, exists: bool) -> None
             return
         inverse = np.array([[float(x) for x in row] for row in back])
     np.testing.assert_allclose(inverse, np.linalg.inv(np.eye(2) - np.array(M)), rtol=1e-12)
+
+
+@pytest.mark.parametrize(("F", "theta"), [
+    (np.array([[0.0, 1.0], [-1.0, 0.0]]), np.pi), (TURN, 1.0), (TURN / 3, 3.0),
+])  # fmt: skip
+@pytest.mark.parametrize("blocks", [2, 3])
+def test_a_range_of_one_point_is_decided_by_one_evaluation(
+    F: np.ndarray, theta: float, blocks: int
+) -> None:
+    """Next to a spacing that shows one state alone: binary64 misses it by 1e-16."""
+    s = stack(F, blocks)
+    verdict = decide_full_rank(s, theta, theta)
+    assert verdict.outcome in ("proved", "refuted")
+    assert verdict.evidence.get("boxes", 1) == 1
+    if verdict.outcome == "proved":
+        assert 0 < verdict.evidence["sigma_min"] < 1e-14
+    else:
+        assert verdict.evidence["witness"]["ratio"] < MARGIN
+    # the twins: the spacing itself is inside the range, or the rank is lost at the point
+    assert decide_full_rank(s, 0.9 * theta, theta).outcome == "refuted"
+    assert decide_full_rank(stack(0 * F, blocks), theta, theta).outcome == "refuted"
+
+
+def test_a_point_that_no_precision_decides_says_so() -> None:
+    """The least singular value is 1, and more is demanded: neither boxes nor time help."""
+    s = stack(chain(2), 2)
+    R, _ = coordinates(s, 0.5, 0.5)
+    verdict = prove_full_rank(s, 0.5, 0.5, R, margin=10.0, budget=TimeBudget.from_seconds(1e-9))
+    assert verdict.outcome == "undecided"
+    assert "one point" in verdict.evidence["reason"]
+    assert set(verdict.evidence) == {"reason", "thetas", "boxes"}
