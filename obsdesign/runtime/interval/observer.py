@@ -25,7 +25,6 @@ from obsdesign.equations.interval.gains import IntervalGains
 from obsdesign.errors import InputError
 from obsdesign.runtime.base import (
     MODERATE,
-    DwellGuard,
     Estimate,
     Sample,
     Stepped,
@@ -35,6 +34,7 @@ from obsdesign.runtime.base import (
 )
 from obsdesign.runtime.bounds import DeclaredBounds
 from obsdesign.runtime.columns import Batch, Columns
+from obsdesign.runtime.dwell_guard import DwellGuard
 from obsdesign.runtime.interval.clock import SampleClock
 from obsdesign.runtime.interval.course import advanced, course_of
 from obsdesign.runtime.interval.kernel import Kernel
@@ -201,12 +201,10 @@ class IntervalObserver(Stepped[IntervalState]):
         if (
             jump
             or bounds is not None
-            or state.refutation
+            or not state.is_ordinary
             or type(y) is not ndarray
             or y.shape != _ONE_OUTPUT
         ):
-            return None
-        if state.course is not None:
             return None
         kernel = self.kernels.usual.get((t - state.t, frexp(t)[1]))
         if kernel is None or not t > state.t >= 0.0 or not -MODERATE < y.item() < MODERATE:

@@ -33,6 +33,7 @@ from obsdesign.runtime.base import (
     Stepped,
     centred,
     later,
+    no_jumps,
     status_of,
     vector,
 )
@@ -123,7 +124,7 @@ class UnknownInputObserver(PointObserver[UnknownInputState], Stepped[UnknownInpu
         the sample says jump.
         """
         if sample.jump:
-            raise ValueError("this plant has no jumps ([jump] is absent), but a sample says jump.")
+            raise no_jumps()
         t = later(sample.t, state.t, state.started)
         y = self._moderate(sample.y)
         if y is not None and state.moderate and SHORTEST < t - state.t_measured < LONGEST:
