@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from lmi.memory import OversizeError
-from lmi.solvers import Solver, Solvers
 from lmi.time_budget import UNLIMITED, Remark, TimeBudget, remark_end, sentences
 from lmi.verdict import overall
 from obsdesign.document import Claim, Design, Guarantee
@@ -20,18 +19,9 @@ from obsdesign.synthesis.kind import candidates_of, untried_forms
 from obsdesign.verification.answers import as_answers, is_ended, reason, with_untried
 from obsdesign.verification.document import document_claim, sentences_from
 from obsdesign.verification.kind import verification_of
-from obsdesign.version import __version__, version_of
+from obsdesign.version import __version__, solver_record, version_of
 
 _Key = TypeVar("_Key", bound=Hashable)
-# distributions whose versions identify a solver; IPOPT comes with CasADi
-_DISTRIBUTIONS: Mapping[Solver, tuple[str, ...]] = {
-    "Clarabel": ("clarabel",),
-    "HiGHS": ("highspy",),
-    "CVXPY/Clarabel": ("cvxpy", "clarabel"),
-    "CVXPY/HiGHS": ("cvxpy", "highspy"),
-    "IPOPT": ("casadi",),
-    "SciPy": ("scipy",),
-}
 
 
 @dataclass(frozen=True)
@@ -235,18 +225,10 @@ def _document(problem: Problem, candidate: Candidate, claims: tuple[Claim, ...])
             "versions": {"obsdesign": __version__}
             | {name: version_of(name) for name in ("numpy", "python-flint")}
             | {"python": platform.python_version()},
-            "solver": _solver_record(candidate.solvers),
+            "solver": solver_record(candidate.solvers),
             "options": {"label": candidate.label},
         },
     )
-
-
-def _solver_record(solvers: Solvers) -> dict[str, str]:
-    """Names and versions of the solvers that gains and certificates of a candidate come from."""
-    if not solvers:
-        return {"name": "none"}
-    versions = ["/".join(map(version_of, _DISTRIBUTIONS[solver])) for solver in solvers]
-    return {"name": ", ".join(solvers), "version": ", ".join(versions)}
 
 
 def design(

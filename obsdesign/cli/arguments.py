@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable
 from pathlib import Path
@@ -96,10 +95,10 @@ def numbers(text: str, option: str) -> list[float]:
 def answer_of(path: str) -> dict[str, Any]:
     """The JSON that a command printed, or a design file with its valid digest."""
     from obsdesign.design_file import load_design
-    from obsdesign.input_files import read_text, require_depth
+    from obsdesign.input_files import parse_json, read_text, require_depth
 
     try:
-        body = json.loads(read_text(path))
+        body = parse_json(read_text(path))
     except InputError:
         raise
     except (ValueError, RecursionError) as error:
