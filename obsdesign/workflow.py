@@ -12,7 +12,7 @@ from lmi.memory import OversizeError
 from lmi.time_budget import UNLIMITED, Remark, TimeBudget, remark_end, sentences
 from lmi.verdict import overall
 from obsdesign.document import Claim, Design, Guarantee
-from obsdesign.errors import InputError
+from obsdesign.errors import InputError, naming
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
 from obsdesign.synthesis.kind import candidates_of, untried_forms
@@ -266,12 +266,10 @@ def verify(design: Design, *, paranoid: bool = False) -> Outcome:
     problem, gains, claims and guarantees of the document agree.
     """
     verification = verification_of(design.kind)
-    try:
+    with naming("the problem inside the design"):
         problem = Problem.from_dict(design.problem)
         if problem.require_kind() != design.kind:
             raise InputError(f"problem.observer.kind is {problem.kind!r}, kind is {design.kind!r}.")
-    except InputError as error:
-        raise InputError(f"the problem inside the design: {error}") from None
     certificates = {claim.id: claim.evidence for claim in design.claims}
     try:
         claims = verification.claims(problem, design.gains, certificates, paranoid=paranoid)

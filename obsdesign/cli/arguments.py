@@ -29,6 +29,9 @@ KIND = click.option(
 )  # fmt: skip
 
 
+AS_JSON = click.option("--json", "as_json", is_flag=True, help="Print one JSON object on stdout.")
+
+
 def _seconds(context: click.Context, option: click.Parameter, value: float | None) -> float | None:
     if value is not None and not 0 < value < math.inf:
         raise InputError(f"--time must be a positive finite number of seconds; got {value!r}.")

@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.equations.interval.gains import IntervalGains
-from obsdesign.errors import InputError
+from obsdesign.errors import InputError, naming
 from obsdesign.runtime.base import (
     MODERATE,
     Estimate,
@@ -98,10 +98,8 @@ class IntervalObserver(Stepped[IntervalState]):
             raise InputError(
                 f"--initial must be the {2 * self.n} numbers {','.join(self.names)}; got {arrived}."
             )
-        try:
+        with naming("--initial", ValueError):
             return self.init(t, lower=initial[0::2], upper=initial[1::2])
-        except ValueError as error:
-            raise InputError(f"--initial: {error}") from None
 
     def reset(self, state: IntervalState, *, lower: ArrayLike, upper: ArrayLike) -> IntervalState:
         """The same instant with new bounds of x(t): ends the refutation of a state.
