@@ -6,16 +6,22 @@ python examples/narrowest_bounds.py [FOLDER]       writes degue_4_1.png and oral
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
+from matplotlib.axes import Axes
+from numpy.typing import ArrayLike
 
 import obsdesign
+from lmi.arithmetic.arrays import Matrix
 from obsdesign.data.simulation import simulate
-from obsdesign.pages.plotting.bounds import plot_bounds
+from obsdesign.pages.plotting.style import BLACK, BLUE, GREEN, VERMILION, picture
 from obsdesign.runtime import from_design
 
 HERE = Path(__file__).parent
+_COLOURS = (VERMILION, BLUE, GREEN)
+_Bounds = Mapping[str, tuple[ArrayLike, ArrayLike]]
 
 
 def compared(output: Path) -> dict[str, float]:
@@ -52,6 +58,33 @@ def doses(output: Path) -> bool:
     x = record.block("x")
     plot_bounds(record.t, x, {"bounds": (batch.lower, batch.upper)}, str(output))
     return bool(np.all((batch.lower <= x) & (x <= batch.upper)))
+
+
+def plot_bounds(t: ArrayLike, x: ArrayLike, bounds: _Bounds, output: str) -> None:
+    """Bounds by label, (lower, upper) each (rows, n), over the true state x, (rows, n).
+
+    t: (rows,). At most three observers are told apart.
+    """
+    times, truth = np.asarray(t), np.asarray(x)
+    n = truth.shape[1]
+    with picture(7.0, 1.0 + 1.7 * n, output) as figure:
+        axes = figure.subplots(n, 1, sharex=True, squeeze=False)[:, 0]
+        for i, axis in enumerate(axes):
+            _panel(axis, times, truth[:, i], bounds, i)
+            axis.set_ylabel(f"$x_{{{i + 1}}}$", rotation=0, ha="right", va="center", fontsize=11)
+        axes[-1].set_xlabel("time")
+        handles, labels = axes[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside upper center", ncols=len(labels), frameon=False)
+
+
+def _panel(axis: Axes, t: Matrix, x: Matrix, bounds: _Bounds, i: int) -> None:
+    for colour, (label, (lower, upper)) in zip(_COLOURS, bounds.items(), strict=False):
+        low, high = np.asarray(lower)[:, i], np.asarray(upper)[:, i]
+        axis.fill_between(t, low, high, color=colour, alpha=0.22, lw=0, label=label)
+        for edge in (low, high):
+            axis.plot(t, edge, color=colour, lw=0.8)
+    axis.plot(t, x, color=BLACK, lw=1.0, label="true state")
+    axis.margins(x=0.01)
 
 
 def main(folder: str = ".") -> None:

@@ -6,7 +6,6 @@ Checked by hand, so that the runtime can read designs with numpy alone; the publ
 
 from __future__ import annotations
 
-import json
 import math
 import os
 
@@ -16,7 +15,7 @@ from lmi.arithmetic.arrays import NewEntries, Value
 from obsdesign.document import FORMAT, VERSION, Claim, Design, Guarantee, digest
 from obsdesign.entries import LARGEST, is_number, shown
 from obsdesign.errors import InputError
-from obsdesign.input_files import keys_once, read_text, require_depth
+from obsdesign.input_files import parse_json, read_text, require_depth
 
 VERDICTS = ("proved", "refuted", "undecided")
 # gains that are true or false, and those that are words
@@ -34,18 +33,11 @@ def load_design(path: str | os.PathLike[str]) -> Design:
     """Read a design file; InputError if it is not one, of another version, or was changed."""
     text = read_text(path)
     try:
-        body = json.loads(
-            text, parse_constant=_refuse_constant, parse_float=_finite, parse_int=_whole,
-            object_pairs_hook=keys_once,
-        )  # fmt: skip
+        body = parse_json(text, parse_float=_finite, parse_int=_whole)
     except (ValueError, RecursionError) as error:
         where = f" ({error})" if text.strip() else " (the file is empty)"
         raise InputError(f"{path}: not a design file: not valid JSON{where}.") from None
     return from_dict(body, str(path))
-
-
-def _refuse_constant(name: str) -> float:
-    raise ValueError(f"{name} is not allowed")
 
 
 def _finite(text: str) -> float:

@@ -14,7 +14,8 @@ from numpy.typing import ArrayLike
 from lmi.arithmetic.arrays import Matrix, Value
 from obsdesign.errors import InputError
 
-# magnitudes of what a problem holds, zero apart: products of two stay inside binary64
+# magnitudes of what a problem, a design or a record holds, zero apart: products of two stay inside
+# binary64. Who multiplies three, divides or takes an exponential looks at the result.
 SMALLEST, LARGEST = 1e-150, 1e150
 
 

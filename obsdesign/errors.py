@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 
 class InputError(ValueError):
     """A file, option or array that cannot be read.
@@ -19,3 +23,15 @@ class DoesNotApply(InputError):
     def __init__(self, text: str, entry: str = "") -> None:
         super().__init__(text)
         self.entry = entry
+
+
+@contextmanager
+def naming(place: str | os.PathLike[str], refusal: type[ValueError] = InputError) -> Iterator[None]:
+    """Let refusals of the block begin with the file or entry they are about.
+
+    refusal: what counts as one; any other ValueError is a fault of ours and stays one.
+    """
+    try:
+        yield
+    except refusal as error:
+        raise InputError(f"{place}: {error}") from None

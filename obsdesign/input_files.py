@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import os
+from collections.abc import Callable
 
+from lmi.arithmetic.arrays import Value
 from obsdesign.errors import InputError
 
 MOST_BYTES = 64 * 2**20
@@ -45,8 +48,23 @@ def require_depth(value: object, name: str) -> None:
     raise InputError(f"{name}: nested deeper than {MOST_DEPTH} lists and tables.")
 
 
-def keys_once(pairs: list[tuple[str, object]]) -> dict[str, object]:
-    """For `json.loads`: an object whose keys all differ, or ValueError."""
+def parse_json(
+    text: str,
+    parse_float: Callable[[str], float] | None = None,
+    parse_int: Callable[[str], int] | None = None,
+) -> Value:
+    """The value of a JSON text, whose keys must differ; ValueError, or RecursionError."""
+    return json.loads(
+        text, object_pairs_hook=_keys_once, parse_constant=_refuse_constant,
+        parse_float=parse_float, parse_int=parse_int,
+    )  # fmt: skip
+
+
+def _refuse_constant(name: str) -> float:
+    raise ValueError(f'{name} is not allowed; infinity is written "inf"')
+
+
+def _keys_once(pairs: list[tuple[str, Value]]) -> dict[str, Value]:
     result = dict(pairs)
     if len(result) < len(pairs):
         names = [name for name, _ in pairs]

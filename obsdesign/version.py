@@ -3,11 +3,26 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from lmi.solvers import Solver, Solvers
 
 __version__ = "0.1.0"
 
 # distribution -> the module that states its version; asking the module is faster than the installer
 _MODULES = {"numpy": "numpy", "python-flint": "flint", "clarabel": "clarabel"}
+
+# distributions whose versions identify a solver; IPOPT comes with CasADi
+_DISTRIBUTIONS: Mapping[Solver, tuple[str, ...]] = {
+    "Clarabel": ("clarabel",),
+    "HiGHS": ("highspy",),
+    "CVXPY/Clarabel": ("cvxpy", "clarabel"),
+    "CVXPY/HiGHS": ("cvxpy", "highspy"),
+    "IPOPT": ("casadi",),
+    "SciPy": ("scipy",),
+}
 
 
 def version_of(distribution: str) -> str:
@@ -22,3 +37,11 @@ def version_of(distribution: str) -> str:
         return metadata.version(distribution)
     except metadata.PackageNotFoundError:
         return "not installed"
+
+
+def solver_record(solvers: Solvers) -> dict[str, str]:
+    """Names and versions of the solvers that gains and certificates of a candidate come from."""
+    if not solvers:
+        return {"name": "none"}
+    versions = ["/".join(map(version_of, _DISTRIBUTIONS[solver])) for solver in solvers]
+    return {"name": ", ".join(solvers), "version": ", ".join(versions)}

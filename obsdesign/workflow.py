@@ -10,29 +10,19 @@ from typing import TypeVar
 
 from lmi.arithmetic.arrays import Entries, NewEntries
 from lmi.memory import OversizeError
-from lmi.solvers import Solver, Solvers
 from lmi.time_budget import UNLIMITED, Remark, TimeBudget, remark_end, sentences
 from lmi.verdict import overall
 from obsdesign.document import Claim, Design, Guarantee
-from obsdesign.errors import InputError
+from obsdesign.errors import InputError, naming
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
 from obsdesign.synthesis.kind import Constraints, candidates_of, untried_forms
 from obsdesign.verification.answers import as_answers, is_ended, reason, with_untried
 from obsdesign.verification.document import document_claim, sentences_from
 from obsdesign.verification.kind import verification_of
-from obsdesign.version import __version__, version_of
+from obsdesign.version import __version__, solver_record, version_of
 
 _Key = TypeVar("_Key", bound=Hashable)
-# distributions whose versions identify a solver; IPOPT comes with CasADi
-_DISTRIBUTIONS: Mapping[Solver, tuple[str, ...]] = {
-    "Clarabel": ("clarabel",),
-    "HiGHS": ("highspy",),
-    "CVXPY/Clarabel": ("cvxpy", "clarabel"),
-    "CVXPY/HiGHS": ("cvxpy", "highspy"),
-    "IPOPT": ("casadi",),
-    "SciPy": ("scipy",),
-}
 
 
 @dataclass(frozen=True)
@@ -244,18 +234,10 @@ def _document(problem: Problem, candidate: Candidate, claims: tuple[Claim, ...])
             "versions": {"obsdesign": __version__}
             | {name: version_of(name) for name in ("numpy", "python-flint")}
             | {"python": platform.python_version()},
-            "solver": _solver_record(candidate.solvers),
+            "solver": solver_record(candidate.solvers),
             "options": {"label": candidate.label},
         },
     )
-
-
-def _solver_record(solvers: Solvers) -> dict[str, str]:
-    """Names and versions of the solvers that gains and certificates of a candidate come from."""
-    if not solvers:
-        return {"name": "none"}
-    versions = ["/".join(map(version_of, _DISTRIBUTIONS[solver])) for solver in solvers]
-    return {"name": ", ".join(solvers), "version": ", ".join(versions)}
 
 
 def design(
@@ -293,12 +275,10 @@ def verify(design: Design, *, paranoid: bool = False) -> Outcome:
     problem, gains, claims and guarantees of the document agree.
     """
     verification = verification_of(design.kind)
-    try:
+    with naming("the problem inside the design"):
         problem = Problem.from_dict(design.problem)
         if problem.require_kind() != design.kind:
             raise InputError(f"problem.observer.kind is {problem.kind!r}, kind is {design.kind!r}.")
-    except InputError as error:
-        raise InputError(f"the problem inside the design: {error}") from None
     certificates = {claim.id: claim.evidence for claim in design.claims}
     try:
         claims = verification.claims(problem, design.gains, certificates, paranoid=paranoid)

@@ -63,8 +63,7 @@ def _largest(
         return None
     edge = Edge(to_float(F), to_float(H), low, high)
     limits, unit = _limits(edge), np.eye(len(edge.F))
-    with np.errstate(all="ignore"):
-        first = propose(edge.F, edge.H, low, high, start=given, budget=budget)
+    first = propose(edge.F, edge.H, low, high, start=given, budget=budget)
     search = _Search(edge, given, first, budget)
     families = {
         "per_jump": lambda x: (edge.F, edge.H / x),
@@ -146,7 +145,6 @@ class _Search:
             following = end + _LEFT * (reached - end)
         return pairs[::-1]
 
-    @np.errstate(all="ignore")
     def _proposal(self, pair: tuple[Matrix, Matrix], thetas: tuple[float, ...]) -> Proposal:
         edge = self.edge
         return propose(*pair, edge.low, edge.high, seeds=thetas, start=self.P, budget=self.budget)

@@ -80,9 +80,9 @@ def approx_rates(
             ]
         except np.linalg.LinAlgError:
             return None
-    if any(np.isnan(pair).any() for pair in pairs):
-        return None
     gamma, in_time = max(pair[0] for pair in pairs), min(pair[1] for pair in pairs)
+    if math.isinf(gamma):
+        return None
     if math.isinf(high):
         in_time = min(in_time, -float(np.linalg.eigvals(F_float).real.max()))
     return Rates(gamma, in_time if math.isfinite(in_time) and in_time > 0 else 0.0)
@@ -107,11 +107,9 @@ def _edges(
 
 
 def _edge_rates(edge: Edge, P_source: Matrix, P_target: Matrix) -> tuple[float, float]:
-    """Largest norm on a grid, and the slowest decay in time; NaN where floats overflow."""
+    """Largest norm on a grid, infinite where floats overflow, and the slowest decay in time."""
     thetas, maps = edge.grid()
     norms = np.sqrt(np.clip(1.0 - slack(P_source, maps, P_target), SMALLEST**2, None))
-    if not np.isfinite(norms).all():
-        return math.nan, math.nan
     later = thetas > 0
     in_time = np.min(-np.log(norms[later]) / thetas[later], initial=math.inf)
     return float(norms.max()), float(in_time)

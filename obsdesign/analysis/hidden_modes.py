@@ -41,17 +41,14 @@ def approx_unobservable_modes(A: Matrix, C: Matrix) -> list[Mode]:
     return sorted(modes, key=lambda mode: -mode.eigenvalue.real)
 
 
-def hidden_growth(A: Matrix, C: Matrix, rate: float = 0.0) -> bool:
-    """Decide exactly whether an unobservable mode does not decay faster than `rate`.
+def hidden_growth(A: Matrix, C: Matrix) -> bool:
+    """Decide exactly whether an unobservable mode does not decay.
 
-    In rational arithmetic: the unobservable subspace of (A, C), and Routh's test on A + rate I
-    restricted to it. No gain L moves such a mode of A - L C.
+    In rational arithmetic: the unobservable subspace of (A, C), and Routh's test on A restricted
+    to it. No gain L moves such a mode of A - L C.
     """
     hidden = hidden_part([A], C)
-    if hidden is None:
-        return False
-    flow = hidden.maps[0]
-    return prove_hurwitz(flow + exact(rate * np.eye(len(flow)))).outcome == "refuted"
+    return hidden is not None and prove_hurwitz(hidden.maps[0]).outcome == "refuted"
 
 
 @dataclass(frozen=True)

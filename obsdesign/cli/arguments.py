@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import re
 from collections.abc import Callable
@@ -11,7 +10,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 import click
 
-from lmi.arithmetic.arrays import NewEntries
+from lmi.arithmetic.arrays import NewEntries, Value
 from obsdesign.errors import InputError
 from obsdesign.kinds import KINDS
 
@@ -35,7 +34,9 @@ KIND = click.option(
 class _Number(click.types.FloatParamType):
     """A number as data files have it: click takes what Python does, 1_0 and other scripts."""
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+    def convert(
+        self, value: Value, param: click.Parameter | None, ctx: click.Context | None
+    ) -> Value:
         """The number, or a usage error."""
         from obsdesign.entries import number_from_text
 
@@ -48,7 +49,9 @@ class _Number(click.types.FloatParamType):
 class Count(click.IntRange):
     """A whole number in digits 0 to 9."""
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+    def convert(
+        self, value: Value, param: click.Parameter | None, ctx: click.Context | None
+    ) -> Value:
         """The number, or a usage error."""
         if isinstance(value, str) and not re.fullmatch("[+-]?[0-9]+", value):
             self.fail(f"{value!r} is not a whole number.", param, ctx)
@@ -56,6 +59,7 @@ class Count(click.IntRange):
 
 
 NUMBER = _Number()
+AS_JSON = click.option("--json", "as_json", is_flag=True, help="Print one JSON object on stdout.")
 
 
 def _seconds(context: click.Context, option: click.Parameter, value: float | None) -> float | None:
@@ -124,10 +128,10 @@ def numbers(text: str, option: str) -> list[float]:
 def answer_of(path: str) -> NewEntries:
     """The JSON that a command printed, or a design file with its valid digest."""
     from obsdesign.design_file import load_design
-    from obsdesign.input_files import read_text, require_depth
+    from obsdesign.input_files import parse_json, read_text, require_depth
 
     try:
-        body = json.loads(read_text(path))
+        body = parse_json(read_text(path))
     except InputError:
         raise
     except (ValueError, RecursionError) as error:

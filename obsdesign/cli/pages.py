@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from obsdesign.cli.arguments import NUMBER, Count, numbers, time_option
+from obsdesign.cli.arguments import AS_JSON, NUMBER, Count, numbers, time_option
 from obsdesign.cli.talk import is_quiet, say
 from obsdesign.errors import InputError
 
@@ -23,7 +23,7 @@ COMPLETE = "_OBSDESIGN_COMPLETE"
 @click.option("--seed", type=Count(min=0), help="Of the simulation.  [default: 0]")
 @click.option("--initial", help="x1_lo,x1_hi,...; point observers begin in the middle.")
 @time_option()
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object on stdout.")
+@AS_JSON
 def compare(
     *, problem: str, data: str | None, simulated: bool, seed: int | None, initial: str | None,
     seconds: float | None, as_json: bool, **options: float | None,

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from obsdesign.cli.arguments import KIND, NUMBER, one_of, problem_of, time_option
+from obsdesign.cli.arguments import AS_JSON, KIND, NUMBER, one_of, problem_of, time_option
 from obsdesign.cli.talk import is_quiet, is_verbose, progress_bar, progress_message, say, warn
-from obsdesign.errors import InputError
+from obsdesign.errors import naming
 from obsdesign.kinds import SEARCHES
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 @click.command()
 @click.argument("problem", type=click.Path())
 @time_option()
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object on stdout.")
+@AS_JSON
 def check(problem: str, seconds: float | None, as_json: bool) -> int:
     """For each observer kind: can it be built for the plant in PROBLEM, and if not, why."""
     from obsdesign.cli.answers import EXIT_CODES, check_answer, show_check
@@ -54,7 +54,7 @@ def check(problem: str, seconds: float | None, as_json: bool) -> int:
 )
 @click.option("--allow-undecided", is_flag=True, help="Write a design with undecided claims too.")
 @time_option()
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object on stdout.")
+@AS_JSON
 def design(
     *, problem: str, kind: str | None, output: str, allow_undecided: bool, seconds: float | None,
     as_json: bool,
@@ -66,11 +66,8 @@ def design(
 
     loaded, dropped = problem_of(problem, kind)
     refuse_overwriting(output, problem)
-    try:
-        with progress_message("designing"):
-            outcome = workflow.investigate(loaded, seconds=seconds)
-    except InputError as error:
-        raise InputError(f"{problem}: {error}") from None
+    with progress_message("designing"), naming(problem):
+        outcome = workflow.investigate(loaded, seconds=seconds)
     _warn_of(kind, dropped, outcome)
     keep = outcome.verdict == "proved" or (outcome.verdict == "undecided" and allow_undecided)
     written = output if keep and outcome.design else None
@@ -88,7 +85,7 @@ def design(
 @click.command()
 @click.argument("design_file", metavar="DESIGN", type=click.Path())
 @click.option("--paranoid", is_flag=True, help="Prove a second time by an independent method.")
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object on stdout.")
+@AS_JSON
 def verify(design_file: str, paranoid: bool, as_json: bool) -> int:
     """Prove everything in DESIGN again, from the file alone and without a solver."""
     from obsdesign import workflow
@@ -96,11 +93,8 @@ def verify(design_file: str, paranoid: bool, as_json: bool) -> int:
     from obsdesign.design_file import load_design
 
     design = load_design(design_file)
-    try:
-        with progress_message("verifying"):
-            outcome = workflow.verify(design, paranoid=paranoid)
-    except InputError as error:
-        raise InputError(f"{design_file}: {error}") from None
+    with progress_message("verifying"), naming(design_file):
+        outcome = workflow.verify(design, paranoid=paranoid)
     if as_json:
         click.echo(answer("verify", outcome, outcome.result))
     elif not is_quiet():
@@ -116,7 +110,7 @@ def verify(design_file: str, paranoid: bool, as_json: bool) -> int:
 @KIND
 @click.option("--accuracy", type=NUMBER, default=1e-6, show_default=True, help="Relative width.")
 @time_option()
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object on stdout.")
+@AS_JSON
 def search(
     *, problem: str, what: str, kind: str | None, accuracy: float, seconds: float | None,
     as_json: bool,
@@ -126,11 +120,8 @@ def search(
     from obsdesign.studies.search import search as searching
 
     loaded, dropped = problem_of(problem, kind)
-    try:
-        with progress_message("searching"):
-            outcome = searching.search(loaded, what, accuracy, seconds=seconds)
-    except InputError as error:
-        raise InputError(f"{problem}: {error}") from None
+    with progress_message("searching"), naming(problem):
+        outcome = searching.search(loaded, what, accuracy, seconds=seconds)
     _warn_of(kind, dropped, outcome)
     if as_json:
         click.echo(answer("search", outcome, outcome.result))

@@ -9,7 +9,7 @@ import click
 
 from obsdesign.cli.arguments import KIND, NUMBER, Count, problem_of, time_option
 from obsdesign.cli.talk import on_stderr, progress_bar, say, warn
-from obsdesign.errors import InputError
+from obsdesign.errors import naming
 
 # each process does one point at a time, and has one thread to do it
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
@@ -46,10 +46,8 @@ def sweep(
     loaded, dropped = problem_of(problem, kind)
     refuse_overwriting(output, problem)
     axes = [parse_axis(text) for text in over]
-    try:
+    with naming(problem):
         plan = plan_sweep(loaded, axes, what, accuracy, seconds)
-    except InputError as error:
-        raise InputError(f"{problem}: {error}") from None
     if dropped:
         warn(f"dropped for kind {kind}: {', '.join(dropped)}")
     with progress_bar("sweep") as progress:

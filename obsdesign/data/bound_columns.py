@@ -12,7 +12,7 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.entries import LARGEST, number_from_text, shown
-from obsdesign.errors import InputError
+from obsdesign.errors import InputError, naming
 from obsdesign.runtime.bounds import Bounds, DeclaredBounds
 
 _TITLE = r"[bcv][1-9]\d*_(lo|hi)"
@@ -44,10 +44,8 @@ class BoundColumns:
             if not any(title in given for title in box.columns):
                 continue
             ends = np.array([given.get(title, math.nan) for title in box.columns]).reshape(-1, 2)
-            try:
+            with naming(where, ValueError):
                 pairs[box.name] = box.completed((ends[:, 0], ends[:, 1]))
-            except ValueError as error:
-                raise InputError(f"{where}: {error}") from None
         return Bounds(**pairs) if pairs else None
 
     def where_lines_are_skipped(self, name: str, remark: Callable[[str], None]) -> BoundColumns:

@@ -6,14 +6,13 @@ first witness that names dwell times is taken.
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterator, Mapping
 
 from lmi.arithmetic.arrays import Value
 from obsdesign.entries import number_from_text, real
 from obsdesign.errors import InputError
-from obsdesign.input_files import read_text, require_depth
+from obsdesign.input_files import parse_json, read_text, require_depth
 
 
 def read_dwell_times(path: str) -> list[float]:
@@ -55,7 +54,7 @@ def _positive(value: float) -> float:
 
 def _answer(text: str, path: str) -> list[float]:
     try:
-        body = json.loads(text)
+        body = parse_json(text)
     except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: not valid JSON ({error}).") from None
     require_depth(body, path)

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import os
 import tomllib
 from pathlib import Path
 
 from lmi.arithmetic.arrays import Value
 from obsdesign.errors import InputError
-from obsdesign.input_files import keys_once, read_text, require_depth
+from obsdesign.input_files import parse_json, read_text, require_depth
 
 
 def read_problem_file(path: str | os.PathLike[str]) -> Value:
@@ -19,7 +18,7 @@ def read_problem_file(path: str | os.PathLike[str]) -> Value:
         raise InputError(f"{path}: a problem is required; the file is empty.")
     is_json = Path(path).suffix.lower() == ".json"
     try:
-        body = _parse_json(text) if is_json else tomllib.loads(text)
+        body = parse_json(text) if is_json else tomllib.loads(text)
     except RecursionError:
         raise InputError(f"{path}: nested too deeply to be a problem file.") from None
     except ValueError as error:
@@ -34,11 +33,3 @@ def _complaint(error: ValueError, text: str, is_json: bool) -> str:
     if text.lstrip().startswith("{") != is_json:
         hint = " Is it TOML? Name it .toml." if is_json else " Is it JSON? Name it .json."
     return f"{'JSON' if is_json else 'TOML'}: {reason}.{hint}"
-
-
-def _parse_json(text: str) -> Value:
-    return json.loads(text, object_pairs_hook=keys_once, parse_constant=_refuse_constant)
-
-
-def _refuse_constant(name: str) -> float:
-    raise ValueError(f'{name} is not allowed; infinity is written "inf"')

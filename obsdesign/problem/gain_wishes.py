@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from obsdesign.errors import InputError
-from obsdesign.problem.schema import POSITIVE, Fragment, at_least, ref
+from obsdesign.problem.schema import NONNEGATIVE, POSITIVE, Fragment, ref
 
 if TYPE_CHECKING:
     from obsdesign.problem.plant import Plant
@@ -55,7 +55,7 @@ STRUCTURE = _table(
 REGION = _table(
     "a table of decay, disc, sector (of A - L C) and jump_disc (of the error's matrix at jumps)",
     {
-        "decay": at_least(0, "a number >= 0"),
+        "decay": NONNEGATIVE,
         "disc": _DISC,
         "sector": _SECTOR,
         "jump_disc": _DISC,

@@ -28,9 +28,9 @@ from obsdesign.problem.gain_wishes import (
 from obsdesign.problem.options_base import Options, check_count, check_weights, option
 from obsdesign.problem.schema import (
     FLAG,
+    NONNEGATIVE,
     POSITIVE,
     POSITIVE_LIST,
-    at_least,
     list_of,
     one_of,
     ref,
@@ -73,9 +73,7 @@ class IntervalOptions(Options):
         default="mean",
     )
     width_weights: tuple[float, ...] | None = option(
-        list_of(
-            at_least(0, "a nonnegative number"), "a list of nonnegative numbers, one per state"
-        ),
+        list_of(NONNEGATIVE, "a list of nonnegative numbers, one per state"),
         "Weight of each state's width in objective narrowest; default all alike. Only their ratios "
         "matter.",
     )
@@ -94,18 +92,13 @@ class LuenbergerOptions(Options):
 
     poles: tuple[Pole, ...] | None = option(ref("poles"), _POLES)
     decay_rate: float = option(
-        at_least(0, "a number >= 0"),
-        "Exponential decay that is asked for, per unit of time.",
-        default=0.0,
+        NONNEGATIVE, "Exponential decay that is asked for, per unit of time.", default=0.0
     )
     weights: Mapping[str, tuple[float, ...]] | None = option(ref("weights"), _WEIGHTS)
     memory: Memory = option(ref("memory"), _MEMORY, whole=True, default="auto")
     schedule: int | tuple[float, ...] | None = option(
         {
-            "anyOf": [
-                {"type": "integer", "minimum": 2},
-                {"type": "array", "items": POSITIVE, "minItems": 1},
-            ],
+            "anyOf": [{"type": "integer", "minimum": 2}, POSITIVE_LIST],
             "title": "a number of cells >= 2, or a list of cell borders",
         },
         "Jump gains that depend on the past dwell time: number of cells of the dwell range, or "
@@ -157,7 +150,7 @@ class ImpulsiveOptions(Options):
         default="auto",
     )
     decay_rate: float = option(
-        at_least(0, "a number >= 0"),
+        NONNEGATIVE,
         "Exponential decay that is asked for, per unit of time; chooses alpha.",
         default=0.0,
     )
@@ -227,7 +220,7 @@ class ImpulsiveInputOptions(Options):
         FLAG, "gls: correct the state with each impulse; default true."
     )
     initial_std: tuple[float, ...] | None = option(
-        list_of(at_least(0, "a number >= 0"), "a list of numbers >= 0"),
+        list_of(NONNEGATIVE, "a list of numbers >= 0"),
         "gls: standard deviation of the initial state, one per state; default from the data.",
     )
     nonnegative: bool = option(FLAG, "Weights of impulses are not negative.", default=False)
@@ -237,19 +230,17 @@ class ImpulsiveInputOptions(Options):
         "maximum.",
     )
     smallest_weight: float | None = option(
-        POSITIVE,
-        "Smallest absolute weight of an impulse that is evaluated; chooses threshold.",
+        POSITIVE, "Smallest absolute weight of an impulse that is evaluated; chooses threshold."
     )
     uncertainty: tuple[tuple[float, ...], ...] | None = option(
         list_of(
-            list_of(at_least(0, "a number >= 0"), "a row: a list of numbers >= 0"),
+            list_of(NONNEGATIVE, "a row: a list of numbers >= 0"),
             "a matrix: a list of rows of numbers >= 0",
         ),
         "Largest absolute changes of the entries of flow.A, n x n, for the claim robustness.",
     )
     poles: tuple[Pole, ...] | None = option(
-        ref("poles"),
-        "Poles of A - K C, one per state; one of a conjugate pair stands for both.",
+        ref("poles"), "Poles of A - K C, one per state; one of a conjugate pair stands for both."
     )
     weights: Mapping[str, tuple[float, ...]] | None = option(
         ref("weights"),

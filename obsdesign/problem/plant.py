@@ -12,7 +12,7 @@ as an array and hold float64 arrays; None leaves an optional one out, or takes i
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -38,8 +38,18 @@ JUMP_MEASUREMENTS = ("before", "after", "none")
 _DEFAULT: Value = None
 
 
+class Block:
+    """A block of a plant; two are equal where all entries are."""
+
+    def __eq__(self, other: object) -> bool:
+        if type(other) is not type(self):
+            return False
+        pairs = zip(vars(self).values(), vars(other).values(), strict=True)
+        return all((a is None) == (b is None) and np.array_equal(a, b) for a, b in pairs)
+
+
 @dataclass(frozen=True, eq=False)
-class Flow:
+class Flow(Block):
     """A (n, n); B (n, m) known input; D (n, q) unknown input; lower, upper (n,) bounds of b."""
 
     A: Matrix = file_entry(ref("matrix"), "n x n.")
@@ -59,12 +69,9 @@ class Flow:
         lower, upper = bounds(self.lower, self.upper, n, "flow.disturbance")
         _set(self, lower=lower, upper=upper)
 
-    def __eq__(self, other: object) -> bool:
-        return _same(self, other)
-
 
 @dataclass(frozen=True, eq=False)
-class Jump:
+class Jump(Block):
     """G (n, n), None for the identity; E (n, k) known jump input; H (n, r) unknown impulses.
 
     lower, upper (n,): bounds of c. dwell_time: (shortest, longest) time between jumps, the longest
@@ -108,12 +115,9 @@ class Jump:
         _set(result, lower=lower, upper=upper, **inputs)
         return result
 
-    def __eq__(self, other: object) -> bool:
-        return _same(self, other)
-
 
 @dataclass(frozen=True, eq=False)
-class Output:
+class Output(Block):
     """C (p, n); noise_bound (p,) or (p, 2) or None, not known; noise_std, noise_cv (p,).
 
     One number serves all outputs. noise_bound may hold pairs [lower, upper], with numbers between
@@ -142,9 +146,7 @@ class Output:
         default="continuous",
     )
     period: float | None = file_entry(
-        POSITIVE,
-        "Time between samples; required when measured is periodic.",
-        default=None,
+        POSITIVE, "Time between samples; required when measured is periodic.", default=None
     )
     jump_measurement: str = file_entry(
         one_of(*JUMP_MEASUREMENTS),
@@ -155,17 +157,14 @@ class Output:
     def __post_init__(self) -> None:
         C = matrix(self.C, "output.C")
         _set(self, C=C)
-        pairs = _noise_pairs(self.noise_bound, C)
-        _set(self, noise_bound=self.noise_bound if pairs is None else pairs)
-        for name in ("noise_bound", "noise_std", "noise_cv"):
-            values, entry = getattr(self, name), f"output.{name}"
-            if name == "noise_bound" and (values is None or pairs is not None):
-                continue
-            noise = vector(_for_all(0.0 if values is None else values, len(C), entry), entry)
-            require_shape(noise, entry, (len(C),), f"one per row of output.C ({size_text(C)})")
-            for i in np.flatnonzero(noise < 0):
-                raise InputError(f"{entry} must be >= 0; got {noise[i]:g} for output {i + 1}.")
-            _set(self, **{name: noise})
+        if self.noise_bound is not None:
+            pairs = _noise_pairs(self.noise_bound, C)
+            if pairs is None:
+                pairs = _noise(self.noise_bound, C, "noise_bound")
+            _set(self, noise_bound=pairs)
+        for name in ("noise_std", "noise_cv"):
+            values = getattr(self, name)
+            _set(self, **{name: _noise(0.0 if values is None else values, C, name)})
         for name, words in (("measured", MEASURED), ("jump_measurement", JUMP_MEASUREMENTS)):
             if getattr(self, name) not in words:
                 raise InputError(
@@ -176,7 +175,10 @@ class Output:
                 "output.jump_measurement must be before or after when measured = 'at_jumps'; "
                 "got 'none', which leaves no measurement at all."
             )
-        self._check_period()
+        if self.period is not None:
+            _set(self, period=positive(real(self.period, "output.period"), "output.period"))
+        elif self.measured == "periodic":
+            raise InputError("output.period is required when measured = 'periodic'; it is missing.")
 
     @property
     def noise_centre(self) -> Matrix | None:
@@ -192,18 +194,6 @@ class Output:
     def sample_period(self) -> float:
         """Time between samples; 1 where y is not periodic."""
         return 1.0 if self.period is None else self.period
-
-    def _check_period(self) -> None:
-        if self.period is None:
-            if self.measured == "periodic":
-                raise InputError(
-                    "output.period is required when measured = 'periodic'; it is missing."
-                )
-            return
-        _set(self, period=positive(real(self.period, "output.period"), "output.period"))
-
-    def __eq__(self, other: object) -> bool:
-        return _same(self, other)
 
 
 @dataclass(frozen=True)
@@ -225,6 +215,16 @@ class Plant:
         if self.output.measured == "at_jumps" and self.jump is None:
             raise InputError("[jump] is required when output.measured = 'at_jumps'; it is missing.")
         _set(self, n=n, p=len(C))
+
+
+def _noise(values: Value, C: Matrix, name: str) -> Matrix:
+    """Numbers >= 0, one per output, from a list of them or from one for all."""
+    entry = f"output.{name}"
+    noise = vector([real(values, entry)] * len(C) if np.ndim(values) == 0 else values, entry)
+    require_shape(noise, entry, (len(C),), f"one per row of output.C ({size_text(C)})")
+    for i in np.flatnonzero(noise < 0):
+        raise InputError(f"{entry} must be >= 0; got {noise[i]:g} for output {i + 1}.")
+    return noise
 
 
 def _noise_pairs(values: Value, C: Matrix) -> Matrix | None:
@@ -251,18 +251,6 @@ def _noise_pairs(values: Value, C: Matrix) -> Matrix | None:
             f"{pairs[i, 1]:g} for output {i + 1}. Are they swapped?"
         )
     return pairs
-
-
-def _for_all(values: Value, count: int, entry: str) -> Value:
-    """A list as it is; one number for each of the outputs."""
-    return [real(values, entry)] * count if np.ndim(values) == 0 else values
-
-
-def _same(block: Flow | Jump | Output, other: object) -> bool:
-    if type(other) is not type(block):
-        return False
-    pairs = [(getattr(block, entry.name), getattr(other, entry.name)) for entry in fields(block)]
-    return all((a is None) == (b is None) and np.array_equal(a, b) for a, b in pairs)
 
 
 def _inputs(

@@ -17,7 +17,7 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Entries, Matrix, NewEntries, Value
 from obsdesign.document import jsonable
-from obsdesign.errors import DoesNotApply, InputError
+from obsdesign.errors import DoesNotApply, InputError, naming
 from obsdesign.kinds import KINDS
 from obsdesign.problem import observer_options
 from obsdesign.problem.file import read_problem_file
@@ -191,10 +191,8 @@ def load_for_kind(path: str | os.PathLike[str], kind: str | None) -> tuple[Probl
     if kind is not None and isinstance(body, dict) and isinstance(body.get("observer", {}), dict):
         observer, dropped = observer_options.for_kind(body.get("observer", {}), kind)
         body |= {"observer": observer}
-    try:
+    with naming(path):
         return Problem.from_dict(body), dropped
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
 
 
 def _as_block(value: Value) -> Value:

@@ -57,13 +57,9 @@ def list_of(item: Fragment, title: str) -> Fragment:
     return {"type": "array", "items": item, "minItems": 1, "title": title}
 
 
-def at_least(number: float, title: str) -> Fragment:
-    """A number with a least value."""
-    return {"type": "number", "minimum": number, "title": title}
-
-
 NUMBER: Fragment = {"type": "number", "title": "a number"}
 POSITIVE: Fragment = {"type": "number", "exclusiveMinimum": 0, "title": "a positive number"}
+NONNEGATIVE: Fragment = {"type": "number", "minimum": 0, "title": "a number >= 0"}
 FLAG: Fragment = {"type": "boolean", "title": "true or false"}
 POSITIVE_LIST = list_of(POSITIVE, "a list of positive numbers")
 _ROW_TITLE = "a row: a list of numbers"

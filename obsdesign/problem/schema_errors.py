@@ -50,9 +50,8 @@ def _rank(error: Value) -> tuple[int, int, list[str]]:
 
 def _sentence(error: Value, body: Value, schema: Value) -> str:
     path = list(error.absolute_path)
-    if error.validator in ("propertyNames", "enum") and _inside(error, "propertyNames"):
-        return _unknown(error.instance, path, list(_names()), body, schema)
-    if error.validator == "propertyNames":
+    is_of_name = "propertyNames" in error.absolute_schema_path
+    if error.validator in ("propertyNames", "enum") and is_of_name:
         return _unknown(error.instance, path, _names(), body, schema)
     if error.validator == "additionalProperties":
         known = list(error.schema.get("properties", {}))
@@ -62,10 +61,6 @@ def _sentence(error: Value, body: Value, schema: Value) -> str:
         name = next(key for key in error.validator_value if key not in error.instance)
         return f"{_entry([*path, name])} is required; it is missing."
     return _value(error, path, body)
-
-
-def _inside(error: Value, keyword: str) -> bool:
-    return keyword in error.absolute_schema_path
 
 
 def _names() -> list[str]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
@@ -15,7 +14,6 @@ from lmi.arithmetic.arrays import Matrix
 from obsdesign.equations.gains import Gains, PlantGains
 from obsdesign.runtime.bounds import Bounds, DeclaredBounds
 from obsdesign.runtime.columns import Batch, Columns, Event, collect
-from obsdesign.runtime.time_stamps import time_tolerance
 
 Vector = Matrix
 State = TypeVar("State")
@@ -194,44 +192,6 @@ class Delayed(RecordRunner[DecidingState]):
         yield from self.finish(state)
 
 
-@dataclass(frozen=True, slots=True)
-class DwellGuard:
-    """Check that dwell times stay in the range of the design, and change no faster.
-
-    jitter: largest change from one dwell time to the next. last_jump and last_dwell are None until
-    there were one and two jumps: the time before the first one is not a dwell time.
-    """
-
-    shortest: float
-    longest: float
-    last_jump: float | None = None
-    jitter: float = math.inf
-    last_dwell: float | None = None
-
-    @classmethod
-    def from_gains(cls, gains: PlantGains) -> DwellGuard:
-        """The guard of a design's gains; without jumps it accepts every time."""
-        jitter = math.inf if gains.dwell_jitter is None else gains.dwell_jitter
-        return cls(*gains.dwell_range, jitter=jitter)
-
-    def after(self, t: float, jump: bool) -> tuple[DwellGuard, str | None]:
-        """The guard after an instant, and why the instant is inadmissible (None: it is not)."""
-        violation = None
-        elapsed = None if self.last_jump is None else t - self.last_jump
-        if elapsed is not None:
-            slack = time_tolerance(elapsed, t)
-            change = 0.0 if self.last_dwell is None else abs(elapsed - self.last_dwell)
-            if jump and elapsed < self.shortest - slack:
-                violation = f"dwell time {elapsed:.9g} below {self.shortest:.9g}"
-            elif elapsed > self.longest + slack:
-                violation = f"dwell time {elapsed:.9g} above {self.longest:.9g}"
-            elif jump and change > self.jitter + 2 * slack:
-                violation = f"dwell time changed by {change:.9g}, more than {self.jitter:.9g}"
-        if not jump:
-            return self, violation
-        return replace(self, last_jump=t, last_dwell=elapsed), violation
-
-
 def instant(t: float) -> float:
     """A time as a float; ValueError unless it is finite."""
     now = float(t)
@@ -275,21 +235,26 @@ def centred_measurement(y: ArrayLike | None, gains: Gains) -> Vector | None:
     return None if result is None else centred(result, gains)
 
 
-def jump_input(gains: PlantGains, w: ArrayLike | None) -> Vector:
-    """E w (n,), zero without E or w; ValueError where w has another size than E has columns."""
-    if gains.E is None or w is None:
-        return np.zeros(gains.n)
-    return np.asarray(gains.E @ vector(w, gains.E.shape[1], "w"))
+def no_jumps() -> ValueError:
+    """The refusal of a sample that says jump, for a plant without jumps."""
+    return ValueError("this plant has no jumps ([jump] is absent), but a sample says jump.")
 
 
 def corrected_jump(
-    gains: PlantGains, x: Vector, w: ArrayLike | None, y: Vector | None, M: Vector | None
+    gains: PlantGains,
+    x: Vector,
+    w: ArrayLike | None,
+    y: Vector | None = None,
+    M: Vector | None = None,
 ) -> Vector:
     """x after a jump with the correction M (y - C x), x before or after it as y is measured.
 
-    Without correction where y or M is missing.
+    Without correction where y or M is missing. ValueError where w has another size than E has
+    columns.
     """
-    after = gains.jump_matrix @ x + gains.jump_drift + jump_input(gains, w)
+    after = gains.jump_matrix @ x + gains.jump_drift
+    if gains.E is not None and w is not None:
+        after = after + gains.E @ vector(w, gains.E.shape[1], "w")
     if y is None or M is None or gains.jump_measurement == "none":
         return np.asarray(after)
     expected = gains.C @ (after if gains.jump_measurement == "after" else x)

@@ -13,7 +13,7 @@ from obsdesign.design_file import load_design
 from obsdesign.document import Design, jsonable, same
 from obsdesign.entries import is_number
 from obsdesign.equations.noise_bounds import noise_box
-from obsdesign.errors import InputError
+from obsdesign.errors import InputError, naming
 from obsdesign.kinds import kind_named
 from obsdesign.runtime.base import Observer
 
@@ -47,15 +47,11 @@ def load(path: str | os.PathLike[str]) -> Observer:
 
 def from_design(design: Design, path: str = "design") -> Observer:
     """The observer of a design in memory."""
-    try:
+    with naming(path):
         runnable = observer_class(design.kind, design.gains)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
-    _same_plant(design, path)
-    try:
+        _same_plant(design)
+    with naming(path, ValueError):
         return runnable.from_gains(design.gains)
-    except ValueError as error:
-        raise InputError(f"{path}: {error}") from None
 
 
 # gains that repeat an entry of the problem, and where it stands there
@@ -69,7 +65,7 @@ _REPEATED = (
 _REPEATED_BY_KIND = {"impulsive_input": (("H", "jump", "H"),)}
 
 
-def _same_plant(design: Design, path: str) -> None:
+def _same_plant(design: Design) -> None:
     """InputError when the gains are for another plant than the one the design names."""
     for name, block, key in (*_REPEATED, *_REPEATED_BY_KIND.get(design.kind, ())):
         table = design.problem.get(block)
@@ -81,8 +77,8 @@ def _same_plant(design: Design, path: str) -> None:
             if name == "dwell_time" and _is_searched_range(design, stated):
                 continue
             raise InputError(
-                f"{path}: gains.{name} differs from problem.{block}.{key}; `obsdesign verify` "
-                "tells more. Was the file put together by hand?"
+                f"gains.{name} differs from problem.{block}.{key}; `obsdesign verify` tells more. "
+                "Was the file put together by hand?"
             )
 
 

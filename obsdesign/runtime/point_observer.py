@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from lmi.arithmetic.arrays import Matrix
-from obsdesign.equations.gains import Gains, PlantGains
+from obsdesign.equations.gains import Gains
 from obsdesign.errors import InputError
 from obsdesign.runtime.base import Estimate, Sample, State, Stepped, centred_measurement, later
 from obsdesign.runtime.columns import Event
@@ -75,21 +75,21 @@ class PointObserver(ABC, Generic[State]):
         return self.init(t, x=None if initial is None else list(initial))
 
 
-class SteppedObserver(PointObserver[State], Stepped[State]):
+class SteppedObserver(PointObserver[TimedState], Stepped[TimedState]):
     """One estimate for every sample."""
 
+    @abstractmethod
+    def advance(
+        self, state: TimedState, t: float, y: Matrix | None, sample: Sample
+    ) -> tuple[TimedState, Estimate]:
+        """The state and the estimate at t; y: less the middle of its noise, None if missing."""
 
-def centred_step(
-    advance: Callable[[TimedState, float, Matrix | None, Sample], tuple[TimedState, Estimate]],
-    gains: PlantGains,
-    state: TimedState,
-    sample: Sample,
-) -> tuple[TimedState, Estimate]:
-    """Step by `advance(state, t, y, sample)`, y less the middle of its noise, None if missing.
+    def step(self, state: TimedState, sample: Sample) -> tuple[TimedState, Estimate]:
+        """Move to the time of the sample, use it, and jump if it says so.
 
-    ValueError if time does not increase (the first sample may share the initial time).
-    """
-    t = later(sample.t, state.t, state.started)
-    y = centred_measurement(sample.y, gains)
-    with np.errstate(over="ignore", invalid="ignore"):  # the status names what is not finite
-        return advance(state, t, y, sample)
+        ValueError if time does not increase (the first sample may share the initial time).
+        """
+        t = later(sample.t, state.t, state.started)
+        y = centred_measurement(sample.y, self.gains)
+        with np.errstate(over="ignore", invalid="ignore"):  # the status names what is not finite
+            return self.advance(state, t, y, sample)

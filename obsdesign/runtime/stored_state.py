@@ -20,7 +20,7 @@ import numpy as np
 from lmi.arithmetic.arrays import Entries, NewEntries, Value
 from obsdesign.document import Design, digest
 from obsdesign.errors import InputError
-from obsdesign.input_files import keys_once, require_depth
+from obsdesign.input_files import parse_json, require_depth
 from obsdesign.runtime.base import Row
 from obsdesign.runtime.finite_time.tape import Tape
 
@@ -83,7 +83,7 @@ def progress_from_text(text: str, design: Design, observer: Value, path: str) ->
 
 def _checked_body(text: str, design: Design, path: str) -> NewEntries:
     try:
-        body = json.loads(text, object_pairs_hook=keys_once)
+        body = parse_json(text)
     except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: not a state file that can be resumed: {error}.") from None
     require_depth(body, path)

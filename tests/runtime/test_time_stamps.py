@@ -16,7 +16,7 @@ import obsdesign
 from obsdesign.equations.gains import plant_data
 from obsdesign.problem.plant import Flow, Jump, Output, Plant
 from obsdesign.runtime import Sample, from_design
-from obsdesign.runtime.base import DwellGuard
+from obsdesign.runtime.dwell_guard import DwellGuard
 from obsdesign.runtime.impulsive.observer import ImpulsiveObserver
 from obsdesign.runtime.interval.clock import SampleClock
 from obsdesign.runtime.luenberger.observer import LuenbergerObserver

@@ -26,7 +26,6 @@ from obsdesign.runtime.base import (
     MODERATE,
     Estimate,
     Sample,
-    centred_measurement,
     instant,
     later,
     status_of,
@@ -83,19 +82,18 @@ class FiniteTimeObserver(SteppedObserver[FiniteTimeState]):
 
         ValueError if time does not increase (the first sample may share the initial time).
         """
-        t = later(sample.t, state.t, state.started)
         if state.filling.full and not sample.jump:
+            t = later(sample.t, state.t, state.started)
             steady = steady_step(self.constants, state, t, sample)
             if steady is not None:
                 return steady
-        with np.errstate(over="ignore", invalid="ignore"):  # the status names what is not finite
-            return self._step(state, t, sample)
+        return super().step(state, sample)
 
-    def _step(
-        self, state: FiniteTimeState, t: float, sample: Sample
+    def advance(
+        self, state: FiniteTimeState, t: float, y: Matrix | None, sample: Sample
     ) -> tuple[FiniteTimeState, Estimate]:
+        """Move to t, take y in before or after a jump, and estimate."""
         constants, when = self.constants, self.gains.jump_measurement
-        y = centred_measurement(sample.y, self.gains)
         is_taken_after = sample.jump and when != "before"
         y_before, y_after = (None, y) if is_taken_after else (y, None)
         state, is_instant, irregular = moved_to(constants, state, t, y is not None)

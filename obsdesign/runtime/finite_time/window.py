@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.equations.finite_time.rows import SINGULAR, approx_determinacy, least_squares_gain
-from obsdesign.runtime.base import jump_input
+from obsdesign.runtime.base import corrected_jump, no_jumps
 from obsdesign.runtime.finite_time.constants import WindowConstants
 from obsdesign.runtime.finite_time.error_radius import window_length
 from obsdesign.runtime.finite_time.known_inputs import KnownInput
@@ -205,8 +205,8 @@ def jumped(
     """The state after a jump with input w; its window is empty, as older samples do not apply."""
     gains = constants.gains
     if gains.G is None:
-        raise ValueError("this plant has no jumps ([jump] is absent), but a sample says jump.")
-    x = gains.G @ state.x + (gains.jump_drift + jump_input(gains, w))
+        raise no_jumps()
+    x = corrected_jump(gains, state.x, w)
     return emptied(constants, state)._replace(x=x, bounds=_unbounded(constants.n, x))
 
 

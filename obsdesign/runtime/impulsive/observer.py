@@ -27,7 +27,6 @@ from lmi.arithmetic.exponential import expm, flow_integrals
 from obsdesign.equations.impulsive.formulas import Core
 from obsdesign.equations.impulsive.gains import ImpulsiveGains
 from obsdesign.runtime.base import (
-    DwellGuard,
     Estimate,
     Sample,
     corrected_jump,
@@ -35,8 +34,9 @@ from obsdesign.runtime.base import (
     status_of,
     vector,
 )
+from obsdesign.runtime.dwell_guard import DwellGuard
 from obsdesign.runtime.impulsive.window import Element, SlidingWindow
-from obsdesign.runtime.point_observer import SteppedObserver, centred_step
+from obsdesign.runtime.point_observer import SteppedObserver
 from obsdesign.runtime.step_cache import cached_step
 
 # condition numbers, columns scaled to their usual sizes: digits are lost; nothing is left
@@ -95,16 +95,10 @@ class ImpulsiveObserver(SteppedObserver[ImpulsiveState]):
             guard=DwellGuard.from_gains(self.gains),
         )
 
-    def step(self, state: ImpulsiveState, sample: Sample) -> tuple[ImpulsiveState, Estimate]:
-        """Move to the time of the sample; at an impulse, correct and jump.
-
-        ValueError if time does not increase (the first sample may share the initial time).
-        """
-        return centred_step(self._step, self.gains, state, sample)
-
-    def _step(
+    def advance(
         self, state: ImpulsiveState, t: float, y: Matrix | None, sample: Sample
     ) -> tuple[ImpulsiveState, Estimate]:
+        """Flow to t; at an impulse, correct and jump."""
         x = self._flow(state, t)
         guard, late = state.guard.after(t, sample.jump)
         objections = [late] if late else []

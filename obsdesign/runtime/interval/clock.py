@@ -68,19 +68,10 @@ class SampleClock:
             return False
         return not self.is_in_time(state, t) and not self._is_late(state, t)
 
-    def is_ordinary(self, state: IntervalState) -> bool:
+    def is_regular(self, state: IntervalState) -> bool:
         """Did the last row bring a sample in time, and nothing that later rows depend on?"""
-        if not state.started or state.y is None or state.refutation or state.course is not None:
-            return False
-        return state.sampled == state.t and (self.period is None or state.phase == state.t)
-
-    def can_begin_stretch(self, state: IntervalState, t: float) -> bool:
-        """May rows begin at t that are done together: an ordinary sample, in time?"""
-        h = t - state.t
-        if self.period is None:
-            step = max(h, t - state.sampled)
-            return not step > self.limit + time_tolerance(step, t)
-        return abs(h - self.period) <= time_tolerance(h, t) and self.is_in_time(state, t)
+        on_period = self.period is None or state.phase == state.t
+        return state.is_ordinary and state.y is not None and on_period
 
     def regular_steps(self, steps: Matrix, times: Matrix) -> NDArray[np.bool_]:
         """Which of the steps that end at `times` are one period, or within the step limit."""

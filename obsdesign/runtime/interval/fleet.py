@@ -136,7 +136,7 @@ class Fleet:
         for i in np.flatnonzero(draft.is_open).tolist():
             observer = self.observers[i]
             own, estimate = observer.step(self._own_state(state, i), rows.sample(i))
-            draft.take_single(i, own, estimate, not observer.clock.is_ordinary(own))
+            draft.take_single(i, own, estimate, not observer.clock.is_regular(own))
         if state.boxes.y is None:  # the column of a plant without any sample yet cannot say so
             for i in np.flatnonzero(np.isnan(draft.y).any(axis=0)).tolist():
                 draft.single.setdefault(i, self._own_state(state, i))

@@ -148,14 +148,12 @@ def kernel(
         ends += _strip_ends(before.times(S), C, model.V, y_end)
     total = _total(np.vstack([*blocks, *ends]), slice(n, n + columns))
     rows = np.vstack([*blocks, total, *ends])
-    rows.setflags(write=False)
     return Kernel(rows, n, p, len(ends), _blank(n, columns), n + columns)
 
 
 def _blank(n: int, columns: int) -> Matrix:
     blank = np.zeros(n + 2 * columns)
     blank[n + columns - 1] = 1.0
-    blank.setflags(write=False)
     return blank
 
 

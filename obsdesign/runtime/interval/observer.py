@@ -22,10 +22,9 @@ from numpy.typing import ArrayLike
 
 from lmi.arithmetic.arrays import Entries, Matrix
 from obsdesign.equations.interval.gains import IntervalGains
-from obsdesign.errors import InputError
+from obsdesign.errors import InputError, naming
 from obsdesign.runtime.base import (
     MODERATE,
-    DwellGuard,
     Estimate,
     Sample,
     Stepped,
@@ -36,6 +35,7 @@ from obsdesign.runtime.base import (
 )
 from obsdesign.runtime.bounds import DeclaredBounds
 from obsdesign.runtime.columns import Batch, Columns
+from obsdesign.runtime.dwell_guard import DwellGuard
 from obsdesign.runtime.interval.clock import SampleClock
 from obsdesign.runtime.interval.course import advanced, course_of
 from obsdesign.runtime.interval.kernel import Kernel
@@ -99,10 +99,8 @@ class IntervalObserver(Stepped[IntervalState]):
             raise InputError(
                 f"--initial must be the {2 * self.n} numbers {','.join(self.names)}; got {arrived}."
             )
-        try:
+        with naming("--initial", ValueError):
             return self.init(t, lower=initial[0::2], upper=initial[1::2])
-        except ValueError as error:
-            raise InputError(f"--initial: {error}") from None
 
     def reset(self, state: IntervalState, *, lower: ArrayLike, upper: ArrayLike) -> IntervalState:
         """The same instant with new bounds of x(t): ends the refutation of a state.
@@ -202,12 +200,10 @@ class IntervalObserver(Stepped[IntervalState]):
         if (
             jump
             or bounds is not None
-            or state.refutation
+            or not state.is_ordinary
             or type(y) is not ndarray
             or y.shape != _ONE_OUTPUT
         ):
-            return None
-        if state.course is not None:
             return None
         kernel = self.kernels.usual.get((t - state.t, frexp(t)[1]))
         if kernel is None or not t > state.t >= 0.0 or not -MODERATE < y.item() < MODERATE:

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lmi.arithmetic.arrays import Matrix
-from obsdesign.runtime.base import DwellGuard, vector
+from obsdesign.runtime.base import vector
+from obsdesign.runtime.dwell_guard import DwellGuard
 from obsdesign.runtime.interval.model import Model, midpoint
 
 # the event of a jump, beside those of objections
@@ -72,6 +73,11 @@ class IntervalState(NamedTuple):
     moderate: bool = False
     course: Course | None = None
     bounds: HeldBounds | None = None
+
+    @property
+    def is_ordinary(self) -> bool:
+        """Does the next step need the box, the inputs and the measurement alone?"""
+        return not self.refutation and self.course is None and self.bounds is None
 
 
 def first_box(model: Model, n: int, lower: ArrayLike, upper: ArrayLike) -> Matrix:

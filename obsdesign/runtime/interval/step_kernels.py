@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import OrderedDict
 from collections.abc import Mapping, Sequence
-from functools import cached_property
+from functools import cached_property, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.enclosure import raised
 from obsdesign.equations.interval.gains import IntervalGains
-from obsdesign.runtime.base import vector
+from obsdesign.runtime.base import no_jumps, vector
 from obsdesign.runtime.interval.kernel import Kernel, KernelParts, kernel, path_kernel
 from obsdesign.runtime.interval.maps import (
     BoxMap,
@@ -100,11 +100,10 @@ class StepKernels:
     @cached_property
     def jumps(self) -> dict[bool, Kernel]:
         """Kernels of a jump: with the correction M (y - C x), and without."""
-        with np.errstate(over="ignore", invalid="ignore"):
-            return {
-                corrected: kernel(self.model, step, step, self.gains.C, strips=False)
-                for corrected, step in jump_maps(self.model, self.gains).items()
-            }
+        return {
+            corrected: kernel(self.model, step, step, self.gains.C, strips=False)
+            for corrected, step in jump_maps(self.model, self.gains).items()
+        }
 
     def after_jump(
         self, step: Mapping[str, Kernel], out: Matrix, state: IntervalState, jump: JumpSample,
@@ -117,7 +116,7 @@ class StepKernels:
         """
         gains = self.gains
         if gains.G is None:
-            raise ValueError("this plant has no jumps ([jump] is absent), but a sample says jump.")
+            raise no_jumps()
         inputs = 0 if gains.E is None else gains.E.shape[1]
         w = np.zeros(inputs) if jump.w is None else vector(jump.w, inputs, "w")
         known = np.concatenate([w, jump.parts]) if jump.parts.size else w
@@ -154,18 +153,14 @@ class StepKernels:
         path = self._jump_path.rows.dot(self._jump_path.vector(course.path, None, None, known))
         n, t = len(course.radius), course.now
         size = max(abs(t), abs(course.since))
-        R, g = shared_step(self._jump_spreads, t - course.since, size, self._flow_and_jump)
+        spread = partial(flow_and_jump_spread, self.model, self.gains)
+        R, g = shared_step(self._jump_spreads, t - course.since, size, spread)
         reach = raised(R @ course.radius + g, 2 * n)
         return np.concatenate([raised(reach + path[:n], 1), path[n:]])
 
-    def _flow_and_jump(self, h: float, h_error: float) -> tuple[Matrix, Matrix]:
-        with np.errstate(over="ignore", invalid="ignore"):
-            return flow_and_jump_spread(self.model, self.gains, h, h_error)
-
     @cached_property
     def _jump_path(self) -> Kernel:
-        with np.errstate(over="ignore", invalid="ignore"):
-            return path_kernel(jump_maps(self.model, self.gains)[False], self.gains.p)
+        return path_kernel(jump_maps(self.model, self.gains)[False], self.gains.p)
 
     def shared(
         self, chosen: Kernel, used: Matrix, boxes: Sequence[Matrix], u: Matrix

@@ -139,11 +139,11 @@ class Stretches:
         None where there are none, or too few of them.
         """
         kernels, times, row = self.kernels, self.record.t, span.start
-        fits = state.started and not state.refutation and state.course is None
-        fits = fits and state.bounds is None
-        fits = fits and (kernels.is_periodic or state.y is not None) and len(span) >= _FEWEST_ROWS
         first_t = float(times[row])
-        if not fits or not self.clock.can_begin_stretch(state, first_t):
+        if not (state.is_ordinary and state.started and len(span) >= _FEWEST_ROWS):
+            return state, None
+        is_periodic, has_y = kernels.is_periodic, state.y is not None
+        if not (self.clock.is_in_time(state, first_t) if is_periodic else has_y):
             return state, None
         end = self._end_of_equal_steps(state, span)
         if end - row < _FEWEST_ROWS:

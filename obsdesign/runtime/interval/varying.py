@@ -147,39 +147,37 @@ class VaryingKernels(StepKernels):
 
     def _built(self, h: float, h_error: float) -> dict[str, Kernel]:
         b, _, v = self._models
-        with np.errstate(over="ignore", invalid="ignore"):
-            maps, *of_entries = (
-                None if model is None
-                else step_maps(model, h, h_error, is_periodic=self.is_periodic)
-                for model in (self.model, *b, *v)
-            )  # fmt: skip
-            assert maps is not None
-            widened = {}
-            for name, step in maps.items():
-                added = [None if each is None else each[name].g for each in of_entries]
-                of_b, of_v = added[: len(b)], added[len(b) :]
-                unused = [None] * len(of_v)
-                ends = [*of_v, *unused] if name == "start" else [*unused, *of_v]
-                widened[name] = _with_parts(step, [*of_b, *ends])
-            return {name: self._kernel(name, widened) for name in widened}
+        maps, *of_entries = (
+            None if model is None
+            else step_maps(model, h, h_error, is_periodic=self.is_periodic)
+            for model in (self.model, *b, *v)
+        )  # fmt: skip
+        assert maps is not None
+        widened = {}
+        for name, step in maps.items():
+            added = [None if each is None else each[name].g for each in of_entries]
+            of_b, of_v = added[: len(b)], added[len(b) :]
+            unused = [None] * len(of_v)
+            ends = [*of_v, *unused] if name == "start" else [*unused, *of_v]
+            widened[name] = _with_parts(step, [*of_b, *ends])
+        return {name: self._kernel(name, widened) for name in widened}
 
     @cached_property
     def jumps(self) -> dict[bool, Kernel]:
         """Kernels of a jump: with the correction M (y - C x), and without."""
         _, c, v = self._models
-        with np.errstate(over="ignore", invalid="ignore"):
-            maps, *of_entries = (
-                None if model is None else jump_maps(model, self.gains)
-                for model in (self.model, *c, *v)
-            )
-            assert maps is not None
-            built = {}
-            for corrected, step in maps.items():
-                added = [None if each is None else each[corrected].g for each in of_entries]
-                own = _with_parts(step, added)
-                C, V = self.gains.C, self.gains.noise_bound
-                built[corrected] = kernel(self.model, own, own, C, strips=False, noise=V)
-            return built
+        maps, *of_entries = (
+            None if model is None else jump_maps(model, self.gains)
+            for model in (self.model, *c, *v)
+        )
+        assert maps is not None
+        built = {}
+        for corrected, step in maps.items():
+            added = [None if each is None else each[corrected].g for each in of_entries]
+            own = _with_parts(step, added)
+            C, V = self.gains.C, self.gains.noise_bound
+            built[corrected] = kernel(self.model, own, own, C, strips=False, noise=V)
+        return built
 
     def _kernel(self, name: str, maps: Mapping[str, BoxMap]) -> Kernel:
         predicted = maps["start" if name == "start" else "none"]

@@ -21,16 +21,17 @@ from lmi.arithmetic.arrays import Entries, Matrix
 from obsdesign.equations.estimation_error import flow_error_matrix
 from obsdesign.equations.luenberger.gains import LuenbergerGains
 from obsdesign.runtime.base import (
-    DwellGuard,
     Estimate,
     Sample,
     corrected_jump,
     instant,
+    no_jumps,
     status_of,
     vector,
 )
+from obsdesign.runtime.dwell_guard import DwellGuard
 from obsdesign.runtime.flow_response import Maps, responses
-from obsdesign.runtime.point_observer import SteppedObserver, centred_step
+from obsdesign.runtime.point_observer import SteppedObserver
 from obsdesign.runtime.step_cache import cached_step
 
 
@@ -69,16 +70,10 @@ class LuenbergerObserver(SteppedObserver[LuenbergerState]):
         inputs = np.zeros(self.gains.m)
         return LuenbergerState(instant(t), guess, inputs, None, guard, started=False)
 
-    def step(self, state: LuenbergerState, sample: Sample) -> tuple[LuenbergerState, Estimate]:
-        """Move to the time of the sample, use it, and jump if it says so.
-
-        ValueError if time does not increase (the first sample may share the initial time).
-        """
-        return centred_step(self._step, self.gains, state, sample)
-
-    def _step(
+    def advance(
         self, state: LuenbergerState, t: float, y: Matrix | None, sample: Sample
     ) -> tuple[LuenbergerState, Estimate]:
+        """Flow to t with the measurements at both ends, then jump if the sample says so."""
         when = self.gains.jump_measurement
         x = self._flow(state, t, y if not sample.jump or when == "before" else None)
         guard, late = state.guard.after(t, sample.jump)
@@ -90,9 +85,7 @@ class LuenbergerObserver(SteppedObserver[LuenbergerState]):
         usable = y
         if sample.jump:
             if self.gains.G is None:
-                raise ValueError(
-                    "this plant has no jumps ([jump] is absent), but a sample says jump."
-                )
+                raise no_jumps()
             M = self._jump_gain(state.guard.last_jump, t)
             x = corrected_jump(self.gains, x, sample.w, y, M)
             usable = y if when == "after" else None

@@ -34,6 +34,7 @@ from obsdesign.runtime.base import (
     centred,
     instant,
     later,
+    no_jumps,
     status_of,
     vector,
 )
@@ -124,7 +125,7 @@ class UnknownInputObserver(PointObserver[UnknownInputState], Stepped[UnknownInpu
         the sample says jump.
         """
         if sample.jump:
-            raise ValueError("this plant has no jumps ([jump] is absent), but a sample says jump.")
+            raise no_jumps()
         t = later(sample.t, state.t, state.started)
         y = self._moderate(sample.y)
         if y is not None and state.moderate and SHORTEST < t - state.t_measured < LONGEST:

@@ -1,10 +1,13 @@
 """Search for L of finite-time estimation, and with it the window and coordinates S.
 
 L makes the period of condition (13) long: IPOPT from several starts (`period_program`), then
-quasi-Newton steps, and Nelder and Mead on the true norms, which close the last per cent. Small L
-allow long periods, and are bounded below (`SMALLEST_GAIN`). S only changes the norms of Theorem 1,
-which then bounds |S x|. Searches end after some iterations and evaluations with the best so far.
-Floats only, without proof.
+quasi-Newton steps, and Nelder and Mead on the true norms. Without these two the longest period is
+0.1 to 9 per cent shorter in 20 of 25 cases (the example, the double integrator, random plants; L,
+T and S open or not), once by 82 per cent; with one of the two alone by up to 82 or 9.
+
+Small L allow long periods, and are bounded below (`SMALLEST_GAIN`). S only changes the norms of
+Theorem 1, which then bounds |S x|. Searches end after some iterations and evaluations with the best
+so far. Floats only, without proof.
 """
 
 from __future__ import annotations

@@ -1,0 +1,47 @@
+"""The check of dwell times at run time."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+from obsdesign.equations.gains import PlantGains
+from obsdesign.runtime.time_stamps import time_tolerance
+
+
+@dataclass(frozen=True, slots=True)
+class DwellGuard:
+    """Check that dwell times stay in the range of the design, and change no faster.
+
+    jitter: largest change from one dwell time to the next. last_jump and last_dwell are None until
+    there were one and two jumps: the time before the first one is not a dwell time.
+    """
+
+    shortest: float
+    longest: float
+    last_jump: float | None = None
+    jitter: float = math.inf
+    last_dwell: float | None = None
+
+    @classmethod
+    def from_gains(cls, gains: PlantGains) -> DwellGuard:
+        """The guard of a design's gains; without jumps it accepts every time."""
+        jitter = math.inf if gains.dwell_jitter is None else gains.dwell_jitter
+        return cls(*gains.dwell_range, jitter=jitter)
+
+    def after(self, t: float, jump: bool) -> tuple[DwellGuard, str | None]:
+        """The guard after an instant, and why the instant is inadmissible (None: it is not)."""
+        violation = None
+        elapsed = None if self.last_jump is None else t - self.last_jump
+        if elapsed is not None:
+            slack = time_tolerance(elapsed, t)
+            change = 0.0 if self.last_dwell is None else abs(elapsed - self.last_dwell)
+            if jump and elapsed < self.shortest - slack:
+                violation = f"dwell time {elapsed:.9g} below {self.shortest:.9g}"
+            elif elapsed > self.longest + slack:
+                violation = f"dwell time {elapsed:.9g} above {self.longest:.9g}"
+            elif jump and change > self.jitter + 2 * slack:
+                violation = f"dwell time changed by {change:.9g}, more than {self.jitter:.9g}"
+        if not jump:
+            return self, violation
+        return replace(self, last_jump=t, last_dwell=elapsed), violation
