@@ -100,8 +100,10 @@ class NoisyImpulses:
     def age(self) -> float:
         """Age at which an impulse is evaluated. ValueError where features cannot be followed."""
         rule, oldest = evaluation_rule(self.window)
-        return peak_age(impulse_curve(self.window)) if rule == "peak" else (
-            EVALUATED_AGE_SHARE * oldest
+        return (
+            peak_age(impulse_curve(self.window))
+            if rule == "peak"
+            else (EVALUATED_AGE_SHARE * oldest)
         )
 
     def deviations(self) -> Deviations:
@@ -111,6 +113,7 @@ class NoisyImpulses:
         """
         return self.limit(self.age())[0]
 
+    @np.errstate(over="ignore", invalid="ignore")  # what does not converge is not finite
     def limit(self, age: float) -> tuple[Deviations, Matrix]:
         """(deviations, P (n, n)) in the limit of many impulses, each evaluated at an age."""
         features, window = self._features(age), self.window
@@ -139,6 +142,10 @@ class NoisyImpulses:
         spread = X @ (np.eye(len(features.V)) + features.V @ P @ features.V.T) @ X.T
         return Deviations(*np.sqrt(np.diag(spread)).tolist()), P
 
+    def distinct_kernels(self) -> int:
+        """Number of kernels that floats tell apart: features of a window that carry a signal."""
+        return len(_singular_kernels(self.window, self.window.tau / 2)[0])
+
     def _features(self, age: float) -> _WhiteFeatures:
         """Features of unit noise, the kernels' singular vectors of the window."""
         window = self.window
@@ -147,14 +154,10 @@ class NoisyImpulses:
         F = filtered_system(D, C, lams, scales)
         b = ImpulseCurve.from_system(F, window.H, tau).value(age)
         raw = np.hstack([window_matrix(D, C, lams, tau, scales), (F @ b)[n:], b[n:]])
-        ages, weights = window_nodes(tau, age)
-        kernels = np.exp(np.outer(ages, lams)) * scales * np.sqrt(weights)[:, None]
-        _, sizes, right = np.linalg.svd(kernels, full_matrices=False)
-        kept = sizes > KERNEL_RANK_TOLERANCE * sizes[0]
-        T = right[kept] / sizes[kept, None]
-        roots = np.sqrt(self.intensity)
+        sizes, right = _singular_kernels(window, age)
+        T, roots = right / sizes[:, None], np.sqrt(self.intensity)
         parts = [T @ raw[j * m : (j + 1) * m] / roots[j] for j in range(len(C))]
-        back = [right[kept].T * sizes[kept] * root for root in roots]
+        back = [right.T * sizes * root for root in roots]
         rows = np.vstack(parts)
         return _WhiteFeatures(rows[:, :n], rows[:, n:], back)
 
@@ -174,17 +177,24 @@ class _WhiteFeatures:
             raw = [back @ part for back, part in zip(self.unwhitening, parts, strict=True)]
             inverse = np.split(left_inverse(np.vstack(raw)), len(raw), axis=1)
             return np.hstack([x @ y for x, y in zip(inverse, self.unwhitening, strict=True)])
-        half = self._root(P)
-        white = np.linalg.solve(half, self.J)
+        half = root_of_sum(self.V, P)
+        white = np.asarray(np.linalg.solve(half, self.J), dtype=np.float64)
         return np.asarray(np.linalg.solve(half.T, left_inverse(white).T).T)
 
     def state_gain(self, P: Matrix) -> Matrix:
         """P V' (I + V P V')^-1, (n, r)."""
-        half = self._root(P)
+        half = root_of_sum(self.V, P)
         return np.asarray(np.linalg.solve(half.T, np.linalg.solve(half, self.V @ P)).T)
 
-    def _root(self, P: Matrix) -> Matrix:
-        return np.asarray(np.linalg.cholesky(np.eye(len(self.V)) + self.V @ P @ self.V.T))
+
+def _singular_kernels(window: FeatureWindow, age: float) -> tuple[Matrix, Matrix]:
+    """(singular values (r,), right singular vectors (r, m)) of the kernels that stand out."""
+    ages, weights = window_nodes(window.tau, age)
+    scales = feature_scales(window.exponents, window.tau)
+    kernels = np.exp(np.outer(ages, window.exponents)) * scales * np.sqrt(weights)[:, None]
+    _, sizes, right = np.linalg.svd(kernels, full_matrices=False)
+    kept = sizes > KERNEL_RANK_TOLERANCE * sizes[0]
+    return sizes[kept], right[kept]
 
 
 def window_nodes(tau: float, age: float) -> tuple[Matrix, Matrix]:
@@ -203,6 +213,13 @@ def peak_age(curve: ImpulseCurve) -> float:
     bend = low - 2 * mid + high
     shift = 0.5 * (low - high) / bend if bend < 0 else 0.0
     return float((k + np.clip(shift, -1, 1)) * curve.step)
+
+
+def root_of_sum(V: Matrix, P: Matrix) -> Matrix:
+    """Lower triangular root of I + V P V', by QR: the sum, which may not show I, is not formed."""
+    sizes, directions = np.linalg.eigh(P)
+    spread = V @ (directions * np.sqrt(np.maximum(sizes, 0.0)))
+    return np.asarray(np.linalg.qr(np.vstack([np.eye(len(V)), spread.T]), mode="r")).T
 
 
 def error_growth(D: Matrix, Q: Matrix, elapsed: float) -> Matrix:

@@ -84,13 +84,6 @@ def plain_deviations(impulse: Impulse, taps: Matrix, spread: Matrix) -> tuple[fl
     return float(deviations[0]), deviations[1:]
 
 
-def root_of_sum(V: Matrix, P: Matrix) -> Matrix:
-    """Lower triangular root of I + V P V', by QR: the sum, which may not show I, is not formed."""
-    sizes, directions = np.linalg.eigh(P)
-    spread = V @ (directions * np.sqrt(np.maximum(sizes, 0.0)))
-    return np.asarray(np.linalg.qr(np.vstack([np.eye(len(V)), spread.T]), mode="r")).T
-
-
 def covariance_of(J: Matrix) -> Matrix:
     """(J'J)^-1 by QR; no Gramian is inverted."""
     back = left_inverse(np.linalg.qr(J)[1])

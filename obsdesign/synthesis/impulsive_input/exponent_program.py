@@ -22,7 +22,7 @@ from lmi.arithmetic.exponential import expm
 from lmi.time_budget import TimeBudget
 from obsdesign.equations.impulsive_input.deviations import NoisyImpulses, window_nodes
 
-_ITERATIONS = 100  # of IPOPT, from one start
+_ITERATIONS = 40  # of IPOPT, from one start
 _TOLERANCE = 1e-5  # of the objective, which is a logarithm
 _SLACK = 1e-9
 
@@ -31,7 +31,7 @@ _SLACK = 1e-9
 class ExponentProgram:
     """Exponents start_1 > ... > start_m, kept between `fastest` and start_1.
 
-    age: where impulses are evaluated; covariance (n, n): of the state before, positive semidefinite.
+    age: where impulses are evaluated; covariance (n, n): of the error of the state before.
     """
 
     impulses: NoisyImpulses
@@ -44,11 +44,10 @@ class ExponentProgram:
         corner, tau = self.impulses.window.exponents, self.impulses.window.tau
         m, spacing = len(corner), float((-np.diff(corner)).min(initial=math.inf)) * tau
         first, sets = float(corner[0]) * tau, list[Matrix]()
+        if budget.remaining() <= 0:
+            return sets
+        solver = self._solver(budget)
         for start in starts:
-            seconds = budget.remaining()
-            if seconds <= 0:
-                break
-            solver = self._solver(budget.scaled(_ITERATIONS), max(seconds, 0.05))
             solution = solver(
                 x0=start * tau, lbx=self.fastest * tau, ubx=first,
                 lbg=spacing * (1 - _SLACK), ubg=math.inf,
@@ -56,9 +55,11 @@ class ExponentProgram:
             if solver.stats()["success"]:
                 z = np.asarray(solution["x"], dtype=np.float64).ravel()[:m] / tau
                 sets.append(np.minimum(z, corner[0]))
+            if budget.remaining() < 0:
+                break
         return sets
 
-    def _solver(self, iterations: int, seconds: float) -> Any:
+    def _solver(self, budget: TimeBudget) -> Any:
         """IPOPT over Lambda tau, with gaps between exponents."""
         import casadi as ca
 
@@ -67,10 +68,11 @@ class ExponentProgram:
         program = {"x": z, "f": self._cost(ca, z), "g": z[: m - 1] - z[1:]}
         quiet: Any = {
             "ipopt.print_level": 0, "ipopt.sb": "yes", "print_time": False,
-            "show_eval_warnings": False, "ipopt.max_iter": iterations, "ipopt.tol": _TOLERANCE,
+            "show_eval_warnings": False, "ipopt.tol": _TOLERANCE,
+            "ipopt.max_iter": budget.scaled(_ITERATIONS),
         }  # fmt: skip
-        if math.isfinite(seconds):
-            quiet["ipopt.max_cpu_time"] = seconds
+        if math.isfinite(seconds := budget.remaining()):
+            quiet["ipopt.max_cpu_time"] = max(seconds, 0.05)
         return ca.nlpsol("exponents", "ipopt", program, quiet)
 
     def _cost(self, ca: Any, z: Any) -> Any:

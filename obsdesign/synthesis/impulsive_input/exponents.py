@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -41,7 +42,7 @@ class ExponentChoice:
     label: str
     exponents: Matrix
     rule: str
-    family: Callable[[IntegralWindow, int], Matrix]
+    family: Callable[[int], Matrix]
     remarks: tuple[Remark, ...] = ()
     solvers: Solvers = ()
 
@@ -54,14 +55,16 @@ def rule_choices(integral: IntegralWindow) -> list[ExponentChoice]:
     are too much alike for the rank.
     """
     n, options = integral.problem.plant.n, integral.options
-    exponents = spread_exponents(integral, 2 * n)
-    spread = ExponentChoice(
-        f"{2 * n} spread exponents", exponents, rule_for(integral, exponents), spread_exponents
-    )
-    corners = [corner_exponents(integral, count) for count in (2 * n, 2 * n + 2)]
+    first = slowest_exponent(integral.features(np.zeros(0)), largest_ratio(integral))
+    corner_of = partial(corner_exponents, integral, first)
+    spread_of = partial(spread_exponents, integral)
+    exponents = spread_of(2 * n)
+    label = f"{2 * n} spread exponents"
+    spread = ExponentChoice(label, exponents, rule_for(integral, exponents), spread_of)
+    corners = [corner_of(count) for count in (2 * n, 2 * n + 2)]
     rules = [rule_or_none(integral, corner) for corner in corners]
     choices = [
-        ExponentChoice(f"{len(corner)} exponents", corner, rule, corner_exponents)
+        ExponentChoice(f"{len(corner)} exponents", corner, rule, corner_of)
         for corner, rule in zip(corners, rules, strict=True)
         if rule is not None
     ]
@@ -132,13 +135,12 @@ def slowest_exponent(window: FeatureWindow, ratio: float) -> float | None:
     return -high
 
 
-def corner_exponents(integral: IntegralWindow, count: int) -> Matrix:
+def corner_exponents(integral: IntegralWindow, first: float | None, count: int) -> Matrix:
     """`count` exponents: the slowest one the ratio allows, and as many below it, evenly spaced.
 
-    Where no ratio can be kept: from the length of the window to that of the margin, evenly in
-    proportion.
+    first: `slowest_exponent`. Where no ratio can be kept: from the length of the window to that of
+    the margin, evenly in proportion.
     """
-    first = slowest_exponent(integral.features(np.zeros(0)), largest_ratio(integral))
     if first is None:
         return -np.geomspace(1.0 / integral.window, _CORNER_SPEED / integral.margin, count)
     return first * (1 + _SPACING * np.arange(count, dtype=np.float64))

@@ -87,15 +87,17 @@ class _Search:
     def choices(self, budget: TimeBudget) -> Iterator[ExponentChoice]:
         """Yield what is better than the rule, if anything is; then the rule."""
         own = self._rated(self.rule.exponents)
-        if own is None:
-            yield self.rule
+        if own is None or budget.remaining() <= 0:
+            yield replace(self.rule, remarks=remark_end("exponents", budget.ended()))
             return
         rated = [best for count in self._counts() if (best := self._best(count, budget))]
         remarks = remark_end("exponents", budget.ended())
         rule = replace(self.rule, solvers=("IPOPT",))
         chosen = self._chosen(own, rated)
         if chosen is not None:
-            label = f"{len(chosen.exponents)} exponents{self._gain(chosen.deviations, own.deviations)}"
+            label = (
+                f"{len(chosen.exponents)} exponents{self._gain(chosen.deviations, own.deviations)}"
+            )
             yield replace(rule, label=label, exponents=chosen.exponents, remarks=remarks)
             remarks = ()
         else:
@@ -104,11 +106,14 @@ class _Search:
         yield replace(rule, remarks=remarks)
 
     def _counts(self) -> tuple[int, ...]:
-        """Numbers of exponents that are tried, increasing."""
+        """Increasing numbers of exponents: floats tell all kernels but one apart."""
         n = self.integral.problem.plant.n
-        if self.integral.weighting == "gls":
-            return (2 * n, 2 * n + 2, 2 * n + 4)
-        return (2,) if n == 1 else (n + 1, 2 * n)
+        if self.integral.weighting != "gls":
+            return (2,) if n == 1 else (n + 1, 2 * n)
+        more = [2 * n + 2, 2 * n + 4]
+        sets = (self.rule.family(count) for count in more)
+        distinct = [self.impulses.with_exponents(even).distinct_kernels() for even in sets]
+        return (2 * n, *(m for m, r in zip(more, distinct, strict=True) if r >= m - 1))
 
     @staticmethod
     def _chosen(own: _Rated, rated: list[_Rated]) -> _Rated | None:
@@ -122,7 +127,7 @@ class _Search:
 
     def _best(self, count: int, budget: TimeBudget) -> _Rated | None:
         """The best exponents of a number; None where IPOPT comes to none."""
-        even = self.rule.family(self.integral, count)
+        even = self.rule.family(count)
         start = self._rated(even)
         if start is None:
             return None
@@ -155,7 +160,10 @@ class _Search:
             return None
         if neglected_ratio(self.integral.features(exponents))[0] > self.neglected:
             return None
-        deviations = self.impulses.with_exponents(exponents).deviations()
+        try:
+            deviations = self.impulses.with_exponents(exponents).deviations()
+        except ValueError:  # floats cannot follow the features
+            return None
         return _Rated(exponents, deviations) if np.isfinite(deviations.size) else None
 
     def _gain(self, chosen: Deviations, own: Deviations) -> str:
