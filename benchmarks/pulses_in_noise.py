@@ -59,10 +59,14 @@ def kalman(y: np.ndarray, q: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def observer(**options: object) -> object:
+    """Of Section IV with noise; exponents=None leaves them open."""
     body = obsdesign.load_problem(EXAMPLE).to_dict()
     body["output"]["noise_std"] = [VARIANCE**0.5]
     del body["observer"]["ratio"]
-    body["observer"] |= {"exponents": SLOW} | options
+    options = {"exponents": SLOW} | options
+    body["observer"] |= {name: value for name, value in options.items() if value is not None}
+    if options["exponents"] is None:
+        del body["observer"]["exponents"]
     return from_design(obsdesign.design(obsdesign.Problem.from_dict(body)))
 
 

@@ -211,11 +211,6 @@ class ImpulsiveInputOptions(Options):
     operator: str | None = option(
         one_of("integral", "samples"), "Kernels as integrals, or as exact sums over few samples."
     )
-    check_exponents: bool = option(
-        FLAG,
-        "Ask IPOPT whether other exponents of the same ratio are less sensitive to noise.",
-        default=False,
-    )
     state_correction: bool | None = option(
         FLAG, "gls: correct the state with each impulse; default true."
     )

@@ -109,7 +109,8 @@ def test_boxes_and_exponents_and_periods_end_too() -> None:
     open_claims = {c.id: ended_part(c.evidence) for c in short.claims if c.verdict == "undecided"}
     assert open_claims["strongly_observable"] == {"ended_by": "time", "seconds": NOTHING}
     pulses = obsdesign.load_problem(ROOT / "examples" / "mattsson_medvedev.toml").to_dict()
-    body = {**pulses, "observer": {"kind": "impulsive_input", "check_exponents": True}}
+    pulses["output"]["noise_std"] = [1.0]
+    body = {**pulses, "observer": {"kind": "impulsive_input", "operator": "integral"}}
     short = obsdesign.investigate(obsdesign.Problem.from_dict(body), seconds=NOTHING)
     assert "the search of exponents ended after 1e-09 s" in short.result["remarks"][0]
     period = obsdesign.load_problem(ROOT / "examples" / "mazenc_4.toml").to_dict()

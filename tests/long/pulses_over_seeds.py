@@ -18,10 +18,8 @@ KINDS: dict[str, dict[str, Any]] = {
     "paper, fast exponents": {"weighting": "plain", "exponents": FAST},
     "paper, slow exponents": {"weighting": "plain"},
     "gls, impulses only": {"weighting": "gls", "state_correction": False},
-    "gls, state corrected": {"weighting": "gls"},
-    # as closely spaced from the same slowest exponent on
-    "gls, 8 exponents": {"weighting": "gls", "exponents": [-0.65 - 0.05 * k for k in range(8)]},
-    "gls, 10 exponents": {"weighting": "gls", "exponents": [-0.65 - 0.05 * k for k in range(10)]},
+    "gls, six exponents": {"weighting": "gls"},
+    "gls, exponents open": {"weighting": "gls", "exponents": None},
 }
 
 

@@ -63,7 +63,7 @@ OBSERVERS = {
     "finite_time": 'window = 6\nmethod = "exact"\nobjective = "least_noise"\nhalf_sample_correction = false\n'
     "gains = { L = [[0], [0.1]] }",
     "impulsive_input": 'window = 20\nexponents = [-1, -2]\nmargin = 5\nratio = 0.1\nweighting = "gls"\n'
-    'operator = "samples"\nstate_correction = true\nnonnegative = false\ninitial_std = [1, 0]\nthreshold = 1\nsmallest_weight = 1\nuncertainty = [[0, 1], [0, 0]]\npoles = [-1, -2]\nweights = { output = [1] }\ncheck_exponents = false\ngains = { K = [[0], [1]] }',
+    'operator = "samples"\nstate_correction = true\nnonnegative = false\ninitial_std = [1, 0]\nthreshold = 1\nsmallest_weight = 1\nuncertainty = [[0, 1], [0, 0]]\npoles = [-1, -2]\nweights = { output = [1] }\ngains = { K = [[0], [1]] }',
     "unknown_input": 'poles = [-1]\nweights = { output = [1] }\ndifferentiator = "fixed_lag"\nlag = 5',
 }
 

@@ -63,7 +63,6 @@ def integral_entries(problem: Problem) -> list[str]:
     options = problem.options_as(ImpulsiveInputOptions)
     names = (
         "exponents", "ratio", "threshold", "smallest_weight", "uncertainty", "poles", "weights",
-        "check_exponents",
     )  # fmt: skip
     stated = [name for name in names if options.is_stated(name)]
     return stated + (["gains.K"] if "K" in problem.gains else [])

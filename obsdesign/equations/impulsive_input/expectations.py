@@ -15,6 +15,7 @@ import numpy as np
 from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.exponential import expm
 from obsdesign.equations.impulsive_input.curve import ImpulseCurve
+from obsdesign.equations.impulsive_input.deviations import NoisyImpulses
 from obsdesign.equations.impulsive_input.evaluation import EVALUATED_AGE_SHARE
 from obsdesign.equations.impulsive_input.features import (
     FeatureWindow,
@@ -82,7 +83,7 @@ def expectations(D: Matrix, gains: IntegralGains) -> Expectations:
         smallest_weight=smallest,
         largest_weight=largest,
         neglected_ratio=worst if np.isfinite(worst) else None,
-        deviations=_deviations(window, gains, age),
+        deviations=_deviations(window, gains, age) | _own_deviations(D, gains),
     )
 
 
@@ -117,6 +118,17 @@ def _deviations(window: FeatureWindow, gains: IntegralGains, age: float) -> dict
     return deviations | {
         f"{name}_std_plain": float(v) for name, v in zip(names, plain, strict=True)
     }
+
+
+def _own_deviations(D: Matrix, gains: IntegralGains) -> dict[str, float]:
+    """Deviations of impulses at the shortest dwell time; none without noise or a period."""
+    impulses = NoisyImpulses.from_gains(D, gains)
+    if impulses is None or gains.period is None or gains.rule == "threshold":
+        return {}
+    deviations = impulses.deviations()
+    if not np.isfinite(deviations.size):
+        return {}
+    return {"time_std": deviations.time, "weight_std": deviations.weight}
 
 
 def _plain_deviations(J: Matrix, noise: list[Matrix]) -> Matrix:

@@ -13,13 +13,12 @@ from typing import NamedTuple
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
+from obsdesign.equations.impulsive_input.deviations import KERNEL_RANK_TOLERANCE
 from obsdesign.equations.impulsive_input.fit import Impulse, left_inverse
 from obsdesign.equations.impulsive_input.gains import ImpulsiveInputGains
 
 # proportional noise is no smaller than at this part of the largest output
 _LEAST_LEVEL_SHARE = 1e-3
-# singular values below this part of the largest carry more rounding than signal
-_RANK_TOLERANCE = 1e-11
 # |r|^2 of a fit that noise alone explains is below this, once in a thousand windows: chi-squared
 # quantiles by Wilson and Hilferty, z = 3.0902
 Z_SCORE = 3.090232306167813
@@ -37,7 +36,7 @@ def whitened(taps: Matrix, error: Matrix, spread: Matrix) -> Weighted:
     features, maps, m = [], [], taps.shape[1]
     for j in range(error.shape[1]):
         U, sizes, right = np.linalg.svd(taps * spread[:, j, None], full_matrices=False)
-        kept = sizes > _RANK_TOLERANCE * sizes[0]
+        kept = sizes > KERNEL_RANK_TOLERANCE * sizes[0]
         features.append(U[:, kept].T @ (error[:, j] / spread[:, j]))
         block = np.zeros((int(kept.sum()), m * error.shape[1]))
         block[:, j * m : (j + 1) * m] = right[kept] / sizes[kept, None]
@@ -83,13 +82,6 @@ def plain_deviations(impulse: Impulse, taps: Matrix, spread: Matrix) -> tuple[fl
     C = back @ noise_covariance(taps, spread) @ back.T
     deviations = np.sqrt(np.diag(C))
     return float(deviations[0]), deviations[1:]
-
-
-def root_of_sum(V: Matrix, P: Matrix) -> Matrix:
-    """Lower triangular root of I + V P V', by QR: the sum, which may not show I, is not formed."""
-    sizes, directions = np.linalg.eigh(P)
-    spread = V @ (directions * np.sqrt(np.maximum(sizes, 0.0)))
-    return np.asarray(np.linalg.qr(np.vstack([np.eye(len(V)), spread.T]), mode="r")).T
 
 
 def covariance_of(J: Matrix) -> Matrix:

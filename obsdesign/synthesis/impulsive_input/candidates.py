@@ -1,6 +1,7 @@
 """Impulsive inputs: observer gain, window and exponents where they are left open.
 
-The window is a part of the shortest dwell time. K: `observer_gain`; exponents: `exponents`.
+The window is a part of the shortest dwell time. K: `observer_gain`; exponents:
+`exponents`, and in noise `noisy_exponents`.
 """
 
 from __future__ import annotations
@@ -24,8 +25,9 @@ from obsdesign.errors import DoesNotApply, InputError
 from obsdesign.problem.options import ImpulsiveInputOptions
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
-from obsdesign.synthesis.impulsive_input.exponents import exponent_choices, rule_for
+from obsdesign.synthesis.impulsive_input.exponents import rule_for
 from obsdesign.synthesis.impulsive_input.integral_window import IntegralWindow
+from obsdesign.synthesis.impulsive_input.noisy_exponents import exponent_choices
 from obsdesign.synthesis.impulsive_input.observer_gain import observer_gain
 from obsdesign.synthesis.impulsive_input.operator import (
     is_samples_requested,
@@ -174,21 +176,4 @@ def _check_options(problem: Problem, options: ImpulsiveInputOptions) -> None:
         raise InputError(
             f"observer.initial_std must be at most {LARGEST:g}, since it is squared; got "
             f"{largest:g}."
-        )
-    if not options.check_exponents:
-        return
-    if options.exponents is not None or options.operator == "samples":
-        other = "exponents" if options.exponents is not None else "operator = 'samples'"
-        raise InputError(
-            f"observer.check_exponents looks at exponents that are left open; observer.{other} "
-            "leaves none."
-        )
-    if _weighting(problem) == "gls":
-        raise InputError(
-            "observer.check_exponents is about observer.weighting = 'plain': whitened features "
-            "hardly depend on the exponents."
-        )
-    if directions > 1:
-        raise InputError(
-            f"observer.check_exponents takes one direction of impulses; jump.H has {directions}."
         )

@@ -1,113 +1,85 @@
-"""Exponents of the modulating kernels, and when they let an impulse be evaluated.
+"""Exponents of the modulating kernels by rule, and when they let an impulse be evaluated.
 
 The largest lambda for which what (15) neglects stays below `ratio` (it is monotone), and its
-neighbours below: among all choices with that ratio the slow corner is the least sensitive to noise
-(`observer.check_exponents` asks IPOPT whether it is). Where |b| has no peak, exponents spread over
-the scales of the window.
+neighbours below. Where |b| has no peak, exponents spread over the scales of the window. With noise
+`noisy_exponents` looks for better ones.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
 from lmi.memory import OversizeError
 from lmi.solvers import Solvers
-from lmi.time_budget import Remark, TimeBudget
+from lmi.time_budget import Remark
 from obsdesign.equations.impulsive_input.evaluation import (
-    EVALUATED_AGE_SHARE,
     evaluation_rule,
     reason_against_exponents,
     reason_against_margin,
 )
 from obsdesign.equations.impulsive_input.features import FeatureWindow, neglected_ratio
 from obsdesign.errors import InputError
-from obsdesign.synthesis.impulsive_input import exponent_program
 from obsdesign.synthesis.impulsive_input.integral_window import IntegralWindow
 
 _RATIO = 0.05
 _SPACING = 1 / 13  # of exponents, relative to the largest
-_IMPROVED_RATIO = 0.99  # deviation against the corner's from which another choice counts
 _SPREAD_SPEED = 10.0  # the fastest of spread exponents, times the margin
 _CORNER_SPEED = 3.3  # lambda margin, where no lambda keeps the ratio
 
 
 @dataclass(frozen=True)
 class ExponentChoice:
-    """Exponents (m,), the rule of evaluation that they allow, and how they were chosen."""
+    """Exponents (m,), the rule of evaluation that they allow, and how they were chosen.
+
+    family: exponents of the same kind, of any number.
+    """
 
     label: str
     exponents: Matrix
     rule: str
+    family: Callable[[int], Matrix]
     remarks: tuple[Remark, ...] = ()
     solvers: Solvers = ()
 
 
-def exponent_choices(integral: IntegralWindow, budget: TimeBudget) -> Iterator[ExponentChoice]:
-    """Yield the corner and spread exponents, in order of preference.
+def rule_choices(integral: IntegralWindow) -> list[ExponentChoice]:
+    """Corner and spread exponents, in order of preference.
 
     Spread ones first where |b| has no peak: impulses are then evaluated when they are old, which
     fast kernels weigh no more. They also differ most from each other: with many states neighbours
     are too much alike for the rank.
     """
     n, options = integral.problem.plant.n, integral.options
-    exponents = -np.geomspace(1.0 / integral.window, _SPREAD_SPEED / integral.margin, 2 * n)
+    first = slowest_exponent(integral.features(np.zeros(0)), largest_ratio(integral))
+    corner_of = partial(corner_exponents, integral, first)
+    spread_of = partial(spread_exponents, integral)
+    exponents = spread_of(2 * n)
     label = f"{2 * n} spread exponents"
-    spread = ExponentChoice(label, exponents, rule_for(integral, exponents))
-    corners = [corner_exponents(integral, count) for count in (2 * n, 2 * n + 2)]
-    needs_corner = any(
-        options.is_stated(x) for x in ("ratio", "check_exponents", "threshold", "smallest_weight")
-    )
-    spread_first = not needs_corner and _rule_or_none(integral, corners[0]) in (None, "position")
-    if spread_first:
-        yield spread
-    for corner in corners:
-        if _rule_or_none(integral, corner) is None:
-            continue
-        yield from _refined_by_ipopt(integral, corner, budget)
-    if not spread_first:
-        yield spread
+    spread = ExponentChoice(label, exponents, rule_for(integral, exponents), spread_of)
+    corners = [corner_of(count) for count in (2 * n, 2 * n + 2)]
+    rules = [rule_or_none(integral, corner) for corner in corners]
+    choices = [
+        ExponentChoice(f"{len(corner)} exponents", corner, rule, corner_of)
+        for corner, rule in zip(corners, rules, strict=True)
+        if rule is not None
+    ]
+    needs_corner = any(options.is_stated(x) for x in ("ratio", "threshold", "smallest_weight"))
+    spread_first = not needs_corner and rules[0] in (None, "position")
+    return [spread, *choices] if spread_first else [*choices, spread]
 
 
-def _rule_or_none(integral: IntegralWindow, exponents: Matrix) -> str | None:
+def rule_or_none(integral: IntegralWindow, exponents: Matrix) -> str | None:
     """Return the rule of these exponents; None where they cannot work in the window."""
     try:
         return rule_for(integral, exponents)
     except InputError:
         return None
-
-
-def _refined_by_ipopt(
-    integral: IntegralWindow, corner: Matrix, budget: TimeBudget
-) -> Iterator[ExponentChoice]:
-    """Yield what IPOPT finds better, with `check_exponents`; then the corner."""
-    label = f"{len(corner)} exponents"
-    if not integral.options.check_exponents:
-        yield ExponentChoice(label, corner, rule_for(integral, corner))
-        return
-    tau, std = integral.window, integral.problem.plant.output.noise_std
-    age = None if rule_for(integral, corner) == "peak" else EVALUATED_AGE_SHARE * tau
-    scale = std / std.max() if std.any() else np.ones(len(std))
-    better, size, remarks = exponent_program.refined_exponents(
-        integral.features(corner), scale, age, budget
-    )
-    comparison = f"times {size:.3g} as uncertain as with {corner[0]:.4g} ... {corner[-1]:.4g}"
-    if better is None:
-        label += "; IPOPT did not converge"
-    elif size > _IMPROVED_RATIO:
-        label += ", confirmed by IPOPT"
-    elif neglected_ratio(integral.features(better))[0] > _ratio(integral) * (1 + 1e-6):
-        label += f"; IPOPT finds {comparison}, but more is neglected than the ratio allows"
-    else:
-        rule = rule_for(integral, better)
-        refined = f"{label} from IPOPT, {comparison}"
-        yield ExponentChoice(refined, better, rule, remarks, ("IPOPT",))
-        remarks = ()
-    yield ExponentChoice(label, corner, rule_for(integral, corner), remarks, ("IPOPT",))
 
 
 def rule_for(integral: IntegralWindow, exponents: Matrix) -> str:
@@ -131,7 +103,8 @@ def rule_for(integral: IntegralWindow, exponents: Matrix) -> str:
     return "threshold" if integral.options.has_threshold else rule
 
 
-def _ratio(integral: IntegralWindow) -> float:
+def largest_ratio(integral: IntegralWindow) -> float:
+    """What (15) may neglect of an impulse, against what it keeps."""
     ratio = integral.options.ratio
     return _RATIO if ratio is None else ratio
 
@@ -165,13 +138,17 @@ def slowest_exponent(window: FeatureWindow, ratio: float) -> float | None:
     return -high
 
 
-def corner_exponents(integral: IntegralWindow, count: int) -> Matrix:
+def corner_exponents(integral: IntegralWindow, first: float | None, count: int) -> Matrix:
     """`count` exponents: the slowest one the ratio allows, and as many below it, evenly spaced.
 
-    Where no ratio can be kept: from the length of the window to that of the margin, evenly in
-    proportion.
+    first: `slowest_exponent`. Where no ratio can be kept: from the length of the window to that of
+    the margin, evenly in proportion.
     """
-    first = slowest_exponent(integral.features(np.zeros(0)), _ratio(integral))
     if first is None:
         return -np.geomspace(1.0 / integral.window, _CORNER_SPEED / integral.margin, count)
     return first * (1 + _SPACING * np.arange(count, dtype=np.float64))
+
+
+def spread_exponents(integral: IntegralWindow, count: int) -> Matrix:
+    """`count` exponents from the length of the window to a tenth of the margin, in proportion."""
+    return -np.geomspace(1.0 / integral.window, _SPREAD_SPEED / integral.margin, count)

@@ -6,6 +6,7 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.exponential import expm, exponential_grid
+from obsdesign.equations.impulsive_input.deviations import error_growth
 from obsdesign.runtime.impulsive_input.integral.free_run import FreeRun
 
 
@@ -34,11 +35,7 @@ def propagated(run: FreeRun, P: Matrix, elapsed: float, times: Matrix, spread: M
 
 def added_by_noise(run: FreeRun, elapsed: float, times: Matrix, spread: Matrix) -> Matrix:
     """Growth of P by noise through K in a time: P_inf - e^{D t} P_inf e^{D' t}."""
-    D, K, n = run.D, run.gains.K, run.gains.n
+    D, K = run.D, run.gains.K
     spacing = (times[-1] - times[0]) / max(len(times) - 1, 1)
     Q = K @ np.diag((spread**2).mean(axis=0) * spacing) @ K.T
-    operator = np.kron(np.eye(n), D) + np.kron(D, np.eye(n))
-    limit = np.linalg.solve(operator, -Q.reshape(-1)).reshape(n, n)
-    flow = expm(D * elapsed)
-    added = limit - flow @ limit @ flow.T
-    return np.asarray((added + added.T) / 2)
+    return error_growth(D, Q, elapsed)

@@ -16,6 +16,7 @@ import numpy as np
 from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.exponential import expm
 from obsdesign.equations.impulsive_input.curve import ImpulseCurve
+from obsdesign.equations.impulsive_input.deviations import root_of_sum
 from obsdesign.equations.impulsive_input.features import (
     feature_scales,
     filtered_system,
@@ -33,7 +34,6 @@ from obsdesign.runtime.impulsive_input.whitening import (
     covariance_of,
     noise_covariance,
     plain_deviations,
-    root_of_sum,
     whitened,
 )
 
