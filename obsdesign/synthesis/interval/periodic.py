@@ -16,20 +16,25 @@ Source: the dual of positive systems, as in C. Briat, Automatica 49 (2013).
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 
 from lmi.arithmetic.arrays import Array, Indices, Matrix
 from lmi.arithmetic.exponential import FLOW_PIECES, absolute_flow, expm, exponential_grid
 from lmi.arithmetic.spectrum import spectral_radius
+from lmi.find.constrained import Expression
 from lmi.find.linear_program import minimise
+from lmi.solvers import Solvers
 from lmi.time_budget import TimeBudget
 from obsdesign.equations.interval.splits import absolute_metzler
 from obsdesign.equations.interval.width import WidthSystem
 from obsdesign.errors import InputError
+from obsdesign.problem.options import IntervalOptions
 from obsdesign.problem.plant import Plant
 from obsdesign.problem.problem import Problem
+from obsdesign.synthesis.convex_gain import UserConstraints, convex_gains
+from obsdesign.synthesis.interval.constraints import diagonal_constraints, program_minimum
 from obsdesign.synthesis.interval.coordinates import bases, eigenbasis
 from obsdesign.synthesis.interval.task import sampling_limit, width_weights
 from obsdesign.synthesis.placement import placed_gain
@@ -49,8 +54,15 @@ _RADII = (0.9, 0.6, 0.3)
 class SampledPlant:
     """A plant in coordinates S (None: its own), with samples every h as events."""
 
-    def __init__(self, problem: Problem, S: Matrix | None, budget: TimeBudget) -> None:
+    def __init__(
+        self,
+        problem: Problem,
+        S: Matrix | None,
+        budget: TimeBudget,
+        user: UserConstraints | None = None,
+    ) -> None:
         plant = problem.plant
+        self.constraint = convex_gains(problem.options_as(IntervalOptions), user)["L"]
         self.budget = budget
         self.S = np.eye(plant.n) if S is None else S
         self.inward = np.linalg.inv(self.S)
@@ -133,7 +145,23 @@ class SampledPlant:
         weights = np.vstack([np.tile(pushed, (FLOW_PIECES, 1)) / size, np.full(n, _FORGETTING)])
         q = np.maximum(self.q / self.q.max(), _LEAST_WEIGHT)
         program = _Program(n, p, flows, weights, self.budget)
-        return program.solve(self.C, self.limit, q, 2 * self.V / size, contraction)
+        constraints = None if self.constraint.is_free() else self._constraints
+        L = program.solve(
+            (self.C, self.limit), q, 2 * self.V / size, contraction, constraints=constraints
+        )
+        if L is None or constraints is None:
+            return L
+        within: Matrix = self.inward @ self.constraint.rounded(self.S @ L)
+        return within
+
+    def _constraints(self, zeta: Expression, U: Expression) -> list[Expression]:
+        # regions are refused with samples as events
+        return diagonal_constraints(self.constraint, (zeta, U), (self.A, self.C), self.S)
+
+    @property
+    def solvers(self) -> Solvers:
+        """Solvers that `gain` calls."""
+        return ("HiGHS",) if self.constraint.is_free() else ("CVXPY/Clarabel",)
 
     def gains(self) -> Iterator[tuple[float, Matrix]]:
         """(contraction, L in z): the narrowest ones first, then those that contract ever faster."""
@@ -145,10 +173,11 @@ class SampledPlant:
 
     def outward(self, L: Matrix) -> Matrix:
         """L in the plant's coordinates, in few digits where they cost nothing."""
-        width, whole = self.width(L), self.S @ L
-        for digits in (3, 6, 9):
+        width, whole = self.width(L), self.constraint.rounded(self.S @ L)
+        # a user's constraints are those of the program alone
+        for digits in (3, 6, 9) if self.constraint.user is None else ():
             text = [float(f"{x:.{digits}g}") for x in whole.ravel()]
-            short = np.array(text).reshape(whole.shape)
+            short = self.constraint.rounded(np.array(text).reshape(whole.shape))
             inner = self.inward @ short
             if np.all(np.abs(inner) <= self.limit) and self.width(inner) <= width * (1 + 1e-6):
                 return short
@@ -179,10 +208,21 @@ class _Program:
         self.limits += np.broadcast_to(limits, len(columns)).tolist()
 
     def solve(
-        self, C: Matrix, limit: Matrix, q: Matrix, noise: Matrix, contraction: float
+        self,
+        output: tuple[Matrix, Matrix],
+        q: Matrix,
+        noise: Matrix,
+        contraction: float,
+        *,
+        constraints: Callable[[Expression, Expression], list[Expression]] | None,
     ) -> Matrix | None:
-        """L; q, noise: (n,), (p,); None without a solution."""
+        """L; None without a solution.
+
+        output: C (p, n) and the largest entries of L, (n, p); q, noise: (n,), (p,); constraints:
+        of zeta and U = diag(zeta) L, through CVXPY.
+        """
         n, p = self.n, self.p
+        C, limit = output
         for j, X in enumerate(self.flows):
             self._absolute(j, X, C @ X)
         last = self.T[-1]
@@ -200,10 +240,16 @@ class _Program:
         rows, columns, values = (np.concatenate(part) for part in zip(*self.entries, strict=True))
         sides = np.full(len(self.limits), -np.inf), np.array(self.limits)
         ends = np.zeros(self.size), np.full(self.size, np.inf)
-        x = minimise(
-            cost, (rows, columns, values), sides, ends, seconds=self.budget.remaining(),
-            iterations=self.budget.scaled(_ITERATIONS),
-        )  # fmt: skip
+        if constraints is None:
+            x = minimise(
+                cost, (rows, columns, values), sides, ends, seconds=self.budget.remaining(),
+                iterations=self.budget.scaled(_ITERATIONS),
+            )  # fmt: skip
+        else:
+            x = program_minimum(
+                cost, (rows, columns, values), sides, ends,
+                lambda v: constraints(v[:n], v[self.U[0]] - v[self.U[1]]),
+            )  # fmt: skip
         if x is None or not (x[:n] > 0).all():
             return None
         L: Matrix = (x[self.U[0]] - x[self.U[1]]) / x[:n, None]

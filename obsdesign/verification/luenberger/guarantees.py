@@ -7,7 +7,7 @@ from obsdesign.problem.options import LuenbergerOptions
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.absent_signals import absent_signals
 from obsdesign.verification.dwell import Dwell
-from obsdesign.verification.luenberger.wishes import IDS
+from obsdesign.verification.gain_constraints import IDS, constraint_sentences
 from obsdesign.verification.rates import rates_sentence
 
 
@@ -29,11 +29,7 @@ def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Guarantee, 
         rate = problem.options_as(LuenbergerOptions).decay_rate
         sentences.append((f"The error decays like e^(-{rate!r} t){when}.", [*needed, "decay_rate"]))
     sentences += [(f"{measured}: {text}", ids) for text, ids in rates_sentence(claims, "the error")]
-    sentences += [
-        (f"{claim.statement[0].upper()}{claim.statement[1:]}.", [claim.id])
-        for claim in claims
-        if claim.id in IDS
-    ]
+    sentences += constraint_sentences(claims)
     result = [Guarantee.from_verdicts(text, ids, verdicts) for text, ids in sentences]
     if not at_jumps:
         sampled = "Convergence for samples at a given spacing is not claimed."

@@ -1,4 +1,4 @@
-"""Claims about norm, structure and eigenvalues of the gains, decided for the stored numbers.
+"""Claims that the constraints on the gains hold: norm, structure, eigenvalues; as stored.
 
 Where a gain is given, or a part of the error that no allowed entry changes is outside the region,
 the witness holds for all gains.
@@ -6,14 +6,17 @@ the witness holds for all gains.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from lmi.arithmetic.arrays import Array
 from lmi.arithmetic.balls import Exact, exact
+from lmi.prove.hurwitz import prove_hurwitz
 from lmi.prove.regions import prove_disc, prove_half_plane, prove_norm, prove_sector
+from lmi.refute.spectral import refute_spectral
 from lmi.verdict import Verdict, overall, proved, refuted
 from obsdesign.analysis.hidden_modes import fixed_parts
 from obsdesign.document import Claim
@@ -23,9 +26,8 @@ from obsdesign.equations.estimation_error import (
     jump_error_matrix,
     seen_before_jump,
 )
-from obsdesign.equations.luenberger.gains import LuenbergerGains
-from obsdesign.problem.gain_wishes import GainWishes
-from obsdesign.problem.options import LuenbergerOptions
+from obsdesign.equations.gains import PlantGains
+from obsdesign.problem.gain_constraints import ConstrainedGains, GainConstraints
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.choices import mark_witness
 
@@ -37,27 +39,33 @@ _SOURCES = {
 IDS = tuple(_SOURCES)
 
 
-def wish_claims(problem: Problem, gains: LuenbergerGains) -> tuple[Claim, ...]:
-    """Claims `gain_norm`, `structure` and `region`, where the problem states them."""
-    options = problem.options_as(LuenbergerOptions)
-    wishes = {name: options.wishes(name) for name in ("L", "M")}
+def constraint_claims(
+    problem: Problem, gains: PlantGains, stored: Mapping[str, Array]
+) -> tuple[Claim, ...]:
+    """Claims `gain_norm`, `structure` and `region`, where the problem states them.
+
+    stored: by name every gain (n, p) of the design: "L", "M", and others at jumps, "M...".
+    """
+    options = problem.options_as(ConstrainedGains)
+    stated = {gain: options.gain_constraints(gain) for gain in ("L", "M")}
     verdicts: dict[str, dict[str, Verdict]] = {name: {} for name in IDS}
-    for gain, wish in wishes.items():
-        for name, K in _stored(gains, gain):
-            if wish.norm is not None:
-                verdicts["gain_norm"][name] = prove_norm(exact(K), wish.norm)
-            if wish.pattern is not None:
-                verdicts["structure"][name] = _structure(K, np.array(wish.pattern))
-            if wish.has_region():
-                verdicts["region"][name] = prove_region(error_matrix(gains, gain, K), wish)
+    for name, K in stored.items():
+        gain = name[0]
+        constraints = stated[gain]
+        if constraints.norm is not None:
+            verdicts["gain_norm"][name] = prove_norm(exact(K), constraints.norm)
+        if constraints.pattern is not None:
+            verdicts["structure"][name] = _structure(K, np.array(constraints.pattern))
+        if constraints.has_region():
+            verdicts["region"][name] = prove_region(error_matrix(gains, gain, K), constraints)
     return tuple(
-        _claim(problem, name, _statement(name, wishes), parts)
+        _claim(problem, name, _statement(name, stated), parts)
         for name, parts in verdicts.items()
         if parts
     )
 
 
-def error_matrix(gains: LuenbergerGains, gain: str, K: Array) -> Exact:
+def error_matrix(gains: PlantGains, gain: str, K: Array) -> Exact:
     """The matrix of the error that a gain moves: A - L C, or that at jumps, exact."""
     if gain == "L":
         return flow_error_matrix(exact(gains.A), exact(K), exact(gains.C))
@@ -65,36 +73,28 @@ def error_matrix(gains: LuenbergerGains, gain: str, K: Array) -> Exact:
     return jump_error_matrix(G, M, C, gains.jump_measurement)
 
 
-def prove_region(F: Exact, wish: GainWishes) -> Verdict:
-    """Decide whether the eigenvalues of F lie in all regions of a wish."""
+def prove_region(F: Exact, constraints: GainConstraints) -> Verdict:
+    """Decide whether the eigenvalues of F lie in all stated regions."""
     verdicts = []
-    if wish.decay is not None:
-        verdicts.append(prove_half_plane(F, wish.decay))
-    if wish.sector is not None:
-        verdicts.append(prove_sector(F, wish.sector))
-    if wish.disc is not None:
-        verdicts.append(prove_disc(F, wish.disc.centre, wish.disc.radius))
+    if constraints.decay is not None:
+        verdicts.append(prove_half_plane(F, constraints.decay))
+    if constraints.sector is not None:
+        verdicts.append(prove_sector(F, constraints.sector))
+    if constraints.disc is not None:
+        verdicts.append(prove_disc(F, constraints.disc.centre, constraints.disc.radius))
     return _worst(verdicts)
 
 
 def stated_pattern(problem: Problem, *names: str) -> Array:
     """Entries, (n, p), that may differ from zero in one of the gains."""
-    plant, options = problem.plant, problem.options_as(LuenbergerOptions)
+    plant, options = problem.plant, problem.options_as(ConstrainedGains)
     if options.structure is None:
         return np.ones((plant.n, plant.p), dtype=bool)
     free = np.zeros((plant.n, plant.p), dtype=bool)
     for name in set(names) - set(idle_gains(plant)):
-        pattern = options.wishes(name).pattern
+        pattern = options.gain_constraints(name).pattern
         free |= True if pattern is None else np.array(pattern) != 0
     return free
-
-
-def _stored(gains: LuenbergerGains, gain: str) -> Iterator[tuple[str, Array]]:
-    """The gains of a name that a design stores, one for each cell of dwell times too."""
-    yield gain, gains.L if gain == "L" else gains.M
-    if gain == "M" and gains.M_cells is not None:
-        for i, M in enumerate(gains.M_cells):
-            yield f"M_cells[{i}]", M
 
 
 def _structure(K: Array, pattern: Array) -> Verdict:
@@ -113,7 +113,7 @@ def _worst(verdicts: Sequence[Verdict]) -> Verdict:
 
 
 def _claim(problem: Problem, name: str, statement: str, parts: Mapping[str, Verdict]) -> Claim:
-    """The claim that several gains fulfil a wish."""
+    """The claim that several gains meet a constraint."""
     outcome = overall(verdict.outcome for verdict in parts.values())
     if outcome == "proved":
         evidence: dict[str, Any] = {gain: dict(part.evidence) for gain, part in parts.items()}
@@ -131,13 +131,13 @@ def _claim(problem: Problem, name: str, statement: str, parts: Mapping[str, Verd
 
 def _with_fixed_part(problem: Problem, claim: Claim, gain: str) -> Claim:
     """The claim, its witness that of a part of the error which no allowed gain changes, if any."""
-    plant, options = problem.plant, problem.options_as(LuenbergerOptions)
+    plant, options = problem.plant, problem.options_as(ConstrainedGains)
     X, C = plant.flow.A, plant.output.C
     if gain == "M":
         assert plant.jump is not None
         X, C = plant.jump.G, seen_before_jump(plant.jump.G, C, plant.output.jump_measurement)
     for (part,) in fixed_parts([X], C, stated_pattern(problem, gain)):
-        verdict = prove_region(part, options.wishes(gain))
+        verdict = prove_region(part, options.gain_constraints(gain))
         if claim.verdict == "refuted" and verdict.outcome == "refuted":
             witness = verdict.evidence["witness"]
             reason = f"{witness['reason']}, and no {gain}{within_structure(problem, gain)} moves it"
@@ -146,33 +146,72 @@ def _with_fixed_part(problem: Problem, claim: Claim, gain: str) -> Claim:
     return claim
 
 
+def witness_within_structure(problem: Problem, rate: float = 0.0) -> dict[str, Any] | None:
+    """Witness that no gain within the structure makes the error decay faster than e^(-rate t).
+
+    Exact: a part of the error that no allowed entry changes does not shrink. None without one.
+    """
+    plant = problem.plant
+    A, C = plant.flow.A, plant.output.C
+
+    def faster(flow: Exact) -> Exact:
+        shifted: Exact = flow + exact(rate * np.eye(len(flow)))
+        return shifted
+
+    ends = None if plant.jump is None else problem.require_dwell_time()
+    verdicts: list[Verdict] = []
+    if ends is None or math.isinf(ends[1]):
+        parts = fixed_parts([A], C, stated_pattern(problem, "L"))
+        verdicts += [prove_hurwitz(faster(flow)) for (flow,) in parts]
+    if ends is not None:
+        assert plant.jump is not None
+        pairs = fixed_parts([A, plant.jump.G], C, stated_pattern(problem, "L", "M"))
+        verdicts += [refute_spectral(faster(flow), jump, *ends) for flow, jump in pairs]
+    for verdict in verdicts:
+        if verdict.outcome == "refuted":
+            witness = verdict.evidence["witness"]
+            scope = within_structure(problem, "L", "M")
+            reason = f"{witness['reason']}; no gain{scope} changes that part of the error"
+            return {**witness, "reason": reason}
+    return None
+
+
 def within_structure(problem: Problem, *gains: str) -> str:
     """Return " within observer.structure" where a pattern is stated for one of the gains."""
-    options = problem.options_as(LuenbergerOptions)
-    stated = any(options.wishes(gain).pattern is not None for gain in gains)
+    options = problem.options_as(ConstrainedGains)
+    stated = any(options.gain_constraints(gain).pattern is not None for gain in gains)
     return " within observer.structure" if stated else ""
 
 
-def _statement(name: str, wishes: Mapping[str, GainWishes]) -> str:
-    return " and ".join(text for text in (_text(name, *item) for item in wishes.items()) if text)
+def _statement(name: str, stated: Mapping[str, GainConstraints]) -> str:
+    return " and ".join(text for text in (_text(name, *item) for item in stated.items()) if text)
 
 
-def _text(name: str, gain: str, wish: GainWishes) -> str:
+def _text(name: str, gain: str, constraints: GainConstraints) -> str:
     """The statement about one gain; empty where it has none."""
-    if name == "gain_norm" and wish.norm is not None:
-        return f"the spectral norm of {gain} is at most {wish.norm!r}"
-    if name == "structure" and wish.pattern is not None:
-        rows = [[int(value) for value in row] for row in wish.pattern]
+    if name == "gain_norm" and constraints.norm is not None:
+        return f"the spectral norm of {gain} is at most {constraints.norm!r}"
+    if name == "structure" and constraints.pattern is not None:
+        rows = [[int(value) for value in row] for row in constraints.pattern]
         return f"{gain} is zero where {rows} is"
-    if name != "region" or not wish.has_region():
+    if name != "region" or not constraints.has_region():
         return ""
     matrix = "A - L C" if gain == "L" else "the error's matrix at jumps"
     places = []
-    if wish.decay is not None:
-        places.append(f"have real parts below {-wish.decay + 0.0!r}")
-    if wish.sector is not None:
-        places.append(f"lie within {wish.sector!r} rad of the negative real axis")
-    if wish.disc is not None:
-        centre, radius = wish.disc.centre, wish.disc.radius
+    if constraints.decay is not None:
+        places.append(f"have real parts below {-constraints.decay + 0.0!r}")
+    if constraints.sector is not None:
+        places.append(f"lie within {constraints.sector!r} rad of the negative real axis")
+    if constraints.disc is not None:
+        centre, radius = constraints.disc.centre, constraints.disc.radius
         places.append(f"lie in the open disc of radius {radius!r} around {centre!r}")
     return f"all eigenvalues of {matrix} {' and '.join(places)}"
+
+
+def constraint_sentences(claims: Iterable[Claim]) -> list[tuple[str, list[str]]]:
+    """Sentences of the claims on the constraints, each with the claim that it rests on."""
+    return [
+        (f"{claim.statement[0].upper()}{claim.statement[1:]}.", [claim.id])
+        for claim in claims
+        if claim.id in IDS
+    ]
