@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import copy
 import dataclasses
+import tomllib
+from pathlib import Path
 from typing import Any
 
 import cvxpy as cp
@@ -217,3 +219,11 @@ def test_with_samples_as_events_the_gain_at_samples_is_constrained() -> None:
     assert obsdesign.design(problem(**PERIODIC)).gains["L"][1, 0] > 0.5
     with pytest.raises(obsdesign.InputError, match=r"^observer\.region is about A - L C"):
         problem(**PERIODIC, observer__region={"decay": 0.1})
+
+
+def test_the_example_of_the_page_is_proved() -> None:
+    page = (Path(__file__).parents[3] / "docs" / "interval.md").read_text("utf-8")
+    body = tomllib.loads(page.split('title="one_entry.toml"')[1].split("```")[0])
+    design = obsdesign.design(obsdesign.Problem.from_dict(body))
+    assert design.gains["M"][1, 0] == 0
+    assert np.linalg.norm(design.gains["M"], 2) <= 2.0

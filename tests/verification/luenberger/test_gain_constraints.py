@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+import tomllib
+from pathlib import Path
 from typing import Any
 
 import cvxpy as cp
@@ -147,6 +149,36 @@ def test_structure_that_leaves_an_unstable_mode_alone_refutes_every_gain() -> No
     apart["flow__A"][2][2] = -0.2
     stable = obsdesign.investigate(problem(observer__structure=first_only, **apart))
     assert stable.verdict == "proved"
+
+
+@pytest.mark.parametrize(
+    ("name", "pattern"),
+    [("academic", [[1, 1], [1, 1], [0, 0]]), ("servo", [[1], [0]]), ("tanks", [[0, 0]] * 3)],
+)
+def test_a_structure_out_of_reach_of_the_region_is_refuted(
+    name: str, pattern: list[list[int]]
+) -> None:
+    body = PLANTS[name].to_dict()
+    body["observer"]["structure"] = {"L": pattern}
+    outcome = obsdesign.investigate(obsdesign.Problem.from_dict(body))
+    assert outcome.verdict == "refuted"
+    claim = next(c for c in outcome.claims if c.id == "region")
+    assert claim.evidence["witness"]["of_all_gains"]
+    assert reason(claim).endswith("and no L within observer.structure moves it")
+
+
+def test_the_example_of_the_page_is_proved_and_needs_its_constraints() -> None:
+    page = (Path(__file__).parents[3] / "docs" / "luenberger.md").read_text("utf-8")
+    body = tomllib.loads(page.split('title="carriages.toml"')[1].split("```")[0])
+    design = obsdesign.design(obsdesign.Problem.from_dict(body))
+    assert np.linalg.norm(design.gains["M"], 2) <= 1.1
+    body["observer"] = {"kind": "luenberger"}
+    free = obsdesign.design(obsdesign.Problem.from_dict(body)).gains
+    L, M, C = free["L"], free["M"], free["C"]
+    assert np.linalg.norm(M, 2) == pytest.approx(1.23, abs=0.005)
+    angles = np.angle(-np.linalg.eigvals(free["A"] - L @ C))
+    assert np.abs(angles).max() == pytest.approx(0.78, abs=0.005)
+    assert np.abs(L).min() > 0.1
 
 
 def test_constraints_for_which_no_gain_is_known_leave_the_answer_open() -> None:
