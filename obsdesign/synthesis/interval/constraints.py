@@ -13,7 +13,12 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Array, Indices, Matrix
 from lmi.find.constrained import Expression, constrained_minimum
+from lmi.find.linear_program import minimise
+from lmi.time_budget import TimeBudget
 from obsdesign.synthesis.convex_gain import ConvexGain, refused_constraints
+
+_ITERATIONS = 20_000  # of the simplex method
+_INTERIOR = 1e-8  # share of the largest value that an interior point cannot tell from zero
 
 
 def program_minimum(
@@ -21,11 +26,22 @@ def program_minimum(
     rows: tuple[Indices, Indices, Matrix],
     sides: tuple[Matrix, Matrix],
     bounds: tuple[Matrix, Matrix],
-    constraints: Callable[[Expression], Sequence[Expression]],
+    *,
+    constraints: Callable[[Expression], Sequence[Expression]] | None,
+    budget: TimeBudget,
 ) -> Matrix | None:
-    """As `constrained_minimum`; InputError for a user's constraints that are not convex."""
+    """As `linear_program.minimise`, by HiGHS; with constraints of the unknowns through CVXPY.
+
+    None when none is found; InputError for a user's constraints that are not convex.
+    """
+    if constraints is None:
+        return minimise(
+            cost, rows, sides, bounds, seconds=budget.remaining(),
+            iterations=budget.scaled(_ITERATIONS),
+        )  # fmt: skip
     with refused_constraints():
-        return constrained_minimum(cost, rows, sides, bounds, constraints)
+        x = constrained_minimum(cost, rows, sides, bounds, constraints)
+    return None if x is None else np.where(np.abs(x) < _INTERIOR * np.abs(x).max(), 0.0, x)
 
 
 def diagonal_constraints(

@@ -24,13 +24,10 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Indices, Matrix
 from lmi.find.constrained import Expression
-from lmi.find.linear_program import minimise
 from lmi.time_budget import TimeBudget
 from obsdesign.synthesis.interval.constraints import diagonal_constraints, program_minimum
 from obsdesign.synthesis.interval.task import Task
 
-_ITERATIONS = 20_000  # of the simplex method
-_INTERIOR = 1e-8  # share of the largest value that an interior point cannot tell from zero
 _MARGIN = 1e-3  # of contraction, where nothing else makes the inequalities strict
 
 
@@ -72,12 +69,9 @@ class _Program:
         sides = np.full(len(self.limits), -np.inf), np.array(self.limits)
         low = np.array([-np.inf if end is None else end for end, _ in bounds])
         high = np.array([np.inf if end is None else end for _, end in bounds])
-        if constraints is not None:
-            return program_minimum(cost, entries, sides, (low, high), constraints)
-        return minimise(
-            cost, entries, sides, (low, high), seconds=budget.remaining(),
-            iterations=budget.scaled(_ITERATIONS),
-        )  # fmt: skip
+        return program_minimum(
+            cost, entries, sides, (low, high), constraints=constraints, budget=budget
+        )
 
 
 @dataclass(frozen=True)
@@ -134,8 +128,6 @@ def clock_gains(
     cost[variables.zeta.ravel()] = small / k
     constraints = partial(_gain_constraints, task, variables) if task.is_constrained else None
     x = program.solve(cost, bounds, budget, constraints)
-    if x is not None and constraints is not None:
-        x = np.where(np.abs(x) < _INTERIOR * np.abs(x).max(), 0.0, x)
     return None if x is None else list(_constant(x, variables))
 
 

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 
 import numpy as np
 
@@ -24,7 +25,6 @@ from lmi.arithmetic.arrays import Array, Indices, Matrix
 from lmi.arithmetic.exponential import FLOW_PIECES, absolute_flow, expm, exponential_grid
 from lmi.arithmetic.spectrum import spectral_radius
 from lmi.find.constrained import Expression
-from lmi.find.linear_program import minimise
 from lmi.solvers import Solvers
 from lmi.time_budget import TimeBudget
 from obsdesign.equations.interval.splits import absolute_metzler
@@ -41,7 +41,6 @@ from obsdesign.synthesis.placement import placed_gain
 
 # contraction from sample to sample: none but what the least width needs, then ever more
 CONTRACTIONS = (1.0, 0.9, 0.75, 0.6, 0.45, 0.3, 0.2, 0.1)
-_ITERATIONS = 20_000  # of the simplex method
 # where neither disturbance nor noise enters, gains that forget fast; else of no weight
 _FORGETTING = 1e-6
 _POINTS = 9  # of a period, for the time average
@@ -191,7 +190,7 @@ class _Program:
     """
 
     def __init__(self, n: int, p: int, flows: Matrix, weights: Matrix, budget: TimeBudget) -> None:
-        self.n, self.p, self.flows, self.weights = n, p, flows, weights
+        self.n, self.flows, self.weights = n, flows, weights
         self.budget = budget
         starts = np.cumsum([0, n, n * p, n * p])
         self.U = [starts[1] + np.arange(n * p).reshape(n, p) + sign * n * p for sign in (0, 1)]
@@ -221,7 +220,7 @@ class _Program:
         output: C (p, n) and the largest entries of L, (n, p); q, noise: (n,), (p,); constraints:
         of zeta and U = diag(zeta) L, through CVXPY.
         """
-        n, p = self.n, self.p
+        n = self.n
         C, limit = output
         for j, X in enumerate(self.flows):
             self._absolute(j, X, C @ X)
@@ -229,10 +228,7 @@ class _Program:
         for k in range(n):  # zeta' P + q' <= zeta', column k
             columns = np.concatenate([last[:, k], [k]])[None]
             self.below(columns, np.append(np.ones(n) / contraction, -1.0)[None], -q[k])
-        for i, m in np.ndindex(n, p):
-            if math.isfinite(limit[i, m]):
-                self.below(np.array([[self.U[0][i, m], self.U[1][i, m], i]]),
-                           np.array([[1.0, 1.0, -limit[i, m]]]), 0.0)  # fmt: skip
+        self._limit(limit)
         cost = np.zeros(self.size)
         for u in self.U:
             cost[u] = noise + 1e-9
@@ -240,20 +236,26 @@ class _Program:
         rows, columns, values = (np.concatenate(part) for part in zip(*self.entries, strict=True))
         sides = np.full(len(self.limits), -np.inf), np.array(self.limits)
         ends = np.zeros(self.size), np.full(self.size, np.inf)
-        if constraints is None:
-            x = minimise(
-                cost, (rows, columns, values), sides, ends, seconds=self.budget.remaining(),
-                iterations=self.budget.scaled(_ITERATIONS),
-            )  # fmt: skip
-        else:
-            x = program_minimum(
-                cost, (rows, columns, values), sides, ends,
-                lambda v: constraints(v[:n], v[self.U[0]] - v[self.U[1]]),
-            )  # fmt: skip
+        x = program_minimum(
+            cost, (rows, columns, values), sides, ends,
+            constraints=None if constraints is None else partial(self._of_gain, constraints),
+            budget=self.budget,
+        )  # fmt: skip
         if x is None or not (x[:n] > 0).all():
             return None
         L: Matrix = (x[self.U[0]] - x[self.U[1]]) / x[:n, None]
         return np.clip(L, -limit, limit)
+
+    def _limit(self, limit: Matrix) -> None:
+        for i, m in np.ndindex(limit.shape):
+            if math.isfinite(limit[i, m]):
+                self.below(np.array([[self.U[0][i, m], self.U[1][i, m], i]]),
+                           np.array([[1.0, 1.0, -limit[i, m]]]), 0.0)  # fmt: skip
+
+    def _of_gain(
+        self, constraints: Callable[[Expression, Expression], list[Expression]], x: Expression
+    ) -> list[Expression]:
+        return constraints(x[: self.n], x[self.U[0]] - x[self.U[1]])
 
     def _absolute(self, j: int, X: Matrix, CX: Matrix) -> None:
         n = self.n
