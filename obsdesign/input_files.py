@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Callable
+from typing import Any
 
-from lmi.arithmetic.arrays import Value
 from obsdesign.errors import InputError
 
 MOST_BYTES = 64 * 2**20
@@ -52,7 +52,7 @@ def parse_json(
     text: str,
     parse_float: Callable[[str], float] | None = None,
     parse_int: Callable[[str], int] | None = None,
-) -> Value:
+) -> Any:
     """The value of a JSON text, whose keys must differ; ValueError, or RecursionError."""
     return json.loads(
         text, object_pairs_hook=_keys_once, parse_constant=_refuse_constant,
@@ -64,7 +64,7 @@ def _refuse_constant(name: str) -> float:
     raise ValueError(f'{name} is not allowed; infinity is written "inf"')
 
 
-def _keys_once(pairs: list[tuple[str, Value]]) -> dict[str, Value]:
+def _keys_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     result = dict(pairs)
     if len(result) < len(pairs):
         names = [name for name, _ in pairs]

@@ -59,8 +59,12 @@ def investigate(
     larger total stretches (`investigate_each`). An undecided claim that a budget ended holds what
     `TimeBudget.ended` has of it in its evidence. result["remarks"] holds sentences of searches
     that ended early or settled for less, if there are any.
+    constraints: for kinds luenberger and interval, a function of `GainVariables` that returns a
+    list of CVXPY constraints on an open gain; called for L and for M. They restrict the search,
+    and nothing is claimed of them; undecided where no gains are found.
 
-    InputError when the problem cannot be read as asked (a block is missing, a form does not fit).
+    InputError when the problem cannot be read as asked (a block is missing, a form does not fit),
+    or for constraints that are not convex or belong to another kind.
     """
     budget = TimeBudget.from_seconds(seconds)
     outcome = investigate_each({None: problem}, budget, constraints=constraints)[None]

@@ -223,6 +223,7 @@ ANY = {
     "lmi.find.constrained": "expressions of CVXPY",
     "obsdesign": "names that are imported when they are first used",
     "obsdesign.equations.gains": "declarations of fields",
+    "obsdesign.input_files": "what json reads, where numpy is not loaded",
     "obsdesign.interop.export": "models of python-control",
     "obsdesign.interop.frames": "tables of pandas",
     "obsdesign.interop.state_space": "models of scipy and python-control",

@@ -1,4 +1,4 @@
-"""Matrix inequalities in several unknowns under further convex constraints, through CVXPY.
+"""Matrix inequalities and linear programs under further convex constraints, through CVXPY.
 
     minimise f(P, Z, ...)   subject to   inequality(P, Z, ...)_i >= margin I   for every i,
                                          I <= P <= kappa I   for every symmetric P,
@@ -6,7 +6,8 @@
 
 Without f the margin is as large as possible, at most 1. This is `lmi.find.affine` with a modelling
 layer that takes anything convex and is some hundred times slower; the inequalities are read off in
-the same way. Nothing here is proved.
+the same way. `constrained_minimum` is `lmi.find.linear_program.minimise` in the same sense. Nothing
+here is proved.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.arrays import Indices, Matrix
 from lmi.find.affine import Inequality, Unknown, coefficients
 
 Expression = Any  # of CVXPY, which is not typed
@@ -48,17 +49,14 @@ def constrained_matrices(
     holds = [*constraints(values)]
     for value in (v for v, unknown in zip(values, unknowns, strict=True) if unknown.symmetric):
         holds += [value >> np.eye(value.shape[0]), kappa * np.eye(value.shape[0]) >> value]
-    pairs = zip(values, unknowns, strict=True)
-    entries = cp.hstack([cp.vec(value, order="F")[_free(unknown)] for value, unknown in pairs])
     for inequality in inequalities:
-        holds += [S >> level * np.eye(S.shape[0]) for S in _blocks(unknowns, inequality, entries)]
+        blocks = inequality_blocks(unknowns, inequality, values)
+        holds += [S >> level * np.eye(S.shape[0]) for S in blocks]
     if objective is None:
         goal, holds = cp.Maximize(level), [*holds, level <= 1]
     else:
         goal = cp.Minimize(objective(values))
     program = cp.Problem(goal, holds)
-    if not program.is_dcp():
-        raise ValueError("constraints and objective must be convex by CVXPY's rules (DCP)")
     if not _solve(program):
         return None
     solution = [np.asarray(value.value, dtype=np.float64) for value in values]
@@ -76,12 +74,14 @@ def _free(unknown: Unknown) -> list[int]:
     ]
 
 
-def _blocks(
-    unknowns: Sequence[Unknown], inequality: Inequality, entries: Expression
+def inequality_blocks(
+    unknowns: Sequence[Unknown], inequality: Inequality, values: Sequence[Expression]
 ) -> list[Expression]:
-    """The matrices of an inequality as CVXPY expressions."""
+    """The matrices of an inequality as CVXPY expressions of the values of its unknowns."""
     import cvxpy as cp
 
+    pairs = zip(values, unknowns, strict=True)
+    entries = cp.hstack([cp.vec(value, order="F")[_free(unknown)] for value, unknown in pairs])
     constant, columns = coefficients(unknowns, inequality)
     count, m = constant.shape[:2]
     changes = np.array(columns).reshape(len(columns), count, m * m)
@@ -90,10 +90,41 @@ def _blocks(
     ]
 
 
+def constrained_minimum(
+    cost: Matrix,
+    rows: tuple[Indices, Indices, Matrix],
+    sides: tuple[Matrix, Matrix],
+    bounds: tuple[Matrix, Matrix],
+    constraints: Callable[[Expression], Sequence[Expression]],
+) -> Matrix | None:
+    """x of least cost'x with lower <= A x <= upper, low <= x <= high and the constraints of x.
+
+    As `linear_program.minimise` has it; None when the solver finds none. ValueError for constraints
+    that are not convex by CVXPY's rules.
+    """
+    import cvxpy as cp
+    from scipy.sparse import csr_array
+
+    row, column, value = rows
+    A = csr_array((value, (row, column)), shape=(len(sides[0]), len(cost)))
+    x = cp.Variable(len(cost))
+    holds = [*constraints(x)]
+    for expression, (low, high) in ((A @ x, sides), (x, bounds)):
+        below, above = np.flatnonzero(np.isfinite(low)), np.flatnonzero(np.isfinite(high))
+        holds += [expression[below] >= low[below]] if below.size else []
+        holds += [expression[above] <= high[above]] if above.size else []
+    if not _solve(cp.Problem(cp.Minimize(cost @ x), holds)):
+        return None
+    solution = np.asarray(x.value, dtype=np.float64)
+    return solution if np.isfinite(solution).all() else None
+
+
 def _solve(program: Expression) -> bool:
-    """Solve by Clarabel; False where it ends without usable numbers."""
+    """Solve by Clarabel; False where it ends without usable numbers, ValueError if not convex."""
     import cvxpy as cp
 
+    if not program.is_dcp():
+        raise ValueError("constraints and objective must be convex by CVXPY's rules (DCP)")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # an inaccurate solution is a proposal too
         try:

@@ -15,16 +15,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 from obsdesign.errors import InputError
-from obsdesign.problem.gain_wishes import (
-    GAIN_NORM,
-    REGION,
-    STRUCTURE,
-    GainWishes,
-    Pattern,
-    Region,
-    check_wishes,
-    gain_wishes,
-)
+from obsdesign.problem.gain_constraints import ConstrainedGains
 from obsdesign.problem.options_base import Options, check_count, check_weights, option
 from obsdesign.problem.schema import (
     FLAG,
@@ -52,7 +43,7 @@ _WEIGHTS = (
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class IntervalOptions(Options):
+class IntervalOptions(ConstrainedGains):
     """Options of kind interval."""
 
     form: str = option(
@@ -81,13 +72,14 @@ class IntervalOptions(Options):
 
     def check(self, plant: Plant) -> None:
         """InputError unless there is a width weight per state, and one of them is not zero."""
+        super().check(plant)
         check_count("width_weights", self.width_weights, plant.n, "state")
         if self.width_weights is not None and not any(self.width_weights):
             raise InputError("observer.width_weights must not all be zero.")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class LuenbergerOptions(Options):
+class LuenbergerOptions(ConstrainedGains):
     """Options of kind luenberger."""
 
     poles: tuple[Pole, ...] | None = option(ref("poles"), _POLES)
@@ -105,25 +97,11 @@ class LuenbergerOptions(Options):
         "their borders.",
         whole=True,
     )
-    gain_norm: Mapping[str, float] | None = option(GAIN_NORM, "Largest spectral norm of a gain.")
-    structure: Mapping[str, Pattern] | None = option(
-        STRUCTURE, "Which entries of a gain may differ from zero: 1 where one may, else 0."
-    )
-    region: Mapping[str, Region] | None = option(
-        REGION, "Where the eigenvalues of the error's flow, and of its matrix at jumps, must lie."
-    )
-
-    def wishes(self, gain: str) -> GainWishes:
-        """What gain_norm, structure and region state about the gain "L" or "M"."""
-        return gain_wishes(gain, self.gain_norm, self.structure, self.region)
 
     def check(self, plant: Plant) -> None:
         """InputError unless weights and patterns have the plant's sizes and borders increase."""
+        super().check(plant)
         check_weights(self.weights, plant)
-        check_wishes(self.structure, self.region, plant)
-        for name, stated in (("gain_norm", self.gain_norm), ("structure", self.structure)):
-            if plant.jump is None and "M" in (stated or {}):
-                raise InputError(f"observer.{name}.M needs jumps; [jump] is missing.")
         cells = self.schedule
         if isinstance(cells, tuple) and any(a >= b for a, b in itertools.pairwise(cells)):
             from obsdesign.entries import shown  # the command line loads this file without numpy

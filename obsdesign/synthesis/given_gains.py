@@ -39,6 +39,12 @@ def refuse_second_choice(
         raise InputError(f"observer.poles and observer.weights both choose {gain}; drop one.")
 
 
+def refuse_vain_constraints(problem: Problem, constraints: object) -> None:
+    """InputError for a user's constraints where no gain is open to them."""
+    if constraints is not None and all(given_gain(problem, name) is not None for name in "LM"):
+        raise InputError("constraints choose L and M, but both are given or must be zero.")
+
+
 def given_gain(problem: Problem, name: str) -> Matrix | None:
     """The gain as it is given; zeros where nothing is measured; None when it is left open."""
     if name in problem.gains:

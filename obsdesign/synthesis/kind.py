@@ -50,7 +50,9 @@ def candidates_of(
     if constraints is None:
         return synthesis.synthesize(problem, budget)
     if not isinstance(synthesis, ConstrainedSynthesis):
-        raise InputError(f"constraints are available for kind 'luenberger'; got {kind!r}.")
+        raise InputError(
+            f"constraints are available for kinds 'interval' and 'luenberger'; got {kind!r}."
+        )
     return synthesis.synthesize_constrained(problem, constraints, budget)
 
 

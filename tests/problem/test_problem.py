@@ -54,7 +54,7 @@ jump_measurement = "before"
 
 OBSERVERS = {
     "interval": 'form = "auto"\nobjective = "narrowest"\ngain_limit = 20\nmemory = "auto"\nwidth = "mean"\n'
-    "width_weights = [1, 2]\n"
+    "width_weights = [1, 2]\ngain_norm = { M = 4 }\nstructure = { L = [[0], [1]] }\nregion = { decay = 0.1 }\n"
     "gains = { L = [[0], [1]], M = [[1], [2.8]], S = [[1, 0], [0, 1]] }",
     "luenberger": "poles = [-1, [-2, 1]]\ndecay_rate = 0.1\nweights = { state = [1, 1] }\nmemory = 2\nschedule = 4\n"
     "gain_norm = { L = 2 }\nstructure = { L = [[1], [0]] }\nregion = { decay = 0.1, sector = 1 }",
@@ -209,6 +209,7 @@ def test_for_kind_drops_what_belongs_to_another() -> None:
     assert not other.gains
     gains = ["gains.L", "gains.M", "gains.S"]
     own = ["form", "objective", "gain_limit", "memory", "width", "width_weights"]
+    own += ["gain_norm", "structure", "region"]
     assert dropped == [*gains, *own]
     same, none = Problem.from_dict(body).for_kind("interval")
     assert (same.kind, none) == ("interval", [])

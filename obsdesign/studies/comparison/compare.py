@@ -57,8 +57,7 @@ def compare_with_kalman(
 ) -> tuple[ComparisonRow, ComparisonRow]:
     """A design and the filter on the first rows of a record; initial: as for `compare`."""
     problem = Problem.from_dict(design.problem)
-    x, d = (None if truth is None else truth[:MOST_ROWS] for truth in (record.x, record.d))
-    short = ComparisonRecord(record.samples[:MOST_ROWS], x, d)
+    short = record.head(MOST_ROWS)
     start = _initial(problem, short, initial)
     return ComparisonRow(design.kind, "", "", **run(design, short, start)), filtered(
         problem.plant, short, start

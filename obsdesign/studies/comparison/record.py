@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import islice
 
 import numpy as np
 
@@ -13,16 +14,35 @@ from obsdesign.entries import numbers_from_cells
 from obsdesign.errors import InputError
 from obsdesign.problem.plant import Plant
 from obsdesign.runtime import Sample
-from obsdesign.runtime.base import rows_of
+from obsdesign.runtime.base import Observer, rows_of
 
 
 @dataclass(frozen=True)
 class ComparisonRecord:
-    """Samples that every observer gets, and the true x (rows, n), d (rows, q) if known."""
+    """Samples of a plant, and the true x (rows, n), d (rows, q) if known.
+
+    path: the data file that they are of, None for a simulation.
+    """
 
     samples: tuple[Sample, ...]
     x: Matrix | None = None
     d: Matrix | None = None
+    path: str | None = None
+
+    def head(self, rows: int) -> ComparisonRecord:
+        """The first rows."""
+        x, d = (None if truth is None else truth[:rows] for truth in (self.x, self.d))
+        return replace(self, samples=self.samples[:rows], x=x, d=d)
+
+    def samples_for(self, observer: Observer) -> tuple[Sample, ...]:
+        """Samples as an observer reads them; of a file those that `run` gives it, with bounds."""
+        if self.path is None:
+            if observer.reads["jump"]:
+                return self.samples
+            return tuple(sample._replace(jump=False) for sample in self.samples)
+        layout = Layout.from_reads(observer.reads, observer.declared_bounds)
+        with open(self.path, encoding="utf-8", newline="") as stream:
+            return tuple(islice(read_samples(stream, layout, self.path), len(self.samples)))
 
     @staticmethod
     def from_simulation(
@@ -57,7 +77,7 @@ class ComparisonRecord:
             samples = tuple(read_samples(stream, layout, path))
         q = 0 if flow.D is None else flow.D.shape[1]
         return ComparisonRecord(
-            samples, _truth(columns, "x", plant.n, path), _truth(columns, "d", q, path)
+            samples, _truth(columns, "x", plant.n, path), _truth(columns, "d", q, path), path
         )
 
 

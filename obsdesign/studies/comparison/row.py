@@ -52,10 +52,8 @@ def run(design: Design, record: ComparisonRecord, start: Matrix) -> NewEntries:
     """Errors, widths and times of a design, started in the bounds (n, 2) or their middle."""
     observer = from_design(design)
     begin = start if design.kind == "interval" else start.mean(axis=1)
-    state = observer.start(record.samples[0].t, begin.reshape(-1).tolist())
-    samples = record.samples
-    if not observer.reads["jump"]:  # this kind detects impulses itself
-        samples = tuple(sample._replace(jump=False) for sample in samples)
+    samples = record.samples_for(observer)
+    state = observer.start(samples[0].t, begin.reshape(-1).tolist())
     clock = time.process_time()
     estimates = list(estimates_of(observer, state, iter(samples)))
     seconds = (time.process_time() - clock) / len(estimates)

@@ -8,15 +8,10 @@ verification analyses each of them exactly.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import replace
 
-import numpy as np
-
-from lmi.arithmetic.arrays import Array, Entries
-from lmi.arithmetic.balls import exact, inverse
-from lmi.decide.dwell_search import dwell_bracket
-from lmi.solvers import Solvers, merged
+from lmi.arithmetic.arrays import Entries
 from lmi.time_budget import UNLIMITED, Remark, TimeBudget
 from obsdesign.analysis.hidden_modes import not_detectable
 from obsdesign.analysis.interval.requirements import (
@@ -25,32 +20,29 @@ from obsdesign.analysis.interval.requirements import (
     reason_against_plant,
 )
 from obsdesign.equations.estimation_error import idle_gains
-from obsdesign.equations.interval.gains import IntervalGains
-from obsdesign.equations.interval.width import WidthSystem
 from obsdesign.errors import DoesNotApply, InputError
 from obsdesign.problem.options import IntervalOptions
 from obsdesign.problem.problem import Problem
-from obsdesign.synthesis.candidate import Candidate, Certificates
-from obsdesign.synthesis.dwell import dwell_certificates, stability_options
-from obsdesign.synthesis.given_gains import given_gain, refuse_unusable
+from obsdesign.synthesis.candidate import Candidate
+from obsdesign.synthesis.convex_gain import (
+    UserConstraints,
+    inactive_constraints,
+    unmet_constraints,
+)
+from obsdesign.synthesis.given_gains import given_gain, refuse_unusable, refuse_vain_constraints
+from obsdesign.synthesis.interval.certified import (
+    certified,
+    plain_frame,
+    with_solvers,
+    with_zero_gains,
+)
 from obsdesign.synthesis.interval.coordinates import CoordinateSearch
 from obsdesign.synthesis.interval.descent import best_gains, solvers_of_gains
 from obsdesign.synthesis.interval.forms import gains_of_form
-from obsdesign.synthesis.interval.goals import mean_width
-from obsdesign.synthesis.interval.periodic import SampledPlant, sampled_bases
-from obsdesign.synthesis.interval.sampled_width import (
-    propose_samples,
-    propose_spacing,
-    sampled_tube,
-)
+from obsdesign.synthesis.interval.periodic import sampled_bases
+from obsdesign.synthesis.interval.sampled_candidates import sampled_candidates
 from obsdesign.synthesis.interval.similarity import coordinates_of_assumption_4
-from obsdesign.synthesis.interval.task import Task
-from obsdesign.synthesis.interval.tube import proved_width, solvers_of_tube
-
-# proofs for samples as events that are tried before a candidate is given up as not proved
-_MOST_PROOFS = 4
-# gains that are tried for samples as events, times n^3
-_TRIAL_WORK = 75_000
+from obsdesign.synthesis.interval.task import GainSearch, Task
 
 
 def synthesize(problem: Problem, budget: TimeBudget = UNLIMITED) -> Iterator[Candidate]:
@@ -58,12 +50,23 @@ def synthesize(problem: Problem, budget: TimeBudget = UNLIMITED) -> Iterator[Can
 
     InputError where the given gains cannot be completed.
     """
+    return synthesize_constrained(problem, None, budget)
+
+
+def synthesize_constrained(
+    problem: Problem, constraints: UserConstraints | None, budget: TimeBudget
+) -> Iterator[Candidate]:
+    """Yield candidates whose open gains also meet a user's constraints.
+
+    constraints: `GainVariables` -> CVXPY constraints, for L and for M in turn.
+    """
     if reason := reason_against_plant(problem.plant):
         raise DoesNotApply(reason)
     if reason := reason_against(problem):
         raise InputError(reason)
     problem.require_noise_bound("kind 'interval'")
     _refuse_unexecutable(problem)
+    refuse_vain_constraints(problem, constraints)
     stated = {name: given_gain(problem, name) for name in ("L", "M")}
     given = {name: gain for name, gain in stated.items() if gain is not None}
     own = {name: problem.gains[name] for name in ("S", "S2", "T") if name in problem.gains}
@@ -72,13 +75,14 @@ def synthesize(problem: Problem, budget: TimeBudget = UNLIMITED) -> Iterator[Can
     if _no_observer_exists(problem):
         yield from _without_search(problem, given, own)
         return
+    search = GainSearch(problem, given, budget, constraints)
     for form in open_forms(problem):
         if form == "coordinates" and "S" not in own:
-            yield from _in_open_coordinates(problem, given, budget)
+            yield from _in_open_coordinates(search)
         elif problem.plant.output.measured == "periodic":
-            yield from _with_samples(problem, form, given, [own], budget)
+            yield from sampled_candidates(search, form, [own])
         else:
-            yield _in_known_coordinates(problem, form, given, own, budget)
+            yield _in_known_coordinates(search, form, own)
 
 
 def _no_observer_exists(problem: Problem) -> bool:
@@ -96,7 +100,7 @@ def _no_observer_exists(problem: Problem) -> bool:
 def _without_search(problem: Problem, given: Entries, own: Entries) -> Iterator[Candidate]:
     """Yield the forms with zero gains: what refutes them holds for all gains."""
     for form in open_forms(problem):
-        yield _with_zero_gains(problem, form, given, {**_plain_frame(problem, form), **own})
+        yield with_zero_gains(problem, form, given, {**plain_frame(problem, form), **own})
 
 
 def _refuse_unexecutable(problem: Problem) -> None:
@@ -106,7 +110,7 @@ def _refuse_unexecutable(problem: Problem) -> None:
         return
     if problem.plant.jump is not None:
         problem.require_dwell_time()
-    if _objective(problem) == "shortest_dwell":
+    if problem.options_as(IntervalOptions).objective == "shortest_dwell":
         raise InputError(
             "observer.objective = 'shortest_dwell' is not available with measured = 'periodic'; "
             "it must be feasible or narrowest."
@@ -124,204 +128,51 @@ def untried(problem: Problem) -> dict[str, str]:
     return {"two_coordinates": why}
 
 
-def _objective(problem: Problem) -> str:
-    return problem.options_as(IntervalOptions).objective
-
-
-def _in_known_coordinates(
-    problem: Problem,
-    form: str,
-    given: Entries,
-    own: Entries,
-    budget: TimeBudget,
-) -> Candidate:
+def _in_known_coordinates(search: GainSearch, form: str, own: Entries) -> Candidate:
     """Return one candidate with L and M for the given coordinates (or the plant's own)."""
+    problem, given, budget = search.problem, search.given, search.budget
     if {"L", "M"} <= set(given):
         gains = gains_of_form(problem, form, given["L"], given["M"], own)
-        return _candidate(problem, gains, budget, searched=False)
-    task = Task.from_problem(problem, form == "cooperative", own.get("S"), given)
-    (_, L, M), remarks = best_gains(task, _objective(problem), budget)
+        return certified(problem, gains, budget, searched=False)
+    task = search.task(form == "cooperative", own.get("S"))
+    (value, L, M), remarks = best_gains(task, search.objective, budget)
+    if task.is_constrained and search.user is None:
+        remarks += _inactive_constraints(search, task, f"form {form}: ")
+    if search.user is not None and math.isinf(value):
+        return unmet_constraints(f"form {form}", "gains were")
     L, M = task.gains(L, M)
     gains = gains_of_form(problem, form, given.get("L", L), given.get("M", M), own)
-    candidate = _candidate(problem, gains, budget, searched=True, remarks=remarks)
-    return _with_solvers(candidate, solvers_of_gains(task))
+    candidate = certified(problem, gains, budget, searched=True, remarks=remarks)
+    return with_solvers(candidate, solvers_of_gains(task))
 
 
-def _with_samples(
-    problem: Problem,
-    form: str,
-    given: Entries,
-    frames: Iterable[Entries],
-    budget: TimeBudget,
-) -> Iterator[Candidate]:
-    """Yield one candidate with samples as events: gain and coordinates that are proved, if any.
-
-    frames: coordinates S (S2, T) to choose from. M, which acts only when a jump meets a sample, is
-    zero if open. With `narrowest` the least width is tried first, else the first gain.
-    """
-    narrow = _objective(problem) == "narrowest"
-    most = budget.scaled(_TRIAL_WORK) // problem.plant.n**3
-    trials: list[_SampledTrial] = []
-    last, frame = None, _plain_frame(problem, form)
-    for frame in frames:
-        for trial in _sampled_trials(problem, frame, given, budget):
-            trials.append(trial)
-            if not narrow and math.isfinite(trial.cost):
-                last = _sampled_candidate(problem, form, given, trial)
-                if _is_proved(last):
-                    yield last
-                    return
-        if len(trials) > most or budget.remaining() < 0:
-            break
-    trials = sorted(trials, key=lambda trial: trial.cost) if narrow else trials[:1]
-    for trial in trials[:_MOST_PROOFS]:
-        last = _sampled_candidate(problem, form, given, trial)
-        if _is_proved(last):
-            break
-    # without any trial, a refutation of zero gains holds for the gains that were not tried too
-    yield last or _with_zero_gains(problem, form, given, frame)
+def _inactive_constraints(search: GainSearch, task: Task, where: str) -> tuple[Remark, ...]:
+    """Remarks on the constraints that the gains chosen without them meet."""
+    (_, L, M), _ = best_gains(replace(task, constraints={}), search.objective, search.budget)
+    entries = task.constrained(L, M)
+    return tuple(
+        remark
+        for entry, gain, error in entries
+        for remark in inactive_constraints(entry, gain, error, where)
+    )
 
 
-def _plain_frame(problem: Problem, form: str) -> Entries:
-    """Return the plant's own coordinates, for a form that needs some."""
-    return {"S": np.eye(problem.plant.n)} if form == "coordinates" else {}
-
-
-def _with_zero_gains(problem: Problem, form: str, given: Entries, frame: Entries) -> Candidate:
-    zero = np.zeros((problem.plant.n, problem.plant.p))
-    gains = gains_of_form(problem, form, given.get("L", zero), given.get("M", zero), frame)
-    return Candidate(form, gains, searched=True)
-
-
-@dataclass(frozen=True)
-class _SampledTrial:
-    """L in the plant's coordinates for coordinates S (S2, T); cost: inf if floats have no tube."""
-
-    cost: float
-    L: Array
-    frame: Entries
-
-
-def _sampled_trials(
-    problem: Problem, frame: Entries, given: Entries, budget: TimeBudget
-) -> Iterator[_SampledTrial]:
-    plant = SampledPlant(problem, frame.get("S"), budget)
-    skips_jumps = problem.plant.output.jump_measurement == "none" and plant.G is not None
-    gains: Iterable[Array] = (L for _, L in plant.gains())
-    if "L" in given:
-        gains = [plant.inward @ given["L"]]
-    for L in gains:
-        tube = sampled_tube(plant.system(L), plant.h, plant.dwell, skips_jumps)
-        cost = math.inf if tube is None else plant.width(L)
-        yield _SampledTrial(cost, given["L"] if "L" in given else plant.outward(L), frame)
-
-
-def _sampled_candidate(
-    problem: Problem, form: str, given: Entries, trial: _SampledTrial
-) -> Candidate:
-    searched = "L" not in given or ("S" in trial.frame and "S" not in problem.gains)
-    gains = gains_of_form(problem, form, trial.L, given.get("M", 0 * trial.L), trial.frame)
-    system, approx = WidthSystem.from_gains(gains, exact, inverse), WidthSystem.from_gains(gains)
-    certificate = propose_samples(gains, system, approx)
-    value = trial.cost if _objective(problem) == "narrowest" else None
-    certificates = {"sampled_stability": certificate}
-    solvers: Solvers = ("HiGHS",) if "L" not in given or "tube" in certificate else ()
-    return Candidate(form, gains, certificates, searched, value, goes_on=True, solvers=solvers)
-
-
-def _is_proved(candidate: Candidate) -> bool:
-    return "tube" in candidate.certificates["sampled_stability"]
-
-
-def _in_open_coordinates(
-    problem: Problem, given: Entries, budget: TimeBudget
-) -> Iterator[Candidate]:
+def _in_open_coordinates(search: GainSearch) -> Iterator[Candidate]:
     """Yield from candidate bases; only if that is not enough from a search over bases."""
+    problem, given = search.problem, search.given
     if problem.plant.output.measured == "periodic":
         frames = ({"S": S} for S in sampled_bases(problem, given))
-        yield from _with_samples(problem, "coordinates", given, frames, budget)
+        yield from sampled_candidates(search, "coordinates", frames)
         return
     auto = problem.options_as(IntervalOptions).form == "auto"
-    search = CoordinateSearch(problem, given, _objective(problem), budget)
     for improve in (False, True) if auto else (True,):
-        best = search.best(improve=improve)
+        best = CoordinateSearch(search).best(improve=improve)
+        if search.user is not None and math.isinf(best.value):
+            yield replace(unmet_constraints("form coordinates", "gains were"), goes_on=improve)
+            continue
         L, M = given.get("L", best.L), given.get("M", best.M)
         gains = gains_of_form(problem, "coordinates", L, M, {"S": best.S})
-        candidate = _candidate(
-            problem, gains, budget, searched=True, goes_on=improve, remarks=best.remarks
+        candidate = certified(
+            problem, gains, search.budget, searched=True, goes_on=improve, remarks=best.remarks
         )
-        yield _with_solvers(candidate, best.solvers)
-
-
-def _with_solvers(candidate: Candidate, first: Solvers) -> Candidate:
-    """The candidate with the solvers of its gains before those of its certificates."""
-    return replace(candidate, solvers=merged(first, candidate.solvers))
-
-
-def _candidate(
-    problem: Problem,
-    gains: IntervalGains,
-    budget: TimeBudget,
-    *,
-    searched: bool,
-    goes_on: bool = True,
-    remarks: tuple[Remark, ...] = (),
-) -> Candidate:
-    system, approx = WidthSystem.from_gains(gains, exact, inverse), WidthSystem.from_gains(gains)
-    objective = _objective(problem)
-    cost = _cost(problem, gains) if objective == "narrowest" else None
-    certificates = Certificates()
-    if system.N is not None:
-        low, high = gains.dwell_ends
-        if objective == "shortest_dwell":
-            low, certificates = _widest_range(problem, system, (low, high), budget)
-            gains, cost = replace(gains, dwell_time=np.array([low, high])), low
-        if not certificates.evidence:
-            certificates = dwell_certificates(
-                system.W, system.N, low, high, **stability_options(problem, budget)
-            )
-    if budget.remaining() > 0:
-        widths = _widths(problem, gains, system, approx)
-        certificates = certificates.joined(widths)
-        # where a spacing was named, the observer watches it
-        if "sampled_width" in widths.evidence and problem.plant.output.period is not None:
-            gains = replace(gains, step_limit=widths.evidence["sampled_width"]["step_limit"])
-    return Candidate(
-        gains.form, gains, certificates.evidence, searched, cost, goes_on, remarks,
-        certificates.solvers,
-    )  # fmt: skip
-
-
-def _widths(
-    problem: Problem, gains: IntervalGains, system: WidthSystem, approx: WidthSystem
-) -> Certificates:
-    """Return certificates of the width with a continuous y, and with samples of it."""
-    certificates: dict[str, Entries] = {}
-    width = proved_width(system, approx, *gains.dwell_ends)
-    if width is not None:
-        certificates["width"] = width
-    if problem.plant.output.measured == "continuous":
-        period = problem.plant.output.period
-        spacing = propose_spacing(gains, system, *gains.dwell_ends, period)
-        if spacing is not None:
-            certificates["sampled_width"] = spacing
-    return Certificates(certificates, solvers_of_tube(system) if certificates else ())
-
-
-def _cost(problem: Problem, gains: IntervalGains) -> float:
-    """Return the mean width of x, summed over the states, of finished gains."""
-    given = {"L": gains.L, "M": gains.M}
-    task = Task.from_problem(problem, gains.form == "cooperative", gains.S, given)
-    return mean_width(task, 0 * gains.L, 0 * gains.M)
-
-
-def _widest_range(
-    problem: Problem, system: WidthSystem, ends: tuple[float, float], budget: TimeBudget
-) -> tuple[float, Certificates]:
-    """Return (shortest dwell time, certificates): the proved range if it holds the required one."""
-    (N, _), (low, high) = system.at_jumps, ends
-    bracket = dwell_bracket(system.W, N, "shortest", high, **stability_options(problem, budget))
-    if bracket.proved is None or not bracket.proved <= low or math.isinf(bracket.proved):
-        return low, Certificates()
-    evidence = {"dwell_stability": bracket.certificate}
-    return bracket.proved, Certificates({**evidence}, bracket.solvers)
+        yield with_solvers(candidate, best.solvers)

@@ -18,12 +18,11 @@ import numpy as np
 from lmi.arithmetic.arrays import Array, Entries, Matrix
 from lmi.arithmetic.spectrum import spectral_radius
 from lmi.solvers import Solvers, merged
-from lmi.time_budget import Remark, TimeBudget, ended_by_count, remark_end
+from lmi.time_budget import Remark, ended_by_count, remark_end
 from obsdesign.equations.interval.splits import flow_and_jump
 from obsdesign.problem.plant import Plant
-from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.interval.descent import best_gains, quick_gains, solvers_of_gains
-from obsdesign.synthesis.interval.task import Task
+from obsdesign.synthesis.interval.task import GainSearch
 from obsdesign.synthesis.placement import riccati_gain
 
 # a basis closer to a singular one than this costs more digits in its inverse than it can gain
@@ -49,21 +48,18 @@ class CoordinateChoice:
 
 @dataclass(frozen=True)
 class CoordinateSearch:
-    """What coordinates are searched for, with these gains given, and the budget."""
+    """A search for coordinates, the open gains in each of them chosen by another search."""
 
-    problem: Problem
-    given: Mapping[str, Array]
-    objective: str
-    budget: TimeBudget
+    gains: GainSearch
 
     def best(self, *, improve: bool) -> CoordinateChoice:
         """Return the best of the bases, improved by a simplex search if `improve`."""
         choices: list[CoordinateChoice] = []
-        count = self.budget.scaled(_BASES_WORK) // self.problem.plant.n**3
+        count = self.gains.budget.scaled(_BASES_WORK) // self.gains.problem.plant.n**3
         for S in itertools.islice(
-            _bases(self.problem.plant, self.given), min(max(count, 1), _MOST_BASES)
+            _bases(self.gains.problem.plant, self.gains.given), min(max(count, 1), _MOST_BASES)
         ):
-            if choices and self.budget.remaining() < 0:
+            if choices and self.gains.budget.remaining() < 0:
                 break
             choices.append(self._with_quick_gains(S))
             if self._is_sufficient(choices[-1]):
@@ -74,38 +70,38 @@ class CoordinateSearch:
             best, remarks = self._improved(best)
             solvers = merged(solvers, ("SciPy",))
         if not self._is_sufficient(best):
-            remarks += self._remark(self.budget.ended())
+            remarks += self._remark(self.gains.budget.ended())
         thorough = self._with_best_gains(best.S)
         chosen = min(best, thorough, key=lambda choice: choice.value)
         return replace(chosen, remarks=remarks + thorough.remarks, solvers=solvers)
 
     def _remark(self, end: Entries) -> tuple[Remark, ...]:
-        return remark_end("coordinates", end, matters=self.objective != "feasible")
+        return remark_end("coordinates", end, matters=self.gains.objective != "feasible")
 
     def _is_sufficient(self, choice: CoordinateChoice) -> bool:
         """Is a further search of no use to the objective?"""
-        if self.objective == "narrowest":
+        if self.gains.objective == "narrowest":
             return False
         limit = _SUFFICIENT_GROWTH
-        return choice.value <= (limit if self.objective == "feasible" else limit - 1.0)
+        return choice.value <= (limit if self.gains.objective == "feasible" else limit - 1.0)
 
     def _with_quick_gains(self, S: Matrix) -> CoordinateChoice:
-        task = Task.from_problem(self.problem, False, S, self.given)
-        value, L, M = quick_gains(task, self.objective, self.budget)
+        task = self.gains.task(False, S)
+        value, L, M = quick_gains(task, self.gains.objective, self.gains.budget)
         return CoordinateChoice(value, S, *task.gains(L, M), solvers=solvers_of_gains(task))
 
     def _with_best_gains(self, S: Matrix) -> CoordinateChoice:
-        task = Task.from_problem(self.problem, False, S, self.given)
-        (value, L, M), remarks = best_gains(task, self.objective, self.budget)
+        task = self.gains.task(False, S)
+        (value, L, M), remarks = best_gains(task, self.gains.objective, self.gains.budget)
         return CoordinateChoice(value, S, *task.gains(L, M), remarks, solvers_of_gains(task))
 
     def _improved(self, start: CoordinateChoice) -> tuple[CoordinateChoice, tuple[Remark, ...]]:
         """The best of a Nelder-Mead search over S, gains from a small program for each."""
-        n = self.problem.plant.n
+        n = self.gains.problem.plant.n
         best = [start]
 
         def value(entries: Matrix) -> float:
-            if self._is_sufficient(best[0]) or self.budget.remaining() < 0:
+            if self._is_sufficient(best[0]) or self.gains.budget.remaining() < 0:
                 return best[0].value
             S = scaled_columns(entries.reshape(n, n))
             if S is None:
@@ -117,7 +113,7 @@ class CoordinateSearch:
         from scipy.optimize import minimize  # slow to import, and rarely needed
 
         most = _EVALUATIONS if n <= _LARGE else max(_EVALUATION_WORK // n**3, 1)
-        effort = self.budget.scaled(most)
+        effort = self.gains.budget.scaled(most)
         with np.errstate(all="ignore"):
             result = minimize(
                 value, start.S.ravel(), method="Nelder-Mead",

@@ -42,23 +42,30 @@ _LEAST_IMPROVEMENT = 1e-7  # relative improvement that is worth another sweep
 
 def solvers_of_gains(task: Task) -> Solvers:
     """Solvers that `best_gains` and `quick_gains` call: the program of `clock_gains`."""
-    return ("HiGHS",) if task.open_L or task.open_M else ()
+    if not (task.open_L or task.open_M):
+        return ()
+    return ("CVXPY/Clarabel",) if task.is_constrained else ("HiGHS",)
 
 
 def best_gains(task: Task, objective: str, budget: TimeBudget) -> tuple[Gains, tuple[Remark, ...]]:
     """Gains in z, the best when limits or the budget end the search, and its remarks.
 
-    The value is as `OBJECTIVES` has it, inf where the goal is missed.
+    The value is as `OBJECTIVES` has it, inf where the goal is missed. A user's constraints are
+    those of the program, and what it gives is not improved: inf where it gives nothing.
     """
     goal = OBJECTIVES[objective]
     if not solvers_of_gains(task):
         return _without_open_gains(task, goal), ()
-    starts = [*_starts(task, objective, budget)]
-    ranked = sorted(starts, key=lambda pair: _value(task, goal, *pair))
-    best: Gains = (math.inf, *ranked[0])
+    low = 0.0 if task.G is None else task.low
+    if objective == "shortest_dwell" and task.G is not None:
+        low = _shortest_program(task, budget)
+    ranked = _ranked(task, goal, _starts(task, low, _NODES, objective, budget))
+    if task.is_constrained_by_user:
+        return ranked[0], ()
+    best: Gains = (math.inf, *ranked[0][1:])
     remarks: tuple[Remark, ...] = ()
-    for L, M in ranked[:2]:
-        result, more = _descent(task, objective, (L, M), budget)
+    for _, *start in ranked[:2]:
+        result, more = _descent(task, objective, start, budget)
         best, remarks = min(best, result, key=_first), remarks + more
     unweighted = task.with_equal_weights()
     # descent is local: no wider than without weights
@@ -67,7 +74,7 @@ def best_gains(task: Task, objective: str, budget: TimeBudget) -> tuple[Gains, t
         result, more = _descent(task, objective, start, budget)
         best, remarks = min(best, result, key=_first), remarks + before + more
     if math.isinf(best[0]) and goal is not growth:  # nothing to descend on: contract first
-        (_, *start), before = _descent(task, "feasible", ranked[0], budget)
+        (_, *start), before = _descent(task, "feasible", ranked[0][1:], budget)
         best, more = _descent(task, objective, start, budget)
         remarks += before + more
     remarks += remark_end("gains", budget.ended(), matters=objective != "feasible")
@@ -88,26 +95,32 @@ def quick_gains(task: Task, objective: str, budget: TimeBudget) -> Gains:
     goal = OBJECTIVES[objective]
     if not solvers_of_gains(task):
         return _without_open_gains(task, goal)
-    starts = [_clipped(task, *(np.zeros(task.limit_L.shape) for _ in range(2)))]
     low = 0.0 if task.G is None else task.low
-    nodes, narrow = _nodes(task, _FEW_NODES), objective == "narrowest"
-    for L, M in clock_gains(task, low, nodes, narrow, budget) or ():
-        starts.append(_clipped(task, L, M))
-    _, L, M = min(
-        ((_value(task, goal, *pair), *pair) for pair in starts), key=lambda start: start[0]
-    )
-    return _descent(task, objective, (L, M), budget, is_quick=True)[0]
+    ranked = _ranked(task, goal, _starts(task, low, _FEW_NODES, objective, budget))
+    if task.is_constrained_by_user:
+        return ranked[0]
+    return _descent(task, objective, ranked[0][1:], budget, is_quick=True)[0]
 
 
-def _starts(task: Task, objective: str, budget: TimeBudget) -> Iterator[tuple[Matrix, Matrix]]:
+def _ranked(task: Task, goal: Goal, starts: Iterator[tuple[Matrix, Matrix]]) -> list[Gains]:
+    """The starts, the best first; without one zero gains of value inf."""
+    none = np.zeros(task.limit_L.shape)
+    ranked = sorted(((_value(task, goal, *pair), *pair) for pair in starts), key=_first)
+    return ranked or [(math.inf, none, none)]
+
+
+def _starts(
+    task: Task, low: float, nodes: int, objective: str, budget: TimeBudget
+) -> Iterator[tuple[Matrix, Matrix]]:
+    """Yield zero gains and those of the program; of a user's constraints those that meet them."""
     shape = task.limit_L.shape
-    yield _clipped(task, np.zeros(shape), np.zeros(shape))
-    low = 0.0 if task.G is None else task.low
-    if objective == "shortest_dwell" and task.G is not None:
-        low = _shortest_program(task, budget)
-    constant = clock_gains(task, low, _nodes(task, _NODES), objective == "narrowest", budget)
-    for L, M in constant or ():
-        yield _clipped(task, L, M)
+    constant = clock_gains(task, low, _nodes(task, nodes), objective == "narrowest", budget) or ()
+    if task.is_constrained_by_user:
+        yield from (task.within(*pair) for pair in constant[:1])
+        return
+    yield task.within(np.zeros(shape), np.zeros(shape))
+    for L, M in constant:
+        yield task.within(L, M)
 
 
 def _shortest_program(task: Task, budget: TimeBudget) -> float:
@@ -137,10 +150,6 @@ def _shortest_program(task: Task, budget: TimeBudget) -> float:
 def _nodes(task: Task, most: int) -> int:
     """Number of nodes of the program, whose size grows with nodes times n^2."""
     return most if len(task.A) <= _LARGE else most // 2
-
-
-def _clipped(task: Task, L: Matrix, M: Matrix) -> tuple[Matrix, Matrix]:
-    return (np.clip(L, -task.limit_L, task.limit_L), np.clip(M, -task.limit_M, task.limit_M))
 
 
 def _value(task: Task, goal: Goal, L: Matrix, M: Matrix) -> float:
@@ -177,12 +186,11 @@ def _descent(
                         evidence = {} if is_quick else ended_by_count("evaluations", limit)
                         remarks = remark_end("gains", evidence, matters=goal is not growth)
                         return (value, L, M), remarks
-                    new = (candidate, M) if which == "L" else (L, candidate)
-                    trial = _value(task, goal, *new)
+                    trial = _value(task, goal, *candidate)
                     if trial < value - _LEAST_IMPROVEMENT * abs(value) or (
                         math.isinf(value) and math.isfinite(trial)
                     ):
-                        value, (L, M) = trial, new
+                        value, (L, M) = trial, candidate
         if not value < before - _LEAST_IMPROVEMENT * abs(before):
             stride *= 0.25
             if stride < 0.01:
@@ -198,8 +206,8 @@ def _candidates(
     *,
     stride: float,
     to_limits: bool,
-) -> Iterator[Matrix]:
-    """Yield L or M, as `which` names, with one entry changed."""
+) -> Iterator[tuple[Matrix, Matrix]]:
+    """Yield (L, M) with one entry of L or M, as `which` names, changed."""
     i, k = index
     L, M = gains
     if which == "L":
@@ -218,13 +226,14 @@ def _candidates(
         if value != current and abs(value) <= limit:
             changed = gain.copy()
             changed[i, k] = value
-            yield changed
+            pair = (changed, M) if which == "L" else (L, changed)
+            yield task.within(*pair) if task.is_constrained else pair
 
 
 def _rounded(task: Task, goal: Goal, value: float, L: Matrix, M: Matrix) -> Gains:
     """Return gains in few digits where they cost nothing: easier to read, and to copy by hand."""
     for digits in (3, 6, 9):
-        short_L, short_M = _clipped(task, _digits(L, digits), _digits(M, digits))
+        short_L, short_M = task.within(_digits(L, digits), _digits(M, digits))
         short_value = _value(task, goal, short_L, short_M)
         if short_value <= value + 1e-6 * abs(value):
             return short_value, short_L, short_M

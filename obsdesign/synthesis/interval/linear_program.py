@@ -9,23 +9,25 @@ with X = diag zeta > 0, U = X L, Z = X(0) M. (Delta = Theta = 0 for the form `co
 zeta, U, Delta linear on segments all of it is affine there, so that both ends of every segment
 decide. The gain U / zeta depends on the clock; constant gains are read off it, to be improved and
 analysed exactly afterwards.
+Constraints on the gains go through CVXPY with the same rows (`constraints.py`).
 Source: clock-dependent conditions for positive systems after C. Briat, Automatica 49 (2013).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
 from lmi.arithmetic.arrays import Indices, Matrix
-from lmi.find.linear_program import minimise
+from lmi.find.constrained import Expression
 from lmi.time_budget import TimeBudget
+from obsdesign.synthesis.interval.constraints import diagonal_constraints, program_minimum
 from obsdesign.synthesis.interval.task import Task
 
-_ITERATIONS = 20_000  # of the simplex method
 _MARGIN = 1e-3  # of contraction, where nothing else makes the inequalities strict
 
 
@@ -60,16 +62,16 @@ class _Program:
         cost: Matrix,
         bounds: list[tuple[float | None, float | None]],
         budget: TimeBudget,
+        constraints: Callable[[Expression], list[Expression]] | None,
     ) -> Matrix | None:
-        """Minimiser, or None."""
+        """Minimiser, or None; constraints: of the variables, beside the rows, through CVXPY."""
         entries = (np.array(self.rows), np.array(self.columns), np.array(self.values))
         sides = np.full(len(self.limits), -np.inf), np.array(self.limits)
         low = np.array([-np.inf if end is None else end for end, _ in bounds])
         high = np.array([np.inf if end is None else end for _, end in bounds])
-        return minimise(
-            cost, entries, sides, (low, high), seconds=budget.remaining(),
-            iterations=budget.scaled(_ITERATIONS),
-        )  # fmt: skip
+        return program_minimum(
+            cost, entries, sides, (low, high), constraints=constraints, budget=budget
+        )
 
 
 @dataclass(frozen=True)
@@ -124,8 +126,27 @@ def clock_gains(
     small = 1e-9 if narrow else 1.0
     cost[variables.U.ravel()], cost[variables.Z.ravel()] = small / k, small
     cost[variables.zeta.ravel()] = small / k
-    x = program.solve(cost, bounds, budget)
+    constraints = partial(_gain_constraints, task, variables) if task.is_constrained else None
+    x = program.solve(cost, bounds, budget, constraints)
     return None if x is None else list(_constant(x, variables))
+
+
+def _gain_constraints(task: Task, variables: _Variables, x: Expression) -> list[Expression]:
+    """Constraints on the gains: for L on the average over the clock, which `_constant` yields."""
+    zeta, U, Z = variables.zeta, variables.U, variables.Z
+    k = len(zeta)
+    holds = []
+    for name, entry in task.constraints.items():
+        if name == "L":
+            P = sum(x[row] for row in zeta) / k
+            gain = sum(x[U[0, i]] - x[U[1, i]] for i in range(k)) / k
+            X, output = task.A, task.C
+        else:
+            assert task.G is not None
+            P, gain = x[zeta[0]], x[Z[0]] - x[Z[1]]
+            X, output = task.G, task.C_jump
+        holds += diagonal_constraints(entry, (P, gain), (X, output), task.S)
+    return holds
 
 
 def _clock(task: Task, low: float, nodes: int) -> Matrix:

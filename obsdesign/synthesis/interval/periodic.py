@@ -16,27 +16,31 @@ Source: the dual of positive systems, as in C. Briat, Automatica 49 (2013).
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 
 import numpy as np
 
 from lmi.arithmetic.arrays import Array, Indices, Matrix
 from lmi.arithmetic.exponential import FLOW_PIECES, absolute_flow, expm, exponential_grid
 from lmi.arithmetic.spectrum import spectral_radius
-from lmi.find.linear_program import minimise
+from lmi.find.constrained import Expression
+from lmi.solvers import Solvers
 from lmi.time_budget import TimeBudget
 from obsdesign.equations.interval.splits import absolute_metzler
 from obsdesign.equations.interval.width import WidthSystem
 from obsdesign.errors import InputError
+from obsdesign.problem.options import IntervalOptions
 from obsdesign.problem.plant import Plant
 from obsdesign.problem.problem import Problem
+from obsdesign.synthesis.convex_gain import UserConstraints, convex_gains
+from obsdesign.synthesis.interval.constraints import diagonal_constraints, program_minimum
 from obsdesign.synthesis.interval.coordinates import bases, eigenbasis
 from obsdesign.synthesis.interval.task import sampling_limit, width_weights
 from obsdesign.synthesis.placement import placed_gain
 
 # contraction from sample to sample: none but what the least width needs, then ever more
 CONTRACTIONS = (1.0, 0.9, 0.75, 0.6, 0.45, 0.3, 0.2, 0.1)
-_ITERATIONS = 20_000  # of the simplex method
 # where neither disturbance nor noise enters, gains that forget fast; else of no weight
 _FORGETTING = 1e-6
 _POINTS = 9  # of a period, for the time average
@@ -49,8 +53,15 @@ _RADII = (0.9, 0.6, 0.3)
 class SampledPlant:
     """A plant in coordinates S (None: its own), with samples every h as events."""
 
-    def __init__(self, problem: Problem, S: Matrix | None, budget: TimeBudget) -> None:
+    def __init__(
+        self,
+        problem: Problem,
+        S: Matrix | None,
+        budget: TimeBudget,
+        user: UserConstraints | None = None,
+    ) -> None:
         plant = problem.plant
+        self.constraint = convex_gains(problem.options_as(IntervalOptions), user)["L"]
         self.budget = budget
         self.S = np.eye(plant.n) if S is None else S
         self.inward = np.linalg.inv(self.S)
@@ -133,7 +144,23 @@ class SampledPlant:
         weights = np.vstack([np.tile(pushed, (FLOW_PIECES, 1)) / size, np.full(n, _FORGETTING)])
         q = np.maximum(self.q / self.q.max(), _LEAST_WEIGHT)
         program = _Program(n, p, flows, weights, self.budget)
-        return program.solve(self.C, self.limit, q, 2 * self.V / size, contraction)
+        constraints = None if self.constraint.is_free() else self._constraints
+        L = program.solve(
+            (self.C, self.limit), q, 2 * self.V / size, contraction, constraints=constraints
+        )
+        if L is None or constraints is None:
+            return L
+        within: Matrix = self.inward @ self.constraint.rounded(self.S @ L)
+        return within
+
+    def _constraints(self, zeta: Expression, U: Expression) -> list[Expression]:
+        # regions are refused with samples as events
+        return diagonal_constraints(self.constraint, (zeta, U), (self.A, self.C), self.S)
+
+    @property
+    def solvers(self) -> Solvers:
+        """Solvers that `gain` calls."""
+        return ("HiGHS",) if self.constraint.is_free() else ("CVXPY/Clarabel",)
 
     def gains(self) -> Iterator[tuple[float, Matrix]]:
         """(contraction, L in z): the narrowest ones first, then those that contract ever faster."""
@@ -145,10 +172,11 @@ class SampledPlant:
 
     def outward(self, L: Matrix) -> Matrix:
         """L in the plant's coordinates, in few digits where they cost nothing."""
-        width, whole = self.width(L), self.S @ L
-        for digits in (3, 6, 9):
+        width, whole = self.width(L), self.constraint.rounded(self.S @ L)
+        # a user's constraints are those of the program alone
+        for digits in (3, 6, 9) if self.constraint.user is None else ():
             text = [float(f"{x:.{digits}g}") for x in whole.ravel()]
-            short = np.array(text).reshape(whole.shape)
+            short = self.constraint.rounded(np.array(text).reshape(whole.shape))
             inner = self.inward @ short
             if np.all(np.abs(inner) <= self.limit) and self.width(inner) <= width * (1 + 1e-6):
                 return short
@@ -162,7 +190,7 @@ class _Program:
     """
 
     def __init__(self, n: int, p: int, flows: Matrix, weights: Matrix, budget: TimeBudget) -> None:
-        self.n, self.p, self.flows, self.weights = n, p, flows, weights
+        self.n, self.flows, self.weights = n, flows, weights
         self.budget = budget
         starts = np.cumsum([0, n, n * p, n * p])
         self.U = [starts[1] + np.arange(n * p).reshape(n, p) + sign * n * p for sign in (0, 1)]
@@ -179,20 +207,28 @@ class _Program:
         self.limits += np.broadcast_to(limits, len(columns)).tolist()
 
     def solve(
-        self, C: Matrix, limit: Matrix, q: Matrix, noise: Matrix, contraction: float
+        self,
+        output: tuple[Matrix, Matrix],
+        q: Matrix,
+        noise: Matrix,
+        contraction: float,
+        *,
+        constraints: Callable[[Expression, Expression], list[Expression]] | None,
     ) -> Matrix | None:
-        """L; q, noise: (n,), (p,); None without a solution."""
-        n, p = self.n, self.p
+        """L; None without a solution.
+
+        output: C (p, n) and the largest entries of L, (n, p); q, noise: (n,), (p,); constraints:
+        of zeta and U = diag(zeta) L, through CVXPY.
+        """
+        n = self.n
+        C, limit = output
         for j, X in enumerate(self.flows):
             self._absolute(j, X, C @ X)
         last = self.T[-1]
         for k in range(n):  # zeta' P + q' <= zeta', column k
             columns = np.concatenate([last[:, k], [k]])[None]
             self.below(columns, np.append(np.ones(n) / contraction, -1.0)[None], -q[k])
-        for i, m in np.ndindex(n, p):
-            if math.isfinite(limit[i, m]):
-                self.below(np.array([[self.U[0][i, m], self.U[1][i, m], i]]),
-                           np.array([[1.0, 1.0, -limit[i, m]]]), 0.0)  # fmt: skip
+        self._limit(limit)
         cost = np.zeros(self.size)
         for u in self.U:
             cost[u] = noise + 1e-9
@@ -200,14 +236,26 @@ class _Program:
         rows, columns, values = (np.concatenate(part) for part in zip(*self.entries, strict=True))
         sides = np.full(len(self.limits), -np.inf), np.array(self.limits)
         ends = np.zeros(self.size), np.full(self.size, np.inf)
-        x = minimise(
-            cost, (rows, columns, values), sides, ends, seconds=self.budget.remaining(),
-            iterations=self.budget.scaled(_ITERATIONS),
+        x = program_minimum(
+            cost, (rows, columns, values), sides, ends,
+            constraints=None if constraints is None else partial(self._of_gain, constraints),
+            budget=self.budget,
         )  # fmt: skip
         if x is None or not (x[:n] > 0).all():
             return None
         L: Matrix = (x[self.U[0]] - x[self.U[1]]) / x[:n, None]
         return np.clip(L, -limit, limit)
+
+    def _limit(self, limit: Matrix) -> None:
+        for i, m in np.ndindex(limit.shape):
+            if math.isfinite(limit[i, m]):
+                self.below(np.array([[self.U[0][i, m], self.U[1][i, m], i]]),
+                           np.array([[1.0, 1.0, -limit[i, m]]]), 0.0)  # fmt: skip
+
+    def _of_gain(
+        self, constraints: Callable[[Expression, Expression], list[Expression]], x: Expression
+    ) -> list[Expression]:
+        return constraints(x[: self.n], x[self.U[0]] - x[self.U[1]])
 
     def _absolute(self, j: int, X: Matrix, CX: Matrix) -> None:
         n = self.n

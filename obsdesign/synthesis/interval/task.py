@@ -11,17 +11,20 @@ that is given is part of A and f0 (of G and h0), and nothing is open there.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from lmi.arithmetic.arrays import Array, Matrix
+from lmi.time_budget import TimeBudget
 from obsdesign.equations.estimation_error import idle_gains, seen_before_jump
 from obsdesign.equations.interval.splits import absolute_metzler
 from obsdesign.equations.interval.width import WidthSystem
 from obsdesign.problem.options import IntervalOptions
 from obsdesign.problem.problem import Problem
+from obsdesign.synthesis.convex_gain import ConvexGain, UserConstraints, convex_gains
 
 # caps of the gains where none is given, in multiples of the plant's own size: the width goes on
 # shrinking, ever more slowly, as gains grow, and a limit may be approached only by endless gains
@@ -37,6 +40,7 @@ class Task:
     positive: form `cooperative`, A - L C Metzler and G - M C_J >= 0; weights (n,): of the width;
     pre_jump: of the width just before jumps, instead of its time average.
     low, high: dwell times (inf, inf without jumps). S: (n, n); L0, M0: given gains, in z.
+    constraints: on "L" and "M" in the plant's coordinates, those of gains that are open.
     """
 
     A: Matrix
@@ -58,12 +62,21 @@ class Task:
     S: Matrix
     L0: Matrix
     M0: Matrix
+    constraints: Mapping[str, ConvexGain]
 
     @classmethod
     def from_problem(
-        cls, problem: Problem, positive: bool, S: Matrix | None, given: Mapping[str, Array]
+        cls,
+        problem: Problem,
+        positive: bool,
+        S: Matrix | None,
+        given: Mapping[str, Array],
+        user: UserConstraints | None = None,
     ) -> Task:
-        """The task in coordinates S (None: the plant's own); `given` holds L, M as far as fixed."""
+        """The task in coordinates S (None: the plant's own); `given` holds L, M as far as fixed.
+
+        user: constraints beside those of the problem.
+        """
         plant = problem.plant
         n, p = plant.n, plant.p
         basis = np.eye(n) if S is None else S
@@ -81,11 +94,13 @@ class Task:
             h0 = h0 + 2 * np.abs(inward @ M) @ V
         f0 = np.abs(inward) @ (plant.flow.upper - plant.flow.lower) + 2 * np.abs(inward @ L) @ V
         limit_L, limit_M = _limits(problem, basis)
+        is_open = {name: name not in given and name not in idle for name in ("L", "M")}
+        constraints = convex_gains(problem.options_as(IntervalOptions), user)
         return cls(
             A=inward @ (plant.flow.A - L @ C) @ basis, G=G, C=C @ basis, C_jump=C_jump @ basis,
             f0=f0, h0=h0, V=V, low=low, high=high,
-            open_L="L" not in given and "L" not in idle,
-            open_M="M" not in given and "M" not in idle,
+            open_L=is_open["L"], open_M=is_open["M"],
+            constraints={name: constraints[name] for name in constraints if is_open[name]},
             limit_L=limit_L, limit_M=limit_M, positive=positive,
             weights=width_weights(problem) @ np.abs(basis),
             pre_jump=problem.options_as(IntervalOptions).width == "pre_jump",
@@ -99,9 +114,38 @@ class Task:
             return self
         return replace(self, weights=weights, pre_jump=False)
 
+    @cached_property
+    def is_constrained(self) -> bool:
+        """Is there a constraint on an open gain?"""
+        return any(not entry.is_free() for entry in self.constraints.values())
+
+    @property
+    def is_constrained_by_user(self) -> bool:
+        """Is there one that only the program can meet?"""
+        return any(entry.user is not None for entry in self.constraints.values())
+
     def gains(self, L: Matrix, M: Matrix) -> tuple[Matrix, Matrix]:
         """(L, M) in the plant's coordinates, for L, M in z."""
-        return self.S @ (self.L0 + L), self.S @ (self.M0 + M)
+        return self._outward("L", self.L0 + L), self._outward("M", self.M0 + M)
+
+    def _outward(self, name: str, K: Matrix) -> Matrix:
+        """A gain in the plant's coordinates, with the zeros and the norm of its constraints."""
+        entry, whole = self.constraints.get(name), self.S @ K
+        return whole if entry is None else entry.rounded(whole)
+
+    def within(self, L: Matrix, M: Matrix) -> tuple[Matrix, Matrix]:
+        """The gains clipped to the limits and to structure and norm, in z."""
+        L, M = np.clip(L, -self.limit_L, self.limit_L), np.clip(M, -self.limit_M, self.limit_M)
+        if not self.is_constrained:
+            return L, M
+        whole_L, whole_M = self.gains(L, M)
+        return (self._inward(whole_L) if self.open_L else L,
+                self._inward(whole_M) if self.open_M else M)  # fmt: skip
+
+    def _inward(self, K: Matrix) -> Matrix:
+        """A gain in z; of the plant's own coordinates without rounding."""
+        is_plain = np.array_equal(self.S, np.eye(len(self.S)))
+        return K if is_plain else np.asarray(np.linalg.solve(self.S, K), dtype=np.float64)
 
     def system(self, L: Matrix, M: Matrix) -> WidthSystem:
         """The width system of gains in z."""
@@ -112,7 +156,12 @@ class Task:
         return WidthSystem(W=W, f=f, N=N, h=h_jump, K=None, k=None, out=np.abs(self.S))
 
     def is_admissible(self, L: Matrix, M: Matrix) -> bool:
-        """Do the gains keep the limits and, in form `cooperative`, the signs?"""
+        """Do the gains keep limits, constraints and, in form `cooperative`, the signs?"""
+        if self.is_constrained and not all(
+            entry.is_met(entry.rounded(gain), error)
+            for entry, gain, error in self.constrained(L, M)
+        ):
+            return False
         if np.any(np.abs(L) > self.limit_L * (1 + ROUNDING)):
             return False
         if np.any(np.abs(M) > self.limit_M * (1 + ROUNDING)):
@@ -127,6 +176,37 @@ class Task:
             return True
         H = self.G - M @ self.C_jump
         return bool(H.min() >= -ROUNDING * np.abs(self.G).max())
+
+    def constrained(self, L: Matrix, M: Matrix) -> Iterator[tuple[ConvexGain, Matrix, Matrix]]:
+        """Yield the constraints on each open gain, the gain, and the error's matrix with it.
+
+        The gain in the plant's coordinates, without the rounding of `gains`.
+        """
+        gains = {"L": self.S @ L, "M": self.S @ M}
+        for name, entry in self.constraints.items():
+            if name == "L":
+                yield entry, gains["L"], self.A - L @ self.C
+            elif self.G is not None:
+                yield entry, gains["M"], self.G - M @ self.C_jump
+
+
+@dataclass(frozen=True)
+class GainSearch:
+    """A problem, the gains that it gives, the budget, and a user's constraints on the others."""
+
+    problem: Problem
+    given: Mapping[str, Array]
+    budget: TimeBudget
+    user: UserConstraints | None = None
+
+    @property
+    def objective(self) -> str:
+        """What open gains are chosen for."""
+        return self.problem.options_as(IntervalOptions).objective
+
+    def task(self, positive: bool, S: Matrix | None) -> Task:
+        """The task in coordinates S (None: the plant's own)."""
+        return Task.from_problem(self.problem, positive, S, self.given, self.user)
 
 
 def width_weights(problem: Problem) -> Matrix:

@@ -3,14 +3,16 @@
 L: poles (`poles`) or a steady-state Kalman gain (`weights`), for A + decay_rate I. M: the largest
 margin of the inequality of `equations.luenberger`, affine in (P, P M), over the whole range of
 dwell times by cutting planes. Since the choice of L limits what M can do, slower and faster ones
-are tried in turn. Under convex wishes L is near to each of them (`flow_gain.py`).
+are tried in turn. Under convex constraints L is near to each of them (`flow_gain.py`).
 """
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from typing import cast
 
 import numpy as np
 
@@ -25,11 +27,22 @@ from obsdesign.errors import InputError
 from obsdesign.problem.options import LuenbergerOptions
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate, Certificates
+from obsdesign.synthesis.convex_gain import (
+    ConvexGain,
+    UserConstraints,
+    convex_gains,
+    inactive_constraints,
+    unmet_constraints,
+)
 from obsdesign.synthesis.dwell import dwell_certificates, stability_options
-from obsdesign.synthesis.given_gains import given_gain, refuse_second_choice, refuse_unusable
-from obsdesign.synthesis.luenberger.convex import ConvexGain, UserConstraints
+from obsdesign.synthesis.given_gains import (
+    given_gain,
+    refuse_second_choice,
+    refuse_unusable,
+    refuse_vain_constraints,
+)
 from obsdesign.synthesis.luenberger.flow_gain import nearest_gain
-from obsdesign.synthesis.luenberger.jump_gains import jump_gains
+from obsdesign.synthesis.luenberger.jump_gains import single_jump_gain
 from obsdesign.synthesis.luenberger.schedule import check_schedule, scheduled_candidate
 from obsdesign.synthesis.placement import placed_gain, riccati_gain
 
@@ -42,60 +55,65 @@ def synthesize(problem: Problem, budget: TimeBudget = UNLIMITED) -> Iterator[Can
 def synthesize_constrained(
     problem: Problem, constraints: UserConstraints | None, budget: TimeBudget
 ) -> Iterator[Candidate]:
-    """Yield candidates whose open gains also fulfil a user's constraints.
+    """Yield candidates whose open gains also meet a user's constraints.
 
     constraints: `GainVariables` -> CVXPY constraints, for L and for M in turn. InputError for what
     cannot be built at all.
     """
     refuse_unusable(problem)
     check_schedule(problem)
-    plant, options = problem.plant, problem.options_as(LuenbergerOptions)
-    wanted = {name: ConvexGain(name, options.wishes(name), constraints) for name in ("L", "M")}
-    _refuse_vain_constraints(problem, constraints)
-    rate = options.decay_rate
+    options = problem.options_as(LuenbergerOptions)
+    wanted = convex_gains(options, constraints)
+    refuse_vain_constraints(problem, constraints)
     is_L_open = given_gain(problem, "L") is None
-    # bare wishes place L by a formula, without a solver
+    # without constraints L comes from a formula, without a solver
     is_searched = is_L_open and not wanted["L"].is_free()
     L_solvers: Solvers = wanted["L"].solvers if is_searched else ()
-    for label, L, remarks in _flow_gains(problem, rate, wanted["L"]):
-        F = flow_error_matrix(plant.flow.A, L, plant.output.C)
-        shifted = F + rate * np.eye(plant.n)
-        if options.schedule is not None:
-            candidate = scheduled_candidate(problem, label, L, shifted, budget, wanted=wanted["M"])
-            solvers = merged(L_solvers, candidate.solvers)
-            yield replace(candidate, remarks=(*remarks, *candidate.remarks), solvers=solvers)
-            continue
-        M = given_gain(problem, "M")
-        M_solvers: Solvers = ()
-        is_open = is_L_open or M is None
-        if M is None:
-            # the largest margin over all dwell times
-            dwell = [problem.require_dwell_time()]
-            solution, more = jump_gains(
-                problem, shifted, dwell, [(0, 0)], budget, wanted=wanted["M"]
-            )
-            remarks += more
-            M = np.zeros((plant.n, plant.p))
-            if solution is not None:
-                M, M_solvers = solution.M[0], solution.solvers
-        gains = LuenbergerGains.from_plant(plant, L=L, M=M)
-        certificates = _certificates(problem, F, M, rate, budget)
-        solvers = merged(L_solvers, M_solvers, certificates.solvers)
-        yield Candidate(
-            label, gains, certificates.evidence, is_open, remarks=remarks, solvers=solvers
+    for label, L, remarks in _flow_gains(problem, options.decay_rate, wanted["L"]):
+        candidate = unmet_constraints(label, "L was")
+        if L is not None:
+            candidate = _with_jump_gain(problem, label, L, wanted["M"], budget)
+        yield replace(
+            candidate,
+            searched=candidate.searched or is_L_open,
+            remarks=(*remarks, *candidate.remarks),
+            solvers=merged(L_solvers, candidate.solvers),
         )
 
 
-def _refuse_vain_constraints(problem: Problem, constraints: UserConstraints | None) -> None:
-    """InputError for constraints where no gain is open to them."""
-    if constraints is not None and all(given_gain(problem, name) is not None for name in "LM"):
-        raise InputError("constraints choose L and M, but both are given or must be zero.")
+def _with_jump_gain(
+    problem: Problem, label: str, L: Matrix, wanted: ConvexGain, budget: TimeBudget
+) -> Candidate:
+    """The candidate of a flow gain L (n, p): M as given, or of the largest margin."""
+    plant, options = problem.plant, problem.options_as(LuenbergerOptions)
+    rate = options.decay_rate
+    F = flow_error_matrix(plant.flow.A, L, plant.output.C)
+    shifted = F + rate * np.eye(plant.n)
+    if options.schedule is not None:
+        return scheduled_candidate(problem, label, L, shifted, budget, wanted=wanted)
+    M = given_gain(problem, "M")
+    is_open, M_solvers, remarks = M is None, cast(Solvers, ()), tuple[Remark, ...]()
+    if M is None:
+        # the largest margin over all dwell times
+        solution, remarks = single_jump_gain(problem, shifted, budget, wanted)
+        if solution is None and wanted.user is not None:
+            return unmet_constraints(label, "M was")
+        M = np.zeros((plant.n, plant.p))
+        if solution is not None:
+            M, M_solvers = solution.M[0], solution.solvers
+    gains = LuenbergerGains.from_plant(plant, L=L, M=M)
+    certificates = _certificates(problem, F, M, rate, budget)
+    solvers = merged(M_solvers, certificates.solvers)
+    return Candidate(label, gains, certificates.evidence, is_open, remarks=remarks, solvers=solvers)
 
 
 def _flow_gains(
     problem: Problem, rate: float, wanted: ConvexGain
-) -> Iterator[tuple[str, Matrix, tuple[Remark, ...]]]:
-    """Yield L: given, placed, or by Riccati equations of growing speed; at last 0."""
+) -> Iterator[tuple[str, Matrix | None, tuple[Remark, ...]]]:
+    """Yield L: given, placed, or by Riccati equations of growing speed; at last 0.
+
+    None where no L is known that meets a user's constraints.
+    """
     A, C = problem.plant.flow.A, problem.plant.output.C
     given, options = given_gain(problem, "L"), problem.options_as(LuenbergerOptions)
     refuse_second_choice(options, None if given is None else "is given or must be zero")
@@ -128,7 +146,7 @@ def riccati_gains(
 
 
 def _refuse_fixed_choice(options: LuenbergerOptions, wanted: ConvexGain) -> None:
-    """InputError where poles or weights fix L, about which there are wishes too."""
+    """InputError where poles or weights fix L, on which there are constraints too."""
     for name in ("poles", "weights"):
         if options.is_stated(name):
             raise InputError(
@@ -138,13 +156,17 @@ def _refuse_fixed_choice(options: LuenbergerOptions, wanted: ConvexGain) -> None
 
 def _wanted_flow_gains(
     problem: Problem, rate: float, wanted: ConvexGain
-) -> Iterator[tuple[str, Matrix, tuple[Remark, ...]]]:
-    """Yield L that fulfil the wishes, near to Riccati gains and to zero; or zero with a remark."""
+) -> Iterator[tuple[str, Matrix | None, tuple[Remark, ...]]]:
+    """Yield L that meet the constraints, near to Riccati gains and to zero; or zero, and why."""
     plant = problem.plant
     zero = np.zeros((plant.n, plant.p))
     is_flow_alone = plant.jump is None or math.isinf(problem.require_dwell_time()[1])
-    fastest = max(rate, wanted.wishes.decay or 0.0)
-    targets = [*riccati_gains(plant.flow.A, plant.output.C, None, fastest), ("L = 0", zero)]
+    fastest = max(rate, wanted.stated.decay or 0.0)
+    A, C = plant.flow.A, plant.output.C
+    targets = [*riccati_gains(A, C, None, fastest), ("L = 0", zero)]
+    inactive = tuple[Remark, ...]()
+    for _, free in itertools.islice(riccati_gains(A, C, None, rate), 1):
+        inactive = inactive_constraints(wanted, free, flow_error_matrix(A, free, C))
     is_found = False
     # a flow that decays by itself leaves least to M; between jumps it need not
     for least in [rate, *([] if is_flow_alone else [None])]:
@@ -152,9 +174,12 @@ def _wanted_flow_gains(
             L = nearest_gain(plant, wanted, target, least)
             if L is None:  # the conditions are the same for every target
                 break
+            yield f"L nearest to {label} under {wanted.text()}", L, () if is_found else inactive
             is_found = True
-            yield f"L nearest to {label} under {wanted.text()}", L, ()
     if is_found:
+        return
+    if wanted.user is not None:
+        yield "L under constraints", None, ()
         return
     text = f"no L was found for {wanted.text()}; the condition used is sufficient, not necessary"
     yield "L = 0", zero, (Remark(text),)

@@ -1,8 +1,8 @@
-"""The gain L under convex wishes: among those that fulfil them, one near a target.
+"""The gain L under convex constraints: among those that meet them, one near a target.
 
-With P and Z = P L the wishes are linear matrix inequalities (`convex.py`). Of their solutions one
-with the least |Z - P target| is taken, in units that balance the plant: the target itself where it
-fulfils them.
+With P and Z = P L the constraints are linear matrix inequalities (`synthesis.convex_gain`). Of
+their solutions one with the least |Z - P target| is taken, in units that balance the plant: the
+target itself where it meets them.
 """
 
 from __future__ import annotations
@@ -16,10 +16,9 @@ from lmi.arithmetic.arrays import Array, Matrix
 from lmi.find.affine import Inequality, Unknown
 from lmi.find.constrained import Expression, constrained_matrices
 from obsdesign.analysis.balancing import balancing_units
-from obsdesign.equations.luenberger.regions import half_plane_inequality
-from obsdesign.errors import InputError
+from obsdesign.equations.regions import half_plane_inequality
 from obsdesign.problem.plant import Plant
-from obsdesign.synthesis.luenberger.convex import ConvexGain
+from obsdesign.synthesis.convex_gain import ConvexGain, refused_constraints
 
 _CONDITION = 1e4
 # least margin of the inequalities, relative to the unit of P and the pace of the plant
@@ -29,7 +28,7 @@ _MARGIN = 1e-4
 def nearest_gain(
     plant: Plant, wanted: ConvexGain, target: Matrix, rate: float | None
 ) -> Matrix | None:
-    """L (n, p) that fulfils the wishes, near the target (n, p); None when none is found.
+    """L (n, p) that meets the constraints, near the target (n, p); None when none is found.
 
     rate: A - L C + rate I is made Hurwitz; None where it need not be. The conditions are
     sufficient, so that there may be such an L where none is found. InputError for constraints that
@@ -39,7 +38,7 @@ def nearest_gain(
     n, p = target.shape
     goal = target / units.sizes[:, None] / units.pace * units.rows
     constraints = wanted.constraints(units.sizes, units.pace)
-    try:
+    with refused_constraints():
         solution = constrained_matrices(
             [Unknown(n, n, symmetric=True), Unknown(n, p)],
             _inequalities(units, wanted, rate),
@@ -50,8 +49,6 @@ def nearest_gain(
             objective=lambda values: _distance(values, goal),
             margin=_MARGIN,
         )
-    except ValueError as error:
-        raise InputError(f"constraints: {error}.") from None
     if solution is None:
         return None
     (P, Z), _ = solution

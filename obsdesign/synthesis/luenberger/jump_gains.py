@@ -2,8 +2,8 @@
 
 The inequality of `equations.luenberger` is affine in (P_w, P_w M_w) for all cells w at once, P_w
 the matrix after a jump whose dwell time lay in w. Its margin is made as large as possible over the
-whole range of dwell times by cutting planes. With one cell this is the common P. Convex wishes
-about M go the same way, through CVXPY (`convex.py`).
+whole range of dwell times by cutting planes. With one cell this is the common P. Convex constraints
+on M go the same way, through CVXPY (`synthesis.convex_gain`).
 Source: C. Briat, Automatica 49 (2013), Theorem 3; with cells, its P depends on the last dwell time.
 """
 
@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,11 +21,11 @@ from lmi.find.affine import Inequality, Unknown, best_margin
 from lmi.find.constrained import Constraints, constrained_matrices
 from lmi.solvers import Solvers
 from lmi.time_budget import Remark, TimeBudget, remark_end
-from obsdesign.equations.estimation_error import seen_before_jump
+from obsdesign.equations.estimation_error import jump_error_matrix, seen_before_jump
 from obsdesign.equations.luenberger import error_system as equations
-from obsdesign.errors import InputError
+from obsdesign.problem.gain_constraints import GainConstraints
 from obsdesign.problem.problem import Problem
-from obsdesign.synthesis.luenberger.convex import ConvexGain
+from obsdesign.synthesis.convex_gain import ConvexGain, inactive_constraints, refused_constraints
 
 _CONDITION = 1e4
 _ROUNDS = 20
@@ -53,7 +53,7 @@ def jump_gains(
 ) -> tuple[JumpGains | None, tuple[Remark, ...]]:
     """Gains for a flow F (n, n) and cells of dwell times, None when the solver gives nothing.
 
-    pairs: (earlier, later) cells that may follow each other; wanted: wishes about every M. The
+    pairs: (earlier, later) cells that may follow each other; wanted: constraints on every M. The
     remarks are those of the search. InputError for constraints that are not convex.
     """
     plant, n = problem.plant, len(F)
@@ -84,6 +84,24 @@ def jump_gains(
     return best, ()
 
 
+def single_jump_gain(
+    problem: Problem, F: Array, budget: TimeBudget, wanted: ConvexGain
+) -> tuple[JumpGains | None, tuple[Remark, ...]]:
+    """One M for all dwell times, with remarks on constraints that do not restrict it."""
+    cells = [problem.require_dwell_time()]
+    solution, remarks = jump_gains(problem, F, cells, [(0, 0)], budget, wanted=wanted)
+    if solution is None or wanted.is_free() or wanted.user is not None:
+        return solution, remarks
+    free = replace(wanted, stated=GainConstraints())
+    other, _ = jump_gains(problem, F, cells, [(0, 0)], budget, wanted=free)
+    if other is not None:
+        plant, M = problem.plant, other.M[0]
+        assert plant.jump is not None
+        H = jump_error_matrix(plant.jump.G, M, plant.output.C, plant.output.jump_measurement)
+        remarks += inactive_constraints(wanted, M, H)
+    return solution, remarks
+
+
 def _solution(
     active: set[tuple[int, int, int]],
     grids: Sequence[tuple[Array, Array]],
@@ -109,12 +127,10 @@ def _solution(
     else:
         constraints = _constraints(wanted, count, n)
         inequalities = [inequality, *_regions(wanted, count, G, output)]
-        try:
+        with refused_constraints():
             solution = constrained_matrices(
                 unknowns, inequalities, _CONDITION, constraints=constraints
             )
-        except ValueError as error:
-            raise InputError(f"constraints: {error}.") from None
     if solution is None:
         return None
     values, margin = solution
@@ -122,7 +138,7 @@ def _solution(
 
 
 def _constraints(wanted: ConvexGain, count: int, n: int) -> Constraints:
-    """The wishes for every cell."""
+    """The constraints for every cell."""
     single = wanted.constraints(np.ones(n))
     return lambda values: [
         entry for i in range(count) for entry in single((values[i], values[count + i]))
@@ -131,7 +147,7 @@ def _constraints(wanted: ConvexGain, count: int, n: int) -> Constraints:
 
 def _regions(wanted: ConvexGain, count: int, G: Array, output: Array) -> list[Inequality]:
     """The region of the error's matrix at jumps, for all cells together."""
-    if not wanted.wishes.has_region():
+    if not wanted.stated.has_region():
         return []
 
     def inequality(*values: Array) -> Array:

@@ -18,7 +18,7 @@ from obsdesign.errors import InputError
 from obsdesign.problem.options import LuenbergerOptions
 from obsdesign.problem.problem import Problem
 from obsdesign.synthesis.candidate import Candidate
-from obsdesign.synthesis.luenberger.convex import ConvexGain
+from obsdesign.synthesis.convex_gain import ConvexGain, unmet_constraints
 from obsdesign.synthesis.luenberger.jump_gains import equal_cells, jump_gains
 
 _MOST_CELLS = 16
@@ -58,7 +58,7 @@ def scheduled_candidate(
 ) -> Candidate:
     """Gains M per cell of dwell times, for the flow F of the error plus the decay rate.
 
-    wanted: wishes about every M.
+    wanted: constraints on every M.
 
     `M` is for a jump before which the dwell time is not known, the first one: any will do.
     """
@@ -71,6 +71,8 @@ def scheduled_candidate(
     cells = equations.schedule_cells(low, high, borders)
     pairs = equations.schedule_pairs(cells, plant.jump.dwell_jitter)
     solution, remarks = jump_gains(problem, F, cells, pairs, budget, wanted=wanted)
+    if solution is None and wanted.user is not None:
+        return unmet_constraints(label, "M was")
     M = np.zeros((len(cells), plant.n, plant.p)) if solution is None else solution.M
     gains = LuenbergerGains.from_plant(plant, L=L, M=M[0], M_cells=M, dwell_borders=borders)
     certificate: NewEntries = {}

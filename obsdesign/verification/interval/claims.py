@@ -33,6 +33,7 @@ from obsdesign.verification.dwell import (
     reason_against_problem,
     source_of,
 )
+from obsdesign.verification.gain_constraints import constraint_claims
 from obsdesign.verification.interval.obstruction import obstruction_claim, with_hints
 from obsdesign.verification.interval.sampled import at_any_spacing, samples_claim, spacing_claim
 from obsdesign.verification.interval.signs import (
@@ -85,7 +86,9 @@ def claims(
     if agreement.verdict != "proved":
         return (agreement,)
     source = f"{PAPER}, {THEOREMS[gains.form]}"
-    hypotheses = (agreement, *obstruction_claim(problem, gains, source), *_sign_claims(gains))
+    constraints = constraint_claims(problem, gains, {"L": gains.L, "M": gains.M})
+    obstruction = obstruction_claim(problem, gains, source)
+    hypotheses = (agreement, *constraints, *obstruction, *_sign_claims(gains))
     system = WidthSystem.from_gains(gains, exact, inverse)
     if gains.is_periodic:
         proposed = certificates.get("sampled_stability", {})

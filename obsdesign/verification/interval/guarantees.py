@@ -8,6 +8,7 @@ from dataclasses import replace
 from obsdesign.document import Claim, Guarantee
 from obsdesign.problem.problem import Problem
 from obsdesign.verification.dwell import Dwell
+from obsdesign.verification.gain_constraints import constraint_sentences
 from obsdesign.verification.interval.sampled import in_every_period, no_spacing, sampled_sentences
 from obsdesign.verification.interval.width import width_sentence
 from obsdesign.verification.rates import rates_sentence
@@ -41,6 +42,7 @@ def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Guarantee, 
     decaying = _present(verdicts, ("hurwitz",))
     for text, ids in [*width_sentence(claims, measured), *sampled]:
         sentences.append((text, [*enclosing, *decaying, *ids]))
+    sentences += constraint_sentences(claims)
     entries = [Guarantee.from_verdicts(text, ids, verdicts) for text, ids in sentences]
     if not (at_jumps or is_periodic or sampled):
         entries.append(Guarantee.not_proved(no_spacing()))

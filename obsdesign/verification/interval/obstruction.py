@@ -25,6 +25,11 @@ from obsdesign.equations.interval.gains import IntervalGains
 from obsdesign.equations.interval.splits import absolute_metzler
 from obsdesign.equations.interval.width import Coordinates, error_matrices
 from obsdesign.problem.problem import Problem
+from obsdesign.verification.gain_constraints import (
+    stated_pattern,
+    within_structure,
+    witness_within_structure,
+)
 
 # supports of Farkas vectors that are tried for each row
 _MOST_SUPPORTS = 2000
@@ -72,9 +77,12 @@ def _has_open_coordinates(problem: Problem, gains: IntervalGains) -> bool:
 
 
 def _undetectable(problem: Problem) -> NewEntries | None:
-    """Witness of two states with equal outputs whose distance does not shrink, or None."""
+    """Witness of two states with equal outputs whose distance does not shrink, or None.
+
+    With a structure, of a part of the error that its entries do not correct.
+    """
     A, G, C, ends = _plant(problem)
-    return not_detectable(A, G, C, ends)
+    return not_detectable(A, G, C, ends) or witness_within_structure(problem)
 
 
 def _plant(problem: Problem) -> tuple[Array, Array | None, Array, tuple[float, float]]:
@@ -156,34 +164,82 @@ def _in_these_coordinates(
         H = frame.similar(G - M @ C_jump)
     if frame.S is not None:
         C, C_jump = C @ frame.S, C_jump @ frame.S
-    C_flow, C_jump = C if is_open.L else 0 * C, C_jump if is_open.M else 0 * C
+    flow = _Correction(C, _open_entries(problem, "L", frame, is_open.L))
+    jump = _Correction(C_jump, _open_entries(problem, "M", frame, is_open.M))
     if gains.form == "cooperative":
-        witness = _wrong_sign(F, C_flow, "A - L C", metzler=True)
+        witness = _wrong_sign(F, flow, "A - L C", metzler=True)
         if witness is None and H is not None:
-            witness = _wrong_sign(H, C_jump, "the jump matrix of the error", metzler=False)
+            witness = _wrong_sign(H, jump, "the jump matrix of the error", metzler=False)
         if witness is not None:
             return witness
     if _has_open_coordinates(problem, gains):
         return None
-    return _unreached(problem, F, H, C_flow, C_jump)
+    return _unreached(problem, F, H, (flow, jump))
+
+
+@dataclass(frozen=True)
+class _Correction:
+    """K C of a gain K in the design's coordinates; entries (n, p): which of K are open."""
+
+    C: Array
+    entries: Array
+
+    def rows(self, i: int) -> Array:
+        """C, zero at the outputs that row i of the gain does not use."""
+        masked: Array = self.C * self.entries[i].astype(np.int64)[:, None]
+        return masked
+
+    def unseen(self) -> set[int]:
+        """Columns of K C that are zero whatever the gain."""
+        used = self.C[self.entries.any(axis=0)]
+        return {j for j in range(used.shape[1]) if all(x == 0 for x in used[:, j])}
+
+    def uncorrected(self) -> set[int]:
+        """Rows of K C that are zero whatever the gain."""
+        return {int(i) for i in np.flatnonzero(~self.entries.any(axis=1))}
+
+
+def _open_entries(problem: Problem, gain: str, frame: Coordinates, is_open: bool) -> Array:
+    """Entries (n, p) of a gain in the design's coordinates that may differ from zero."""
+    pattern = stated_pattern(problem, gain) & is_open
+    if frame.S is None:
+        return pattern
+    # other coordinates mix the rows of a pattern, not its columns
+    return np.tile(pattern.any(axis=0), (len(pattern), 1))
 
 
 def _unreached(
-    problem: Problem, F: Array, H: Array | None, C_flow: Array, C_jump: Array
+    problem: Problem, F: Array, H: Array | None, corrections: tuple[_Correction, _Correction]
 ) -> NewEntries | None:
-    """Columns that no gain reaches keep their part of W and N, and it does not contract.
+    """Witness that columns or rows which no gain reaches do not contract, or None.
 
-    C_flow, C_jump: factors of the open gains, zero where none is open.
+    Their part of W and N is the same for all gains.
+
+    corrections: of the flow and at jumps.
     """
-    columns = [j for j in range(len(F)) if all(x == 0 for x in [*C_flow[:, j], *C_jump[:, j]])]
-    if not columns:
-        return None
-    part = np.ix_(columns, columns)
-    names = ", ".join(str(j + 1) for j in columns)
-    beginning = (
-        f"in these coordinates no gain can touch column{'s' * (len(columns) > 1)} {names} of "
-        "A - L C and of the jump matrix: "
-    )
+    flow, jump = corrections
+    scope = within_structure(problem, "L", "M")
+    unreached = {
+        "column": flow.unseen() & jump.unseen(),
+        "row": flow.uncorrected() & jump.uncorrected(),
+    }
+    for word, indices in unreached.items():
+        names = ", ".join(str(j + 1) for j in sorted(indices))
+        beginning = (
+            f"in these coordinates no gain{scope} can touch {word}{'s' * (len(indices) > 1)} "
+            f"{names} of A - L C and of the jump matrix: "
+        )
+        witness = _growth(problem, F, H, sorted(indices), beginning) if indices else None
+        if witness is not None:
+            return witness
+    return None
+
+
+def _growth(
+    problem: Problem, F: Array, H: Array | None, indices: list[int], beginning: str
+) -> NewEntries | None:
+    """Witness that the widths of these states alone do not contract, or None."""
+    part = np.ix_(indices, indices)
     W = absolute_metzler(F[part])
     if H is None:
         return _witness(prove_hurwitz(W), beginning)
@@ -194,12 +250,15 @@ def _unreached(
     return witness
 
 
-def _wrong_sign(X: Array, C: Array, name: str, metzler: bool) -> NewEntries | None:
-    """A row that no gain makes nonnegative: y >= 0 with C y = 0 and (row) y < 0 (Farkas)."""
+def _wrong_sign(X: Array, correction: _Correction, name: str, metzler: bool) -> NewEntries | None:
+    """A row that no gain makes nonnegative: y >= 0 with C y = 0 and (row) y < 0 (Farkas).
+
+    C: of the outputs that the row of the gain uses.
+    """
     n = len(X)
     for i in range(n):
         others = [j for j in range(n) if not (metzler and j == i)]
-        for support, y in _kernel_vectors(C, others):
+        for support, y in _kernel_vectors(correction.rows(i), others):
             total = sum(X[i, j] * value for j, value in zip(support, y, strict=True))
             if total < 0:
                 return _entry(X, i, support, y, name)

@@ -12,13 +12,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Entries, EntriesByClaim, NewEntries
+from lmi.arithmetic.arrays import Array, Entries, EntriesByClaim, NewEntries
 from lmi.arithmetic.balls import Exact, exact
 from lmi.prove.hurwitz import prove_hurwitz
-from lmi.refute.spectral import refute_spectral
 from lmi.time_budget import UNLIMITED, TimeBudget
 from lmi.verdict import overall
-from obsdesign.analysis.hidden_modes import fixed_parts
 from obsdesign.analysis.riccati import faster_rates, riccati_shift
 from obsdesign.document import Claim
 from obsdesign.equations.estimation_error import idle_gains
@@ -36,14 +34,14 @@ from obsdesign.verification.dwell import (
     reason_against_problem,
     source_of,
 )
-from obsdesign.verification.luenberger.schedule import reason_against_borders, scheduled_stability
-from obsdesign.verification.luenberger.wishes import (
+from obsdesign.verification.gain_constraints import (
     IDS,
+    constraint_claims,
     error_matrix,
-    stated_pattern,
-    wish_claims,
     within_structure,
+    witness_within_structure,
 )
+from obsdesign.verification.luenberger.schedule import reason_against_borders, scheduled_stability
 from obsdesign.verification.rates import rates_claim
 
 PAPER = "Briat, Automatica 49 (2013), Theorem 3"
@@ -72,7 +70,11 @@ def claims(
     F, options = error_matrix(gains, "L", gains.L), problem.options_as(LuenbergerOptions)
     rate = options.decay_rate
     shifted = F + exact(rate * np.eye(problem.plant.n))
-    claims = [agreement, *_choice_of_L(problem, gains, F), *wish_claims(problem, gains)]
+    claims = [
+        agreement,
+        *_choice_of_L(problem, gains, F),
+        *constraint_claims(problem, gains, _stored(gains)),
+    ]
     if problem.plant.jump is None:
         claims.append(_hurwitz(F, "hurwitz", "there are no jumps"))
         if rate > 0:
@@ -132,23 +134,17 @@ def _with_scope(claim: Claim, scope: str) -> Claim:
 def _is_refuted_for_all_gains(problem: Problem, shifted: Exact) -> bool:
     """Decide exactly whether no gain can serve; shifted: A - L C + rate I of the design."""
     plant, options = problem.plant, problem.options_as(LuenbergerOptions)
-    A, C, rate = plant.flow.A, plant.output.C, options.decay_rate
-    if plant.jump is None or math.isinf(problem.require_dwell_time()[1]):
-        is_given = "L" in {*problem.gains, *idle_gains(plant)}
-        flows = [shifted]
-        if not is_given:
-            fixed = fixed_parts([A], C, stated_pattern(problem, "L"))
-            flows = [flow + exact(rate * np.eye(len(flow))) for (flow,) in fixed]
-        if any(prove_hurwitz(flow).outcome == "refuted" for flow in flows):
-            return True
-    if plant.jump is None:
-        return False
-    fixed = fixed_parts([A, plant.jump.G], C, stated_pattern(problem, "L", "M"))
-    ends = problem.require_dwell_time()
-    return any(
-        refute_spectral(flow + exact(rate * np.eye(len(flow))), jump, *ends).outcome == "refuted"
-        for flow, jump in fixed
-    )
+    is_given = "L" in {*problem.gains, *idle_gains(plant)}
+    is_flow_alone = plant.jump is None or math.isinf(problem.require_dwell_time()[1])
+    if is_given and is_flow_alone and prove_hurwitz(shifted).outcome == "refuted":
+        return True
+    return witness_within_structure(problem, options.decay_rate) is not None
+
+
+def _stored(gains: LuenbergerGains) -> dict[str, Array]:
+    """The gains that a design stores, by name; with a schedule one for each cell."""
+    cells = () if gains.M_cells is None else gains.M_cells
+    return {"L": gains.L, "M": gains.M} | {f"M_cells[{i}]": M for i, M in enumerate(cells)}
 
 
 def dwell_pair(stored: Entries) -> tuple[Exact, Exact]:

@@ -8,7 +8,7 @@ from obsdesign.problem.problem import Problem
 from obsdesign.verification import stated_poles, stated_weights
 from obsdesign.verification.absent_signals import absent_signals
 from obsdesign.verification.dwell import Dwell
-from obsdesign.verification.luenberger.wishes import IDS
+from obsdesign.verification.gain_constraints import IDS, constraint_sentences
 from obsdesign.verification.rates import rates_sentence
 
 
@@ -34,8 +34,9 @@ def guarantees(problem: Problem, claims: tuple[Claim, ...]) -> tuple[Guarantee, 
     sentences += [
         (f"{claim.statement[0].upper()}{claim.statement[1:]}.", [claim.id])
         for claim in claims
-        if claim.id in own
+        if claim.id in (stated_poles.ID, stated_weights.ID)
     ]
+    sentences += constraint_sentences(claims)
     result = [Guarantee.from_verdicts(text, ids, verdicts) for text, ids in sentences]
     if not at_jumps:
         sampled = "Convergence for samples at a given spacing is not claimed."

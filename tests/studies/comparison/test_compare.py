@@ -14,12 +14,13 @@ from click.testing import CliRunner
 import obsdesign
 from lmi.memory import OversizeError
 from obsdesign.cli.commands import cli
+from obsdesign.data.execution import execute
 from obsdesign.kinds import KINDS
 from obsdesign.runtime import from_design
 from obsdesign.studies.comparison import compare as comparison
 from obsdesign.studies.comparison.compare import compare
 from obsdesign.studies.comparison.record import ComparisonRecord
-from obsdesign.studies.comparison.row import REFERENCE
+from obsdesign.studies.comparison.row import REFERENCE, run
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 
@@ -180,6 +181,47 @@ def test_a_file_gives_what_its_simulation_gave(tmp_path: Path) -> None:
     rows = json.loads(done.stdout)["result"]["rows"]
     assert all(row["error"] is None for row in rows)
     assert any(row["width"] is not None for row in rows)
+
+
+@pytest.mark.parametrize("columns", ["b", "c", "v", "bcv"])
+def test_bounds_of_rows_are_used_as_run_uses_them(tmp_path: Path, columns: str) -> None:
+    problem, data = load("degue_4_1"), tmp_path / "data.csv"
+    quiet = ["--until", "8", "--seed", "5", "--disturbance", "zero", "-o", str(data)]
+    source = str(EXAMPLES / "degue_4_1.toml")
+    assert CliRunner().invoke(cli, ["simulate", source, *quiet]).exit_code == 0
+    declared = {"b": (0.1, 2), "c": (0.3, 2), "v": (0.03, 1)}
+    added = [
+        (f"{letter}{i + 1}_{end}", sign * declared[letter][0] / 4)
+        for letter in columns
+        for i in range(declared[letter][1])
+        for end, sign in (("lo", -1), ("hi", 1))
+    ]
+    plain = data.read_text().splitlines()
+    tail = [",".join(str(value) for _, value in added)] * (len(plain) - 1)
+    more = [",".join(title for title, _ in added), *tail]
+    narrow = tmp_path / "narrow.csv"
+    narrow.write_text("\n".join(map(",".join, zip(plain, more, strict=True))) + "\n")
+    design = obsdesign.design(problem)
+    design.save(tmp_path / "design.json")
+    start = np.array([[-3.0, 3.0], [-3.0, 3.0]])
+    widths = []
+    for path in (data, narrow):
+        record = ComparisonRecord.from_file(str(path), problem.plant)
+        compared = run(design, record, start)
+        estimates = tmp_path / "est.csv"
+        execute(
+            str(tmp_path / "design.json"), str(path), str(estimates), start.ravel().tolist(), None
+        )
+        table = np.genfromtxt(estimates, delimiter=",", names=True, dtype=None, encoding="utf-8")
+        half = len(table) // 2
+        ends = np.array([table[f"x{i + 1}_hi"] - table[f"x{i + 1}_lo"] for i in range(2)])[:, half:]
+        assert compared["width"] == pytest.approx(float(np.sqrt(np.mean(ends**2))), rel=1e-12)
+        widths.append(compared["width"])
+    assert widths[1] < 0.99 * widths[0]
+    # the twin: kinds that promise no bounds read the same file as before
+    point = obsdesign.design(problem.for_kind("luenberger")[0])
+    records = [ComparisonRecord.from_file(str(path), problem.plant) for path in (data, narrow)]
+    assert len({run(point, record, start)["error"] for record in records}) == 1
 
 
 @pytest.mark.parametrize(

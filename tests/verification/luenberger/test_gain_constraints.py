@@ -1,9 +1,11 @@
-"""Convex wishes about gains: fulfilled, proved from the file, and refuted where they fail."""
+"""Convex constraints on gains: met, proved from the file, and refuted where they fail."""
 
 from __future__ import annotations
 
 import dataclasses
 import itertools
+import tomllib
+from pathlib import Path
 from typing import Any
 
 import cvxpy as cp
@@ -103,10 +105,10 @@ def test_norms_limit_the_gains_and_cost_room() -> None:
     assert (claim.verdict, claim.evidence["witness"]["gain"]) == ("refuted", "M_cells[0]")
 
 
-def test_given_gains_are_checked_at_the_borders_of_a_wish() -> None:
+def test_given_gains_are_checked_at_the_borders_of_a_constraint() -> None:
     gains = {"L": [[3, 0], [0, 4], [0, 0]], "M": [[0, 0]] * 3}
     diagonal = {"flow__A": np.diag([-1.0, -2, -3]).tolist(), "output__C": [[0, 0, 0]] * 2}
-    for wish, verdict in [
+    for constraint, verdict in [
         ({"gain_norm": {"L": 4.0}}, "proved"),
         ({"gain_norm": {"L": 4 - 1e-15}}, "refuted"),
         ({"structure": {"L": [[1, 0], [0, 1], [0, 0]]}}, "proved"),
@@ -116,10 +118,10 @@ def test_given_gains_are_checked_at_the_borders_of_a_wish() -> None:
         ({"region": {"disc": {"centre": -2.0, "radius": 1 + 1e-15}}}, "proved"),
         ({"region": {"disc": {"centre": -2.0, "radius": 1.0}}}, "refuted"),
     ]:
-        options = {f"observer__{name}": value for name, value in wish.items()}
+        options = {f"observer__{name}": value for name, value in constraint.items()}
         outcome = obsdesign.investigate(problem(observer__gains=gains, **diagonal, **options))
-        (name,) = wish
-        assert verdicts(outcome)[name] == verdict, wish
+        (name,) = constraint
+        assert verdicts(outcome)[name] == verdict, constraint
         if verdict == "refuted":
             assert outcome.verdict == "refuted"
             claim = next(c for c in outcome.claims if c.id == name)
@@ -149,7 +151,37 @@ def test_structure_that_leaves_an_unstable_mode_alone_refutes_every_gain() -> No
     assert stable.verdict == "proved"
 
 
-def test_wishes_for_which_nothing_is_found_leave_the_answer_open() -> None:
+@pytest.mark.parametrize(
+    ("name", "pattern"),
+    [("academic", [[1, 1], [1, 1], [0, 0]]), ("servo", [[1], [0]]), ("tanks", [[0, 0]] * 3)],
+)
+def test_a_structure_out_of_reach_of_the_region_is_refuted(
+    name: str, pattern: list[list[int]]
+) -> None:
+    body = PLANTS[name].to_dict()
+    body["observer"]["structure"] = {"L": pattern}
+    outcome = obsdesign.investigate(obsdesign.Problem.from_dict(body))
+    assert outcome.verdict == "refuted"
+    claim = next(c for c in outcome.claims if c.id == "region")
+    assert claim.evidence["witness"]["of_all_gains"]
+    assert reason(claim).endswith("and no L within observer.structure moves it")
+
+
+def test_the_example_of_the_page_is_proved_and_needs_its_constraints() -> None:
+    page = (Path(__file__).parents[3] / "docs" / "luenberger.md").read_text("utf-8")
+    body = tomllib.loads(page.split('title="carriages.toml"')[1].split("```")[0])
+    design = obsdesign.design(obsdesign.Problem.from_dict(body))
+    assert np.linalg.norm(design.gains["M"], 2) <= 1.1
+    body["observer"] = {"kind": "luenberger"}
+    free = obsdesign.design(obsdesign.Problem.from_dict(body)).gains
+    L, M, C = free["L"], free["M"], free["C"]
+    assert np.linalg.norm(M, 2) == pytest.approx(1.23, abs=0.005)
+    angles = np.angle(-np.linalg.eigvals(free["A"] - L @ C))
+    assert np.abs(angles).max() == pytest.approx(0.78, abs=0.005)
+    assert np.abs(L).min() > 0.1
+
+
+def test_constraints_for_which_no_gain_is_known_leave_the_answer_open() -> None:
     outcome = obsdesign.investigate(
         problem(observer__gain_norm={"L": 0.1}, observer__region={"decay": 0.3})
     )
@@ -196,6 +228,45 @@ def test_constraints_from_python_reach_both_gains() -> None:
     assert np.abs(free.gains["M"][1]).max() > 0.05
 
 
+STABLE = {"flow__A": [[-1, 0.1, 0], [0, -2, 0], [0, 0, -3]], "jump__G": (0.5 * np.eye(3)).tolist()}
+
+
+@pytest.mark.parametrize("gain", ["L", "M"])
+@pytest.mark.parametrize("schedule", [{}, {"observer__schedule": 2}])
+def test_constraints_that_nothing_meets_leave_no_design(
+    gain: str, schedule: dict[str, Any]
+) -> None:
+    # zero gains would be proved, and do not meet them
+    def constraints(v: Any) -> list[Any]:
+        product = v.PL if gain == "L" else v.PM
+        return [] if product is None else [product[0, 0] >= 1, product[0, 0] <= 0]
+
+    outcome = obsdesign.investigate(problem(**STABLE, **schedule), constraints=constraints)
+    assert outcome.verdict == "undecided"
+    assert f"no {gain} was found for constraints" in outcome.result["remarks"][-1]
+    met = obsdesign.investigate(problem(**STABLE, **schedule), constraints=lambda v: [])
+    assert met.verdict == "proved"
+
+
+def test_constraints_that_restrict_nothing_are_remarked() -> None:
+    def remarks(**region: Any) -> list[str]:
+        outcome = obsdesign.investigate(problem(observer__region=region))
+        assert outcome.verdict == "proved"
+        return list(outcome.result.get("remarks", []))
+
+    def text(name: str, gain: str) -> str:
+        return (
+            f"observer.region.{name} restricts nothing by itself: the {gain} chosen without constraints "
+            "meets it"
+        )
+
+    huge = {"centre": -3.0, "radius": 1e9}
+    assert remarks(disc=huge, jump_disc=huge) == [text("disc", "L"), text("jump_disc", "M")]
+    assert remarks(disc=huge, decay=3.0) == [text("disc", "L")]
+    with pytest.raises(obsdesign.InputError, match=r"region\.decay must be a number >= 0; got -5"):
+        problem(observer__region={"decay": -5})
+
+
 @pytest.mark.parametrize("exponent", [-20, 20])
 def test_the_unit_of_time_does_not_matter(exponent: int) -> None:
     unit = 2.0**exponent
@@ -226,7 +297,7 @@ def test_the_unit_of_time_does_not_matter(exponent: int) -> None:
         ({"observer__region": {}}, "observer.region must be a table of decay, disc, sector (of A - L C) and jump_disc (of the error's matrix at jumps); got {}."),
     ],
 )  # fmt: skip
-def test_wishes_that_cannot_be_read(changes: dict[str, Any], line: str) -> None:
+def test_constraints_that_cannot_be_read(changes: dict[str, Any], line: str) -> None:
     with pytest.raises(obsdesign.InputError) as error:
         obsdesign.investigate(problem(**changes))
     assert str(error.value) == line
@@ -248,7 +319,7 @@ def test_constraints_that_cannot_be_used() -> None:
         (problem(), lambda v: [cp.norm(v.P) >= 1], "constraints: constraints and objective must be convex by CVXPY's rules (DCP)."),
         (problem(), lambda v: [True], "constraints: a list of CVXPY constraints is required for L; got [True]."),
         (problem(observer__gains=zeros), lambda v: [], "constraints choose L and M, but both are given or must be zero."),
-        (kept, lambda v: [], "constraints are available for kind 'luenberger'; got 'unknown_input'."),
+        (kept, lambda v: [], "constraints are available for kinds 'interval' and 'luenberger'; got 'unknown_input'."),
     ]  # fmt: skip
     for stated, constraints, line in cases:
         with pytest.raises(obsdesign.InputError) as error:
