@@ -14,7 +14,7 @@ import numpy as np
 
 from lmi.arithmetic.arrays import Indices, Matrix
 from lmi.arithmetic.enclosure import TINY
-from obsdesign.runtime.set_membership.stages import Window
+from obsdesign.runtime.set_membership.stages import Targets, Window
 
 
 class Condensed(NamedTuple):
@@ -30,20 +30,23 @@ class Condensed(NamedTuple):
     rows: Indices
 
 
-def condensed(window: Window, l: Matrix, places: Indices) -> Condensed:
-    """The linear program of a window for directions l (B, n) after the stages `places` (B,)."""
+def condensed(window: Window, targets: Targets) -> Condensed:
+    """The linear program of a window."""
     T, n = window.drift.shape
     counts = [n, *(table.generators.shape[1] + n for table in window.tables)]
     ends = np.cumsum(counts)
     Z = np.zeros((n, ends[-1]))
     centre = 0.5 * window.start[0] + 0.5 * window.start[1]
     Z[:, :n] = np.diag(window.start[1] - centre)
-    objective = np.zeros((len(l), ends[-1]))
+    objective = np.zeros((len(targets.rows), ends[-1]))
     p = len(window.C)
     H = np.zeros((T, p, ends[-1]))
     residual = np.zeros((T, p))
     middle = 0.5 * window.strips[:, 0] + 0.5 * window.strips[:, 1]
-    kept = set(places.tolist())
+    kept = set(targets.places.tolist())
+    if -1 in kept:
+        chosen = targets.places == -1
+        objective[chosen] = targets.rows[chosen] @ Z
     for k, table in enumerate(window.tables):
         used, end = ends[k], ends[k + 1]
         Z[:, :used] = window.Phi[k] @ Z[:, :used]
@@ -56,12 +59,10 @@ def condensed(window: Window, l: Matrix, places: Indices) -> Condensed:
             H[k] = window.C @ Z
             residual[k] = middle[k] - window.C @ centre
         if k in kept:
-            chosen = places == k
-            objective[chosen] = l[chosen] @ Z
+            chosen = targets.places == k
+            objective[chosen] = targets.rows[chosen] @ Z
     rows = np.argwhere(np.repeat(window.sampled[:, None], p, axis=1))
     V = 0.5 * (window.strips[:, 1] - window.strips[:, 0])
     at = (rows[:, 0], rows[:, 1])
-    used_columns = np.flatnonzero((np.abs(H).max(axis=(0, 1)) > TINY))
-    return Condensed(
-        H[at][:, used_columns], residual[at], V[at], objective[:, used_columns], rows
-    )
+    used_columns = np.flatnonzero(np.abs(H).max(axis=(0, 1)) > TINY)
+    return Condensed(H[at][:, used_columns], residual[at], V[at], objective[:, used_columns], rows)

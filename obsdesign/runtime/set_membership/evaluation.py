@@ -19,25 +19,24 @@ from __future__ import annotations
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Indices, Matrix
+from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.enclosure import TINY, UNIT
 from obsdesign.equations.set_membership.support import piece_bound
-from obsdesign.runtime.set_membership.stages import Window
+from obsdesign.runtime.set_membership.stages import Targets, Window
 
 
-def upper_bounds(window: Window, l: Matrix, places: Indices, mu: Matrix) -> Matrix:
-    """Upper bounds (B,) of l'z after the stages `places`, certified; +inf where numbers overflow.
+def upper_bounds(window: Window, targets: Targets, mu: Matrix) -> Matrix:
+    """Upper bounds (B,) of the targets, certified; +inf where numbers overflow.
 
-    l (B, n); places (B,): stage after which l'z is meant, T - 1 for the state now; mu (B, T, p):
-    multipliers, zero where a stage has no sample.
+    mu (B, T, p): multipliers, zero where a stage has no sample.
     """
     with np.errstate(over="ignore", invalid="ignore"):
-        p, q = _walk(window, l, places, mu)
+        p, q = _walk(window, targets, mu)
         value, size, error = _linear_terms(window, p, q, mu)
         added = support(window, q)
         T, n = window.drift.shape
         outputs, summands = mu.shape[2], window.columns[0, 0, 0].size
-        error = error + _residuals(window, l, places, p, q, mu)
+        error = error + _residuals(window, targets, p, q, mu)
         roundings = T * (2 * n + 2 * outputs + summands + 8) + 2 * n + 60
         total = value + added
         pad = (error + roundings * UNIT * (size + added)) * (1.0 + 2 * roundings * UNIT)
@@ -45,21 +44,24 @@ def upper_bounds(window: Window, l: Matrix, places: Indices, mu: Matrix) -> Matr
         return np.where(np.isfinite(result), result, np.inf)
 
 
-def _walk(window: Window, l: Matrix, places: Indices, mu: Matrix) -> tuple[Matrix, Matrix]:
+def _walk(window: Window, targets: Targets, mu: Matrix) -> tuple[Matrix, Matrix]:
     """p (T + 1, B, n): after stage k - 1, before its sample; q (T, B, n): behind that sample.
 
-    p[T] is zero: l enters after the stage it is about.
+    p[T] is zero: a row enters after the stage that it is about.
     """
     T, n = window.drift.shape
-    p, q = np.zeros((T + 1, len(l), n)), np.empty((T, len(l), n))
+    rows, places = targets
+    p, q = np.zeros((T + 1, len(rows), n)), np.empty((T, len(rows), n))
     pull = mu.transpose(1, 0, 2) @ window.C
     last = int(places.min())
     for k in range(T - 1, -1, -1):
         here = p[k + 1]
         if k >= last:
-            here = here + np.where((places == k)[:, None], l, 0.0)
+            here = here + np.where((places == k)[:, None], rows, 0.0)
         np.subtract(here, pull[k], out=q[k])
         np.matmul(q[k], window.Phi[k], out=p[k])
+    if last < 0:
+        p[0] += np.where((places == -1)[:, None], rows, 0.0)
     return p, q
 
 
@@ -97,19 +99,19 @@ def support(window: Window, q: Matrix) -> Matrix:
     return result
 
 
-def _residuals(
-    window: Window, l: Matrix, places: Indices, p: Matrix, q: Matrix, mu: Matrix
-) -> Matrix:
+def _residuals(window: Window, targets: Targets, p: Matrix, q: Matrix, mu: Matrix) -> Matrix:
     """Bound (B,) of what the roundings of p and q contribute, with z in the stored boxes."""
     outputs = mu.shape[2]
     flows = (np.abs(q) @ window.phi_error) * window.sizes[:-1, None]
     entering = np.abs(p[1:]) + np.abs(mu).transpose(1, 0, 2) @ np.abs(window.C)
     # exact where there is neither a sample nor an l that enters an earlier p
     is_rounded = window.sampled[:, None] & mu.any(axis=2).T
+    places, size = targets.places, np.abs(targets.rows)
     is_entering = places[None, :] == np.arange(len(q))[:, None]
     inside = is_entering & (places != len(q) - 1)[None, :]
-    entering = entering + np.where(is_entering[..., None], np.abs(l), 0.0)
+    entering = entering + np.where(is_entering[..., None], size, 0.0)
     active = (is_rounded | inside)[..., None]
     samples = np.where(active, (outputs + 4) * UNIT * entering, 0.0) * window.sizes[1:, None]
-    result: Matrix = (flows + samples).sum(axis=(0, 2)) * (1.0 + 64 * UNIT * len(l[0]))
-    return result
+    at_start = np.where((places == -1)[:, None], 2 * UNIT * (np.abs(p[0]) + size), 0.0)
+    result: Matrix = (flows + samples).sum(axis=(0, 2)) + at_start @ window.sizes[0]
+    return result * (1.0 + 64 * UNIT * size.shape[1] * len(q))

@@ -109,7 +109,9 @@ class _Iteration:
         self._keep_best(self.lam @ A)
         return True
 
-    def _solved(self, normal: Matrix, theta: Matrix, rp: Matrix, r: Matrix) -> tuple[Matrix, Matrix]:
+    def _solved(
+        self, normal: Matrix, theta: Matrix, rp: Matrix, r: Matrix
+    ) -> tuple[Matrix, Matrix]:
         right = rp + self._product(theta * r)
         try:
             dlam = np.linalg.solve(normal, right[:, :, None])[:, :, 0]

@@ -40,7 +40,9 @@ class FlowSeries:
     def flow(self, t: float, error: float) -> tuple[Enclosure, Enclosure]:
         """(e^{A s}, int_0^s e^{A r} dr) for every s >= 0 within `error` of t >= 0."""
         halvings = self._halvings(t + error)
-        Phi, integral = self._near(self._table, math.ldexp(t, -halvings), math.ldexp(error, -halvings))
+        Phi, integral = self._near(
+            self._table, math.ldexp(t, -halvings), math.ldexp(error, -halvings)
+        )
         for _ in range(halvings):
             integral = integral + Phi @ integral
             Phi = Phi @ Phi

@@ -12,10 +12,20 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.arrays import Indices, Matrix
 from lmi.arithmetic.enclosure import UNIT, Enclosure, raised
 from obsdesign.runtime.set_membership.model import Model
 from obsdesign.runtime.set_membership.tables import Table, Tables
+
+
+class Targets(NamedTuple):
+    """What is bounded: the rows l (B, n) of l'z after the stages `places` (B,) of a window.
+
+    T - 1 for the state now, -1 for the one before the oldest stage.
+    """
+
+    rows: Matrix
+    places: Indices
 
 
 class Stage(NamedTuple):

@@ -17,8 +17,8 @@ from functools import cached_property
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
-from lmi.arithmetic.enclosure import TINY, UNIT, Enclosure, powers, raised
-from obsdesign.runtime.set_membership.model import Disturbance, Model
+from lmi.arithmetic.enclosure import UNIT, Enclosure, powers, raised
+from obsdesign.runtime.set_membership.model import Model
 from obsdesign.runtime.set_membership.series import FlowSeries
 from obsdesign.runtime.step_cache import shared_step
 
@@ -133,7 +133,9 @@ class Tables:
         bend = np.zeros((model.n, count, width))
         bend[:, :, :r] = E2.transpose(1, 0, 2)
         length = math.nextafter(2.0 * (half + half_error), math.inf)
-        return _table(Phi, forced, columns, bend, length, _generators(F0, FM, F1, E2, length, width))
+        return _table(
+            Phi, forced, columns, bend, length, _generators(F0, FM, F1, E2, length, width)
+        )
 
 
 def _table(
