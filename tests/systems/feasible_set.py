@@ -46,7 +46,7 @@ class Program:
         self.t = 0.0
         # for the walk backwards: (Phi, drift, pieces of the flow or the jump, strip rows)
         self.stages: list[tuple[Matrix, Matrix, Matrix, Matrix | None]] = []
-        self._flows: dict[float, tuple[Matrix, Matrix, Matrix]] = {}
+        self._flows: dict[float, tuple[Matrix, Matrix, Matrix, Matrix]] = {}
 
     def add(self, sample: Sample) -> None:
         """One row: the flow to it, its measurement, its jump."""
@@ -66,9 +66,9 @@ class Program:
         self.t = sample.t
 
     def bounds(self, directions: Matrix | None = None) -> Exact:
-        """Bounds of l'x now, l the rows of `directions` (default: the states)."""
+        """Bounds of l'x now, l a row of `directions` (default: the states)."""
         rows = np.eye(self.case.n) if directions is None else directions
-        ends = [self._bound(s * l) for s in (-1.0, 1.0) for l in rows]
+        ends = [self._bound(sign * row) for sign in (-1.0, 1.0) for row in rows]
         outside = np.reshape([end[1] for end in ends], (2, -1))
         outside[0] *= -1
         if any(end[0] is None for end in ends):
@@ -81,9 +81,9 @@ class Program:
         """Is no state possible, with disturbances constant on the pieces?"""
         return self._bound(np.eye(self.case.n)[0])[0] is None
 
-    def value(self, l: Matrix, mu: Matrix) -> float:
+    def value(self, row: Matrix, mu: Matrix) -> float:
         """The dual sum for multipliers mu (M,): an upper bound of l'x."""
-        p, total, last = l, 0.0, len(mu)
+        p, total, last = row, 0.0, len(mu)
         p_outputs = len(self.case.C)
         for Phi, drift, columns, y in reversed(self.stages):
             if y is None:
@@ -96,11 +96,11 @@ class Program:
         low, high = self.case.x0
         return float(total + np.maximum(p * low, p * high).sum())
 
-    def _bound(self, l: Matrix) -> tuple[float | None, float]:
-        g = l @ self.Z
+    def _bound(self, row: Matrix) -> tuple[float | None, float]:
+        g = row @ self.Z
         if not len(self.H):
-            value = float(l @ self.centre + np.abs(g).sum())
-            return value, self.value(l, np.zeros(0))
+            value = float(row @ self.centre + np.abs(g).sum())
+            return value, self.value(row, np.zeros(0))
         scale = self.V + np.abs(self.H).sum(axis=1)
         H, b = self.H / scale[:, None], np.array([self.residual + self.V, self.V - self.residual])
         b = b / scale
@@ -113,7 +113,7 @@ class Program:
         dual = np.asarray(result.ineqlin.marginals) * size
         M = len(H)
         mu = (-dual[:M] + dual[M:]) / scale
-        return float(l @ self.centre - result.fun * size), self.value(l, mu)
+        return float(row @ self.centre - result.fun * size), self.value(row, mu)
 
     def _map(self, Phi: Matrix, drift: Matrix, coarse: Matrix, fine: Matrix) -> None:
         self.centre = Phi @ self.centre + drift
@@ -134,7 +134,7 @@ class Program:
                     part = step @ part
                 blocks.append(np.hstack(parts))
             Phi, total = flow_integral(self.case.A, h)
-            self._flows[key] = (Phi, *blocks, total)
+            self._flows[key] = (Phi, blocks[0], blocks[1], total)
         return self._flows[key]
 
 

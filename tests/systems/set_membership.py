@@ -5,7 +5,7 @@ A record is drawn from one seed in a fixed order, so that its sums are known num
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -66,7 +66,6 @@ class Record:
 
     samples: tuple[Sample, ...]
     truth: Matrix
-    fault: dict[str, Any] = field(default_factory=dict)
 
     @property
     def y_sum(self) -> float:
@@ -85,19 +84,11 @@ def _initial(seed: int, box: Matrix, times: Any) -> tuple[Matrix, Matrix]:
 def _simulated(case: Case, x: Matrix, times: Matrix, seed: int, extreme: bool) -> Record:
     rng = np.random.default_rng(seed)
 
-    def draw(r: Matrix) -> Matrix:
-        share = -1.0 if extreme else 0.5
-        signs = np.sign(rng.uniform(-1, 1, len(r)))
-        if extreme:
-            return r * signs
-        raise AssertionError(share)
-
-    def draw_mixed(r: Matrix) -> Matrix:
-        is_extreme = rng.random(len(r)) < 0.5
+    def drawn(r: Matrix) -> Matrix:
+        is_extreme = rng.random(len(r)) < (1.0 if extreme else 0.5)
         signs = np.sign(rng.uniform(-1, 1, len(r)))
         return r * np.where(is_extreme, signs, rng.uniform(-1, 1, len(r)))
 
-    drawn = draw if extreme else draw_mixed
     samples = [Sample(0.0, case.C @ x + drawn(case.V))]
     truth = [x]
     b, t = drawn(case.b[1]), 0.0
@@ -164,8 +155,8 @@ def cases() -> dict[str, Case]:
     def middle(low: Matrix, high: Matrix) -> Matrix:
         return np.array([(low + high) / 2, (high - low) / 2])
 
-    assert degue.jump is not None and doses.jump is not None
-    assert sampled.jump is not None and ball.jump is not None
+    for plant in (degue, doses, sampled, ball):
+        assert plant.jump is not None
     listed = [
         Case(
             "degue", degue.flow.A, degue.output.C, degue.jump.G, _pair([0, 0], [2, 2]),

@@ -67,8 +67,8 @@ class SetMembershipGains(PlantGains):
         """(Bw, lower, upper): b = Bw w with w in the box; Bw = I where the box is b's own."""
         if self.disturbance_matrix is None:
             return np.eye(self.n), self.flow_lower, self.flow_upper
-        assert self.disturbance_lower is not None and self.disturbance_upper is not None
-        return self.disturbance_matrix, self.disturbance_lower, self.disturbance_upper
+        lower, upper = self.disturbance_lower, self.disturbance_upper
+        return self.disturbance_matrix, _present(lower), _present(upper)
 
     @property
     def jump_disturbance(self) -> tuple[Array, Array, Array]:
@@ -77,10 +77,14 @@ class SetMembershipGains(PlantGains):
             if self.jump_lower is None or self.jump_upper is None:
                 raise ValueError("gains.jump_lower is missing: this plant has no jumps.")
             return np.eye(self.n), self.jump_lower, self.jump_upper
-        assert self.jump_disturbance_lower is not None and self.jump_disturbance_upper is not None
-        return (
-            self.jump_disturbance_matrix, self.jump_disturbance_lower, self.jump_disturbance_upper,
-        )  # fmt: skip
+        lower, upper = self.jump_disturbance_lower, self.jump_disturbance_upper
+        return self.jump_disturbance_matrix, _present(lower), _present(upper)
+
+
+def _present(values: Array | None) -> Array:
+    """Bounds that come with their matrix."""
+    assert values is not None
+    return values
 
 
 def plant_entries(plant: Any) -> dict[str, Any]:

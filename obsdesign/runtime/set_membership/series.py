@@ -40,9 +40,8 @@ class FlowSeries:
     def flow(self, t: float, error: float) -> tuple[Enclosure, Enclosure]:
         """(e^{A s}, int_0^s e^{A r} dr) for every s >= 0 within `error` of t >= 0."""
         halvings = self._halvings(t + error)
-        Phi, integral = self._near(
-            self._table, math.ldexp(t, -halvings), math.ldexp(error, -halvings)
-        )
+        scale = 2.0**-halvings
+        Phi, integral = self._near(self._table, t * scale, error * scale)
         for _ in range(halvings):
             integral = integral + Phi @ integral
             Phi = Phi @ Phi

@@ -133,9 +133,8 @@ class Tables:
         bend = np.zeros((model.n, count, width))
         bend[:, :, :r] = E2.transpose(1, 0, 2)
         length = math.nextafter(2.0 * (half + half_error), math.inf)
-        return _table(
-            Phi, forced, columns, bend, length, _generators(F0, FM, F1, E2, length, width)
-        )
+        generators = _generators(F0, F1, E2, length, width)
+        return _table(Phi, forced, columns, bend, length, generators)
 
 
 def _table(
@@ -185,7 +184,7 @@ def _padded(parts: list[Enclosure], width: int) -> Enclosure:
 
 
 def _generators(
-    F0: Enclosure, FM: Enclosure, F1: Enclosure, E2: Matrix, length: float, width: int
+    F0: Enclosure, F1: Enclosure, E2: Matrix, length: float, width: int
 ) -> tuple[Matrix, Matrix, Matrix]:
     """(generators, their columns, remainder): four pieces are taken as one, if there are so many.
 
