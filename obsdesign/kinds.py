@@ -57,6 +57,7 @@ _TABLE = (
             "R": ("n", "n"),
         },
     ),
+    Kind("set_membership", "SetMembershipObserver", {}),
     Kind("luenberger", "LuenbergerObserver", {"L": ("n", "p"), "M": ("n", "p")}),
     Kind("impulsive", "ImpulsiveObserver", {}),
     Kind("finite_time", "FiniteTimeObserver", {"L": ("n", "p")}),

@@ -25,6 +25,7 @@ from obsdesign.synthesis.impulsive_input import candidates as impulsive_input
 from obsdesign.synthesis.interval import candidates as interval
 from obsdesign.synthesis.kind import Synthesis, synthesis_of, untried_forms
 from obsdesign.synthesis.luenberger import candidates as luenberger
+from obsdesign.synthesis.set_membership import candidates as set_membership
 from obsdesign.synthesis.unknown_input import candidates as unknown_input
 from obsdesign.verification.finite_time import claims as finite_time_claims
 from obsdesign.verification.finite_time import guarantees as finite_time_guarantees
@@ -44,6 +45,8 @@ from obsdesign.verification.kind import (
 )
 from obsdesign.verification.luenberger import claims as luenberger_claims
 from obsdesign.verification.luenberger import guarantees as luenberger_guarantees
+from obsdesign.verification.set_membership import claims as set_membership_claims
+from obsdesign.verification.set_membership import guarantees as set_membership_guarantees
 from obsdesign.verification.unknown_input import claims as unknown_input_claims
 from obsdesign.verification.unknown_input import guarantees as unknown_input_guarantees
 
@@ -52,6 +55,7 @@ ROOT = Path(__file__).parent.parent
 # the type checker compares the signatures of every module with the protocol of its role
 CANDIDATES: dict[str, Synthesis] = {
     "interval": interval,
+    "set_membership": set_membership,
     "luenberger": luenberger,
     "impulsive": impulsive,
     "finite_time": finite_time,
@@ -60,6 +64,7 @@ CANDIDATES: dict[str, Synthesis] = {
 }
 CLAIMS: dict[str, Verification] = {
     "interval": interval_claims,
+    "set_membership": set_membership_claims,
     "luenberger": luenberger_claims,
     "impulsive": impulsive_claims,
     "finite_time": finite_time_claims,
@@ -69,6 +74,7 @@ CLAIMS: dict[str, Verification] = {
 DWELL_CLAIMS: tuple[DwellVerification, ...] = (interval_claims, luenberger_claims)
 GUARANTEES: dict[str, Conclusions] = {
     "interval": interval_guarantees,
+    "set_membership": set_membership_guarantees,
     "luenberger": luenberger_guarantees,
     "impulsive": impulsive_guarantees,
     "finite_time": finite_time_guarantees,

@@ -235,12 +235,12 @@ def plant_data(plant: Any) -> dict[str, Any]:
     data: dict[str, Any] = {"A": flow.A, "C": output.C}
     if flow.B is not None:
         data["B"] = flow.B
-    data |= {"flow_lower": flow.lower, "flow_upper": flow.upper}
+    data |= dict(zip(("flow_lower", "flow_upper"), flow.b_bounds, strict=True))
     if jump is not None:
         data["G"] = jump.G
         if jump.E is not None:
             data["E"] = jump.E
-        data |= {"jump_lower": jump.lower, "jump_upper": jump.upper}
+        data |= dict(zip(("jump_lower", "jump_upper"), jump.c_bounds, strict=True))
         if jump.dwell_time is not None:
             data["dwell_time"] = list(jump.dwell_time)
         if math.isfinite(jump.dwell_jitter):

@@ -94,10 +94,9 @@ def plant_entries(plant: Any) -> dict[str, Any]:
         entries["period"] = plant.output.period
     for prefix, block in (("", plant.flow), ("jump_", plant.jump)):
         if block is not None and block.disturbance_matrix is not None:
-            lower, upper = block.disturbance_box
             entries |= {
                 f"{prefix}disturbance_matrix": block.disturbance_matrix,
-                f"{prefix}disturbance_lower": lower,
-                f"{prefix}disturbance_upper": upper,
+                f"{prefix}disturbance_lower": block.lower,
+                f"{prefix}disturbance_upper": block.upper,
             }
     return entries

@@ -114,4 +114,4 @@ def _residuals(window: Window, targets: Targets, p: Matrix, q: Matrix, mu: Matri
     samples = np.where(active, (outputs + 4) * UNIT * entering, 0.0) * window.sizes[1:, None]
     at_start = np.where((places == -1)[:, None], 2 * UNIT * (np.abs(p[0]) + size), 0.0)
     result: Matrix = (flows + samples).sum(axis=(0, 2)) + at_start @ window.sizes[0]
-    return result * (1.0 + 64 * UNIT * size.shape[1] * len(q))
+    return np.asarray(result * (1.0 + 64 * UNIT * size.shape[1] * len(q)))

@@ -114,9 +114,9 @@ class _Iteration:
     ) -> tuple[Matrix, Matrix]:
         right = rp + self._product(theta * r)
         try:
-            dlam = np.linalg.solve(normal, right[:, :, None])[:, :, 0]
+            dlam = np.asarray(np.linalg.solve(normal, right[:, :, None])[:, :, 0], np.float64)
         except np.linalg.LinAlgError:
-            dlam = np.full_like(right, np.nan)
+            dlam = np.full(right.shape, np.nan)
         return theta * (self._transposed(dlam) - r), dlam
 
     def _product(self, z: Matrix) -> Matrix:
@@ -129,4 +129,4 @@ class _Iteration:
         """The longest step, at most 1, that keeps z in the box and zl, zu nonnegative."""
         rate = np.maximum(np.abs(dz) / np.where(dz > 0, self.w - self.z, self.w + self.z), 0.0)
         rate = np.maximum(rate, np.maximum(-dzl / self.zl, -dzu / self.zu))
-        return 1.0 / np.maximum(rate.max(axis=1), 1.0)
+        return np.asarray(1.0 / np.maximum(rate.max(axis=1), 1.0))

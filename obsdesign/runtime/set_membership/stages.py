@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lmi.arithmetic.arrays import Indices, Matrix
 from lmi.arithmetic.enclosure import UNIT, Enclosure, raised
@@ -49,6 +50,11 @@ class Stage(NamedTuple):
     box: Matrix
     ends_row: bool
 
+    @property
+    def is_still(self) -> bool:
+        """Is it a measurement alone, without any time since the stage before?"""
+        return self.h == 0.0 and not self.jump
+
 
 @dataclass(frozen=True)
 class Window:
@@ -70,7 +76,7 @@ class Window:
     length: Matrix
     radius: Matrix
     strips: Matrix
-    sampled: Matrix
+    sampled: NDArray[np.bool_]
     sizes: Matrix
     C: Matrix
     tables: tuple[Table, ...]
@@ -81,7 +87,7 @@ class Window:
 
 def magnitude(box: Matrix) -> Matrix:
     """Bound of |z| in a box (..., 2, n): (..., n)."""
-    return np.abs(box).max(axis=-2)
+    return np.asarray(np.abs(box).max(axis=-2))
 
 
 def drift_of(table: Table, known: Matrix) -> tuple[Matrix, Matrix]:

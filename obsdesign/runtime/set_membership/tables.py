@@ -16,7 +16,7 @@ from functools import cached_property
 
 import numpy as np
 
-from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.arrays import Indices, Matrix
 from lmi.arithmetic.enclosure import UNIT, Enclosure, powers, raised
 from obsdesign.runtime.set_membership.model import Model
 from obsdesign.runtime.set_membership.series import FlowSeries
@@ -25,6 +25,9 @@ from obsdesign.runtime.step_cache import shared_step
 # ||A|| times the length of a piece, roughly: its square is the error of the support function
 _PIECE = 0.25
 _MOST_PIECES = 32
+
+# (generators, their columns of the disturbance, remainder) of a table
+Generators = tuple[Matrix, Indices, Matrix]
 
 
 @dataclass(frozen=True)
@@ -46,7 +49,7 @@ class Table:
     bend: Matrix
     length: float
     generators: Matrix
-    units: Matrix
+    units: Indices
     remainder: Matrix
 
     @property
@@ -139,7 +142,7 @@ class Tables:
 
 def _table(
     Phi: Enclosure, forced: Enclosure, columns: Enclosure, bend: Matrix, length: float,
-    generators: tuple[Matrix, Matrix, Matrix],
+    generators: Generators,
 ) -> Table:  # fmt: skip
     n = len(Phi.mid)
     return Table(
@@ -183,9 +186,7 @@ def _padded(parts: list[Enclosure], width: int) -> Enclosure:
     return Enclosure(mid, rad)
 
 
-def _generators(
-    F0: Enclosure, F1: Enclosure, E2: Matrix, length: float, width: int
-) -> tuple[Matrix, Matrix, Matrix]:
+def _generators(F0: Enclosure, F1: Enclosure, E2: Matrix, length: float, width: int) -> Generators:
     """(generators, their columns, remainder): four pieces are taken as one, if there are so many.
 
     A piece of length d adds F0 w_mean, a deviation of at most d^2/4 |p'F1| from it and a box of

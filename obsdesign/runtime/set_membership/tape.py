@@ -69,13 +69,17 @@ class Bounder:
 
     def predicted(self, tape: Tape, stage: Stage) -> Tape:
         """The tape with one more stage, its box without the measurement; the oldest one may go."""
-        window = window_of(self.model, self.tables, tape.box, [stage], None)
-        none = np.zeros((2 * self.model.n, 1, len(self.model.C)))
-        box = _box(upper_bounds(window, self._state_targets(0), none))
+        box = tape.box if stage.is_still else self._after(stage, tape.box)
         stages, start = (*tape.stages, stage._replace(box=box)), tape.start
         if len(stages) > self.gains.window:
             start, stages = stages[0].box, stages[1:]
         return Tape(start, stages, box)
+
+    def _after(self, stage: Stage, box: Matrix) -> Matrix:
+        """Bounds after a stage from bounds before it."""
+        window = window_of(self.model, self.tables, box, [stage], None)
+        none = np.zeros((2 * self.model.n, 1, len(self.model.C)))
+        return _box(upper_bounds(window, self._state_targets(0), none))
 
     def cut(self, tape: Tape) -> Tape | None:
         """The tape, its last box cut by the strip of the measurement; None if that is empty."""
