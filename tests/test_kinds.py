@@ -17,6 +17,7 @@ from obsdesign.runtime.impulsive_input.observer import ImpulsiveInputObserver
 from obsdesign.runtime.interval.observer import IntervalObserver
 from obsdesign.runtime.load import RunnableKind, observer_class
 from obsdesign.runtime.luenberger.observer import LuenbergerObserver
+from obsdesign.runtime.set_membership.observer import SetMembershipObserver
 from obsdesign.runtime.unknown_input.fixed_lag import FixedLagObserver
 from obsdesign.runtime.unknown_input.observer import UnknownInputObserver
 from obsdesign.synthesis.finite_time import candidates as finite_time
@@ -87,6 +88,7 @@ WARNS: dict[str, Warns] = {
 }
 OBSERVERS: dict[str, RunnableKind] = {
     "interval": IntervalObserver,
+    "set_membership": SetMembershipObserver,
     "luenberger": LuenbergerObserver,
     "impulsive": ImpulsiveObserver,
     "finite_time": FiniteTimeObserver,

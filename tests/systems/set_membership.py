@@ -5,6 +5,7 @@ A record is drawn from one seed in a fixed order, so that its sums are known num
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,8 +15,10 @@ from scipy.linalg import expm
 
 import obsdesign
 from lmi.arithmetic.arrays import Matrix
+from obsdesign.equations.set_membership.gains import SetMembershipGains
 from obsdesign.problem.plant import Flow, Jump, Output, Plant
 from obsdesign.runtime.base import Sample
+from obsdesign.runtime.set_membership.observer import SetMembershipObserver
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -200,3 +203,15 @@ def cases() -> dict[str, Case]:
 ROW_SUMS = {
     "degue": 7.56357518, "rand2_21": -30.1639188, "rand4_42": -448.658577, "doses": 163.861446,
 }  # fmt: skip
+
+
+def observer_of(case: Case, window: int, steps: int = 8, **entries: Any) -> SetMembershipObserver:
+    """The multiplier observer of a plant."""
+    gains = SetMembershipGains.from_plant(case.plant, window=window, steps=steps, **entries)
+    return SetMembershipObserver(gains)
+
+
+def bounds_of(observer: SetMembershipObserver, case: Case, samples: Iterable[Sample]) -> Matrix:
+    """Bounds after every row, (rows, 2, n)."""
+    state = observer.init(0.0, lower=case.x0[0], upper=case.x0[1])
+    return np.array([[e.lower, e.upper] for e in observer.run(state, samples)])

@@ -91,7 +91,7 @@ def support(window: Window, q: Matrix) -> Matrix:
     shape = (T, q.shape[1], parts, pieces, width)
     exact = np.abs(q @ window.columns.reshape(flat)).reshape(shape)
     error = (q_size @ window.column_error.reshape(flat)).reshape(shape)
-    l2 = (q_size @ window.bend.reshape(T, n, pieces * width)).reshape(T, -1, pieces, width)
+    l2 = (q_size @ window.bend.reshape(T, n, pieces * width)).reshape(shape[:2] + shape[3:])
     high = exact + error
     l0 = (exact[:, :, 1] - error[:, :, 1], high[:, :, 1])
     terms = piece_bound(high[:, :, 0], l0, high[:, :, 2], l2, window.length)

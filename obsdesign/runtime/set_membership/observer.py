@@ -43,7 +43,6 @@ from obsdesign.runtime.set_membership.tables import Table, Tables
 from obsdesign.runtime.set_membership.tape import Bounder, Contradiction, Result, Tape
 from obsdesign.runtime.time_stamps import time_tolerance
 
-INCONSISTENT = "measurement inconsistent with the predicted bounds"
 _SUBNORMAL = 1e-290
 _MOST_NAMED = 8
 
@@ -165,7 +164,7 @@ class SetMembershipObserver(Stepped[SetMembershipState]):
             tape = bounder.predicted(tape, stage)
             free, cut = tape.box, bounder.cut(tape)
             if cut is None:
-                fault = INCONSISTENT
+                fault = _contradiction_text(bounder.contradiction(tape))
             tape = Tape.beginning(free) if cut is None else cut
         if fault is not None:
             return self._restarted(free, fault)

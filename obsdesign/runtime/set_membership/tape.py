@@ -114,6 +114,13 @@ class Bounder:
         tape = Tape(tape.start, (*tape.stages[:-1], stage), box)
         return tape, Result(box, along, lagged)
 
+    def contradiction(self, tape: Tape) -> Contradiction:
+        """The samples that exclude each other, where the last one does not meet its prediction."""
+        bounded = self.bounded(tape)
+        if isinstance(bounded, Contradiction):
+            return bounded
+        return Contradiction((tape.stages[-1].t,))
+
     def _proposed(self, window: Window, targets: Targets) -> Matrix:
         program = condensed(window, targets)
         mu = np.zeros((len(targets.rows), len(window), len(self.model.C)))
