@@ -25,6 +25,8 @@ from obsdesign.runtime.step_cache import shared_step
 # ||A|| times the length of a piece, roughly: its square is the error of the support function
 _PIECE = 0.25
 _MOST_PIECES = 32
+# pieces that are taken as one in the search for multipliers, where a step has more than two
+_GROUPED = 4
 
 # (generators, their columns of the disturbance, remainder) of a table
 Generators = tuple[Matrix, Indices, Matrix]
@@ -187,18 +189,18 @@ def _padded(parts: list[Enclosure], width: int) -> Enclosure:
 
 
 def _generators(F0: Enclosure, F1: Enclosure, E2: Matrix, length: float, width: int) -> Generators:
-    """(generators, their columns, remainder): four pieces are taken as one, if there are so many.
+    """(generators, their columns, remainder) of pieces, several of them as one.
 
     A piece of length d adds F0 w_mean, a deviation of at most d^2/4 |p'F1| from it and a box of
-    d^3/8 E2.
+    d^3/12 E2.
     """
     count, n, r = F0.mid.shape
-    group = min(count, 4)
-    groups = count // group
+    groups = min(count, max(2, count // _GROUPED))
+    group = count // groups
     d = length * group
     mean = F0.mid.reshape(groups, group, n, r).sum(axis=1)
     slope = F1.mid.reshape(groups, group, n, r).mean(axis=1) * (0.25 * d * d)
-    bend = E2.reshape(groups, group, n, r).max(axis=1).sum(axis=0) * (0.125 * d**3)
+    bend = E2.reshape(groups, group, n, r).max(axis=1).sum(axis=0) * (d**3 / 12.0)
     columns = np.concatenate([mean, slope]).transpose(1, 0, 2).reshape(n, -1)
     units = np.tile(np.arange(r), 2 * groups)
     remainder = np.zeros((n, width))
