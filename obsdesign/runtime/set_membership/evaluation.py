@@ -30,18 +30,17 @@ def upper_bounds(window: Window, targets: Targets, mu: Matrix) -> Matrix:
 
     mu (B, T, p): multipliers, zero where a stage has no sample.
     """
-    with np.errstate(over="ignore", invalid="ignore"):
-        p, q = _walk(window, targets, mu)
-        value, size, error = _linear_terms(window, p, q, mu)
-        added = support(window, q)
-        T, n = window.drift.shape
-        outputs, summands = mu.shape[2], window.columns[0, 0, 0].size
-        error = error + _residuals(window, targets, p, q, mu)
-        roundings = T * (2 * n + 2 * outputs + summands + 8) + 2 * n + 60
-        total = value + added
-        pad = (error + roundings * UNIT * (size + added)) * (1.0 + 2 * roundings * UNIT)
-        result = np.nextafter(total + pad + TINY, np.inf)
-        return np.where(np.isfinite(result), result, np.inf)
+    p, q = _walk(window, targets, mu)
+    value, size, error = _linear_terms(window, p, q, mu)
+    added = support(window, q)
+    T, n = window.drift.shape
+    outputs, summands = mu.shape[2], window.columns[0, 0, 0].size
+    error = error + _residuals(window, targets, p, q, mu)
+    roundings = T * (2 * n + 2 * outputs + summands + 8) + 2 * n + 60
+    total = value + added
+    pad = (error + roundings * UNIT * (size + added)) * (1.0 + 2 * roundings * UNIT)
+    result = np.nextafter(total + pad + TINY, np.inf)
+    return np.where(np.isfinite(result), result, np.inf)
 
 
 def _walk(window: Window, targets: Targets, mu: Matrix) -> tuple[Matrix, Matrix]:

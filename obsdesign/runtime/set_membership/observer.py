@@ -130,7 +130,8 @@ class SetMembershipObserver(Stepped[SetMembershipState]):
         y = optional_measurement(sample.y, self.gains.p)
         own = sample.bounds or Bounds()
         u = state.u if sample.u is None else vector(sample.u, len(state.u), "u")
-        tape, result, fault = self._propagated(state, sample, t, y)
+        with np.errstate(over="ignore", invalid="ignore"):  # overflow shows as infinite bounds
+            tape, result, fault = self._propagated(state, sample, t, y)
         guard, late = state.guard.after(t, sample.jump)
         reasons = [] if fault is None else [fault]
         reasons += [late] if late else []

@@ -217,16 +217,15 @@ def _shared(first: Matrix, second: Matrix) -> Matrix:
 def _products(rows: Matrix, box: Matrix) -> Matrix:
     """Upper bounds of rows @ z over a box, rounded up."""
     terms = np.maximum(rows * box[0], rows * box[1])
-    with np.errstate(invalid="ignore"):
-        pad = (2 * rows.shape[1] + 8) * UNIT * np.abs(terms).sum(axis=1) + TINY
-        upper = np.nextafter(terms.sum(axis=1) + pad, np.inf)
+    pad = (2 * rows.shape[1] + 8) * UNIT * np.abs(terms).sum(axis=1) + TINY
+    upper = np.nextafter(terms.sum(axis=1) + pad, np.inf)
     return np.where(np.isfinite(upper), upper, np.inf)
 
 
 def strip_cut(box: Matrix, C: Matrix, strip: Matrix) -> Matrix | None:
     """The box around the part of a box with C z in the strip (2, p); None if it is empty."""
     n = C.shape[1]
-    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+    with np.errstate(divide="ignore"):
         # C_ri z_i <= high_r - sum over j != i of the least C_rj z_j
         low, high = np.minimum(C * box[0], C * box[1]), np.maximum(C * box[0], C * box[1])
         others = 1.0 - np.eye(n)
@@ -234,11 +233,11 @@ def strip_cut(box: Matrix, C: Matrix, strip: Matrix) -> Matrix | None:
         pad = (2 * n + 12) * UNIT * size + TINY
         top = strip[1][:, None] - low @ others + pad
         bottom = strip[0][:, None] - high @ others - pad
-        ends = np.stack([bottom / C, top / C])
-        ends = np.where(C == 0, [[[-np.inf]], [[np.inf]]], np.sort(ends, axis=0))
-        lower = np.nextafter(ends[0].max(axis=0), -np.inf)
-        upper = np.nextafter(ends[1].min(axis=0), np.inf)
-        lower = np.where(np.isnan(lower), -np.inf, lower)
-        upper = np.where(np.isnan(upper), np.inf, upper)
-    result = _shared(box, np.stack([lower, upper]))
+        lower = np.where(C > 0, bottom, top) / C
+        upper = np.where(C > 0, top, bottom) / C
+    # no bound where C is zero, or from a box that is not finite
+    lower = np.where((C == 0) | np.isnan(lower), -np.inf, np.nextafter(lower, -np.inf))
+    upper = np.where((C == 0) | np.isnan(upper), np.inf, np.nextafter(upper, np.inf))
+    strips = np.stack([lower.max(axis=0), upper.min(axis=0)])
+    result = _shared(box, strips)
     return None if (result[0] > result[1]).any() else result
