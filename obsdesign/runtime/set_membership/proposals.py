@@ -41,18 +41,20 @@ def propose(H: Matrix, residual: Matrix, V: Matrix, objective: Matrix, steps: in
 
 
 class _Iteration:
-    """The state of the iteration: z, lam, zl, zu for all directions."""
+    """z, lam and the multipliers zl, zu of -w <= z <= w, for all directions.
+
+    pulled: (H I)'lam; q: (-g, 0).
+    """
 
     def __init__(self, A: Matrix, rho: Matrix, w: Matrix, g: Matrix) -> None:
-        self.A, self.rho, self.w, self.g = A, rho, w, g
-        self.M, self.R = A.shape
-        B = len(g)
+        self.A, self.rho, self.w = A, rho, w
+        (self.M, self.R), B = A.shape, len(g)
         self.q = np.concatenate([-g, np.zeros((B, self.M))], axis=1)
-        self.z = np.zeros((B, self.R + self.M))
-        self.lam = np.zeros((B, self.M))
-        k = _START / (self.R + self.M)
-        self.zl = np.maximum(self.q, 0.0) + k / w
-        self.zu = np.maximum(-self.q, 0.0) + k / w
+        self.z, self.lam = np.zeros(self.q.shape), np.zeros((B, self.M))
+        self.pulled = np.zeros(self.q.shape)
+        start = _START / (self.R + self.M) / w
+        self.zl = np.maximum(self.q, 0.0) + start
+        self.zu = np.maximum(-self.q, 0.0) + start
         self.best_mu = np.zeros((B, self.M))
         self.best_value = np.abs(g).sum(axis=1)
 
@@ -63,70 +65,75 @@ class _Iteration:
                 break
         return self.best_mu
 
-    def _keep_best(self, pulled: Matrix) -> None:
-        """Compare the bounds of lam with the best; pulled: lam A."""
+    def _step(self) -> bool:
+        """One predictor and corrector step; False where nothing changes any more."""
+        A, w, R, z, zl, zu = self.A, self.w, self.R, self.z, self.zl, self.zu
+        inverse_low, inverse_high = 1.0 / (w + z), 1.0 / (w - z)
+        theta = 1.0 / (zl * inverse_low + zu * inverse_high)
+        total = (w * (zl + zu) + z * (zl - zu)).sum(axis=1)
+        count = 2 * z.shape[1]
+        is_open = np.isfinite(total) & (total > _CONVERGED * count)
+        if not is_open.any():
+            return False
+        normal = ((A * theta[:, None, :R]).reshape(-1, R) @ A.T).reshape(-1, self.M, self.M)
+        diagonal = np.arange(self.M)
+        normal[:, diagonal, diagonal] += theta[:, R:]
+        slack, missing = self.q - self.pulled, self.rho - self._product(z)
+        dz = self._direction(normal, theta, missing, slack)[0]
+        low, high = dz * inverse_low, dz * inverse_high
+        length = _length(high, low, 1.0 + low, 1.0 - high)
+        cross_low, cross_high = dz * zl * (1.0 + low), dz * zu * (1.0 - high)
+        after = (1.0 - length) * total - length * length * (cross_low - cross_high).sum(axis=1)
+        target = ((after / total) ** 3 * total / count)[:, None]
+        lift_low = (target + cross_low) * inverse_low
+        lift_high = (target - cross_high) * inverse_high
+        dz, dlam, pull = self._direction(normal, theta, missing, slack - lift_low + lift_high)
+        low, high = dz * inverse_low, dz * inverse_high
+        less_low, less_high = zl * (1.0 + low) - lift_low, zu * (1.0 - high) - lift_high
+        length = _TO_BOUNDARY * _length(high, low, less_low / zl, less_high / zu)
+        usable = is_open & np.isfinite(length) & np.isfinite(dlam).all(axis=1)
+        self._move(np.where(usable, length, 0.0)[:, None], dz, dlam, pull, (less_low, less_high))
+        return True
+
+    def _move(
+        self, length: Matrix, dz: Matrix, dlam: Matrix, pull: Matrix, less: tuple[Matrix, Matrix]
+    ) -> None:
+        """Go so far along the directions; keep the best multipliers."""
+        if not length.all():  # directions that are not finite are not gone along
+            dz, dlam, pull, *less = (  # type: ignore[assignment]
+                np.where(length > 0, step, 0.0) for step in (dz, dlam, pull, *less)
+            )
+        self.z = self.z + length * dz
+        self.lam = self.lam + length * dlam
+        self.pulled = self.pulled + length * pull
+        self.zl, self.zu = self.zl - length * less[0], self.zu - length * less[1]
         R = self.R
-        value = np.abs(self.g + pulled).sum(axis=1) - self.lam @ self.rho
-        value = value + np.abs(self.lam) @ self.w[R:]
+        value = np.abs(self.pulled[:, :R] - self.q[:, :R]).sum(axis=1) - self.lam @ self.rho
+        value += np.abs(self.lam) @ self.w[R:]
         better = value < self.best_value
         self.best_value = np.where(better, value, self.best_value)
         self.best_mu[better] = -self.lam[better]
 
-    def _step(self) -> bool:
-        """One predictor and corrector step; False where nothing changes any more."""
-        A, w, R = self.A, self.w, self.R
-        z, zl, zu = self.z, self.zl, self.zu
-        low, high = w + z, w - z
-        inverse_low, inverse_high = 1.0 / low, 1.0 / high
-        dl, du = zl * inverse_low, zu * inverse_high
-        theta = 1.0 / (dl + du)
-        normal = ((A * theta[:, None, :R]).reshape(-1, R) @ A.T).reshape(-1, self.M, self.M)
-        diagonal = np.arange(self.M)
-        normal[:, diagonal, diagonal] += theta[:, R:]
-        rd = self.q - zl + zu - self._transposed(self.lam)
-        rp = self.rho - self._product(z)
-        gap = (zl * low + zu * high).sum(axis=1) / (2 * z.shape[1])
-        open_ = np.isfinite(gap) & (gap > _CONVERGED)
-        if not open_.any():
-            return False
-        # predictor: cl = -zl low, cu = -zu high
-        dz, dlam = self._solved(normal, theta, rp, rd + zl - zu)
-        dzl, dzu = -zl - dl * dz, -zu + du * dz
-        step = self._length(dz, dzl, dzu)[:, None]
-        after = ((zl + step * dzl) * (low + step * dz)).sum(axis=1)
-        after += ((zu + step * dzu) * (high - step * dz)).sum(axis=1)
-        target = ((after / (2 * z.shape[1] * gap)) ** 3 * gap)[:, None]
-        cl = (target - dz * dzl) * inverse_low - zl
-        cu = (target + dz * dzu) * inverse_high - zu
-        dz, dlam = self._solved(normal, theta, rp, rd - cl + cu)
-        dzl, dzu = cl - dl * dz, cu + du * dz
-        step = np.where(open_, _TO_BOUNDARY * self._length(dz, dzl, dzu), 0.0)[:, None]
-        usable = (np.isfinite(dlam).all(axis=1) & np.isfinite(step[:, 0]))[:, None]
-        self.z = np.where(usable, z + step * dz, z)
-        self.lam = np.where(usable, self.lam + step * dlam, self.lam)
-        self.zl = np.where(usable, zl + step * dzl, zl)
-        self.zu = np.where(usable, zu + step * dzu, zu)
-        self._keep_best(self.lam @ A)
-        return True
-
-    def _solved(
-        self, normal: Matrix, theta: Matrix, rp: Matrix, r: Matrix
-    ) -> tuple[Matrix, Matrix]:
-        right = rp + self._product(theta * r)
+    def _direction(
+        self, normal: Matrix, theta: Matrix, missing: Matrix, r: Matrix
+    ) -> tuple[Matrix, Matrix, Matrix]:
+        """(dz, dlam, (H I)'dlam) of the Newton equations."""
+        weighted = theta * r
+        right = missing + self._product(weighted)
         try:
             dlam = np.asarray(np.linalg.solve(normal, right[:, :, None])[:, :, 0], np.float64)
         except np.linalg.LinAlgError:
             dlam = np.full(right.shape, np.nan)
-        return theta * (self._transposed(dlam) - r), dlam
+        pull = np.concatenate([dlam @ self.A, dlam], axis=1)
+        return theta * pull - weighted, dlam, pull
 
     def _product(self, z: Matrix) -> Matrix:
+        """(H I) z."""
         return z[:, : self.R] @ self.A.T + z[:, self.R :]
 
-    def _transposed(self, lam: Matrix) -> Matrix:
-        return np.concatenate([lam @ self.A, lam], axis=1)
 
-    def _length(self, dz: Matrix, dzl: Matrix, dzu: Matrix) -> Matrix:
-        """The longest step, at most 1, that keeps z in the box and zl, zu nonnegative."""
-        rate = np.maximum(np.abs(dz) / np.where(dz > 0, self.w - self.z, self.w + self.z), 0.0)
-        rate = np.maximum(rate, np.maximum(-dzl / self.zl, -dzu / self.zu))
-        return np.asarray(1.0 / np.maximum(rate.max(axis=1), 1.0))
+def _length(high: Matrix, low: Matrix, less_low: Matrix, less_high: Matrix) -> Matrix:
+    """The longest step, at most 1, that keeps z inside and its multipliers nonnegative."""
+    rate = np.maximum(high.max(axis=1), -low.min(axis=1))
+    rate = np.maximum(rate, np.maximum(less_low.max(axis=1), less_high.max(axis=1)))
+    return np.asarray(1.0 / np.maximum(rate, 1.0))

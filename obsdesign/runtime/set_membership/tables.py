@@ -198,11 +198,12 @@ def _generators(F0: Enclosure, F1: Enclosure, E2: Matrix, length: float, width: 
     groups = min(count, max(2, count // _GROUPED))
     group = count // groups
     d = length * group
-    mean = F0.mid.reshape(groups, group, n, r).sum(axis=1)
-    slope = F1.mid.reshape(groups, group, n, r).mean(axis=1) * (0.25 * d * d)
-    bend = E2.reshape(groups, group, n, r).max(axis=1).sum(axis=0) * (d**3 / 12.0)
-    columns = np.concatenate([mean, slope]).transpose(1, 0, 2).reshape(n, -1)
-    units = np.tile(np.arange(r), 2 * groups)
+    shape = (groups, group, n, r)
+    mean = F0.mid.reshape(shape).sum(axis=1)
+    slope = np.abs(F1.mid).reshape(shape).mean(axis=1) * (0.25 * d * d)
+    bend = E2.reshape(shape).max(axis=1) * (d**3 / 12.0)
+    columns = mean.transpose(1, 0, 2).reshape(n, -1)
+    units = np.tile(np.arange(r), groups)
     remainder = np.zeros((n, width))
-    remainder[:, :r] = bend
+    remainder[:, :r] = (slope + bend).sum(axis=0)
     return columns, units, remainder
