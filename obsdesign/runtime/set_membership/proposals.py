@@ -18,7 +18,8 @@ from lmi.arithmetic.enclosure import TINY
 _START = 10.0
 _TO_BOUNDARY = 0.995
 _SMALLEST_NOISE = 1e-7  # of a scaled row: strips of no width keep an interior
-_CONVERGED = 1e-11
+# duality gap, in parts of the half width that the multipliers give, at which the search ends
+_CONVERGED = 1e-4
 
 
 def propose(H: Matrix, residual: Matrix, V: Matrix, objective: Matrix, steps: int) -> Matrix:
@@ -56,7 +57,7 @@ class _Iteration:
         self.zl = np.maximum(self.q, 0.0) + start
         self.zu = np.maximum(-self.q, 0.0) + start
         self.best_mu = np.zeros((B, self.M))
-        self.best_value = np.abs(g).sum(axis=1)
+        self.best_value = self.half_width = np.abs(g).sum(axis=1)
 
     def best(self, steps: int) -> Matrix:
         """The best multipliers of so many steps."""
@@ -72,7 +73,7 @@ class _Iteration:
         theta = 1.0 / (zl * inverse_low + zu * inverse_high)
         total = (w * (zl + zu) + z * (zl - zu)).sum(axis=1)
         count = 2 * z.shape[1]
-        is_open = np.isfinite(total) & (total > _CONVERGED * count)
+        is_open = np.isfinite(total) & (total > _CONVERGED * self.half_width)
         if not is_open.any():
             return False
         normal = ((A * theta[:, None, :R]).reshape(-1, R) @ A.T).reshape(-1, self.M, self.M)
@@ -108,8 +109,9 @@ class _Iteration:
         self.pulled = self.pulled + length * pull
         self.zl, self.zu = self.zl - length * less[0], self.zu - length * less[1]
         R = self.R
-        value = np.abs(self.pulled[:, :R] - self.q[:, :R]).sum(axis=1) - self.lam @ self.rho
-        value += np.abs(self.lam) @ self.w[R:]
+        half = np.abs(self.pulled[:, :R] - self.q[:, :R]).sum(axis=1)
+        self.half_width = half + np.abs(self.lam) @ self.w[R:]
+        value = self.half_width - self.lam @ self.rho
         better = value < self.best_value
         self.best_value = np.where(better, value, self.best_value)
         self.best_mu[better] = -self.lam[better]

@@ -25,6 +25,7 @@ from obsdesign.runtime.step_cache import shared_step
 # ||A|| times the length of a piece, roughly: its square is the error of the support function
 _PIECE = 0.25
 _MOST_PIECES = 32
+_RECENT = 1024  # step lengths as they come, before rounding
 # pieces that are taken as one in the search for multipliers, where a step has more than two
 _GROUPED = 4
 
@@ -67,10 +68,17 @@ class Tables:
         self._model = model
         self._series = FlowSeries(model.A)
         self._steps: OrderedDict[tuple[float, int], Table] = OrderedDict()
+        self._recent: dict[tuple[float, int], Table] = {}
 
     def for_step(self, h: float, size: float) -> Table:
         """The table of a step of about h >= 0 between time stamps of magnitude `size`."""
-        return shared_step(self._steps, h, size, self._built)
+        key = (h, math.frexp(size)[1])
+        table = self._recent.get(key)
+        if table is None:
+            if len(self._recent) >= _RECENT:
+                self._recent.clear()
+            table = self._recent[key] = shared_step(self._steps, h, size, self._built)
+        return table
 
     @cached_property
     def jump(self) -> Table:
