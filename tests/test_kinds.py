@@ -133,7 +133,7 @@ def test_rows_that_come_later_have_a_class_of_their_own() -> None:
 
 
 def test_what_is_no_kind_is_refused() -> None:
-    with pytest.raises(InputError, match="kind must be one of interval, luenberger, "):
+    with pytest.raises(InputError, match="kind must be one of interval, set_membership, "):
         kind_named("kalman")
 
 
