@@ -68,6 +68,9 @@ _TABLE = (
 KINDS = tuple(kind.name for kind in _TABLE)
 GAINS: Mapping[str, Mapping[str, tuple[str, str]]] = {kind.name: kind.gains for kind in _TABLE}
 
+# kinds that give bounds: they start from bounds of the state
+GIVING_BOUNDS = ("interval", "set_membership")
+
 # what `search` knows: ends of a range of dwell times, and of finite_time
 DWELL_SEARCHES = ("shortest_dwell", "longest_dwell")
 PERIOD_SEARCHES = ("longest_period", "shortest_window")

@@ -93,21 +93,16 @@ class _Iteration:
         less_low, less_high = zl * (1.0 + low) - lift_low, zu * (1.0 - high) - lift_high
         length = _TO_BOUNDARY * _length(high, low, less_low / zl, less_high / zu)
         usable = is_open & np.isfinite(length) & np.isfinite(dlam).all(axis=1)
-        self._move(np.where(usable, length, 0.0)[:, None], dz, dlam, pull, (less_low, less_high))
+        self._move(np.where(usable, length, 0.0)[:, None], [dz, dlam, pull, less_low, less_high])
         return True
 
-    def _move(
-        self, length: Matrix, dz: Matrix, dlam: Matrix, pull: Matrix, less: tuple[Matrix, Matrix]
-    ) -> None:
-        """Go so far along the directions; keep the best multipliers."""
-        if not length.all():  # directions that are not finite are not gone along
-            dz, dlam, pull, *less = (  # type: ignore[assignment]
-                np.where(length > 0, step, 0.0) for step in (dz, dlam, pull, *less)
-            )
-        self.z = self.z + length * dz
-        self.lam = self.lam + length * dlam
-        self.pulled = self.pulled + length * pull
-        self.zl, self.zu = self.zl - length * less[0], self.zu - length * less[1]
+    def _move(self, length: Matrix, steps: list[Matrix]) -> None:
+        """Go so far in z, lam and pulled, back in zl and zu; keep the best multipliers."""
+        if not length.all():  # a step that is not finite is not made
+            steps = [np.where(length > 0, step, 0.0) for step in steps]
+        dz, dlam, pull, less_low, less_high = (length * step for step in steps)
+        self.z, self.lam, self.pulled = self.z + dz, self.lam + dlam, self.pulled + pull
+        self.zl, self.zu = self.zl - less_low, self.zu - less_high
         R = self.R
         half = np.abs(self.pulled[:, :R] - self.q[:, :R]).sum(axis=1)
         self.half_width = half + np.abs(self.lam) @ self.w[R:]

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from lmi.arithmetic.arrays import Matrix
 from obsdesign.data.stream import estimates_of
 from obsdesign.document import Design
+from obsdesign.kinds import GIVING_BOUNDS
 from obsdesign.problem.plant import Plant
 from obsdesign.runtime import from_design
 from obsdesign.studies.comparison.kalman import kalman_filter, tuned_walk
@@ -52,7 +53,7 @@ class ComparisonRow:
 def run(design: Design, record: ComparisonRecord, start: Matrix) -> dict[str, Any]:
     """Errors, widths and times of a design, started in the bounds (n, 2) or their middle."""
     observer = from_design(design)
-    begin = start if design.kind == "interval" else start.mean(axis=1)
+    begin = start if design.kind in GIVING_BOUNDS else start.mean(axis=1)
     state = observer.start(record.samples[0].t, begin.reshape(-1).tolist())
     samples = record.samples
     if not observer.reads["jump"]:  # this kind detects impulses itself
