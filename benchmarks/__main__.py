@@ -14,7 +14,7 @@ CLAIMS = (
     "window_gain_is_fast", "window_certificate_is_fast",
     "period_search_is_reliable", "window_step_is_fast",
     "unknown_input_stream_is_fast",
-    "impulse_is_fast", "impulse_window_is_fast", "pulses_in_noise",
+    "impulse_is_fast", "impulse_window_is_fast", "pulses_in_noise", "bounds_are_tight",
 )  # fmt: skip
 
 

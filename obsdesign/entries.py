@@ -105,7 +105,7 @@ def require_shape(array: Matrix, entry: str, shape: tuple[int | None, ...], why:
 
 
 def bounds(
-    lower: ArrayLike | None, upper: ArrayLike | None, n: int, entry: str
+    lower: ArrayLike | None, upper: ArrayLike | None, n: int, entry: str, item: str = "state"
 ) -> tuple[Matrix, Matrix]:
     """Lower and upper bounds (n,), lower <= upper; both left out: zeros."""
     if (lower is None) != (upper is None):
@@ -115,12 +115,12 @@ def bounds(
     ends = []
     for values, name in ((lower, "lower"), (upper, "upper")):
         end = vector(np.zeros(n) if values is None else values, f"{entry}.{name}")
-        require_shape(end, f"{entry}.{name}", (n,), "one per state")
+        require_shape(end, f"{entry}.{name}", (n,), f"one per {item}")
         ends.append(end)
     for i in np.flatnonzero(ends[0] > ends[1]):
         raise InputError(
             f"{entry}: lower must not exceed upper; got lower {ends[0][i]:g} > upper "
-            f"{ends[1][i]:g} for state {i + 1}. Are they swapped?"
+            f"{ends[1][i]:g} for {item} {i + 1}. Are they swapped?"
         )
     return ends[0], ends[1]
 

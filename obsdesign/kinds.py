@@ -57,6 +57,7 @@ _TABLE = (
             "R": ("n", "n"),
         },
     ),
+    Kind("set_membership", "SetMembershipObserver", {}),
     Kind("luenberger", "LuenbergerObserver", {"L": ("n", "p"), "M": ("n", "p")}),
     Kind("impulsive", "ImpulsiveObserver", {}),
     Kind("finite_time", "FiniteTimeObserver", {"L": ("n", "p")}),
@@ -66,6 +67,9 @@ _TABLE = (
 
 KINDS = tuple(kind.name for kind in _TABLE)
 GAINS: Mapping[str, Mapping[str, tuple[str, str]]] = {kind.name: kind.gains for kind in _TABLE}
+
+# kinds that give bounds: they start from bounds of the state
+GIVING_BOUNDS = ("interval", "set_membership")
 
 # what `search` knows: ends of a range of dwell times, and of finite_time
 DWELL_SEARCHES = ("shortest_dwell", "longest_dwell")

@@ -17,6 +17,7 @@ from obsdesign.runtime.impulsive_input.observer import ImpulsiveInputObserver
 from obsdesign.runtime.interval.observer import IntervalObserver
 from obsdesign.runtime.load import RunnableKind, observer_class
 from obsdesign.runtime.luenberger.observer import LuenbergerObserver
+from obsdesign.runtime.set_membership.observer import SetMembershipObserver
 from obsdesign.runtime.unknown_input.fixed_lag import FixedLagObserver
 from obsdesign.runtime.unknown_input.observer import UnknownInputObserver
 from obsdesign.synthesis.finite_time import candidates as finite_time
@@ -25,6 +26,7 @@ from obsdesign.synthesis.impulsive_input import candidates as impulsive_input
 from obsdesign.synthesis.interval import candidates as interval
 from obsdesign.synthesis.kind import Synthesis, synthesis_of, untried_forms
 from obsdesign.synthesis.luenberger import candidates as luenberger
+from obsdesign.synthesis.set_membership import candidates as set_membership
 from obsdesign.synthesis.unknown_input import candidates as unknown_input
 from obsdesign.verification.finite_time import claims as finite_time_claims
 from obsdesign.verification.finite_time import guarantees as finite_time_guarantees
@@ -44,6 +46,8 @@ from obsdesign.verification.kind import (
 )
 from obsdesign.verification.luenberger import claims as luenberger_claims
 from obsdesign.verification.luenberger import guarantees as luenberger_guarantees
+from obsdesign.verification.set_membership import claims as set_membership_claims
+from obsdesign.verification.set_membership import guarantees as set_membership_guarantees
 from obsdesign.verification.unknown_input import claims as unknown_input_claims
 from obsdesign.verification.unknown_input import guarantees as unknown_input_guarantees
 
@@ -52,6 +56,7 @@ ROOT = Path(__file__).parent.parent
 # the type checker compares the signatures of every module with the protocol of its role
 CANDIDATES: dict[str, Synthesis] = {
     "interval": interval,
+    "set_membership": set_membership,
     "luenberger": luenberger,
     "impulsive": impulsive,
     "finite_time": finite_time,
@@ -60,6 +65,7 @@ CANDIDATES: dict[str, Synthesis] = {
 }
 CLAIMS: dict[str, Verification] = {
     "interval": interval_claims,
+    "set_membership": set_membership_claims,
     "luenberger": luenberger_claims,
     "impulsive": impulsive_claims,
     "finite_time": finite_time_claims,
@@ -69,6 +75,7 @@ CLAIMS: dict[str, Verification] = {
 DWELL_CLAIMS: tuple[DwellVerification, ...] = (interval_claims, luenberger_claims)
 GUARANTEES: dict[str, Conclusions] = {
     "interval": interval_guarantees,
+    "set_membership": set_membership_guarantees,
     "luenberger": luenberger_guarantees,
     "impulsive": impulsive_guarantees,
     "finite_time": finite_time_guarantees,
@@ -81,6 +88,7 @@ WARNS: dict[str, Warns] = {
 }
 OBSERVERS: dict[str, RunnableKind] = {
     "interval": IntervalObserver,
+    "set_membership": SetMembershipObserver,
     "luenberger": LuenbergerObserver,
     "impulsive": ImpulsiveObserver,
     "finite_time": FiniteTimeObserver,
@@ -125,7 +133,7 @@ def test_rows_that_come_later_have_a_class_of_their_own() -> None:
 
 
 def test_what_is_no_kind_is_refused() -> None:
-    with pytest.raises(InputError, match="kind must be one of interval, luenberger, "):
+    with pytest.raises(InputError, match="kind must be one of interval, set_membership, "):
         kind_named("kalman")
 
 

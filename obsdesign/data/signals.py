@@ -50,7 +50,7 @@ class Signals:
     def extended(self, x: Matrix, k: int, t: float) -> Matrix:
         """State of plant, constants and oscillators at the start (time t) of the step to row k."""
         flow = self.plant.flow
-        constant = self.flow.held[k].copy()
+        constant = flow.disturbance_columns @ self.flow.held[k]
         if flow.B is not None:
             constant += flow.B @ self.u[max(k - 1, 0)]
         if flow.D is not None:
@@ -62,7 +62,7 @@ class Signals:
         """E w + H g + c at row k."""
         jump = self.plant.jump
         assert jump is not None
-        total: Matrix = self.jump_disturbance.held[k].copy()
+        total: Matrix = jump.disturbance_columns @ self.jump_disturbance.held[k]
         if jump.E is not None:
             total += jump.E @ self.w[k]
         if jump.H is not None:
@@ -146,9 +146,8 @@ def _bounded(
 def _generator(flow: Flow, b: Bounded, d: Bounded) -> Matrix:
     """d/dt [x; c; sin; cos] for the sines that have an amplitude."""
     n = len(flow.A)
-    through = np.hstack(
-        [np.diag(b.amplitude), (flow.D if flow.D is not None else np.zeros((n, 0))) * d.amplitude]
-    )
+    D = flow.D if flow.D is not None else np.zeros((n, 0))
+    through = np.hstack([flow.disturbance_columns * b.amplitude, D * d.amplitude])
     omega = np.diag(np.concatenate([b.omega, d.omega]))
     k = len(omega)
     zero = np.zeros

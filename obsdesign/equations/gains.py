@@ -237,9 +237,10 @@ def plant_data(plant: Plant) -> NewEntries:
     """
     flow, jump, output = plant.flow, plant.jump, plant.output
     data: NewEntries = {"A": flow.A, "C": output.C, "B": flow.B}
-    data |= {"flow_lower": flow.lower, "flow_upper": flow.upper}
+    data |= dict(zip(("flow_lower", "flow_upper"), flow.b_bounds, strict=True))
     if jump is not None:
-        data |= {"G": jump.G, "E": jump.E, "jump_lower": jump.lower, "jump_upper": jump.upper}
+        data |= {"G": jump.G, "E": jump.E}
+        data |= dict(zip(("jump_lower", "jump_upper"), jump.c_bounds, strict=True))
         dwell_time = None if jump.dwell_time is None else list(jump.dwell_time)
         jitter = jump.dwell_jitter if math.isfinite(jump.dwell_jitter) else None
         data |= {"dwell_time": dwell_time, "dwell_jitter": jitter}

@@ -19,12 +19,8 @@ class Flow(Protocol):
         """(n, m), None without a known input."""
 
     @property
-    def lower(self) -> Matrix:
-        """Lower bound of b (n,)."""
-
-    @property
-    def upper(self) -> Matrix:
-        """Upper bound of b (n,)."""
+    def b_bounds(self) -> tuple[Matrix, Matrix]:
+        """(lower, upper) bounds of b, (n,) each."""
 
 
 class Jump(Protocol):
@@ -43,12 +39,8 @@ class Jump(Protocol):
         """(n, r), None without unknown impulses."""
 
     @property
-    def lower(self) -> Matrix:
-        """Lower bound of c (n,)."""
-
-    @property
-    def upper(self) -> Matrix:
-        """Upper bound of c (n,)."""
+    def c_bounds(self) -> tuple[Matrix, Matrix]:
+        """(lower, upper) bounds of c, (n,) each."""
 
     @property
     def dwell_time(self) -> tuple[float, float] | None:

@@ -71,6 +71,7 @@ def curve_of(design: Design) -> Curve | None:
     """
     curve = {
         "interval": _interval,
+        "set_membership": _nothing_to_show,
         "luenberger": _luenberger,
         "impulsive": _impulsive,
         "finite_time": _finite_time,
@@ -80,6 +81,11 @@ def curve_of(design: Design) -> Curve | None:
     if curve is None or not all(np.isfinite(y).any() for y in curve.series.values()):
         return None
     return curve
+
+
+def _nothing_to_show(stored: _Stored, evidence: _Evidence) -> Curve | None:
+    del stored, evidence
+    return None
 
 
 def _interval(stored: _Stored, evidence: _Evidence) -> Curve | None:

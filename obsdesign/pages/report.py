@@ -24,6 +24,7 @@ from obsdesign.data.simulation import simulate
 from obsdesign.design_file import load_design
 from obsdesign.document import Claim, Design, jsonable
 from obsdesign.errors import InputError
+from obsdesign.kinds import GIVING_BOUNDS
 from obsdesign.output_files import temporary_folder, write_text
 from obsdesign.pages.curves import curve_of
 from obsdesign.pages.error_bounds import error_curve, error_table
@@ -38,6 +39,7 @@ from obsdesign.verification.answers import reason
 
 _KINDS = {
     "interval": "Interval observer",
+    "set_membership": "Set-membership bounds by multipliers",
     "luenberger": "Luenberger observer for a system with jumps",
     "impulsive": "Observer from impulsive measurements",
     "finite_time": "Finite-time observer from sampled measurements",
@@ -184,7 +186,7 @@ def _estimate(
             except InputError:  # an unstable plant, or no dwell time to simulate with
                 return None
             write_text(source, table_text(record.columns))
-            if initial is None and design.kind == "interval":
+            if initial is None and design.kind in GIVING_BOUNDS:
                 x = record.block("x")[0]
                 # not around the truth: nobody knows it so well
                 initial = np.column_stack([x - 0.5, x + 1.5]).reshape(-1).tolist()
@@ -228,7 +230,7 @@ def _rows_with_kalman(
     """The design and a Kalman filter, where the record has the true state."""
     if record.x is None:
         return None
-    if initial is not None and design.kind != "interval":
+    if initial is not None and design.kind not in GIVING_BOUNDS:
         x = np.asarray(initial, dtype=np.float64)
         initial = np.column_stack([x - 1, x + 1]).reshape(-1).tolist()
     return table(compare_with_kalman(design, record, initial))

@@ -12,12 +12,14 @@ from obsdesign.problem.options import (
     IntervalOptions,
     LuenbergerOptions,
     Memory,
+    SetMembershipOptions,
     UnknownInputOptions,
 )
 from obsdesign.problem.options_base import Options
 
 OPTIONS_OF: Mapping[str, type[Options]] = {
     "interval": IntervalOptions,
+    "set_membership": SetMembershipOptions,
     "luenberger": LuenbergerOptions,
     "impulsive": ImpulsiveOptions,
     "finite_time": FiniteTimeOptions,

@@ -78,6 +78,51 @@ class IntervalOptions(ConstrainedGains):
             raise InputError("observer.width_weights must not all be zero.")
 
 
+_WINDOW_STAGES: Mapping[str, object] = {
+    "type": "integer",
+    "minimum": 1,
+    "maximum": 200,
+    "title": "a whole number of stages, from 1 to 200",
+}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SetMembershipOptions(Options):
+    """Options of kind set_membership."""
+
+    window: int | None = option(
+        _WINDOW_STAGES,
+        "Stages (steps of time, and jumps) that a bound looks back at; default by the plant.",
+        whole=True,
+    )
+    steps: int = option(
+        {"type": "integer", "minimum": 1, "maximum": 50, "title": "a whole number, from 1 to 50"},
+        "Interior point steps of the search for multipliers in each row; default 8.",
+        whole=True,
+        default=8,
+    )
+    fixed_lag: int | None = option(
+        _WINDOW_STAGES,
+        "Bounds of the state that many rows ago are given as well; below window.",
+        whole=True,
+    )
+    directions: tuple[tuple[float, ...], ...] | None = option(
+        ref("matrix"), "Rows l: bounds of l'x are given besides those of the states."
+    )
+
+    def check(self, plant: Plant) -> None:
+        """InputError unless rows have the plant's size and the lag is inside the window."""
+        for i, row in enumerate(self.directions or ()):
+            check_count(f"directions, row {i + 1},", row, plant.n, "state")
+            if not any(row):
+                raise InputError(f"observer.directions, row {i + 1} must not be zero.")
+        if self.window is not None and (self.fixed_lag or 0) >= self.window:
+            raise InputError(
+                f"observer.fixed_lag must be less than observer.window = {self.window}; got "
+                f"{self.fixed_lag}."
+            )
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LuenbergerOptions(ConstrainedGains):
     """Options of kind luenberger."""

@@ -2,6 +2,7 @@
 
     x'(t) = A x + B u(t) + D d(t) + b(t)      between jumps,  lower <= b <= upper
     x(t)  = G x(t-) + E w[k] + H g[k] + c[k]  at jump times,  lower <= c <= upper
+                      with a disturbance_matrix Bw: b = Bw w,  lower <= w <= upper, likewise c
     y     = C x + v,  |v_i| <= noise_bound_i, or lower_i <= v_i <= upper_i where that is a pair;
                       standard deviation noise_std_i + noise_cv_i |y_i|
 
@@ -28,6 +29,7 @@ from obsdesign.entries import (
     size_text,
     vector,
 )
+from obsdesign.equations.boxes import image_box
 from obsdesign.equations.noise_bounds import noise_box
 from obsdesign.errors import InputError
 from obsdesign.problem.schema import DWELL_RANGE, POSITIVE, file_entry, one_of, ref
@@ -50,32 +52,53 @@ class Block:
 
 @dataclass(frozen=True, eq=False)
 class Flow(Block):
-    """A (n, n); B (n, m) known input; D (n, q) unknown input; lower, upper (n,) bounds of b."""
+    """A (n, n); B (n, m) known input; D (n, q) unknown input; lower, upper (n,) bounds of b.
+
+    With a disturbance_matrix Bw (n, k), b = Bw w(t) and lower, upper (k,) are bounds of w.
+    """
 
     A: Matrix = file_entry(ref("matrix"), "n x n.")
     B: Matrix | None = file_entry(ref("matrix"), "n x m, known input u.", default=None)
     D: Matrix | None = file_entry(ref("matrix"), "n x q, unknown input d.", default=None)
     lower: Matrix = file_entry(
-        ref("bounds"), "Bounds of b(t); default 0.", default=_DEFAULT, name="disturbance"
+        ref("bounds"),
+        "Bounds of b(t), or of w where there is a disturbance_matrix; default 0.",
+        default=_DEFAULT,
+        name="disturbance",
     )
     upper: Matrix = _DEFAULT
+    disturbance_matrix: Matrix | None = file_entry(
+        ref("matrix"), "n x k: b = Bw w, and disturbance bounds w.", default=None
+    )
 
     def __post_init__(self) -> None:
         A = matrix(self.A, "flow.A")
         n = A.shape[0]
         if A.shape != (n, n):
             raise InputError(f"flow.A must be square; got {size_text(A)}.")
-        _set(self, A=A, **_inputs(self, "flow", ("B", "D"), n, f"flow.A ({size_text(A)})"))
-        lower, upper = bounds(self.lower, self.upper, n, "flow.disturbance")
+        names = ("B", "D", "disturbance_matrix")
+        _set(self, A=A, **_inputs(self, "flow", names, n, f"flow.A ({size_text(A)})"))
+        lower, upper = _disturbance(self, "flow", n)
         _set(self, lower=lower, upper=upper)
+
+    @property
+    def disturbance_columns(self) -> Matrix:
+        """Bw of b = Bw w, (n, k); the identity where the bounds are those of b itself."""
+        return _columns(self, len(self.A))
+
+    @property
+    def b_bounds(self) -> tuple[Matrix, Matrix]:
+        """(lower, upper) of b, (n,): the box around all Bw w, rounded outward."""
+        return _box_of(self)
 
 
 @dataclass(frozen=True, eq=False)
 class Jump(Block):
     """G (n, n), None for the identity; E (n, k) known jump input; H (n, r) unknown impulses.
 
-    lower, upper (n,): bounds of c. dwell_time: (shortest, longest) time between jumps, the longest
-    may be infinite; dwell_jitter: largest change from one dwell time to the next.
+    lower, upper (n,): bounds of c; with a disturbance_matrix W (n, k), c = W w and they are bounds
+    of w, (k,). dwell_time: (shortest, longest) time between jumps, the longest may be infinite;
+    dwell_jitter: largest change from one dwell time to the next.
     """
 
     G: Matrix = file_entry(ref("matrix"), "n x n; default identity.", default=_DEFAULT)
@@ -84,7 +107,10 @@ class Jump(Block):
         ref("matrix"), "Directions of impulses with unknown weights g.", default=None
     )
     lower: Matrix = file_entry(
-        ref("bounds"), "Bounds of c[k]; default 0.", default=_DEFAULT, name="disturbance"
+        ref("bounds"),
+        "Bounds of c[k], or of w where there is a disturbance_matrix; default 0.",
+        default=_DEFAULT,
+        name="disturbance",
     )
     upper: Matrix = _DEFAULT
     dwell_time: tuple[float, float] | None = file_entry(
@@ -92,6 +118,9 @@ class Jump(Block):
     )
     dwell_jitter: float = file_entry(
         ref("upper_end"), "Largest change from one dwell time to the next.", default=math.inf
+    )
+    disturbance_matrix: Matrix | None = file_entry(
+        ref("matrix"), "n x k: c = W w, and disturbance bounds w.", default=None
     )
 
     def __post_init__(self) -> None:
@@ -109,11 +138,22 @@ class Jump(Block):
         """The jump of a plant with n states: identity and zero bounds filled in, sizes checked."""
         G = np.eye(n) if self.G is None else self.G
         require_shape(matrix(G, "jump.G"), "jump.G", (n, n), why)
-        inputs = _inputs(self, "jump", ("E", "H"), n, why.removeprefix("one per state of "))
-        lower, upper = bounds(self.lower, self.upper, n, "jump.disturbance")
+        names = ("E", "H", "disturbance_matrix")
+        inputs = _inputs(self, "jump", names, n, why.removeprefix("one per state of "))
+        lower, upper = _disturbance(self, "jump", n)
         result = Jump(G, None, None, lower, upper, self.dwell_time, self.dwell_jitter)
         _set(result, lower=lower, upper=upper, **inputs)
         return result
+
+    @property
+    def disturbance_columns(self) -> Matrix:
+        """W of c = W w, (n, k); the identity where the bounds are those of c itself."""
+        return _columns(self, len(self.G))
+
+    @property
+    def c_bounds(self) -> tuple[Matrix, Matrix]:
+        """(lower, upper) of c, (n,): the box around all W w, rounded outward."""
+        return _box_of(self)
 
 
 @dataclass(frozen=True, eq=False)
@@ -264,6 +304,25 @@ def _inputs(
             result[key] = matrix(values, f"{name}.{key}")
             require_shape(result[key], f"{name}.{key}", (n, None), f"one per state of {states}")
     return result
+
+
+def _disturbance(block: Flow | Jump, name: str, n: int) -> tuple[Matrix, Matrix]:
+    """Bounds of b or c, one per state; of w, one per column of the disturbance matrix."""
+    if block.disturbance_matrix is None:
+        return bounds(block.lower, block.upper, n, f"{name}.disturbance")
+    columns = matrix(block.disturbance_matrix, f"{name}.disturbance_matrix").shape[1]
+    item = f"column of {name}.disturbance_matrix"
+    return bounds(block.lower, block.upper, columns, f"{name}.disturbance", item)
+
+
+def _columns(block: Flow | Jump, n: int) -> Matrix:
+    return np.eye(n) if block.disturbance_matrix is None else block.disturbance_matrix
+
+
+def _box_of(block: Flow | Jump) -> tuple[Matrix, Matrix]:
+    if block.disturbance_matrix is None:
+        return block.lower, block.upper
+    return image_box(block.disturbance_matrix, block.lower, block.upper)
 
 
 def _dwell_time(values: Value) -> tuple[float, float] | None:

@@ -48,7 +48,9 @@ class Estimate(NamedTuple):
 
     x: point estimate; lower, upper: bounds of the state; d: unknown input; events: detected
     impulses, or jumps and violations (interval bounds), which `Observer.event_cells` turns into
-    rows of an event file. status: "ok", or why the guarantee does not hold.
+    rows of an event file. status: "ok", or why the guarantee does not hold. directions (2, r):
+    lower and upper bounds of l'x for further rows l; lagged (2, n): bounds of the state some rows
+    ago, NaN where there are none yet.
     """
 
     t: float
@@ -58,6 +60,8 @@ class Estimate(NamedTuple):
     d: Vector | None = None
     events: tuple[Event, ...] = ()
     status: str = "ok"
+    directions: Matrix | None = None
+    lagged: Matrix | None = None
 
 
 class Observer(Protocol):

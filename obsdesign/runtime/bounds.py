@@ -98,6 +98,15 @@ class DeclaredBox:
         raise AssertionError("these bounds are inside the declared ones")
 
 
+def declared_noise(V: Matrix, centre: Matrix | None) -> DeclaredBox:
+    """Bounds of the noise v of a design: |v - centre| <= V."""
+    if centre is None:
+        return DeclaredBox("v", -V, V)
+    # stored as middle and radius: the ends up to rounding
+    low = np.where(V > 0, np.nextafter(centre - V, -np.inf), centre)
+    return DeclaredBox("v", low, np.where(V > 0, np.nextafter(centre + V, np.inf), centre))
+
+
 @dataclass(frozen=True)
 class DeclaredBounds:
     """Declared bounds of b, c and v; c None without jumps."""

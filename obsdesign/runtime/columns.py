@@ -65,6 +65,11 @@ class Batch:
     d: Matrix | None
     status: tuple[str, ...] = ()
     events: tuple[Event, ...] = ()  # of all rows, in order
+    directions: Matrix | None = None  # (rows, 2, r)
+    lagged: Matrix | None = None  # (rows, 2, n)
+
+
+_STACKED = ("x", "lower", "upper", "d", "directions", "lagged")
 
 
 def collect(estimates: Iterable[Estimate]) -> Batch:
@@ -75,7 +80,7 @@ def collect(estimates: Iterable[Estimate]) -> Batch:
         values = [getattr(row, name) for row in rows]
         return None if not values or values[0] is None else np.array(values)
 
-    columns = {name: stacked(name) for name in ("x", "lower", "upper", "d")}
+    columns = {name: stacked(name) for name in _STACKED}
     return Batch(
         np.array([row.t for row in rows]), **columns, status=tuple(r.status for r in rows),
         events=tuple(event for row in rows for event in row.events),

@@ -60,6 +60,8 @@ _REPEATED = (
     ("E", "jump", "E"), ("noise_bound", "output", "noise_bound"), ("period", "output", "period"),
     ("dwell_time", "jump", "dwell_time"), ("dwell_jitter", "jump", "dwell_jitter"),
     ("jump_measurement", "output", "jump_measurement"), ("noise_centre", "output", "noise_bound"),
+    ("disturbance_matrix", "flow", "disturbance_matrix"),
+    ("jump_disturbance_matrix", "jump", "disturbance_matrix"),
 )  # fmt: skip
 # the same, of one kind: elsewhere the name is a matrix of the observer
 _REPEATED_BY_KIND = {"impulsive_input": (("H", "jump", "H"),)}

@@ -433,6 +433,7 @@ def test_check_answers_for_every_kind(tmp_path: Path) -> None:
     assert reply["result"]["interval"].items() >= {"verdict": "proved", "reasons": []}.items()
     kinds = {
         "interval",
+        "set_membership",
         "luenberger",
         "impulsive",
         "finite_time",

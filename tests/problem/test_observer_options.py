@@ -298,6 +298,7 @@ EVERYTHING: dict[str, Any] = {
 }  # fmt: skip
 OBSERVERS: dict[str, dict[str, Any]] = {
     "interval": {"gains": {"L": [[0], [1]], "S": [[1, 0], [0, 1]]}, "form": "auto", "gain_limit": 2, "memory": 1},
+    "set_membership": {"window": 8, "steps": 6, "fixed_lag": 2, "directions": [[1, -1]]},
     "luenberger": {"poles": [[-1, 2], [-1, -2]], "weights": {"state": [1, 1]}, "schedule": [1, 2]},
     "impulsive": {"window": 3, "alpha": 2},
     "finite_time": {"gains": {"L": [[0], [1]]}, "window": 6},

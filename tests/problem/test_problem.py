@@ -56,6 +56,7 @@ OBSERVERS = {
     "interval": 'form = "auto"\nobjective = "narrowest"\ngain_limit = 20\nmemory = "auto"\nwidth = "mean"\n'
     "width_weights = [1, 2]\ngain_norm = { M = 4 }\nstructure = { L = [[0], [1]] }\nregion = { decay = 0.1 }\n"
     "gains = { L = [[0], [1]], M = [[1], [2.8]], S = [[1, 0], [0, 1]] }",
+    "set_membership": "window = 8\nsteps = 6\nfixed_lag = 2\ndirections = [[1, -1]]",
     "luenberger": "poles = [-1, [-2, 1]]\ndecay_rate = 0.1\nweights = { state = [1, 1] }\nmemory = 2\nschedule = 4\n"
     "gain_norm = { L = 2 }\nstructure = { L = [[1], [0]] }\nregion = { decay = 0.1, sector = 1 }",
     "impulsive": 'window = 3\nalpha = 1.5\nstrategy = "compressed"\ndecay_rate = 0.1\n'

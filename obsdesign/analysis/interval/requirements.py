@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lmi.arithmetic.arrays import Array
+from obsdesign.analysis.unbounded_inputs import reason_against_unbounded
 from obsdesign.problem.options import IntervalOptions
 from obsdesign.problem.plant import Plant
 from obsdesign.problem.problem import Problem
@@ -33,17 +34,7 @@ def reason_against(problem: Problem) -> str | None:
 
 def reason_against_plant(plant: Plant) -> str | None:
     """Reason against a plant with unbounded inputs, one sentence, or None."""
-    if plant.flow.D is not None:
-        return (
-            "flow.D is refused by kind 'interval': an unknown input without bounds leaves no "
-            "bounds on the state. Give bounds as flow.disturbance."
-        )
-    if plant.jump is not None and plant.jump.H is not None:
-        return (
-            "jump.H is refused by kind 'interval': impulses of unknown weight leave no bounds "
-            "on the state. Give bounds as jump.disturbance."
-        )
-    return None
+    return reason_against_unbounded(plant, "interval")
 
 
 def _reason_against_width(plant: Plant, options: IntervalOptions) -> str | None:

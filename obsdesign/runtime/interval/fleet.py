@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from lmi.arithmetic.arrays import Indices, Matrix
 from obsdesign.runtime.base import Estimate
+from obsdesign.runtime.boxes import JUMP, BoundsFault
 from obsdesign.runtime.interval.fleet_state import (
     FleetDraft,
     FleetEstimate,
@@ -25,7 +26,7 @@ from obsdesign.runtime.interval.fleet_state import (
 )
 from obsdesign.runtime.interval.observer import IntervalObserver
 from obsdesign.runtime.interval.side_by_side import FEWEST_PLANTS, Boxes, Group, groups_of
-from obsdesign.runtime.interval.state import JUMP, BoundsFault, IntervalState
+from obsdesign.runtime.interval.state import IntervalState
 
 _PLANT = ("A", "B", "C", "G", "E", "flow_lower", "flow_upper", "jump_lower", "jump_upper",
           "noise_bound", "noise_centre", "jump_measurement")  # fmt: skip

@@ -13,6 +13,7 @@ import numpy as np
 from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.enclosure import Enclosure, inverse, raised
 from obsdesign.equations.interval.gains import IntervalGains
+from obsdesign.runtime.boxes import midpoint
 
 exactly = Enclosure.exactly
 
@@ -71,13 +72,6 @@ class Model:
         if self.S_inverse is None:
             return radius
         return raised(size(self.S_inverse) @ radius, 2 * len(radius))
-
-
-def midpoint(lower: Matrix, upper: Matrix) -> tuple[Matrix, Matrix]:
-    """Centre and radius of a box; the radius is rounded up so that the box is contained."""
-    centre = lower + (0.5 * upper - 0.5 * lower)
-    radius = np.maximum(upper - centre, centre - lower)
-    return centre, np.where(lower == upper, 0.0, np.nextafter(radius, np.inf))
 
 
 def observer_model(gains: IntervalGains) -> Model:

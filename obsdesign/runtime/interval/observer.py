@@ -22,7 +22,6 @@ from numpy.typing import ArrayLike
 
 from lmi.arithmetic.arrays import Entries, Matrix
 from obsdesign.equations.interval.gains import IntervalGains
-from obsdesign.errors import InputError, naming
 from obsdesign.runtime.base import (
     MODERATE,
     Estimate,
@@ -34,12 +33,13 @@ from obsdesign.runtime.base import (
     vector,
 )
 from obsdesign.runtime.bounds import DeclaredBounds
+from obsdesign.runtime.boxes import JUMP, BoundsFault, bound_names, stated_bounds
 from obsdesign.runtime.columns import Batch, Columns
 from obsdesign.runtime.dwell_guard import DwellGuard
 from obsdesign.runtime.interval.clock import SampleClock
 from obsdesign.runtime.interval.course import advanced, course_of
 from obsdesign.runtime.interval.kernel import Kernel
-from obsdesign.runtime.interval.state import JUMP, BoundsFault, Course, IntervalState, first_box
+from obsdesign.runtime.interval.state import Course, IntervalState, first_box
 from obsdesign.runtime.interval.step_kernels import JumpSample, StepKernels
 from obsdesign.runtime.interval.stretches import Stretches
 from obsdesign.runtime.interval.varying import NO_PARTS, Row, VaryingKernels
@@ -74,7 +74,7 @@ class IntervalObserver(Stepped[IntervalState]):
     @property
     def names(self) -> tuple[str, ...]:
         """Columns of the estimate after t: x1_lo, x1_hi, ..."""
-        return tuple(f"x{i + 1}_{end}" for i in range(self.n) for end in ("lo", "hi"))
+        return bound_names(self.n)
 
     def event_cells(self, event: tuple[float | str, ...]) -> Sequence[float | str]:
         """Cells of an event in an event file."""
@@ -94,13 +94,8 @@ class IntervalObserver(Stepped[IntervalState]):
 
     def start(self, t: float, initial: Sequence[float] | None) -> IntervalState:
         """State from x1_lo, x1_hi, x2_lo, ...; InputError if they are not bounds."""
-        if initial is None or len(initial) != 2 * self.n:
-            arrived = "nothing" if initial is None else f"{len(initial)} numbers"
-            raise InputError(
-                f"--initial must be the {2 * self.n} numbers {','.join(self.names)}; got {arrived}."
-            )
-        with naming("--initial", ValueError):
-            return self.init(t, lower=initial[0::2], upper=initial[1::2])
+        lower, upper = stated_bounds(self.n, initial)
+        return self.init(t, lower=lower, upper=upper)
 
     def reset(self, state: IntervalState, *, lower: ArrayLike, upper: ArrayLike) -> IntervalState:
         """The same instant with new bounds of x(t): ends the refutation of a state.

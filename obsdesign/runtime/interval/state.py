@@ -3,26 +3,15 @@
 from __future__ import annotations
 
 import math
-from enum import Enum
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from lmi.arithmetic.arrays import Matrix
-from obsdesign.runtime.base import vector
+from obsdesign.runtime.boxes import initial_bounds, midpoint
 from obsdesign.runtime.dwell_guard import DwellGuard
-from obsdesign.runtime.interval.model import Model, midpoint
-
-# the event of a jump, beside those of objections
-JUMP = "jump"
-
-
-class BoundsFault(Enum):
-    """Bounds that a step cannot report as they are; the value is the status message."""
-
-    OVERFLOWED = "bounds overflowed"
-    CROSSED = "bounds crossed"  # which refutes the bounds of the step before
+from obsdesign.runtime.interval.model import Model
 
 
 class Course(NamedTuple):
@@ -82,13 +71,7 @@ class IntervalState(NamedTuple):
 
 def first_box(model: Model, n: int, lower: ArrayLike, upper: ArrayLike) -> Matrix:
     """[r; m] in the observer's coordinates from bounds of x; ValueError if they are none."""
-    low, high = vector(lower, n, "lower"), vector(upper, n, "upper")
-    for i in np.flatnonzero(~(np.isfinite(low) & np.isfinite(high))):
-        raise ValueError(
-            f"initial bounds of x{i + 1} must be finite numbers; got {low[i]:g}, {high[i]:g}."
-        )
-    for i in np.flatnonzero(low > high):
-        raise ValueError(f"initial bounds of x{i + 1}: lower {low[i]:g} exceeds upper {high[i]:g}.")
+    low, high = initial_bounds(n, lower, upper)
     with np.errstate(over="ignore", invalid="ignore"):  # the next step reports what overflowed
         return model.from_plant(*midpoint(low, high))
 

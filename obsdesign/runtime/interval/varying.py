@@ -23,10 +23,11 @@ import numpy as np
 from lmi.arithmetic.arrays import Matrix
 from lmi.arithmetic.enclosure import UNIT, Enclosure, raised
 from obsdesign.equations.interval.gains import IntervalGains
-from obsdesign.runtime.bounds import Bounds, DeclaredBounds, DeclaredBox, Pair
+from obsdesign.runtime.bounds import Bounds, DeclaredBounds, DeclaredBox, Pair, declared_noise
+from obsdesign.runtime.boxes import midpoint
 from obsdesign.runtime.interval.kernel import Kernel, kernel
 from obsdesign.runtime.interval.maps import BoxMap, jump_maps, step_maps
-from obsdesign.runtime.interval.model import Model, exactly, midpoint
+from obsdesign.runtime.interval.model import Model, exactly
 from obsdesign.runtime.interval.state import HeldBounds, IntervalState
 from obsdesign.runtime.interval.step_kernels import StepKernels
 
@@ -51,13 +52,8 @@ class Row(NamedTuple):
 def declared_bounds(gains: IntervalGains) -> DeclaredBounds:
     """Declared bounds of a design: those that bounds of a row must not exceed."""
     c = None if gains.G is None else DeclaredBox("c", *gains.jump_bounds)
-    V, centre = gains.noise_bound, gains.noise_centre
-    if centre is None:
-        v = DeclaredBox("v", -V, V)
-    else:  # stored as middle and radius: the ends up to rounding
-        low = np.where(V > 0, np.nextafter(centre - V, -np.inf), centre)
-        v = DeclaredBox("v", low, np.where(V > 0, np.nextafter(centre + V, np.inf), centre))
-    return DeclaredBounds(DeclaredBox("b", gains.flow_lower, gains.flow_upper), c, v)
+    b = DeclaredBox("b", gains.flow_lower, gains.flow_upper)
+    return DeclaredBounds(b, c, declared_noise(gains.noise_bound, gains.noise_centre))
 
 
 class VaryingKernels(StepKernels):

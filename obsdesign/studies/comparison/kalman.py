@@ -155,8 +155,9 @@ class _Steps:
         self.plant, self.walk, self.n = plant, walk, n
         self.D = np.zeros((n, 0)) if flow.D is None else flow.D
         self.B = np.zeros((n, 0)) if flow.B is None else flow.B
-        self.middle = (flow.lower + flow.upper) / 2
-        self.variance = (flow.upper - flow.lower) ** 2 / 12
+        columns = flow.disturbance_columns
+        self.middle = columns @ (flow.lower + flow.upper) / 2
+        self.covariance = _covariance(columns, flow.lower, flow.upper)
         self.cache: dict[float, tuple[Matrix, Matrix, Matrix, Matrix]] = {}
 
     def flow(self, now: _Moments, h: float, u: Matrix) -> _Moments:
@@ -178,7 +179,7 @@ class _Steps:
         forced = np.zeros((n + q, whole.shape[1] - q))
         forced[:n] = whole[:, q:]
         known, held = np.split(forced, [self.B.shape[1]], axis=1)
-        Q = held @ np.diag(self.variance) @ held.T
+        Q = held @ self.covariance @ held.T
         Q[n:, n:] += h * self.walk * np.eye(q)
         jump = self.plant.jump
         if jump is not None and jump.H is not None:
@@ -193,9 +194,15 @@ class _Steps:
         G = np.eye(len(now.z))
         G[:n, :n] = jump.G
         z = G @ now.z
-        z[:n] += (jump.lower + jump.upper) / 2
+        z[:n] += jump.disturbance_columns @ (jump.lower + jump.upper) / 2
         if jump.E is not None and row.w is not None:
             z[:n] += jump.E @ np.asarray(row.w, dtype=np.float64)
         P = G @ now.P @ G.T
-        P[:n, :n] += np.diag((jump.upper - jump.lower) ** 2 / 12)
+        P[:n, :n] += _covariance(jump.disturbance_columns, jump.lower, jump.upper)
         return _Moments(z, P)
+
+
+def _covariance(columns: Matrix, lower: Matrix, upper: Matrix) -> Matrix:
+    """Covariance of columns @ w for independent w, each uniform between its bounds."""
+    result: Matrix = (columns * ((upper - lower) ** 2 / 12)) @ columns.T
+    return result

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from lmi.arithmetic.arrays import Entries, Matrix, NewEntries
 from obsdesign.data.stream import estimates_of
 from obsdesign.document import Design
+from obsdesign.kinds import GIVING_BOUNDS
 from obsdesign.problem.plant import Plant
 from obsdesign.runtime import from_design
 from obsdesign.studies.comparison.kalman import kalman_filter, tuned_walk
@@ -51,7 +52,7 @@ class ComparisonRow:
 def run(design: Design, record: ComparisonRecord, start: Matrix) -> NewEntries:
     """Errors, widths and times of a design, started in the bounds (n, 2) or their middle."""
     observer = from_design(design)
-    begin = start if design.kind == "interval" else start.mean(axis=1)
+    begin = start if design.kind in GIVING_BOUNDS else start.mean(axis=1)
     samples = record.samples_for(observer)
     state = observer.start(samples[0].t, begin.reshape(-1).tolist())
     clock = time.process_time()

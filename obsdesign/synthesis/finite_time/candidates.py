@@ -65,7 +65,7 @@ def _require_errors(problem: Problem) -> None:
     """InputError unless there is a disturbance, or noise with a bound above zero."""
     noise = problem.require_noise_bound("observer.method = 'minimax'")
     flow = problem.plant.flow
-    if not (np.any(flow.lower != flow.upper) or np.any(noise)):
+    if not (np.any(np.not_equal(*flow.b_bounds)) or np.any(noise)):
         raise InputError(
             "observer.method = 'minimax' needs a nonzero output.noise_bound or flow.disturbance: "
             "it makes the largest error small, and without either there is none."

@@ -52,7 +52,7 @@ def _errors(plant: Plant, k: int) -> Matrix:
         return np.full(len(A), np.inf)
     gain = least_squares_gain(rows, np.tile(deviations, k))
     noise = plant.output.noise_radius
-    Delta = (plant.flow.upper - plant.flow.lower) / 2
+    Delta = np.subtract(*plant.flow.b_bounds[::-1]) / 2
     noise = np.zeros(len(C)) if noise is None else noise
     if not np.any(noise) and not np.any(Delta):
         return np.asarray(np.linalg.norm(gain * np.tile(deviations, k), axis=1))

@@ -67,7 +67,7 @@ class _RowProgram:
         units, period, flow = task.scales, task.period, task.plant.flow
         A, C = task.A * units / units[:, None], task.C * units
         forwards = 1.0 if task.is_relative_to_start else -1.0
-        Delta = (flow.upper - flow.lower) / 2 * period / units
+        Delta = np.subtract(*flow.b_bounds[::-1]) / 2 * period / units
         noise = np.asarray(task.plant.output.noise_radius)
         size = float(np.abs(fitted / units[:, None]).max()) or 1.0
         least = _LEAST_WEIGHT * max(float(noise.max()), float(Delta.max()) / size)

@@ -206,7 +206,7 @@ def _formula(task: WindowTask, L: Matrix) -> Matrix | None:
 def _radius(task: WindowTask, gain: Matrix, noise: Matrix) -> Matrix:
     """Largest errors (n,) under noise and disturbance inside their bounds, rounded upwards."""
     flow = task.plant.flow
-    Delta = disturbance_bound(flow.lower, flow.upper)
+    Delta = disturbance_bound(*flow.b_bounds)
     for bits in PRECISIONS:
         with precision(bits):
             sizes = error_radius(task.sampled(), gain, noise, Delta)

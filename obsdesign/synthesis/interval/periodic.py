@@ -68,13 +68,13 @@ class SampledPlant:
         self.h = float(problem.require("output.period"))
         self.A, self.C = self.inward @ plant.flow.A @ self.S, plant.output.C @ self.S
         self.V = problem.require_noise_bound("kind 'interval'")
-        self.f = np.abs(self.inward) @ (plant.flow.upper - plant.flow.lower)
+        self.f = np.abs(self.inward) @ np.subtract(*plant.flow.b_bounds[::-1])
         self.G: Matrix | None = None
         self.j = np.zeros(plant.n)
         self.dwell = (math.inf, math.inf)
         if plant.jump is not None:
             self.G = self.inward @ plant.jump.G @ self.S
-            self.j = np.abs(self.inward) @ (plant.jump.upper - plant.jump.lower)
+            self.j = np.abs(self.inward) @ np.subtract(*plant.jump.c_bounds[::-1])
             self.dwell = problem.require_dwell_time()
         self.limit = sampling_limit(problem, self.S)
         self.q, self.mean = self._average(width_weights(problem))

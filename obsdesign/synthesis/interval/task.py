@@ -90,9 +90,9 @@ class Task:
             low, high = problem.require_dwell_time()
             C_jump = seen_before_jump(plant.jump.G, C, plant.output.jump_measurement)
             G = inward @ (plant.jump.G - M @ C_jump) @ basis
-            h0 = np.abs(inward) @ (plant.jump.upper - plant.jump.lower)
+            h0 = np.abs(inward) @ np.subtract(*plant.jump.c_bounds[::-1])
             h0 = h0 + 2 * np.abs(inward @ M) @ V
-        f0 = np.abs(inward) @ (plant.flow.upper - plant.flow.lower) + 2 * np.abs(inward @ L) @ V
+        f0 = np.abs(inward) @ np.subtract(*plant.flow.b_bounds[::-1]) + 2 * np.abs(inward @ L) @ V
         limit_L, limit_M = _limits(problem, basis)
         is_open = {name: name not in given and name not in idle for name in ("L", "M")}
         constraints = convex_gains(problem.options_as(IntervalOptions), user)

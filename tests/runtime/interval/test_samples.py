@@ -282,7 +282,8 @@ def test_plants_of_a_fleet_have_their_own_designs_times_jumps_and_gaps(measured:
                 together.plant(i),
                 1e-9 * (1 + np.abs(alone.upper) + np.abs(alone.lower)),
             )
-            assert (estimate.t, estimate.status, estimate.events) == alone[:1] + alone[5:][::-1]
+            assert (estimate.t, estimate.status) == (alone.t, alone.status)
+            assert estimate.events == alone.events
             assert np.all(estimate.lower <= alone.lower + room)
             assert np.all(alone.upper <= estimate.upper + room)
         assert np.isnan(together.lower[:, np.isnan(t)]).all()

@@ -1,0 +1,20 @@
+"""Inputs without bounds, which leave no bounds on the state."""
+
+from __future__ import annotations
+
+from obsdesign.problem.plant import Plant
+
+
+def reason_against_unbounded(plant: Plant, kind: str) -> str | None:
+    """Reason against a plant with unbounded inputs, one sentence, or None; kind: for the text."""
+    if plant.flow.D is not None:
+        return (
+            f"flow.D is refused by kind {kind!r}: an unknown input without bounds leaves no "
+            "bounds on the state. Give bounds as flow.disturbance."
+        )
+    if plant.jump is not None and plant.jump.H is not None:
+        return (
+            f"jump.H is refused by kind {kind!r}: impulses of unknown weight leave no bounds "
+            "on the state. Give bounds as jump.disturbance."
+        )
+    return None

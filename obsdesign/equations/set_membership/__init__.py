@@ -1,0 +1,1 @@
+"""Formulas of the multiplier observer: bounds by weak duality over a window of stages."""

@@ -1,0 +1,102 @@
+"""Gains of the multiplier observer: what a design of kind `set_membership` stores."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+
+from lmi.arithmetic.arrays import Array
+from obsdesign.equations.gains import PlantGains, count, matrix, number, word
+
+MEASURED = ("continuous", "periodic", "at_jumps")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SetMembershipGains(PlantGains):
+    """The plant's numbers, and how far back and for which directions bounds are computed.
+
+    window: number of stages (steps of time and jumps) that a bound looks back at; steps: of the
+    search for multipliers in each row. fixed_lag: bounds of the state that many rows ago are given
+    as well, None for none. directions (r, n): rows l of further bounds of l'x. measured, period:
+    when a sample is due. disturbance_matrix (n, k): b = Bw w, with w in [disturbance_lower,
+    disturbance_upper], (k,), None where the box is b's own; likewise jump_disturbance_matrix.
+
+    multipliers (phases, n, window, p): of upper bounds of x_1 ... x_n for a full window of the
+    nominal pattern, oldest stage first; those of lower bounds are their negatives. They are sound
+    for every record, and tight where the stages of the window are those of the pattern.
+    """
+
+    noise_bound: Array = matrix("p")
+    window: int = count()
+    steps: int = count()
+    fixed_lag: int | None = count(optional=True)
+    directions: Array | None = matrix("r", "n", optional=True)
+    measured: str = word(*MEASURED)
+    period: float | None = number(optional=True)
+    disturbance_matrix: Array | None = matrix("n", "k", optional=True)
+    disturbance_lower: Array | None = matrix("k", optional=True)
+    disturbance_upper: Array | None = matrix("k", optional=True)
+    jump_disturbance_matrix: Array | None = matrix("n", "j", optional=True)
+    jump_disturbance_lower: Array | None = matrix("j", optional=True)
+    jump_disturbance_upper: Array | None = matrix("j", optional=True)
+    multipliers: Array | None = matrix("phases", "n", "window", "p", optional=True)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for prefix in ("", "jump_"):
+            names = [f"{prefix}disturbance_{part}" for part in ("matrix", "lower", "upper")]
+            stated = [getattr(self, name) is not None for name in names]
+            if any(stated) and not all(stated):
+                missing = names[stated.index(False)]
+                raise ValueError(f"gains.{missing} is required with the other two; it is missing.")
+        if self.multipliers is not None and self.multipliers.shape[2] != self.window:
+            raise ValueError(
+                f"gains.multipliers must have one entry for each of the {self.window} stages of "
+                f"the window; got {self.multipliers.shape[2]}."
+            )
+
+    @classmethod
+    def from_plant(cls, plant: Any, **gains: Any) -> Self:
+        """Gains with the numbers of a plant, which has the attributes of `obsdesign.Plant`."""
+        return super().from_plant(plant, **plant_entries(plant), **gains)
+
+    @property
+    def flow_disturbance(self) -> tuple[Array, Array, Array]:
+        """(Bw, lower, upper): b = Bw w with w in the box; Bw = I where the box is b's own."""
+        if self.disturbance_matrix is None:
+            return np.eye(self.n), self.flow_lower, self.flow_upper
+        lower, upper = self.disturbance_lower, self.disturbance_upper
+        return self.disturbance_matrix, _present(lower), _present(upper)
+
+    @property
+    def jump_disturbance(self) -> tuple[Array, Array, Array]:
+        """The same of c; ValueError where the plant has no jumps."""
+        if self.jump_disturbance_matrix is None:
+            if self.jump_lower is None or self.jump_upper is None:
+                raise ValueError("gains.jump_lower is missing: this plant has no jumps.")
+            return np.eye(self.n), self.jump_lower, self.jump_upper
+        lower, upper = self.jump_disturbance_lower, self.jump_disturbance_upper
+        return self.jump_disturbance_matrix, _present(lower), _present(upper)
+
+
+def _present(values: Array | None) -> Array:
+    """Bounds that come with their matrix."""
+    assert values is not None
+    return values
+
+
+def plant_entries(plant: Any) -> dict[str, Any]:
+    """The plant's numbers that this kind stores besides `obsdesign.equations.gains.plant_data`."""
+    entries: dict[str, Any] = {"measured": plant.output.measured}
+    if plant.output.period is not None:
+        entries["period"] = plant.output.period
+    for prefix, block in (("", plant.flow), ("jump_", plant.jump)):
+        if block is not None and block.disturbance_matrix is not None:
+            entries |= {
+                f"{prefix}disturbance_matrix": block.disturbance_matrix,
+                f"{prefix}disturbance_lower": block.lower,
+                f"{prefix}disturbance_upper": block.upper,
+            }
+    return entries

@@ -1,0 +1,1 @@
+"""Multiplier observers at run time: a window of stages, multipliers, certified bounds."""

@@ -1,0 +1,118 @@
+"""e^{A t} and its integral for many t, enclosed, from one table of A^k / k!.
+
+A new t costs one product of coefficients with the table, and a doubling for each factor two that
+||A|| t is above 1/2.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.enclosure import UNIT, Enclosure, raised
+from lmi.arithmetic.units import reachable
+
+_DEGREE = 16
+_LARGEST_ARGUMENT = 0.5
+_MOST_DOUBLINGS = 60
+
+
+@dataclass(frozen=True)
+class FlowSeries:
+    """The table for a matrix A (n, n), exactly as stored."""
+
+    A: Matrix
+
+    @cached_property
+    def norm(self) -> float:
+        """Upper bound of the largest column sum of |A|."""
+        return float(raised(np.abs(self.A).sum(axis=0), 2 * len(self.A)).max(initial=0.0))
+
+    @cached_property
+    def size(self) -> Matrix:
+        """|A|."""
+        return np.abs(self.A)
+
+    def flow(self, t: float, error: float) -> tuple[Enclosure, Enclosure]:
+        """(e^{A s}, int_0^s e^{A r} dr) for every s >= 0 within `error` of t >= 0."""
+        halvings = self._halvings(t + error)
+        scale = 2.0**-halvings
+        Phi, integral = self._near(self._table, t * scale, error * scale)
+        for _ in range(halvings):
+            integral = integral + Phi @ integral
+            Phi = Phi @ Phi
+        return Phi, integral
+
+    def growth(self, t: float) -> Matrix:
+        """Upper bound of e^{|A| t}, t >= 0."""
+        halvings = self._halvings(t)
+        whole, _ = self._near(self._sizes, math.ldexp(t, -halvings), 0.0)
+        upper = np.where(self._pattern, whole.upper, 0.0)
+        for _ in range(halvings):
+            upper = np.where(self._pattern, raised(upper @ upper, 2 * len(self.A)), 0.0)
+        return upper
+
+    def _halvings(self, t: float) -> int:
+        argument = self.norm * t
+        if not argument > _LARGEST_ARGUMENT:
+            return 0
+        return min(math.ceil(math.log2(argument / _LARGEST_ARGUMENT)), _MOST_DOUBLINGS)
+
+    @cached_property
+    def _pattern(self) -> Matrix:
+        return np.asarray(reachable(self.A != 0))
+
+    @cached_property
+    def _table(self) -> tuple[Matrix, Matrix, Matrix]:
+        return _terms(self.A)
+
+    @cached_property
+    def _sizes(self) -> tuple[Matrix, Matrix, Matrix]:
+        return _terms(self.size)
+
+    def _near(
+        self, table: tuple[Matrix, Matrix, Matrix], t: float, error: float
+    ) -> tuple[Enclosure, Enclosure]:
+        """The sums of the series for ||A|| t <= 1/2, with their remainder."""
+        n, mids, size, errors = len(self.A), *table
+        low, high = np.full(_DEGREE + 2, t), np.full(_DEGREE + 2, t + error)
+        low[0] = high[0] = 1.0
+        low, high = np.cumprod(low), np.cumprod(high)
+        order = np.arange(1, _DEGREE + 2)
+        # coefficients t^k of the exponential, t^(k+1) / (k+1) of its integral
+        c = np.stack([low[:-1], low[1:] / order])
+        top = np.stack([high[:-1], high[1:] / order])
+        slack = (top - c) + 8 * (_DEGREE + 2) * UNIT * top
+        rad = raised(top @ errors + slack @ size, 4 * _DEGREE)
+        # the tail of a series is at most twice its first term, as norm * t <= 1/2
+        first = (self.norm * (t + error)) ** (_DEGREE + 1) / math.factorial(_DEGREE + 1)
+        tail = np.where(self._pattern, 2.1 * first, 0.0).reshape(-1)
+        rad = rad + np.stack([tail, tail * (t + error)])
+        mid = c @ mids
+        rad = np.where(self._pattern.reshape(-1), raised(rad, 4), 0.0)
+        Phi, integral = (
+            Enclosure(m.reshape(n, n), r.reshape(n, n)) for m, r in zip(mid, rad, strict=True)
+        )
+        return Phi, integral
+
+
+def _terms(A: Matrix) -> tuple[Matrix, Matrix, Matrix]:
+    """(middles, their sizes, errors) of A^k / k!, each (degree + 1, n^2).
+
+    The errors include those of a sum of all terms.
+    """
+    n = len(A)
+    term, X = Enclosure.exactly(np.eye(n)), Enclosure.exactly(A)
+    mids, errors = [term.mid], [term.rad]
+    with np.errstate(over="ignore", invalid="ignore"):
+        for k in range(1, _DEGREE + 1):
+            term = (X @ term).scaled(1.0 / k, UNIT / k)
+            mids.append(term.mid)
+            errors.append(term.rad)
+        flat, size = np.reshape(mids, (_DEGREE + 1, n * n)), np.abs(mids).reshape(-1, n * n)
+        summed = raised(np.reshape(errors, flat.shape) + (_DEGREE + 4) * UNIT * size, 4)
+    return flat, size, summed

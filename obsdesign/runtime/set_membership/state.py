@@ -1,0 +1,29 @@
+"""The state of a multiplier observer between two rows."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from lmi.arithmetic.arrays import Matrix
+from obsdesign.runtime.dwell_guard import DwellGuard
+from obsdesign.runtime.set_membership.stages import Stage
+
+
+class SetMembershipState(NamedTuple):
+    """Everything the next row needs, just after time t; in balanced units z = scales * x.
+
+    box (2, n): bounds of z; start (2, n): bounds before the oldest of the stages; u: input that
+    holds; held (2, k): bounds of the flow's disturbance up to the next row; sampled: time of the
+    last measurement; refutation: since when, and why, the bounds are void, "" while they hold.
+    """
+
+    t: float
+    box: Matrix
+    start: Matrix
+    stages: tuple[Stage, ...]
+    u: Matrix
+    held: Matrix
+    guard: DwellGuard
+    started: bool
+    sampled: float
+    refutation: str = ""

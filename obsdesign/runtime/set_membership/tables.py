@@ -1,0 +1,217 @@
+"""What a step of one length, or a jump, does to a state: enclosed, in balanced units.
+
+    z+ = Phi z + forced [u; w_mid] + what the disturbance adds
+
+The last term is known by its support function (`obsdesign.equations.set_membership.support`): its
+columns F0, FM, F1, E2 for every piece of a step and every active column of the disturbance, of
+radius one. A jump is one piece with F0 alone, of length zero.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import OrderedDict
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from lmi.arithmetic.arrays import Indices, Matrix
+from lmi.arithmetic.enclosure import UNIT, Enclosure, powers, raised
+from obsdesign.runtime.set_membership.model import Model
+from obsdesign.runtime.set_membership.series import FlowSeries
+from obsdesign.runtime.step_cache import shared_step
+
+# ||A|| times the length of a piece, roughly: its square is the error of the support function
+_PIECE = 0.25
+_MOST_PIECES = 32
+_RECENT = 1024  # step lengths as they come, before rounding
+# pieces that are taken as one in the search for multipliers, where a step has more than two
+_GROUPED = 4
+
+# (generators, their columns of the disturbance, remainder) of a table
+Generators = tuple[Matrix, Indices, Matrix]
+
+
+@dataclass(frozen=True)
+class Table:
+    """A map of a stage.
+
+    Phi (n, n), with phi_error, that of a product with it included; forced (n, inputs + columns);
+    columns (n, 3, pieces, width): F0, FM, F1, with column_error; bend (n, pieces, width): E2;
+    length: of a piece, rounded up. generators (n, g), units (g,), remainder (n, width): a box
+    combination (generators, scaled by the radius of their column, and a box) that contains what
+    the disturbance adds, up to rounding: for the search of multipliers alone.
+    """
+
+    Phi: Matrix
+    phi_error: Matrix
+    forced: Enclosure
+    columns: Matrix
+    column_error: Matrix
+    bend: Matrix
+    length: float
+    generators: Matrix
+    units: Indices
+    remainder: Matrix
+
+    @property
+    def pieces(self) -> int:
+        """Number of pieces."""
+        return int(self.columns.shape[2])
+
+
+class Tables:
+    """Tables of steps and of the jump, made when they are first needed."""
+
+    def __init__(self, model: Model) -> None:
+        self._model = model
+        self._series = FlowSeries(model.A)
+        self._steps: OrderedDict[tuple[float, int], Table] = OrderedDict()
+        self._recent: dict[tuple[float, int], Table] = {}
+
+    def for_step(self, h: float, size: float) -> Table:
+        """The table of a step of about h >= 0 between time stamps of magnitude `size`."""
+        key = (h, math.frexp(size)[1])
+        table = self._recent.get(key)
+        if table is None:
+            if len(self._recent) >= _RECENT:
+                self._recent.clear()
+            table = self._recent[key] = shared_step(self._steps, h, size, self._built)
+        return table
+
+    @cached_property
+    def jump(self) -> Table:
+        """The table of a jump; ValueError where the plant has none."""
+        model = self._model
+        if model.G is None or model.jump is None:
+            raise ValueError("this plant has no jumps ([jump] is absent), but a sample says jump.")
+        n, width, c = model.n, model.width, model.jump
+        forced = Enclosure.exactly(np.hstack([model.jump_inputs, c.matrix]))
+        columns = np.zeros((n, 3, 1, width))
+        columns[:, 0, 0, : len(c.active)] = c.matrix[:, c.active]
+        units = np.arange(len(c.active))
+        remainder = np.zeros((n, width))
+        return _table(
+            Enclosure.exactly(model.G), forced, Enclosure(columns, np.zeros_like(columns)),
+            np.zeros((n, 1, width)), 0.0, (columns[:, 0, 0, units], units, remainder),
+        )  # fmt: skip
+
+    @cached_property
+    def _squares(self) -> Enclosure:
+        A = Enclosure.exactly(self._model.A)
+        return A @ A
+
+    def _built(self, h: float, error: float) -> Table:
+        with np.errstate(over="ignore", invalid="ignore"):  # overflow shows as infinite radii
+            return self._still if h == 0.0 else self._flow(h, error)
+
+    @cached_property
+    def _still(self) -> Table:
+        """The table of a step of length zero."""
+        model, width = self._model, self._model.width
+        n, k = model.n, model.inputs.shape[1] + model.flow.matrix.shape[1]
+        nothing = Enclosure.exactly(np.zeros((n, 3, 1, width)))
+        none = (np.zeros((n, 0)), np.zeros(0, dtype=int), np.zeros((n, width)))
+        return _table(
+            Enclosure.exactly(np.eye(n)), Enclosure.exactly(np.zeros((n, k))), nothing,
+            np.zeros((n, 1, width)), 0.0, none,
+        )  # fmt: skip
+
+    def _flow(self, h: float, error: float) -> Table:
+        model, series, width = self._model, self._series, self._model.width
+        count = _piece_count(series.norm * h)
+        half, half_error = 0.5 * h / count, 0.5 * error / count  # exact: powers of two
+        middle, integral = series.flow(half, half_error)
+        integral = integral + middle @ integral
+        step = middle @ middle
+        starts = powers(step, count)  # e^{A i d}
+        Phi = Enclosure(starts.mid[-1], starts.rad[-1]) @ step
+        b, active = model.flow, model.flow.active
+        known = np.hstack([model.inputs, b.matrix])
+        r = len(active)
+        entering = Enclosure.exactly(b.matrix[:, active])
+        ends = _side_by_side(integral @ Enclosure.exactly(known), middle @ entering)
+        pushed = starts @ ends  # (count, n, known + r)
+        k = known.shape[1]
+        forced = _summed(Enclosure(pushed.mid[:, :, :k], pushed.rad[:, :, :k]))
+        first = k - b.matrix.shape[1]
+        F0 = Enclosure(pushed.mid[:, :, first + active], pushed.rad[:, :, first + active])
+        FM = Enclosure(pushed.mid[:, :, k:], pushed.rad[:, :, k:])
+        F1 = Enclosure.exactly(model.A) @ FM
+        curved = (self._squares @ (starts @ middle)).magnitude
+        growth = series.growth(half + half_error) @ np.abs(entering.mid)
+        E2 = raised(curved @ growth, 4 * model.n)
+        columns = _padded([F0, FM, F1], width)
+        bend = np.zeros((model.n, count, width))
+        bend[:, :, :r] = E2.transpose(1, 0, 2)
+        length = math.nextafter(2.0 * (half + half_error), math.inf)
+        generators = _generators(F0, F1, E2, length, width)
+        return _table(Phi, forced, columns, bend, length, generators)
+
+
+def _table(
+    Phi: Enclosure, forced: Enclosure, columns: Enclosure, bend: Matrix, length: float,
+    generators: Generators,
+) -> Table:  # fmt: skip
+    n = len(Phi.mid)
+    return Table(
+        Phi=Phi.mid, phi_error=_with_product(Phi, n), forced=forced, columns=columns.mid,
+        column_error=_with_product(columns, n), bend=bend, length=length,
+        generators=generators[0], units=generators[1], remainder=generators[2],
+    )  # fmt: skip
+
+
+def _with_product(X: Enclosure, n: int) -> Matrix:
+    """Error of p'X in parts of |p|: of X, and of a product of length n."""
+    size = np.abs(X.mid)
+    error = raised(X.rad + (n + 2) * UNIT * size, n + 4)
+    return np.where((size == 0) & (X.rad == 0), 0.0, error)
+
+
+def _piece_count(argument: float) -> int:
+    """A power of two: lengths of pieces are exact."""
+    wanted = min(max(argument / _PIECE, 1.0), _MOST_PIECES)
+    return 1 << math.ceil(math.log2(wanted))
+
+
+def _side_by_side(left: Enclosure, right: Enclosure) -> Enclosure:
+    return Enclosure(np.hstack([left.mid, right.mid]), np.hstack([left.rad, right.rad]))
+
+
+def _summed(X: Enclosure) -> Enclosure:
+    """Sum over the first axis."""
+    count = len(X.mid)
+    rounding = count * UNIT * np.abs(X.mid).sum(axis=0)
+    return Enclosure(X.mid.sum(axis=0), raised(X.rad.sum(axis=0) + rounding, 2 * count))
+
+
+def _padded(parts: list[Enclosure], width: int) -> Enclosure:
+    """(n, parts, pieces, width) from parts of (pieces, n, r)."""
+    pieces, n, r = parts[0].mid.shape
+    mid, rad = np.zeros((2, n, len(parts), pieces, width))
+    for i, part in enumerate(parts):
+        mid[:, i, :, :r] = part.mid.transpose(1, 0, 2)
+        rad[:, i, :, :r] = part.rad.transpose(1, 0, 2)
+    return Enclosure(mid, rad)
+
+
+def _generators(F0: Enclosure, F1: Enclosure, E2: Matrix, length: float, width: int) -> Generators:
+    """(generators, their columns, remainder) of pieces, several of them as one.
+
+    A piece of length d adds F0 w_mean, a deviation of at most d^2/4 |p'F1| from it and a box of
+    d^3/12 E2.
+    """
+    count, n, r = F0.mid.shape
+    groups = min(count, max(2, count // _GROUPED))
+    group = count // groups
+    d = length * group
+    shape = (groups, group, n, r)
+    mean = F0.mid.reshape(shape).sum(axis=1)
+    slope = np.abs(F1.mid).reshape(shape).mean(axis=1) * (0.25 * d * d)
+    bend = E2.reshape(shape).max(axis=1) * (d**3 / 12.0)
+    columns = mean.transpose(1, 0, 2).reshape(n, -1)
+    units = np.tile(np.arange(r), groups)
+    remainder = np.zeros((n, width))
+    remainder[:, :r] = (slope + bend).sum(axis=0)
+    return columns, units, remainder

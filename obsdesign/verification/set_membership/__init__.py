@@ -1,0 +1,1 @@
+"""Claims and guarantees of the multiplier observer, proved."""
