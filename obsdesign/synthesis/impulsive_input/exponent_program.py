@@ -1,4 +1,4 @@
-"""Exponents that make time and weight of an impulse least sensitive to noise, by CasADi and IPOPT.
+"""Exponents that leave time and weight of an impulse least uncertain, by CasADi and IPOPT.
 
     minimise  log (deviation of time) + log (deviation of weight)       (`NoisyImpulses`)
     over      Lambda
