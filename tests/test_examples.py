@@ -14,6 +14,7 @@ from obsdesign.data.simulation import simulate
 from obsdesign.problem.options import ImpulsiveOptions
 from obsdesign.runtime import from_design
 from obsdesign.runtime.base import rows_of
+from tests.systems.impulsive_input import record
 
 EXAMPLES = sorted((Path(__file__).parent.parent / "examples").glob("*.toml"))
 
@@ -41,6 +42,22 @@ def test_an_example_is_proved_and_runs(path: Path) -> None:
     estimates = list(observer.run(state, samples))
     assert len(estimates) == len(record.t)
     assert estimates[-1].status == "ok"
+
+
+@pytest.mark.parametrize("name", ["mattsson_medvedev_open", "mattsson_medvedev_threshold"])
+def test_an_example_of_impulses_is_proved_and_finds_them(name: str) -> None:
+    problem = obsdesign.load_problem(EXAMPLES[0].parent / f"{name}.toml")
+    design, plant = obsdesign.design(problem), problem.plant
+    assert obsdesign.verify(design).verdict == "proved"
+    t, train = np.round(0.01 * np.arange(11001), 10), ((25.005, 5.0), (70.123, -2.5))
+    y = record(plant.flow.A, problem.require("jump.H"), train, t, np.zeros(3)) @ plant.output.C.T
+    std = plant.output.noise_std
+    y = y + std * np.random.default_rng(3).standard_normal(y.shape)
+    events = from_design(design).run_batch(t, y).events
+    assert [event.status for event in events] == ["ok", "ok"]
+    for event, (time, weight) in zip(events, train, strict=True):
+        assert abs(event.t - time) < (4 * event.t_std if std.any() else 1e-4)
+        assert event.weights[0] == pytest.approx(weight, rel=0.02 if std.any() else 1e-4)
 
 
 @pytest.mark.parametrize("disturbance", ["zero", "extreme", "random", "sine"])

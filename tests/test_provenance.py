@@ -74,6 +74,15 @@ def sampled() -> dict[str, Any]:
     }
 
 
+def impulses(**options: Any) -> dict[str, Any]:
+    return {
+        "flow": {"A": [[-0.1, 0], [1, -0.2]]},
+        "jump": {"H": [[1], [0]], "dwell_time": [10, "inf"]},
+        "output": {"C": [[0, 1]], "measured": "periodic", "period": 0.05, "noise_std": [0.1]},
+        "observer": {"kind": "impulsive_input", "operator": "integral"} | options,
+    }
+
+
 CASES: list[tuple[Callable[[], dict[str, Any]], tuple[str, ...], str]] = [
     (lambda: finite_time(method="least_squares"), (), "none"),
     (turning, ("Clarabel",), "Clarabel"),
@@ -87,7 +96,9 @@ CASES: list[tuple[Callable[[], dict[str, Any]], tuple[str, ...], str]] = [
         ("IPOPT", "SciPy"),
         "IPOPT, SciPy",
     ),
-    # the twin: with L given nothing is searched for
+    (impulses, ("IPOPT",), "IPOPT"),
+    # twins: what is given is not searched for
+    (lambda: impulses(exponents=[-1.0, -1.2, -1.4, -1.6]), (), "none"),
     (lambda: finite_time(method="exact", gains={"L": [[0.0], [0.1]]}), (), "none"),
 ]
 

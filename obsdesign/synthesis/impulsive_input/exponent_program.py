@@ -1,4 +1,4 @@
-"""Exponents that make time and weight of an impulse least sensitive to noise, by CasADi and IPOPT.
+"""Exponents that leave time and weight of an impulse least uncertain, by CasADi and IPOPT.
 
     minimise  log (deviation of time) + log (deviation of weight)       (`NoisyImpulses`)
     over      Lambda
@@ -77,10 +77,13 @@ class ExponentProgram:
         return ca.nlpsol("exponents", "ipopt", program, quiet)
 
     def _cost(self, ca: Expression, z: Expression) -> Expression:
-        """Half the logarithms of both variances, for exponents z / tau."""
+        """Half the logarithms of both variances, up to a constant, for exponents z / tau."""
         window, roots = self.impulses.window, np.sqrt(self.impulses.intensity)
+        unit = float(roots.max())
+        roots, half = roots / unit, _root(self.covariance) * math.sqrt(window.tau) / unit
         D, C, tau, n = window.D, window.C, window.tau, len(window.D)
         ages, weights = window_nodes(tau, self.age)
+        weights = weights / tau
         kernels = ca.exp(ca.DM(ages / tau) @ z.T) * ca.repmat(ca.DM(np.sqrt(weights)), 1, z.numel())
         Q, R = _orthonormal(ca, kernels)
         at_onset = ca.solve(R.T, ca.exp(z * (self.age / tau)))  # the kernels where y may jump
@@ -88,12 +91,13 @@ class ExponentProgram:
         shown = ((ages <= self.age) * np.sqrt(weights))[:, None, None]
         h = (expm(D * since) @ window.H) * shown
         free = expm(D * (tau - ages)[:, None, None]) * np.sqrt(weights)[:, None, None]
-        half = _root(self.covariance)
+        responses = [np.hstack([row @ D @ h, row @ h]) for row in C]
+        sizes = np.linalg.norm(np.vstack(responses), axis=0)  # units of time and weight
         V, J, raw = [], [], []
-        for row, root in zip(C, roots, strict=True):
+        for row, response, root in zip(C, responses, roots, strict=True):
             V.append(Q.T @ ca.DM((row @ free) @ half / root))
-            jump = float(row @ window.H[:, 0]) / root
-            features = Q.T @ ca.DM(np.hstack([row @ D @ h, row @ h]) / root)
+            jump = float(row @ window.H[:, 0]) / (root * sizes[0])
+            features = Q.T @ ca.DM(response / (root * sizes))
             J.append(features + ca.horzcat(at_onset * jump, 0 * at_onset))
             raw.append(root * R.T)
         V, J = ca.vertcat(*V), ca.vertcat(*J)

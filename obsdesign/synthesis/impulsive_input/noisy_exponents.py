@@ -101,8 +101,8 @@ class _Search:
             yield replace(rule, label=label, exponents=chosen.exponents, remarks=remarks)
             remarks = ()
         else:
-            found = ", confirmed by IPOPT" if rated else "; IPOPT did not converge"
-            rule = replace(rule, label=f"{rule.label}{found}")
+            result = ", confirmed by IPOPT" if rated else "; IPOPT did not converge"
+            rule = replace(rule, label=f"{rule.label}{result}")
         yield replace(rule, remarks=remarks)
 
     def _counts(self) -> tuple[int, ...]:

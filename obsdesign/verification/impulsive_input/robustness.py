@@ -35,7 +35,11 @@ from lmi.arithmetic.balls import (
 )
 from lmi.verdict import proved, undecided
 from obsdesign.document import Claim
-from obsdesign.equations.impulsive_input.features import FeatureWindow, filtered_system
+from obsdesign.equations.impulsive_input.features import (
+    FeatureWindow,
+    feature_scales,
+    filtered_system,
+)
 from obsdesign.verification.impulsive_input.window import PAPER
 
 _CELLS = 256
@@ -45,7 +49,8 @@ _CELLS = 256
 class FeatureChange:
     """Bounds of |dR|: (mp, q) per unit of weight for any age, (mp, n) per unit of x(t_o).
 
-    relative: of |dR| / |b(age)| for ages in [margin, tau], by direction (q,).
+    Features are scaled as at run time. relative: of |dR| / |b(age)| for ages in [margin, tau], by
+    direction (q,).
     """
 
     impulse: Matrix
@@ -68,7 +73,7 @@ def robustness(window: FeatureWindow, A: Exact, uncertainty: Matrix) -> Claim:
         verdict = undecided("the features of an impulse may vanish at some age", **evidence)
         if np.isfinite(bounds.relative).all():
             relative = _rounded_up(bounds.relative)
-            text = f"{float(relative.max())!r} of their Euclidean norm, unscaled"
+            text = f"{float(relative.max())!r} of their Euclidean norm"
             verdict = proved(**evidence, relative=relative.tolist())
     statement = (
         "where entries of flow.A are off by at most observer.uncertainty, at any instant of a "
@@ -96,7 +101,8 @@ def feature_change(window: FeatureWindow, A: Exact, uncertainty: Matrix) -> Feat
     width = rational(window.tau) / _CELLS
     h = math.nextafter(float(width), math.inf)
     with precision(PRECISIONS[0]):
-        F = filtered_system(window.D, window.C, exact(window.exponents))
+        scales = exact(feature_scales(window.exponents, window.tau))
+        F = filtered_system(window.D, window.C, exact(window.exponents), scales)
         flows = [_cell(A, width, k) for k in range(_CELLS)]
         whole = [_cell(F, width, k)[:, :n] for k in range(_CELLS)]
         start = np.hstack([window.H, exact(np.eye(n))])

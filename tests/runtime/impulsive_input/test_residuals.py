@@ -163,6 +163,8 @@ def test_initial_deviations_are_the_first_covariance(operator: str) -> None:
     )
     if operator == "samples":
         del body["observer"]["margin"]
+    else:
+        body["observer"]["exponents"] = [-0.65 - 0.05 * k for k in range(6)]
     given = copy.deepcopy(body)
     given["observer"]["initial_std"] = std
     design = designed(given)

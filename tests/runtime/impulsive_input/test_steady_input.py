@@ -178,7 +178,7 @@ def test_a_constant_output_fits_no_impulse_of_the_integral_operator(
 ) -> None:
     body = copy.deepcopy(CHAIN)
     body["output"] |= {"period": 0.1, "noise_std": [std]}
-    body["observer"]["weighting"] = weighting
+    body["observer"] |= {"weighting": weighting, "exponents": [-0.65 - 0.05 * k for k in range(6)]}
     observer, t = observer_of(body), 0.1 * np.arange(2000)
     y = level + std * np.random.default_rng(0).standard_normal((len(t), 1))
     batch = observer.run_batch(t, y)

@@ -11,7 +11,11 @@ from scipy.linalg import expm
 
 import obsdesign
 from lmi.arithmetic.balls import exact
-from obsdesign.equations.impulsive_input.features import FeatureWindow, filtered_system
+from obsdesign.equations.impulsive_input.features import (
+    FeatureWindow,
+    feature_scales,
+    filtered_system,
+)
 from obsdesign.verification.impulsive_input.robustness import feature_change
 from tests.systems.impulsive_input import CHAIN
 
@@ -22,15 +26,15 @@ LAMS = np.array([-0.65, -0.7, -0.75, -0.8])
 TURNING = np.array([[-0.1, 1, 0], [-1, -0.1, 0], [0, 0.5, -0.2]])
 
 
-def bounds(A: Any, K: Any, C: Any, H: Any, U: Any) -> Any:
+def bounds(A: Any, K: Any, C: Any, H: Any, U: Any, lams: Any = LAMS) -> Any:
     D = exact(A) - exact(K) @ exact(C)
-    window = FeatureWindow(D, exact(C), exact(H), exponents=LAMS, tau=20.0, margin=5.0)
+    window = FeatureWindow(D, exact(C), exact(H), exponents=lams, tau=20.0, margin=5.0)
     return feature_change(window, exact(A), U)
 
 
-def changes(A: Any, K: Any, C: Any, start: Any, ages: Any, dA: Any) -> Any:
+def changes(A: Any, K: Any, C: Any, start: Any, ages: Any, dA: Any, lams: Any = LAMS) -> Any:
     """Features with A + dA less those with A, and the latter, (ages, mp, r); state `start`."""
-    n, F = len(A), filtered_system(A - K @ C, C, LAMS)
+    n, F = len(A), filtered_system(A - K @ C, C, lams, feature_scales(lams, 20.0))
     size = len(F)
     both = np.zeros((size + n, size + n))
     both[:size, :size], both[:n, size:], both[size:, size:] = F, dA, A + dA
@@ -67,6 +71,16 @@ def test_no_change_of_A_in_the_box_exceeds_the_bounds(
         change, _ = changes(flow, gain, C, np.eye(3), [20.0], U * signs * scale)
         assert (np.abs(change[0]) <= bound.state).all()
     assert worst > least  # the bound is not more than a factor above what occurs
+
+
+def test_a_growing_kernel_counts_as_at_run_time() -> None:
+    lams, U = np.array([0.3, -0.65, -0.7, -0.75, -0.8]), 0.01 * np.abs(A)
+    bound = bounds(A, K, C, H, U, lams)
+    change, b = changes(A, K, C, H, np.linspace(5, 20, 31), U, lams)
+    assert (np.abs(change) <= bound.impulse).all()
+    assert (np.abs(change).max(axis=0) > 0.9 * bound.impulse).all()
+    part = np.linalg.norm(change, axis=1) / np.linalg.norm(b, axis=1)
+    assert 0.7 * bound.relative < part.max() <= bound.relative
 
 
 def investigated(U: Any, **options: Any) -> Any:
