@@ -98,3 +98,17 @@ def test_a_witness_replayed_makes_the_state_grow(tmp_path: Path) -> None:
     CliRunner().invoke(cli, ["simulate", str(problem), "--disturbance", "zero", *constant])
     rows = np.genfromtxt(data, delimiter=",", names=True)
     assert np.abs(rows["x1"])[-100:].max() < 1e-6 * np.abs(rows["x1"])[:100].max()
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ('{"witness": {"theta": 1.0}, "witness": {"theta": 2.0}}', "key 'witness' stands 2 times"),
+        ("[1.0, NaN]", "NaN is not allowed"),
+    ],
+)
+def test_json_has_one_meaning(tmp_path: Path, text: str, reason: str) -> None:
+    """As in problem and design files; the twin has each key once, and numbers."""
+    with pytest.raises(InputError, match=reason):
+        read_dwell_times(written(tmp_path, text))
+    assert read_dwell_times(written(tmp_path, '{"witness": {"theta": 1.0}}')) == [1.0]
