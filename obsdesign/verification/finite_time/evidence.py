@@ -19,8 +19,8 @@ Interval = list[float]
 class TheoremEvidence:
     """Constants of (10)-(13) in intervals; those that only (13) defines are None where it fails.
 
-    condition_13: its verdict; longest_period: of (13), "inf" without an end; norm_of_exp:
-    |e^{-F T}|; norm_of_inverse: |M_T^{-1}|; S, norm_of_back: coordinates and |S^-1|.
+    condition_13: true, false or open; longest_period: of (13), "inf" without an end;
+    norm_of_exp: |e^{-F T}|; norm_of_inverse: |M_T^{-1}|; S, norm_of_back: coordinates and |S^-1|.
     """
 
     condition_13: str
@@ -51,7 +51,7 @@ class TheoremEvidence:
     @property
     def is_applicable(self) -> bool:
         """Is (13) proved, so that the theorem holds?"""
-        return self.condition_13 == "proved"
+        return self.condition_13 == "true"
 
     @property
     def factors(self) -> tuple[float, float, float]:

@@ -115,7 +115,7 @@ def _theorem(problem: Problem, evidence: DesignEvidence, constants: TheoremEvide
             f"((13) is true{below})."
         )
         return Guarantee.from_verdicts(text, ["theorem_1_numbers"], evidence.verdicts)
-    verdict = "is false" if constants.condition_13 == "refuted" else "is too close to call"
+    verdict = "is false" if constants.condition_13 == "false" else "is too close to call"
     return Guarantee.not_proved(
         f"The bound of Theorem 1 for observer (14): its condition (13) {verdict} here{below}."
     )

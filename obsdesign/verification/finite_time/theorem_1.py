@@ -46,6 +46,8 @@ from obsdesign.verification.finite_time.evidence import Interval, TheoremEvidenc
 from obsdesign.verification.finite_time.window import PAPER
 
 _CONDITION_13 = f"{PAPER}, Theorem 1, (13)"
+# verdicts on (13) as design files state them
+_WORDS = {"proved": "true", "refuted": "false", "undecided": "open"}
 # pieces of the error integral: more of them bring the bound closer to the factor
 _PIECES, _FEWEST = 1920, 2
 
@@ -266,7 +268,7 @@ def _constants(norms: Norms, period: float, tighter: bool = False) -> TheoremEvi
     names = ("sigma", "gbar", "alpha", "beta", "gamma", "first", "second")
     stated = names if outcome == "proved" else ("sigma", "first")
     return TheoremEvidence(
-        condition_13=outcome,
+        condition_13=_WORDS[outcome],
         longest_period="inf" if longest is None else float_below(longest),
         norm_of_exp=_interval(norms.a),
         norm_of_inverse=_interval(norms.m),
