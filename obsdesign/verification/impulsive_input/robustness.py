@@ -48,7 +48,8 @@ _CELLS = 256
 class FeatureChange:
     """Bounds of |dR|: (mp, q) per unit of weight for any age, (mp, n) per unit of x(t_o).
 
-    Features are scaled as at run time. relative: of |dR| / |b(age)| for ages in [margin, tau], by direction (q,).
+    Features are scaled as at run time. relative: of |dR| / |b(age)| for ages in [margin, tau], by
+    direction (q,).
     """
 
     impulse: Matrix
