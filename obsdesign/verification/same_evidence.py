@@ -14,6 +14,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from lmi.arithmetic.arrays import Value
+from obsdesign.verification import stated_poles, stated_weights
 
 # course of a proof: depends on the floats that steer it
 _COURSE = ("bits", "boxes", "method", "periods", "smallest_box", "steps",
@@ -50,7 +51,7 @@ OLDER_WORDING = {
 
 
 # claims that designs of earlier releases do not have
-ADDED_CLAIMS = ("poles", "weights")
+ADDED_CLAIMS = (stated_poles.ID, stated_weights.ID)
 
 
 # where earlier releases found what a source now names
