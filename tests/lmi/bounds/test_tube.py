@@ -102,6 +102,16 @@ def test_a_tube_holds_from_its_exact_threshold_on() -> None:
     assert tube_of(2.0, 1.3680, 1.999) == "undecided"
 
 
+def test_the_steps_of_a_tube_are_those_of_its_three_bounds() -> None:
+    tube = Tube(*(exact([x]) for x in (0.751, 0.751, 1.001, 1.001)))
+    W, f, N, h, X = (exact(A) for A in ([[-1.0]], [1.0], [[0.5]], [0.25], [[1.0]]))
+    system = Affine(W, f, tube.v)
+    parts = [(N, tube.v - h, 1.0), (X, tube.before, 1.0), (X, tube.always, 0.0)]
+    steps = [prove_below(system, *part, 3.0).evidence["steps"] for part in parts]
+    verdict = prove_tube(W, f, N, h, X, tube=tube, low=1.0, high=3.0)
+    assert verdict.evidence["steps"] == sum(steps)
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_a_periodic_limit_is_the_fixed_point(seed: int) -> None:
     rng = np.random.default_rng(seed)
