@@ -13,19 +13,20 @@ from obsdesign.equations.impulsive_input.curve import ImpulseCurve
 TAU = 2.0
 
 
-def curve_of(seed: int, q: int = 1) -> ImpulseCurve:
+def curve_of(seed: int, q: int = 1, points: int = 160) -> ImpulseCurve:
     rng = np.random.default_rng(seed)
     F = np.zeros((6, 6))
     F[:2, :2] = [[-1.0, 2.0], [-2.0, -1.0]]
     F[2:, :2] = rng.standard_normal((4, 2))
     F[2:, 2:] = -np.diag([0.5, 1.0, 2.0, 3.0])
-    return ImpulseCurve.from_system(F, rng.standard_normal((2, q)), TAU)
+    return ImpulseCurve.from_system(F, rng.standard_normal((2, q)), TAU, points)
 
 
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("q", [1, 2])
-def test_exact_features_give_age_and_weights(seed: int, q: int) -> None:
-    curve = curve_of(seed, q)
+@pytest.mark.parametrize("points", [160, 5])
+def test_exact_features_give_age_and_weights(seed: int, q: int, points: int) -> None:
+    curve = curve_of(seed, q, points)
     weights = np.array([1.7, -0.6])[:q]
     for age in (0.3, 0.777, 1.5):
         R = curve.value(age)[2:] @ weights
