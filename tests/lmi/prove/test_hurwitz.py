@@ -123,6 +123,7 @@ def test_schur_of_balls_says_what_it_says_of_numbers(n: int) -> None:
     with precision(128):
         assert schur(ball(exact(0.99 * X))) is True
         assert schur(ball(exact(1.01 * X))) is False
+        assert schur(ball(exact(-np.eye(n)))) is False
         # balls around a matrix with an eigenvalue on the circle decide nothing
         third = ball(exact(np.eye(n) * 3)).inv()
         assert schur(third * ball(exact(3.0 * np.eye(n)))) is None
