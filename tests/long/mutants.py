@@ -45,7 +45,7 @@ PLACES = (
     "obsdesign/equations", "obsdesign/verification", "obsdesign/runtime",
     "lmi/prove", "lmi/refute", "lmi/rank", "lmi/bounds", "lmi/arithmetic",
 )  # fmt: skip
-SECONDS, GRACE, FACTOR, LATEST = 60.0, 30.0, 5.0, 900.0
+SECONDS, GRACE, FACTOR, LATEST = 60.0, 30.0, 1.0, 900.0
 MEMORY = 8 << 30
 
 
@@ -266,6 +266,7 @@ def main(folder: Path, *options: str) -> None:
         return
     if "--survivors" in words:
         tests = [option for option in options if not option.startswith("--")]
+        shutil.copytree(ROOT / "tests", folder / "tree" / "tests", dirs_exist_ok=True)
         pairs = [
             (m, tests)
             for m in every

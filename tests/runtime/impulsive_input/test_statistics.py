@@ -162,6 +162,8 @@ def test_running_integrals_of_lines() -> None:
     # within a millionth of a cell a time is that of the row
     near = recursions.integrals_at(t, error, whole, lams, np.array([1.2 + 1e-7, 1.4 - 1e-7]))
     assert (near == whole[[1, 2]]).all()
+    beside = recursions.integrals_at(t, error, whole, lams, np.array([1.2 + 6e-7, 1.4 - 6e-7]))
+    assert (beside != whole[[1, 2]]).all()
 
 
 def test_the_best_steady_input() -> None:
