@@ -16,6 +16,7 @@ from obsdesign.runtime.impulsive_input import whitening
 from obsdesign.runtime.impulsive_input.event import Event
 from obsdesign.runtime.impulsive_input.history import History, short_dwell
 from obsdesign.runtime.impulsive_input.integral import covariance, recursions
+from obsdesign.runtime.impulsive_input.samples.engine import SamplesEngine
 from obsdesign.runtime.impulsive_input.samples.filter import square_root, triangular
 from obsdesign.runtime.impulsive_input.samples.steady_input import Steady
 
@@ -199,3 +200,25 @@ def test_an_event_is_judged_by_its_residuals_and_its_dwell_time() -> None:
     unknown = Event(t=2.0, weights=np.ones(1), t_std=None, weights_std=None)
     assert History(t=1.5).judged(unknown, 1.0, cost=5.0, freedom=5).doubts == late.doubts
     assert History(t=1.0 + 1e-9).judged(unknown, 1.0, cost=5.0, freedom=5).doubts == ()
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "size"), [([0.0, 0.0], 6.0, 6.0), ([4.0, 0.0], 6.0, 3.0), ([-4.0, 0.0], 6.0, 10.0)]
+)
+def test_a_first_guess_is_as_wide_as_an_impulse_that_explains_the_sample(
+    x: list[float], y: float, size: float
+) -> None:
+    # an impulse leaves (sin, 3 cos) of half a turn in the window, and y = x1
+    def states(ages: np.ndarray) -> np.ndarray:
+        return np.column_stack([np.sin(math.pi * ages / 2), 3 * np.cos(math.pi * ages / 2)])
+
+    engine: Any = SimpleNamespace(
+        gains=SimpleNamespace(C=np.array([[1.0, 0.0]]), window=2.0),
+        model=SimpleNamespace(states=states),
+    )
+    row: Any = SimpleNamespace(y=np.array([y]))
+    guess = SamplesEngine._guess(engine, np.array(x), row)
+    np.testing.assert_allclose(guess, [size, 3 * size], rtol=1e-12)
+    missing: Any = SimpleNamespace(y=None)
+    guess = SamplesEngine._guess(engine, np.array(x), missing)
+    np.testing.assert_allclose(guess, [0.5, 1.5], rtol=1e-12)
