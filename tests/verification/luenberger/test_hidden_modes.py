@@ -7,6 +7,8 @@ from typing import Any
 import pytest
 
 import obsdesign
+from obsdesign.problem.gain_wishes import Disc, GainWishes
+from obsdesign.verification.luenberger.wishes import _text
 
 
 def two_modes(second: float, kept: float | None, high: Any = 2.0) -> obsdesign.Problem:
@@ -41,3 +43,21 @@ def test_a_mode_that_no_output_shows_decides(
 ) -> None:
     outcome = obsdesign.investigate(two_modes(second, kept, high))
     assert outcome.verdict == verdict
+
+
+def test_sentences_name_the_wishes_that_are_stated() -> None:
+    disc = Disc(centre=-3.0, radius=2.5)
+    regions = {
+        "have real parts below -1.5": GainWishes(decay=1.5),
+        "lie within 0.8 rad of the negative real axis": GainWishes(sector=0.8),
+        "lie in the open disc of radius 2.5 around -3.0": GainWishes(disc=disc),
+    }
+    for text, wish in regions.items():
+        assert _text("region", "L", wish) == f"all eigenvalues of A - L C {text}"
+        assert _text("gain_norm", "L", wish) == _text("structure", "L", wish) == ""
+    whole = _text("region", "M", GainWishes(decay=1.5, sector=0.8, disc=disc))
+    assert whole == f"all eigenvalues of the error's matrix at jumps {' and '.join(regions)}"
+    assert _text("region", "L", GainWishes(norm=2.0)) == ""
+    assert _text("gain_norm", "M", GainWishes(norm=2.0)) == "the spectral norm of M is at most 2.0"
+    pattern = _text("structure", "L", GainWishes(pattern=((True, False), (False, True))))
+    assert pattern == "L is zero where [[1, 0], [0, 1]] is"
