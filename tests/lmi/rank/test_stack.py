@@ -12,6 +12,7 @@ from lmi.arithmetic.balls import exact, middle, precision
 from lmi.rank import stack as stacks
 from lmi.rank.normalised_stack import RAISED, magnitudes, norm_above, normalised
 from lmi.rank.stack import Stack
+from lmi.rank.stack_box import Box
 
 
 def random_stack(seed: int, r: int = 3, blocks: int = 4, flows_first: bool = False) -> Stack:
@@ -179,3 +180,17 @@ def exact_ball(X: np.ndarray) -> object:
     from lmi.arithmetic.balls import ball
 
     return ball(exact(X))
+
+
+def test_halves_of_a_box_cover_it_and_no_more() -> None:
+    box = Box(((0, 0), (2, 3), (1, 1)))
+    for i, (level, index) in enumerate(box.sides):
+        low, high = index / 2**level, (index + 1) / 2**level
+        first, second = box.halves(i)
+        ends = []
+        for half in (first, second):
+            assert half.sides[:i] == box.sides[:i]
+            assert half.sides[i + 1 :] == box.sides[i + 1 :]
+            finer, place = half.sides[i]
+            ends.append((place / 2**finer, (place + 1) / 2**finer))
+        assert ends == [(low, (low + high) / 2), ((low + high) / 2, high)]

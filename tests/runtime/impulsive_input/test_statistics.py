@@ -16,6 +16,7 @@ from obsdesign.runtime.impulsive_input import whitening
 from obsdesign.runtime.impulsive_input.event import Event
 from obsdesign.runtime.impulsive_input.history import History, short_dwell
 from obsdesign.runtime.impulsive_input.integral import covariance, recursions
+from obsdesign.runtime.impulsive_input.integral.search import Rule, Search
 from obsdesign.runtime.impulsive_input.samples.engine import SamplesEngine
 from obsdesign.runtime.impulsive_input.samples.filter import square_root, triangular
 from obsdesign.runtime.impulsive_input.samples.steady_input import Steady
@@ -222,3 +223,33 @@ def test_a_first_guess_is_as_wide_as_an_impulse_that_explains_the_sample(
     missing: Any = SimpleNamespace(y=None)
     guess = SamplesEngine._guess(engine, np.array(x), missing)
     np.testing.assert_allclose(guess, [0.5, 1.5], rtol=1e-12)
+
+
+def test_a_threshold_fires_at_the_first_value_above_it() -> None:
+    rule = Rule(floor=0.0, sigma=0.0, share=0.0, threshold=2.0)
+    times = np.arange(20.0)
+    search, fired = rule.advance(Search(), [1.0, 2.0, 2.5, 9.0], 0, times, 5.0)
+    assert fired
+    assert (search.position, search.top, search.highest, search.armed) == (3, 2, 2.5, True)
+    # rows that were looked at are not looked at again
+    search, fired = rule.advance(Search(position=3), [9.0, 1.0, 3.0], 2, times, 5.0)
+    assert fired
+    assert search.top == 4
+    search, fired = rule.advance(Search(), [1.0, 2.0], 0, times, 5.0)
+    assert not fired
+    assert search.position == 2
+
+
+def test_a_peak_fires_when_it_was_left_behind() -> None:
+    rule = Rule(floor=1.0, sigma=0.1, share=0.1)
+    values = [0.0, 0.5, 2.0, 4.0, 3.9, 3.6, 3.4, 0.0]
+    search, fired = rule.advance(Search(), values, 0, np.arange(20.0), 9.0)
+    assert fired
+    assert (search.top, search.highest, search.position) == (3, 4.0, 7)  # 3.4 < 4 - .4 - .1
+    # what never falls is final when it has left the window
+    search, fired = rule.advance(Search(), [0.0, 2.0, 2.0, 2.0, 2.0, 2.0], 0, np.arange(20.0), 3.0)
+    assert fired
+    assert (search.top, search.position) == (1, 6)
+    # below the floor nothing fires
+    _, fired = rule.advance(Search(), [0.0, 0.9, 0.0, 0.9, 0.0], 0, np.arange(20.0), 9.0)
+    assert not fired

@@ -11,6 +11,7 @@ import pytest
 
 from lmi.arithmetic.balls import exact, number, scalar
 from obsdesign.verification.impulsive import rate as rates
+from obsdesign.verification.impulsive.blocks import Blocks
 from obsdesign.verification.impulsive.claims import _nominal
 from obsdesign.verification.impulsive.rate import Bound, RankProof, Rate
 
@@ -143,3 +144,15 @@ def test_an_exact_plant_is_nominal_and_a_rounded_one_where_that_is_absorbed() ->
         assert verdict.outcome == outcome
         assert verdict.evidence["exact"] is False
         assert verdict.evidence["largest_change"] == pytest.approx(1e-9)
+
+
+@pytest.mark.parametrize("name", ["A", "G", "C"])
+def test_a_nominal_plant_is_exact_where_no_entry_differs(name: str) -> None:
+    matrices = {"A": np.eye(2), "G": np.diag([1.0, 2.0]), "C": np.ones((1, 2))}
+    entries = {key: exact(value) for key, value in matrices.items()}
+    entries |= {f"{key}0": exact(value) for key, value in matrices.items()}
+    assert Blocks.is_exact.fget(SimpleNamespace(**entries))
+    changed = matrices[name].copy()
+    changed[0, 1] += 1e-16 if name != "C" else 2.0**-52
+    entries[f"{name}0"] = exact(changed)
+    assert not Blocks.is_exact.fget(SimpleNamespace(**entries))

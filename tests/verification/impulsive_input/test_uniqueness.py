@@ -7,7 +7,7 @@ import pytest
 
 from lmi.arithmetic.balls import exact
 from obsdesign.equations.impulsive_input.features import FeatureWindow
-from obsdesign.verification.impulsive_input.uniqueness import _by_theorem
+from obsdesign.verification.impulsive_input.uniqueness import _by_theorem, _one_feature
 
 
 def method_of(D: list, C: list, H: list, count: int, tau: float = 3.0) -> str | None:
@@ -67,3 +67,16 @@ def test_the_output_that_proves_it_is_named() -> None:
     verdict = _by_theorem(window)
     assert verdict is not None
     assert verdict.evidence["output"] == 2
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_one_feature_takes_two_ages_of_one_sign(sign: float) -> None:
+    # the feature of e^-s - 2 e^-3s changes its sign between the ages .45 and .8
+    window = FeatureWindow(
+        exact(np.array(DIAGONAL)), exact(np.array([[1.0, -2.0]])), exact(sign * np.ones((2, 1))),
+        exponents=np.array([-9.0]), tau=0.8, margin=0.1,
+    )  # fmt: skip
+    verdict = _one_feature(window)
+    assert verdict.outcome == "refuted"
+    reason = verdict.evidence["witness"]["reason"]
+    assert "weight -" not in reason
