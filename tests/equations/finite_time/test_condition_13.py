@@ -75,10 +75,10 @@ def test_condition_13_holds_up_to_the_longest_period(seed: int, tighter: bool) -
         assert bool(0 <= values.first < 1 and 0 <= values.second < 1) is holds
     # in coordinates S x it is the period of the transformed plant
     S = rng.standard_normal((2, 2))
-    moved = equations.approx_log_longest_period(A, C, L, T, S, tighter=tighter)
+    in_S = equations.approx_log_longest_period(A, C, L, T, S, tighter=tighter)
     back = np.linalg.inv(S)
     own = equations.approx_log_longest_period(S @ A @ back, C @ back, S @ L, T, tighter=tighter)
-    assert moved == pytest.approx(own)
+    assert in_S == pytest.approx(own)
 
 
 def test_plants_without_a_longest_period() -> None:

@@ -66,8 +66,8 @@ def test_coordinates_make_the_stack_orthonormal_in_the_middle(seed: int, blocks:
     np.testing.assert_allclose(rows.T @ rows, np.eye(3), atol=1e-9)
     # whatever basis the state had, the coordinates z = R x are the same
     S = np.random.default_rng(9).standard_normal((3, 3))
-    moved = Stack(s.F, s.H, s.C, exact(np.array(s.right, dtype=float) @ S), blocks)
-    other, _ = stacks.coordinates(moved, 0.1, 0.5)
+    rebased = Stack(s.F, s.H, s.C, exact(np.array(s.right, dtype=float) @ S), blocks)
+    other, _ = stacks.coordinates(rebased, 0.1, 0.5)
     np.testing.assert_allclose(other, R @ S, rtol=1e-6, atol=1e-8)
 
 
