@@ -10,6 +10,7 @@ import itertools
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from fractions import Fraction
 
 from lmi.arithmetic.arrays import NewEntries
 from lmi.arithmetic.balls import Ball, Balls, Exact, ball, exp_times, number, to_float
@@ -65,7 +66,8 @@ def boxes(
     if count > min(_MOST_BOXES, math.inf if effort is None else effort.left):
         raise ValueError(f"|F| times the length is {size * (end - start):.3g}, too much to cover")
     width = 2.0 ** math.ceil(math.log2((end - start) / count))  # exact in binary
-    count = math.ceil((end - start) / width)
+    # a difference in floats may be one rounding short of the end
+    count = math.ceil((Fraction(end) - Fraction(start)) / Fraction(width))
     F_ball, step = ball(F), exp_times(F, width)
     at = exp_times(F, start) * z
     norm = number(size * (1 + 1e-12))

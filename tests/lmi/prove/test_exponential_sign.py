@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -123,3 +124,13 @@ def test_an_effort_ends() -> None:
             next(signs.boxes(exact(TURN), z, 0.0, 8.0, [0], effort=signs.Effort(left=count - 1)))
         with pytest.raises(ValueError, match="too much to cover"):
             next(signs.boxes(exact(1e4 * TURN), z, 0.0, 8.0, [0]))
+
+
+@pytest.mark.parametrize("ulps", [0.75, 1.0, 1.25])
+def test_boxes_reach_the_end_where_the_length_rounds_down(ulps: float) -> None:
+    # 2 + 2^-51 - ulps 2^-51 is 2 in floats for each of them
+    start, end = ulps * 2.0**-51, 2.0 + 2.0**-51
+    assert end - start == 2.0
+    with precision(128):
+        cover = list(signs.boxes(exact([[1.0]]), ball(exact([[1.0]])), start, end, [0]))
+    assert len(cover) * Fraction(cover[0].width) >= Fraction(end) - Fraction(start)

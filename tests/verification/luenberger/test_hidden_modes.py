@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 
 import obsdesign
-from obsdesign.problem.gain_wishes import Disc, GainWishes
-from obsdesign.verification.luenberger.wishes import _text
+from obsdesign.problem.gain_constraints import Disc, GainConstraints
+from obsdesign.verification.gain_constraints import _text
 
 
 def two_modes(second: float, kept: float | None, high: Any = 2.0) -> obsdesign.Problem:
@@ -48,16 +48,19 @@ def test_a_mode_that_no_output_shows_decides(
 def test_sentences_name_the_wishes_that_are_stated() -> None:
     disc = Disc(centre=-3.0, radius=2.5)
     regions = {
-        "have real parts below -1.5": GainWishes(decay=1.5),
-        "lie within 0.8 rad of the negative real axis": GainWishes(sector=0.8),
-        "lie in the open disc of radius 2.5 around -3.0": GainWishes(disc=disc),
+        "have real parts below -1.5": GainConstraints(decay=1.5),
+        "lie within 0.8 rad of the negative real axis": GainConstraints(sector=0.8),
+        "lie in the open disc of radius 2.5 around -3.0": GainConstraints(disc=disc),
     }
-    for text, wish in regions.items():
-        assert _text("region", "L", wish) == f"all eigenvalues of A - L C {text}"
-        assert _text("gain_norm", "L", wish) == _text("structure", "L", wish) == ""
-    whole = _text("region", "M", GainWishes(decay=1.5, sector=0.8, disc=disc))
+    for text, constraints in regions.items():
+        assert _text("region", "L", constraints) == f"all eigenvalues of A - L C {text}"
+        assert _text("gain_norm", "L", constraints) == _text("structure", "L", constraints) == ""
+    whole = _text("region", "M", GainConstraints(decay=1.5, sector=0.8, disc=disc))
     assert whole == f"all eigenvalues of the error's matrix at jumps {' and '.join(regions)}"
-    assert _text("region", "L", GainWishes(norm=2.0)) == ""
-    assert _text("gain_norm", "M", GainWishes(norm=2.0)) == "the spectral norm of M is at most 2.0"
-    pattern = _text("structure", "L", GainWishes(pattern=((True, False), (False, True))))
+    assert _text("region", "L", GainConstraints(norm=2.0)) == ""
+    assert (
+        _text("gain_norm", "M", GainConstraints(norm=2.0))
+        == "the spectral norm of M is at most 2.0"
+    )
+    pattern = _text("structure", "L", GainConstraints(pattern=((True, False), (False, True))))
     assert pattern == "L is zero where [[1, 0], [0, 1]] is"
