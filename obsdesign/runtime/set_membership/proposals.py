@@ -51,8 +51,9 @@ class _Iteration:
         self.A, self.rho, self.w = A, rho, w
         (self.M, self.R), B = A.shape, len(g)
         self.q = np.concatenate([-g, np.zeros((B, self.M))], axis=1)
-        self.z, self.lam = np.zeros(self.q.shape), np.zeros((B, self.M))
-        self.pulled = np.zeros(self.q.shape)
+        self.z: Matrix = np.zeros(self.q.shape)
+        self.lam: Matrix = np.zeros((B, self.M))
+        self.pulled: Matrix = np.zeros(self.q.shape)
         start = _START / (self.R + self.M) / w
         self.zl = np.maximum(self.q, 0.0) + start
         self.zu = np.maximum(-self.q, 0.0) + start

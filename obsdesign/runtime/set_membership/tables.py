@@ -25,7 +25,7 @@ from obsdesign.runtime.step_cache import shared_step
 # ||A|| times the length of a piece, roughly: its square is the error of the support function
 _PIECE = 0.25
 _MOST_PIECES = 32
-_RECENT = 1024  # step lengths as they come, before rounding
+_RECENT = 256  # step lengths as they come, before rounding; at least those of a window
 # pieces that are taken as one in the search for multipliers, where a step has more than two
 _GROUPED = 4
 
