@@ -28,6 +28,7 @@ _MOST_PIECES = 32
 _RECENT = 256  # step lengths as they come, before rounding; at least those of a window
 # pieces that are taken as one in the search for multipliers, where a step has more than two
 _GROUPED = 4
+_SHORT = 0.4  # ||A|| times a step that is one piece in that search
 
 # (generators, their columns of the disturbance, remainder) of a table
 Generators = tuple[Matrix, Indices, Matrix]
@@ -91,10 +92,10 @@ class Tables:
         columns = np.zeros((n, 3, 1, width))
         columns[:, 0, 0, : len(c.active)] = c.matrix[:, c.active]
         units = np.arange(len(c.active))
-        remainder = np.zeros((n, width))
+        none = np.zeros((n, 0))
         return _table(
             Enclosure.exactly(model.G), forced, Enclosure(columns, np.zeros_like(columns)),
-            np.zeros((n, 1, width)), 0.0, (columns[:, 0, 0, units], units, remainder),
+            np.zeros((n, 1, width)), 0.0, (columns[:, 0, 0, units], units, none),
         )  # fmt: skip
 
     @cached_property
@@ -112,7 +113,7 @@ class Tables:
         model, width = self._model, self._model.width
         n, k = model.n, model.inputs.shape[1] + model.flow.matrix.shape[1]
         nothing = Enclosure.exactly(np.zeros((n, 3, 1, width)))
-        none = (np.zeros((n, 0)), np.zeros(0, dtype=int), np.zeros((n, width)))
+        none = (np.zeros((n, 0)), np.zeros(0, dtype=int), np.zeros((n, 0)))
         return _table(
             Enclosure.exactly(np.eye(n)), Enclosure.exactly(np.zeros((n, k))), nothing,
             np.zeros((n, 1, width)), 0.0, none,
@@ -146,7 +147,8 @@ class Tables:
         bend = np.zeros((model.n, count, width))
         bend[:, :, :r] = E2.transpose(1, 0, 2)
         length = math.nextafter(2.0 * (half + half_error), math.inf)
-        generators = _generators(F0, F1, E2, length, width)
+        groups = _group_count(series.norm * h, count)
+        generators = _generators(F0, F1, E2, length, groups)
         return _table(Phi, forced, columns, bend, length, generators)
 
 
@@ -155,10 +157,12 @@ def _table(
     generators: Generators,
 ) -> Table:  # fmt: skip
     n = len(Phi.mid)
+    remainder = np.zeros((n, bend.shape[2]))
+    remainder[:, : generators[2].shape[1]] = generators[2]
     return Table(
         Phi=Phi.mid, phi_error=_with_product(Phi, n), forced=forced, columns=columns.mid,
         column_error=_with_product(columns, n), bend=bend, length=length,
-        generators=generators[0], units=generators[1], remainder=generators[2],
+        generators=generators[0], units=generators[1], remainder=remainder,
     )  # fmt: skip
 
 
@@ -196,22 +200,22 @@ def _padded(parts: list[Enclosure], width: int) -> Enclosure:
     return Enclosure(mid, rad)
 
 
-def _generators(F0: Enclosure, F1: Enclosure, E2: Matrix, length: float, width: int) -> Generators:
-    """(generators, their columns, remainder) of pieces, several of them as one.
+def _group_count(argument: float, count: int) -> int:
+    """Pieces of the search for multipliers, a part of all; argument: ||A|| times the step."""
+    return 1 if argument <= _SHORT else min(count, max(2, count // _GROUPED))
+
+
+def _generators(F0: Enclosure, F1: Enclosure, E2: Matrix, length: float, groups: int) -> Generators:
+    """(generators, their columns, remainder (n, r)) of pieces, several of them as one.
 
     A piece of length d adds F0 w_mean, a deviation of at most d^2/4 |p'F1| from it and a box of
     d^3/12 E2.
     """
     count, n, r = F0.mid.shape
-    groups = min(count, max(2, count // _GROUPED))
-    group = count // groups
-    d = length * group
-    shape = (groups, group, n, r)
+    shape = (groups, count // groups, n, r)
+    d = length * shape[1]
     mean = F0.mid.reshape(shape).sum(axis=1)
     slope = np.abs(F1.mid).reshape(shape).mean(axis=1) * (0.25 * d * d)
     bend = E2.reshape(shape).max(axis=1) * (d**3 / 12.0)
     columns = mean.transpose(1, 0, 2).reshape(n, -1)
-    units = np.tile(np.arange(r), groups)
-    remainder = np.zeros((n, width))
-    remainder[:, :r] = (slope + bend).sum(axis=0)
-    return columns, units, remainder
+    return columns, np.tile(np.arange(r), groups), (slope + bend).sum(axis=0)
