@@ -27,7 +27,7 @@ _PIECE = 0.25
 _MOST_PIECES = 32
 _RECENT = 256  # step lengths as they come, before rounding; at least those of a window
 # pieces that are taken as one in the search for multipliers, where a step has more than two
-_GROUPED = 4
+_GROUPED = 2
 _SHORT = 0.4  # ||A|| times a step that is one piece in that search
 
 # (generators, their columns of the disturbance, remainder) of a table

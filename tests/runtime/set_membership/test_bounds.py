@@ -59,9 +59,7 @@ def test_last_boxes_are_the_exact_ones(name: str) -> None:
     width = np.subtract(upper, lower)
     assert (bounds[row, 0] <= lower + 2e-5 * np.abs(lower) + 1e-3 * width).all()
     assert (bounds[row, 1] >= upper - 2e-5 * np.abs(upper) - 1e-3 * width).all()
-    # with steps of up to 1.8 the generators of the search are coarse
-    most = 1.15 if name == "sampled" else 1.05
-    assert ((bounds[row, 1] - bounds[row, 0]) <= most * width).all()
+    assert ((bounds[row, 1] - bounds[row, 0]) <= 1.05 * width).all()
 
 
 @pytest.mark.parametrize(
