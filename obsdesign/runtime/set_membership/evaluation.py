@@ -90,10 +90,13 @@ def support(window: Window, q: Matrix) -> Matrix:
     shape = (T, q.shape[1], parts, pieces, width)
     exact = np.abs(q @ window.columns.reshape(flat)).reshape(shape)
     error = (q_size @ window.column_error.reshape(flat)).reshape(shape)
-    l2 = (q_size @ window.bend.reshape(T, n, pieces * width)).reshape(shape[:2] + shape[3:])
+    sizes = q_size @ window.spread.reshape(T, n, 2 * pieces * width)
+    sizes = sizes.reshape(*shape[:2], 2, *shape[3:])
     high = exact + error
     l0 = (exact[:, :, 1] - error[:, :, 1], high[:, :, 1])
-    terms = piece_bound(high[:, :, 0], l0, high[:, :, 2], l2, window.length)
+    terms = piece_bound(high[:, :, 0], l0, high[:, :, 2], sizes[:, :, 0], window.length)
+    # over long pieces the Taylor terms overflow, and the comparison system does not
+    terms = np.fmin(terms, sizes[:, :, 1] * (1.0 + 8 * n * UNIT))
     result: Matrix = (terms * window.radius).sum(axis=(0, 2, 3))
     return result
 
