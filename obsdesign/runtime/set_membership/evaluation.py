@@ -1,4 +1,4 @@
-"""Certified bounds of l'z for any multipliers: the dual of the feasible set, rounded outward.
+"""Certified bounds of l'z for any multipliers: the dual sum, rounded outward.
 
 The stages of a window are walked backwards from p = l (z_T: the state after the last stage):
 
@@ -72,9 +72,9 @@ def _linear_terms(
     low, high = by_stage * window.strips[:, None, 0], by_stage * window.strips[:, None, 1]
     value = np.maximum(low, high).sum(axis=(0, 2))
     size = np.maximum(np.abs(low), np.abs(high)).sum(axis=(0, 2))
-    moved, q_size = q * window.drift[:, None], np.abs(q)
-    value = value + moved.sum(axis=(0, 2))
-    size = size + np.abs(moved).sum(axis=(0, 2))
+    driven, q_size = q * window.drift[:, None], np.abs(q)
+    value = value + driven.sum(axis=(0, 2))
+    size = size + np.abs(driven).sum(axis=(0, 2))
     error = (q_size * window.drift_error[:, None]).sum(axis=(0, 2))
     low, high = p[0] * window.start[0], p[0] * window.start[1]
     value = value + np.maximum(low, high).sum(axis=1)

@@ -92,8 +92,8 @@ def magnitude(box: Matrix) -> Matrix:
 
 def drift_of(table: Table, known: Matrix) -> tuple[Matrix, Matrix]:
     """(forced @ known, its error): what known inputs and middles of disturbances add to z."""
-    moved = table.forced @ Enclosure.exactly(known[:, None])
-    return moved.mid[:, 0], moved.rad[:, 0]
+    driven = table.forced @ Enclosure.exactly(known[:, None])
+    return driven.mid[:, 0], driven.rad[:, 0]
 
 
 def table_of(tables: Tables, stage: Stage) -> Table:

@@ -40,9 +40,9 @@ class Table:
 
     Phi (n, n), with phi_error, that of a product with it included; forced (n, inputs + columns);
     columns (n, 3, pieces, width): F0, FM, F1, with column_error; sizes (n, 2, pieces, width): E2
-    and E0; length: of a piece, rounded up. generators (n, g), units (g,), remainder (n, width): a box
-    combination (generators, scaled by the radius of their column, and a box) that contains what
-    the disturbance adds, up to rounding: for the search of multipliers alone.
+    and E0; length: of a piece, rounded up. generators (n, g), units (g,), remainder (n, width):
+    generators, scaled by the radius of their column, and a box, which together contain what the
+    disturbance adds, up to rounding: for the search of multipliers alone.
     """
 
     Phi: Matrix

@@ -152,8 +152,8 @@ def test_late_time_stamps_cost_their_resolution_alone(name: str) -> None:
     record = case.record()
     observer = observer_of(case, 8)
     state = observer.init(start, lower=case.x0[0], upper=case.x0[1])
-    moved = [s._replace(t=start + s.t) for s in record.samples]
-    late = np.array([[e.lower, e.upper] for e in observer.run(state, moved)])
+    shifted = [s._replace(t=start + s.t) for s in record.samples]
+    late = np.array([[e.lower, e.upper] for e in observer.run(state, shifted)])
     here = bounds_of(observer, case, record.samples)
     assert _contain(late, record.truth)
     wider = (late[:, 1] - late[:, 0]) / (here[:, 1] - here[:, 0])
