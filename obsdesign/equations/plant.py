@@ -19,6 +19,18 @@ class Flow(Protocol):
         """(n, m), None without a known input."""
 
     @property
+    def disturbance_matrix(self) -> Matrix | None:
+        """(n, k), None where the bounds are those of b itself."""
+
+    @property
+    def lower(self) -> Matrix:
+        """Lower bound of b, or of w (k,)."""
+
+    @property
+    def upper(self) -> Matrix:
+        """Upper bound of b, or of w (k,)."""
+
+    @property
     def b_bounds(self) -> tuple[Matrix, Matrix]:
         """(lower, upper) bounds of b, (n,) each."""
 
@@ -37,6 +49,18 @@ class Jump(Protocol):
     @property
     def H(self) -> Matrix | None:
         """(n, r), None without unknown impulses."""
+
+    @property
+    def disturbance_matrix(self) -> Matrix | None:
+        """(n, k), None where the bounds are those of c itself."""
+
+    @property
+    def lower(self) -> Matrix:
+        """Lower bound of c, or of w (k,)."""
+
+    @property
+    def upper(self) -> Matrix:
+        """Upper bound of c, or of w (k,)."""
 
     @property
     def c_bounds(self) -> tuple[Matrix, Matrix]:
@@ -81,6 +105,10 @@ class Output(Protocol):
     @property
     def measured(self) -> str:
         """When y is measured."""
+
+    @property
+    def period(self) -> float | None:
+        """Time between samples, None where it is not fixed."""
 
     @property
     def jump_measurement(self) -> str:

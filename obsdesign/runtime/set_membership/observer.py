@@ -8,15 +8,15 @@ prove that plant, declared bounds and data contradict each other.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.arrays import Entries, Matrix
 from obsdesign.equations.set_membership.gains import SetMembershipGains
 from obsdesign.runtime.base import (
     Estimate,
@@ -57,7 +57,7 @@ class SetMembershipObserver(Stepped[SetMembershipState]):
     event_names: ClassVar[tuple[str, ...]] = ("t", "event")
 
     @classmethod
-    def from_gains(cls, gains: Mapping[str, Any]) -> SetMembershipObserver:
+    def from_gains(cls, gains: Entries) -> SetMembershipObserver:
         """The observer of a design's `gains`; ValueError if they do not fit each other."""
         return cls(SetMembershipGains.from_document(gains))
 

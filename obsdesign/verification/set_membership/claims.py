@@ -5,11 +5,9 @@ The bounds need no other hypothesis: they are certified at run time, for any mul
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 
+from lmi.arithmetic.arrays import Entries, EntriesByClaim, NewEntries
 from lmi.time_budget import UNLIMITED, TimeBudget
 from obsdesign.analysis.unbounded_inputs import reason_against_unbounded
 from obsdesign.document import Claim
@@ -22,8 +20,8 @@ from obsdesign.verification.consistency import consistent_gains
 
 def claims(
     problem: Problem,
-    stored: Mapping[str, Any],
-    certificates: Mapping[str, Mapping[str, Any]],
+    stored: Entries,
+    certificates: EntriesByClaim,
     *,
     paranoid: bool = False,
     budget: TimeBudget = UNLIMITED,
@@ -44,7 +42,7 @@ def reason_against_problem(problem: Problem) -> str | None:
     return reason_against_unbounded(problem.plant, "set_membership")
 
 
-def _expected(problem: Problem, stored: Mapping[str, Any]) -> dict[str, Any]:
+def _expected(problem: Problem, stored: Entries) -> NewEntries:
     options = problem.options_as(SetMembershipOptions)
     expected = plant_data(problem.plant) | plant_entries(problem.plant)
     # a window that the problem leaves open is a choice: every one gives sound bounds
