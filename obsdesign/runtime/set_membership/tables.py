@@ -232,7 +232,7 @@ def _generators(
     d = length * shape[1]
     mean = F0.mid.reshape(shape).sum(axis=1)
     slope = np.abs(F1.mid).reshape(shape).mean(axis=1) * (0.25 * d * d)
-    bend = sizes[0].reshape(shape).max(axis=1) * (d**3 / 12.0)
+    bend = sizes[0].reshape(shape).max(axis=1) * (d * d * d / 12.0)
     remainder = np.fmin((slope + bend).sum(axis=0), sizes[1].sum(axis=0))
     columns = mean.transpose(1, 0, 2).reshape(n, -1)
     return columns, np.tile(np.arange(r), groups), remainder
