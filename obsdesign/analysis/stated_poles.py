@@ -6,6 +6,7 @@ no coefficient does.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import reduce
@@ -44,10 +45,18 @@ class Gap:
 
 
 def with_conjugates(poles: Sequence[Pole]) -> NDArray[np.complex128]:
-    """Numbers or pairs [real, imaginary] as complex numbers; one of a pair stands for both."""
-    values = np.array([complex(*p) if isinstance(p, Sequence) else complex(p) for p in poles])
-    lonely = [v for v in values if v.imag and not np.any(np.isclose(values, v.conjugate()))]
-    return np.concatenate([values, np.conjugate(lonely)])
+    """Numbers or pairs [real, imaginary] as complex numbers; one of a pair stands for both.
+
+    Two are a pair where they are conjugate exactly: a distance would need a unit of time.
+    """
+    values = [complex(*p) if isinstance(p, Sequence) else complex(p) for p in poles]
+    counts = Counter(values)
+    pairs = [
+        value
+        for upper in dict.fromkeys(complex(v.real, abs(v.imag)) for v in values if v.imag)
+        for value in [upper, upper.conjugate()] * max(counts[upper], counts[upper.conjugate()])
+    ]
+    return np.array([v for v in values if not v.imag] + pairs, dtype=np.complex128)
 
 
 def real_factors(poles: Sequence[Pole]) -> list[list[Rational]]:

@@ -22,6 +22,7 @@ from obsdesign.analysis.balancing import balancing_units
 from obsdesign.analysis.hidden_modes import approx_unobservable_modes
 from obsdesign.analysis.riccati import riccati_shift
 from obsdesign.analysis.stated_poles import complex_text, gap, real_factors, with_conjugates
+from obsdesign.entries import LARGEST
 from obsdesign.errors import InputError
 from obsdesign.problem.options import Pole
 
@@ -83,14 +84,24 @@ def placed_gain(A: Matrix, C: Matrix, poles: Sequence[Pole]) -> Matrix:
         L = _unique_gain(exact(A), exact(C), poles, sizes)
         if L is None:
             raise _unresolved()
-        return L
+        return _admissible(L)
     shown = C * sizes
     rows = np.linalg.norm(shown, axis=1)
     rows = np.where(rows > 0, rows, 1.0)
     balanced, C_unit = A * sizes / sizes[:, None] / pace, shown / rows[:, None]
     placed = _robust_gain(balanced, C_unit, wanted / pace)
     placed = placed * sizes[:, None] * pace / rows
-    return _corrected_gain(A, C, poles, placed, sizes=sizes, rows=rows)
+    return _admissible(_corrected_gain(A, C, poles, placed, sizes=sizes, rows=rows))
+
+
+def _admissible(L: Matrix) -> Matrix:
+    """L, which may be given too; InputError where its entries exceed those of a problem."""
+    if not np.abs(L).max() <= LARGEST:
+        raise InputError(
+            f"observer.poles need a gain with an entry of {np.abs(L).max():.3g}, and at most "
+            f"{LARGEST:g} is admissible: poles nearer to those of flow.A, or another unit of time."
+        )
+    return L
 
 
 def _unique_gain(A: Exact, c: Exact, poles: Sequence[Pole], sizes: Matrix) -> Matrix | None:

@@ -163,3 +163,58 @@ def test_poles_that_a_matrix_has_not_are_refuted() -> None:
     assert poles_claim(F, [-1], has_others=True).verdict == "proved"
     assert poles_claim(F, [-3], has_others=True).verdict == "refuted"
     assert poles_claim(F, [-1, -2, -3]).verdict == "refuted"
+
+
+UNITS = [2.0**-40, 1e-9, 1.0, 2.0**40]  # of time
+
+
+def scaled_poles(poles: Any, unit: float) -> list[Any]:
+    return [[part * unit for part in p] if isinstance(p, list) else p * unit for p in poles]
+
+
+@pytest.mark.parametrize("unit", UNITS)
+def test_pairs_are_told_by_their_numbers_in_every_unit_of_time(unit: float) -> None:
+    A = [[0, unit], [0, 0]]
+    for poles in ([[-1, 1]], [[-1, 1], [-1, -1]], [[-1, 1e-6]]):
+        outcome = obsdesign.investigate(luenberger(A, [[1, 0]], poles=scaled_poles(poles, unit)))
+        assert outcome.verdict == "proved"
+        F = np.array(A) - np.array(outcome.design.gains["L"]) @ [[1, 0]]
+        np.testing.assert_allclose(
+            sorted(np.linalg.eigvals(F).imag / unit), [-poles[0][1], poles[0][1]], atol=1e-7
+        )
+    for poles in ([[-1, 1], [-5, -3]], [[-1, 1], [-5, 3]], [[-1, 1], [-1, -1.000001]]):
+        with pytest.raises(obsdesign.InputError, match=r"must give 2 poles.*got 4\."):
+            obsdesign.investigate(luenberger(A, [[1, 0]], poles=scaled_poles(poles, unit)))
+    with pytest.raises(obsdesign.InputError, match=r"must give 1 poles.*got 2\."):
+        obsdesign.investigate(luenberger([[0]], [[1]], poles=[[-1, 1e-10]]))
+
+
+@pytest.mark.parametrize("unit", UNITS)
+def test_zeros_are_told_from_poles_in_every_unit_of_time(unit: float) -> None:
+    A = [[-1, 0, 0, 0], [1, -2, 0, 0], [0, 1, -1, 1], [0, 0, -1, -1]]
+    body: dict[str, Any] = {
+        "flow": {"A": (unit * np.array(A)).tolist(), "D": [[0], [1], [0], [0]]},
+        "output": {"C": [[0, 1, 0, 0], [0, 0, 1, 0]]},
+    }
+
+    def outcome(*poles: Any) -> obsdesign.Outcome:
+        observer = {"kind": "unknown_input", "poles": scaled_poles(poles, unit)}
+        return obsdesign.investigate(obsdesign.Problem.from_dict({**body, "observer": observer}))
+
+    for poles in ((-1, [-2, 1]), ([-2, 1],)):
+        design = outcome(*poles).design
+        assert design is not None
+        claims = {claim.id: claim.verdict for claim in design.claims}
+        assert claims["poles"] == "proved"
+        eigenvalues = np.linalg.eigvals(np.array(design.gains["F"])) / unit
+        assert min(abs(eigenvalues - (-2 + 1j))) < 1e-6
+    with pytest.raises(obsdesign.InputError, match=r"besides the invariant zeros"):
+        outcome(-4, [-2, 1])
+
+
+def test_poles_that_need_larger_gains_than_a_file_may_hold_are_refused() -> None:
+    integrators = [[0, 1], [0, 0]]
+    with pytest.raises(obsdesign.InputError, match=r"a gain with an entry of 1e\+160"):
+        obsdesign.investigate(luenberger(integrators, [[1, 0]], poles=[-1e80, -1e80]))
+    largest = luenberger(integrators, [[1, 0]], poles=[-1e74, -1e74])
+    assert obsdesign.investigate(largest).verdict == "proved"
