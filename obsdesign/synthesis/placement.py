@@ -74,21 +74,22 @@ def placed_gain(A: Matrix, C: Matrix, poles: Sequence[Pole]) -> Matrix:
     unobservable (no gain moves its eigenvalue).
     """
     wanted = _poles(poles, len(A))
-    if hidden := approx_unobservable_modes(A, C):
-        raise InputError(
-            f"observer.poles: the mode {complex_text(hidden[0].eigenvalue)} of flow.A cannot be "
-            "moved, since output.C does not see it; leave poles out."
-        )
     sizes, pace = balancing_units(A, C, np.zeros((len(A), 0)))
-    if len(C) == 1:
-        L = _unique_gain(exact(A), exact(C), poles, sizes)
-        if L is None:
-            raise _unresolved()
-        return _admissible(L)
     shown = C * sizes
     rows = np.linalg.norm(shown, axis=1)
     rows = np.where(rows > 0, rows, 1.0)
     balanced, C_unit = A * sizes / sizes[:, None] / pace, shown / rows[:, None]
+    L = _unique_gain(exact(A), exact(C), poles, sizes) if len(C) == 1 else None
+    if L is not None:
+        return _admissible(L)
+    if hidden := approx_unobservable_modes(balanced, C_unit):
+        mode = complex_text(hidden[0].eigenvalue * pace)
+        raise InputError(
+            f"observer.poles: the mode {mode} of flow.A cannot be moved, since output.C does not "
+            "see it; leave poles out."
+        )
+    if len(C) == 1:
+        raise _unresolved()
     placed = _robust_gain(balanced, C_unit, wanted / pace)
     placed = placed * sizes[:, None] * pace / rows
     return _admissible(_corrected_gain(A, C, poles, placed, sizes=sizes, rows=rows))

@@ -218,3 +218,15 @@ def test_poles_that_need_larger_gains_than_a_file_may_hold_are_refused() -> None
         obsdesign.investigate(luenberger(integrators, [[1, 0]], poles=[-1e80, -1e80]))
     largest = luenberger(integrators, [[1, 0]], poles=[-1e74, -1e74])
     assert obsdesign.investigate(largest).verdict == "proved"
+
+
+@pytest.mark.parametrize("coupling", [1.0, 1e-5, 1e-9])
+def test_weakly_coupled_states_are_placed_and_uncoupled_ones_refused(coupling: float) -> None:
+    A = np.diag([-1.0, -2.0, -3.0]) + coupling * np.diag([1.0, 1.0], 1)
+    poles = [-4, -5, -6]
+    outcome = obsdesign.investigate(luenberger(A.tolist(), [[1, 0, 0]], poles=poles))
+    assert outcome.verdict == "proved"
+    A[1, 2] = 0.0
+    for C in ([[1, 0, 0]], [[1, 0, 0], [0, 1, 0]]):
+        with pytest.raises(obsdesign.InputError, match=r"the mode -3 .* cannot be moved"):
+            obsdesign.investigate(luenberger(A.tolist(), C, poles=poles))
