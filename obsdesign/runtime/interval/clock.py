@@ -1,4 +1,4 @@
-"""Which samples are in time, late, missing or off the period, and the status messages of those."""
+"""Samples in time, late, missing or off the period, with the status messages of those."""
 
 from __future__ import annotations
 

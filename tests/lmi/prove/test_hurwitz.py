@@ -172,3 +172,8 @@ def test_weights_of_fast_modes_are_smaller_down_to_a_limit() -> None:
         Q = modal_matrix(V @ np.diag([-1.0, -rate]) @ np.linalg.inv(V))
         weights = np.diag(V.T @ Q @ V)
         np.testing.assert_allclose(weights, [1 + 0.6 * share, 1 + 0.6 / share], rtol=1e-6)
+
+
+def test_spectra_of_many_rows_are_left_open() -> None:
+    assert real_spectrum(exact(np.diag(np.arange(40.0)))) is True
+    assert real_spectrum(exact(np.diag(np.arange(41.0)))) is None
