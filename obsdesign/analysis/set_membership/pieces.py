@@ -1,4 +1,4 @@
-"""Numbers of pieces that the observer cuts a step into: proofs of widths bound the same sums."""
+"""Numbers of pieces that the observer cuts a step into."""
 
 from __future__ import annotations
 

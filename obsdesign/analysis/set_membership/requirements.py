@@ -14,8 +14,6 @@ from obsdesign.problem.options import SetMembershipOptions
 from obsdesign.problem.plant import Plant
 from obsdesign.problem.problem import Problem
 
-_LONGEST = 100_000
-
 
 def reason_against(problem: Problem) -> str | None:
     """Reason for which no bounds can be given for the problem; None if they can."""
@@ -37,10 +35,10 @@ def shortest_window(plant: Plant) -> int:
         return 1
     samples = -(-missing // row_echelon(exact(sampled_matrix(plant)))[1])
     pattern = pattern_of(plant)
-    if isinstance(pattern, str):
+    if isinstance(pattern, str) or not any(step.sampled for step in pattern.cycle):
         return samples
     count = samples
-    while pattern.fewest_samples(count) < samples and count < _LONGEST:
+    while pattern.fewest_samples(count) < samples:
         count += 1
     return count
 
@@ -48,9 +46,7 @@ def shortest_window(plant: Plant) -> int:
 def sampled_matrix(plant: Plant) -> Array:
     """C, zero where no sample is ever taken."""
     output = plant.output
-    is_blind = output.measured == "at_jumps" and (
-        plant.jump is None or output.jump_measurement == "none"
-    )
+    is_blind = output.measured == "at_jumps" and plant.jump is None
     return np.zeros_like(output.C) if is_blind else output.C
 
 

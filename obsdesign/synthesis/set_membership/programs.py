@@ -1,4 +1,4 @@
-"""Linear programs on a nominal pattern: multipliers of narrow bounds, and trajectories nobody sees.
+"""Linear programs on a nominal pattern: multipliers, and trajectories that no sample shows.
 
 In floats: what comes out is proposed, and proved from the design file alone.
 """

@@ -89,7 +89,7 @@ class Search:
         zero = np.zeros((n, 0))
         free = [np.abs(self._reach(window, zero).Z).sum(axis=1) for window in windows]
         size = np.max(free, axis=0)
-        size = size + _ROOM[0] * size.max() + np.finfo(float).tiny
+        size = size + (_ROOM[0] * size.max() or self._maps.V.max() or 1.0)
         for k in range(_STARTS):
             start = np.tile(size * _LARGE ** (k + 1), (len(self.pattern.ends), 1))
             tube = self._iterated(count, start)
@@ -156,12 +156,12 @@ class Search:
             if mu is None:
                 break
             rows = row_maps(self._maps, self.pattern, self._pieces, mu)
-            after = _fixed_point(rows)
+            after = _fixed_point(rows, radii)
             if after is None or (tube is not None and (after > 2 * tube.radii).any()):
                 break
             change = np.abs(after - radii).max() / after.max()
             tube, radii = Tube(mu, after), after
-            if change < _SETTLED:
+            if change < _SETTLED or not any(row.k.any() for row in rows):
                 break
         return tube
 
@@ -184,17 +184,21 @@ class Search:
         return np.array(result)
 
 
-def _fixed_point(rows: list[RowMap]) -> Matrix | None:
-    """Half widths (rows, n) that all maps lower a little; None where they do not contract."""
+def _fixed_point(rows: list[RowMap], before: Matrix) -> Matrix | None:
+    """Half widths (rows, n) that all maps lower a little; None where they do not contract.
+
+    before: those that the maps were made for, by which a limit of zero is replaced.
+    """
     n, count = len(rows[0].k), len(rows)
     whole = np.zeros((count * n, count * n))
     for j, row in enumerate(rows):
         whole[j * n : (j + 1) * n, row.start * n : (row.start + 1) * n] += row.M
     k = np.concatenate([row.k for row in rows])
-    if not (np.isfinite(whole).all() and k.max() > 0):
+    if not (np.isfinite(whole).all() and np.isfinite(k).all()):
         return None
     if np.abs(np.linalg.eigvals(whole)).max() >= 1:
         return None
     radii = np.linalg.solve(np.eye(len(k)) - whole, k)
-    radii = np.linalg.solve(np.eye(len(k)) - whole, k + _ROOM[0] * k + _ROOM[1] * radii.max())
+    room = _ROOM[1] * (radii.max() or before.max())
+    radii = np.linalg.solve(np.eye(len(k)) - whole, k + _ROOM[0] * k + room)
     return radii.reshape(count, n) if (radii > 0).all() else None

@@ -1,15 +1,13 @@
-"""The multiplier observer: its gains, what its samples determine, and how narrow its bounds are.
+"""The multiplier observer: its gains, what its samples determine, its widths.
 
 The bounds themselves need no hypothesis: they are certified at run time, for any multipliers.
 """
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-from lmi.arithmetic.arrays import Entries, EntriesByClaim
+from lmi.arithmetic.arrays import Entries, EntriesByClaim, NewEntries
 from lmi.time_budget import UNLIMITED, TimeBudget
 from obsdesign.analysis.set_membership.requirements import pattern_of, reason_against
 from obsdesign.document import Claim
@@ -43,18 +41,18 @@ def claims(
     )  # fmt: skip
     if gains is None:
         return (agreement,)
-    seen = observability_claims(problem, gains, certificates.get("attainable", {}), paranoid)
+    observable = observability_claims(problem, gains, certificates.get("attainable", {}), paranoid)
     pattern = pattern_of(problem.plant)
     if isinstance(pattern, str):
-        return (agreement, *seen)
+        return (agreement, *observable)
     width = width_claims(gains, pattern, certificates.get("width", {}))
     least = optimal_claims(
         gains, pattern, certificates.get("optimal", {}), width[0] if width else None
     )
-    return (agreement, *seen, *width, *least)
+    return (agreement, *observable, *width, *least)
 
 
-def _expected(problem: Problem, stored: Entries) -> dict[str, Any]:
+def _expected(problem: Problem, stored: Entries) -> NewEntries:
     options = problem.options_as(SetMembershipOptions)
     expected = plant_data(problem.plant) | plant_entries(problem.plant)
     # a window that the problem leaves open is a choice: every one gives sound bounds

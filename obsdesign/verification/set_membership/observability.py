@@ -20,6 +20,7 @@ from lmi.arithmetic.balls import (
     solve_entries,
     to_float,
 )
+from lmi.arithmetic.exponential import expm
 from lmi.prove.hurwitz import prove_hurwitz
 from lmi.verdict import Verdict, proved, refuted, undecided
 from obsdesign.analysis.hidden_modes import HiddenPart, not_detectable
@@ -37,6 +38,7 @@ from obsdesign.verification.dwell import Dwell, dwell_stability
 from obsdesign.verification.set_membership.width import BALLS
 
 _BITS = 320
+_ZERO = 1e-9  # of the largest entry of a direction
 _LONGEST_MORE = 40  # stages beyond the stored window that are tried
 
 
@@ -62,7 +64,7 @@ def _attainable(
     G = None if plant.jump is None else plant.jump.G
     witness = not_detectable(plant.flow.A, G, sampled_matrix(plant), (dwell.low, dwell.high))
     if witness is not None:
-        verdict = refuted(_with_directions(witness, hidden))
+        verdict = refuted(_with_direction(witness, hidden))
     elif G is None:
         verdict = prove_hurwitz(hidden.maps[0])
     else:
@@ -79,15 +81,21 @@ def _attainable(
     )
 
 
-def _with_directions(witness: Entries, hidden: HiddenPart) -> NewEntries:
-    """The witness with the directions of the state that no sample sees; true of all windows."""
-    columns = to_float(hidden.basis).T
-    sizes = np.abs(columns).max(axis=1, keepdims=True)
-    directions = (columns / sizes).tolist()
-    listed = ", ".join("(" + ", ".join(f"{x:.6g}" for x in one) + ")" for one in directions)
-    word = "direction" if len(directions) == 1 else "directions"
-    reason = f"{witness['reason']}; unseen {word} of the state: {listed}"
-    return {**witness, "reason": reason, "directions": directions, "of_all_gains": True}
+def _with_direction(witness: Entries, hidden: HiddenPart) -> NewEntries:
+    """The witness with a direction of the state that does not contract; true of all windows."""
+    F, H = (to_float(X) for X in (hidden.maps[0], hidden.maps[-1]))
+    if isinstance(theta := witness.get("theta"), float):
+        values, vectors = np.linalg.eig(expm(F * theta) @ H)
+        worst = vectors[:, np.abs(values).argmax()]
+    else:
+        values, vectors = np.linalg.eig(F)
+        worst = vectors[:, values.real.argmax()]
+    along = to_float(hidden.basis) @ worst
+    along = (along / along[np.abs(along).argmax()]).real
+    direction = np.where(np.abs(along) < _ZERO, 0.0, along).tolist()
+    listed = ", ".join(f"{x:.6g}" for x in direction)
+    reason = f"{witness['reason']}; direction of the state that does not contract: ({listed})"
+    return {**witness, "reason": reason, "approx_direction": direction, "of_all_gains": True}
 
 
 def _dwell(problem: Problem) -> Dwell:

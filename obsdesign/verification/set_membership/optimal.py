@@ -1,4 +1,4 @@
-"""The least width that any guaranteed observer can promise: two states that no sample tells apart.
+"""The least width that any observer can guarantee: two states with equal samples.
 
 From any state, disturbances at the middle of their box +- the stored ones lead to two states with
 the same measurements, inside all declared bounds. Whoever guarantees bounds must include both.
