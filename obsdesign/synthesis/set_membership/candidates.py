@@ -10,7 +10,7 @@ import numpy as np
 from lmi.arithmetic.arrays import NewEntries
 from lmi.decide.stability import decide
 from lmi.solvers import Solvers
-from lmi.time_budget import UNLIMITED, Remark, TimeBudget
+from lmi.time_budget import UNLIMITED, Remark, TimeBudget, ended_by_count, remark_end
 from obsdesign.analysis.set_membership.requirements import (
     pattern_of,
     reason_against,
@@ -91,9 +91,11 @@ def _chosen(problem: Problem, budget: TimeBudget) -> _Window:
     if not tubes:
         text = "no width is proved: no multipliers were found that hold one on the nominal pattern"
         return _Window(default, remarks=(Remark(text),))
+    ended = ended_by_count("multiplications", int(budget.scaled(WORK))) if search.work < 0 else {}
+    remarks = remark_end("narrow widths", ended, matters=False)
     limit = _NEAR * tubes[max(tubes)].width
     window = next(count for count, tube in tubes.items() if (tube.width <= limit).all())
-    return _Window(window, tubes[window], witness)
+    return _Window(window, tubes[window], witness, remarks)
 
 
 def _gains(problem: Problem, window: int) -> SetMembershipGains:

@@ -15,6 +15,9 @@ from lmi.find.linear_program import minimise
 from obsdesign.equations.set_membership.nominal import StepMap
 from obsdesign.equations.set_membership.pattern import Step
 
+# simplex steps after which a search for a trajectory ends without one: a shorter one serves
+_MOST_ITERATIONS = 3000
+
 
 @dataclass(frozen=True)
 class Reach:
@@ -28,9 +31,9 @@ class Reach:
     rows: Matrix
 
     @property
-    def entries(self) -> int:
-        """Work of a linear program, in entries of its matrix."""
-        return int(self.H.size)
+    def work(self) -> int:
+        """Work of a linear program, in multiplications of a simplex step for each sample."""
+        return int(self.H.size * len(self.H))
 
 
 def reach_of(
@@ -84,5 +87,6 @@ def hidden_trajectory(reach: Reach, V: Matrix, i: int) -> Matrix | None:
     scale[scale == 0] = 1.0
     one = np.ones(len(g))
     sides = (-noise / scale, noise / scale) if M else (noise, noise)
-    x = minimise(-g / size, reach.H / scale[:, None], sides, (-one, one))
+    rows = reach.H / scale[:, None]
+    x = minimise(-g / size, rows, sides, (-one, one), iterations=_MOST_ITERATIONS)
     return None if x is None else np.clip(x, -1.0, 1.0)

@@ -40,9 +40,10 @@ _ROOM = (1e-6, 1e-9)  # of the tube, in parts of its own entry and of the larges
 _PIECES = ((4, 4), (20, 2))  # constant pieces of the disturbance in a step, by number of states
 _HORIZONS = (40, 80, 160)
 _CONVERGED = 5e-3
+_SPARSE = 8  # a program of trajectories takes so much less than one of multipliers
 _LARGEST = 640_000  # entries of the matrix of one such program
-# entries of the matrices of all linear programs of a design
-WORK = 60_000_000
+# of all linear programs of a design, counted as `Reach.work`
+WORK = 300_000_000
 
 
 @dataclass(frozen=True)
@@ -77,7 +78,7 @@ class Witness:
 
 @dataclass
 class Search:
-    """Linear programs of a design on a pattern; work: entries of their matrices that are left."""
+    """Linear programs of a design on a pattern; work: what they may still take."""
 
     gains: SetMembershipGains
     pattern: Pattern
@@ -117,7 +118,7 @@ class Search:
         for i, row in enumerate(rows):
             reach = self._reach(self.pattern.window(self.pattern.ends[row], steps), none)
             xi = None
-            if reach.H.size <= _LARGEST and self._affords(reach.H.size):
+            if reach.H.size <= _LARGEST and self._affords(reach.work // _SPARSE):
                 xi = hidden_trajectory(reach, self._maps.V, i)
             if xi is None:
                 return None
@@ -125,8 +126,8 @@ class Search:
             least.append(2 * float(reach.Z[i] @ xi))
         return Witness(np.array(least), rows, steps, self._fine, disturbances)
 
-    def _affords(self, entries: int) -> bool:
-        self.work -= entries
+    def _affords(self, work: int) -> bool:
+        self.work -= work
         return self.work >= 0
 
     @cached_property
@@ -175,7 +176,7 @@ class Search:
                 if pattern.window(end, count) == window
             ]
             reach = self._reach(window, np.diag(np.max(starts, axis=0)))
-            if not self._affords(n * reach.H.size) or not np.isfinite(reach.Z).all():
+            if not self._affords(n * reach.work) or not np.isfinite(reach.Z).all():
                 return None
             own = [multipliers(reach, self._maps.V, count, i) for i in range(n)]
             if any(mu is None for mu in own):
