@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 
+from lmi.arithmetic.arrays import NewEntries
 from lmi.verdict import proved, refuted, undecided
 from obsdesign.document import Claim, Design, Guarantee
 from obsdesign.errors import InputError
 from obsdesign.problem.problem import Problem
-from obsdesign.verification.kind import Warns, conclusions_of
+from obsdesign.verification.kind import StatesWidths, Warns, conclusions_of
 from obsdesign.verification.same_evidence import (
     ADDED_CLAIMS,
     OLDER_WORDING,
@@ -42,6 +43,13 @@ def sentences_from(problem: Problem, claims: tuple[Claim, ...]) -> Sentences:
     )
     warnings = kind.warnings(problem, claims) if isinstance(kind, Warns) else ()
     return Sentences(guarantees, warnings)
+
+
+def state_rows(problem: Problem, claims: tuple[Claim, ...]) -> list[NewEntries]:
+    """Numbers of each state, by name, from proved claims; none of kinds that have none."""
+    kind = conclusions_of(problem.require_kind())
+    rows = kind.states(problem, claims) if isinstance(kind, StatesWidths) else ()
+    return [asdict(row) for row in rows]
 
 
 def document_claim(
