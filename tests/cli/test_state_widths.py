@@ -27,9 +27,10 @@ window = 8
 
 
 def _answer(capsys: pytest.CaptureFixture[str], *words: str) -> Any:
-    with pytest.MonkeyPatch.context() as patch, pytest.raises(SystemExit) as ended:
+    with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sys, "argv", ["obsdesign", *words])
-        main()
+        with pytest.raises(SystemExit) as ended:
+            main()
     assert not ended.value.code
     return capsys.readouterr().out
 
