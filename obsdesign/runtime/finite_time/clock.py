@@ -48,17 +48,18 @@ def moved_to(
     """The state at t; whether t is a sampling instant; the status of an irregular sample."""
     period, last = constants.period, state.last_instant
     if last is None:
-        state = flowed(constants, state, t)
+        state = flowed(constants, state, t, 0.0)
         return anchored(state, t) if has_sample else state, has_sample, None
     timing = _Timing.from_times(state, t, period)
     missed = timing.missed(period)
     periods = state.periods_since_anchor + timing.count
     has_gap = missed > constants.k
     if has_gap:
-        state, missed = anchored(emptied(constants, flowed(constants, state, t)), t), 0
+        state, missed = anchored(emptied(constants, flowed(constants, state, t, 0.0)), t), 0
     for i in range(missed):
-        state = sampled(constants, flowed(constants, state, last + (i + 1) * period), None)
-    state = flowed(constants, state, t)
+        state = sampled(constants, flowed(constants, state, last + (i + 1) * period, 0.0), None)
+    rest = 0.0 if timing.regular else (timing.missed(period) + 1) * period - timing.elapsed
+    state = flowed(constants, state, t, rest)
     if timing.regular:
         if has_gap or periods >= constants.most_periods_counted:
             return anchored(state, t), True, None

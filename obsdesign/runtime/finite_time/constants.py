@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from lmi.arithmetic.arrays import Matrix
+from lmi.arithmetic.enclosure import UNIT
 from obsdesign.equations.finite_time.gains import PRINTED, FiniteTimeGains
 from obsdesign.equations.finite_time.rows import (
     last_state,
@@ -98,6 +99,11 @@ class WindowConstants:
         B = self.gains.B
         return self.drift if B is None or not len(u) else self.drift + B.dot(u)
 
+    def forced_size(self, u: Matrix) -> Matrix:
+        """|B| |u| + |b_mid|: what the rounding of `forced` is a part of."""
+        B, drift = self.gains.B, np.abs(self.drift)
+        return drift if B is None or not len(u) else drift + np.abs(B).dot(np.abs(u))
+
     def driven(self, u: Matrix) -> Matrix:
         """Contribution of the input u to (w, C w) in a period, or to (d, c) of `inputs`."""
         return np.asarray(self._once_and_output.dot(self.forced(u)))
@@ -170,6 +176,10 @@ class WindowConstants:
         return ApproximateInputs.from_gains(self.gains)
 
     # --- bounds ---------------------------------------------------------------------------------
+
+    def output_rounding(self, w: Matrix) -> Matrix:
+        """Bound (n,) of the rounding of C w, as an error of w."""
+        return ((self.n + 32) * UNIT) * np.abs(w)
 
     @cached_property
     def error(self) -> WindowError:

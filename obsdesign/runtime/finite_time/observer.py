@@ -36,8 +36,8 @@ from obsdesign.runtime.finite_time.constants import WindowConstants
 from obsdesign.runtime.finite_time.steady import outward_ends, steady_step
 from obsdesign.runtime.finite_time.window import (
     FiniteTimeState,
-    HeldInput,
     emptied,
+    held_input,
     initial_state,
     jumped,
     pushed,
@@ -107,7 +107,7 @@ class FiniteTimeObserver(SteppedObserver[FiniteTimeState]):
                 state = pushed(constants, anchored(state, t), y_after)
         if sample.u is not None:
             u = vector(sample.u, len(state.held.u), "u")
-            state = state._replace(held=HeldInput(u, constants.driven(u)))
+            state = state._replace(held=held_input(constants, u))
         moderate = constants.has_moderate_gains and _is_moderate(state.x, state.w, state.window)
         state = state._replace(
             filling=state.filling._replace(moderate=moderate),
