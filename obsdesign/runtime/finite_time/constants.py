@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import OrderedDict
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -33,8 +34,8 @@ class WindowConstants:
     """The gains of a design, and matrices made of them."""
 
     gains: FiniteTimeGains
-    _steps: OrderedDict[tuple[float, int], FlowMaps] = field(
-        default_factory=OrderedDict, repr=False, compare=False
+    _steps: dict[float, OrderedDict[tuple[float, int], FlowMaps]] = field(
+        default_factory=dict, repr=False, compare=False
     )
 
     @cached_property
@@ -108,9 +109,15 @@ class WindowConstants:
         """Contribution of the input u to (w, C w) in a period, or to (d, c) of `inputs`."""
         return np.asarray(self._once_and_output.dot(self.forced(u)))
 
-    def maps(self, h: float, size: float) -> FlowMaps:
-        """Matrices of a step of length h between stamps of magnitude at most `size`."""
-        return shared_step(self._steps, h, size, lambda h, error: flow_maps(self.gains, h, error))
+    def maps(self, h: float, size: float, slack: float = 0.0) -> FlowMaps:
+        """Matrices of a step of length h between stamps of magnitude at most `size`.
+
+        slack: how far its ends may be from their stamps beyond rounding.
+        """
+        # a power of two, so that few differ
+        slack = 2.0 ** math.ceil(math.log2(slack)) if slack > 0.0 else 0.0
+        steps = self._steps.setdefault(slack, OrderedDict())
+        return shared_step(steps, h, size, lambda h, error: flow_maps(self.gains, h, error + slack))
 
     @cached_property
     def period_maps(self) -> FlowMaps:

@@ -36,6 +36,7 @@ from obsdesign.runtime.finite_time.constants import WindowConstants
 from obsdesign.runtime.finite_time.steady import outward_ends, steady_step
 from obsdesign.runtime.finite_time.window import (
     FiniteTimeState,
+    at_stamp,
     emptied,
     held_input,
     initial_state,
@@ -99,6 +100,8 @@ class FiniteTimeObserver(SteppedObserver[FiniteTimeState]):
         state, is_instant, irregular = moved_to(constants, state, t, y is not None)
         if is_instant:
             state = sampled(constants, state, y_before)
+            if y is None:  # a row at its own time, which is only near to the instant
+                state = at_stamp(constants, state)
         if irregular:
             state = pushed(constants, anchored(emptied(constants, state), t), y_before)
         if sample.jump:

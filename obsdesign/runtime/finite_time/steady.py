@@ -57,9 +57,7 @@ def steady_step(
     bounds, low, high = state.bounds, None, None
     if cached is not None:
         radius, rounding = cached.radius, cached.w_rounding
-        bounds = bounds._replace(
-            centre=x, radius=radius, w_rounding=rounding, cached_radius=cached
-        )
+        bounds = bounds._replace(centre=x, radius=radius, w_rounding=rounding, cached_radius=cached)
         low, high = outward_ends(x, radius)
     # in the order of the fields: names would cost a tenth of the step
     following = FiniteTimeState(

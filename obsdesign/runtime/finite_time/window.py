@@ -5,6 +5,7 @@ A state is never changed: every function returns a new one.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +17,7 @@ from obsdesign.equations.finite_time.rows import SINGULAR, approx_determinacy, l
 from obsdesign.runtime.base import corrected_jump, no_jumps
 from obsdesign.runtime.finite_time.constants import WindowConstants
 from obsdesign.runtime.finite_time.error_radius import window_length
+from obsdesign.runtime.finite_time.flow_maps import flow_maps
 from obsdesign.runtime.finite_time.known_inputs import KnownInput
 from obsdesign.runtime.finite_time.tape import Tape
 
@@ -140,13 +142,16 @@ def _unbounded(n: int, centre: Matrix) -> StateBounds:
 
 
 def flowed(
-    constants: WindowConstants, state: FiniteTimeState, t: float, rest: float
+    constants: WindowConstants, state: FiniteTimeState, t: float, rest: float, slack: float = 0.0
 ) -> FiniteTimeState:
-    """The state after the flow to time t, without a sample; rest: time to the next instant."""
+    """The state after the flow to time t, without a sample.
+
+    rest: time to the next instant; slack: of the length, as instants may be off their stamps.
+    """
     h, size = t - state.t, max(abs(t), abs(state.t))
     if h <= 0:
         return state
-    maps = constants.maps(h, size)
+    maps = constants.maps(h, size, slack)
     forced = constants.forced(state.held.u)
     x = maps.flow @ state.x + maps.once @ forced
     w = maps.flow @ state.w + maps.once @ forced
@@ -167,6 +172,18 @@ def flowed(
             error = constants.maps(rest, size + rest).carried(error)
         bounds = bounds._replace(w_error=raised(bounds.w_error + error, 1))
     return state._replace(t=t, x=x, w=w, known=known, bounds=bounds)
+
+
+def at_stamp(constants: WindowConstants, state: FiniteTimeState) -> FiniteTimeState:
+    """The state at an instant, with bounds for the stamp of a row that is only near to it."""
+    if not (constants.has_bounds and np.isfinite(state.bounds.radius).all()):
+        return state
+    since = state.periods_since_anchor * constants.period
+    off = abs(state.t - state.anchor_time - since) + math.ulp(state.t)
+    maps = flow_maps(constants.gains, 0.0, off)
+    bounds = state.bounds
+    error = maps.error(bounds.centre, state.held.size)
+    return state._replace(bounds=bounds._replace(radius=maps.spread(bounds.radius) + error))
 
 
 def sampled(
