@@ -91,6 +91,7 @@ def test_peaks_and_weights_of_a_design(rule: str) -> None:
     gains = gains_of(
         1, C=np.eye(1), H=np.eye(1), n=1, exponents=np.array([-1.0]), window=3.0, margin=0.5,
         rule=rule, threshold=0.1 if rule == "threshold" else None, period=None,
+        noise_std=np.zeros(1),
     )  # fmt: skip
     expected = expectations.expectations(-np.eye(1), gains)
     assert expected.peak == pytest.approx(1 / math.e, rel=1e-4)

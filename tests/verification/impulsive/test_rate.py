@@ -27,8 +27,8 @@ def core(**changes: Any) -> Any:
 def test_the_reach_of_a_window_by_hand(window: int, alpha: float) -> None:
     s, largest, recalled = 0.5, 2.0, 3.0
     for known, proof in (
-        (1, RankProof(1, (s,), largest, recalled)),
-        (window, RankProof(1, (s,), largest, math.inf)),
+        (1, RankProof(1, (s,), largest, recalled, math.nan)),
+        (window, RankProof(1, (s,), largest, math.inf, math.nan)),
     ):
         with rates.in_balls():
             reach = rates.window_reach(core(), (1.0, 1.0), window, alpha, proof)
@@ -53,7 +53,7 @@ def test_a_compressed_window_measures_one_impulse_later(recalled: float) -> None
     compressed = core(U=exact([[1.0]]), S=exact([[1.0]]))
     s, largest, window, alpha = 0.5, 20.0, 3, 1.5
     with rates.in_balls():
-        proof = RankProof(1, (s,), largest, recalled)
+        proof = RankProof(1, (s,), largest, recalled, math.nan)
         reach = rates.window_reach(compressed, (1.0, 1.0), window, alpha, proof)
         constant = float(reach.bound.constant.mid())
     step, entered = 1 + s, 1 + s
@@ -68,7 +68,7 @@ def test_a_compressed_window_measures_one_impulse_later(recalled: float) -> None
 def test_spreads_by_age_count_for_the_errors_that_entered_so_long_ago() -> None:
     window, spread, largest = 4, (0.5, 0.25, 0.125), 20.0
     with rates.in_balls():
-        proof = RankProof(3, spread, largest, math.inf)
+        proof = RankProof(3, spread, largest, math.inf, math.nan)
         reach = rates.window_reach(core(), (1.0, 1.0), window, 1.0, proof)
         constant = float(reach.bound.constant.mid())
     present, step = spread[-1], 1 + spread[-1]
