@@ -89,7 +89,9 @@ def run(
             before = row.instant
         y = truth.measured(rng) if row.is_sample else None
         state, estimate = observer.step(state, Sample(row.t, y, u=row.u))
-        if estimate.lower is not None and estimate.status == "ok":
+        if not observer.constants.has_finite_radius:  # states that no sample shows
+            tally.add("finite_time", "without bounds", True)
+        elif estimate.status == "ok":
             tally.add("finite_time", "ok", truth.inside(estimate.lower, estimate.upper))
             widest = max(widest, float(np.max(estimate.upper - estimate.lower)))
         else:
