@@ -21,7 +21,7 @@ def gains_of(seed: int, n: int = 3, **more: Any) -> Any:
     rng = np.random.default_rng(seed)
     A = rng.standard_normal((n, n)) * 10.0 ** rng.uniform(-1, 1)
     upper = rng.random(n)
-    return SimpleNamespace(A=A, n=n, flow_lower=-upper, flow_upper=upper, **more)
+    return SimpleNamespace(A=A, n=n, m=0, flow_lower=-upper, flow_upper=upper, **more)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -68,7 +68,7 @@ def test_the_rounding_of_a_step_is_enclosed_by_few_units(seed: int) -> None:
     x, forced = rng.standard_normal((2, 4))
     zero = np.zeros((4, 4))
     maps = FlowMaps(flow, once, zero, zero, zero, np.zeros(4))
-    bound = maps.error(x, forced)
+    bound = maps.error(x, np.abs(forced))
     size = np.abs(flow) @ np.abs(x) + np.abs(once) @ np.abs(forced)
     value = flow @ x + once @ forced
     for i in range(4):
@@ -84,7 +84,7 @@ def test_the_rounding_of_a_step_is_enclosed_by_few_units(seed: int) -> None:
     # errors of the matrices count as they are
     with_errors = FlowMaps(flow, once, zero + 1e-3, zero + 1e-2, zero, np.zeros(4))
     expected = 1e-3 * np.abs(x).sum() + 1e-2 * np.abs(forced).sum()
-    np.testing.assert_allclose(with_errors.error(x, forced), expected, rtol=1e-9)
+    np.testing.assert_allclose(with_errors.error(x, np.abs(forced)), expected, rtol=1e-9)
 
 
 @pytest.mark.parametrize("size", [1.0, 1e-200, 1e200, 0.0])
@@ -120,7 +120,7 @@ def test_rows_and_kicks_are_those_of_the_samples(from_start: bool) -> None:
     expected = np.vstack([gains.C @ expm(gains.A * period * j) for j in powers])
     np.testing.assert_allclose(rows.mid, expected, rtol=1e-9, atol=1e-11)
     assert np.all(rows.rad < 1e-10 * np.abs(expected).max())
-    # a kick of the state between two samples: what it leaves, and the sample it is seen in
+    # a kick of the state just before sample j + 1: what it leaves, and the sample that shows it
     kicks, G = np.zeros((n, n)), gains.window_gain
     terms = [G[:, j * p : (j + 1) * p] for j in range(k)]
     for j in range(k):
@@ -130,7 +130,9 @@ def test_rows_and_kicks_are_those_of_the_samples(from_start: bool) -> None:
                 terms[i] @ gains.C @ expm(gains.A * period * (i - j - 1)) for i in range(j + 1, k)
             )
         else:
-            left = sum(terms[i] @ gains.C @ expm(gains.A * period * (i - j)) for i in range(j + 1))
+            left = sum(
+                terms[i] @ gains.C @ expm(gains.A * period * (i - j - 1)) for i in range(j + 1)
+            )
         kicks += np.abs(left)
     np.testing.assert_allclose(error_radius._kicks(gains), kicks, rtol=1e-9)
 
