@@ -5,7 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import numpy as np
+
 from obsdesign.runtime.finite_time.constants import WindowConstants
+from obsdesign.runtime.finite_time.flow_maps import flow_maps
 from obsdesign.runtime.finite_time.window import FiniteTimeState, emptied, flowed, sampled
 from obsdesign.runtime.time_stamps import RELATIVE_TIME_TOLERANCE, time_tolerance
 
@@ -93,6 +96,18 @@ def moved_to(
 def anchored(state: FiniteTimeState, t: float) -> FiniteTimeState:
     """The state with an instant at t from which the coming ones are counted."""
     return state._replace(last_instant=t, anchor_time=t, periods_since_anchor=0)
+
+
+def at_stamp(constants: WindowConstants, state: FiniteTimeState) -> FiniteTimeState:
+    """The state at an instant, with bounds for the stamp of a row that is only near to it."""
+    if not (constants.has_bounds and np.isfinite(state.bounds.radius).all()):
+        return state
+    since = state.periods_since_anchor * constants.period
+    off = abs(state.t - state.anchor_time - since) + math.ulp(state.t)
+    maps = flow_maps(constants.gains, 0.0, off)
+    bounds = state.bounds
+    error = maps.error(bounds.centre, state.held.size)
+    return state._replace(bounds=bounds._replace(radius=maps.spread(bounds.radius) + error))
 
 
 def is_next_instant(state: FiniteTimeState, t: float, period: float, periods: int) -> bool:

@@ -31,12 +31,11 @@ from obsdesign.runtime.base import (
     status_of,
     vector,
 )
-from obsdesign.runtime.finite_time.clock import anchored, moved_to
+from obsdesign.runtime.finite_time.clock import anchored, at_stamp, moved_to
 from obsdesign.runtime.finite_time.constants import WindowConstants
 from obsdesign.runtime.finite_time.steady import outward_ends, steady_step
 from obsdesign.runtime.finite_time.window import (
     FiniteTimeState,
-    at_stamp,
     emptied,
     held_input,
     initial_state,

@@ -5,7 +5,6 @@ A state is never changed: every function returns a new one.
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +16,6 @@ from obsdesign.equations.finite_time.rows import SINGULAR, approx_determinacy, l
 from obsdesign.runtime.base import corrected_jump, no_jumps
 from obsdesign.runtime.finite_time.constants import WindowConstants
 from obsdesign.runtime.finite_time.error_radius import window_length
-from obsdesign.runtime.finite_time.flow_maps import flow_maps
 from obsdesign.runtime.finite_time.known_inputs import KnownInput
 from obsdesign.runtime.finite_time.tape import Tape
 
@@ -174,18 +172,6 @@ def flowed(
     return state._replace(t=t, x=x, w=w, known=known, bounds=bounds)
 
 
-def at_stamp(constants: WindowConstants, state: FiniteTimeState) -> FiniteTimeState:
-    """The state at an instant, with bounds for the stamp of a row that is only near to it."""
-    if not (constants.has_bounds and np.isfinite(state.bounds.radius).all()):
-        return state
-    since = state.periods_since_anchor * constants.period
-    off = abs(state.t - state.anchor_time - since) + math.ulp(state.t)
-    maps = flow_maps(constants.gains, 0.0, off)
-    bounds = state.bounds
-    error = maps.error(bounds.centre, state.held.size)
-    return state._replace(bounds=bounds._replace(radius=maps.spread(bounds.radius) + error))
-
-
 def sampled(
     constants: WindowConstants, state: FiniteTimeState, y: Matrix | None
 ) -> FiniteTimeState:
@@ -193,19 +179,13 @@ def sampled(
     if state.known is not None and constants.inputs is not None and state.filling.instants:
         state = state._replace(known=constants.inputs.closed(state.known))
     if constants.has_bounds:
-        state = state._replace(bounds=_closed(constants, state))
+        bounds = state.bounds  # what w gathered in the period counts from now on
+        most = np.maximum(bounds.w_rounding, bounds.w_error + constants.output_rounding(state.w))
+        bounds = bounds._replace(w_rounding=most, w_error=np.zeros(constants.n))
+        state = state._replace(bounds=bounds)
     if state.filling.instants == constants.k:
         state = _estimated(constants, state)
     return pushed(constants, state, y)
-
-
-def _closed(constants: WindowConstants, state: FiniteTimeState) -> StateBounds:
-    """Bounds at the end of a period: what w gathered in it counts from now on."""
-    bounds = state.bounds
-    rounding = bounds.w_error + constants.output_rounding(state.w)
-    return bounds._replace(
-        w_rounding=np.maximum(bounds.w_rounding, rounding), w_error=np.zeros(constants.n)
-    )
 
 
 def pushed(constants: WindowConstants, state: FiniteTimeState, y: Matrix | None) -> FiniteTimeState:
@@ -236,9 +216,7 @@ def emptied(constants: WindowConstants, state: FiniteTimeState) -> FiniteTimeSta
         window=np.full_like(state.window, np.nan),
         known=None if state.known is None else KnownInput.zero(n, constants.k),
         filling=_EMPTY,
-        bounds=state.bounds._replace(
-            w_rounding=np.zeros(n), w_error=np.zeros(n), shift_rounding=np.zeros(n)
-        ),
+        bounds=_unbounded(n, state.bounds.centre)._replace(radius=state.bounds.radius),
         since_shift=0,
         last_instant=None,
         tape=None,
