@@ -70,7 +70,8 @@ class StartError:
     def radius(self, length: float, w_rounding: Matrix) -> Matrix:
         """Bound of the bias for a window of this length."""
         level = self.per_length * length + self.noise_level
-        level += float(self.per_w_rounding @ w_rounding)
+        with np.errstate(invalid="ignore"):  # 0 times what has no bound: no bound
+            level += float(self.per_w_rounding @ w_rounding)
         if not level < math.inf:
             return np.full(len(w_rounding), np.inf)
         return self.bias_per_level * level
