@@ -230,3 +230,20 @@ def test_weakly_coupled_states_are_placed_and_uncoupled_ones_refused(coupling: f
     for C in ([[1, 0, 0]], [[1, 0, 0], [0, 1, 0]]):
         with pytest.raises(obsdesign.InputError, match=r"the mode -3 .* cannot be moved"):
             obsdesign.investigate(luenberger(A.tolist(), C, poles=poles))
+
+
+def test_poles_at_zero_alone_are_those_of_rounding_alone() -> None:
+    """They state no unit of time: an eigenvalue of 1 beside entries of 1e9 is not one at 0."""
+    body: dict[str, Any] = {
+        "flow": {"A": [[0, 1e9], [0, 0]]},
+        "jump": {"G": [[0.1, 0], [0, 0.1]], "dwell_time": [0.001, 0.01]},
+        "output": {"C": [[1, 0]]},
+        "observer": {"kind": "luenberger", "poles": [0, 0], "gains": {"M": [[0.1], [0]]}},
+    }
+    F = exact([[0.0, 1e9], [0.0, 0.0]])
+    assert poles_claim(F, [0, 0], rate=None).verdict == "proved"
+    for pole in (1.0, 1e-3):
+        F = exact([[0.0, 1e9], [pole**2 / 1e9, 0.0]])
+        assert poles_claim(F, [0, 0], rate=None).verdict == "refuted"
+    outcome = obsdesign.investigate(obsdesign.Problem.from_dict(body))
+    assert {claim.id: claim.verdict for claim in outcome.claims}["poles"] == "proved"

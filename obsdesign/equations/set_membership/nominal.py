@@ -92,6 +92,9 @@ def _jump_step(G: Array, columns: Array, radius: Array) -> StepMap:
 
 def support_of(q: Array, step: StepMap) -> Array:
     """(B,): what the disturbance of a step adds along q (B, n), as the observer bounds it."""
+    if not len(step.radius):
+        none: Array = abs(q).sum(axis=1) * 0  # of the numbers of q
+        return none
     own = _support(q, step)
     if step.other is None:
         return own

@@ -198,4 +198,4 @@ def _independent(rows: Array) -> Indices | None:
         unit = left[best] / norms[best]
         left = left - np.outer(left @ unit, unit)
         left[best] = 0.0
-    return np.array(chosen)
+    return np.array(chosen, dtype=np.intp)

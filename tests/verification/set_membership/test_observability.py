@@ -137,3 +137,22 @@ def test_a_stored_window_that_is_too_short_is_refuted() -> None:
     outcome = obsdesign.verify(from_dict({**design, "digest": digest(design)}))
     assert outcome.verdict == "refuted"
     assert "at least 3" in outcome.claims[0].evidence["witness"]["reason"]
+
+
+@pytest.mark.parametrize("measured", ["at_jumps", "periodic"])
+@pytest.mark.parametrize("n", [1, 2])
+def test_jumps_that_leave_nothing_are_designed(measured: str, n: int) -> None:
+    """G = 0: the state after a jump is the disturbance alone."""
+    output: dict[str, Any] = {"C": [[1] + [0] * (n - 1)], "noise_bound": [0.1]}
+    output |= {"measured": measured} | ({"period": 0.5} if measured == "periodic" else {})
+    body = {
+        "flow": {"A": (-np.eye(n)).tolist()},
+        "jump": {
+            "G": np.zeros((n, n)).tolist(), "dwell_time": [1, 2],
+            "disturbance": {"lower": [1.0] * n, "upper": [2.0] * n},
+        },
+        "output": output,
+        "observer": {"kind": "set_membership"},
+    }  # fmt: skip
+    outcome = obsdesign.investigate(obsdesign.Problem.from_dict(body))
+    assert outcome.verdict == "proved"
