@@ -74,7 +74,8 @@ def document_claim(
     sentences = _confirmed_sentences(problem, assumed)
     older = _claims_of_older_wording(stored, assumed)
     gap = None if older else _evidence_gap(stored, assumed)
-    if entry := _false_entry(design, assumed, sentences, older, gap):
+    entry = _false_entry(design, assumed, sentences, older, gap)
+    if entry is not None:  # an entry may be named "" in a forged file
         because = f"the document's {entry!r} is not what its gains and problem give"
         verdict = refuted({"entry": entry, "reason": because})
     elif open_now:
@@ -111,12 +112,15 @@ def _false_entry(
     """
     stored = {claim.id: claim for claim in design.claims}
     written = tuple(stored[claim.id] if claim in older else claim for claim in claims)
-    if entry := _difference(design.claims, written):
+    entry = _difference(design.claims, written)
+    if entry is not None:
         return entry
     if gap is not None and gap.false:
         return gap.entry
-    if gap is None and not older and (entry := _wrong_sentences(design, sentences)):
-        return entry
+    if gap is None and not older:
+        entry = _wrong_sentences(design, sentences)
+        if entry is not None:
+            return entry
     return "name" if design.name != design.problem.get("name") else None
 
 

@@ -234,13 +234,15 @@ class SetMembershipObserver(Stepped[SetMembershipState]):
         is_due = gains.measured != "at_jumps" or sample.jump
         if sample.jump and gains.jump_measurement == "none":
             is_due = False
-        sentences = ["missing sample"] if is_due and y is None else []
+        sentences = []
         if gains.period is not None and gains.measured == "periodic" and state.started:
             apart = t - state.sampled
-            if y is not None and apart > gains.period + time_tolerance(apart, t):
+            slack = time_tolerance(apart, t)
+            is_due = is_due and apart >= gains.period - slack
+            if y is not None and apart > gains.period + slack:
                 limit = f"above {gains.period:.9g}"
                 sentences.append(f"time {apart:.9g} since the last sample, {limit}")
-        return sentences
+        return ["missing sample"] * (is_due and y is None) + sentences
 
     def _estimate(
         self, t: float, result: Result, events: tuple[tuple[float, str], ...], status: str

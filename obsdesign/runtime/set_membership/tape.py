@@ -225,14 +225,20 @@ def _products(rows: Matrix, box: Matrix) -> Matrix:
 def strip_cut(box: Matrix, C: Matrix, strip: Matrix) -> Matrix | None:
     """The box around the part of a box with C z in the strip (2, p); None if it is empty."""
     n = C.shape[1]
-    with np.errstate(divide="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore"):
         # C_ri z_i <= high_r - sum over j != i of the least C_rj z_j
-        low, high = np.minimum(C * box[0], C * box[1]), np.maximum(C * box[0], C * box[1])
-        others = 1.0 - np.eye(n)
-        size = np.maximum(np.abs(low), np.abs(high)) @ others + np.abs(strip).max(axis=0)[:, None]
+        ends = np.where(C == 0, 0.0, C * box[:, None, :])
+        low, high = ends.min(axis=0), ends.max(axis=0)
+        own = np.eye(n, dtype=bool)
+
+        def others(values: Matrix) -> Matrix:
+            """Sums over j != i, (p, n); an unbounded z_i leaves the bounds of z_i itself."""
+            return np.asarray(np.where(own, 0.0, values[:, None, :]).sum(axis=2))
+
+        size = others(np.maximum(np.abs(low), np.abs(high))) + np.abs(strip).max(axis=0)[:, None]
         pad = (2 * n + 12) * UNIT * size + TINY
-        top = strip[1][:, None] - low @ others + pad
-        bottom = strip[0][:, None] - high @ others - pad
+        top = strip[1][:, None] - others(low) + pad
+        bottom = strip[0][:, None] - others(high) - pad
         lower = np.where(C > 0, bottom, top) / C
         upper = np.where(C > 0, top, bottom) / C
     # no bound where C is zero, or from a box that is not finite
