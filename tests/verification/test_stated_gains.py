@@ -247,3 +247,23 @@ def test_poles_at_zero_alone_are_those_of_rounding_alone() -> None:
         assert poles_claim(F, [0, 0], rate=None).verdict == "refuted"
     outcome = obsdesign.investigate(obsdesign.Problem.from_dict(body))
     assert {claim.id: claim.verdict for claim in outcome.claims}["poles"] == "proved"
+
+
+@pytest.mark.parametrize(
+    ("A", "C", "poles"),
+    [
+        ([[-1]], [[3]], [-1]),  # L = 0
+        ([[-1, 0.5], [0, -2]], [[0.1, 0.7]], [-1, -2]),
+        ([[0, 1], [0, 0]], [[1, 0], [2, 0]], [-1, -2]),  # a sensor twice
+        ([[0, 1], [0, 0]], [[1, 0], [0, 0]], [-1, -2]),  # a sensor that is off
+        ([[0, 1, 0], [0, 0, 1], [0, 0, 0]], [[1, 0, 0], [0, 1, 0]], [-1, -1, -1]),
+    ],
+)
+def test_poles_are_placed_wherever_the_outputs_together_see_the_state(
+    A: Any, C: Any, poles: Any
+) -> None:
+    assert obsdesign.investigate(luenberger(A, C, poles=poles)).verdict == "proved"
+    n = len(A)
+    hidden = [[*row, 0] for row in A] + [[0] * n + [1]]
+    with pytest.raises(obsdesign.InputError, match=r"the mode 1 of flow\.A cannot be moved"):
+        obsdesign.investigate(luenberger(hidden, [[*row, 0] for row in C], poles=[*poles, -7]))

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lmi.arithmetic.arrays import Array, Entries, Matrix, NewEntries
-from lmi.arithmetic.balls import Ball, ball_column, exact, number, precision, upper_ends
+from lmi.arithmetic.balls import Ball, ball_column, exact, number, precision, scalar, upper_ends
 from lmi.verdict import Verdict, proved, undecided
 from obsdesign.document import Claim
 from obsdesign.equations.set_membership.gains import SetMembershipGains
@@ -132,7 +132,7 @@ def _loudest(before: Ball, y: Array, V: Array) -> Ball:
     result = before
     for value, bound in zip(y, V, strict=True):
         if not abs(value) <= bound * result:
-            result = (abs(value) / bound).abs_upper()
+            result = scalar(abs(value) / bound).abs_upper()
     return result
 
 
