@@ -7,7 +7,23 @@ from typing import Protocol
 from lmi.arithmetic.arrays import Matrix
 
 
-class Flow(Protocol):
+class Disturbed(Protocol):
+    """Bounds of b or c, or of w where b = Bw w, c = W w."""
+
+    @property
+    def disturbance_matrix(self) -> Matrix | None:
+        """(n, k), None where the bounds are those of b or c itself."""
+
+    @property
+    def lower(self) -> Matrix:
+        """Lower bound (n,), or of w (k,)."""
+
+    @property
+    def upper(self) -> Matrix:
+        """Upper bound (n,), or of w (k,)."""
+
+
+class Flow(Disturbed, Protocol):
     """Numbers of x' = A x + B u + b."""
 
     @property
@@ -19,23 +35,11 @@ class Flow(Protocol):
         """(n, m), None without a known input."""
 
     @property
-    def disturbance_matrix(self) -> Matrix | None:
-        """(n, k), None where the bounds are those of b itself."""
-
-    @property
-    def lower(self) -> Matrix:
-        """Lower bound of b, or of w (k,)."""
-
-    @property
-    def upper(self) -> Matrix:
-        """Upper bound of b, or of w (k,)."""
-
-    @property
     def b_bounds(self) -> tuple[Matrix, Matrix]:
         """(lower, upper) bounds of b, (n,) each."""
 
 
-class Jump(Protocol):
+class Jump(Disturbed, Protocol):
     """Numbers of x+ = G x + E w + H g + c."""
 
     @property
@@ -49,18 +53,6 @@ class Jump(Protocol):
     @property
     def H(self) -> Matrix | None:
         """(n, r), None without unknown impulses."""
-
-    @property
-    def disturbance_matrix(self) -> Matrix | None:
-        """(n, k), None where the bounds are those of c itself."""
-
-    @property
-    def lower(self) -> Matrix:
-        """Lower bound of c, or of w (k,)."""
-
-    @property
-    def upper(self) -> Matrix:
-        """Upper bound of c, or of w (k,)."""
 
     @property
     def c_bounds(self) -> tuple[Matrix, Matrix]:

@@ -61,7 +61,7 @@ class StepMap:
 
 
 def _flow_step(
-    A: Array, columns: Array, radius: Array, h: float, pieces: int,
+    A: Array, columns: Array, radius: Array, h: float, *, pieces: int,
     numbers: Arithmetic,
 ) -> StepMap:  # fmt: skip
     """A step of length h in so many pieces, a power of two; columns (n, r) of the disturbance."""
@@ -146,7 +146,7 @@ class NominalMaps:
             return _jump_step(cast(gains.jump_matrix), *self._disturbance(gains.jump_disturbance))
         columns, radius = self._disturbance(gains.flow_disturbance)
         maps = [
-            _flow_step(cast(gains.A), columns, radius, step.h, count, self.numbers)
+            _flow_step(cast(gains.A), columns, radius, step.h, pieces=count, numbers=self.numbers)
             for count in pieces(step.h)
         ]
         return maps[0] if len(maps) == 1 else replace(maps[0], other=maps[1])

@@ -99,7 +99,7 @@ class Tables:
         sizes[:, 1] = np.abs(columns[:, 0])
         return _table(
             Enclosure.exactly(model.G), forced, Enclosure(columns, np.zeros_like(columns)),
-            sizes, 0.0, (columns[:, 0, 0, units], units, none),
+            sizes, length=0.0, generators=(columns[:, 0, 0, units], units, none),
         )  # fmt: skip
 
     @cached_property
@@ -120,7 +120,7 @@ class Tables:
         none = (np.zeros((n, 0)), np.zeros(0, dtype=int), np.zeros((n, 0)))
         return _table(
             Enclosure.exactly(np.eye(n)), Enclosure.exactly(np.zeros((n, k))), nothing,
-            np.zeros((n, 2, 1, width)), 0.0, none,
+            np.zeros((n, 2, 1, width)), length=0.0, generators=none,
         )  # fmt: skip
 
     def _flow(self, h: float, error: float) -> Table:
@@ -151,7 +151,7 @@ class Tables:
         groups = _group_count(series.norm * h, count)
         generators = _generators(F0, F1, of_pieces, length, groups)
         columns = _padded([F0, FM, F1], width)
-        return _table(Phi, forced, columns, sizes, length, generators)
+        return _table(Phi, forced, columns, sizes, length=length, generators=generators)
 
     def _sizes(
         self, starts: Enclosure, middle: Enclosure, half: float, half_error: float
@@ -167,8 +167,8 @@ class Tables:
 
 
 def _table(
-    Phi: Enclosure, forced: Enclosure, columns: Enclosure, sizes: Matrix, length: float,
-    generators: Generators,
+    Phi: Enclosure, forced: Enclosure, columns: Enclosure, sizes: Matrix, *,
+    length: float, generators: Generators,
 ) -> Table:  # fmt: skip
     n = len(Phi.mid)
     remainder = np.zeros((n, sizes.shape[3]))

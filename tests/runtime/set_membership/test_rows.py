@@ -309,3 +309,10 @@ def test_a_jump_between_two_samples_misses_none() -> None:
     missed = [e.status for e in _estimates(problem, rows)]
     assert missed[:2] == ["ok", "missing sample"]
     assert "since the last sample" in missed[2]
+
+
+@pytest.mark.parametrize("t", [np.nan, np.inf])
+def test_an_initial_time_is_finite(t: float) -> None:
+    observer = observer_of(CASES["degue"], 4)
+    with pytest.raises(ValueError, match="time must be finite"):
+        observer.init(t, lower=[0, 0], upper=[1, 1])
